@@ -1,0 +1,133 @@
+"""The plain records that extraction writes and sync reads: numpy arrays and strings, no Blender type.
+
+Everything is copied: a record stays valid after Blender re-evaluates or frees what it was read from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+Int32Array = npt.NDArray[np.int32]
+Float32Array = npt.NDArray[np.float32]
+Float64Array = npt.NDArray[np.float64]
+
+# Bits of an instance's mask: which kinds of ray see it. They follow Blender's ray visibility.
+VISIBLE_TO_CAMERA = 1 << 0
+VISIBLE_TO_DIFFUSE = 1 << 1
+VISIBLE_TO_GLOSSY = 1 << 2
+VISIBLE_TO_TRANSMISSION = 1 << 3
+VISIBLE_TO_VOLUME = 1 << 4
+VISIBLE_TO_SHADOW = 1 << 5
+VISIBLE_TO_ALL = 0x3F
+
+
+@dataclass(frozen=True, slots=True)
+class MeshRecord:
+    """One distinct evaluated mesh.
+
+    key: identifies the same mesh across evaluations (never a name or a pointer); two records of one
+        scene never share it.
+    positions: (V, 3) float32, object space. triangles: (T, 3) int32, rows of positions; Blender's own
+        triangulation and order. polygon_ids: (T,) int32, the polygon each triangle came from.
+    material_slots, corner_normals, corner_uvs: only if they were asked for, see `AttributeRequest`.
+    dropped_triangles: how many triangles were left out because a vertex was not finite; `triangle_ids`
+        then holds the original index of each kept triangle, and is None when all were kept.
+    """
+
+    key: Hashable
+    name: str
+    positions: Float32Array
+    triangles: Int32Array
+    polygon_ids: Int32Array
+    material_slots: Int32Array | None = None
+    corner_normals: Float32Array | None = None
+    corner_uvs: Float32Array | None = None
+    dropped_triangles: int = 0
+    triangle_ids: Int32Array | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectRecord:
+    """One object that instances come from. material_slots: rows of the scene's materials, -1 if empty."""
+
+    name: str
+    session_uid: int
+    pass_index: int
+    material_slots: tuple[int, ...] = ()
+    holdout: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialRecord:
+    """color: viewport colour, scene-linear RGBA. pass_index: for the material index pass."""
+
+    name: str
+    session_uid: int
+    pass_index: int
+    color: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class InstanceRecords:
+    """I instances as columns.
+
+    mesh_indices, object_indices: (I,) int32, rows of the scene's meshes and objects. parent_indices:
+    (I,) int32, the row in objects of the instancer, -1 for a plain object. transforms: (I, 4, 4)
+    float64 object to world. masks: (I,) uint32, VISIBLE_TO_* bits.
+    persistent_ids: (I, 8) int32, Blender's persistent id; zero for a plain object.
+    """
+
+    mesh_indices: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
+    object_indices: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
+    parent_indices: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
+    transforms: Float64Array = field(default_factory=lambda: np.empty((0, 4, 4), np.float64))
+    masks: npt.NDArray[np.uint32] = field(default_factory=lambda: np.empty(0, np.uint32))
+    persistent_ids: Int32Array = field(default_factory=lambda: np.empty((0, 8), np.int32))
+
+    def __len__(self) -> int:
+        return len(self.mesh_indices)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraRecord:
+    """A camera with every setting folded into a view window; the fields of `perfect_bvh.Camera`."""
+
+    matrix: Float64Array
+    window: tuple[float, float, float, float]
+    projection: str
+    clip_start: float
+    clip_end: float
+    border: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class AttributeRequest:
+    """Which attributes the coming rays will use; nothing else is read."""
+
+    material_slots: bool = True
+    corner_normals: bool = False
+    corner_uvs: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SceneRecord:
+    """Everything read from one evaluated depsgraph at one frame.
+
+    camera: None if the scene has none. size: (width, height) of a render in pixels, percentage applied.
+    warnings: sentences for the user (dropped triangles, objects that could not be read).
+    """
+
+    name: str
+    frame: float
+    meshes: tuple[MeshRecord, ...]
+    objects: tuple[ObjectRecord, ...]
+    materials: tuple[MaterialRecord, ...]
+    instances: InstanceRecords
+    camera: CameraRecord | None
+    size: tuple[int, int]
+    film_transparent: bool = False
+    warnings: tuple[str, ...] = ()

@@ -1,0 +1,90 @@
+"""Cameras: what the renderer needs to know to turn a pixel into a ray, and no more."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+Projection = Literal["perspective", "orthographic"]
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A camera that looks along its own -Z with +Y up, as Blender's does.
+
+    Sensor size, focal length, shift, sensor fit and pixel aspect are all folded into `window`, so that the
+    renderer has a single rule: pixel centres divide the window evenly.
+
+    matrix: (4, 4) float64, camera to world; any scale in it is removed, as Blender does.
+    window: (left, right, bottom, top) of the whole frame: on the plane one unit in front of a perspective
+        camera (so tangents), or in world units for an orthographic one.
+    clip_start, clip_end: distances along the view axis (not along the ray), in world units.
+    border: (left, right, bottom, top) as fractions of the frame, 0 to 1. Pixels outside it are not traced
+        and stay zero; the image keeps the size of the whole frame.
+    """
+
+    matrix: npt.NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    window: tuple[float, float, float, float] = (-0.36, 0.36, -0.2025, 0.2025)
+    projection: Projection = "perspective"
+    clip_start: float = 0.1
+    clip_end: float = 1000.0
+    border: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        matrix = np.ascontiguousarray(self.matrix, dtype=np.float64)
+        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+            raise ValueError(f"Camera: matrix must be a finite (4, 4) array, got shape {matrix.shape}")
+        object.__setattr__(self, "matrix", matrix)
+        left, right, bottom, top = self.window
+        if not (left < right and bottom < top and all(map(math.isfinite, self.window))):
+            raise ValueError(f"Camera: window must be finite (left < right, bottom < top), got {self.window}")
+        if self.projection not in ("perspective", "orthographic"):
+            raise ValueError(f"Camera: projection must be 'perspective' or 'orthographic', got {self.projection!r}")
+        if not 0.0 <= self.clip_start < self.clip_end:
+            raise ValueError(
+                f"Camera: clip_start must be at least 0 and below clip_end, got {self.clip_start} and {self.clip_end}"
+            )
+        left, right, bottom, top = self.border
+        if not (0.0 <= left <= right <= 1.0 and 0.0 <= bottom <= top <= 1.0):
+            raise ValueError(f"Camera: border must be fractions (left <= right, bottom <= top), got {self.border}")
+
+    @classmethod
+    def look_at(
+        cls,
+        position: npt.ArrayLike,
+        target: npt.ArrayLike,
+        *,
+        up: npt.ArrayLike = (0.0, 0.0, 1.0),
+        angle: float = math.radians(50.0),
+        aspect: float = 16.0 / 9.0,
+        clip_start: float = 0.1,
+        clip_end: float = 1000.0,
+    ) -> Camera:
+        """A perspective camera at `position` that looks at `target`.
+
+        angle: horizontal field of view in radians. aspect: width over height of the image.
+        """
+        eye = np.asarray(position, dtype=np.float64)
+        backward = eye - np.asarray(target, dtype=np.float64)
+        length = float(np.linalg.norm(backward))
+        if not length > 0.0:
+            raise ValueError("Camera.look_at: position and target must differ")
+        backward /= length
+        right = np.cross(np.asarray(up, dtype=np.float64), backward)
+        if float(np.linalg.norm(right)) < 1e-9:  # looking straight along `up`: any right will do
+            right = np.cross((0.0, 1.0, 0.0) if abs(backward[1]) < 0.9 else (1.0, 0.0, 0.0), backward)
+        right /= np.linalg.norm(right)
+        matrix = np.eye(4)
+        matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, np.cross(backward, right), backward, eye
+        half_width = math.tan(angle / 2.0)
+        half_height = half_width / aspect
+        return cls(
+            matrix=matrix,
+            window=(-half_width, half_width, -half_height, half_height),
+            clip_start=clip_start,
+            clip_end=clip_end,
+        )
