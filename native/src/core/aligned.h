@@ -1,0 +1,40 @@
+// Cache-line aligned storage for trees and geometry.
+#pragma once
+
+#include <cstddef>
+#include <new>
+#include <vector>
+
+namespace perfect_bvh {
+
+inline constexpr std::size_t kCacheLine = 64;
+
+template <class T>
+struct AlignedAllocator {
+  using value_type = T;
+  AlignedAllocator() noexcept = default;
+  template <class U>
+  AlignedAllocator(const AlignedAllocator<U>&) noexcept {}
+  [[nodiscard]] T* allocate(std::size_t count) {
+    return static_cast<T*>(::operator new(count * sizeof(T), std::align_val_t{kCacheLine}));
+  }
+  void deallocate(T* memory, std::size_t count) noexcept {
+    ::operator delete(memory, count * sizeof(T), std::align_val_t{kCacheLine});
+  }
+  // Elements that are about to be overwritten are not worth clearing: `resize` leaves trivial types uninitialised.
+  template <class U>
+  void construct(U* place) noexcept {
+    ::new (static_cast<void*>(place)) U;
+  }
+  template <class U, class... Args>
+  void construct(U* place, Args&&... args) {
+    ::new (static_cast<void*>(place)) U(static_cast<Args&&>(args)...);
+  }
+  friend bool operator==(const AlignedAllocator&, const AlignedAllocator&) noexcept { return true; }
+};
+
+// A vector on a cache-line boundary. `resize(count)` does NOT initialise trivially constructible elements.
+template <class T>
+using AlignedVector = std::vector<T, AlignedAllocator<T>>;
+
+}  // namespace perfect_bvh

@@ -1,0 +1,29 @@
+// How good a tree is: the surface area heuristic and what a reader wants to know besides.
+// Sources: MacDonald and Booth 1990 (SAH).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+#include "build/bvh2.h"
+
+namespace perfect_bvh {
+
+struct TreeQuality {
+  double sah = 0;  // expected cost of a random ray that hits the root: sum of cost * area / root area
+  std::size_t node_count = 0;
+  std::size_t leaf_count = 0;
+  std::size_t reference_count = 0;  // primitives in leaves; more than primitives after spatial splits
+  std::uint32_t depth = 0;
+  std::uint32_t max_leaf_size = 0;
+  std::size_t byte_count = 0;
+};
+
+[[nodiscard]] TreeQuality measure_quality(const Bvh2& tree, float traversal_cost = 1.0f, float intersection_cost = 1.0f);
+
+// Empty if the tree is sound: every primitive below primitive_count reachable, children inside their parents, parents
+// first, siblings adjacent, no node reached twice, depth as stored. Otherwise a sentence that names the first fault.
+[[nodiscard]] std::string find_fault(const Bvh2& tree, std::size_t primitive_count);
+
+}  // namespace perfect_bvh
