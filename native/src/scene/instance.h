@@ -1,0 +1,30 @@
+// One placed mesh: a BLAS seen through a transform. The inverse is stored beside it (lecture, "Rigid motion").
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "build/bvh2.h"
+#include "math/affine.h"
+#include "mesh/triangle_mesh.h"
+
+namespace perfect_bvh {
+
+// The tree of one distinct mesh, with its geometry. Immutable once a snapshot refers to it.
+struct Blas {
+  TriangleMesh mesh;
+  Bvh2 tree;
+};
+
+struct Instance {
+  std::int32_t id = -1;       // the scene's stable id
+  std::int32_t mesh_id = -1;  // the scene's stable id
+  std::uint32_t mask = 0xFFFFFFFFu;
+  std::int64_t order = 0;  // breaks ties between hits at equal t: the smaller order wins, then the smaller primitive
+  const Blas* blas = nullptr;
+  Affine object_to_world;  // from the mesh's stored (recentred) frame
+  Affine world_to_object;
+  bool mirrored = false;  // the transform turns the winding round
+};
+
+}  // namespace perfect_bvh

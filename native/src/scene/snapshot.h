@@ -1,0 +1,21 @@
+// An immutable two-level tree: what rays are traced through. Any number of threads may share one while the scene
+// it came from is edited and committed again.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "build/bvh2.h"
+#include "scene/instance.h"
+
+namespace perfect_bvh {
+
+struct Snapshot {
+  std::vector<std::shared_ptr<const Blas>> blases;  // keeps alive what the instances point to
+  std::vector<Instance> instances;                  // in the order of their scene ids
+  Bvh2 tlas;                                        // over the instances' world boxes
+  std::uint64_t generation = 0;
+};
+
+}  // namespace perfect_bvh
