@@ -1,0 +1,58 @@
+# Kernels are compiled once for each instruction set: src/traverse/*_avx2.cpp and *_avx512.cpp get their own flags,
+# everything else stays baseline x86-64. The engine is told which sets it holds by PERFECT_BVH_HAVE_AVX2 and
+# PERFECT_BVH_HAVE_AVX512 (0 or 1).
+#
+# A weak symbol in such a unit (an inline function or a template that was not inlined) could be the copy that the
+# linker keeps for the whole library, and would then run on machines without these instructions. So every unit is
+# checked after it is compiled, and the build stops if one holds a weak symbol.
+
+set(PERFECT_BVH_ISAS avx2 avx512)
+set(perfect_bvh_flags_avx2 -mavx2 -mfma -mbmi -mbmi2 -mlzcnt -mpopcnt -mf16c)
+set(perfect_bvh_flags_avx512 ${perfect_bvh_flags_avx2} -mavx512f -mavx512bw -mavx512dq -mavx512vl)
+
+# Moves the sources of each instruction set out of the list named by `sources_variable`.
+function(perfect_bvh_take_isa_sources sources_variable)
+  set(sources ${${sources_variable}})
+  foreach(isa IN LISTS PERFECT_BVH_ISAS)
+    set(isa_sources ${sources})
+    list(FILTER isa_sources INCLUDE REGEX "/src/traverse/[^/]*_${isa}\\.cpp$")
+    list(FILTER sources EXCLUDE REGEX "_${isa}\\.cpp$")
+    if(NOT CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64)$")
+      set(isa_sources "")
+    endif()
+    set(perfect_bvh_sources_${isa} ${isa_sources} PARENT_SCOPE)
+  endforeach()
+  set(${sources_variable} ${sources} PARENT_SCOPE)
+endfunction()
+
+# Compiles one instruction set's units, checks them and adds their objects to `engine`.
+function(perfect_bvh_add_isa_unit engine isa)
+  set(units perfect_bvh_${isa})
+  add_library(${units} OBJECT ${perfect_bvh_sources_${isa}})
+  target_include_directories(${units} PRIVATE src)
+  target_compile_options(${units} PRIVATE ${perfect_bvh_flags_${isa}})
+  target_link_libraries(${units} PRIVATE perfect_bvh_compile_options Threads::Threads)
+
+  set(checked "${CMAKE_CURRENT_BINARY_DIR}/${units}.checked")
+  set(script "${CMAKE_CURRENT_SOURCE_DIR}/cmake/check_weak_symbols.cmake")
+  add_custom_command(
+    OUTPUT "${checked}"
+    COMMAND ${CMAKE_COMMAND} "-DNM=${CMAKE_NM}" "-DSTAMP=${checked}" "-DOBJECTS=$<TARGET_OBJECTS:${units}>"
+            -P "${script}"
+    DEPENDS "$<TARGET_OBJECTS:${units}>" "${script}"
+    COMMENT "Checking the ${isa} kernels for weak symbols"
+    VERBATIM)
+  target_sources(${engine} PRIVATE $<TARGET_OBJECTS:${units}> "${checked}")
+endfunction()
+
+function(perfect_bvh_add_isa_units engine)
+  foreach(isa IN LISTS PERFECT_BVH_ISAS)
+    string(TOUPPER ${isa} upper)
+    if(perfect_bvh_sources_${isa})
+      perfect_bvh_add_isa_unit(${engine} ${isa})
+      target_compile_definitions(${engine} PUBLIC PERFECT_BVH_HAVE_${upper}=1)
+    else()
+      target_compile_definitions(${engine} PUBLIC PERFECT_BVH_HAVE_${upper}=0)
+    endif()
+  endforeach()
+endfunction()
