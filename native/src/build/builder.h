@@ -1,0 +1,18 @@
+// Builds a tree over boxes with the configured builder.
+// In: one PrimRef a primitive (any numbering), a cancel token. Out: a Bvh2 with the same bytes for any thread count.
+#pragma once
+
+#include <span>
+
+#include "build/build_config.h"
+#include "build/bvh2.h"
+#include "build/prim_ref.h"
+#include "core/cancel.h"
+#include "core/thread_pool.h"
+
+namespace perfect_bvh {
+
+// References with an empty or non-finite box must not be passed. May throw Cancelled, InvalidArgument, bad_alloc.
+[[nodiscard]] Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel);
+
+}  // namespace perfect_bvh
