@@ -1,0 +1,35 @@
+"""Fixtures that every test folder shares."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """The checkout's folder."""
+    return REPOSITORY
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """Random numbers, the same in every run."""
+    return np.random.default_rng(20260421)
+
+
+@pytest.fixture(scope="session")
+def blend_file(repository: Path) -> Callable[[str], Path]:
+    """Path of a scene in blend_scenes by its name: `blend_file("courtyard")`."""
+
+    def path_of(name: str) -> Path:
+        path = repository / "blend_scenes" / f"{name}.blend"
+        assert path.is_file(), f"{path} is missing; blend_scenes/make_scenes.py writes it"
+        return path
+
+    return path_of

@@ -1,0 +1,232 @@
+"""The architecture's import rules, checked by reading the sources: no layer reaches upwards.
+
+Layers are listed from the ground up. A layer may use itself, layers above it in its list and nothing below.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+# `stats` holds plain structs, so it stands first: everything may include it, and it includes nothing.
+NATIVE_LAYERS = ("stats", "core", "math", "mesh", "build", "update", "wide", "traverse", "scene", "render")
+
+# What a layer must not know, although it lies below.
+NATIVE_IGNORANCE = {
+    "math": ("core/thread_pool.h",),
+    "mesh": ("core/thread_pool.h",),
+    "build": ("mesh/", "math/ray.h", "math/triangle"),
+    "traverse": ("core/thread_pool.h",),
+}
+
+# Modules in one group may import one another; a group may import the groups above it in this list.
+ADDON_LAYERS = (
+    ("sync",),
+    ("extract",),
+    ("session",),
+    ("properties", "preferences"),
+    ("display", "overlay"),
+    ("engine", "handlers", "operators"),
+    ("panels",),
+    ("__init__", "cli"),
+)
+ADDON_RANKS = {module: rank for rank, modules in enumerate(ADDON_LAYERS) for module in modules}
+
+INCLUDE = re.compile(r'^\s*#\s*include\s*(?:"([^"]+)"|<([^>]+)>)', re.MULTILINE)
+
+
+# C++ ---------------------------------------------------------------------------------------------------------------
+
+
+def includes_of(path: Path) -> Iterator[str]:
+    for quoted, angled in INCLUDE.findall(path.read_text(encoding="utf-8")):
+        yield quoted or angled
+
+
+def native_violations(src: Path) -> list[str]:
+    """Includes under `src` that break the order of the layers, as sentences."""
+    found = []
+    for path in sorted(path for path in src.rglob("*") if path.is_file()):
+        layer = path.relative_to(src).parts[0]
+        if layer not in NATIVE_LAYERS:
+            found.append(f"{path.relative_to(src)} belongs to no layer")
+            continue
+        found += [
+            f"{path.relative_to(src)} includes {name}: {reason}"
+            for name in includes_of(path)
+            if (reason := native_objection(src, layer, name))
+        ]
+    return found
+
+
+def native_objection(src: Path, layer: str, name: str) -> str | None:
+    """Why a file of `layer` may not include `name`, or None."""
+    if name == "Python.h" or name.startswith(("pybind11/", "numpy/")):
+        return "the engine knows no Python"
+    target = name.split("/")[0]
+    if target not in NATIVE_LAYERS:
+        return None if not (src / layer / name).exists() else "includes start at src"
+    if NATIVE_LAYERS.index(target) > NATIVE_LAYERS.index(layer):
+        return f"{target} is above {layer}"
+    if layer != target and layer == "stats":
+        return "stats holds plain structs only"
+    if any(name.startswith(unknown) for unknown in NATIVE_IGNORANCE.get(layer, ())):
+        return f"{layer} must not know it"
+    return None
+
+
+def test_native_layers_include_only_what_is_below_them(repository: Path) -> None:
+    assert native_violations(repository / "native" / "src") == []
+
+
+@pytest.mark.parametrize(
+    ("file", "include", "complaint"),
+    [
+        ("math/vec3.h", '#include "mesh/triangle_mesh.h"', "mesh is above math"),
+        ("build/binned.cpp", '#  include "math/ray.h"', "build must not know it"),
+        ("stats/counts.h", '#include "core/errors.h"', "core is above stats"),
+        ("scene/scene.h", "#include <pybind11/pybind11.h>", "knows no Python"),
+        ("shapes/box.h", "#include <vector>", "belongs to no layer"),
+    ],
+)
+def test_a_wrong_include_is_found(tmp_path: Path, file: str, include: str, complaint: str) -> None:
+    path = tmp_path / file
+    path.parent.mkdir()
+    path.write_text(f"#pragma once\n{include}\n")
+    violations = native_violations(tmp_path)
+    assert len(violations) == 1
+    assert complaint in violations[0]
+
+
+# Python ------------------------------------------------------------------------------------------------------------
+
+
+def imports_of(path: Path, package: tuple[str, ...]) -> Iterator[str]:
+    """Dotted names of everything that `path`, a module in `package`, imports anywhere; relative ones resolved."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), filename=str(path))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else ()
+            prefix = ".".join((*base, *(node.module.split(".") if node.module else ())))
+            yield from (f"{prefix}.{alias.name}" for alias in node.names)
+
+
+def modules_in(root: Path, package: str) -> Iterator[tuple[Path, tuple[str, ...], tuple[str, ...]]]:
+    """Every module under `root`, which is the package `package`: its path, its package, its name inside `root`."""
+    for path in sorted(root.rglob("*.py")):
+        inside = path.relative_to(root).with_suffix("").parts
+        yield path, (package, *inside[:-1]), inside
+
+
+def addon_violations(addon: Path) -> list[str]:
+    """Imports in the folder `addon` that break the order of its layers, as sentences."""
+    found = []
+    for path, package, inside in modules_in(addon, "perfect_bvh_addon"):
+        layer = inside[0]
+        if layer not in ADDON_RANKS:
+            found.append(f"{path.relative_to(addon)} belongs to no layer")
+            continue
+        found += [
+            f"{path.relative_to(addon)} imports {name}: {reason}"
+            for name in imports_of(path, package)
+            if (reason := addon_objection(layer, name))
+        ]
+    return found
+
+
+def addon_objection(layer: str, name: str) -> str | None:
+    """Why a module of `layer` may not import `name`, or None."""
+    top, *rest = name.split(".")
+    if layer == "sync" and top in ("bpy", "bpy_extras", "bmesh", "mathutils", "gpu", "blf", "idprop"):
+        return "sync knows no Blender"
+    if name.startswith("perfect_bvh._core"):
+        return "only the facade imports the compiled module"
+    if top != "perfect_bvh_addon":
+        return None
+    target = rest[0] if rest and rest[0] in ADDON_RANKS else "__init__"
+    if ADDON_RANKS[target] > ADDON_RANKS[layer]:
+        return f"{target} is above {layer}"
+    return None
+
+
+def facade_violations(facade: Path) -> list[str]:
+    """Imports of the package perfect_bvh that tie it to Blender or to the add-on."""
+    return [
+        f"{path.relative_to(facade)} imports {name}"
+        for path, package, _ in modules_in(facade, "perfect_bvh")
+        for name in imports_of(path, package)
+        if name.split(".")[0] in ("bpy", "bmesh", "mathutils", "gpu", "perfect_bvh_addon")
+    ]
+
+
+def core_importers(folder: Path) -> list[str]:
+    """Files under `folder` that import the compiled module."""
+    return [
+        str(path.relative_to(folder))
+        for path, package, _ in modules_in(folder, folder.name)
+        if any("_core" in name.split(".") for name in imports_of(path, package))
+    ]
+
+
+def test_the_addon_imports_nothing_above(repository: Path) -> None:
+    assert addon_violations(repository / "addon") == []
+
+
+def test_the_facade_knows_neither_blender_nor_the_addon(repository: Path) -> None:
+    assert facade_violations(repository / "native" / "python" / "perfect_bvh") == []
+
+
+@pytest.mark.parametrize("folder", ["addon", "blend_scenes", "tests"])
+def test_only_the_facade_imports_the_compiled_module(repository: Path, folder: str) -> None:
+    assert [file for file in core_importers(repository / folder) if file != "test_stubs.py"] == []
+
+
+@pytest.mark.parametrize(
+    ("file", "statement", "complaint"),
+    [
+        ("sync/apply.py", "import bpy", "sync knows no Blender"),
+        ("sync/apply.py", "from mathutils import Matrix", "sync knows no Blender"),
+        ("sync/apply.py", "from ..extract import meshes", "extract is above sync"),
+        ("sync/apply.py", "from .. import session", "session is above sync"),
+        ("sync/apply.py", "from .. import register", "__init__ is above sync"),
+        ("extract/meshes.py", "def later():\n    from ..session import Session", "session is above extract"),
+        ("engine.py", "from .panels import draw", "panels is above engine"),
+        ("engine.py", "from perfect_bvh_addon.cli import main", "cli is above engine"),
+        ("engine.py", "from perfect_bvh import _core", "only the facade"),
+        ("helpers.py", "import math", "belongs to no layer"),
+    ],
+)
+def test_a_wrong_import_is_found(tmp_path: Path, file: str, statement: str, complaint: str) -> None:
+    path = tmp_path / file
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(statement + "\n")
+    violations = addon_violations(tmp_path)
+    assert len(violations) == 1
+    assert complaint in violations[0]
+
+
+@pytest.mark.parametrize(
+    ("file", "statement"),
+    [
+        ("sync/apply.py", "from .records import MeshRecord"),
+        ("extract/meshes.py", "import bpy\nfrom ..sync.records import MeshRecord"),
+        ("operators/bake.py", "from ..session import Session\nfrom ..engine import Engine"),
+        ("__init__.py", "from . import engine, panels"),
+    ],
+)
+def test_a_right_import_is_let_through(tmp_path: Path, file: str, statement: str) -> None:
+    path = tmp_path / file
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(statement + "\n")
+    assert addon_violations(tmp_path) == []
+
+
+def test_a_facade_that_knows_blender_is_found(tmp_path: Path) -> None:
+    (tmp_path / "scene.py").write_text("from . import _core\nimport bpy\n")
+    assert facade_violations(tmp_path) == ["scene.py imports bpy"]
+    assert core_importers(tmp_path) == ["scene.py"]
