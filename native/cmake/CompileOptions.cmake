@@ -13,7 +13,6 @@ target_compile_options(perfect_bvh_compile_options INTERFACE
   -Wpedantic
   -Wshadow
   -Wconversion
-  -Wdouble-promotion
   -Wnon-virtual-dtor
   -Wold-style-cast
   -Woverloaded-virtual
