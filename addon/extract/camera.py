@@ -1,0 +1,128 @@
+"""Blender's camera settings -> one view window, by the rules that Blender's own projection follows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..sync.records import CameraRecord, Float64Array
+
+Window = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """The image that a camera fills: pixels and their shape, and the part of it to trace.
+
+    border: (left, right, bottom, top) as fractions of the frame.
+    """
+
+    width: int
+    height: int
+    aspect_x: float = 1.0
+    aspect_y: float = 1.0
+    border: Window = (0.0, 1.0, 0.0, 1.0)
+
+
+def read_frame(scene: Any, size: tuple[int, int] | None = None) -> Frame:
+    """The frame of a scene's render settings; size: (width, height) in pixels instead of the scene's own."""
+    render = scene.render
+    if size is None:
+        # Integer arithmetic, as Blender's: 1081 pixels at 50 % are 540.
+        percentage = render.resolution_percentage
+        size = (render.resolution_x * percentage // 100, render.resolution_y * percentage // 100)
+    border = (0.0, 1.0, 0.0, 1.0)
+    if render.use_border:
+        border = (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y)
+    return Frame(max(1, size[0]), max(1, size[1]), render.pixel_aspect_x, render.pixel_aspect_y, border)
+
+
+def read_camera(camera: Any, frame: Frame) -> tuple[CameraRecord | None, str | None]:
+    """Reads an evaluated camera object. Returns the record, or None and a sentence that says why not."""
+    if camera is None:
+        return None, None
+    if camera.type != "CAMERA":
+        return None, f"The active camera {camera.name!r} is a {camera.type.lower()} object: its view cannot be read"
+    data = camera.data
+    if data.type not in {"PERSP", "ORTHO"}:
+        return None, f"Camera {camera.name!r} is of type {data.type}: only perspective and orthographic can be rendered"
+    matrix = without_scale(np.array(camera.matrix_world, dtype=np.float64))
+    if matrix is None:
+        return None, f"Camera {camera.name!r} has no usable matrix: an axis is scaled to zero or not finite"
+    if not data.clip_start < data.clip_end:
+        return None, f"Camera {camera.name!r} clips everything: its start {data.clip_start:g} is not below its end"
+    is_perspective = data.type == "PERSP"
+    record = CameraRecord(
+        matrix=matrix,
+        window=_view_window(data, frame, is_perspective),
+        projection="perspective" if is_perspective else "orthographic",
+        clip_start=data.clip_start,
+        clip_end=data.clip_end,
+        border=frame.border,
+    )
+    return record, None
+
+
+def _view_window(data: Any, frame: Frame, is_perspective: bool) -> Window:
+    """(left, right, bottom, top): tangents for a perspective camera, world units for an orthographic one."""
+    aspect = frame.aspect_y / frame.aspect_x  # height of a pixel in pixel widths
+    width, height = float(frame.width), float(frame.height) * aspect
+    is_horizontal = data.sensor_fit == "HORIZONTAL" or (data.sensor_fit == "AUTO" and width >= height)
+    # With AUTO the sensor's width is meant even where it lies along the height of the image.
+    sensor = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
+    extent = sensor / data.lens if is_perspective else data.ortho_scale
+    fitted = width if is_horizontal else height
+    scale = extent / fitted
+    middle_x, middle_y = data.shift_x * fitted, data.shift_y * fitted
+    return (
+        (middle_x - width / 2) * scale,
+        (middle_x + width / 2) * scale,
+        (middle_y - height / 2) * scale,
+        (middle_y + height / 2) * scale,
+    )
+
+
+def read_region_view(view: Any, border: Window = (0.0, 1.0, 0.0, 1.0)) -> CameraRecord | None:
+    """The camera of a 3D viewport, from its `RegionView3D`: free views and camera views with zoom and offset alike."""
+    projection = np.array(view.window_matrix, dtype=np.float64)
+    matrix = without_scale(np.linalg.inv(np.array(view.view_matrix, dtype=np.float64)))
+    return None if matrix is None else camera_from_projection(matrix, projection, border)
+
+
+def camera_from_projection(matrix: Float64Array, projection: Float64Array, border: Window) -> CameraRecord:
+    """A camera from its matrix (camera to world) and an OpenGL projection matrix (4, 4)."""
+    p = projection
+    is_perspective = bool(p[3, 3] == 0.0)
+    if is_perspective:
+        left, right = (p[0, 2] - 1.0) / p[0, 0], (p[0, 2] + 1.0) / p[0, 0]
+        bottom, top = (p[1, 2] - 1.0) / p[1, 1], (p[1, 2] + 1.0) / p[1, 1]
+        clip_start, clip_end = p[2, 3] / (p[2, 2] - 1.0), p[2, 3] / (p[2, 2] + 1.0)
+    else:
+        left, right = (-1.0 - p[0, 3]) / p[0, 0], (1.0 - p[0, 3]) / p[0, 0]
+        bottom, top = (-1.0 - p[1, 3]) / p[1, 1], (1.0 - p[1, 3]) / p[1, 1]
+        clip_start, clip_end = (1.0 + p[2, 3]) / p[2, 2], (p[2, 3] - 1.0) / p[2, 2]
+    if not is_perspective and clip_start < 0.0:
+        # An orthographic viewport sees what is behind its plane as well: step back to where it begins.
+        matrix = matrix.copy()
+        matrix[:3, 3] -= matrix[:3, 2] * clip_start
+        clip_start, clip_end = 0.0, clip_end - clip_start
+    return CameraRecord(
+        matrix=matrix,
+        window=(float(left), float(right), float(bottom), float(top)),
+        projection="perspective" if is_perspective else "orthographic",
+        clip_start=float(clip_start),
+        clip_end=float(clip_end),
+        border=border,
+    )
+
+
+def without_scale(matrix: Float64Array) -> Float64Array | None:
+    """The matrix with axes of length one, as Blender treats cameras; None if an axis has no direction."""
+    lengths = np.linalg.norm(matrix[:3, :3], axis=0)
+    if not np.isfinite(matrix).all() or not (lengths > 0.0).all():
+        return None
+    unscaled = matrix.copy()
+    unscaled[:3, :3] /= lengths
+    return unscaled

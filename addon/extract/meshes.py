@@ -1,0 +1,62 @@
+"""One evaluated mesh -> one `MeshRecord`: triangles as Blender cuts them, and the attributes asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import Any
+
+import numpy as np
+
+from ..sync.records import AttributeRequest, Float32Array, Int32Array, MeshRecord
+from .attributes import read_corner_normals, read_corner_uvs, read_material_slots
+from .pointer_views import CORNER_TRIANGLES, CORNER_VERTS, POSITIONS, TRIANGLE_POLYGONS, ArrayReader
+
+
+def read_mesh(
+    mesh: Any, key: Hashable, name: str, attributes: AttributeRequest, reader: ArrayReader
+) -> MeshRecord | None:
+    """Reads an evaluated `bpy.types.Mesh`; None if it has no faces. Everything is copied.
+
+    Triangles with a vertex that is not finite are dropped: no ray can meet them, and one of them would make every
+    box around it useless.
+    """
+    mesh.calc_loop_triangles()
+    triangle_count = len(mesh.loop_triangles)
+    if triangle_count == 0:
+        return None
+    corner_triangles = reader.read(mesh.loop_triangles, CORNER_TRIANGLES, triangle_count)
+    polygon_ids = reader.read(mesh.loop_triangle_polygons, TRIANGLE_POLYGONS, triangle_count)
+    positions = reader.read(mesh.attributes["position"].data, POSITIONS)
+    triangles = reader.read(mesh.attributes[".corner_vert"].data, CORNER_VERTS)[corner_triangles]
+
+    kept = None
+    if not np.isfinite(positions).all():
+        positions, kept = _without_infinities(positions, triangles)
+    if kept is not None:
+        triangles, corner_triangles, polygon_ids = triangles[kept], corner_triangles[kept], polygon_ids[kept]
+    return MeshRecord(
+        key=key,
+        name=name,
+        positions=positions,
+        triangles=triangles,
+        polygon_ids=polygon_ids,
+        material_slots=read_material_slots(mesh, polygon_ids, reader) if attributes.material_slots else None,
+        corner_normals=read_corner_normals(mesh, corner_triangles, reader) if attributes.corner_normals else None,
+        corner_uvs=read_corner_uvs(mesh, corner_triangles, reader) if attributes.corner_uvs else None,
+        dropped_triangles=0 if kept is None else triangle_count - len(kept),
+        triangle_ids=kept,
+    )
+
+
+def _without_infinities(positions: Float32Array, triangles: Int32Array) -> tuple[Float32Array, Int32Array | None]:
+    """Positions with a harmless value in place of each vertex that is not finite, and the triangles to keep.
+
+    The row count stays, so that vertex ids keep their meaning. The second value is None if no triangle uses
+    such a vertex.
+    """
+    finite = np.isfinite(positions).all(axis=1)
+    kept = np.flatnonzero(finite[triangles].all(axis=1)).astype(np.int32)
+    # A vertex that a kept triangle uses anyway, so that bounds taken over all vertices do not grow.
+    harmless = positions[triangles[kept[0], 0]] if len(kept) else np.zeros(3, np.float32)
+    positions[~finite] = harmless
+    return positions, (kept if len(kept) < len(triangles) else None)

@@ -1,0 +1,74 @@
+"""The way in: one evaluated depsgraph -> one `SceneRecord`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..sync.records import AttributeRequest, CameraRecord, SceneRecord
+from .camera import read_camera, read_frame
+from .instances import InstanceReader
+from .materials import MaterialReader
+from .mesh_table import MeshTable
+from .pointer_views import ArrayReader
+from .visibility import VisibilityReader
+
+# Layouts that were proven or refuted hold for the whole process.
+_shared_reader = ArrayReader()
+
+
+def read_scene(
+    depsgraph: Any,
+    attributes: AttributeRequest | None = None,
+    *,
+    for_viewport: bool | None = None,
+    camera: Any = None,
+    size: tuple[int, int] | None = None,
+    space: Any = None,
+    reader: ArrayReader | None = None,
+) -> SceneRecord:
+    """Copies everything that a render of an evaluated depsgraph needs. Main thread only; nothing of Blender is kept.
+
+    attributes: what to read beside the triangles; by default the material slots.
+    for_viewport: whether viewport or render visibility counts; by default what the depsgraph was made for. A
+        viewport depsgraph that is asked for render visibility leaves out what a render hides, but has
+        neither what the viewport hides nor the modifiers' render settings.
+    camera: an object or a `CameraRecord` instead of the scene's active camera.
+    size: (width, height) in pixels instead of the scene's render size.
+    space: the 3D viewport (`SpaceView3D`) whose local view and filters count.
+    reader: how arrays are read; by default the process's own, see `ArrayReader`.
+
+    An empty scene is an empty record. What cannot be read is left out and named in the record's warnings.
+    """
+    scene = depsgraph.scene_eval
+    view_layer = depsgraph.view_layer_eval
+    if for_viewport is None:
+        for_viewport = depsgraph.mode == "VIEWPORT"
+    meshes = MeshTable(depsgraph, attributes or AttributeRequest(), reader or _shared_reader)
+    materials = MaterialReader(view_layer.material_override)
+    visibility = VisibilityReader(depsgraph, for_viewport, space)
+    instance_reader = InstanceReader(depsgraph, meshes, materials, visibility)
+    instances = instance_reader.read()
+
+    frame = read_frame(scene, size)
+    camera_record, complaint = _read_any_camera(depsgraph, scene.camera if camera is None else camera, frame)
+    warnings = [*meshes.warnings, *instance_reader.warnings, *([complaint] if complaint else [])]
+    return SceneRecord(
+        name=scene.name,
+        frame=scene.frame_current_final,
+        meshes=tuple(meshes.records),
+        objects=tuple(instance_reader.objects.records),
+        materials=tuple(materials.records),
+        instances=instances,
+        camera=camera_record,
+        size=(frame.width, frame.height),
+        film_transparent=scene.render.film_transparent,
+        warnings=tuple(warnings),
+    )
+
+
+def _read_any_camera(depsgraph: Any, camera: Any, frame: Any) -> tuple[CameraRecord | None, str | None]:
+    if isinstance(camera, CameraRecord):
+        return camera, None
+    if camera is not None and not camera.is_evaluated:
+        camera = camera.evaluated_get(depsgraph)
+    return read_camera(camera, frame)

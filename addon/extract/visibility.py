@@ -1,0 +1,129 @@
+"""Who is seen: ray visibility, holdouts, and the objects that only a render or only a viewport shows.
+
+The depsgraph leaves out what its own mode hides. What remains to be decided here is what Cycles decides
+too: ray visibility and holdouts of an instance are those of the object and of its instancer together.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..sync.records import (
+    VISIBLE_TO_CAMERA,
+    VISIBLE_TO_DIFFUSE,
+    VISIBLE_TO_GLOSSY,
+    VISIBLE_TO_SHADOW,
+    VISIBLE_TO_TRANSMISSION,
+    VISIBLE_TO_VOLUME,
+)
+
+_RAY_FLAGS = (
+    ("visible_camera", VISIBLE_TO_CAMERA),
+    ("visible_diffuse", VISIBLE_TO_DIFFUSE),
+    ("visible_glossy", VISIBLE_TO_GLOSSY),
+    ("visible_transmission", VISIBLE_TO_TRANSMISSION),
+    ("visible_volume_scatter", VISIBLE_TO_VOLUME),
+    ("visible_shadow", VISIBLE_TO_SHADOW),
+)
+
+
+def _ray_mask(obj: Any) -> int:
+    return sum(bit for name, bit in _RAY_FLAGS if getattr(obj, name))
+
+
+class VisibilityReader:
+    """Answers for one evaluated depsgraph who is visible, and to which rays.
+
+    for_viewport: whether viewport or render visibility counts.
+    space: the 3D viewport whose local view and type filters count, or None.
+    """
+
+    def __init__(self, depsgraph: Any, for_viewport: bool, space: Any = None) -> None:
+        self._view_layer = depsgraph.view_layer_eval
+        self._for_viewport = for_viewport
+        self._space = space
+        self._render_filter = None
+        if not for_viewport and depsgraph.mode == "VIEWPORT":
+            self._render_filter = RenderFilter(depsgraph.view_layer)
+
+    def mask(self, obj: Any, parent: Any) -> int:
+        """VISIBLE_TO_* bits of an evaluated object seen as itself (parent None) or as an instance of parent's."""
+        mask = _ray_mask(obj)
+        if parent is not None:
+            mask &= _ray_mask(parent)
+        if obj.indirect_only_get(view_layer=self._view_layer):
+            mask &= ~VISIBLE_TO_CAMERA
+        return mask
+
+    def is_holdout(self, obj: Any, parent: Any) -> bool:
+        """Whether the object or its instancer cuts a transparent hole into the image."""
+        if obj.holdout_get(view_layer=self._view_layer):
+            return True
+        return parent is not None and bool(parent.holdout_get(view_layer=self._view_layer))
+
+    def is_hidden(self, obj: Any, parent: Any) -> bool:
+        """Whether an object that the depsgraph lists must not be shown all the same."""
+        if self._for_viewport:
+            shown = obj if parent is None else parent
+            if self._space is not None:
+                return not shown.visible_in_viewport_get(self._space)
+            return not shown.visible_get(view_layer=self._view_layer)
+        return self._render_filter is not None and self._render_filter.is_hidden(obj, parent)
+
+
+class RenderFilter:
+    """Leaves out of a viewport depsgraph what a render would not show.
+
+    It cannot bring back what the viewport hides, nor give modifiers their render settings, and it shows members of
+    collections that nodes or particles instance even if they are hidden in renders: nothing in a
+    viewport depsgraph tells how such an instance came about. A render's own depsgraph needs none of this.
+    """
+
+    def __init__(self, view_layer: Any) -> None:
+        self._in_scene: set[int] = set()
+        self._in_collection: dict[int, set[int]] = {}
+        _collect_layer(view_layer.layer_collection, self._in_scene)
+
+    def is_hidden(self, obj: Any, parent: Any) -> bool:
+        if parent is None:
+            return self._is_absent(obj) or (obj.is_instancer and not obj.show_instancer_for_render)
+        if self._is_absent(parent):
+            return True
+        if parent.instance_type == "COLLECTION" and parent.instance_collection is not None:
+            return obj.original.session_uid not in self._members(parent.original.instance_collection)
+        return parent.instance_type in {"VERTS", "FACES"} and obj.original != parent.original and self._is_absent(obj)
+
+    def _is_absent(self, obj: Any) -> bool:
+        return obj.original.session_uid not in self._in_scene
+
+    def _members(self, collection: Any) -> set[int]:
+        members = self._in_collection.get(collection.session_uid)
+        if members is None:
+            members = self._in_collection[collection.session_uid] = set()
+            _collect_instanced(collection, members, set())
+        return members
+
+
+def _collect_layer(layer: Any, found: set[int]) -> None:
+    """Session uids of the objects that a layer collection and those below it show in a render."""
+    if layer.collection.hide_render:
+        return
+    if not layer.exclude:
+        found.update(obj.session_uid for obj in layer.collection.objects if not obj.hide_render)
+    for child in layer.children:
+        _collect_layer(child, found)
+
+
+def _collect_instanced(collection: Any, found: set[int], entered: set[int]) -> None:
+    """Session uids of what an instanced collection shows in a render, through instancers inside it."""
+    if collection.hide_render or collection.session_uid in entered:
+        return
+    entered.add(collection.session_uid)
+    for obj in collection.objects:
+        if obj.hide_render:
+            continue
+        found.add(obj.session_uid)
+        if obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
+            _collect_instanced(obj.instance_collection, found, entered)
+    for child in collection.children:
+        _collect_instanced(child, found, entered)
