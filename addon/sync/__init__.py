@@ -1,0 +1,1 @@
+"""Records of a scene and their way into the engine; knows no Blender."""
