@@ -12,7 +12,9 @@
 
 namespace perfect_bvh {
 
-// References with an empty or non-finite box must not be passed. May throw Cancelled, InvalidArgument, bad_alloc.
-[[nodiscard]] Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel);
+// References with an empty or non-finite box must not be passed. Counts prims.size() units of work on `cancel`. Throws
+// InvalidArgument for settings out of range (naming them), Cancelled, bad_alloc.
+[[nodiscard]] Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool,
+                              CancelToken& cancel);
 
 }  // namespace perfect_bvh

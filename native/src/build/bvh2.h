@@ -12,7 +12,10 @@
 
 namespace perfect_bvh {
 
-struct alignas(32) Bvh2Node {
+// No builder returns a deeper tree: a stack of a fixed size is enough to walk it.
+inline constexpr std::uint32_t kMaxTreeDepth = 96;
+
+struct alignas(16) Bvh2Node {
   Vec3f lower;
   std::uint32_t first;  // interior: index of the left child, the right one follows. Leaf: first row of prim_indices.
   Vec3f upper;
@@ -25,17 +28,18 @@ struct alignas(32) Bvh2Node {
 static_assert(sizeof(Bvh2Node) == 32 && std::is_trivially_copyable_v<Bvh2Node>);
 
 struct Bvh2 {
-  // Empty for a tree over nothing. Otherwise nodes[1] is padding: an empty box, first and count 0.
+  // Empty for a tree over nothing, one node for a single leaf. Otherwise nodes[1] is padding: an empty box, first and
+  // count 0.
   AlignedVector<Bvh2Node> nodes;
   AlignedVector<std::uint32_t> prim_indices;
-  std::uint32_t depth = 0;  // levels below the root: 0 for a single leaf
+  std::uint32_t depth = 0;  // levels below the root: 0 for a single leaf; at most kMaxTreeDepth
   // False if boxes are clipped (spatial splits): they say where a part of a primitive is, so no refit can keep them.
   bool refittable = true;
 
   [[nodiscard]] bool empty() const noexcept { return nodes.empty(); }
   [[nodiscard]] Aabb bounds() const noexcept { return nodes.empty() ? Aabb{} : nodes[0].box(); }
   // Nodes in use, without the padding.
-  [[nodiscard]] std::size_t node_count() const noexcept { return nodes.empty() ? 0 : nodes.size() - (nodes.size() > 1); }
+  [[nodiscard]] std::size_t node_count() const noexcept { return nodes.size() > 1 ? nodes.size() - 1 : nodes.size(); }
   [[nodiscard]] std::size_t byte_count() const noexcept {
     return nodes.size() * sizeof(Bvh2Node) + prim_indices.size() * sizeof(std::uint32_t);
   }

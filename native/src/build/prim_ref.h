@@ -7,11 +7,11 @@
 
 namespace perfect_bvh {
 
-struct alignas(32) PrimRef {
+struct alignas(16) PrimRef {
   Vec3f lower;
   std::uint32_t prim_index;
   Vec3f upper;
-  std::uint32_t unused;
+  std::uint32_t unused = 0;
 
   [[nodiscard]] constexpr Aabb box() const noexcept { return {lower, upper}; }
   // Twice the centre: the factor is never needed.

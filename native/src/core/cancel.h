@@ -1,11 +1,14 @@
 // How a long operation tells its progress and learns that it should stop.
-// In: any thread reports work done; the owner's callback runs on the calling thread only (it may hold Python's
-// lock). Out: `Cancelled` is thrown on every thread that asks after a stop was requested.
+// In: any thread reports work done; the owner's callback runs only on the thread that made the token (it may hold
+// Python's lock). Out: `Cancelled` is thrown on every thread that asks after a stop was requested.
 #pragma once
 
 #include <atomic>
 #include <chrono>
+#include <cstddef>
 #include <functional>
+#include <thread>
+#include <utility>
 
 #include "core/errors.h"
 
@@ -24,23 +27,33 @@ class CancelToken {
   void request_stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
   [[nodiscard]] bool stop_requested() const noexcept { return stop_.load(std::memory_order_relaxed); }
   void throw_if_stopped() const {
-    if (stop_requested()) throw Cancelled();
+    if (stop_requested())
+      throw Cancelled();
   }
 
   // Work is counted in units of the owner's choice: `expect(total)` once, `advance(done)` from any thread.
-  void expect(std::size_t total) noexcept { total_.store(total, std::memory_order_relaxed), done_.store(0, std::memory_order_relaxed); }
+  void expect(std::size_t total) noexcept {
+    total_.store(total, std::memory_order_relaxed);
+    done_.store(0, std::memory_order_relaxed);
+  }
   void advance(std::size_t done) noexcept { done_.fetch_add(done, std::memory_order_relaxed); }
+  // Never more than 1, whatever was announced.
   [[nodiscard]] float fraction() const noexcept {
     const auto total = total_.load(std::memory_order_relaxed);
-    return total == 0 ? 0.0f : static_cast<float>(done_.load(std::memory_order_relaxed)) / static_cast<float>(total);
+    const auto done = done_.load(std::memory_order_relaxed);
+    if (total == 0)
+      return 0.0f;
+    return done >= total ? 1.0f : static_cast<float>(done) / static_cast<float>(total);
   }
 
-  // Calls the callback at most every 50 ms; only the thread that owns the operation may call this.
+  // Calls the callback, at most every 50 ms. On any thread but the owner's it does nothing, so that work which is
+  // shared out over threads may call it wherever it happens to run.
   void poll() {
-    if (!callback_) return;
+    if (!callback_ || std::this_thread::get_id() != owner_ || stop_requested())
+      return;
     const auto now = std::chrono::steady_clock::now();
-    if (now - last_poll_ < std::chrono::milliseconds(50)) return;
-    last_poll_ = now;
+    if (now - last_poll_ < std::chrono::milliseconds(50))
+      return;
     bool go_on = false;
     try {
       go_on = callback_(fraction());
@@ -48,7 +61,15 @@ class CancelToken {
       request_stop();
       throw;
     }
-    if (!go_on) request_stop();
+    if (!go_on)
+      request_stop();
+    last_poll_ = std::chrono::steady_clock::now();  // a slow callback must not eat all the time there is
+  }
+
+  // What a piece of work of a millisecond or so calls: the owner's callback gets its turn, and a stop takes effect.
+  void checkpoint() {
+    poll();
+    throw_if_stopped();
   }
 
  private:
@@ -56,6 +77,7 @@ class CancelToken {
   std::atomic<std::size_t> total_{0};
   std::atomic<std::size_t> done_{0};
   Callback callback_;
+  std::thread::id owner_{std::this_thread::get_id()};
   std::chrono::steady_clock::time_point last_poll_{std::chrono::steady_clock::now()};
 };
 

@@ -1,37 +1,62 @@
 #include "core/thread_pool.h"
 
+#if defined(__unix__) || defined(__APPLE__)
 #include <pthread.h>
 #include <sched.h>
+#endif
 
 #include <algorithm>
+#include <chrono>
+#include <system_error>
+#include <utility>
+
+#include "core/errors.h"
 
 namespace perfect_bvh {
 namespace {
 
+// The group whose task this thread is running.
+thread_local TaskGroup* current_group = nullptr;
+
+// Makes a group current for as long as one of its tasks runs.
+class CurrentGroup {
+ public:
+  explicit CurrentGroup(TaskGroup* group) noexcept : previous_(std::exchange(current_group, group)) {}
+  ~CurrentGroup() { current_group = previous_; }
+  CurrentGroup(const CurrentGroup&) = delete;
+  CurrentGroup& operator=(const CurrentGroup&) = delete;
+
+ private:
+  TaskGroup* previous_;
+};
+
 int affinity_thread_count() {
 #ifdef __linux__
   cpu_set_t set;
-  if (sched_getaffinity(0, sizeof(set), &set) == 0) return std::max(1, CPU_COUNT(&set));
+  if (sched_getaffinity(0, sizeof(set), &set) == 0)
+    return std::max(1, CPU_COUNT(&set));
 #endif
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 
-// After fork only the calling thread lives on: the child's copy of the pool has no workers and its mutex may be
-// locked for ever. The child therefore forgets the pool (leaks it: nothing in it can be destroyed safely).
 struct SharedPool {
   std::mutex mutex;
   ThreadPool* pool = nullptr;
   int wanted_thread_count = 0;
 };
 
+// After fork only the calling thread lives on: the child's copy of the pool has no workers and its mutex may be locked
+// for ever. The child therefore forgets the pool (leaks it: nothing in it can be destroyed safely).
 SharedPool& shared_state() {
   static SharedPool* const state = [] {
     auto* made = new SharedPool;  // lives as long as the process: workers may outlast static destructors
+#if defined(__unix__) || defined(__APPLE__)
     pthread_atfork([] { shared_state().mutex.lock(); }, [] { shared_state().mutex.unlock(); },
                    [] {
                      shared_state().pool = nullptr;
                      shared_state().mutex.unlock();
                    });
+#endif
     return made;
   }();
   return *state;
@@ -39,61 +64,90 @@ SharedPool& shared_state() {
 
 }  // namespace
 
+// Pool ------------------------------------------------------------------------------------------------------------
+
 ThreadPool::ThreadPool(int thread_count) {
   const int total = thread_count > 0 ? thread_count : affinity_thread_count();
-  workers_.reserve(static_cast<std::size_t>(total - 1));
-  for (int i = 1; i < total; ++i) workers_.emplace_back([this] { work(); });
+  try {
+    workers_.reserve(static_cast<std::size_t>(total - 1));
+    for (int i = 1; i < total; ++i)
+      workers_.emplace_back([this] { work(); });
+  } catch (const std::system_error&) {
+    // No more threads to be had: those that started, and the caller, do the work.
+  } catch (...) {
+    join_workers();
+    throw;
+  }
 }
 
 ThreadPool::~ThreadPool() {
+  join_workers();
+}
+
+void ThreadPool::join_workers() noexcept {
   {
     const std::lock_guard lock(mutex_);
     closing_ = true;
   }
-  wake_.notify_all();
-  for (auto& worker : workers_) worker.join();
+  wake_workers_.notify_all();
+  for (auto& worker : workers_)
+    worker.join();
 }
 
 ThreadPool& ThreadPool::shared() {
   auto& state = shared_state();
   const std::lock_guard lock(state.mutex);
-  if (state.pool == nullptr) state.pool = new ThreadPool(state.wanted_thread_count);
+  if (state.pool == nullptr)
+    state.pool = new ThreadPool(state.wanted_thread_count);
   return *state.pool;
 }
 
 void ThreadPool::shutdown_shared() {
   auto& state = shared_state();
-  const std::lock_guard lock(state.mutex);
-  delete state.pool;
-  state.pool = nullptr;
+  ThreadPool* old = nullptr;
+  {
+    const std::lock_guard lock(state.mutex);
+    old = std::exchange(state.pool, nullptr);
+  }
+  delete old;  // outside the lock: joining waits for tasks, and a task may ask for the shared pool
 }
 
 void ThreadPool::set_shared_thread_count(int thread_count) {
-  shutdown_shared();
   auto& state = shared_state();
-  const std::lock_guard lock(state.mutex);
-  state.wanted_thread_count = thread_count;
+  ThreadPool* old = nullptr;
+  {
+    const std::lock_guard lock(state.mutex);
+    state.wanted_thread_count = thread_count;
+    old = std::exchange(state.pool, nullptr);
+  }
+  delete old;
 }
 
 void ThreadPool::push(Task task) {
   {
     const std::lock_guard lock(mutex_);
     queue_.push_back(std::move(task));
+    if (waiter_count_ > 0)
+      wake_waiters_.notify_all();
   }
-  wake_.notify_one();
+  wake_workers_.notify_one();
 }
 
-bool ThreadPool::run_one() {
-  Task task;
-  {
-    const std::lock_guard lock(mutex_);
-    if (queue_.empty()) return false;
-    // Newest first: a waiting thread most likely finds its own group's tasks, with their data still in cache.
-    task = std::move(queue_.back());
-    queue_.pop_back();
-  }
-  task();
-  return true;
+void ThreadPool::run(Task& task) noexcept {
+  TaskGroup& group = *task.group;
+  ThreadPool& pool = group.pool_;
+  group.run_here(task.work);
+  task.work = {};  // what the task captured dies before the group can
+  // Once the count is 0 the waiter may destroy the group: from here on only the pool is touched.
+  if (group.pending_.fetch_sub(1, std::memory_order_acq_rel) == 1)
+    pool.tell_waiters();
+}
+
+void ThreadPool::tell_waiters() {
+  // The lock orders this after a waiter's look at the count: it either saw 0 or is asleep by now.
+  const std::lock_guard lock(mutex_);
+  if (waiter_count_ > 0)
+    wake_waiters_.notify_all();
 }
 
 void ThreadPool::work() {
@@ -101,106 +155,138 @@ void ThreadPool::work() {
     Task task;
     {
       std::unique_lock lock(mutex_);
-      wake_.wait(lock, [this] { return closing_ || !queue_.empty(); });
-      if (queue_.empty()) return;
-      task = std::move(queue_.front());
+      wake_workers_.wait(lock, [this] { return closing_ || !queue_.empty(); });
+      if (queue_.empty())
+        return;
+      task = std::move(queue_.front());  // oldest first: the largest pieces of a recursive job
       queue_.pop_front();
     }
-    task();
+    run(task);
   }
 }
 
-TaskGroup::~TaskGroup() { finish_all({}); }
+bool ThreadPool::take(const TaskGroup& group, Task& task) {
+  for (auto place = queue_.rbegin(); place != queue_.rend(); ++place) {
+    const TaskGroup* ancestor = place->group;
+    while (ancestor != nullptr && ancestor != &group)
+      ancestor = ancestor->parent_;
+    if (ancestor == nullptr)
+      continue;
+    task = std::move(*place);
+    queue_.erase(std::next(place).base());
+    return true;
+  }
+  return false;
+}
+
+void ThreadPool::help(TaskGroup& group, const std::function<void()>& idle) {
+  const auto ended = [&group] { return group.pending_.load(std::memory_order_acquire) == 0; };
+  while (!ended()) {
+    if (idle)
+      idle();
+    Task task;
+    {
+      std::unique_lock lock(mutex_);
+      ++waiter_count_;
+      const auto has_news = [&] { return ended() || take(group, task); };
+      if (idle) {
+        wake_waiters_.wait_for(lock, std::chrono::milliseconds(10), has_news);
+      } else {
+        wake_waiters_.wait(lock, has_news);
+      }
+      --waiter_count_;
+    }
+    if (task.group != nullptr)
+      run(task);
+  }
+}
+
+// Group -----------------------------------------------------------------------------------------------------------
+
+TaskGroup::TaskGroup(ThreadPool& pool) noexcept : pool_(pool), parent_(current_group) {}
+
+TaskGroup::~TaskGroup() {
+  pool_.help(*this, {});
+}
 
 void TaskGroup::run(std::function<void()> task) {
-  {
-    const std::lock_guard lock(mutex_);
-    ++pending_;
-  }
-  auto guarded = [this, task = std::move(task)] {
-    std::exception_ptr error;
-    try {
-      task();
-    } catch (...) {
-      error = std::current_exception();
-    }
-    const std::lock_guard lock(mutex_);
-    if (error && !error_) error_ = error;
-    // Notified under the lock: once it is released the waiter may destroy this group.
-    if (--pending_ == 0) finished_.notify_all();
-  };
+  pending_.fetch_add(1, std::memory_order_relaxed);
   try {
-    pool_.push(std::move(guarded));
+    pool_.push({std::move(task), this});
   } catch (...) {
-    const std::lock_guard lock(mutex_);
-    --pending_;
+    // Tasks are added by the waiting thread or by a pending task, so nobody can have seen this count alone.
+    pending_.fetch_sub(1, std::memory_order_relaxed);
     throw;
   }
 }
 
-void TaskGroup::finish_all(const std::function<void()>& idle) {
-  for (;;) {
-    {
-      const std::lock_guard lock(mutex_);
-      if (pending_ == 0) return;
-    }
-    if (idle) idle();
-    if (pool_.run_one()) continue;
-    std::unique_lock lock(mutex_);
-    if (pending_ == 0) return;
-    // The last tasks run elsewhere; wake now and then to help with what they may have queued.
-    finished_.wait_for(lock, std::chrono::milliseconds(idle ? 10 : 1));
+void TaskGroup::run_here(const std::function<void()>& task) noexcept {
+  const CurrentGroup current(this);
+  try {
+    task();
+  } catch (const Cancelled&) {
+    keep(std::current_exception(), true);
+  } catch (...) {
+    keep(std::current_exception(), false);
   }
+}
+
+void TaskGroup::keep(std::exception_ptr error, bool is_echo) noexcept {
+  const std::lock_guard lock(error_mutex_);
+  if (error_ && !(error_is_echo_ && !is_echo))
+    return;
+  error_ = std::move(error);
+  error_is_echo_ = is_echo;
 }
 
 void TaskGroup::wait(const std::function<void()>& idle) {
   try {
-    finish_all(idle);
+    pool_.help(*this, idle);
   } catch (...) {  // idle threw (Ctrl-C): the tasks refer to our caller's stack, so they must end first
-    finish_all({});
+    pool_.help(*this, {});
+    error_ = nullptr;
     throw;
   }
-  std::exception_ptr error;
-  {
-    const std::lock_guard lock(mutex_);
-    std::swap(error, error_);
-  }
-  if (error) std::rethrow_exception(error);
+  if (error_)
+    std::rethrow_exception(std::exchange(error_, nullptr));
 }
+
+// Loop ------------------------------------------------------------------------------------------------------------
 
 void parallel_for(ThreadPool& pool, std::size_t count, std::size_t grain,
                   const std::function<void(std::size_t, std::size_t)>& body, int max_threads,
                   const std::function<void()>& idle) {
-  if (count == 0) return;
+  if (count == 0)
+    return;
   grain = std::max<std::size_t>(grain, 1);
-  const std::size_t chunk_count = (count + grain - 1) / grain;
-  const std::size_t limit = max_threads > 0 ? static_cast<std::size_t>(max_threads) : static_cast<std::size_t>(pool.thread_count());
-  const std::size_t thread_count = std::min({chunk_count, limit, static_cast<std::size_t>(pool.thread_count())});
+  const std::size_t chunk_count = (count - 1) / grain + 1;
+  const auto pool_size = static_cast<std::size_t>(pool.thread_count());
+  const std::size_t limit = max_threads > 0 ? static_cast<std::size_t>(max_threads) : pool_size;
+  const std::size_t thread_count = std::min({chunk_count, limit, pool_size});
 
   std::atomic<std::size_t> next{0};
-  std::atomic<bool> failed{false};
-  const auto run_chunks = [&](bool is_caller) {
+  const auto run_chunks = [&](const std::function<void()>& between) {
     try {
       for (;;) {
         const std::size_t chunk = next.fetch_add(1, std::memory_order_relaxed);
-        if (chunk >= chunk_count || failed.load(std::memory_order_relaxed)) return;
+        if (chunk >= chunk_count)
+          return;
         body(chunk * grain, std::min(count, (chunk + 1) * grain));
-        if (is_caller && idle) idle();
+        if (between)
+          between();
       }
     } catch (...) {
-      failed.store(true, std::memory_order_relaxed);
+      next.store(chunk_count, std::memory_order_relaxed);  // no new chunk starts
       throw;
     }
   };
+  if (thread_count <= 1)
+    return run_chunks(idle);
 
   TaskGroup group(pool);
-  try {
-    for (std::size_t i = 1; i < thread_count; ++i) group.run([&] { run_chunks(false); });
-    run_chunks(true);
-  } catch (...) {
-    failed.store(true, std::memory_order_relaxed);
-    throw;  // ~TaskGroup waits for the others
-  }
+  for (std::size_t i = 1; i < thread_count; ++i)
+    group.run([&] { run_chunks({}); });
+  group.run_here([&] { run_chunks(idle); });
   group.wait(idle);
 }
 

@@ -1,6 +1,8 @@
 // A small thread pool: parallel loops and nested task groups over std::thread.
-// In: callables. Out: their first exception, rethrown in the thread that waits. The waiting thread works too, so
-// nesting never deadlocks. Sized from the CPU affinity; made anew in a forked child; no library that Blender loads.
+// In: callables. Out: their first exception, rethrown in the thread that waits. The waiting thread works too, but only
+// on tasks of the group it waits for and of groups made inside them: nesting never deadlocks, the C++ stack grows no
+// deeper than groups are nested, and a short job never gets stuck behind another caller's long one. Sized from the CPU
+// affinity; made anew in a forked child; uses no library that Blender loads.
 #pragma once
 
 #include <atomic>
@@ -9,16 +11,18 @@
 #include <deque>
 #include <exception>
 #include <functional>
-#include <memory>
 #include <mutex>
 #include <thread>
 #include <vector>
 
 namespace perfect_bvh {
 
+class TaskGroup;
+
 class ThreadPool {
  public:
   // thread_count includes the calling thread: 1 means no worker at all. 0: as many as the affinity mask allows.
+  // If the system refuses to start that many threads, the pool makes do with those it got.
   explicit ThreadPool(int thread_count = 0);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
@@ -26,48 +30,65 @@ class ThreadPool {
 
   [[nodiscard]] int thread_count() const noexcept { return static_cast<int>(workers_.size()) + 1; }
 
-  // The process's pool, created at first use and again in a child after fork.
+  // The process's pool, created at first use and again in a child after fork: ask anew for every operation. Other
+  // pools do not survive a fork.
   [[nodiscard]] static ThreadPool& shared();
   // Joins the shared pool's workers; the next use makes a new one. Call with no parallel work under way.
   static void shutdown_shared();
-  // The size the next shared pool gets (0: from the affinity); replaces the present one.
+  // The size the next shared pool gets (0: from the affinity); replaces the present one. Likewise.
   static void set_shared_thread_count(int thread_count);
 
  private:
   friend class TaskGroup;
-  using Task = std::function<void()>;
+  struct Task {
+    std::function<void()> work;
+    TaskGroup* group = nullptr;
+  };
 
   void push(Task task);
-  bool run_one();  // runs a queued task on the calling thread; false if there was none
   void work();
+  static void run(Task& task) noexcept;
+  // Runs queued tasks of `group` or of its descendants until none of its tasks is pending. `idle` runs between tasks.
+  void help(TaskGroup& group, const std::function<void()>& idle);
+  // With the lock held: takes the newest such task; false if there is none.
+  [[nodiscard]] bool take(const TaskGroup& group, Task& task);
+  void tell_waiters();
+  void join_workers() noexcept;
 
   std::mutex mutex_;
-  std::condition_variable wake_;
+  std::condition_variable wake_workers_;
+  std::condition_variable wake_waiters_;
   std::deque<Task> queue_;
+  int waiter_count_ = 0;
   bool closing_ = false;
   std::vector<std::thread> workers_;
 };
 
-// Tasks that are waited for together. Tasks may make groups of their own.
+// Tasks that are waited for together. Tasks may add tasks to their own group and may make groups of their own.
 class TaskGroup {
  public:
-  explicit TaskGroup(ThreadPool& pool) : pool_(pool) {}
+  explicit TaskGroup(ThreadPool& pool) noexcept;
   ~TaskGroup();  // waits; an exception that nobody asked for with wait() is dropped
   TaskGroup(const TaskGroup&) = delete;
   TaskGroup& operator=(const TaskGroup&) = delete;
 
   void run(std::function<void()> task);
-  // Helps until every task has ended, then rethrows the first exception. `idle` runs between tasks on this thread.
+  // Runs the task at once on this thread; its exception waits for wait() like the others'.
+  void run_here(const std::function<void()>& task) noexcept;
+  // Helps until every task has ended, then rethrows the first exception; Cancelled only if there was no other, since
+  // it is the echo of what made the operation stop. `idle` runs between tasks, on this thread; it may throw.
   void wait(const std::function<void()>& idle = {});
 
  private:
-  void finish_all(const std::function<void()>& idle);
+  friend class ThreadPool;
+  void keep(std::exception_ptr error, bool is_echo) noexcept;
 
   ThreadPool& pool_;
-  std::mutex mutex_;
-  std::condition_variable finished_;
-  std::size_t pending_ = 0;
+  TaskGroup* const parent_;  // the group of the task that made this group: it outlives this one
+  std::atomic<std::size_t> pending_{0};
+  std::mutex error_mutex_;
   std::exception_ptr error_;
+  bool error_is_echo_ = false;
 };
 
 // Calls body(begin, end) for consecutive chunks of at most `grain` of [0, count). Chunks are handed out in order to

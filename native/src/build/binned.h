@@ -1,0 +1,20 @@
+// Binned SAH construction (Wald 2007, "On fast construction of SAH-based bounding volume hierarchies"; lecture, "Rapid
+// construction": planes independent of N).
+// In: references, settings (bins, axes, costs). Out: a refittable tree with leaves where no split pays.
+#pragma once
+
+#include <span>
+
+#include "build/build_config.h"
+#include "build/bvh2.h"
+#include "build/prim_ref.h"
+#include "core/cancel.h"
+#include "core/thread_pool.h"
+
+namespace perfect_bvh {
+
+// `prims` is not empty; `config` has been checked.
+[[nodiscard]] Bvh2 build_binned(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool,
+                                CancelToken& cancel);
+
+}  // namespace perfect_bvh

@@ -1,0 +1,52 @@
+#include "build/builder.h"
+
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "build/binned.h"
+#include "core/errors.h"
+
+namespace perfect_bvh {
+namespace {
+
+void require(bool holds, const char* setting, const char* expected, double got) {
+  if (holds)
+    return;
+  throw InvalidArgument(std::string("BuildConfig: ") + setting + " must be " + expected + ", got " +
+                        std::to_string(got));
+}
+
+void check(const BuildConfig& config) {
+  require(config.bins >= 2 && config.bins <= 256, "bins", "from 2 to 256", config.bins);
+  require(config.axes == 1 || config.axes == 3, "axes", "1 or 3", config.axes);
+  require(config.max_leaf_size >= 1 && config.max_leaf_size <= 255, "max_leaf_size", "from 1 to 255",
+          config.max_leaf_size);
+  require(std::isfinite(config.traversal_cost) && config.traversal_cost >= 0, "traversal_cost",
+          "finite and not negative", static_cast<double>(config.traversal_cost));
+  require(std::isfinite(config.intersection_cost) && config.intersection_cost > 0, "intersection_cost",
+          "finite and positive", static_cast<double>(config.intersection_cost));
+  require(config.duplication_budget >= 0 && config.duplication_budget <= 10, "duplication_budget", "from 0 to 10",
+          static_cast<double>(config.duplication_budget));
+}
+
+}  // namespace
+
+Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
+  check(config);
+  constexpr std::size_t kMaxPrims = std::numeric_limits<std::int32_t>::max();  // node indices have 32 bits
+  if (prims.size() > kMaxPrims) {
+    throw InvalidArgument("build_bvh2: expected at most 2147483647 primitives, got " + std::to_string(prims.size()));
+  }
+  if (prims.empty())
+    return {};
+  switch (config.builder) {
+    case BuilderKind::kAuto:
+    case BuilderKind::kBinned:
+      return build_binned(prims, config, pool, cancel);
+    default:
+      throw InvalidArgument("BuildConfig: this builder is not available");
+  }
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,134 @@
+// Four floats at once: SSE2, which every x86-64 has, or plain loops elsewhere with the same results.
+// The fourth lane of a box corner is somebody else's number (see PrimRef, Bvh2Node): it may hold any bits.
+#pragma once
+
+#include <cstdint>
+
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
+namespace perfect_bvh {
+
+#if defined(__SSE2__)
+
+struct Float4 {
+  __m128 v;
+
+  Float4() noexcept = default;
+  Float4(__m128 value) noexcept : v(value) {}
+  Float4(float x, float y, float z, float w) noexcept : v(_mm_setr_ps(x, y, z, w)) {}
+  explicit Float4(float all) noexcept : v(_mm_set1_ps(all)) {}
+
+  [[nodiscard]] static Float4 load(const void* aligned) noexcept {
+    return _mm_load_ps(static_cast<const float*>(aligned));
+  }
+  [[nodiscard]] static Float4 load_unaligned(const void* p) noexcept {
+    return _mm_loadu_ps(static_cast<const float*>(p));
+  }
+  void store(void* aligned) const noexcept { _mm_store_ps(static_cast<float*>(aligned), v); }
+
+  friend Float4 operator+(Float4 a, Float4 b) noexcept { return _mm_add_ps(a.v, b.v); }
+  friend Float4 operator-(Float4 a, Float4 b) noexcept { return _mm_sub_ps(a.v, b.v); }
+  friend Float4 operator*(Float4 a, Float4 b) noexcept { return _mm_mul_ps(a.v, b.v); }
+  // Lane by lane a < b ? a : b (a > b ? a : b): b where either is NaN, b of two zeros.
+  friend Float4 min(Float4 a, Float4 b) noexcept { return _mm_min_ps(a.v, b.v); }
+  friend Float4 max(Float4 a, Float4 b) noexcept { return _mm_max_ps(a.v, b.v); }
+
+  [[nodiscard]] float x() const noexcept { return _mm_cvtss_f32(v); }
+  [[nodiscard]] Float4 yzxw() const noexcept { return _mm_shuffle_ps(v, v, _MM_SHUFFLE(3, 0, 2, 1)); }
+  [[nodiscard]] Float4 zxyw() const noexcept { return _mm_shuffle_ps(v, v, _MM_SHUFFLE(3, 1, 0, 2)); }
+};
+
+struct Int4 {
+  __m128i v;
+  // 0..65535 in every lane that is read.
+  template <int Lane>
+  [[nodiscard]] std::uint32_t small() const noexcept {
+    return static_cast<std::uint32_t>(_mm_extract_epi16(v, 2 * Lane));
+  }
+};
+
+// Rounds towards zero; the values must fit.
+[[nodiscard]] inline Int4 truncate(Float4 a) noexcept {
+  return {_mm_cvttps_epi32(a.v)};
+}
+
+#else
+
+struct Float4 {
+  float v[4];
+
+  Float4() noexcept = default;
+  Float4(float x, float y, float z, float w) noexcept : v{x, y, z, w} {}
+  explicit Float4(float all) noexcept : v{all, all, all, all} {}
+
+  [[nodiscard]] static Float4 load(const void* p) noexcept { return load_unaligned(p); }
+  [[nodiscard]] static Float4 load_unaligned(const void* p) noexcept {
+    Float4 result;
+    __builtin_memcpy(result.v, p, sizeof(result.v));
+    return result;
+  }
+  void store(void* p) const noexcept { __builtin_memcpy(p, v, sizeof(v)); }
+
+  friend Float4 operator+(Float4 a, Float4 b) noexcept {
+    return {a.v[0] + b.v[0], a.v[1] + b.v[1], a.v[2] + b.v[2], a.v[3] + b.v[3]};
+  }
+  friend Float4 operator-(Float4 a, Float4 b) noexcept {
+    return {a.v[0] - b.v[0], a.v[1] - b.v[1], a.v[2] - b.v[2], a.v[3] - b.v[3]};
+  }
+  friend Float4 operator*(Float4 a, Float4 b) noexcept {
+    return {a.v[0] * b.v[0], a.v[1] * b.v[1], a.v[2] * b.v[2], a.v[3] * b.v[3]};
+  }
+  friend Float4 min(Float4 a, Float4 b) noexcept {
+    for (int i = 0; i < 4; ++i)
+      a.v[i] = a.v[i] < b.v[i] ? a.v[i] : b.v[i];
+    return a;
+  }
+  friend Float4 max(Float4 a, Float4 b) noexcept {
+    for (int i = 0; i < 4; ++i)
+      a.v[i] = a.v[i] > b.v[i] ? a.v[i] : b.v[i];
+    return a;
+  }
+
+  [[nodiscard]] float x() const noexcept { return v[0]; }
+  [[nodiscard]] Float4 yzxw() const noexcept { return {v[1], v[2], v[0], v[3]}; }
+  [[nodiscard]] Float4 zxyw() const noexcept { return {v[2], v[0], v[1], v[3]}; }
+};
+
+struct Int4 {
+  std::int32_t v[4];
+  template <int Lane>
+  [[nodiscard]] std::uint32_t small() const noexcept {
+    return static_cast<std::uint32_t>(v[Lane]);
+  }
+};
+
+[[nodiscard]] inline Int4 truncate(Float4 a) noexcept {
+  return {{static_cast<std::int32_t>(a.v[0]), static_cast<std::int32_t>(a.v[1]), static_cast<std::int32_t>(a.v[2]),
+           static_cast<std::int32_t>(a.v[3])}};
+}
+
+#endif
+
+// A box whose corners fill a register each.
+struct Box4 {
+  Float4 lower;
+  Float4 upper;
+
+  [[nodiscard]] static Box4 empty() noexcept { return {Float4(__builtin_inff()), Float4(-__builtin_inff())}; }
+  // `corners`: lower x y z *, upper x y z *, 16-byte aligned.
+  [[nodiscard]] static Box4 load(const void* corners) noexcept {
+    return {Float4::load(corners), Float4::load(static_cast<const float*>(corners) + 4)};
+  }
+  void grow(const Box4& box) noexcept { lower = min(box.lower, lower), upper = max(box.upper, upper); }
+  void grow(Float4 point) noexcept { lower = min(point, lower), upper = max(point, upper); }
+};
+
+// Half the surface area of a box with these extents.
+[[nodiscard]] inline float half_area(Float4 extent) noexcept {
+  const Float4 products = extent * extent.yzxw();  // xy yz zx
+  return (products + products.yzxw() + products.zxyw()).x();
+}
+
+}  // namespace perfect_bvh

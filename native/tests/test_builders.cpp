@@ -1,0 +1,186 @@
+// Every builder on every set of boxes: the tree is sound, its leaves are as small as asked, its bytes are the same for
+// any number of threads, and building can be stopped.
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "box_sets.h"
+#include "build/builder.h"
+#include "core/errors.h"
+#include "update/quality.h"
+
+namespace perfect_bvh::test {
+namespace {
+
+Bvh2 build(const std::vector<PrimRef>& refs, const BuildConfig& config, int thread_count = 1) {
+  ThreadPool pool(thread_count);
+  CancelToken cancel;
+  return build_bvh2(refs, config, pool, cancel);
+}
+
+bool same_bytes(const Bvh2& a, const Bvh2& b) {
+  return a.nodes.size() == b.nodes.size() && a.prim_indices == b.prim_indices && a.depth == b.depth &&
+         std::memcmp(a.nodes.data(), b.nodes.data(), a.nodes.size() * sizeof(Bvh2Node)) == 0;
+}
+
+struct Case {
+  const char* name;
+  BuildConfig config;
+};
+
+std::ostream& operator<<(std::ostream& out, const Case& value) {
+  return out << value.name;
+}
+
+BuildConfig config_of(BuilderKind kind) {
+  BuildConfig config;
+  config.builder = kind;
+  return config;
+}
+
+std::vector<Case> cases() {
+  std::vector<Case> all{{"auto", config_of(BuilderKind::kAuto)}, {"binned", config_of(BuilderKind::kBinned)}};
+  BuildConfig config = config_of(BuilderKind::kBinned);
+  config.bins = 2, config.axes = 1;
+  all.push_back({"binned_two_bins_one_axis", config});
+  config.bins = 256, config.axes = 3, config.max_leaf_size = 1;
+  all.push_back({"binned_256_bins_single_leaves", config});
+  config.bins = 16, config.max_leaf_size = 255, config.traversal_cost = 100.0f;
+  all.push_back({"binned_large_leaves", config});
+  return all;
+}
+
+class Builders : public testing::TestWithParam<Case> {};
+INSTANTIATE_TEST_SUITE_P(All, Builders, testing::ValuesIn(cases()), [](const auto& param) { return param.param.name; });
+
+TEST_P(Builders, MakeSoundTreesOfHardInput) {
+  for (const NamedSet& set : hard_sets()) {
+    const Bvh2 tree = build(set.refs, GetParam().config);
+    EXPECT_EQ(find_fault(tree, set.refs.size()), "") << set.name;
+    EXPECT_LE(measure_quality(tree).max_leaf_size, GetParam().config.max_leaf_size) << set.name;
+  }
+}
+
+TEST_P(Builders, BoundLeavesTightly) {
+  const auto refs = sheet(60);
+  const Bvh2 tree = build(refs, GetParam().config);
+  for (const Bvh2Node& node : tree.nodes) {
+    if (!node.is_leaf())
+      continue;
+    Aabb box;
+    for (std::uint32_t i = 0; i < node.count; ++i)
+      box.grow(refs[tree.prim_indices[node.first + i]].box());
+    EXPECT_EQ(box.lower, node.lower);
+    EXPECT_EQ(box.upper, node.upper);
+  }
+}
+
+TEST_P(Builders, GiveTheSameBytesForAnyThreadCount) {
+  std::vector<NamedSet> sets = hard_sets();
+  sets.push_back({"sheet", sheet(300)});
+  sets.push_back({"scattered", scattered(150000)});
+  for (const NamedSet& set : sets) {
+    const Bvh2 alone = build(set.refs, GetParam().config, 1);
+    for (int thread_count : {2, 4, 7}) {
+      EXPECT_TRUE(same_bytes(alone, build(set.refs, GetParam().config, thread_count)))
+          << set.name << " " << thread_count;
+    }
+  }
+}
+
+TEST_P(Builders, MakeNothingOfNothing) {
+  const Bvh2 tree = build({}, GetParam().config);
+  EXPECT_TRUE(tree.empty());
+  EXPECT_EQ(tree.depth, 0u);
+  EXPECT_EQ(find_fault(tree, 0), "");
+}
+
+TEST_P(Builders, NumberPrimitivesAsTheCallerDoes) {
+  auto refs = scattered(3000);
+  for (PrimRef& ref : refs)
+    ref.prim_index = 2999 - ref.prim_index;
+  const Bvh2 tree = build(refs, GetParam().config);
+  EXPECT_EQ(find_fault(tree, refs.size()), "");
+  for (const Bvh2Node& node : tree.nodes) {
+    for (std::uint32_t i = 0; i < node.count; ++i) {
+      EXPECT_TRUE(node.box().contains(refs[2999 - tree.prim_indices[node.first + i]].box()));
+    }
+  }
+}
+
+TEST_P(Builders, StopWhenAsked) {
+  const auto refs = sheet(150);
+  for (int thread_count : {1, 3}) {
+    ThreadPool pool(thread_count);
+    CancelToken stopped;
+    stopped.request_stop();
+    EXPECT_THROW((void)build_bvh2(refs, GetParam().config, pool, stopped), Cancelled);
+    CancelToken fresh;
+    EXPECT_EQ(find_fault(build_bvh2(refs, GetParam().config, pool, fresh), refs.size()), "")
+        << "after a cancelled build";
+  }
+}
+
+TEST_P(Builders, CountTheirWork) {
+  const auto refs = sheet(100);
+  for (int thread_count : {1, 3}) {
+    ThreadPool pool(thread_count);
+    CancelToken cancel;
+    cancel.expect(refs.size());
+    (void)build_bvh2(refs, GetParam().config, pool, cancel);
+    EXPECT_EQ(cancel.fraction(), 1.0f);
+    cancel.expect(refs.size() + 1);
+    (void)build_bvh2(refs, GetParam().config, pool, cancel);
+    EXPECT_LT(cancel.fraction(), 1.0f) << "counted more than its primitives";
+  }
+}
+
+TEST(BuildConfigTest, IsCheckedAndTheSettingNamed) {
+  const auto refs = scattered(10);
+  const auto message_of = [&](const BuildConfig& config) -> std::string {
+    try {
+      (void)build(refs, config);
+    } catch (const InvalidArgument& error) {
+      return error.what();
+    }
+    return "";
+  };
+  BuildConfig config;
+  config.bins = 1;
+  EXPECT_NE(message_of(config).find("bins"), std::string::npos);
+  config = {}, config.bins = 257;
+  EXPECT_NE(message_of(config).find("257"), std::string::npos);
+  config = {}, config.axes = 2;
+  EXPECT_NE(message_of(config).find("axes"), std::string::npos);
+  config = {}, config.max_leaf_size = 0;
+  EXPECT_NE(message_of(config).find("max_leaf_size"), std::string::npos);
+  config = {}, config.intersection_cost = std::nanf("");
+  EXPECT_NE(message_of(config).find("intersection_cost"), std::string::npos);
+  config = {}, config.traversal_cost = -1.0f;
+  EXPECT_NE(message_of(config).find("traversal_cost"), std::string::npos);
+}
+
+TEST(Binned, SplitsOnlyWhereItPays) {
+  // Two clusters far apart: one split between them, and none inside, where all boxes are the same.
+  auto refs = repeated(4, {0, 0, 0}, {1, 1, 1});
+  for (std::size_t i = 4; i < 8; ++i)
+    refs.push_back(make_ref({9, 0, 0}, {10, 1, 1}, i));
+  const Bvh2 tree = build(refs, config_of(BuilderKind::kBinned));
+  EXPECT_EQ(measure_quality(tree).leaf_count, 2u);
+  // The same boxes all over each other: a split would cost a node and gain nothing.
+  EXPECT_EQ(measure_quality(build(repeated(8, {0, 0, 0}, {1, 1, 1}), config_of(BuilderKind::kBinned))).leaf_count, 1u);
+}
+
+TEST(Binned, CostsLessWithAllAxesAndMoreBins) {
+  const auto refs = ground_and_pebbles(20000);
+  const auto sah = [&](std::uint32_t bins, std::uint32_t axes) {
+    BuildConfig config = config_of(BuilderKind::kBinned);
+    config.bins = bins, config.axes = axes;
+    return measure_quality(build(refs, config)).sah;
+  };
+  EXPECT_LT(sah(32, 3), sah(4, 3));
+  EXPECT_LE(sah(16, 3), sah(16, 1) * 1.02);
+}
+
+}  // namespace
+}  // namespace perfect_bvh::test
