@@ -4,7 +4,7 @@
 
 #include <cstring>
 
-#include "box_sets.h"
+#include "tests/box_sets.h"
 #include "build/builder.h"
 #include "core/errors.h"
 #include "update/quality.h"
