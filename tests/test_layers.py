@@ -25,11 +25,12 @@ NATIVE_IGNORANCE = {
 
 # Modules in one group may import one another; a group may import the groups above it in this list.
 ADDON_LAYERS = (
+    ("modes",),
     ("sync",),
     ("extract",),
     ("session",),
     ("properties", "preferences"),
-    ("display", "overlay"),
+    ("frame", "display", "overlay"),
     ("engine", "handlers", "operators"),
     ("panels",),
     ("__init__", "cli"),

@@ -1,0 +1,71 @@
+"""Perfect BVH for Blender: a render engine, and ray queries that stay in step with the scene.
+
+`register()` makes the engine "PERFECT_BVH" known to Blender; scripts that only cast rays need no more than
+`SceneSync`. Importing the package touches neither Blender nor the native engine: the command line and the
+tests of `sync` rely on that.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .session import SceneSync
+    from .sync.records import AttributeRequest
+
+__all__ = ["AttributeRequest", "SceneSync", "register", "unregister"]
+
+_EXPORTS = {"SceneSync": ".session", "AttributeRequest": ".sync.records"}
+# In the order of registration. Those that load the native engine are left out where it cannot be loaded.
+_MODULES = (".preferences", ".properties", ".display")
+_NATIVE_MODULES = ()
+_LANDMARK = "PERFECT_BVH_PT_render"
+
+_registered: list[Any] = []
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _EXPORTS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_EXPORTS[name], __name__), name)
+
+
+def _other_copy() -> str | None:
+    """The package that has registered the add-on already, if it is not this one."""
+    import bpy
+
+    panel = getattr(bpy.types, _LANDMARK, None)
+    return None if panel is None else panel.__module__.rpartition(".")[0]
+
+
+def register() -> None:
+    """Make the engine, its settings and its panels known to Blender; does nothing if they are already.
+
+    Raises RuntimeError if another copy of the add-on (pip's beside the extension's) is registered. A native engine that
+    cannot be loaded is no error here: the panel and each render say why.
+    """
+    if _registered:
+        return
+    other = _other_copy()
+    if other is not None:
+        raise RuntimeError(
+            f"Perfect BVH is already registered by {other!r}: disable that copy before {__name__!r} is enabled"
+        )
+    from .preferences import native_error
+
+    names = _MODULES if native_error() else _MODULES + _NATIVE_MODULES
+    try:
+        for name in names:
+            module = importlib.import_module(name, __name__)
+            module.register()
+            _registered.append(module)
+    except BaseException:
+        unregister()
+        raise
+
+
+def unregister() -> None:
+    """Undo `register`; does nothing if this copy is not registered."""
+    while _registered:
+        _registered.pop().unregister()

@@ -1,0 +1,128 @@
+"""Cycles as the oracle for images: its depth, normal and index passes of the scene that Blender holds.
+
+One sample through a filter of the least width that Cycles accepts (0.01 of a pixel): every value belongs
+to one ray within 0.005 pixels of the pixel's centre. The passes come back through a multilayer OpenEXR file.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+
+from .exr import read_exr
+
+FILTER_WIDTH = 0.01
+MODERN_NAMES = bpy.app.version >= (5, 0, 0)
+OBJECT_INDEX = "Object Index" if MODERN_NAMES else "IndexOB"
+MATERIAL_INDEX = "Material Index" if MODERN_NAMES else "IndexMA"
+
+
+@dataclass(frozen=True, slots=True)
+class Passes:
+    """The passes of one render: float32, row 0 on top.
+
+    combined: (H, W, 4). depth: (H, W), Z along the view axis, 1e10 on the background. normal: (H, W, 3), world
+    space, turned to the viewer, zero on the background. object_index, material_index: (H, W).
+    """
+
+    combined: npt.NDArray[np.float32]
+    depth: npt.NDArray[np.float32]
+    normal: npt.NDArray[np.float32]
+    object_index: npt.NDArray[np.float32]
+    material_index: npt.NDArray[np.float32]
+
+
+@contextmanager
+def preserved(*settings: tuple[object, str, object]) -> Iterator[None]:
+    """Set each (owner, property, value) for a while; the old values come back in reverse order."""
+    before = []
+    try:
+        for owner, name, value in settings:
+            before.append((owner, name, getattr(owner, name)))
+            setattr(owner, name, value)
+        yield
+    finally:
+        for owner, name, value in reversed(before):
+            setattr(owner, name, value)
+
+
+def write_multilayer(path: Path, scene: bpy.types.Scene, engine: str) -> None:
+    """Render with `engine`, every pass on, into an uncompressed 32-bit multilayer OpenEXR file."""
+    view_layer = scene.view_layers[0]
+    image = scene.render.image_settings
+    settings = [
+        (scene.render, "engine", engine),
+        (scene.render, "filepath", str(path)),
+        (scene.render, "use_file_extension", False),
+        (scene.render, "use_compositing", False),
+        (scene.render, "use_sequencer", False),
+        *((view_layer, f"use_pass_{name}", True) for name in ("z", "normal", "object_index", "material_index")),
+    ]
+    if hasattr(image, "media_type"):
+        settings.append((image, "media_type", "MULTI_LAYER_IMAGE"))
+    settings += [(image, "file_format", "OPEN_EXR_MULTILAYER"), (image, "color_depth", "32")]
+    settings += [(image, "exr_codec", "NONE")]
+    with preserved(*settings):
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+
+
+def read_passes(path: Path, layer: str) -> Passes:
+    """The passes of one view layer from a file that `write_multilayer` wrote."""
+    planes = read_exr(path)
+
+    def stack(name: str, channels: str) -> npt.NDArray[np.float32]:
+        return np.stack([planes[f"{layer}.{name}.{channel}"] for channel in channels], axis=-1)
+
+    return Passes(
+        combined=stack("Combined", "RGBA"),
+        depth=planes[f"{layer}.Depth.Z"],
+        normal=stack("Normal", "XYZ"),
+        object_index=planes[f"{layer}.{OBJECT_INDEX}.X"],
+        material_index=planes[f"{layer}.{MATERIAL_INDEX}.X"],
+    )
+
+
+def render_passes(scene: bpy.types.Scene, engine: str = "CYCLES") -> Passes:
+    """The passes of `scene` as Blender's pipeline delivers them from `engine`."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "passes.exr"
+        write_multilayer(path, scene, engine)
+        return read_passes(path, scene.view_layers[0].name)
+
+
+def render_cycles(scene: bpy.types.Scene, samples: int = 1) -> Passes:
+    """Cycles' own passes: `samples` rays a pixel through its centre, no bounces, no denoising, no lens blur."""
+    cycles = scene.cycles
+    camera = scene.camera.data
+    with preserved(
+        (cycles, "device", "CPU"),
+        (cycles, "samples", samples),
+        (cycles, "use_adaptive_sampling", False),
+        (cycles, "use_denoising", False),
+        (cycles, "pixel_filter_type", "BLACKMAN_HARRIS"),
+        (cycles, "filter_width", FILTER_WIDTH),
+        (cycles, "max_bounces", 0),
+        (camera.dof, "use_dof", False),
+        (scene.render, "use_motion_blur", False),
+    ):
+        return render_passes(scene, "CYCLES")
+
+
+def index_edges(*indices: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+    """(H, W) True within one pixel of where any of the (H, W) index images changes: 3 x 3 neighbourhoods."""
+    edges = np.zeros(indices[0].shape, bool)
+    for image in indices:
+        low = high = np.pad(image, 1, mode="edge")
+        low = np.minimum(np.minimum(low[:-2], low[1:-1]), low[2:])
+        low = np.minimum(np.minimum(low[:, :-2], low[:, 1:-1]), low[:, 2:])
+        high = np.maximum(np.maximum(high[:-2], high[1:-1]), high[2:])
+        high = np.maximum(np.maximum(high[:, :-2], high[:, 1:-1]), high[:, 2:])
+        edges |= low != high
+    return edges
