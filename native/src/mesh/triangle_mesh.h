@@ -39,8 +39,7 @@ struct TriangleMesh {
 [[nodiscard]] TriangleMesh make_mesh(std::span<const Vec3d> positions, std::span<const Vec3<std::int32_t>> triangles,
                                      const char* function);
 
-// New positions for the same triangles, checked; in the mesh's own frame (its centre is kept if the data still lies
-// near it, and moved otherwise).
+// New positions for the same triangles, checked. Changes the mesh only if they are good.
 void set_positions(TriangleMesh& mesh, std::span<const Vec3f> positions, const char* function);
 void set_positions(TriangleMesh& mesh, std::span<const Vec3d> positions, const char* function);
 
