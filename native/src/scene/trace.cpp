@@ -42,8 +42,11 @@ class Tracer {
     traverse_bvh2(tlas, slabs, t_min, t_max, top, counts, [&](std::uint32_t first, std::uint32_t count, float& limit) {
       for (std::uint32_t i = first; i < first + count; ++i) {
         const std::uint32_t index = tlas.prim_indices[i];
-        if ((snapshot_.instances[index].mask & ray.mask) == 0) continue;
-        if (trace_instance<kAny>(ray, index, best_t, best, counts)) return true;
+        const Instance& instance = snapshot_.instances[index];
+        if ((instance.mask & ray.mask) == 0) continue;
+        const SlabRange box = slabs.range(instance.world_bounds.lower, instance.world_bounds.upper, t_min, limit);
+        if (!(box.near <= box.far)) continue;
+        if (trace_instance<kAny>(ray, index, world.to_world(box.near), best_t, best, counts)) return true;
         limit = std::min(limit, world.to_object(best_t));
       }
       return false;
@@ -57,9 +60,10 @@ class Tracer {
     return {all.first(snapshot_.tlas.depth + 1), all.subspan(snapshot_.tlas.depth + 1)};
   }
 
-  // True if the search may end. best_t and best: the best hit so far, in the world ray's terms.
+  // True if the search may end. best_t and best: the best hit so far, in the world ray's terms. No hit is reported
+  // before `entry`, where the ray enters the instance's box: so the top level may prune by that box.
   template <bool kAny>
-  bool trace_instance(const Ray& ray, std::uint32_t index, float& best_t, Hit& best, RayCounts* counts) {
+  bool trace_instance(const Ray& ray, std::uint32_t index, float entry, float& best_t, Hit& best, RayCounts* counts) {
     const Instance& instance = snapshot_.instances[index];
     const Blas& blas = *instance.blas;
     const ObjectRay object(instance.world_to_object, ray.origin, ray.direction);
@@ -79,13 +83,13 @@ class Tracer {
         TriangleHit hit;
         Facing facing;
         if (!intersect_triangle(triangle_ray, v0, v1, v2, box, hit, facing)) continue;
-        const float t = object.to_world(hit.t);
+        const float t = std::max(entry, object.to_world(hit.t));
         if (!(t >= ray.t_min && t <= best_t) || t == kInfiniteDistance) continue;
         if (culled(cull_, facing, instance.mirrored)) continue;
         if (t == best_t && best.found() && !wins_tie(instance, primitive, best)) continue;
         best_t = t;
         best = {t, hit.u, hit.v, index, primitive};
-        limit = hit.t;
+        limit = object.to_object(t);
         if (kAny) return stop = true;
       }
       return false;

@@ -1,0 +1,163 @@
+// Scene::commit: from edits to a new snapshot. Everything new is made aside and swapped in at the end, so that an
+// exception anywhere leaves the scene as it was.
+
+#include <chrono>
+
+#include "build/builder.h"
+#include "scene/blas_build.h"
+#include "scene/instance_placing.h"
+#include "scene/scene.h"
+#include "update/quality.h"
+#include "update/refit.h"
+
+namespace perfect_bvh {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double milliseconds_since(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+// A refitted tree is kept while a ray is expected to cost at most this much more than when the tree was built.
+constexpr double kRefitLimit = 1.5;
+
+// Instances cost far more than a box test to enter: worth splitting down to one a leaf.
+BuildConfig top_level_config() {
+  BuildConfig config;
+  config.builder = BuilderKind::kBinned;
+  config.max_leaf_size = 2;
+  config.intersection_cost = 8.0f;
+  return config;
+}
+
+std::string times(double factor) {
+  const auto tenths = static_cast<long>(factor * 10.0 + 0.5);
+  return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) + " times";
+}
+
+}  // namespace
+
+Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, ThreadPool& pool, CancelToken& cancel) {
+  const auto start = Clock::now();
+  BlasResult result;
+  auto blas = std::make_shared<Blas>();
+  blas->mesh = *slot.edited;
+  MeshReport& report = result.report;
+  report.mesh_id = mesh_id;
+  report.action = slot.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
+  report.reason = slot.blas ? "the triangles were replaced" : "new mesh";
+  bool built = false;
+  if (slot.blas && slot.same_topology) {
+    if (!slot.blas->tree.refittable) {
+      report.reason = "positions changed, and a tree with spatial splits cannot be refitted";
+    } else {
+      blas->tree = slot.blas->tree;
+      refit_bvh2(blas->tree, blas->mesh.positions, blas->mesh.triangles, pool, cancel);
+      const double cost = measure_quality(blas->tree).sah;
+      built = cost <= kRefitLimit * slot.fresh_cost;
+      result.fresh_cost = slot.fresh_cost;
+      report.action = built ? MeshAction::kRefitted : MeshAction::kRebuilt;
+      report.reason = built ? "positions changed"
+                            : "a refitted tree would cost " + times(cost / slot.fresh_cost) + " what it did when built";
+    }
+  }
+  if (!built) {
+    blas->tree = build_tree(blas->mesh, slot.config, pool, cancel);
+    result.fresh_cost = measure_quality(blas->tree).sah;
+  }
+  report.triangle_count = blas->mesh.triangle_count();
+  report.byte_count = blas->mesh.byte_count() + blas->tree.byte_count();
+  report.milliseconds = milliseconds_since(start);
+  result.blas = std::move(blas);
+  return result;
+}
+
+std::shared_ptr<Snapshot> Scene::assemble(const std::map<std::int32_t, std::shared_ptr<const Blas>>& blases,
+                                          ThreadPool& pool, CancelToken& cancel, CommitReport& report) const {
+  auto snapshot = std::make_shared<Snapshot>();
+  snapshot->instances.resize(instances_.size());
+  std::vector<std::shared_ptr<const Blas>> baked(instances_.size());
+  constexpr std::size_t kGrain = 1024;
+  parallel_for(pool, instances_.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    cancel.throw_if_stopped();
+    for (std::size_t i = begin; i < end; ++i) {
+      const InstanceSlot& slot = instances_[i];
+      Instance& instance = snapshot->instances[i];
+      instance.id = slot.id, instance.mesh_id = slot.mesh_id, instance.mask = slot.mask, instance.order = slot.order;
+      const Blas& blas = *blases.at(slot.mesh_id);
+      if (!place_instance(instance, blas, slot.object_to_world)) {
+        baked[i] = bake_instance(instance, blas, slot.object_to_world, meshes_.at(slot.mesh_id).config, pool, cancel);
+      }
+    }
+  });
+  std::vector<PrimRef> prims;
+  prims.reserve(instances_.size());
+  for (std::size_t i = 0; i < snapshot->instances.size(); ++i) {
+    const Aabb& box = snapshot->instances[i].world_bounds;
+    if (!box.is_empty()) prims.push_back({box.lower, static_cast<std::uint32_t>(i), box.upper, 0});
+    if (baked[i]) snapshot->blases.push_back(baked[i]), ++report.baked_count;
+  }
+  for (const auto& [mesh_id, blas] : blases) snapshot->blases.push_back(blas);
+  snapshot->tlas = build_bvh2(prims, top_level_config(), pool, cancel);
+  return snapshot;
+}
+
+CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
+  const std::lock_guard edit_lock(edit_mutex_);
+  const auto start = Clock::now();
+  std::vector<std::pair<const std::int32_t, MeshSlot>*> changed;
+  std::size_t triangle_count = 0;
+  for (auto& entry : meshes_) {
+    if (!entry.second.edited) continue;
+    changed.push_back(&entry);
+    triangle_count += entry.second.edited->triangle_count();
+  }
+  cancel.expect(triangle_count);
+  std::vector<BlasResult> results(changed.size());
+  const auto idle = [&] {
+    cancel.poll();
+    cancel.throw_if_stopped();
+  };
+  parallel_for(pool, changed.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      cancel.throw_if_stopped();
+      results[i] = make_blas(changed[i]->first, changed[i]->second, pool, cancel);
+    }
+  }, 0, idle);
+
+  CommitReport report;
+  std::map<std::int32_t, std::shared_ptr<const Blas>> blases;
+  for (const auto& [mesh_id, slot] : meshes_) blases[mesh_id] = slot.blas;
+  for (const BlasResult& result : results) blases[result.report.mesh_id] = result.blas;
+  report.mesh_milliseconds = milliseconds_since(start);
+  const auto top_level_start = Clock::now();
+  auto snapshot = assemble(blases, pool, cancel, report);
+  report.top_level_milliseconds = milliseconds_since(top_level_start);
+
+  report.instance_count = instances_.size();
+  report.kept_count = meshes_.size() - results.size();
+  report.byte_count = snapshot->instances.size() * sizeof(Instance) + snapshot->tlas.byte_count();
+  for (const auto& blas : snapshot->blases) report.byte_count += blas->mesh.byte_count() + blas->tree.byte_count();
+  report.meshes.reserve(results.size());
+  for (BlasResult& result : results) report.meshes.push_back(std::move(result.report));
+
+  // Nothing below throws.
+  for (std::size_t i = 0; i < results.size(); ++i) {
+    MeshSlot& slot = changed[i]->second;
+    slot.blas = std::move(results[i].blas);
+    slot.fresh_cost = results[i].fresh_cost;
+    slot.edited.reset();
+    slot.same_topology = false;
+  }
+  const std::lock_guard state_lock(state_mutex_);
+  snapshot->generation = (snapshot_ ? snapshot_->generation : 0) + 1;
+  report.generation = snapshot->generation;
+  report.milliseconds = milliseconds_since(start);
+  snapshot_ = std::move(snapshot);
+  committed_edit_count_ = edit_count_;
+  stale_reason_.clear();
+  return report;
+}
+
+}  // namespace perfect_bvh

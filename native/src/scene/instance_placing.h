@@ -1,0 +1,22 @@
+// Where a placed mesh stands: its inverse transform, its world box, and what to do without an inverse.
+#pragma once
+
+#include <memory>
+
+#include "build/build_config.h"
+#include "core/cancel.h"
+#include "core/thread_pool.h"
+#include "scene/instance.h"
+
+namespace perfect_bvh {
+
+// Fills in the transforms, bounds and facing of `instance` for the mesh of `blas`. False if the transform has no
+// usable inverse (flattened by a zero scale: the inverse is not finite, or mapping there and back does not return
+// within float's error); the instance must then be baked.
+[[nodiscard]] bool place_instance(Instance& instance, const Blas& blas, const Affine& object_to_world);
+
+// A copy of the mesh in world space, with its own tree and an identity transform: so a flattened object is still seen.
+[[nodiscard]] std::shared_ptr<const Blas> bake_instance(Instance& instance, const Blas& blas, const Affine& object_to_world,
+                                                        const BuildConfig& config, ThreadPool& pool, CancelToken& cancel);
+
+}  // namespace perfect_bvh

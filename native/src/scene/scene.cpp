@@ -1,0 +1,174 @@
+#include "scene/scene.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "core/errors.h"
+
+namespace perfect_bvh {
+namespace {
+
+[[noreturn]] void unknown_id(const char* function, const char* kind, std::int32_t id) {
+  throw InvalidArgument(std::string(function) + ": there is no " + kind + " with id " + std::to_string(id) +
+                        "; ids come from add_" + kind + " and end with remove_" + kind);
+}
+
+void check_same_length(std::size_t ids, std::size_t values, const char* function, const char* name) {
+  if (ids == values) return;
+  throw InvalidArgument(std::string(function) + ": ids has " + std::to_string(ids) + " rows but " + name + " has " +
+                        std::to_string(values));
+}
+
+void check_finite(const Affine& transform, std::size_t row, const char* function) {
+  if (transform.is_finite()) return;
+  throw InvalidArgument(std::string(function) + ": transforms[" + std::to_string(row) + "] is not finite");
+}
+
+}  // namespace
+
+Scene::MeshSlot& Scene::find_mesh(std::int32_t mesh_id, const char* function) {
+  const auto found = meshes_.find(mesh_id);
+  if (found == meshes_.end()) unknown_id(function, "mesh", mesh_id);
+  return found->second;
+}
+
+std::vector<std::size_t> Scene::find_instances(std::span<const std::int32_t> ids, const char* function) const {
+  std::vector<std::size_t> rows(ids.size());
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    const auto found = std::lower_bound(instances_.begin(), instances_.end(), ids[i],
+                                        [](const InstanceSlot& slot, std::int32_t id) { return slot.id < id; });
+    if (found == instances_.end() || found->id != ids[i]) unknown_id(function, "instance", ids[i]);
+    rows[i] = static_cast<std::size_t>(found - instances_.begin());
+  }
+  return rows;
+}
+
+void Scene::mark_edited() {
+  const std::lock_guard lock(state_mutex_);
+  ++edit_count_;
+}
+
+std::int32_t Scene::add_mesh(TriangleMesh mesh, const BuildConfig& config, Usage usage) {
+  const std::lock_guard lock(edit_mutex_);
+  MeshSlot slot;
+  slot.config = config;
+  slot.usage = usage;
+  slot.edited = std::make_shared<const TriangleMesh>(std::move(mesh));
+  meshes_.emplace(next_mesh_id_, std::move(slot));
+  mark_edited();
+  return next_mesh_id_++;
+}
+
+template <class T>
+void Scene::update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions) {
+  const std::lock_guard lock(edit_mutex_);
+  MeshSlot& slot = find_mesh(mesh_id, "update_mesh");
+  TriangleMesh mesh = slot.edited ? *slot.edited : slot.blas->mesh;
+  set_positions(mesh, positions, "update_mesh");
+  slot.same_topology = slot.edited ? slot.same_topology : true;
+  slot.edited = std::make_shared<const TriangleMesh>(std::move(mesh));
+  mark_edited();
+}
+template void Scene::update_mesh(std::int32_t, std::span<const Vec3f>);
+template void Scene::update_mesh(std::int32_t, std::span<const Vec3d>);
+
+void Scene::replace_mesh(std::int32_t mesh_id, TriangleMesh mesh) {
+  const std::lock_guard lock(edit_mutex_);
+  MeshSlot& slot = find_mesh(mesh_id, "replace_mesh");
+  slot.edited = std::make_shared<const TriangleMesh>(std::move(mesh));
+  slot.same_topology = false;
+  mark_edited();
+}
+
+void Scene::remove_mesh(std::int32_t mesh_id) {
+  const std::lock_guard lock(edit_mutex_);
+  const MeshSlot& slot = find_mesh(mesh_id, "remove_mesh");
+  if (slot.user_count != 0) {
+    throw InvalidArgument("remove_mesh: mesh " + std::to_string(mesh_id) + " is still used by " +
+                          std::to_string(slot.user_count) + " instances; remove those first");
+  }
+  meshes_.erase(mesh_id);
+  mark_edited();
+}
+
+std::int32_t Scene::add_instances(std::span<const InstanceInput> inputs) {
+  const std::lock_guard lock(edit_mutex_);
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    find_mesh(inputs[i].mesh_id, "add_instances");
+    check_finite(inputs[i].object_to_world, i, "add_instances");
+  }
+  if (inputs.size() > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max() - next_instance_id_)) {
+    throw EngineError("add_instances: instance ids are used up; make a new Scene");
+  }
+  instances_.reserve(instances_.size() + inputs.size());
+  const std::int32_t first = next_instance_id_;
+  for (const InstanceInput& input : inputs) {
+    const std::int32_t id = next_instance_id_++;
+    instances_.push_back({id, input.mesh_id, input.object_to_world, input.mask, input.order.value_or(id)});
+    ++meshes_.at(input.mesh_id).user_count;
+  }
+  mark_edited();
+  return first;
+}
+
+void Scene::set_transforms(std::span<const std::int32_t> ids, std::span<const Affine> transforms) {
+  const std::lock_guard lock(edit_mutex_);
+  check_same_length(ids.size(), transforms.size(), "set_transforms", "transforms");
+  const auto rows = find_instances(ids, "set_transforms");
+  for (std::size_t i = 0; i < transforms.size(); ++i) check_finite(transforms[i], i, "set_transforms");
+  for (std::size_t i = 0; i < rows.size(); ++i) instances_[rows[i]].object_to_world = transforms[i];
+  mark_edited();
+}
+
+void Scene::set_masks(std::span<const std::int32_t> ids, std::span<const std::uint32_t> masks) {
+  const std::lock_guard lock(edit_mutex_);
+  check_same_length(ids.size(), masks.size(), "set_masks", "masks");
+  const auto rows = find_instances(ids, "set_masks");
+  for (std::size_t i = 0; i < rows.size(); ++i) instances_[rows[i]].mask = masks[i];
+  mark_edited();
+}
+
+void Scene::remove_instances(std::span<const std::int32_t> ids) {
+  const std::lock_guard lock(edit_mutex_);
+  auto rows = find_instances(ids, "remove_instances");
+  std::sort(rows.begin(), rows.end());
+  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+  for (const std::size_t row : rows) {
+    --meshes_.at(instances_[row].mesh_id).user_count;
+    instances_[row].id = -1;
+  }
+  std::erase_if(instances_, [](const InstanceSlot& slot) { return slot.id == -1; });
+  mark_edited();
+}
+
+void Scene::mark_stale(std::string why) {
+  const std::lock_guard lock(state_mutex_);
+  stale_reason_ = std::move(why);
+}
+
+bool Scene::is_current() const {
+  const std::lock_guard lock(state_mutex_);
+  return snapshot_ != nullptr && edit_count_ == committed_edit_count_ && stale_reason_.empty();
+}
+
+std::shared_ptr<const Snapshot> Scene::snapshot() const {
+  const std::lock_guard lock(state_mutex_);
+  if (!stale_reason_.empty()) throw StaleScene(stale_reason_);
+  if (snapshot_ == nullptr) throw StaleScene("the scene was never committed; call commit() first");
+  if (edit_count_ != committed_edit_count_) {
+    throw StaleScene("the scene was edited after the last commit; call commit() first");
+  }
+  return snapshot_;
+}
+
+std::size_t Scene::mesh_count() const {
+  const std::lock_guard lock(edit_mutex_);
+  return meshes_.size();
+}
+
+std::size_t Scene::instance_count() const {
+  const std::lock_guard lock(edit_mutex_);
+  return instances_.size();
+}
+
+}  // namespace perfect_bvh

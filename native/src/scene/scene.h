@@ -1,0 +1,106 @@
+// The scene: meshes and their instances, edited freely, and committed into an immutable snapshot.
+// In: validated arrays. Out: reports and snapshots. A failed or cancelled commit leaves everything as it was before
+// it: the last snapshot stays valid, and the edits are still waiting.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "build/build_config.h"
+#include "core/cancel.h"
+#include "core/thread_pool.h"
+#include "scene/snapshot.h"
+#include "stats/commit_report.h"
+
+namespace perfect_bvh {
+
+// What the owner expects to happen to a mesh.
+enum class Usage : std::uint8_t { kStatic, kDeforming, kChanging };
+
+struct InstanceInput {
+  std::int32_t mesh_id;
+  Affine object_to_world;
+  std::uint32_t mask = 0xFFFFFFFFu;
+  std::optional<std::int64_t> order;  // default: the instance's id
+};
+
+class Scene {
+ public:
+  Scene() = default;
+  Scene(const Scene&) = delete;
+  Scene& operator=(const Scene&) = delete;
+
+  // Every edit checks all of its input before it changes anything; ids are never reused.
+  std::int32_t add_mesh(TriangleMesh mesh, const BuildConfig& config, Usage usage);
+  template <class T>
+  void update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions);  // same topology
+  void replace_mesh(std::int32_t mesh_id, TriangleMesh mesh);
+  void remove_mesh(std::int32_t mesh_id);  // InvalidArgument while instances use it
+  std::int32_t add_instances(std::span<const InstanceInput> inputs);  // the first new id; the others follow
+  void set_transforms(std::span<const std::int32_t> ids, std::span<const Affine> transforms);
+  void set_masks(std::span<const std::int32_t> ids, std::span<const std::uint32_t> masks);
+  void remove_instances(std::span<const std::int32_t> ids);
+
+  // Builds what changed and makes a new snapshot. max_threads 0: all of the pool's.
+  CommitReport commit(ThreadPool& pool, CancelToken& cancel);
+
+  // Queries refuse to run from now on, with this sentence, until the next commit.
+  void mark_stale(std::string why);
+  [[nodiscard]] bool is_current() const;
+  // The committed state. Throws StaleScene if edits are waiting or the scene was marked stale.
+  [[nodiscard]] std::shared_ptr<const Snapshot> snapshot() const;
+
+  [[nodiscard]] std::size_t mesh_count() const;
+  [[nodiscard]] std::size_t instance_count() const;
+
+ private:
+  struct MeshSlot {
+    BuildConfig config;
+    Usage usage = Usage::kStatic;
+    std::shared_ptr<const Blas> blas;           // committed; null before the first commit
+    std::shared_ptr<const TriangleMesh> edited;  // waiting; null if nothing is
+    bool same_topology = false;                  // of `edited` and `blas`
+    double fresh_cost = 0;                       // the tree's SAH cost when it was last built
+    std::uint32_t user_count = 0;                // instances
+  };
+  struct InstanceSlot {
+    std::int32_t id, mesh_id;
+    Affine object_to_world;
+    std::uint32_t mask;
+    std::int64_t order;
+  };
+  struct BlasResult {
+    std::shared_ptr<const Blas> blas;
+    double fresh_cost = 0;
+    MeshReport report;
+  };
+
+  MeshSlot& find_mesh(std::int32_t mesh_id, const char* function);
+  std::vector<std::size_t> find_instances(std::span<const std::int32_t> ids, const char* function) const;
+  void mark_edited();
+
+  static BlasResult make_blas(std::int32_t mesh_id, const MeshSlot& slot, ThreadPool& pool, CancelToken& cancel);
+  std::shared_ptr<Snapshot> assemble(const std::map<std::int32_t, std::shared_ptr<const Blas>>& blases, ThreadPool& pool,
+                                     CancelToken& cancel, CommitReport& report) const;
+
+  mutable std::mutex edit_mutex_;  // held by every edit and for the whole of a commit
+  std::map<std::int32_t, MeshSlot> meshes_;
+  std::vector<InstanceSlot> instances_;  // by ascending id
+  std::int32_t next_mesh_id_ = 0;
+  std::int32_t next_instance_id_ = 0;
+  std::uint64_t edit_count_ = 0;  // guarded by state_mutex_, as the rest is
+
+  mutable std::mutex state_mutex_;  // held briefly; taken after edit_mutex_ if both are
+  std::shared_ptr<const Snapshot> snapshot_;
+  std::uint64_t committed_edit_count_ = 0;
+  std::string stale_reason_;
+};
+
+}  // namespace perfect_bvh
