@@ -1,6 +1,7 @@
 // Scene::commit: from edits to a new snapshot. Everything new is made aside and swapped in at the end, so that an
 // exception anywhere leaves the scene as it was.
 
+#include <algorithm>
 #include <chrono>
 
 #include "build/builder.h"
@@ -31,9 +32,11 @@ BuildConfig top_level_config() {
   return config;
 }
 
-std::string times(double factor) {
-  const auto tenths = static_cast<long>(factor * 10.0 + 0.5);
-  return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) + " times";
+std::string why_not_refitted(double cost, double fresh_cost) {
+  if (!(fresh_cost > 0)) return "positions changed, and the tree was built when the mesh had no extent";
+  const auto tenths = static_cast<long>(std::min(cost / fresh_cost, 1e6) * 10.0 + 0.5);
+  return "a refitted tree would cost " + std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) +
+         " times what it did when built";
 }
 
 }  // namespace
@@ -58,8 +61,7 @@ Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, T
       built = cost <= kRefitLimit * slot.fresh_cost;
       result.fresh_cost = slot.fresh_cost;
       report.action = built ? MeshAction::kRefitted : MeshAction::kRebuilt;
-      report.reason = built ? "positions changed"
-                            : "a refitted tree would cost " + times(cost / slot.fresh_cost) + " what it did when built";
+      report.reason = built ? "positions changed" : why_not_refitted(cost, slot.fresh_cost);
     }
   }
   if (!built) {
@@ -98,7 +100,10 @@ std::shared_ptr<Snapshot> Scene::assemble(const std::map<std::int32_t, std::shar
     if (!box.is_empty()) prims.push_back({box.lower, static_cast<std::uint32_t>(i), box.upper, 0});
     if (baked[i]) snapshot->blases.push_back(baked[i]), ++report.baked_count;
   }
-  for (const auto& [mesh_id, blas] : blases) snapshot->blases.push_back(blas);
+  for (const auto& [mesh_id, blas] : blases) {
+    snapshot->blases.push_back(blas);
+    snapshot->meshes.emplace_back(mesh_id, blas.get());
+  }
   snapshot->tlas = build_bvh2(prims, top_level_config(), pool, cancel);
   return snapshot;
 }
@@ -106,6 +111,10 @@ std::shared_ptr<Snapshot> Scene::assemble(const std::map<std::int32_t, std::shar
 CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
   const std::lock_guard edit_lock(edit_mutex_);
   const auto start = Clock::now();
+  const std::uint64_t stale_count = [this] {
+    const std::lock_guard lock(state_mutex_);
+    return stale_count_;
+  }();
   std::vector<std::pair<const std::int32_t, MeshSlot>*> changed;
   std::size_t triangle_count = 0;
   for (auto& entry : meshes_) {
@@ -156,7 +165,7 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
   report.milliseconds = milliseconds_since(start);
   snapshot_ = std::move(snapshot);
   committed_edit_count_ = edit_count_;
-  stale_reason_.clear();
+  if (stale_count == stale_count_) stale_reason_.clear();  // marked meanwhile: what was committed is already old
   return report;
 }
 

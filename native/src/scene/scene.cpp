@@ -144,6 +144,7 @@ void Scene::remove_instances(std::span<const std::int32_t> ids) {
 void Scene::mark_stale(std::string why) {
   const std::lock_guard lock(state_mutex_);
   stale_reason_ = std::move(why);
+  ++stale_count_;
 }
 
 bool Scene::is_current() const {

@@ -101,6 +101,7 @@ class Scene {
   std::shared_ptr<const Snapshot> snapshot_;
   std::uint64_t committed_edit_count_ = 0;
   std::string stale_reason_;
+  std::uint64_t stale_count_ = 0;
 };
 
 }  // namespace perfect_bvh

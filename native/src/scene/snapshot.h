@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "build/bvh2.h"
@@ -13,6 +14,7 @@ namespace perfect_bvh {
 
 struct Snapshot {
   std::vector<std::shared_ptr<const Blas>> blases;  // keeps alive what the instances point to
+  std::vector<std::pair<std::int32_t, const Blas*>> meshes;  // by mesh id; baked copies are not among them
   std::vector<Instance> instances;                  // in the order of their scene ids
   Bvh2 tlas;                                        // over the instances' world boxes
   std::uint64_t generation = 0;

@@ -1,0 +1,15 @@
+// The parts that the module is bound in.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+namespace perfect_bvh::bindings {
+
+void bind_errors(pybind11::module_& module);
+void bind_threads(pybind11::module_& module);
+void bind_scene(pybind11::module_& module);
+void bind_queries(pybind11::module_& module);
+void bind_statistics(pybind11::module_& module);
+void bind_render(pybind11::module_& module);
+
+}  // namespace perfect_bvh::bindings

@@ -1,0 +1,25 @@
+// How long native calls hear of Ctrl-C and of a Python `progress` callable.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include "core/cancel.h"
+
+namespace perfect_bvh::bindings {
+
+namespace py = pybind11;
+
+// A token whose callback takes the GIL, looks for signals (which may raise KeyboardInterrupt) and asks
+// progress(fraction), if it is not None, whether to go on: anything but an explicit False goes on.
+// The token may be used with the GIL released; `progress` must outlive it.
+[[nodiscard]] inline CancelToken::Callback make_progress(const py::object& progress) {
+  return [&progress](float fraction) {
+    const py::gil_scoped_acquire gil;
+    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    if (progress.is_none()) return true;
+    const py::object answer = progress(fraction);
+    return !answer.is(py::bool_(false));
+  };
+}
+
+}  // namespace perfect_bvh::bindings

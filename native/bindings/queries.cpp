@@ -1,0 +1,123 @@
+// Rays through snapshots. The Python face hands over contiguous columns and preallocated results.
+#include "scene/ray_batch.h"
+
+#include <pybind11/stl.h>
+
+#include "arrays.h"
+#include "bind.h"
+#include "progress.h"
+
+namespace perfect_bvh::bindings {
+namespace {
+
+using SnapshotPtr = std::shared_ptr<const Snapshot>;
+
+template <class T>
+void set_vectors(const py::array& array, std::size_t& count, const Vec3<T>*& pointer) {
+  const auto vectors = as_vectors(py::cast<Array<T>>(array));
+  count = vectors.size();
+  pointer = vectors.data();
+}
+
+// float32 or float64, each as it is.
+void set_columns(const py::array& origins, const py::array& directions, RayColumns& columns) {
+  std::size_t origin_count = 0, direction_count = 0;
+  if (py::isinstance<Array<float>>(origins)) set_vectors(origins, origin_count, columns.origins_float);
+  else set_vectors(origins, origin_count, columns.origins_double);
+  if (py::isinstance<Array<float>>(directions)) set_vectors(directions, direction_count, columns.directions_float);
+  else set_vectors(directions, direction_count, columns.directions_double);
+  if (origin_count != direction_count) throw std::invalid_argument("_core: origins and directions differ in length");
+  columns.count = origin_count;
+}
+
+template <class T>
+std::size_t stride_of(const Array<T>& column, std::size_t count) {
+  if (column.size() != 1 && static_cast<std::size_t>(column.size()) != count) {
+    throw std::invalid_argument("_core: a column must have one value or one a ray");
+  }
+  return column.size() == 1 ? 0 : 1;
+}
+
+Cull parse_cull(const std::string& name) {
+  if (name == "none") return Cull::kNone;
+  if (name == "back") return Cull::kBack;
+  if (name == "front") return Cull::kFront;
+  throw InvalidArgument("cull must be 'none', 'back' or 'front', got '" + name + "'");
+}
+
+RayColumns read_rays(const py::array& origins, const py::array& directions, const Array<float>& t_min,
+                     const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull) {
+  RayColumns columns;
+  set_columns(origins, directions, columns);
+  columns.t_min = t_min.data(), columns.t_min_stride = stride_of(t_min, columns.count);
+  columns.t_max = t_max.data(), columns.t_max_stride = stride_of(t_max, columns.count);
+  columns.masks = masks.data(), columns.mask_stride = stride_of(masks, columns.count);
+  columns.cull = parse_cull(cull);
+  return columns;
+}
+
+// The writable memory of an output column with `width` values a ray; null if it was not asked for.
+template <class T>
+T* writable(const py::dict& columns, const char* name, std::size_t count, std::size_t width) {
+  if (!columns.contains(name)) return nullptr;
+  auto array = columns[name].cast<py::array>();
+  if (!py::isinstance<Array<T>>(array) || static_cast<std::size_t>(array.size()) != count * width || !array.writeable()) {
+    throw std::invalid_argument(std::string("_core: output column ") + name + " has the wrong dtype, size or flags");
+  }
+  return static_cast<T*>(array.mutable_data());
+}
+
+HitColumns read_outputs(const py::dict& columns, std::size_t count) {
+  HitColumns out;
+  out.t = writable<float>(columns, "t_hit", count, 1);
+  out.instance_ids = writable<std::int32_t>(columns, "instance_ids", count, 1);
+  out.mesh_ids = writable<std::int32_t>(columns, "mesh_ids", count, 1);
+  out.primitive_ids = writable<std::int32_t>(columns, "primitive_ids", count, 1);
+  out.uvs = writable<float>(columns, "primitive_uvs", count, 2);
+  out.normals = writable<float>(columns, "geometric_normals", count, 3);
+  out.positions = writable<double>(columns, "positions", count, 3);
+  out.distances = writable<double>(columns, "distances", count, 1);
+  out.front_face = reinterpret_cast<std::uint8_t*>(writable<bool>(columns, "front_face", count, 1));
+  out.nodes_visited = writable<std::int32_t>(columns, "nodes_visited", count, 1);
+  out.primitives_tested = writable<std::int32_t>(columns, "primitives_tested", count, 1);
+  return out;
+}
+
+}  // namespace
+
+void bind_queries(py::module_& module) {
+  py::class_<Snapshot, std::shared_ptr<Snapshot>> snapshot(module, "Snapshot");
+  snapshot.def_property_readonly("generation", [](const Snapshot& self) { return self.generation; });
+  snapshot.def(
+      "cast_rays",
+      [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
+         const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull, const py::dict& outputs,
+         int threads, const py::object& progress) {
+        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
+        const HitColumns hits = read_outputs(outputs, rays.count);
+        const py::gil_scoped_release release;
+        CancelToken cancel(make_progress(progress));
+        return cast_rays(self, rays, hits, ThreadPool::shared(), threads, cancel);
+      },
+      py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
+      py::arg("masks").noconvert(), py::arg("cull"), py::arg("outputs"), py::arg("threads"), py::arg("progress"));
+  snapshot.def(
+      "test_occlusions",
+      [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
+         const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull, Array<bool>& occluded,
+         int threads, const py::object& progress) {
+        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
+        if (static_cast<std::size_t>(occluded.size()) != rays.count) {
+          throw std::invalid_argument("_core: occluded has the wrong size");
+        }
+        auto* const out = reinterpret_cast<std::uint8_t*>(occluded.mutable_data());
+        const py::gil_scoped_release release;
+        CancelToken cancel(make_progress(progress));
+        return test_occlusions(self, rays, out, ThreadPool::shared(), threads, cancel);
+      },
+      py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
+      py::arg("masks").noconvert(), py::arg("cull"), py::arg("occluded").noconvert(), py::arg("threads"),
+      py::arg("progress"));
+}
+
+}  // namespace perfect_bvh::bindings

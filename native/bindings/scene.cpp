@@ -1,0 +1,190 @@
+// Editing and committing. Input was checked for shape and dtype by the Python face; the engine checks the values.
+#include "scene/scene.h"
+
+#include <pybind11/stl.h>
+
+#include "arrays.h"
+#include "bind.h"
+#include "progress.h"
+
+namespace perfect_bvh::bindings {
+namespace {
+
+BuilderKind parse_builder(const std::string& name) {
+  if (name == "auto") return BuilderKind::kAuto;
+  if (name == "median") return BuilderKind::kMedian;
+  if (name == "sweep") return BuilderKind::kSweep;
+  if (name == "binned") return BuilderKind::kBinned;
+  if (name == "spatial") return BuilderKind::kSpatial;
+  if (name == "fast") return BuilderKind::kFast;
+  throw InvalidArgument("BuildConfig: unknown builder '" + name + "'");
+}
+
+BuildConfig parse_config(const py::dict& settings) {
+  BuildConfig config;
+  config.builder = parse_builder(settings["builder"].cast<std::string>());
+  config.bins = settings["bins"].cast<std::uint32_t>();
+  config.axes = settings["axes"].cast<std::uint32_t>();
+  config.max_leaf_size = settings["max_leaf_size"].cast<std::uint32_t>();
+  config.traversal_cost = settings["traversal_cost"].cast<float>();
+  config.intersection_cost = settings["intersection_cost"].cast<float>();
+  return config;
+}
+
+Usage parse_usage(const std::string& name) {
+  if (name == "static") return Usage::kStatic;
+  if (name == "deforming") return Usage::kDeforming;
+  if (name == "changing") return Usage::kChanging;
+  throw InvalidArgument("add_mesh: usage must be 'static', 'deforming' or 'changing', got '" + name + "'");
+}
+
+// (rows, 3, 4) row-major.
+std::vector<Affine> as_affines(const Array<double>& array) {
+  if (array.ndim() != 3 || array.shape(1) != 3 || array.shape(2) != 4) {
+    throw std::invalid_argument("_core: expected transforms of shape (rows, 3, 4)");
+  }
+  std::vector<Affine> result(static_cast<std::size_t>(array.shape(0)));
+  const double* m = array.data();
+  for (Affine& a : result) {
+    a = {{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}, {m[3], m[7], m[11]}};
+    m += 12;
+  }
+  return result;
+}
+
+const char* action_name(MeshAction action) {
+  switch (action) {
+    case MeshAction::kKept: return "kept";
+    case MeshAction::kBuilt: return "built";
+    case MeshAction::kRefitted: return "refitted";
+    case MeshAction::kRebuilt: return "rebuilt";
+  }
+  return "kept";
+}
+
+py::dict to_dict(const CommitReport& report) {
+  py::list meshes;
+  for (const MeshReport& mesh : report.meshes) {
+    meshes.append(py::dict(py::arg("mesh_id") = mesh.mesh_id, py::arg("action") = action_name(mesh.action),
+                           py::arg("reason") = mesh.reason, py::arg("milliseconds") = mesh.milliseconds,
+                           py::arg("triangle_count") = mesh.triangle_count, py::arg("byte_count") = mesh.byte_count));
+  }
+  return py::dict(py::arg("meshes") = meshes, py::arg("kept_count") = report.kept_count,
+                  py::arg("instance_count") = report.instance_count, py::arg("baked_count") = report.baked_count,
+                  py::arg("mesh_milliseconds") = report.mesh_milliseconds,
+                  py::arg("top_level_milliseconds") = report.top_level_milliseconds,
+                  py::arg("milliseconds") = report.milliseconds, py::arg("byte_count") = report.byte_count,
+                  py::arg("generation") = report.generation);
+}
+
+template <class T>
+TriangleMesh read_mesh(const Array<T>& positions, const Array<std::int32_t>& triangles, const char* function) {
+  const auto vertices = as_vectors(positions);
+  const auto corners = as_vectors(triangles);
+  const py::gil_scoped_release release;
+  return make_mesh(vertices, corners, function);
+}
+
+template <class T>
+std::int32_t add_mesh(Scene& scene, const Array<T>& positions, const Array<std::int32_t>& triangles,
+                      const py::dict& settings, const std::string& usage) {
+  const BuildConfig config = parse_config(settings);
+  const Usage expected = parse_usage(usage);
+  TriangleMesh mesh = read_mesh(positions, triangles, "add_mesh");
+  const py::gil_scoped_release release;
+  return scene.add_mesh(std::move(mesh), config, expected);
+}
+
+template <class T>
+void update_mesh(Scene& scene, std::int32_t mesh_id, const Array<T>& positions) {
+  const auto vertices = as_vectors(positions);
+  const py::gil_scoped_release release;
+  scene.update_mesh(mesh_id, vertices);
+}
+
+template <class T>
+void replace_mesh(Scene& scene, std::int32_t mesh_id, const Array<T>& positions, const Array<std::int32_t>& triangles) {
+  TriangleMesh mesh = read_mesh(positions, triangles, "replace_mesh");
+  const py::gil_scoped_release release;
+  scene.replace_mesh(mesh_id, std::move(mesh));
+}
+
+std::int32_t add_instances(Scene& scene, const Array<std::int32_t>& meshes, const Array<double>& transforms,
+                           const Array<std::uint32_t>& masks, const std::optional<Array<std::int64_t>>& orders) {
+  const auto affines = as_affines(transforms);
+  const auto mesh_ids = as_span(meshes);
+  const auto mask_values = as_span(masks);
+  std::vector<InstanceInput> inputs(affines.size());
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    inputs[i] = {mesh_ids[i], affines[i], mask_values[i], std::nullopt};
+    if (orders) inputs[i].order = orders->data()[i];
+  }
+  const py::gil_scoped_release release;
+  return scene.add_instances(inputs);
+}
+
+template <class T>
+void bind_mesh_edits(py::class_<Scene>& scene) {
+  scene.def("add_mesh", &add_mesh<T>, py::arg("positions").noconvert(), py::arg("triangles").noconvert(),
+            py::arg("settings"), py::arg("usage"));
+  scene.def("update_mesh", &update_mesh<T>, py::arg("mesh_id"), py::arg("positions").noconvert());
+  scene.def("replace_mesh", &replace_mesh<T>, py::arg("mesh_id"), py::arg("positions").noconvert(),
+            py::arg("triangles").noconvert());
+}
+
+}  // namespace
+
+void bind_scene(py::module_& module) {
+  py::class_<Scene> scene(module, "Scene");
+  scene.def(py::init<>());
+  bind_mesh_edits<float>(scene);
+  bind_mesh_edits<double>(scene);
+  scene.def("remove_mesh", &Scene::remove_mesh, py::arg("mesh_id"), py::call_guard<py::gil_scoped_release>());
+  scene.def("add_instances", &add_instances, py::arg("meshes").noconvert(), py::arg("transforms").noconvert(),
+            py::arg("masks").noconvert(), py::arg("orders").noconvert() = std::nullopt);
+  scene.def(
+      "set_transforms",
+      [](Scene& self, const Array<std::int32_t>& ids, const Array<double>& transforms) {
+        const auto affines = as_affines(transforms);
+        const auto rows = as_span(ids);
+        const py::gil_scoped_release release;
+        self.set_transforms(rows, affines);
+      },
+      py::arg("ids").noconvert(), py::arg("transforms").noconvert());
+  scene.def(
+      "set_masks",
+      [](Scene& self, const Array<std::int32_t>& ids, const Array<std::uint32_t>& masks) {
+        const auto rows = as_span(ids);
+        const auto values = as_span(masks);
+        const py::gil_scoped_release release;
+        self.set_masks(rows, values);
+      },
+      py::arg("ids").noconvert(), py::arg("masks").noconvert());
+  scene.def(
+      "remove_instances",
+      [](Scene& self, const Array<std::int32_t>& ids) {
+        const auto rows = as_span(ids);
+        const py::gil_scoped_release release;
+        self.remove_instances(rows);
+      },
+      py::arg("ids").noconvert());
+  scene.def(
+      "commit",
+      [](Scene& self, const py::object& progress) {
+        CommitReport report;
+        {
+          const py::gil_scoped_release release;
+          CancelToken cancel(make_progress(progress));
+          report = self.commit(ThreadPool::shared(), cancel);
+        }
+        return to_dict(report);
+      },
+      py::arg("progress") = py::none());
+  scene.def("mark_stale", &Scene::mark_stale, py::arg("why"), py::call_guard<py::gil_scoped_release>());
+  scene.def("is_current", &Scene::is_current, py::call_guard<py::gil_scoped_release>());
+  scene.def("snapshot", &Scene::snapshot, py::call_guard<py::gil_scoped_release>());
+  scene.def("mesh_count", &Scene::mesh_count, py::call_guard<py::gil_scoped_release>());
+  scene.def("instance_count", &Scene::instance_count, py::call_guard<py::gil_scoped_release>());
+}
+
+}  // namespace perfect_bvh::bindings
