@@ -1,7 +1,13 @@
-// The compiled module `_core`. Only the Python facade imports it.
-#include <pybind11/pybind11.h>
+// The compiled module `_core`. Only the Python face imports it.
+#include "bind.h"
 
 PYBIND11_MODULE(_core, module) {
+  using namespace perfect_bvh::bindings;
   module.doc() = "Native engine of Perfect BVH; use the package perfect_bvh instead.";
   module.attr("__version__") = PERFECT_BVH_VERSION;
+  bind_errors(module);
+  bind_threads(module);
+  bind_scene(module);
+  bind_queries(module);
+  bind_statistics(module);
 }

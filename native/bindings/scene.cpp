@@ -182,7 +182,9 @@ void bind_scene(py::module_& module) {
       py::arg("progress") = py::none());
   scene.def("mark_stale", &Scene::mark_stale, py::arg("why"), py::call_guard<py::gil_scoped_release>());
   scene.def("is_current", &Scene::is_current, py::call_guard<py::gil_scoped_release>());
-  scene.def("snapshot", &Scene::snapshot, py::call_guard<py::gil_scoped_release>());
+  scene.def(
+      "snapshot", [](const Scene& self) { return std::const_pointer_cast<Snapshot>(self.snapshot()); },
+      py::call_guard<py::gil_scoped_release>());
   scene.def("mesh_count", &Scene::mesh_count, py::call_guard<py::gil_scoped_release>());
   scene.def("instance_count", &Scene::instance_count, py::call_guard<py::gil_scoped_release>());
 }

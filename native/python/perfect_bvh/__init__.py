@@ -1,0 +1,43 @@
+"""Perfect BVH: a two-level bounding volume hierarchy that answers rays by the million.
+
+>>> scene = Scene()
+>>> mesh = scene.add_mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+>>> instance = scene.add_instance(mesh)
+>>> report = scene.commit()
+>>> hits = scene.cast_rays([(0.2, 0.2, 1.0)], [(0.0, 0.0, -1.0)])
+>>> float(hits.t_hit[0])
+1.0
+"""
+
+from ._core import __version__, set_thread_count, shutdown_threads, thread_count
+from .appearance import Appearance, InstanceTable, MaterialTable, MeshAppearance
+from .build_config import BuildConfig
+from .camera import Camera
+from .errors import Cancelled, EngineError, StaleSceneError
+from .hits import Hits
+from .report import CommitReport, MeshReport, SceneStatistics, TreeStatistics
+from .scene import Scene
+from .snapshot import Snapshot
+
+__all__ = [
+    "Appearance",
+    "BuildConfig",
+    "Camera",
+    "Cancelled",
+    "CommitReport",
+    "EngineError",
+    "Hits",
+    "InstanceTable",
+    "MaterialTable",
+    "MeshAppearance",
+    "MeshReport",
+    "Scene",
+    "SceneStatistics",
+    "Snapshot",
+    "StaleSceneError",
+    "TreeStatistics",
+    "__version__",
+    "set_thread_count",
+    "shutdown_threads",
+    "thread_count",
+]

@@ -1,0 +1,91 @@
+"""The answers to a batch of rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+DEFAULT_FIELDS: tuple[str, ...] = (
+    "t_hit",
+    "instance_ids",
+    "mesh_ids",
+    "primitive_ids",
+    "primitive_uvs",
+    "geometric_normals",
+)
+
+# name -> (dtype, values a ray)
+FIELD_TYPES: dict[str, tuple[type[np.generic], int]] = {
+    "t_hit": (np.float32, 1),
+    "instance_ids": (np.int32, 1),
+    "mesh_ids": (np.int32, 1),
+    "primitive_ids": (np.int32, 1),
+    "primitive_uvs": (np.float32, 2),
+    "geometric_normals": (np.float32, 3),
+    "positions": (np.float64, 3),
+    "distances": (np.float64, 1),
+    "front_face": (np.bool_, 1),
+    "nodes_visited": (np.int32, 1),
+    "primitives_tested": (np.int32, 1),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Hits:
+    """One row a ray, in the shape of the rays. Fields that were not asked for raise AttributeError.
+
+    t_hit (...) float32: in multiples of the direction's length; inf on a miss.
+    instance_ids, mesh_ids, primitive_ids (...) int32: -1 on a miss. primitive_ids are rows of the mesh's triangles.
+    primitive_uvs (..., 2) float32: the point (1 - u - v) v0 + u v1 + v v2; zero on a miss.
+    geometric_normals (..., 3) float32: world space, unit length, by the triangle's winding; zero on a miss.
+    positions (..., 3) float64: world space, from the triangle's corners; zero on a miss.
+    distances (...) float64: world units; inf on a miss.
+    front_face (...) bool: the ray met the side from which the corners run counter-clockwise in world space.
+    nodes_visited, primitives_tested (...) int32: boxes and triangles tested for this ray.
+    invalid_count: rays that can hit nothing because they are not finite, have no direction or an empty range.
+    """
+
+    columns: dict[str, npt.NDArray[Any]]
+    invalid_count: int
+
+    def __getattr__(self, name: str) -> npt.NDArray[Any]:
+        if name in FIELD_TYPES:
+            try:
+                return self.columns[name]
+            except KeyError:
+                raise AttributeError(f"hits have no {name}: ask for it with fields=({name!r}, ...)") from None
+        raise AttributeError(f"hits have no field {name!r}; there are {', '.join(FIELD_TYPES)}")
+
+    @property
+    def is_hit(self) -> npt.NDArray[np.bool_]:
+        """(...) bool: whether the ray hit anything. Needs t_hit or one of the ids."""
+        for name in ("instance_ids", "mesh_ids", "primitive_ids"):
+            if name in self.columns:
+                return np.asarray(self.columns[name] >= 0)
+        return np.asarray(np.isfinite(self.t_hit))
+
+
+def allocate_columns(
+    function: str, fields: tuple[str, ...], shape: tuple[int, ...], out: dict[str, npt.NDArray[Any]] | None
+) -> dict[str, npt.NDArray[Any]]:
+    """The result arrays, the caller's own where `out` has them."""
+    columns: dict[str, npt.NDArray[Any]] = {}
+    for name in fields:
+        if name not in FIELD_TYPES:
+            raise ValueError(f"{function}: unknown field {name!r}; there are {', '.join(FIELD_TYPES)}")
+        dtype, width = FIELD_TYPES[name]
+        wanted = shape if width == 1 else (*shape, width)
+        given = None if out is None else out.get(name)
+        if given is None:
+            columns[name] = np.empty(wanted, dtype)
+            continue
+        if given.shape != wanted or given.dtype != dtype or not given.flags.c_contiguous or not given.flags.writeable:
+            raise ValueError(
+                f"{function}: out[{name!r}] must be a writable C-contiguous {np.dtype(dtype).name} array of shape "
+                f"{wanted}, got {given.dtype} of shape {given.shape}"
+            )
+        columns[name] = given
+    return columns

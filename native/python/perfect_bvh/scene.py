@@ -1,0 +1,186 @@
+"""The scene: meshes and instances, edited freely and committed into a two-level tree."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _core
+from ._arrays import as_integers, as_rows, as_transforms, as_triangles
+from .build_config import BuildConfig
+from .hits import Hits
+from .report import CommitReport, SceneStatistics
+from .snapshot import ALL_MASK, Progress, Snapshot
+
+Usage = Literal["static", "deforming", "changing"]
+
+
+class Scene:
+    """A two-level tree over instanced triangle meshes.
+
+    Edits are collected; `commit()` builds, refits or keeps each tree as its edits need; queries then answer from
+    the committed state and raise `StaleSceneError` while edits wait. Every edit checks its input before it changes
+    anything. Arrays are copied in. May be used from several threads.
+    """
+
+    __slots__ = ("_scene",)
+
+    def __init__(self) -> None:
+        self._scene = _core.Scene()
+
+    # Editing
+
+    def add_mesh(
+        self,
+        positions: npt.ArrayLike,
+        triangles: npt.ArrayLike,
+        build: Literal["auto"] | BuildConfig = "auto",
+        usage: Usage = "static",
+    ) -> int:
+        """Adds a mesh and returns its id. It is seen only through instances.
+
+        positions: (V, 3) float; float64 keeps its detail however far from zero it lies.
+        triangles: (T, 3) int, rows of positions; counter-clockwise seen from the front.
+        build: "auto" or a `BuildConfig`. usage: what will happen to the mesh: "static" (nothing, or rigid motion),
+            "deforming" (its positions) or "changing" (its topology).
+
+        Raises ValueError for non-finite positions and for indices out of range.
+        """
+        if usage not in ("static", "deforming", "changing"):
+            raise ValueError(f"add_mesh: usage must be 'static', 'deforming' or 'changing', got {usage!r}")
+        settings = asdict(_as_config(build))
+        return self._scene.add_mesh(
+            as_rows("add_mesh", "positions", positions), as_triangles("add_mesh", triangles), settings, usage
+        )
+
+    def update_mesh(self, mesh: int, positions: npt.ArrayLike) -> None:
+        """Moves a mesh's vertices: (V, 3) with as many rows as before. The next commit refits its tree, or
+        rebuilds it where a refitted one would be too slow, and reports which."""
+        self._scene.update_mesh(int(mesh), as_rows("update_mesh", "positions", positions))
+
+    def replace_mesh(self, mesh: int, positions: npt.ArrayLike, triangles: npt.ArrayLike) -> None:
+        """Gives a mesh another geometry; its instances stay."""
+        self._scene.replace_mesh(
+            int(mesh), as_rows("replace_mesh", "positions", positions), as_triangles("replace_mesh", triangles)
+        )
+
+    def remove_mesh(self, mesh: int) -> None:
+        """Removes a mesh that no instance uses; raises ValueError otherwise."""
+        self._scene.remove_mesh(int(mesh))
+
+    def add_instance(
+        self, mesh: int, transform: npt.ArrayLike | None = None, mask: int = ALL_MASK, order: int | None = None
+    ) -> int:
+        """Places a mesh and returns the instance's id.
+
+        transform: (4, 4) or (3, 4), object to world, any affine map; None for the identity.
+        mask: 32 bits, see `cast_rays`. order: of several hits at exactly the same t, the one with the smallest
+            order wins; by default that is the instance added first.
+        """
+        transforms = np.eye(4)[None] if transform is None else transform
+        orders = None if order is None else [order]
+        return int(self.add_instances([mesh], transforms, [mask], orders)[0])
+
+    def add_instances(
+        self,
+        meshes: npt.ArrayLike,
+        transforms: npt.ArrayLike,
+        masks: npt.ArrayLike | None = None,
+        orders: npt.ArrayLike | None = None,
+    ) -> npt.NDArray[np.int32]:
+        """Places many: meshes (I,) ids, transforms (I, 4, 4) or (I, 3, 4), masks and orders (I,).
+
+        Returns (I,) int32 ids, ascending; ids are never reused.
+        """
+        name = "add_instances"
+        ids = as_integers(name, "meshes", meshes, np.int32).reshape(-1)
+        count = len(ids)
+        values = as_transforms(name, transforms, count) if count else np.empty((0, 3, 4))
+        bits = np.full(count, ALL_MASK, np.uint32) if masks is None else _column(name, "masks", masks, np.uint32, count)
+        keys = None if orders is None else _column(name, "orders", orders, np.int64, count)
+        first = self._scene.add_instances(ids, values, bits, keys)
+        return np.arange(first, first + count, dtype=np.int32)
+
+    def set_transforms(self, ids: npt.ArrayLike, transforms: npt.ArrayLike) -> None:
+        """Moves instances: ids (I,), transforms (I, 4, 4) or (I, 3, 4). No mesh's tree is touched."""
+        rows = as_integers("set_transforms", "ids", ids, np.int32).reshape(-1)
+        if len(rows):
+            self._scene.set_transforms(rows, as_transforms("set_transforms", transforms, len(rows)))
+
+    def set_masks(self, ids: npt.ArrayLike, masks: npt.ArrayLike) -> None:
+        """Changes which rays see the instances: ids (I,), masks (I,) or one for all."""
+        rows = as_integers("set_masks", "ids", ids, np.int32).reshape(-1)
+        if len(rows):
+            self._scene.set_masks(rows, _column("set_masks", "masks", masks, np.uint32, len(rows)))
+
+    def remove_instances(self, ids: npt.ArrayLike) -> None:
+        """Removes instances by id: (I,)."""
+        rows = as_integers("remove_instances", "ids", ids, np.int32).reshape(-1)
+        if len(rows):
+            self._scene.remove_instances(rows)
+
+    def commit(self, progress: Progress | None = None) -> CommitReport:
+        """Brings the trees up to date with all edits.
+
+        progress: called with the share done; returning False raises `Cancelled`. After a failed or cancelled
+        commit the edits still wait, and snapshots taken before stay valid.
+        """
+        return CommitReport.from_core(self._scene.commit(progress))
+
+    def mark_stale(self, why: str) -> None:
+        """Makes every query raise `StaleSceneError(why)` until the next commit: for whoever knows that the
+        source of this scene's data has changed."""
+        self._scene.mark_stale(why)
+
+    # Asking
+
+    @property
+    def is_current(self) -> bool:
+        """Whether queries would be answered: committed, no edits waiting, not marked stale."""
+        return self._scene.is_current()
+
+    @property
+    def mesh_count(self) -> int:
+        """Meshes, with edits that wait."""
+        return self._scene.mesh_count()
+
+    @property
+    def instance_count(self) -> int:
+        """Instances, with edits that wait."""
+        return self._scene.instance_count()
+
+    def snapshot(self) -> Snapshot:
+        """The committed state, immutable. Raises StaleSceneError if edits wait."""
+        return Snapshot(self._scene.snapshot())
+
+    def cast_rays(self, *args: Any, **keywords: Any) -> Hits:
+        """`Snapshot.cast_rays` on the committed state. Raises StaleSceneError if edits wait."""
+        return self.snapshot().cast_rays(*args, **keywords)
+
+    def test_occlusions(self, *args: Any, **keywords: Any) -> npt.NDArray[np.bool_]:
+        """`Snapshot.test_occlusions` on the committed state. Raises StaleSceneError if edits wait."""
+        return self.snapshot().test_occlusions(*args, **keywords)
+
+    def statistics(self) -> SceneStatistics:
+        """`Snapshot.statistics` of the committed state. Raises StaleSceneError if edits wait."""
+        return self.snapshot().statistics()
+
+
+def _as_config(build: str | BuildConfig) -> BuildConfig:
+    if isinstance(build, BuildConfig):
+        return build
+    if build == "auto":
+        return BuildConfig()
+    raise ValueError(f"add_mesh: build must be 'auto' or a BuildConfig, got {build!r}")
+
+
+def _column(function: str, name: str, value: npt.ArrayLike, dtype: type[Any], count: int) -> npt.NDArray[Any]:
+    array = as_integers(function, name, value, dtype)
+    if array.ndim == 0:
+        return np.full(count, array, dtype)
+    if array.shape != (count,):
+        raise ValueError(f"{function}: {name} must have shape ({count},), got {array.shape}")
+    return array
