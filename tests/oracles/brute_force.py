@@ -1,0 +1,157 @@
+"""The judge: every ray against every triangle, in double precision, with its own doubt made explicit.
+
+A triangle is *surely hit* by a ray if the ray passes inside all three of its edges by more than `margin`, *surely
+missed* if it passes outside one of them by more than that, and *doubtful* in between. The margin is what rounding the
+ray to float, in the space of the triangle's instance, can move it by.
+
+An answer is right if
+- it is a miss, and no triangle is surely hit within the ray's range; or
+- it names a triangle that is not surely missed, with the oracle's t for it (within `t_bound`), and no surely hit
+  triangle lies nearer than the answer by more than the two bounds.
+Bounds: with u = 2^-24 and all lengths in world units, rounding the ray moves it by at most 4 u (M + |o|), M the largest
+coordinate of the instance about its own origin or in the world, whichever is greater. Along the ray that shows divided
+by |d| |cos| (the angle of ray and normal), plus 2 u |t| for rounding t itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+ULP = 2.0**-24
+_PAIRS_AT_A_TIME = 2_000_000
+
+F64 = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class WorldTriangles:
+    """corners: (T, 3, 3) world space. instance_ids, primitive_ids, masks: (T,). scale: (T,) for the margin."""
+
+    corners: F64
+    instance_ids: npt.NDArray[np.int64]
+    primitive_ids: npt.NDArray[np.int64]
+    masks: npt.NDArray[np.uint32]
+    scale: F64
+
+    @classmethod
+    def of(cls, parts: list[tuple[int, npt.ArrayLike, npt.ArrayLike, npt.ArrayLike, int]]) -> WorldTriangles:
+        """parts: (instance id, positions, triangles, (4, 4) transform, mask) for each instance."""
+        corners, instances, primitives, masks, scales = [], [], [], [], []
+        for instance_id, positions, triangles, transform, mask in parts:
+            matrix = np.asarray(transform, np.float64)
+            points = np.asarray(positions, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+            rows = np.asarray(triangles).reshape(-1, 3)
+            corners.append(points[rows])
+            instances.append(np.full(len(rows), instance_id))
+            primitives.append(np.arange(len(rows)))
+            masks.append(np.full(len(rows), mask, np.uint32))
+            size = max(np.abs(points).max(initial=0.0), np.abs(matrix[:3, 3]).max())
+            scales.append(np.full(len(rows), size))
+        return cls(
+            np.concatenate(corners) if corners else np.empty((0, 3, 3)),
+            np.concatenate(instances) if instances else np.empty(0, np.int64),
+            np.concatenate(primitives) if primitives else np.empty(0, np.int64),
+            np.concatenate(masks) if masks else np.empty(0, np.uint32),
+            np.concatenate(scales) if scales else np.empty(0),
+        )
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """wrong: (R,) bool. doubtful: (R,) bool, rays for which some triangle was in doubt (right answers included)."""
+
+    wrong: npt.NDArray[np.bool_]
+    doubtful: npt.NDArray[np.bool_]
+    hit: npt.NDArray[np.bool_]
+
+    def __str__(self) -> str:
+        return (
+            f"{len(self.wrong)} rays, {int(self.hit.sum())} hits: {int(self.wrong.sum())} wrong, "
+            f"{int(self.doubtful.sum())} in doubt; first wrong: {np.flatnonzero(self.wrong)[:5].tolist()}"
+        )
+
+
+@dataclass(frozen=True)
+class _Block:
+    t: F64
+    t_bound: F64
+    sure: npt.NDArray[np.bool_]
+    missed: npt.NDArray[np.bool_]
+
+
+def _classify(world: WorldTriangles, origins: F64, directions: F64) -> _Block:
+    """Every ray of a block (R) against every triangle (T): arrays of shape (R, T)."""
+    length = np.linalg.norm(directions, axis=1)
+    a, b, c = (world.corners[None, :, k] - origins[:, None] for k in range(3))
+    d = directions[:, None]
+    normal = np.cross(world.corners[:, 1] - world.corners[:, 0], world.corners[:, 2] - world.corners[:, 0])
+    area = np.linalg.norm(normal, axis=1)
+    facing = directions @ normal.T
+    cosine = np.abs(facing) / np.maximum(length[:, None] * area[None, :], 1e-300)
+    margin = 4.0 * ULP * (world.scale[None, :] + np.abs(origins).max(axis=1)[:, None])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = np.einsum("tk,rtk->rt", normal, a) / facing
+        t_bound = 2.0 * ULP * np.abs(t) + margin / (length[:, None] * cosine)
+    turn = np.sign(facing)
+    inside = np.full(t.shape, np.inf)
+    for p, q in ((a, b), (b, c), (c, a)):
+        volume = np.einsum("rtk,rtk->rt", np.cross(p, q), np.broadcast_to(d, p.shape))
+        edge = np.linalg.norm(np.cross(q - p, d), axis=2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = np.where(edge > 0.0, turn * volume / edge, 0.0)
+        inside = np.minimum(inside, distance)
+    # Seen almost edge-on the three distances say nothing about t: leave such triangles in doubt.
+    edge_on = ~np.isfinite(t) | (cosine < 1e-6) | (area[None, :] == 0.0)
+    return _Block(t, t_bound, (inside > margin) & ~edge_on, (inside < -margin) & ~edge_on)
+
+
+def judge(
+    world: WorldTriangles,
+    origins: npt.ArrayLike,
+    directions: npt.ArrayLike,
+    t_hit: npt.ArrayLike,
+    instance_ids: npt.ArrayLike,
+    primitive_ids: npt.ArrayLike,
+    t_min: npt.ArrayLike = 0.0,
+    t_max: npt.ArrayLike = np.inf,
+    mask: npt.ArrayLike = 0xFFFFFFFF,
+) -> Verdict:
+    """Judges one answer a ray: origins, directions (R, 3); the rest (R,) or scalars. A miss has instance id -1."""
+    origins = np.asarray(origins, np.float64).reshape(-1, 3)
+    directions = np.asarray(directions, np.float64).reshape(-1, 3)
+    count = len(origins)
+    t_hit, instance_ids, primitive_ids = (np.asarray(v).reshape(-1) for v in (t_hit, instance_ids, primitive_ids))
+    t_min, t_max, mask = (np.broadcast_to(np.asarray(v), (count,)) for v in (t_min, t_max, mask))
+    row_of = {
+        key: i for i, key in enumerate(zip(world.instance_ids.tolist(), world.primitive_ids.tolist(), strict=True))
+    }
+    rows = np.array(
+        [row_of.get(key, -1) for key in zip(instance_ids.tolist(), primitive_ids.tolist(), strict=True)], np.int64
+    ).reshape(-1)
+    hit = instance_ids >= 0
+    wrong = hit & (rows < 0)  # names a triangle that does not exist
+    doubtful = np.zeros(count, np.bool_)
+    step = max(1, _PAIRS_AT_A_TIME // max(1, len(world.corners)))
+    for start in range(0, count if len(world.corners) else 0, step):
+        part = slice(start, min(count, start + step))
+        block = _classify(world, origins[part], directions[part])
+        low, high = t_min[part, None], t_max[part, None]
+        visible = (world.masks[None, :] & mask[part, None].astype(np.uint32)) != 0
+        sure = block.sure & visible & (block.t - block.t_bound > low) & (block.t + block.t_bound < high)
+        possible = ~block.missed & visible & (block.t + block.t_bound >= low) & (block.t - block.t_bound <= high)
+        doubtful[part] = (possible & ~sure).any(axis=1)
+        nearest_sure = np.where(sure, block.t + block.t_bound, np.inf).min(axis=1)
+        wrong[part] |= ~hit[part] & np.isfinite(nearest_sure)
+        index = np.flatnonzero(hit[part] & (rows[part] >= 0))
+        chosen = rows[part][index]
+        t, bound = block.t[index, chosen], block.t_bound[index, chosen]
+        answered = t_hit[part][index].astype(np.float64)
+        known = np.isfinite(t) & np.isfinite(bound)
+        bad = ~(visible[index, chosen] & ~block.missed[index, chosen])
+        bad |= known & (np.abs(answered - t) > bound)
+        bad |= answered - np.where(known, bound, 0.0) > nearest_sure[index]
+        wrong[part.start + index[bad]] = True
+    return Verdict(wrong, doubtful, hit)
