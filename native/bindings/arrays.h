@@ -20,7 +20,8 @@ using Array = py::array_t<T, py::array::c_style>;
 // (rows, 3) as vectors.
 template <class T>
 std::span<const Vec3<T>> as_vectors(const Array<T>& array) {
-  if (array.ndim() != 2 || array.shape(1) != 3) throw std::invalid_argument("_core: expected an array of shape (rows, 3)");
+  if (array.ndim() != 2 || array.shape(1) != 3)
+    throw std::invalid_argument("_core: expected an array of shape (rows, 3)");
   return {reinterpret_cast<const Vec3<T>*>(array.data()), static_cast<std::size_t>(array.shape(0))};
 }
 

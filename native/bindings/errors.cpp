@@ -1,6 +1,6 @@
 #include "core/errors.h"
 
-#include "bind.h"
+#include "bindings/bind.h"
 
 namespace perfect_bvh::bindings {
 

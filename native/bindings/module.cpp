@@ -1,5 +1,5 @@
 // The compiled module `_core`. Only the Python face imports it.
-#include "bind.h"
+#include "bindings/bind.h"
 
 PYBIND11_MODULE(_core, module) {
   using namespace perfect_bvh::bindings;

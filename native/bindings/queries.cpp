@@ -1,11 +1,10 @@
 // Rays through snapshots. The Python face hands over contiguous columns and preallocated results.
-#include "scene/ray_batch.h"
-
 #include <pybind11/stl.h>
 
-#include "arrays.h"
-#include "bind.h"
-#include "progress.h"
+#include "bindings/arrays.h"
+#include "bindings/bind.h"
+#include "bindings/progress.h"
+#include "scene/ray_batch.h"
 
 namespace perfect_bvh::bindings {
 namespace {
@@ -22,10 +21,14 @@ void set_vectors(const py::array& array, std::size_t& count, const Vec3<T>*& poi
 // float32 or float64, each as it is.
 void set_columns(const py::array& origins, const py::array& directions, RayColumns& columns) {
   std::size_t origin_count = 0, direction_count = 0;
-  if (py::isinstance<Array<float>>(origins)) set_vectors(origins, origin_count, columns.origins_float);
-  else set_vectors(origins, origin_count, columns.origins_double);
-  if (py::isinstance<Array<float>>(directions)) set_vectors(directions, direction_count, columns.directions_float);
-  else set_vectors(directions, direction_count, columns.directions_double);
+  if (py::isinstance<Array<float>>(origins))
+    set_vectors(origins, origin_count, columns.origins_float);
+  else
+    set_vectors(origins, origin_count, columns.origins_double);
+  if (py::isinstance<Array<float>>(directions))
+    set_vectors(directions, direction_count, columns.directions_float);
+  else
+    set_vectors(directions, direction_count, columns.directions_double);
   if (origin_count != direction_count) throw std::invalid_argument("_core: origins and directions differ in length");
   columns.count = origin_count;
 }
@@ -61,7 +64,8 @@ template <class T>
 T* writable(const py::dict& columns, const char* name, std::size_t count, std::size_t width) {
   if (!columns.contains(name)) return nullptr;
   auto array = columns[name].cast<py::array>();
-  if (!py::isinstance<Array<T>>(array) || static_cast<std::size_t>(array.size()) != count * width || !array.writeable()) {
+  if (!py::isinstance<Array<T>>(array) || static_cast<std::size_t>(array.size()) != count * width ||
+      !array.writeable()) {
     throw std::invalid_argument(std::string("_core: output column ") + name + " has the wrong dtype, size or flags");
   }
   return static_cast<T*>(array.mutable_data());

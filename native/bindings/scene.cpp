@@ -3,9 +3,9 @@
 
 #include <pybind11/stl.h>
 
-#include "arrays.h"
-#include "bind.h"
-#include "progress.h"
+#include "bindings/arrays.h"
+#include "bindings/bind.h"
+#include "bindings/progress.h"
 
 namespace perfect_bvh::bindings {
 namespace {
@@ -54,10 +54,14 @@ std::vector<Affine> as_affines(const Array<double>& array) {
 
 const char* action_name(MeshAction action) {
   switch (action) {
-    case MeshAction::kKept: return "kept";
-    case MeshAction::kBuilt: return "built";
-    case MeshAction::kRefitted: return "refitted";
-    case MeshAction::kRebuilt: return "rebuilt";
+    case MeshAction::kKept:
+      return "kept";
+    case MeshAction::kBuilt:
+      return "built";
+    case MeshAction::kRefitted:
+      return "refitted";
+    case MeshAction::kRebuilt:
+      return "rebuilt";
   }
   return "kept";
 }

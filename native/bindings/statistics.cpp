@@ -1,6 +1,6 @@
 #include "scene/statistics.h"
 
-#include "bind.h"
+#include "bindings/bind.h"
 
 namespace perfect_bvh::bindings {
 

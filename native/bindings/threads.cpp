@@ -1,4 +1,4 @@
-#include "bind.h"
+#include "bindings/bind.h"
 #include "core/thread_pool.h"
 
 namespace perfect_bvh::bindings {

@@ -54,8 +54,8 @@ inline double edge(const Sheared& a, const Sheared& b) noexcept {
 
 // True if the ray's line passes through the triangle (edges and vertices included; not through triangles seen
 // exactly edge-on) within `range`, the ray's range in the triangle's own box: t is clamped to that range.
-[[nodiscard]] inline bool intersect_triangle(const TriangleRay& ray, Vec3f v0, Vec3f v1, Vec3f v2,
-                                             SlabRange box_range, TriangleHit& hit, Facing& facing) noexcept {
+[[nodiscard]] inline bool intersect_triangle(const TriangleRay& ray, Vec3f v0, Vec3f v1, Vec3f v2, SlabRange box_range,
+                                             TriangleHit& hit, Facing& facing) noexcept {
   const detail::Sheared a = detail::shear(ray, v0), b = detail::shear(ray, v1), c = detail::shear(ray, v2);
   const double weight0 = detail::edge(c, b), weight1 = detail::edge(a, c), weight2 = detail::edge(b, a);
   if ((weight0 < 0 || weight1 < 0 || weight2 < 0) && (weight0 > 0 || weight1 > 0 || weight2 > 0)) return false;

@@ -21,8 +21,9 @@ void check_range(Vec3d largest, const char* function) {
   // Areas, products of two extents, must stay finite in float.
   constexpr double kLimit = 1e18;
   if (largest.x <= kLimit && largest.y <= kLimit && largest.z <= kLimit) return;
-  throw InvalidArgument(std::string(function) + ": positions must stay below 1e18 in magnitude; scale the mesh down "
-                                                "and its instances up");
+  throw InvalidArgument(std::string(function) +
+                        ": positions must stay below 1e18 in magnitude; scale the mesh down "
+                        "and its instances up");
 }
 
 AlignedVector<TriangleIndices> copy_triangles(std::span<const Vec3<std::int32_t>> triangles, std::size_t vertex_count,

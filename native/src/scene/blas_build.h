@@ -8,6 +8,7 @@
 
 namespace perfect_bvh {
 
-[[nodiscard]] Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel);
+[[nodiscard]] Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool& pool,
+                              CancelToken& cancel);
 
 }  // namespace perfect_bvh

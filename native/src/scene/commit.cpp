@@ -128,12 +128,15 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
     cancel.poll();
     cancel.throw_if_stopped();
   };
-  parallel_for(pool, changed.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      cancel.throw_if_stopped();
-      results[i] = make_blas(changed[i]->first, changed[i]->second, pool, cancel);
-    }
-  }, 0, idle);
+  parallel_for(
+      pool, changed.size(), 1,
+      [&](std::size_t begin, std::size_t end) {
+        for (std::size_t i = begin; i < end; ++i) {
+          cancel.throw_if_stopped();
+          results[i] = make_blas(changed[i]->first, changed[i]->second, pool, cancel);
+        }
+      },
+      0, idle);
 
   CommitReport report;
   std::map<std::int32_t, std::shared_ptr<const Blas>> blases;

@@ -24,7 +24,7 @@ struct Instance {
   const Blas* blas = nullptr;
   Affine object_to_world;  // from the mesh's stored (recentred) frame
   Affine world_to_object;
-  Aabb world_bounds;  // rounded outward; empty if the mesh is
+  Aabb world_bounds;      // rounded outward; empty if the mesh is
   bool mirrored = false;  // the transform turns the winding round
 };
 

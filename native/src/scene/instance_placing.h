@@ -16,7 +16,8 @@ namespace perfect_bvh {
 [[nodiscard]] bool place_instance(Instance& instance, const Blas& blas, const Affine& object_to_world);
 
 // A copy of the mesh in world space, with its own tree and an identity transform: so a flattened object is still seen.
-[[nodiscard]] std::shared_ptr<const Blas> bake_instance(Instance& instance, const Blas& blas, const Affine& object_to_world,
-                                                        const BuildConfig& config, ThreadPool& pool, CancelToken& cancel);
+[[nodiscard]] std::shared_ptr<const Blas> bake_instance(Instance& instance, const Blas& blas,
+                                                        const Affine& object_to_world, const BuildConfig& config,
+                                                        ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -49,13 +49,16 @@ void store_geometry(const HitColumns& out, std::size_t row, const Snapshot& snap
     position = hit_position(snapshot, hit);
   }
   if (out.normals) store(out.normals, row, normal);
-  if (out.positions) out.positions[3 * row] = position.x, out.positions[3 * row + 1] = position.y, out.positions[3 * row + 2] = position.z;
+  if (out.positions)
+    out.positions[3 * row] = position.x, out.positions[3 * row + 1] = position.y,
+                      out.positions[3 * row + 2] = position.z;
   if (out.front_face) out.front_face[row] = hit.found() && dot(normal, ray.direction) < 0 ? 1 : 0;
 }
 
 // Calls block(rays, first row) for every block of loaded rays, over the pool; counts the invalid ones.
 template <class Block>
-std::size_t for_each_block(const RayColumns& columns, ThreadPool& pool, int max_threads, CancelToken& cancel, Block&& block) {
+std::size_t for_each_block(const RayColumns& columns, ThreadPool& pool, int max_threads, CancelToken& cancel,
+                           Block&& block) {
   std::atomic<std::size_t> invalid_count{0};
   cancel.expect(columns.count);
   const auto run = [&](std::size_t begin, std::size_t end) {
@@ -94,13 +97,14 @@ std::size_t cast_rays(const Snapshot& snapshot, const RayColumns& columns, const
       store_identity(out, first + i, snapshot, hits[i]);
       store_geometry(out, first + i, snapshot, hits[i], rays[i]);
       if (out.nodes_visited) out.nodes_visited[first + i] = static_cast<std::int32_t>(counts[i].nodes_visited);
-      if (out.primitives_tested) out.primitives_tested[first + i] = static_cast<std::int32_t>(counts[i].primitives_tested);
+      if (out.primitives_tested)
+        out.primitives_tested[first + i] = static_cast<std::int32_t>(counts[i].primitives_tested);
     }
   });
 }
 
-std::size_t test_occlusions(const Snapshot& snapshot, const RayColumns& columns, std::uint8_t* occluded, ThreadPool& pool,
-                            int max_threads, CancelToken& cancel) {
+std::size_t test_occlusions(const Snapshot& snapshot, const RayColumns& columns, std::uint8_t* occluded,
+                            ThreadPool& pool, int max_threads, CancelToken& cancel) {
   return for_each_block(columns, pool, max_threads, cancel, [&](std::span<const Ray> rays, std::size_t first) {
     trace_occluded(snapshot, rays, std::span(occluded + first, rays.size()), columns.cull);
   });

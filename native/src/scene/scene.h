@@ -42,7 +42,7 @@ class Scene {
   template <class T>
   void update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions);  // same topology
   void replace_mesh(std::int32_t mesh_id, TriangleMesh mesh);
-  void remove_mesh(std::int32_t mesh_id);  // InvalidArgument while instances use it
+  void remove_mesh(std::int32_t mesh_id);                             // InvalidArgument while instances use it
   std::int32_t add_instances(std::span<const InstanceInput> inputs);  // the first new id; the others follow
   void set_transforms(std::span<const std::int32_t> ids, std::span<const Affine> transforms);
   void set_masks(std::span<const std::int32_t> ids, std::span<const std::uint32_t> masks);
@@ -64,7 +64,7 @@ class Scene {
   struct MeshSlot {
     BuildConfig config;
     Usage usage = Usage::kStatic;
-    std::shared_ptr<const Blas> blas;           // committed; null before the first commit
+    std::shared_ptr<const Blas> blas;            // committed; null before the first commit
     std::shared_ptr<const TriangleMesh> edited;  // waiting; null if nothing is
     bool same_topology = false;                  // of `edited` and `blas`
     double fresh_cost = 0;                       // the tree's SAH cost when it was last built
@@ -87,8 +87,8 @@ class Scene {
   void mark_edited();
 
   static BlasResult make_blas(std::int32_t mesh_id, const MeshSlot& slot, ThreadPool& pool, CancelToken& cancel);
-  std::shared_ptr<Snapshot> assemble(const std::map<std::int32_t, std::shared_ptr<const Blas>>& blases, ThreadPool& pool,
-                                     CancelToken& cancel, CommitReport& report) const;
+  std::shared_ptr<Snapshot> assemble(const std::map<std::int32_t, std::shared_ptr<const Blas>>& blases,
+                                     ThreadPool& pool, CancelToken& cancel, CommitReport& report) const;
 
   mutable std::mutex edit_mutex_;  // held by every edit and for the whole of a commit
   std::map<std::int32_t, MeshSlot> meshes_;

@@ -13,10 +13,10 @@
 namespace perfect_bvh {
 
 struct Snapshot {
-  std::vector<std::shared_ptr<const Blas>> blases;  // keeps alive what the instances point to
+  std::vector<std::shared_ptr<const Blas>> blases;           // keeps alive what the instances point to
   std::vector<std::pair<std::int32_t, const Blas*>> meshes;  // by mesh id; baked copies are not among them
-  std::vector<Instance> instances;                  // in the order of their scene ids
-  Bvh2 tlas;                                        // over the instances' world boxes
+  std::vector<Instance> instances;                           // in the order of their scene ids
+  Bvh2 tlas;                                                 // over the instances' world boxes
   std::uint64_t generation = 0;
 };
 

@@ -44,8 +44,9 @@ class Tracer {
         const std::uint32_t index = tlas.prim_indices[i];
         const Instance& instance = snapshot_.instances[index];
         if ((instance.mask & ray.mask) == 0) continue;
-        const SlabRange box = slabs.range(instance.world_bounds.lower, instance.world_bounds.upper, t_min, limit);
-        if (!(box.near <= box.far)) continue;
+        const SlabRange box = slabs.range(instance.world_bounds.lower, instance.world_bounds.upper, -kInfiniteDistance,
+                                          kInfiniteDistance);
+        if (!(box.near <= box.far && box.far >= t_min && box.near <= limit)) continue;
         if (trace_instance<kAny>(ray, index, world.to_world(box.near), best_t, best, counts)) return true;
         limit = std::min(limit, world.to_object(best_t));
       }
@@ -78,8 +79,10 @@ class Tracer {
       for (std::uint32_t i = first; i < first + count; ++i) {
         const std::uint32_t primitive = blas.tree.prim_indices[i];
         const TriangleIndices corners = blas.mesh.triangles[primitive];
-        const Vec3f v0 = blas.mesh.positions[corners.x], v1 = blas.mesh.positions[corners.y], v2 = blas.mesh.positions[corners.z];
-        const SlabRange box = slabs.range(min(v0, min(v1, v2)), max(v0, max(v1, v2)), -kInfiniteDistance, kInfiniteDistance);
+        const Vec3f v0 = blas.mesh.positions[corners.x], v1 = blas.mesh.positions[corners.y],
+                    v2 = blas.mesh.positions[corners.z];
+        const SlabRange box =
+            slabs.range(min(v0, min(v1, v2)), max(v0, max(v1, v2)), -kInfiniteDistance, kInfiniteDistance);
         TriangleHit hit;
         Facing facing;
         if (!intersect_triangle(triangle_ray, v0, v1, v2, box, hit, facing)) continue;
@@ -134,7 +137,9 @@ WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit) noexcept 
   const Instance& instance = snapshot.instances[hit.instance_index];
   const TriangleMesh& mesh = instance.blas->mesh;
   const TriangleIndices corners = mesh.triangles[hit.primitive_index];
-  const auto place = [&](std::uint32_t vertex) { return instance.object_to_world.point(to_double(mesh.positions[vertex])); };
+  const auto place = [&](std::uint32_t vertex) {
+    return instance.object_to_world.point(to_double(mesh.positions[vertex]));
+  };
   return {place(corners.x), place(corners.y), place(corners.z)};
 }
 

@@ -40,7 +40,8 @@ void traverse_bvh2(const Bvh2& tree, const SlabRay& ray, float t_min, float& t_m
       if (counts != nullptr) counts->nodes_visited += 2;
       if (enters_left && enters_right) {
         const bool left_first = left_range.near <= right_range.near;
-        stack[depth++] = left_first ? StackEntry{node.first + 1, right_range.near} : StackEntry{node.first, left_range.near};
+        stack[depth++] =
+            left_first ? StackEntry{node.first + 1, right_range.near} : StackEntry{node.first, left_range.near};
         index = left_first ? node.first : node.first + 1;
         continue;
       }

@@ -1,0 +1,174 @@
+"""Bad input: a clear ValueError or a miss, never a crash, and never a change."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import perfect_bvh
+from tests.oracles import meshes
+
+TRIANGLE = (np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32), np.array([(0, 1, 2)], np.int32))
+NAN, INF = np.nan, np.inf
+
+
+@pytest.fixture
+def scene():
+    made = perfect_bvh.Scene()
+    made.add_instance(made.add_mesh(*TRIANGLE))
+    made.commit()
+    return made
+
+
+@pytest.mark.parametrize(
+    ("positions", "triangles", "message"),
+    [
+        (np.zeros((3, 2)), TRIANGLE[1], r"add_mesh: positions must have shape \(V, 3\)"),
+        (TRIANGLE[0], np.zeros((1, 4), int), r"add_mesh: triangles must have shape \(T, 3\)"),
+        (TRIANGLE[0], np.array([[0, 1, 512]]), r"triangles\[0\] refers to vertex 512 but positions has 3 rows"),
+        (TRIANGLE[0], np.array([[0, 1, -1]]), r"triangles\[0\] refers to vertex -1"),
+        (TRIANGLE[0], np.array([[0.0, 1.0, 2.0]]), "triangles must hold integers"),
+        (TRIANGLE[0], np.array([[0, 1, 2**40]]), "triangles has values outside"),
+        (TRIANGLE[0] * NAN, TRIANGLE[1], r"positions\[0\] is not finite"),
+        (TRIANGLE[0] + (0, INF, 0), TRIANGLE[1], r"positions\[0\] is not finite"),
+        (TRIANGLE[0] * 1e30, TRIANGLE[1], "below 1e18"),
+        ("abc", TRIANGLE[1], "must hold numbers"),
+        ([[1, 2, 3], [4, 5]], TRIANGLE[1], "not a regular array"),
+    ],
+)
+def test_meshes(scene, positions, triangles, message):
+    with pytest.raises(ValueError, match=message):
+        scene.add_mesh(positions, triangles)
+    assert scene.is_current and scene.mesh_count == 1
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda s: s.add_mesh(*TRIANGLE, build="best"), "build must be 'auto' or a BuildConfig"),
+        (lambda s: s.add_mesh(*TRIANGLE, usage="still"), "usage must be"),
+        (lambda s: s.add_instance(7), "add_instances: there is no mesh with id 7"),
+        (lambda s: s.add_instance(0, np.eye(3)), "transforms must have shape"),
+        (lambda s: s.add_instance(0, np.eye(4) * NAN), "transforms must be affine"),
+        (lambda s: s.add_instance(0, np.full((3, 4), INF)), r"transforms\[0\] is not finite"),
+        (lambda s: s.add_instance(0, mask=-1), "masks has values outside"),
+        (lambda s: s.add_instances([0, 0], np.eye(4)[None]), "transforms has 1 rows"),
+        (lambda s: s.set_transforms([0, 5], np.stack([np.eye(4)] * 2)), "no instance with id 5"),
+        (lambda s: s.set_masks([0], [1, 2]), "masks must have shape"),
+        (lambda s: s.remove_instances([0, 9]), "no instance with id 9"),
+        (lambda s: s.remove_mesh(0), "still used by 1 instances"),
+        (lambda s: s.update_mesh(0, np.zeros((4, 3))), "positions has 4 rows but the mesh has 3"),
+        (lambda s: s.update_mesh(3, np.zeros((4, 3))), "no mesh with id 3"),
+    ],
+)
+def test_edits_check_everything_before_they_change_anything(scene, call, message):
+    with pytest.raises(ValueError, match=message):
+        call(scene)
+    assert scene.is_current and (scene.mesh_count, scene.instance_count) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"origins": np.zeros((2, 4))}, r"origins must have shape \(\.\.\., 3\)"),
+        ({"origins": np.zeros((2, 3)), "directions": np.zeros((3, 3))}, "do not fit together"),
+        ({"origins": np.zeros((2, 3)), "t_max": np.zeros(3)}, "t_max of shape"),
+        ({"mask": 1.5}, "mask must hold integers"),
+        ({"mask": 2**32}, "mask has values outside"),
+        ({"cull": "both"}, "cull must be"),
+        ({"threads": -1}, "threads must be"),
+        ({"precision": "exact"}, "precision must be"),
+        ({"origins": [["a", "b", "c"]]}, "must hold numbers"),
+    ],
+)
+def test_queries(scene, arguments, message):
+    usual = {"origins": np.zeros((1, 3)), "directions": np.ones((1, 3))}
+    for query in (scene.cast_rays, scene.test_occlusions):
+        with pytest.raises(ValueError, match=message):
+            query(**{**usual, **arguments})
+
+
+def test_unknown_field(scene):
+    with pytest.raises(ValueError, match="unknown field 'depth'"):
+        scene.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), fields=("depth",))
+
+
+def test_fast_precision_is_refused(scene):
+    with pytest.raises(perfect_bvh.EngineError, match="robust"):
+        scene.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), precision="fast")
+
+
+INVALID = [
+    ((NAN, 0, 1), (0, 0, -1), 0.0, INF),
+    ((INF, 0, 1), (0, 0, -1), 0.0, INF),
+    ((0.2, 0.2, 1), (0, NAN, -1), 0.0, INF),
+    ((0.2, 0.2, 1), (0, 0, -INF), 0.0, INF),
+    ((0.2, 0.2, 1), (0, 0, 0), 0.0, INF),
+    ((0.2, 0.2, 1), (-0.0, 0, 0), 0.0, INF),
+    ((0.2, 0.2, 1), (0, 0, -1), 2.0, 0.0),
+    ((0.2, 0.2, 1), (0, 0, -1), NAN, INF),
+    ((0.2, 0.2, 1), (0, 0, -1), 0.0, NAN),
+]
+
+
+@pytest.mark.parametrize(("origin", "direction", "t_min", "t_max"), INVALID)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_invalid_rays_are_misses(scene, origin, direction, t_min, t_max, dtype):
+    origins, directions = np.array([origin, (0.2, 0.2, 1)], dtype), np.array([direction, (0, 0, -1)], dtype)
+    hits = scene.cast_rays(origins, directions, t_min=[t_min, 0.0], t_max=[t_max, INF])
+    assert hits.is_hit.tolist() == [False, True] and hits.invalid_count == 1
+    assert scene.test_occlusions(origins, directions, t_min=[t_min, 0], t_max=[t_max, INF]).tolist() == [False, True]
+
+
+@pytest.mark.parametrize(
+    "direction", [(0, 0, -1e-45), (0, 0, -1e-310), (0, 0, -3e38), (1e-45, 1e-45, -1e-45), (0, 0, -1e300)]
+)
+def test_extreme_directions_never_crash(scene, direction):
+    hits = scene.cast_rays(np.array([(0.2, 0.2, 1.0)]), np.array([direction]))
+    assert hits.is_hit[0] == np.isfinite(hits.t_hit[0])
+
+
+def test_array_layouts(scene):
+    """Strided, Fortran-ordered, read-only, big-endian and integer arrays answer alike."""
+    origins = np.random.default_rng(0).uniform(0, 0.4, (40, 3)) + (0, 0, 1)
+    directions = np.broadcast_to((0.0, 0.0, -1.0), origins.shape)
+    expected = scene.cast_rays(origins, directions).t_hit
+    read_only = origins.copy()
+    read_only.flags.writeable = False
+    variants = [
+        np.asfortranarray(origins),
+        np.repeat(origins, 2, axis=0)[::2],
+        read_only,
+        origins.astype(">f8"),
+        origins.tolist(),
+    ]
+    for variant in variants:
+        assert np.array_equal(scene.cast_rays(variant, directions).t_hit, expected)
+    whole = scene.cast_rays(np.array([[0, 0, 3]]), np.array([[0, 0, -1]]))
+    assert whole.t_hit[0] == 3.0
+
+
+def test_degenerate_triangles_are_harmless():
+    positions, triangles = meshes.sphere(10, 12)
+    flat = np.stack([triangles[:, 0], triangles[:, 0], triangles[:, 1]], axis=1)
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh(positions, np.concatenate([flat, triangles])))
+    scene.commit()
+    hits = scene.cast_rays(np.zeros((500, 3)), np.random.default_rng(1).normal(size=(500, 3)))
+    assert hits.is_hit.all() and hits.primitive_ids.min() >= len(flat)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 1000])
+def test_identical_triangles(count):
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh(TRIANGLE[0], np.repeat(TRIANGLE[1], count, axis=0)))
+    scene.commit()
+    assert scene.cast_rays([(0.2, 0.2, 1)], [(0, 0, -1)]).primitive_ids[0] == 0
+
+
+@pytest.mark.parametrize(
+    "settings", [{"builder": "best"}, {"bins": 1}, {"axes": 2}, {"max_leaf_size": 0}, {"traversal_cost": 0.0}]
+)
+def test_build_settings(settings):
+    with pytest.raises(ValueError, match="BuildConfig"):
+        perfect_bvh.BuildConfig(**settings)
