@@ -22,4 +22,17 @@ namespace py = pybind11;
   };
 }
 
+// Runs work(cancel) with the GIL released. What the callback raised reaches the caller as it is.
+template <class Work>
+auto with_progress(const py::object& progress, Work&& work) {
+  const py::gil_scoped_release release;
+  CancelToken cancel(make_progress(progress));
+  try {
+    return work(cancel);
+  } catch (const Cancelled&) {
+    cancel.rethrow_callback_error();
+    throw;
+  }
+}
+
 }  // namespace perfect_bvh::bindings

@@ -99,9 +99,9 @@ void bind_queries(py::module_& module) {
          int threads, const py::object& progress) {
         const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
         const HitColumns hits = read_outputs(outputs, rays.count);
-        const py::gil_scoped_release release;
-        CancelToken cancel(make_progress(progress));
-        return cast_rays(self, rays, hits, ThreadPool::shared(), threads, cancel);
+        return with_progress(progress, [&](CancelToken& cancel) {
+          return cast_rays(self, rays, hits, ThreadPool::shared(), threads, cancel);
+        });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
       py::arg("masks").noconvert(), py::arg("cull"), py::arg("outputs"), py::arg("threads"), py::arg("progress"));
@@ -115,9 +115,9 @@ void bind_queries(py::module_& module) {
           throw std::invalid_argument("_core: occluded has the wrong size");
         }
         auto* const out = reinterpret_cast<std::uint8_t*>(occluded.mutable_data());
-        const py::gil_scoped_release release;
-        CancelToken cancel(make_progress(progress));
-        return test_occlusions(self, rays, out, ThreadPool::shared(), threads, cancel);
+        return with_progress(progress, [&](CancelToken& cancel) {
+          return test_occlusions(self, rays, out, ThreadPool::shared(), threads, cancel);
+        });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
       py::arg("masks").noconvert(), py::arg("cull"), py::arg("occluded").noconvert(), py::arg("threads"),

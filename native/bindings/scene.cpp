@@ -175,12 +175,8 @@ void bind_scene(py::module_& module) {
   scene.def(
       "commit",
       [](Scene& self, const py::object& progress) {
-        CommitReport report;
-        {
-          const py::gil_scoped_release release;
-          CancelToken cancel(make_progress(progress));
-          report = self.commit(ThreadPool::shared(), cancel);
-        }
+        const CommitReport report =
+            with_progress(progress, [&](CancelToken& cancel) { return self.commit(ThreadPool::shared(), cancel); });
         return to_dict(report);
       },
       py::arg("progress") = py::none());

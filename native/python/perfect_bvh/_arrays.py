@@ -60,7 +60,7 @@ def as_integers(function: str, name: str, value: npt.ArrayLike, dtype: type[np.i
     limits = np.iinfo(dtype)
     if array.dtype != dtype and (int(array.min()) < limits.min or int(array.max()) > limits.max):
         raise ValueError(f"{function}: {name} has values outside {limits.min} to {limits.max}")
-    return np.ascontiguousarray(array, dtype=dtype)
+    return np.asarray(array, dtype=dtype, order="C")  # unlike ascontiguousarray this keeps scalars scalar
 
 
 def as_transforms(function: str, value: npt.ArrayLike, count: int | None = None) -> npt.NDArray[np.float64]:

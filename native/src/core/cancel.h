@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstddef>
+#include <exception>
 #include <functional>
 #include <thread>
 #include <utility>
@@ -58,6 +59,7 @@ class CancelToken {
     try {
       go_on = callback_(fraction());
     } catch (...) {
+      callback_error_ = std::current_exception();
       request_stop();
       throw;
     }
@@ -72,11 +74,18 @@ class CancelToken {
     throw_if_stopped();
   }
 
+  // Another thread's Cancelled may overtake what the callback threw: whoever catches Cancelled asks here first.
+  void rethrow_callback_error() const {
+    if (callback_error_)
+      std::rethrow_exception(callback_error_);
+  }
+
  private:
   std::atomic<bool> stop_{false};
   std::atomic<std::size_t> total_{0};
   std::atomic<std::size_t> done_{0};
   Callback callback_;
+  std::exception_ptr callback_error_;
   std::thread::id owner_{std::this_thread::get_id()};
   std::chrono::steady_clock::time_point last_poll_{std::chrono::steady_clock::now()};
 };

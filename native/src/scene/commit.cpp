@@ -66,7 +66,8 @@ Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, T
   }
   if (!built) {
     blas->tree = build_tree(blas->mesh, slot.config, pool, cancel);
-    result.fresh_cost = measure_quality(blas->tree).sah;
+    // A tree built over no extent has no quality to measure a refit by.
+    result.fresh_cost = blas->tree.bounds().half_area() > 0 ? measure_quality(blas->tree).sah : 0;
   }
   report.triangle_count = blas->mesh.triangle_count();
   report.byte_count = blas->mesh.byte_count() + blas->tree.byte_count();
