@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
-
 import perfect_bvh
-from tests.oracles import meshes
+import pytest
+from oracles import meshes
 
 TRIANGLE = (np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32), np.array([(0, 1, 2)], np.int32))
 NAN, INF = np.nan, np.inf

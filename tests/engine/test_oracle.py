@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
-
 import perfect_bvh
-from tests.oracles import meshes
-from tests.oracles.brute_force import Verdict, WorldTriangles, judge
+import pytest
+from oracles import meshes
+from oracles.brute_force import Verdict, WorldTriangles, judge
 
 SHEAR = np.array([[1.0, 0.7, 0.0, 0.3], [0.0, 0.4, 0.2, -0.2], [0.1, 0.0, 1.9, 0.1], [0.0, 0.0, 0.0, 1.0]])
 MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
@@ -85,7 +84,7 @@ def test_axis_parallel_rays():
 
 
 def test_rays_that_start_on_a_surface():
-    """t = 0 counts when t_min is 0, whichever way the ray goes."""
+    """T = 0 counts when t_min is 0, whichever way the ray goes."""
     mesh = as_float32(meshes.grid(4))
     origins = np.zeros((50, 3), np.float32)
     origins[:, :2] = np.random.default_rng(1).uniform(-0.9, 0.9, (50, 2))
@@ -111,7 +110,7 @@ def test_scales(scale):
 
 @pytest.mark.parametrize("length", [1e-30, 1e-10, 1e10, 1e30])
 def test_direction_lengths(length):
-    """t scales with the direction's length; nothing else changes."""
+    """T scales with the direction's length; nothing else changes."""
     mesh = as_float32(meshes.sphere(24, 32))
     scene = perfect_bvh.Scene()
     scene.add_instance(scene.add_mesh(*mesh))

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
-
 import perfect_bvh
-from tests.oracles import meshes
+import pytest
+from oracles import meshes
 
 RAYS = 300_000
 

@@ -39,6 +39,7 @@ class CommitReport:
 
     @classmethod
     def from_core(cls, values: dict[str, Any]) -> CommitReport:
+        """From the native module's dictionary."""
         meshes = tuple(MeshReport(**row) for row in values.pop("meshes"))
         return cls(meshes=meshes, **values)
 
@@ -82,5 +83,6 @@ class SceneStatistics:
 
     @classmethod
     def from_core(cls, values: dict[str, Any]) -> SceneStatistics:
+        """From the native module's dictionary."""
         meshes = tuple(TreeStatistics(**row) for row in values.pop("meshes"))
         return cls(meshes=meshes, top_level=TreeStatistics(**values.pop("top_level")), **values)

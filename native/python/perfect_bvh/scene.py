@@ -57,8 +57,10 @@ class Scene:
         )
 
     def update_mesh(self, mesh: int, positions: npt.ArrayLike) -> None:
-        """Moves a mesh's vertices: (V, 3) with as many rows as before. The next commit refits its tree, or
-        rebuilds it where a refitted one would be too slow, and reports which."""
+        """Moves a mesh's vertices: (V, 3) with as many rows as before.
+
+        The next commit refits its tree, or rebuilds it where a refitted one would be too slow, and reports which.
+        """
         self._scene.update_mesh(int(mesh), as_rows("update_mesh", "positions", positions))
 
     def replace_mesh(self, mesh: int, positions: npt.ArrayLike, triangles: npt.ArrayLike) -> None:
@@ -131,8 +133,10 @@ class Scene:
         return CommitReport.from_core(self._scene.commit(progress))
 
     def mark_stale(self, why: str) -> None:
-        """Makes every query raise `StaleSceneError(why)` until the next commit: for whoever knows that the
-        source of this scene's data has changed."""
+        """Makes every query raise `StaleSceneError(why)` until the next commit.
+
+        For whoever knows that the source of this scene's data has changed.
+        """
         self._scene.mark_stale(why)
 
     # Asking

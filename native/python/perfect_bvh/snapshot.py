@@ -88,8 +88,10 @@ class Snapshot:
         threads: int = 0,
         progress: Progress | None = None,
     ) -> npt.NDArray[np.bool_]:
-        """Whether anything lies on each ray between t_min and t_max: (...) bool; True exactly where
-        `cast_rays` finds a hit, but faster. Arguments as there; invalid rays are False."""
+        """Whether anything lies on each ray between t_min and t_max: (...) bool.
+
+        True exactly where `cast_rays` finds a hit, but faster. Arguments as there; invalid rays are False.
+        """
         _check_precision("test_occlusions", precision)
         rays = _Rays("test_occlusions", origins, directions, t_min, t_max, mask, cull, threads)
         occluded = np.empty(rays.shape, np.bool_)
