@@ -3,9 +3,9 @@
 
 #include <cstring>
 
-#include "tests/box_sets.h"
 #include "build/builder.h"
 #include "core/errors.h"
+#include "tests/box_sets.h"
 #include "update/quality.h"
 #include "update/refit.h"
 
@@ -26,15 +26,13 @@ Aabb fresh_box(const Bvh2& tree, std::size_t index, const std::vector<Aabb>& box
     box.grow(fresh_box(tree, node.first, boxes));
     box.grow(fresh_box(tree, node.first + 1, boxes));
   }
-  for (std::uint32_t i = 0; i < node.count; ++i)
-    box.grow(boxes[tree.prim_indices[node.first + i]]);
+  for (std::uint32_t i = 0; i < node.count; ++i) box.grow(boxes[tree.prim_indices[node.first + i]]);
   return box;
 }
 
 void expect_fresh(const Bvh2& tree, const std::vector<Aabb>& boxes) {
   for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
-    if (i == 1)
-      continue;
+    if (i == 1) continue;
     const Aabb box = fresh_box(tree, i, boxes);
     ASSERT_EQ(box.lower, tree.nodes[i].lower) << i;
     ASSERT_EQ(box.upper, tree.nodes[i].upper) << i;
@@ -56,8 +54,7 @@ struct Mesh {
   }
   [[nodiscard]] std::vector<PrimRef> refs() const {
     std::vector<PrimRef> result;
-    for (const Aabb& box : boxes())
-      result.push_back(make_ref(box.lower, box.upper, result.size()));
+    for (const Aabb& box : boxes()) result.push_back(make_ref(box.lower, box.upper, result.size()));
     return result;
   }
 };
@@ -84,8 +81,7 @@ TEST(Refit, GivesFreshBoxesAfterAnyMotion) {
     Bvh2 tree = build(mesh.refs());
     std::mt19937 random(2);
     std::uniform_real_distribution<float> place(-10.0f, 10.0f);
-    for (Vec3f& p : mesh.positions)
-      p = {place(random), place(random), place(random)};
+    for (Vec3f& p : mesh.positions) p = {place(random), place(random), place(random)};
     refit_bvh2(tree, mesh.positions, mesh.triangles, pool, cancel);
     EXPECT_EQ(find_fault(tree, mesh.triangles.size()), "");
     expect_fresh(tree, mesh.boxes());
@@ -95,8 +91,7 @@ TEST(Refit, GivesFreshBoxesAfterAnyMotion) {
 TEST(Refit, OfUnmovedBoxesChangesNoByte) {
   const auto refs = hard_sets().back().refs;  // zeros of both signs
   std::vector<Aabb> boxes;
-  for (const PrimRef& ref : refs)
-    boxes.push_back(ref.box());
+  for (const PrimRef& ref : refs) boxes.push_back(ref.box());
   const Bvh2 before = build(refs);
   Bvh2 after = before;
   refit_bvh2(after, boxes);
@@ -149,17 +144,14 @@ class Validator : public testing::Test {
   Bvh2 tree = build(scattered(100));
   std::size_t leaf() const {
     std::size_t index = tree.nodes.size() - 1;
-    while (!tree.nodes[index].is_leaf())
-      --index;
+    while (!tree.nodes[index].is_leaf()) --index;
     return index;
   }
   std::string fault() const { return find_fault(tree, 100); }
   bool finds(const char* words) const { return fault().find(words) != std::string::npos; }
 };
 
-TEST_F(Validator, AcceptsASoundTree) {
-  EXPECT_EQ(fault(), "");
-}
+TEST_F(Validator, AcceptsASoundTree) { EXPECT_EQ(fault(), ""); }
 TEST_F(Validator, FindsAChildOutsideItsParent) {
   tree.nodes[leaf()].upper.x += 5.0f;
   EXPECT_TRUE(finds("does not contain")) << fault();
@@ -179,13 +171,10 @@ TEST_F(Validator, FindsACycle) {
 }
 TEST_F(Validator, FindsASharedChild) {
   std::size_t interior = 2;
-  while (tree.nodes[interior].is_leaf())
-    ++interior;
+  while (tree.nodes[interior].is_leaf()) ++interior;
   for (std::size_t other = 0; other < tree.nodes.size(); ++other) {
-    if (other == 1 || other == interior || tree.nodes[other].is_leaf())
-      continue;
-    if (tree.nodes[other].first <= interior)
-      continue;
+    if (other == 1 || other == interior || tree.nodes[other].is_leaf()) continue;
+    if (tree.nodes[other].first <= interior) continue;
     tree.nodes[interior].first = tree.nodes[other].first;
     tree.nodes[interior].set_box(tree.nodes[0].box());
     break;
