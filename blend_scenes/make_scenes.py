@@ -1,0 +1,37 @@
+"""Writes the example scenes as small .blend files; the same seed gives the same geometry.
+
+Run it with a Python that has Blender's module (`bpy`): python blend_scenes/make_scenes.py [NAME ...] [--output DIR]
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from makers import courtyard
+from makers.stage import save_stage
+
+SCENES: dict[str, Callable[[], None]] = {
+    "courtyard": courtyard.make,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description="Write the example scenes as .blend files.")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"which scenes: {', '.join(SCENES)} (default: all)")
+    parser.add_argument("--output", type=Path, default=Path(__file__).parent, metavar="DIR", help="where to write them")
+    options = parser.parse_args(arguments)
+    unknown = [name for name in options.names if name not in SCENES]
+    if unknown:
+        parser.error(f"unknown scene {', '.join(unknown)}; choose from {', '.join(SCENES)}")
+    options.output.mkdir(parents=True, exist_ok=True)
+    for name in options.names or SCENES:
+        SCENES[name]()
+        path = (options.output / f"{name}.blend").resolve()
+        save_stage(path)
+        print(f"{path}: {path.stat().st_size / 1000:.0f} KB")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The scenes' makers: each fills an empty Blender file from a seed."""
