@@ -19,20 +19,23 @@ py::dict to_dict(const TreeStatistics& tree) {
 }  // namespace
 
 void bind_statistics(py::module_& module) {
-  module.def("measure", [](const Snapshot& snapshot) {
-    SceneStatistics statistics;
-    {
-      const py::gil_scoped_release release;
-      statistics = measure(snapshot);
-    }
-    py::list meshes;
-    for (const TreeStatistics& mesh : statistics.meshes) meshes.append(to_dict(mesh));
-    return py::dict(py::arg("meshes") = meshes, py::arg("top_level") = to_dict(statistics.top_level),
-                    py::arg("triangle_count") = statistics.triangle_count,
-                    py::arg("instanced_triangle_count") = statistics.instanced_triangle_count,
-                    py::arg("instance_count") = statistics.instance_count,
-                    py::arg("byte_count") = statistics.byte_count, py::arg("generation") = statistics.generation);
-  });
+  module.def(
+      "measure",
+      [](const Snapshot& snapshot) {
+        SceneStatistics statistics;
+        {
+          const py::gil_scoped_release release;
+          statistics = measure(snapshot);
+        }
+        py::list meshes;
+        for (const TreeStatistics& mesh : statistics.meshes) meshes.append(to_dict(mesh));
+        return py::dict(py::arg("meshes") = meshes, py::arg("top_level") = to_dict(statistics.top_level),
+                        py::arg("triangle_count") = statistics.triangle_count,
+                        py::arg("instanced_triangle_count") = statistics.instanced_triangle_count,
+                        py::arg("instance_count") = statistics.instance_count,
+                        py::arg("byte_count") = statistics.byte_count, py::arg("generation") = statistics.generation);
+      },
+      py::arg("snapshot"));
 }
 
 }  // namespace perfect_bvh::bindings
