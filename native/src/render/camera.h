@@ -1,0 +1,71 @@
+// From a pixel to a ray, in world space.
+// In: a camera that looks along its own -Z with +Y up, whose every lens setting is folded into a window.
+// Out: rays whose direction has unit length along the view axis, so that t IS the depth along that axis: the clipping
+// range needs no work a pixel and the depth pass no square root. Pixel (0, 0) is the top left one; its centre is at
+// (0.5, 0.5), so that the pixels divide the window evenly.
+#pragma once
+
+#include <cstdint>
+
+#include "math/affine.h"
+#include "traverse/ray.h"
+
+namespace perfect_bvh {
+
+enum class Projection : std::uint8_t { kPerspective, kOrthographic };
+
+struct Camera {
+  Affine camera_to_world;  // axes of any length: only their directions count
+  // The frame: on the plane one unit in front of a perspective camera, or in world units for an orthographic one.
+  double left = -0.36, right = 0.36, bottom = -0.2025, top = 0.2025;
+  Projection projection = Projection::kPerspective;
+  float clip_start = 0.1f, clip_end = 1000.0f;  // along the view axis
+  // The part of the frame that is traced, as fractions of it from the lower left corner.
+  float border_left = 0.0f, border_right = 1.0f, border_bottom = 0.0f, border_top = 1.0f;
+};
+
+// Columns [x0, x1) and rows [y0, y1), rows counted from the top.
+struct PixelRect {
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  [[nodiscard]] constexpr int width() const noexcept { return x1 - x0; }
+  [[nodiscard]] constexpr int height() const noexcept { return y1 - y0; }
+  [[nodiscard]] constexpr bool empty() const noexcept { return x1 <= x0 || y1 <= y0; }
+};
+
+// The pixels inside the camera's border, rounded as Blender rounds them; at least one pixel.
+[[nodiscard]] PixelRect border_pixels(const Camera& camera, int width, int height) noexcept;
+
+// A camera made ready for an image of a certain size.
+class RayMaker {
+ public:
+  // Throws InvalidArgument for a camera with an axis of no length.
+  RayMaker(const Camera& camera, int width, int height);
+
+  // Through the image point (x, y), in pixels from the top left corner.
+  [[nodiscard]] Ray through(double x, double y, std::uint32_t mask) const noexcept {
+    const Vec3d offset = step_x_ * x + step_y_ * y;
+    Ray ray;
+    ray.origin = orthographic_ ? corner_ + offset : origin_;
+    ray.direction = orthographic_ ? axis_ : corner_ + offset;
+    ray.t_min = t_min_;
+    ray.t_max = t_max_;
+    ray.mask = mask;
+    return ray;
+  }
+
+  [[nodiscard]] Vec3d right() const noexcept { return right_; }
+  [[nodiscard]] Vec3d up() const noexcept { return up_; }
+  [[nodiscard]] Vec3d axis() const noexcept { return axis_; }  // the way it looks
+  // What one pixel to the right or down adds to a ray: to its direction, or to its origin if orthographic.
+  [[nodiscard]] Vec3d step_x() const noexcept { return step_x_; }
+  [[nodiscard]] Vec3d step_y() const noexcept { return step_y_; }
+  [[nodiscard]] bool orthographic() const noexcept { return orthographic_; }
+
+ private:
+  Vec3d origin_, right_, up_, axis_;
+  Vec3d corner_, step_x_, step_y_;  // directions, or origins if orthographic
+  float t_min_, t_max_;
+  bool orthographic_;
+};
+
+}  // namespace perfect_bvh

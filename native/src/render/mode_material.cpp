@@ -1,0 +1,25 @@
+// A colour for each material, from its row in the material table; grey where there is none.
+#include "render/palette.h"
+#include "render/shading.h"
+
+namespace perfect_bvh {
+namespace {
+
+class MaterialMode final : public ShadingMode {
+ public:
+  [[nodiscard]] SurfaceNeeds needs() const noexcept override { return {.materials = true}; }
+  void shade(const ShadeTask& task) const override {
+    constexpr Vec3f kNone{0.2f, 0.2f, 0.2f};
+    for (const SurfacePoint& point : task.points) {
+      const bool known = point.material != kNoMaterial;
+      const Vec3f color = known ? id_color(static_cast<std::uint32_t>(point.material)) : kNone;
+      task.colors[point.ray] = {color.x, color.y, color.z, 1.0f};
+    }
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<ShadingMode> make_material_mode() { return std::make_unique<MaterialMode>(); }
+
+}  // namespace perfect_bvh

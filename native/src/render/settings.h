@@ -1,0 +1,36 @@
+// What to render and how: plain values, filled by whoever asks for an image.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "math/vec3.h"
+
+namespace perfect_bvh {
+
+enum class Mode : std::uint8_t { kClay, kNormal, kDepth, kDistance, kInstance, kMaterial, kWireframe, kCost };
+
+struct ClaySettings {
+  float ao_distance = 0.0f;  // world units; 0: from the size of the scene
+  int light_rays = 1;        // towards the sky and towards the key light, for each camera sample
+  std::optional<Vec3f> color;  // instead of the materials' colours
+};
+
+struct WireframeSettings {
+  float width = 1.0f;  // pixels
+  Vec3f color{0.02f, 0.02f, 0.025f};
+};
+
+struct RenderSettings {
+  Mode mode = Mode::kClay;
+  int width = 960, height = 540;
+  std::uint32_t samples = 1, first_sample = 0;
+  float filter_width = 1.5f;  // pixels to each side; a single sample stands at the pixel's centre
+  std::uint32_t seed = 0;
+  int threads = 0;  // 0: all
+  ClaySettings clay;
+  WireframeSettings wireframe;
+};
+
+}  // namespace perfect_bvh

@@ -1,0 +1,77 @@
+// What a shading mode is: hits in, colours out, a whole batch at a time.
+// The tile loop traces camera rays, finds the surfaces with what the mode needs, and hands both over; the mode may
+// trace further rays in batches of its own. One virtual call a tile and sample. One file a mode.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "render/appearance.h"
+#include "render/camera.h"
+#include "render/settings.h"
+#include "render/surface.h"
+#include "stats/ray_counts.h"
+
+namespace perfect_bvh {
+
+struct Pixel {
+  std::uint16_t x, y;
+};
+
+// Buffers of one thread, kept from tile to tile so that nothing is allocated once they have grown.
+struct LightRayTarget {
+  std::uint32_t point;  // row in ShadeTask::points
+  Vec3f if_open, if_blocked;  // light that arrives
+};
+struct ShadeScratch {
+  AlignedVector<Ray> rays;
+  AlignedVector<std::uint8_t> occluded;
+  AlignedVector<LightRayTarget> targets;
+  AlignedVector<Vec3f> light;
+};
+
+struct ShadeTask {
+  std::uint32_t sample;
+  std::span<const Pixel> pixels;  // of the rays
+  std::span<const Ray> rays;
+  std::span<const Hit> hits;
+  std::span<const RayCounts> counts;          // empty unless the mode wants them
+  std::span<const SurfacePoint> points;       // hits that are not holdouts
+  std::span<Rgba> colors;                     // of the rays; the background where nothing was hit, else zero
+  ShadeScratch& scratch;
+};
+
+class ShadingMode {
+ public:
+  virtual ~ShadingMode() = default;
+  // Writes `colors` of the rays that belong to `points`, alpha included.
+  virtual void shade(const ShadeTask& task) const = 0;
+
+  [[nodiscard]] virtual SurfaceNeeds needs() const noexcept { return {}; }
+  [[nodiscard]] virtual bool wants_counts() const noexcept { return false; }
+  // True for numbers that must not be blended: one sample at the pixel's centre, whatever was asked for.
+  [[nodiscard]] virtual bool is_exact() const noexcept { return false; }
+  // Whether the studio's backdrop stands behind the surfaces; otherwise there is nothing.
+  [[nodiscard]] virtual bool has_backdrop() const noexcept { return false; }
+};
+
+// What modes are made from; all of it outlives them.
+struct ModeInputs {
+  const Snapshot& snapshot;
+  const Appearance& appearance;
+  const RayMaker& camera;
+  const RenderSettings& settings;
+};
+
+[[nodiscard]] std::unique_ptr<ShadingMode> make_clay_mode(const ModeInputs& inputs);
+[[nodiscard]] std::unique_ptr<ShadingMode> make_normal_mode();
+[[nodiscard]] std::unique_ptr<ShadingMode> make_depth_mode();
+[[nodiscard]] std::unique_ptr<ShadingMode> make_distance_mode();
+[[nodiscard]] std::unique_ptr<ShadingMode> make_instance_mode(const ModeInputs& inputs);
+[[nodiscard]] std::unique_ptr<ShadingMode> make_material_mode();
+[[nodiscard]] std::unique_ptr<ShadingMode> make_wireframe_mode(const ModeInputs& inputs);
+[[nodiscard]] std::unique_ptr<ShadingMode> make_cost_mode();
+[[nodiscard]] std::unique_ptr<ShadingMode> make_mode(const ModeInputs& inputs);
+
+}  // namespace perfect_bvh

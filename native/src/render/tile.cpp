@@ -1,0 +1,157 @@
+#include "render/tile.h"
+
+#include "render/studio.h"
+
+namespace perfect_bvh {
+
+TileRenderer::TileRenderer(const ModeInputs& inputs, const PassTargets& targets)
+    : inputs_(inputs),
+      targets_(targets),
+      mode_(make_mode(inputs)),
+      filter_(inputs.settings.filter_width),
+      filter_dimension_(inputs.settings.seed, 0),
+      pass_needs_{.normals = !targets.normal.empty()},
+      sample_count_(mode_->is_exact() ? 1 : inputs.settings.samples),
+      centred_(sample_count_ == 1 && inputs.settings.first_sample == 0),
+      wants_centres_(targets.any_surface() || targets.any_counts()) {
+  if (mode_->is_exact()) centred_ = true;
+}
+
+// In Z-order, so that neighbouring rays of a batch are neighbours in the image both ways.
+void TileRenderer::place_pixels(PixelRect tile, TileScratch& scratch) const {
+  scratch.pixels.clear();
+  for (std::uint32_t place = 0; place < kTileSize * kTileSize; ++place) {
+    const auto even_bits = [](std::uint32_t bits) {
+      std::uint32_t result = 0;
+      for (std::uint32_t i = 0; (1u << i) < kTileSize; ++i) result |= ((bits >> (2 * i)) & 1u) << i;
+      return static_cast<int>(result);
+    };
+    const int x = tile.x0 + even_bits(place), y = tile.y0 + even_bits(place >> 1);
+    if (x < tile.x1 && y < tile.y1) {
+      scratch.pixels.push_back({static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y)});
+    }
+  }
+  scratch.rays.resize(scratch.pixels.size());
+  scratch.hits.resize(scratch.pixels.size());
+}
+
+void TileRenderer::trace(TileScratch& scratch, bool with_counts) const {
+  scratch.counts.assign(with_counts ? scratch.rays.size() : 0, RayCounts{});
+  trace_closest(inputs_.snapshot, scratch.rays, scratch.hits, Cull::kNone, scratch.counts);
+}
+
+void TileRenderer::trace_centres(TileScratch& scratch) const {
+  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
+    const Pixel pixel = scratch.pixels[i];
+    scratch.rays[i] = inputs_.camera.through(pixel.x + 0.5, pixel.y + 0.5, inputs_.appearance.camera_mask);
+  }
+  const bool shaded_too = centred_ && !targets_.combined.empty();  // the one sample then uses the same hits
+  trace(scratch, targets_.any_counts() || (shaded_too && mode_->wants_counts()));
+  scratch.points.clear();
+  const SurfaceNeeds needs = shaded_too ? pass_needs_ | mode_->needs() : pass_needs_;
+  find_surfaces(inputs_.snapshot, inputs_.appearance, needs, scratch.rays, scratch.hits, scratch.points);
+  store_passes(scratch);
+}
+
+void TileRenderer::store_passes(const TileScratch& scratch) const {
+  const auto fill = [&](auto target, auto value) {
+    if (target.empty()) return;
+    for (const Pixel pixel : scratch.pixels) target[row_of(pixel)] = value;
+  };
+  fill(targets_.depth, kNoDepth);
+  fill(targets_.distance, kNoDepth);
+  fill(targets_.normal, Vec3f{0, 0, 0});
+  fill(targets_.object_index, 0);
+  fill(targets_.material_index, 0);
+  fill(targets_.instance, -1);
+  fill(targets_.primitive, -1);
+  for (const SurfacePoint& point : scratch.points) {
+    store_surface(row_of(scratch.pixels[point.ray]), point, scratch.rays[point.ray], scratch.hits[point.ray]);
+  }
+  if (!targets_.any_counts()) return;
+  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
+    const std::size_t row = row_of(scratch.pixels[i]);
+    const auto store = [row](std::span<std::int32_t> target, std::uint32_t value) {
+      if (!target.empty()) target[row] = static_cast<std::int32_t>(value);
+    };
+    store(targets_.nodes_visited, scratch.counts[i].nodes_visited);
+    store(targets_.primitives_tested, scratch.counts[i].primitives_tested);
+  }
+}
+
+void TileRenderer::store_surface(std::size_t pixel, const SurfacePoint& point, const Ray& ray, const Hit& hit) const {
+  const Appearance& appearance = inputs_.appearance;
+  const Instance& instance = inputs_.snapshot.instances[hit.instance_index];
+  if (!targets_.depth.empty()) targets_.depth[pixel] = hit.t;  // rays advance by one along the view axis
+  if (!targets_.distance.empty()) targets_.distance[pixel] = distance_of(ray, hit.t);
+  if (!targets_.normal.empty()) targets_.normal[pixel] = point.normal;
+  if (!targets_.instance.empty()) targets_.instance[pixel] = instance.id;
+  if (!targets_.primitive.empty()) targets_.primitive[pixel] = static_cast<std::int32_t>(hit.primitive_index);
+  if (!targets_.object_index.empty()) {
+    const auto row = appearance.row_of(instance);
+    if (row >= 0) targets_.object_index[pixel] = appearance.object_pass_indices[static_cast<std::size_t>(row)];
+  }
+  if (!targets_.material_index.empty()) {
+    const auto material = appearance.material_of(instance, hit.primitive_index);
+    if (material >= 0) {
+      targets_.material_index[pixel] = appearance.material_pass_indices[static_cast<std::size_t>(material)];
+    }
+  }
+}
+
+void TileRenderer::make_rays(std::uint32_t sample, TileScratch& scratch) const {
+  const FixedPoint2 point = filter_dimension_.sample(sample);
+  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
+    const Pixel pixel = scratch.pixels[i];
+    Point2 offset{0.0f, 0.0f};
+    if (!centred_) {
+      const FixedPoint2 shift = filter_dimension_.offset(sampling::z_order(pixel.x, pixel.y));
+      offset = filter_.offset((point + shift).to_unit());
+    }
+    scratch.rays[i] = inputs_.camera.through(pixel.x + 0.5 + static_cast<double>(offset.x),
+                                             pixel.y + 0.5 + static_cast<double>(offset.y),
+                                             inputs_.appearance.camera_mask);
+  }
+}
+
+void TileRenderer::add_sample(std::uint32_t sample, TileScratch& scratch) const {
+  const std::uint32_t number = inputs_.settings.first_sample + sample;
+  if (!(centred_ && wants_centres_)) {
+    make_rays(number, scratch);
+    trace(scratch, mode_->wants_counts());
+    scratch.points.clear();
+    find_surfaces(inputs_.snapshot, inputs_.appearance, mode_->needs(), scratch.rays, scratch.hits, scratch.points);
+  }
+  fill_background(scratch);
+  mode_->shade({number, scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points, scratch.colors,
+                scratch.shade});
+  for (std::size_t i = 0; i < scratch.sums.size(); ++i) {
+    Rgba& sum = scratch.sums[i];
+    const Rgba& color = scratch.colors[i];
+    sum = {sum.r + color.r, sum.g + color.g, sum.b + color.b, sum.a + color.a};
+  }
+}
+
+// Holdouts stay without colour and alpha: they cut through the backdrop too.
+void TileRenderer::fill_background(TileScratch& scratch) const {
+  scratch.colors.assign(scratch.pixels.size(), Rgba{});
+  if (!mode_->has_backdrop() || inputs_.appearance.film_transparent) return;
+  const float scale_x = 1.0f / static_cast<float>(inputs_.settings.width);
+  const float scale_y = 1.0f / static_cast<float>(inputs_.settings.height);
+  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
+    if (scratch.hits[i].found()) continue;
+    const Pixel pixel = scratch.pixels[i];
+    const Vec3f color = Studio::backdrop(static_cast<float>(pixel.x) * scale_x, static_cast<float>(pixel.y) * scale_y);
+    scratch.colors[i] = {color.x, color.y, color.z, 1.0f};
+  }
+}
+
+void TileRenderer::store_combined(const TileScratch& scratch) const {
+  const float share = 1.0f / static_cast<float>(sample_count_);
+  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
+    const Rgba& sum = scratch.sums[i];
+    targets_.combined[row_of(scratch.pixels[i])] = {sum.r * share, sum.g * share, sum.b * share, sum.a * share};
+  }
+}
+
+}  // namespace perfect_bvh
