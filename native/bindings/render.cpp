@@ -1,0 +1,151 @@
+// Images of snapshots. The Python face hands over checked arrays, which it keeps alive, and preallocated results.
+#include "render/render.h"
+
+#include <pybind11/stl.h>
+
+#include <map>
+
+#include "bindings/arrays.h"
+#include "bindings/bind.h"
+#include "bindings/progress.h"
+#include "core/errors.h"
+
+namespace perfect_bvh::bindings {
+namespace {
+
+const std::map<std::string, Mode> kModes{
+    {"clay", Mode::kClay},         {"normal", Mode::kNormal},     {"depth", Mode::kDepth},
+    {"distance", Mode::kDistance}, {"instance", Mode::kInstance}, {"material", Mode::kMaterial},
+    {"wireframe", Mode::kWireframe}, {"cost", Mode::kCost},
+};
+
+template <class T>
+T get(const py::dict& values, const char* name) {
+  return values[name].cast<T>();
+}
+
+Vec3f as_color(const py::handle& value) {
+  const auto [r, g, b] = value.cast<std::tuple<float, float, float>>();
+  return {r, g, b};
+}
+
+RenderSettings read_settings(const py::dict& values) {
+  RenderSettings settings;
+  settings.mode = kModes.at(get<std::string>(values, "mode"));
+  settings.width = get<int>(values, "width");
+  settings.height = get<int>(values, "height");
+  settings.samples = get<std::uint32_t>(values, "samples");
+  settings.first_sample = get<std::uint32_t>(values, "first_sample");
+  settings.filter_width = get<float>(values, "filter_width");
+  settings.seed = get<std::uint32_t>(values, "seed");
+  settings.threads = get<int>(values, "threads");
+  settings.clay.ao_distance = get<float>(values, "ao_distance");
+  settings.clay.light_rays = get<int>(values, "light_rays");
+  if (!values["clay_color"].is_none()) settings.clay.color = as_color(values["clay_color"]);
+  settings.wireframe.width = get<float>(values, "wire_width");
+  settings.wireframe.color = as_color(values["wire_color"]);
+  return settings;
+}
+
+Camera read_camera(const py::dict& values) {
+  Camera camera;
+  const auto matrix = get<Array<double>>(values, "matrix");
+  const double* m = matrix.data();
+  camera.camera_to_world = {{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}, {m[3], m[7], m[11]}};
+  using Four = std::tuple<double, double, double, double>;
+  std::tie(camera.left, camera.right, camera.bottom, camera.top) = get<Four>(values, "window");
+  const bool orthographic = get<std::string>(values, "projection") == "orthographic";
+  camera.projection = orthographic ? Projection::kOrthographic : Projection::kPerspective;
+  camera.clip_start = get<float>(values, "clip_start");
+  camera.clip_end = get<float>(values, "clip_end");
+  using FourFloats = std::tuple<float, float, float, float>;
+  std::tie(camera.border_left, camera.border_right, camera.border_bottom, camera.border_top) =
+      get<FourFloats>(values, "border");
+  return camera;
+}
+
+// A view of an array that `values` keeps alive. C-contiguous and of the exact dtype, or the cast throws.
+template <class T>
+std::span<const T> view(const py::dict& values, const char* name) {
+  const auto array = py::cast<py::array>(values[name]);
+  if (!py::isinstance<Array<T>>(array)) throw std::invalid_argument(std::string("_core: wrong dtype of ") + name);
+  return {static_cast<const T*>(array.data()), static_cast<std::size_t>(array.size())};
+}
+
+template <class T, class Scalar>
+std::span<const T> rows_of(std::span<const Scalar> scalars) {
+  constexpr std::size_t kWidth = sizeof(T) / sizeof(Scalar);
+  return {reinterpret_cast<const T*>(scalars.data()), scalars.size() / kWidth};
+}
+
+void read_appearance(const py::dict& values, Appearance& appearance) {
+  appearance.material_colors = rows_of<Rgba>(view<float>(values, "material_colors"));
+  appearance.material_pass_indices = view<std::int32_t>(values, "material_indices");
+  appearance.instance_ids = view<std::int32_t>(values, "instance_ids");
+  appearance.slot_offsets = view<std::int32_t>(values, "slot_offsets");
+  appearance.slot_materials = view<std::int32_t>(values, "slot_materials");
+  appearance.object_pass_indices = view<std::int32_t>(values, "object_indices");
+  appearance.holdout = rows_of<std::uint8_t>(view<bool>(values, "holdout"));
+  appearance.camera_mask = get<std::uint32_t>(values, "camera_mask");
+  appearance.shadow_mask = get<std::uint32_t>(values, "shadow_mask");
+  appearance.film_transparent = get<bool>(values, "film_transparent");
+  for (const auto& [key, value] : values["meshes"].cast<py::dict>()) {
+    const auto mesh = value.cast<py::dict>();
+    MeshAttributes attributes;
+    if (mesh.contains("material_slots")) attributes.material_slots = view<std::int32_t>(mesh, "material_slots");
+    if (mesh.contains("corner_normals")) attributes.corner_normals = rows_of<Vec3f>(view<float>(mesh, "corner_normals"));
+    appearance.set_mesh(key.cast<std::int32_t>(), attributes);
+  }
+  appearance.finish();
+}
+
+// The memory of a pass, a row a pixel; empty if the pass is not wanted.
+template <class T, class Scalar>
+std::span<T> target(const py::dict& targets, const char* name, std::size_t pixel_count) {
+  if (!targets.contains(name)) return {};
+  auto array = targets[name].cast<py::array>();
+  constexpr std::size_t kWidth = sizeof(T) / sizeof(Scalar);
+  if (!py::isinstance<Array<Scalar>>(array) || static_cast<std::size_t>(array.size()) != pixel_count * kWidth ||
+      !array.writeable()) {
+    throw std::invalid_argument(std::string("_core: pass ") + name + " has the wrong dtype, size or flags");
+  }
+  return {static_cast<T*>(array.mutable_data()), pixel_count};
+}
+
+PassTargets read_targets(const py::dict& arrays, std::size_t pixel_count) {
+  using Integer = std::int32_t;
+  PassTargets targets;
+  targets.combined = target<Rgba, float>(arrays, "combined", pixel_count);
+  targets.depth = target<float, float>(arrays, "depth", pixel_count);
+  targets.distance = target<float, float>(arrays, "distance", pixel_count);
+  targets.normal = target<Vec3f, float>(arrays, "normal", pixel_count);
+  targets.object_index = target<Integer, Integer>(arrays, "object_index", pixel_count);
+  targets.material_index = target<Integer, Integer>(arrays, "material_index", pixel_count);
+  targets.instance = target<Integer, Integer>(arrays, "instance", pixel_count);
+  targets.primitive = target<Integer, Integer>(arrays, "primitive", pixel_count);
+  targets.nodes_visited = target<Integer, Integer>(arrays, "nodes_visited", pixel_count);
+  targets.primitives_tested = target<Integer, Integer>(arrays, "primitives_tested", pixel_count);
+  return targets;
+}
+
+void render_passes(const Snapshot& snapshot, const py::dict& camera_values, const py::dict& appearance_values,
+                   const py::dict& settings_values, const py::dict& arrays, const py::object& progress) {
+  const RenderSettings settings = read_settings(settings_values);
+  const Camera camera = read_camera(camera_values);
+  Appearance appearance;
+  read_appearance(appearance_values, appearance);
+  const auto pixel_count = static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height);
+  const PassTargets targets = read_targets(arrays, pixel_count);
+  const py::gil_scoped_release release;
+  CancelToken cancel(make_progress(progress));
+  render(snapshot, camera, appearance, settings, targets, cancel);
+}
+
+}  // namespace
+
+void bind_render(py::module_& module) {
+  module.def("render", &render_passes, py::arg("snapshot"), py::arg("camera"), py::arg("appearance"),
+             py::arg("settings"), py::arg("targets"), py::arg("progress"));
+}
+
+}  // namespace perfect_bvh::bindings

@@ -1,0 +1,281 @@
+"""Images of a scene: pictures to look at, and what the ray through each pixel hit, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Literal, TypedDict, Unpack, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _core
+from ._render_arguments import (
+    appearance_arguments,
+    camera_arguments,
+    check_choice,
+    check_color,
+    check_count,
+    check_number,
+    check_size,
+)
+from .appearance import Appearance
+from .camera import Camera
+from .scene import Scene
+from .snapshot import Progress, Snapshot
+
+Mode = Literal["clay", "wireframe", "normal", "depth", "distance", "instance", "material", "cost"]
+Color = tuple[float, float, float]
+Passes = dict[str, npt.NDArray[Any]]
+
+MODES: tuple[str, ...] = get_args(Mode)
+
+NO_DEPTH = 1e10
+"""What depths are where nothing was hit: the number that Blender's own depth pass holds there."""
+
+# By name: what follows (H, W) in the shape, the dtype, and the value where nothing was hit.
+_PASSES: Mapping[str, tuple[tuple[int, ...], type[np.generic], float]] = {
+    "combined": ((4,), np.float32, 0.0),
+    "depth": ((), np.float32, NO_DEPTH),
+    "distance": ((), np.float32, NO_DEPTH),
+    "normal": ((3,), np.float32, 0.0),
+    "object_index": ((), np.int32, 0),
+    "material_index": ((), np.int32, 0),
+    "instance": ((), np.int32, -1),
+    "primitive": ((), np.int32, -1),
+    "nodes_visited": ((), np.int32, 0),
+    "primitives_tested": ((), np.int32, 0),
+}
+PASSES: tuple[str, ...] = tuple(_PASSES)
+
+
+class RenderOptions(TypedDict, total=False):
+    """What else `render` and `render_passes` take, by keyword.
+
+    threads: at most so many; 0, the default, for all that the process may use. It changes no pixel.
+    seed: another seed gives another noise; images of one seed are equal bit for bit.
+    first_sample: the number of the first sample, so that an image can be continued: the mean of samples 0 to 3 and 4
+        to 7, weighted by their counts, is as good as that of 0 to 7. A single sample with first_sample 0 stands at the
+        pixel's centre; all others spread over the pixel filter.
+    filter_width: how far the pixel filter (a Blackman-Harris window) reaches to each side, in pixels; default 1.5. 0
+        puts every sample at the pixel's centre.
+    ao_distance: clay: how far away a surface still keeps light from another, in world units; its effect fades to
+        nothing over that distance. None, the default: 0.35 of the diagonal of the scene's bounding box.
+    light_rays: clay: rays to the sky and to the key light for each sample; default 1.
+    clay_color: clay: one scene-linear colour for everything instead of the materials' viewport colours.
+    wire_width: wireframe: the width of the lines in pixels; default 1.
+    wire_color: wireframe: their scene-linear colour.
+    """
+
+    threads: int
+    seed: int
+    first_sample: int
+    filter_width: float
+    ao_distance: float | None
+    light_rays: int
+    clay_color: Color | None
+    wire_width: float
+    wire_color: Color
+
+
+def render(
+    scene: Scene | Snapshot,
+    camera: Camera,
+    mode: Mode = "clay",
+    size: tuple[int, int] = (960, 540),
+    samples: int = 1,
+    appearance: Appearance | None = None,
+    progress: Progress | None = None,
+    **options: Unpack[RenderOptions],
+) -> npt.NDArray[np.float32]:
+    """An image of a scene: (H, W, 4) float32, scene-linear, premultiplied by alpha, row 0 on top.
+
+    It is the pass "combined" of `render_passes`, which explains the arguments.
+    """
+    passes = _render(
+        "render", scene, camera, mode, size, samples, appearance, ("combined",), progress, options
+    )
+    return passes["combined"]
+
+
+def render_passes(
+    scene: Scene | Snapshot,
+    camera: Camera,
+    *,
+    mode: Mode = "clay",
+    size: tuple[int, int] = (960, 540),
+    samples: int = 1,
+    appearance: Appearance | None = None,
+    passes: Iterable[str] = ("combined", "depth", "normal"),
+    progress: Progress | None = None,
+    **options: Unpack[RenderOptions],
+) -> Passes:
+    """An image of a scene and what its pixels show, all from one walk over the pixels.
+
+    scene: a `Scene` without pending edits, or a `Snapshot`.
+    mode: how the image looks:
+        "clay": matt surfaces in a photographer's studio: soft sky, ambient occlusion, one soft key light.
+        "wireframe": the edges of the triangles over softly lit surfaces.
+        "normal": the shading normal in world space, -1..1 as 0..1.
+        "depth", "distance": along the view axis, along the ray, in world units, in all of R, G and B; 1e10 where
+            there is nothing. Not blended: whatever `samples` says, one ray through the pixel's centre.
+        "instance", "material": one colour for each, always the same for the same id or row of the material table.
+        "cost": nodes visited plus triangles tested by the camera ray, on a logarithmic scale from 0 (violet) to
+            1023 and more (pale yellow), the same for all images.
+    size: (width, height) in pixels.
+    samples: camera rays for each pixel of the image.
+    appearance: materials, normals and visibility; None: everything is plain, flat and visible.
+    passes: which arrays to make. All but "combined" hold what the ray through the pixel's centre hits: they are
+        exact, and never blended where an edge crosses the pixel.
+        "combined" (H, W, 4) float32: the image, see `render`.
+        "depth", "distance" (H, W) float32: along the view axis, along the ray; 1e10 where nothing was hit.
+        "normal" (H, W, 3) float32: shading normal, world space, unit length, towards the viewer; zero on a miss.
+        "object_index", "material_index" (H, W) int32: pass indices; 0 on a miss.
+        "instance", "primitive" (H, W) int32: instance id, triangle of its mesh; -1 on a miss.
+        "nodes_visited", "primitives_tested" (H, W) int32: what the ray cost.
+    progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
+    options: see `RenderOptions`.
+
+    Returns the arrays by name, row 0 on top. Holdouts are transparent, and misses in the other passes. Pixels outside
+    the camera's border are not traced: they are transparent black, and misses.
+
+    Raises ValueError for bad arguments, StaleSceneError if edits wait, Cancelled.
+    """
+    return _render("render_passes", scene, camera, mode, size, samples, appearance, passes, progress, options)
+
+
+def render_progressively(
+    scene: Scene | Snapshot,
+    camera: Camera,
+    *,
+    mode: Mode = "clay",
+    size: tuple[int, int] = (960, 540),
+    samples: int = 16,
+    appearance: Appearance | None = None,
+    passes: Iterable[str] = ("combined",),
+    progress: Progress | None = None,
+    **options: Unpack[RenderOptions],
+) -> Iterator[tuple[int, Passes]]:
+    """Renders 1, 2, 4, 8 ... samples of a pixel, and yields (samples done, passes) after each of these rounds.
+
+    The arguments are those of `render_passes`; `progress` counts over all rounds. The arrays are the same objects each
+    time; "combined" is refined in place and the others are complete after the first round. The scene may be edited
+    meanwhile: all rounds show the state at the first one.
+    """
+    snapshot = _snapshot_of("render_progressively", scene)
+    total = check_count("render_progressively", "samples", samples, 1)
+    names = _check_passes("render_progressively", passes)
+    start = options.get("first_sample", 0)
+    done = 0
+    result: Passes = {}
+    while done < total:
+        count = min(max(done, 1), total - done)
+        options["first_sample"] = start + done
+        share = _share_of(progress, done / total, count / total)
+        wanted = names if done == 0 else [name for name in names if name == "combined"]
+        made = _render(
+            "render_progressively", snapshot, camera, mode, size, count, appearance, wanted, share, options
+        )
+        if done == 0:
+            result = made
+        elif "combined" in result:
+            weight = np.float32(count / (done + count))
+            result["combined"] += (made["combined"] - result["combined"]) * weight
+        done += count
+        yield done, result
+
+
+def depth_to_grey(
+    depth: npt.NDArray[np.float32], near: float | None = None, far: float | None = None
+) -> npt.NDArray[np.float32]:
+    """A depth pass as greys to look at: 1 at `near` and nearer, 0 at `far` and beyond, evenly between.
+
+    depth: (...) float32, as the passes "depth" and "distance". near, far: None for the nearest and the farthest thing
+    that was hit. Returns (...) float32; 0 where nothing was hit.
+    """
+    hit = depth < NO_DEPTH
+    if not hit.any():
+        return np.zeros_like(depth)
+    low = float(depth[hit].min()) if near is None else near
+    high = float(depth[hit].max()) if far is None else far
+    scale = 1.0 / (high - low) if high > low else 0.0
+    grey: npt.NDArray[np.float32] = np.where(hit, np.clip(1.0 - (depth - low) * scale, 0.0, 1.0), 0.0).astype(np.float32)
+    return grey
+
+
+def _render(
+    function: str,
+    scene: Scene | Snapshot,
+    camera: Camera,
+    mode: str,
+    size: tuple[int, int],
+    samples: int,
+    appearance: Appearance | None,
+    passes: Iterable[str],
+    progress: Progress | None,
+    options: RenderOptions,
+) -> Passes:
+    snapshot = _snapshot_of(function, scene)
+    width, height = check_size(function, size)
+    settings = _settings(function, options) | {
+        "mode": check_choice(function, "mode", mode, MODES),
+        "width": width,
+        "height": height,
+        "samples": check_count(function, "samples", samples, 1),
+    }
+    arrays: Passes = {}
+    for name in _check_passes(function, passes):
+        shape, dtype, nothing = _PASSES[name]
+        arrays[name] = np.full((height, width, *shape), nothing, dtype)
+    _core.render(
+        snapshot._snapshot,
+        camera_arguments(function, camera),
+        appearance_arguments(function, appearance or Appearance()),
+        settings,
+        arrays,
+        progress,
+    )
+    return arrays
+
+
+def _snapshot_of(function: str, scene: Scene | Snapshot) -> Snapshot:
+    if isinstance(scene, Scene):
+        return scene.snapshot()
+    if isinstance(scene, Snapshot):
+        return scene
+    raise ValueError(f"{function}: scene must be a Scene or a Snapshot, got {type(scene).__name__}")
+
+
+def _check_passes(function: str, passes: Iterable[str]) -> list[str]:
+    names = [passes] if isinstance(passes, str) else list(passes)
+    for name in names:
+        check_choice(function, "passes", name, PASSES)
+    if not names:
+        raise ValueError(f"{function}: passes is empty; name at least one of {', '.join(PASSES)}")
+    return list(dict.fromkeys(names))
+
+
+def _settings(function: str, options: RenderOptions) -> dict[str, Any]:
+    """The options as the native module takes them, checked; defaults where they are missing."""
+    unknown = set(options) - set(RenderOptions.__annotations__)
+    if unknown:
+        raise TypeError(
+            f"{function}: unknown option {sorted(unknown)[0]!r}; there are {', '.join(RenderOptions.__annotations__)}"
+        )
+    distance, color = options.get("ao_distance"), options.get("clay_color")
+    return {
+        "threads": check_count(function, "threads", options.get("threads", 0), 0),
+        "seed": check_count(function, "seed", options.get("seed", 0), 0),
+        "first_sample": check_count(function, "first_sample", options.get("first_sample", 0), 0),
+        "filter_width": check_number(function, "filter_width", options.get("filter_width", 1.5), 0.0, 16.0),
+        "ao_distance": 0.0 if distance is None else check_number(function, "ao_distance", distance, 1e-30, 1e30),
+        "light_rays": check_count(function, "light_rays", options.get("light_rays", 1), 1),
+        "clay_color": None if color is None else check_color(function, "clay_color", color),
+        "wire_width": check_number(function, "wire_width", options.get("wire_width", 1.0), 0.01, 1000.0),
+        "wire_color": check_color(function, "wire_color", options.get("wire_color", (0.02, 0.02, 0.025))),
+    }
+
+
+def _share_of(progress: Progress | None, start: float, length: float) -> Progress | None:
+    if progress is None:
+        return None
+    return lambda fraction: progress(start + fraction * length)
