@@ -9,5 +9,6 @@ PYBIND11_MODULE(_core, module) {
   bind_threads(module);
   bind_queries(module);  // before the scene, whose signatures name its Snapshot
   bind_scene(module);
+  bind_render(module);
   bind_statistics(module);
 }

@@ -14,8 +14,8 @@ namespace perfect_bvh::bindings {
 namespace {
 
 const std::map<std::string, Mode> kModes{
-    {"clay", Mode::kClay},         {"normal", Mode::kNormal},     {"depth", Mode::kDepth},
-    {"distance", Mode::kDistance}, {"instance", Mode::kInstance}, {"material", Mode::kMaterial},
+    {"clay", Mode::kClay},           {"normal", Mode::kNormal},     {"depth", Mode::kDepth},
+    {"distance", Mode::kDistance},   {"instance", Mode::kInstance}, {"material", Mode::kMaterial},
     {"wireframe", Mode::kWireframe}, {"cost", Mode::kCost},
 };
 
@@ -93,7 +93,8 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
     const auto mesh = value.cast<py::dict>();
     MeshAttributes attributes;
     if (mesh.contains("material_slots")) attributes.material_slots = view<std::int32_t>(mesh, "material_slots");
-    if (mesh.contains("corner_normals")) attributes.corner_normals = rows_of<Vec3f>(view<float>(mesh, "corner_normals"));
+    if (mesh.contains("corner_normals"))
+      attributes.corner_normals = rows_of<Vec3f>(view<float>(mesh, "corner_normals"));
     appearance.set_mesh(key.cast<std::int32_t>(), attributes);
   }
   appearance.finish();

@@ -15,11 +15,14 @@ from .build_config import BuildConfig
 from .camera import Camera
 from .errors import Cancelled, EngineError, StaleSceneError
 from .hits import Hits
+from .render import MODES, PASSES, RenderOptions, depth_to_grey, render, render_passes, render_progressively
 from .report import CommitReport, MeshReport, SceneStatistics, TreeStatistics
 from .scene import Scene
 from .snapshot import Snapshot
 
 __all__ = [
+    "MODES",
+    "PASSES",
     "Appearance",
     "BuildConfig",
     "Camera",
@@ -31,12 +34,17 @@ __all__ = [
     "MaterialTable",
     "MeshAppearance",
     "MeshReport",
+    "RenderOptions",
     "Scene",
     "SceneStatistics",
     "Snapshot",
     "StaleSceneError",
     "TreeStatistics",
     "__version__",
+    "depth_to_grey",
+    "render",
+    "render_passes",
+    "render_progressively",
     "set_thread_count",
     "shutdown_threads",
     "thread_count",

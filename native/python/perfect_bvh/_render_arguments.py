@@ -109,9 +109,7 @@ def _mesh_arrays(function: str, mesh: int, value: MeshAppearance) -> dict[str, n
     if value.material_slots is not None:
         arrays["material_slots"] = _column(function, f"{name}.material_slots", value.material_slots, np.int32, ())
     if value.corner_normals is not None:
-        arrays["corner_normals"] = _column(
-            function, f"{name}.corner_normals", value.corner_normals, np.float32, (3, 3)
-        )
+        arrays["corner_normals"] = _column(function, f"{name}.corner_normals", value.corner_normals, np.float32, (3, 3))
     return arrays
 
 

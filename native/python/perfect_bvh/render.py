@@ -91,9 +91,7 @@ def render(
 
     It is the pass "combined" of `render_passes`, which explains the arguments.
     """
-    passes = _render(
-        "render", scene, camera, mode, size, samples, appearance, ("combined",), progress, options
-    )
+    passes = _render("render", scene, camera, mode, size, samples, appearance, ("combined",), progress, options)
     return passes["combined"]
 
 
@@ -172,9 +170,7 @@ def render_progressively(
         options["first_sample"] = start + done
         share = _share_of(progress, done / total, count / total)
         wanted = names if done == 0 else [name for name in names if name == "combined"]
-        made = _render(
-            "render_progressively", snapshot, camera, mode, size, count, appearance, wanted, share, options
-        )
+        made = _render("render_progressively", snapshot, camera, mode, size, count, appearance, wanted, share, options)
         if done == 0:
             result = made
         elif "combined" in result:
@@ -198,7 +194,9 @@ def depth_to_grey(
     low = float(depth[hit].min()) if near is None else near
     high = float(depth[hit].max()) if far is None else far
     scale = 1.0 / (high - low) if high > low else 0.0
-    grey: npt.NDArray[np.float32] = np.where(hit, np.clip(1.0 - (depth - low) * scale, 0.0, 1.0), 0.0).astype(np.float32)
+    grey: npt.NDArray[np.float32] = np.where(hit, np.clip(1.0 - (depth - low) * scale, 0.0, 1.0), 0.0).astype(
+        np.float32
+    )
     return grey
 
 

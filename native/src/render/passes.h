@@ -25,8 +25,8 @@ struct PassTargets {
   std::span<std::int32_t> nodes_visited, primitives_tested;
 
   [[nodiscard]] bool any_surface() const noexcept {
-    return !depth.empty() || !distance.empty() || !normal.empty() || !object_index.empty() ||
-           !material_index.empty() || !instance.empty() || !primitive.empty();
+    return !depth.empty() || !distance.empty() || !normal.empty() || !object_index.empty() || !material_index.empty() ||
+           !instance.empty() || !primitive.empty();
   }
   [[nodiscard]] bool any_counts() const noexcept { return !nodes_visited.empty() || !primitives_tested.empty(); }
 };

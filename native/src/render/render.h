@@ -1,6 +1,6 @@
 // An image of a snapshot: tiles over threads.
-// In: a snapshot, a camera, an appearance, settings, the arrays to fill. Out: those arrays, the same bit for bit for any
-// number of threads. The colour of a pixel depends on its place, the seed and the sample numbers alone.
+// In: a snapshot, a camera, an appearance, settings, the arrays to fill. Out: those arrays, the same bit for bit for
+// any number of threads. The colour of a pixel depends on its place, the seed and the sample numbers alone.
 #pragma once
 
 #include "core/cancel.h"

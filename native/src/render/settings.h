@@ -12,8 +12,8 @@ namespace perfect_bvh {
 enum class Mode : std::uint8_t { kClay, kNormal, kDepth, kDistance, kInstance, kMaterial, kWireframe, kCost };
 
 struct ClaySettings {
-  float ao_distance = 0.0f;  // world units; 0: from the size of the scene
-  int light_rays = 1;        // towards the sky and towards the key light, for each camera sample
+  float ao_distance = 0.0f;    // world units; 0: from the size of the scene
+  int light_rays = 1;          // towards the sky and towards the key light, for each camera sample
   std::optional<Vec3f> color;  // instead of the materials' colours
 };
 

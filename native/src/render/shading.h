@@ -21,7 +21,7 @@ struct Pixel {
 
 // Buffers of one thread, kept from tile to tile so that nothing is allocated once they have grown.
 struct LightRayTarget {
-  std::uint32_t point;  // row in ShadeTask::points
+  std::uint32_t point;        // row in ShadeTask::points
   Vec3f if_open, if_blocked;  // light that arrives
 };
 struct ShadeScratch {
@@ -36,9 +36,9 @@ struct ShadeTask {
   std::span<const Pixel> pixels;  // of the rays
   std::span<const Ray> rays;
   std::span<const Hit> hits;
-  std::span<const RayCounts> counts;          // empty unless the mode wants them
-  std::span<const SurfacePoint> points;       // hits that are not holdouts
-  std::span<Rgba> colors;                     // of the rays; the background where nothing was hit, else zero
+  std::span<const RayCounts> counts;     // empty unless the mode wants them
+  std::span<const SurfacePoint> points;  // hits that are not holdouts
+  std::span<Rgba> colors;                // of the rays; the background where nothing was hit, else zero
   ShadeScratch& scratch;
 };
 

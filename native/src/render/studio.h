@@ -28,7 +28,9 @@ struct Studio {
   }
   // What a surface of this normal's height gets from the whole dome, over pi: the cosine-weighted mean of a radiance
   // that is linear in height keeps 2/3 of its slope.
-  [[nodiscard]] static constexpr Vec3f dome_mean(float normal_height) noexcept { return dome(normal_height * (2.0f / 3.0f)); }
+  [[nodiscard]] static constexpr Vec3f dome_mean(float normal_height) noexcept {
+    return dome(normal_height * (2.0f / 3.0f));
+  }
 
   // The colour behind everything at a place in the frame, from the upper left (0, 0) to the lower right (1, 1).
   [[nodiscard]] static Vec3f backdrop(float x, float y) noexcept {

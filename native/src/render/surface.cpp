@@ -46,8 +46,8 @@ Vec3d smooth_normal(const Instance& instance, CornerNormals normals, const Objec
   return size > 0.0 && std::isfinite(size) ? world * (1.0 / size) : fallback;
 }
 
-// The way from the hit point to the curved surface that the corner normals suggest, where that bulges outwards: rays that
-// leave a coarse mesh from its flat triangles would hit its neighbours (Hanika, "Hacking the Shadow Terminator",
+// The way from the hit point to the curved surface that the corner normals suggest, where that bulges outwards: rays
+// that leave a coarse mesh from its flat triangles would hit its neighbours (Hanika, "Hacking the Shadow Terminator",
 // 2021). `side` is -1 when the viewer sees the inner side.
 Vec3d lift_of(CornerNormals normals, const ObjectTriangle& triangle, double side) noexcept {
   const Vec3d point = triangle.point();

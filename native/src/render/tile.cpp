@@ -108,9 +108,9 @@ void TileRenderer::make_rays(std::uint32_t sample, TileScratch& scratch) const {
       const FixedPoint2 shift = filter_dimension_.offset(sampling::z_order(pixel.x, pixel.y));
       offset = filter_.offset((point + shift).to_unit());
     }
-    scratch.rays[i] = inputs_.camera.through(pixel.x + 0.5 + static_cast<double>(offset.x),
-                                             pixel.y + 0.5 + static_cast<double>(offset.y),
-                                             inputs_.appearance.camera_mask);
+    scratch.rays[i] =
+        inputs_.camera.through(pixel.x + 0.5 + static_cast<double>(offset.x),
+                               pixel.y + 0.5 + static_cast<double>(offset.y), inputs_.appearance.camera_mask);
   }
 }
 

@@ -1,0 +1,261 @@
+"""What each pixel's ray hits, against scenes whose answers are known by hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from perfect_bvh import (
+    Appearance,
+    Camera,
+    InstanceTable,
+    MaterialTable,
+    MeshAppearance,
+    Scene,
+    render,
+    render_passes,
+)
+
+WIDTH, HEIGHT = 64, 36
+SIZE = (WIDTH, HEIGHT)
+WINDOW = (-1.0, 1.0, -0.5625, 0.5625)
+QUAD = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
+QUAD_TRIANGLES = np.array([(0, 1, 2), (0, 2, 3)], np.int32)
+
+
+def quad_scene(*transforms: npt.NDArray[np.float64]) -> Scene:
+    """Squares of side 2 in their own z = 0, facing up: instances 0, 1, ... of mesh 0."""
+    scene = Scene()
+    mesh = scene.add_mesh(QUAD, QUAD_TRIANGLES)
+    for transform in transforms:
+        scene.add_instance(mesh, transform)
+    scene.commit()
+    return scene
+
+
+def placed(x: float = 0.0, y: float = 0.0, z: float = 0.0, scale: float = 1.0) -> npt.NDArray[np.float64]:
+    matrix = np.diag((scale, scale, scale, 1.0))
+    matrix[:3, 3] = x, y, z
+    return matrix
+
+
+def pixel_centres() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Where pixel centres lie on the window: x of the columns, y of the rows from the top."""
+    left, right, bottom, top = WINDOW
+    x = left + (np.arange(WIDTH) + 0.5) * (right - left) / WIDTH
+    y = top - (np.arange(HEIGHT) + 0.5) * (top - bottom) / HEIGHT
+    return x, y
+
+
+def test_depth_is_along_the_view_axis_and_distance_along_the_ray() -> None:
+    passes = render_passes(
+        quad_scene(placed(z=-3.0, scale=10.0)), Camera(window=WINDOW), size=SIZE, passes=("depth", "distance", "normal")
+    )
+    x, y = pixel_centres()
+    np.testing.assert_allclose(passes["depth"], 3.0, rtol=1e-6)
+    np.testing.assert_allclose(passes["distance"], 3.0 * np.sqrt(1.0 + x**2 + y[:, None] ** 2), rtol=1e-6)
+    np.testing.assert_allclose(passes["normal"], np.broadcast_to((0.0, 0.0, 1.0), (HEIGHT, WIDTH, 3)), atol=1e-7)
+
+
+def test_rows_start_at_the_top_and_columns_at_the_left() -> None:
+    # The square covers x in [1, 3], y in [0.2, 2.2] of the plane 4 in front: a corner of the upper right quarter.
+    passes = render_passes(
+        quad_scene(placed(2.0, 1.2, -4.0)), Camera(window=WINDOW), size=SIZE, passes=("instance", "depth", "primitive")
+    )
+    x, y = pixel_centres()
+    inside = ((4 * x >= 1) & (4 * x <= 3)) & ((4 * y >= 0.2) & (4 * y <= 2.2))[:, None]
+    assert 0 < inside.sum() < inside.size
+    np.testing.assert_array_equal(passes["instance"], np.where(inside, 0, -1))
+    np.testing.assert_array_equal(passes["depth"] == np.float32(1e10), ~inside)
+    np.testing.assert_array_equal(passes["primitive"] >= 0, inside)
+
+
+def test_orthographic_windows_are_in_world_units() -> None:
+    scene = quad_scene(placed(z=-5.0, scale=0.25))
+    camera = Camera(window=WINDOW, projection="orthographic")
+    passes = render_passes(scene, camera, size=SIZE, passes=("depth", "distance", "instance"))
+    x, y = pixel_centres()
+    inside = (abs(x) <= 0.25) & (abs(y) <= 0.25)[:, None]
+    np.testing.assert_array_equal(passes["instance"] == 0, inside)
+    np.testing.assert_allclose(passes["depth"][inside], 5.0, rtol=1e-6)
+    np.testing.assert_array_equal(passes["depth"], passes["distance"])
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_clipping_is_along_the_view_axis(projection: str) -> None:
+    scene = quad_scene(placed(z=-2.0, scale=9.0), placed(z=-3.0, scale=9.0), placed(z=-4.0, scale=9.0))
+
+    def seen(start: float, end: float) -> npt.NDArray[np.int32]:
+        camera = Camera(window=WINDOW, projection=projection, clip_start=start, clip_end=end)  # type: ignore[arg-type]
+        return np.unique(render_passes(scene, camera, size=SIZE, passes=("instance",))["instance"])
+
+    # If the range were along the ray, the corners of a perspective image would see another square than the middle.
+    assert seen(0.1, 100.0).tolist() == [0]
+    assert seen(2.001, 100.0).tolist() == [1]
+    assert seen(3.001, 100.0).tolist() == [2]
+    assert seen(2.001, 2.999).tolist() == [-1]
+    assert seen(0.1, 1.999).tolist() == [-1]
+
+
+def test_a_shifted_window_is_a_cut_of_a_larger_one() -> None:
+    scene = quad_scene(placed(0.3, -0.2, -3.0, 0.6), placed(-1.0, 0.7, -2.5, 0.3))
+    whole = render_passes(scene, Camera(window=WINDOW), size=SIZE, passes=("instance", "depth"))
+    quarter = Camera(window=(0.0, 1.0, 0.0, 0.5625))
+    part = render_passes(scene, quarter, size=(WIDTH // 2, HEIGHT // 2), passes=("instance", "depth"))
+    np.testing.assert_array_equal(part["instance"], whole["instance"][: HEIGHT // 2, WIDTH // 2 :])
+    np.testing.assert_allclose(part["depth"], whole["depth"][: HEIGHT // 2, WIDTH // 2 :], rtol=1e-6)
+
+
+def test_pixels_outside_the_border_are_not_traced() -> None:
+    scene = quad_scene(placed(z=-3.0, scale=10.0))
+    names = ("combined", "depth", "normal", "instance", "object_index")
+    whole = render_passes(scene, Camera(window=WINDOW), size=SIZE, passes=names)
+    camera = Camera(window=WINDOW, border=(0.25, 0.5, 0.5, 1.0))  # left, right, bottom, top
+    part = render_passes(scene, camera, size=SIZE, passes=names)
+    inside = np.zeros((HEIGHT, WIDTH), bool)
+    inside[: HEIGHT // 2, WIDTH // 4 : WIDTH // 2] = True
+    for name in names:
+        np.testing.assert_array_equal(part[name][inside], whole[name][inside], err_msg=name)
+    assert (part["combined"][~inside] == 0.0).all()
+    assert (part["depth"][~inside] == np.float32(1e10)).all()
+    assert (part["instance"][~inside] == -1).all()
+    assert (part["combined"][inside][:, 3] == 1.0).all()
+
+
+def test_a_scaled_camera_matrix_changes_nothing() -> None:
+    scene = quad_scene(placed(0.3, -0.2, -3.0, 0.6))
+    matrix = np.eye(4)
+    scaled = matrix @ np.diag((2.0, 0.5, 7.0, 1.0))
+    plain = render(scene, Camera(matrix, WINDOW), "normal", SIZE)
+    np.testing.assert_array_equal(plain, render(scene, Camera(scaled, WINDOW), "normal", SIZE))
+
+
+def test_normals_turn_towards_the_viewer_and_follow_mirrors_and_shear() -> None:
+    shear = np.eye(4)
+    shear[2, 0] = 0.5  # z grows with x: the plane z = x / 2
+    shear[2, 3] = -3.0
+    up = np.array((-0.5, 0.0, 1.0)) / math.sqrt(1.25)
+    mirrored = shear @ np.diag((1.0, -1.0, 1.0, 1.0))
+    turned = shear @ np.diag((1.0, -1.0, -1.0, 1.0))  # its back to the camera
+    for transform in (shear, mirrored, turned):
+        passes = render_passes(quad_scene(transform), Camera(window=WINDOW), size=SIZE, passes=("normal", "instance"))
+        hit = passes["instance"] == 0
+        assert hit.sum() > 100
+        np.testing.assert_allclose(passes["normal"][hit], np.broadcast_to(up, (hit.sum(), 3)), atol=1e-6)
+
+
+def test_smooth_normals_are_interpolated_and_transformed() -> None:
+    corners = np.array([(-0.6, 0.0, 0.8), (0.6, 0.0, 0.8), (0.6, 0.0, 0.8), (-0.6, 0.0, 0.8)], np.float32)
+    transform = placed(z=-3.0) @ np.diag((2.0, 1.0, 1.0, 1.0))
+    scene = quad_scene(transform)
+    appearance = Appearance(meshes={0: MeshAppearance(corner_normals=corners[QUAD_TRIANGLES])})
+    passes = render_passes(
+        scene, Camera(window=WINDOW), size=SIZE, appearance=appearance, passes=("normal", "instance")
+    )
+    x, y = pixel_centres()
+    hit = passes["instance"] == 0
+    object_x = 3.0 * np.broadcast_to(x, hit.shape) / 2.0
+    expected = np.stack([0.6 * object_x / 2.0, np.zeros_like(object_x), np.full_like(object_x, 0.8)], axis=-1)
+    expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
+    np.testing.assert_allclose(passes["normal"][hit], expected[hit], atol=1e-5)
+
+
+def two_squares() -> tuple[Scene, Callable[..., Appearance]]:
+    """Instance 0 left with two materials, instance 1 right; how to make their appearance."""
+    scene = quad_scene(placed(-1.2, 0.0, -3.0), placed(1.2, 0.0, -3.0))
+
+    def appearance(**changes: object) -> Appearance:
+        table = InstanceTable(
+            ids=np.array([1, 0], np.int32),
+            slot_offsets=np.array([0, 1, 3], np.int32),
+            slot_materials=np.array([1, 0, 2], np.int32),
+            object_indices=np.array([7, 5], np.int32),
+            holdout=changes.pop("holdout", np.zeros(2, bool)),  # type: ignore[arg-type]
+        )
+        materials = MaterialTable(
+            np.array([(1, 0, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1)], np.float32), np.array([11, 12, 13], np.int32)
+        )
+        meshes = {0: MeshAppearance(material_slots=np.array([0, 1], np.int32))}
+        return Appearance(meshes, table, materials, **changes)  # type: ignore[arg-type]
+
+    return scene, appearance
+
+
+def test_indices_come_from_the_tables_by_instance_id() -> None:
+    scene, appearance = two_squares()
+    passes = render_passes(
+        scene,
+        Camera(window=WINDOW),
+        size=SIZE,
+        appearance=appearance(),
+        passes=("object_index", "material_index", "instance", "primitive"),
+    )
+    instance, primitive = passes["instance"], passes["primitive"]
+    np.testing.assert_array_equal(passes["object_index"], np.choose(instance + 1, [0, 5, 7]))
+    # The right square has one slot only: its second triangle falls back to it.
+    left = np.where(primitive == 0, 11, 13)
+    np.testing.assert_array_equal(passes["material_index"], np.choose(instance + 1, [0, left, 12]))
+    assert np.unique(passes["material_index"]).tolist() == [0, 11, 12, 13]
+
+
+def test_holdouts_are_transparent_and_hide_what_is_behind() -> None:
+    scene, appearance = two_squares()
+    look = appearance(holdout=np.array([True, False]))  # instance 1
+    names = ("combined", "depth", "normal", "instance", "object_index")
+    plain = render_passes(scene, Camera(window=WINDOW), size=SIZE, appearance=appearance(), passes=names)
+    cut = render_passes(scene, Camera(window=WINDOW), size=SIZE, appearance=look, passes=names)
+    hole = plain["instance"] == 1
+    assert hole.any()
+    assert (cut["combined"][hole] == 0.0).all()
+    assert (cut["depth"][hole] == np.float32(1e10)).all()
+    assert (cut["instance"][hole] == -1).all()
+    for name in names:
+        np.testing.assert_array_equal(cut[name][~hole], plain[name][~hole], err_msg=name)
+
+
+def test_a_transparent_film_has_no_backdrop() -> None:
+    scene, appearance = two_squares()
+    camera = Camera(window=WINDOW)
+    clear = render(scene, camera, size=SIZE, appearance=appearance(film_transparent=True))
+    solid = render(scene, camera, size=SIZE, appearance=appearance())
+    hit = render_passes(scene, camera, size=SIZE, passes=("instance",))["instance"] >= 0
+    assert (clear[~hit] == 0.0).all()
+    assert (solid[~hit][:, :3] > 0.0).all()
+    assert (solid[..., 3] == 1.0).all()
+    np.testing.assert_array_equal(clear[hit], solid[hit])
+
+
+def test_camera_rays_pass_by_instances_outside_their_mask() -> None:
+    scene = Scene()
+    mesh = scene.add_mesh(QUAD, QUAD_TRIANGLES)
+    scene.add_instance(mesh, placed(z=-2.0, scale=9.0), mask=0b10)
+    scene.add_instance(mesh, placed(z=-3.0, scale=9.0), mask=0b01)
+    scene.commit()
+    look = Appearance(camera_mask=0b01)
+    passes = render_passes(scene, Camera(window=WINDOW), size=SIZE, appearance=look, passes=("instance",))
+    assert (passes["instance"] == 1).all()
+
+
+def test_data_passes_do_not_change_with_samples() -> None:
+    scene = quad_scene(placed(0.3, -0.2, -3.0, 0.6), placed(-1.0, 0.7, -2.5, 0.3))
+    names = ("combined", "depth", "normal", "instance", "primitive")
+    one = render_passes(scene, Camera(window=WINDOW), size=SIZE, samples=1, passes=names)
+    many = render_passes(scene, Camera(window=WINDOW), size=SIZE, samples=5, passes=names)
+    for name in names[1:]:
+        np.testing.assert_array_equal(one[name], many[name], err_msg=name)
+    assert not np.array_equal(one["combined"], many["combined"])
+
+
+def test_costs_are_counted() -> None:
+    passes = render_passes(
+        quad_scene(placed(z=-3.0, scale=0.5)),
+        Camera(window=WINDOW),
+        size=SIZE,
+        passes=("nodes_visited", "primitives_tested", "instance"),
+    )
+    hit = passes["instance"] == 0
+    assert (passes["nodes_visited"] > 0).all()
+    assert (passes["primitives_tested"][hit] > 0).all()
