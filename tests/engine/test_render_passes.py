@@ -155,7 +155,7 @@ def test_smooth_normals_are_interpolated_and_transformed() -> None:
     passes = render_passes(
         scene, Camera(window=WINDOW), size=SIZE, appearance=appearance, passes=("normal", "instance")
     )
-    x, y = pixel_centres()
+    x, _y = pixel_centres()
     hit = passes["instance"] == 0
     object_x = 3.0 * np.broadcast_to(x, hit.shape) / 2.0
     expected = np.stack([0.6 * object_x / 2.0, np.zeros_like(object_x), np.full_like(object_x, 0.8)], axis=-1)
