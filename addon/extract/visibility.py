@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..sync.records import (
+    VISIBLE_TO_ALL,
     VISIBLE_TO_CAMERA,
     VISIBLE_TO_DIFFUSE,
     VISIBLE_TO_GLOSSY,
@@ -42,17 +43,19 @@ class VisibilityReader:
         self._view_layer = depsgraph.view_layer_eval
         self._for_viewport = for_viewport
         self._space = space
+        self._original_view_layer = depsgraph.view_layer
+        self._layer_uids: set[int] | None = None
         self._render_filter = None
         if not for_viewport and depsgraph.mode == "VIEWPORT":
-            self._render_filter = RenderFilter(depsgraph.view_layer)
+            self._render_filter = RenderFilter(depsgraph)
 
     def mask(self, obj: Any, parent: Any) -> int:
         """VISIBLE_TO_* bits of an evaluated object seen as itself (parent None) or as an instance of parent's."""
-        mask = _ray_mask(obj)
-        if parent is not None:
-            mask &= _ray_mask(parent)
-        if obj.indirect_only_get(view_layer=self._view_layer):
-            mask &= ~VISIBLE_TO_CAMERA
+        mask = VISIBLE_TO_ALL
+        for part in (obj,) if parent is None else (obj, parent):
+            mask &= _ray_mask(part)
+            if part.indirect_only_get(view_layer=self._view_layer):
+                mask &= ~VISIBLE_TO_CAMERA
         return mask
 
     def is_holdout(self, obj: Any, parent: Any) -> bool:
@@ -64,11 +67,19 @@ class VisibilityReader:
     def is_hidden(self, obj: Any, parent: Any) -> bool:
         """Whether an object that the depsgraph lists must not be shown all the same."""
         if self._for_viewport:
-            shown = obj if parent is None else parent
-            if self._space is not None:
-                return not shown.visible_in_viewport_get(self._space)
-            return not shown.visible_get(view_layer=self._view_layer)
+            return self._is_hidden_in_viewport(obj if parent is None else parent)
         return self._render_filter is not None and self._render_filter.is_hidden(obj, parent)
+
+    def _is_hidden_in_viewport(self, obj: Any) -> bool:
+        """What the eye icon of a collection hides is still evaluated and listed."""
+        if self._space is not None:
+            return not obj.visible_in_viewport_get(self._space)
+        if obj.visible_get(view_layer=self._view_layer):
+            return False
+        if self._layer_uids is None:
+            self._layer_uids = {member.session_uid for member in self._original_view_layer.objects}
+        # Objects of a background scene are in no view layer of this one, and are shown.
+        return obj.original.session_uid in self._layer_uids
 
 
 class RenderFilter:
@@ -79,10 +90,14 @@ class RenderFilter:
     viewport depsgraph tells how such an instance came about. A render's own depsgraph needs none of this.
     """
 
-    def __init__(self, view_layer: Any) -> None:
+    def __init__(self, depsgraph: Any) -> None:
         self._in_scene: set[int] = set()
         self._in_collection: dict[int, set[int]] = {}
-        _collect_layer(view_layer.layer_collection, self._in_scene)
+        _collect_layer(depsgraph.view_layer.layer_collection, self._in_scene)
+        scene = depsgraph.scene.background_set
+        while scene is not None:
+            _collect_layer(scene.view_layers[0].layer_collection, self._in_scene)
+            scene = scene.background_set
 
     def is_hidden(self, obj: Any, parent: Any) -> bool:
         if parent is None:

@@ -1,0 +1,18 @@
+"""Fixtures for tests that run inside Blender's Python module; without it they are skipped."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+bpy: Any = pytest.importorskip("bpy")
+
+
+@pytest.fixture
+def scene() -> Any:
+    """An empty scene in a file of its own, with a small render size."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = 32, 18
+    return scene

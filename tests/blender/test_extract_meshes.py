@@ -1,0 +1,433 @@
+"""Meshes in the record are what Blender evaluates: every object type, every oddity, every attribute."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from blender.builders import (
+    SQUARE,
+    evaluated,
+    instances_on_grid,
+    made_cube,
+    mesh_data,
+    mesh_object,
+    reference_soup,
+    soup_of,
+)
+from perfect_bvh_addon.extract import read_scene
+from perfect_bvh_addon.extract.pointer_views import ArrayReader
+from perfect_bvh_addon.sync.records import AttributeRequest, MeshRecord
+
+ALL_ATTRIBUTES = AttributeRequest(material_slots=True, corner_normals=True, corner_uvs=True)
+
+
+def only_mesh(**options: Any) -> MeshRecord:
+    (mesh,) = read_scene(evaluated(), ALL_ATTRIBUTES, **options).meshes
+    return mesh
+
+
+def add_mesh() -> Any:
+    bpy.ops.mesh.primitive_monkey_add()
+    return bpy.context.object
+
+
+def add_modified_mesh() -> Any:
+    obj = add_mesh()
+    obj.modifiers.new("array", "ARRAY").count = 2
+    obj.modifiers.new("bend", "SIMPLE_DEFORM").deform_method = "BEND"
+    return obj
+
+
+def add_curve() -> Any:
+    bpy.ops.curve.primitive_bezier_circle_add()
+    bpy.context.object.data.bevel_depth = 0.1
+    return bpy.context.object
+
+
+def add_surface() -> Any:
+    bpy.ops.surface.primitive_nurbs_surface_torus_add()
+    return bpy.context.object
+
+
+def add_text() -> Any:
+    bpy.ops.object.text_add()
+    bpy.context.object.data.extrude = 0.1
+    return bpy.context.object
+
+
+def add_metaball() -> Any:
+    bpy.ops.object.metaball_add(type="CAPSULE")
+    return bpy.context.object
+
+
+KINDS = {
+    "mesh": add_mesh,
+    "modified mesh": add_modified_mesh,
+    "curve": add_curve,
+    "surface": add_surface,
+    "text": add_text,
+    "metaball": add_metaball,
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_object_type_reads_as_blender_converts_it(scene: Any, kind: str) -> None:
+    obj = KINDS[kind]()
+    obj.location, obj.rotation_euler, obj.scale = (1, 2, 3), (0.3, 0.2, 0.1), (1, 2, 0.5)
+    if kind != "metaball":  # Blender 4.2 polygonises no mirrored metaball
+        obj.scale.y = -2
+    depsgraph = evaluated()
+    record = read_scene(depsgraph)
+    assert soup_of(record) == reference_soup(depsgraph)
+
+    converted = obj.evaluated_get(depsgraph).to_mesh()
+    converted.calc_loop_triangles()
+    (mesh,) = record.meshes
+    assert len(record.instances) == 1
+    assert len(mesh.triangles) == len(converted.loop_triangles) > 10
+    np.testing.assert_array_equal(mesh.positions, [vertex.co for vertex in converted.vertices])
+    np.testing.assert_array_equal(mesh.triangles, [triangle.vertices for triangle in converted.loop_triangles])
+    assert mesh.positions.dtype == np.float32
+    assert mesh.triangles.dtype == mesh.polygon_ids.dtype == np.int32
+    obj.evaluated_get(depsgraph).to_mesh_clear()
+
+
+def test_metaballs_of_a_family_are_one_mesh(scene: Any) -> None:
+    bpy.ops.object.metaball_add(type="BALL")
+    bpy.ops.object.metaball_add(type="BALL", location=(1, 0, 0))
+    record = read_scene(evaluated())
+    assert len(record.instances) == len(record.meshes) == 1
+
+
+def test_an_empty_scene_is_an_empty_record(scene: Any) -> None:
+    record = read_scene(evaluated())
+    assert (record.meshes, record.objects, record.materials, record.warnings) == ((), (), (), ())
+    assert len(record.instances) == 0
+    assert record.instances.transforms.shape == (0, 4, 4)
+    assert record.instances.persistent_ids.shape == (0, 8)
+    assert record.camera is None
+    assert record.size == (32, 18)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "edges"),
+    [([], []), ([(0, 0, 0)], []), ([(0, 0, 0), (1, 0, 0)], [(0, 1)])],
+    ids=["nothing", "a vertex", "an edge"],
+)
+def test_an_object_without_faces_is_not_there(scene: Any, vertices: list[Any], edges: list[Any]) -> None:
+    data = bpy.data.meshes.new("bare")
+    data.from_pydata(vertices, edges, [])
+    mesh_object("bare", data)
+    mesh_object("solid")
+    record = read_scene(evaluated(), ALL_ATTRIBUTES)
+    assert [record.objects[row].name for row in record.instances.object_indices] == ["solid"]
+    assert len(record.meshes) == 1
+
+
+def test_loose_edges_and_vertices_do_not_disturb_the_triangles(scene: Any) -> None:
+    data = bpy.data.meshes.new("loose")
+    vertices = [(9, 9, 9), (0, 0, 0), (1, 0, 0), (0, 1, 0), (7, 7, 7)]
+    data.from_pydata(vertices, [(0, 4)], [(1, 2, 3)])
+    mesh_object("loose", data)
+    mesh = only_mesh()
+    np.testing.assert_array_equal(mesh.positions, np.array(vertices, np.float32))
+    np.testing.assert_array_equal(mesh.triangles, [[1, 2, 3]])
+
+
+def test_polygons_are_cut_as_blender_cuts_them_and_keep_their_ids(scene: Any) -> None:
+    outline = [(0, 0, 0), (4, 0, 0), (4, 4, 0), (2, 1, 0), (0, 4, 0)]  # concave
+    mesh_object("n-gon", mesh_data("n-gon", [*outline, (0, 0, 5), (1, 0, 5), (0, 1, 5)], [(0, 1, 2, 3, 4), (5, 6, 7)]))
+    depsgraph = evaluated()
+    mesh = only_mesh()
+    assert mesh.polygon_ids.tolist() == [0, 0, 0, 1]
+    assert soup_of(read_scene(depsgraph)) == reference_soup(depsgraph)
+    corners = mesh.positions[mesh.triangles[:3]]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    assert areas.sum() == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_triangles_that_are_not_finite_are_dropped_and_the_others_keep_their_ids(scene: Any, value: float) -> None:
+    vertices = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, value, 1), (5, 5, 5), (6, 5, 5), (5, 6, 5)]
+    data = mesh_data("broken", vertices, [(0, 1, 2), (0, 1, 3), (4, 5, 6)])
+    data.materials.append(None)
+    data.materials.append(None)
+    data.polygons[2].material_index = 1
+    data.uv_layers.new()
+    mesh_object("broken", data)
+    record = read_scene(evaluated(), ALL_ATTRIBUTES)
+    (mesh,) = record.meshes
+    assert mesh.dropped_triangles == 1
+    assert mesh.triangle_ids is not None
+    assert mesh.triangle_ids.tolist() == mesh.polygon_ids.tolist() == [0, 2]
+    np.testing.assert_array_equal(mesh.triangles, [[0, 1, 2], [4, 5, 6]])
+    assert mesh.material_slots is not None
+    assert mesh.material_slots.tolist() == [0, 1]
+    assert mesh.corner_uvs is not None
+    assert mesh.corner_uvs.shape == (2, 3, 2)
+    assert np.isfinite(mesh.positions).all()
+    assert len(mesh.positions) == len(vertices)
+    assert record.warnings == ("broken: 1 triangles with a vertex that is not finite were left out",)
+
+
+def test_a_loose_vertex_that_is_not_finite_costs_no_triangle(scene: Any) -> None:
+    mesh_object("stray", mesh_data("stray", [(0, 0, 0), (1, 0, 0), (0, 1, 0), (np.nan, 0, 0)], [(0, 1, 2)]))
+    record = read_scene(evaluated())
+    (mesh,) = record.meshes
+    assert (mesh.dropped_triangles, mesh.triangle_ids, record.warnings) == (0, None, ())
+    assert np.isfinite(mesh.positions).all()
+
+
+def test_a_mesh_with_no_finite_triangle_left_is_still_a_record(scene: Any) -> None:
+    mesh_object("lost", mesh_data("lost", [(np.nan, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)]))
+    mesh = only_mesh()
+    assert (mesh.dropped_triangles, mesh.triangles.shape, mesh.positions.shape) == (1, (0, 3), (3, 3))
+    assert np.isfinite(mesh.positions).all()
+
+
+@pytest.mark.parametrize("modifier", [None, "SUBSURF"])
+def test_unsaved_edits_of_edit_mode_are_read(scene: Any, modifier: str | None) -> None:
+    import bmesh
+
+    obj = add_mesh()
+    if modifier:
+        obj.modifiers.new("modifier", modifier)
+    bpy.ops.object.mode_set(mode="EDIT")
+    edited = bmesh.from_edit_mesh(obj.data)
+    edited.verts.ensure_lookup_table()
+    edited.verts[0].co.x = 99.0
+    bmesh.ops.delete(edited, geom=[edited.verts[7]])
+    bmesh.update_edit_mesh(obj.data)
+    depsgraph = evaluated()
+    mesh = only_mesh()
+    reference = obj.evaluated_get(depsgraph).to_mesh()
+    np.testing.assert_array_equal(mesh.positions, [vertex.co for vertex in reference.vertices])
+    assert mesh.positions.max() > 20.0
+    obj.evaluated_get(depsgraph).to_mesh_clear()
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+# Attributes ----------------------------------------------------------------------------------------------------------
+
+
+def test_only_what_was_asked_for_is_read(scene: Any) -> None:
+    add_mesh()
+    bpy.ops.object.shade_smooth()
+    (bare,) = read_scene(evaluated(), AttributeRequest(material_slots=False)).meshes
+    assert (bare.material_slots, bare.corner_normals, bare.corner_uvs) == (None, None, None)
+    full = only_mesh()
+    assert full.material_slots is not None
+    assert full.corner_normals is not None
+    assert full.corner_uvs is not None
+    count = len(full.triangles)
+    assert full.material_slots.shape == (count,)
+    assert full.corner_normals.shape == (count, 3, 3)
+    assert full.corner_uvs.shape == (count, 3, 2)
+
+
+def test_flat_meshes_have_no_corner_normals_and_smooth_ones_have_blenders(scene: Any) -> None:
+    obj = add_mesh()
+    assert only_mesh().corner_normals is None
+    bpy.ops.object.shade_smooth()
+    obj.data.polygons[3].use_smooth = False
+    read = only_mesh().corner_normals
+    data = obj.evaluated_get(evaluated()).data
+    expected = [[data.corner_normals[loop].vector for loop in triangle.loops] for triangle in data.loop_triangles]
+    assert read is not None
+    np.testing.assert_allclose(read, expected, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(read, axis=2), 1.0, atol=1e-5)
+
+
+def test_custom_normals_are_read(scene: Any) -> None:
+    obj = add_mesh()
+    bpy.ops.object.shade_smooth()
+    tilted = [(0.6, 0.0, 0.8)] * len(obj.data.loops)
+    obj.data.normals_split_custom_set(tilted)
+    read = only_mesh().corner_normals
+    assert read is not None
+    np.testing.assert_allclose(read.reshape(-1, 3), np.broadcast_to([0.6, 0.0, 0.8], (read.size // 3, 3)), atol=0.02)
+
+
+def test_the_uv_map_that_renders_use_is_read(scene: Any) -> None:
+    data = mesh_data("square", *SQUARE)
+    data.uv_layers.new(name="shown").uv.foreach_set("vector", np.zeros(8, np.float32))
+    rendered = data.uv_layers.new(name="rendered")
+    coordinates = np.arange(8, dtype=np.float32).reshape(4, 2)
+    rendered.uv.foreach_set("vector", coordinates.ravel())
+    data.uv_layers.active = data.uv_layers["shown"]
+    rendered.active_render = True
+    mesh_object("square", data)
+    mesh = only_mesh()
+    assert mesh.corner_uvs is not None
+    np.testing.assert_array_equal(mesh.corner_uvs, coordinates[mesh.triangles])
+
+
+def test_material_slots_of_triangles_and_objects(scene: Any) -> None:
+    red, blue = bpy.data.materials.new("red"), bpy.data.materials.new("blue")
+    red.diffuse_color, blue.pass_index = (1, 0, 0, 1), 7
+    data = mesh_data("painted", [*SQUARE[0], (0, 0, 3), (1, 0, 3), (0, 1, 3)], [(0, 1, 2, 3), (4, 5, 6)])
+    for material in (red, None):
+        data.materials.append(material)
+    data.polygons[1].material_index = 1
+    first, second = mesh_object("first", data), mesh_object("second", data)
+    second.material_slots[0].link = "OBJECT"
+    second.material_slots[0].material = blue
+    assert first.material_slots[0].material == red
+
+    record = read_scene(evaluated())
+    names = [material.name for material in record.materials]
+    slots = {obj.name: [names[row] if row >= 0 else None for row in obj.material_slots] for obj in record.objects}
+    assert slots == {"first": ["red", None], "second": ["blue", None]}
+    (mesh,) = record.meshes
+    assert mesh.material_slots is not None
+    assert mesh.material_slots.tolist() == [0, 0, 1]
+    by_name = {material.name: material for material in record.materials}
+    assert by_name["red"].color == (1.0, 0.0, 0.0, 1.0)
+    assert by_name["blue"].pass_index == 7
+    assert by_name["blue"].session_uid == blue.session_uid
+
+
+def test_the_view_layers_override_stands_for_every_material(scene: Any) -> None:
+    data = mesh_data("painted")
+    data.materials.append(bpy.data.materials.new("own"))
+    mesh_object("painted", data)
+    mesh_object("bare", location=(5, 0, 0))
+    scene.view_layers[0].material_override = bpy.data.materials.new("override")
+    record = read_scene(evaluated())
+    assert [material.name for material in record.materials] == ["override"]
+    assert {obj.material_slots for obj in record.objects} == {(0,)}
+
+
+# Sharing and keys ----------------------------------------------------------------------------------------------------
+
+
+def test_linked_data_is_one_mesh(scene: Any) -> None:
+    data = mesh_data("shared")
+    for index in range(5):
+        mesh_object(f"user {index}", data, location=(index, 0, 0))
+    record = read_scene(evaluated())
+    assert len(record.meshes) == 1
+    assert record.instances.mesh_indices.tolist() == [0] * 5
+    np.testing.assert_array_equal(record.instances.transforms[:, 0, 3], np.arange(5))
+
+
+@pytest.mark.parametrize("kind", ["modified mesh", "text", "curve"])
+def test_linked_data_that_blender_evaluates_once_an_object_is_one_mesh_again(scene: Any, kind: str) -> None:
+    first = KINDS[kind]()
+    for _ in range(3):
+        copy = first.copy()
+        copy.location.x += 3.0
+        scene.collection.objects.link(copy)
+    record = read_scene(evaluated(), ALL_ATTRIBUTES)
+    assert len(record.meshes) == 1
+    assert len(record.instances) == 4
+
+
+def test_linked_data_that_differs_after_modifiers_is_not_shared(scene: Any) -> None:
+    first = add_modified_mesh()
+    second = first.copy()
+    second.modifiers["bend"].angle = 1.0
+    scene.collection.objects.link(second)
+    record = read_scene(evaluated())
+    assert len(record.meshes) == 2
+    assert len({mesh.key for mesh in record.meshes}) == 2
+
+
+def test_keys_survive_evaluation_renaming_and_other_objects(scene: Any) -> None:
+    add_modified_mesh()
+    KINDS["text"]()
+    mesh_object("plain")
+    instances_on_grid("nodes", made_cube, keep_own=True)
+
+    def keys() -> dict[Any, int]:
+        return {mesh.key: len(mesh.positions) for mesh in read_scene(evaluated()).meshes}
+
+    before = keys()
+    assert len(before) == 5
+    for obj in list(bpy.data.objects):
+        obj.name = f"renamed {obj.name}"
+        obj.update_tag(refresh={"DATA"})
+    assert keys() == before
+    mesh_object("a first object, by name")
+    after = keys()
+    assert before.items() < after.items()
+
+
+def test_a_mesh_made_by_nodes_keeps_its_key_while_it_deforms(scene: Any) -> None:
+    obj = instances_on_grid("nodes", made_cube)
+    size = next(node for node in obj.modifiers[0].node_group.nodes if node.bl_idname == "GeometryNodeMeshCube").inputs
+    (before,) = read_scene(evaluated()).meshes
+    size["Size"].default_value = (1, 2, 3)
+    (deformed,) = read_scene(evaluated()).meshes
+    assert deformed.key == before.key
+    assert not np.array_equal(deformed.positions, before.positions)
+    size["Vertices X"].default_value = 3
+    (changed,) = read_scene(evaluated()).meshes
+    assert changed.key != before.key
+
+
+# Reading by address --------------------------------------------------------------------------------------------------
+
+
+def test_views_and_foreach_get_read_the_same(scene: Any) -> None:
+    for add in KINDS.values():
+        add()
+        if bpy.context.object.type == "MESH":
+            bpy.ops.object.shade_smooth()
+    reader = ArrayReader()
+    fast = read_scene(evaluated(), ALL_ATTRIBUTES, reader=reader)
+    slow = read_scene(evaluated(), ALL_ATTRIBUTES, reader=ArrayReader(use_views=False))
+    assert len(fast.meshes) == len(slow.meshes) == len(KINDS)
+    for one, other in zip(fast.meshes, slow.meshes, strict=True):
+        for name in ("positions", "triangles", "polygon_ids", "material_slots", "corner_normals", "corner_uvs"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    needed = {"positions", "corner_verts", "corner_triangles", "triangle_polygons"}
+    assert all(reader.verdicts[name] for name in needed)  # this Blender has the layout that makes reading fast
+
+
+def test_records_own_their_arrays(scene: Any) -> None:
+    obj = add_mesh()
+    mesh = only_mesh()
+    before = mesh.positions.copy()
+    obj.data.vertices.foreach_set("co", np.zeros(len(obj.data.vertices) * 3, np.float32))
+    obj.data.update()
+    evaluated()
+    np.testing.assert_array_equal(mesh.positions, before)
+    assert mesh.positions.flags.owndata
+    assert mesh.positions.flags.writeable
+
+
+@pytest.mark.parametrize("failure", ["stride", "values"])
+def test_an_unexpected_layout_falls_back_to_foreach_get(scene: Any, failure: str) -> None:
+    """A collection whose elements lie elsewhere, or hold something else, than a plain array would."""
+    from perfect_bvh_addon.extract.pointer_views import ArrayKind
+
+    real = np.arange(12, dtype=np.float32).reshape(4, 3)
+    padded = np.zeros((4, 4), np.float32) if failure == "stride" else real + 1.0
+
+    class Element:
+        def __init__(self, index: int) -> None:
+            self.vector = real[index]
+            self.index = index
+
+        def as_pointer(self) -> int:
+            return padded.ctypes.data + self.index * padded.strides[0]
+
+    class Collection:
+        def __len__(self) -> int:
+            return len(real)
+
+        def __getitem__(self, index: int) -> Element:
+            return Element(index)
+
+        def foreach_get(self, attribute: str, out: np.ndarray) -> None:
+            assert attribute == "vector"
+            out[:] = real.ravel()
+
+    kind = ArrayKind("odd", 3, np.dtype(np.float32), "vector", lambda item: item.vector)
+    reader = ArrayReader()
+    np.testing.assert_array_equal(reader.read(Collection(), kind), real)
+    assert reader.verdicts == {"odd": False}

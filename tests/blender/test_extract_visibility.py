@@ -1,0 +1,341 @@
+"""Who is seen, in viewports and in renders, and by which rays; holdouts and camera rays as Cycles has them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from blender.builders import (
+    SQUARE,
+    camera_object,
+    collection,
+    collection_instance,
+    evaluated,
+    in_render,
+    instances_on_grid,
+    made_cube,
+    mesh_data,
+    mesh_object,
+    shown_names,
+)
+from perfect_bvh_addon.extract import read_scene
+from perfect_bvh_addon.sync import records
+from perfect_bvh_addon.sync.records import VISIBLE_TO_ALL, VISIBLE_TO_CAMERA, SceneRecord
+
+
+def layer_of(name: str) -> Any:
+    return bpy.context.view_layer.layer_collection.children[name]
+
+
+def in_collection(name: str, **settings: Any) -> None:
+    made = collection(f"{name} collection")
+    mesh_object(name, collection=made)
+    for key, value in settings.items():
+        target = layer_of(made.name) if key.startswith("layer_") else made
+        setattr(target, key.removeprefix("layer_"), value)
+
+
+def with_settings(name: str, **settings: Any) -> Any:
+    obj = mesh_object(name)
+    for key, value in settings.items():
+        setattr(obj, key, value)
+    return obj
+
+
+def nested_collection_hidden_above(name: str) -> None:
+    above = collection(f"{name} above")
+    above.hide_render = True
+    mesh_object(name, collection=collection(f"{name} below", above))
+
+
+def instances_of_hidden_members() -> None:
+    shown = collection("members", linked=False)
+    mesh_object("member", collection=shown)
+    mesh_object("not rendered", collection=shown).hide_render = True
+    mesh_object("not in viewports", collection=shown).hide_viewport = True
+    below = collection("below", shown)
+    below.hide_render = True
+    mesh_object("below", collection=below)
+    nested = collection("nested", linked=False)
+    collection_instance("inner", shown, nested)
+    collection_instance("empty", nested)
+    collection_instance("empty, not rendered", shown).hide_render = True
+    collection_instance("empty, not in viewports", shown).hide_viewport = True
+
+
+def hidden_root() -> None:
+    shown = collection("root", linked=False)
+    shown.hide_render = True
+    mesh_object("of hidden root", collection=shown)
+    collection_instance("root empty", shown)
+
+
+def instancer(name: str, **settings: Any) -> None:
+    parent = mesh_object(name, mesh_data(name, *SQUARE))
+    parent.instance_type = "VERTS"
+    for key, value in settings.items():
+        setattr(parent, key, value)
+    mesh_object(f"{name} child").parent = parent
+
+
+# What is built; what a viewport shows of it; what a render shows of it.
+TABLE: dict[str, tuple[Callable[[], Any], set[str], set[str]]] = {
+    "plain": (lambda: mesh_object("a"), {"a"}, {"a"}),
+    "hide_render": (lambda: with_settings("a", hide_render=True), {"a"}, set()),
+    "hide_viewport": (lambda: with_settings("a", hide_viewport=True), set(), {"a"}),
+    "hide_set": (lambda: mesh_object("a").hide_set(True), set(), {"a"}),
+    "collection hide_render": (lambda: in_collection("a", hide_render=True), {"a"}, set()),
+    "collection above hide_render": (lambda: nested_collection_hidden_above("a"), {"a"}, set()),
+    "collection hide_viewport": (lambda: in_collection("a", hide_viewport=True), set(), {"a"}),
+    "collection eye": (lambda: in_collection("a", layer_hide_viewport=True), set(), {"a"}),
+    "collection excluded": (lambda: in_collection("a", layer_exclude=True), set(), set()),
+    "collection holdout": (lambda: in_collection("a", layer_holdout=True), {"a"}, {"a"}),
+    "collection indirect only": (lambda: in_collection("a", layer_indirect_only=True), {"a"}, {"a"}),
+    "collection instances": (
+        instances_of_hidden_members,
+        {
+            *(f"empty/{name}" for name in ("member", "not rendered", "below")),
+            *(f"empty, not rendered/{name}" for name in ("member", "not rendered", "below")),
+        },
+        {
+            *(f"empty/{name}" for name in ("member", "not in viewports")),
+            *(f"empty, not in viewports/{name}" for name in ("member", "not in viewports")),
+        },
+    ),
+    "hidden instanced collection": (hidden_root, {"root empty/of hidden root"}, set()),
+    "instancer": (
+        lambda: instancer("a"),
+        {"a", "a/a child", "a child"},
+        {"a", "a/a child"},
+    ),
+    "instancer not rendered": (
+        lambda: instancer("a", show_instancer_for_render=False),
+        {"a", "a/a child", "a child"},
+        {"a/a child"},
+    ),
+    "instancer not in viewports": (
+        lambda: instancer("a", show_instancer_for_viewport=False),
+        {"a/a child", "a child"},
+        {"a", "a/a child"},
+    ),
+    "nodes' instancer not rendered": (
+        lambda: setattr(instances_on_grid("a", made_cube), "hide_render", True),
+        {"a/a"},
+        set(),
+    ),
+    "seen by no ray": (
+        lambda: with_settings(
+            "a",
+            visible_camera=False,
+            visible_diffuse=False,
+            visible_glossy=False,
+            visible_transmission=False,
+            visible_volume_scatter=False,
+            visible_shadow=False,
+        ),
+        set(),
+        set(),
+    ),
+}
+
+
+@pytest.mark.parametrize("row", TABLE)
+def test_the_viewport_shows(scene: Any, row: str) -> None:
+    build, in_viewport, _ = TABLE[row]
+    build()
+    assert shown_names(read_scene(evaluated())) == in_viewport
+
+
+@pytest.mark.parametrize("row", TABLE)
+def test_a_render_shows(scene: Any, row: str) -> None:
+    build, _, rendered = TABLE[row]
+    build()
+    assert shown_names(in_render(read_scene)) == rendered
+
+
+@pytest.mark.parametrize("row", TABLE)
+def test_render_visibility_of_a_viewport_depsgraph(scene: Any, row: str) -> None:
+    """All that the viewport has of what a render shows, and nothing else but originals of duplicated children."""
+    build, in_viewport, rendered = TABLE[row]
+    build()
+    shown = shown_names(read_scene(evaluated(), for_viewport=False)) - {"a child"}
+    assert in_viewport & rendered <= shown <= rendered
+
+
+def test_a_background_scene_is_rendered(scene: Any) -> None:
+    other = bpy.data.scenes.new("other")
+    other.collection.objects.link(mesh_object("shown", collection=False))
+    hidden = mesh_object("hidden", collection=False)
+    hidden.hide_render = True
+    other.collection.objects.link(hidden)
+    scene.background_set = other
+    assert shown_names(in_render(read_scene)) == {"shown"}
+    assert shown_names(read_scene(evaluated(), for_viewport=False)) == {"shown"}
+    assert shown_names(read_scene(evaluated())) == {"shown", "hidden"}
+
+
+# Rays ----------------------------------------------------------------------------------------------------------------
+
+RAYS = {
+    "visible_camera": records.VISIBLE_TO_CAMERA,
+    "visible_diffuse": records.VISIBLE_TO_DIFFUSE,
+    "visible_glossy": records.VISIBLE_TO_GLOSSY,
+    "visible_transmission": records.VISIBLE_TO_TRANSMISSION,
+    "visible_volume_scatter": records.VISIBLE_TO_VOLUME,
+    "visible_shadow": records.VISIBLE_TO_SHADOW,
+}
+
+
+def only_mask(record: SceneRecord) -> int:
+    (mask,) = record.instances.masks
+    return int(mask)
+
+
+def test_the_bits_are_distinct_and_complete() -> None:
+    assert sum(RAYS.values()) == VISIBLE_TO_ALL
+    assert len(set(RAYS.values())) == len(RAYS)
+
+
+@pytest.mark.parametrize("flag", RAYS)
+def test_each_ray_flag_clears_its_bit(scene: Any, flag: str) -> None:
+    with_settings("a", **{flag: False})
+    assert only_mask(read_scene(evaluated())) == VISIBLE_TO_ALL & ~RAYS[flag]
+
+
+def test_an_instance_is_seen_by_what_sees_both_it_and_its_instancer(scene: Any) -> None:
+    shown = collection("shown", linked=False)
+    mesh_object("a", collection=shown).visible_shadow = False
+    collection_instance("empty", shown).visible_diffuse = False
+    expected = VISIBLE_TO_ALL & ~records.VISIBLE_TO_SHADOW & ~records.VISIBLE_TO_DIFFUSE
+    assert only_mask(read_scene(evaluated())) == expected
+
+
+def test_indirect_only_collections_hide_from_the_camera(scene: Any) -> None:
+    in_collection("a", layer_indirect_only=True)
+    assert only_mask(read_scene(evaluated())) == VISIBLE_TO_ALL & ~VISIBLE_TO_CAMERA
+
+
+# Cycles as the judge -------------------------------------------------------------------------------------------------
+
+
+def nothing() -> None:
+    """The square as it is."""
+
+
+def holdout_object() -> None:
+    bpy.data.objects["square"].is_holdout = True
+
+
+def holdout_collection() -> None:
+    layer_of("squares").holdout = True
+
+
+def indirect_only() -> None:
+    layer_of("squares").indirect_only = True
+
+
+def camera_invisible() -> None:
+    bpy.data.objects["square"].visible_camera = False
+
+
+def instanced(setting: str, value: bool, *, on_empty: bool) -> Callable[[], None]:
+    def change() -> None:
+        square = bpy.data.objects["square"]
+        layer_of("squares").exclude = True
+        empty = collection_instance("empty", bpy.data.collections["squares"])
+        setattr(empty if on_empty else square, setting, value)
+
+    return change
+
+
+def instanced_in_holdout_collection() -> None:
+    layer_of("squares").exclude = True
+    around = collection("around")
+    collection_instance("empty", bpy.data.collections["squares"], around)
+    layer_of("around").holdout = True
+
+
+def instanced_in_indirect_collection() -> None:
+    layer_of("squares").exclude = True
+    around = collection("around")
+    collection_instance("empty", bpy.data.collections["squares"], around)
+    layer_of("around").indirect_only = True
+
+
+CHANGES = {
+    "nothing": nothing,
+    "holdout object": holdout_object,
+    "holdout collection": holdout_collection,
+    "indirect only collection": indirect_only,
+    "camera-invisible object": camera_invisible,
+    "instanced": instanced("visible_camera", True, on_empty=True),
+    "instance of a holdout object": instanced("is_holdout", True, on_empty=False),
+    "instance by a holdout empty": instanced("is_holdout", True, on_empty=True),
+    "instance of a camera-invisible object": instanced("visible_camera", False, on_empty=False),
+    "instance by a camera-invisible empty": instanced("visible_camera", False, on_empty=True),
+    "instance in a holdout collection": instanced_in_holdout_collection,
+    "instance in an indirect only collection": instanced_in_indirect_collection,
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_the_camera_sees_what_cycles_sees(scene: Any, tmp_path: Path, change: str) -> None:
+    """A square before an opaque wall: Cycles shows the square, a hole, or the wall."""
+    squares = collection("squares")
+    mesh_object("square", painted("square", (1, 0, 0, 1)), collection=squares)
+    mesh_object("wall", painted("wall", (0, 1, 0, 1)), location=(0, 0, -1)).scale = (9, 9, 9)
+    camera_object().location.z = 3.0
+    CHANGES[change]()
+
+    def outcome_of(depsgraph: Any) -> str:
+        record = read_scene(depsgraph)
+        rows = [
+            row
+            for row, obj in enumerate(record.instances.object_indices)
+            if record.objects[obj].name == "square" and record.instances.masks[row] & VISIBLE_TO_CAMERA
+        ]
+        if not rows:
+            return "wall"
+        (row,) = rows
+        return "hole" if record.objects[record.instances.object_indices[row]].holdout else "square"
+
+    assert in_render(outcome_of) == cycles_outcome(scene, tmp_path / "cycles.exr")
+
+
+def painted(name: str, color: tuple[float, ...]) -> Any:
+    """A square that shines in one colour, so that no light is needed."""
+    data = mesh_data(name, *SQUARE)
+    material = bpy.data.materials.new(name)
+    if material.node_tree is None:  # before Blender 5 nodes had to be switched on
+        material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    emission = nodes.new("ShaderNodeEmission")
+    emission.inputs["Color"].default_value = color
+    output = nodes.new("ShaderNodeOutputMaterial")
+    material.node_tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    data.materials.append(material)
+    return data
+
+
+def cycles_outcome(scene: Any, path: Path) -> str:
+    """What Cycles has in the middle of the image: "square" (red), "wall" (green) or "hole" (nothing)."""
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.device = 1, False, "CPU"
+    scene.render.film_transparent = True
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.filepath = str(path)
+    scene.render.resolution_x = scene.render.resolution_y = 8
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(str(path))
+    pixels = np.empty(8 * 8 * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    red, green, _, alpha = pixels.reshape(8, 8, 4)[4, 4]
+    if alpha < 0.5:
+        return "hole"
+    assert max(red, green) > 0.9
+    return "square" if red > green else "wall"
