@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,7 @@ import numpy.typing as npt
 Int32Array = npt.NDArray[np.int32]
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
+Usage = Literal["static", "deforming", "changing"]
 
 # Bits of an instance's mask: which kinds of ray see it. They follow Blender's ray visibility.
 VISIBLE_TO_CAMERA = 1 << 0
@@ -36,6 +38,8 @@ class MeshRecord:
     material_slots, corner_normals, corner_uvs: only if they were asked for, see `AttributeRequest`.
     dropped_triangles: how many triangles were left out because a vertex was not finite; `triangle_ids`
         then holds the original index of each kept triangle, and is None when all were kept.
+    usage: what will happen to the mesh as far as its object tells: nothing ("static"), other positions
+        ("deforming"), other triangles ("changing"). Sync learns better from what it sees.
     """
 
     key: Hashable
@@ -48,6 +52,7 @@ class MeshRecord:
     corner_uvs: Float32Array | None = None
     dropped_triangles: int = 0
     triangle_ids: Int32Array | None = None
+    usage: Usage = "static"
 
 
 @dataclass(frozen=True, slots=True)

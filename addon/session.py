@@ -1,0 +1,228 @@
+"""`SceneSync`: a Blender scene and the engine's copy of it, in step; and the syncs that the add-on itself keeps.
+
+    import bpy, perfect_bvh_addon
+
+    sync = perfect_bvh_addon.SceneSync()
+    sync.update(bpy.context.evaluated_depsgraph_get())
+    hits = sync.scene.cast_rays(origins, directions)
+    names = sync.describe(hits.instance_ids).names
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import perfect_bvh
+from perfect_bvh import Appearance, Camera, Scene
+
+from .extract import read_scene
+from .extract.changes import listen, stop_listening
+from .extract.pointer_views import ArrayReader
+from .sync.appearance import make_appearance
+from .sync.lookup import HitIds, InstanceDescription, SceneLookup
+from .sync.records import AttributeRequest, Int32Array, SceneRecord
+from .sync.report import SyncReport
+from .sync.state import SceneState
+from .sync.verify import find_mismatches
+
+Progress = Callable[[float], object]
+
+
+class SceneSync:
+    """Keeps an engine scene in step with a Blender scene; `update()` is the only thing that reads Blender.
+
+    attributes: what to read beside the triangles; by default the material slots. `request()` asks for more later.
+    for_viewport: whether viewport or render visibility counts; by default what each depsgraph was made for.
+    watch: whether queries raise `perfect_bvh.StaleSceneError` once Blender has evaluated anything, changed the frame,
+        undone a step or loaded a file since the last update. For that, Blender handlers are installed while such
+        a sync lives, with or without `register()`. False is for renders, whose depsgraph is their own.
+
+    Use it on Blender's main thread; snapshots of its scene may be traced anywhere.
+    """
+
+    def __init__(
+        self, attributes: AttributeRequest | None = None, *, for_viewport: bool | None = None, watch: bool = True
+    ) -> None:
+        self._attributes = attributes or AttributeRequest()
+        self._for_viewport = for_viewport
+        self._state = SceneState(Scene)
+        self._lookup: SceneLookup | None = None
+        self._appearance: Appearance | None = None
+        self._state.scene.mark_stale("nothing was synced yet: call update()")
+        if watch:
+            listen(self)
+
+    def request(self, attributes: AttributeRequest) -> None:
+        """Adds to what the following updates read."""
+        self._attributes = AttributeRequest(
+            material_slots=self._attributes.material_slots or attributes.material_slots,
+            corner_normals=self._attributes.corner_normals or attributes.corner_normals,
+            corner_uvs=self._attributes.corner_uvs or attributes.corner_uvs,
+        )
+
+    def update(
+        self,
+        depsgraph: Any,
+        expected_rays: int | None = None,
+        verify: bool = False,
+        *,
+        camera: Any = None,
+        size: tuple[int, int] | None = None,
+        space: Any = None,
+        progress: Progress | None = None,
+    ) -> SyncReport:
+        """Makes the engine's scene equal to an evaluated `bpy.types.Depsgraph`, editing only what differs.
+
+        expected_rays: how many rays are about to be cast, for what trees are worth.
+        verify: reads everything a second time in the slow and certain way, and reports each difference.
+        camera: an object or a `CameraRecord` instead of the scene's camera. size: (width, height) in pixels
+            instead of the render size. space: the `SpaceView3D` whose local view counts.
+        progress: called with the share done of the commit; returning False raises `perfect_bvh.Cancelled`.
+
+        Raises what the engine raises. Until an update succeeds, queries then raise `perfect_bvh.StaleSceneError`.
+        """
+        self._state.scene.mark_stale("the last update did not succeed: call update() again")
+        started = time.perf_counter()
+        options: dict[str, Any] = {"camera": camera, "size": size, "space": space, "for_viewport": self._for_viewport}
+        record = read_scene(depsgraph, self._attributes, **options)
+        read_milliseconds = (time.perf_counter() - started) * 1e3
+        self._lookup = self._appearance = None
+        report = self._state.update(
+            record, expected_rays=expected_rays, progress=progress, read_milliseconds=read_milliseconds
+        )
+        if verify:
+            certain = read_scene(depsgraph, self._attributes, reader=ArrayReader(use_views=False), **options)
+            report = replace(report, mismatches=find_mismatches(record, certain))
+        return report
+
+    # What was synced -------------------------------------------------------------------------------------------------
+
+    @property
+    def scene(self) -> Scene:
+        """The engine's scene, for queries. Do not edit it."""
+        scene = self._state.scene
+        assert isinstance(scene, Scene)
+        return scene
+
+    @property
+    def record(self) -> SceneRecord:
+        """The record of the last update. Raises `perfect_bvh.StaleSceneError` if there is none."""
+        record = self._state.record
+        if record is None:
+            raise perfect_bvh.StaleSceneError("nothing was synced yet, or the last update failed: call update()")
+        return record
+
+    @property
+    def camera(self) -> Camera | None:
+        """The camera of the last update; None if the scene has none that can be rendered (see `warnings`)."""
+        camera = self.record.camera
+        if camera is None:
+            return None
+        return Camera(
+            matrix=camera.matrix,
+            window=camera.window,
+            projection=camera.projection,
+            clip_start=camera.clip_start,
+            clip_end=camera.clip_end,
+            border=camera.border,
+        )
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of a render in pixels."""
+        return self.record.size
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the last update could not read, as sentences for the user."""
+        return self.record.warnings
+
+    @property
+    def appearance(self) -> Appearance:
+        """Materials, attributes and visibility for `perfect_bvh.render`."""
+        if self._appearance is None:
+            self._appearance = make_appearance(self.record, self._state.instance_ids, self._state.mesh_ids)
+        return self._appearance
+
+    # From ids back to Blender ----------------------------------------------------------------------------------------
+
+    def describe(self, instance_ids: npt.ArrayLike) -> InstanceDescription:
+        """Object names, session uids and persistent ids of instances, -1 for a miss, as arrays of the same shape."""
+        return self._get_lookup().describe(instance_ids)
+
+    def polygon_ids(self, hits: HitIds) -> Int32Array:
+        """(...) int32: the polygon of the evaluated mesh that each ray hit, -1 on a miss."""
+        return self._get_lookup().polygon_ids(hits)
+
+    def triangle_ids(self, hits: HitIds) -> Int32Array:
+        """(...) int32: the hit triangle as Blender counts the evaluated mesh's, -1 on a miss."""
+        return self._get_lookup().triangle_ids(hits)
+
+    def material_ids(self, hits: HitIds) -> Int32Array:
+        """(...) int32: rows of `material_names`, -1 on a miss and for an empty slot."""
+        return self._get_lookup().material_ids(hits)
+
+    @property
+    def material_names(self) -> npt.NDArray[np.object_]:
+        """(M,) object array of str: the names that `material_ids` are rows of."""
+        materials = self.record.materials
+        names = np.empty(len(materials), dtype=object)
+        names[:] = [material.name for material in materials]
+        return names
+
+    def _get_lookup(self) -> SceneLookup:
+        if self._lookup is None:
+            self._lookup = SceneLookup(self.record, self._state.instance_ids, self._state.mesh_ids)
+        return self._lookup
+
+    # Changes in Blender ----------------------------------------------------------------------------------------------
+
+    def on_change(self, what: str) -> None:
+        """Makes queries raise `perfect_bvh.StaleSceneError` until the next update."""
+        self._state.scene.mark_stale(f"{what} since the last update: call update()")
+
+    def on_file_change(self) -> None:
+        """The same, for another file."""
+        self.on_change("another file was loaded")
+
+    def close(self) -> None:
+        """Forgets the scene and stops watching; queries raise from now on. Updating again is allowed."""
+        stop_listening(self)
+        self._state = SceneState(Scene)
+        self._lookup = self._appearance = None
+        self._state.scene.mark_stale("the sync was closed: call update()")
+
+
+# The add-on's own syncs ----------------------------------------------------------------------------------------------
+
+_sessions: dict[tuple[int, str, str], SceneSync] = {}
+
+
+def session_of(depsgraph: Any) -> SceneSync:
+    """The add-on's own sync for what a depsgraph shows: one a scene, view layer and kind (viewport or render).
+
+    It lives on between renders and frames, so that the next one needs only the difference. Its engine scene does
+    not go stale by itself: whoever draws or renders updates it first.
+    """
+    scene = depsgraph.scene.original
+    key = (scene.session_uid, depsgraph.view_layer.name, depsgraph.mode)
+    sync = _sessions.get(key)
+    if sync is None:
+        sync = _sessions[key] = SceneSync(watch=False)
+    return sync
+
+
+def sessions_of(scene: Any) -> tuple[SceneSync, ...]:
+    """The add-on's syncs of a `bpy.types.Scene` that exist, most recently made last."""
+    return tuple(sync for key, sync in _sessions.items() if key[0] == scene.session_uid)
+
+
+def clear_sessions() -> None:
+    """Forgets all of the add-on's own syncs and frees their trees."""
+    while _sessions:
+        _sessions.popitem()[1].close()

@@ -1,0 +1,179 @@
+"""From the engine's ids back to objects, polygons and materials: arrays in, arrays out, no loop over rays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from .records import Int32Array, MeshRecord, SceneRecord
+
+MISS = -1
+# A table indexed by id is the fastest; ids that are spread wider than this are searched for instead.
+_MAXIMUM_SPREAD = 8
+
+
+class HitIds(Protocol):
+    """The part of `perfect_bvh.Hits` that lookups use; each (...) int32, -1 on a miss."""
+
+    @property
+    def instance_ids(self) -> Int32Array: ...
+    @property
+    def mesh_ids(self) -> Int32Array: ...
+    @property
+    def primitive_ids(self) -> Int32Array: ...
+
+
+class InstanceDescription(NamedTuple):
+    """What instances are, in the shape of the ids that were asked for.
+
+    names: (...) object array of str, the object's name. session_uids: (...) int64, the object's.
+    parent_names, parent_session_uids: of the instancer, "" and 0 for a plain object. persistent_ids: (..., 8) int32,
+    Blender's, zero for a plain object. A miss has "", 0 and -1.
+    """
+
+    names: npt.NDArray[np.object_]
+    session_uids: npt.NDArray[np.int64]
+    persistent_ids: Int32Array
+    parent_names: npt.NDArray[np.object_]
+    parent_session_uids: npt.NDArray[np.int64]
+
+
+class _Rows:
+    """Finds the row of an id among distinct ids."""
+
+    def __init__(self, ids: Int32Array) -> None:
+        self._first = int(ids.min()) if len(ids) else 0
+        spread = int(ids.max()) - self._first + 1 if len(ids) else 0
+        self._order: npt.NDArray[np.intp] | None = None
+        self._ids = ids
+        if spread <= _MAXIMUM_SPREAD * len(ids) + 1024:
+            self._table = np.full(spread, MISS, np.int32)
+            self._table[ids - self._first] = np.arange(len(ids), dtype=np.int32)
+        else:
+            self._order = np.argsort(ids)
+
+    def find(self, ids: npt.NDArray[Any], what: str) -> Int32Array:
+        """(...) int32: the row of each id, MISS for a miss. Raises ValueError for an id that is not there."""
+        is_miss = ids == MISS
+        rows = self._search(ids)
+        unknown = (rows == MISS) & ~is_miss
+        if unknown.any():
+            raise ValueError(f"{what} {int(ids[unknown].flat[0])} is not part of the synced scene")
+        rows[is_miss] = MISS
+        return rows
+
+    def _search(self, ids: npt.NDArray[Any]) -> Int32Array:
+        if self._order is not None:
+            places = np.minimum(np.searchsorted(self._ids, ids, sorter=self._order), len(self._ids) - 1)
+            found = self._order[places]
+            return np.where(self._ids[found] == ids, found, MISS).astype(np.int32)
+        places = ids.astype(np.int64) - self._first
+        inside = (places >= 0) & (places < len(self._table))
+        if not len(self._table):
+            return np.full(ids.shape, MISS, np.int32)
+        return np.where(inside, self._table[np.where(inside, places, 0)], MISS).astype(np.int32)
+
+
+class SceneLookup:
+    """Answers for one applied record; tables are made on first use.
+
+    instance_ids: (I,) and mesh_ids: (M,), the engine's ids of the record's instances and meshes.
+    """
+
+    def __init__(self, record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int32Array) -> None:
+        self._record = record
+        self._instances = _Rows(instance_ids)
+        self._meshes = _Rows(mesh_ids)
+        self._columns: dict[str, Int32Array] = {}
+        self._offsets = _offsets([len(mesh.triangles) for mesh in record.meshes])
+        self._slot_offsets = _offsets([len(obj.material_slots) for obj in record.objects])
+        self._slot_materials = np.array([row for obj in record.objects for row in obj.material_slots], np.int32)
+
+    def describe(self, instance_ids: npt.ArrayLike) -> InstanceDescription:
+        """Names, session uids and persistent ids of instances, -1 for a miss; see `InstanceDescription`."""
+        ids = np.asarray(instance_ids)
+        if ids.dtype.kind not in "iu":
+            raise ValueError(f"describe: instance_ids must hold integers, got {ids.dtype}")
+        rows = self._instances.find(ids, "describe: instance")
+        instances, objects = self._record.instances, self._record.objects
+        # Row -1 of each table is the answer for a miss.
+        names = _object_array([*(obj.name for obj in objects), ""])
+        uids = np.array([*(obj.session_uid for obj in objects), 0], np.int64)
+        object_rows = np.append(instances.object_indices, MISS)[rows]
+        parent_rows = np.append(instances.parent_indices, MISS)[rows]
+        miss = np.full((1, 8), MISS, np.int32)
+        return InstanceDescription(
+            names=names[object_rows],
+            session_uids=uids[object_rows],
+            persistent_ids=np.concatenate([instances.persistent_ids, miss])[rows],
+            parent_names=names[parent_rows],
+            parent_session_uids=uids[parent_rows],
+        )
+
+    def polygon_ids(self, hits: HitIds) -> Int32Array:
+        """(...) int32: the polygon of the evaluated mesh that each ray hit, -1 on a miss."""
+        return self._per_triangle("polygon_ids", hits)
+
+    def triangle_ids(self, hits: HitIds) -> Int32Array:
+        """(...) int32: the triangle of the evaluated mesh, as Blender counts them, -1 on a miss.
+
+        Differs from the engine's primitive_ids only where triangles were left out because they are not finite.
+        """
+        return self._per_triangle("triangle_ids", hits)
+
+    def material_ids(self, hits: HitIds) -> Int32Array:
+        """(...) int32: the row of `material_names` that each ray hit; -1 on a miss and for an empty slot.
+
+        Raises ValueError if the material slots of the meshes were not read.
+        """
+        slots = self._per_triangle("material_slots", hits)
+        rows = self._instances.find(np.asarray(hits.instance_ids), "material_ids: instance")
+        objects = np.append(self._record.instances.object_indices, MISS)[rows]
+        firsts = np.append(self._slot_offsets[:-1], 0)[objects]
+        counts = np.append(np.diff(self._slot_offsets), 0)[objects]
+        # Blender shows triangles of a slot that the object does not have in its last one.
+        places = firsts + np.minimum(slots, counts - 1)
+        has_slot = (objects >= 0) & (counts > 0)
+        materials = np.append(self._slot_materials, MISS)
+        return np.where(has_slot, materials[np.where(has_slot, places, -1)], MISS).astype(np.int32)
+
+    def _per_triangle(self, name: str, hits: HitIds) -> Int32Array:
+        primitives = np.asarray(hits.primitive_ids)
+        meshes = self._meshes.find(np.asarray(hits.mesh_ids), f"{name}: mesh")
+        column = self._column(name)
+        if not len(column):
+            return np.full(primitives.shape, MISS, np.int32)
+        is_hit = meshes >= 0
+        places = np.where(is_hit, self._offsets[meshes] + primitives, 0)
+        return np.where(is_hit, column[places], MISS).astype(np.int32)
+
+    def _column(self, name: str) -> Int32Array:
+        """One value for each triangle of all meshes, one mesh after the other."""
+        column = self._columns.get(name)
+        if column is None:
+            column = self._columns[name] = np.concatenate(
+                [np.empty(0, np.int32), *(_mesh_column(mesh, name) for mesh in self._record.meshes)]
+            )
+        return column
+
+
+def _mesh_column(mesh: MeshRecord, name: str) -> Int32Array:
+    values: Int32Array | None = getattr(mesh, name)
+    if values is not None:
+        return values
+    if name == "triangle_ids":
+        return np.arange(len(mesh.triangles), dtype=np.int32)
+    raise ValueError(f"the meshes' {name} were not read: request() them and update()")
+
+
+def _offsets(counts: Sequence[int]) -> npt.NDArray[np.int64]:
+    return np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]).astype(np.int64)
+
+
+def _object_array(values: Sequence[str]) -> npt.NDArray[np.object_]:
+    array = np.empty(len(values), dtype=object)
+    array[:] = values
+    return array

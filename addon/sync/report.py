@@ -1,0 +1,168 @@
+"""What one sync did, to which object and mesh, and why; what it cost."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from .compare import MeshAction
+
+if TYPE_CHECKING:
+    from perfect_bvh import CommitReport
+
+ObjectAction = Literal["added", "removed", "replaced", "deformed", "recounted", "moved", "masked", "kept"]
+# From the least to the most that can happen to an object: the strongest names what happened to it.
+OBJECT_ACTIONS: tuple[ObjectAction, ...] = (
+    "kept",
+    "masked",
+    "moved",
+    "recounted",
+    "deformed",
+    "replaced",
+    "removed",
+    "added",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class MeshChange:
+    """One distinct mesh. mesh_id: the engine's. triangle_count: now, or of the removed mesh.
+
+    action is what the data did: what the engine made of it (refit or rebuild) is in `SyncReport.commit`.
+    """
+
+    key: Hashable
+    name: str
+    mesh_id: int
+    action: MeshAction
+    reason: str
+    triangle_count: int
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectChange:
+    """One object. instance_count: how many instances of it there are. changed_count: how many of them changed."""
+
+    name: str
+    session_uid: int
+    action: ObjectAction
+    reason: str
+    instance_count: int
+    changed_count: int
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectColumns:
+    """`ObjectChange`s as columns, so that a scene of many objects costs no Python object for each.
+
+    names: (O,) object. session_uids: (O,) int64. actions: (O,) int8, rows of OBJECT_ACTIONS.
+    instance_counts, changed_counts: (O,) int64.
+    """
+
+    names: npt.NDArray[np.object_]
+    session_uids: npt.NDArray[np.int64]
+    actions: npt.NDArray[np.int8]
+    instance_counts: npt.NDArray[np.int64]
+    changed_counts: npt.NDArray[np.int64]
+
+
+_OBJECT_REASONS: dict[ObjectAction, str] = {
+    "kept": "nothing changed",
+    "masked": "its visibility to rays changed",
+    "moved": "its transform changed",
+    "recounted": "it has more or fewer instances than before",
+    "deformed": "its mesh was deformed",
+    "replaced": "its mesh has other triangles, or is another mesh",
+    "removed": "it is deleted, unlinked or hidden",
+    "added": "seen for the first time, or shown again",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class SyncReport:
+    """What one `update()` did.
+
+    meshes: every mesh, also those that were kept. The counts are of instances.
+    camera_changed, materials_changed, attributes_changed: what changes an image without changing the geometry.
+    finishes_earlier_update: an earlier update's commit failed or was cancelled, and its edits were committed now.
+    commit: the engine's own report: what was built and what was refitted.
+    mismatches: only with verify=True: differences between the engine's copy and Blender's own data.
+    warnings: what could not be read. byte_count: of the committed scene.
+    """
+
+    frame: float
+    meshes: tuple[MeshChange, ...]
+    object_columns: ObjectColumns
+    added_count: int
+    removed_count: int
+    moved_count: int
+    masked_count: int
+    kept_count: int
+    camera_changed: bool
+    materials_changed: bool
+    attributes_changed: bool
+    finishes_earlier_update: bool
+    commit: CommitReport
+    warnings: tuple[str, ...] = ()
+    mismatches: tuple[str, ...] = ()
+    read_milliseconds: float = 0.0
+    compare_milliseconds: float = 0.0
+    apply_milliseconds: float = 0.0
+    commit_milliseconds: float = 0.0
+
+    @property
+    def milliseconds(self) -> float:
+        """All of it: read, compare, apply, commit."""
+        return self.read_milliseconds + self.compare_milliseconds + self.apply_milliseconds + self.commit_milliseconds
+
+    @property
+    def byte_count(self) -> int:
+        """Bytes of the committed scene: geometry, trees and instances."""
+        return self.commit.byte_count
+
+    @property
+    def objects(self) -> tuple[ObjectChange, ...]:
+        """Every object with what happened to it; made anew at each access."""
+        columns = self.object_columns
+        changes = []
+        for row in range(len(columns.names)):
+            action = OBJECT_ACTIONS[columns.actions[row]]
+            changes.append(
+                ObjectChange(
+                    name=str(columns.names[row]),
+                    session_uid=int(columns.session_uids[row]),
+                    action=action,
+                    reason=_OBJECT_REASONS[action],
+                    instance_count=int(columns.instance_counts[row]),
+                    changed_count=int(columns.changed_counts[row]),
+                )
+            )
+        return tuple(changes)
+
+    @property
+    def has_changes(self) -> bool:
+        """Whether anything changed that an image could show."""
+        instances = self.added_count + self.removed_count + self.moved_count + self.masked_count
+        meshes = any(mesh.action != "kept" for mesh in self.meshes)
+        looks = self.camera_changed or self.materials_changed or self.attributes_changed
+        return bool(instances or meshes or looks or self.finishes_earlier_update)
+
+    def count_meshes(self, action: MeshAction) -> int:
+        """How many meshes this happened to."""
+        return sum(mesh.action == action for mesh in self.meshes)
+
+    def __str__(self) -> str:
+        parts = [
+            f"meshes: {self.count_meshes('added')} added, {self.count_meshes('removed')} removed, "
+            f"{self.count_meshes('replaced')} replaced, {self.count_meshes('deformed')} deformed, "
+            f"{self.count_meshes('kept')} kept",
+            f"instances: {self.added_count} added, {self.removed_count} removed, {self.moved_count} moved, "
+            f"{self.masked_count} masked, {self.kept_count} kept",
+            f"{self.milliseconds:.1f} ms: read {self.read_milliseconds:.1f}, compare {self.compare_milliseconds:.1f}, "
+            f"apply {self.apply_milliseconds:.1f}, commit {self.commit_milliseconds:.1f}",
+        ]
+        return "; ".join(parts)

@@ -1,0 +1,49 @@
+"""Finds where two readings of the same scene differ: the proof that the fast way of reading is right."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .records import SceneRecord
+
+_MESH_COLUMNS = (
+    "positions",
+    "triangles",
+    "polygon_ids",
+    "material_slots",
+    "corner_normals",
+    "corner_uvs",
+    "triangle_ids",
+)
+_INSTANCE_COLUMNS = ("mesh_indices", "object_indices", "parent_indices", "transforms", "masks", "persistent_ids")
+
+
+def find_mismatches(synced: SceneRecord, reference: SceneRecord) -> tuple[str, ...]:
+    """A sentence for each difference between what was synced and a reference; none if they are equal."""
+    found = []
+    references = {mesh.key: mesh for mesh in reference.meshes}
+    for mesh in synced.meshes:
+        other = references.pop(mesh.key, None)
+        if other is None:
+            found.append(f"mesh {mesh.name}: synced, but Blender does not show it")
+            continue
+        found += [f"mesh {mesh.name}: {column} differ" for column in _MESH_COLUMNS if _differ(mesh, other, column)]
+    found += [f"mesh {mesh.name}: not synced" for mesh in references.values()]
+    found += [
+        f"instances: {column} differ"
+        for column in _INSTANCE_COLUMNS
+        if _differ(synced.instances, reference.instances, column)
+    ]
+    for name in ("objects", "materials"):
+        if getattr(synced, name) != getattr(reference, name):
+            found.append(f"{name} differ")
+    return tuple(found)
+
+
+def _differ(synced: Any, reference: Any, column: str) -> bool:
+    first, second = getattr(synced, column), getattr(reference, column)
+    if first is None or second is None:
+        return first is not second
+    return not np.array_equal(first, second)
