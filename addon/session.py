@@ -1,11 +1,11 @@
 """`SceneSync`: a Blender scene and the engine's copy of it, in step; and the syncs that the add-on itself keeps.
 
-    import bpy, perfect_bvh_addon
+import bpy, perfect_bvh_addon
 
-    sync = perfect_bvh_addon.SceneSync()
-    sync.update(bpy.context.evaluated_depsgraph_get())
-    hits = sync.scene.cast_rays(origins, directions)
-    names = sync.describe(hits.instance_ids).names
+sync = perfect_bvh_addon.SceneSync()
+sync.update(bpy.context.evaluated_depsgraph_get())
+hits = sync.scene.cast_rays(origins, directions)
+names = sync.describe(hits.instance_ids).names
 """
 
 from __future__ import annotations
