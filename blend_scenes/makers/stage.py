@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
+from numpy.typing import ArrayLike
 
 from .shapes import Shape
 
@@ -102,6 +103,16 @@ def make_mesh(name: str, form: Shape, materials: Sequence[Any], sharp_degrees: f
     return mesh
 
 
+def make_profile(name: str, profile: ArrayLike, material: Any) -> Any:
+    """A mesh of edges only, through rows of (radius, z), for `spin` to turn about Z."""
+    rows = np.asarray(profile, dtype=np.float64)
+    mesh = bpy.data.meshes.new(name)
+    points = np.column_stack([rows[:, 0], np.zeros(len(rows)), rows[:, 1]])
+    mesh.from_pydata(points, [(k, k + 1) for k in range(len(rows) - 1)], [])
+    mesh.materials.append(material)
+    return mesh
+
+
 def place(
     name: str,
     data: Any,
@@ -138,6 +149,18 @@ def repeat(item: Any, count: int, step: Place) -> Any:
     modifier.use_constant_offset = True
     modifier.constant_offset_displace = step
     return modifier
+
+
+def spin(item: Any, segments: int, sharp_degrees: float = 40.0) -> Any:
+    """Turns a profile about Z into a vessel: far smaller in the file than its surface is."""
+    modifier = item.modifiers.new("Screw", "SCREW")
+    modifier.steps = modifier.render_steps = segments
+    modifier.use_normal_calculate = False
+    modifier.use_normal_flip = True
+    modifier.use_merge_vertices, modifier.merge_threshold = True, 1e-4
+    split = item.modifiers.new("Edge split", "EDGE_SPLIT")
+    split.split_angle = radians(sharp_degrees)
+    return item
 
 
 def bevel(item: Any, width: float, segments: int = 2, degrees: float = 40.0) -> Any:
@@ -189,7 +212,8 @@ def make_text(name: str, body: str, size: float, depth: float, material: Any) ->
     text.size, text.extrude = size, depth
     text.bevel_depth = depth * 0.3
     text.align_x, text.align_y = "CENTER", "CENTER"
-    text.resolution_u = 4
+    text.resolution_u = 3
+    text.bevel_resolution = 0
     text.materials.append(material)
     return text
 

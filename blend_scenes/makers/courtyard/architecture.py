@@ -12,14 +12,15 @@ from typing import Any
 import numpy as np
 
 from ..shapes import box, joined, lathe, prism, rounded, wall
-from ..stage import bevel, instance, make_collection, make_mesh, place, repeat, solidify
+from ..stage import bevel, instance, make_collection, make_mesh, make_profile, place, repeat, solidify, spin
 from .joinery import door, window_frame
 from .palette import Palette
 from .roofs import TILE_NAMES, TILE_PITCH, TILE_REACH, hip, ridge, tiled
 from .wing import BAY_LINE, build_wing, build_wing_end
 
 
-def build_architecture(palette: Palette, random: np.random.Generator) -> None:
+def build_architecture(palette: Palette, random: np.random.Generator) -> Any:
+    """Builds it all. Returns the wing's collection, for what else belongs to every wing."""
     house = make_collection("Architecture")
     wing = make_collection("Wing", instanced=True)
     build_wing(wing, palette, random)
@@ -29,6 +30,7 @@ def build_architecture(palette: Palette, random: np.random.Generator) -> None:
     build_paving(house, palette, random)
     build_tower(house, palette, random)
     build_garden_side(house, palette, random)
+    return wing
 
 
 def build_paving(house: Any, palette: Palette, random: np.random.Generator) -> None:
@@ -92,8 +94,8 @@ def build_tower(house: Any, palette: Palette, random: np.random.Generator) -> No
 
 def build_bell(house: Any, palette: Palette, tower: Any, peak: float) -> None:
     profile = [(0.44, 0.0), (0.4, 0.06), (0.3, 0.25), (0.24, 0.45), (0.2, 0.56), (0.0, 0.62)]
-    bell = lathe(rounded(profile, 3), 24)
-    place("Bell", make_mesh("Bell", bell, [palette["brass"]]), house, (0.0, 0.0, 8.75), parent=tower)
+    bell = make_profile("Bell", rounded(profile, 3), palette["brass"])
+    spin(place("Bell", bell, house, (0.0, 0.0, 8.75), parent=tower), 24)
     beam = box((-1.3, -0.07, 9.36), (1.3, 0.07, 9.5))
     place("Bell beam", make_mesh("Bell beam", beam, [palette["wood dark"]]), house, parent=tower)
     profile = [(0.05, -0.1), (0.04, 0.25), (0.12, 0.35), (0.13, 0.42), (0.03, 0.52), (0.02, 0.95), (0.0, 1.0)]

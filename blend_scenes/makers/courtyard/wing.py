@@ -134,7 +134,7 @@ def moulding(profile: list[tuple[float, float]], start: float, end: float) -> Sh
 
 def build_walk(wing: Any, palette: Palette) -> None:
     """Floor, rear wall with doors below and windows above, shutters, sills."""
-    x0, x1 = -WALK_WALL, WALK_WALL - 0.2
+    x0, x1 = -WALK_WALL, WALK_WALL
     edge, step = BAY_LINE - 0.42, BAY_LINE - 0.78
     # Each wing's floor ends where the next begins, so that nothing lies twice in the corner.
     floor = joined([box((x0, edge, -0.3), (edge, WALK_WALL, FLOOR)), box((-edge, step, -0.3), (step, edge, FLOOR / 2))])
