@@ -1,8 +1,8 @@
-"""Pixels on their way to an eye or a file: colour through the scene's view transform, data untouched.
+"""Pixels on their way to an eye or a file: pictures through the scene's view transform, data past it.
 
 Blender's own colour management does the work, so a file has the look, exposure and curves that the scene
-says. Data modes (`modes.Mode.is_data`) are saved raw: no view transform, no exposure and no dithering, which
-would make one id into many. The same holds for files that Blender itself writes from a render of a data mode.
+says. Data modes (see `modes`) bypass them: a fixed view transform, no exposure and no dithering, which would make
+one id into many colours. The same holds for files that Blender itself writes from a render of a data mode.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from .modes import find_mode
+from .modes import Mode, find_mode
 from .properties import ENGINE_NAME
+
+Image = npt.NDArray[np.float32]
 
 # File format and colour depth by file name extension.
 FILE_FORMATS = {
@@ -45,20 +47,23 @@ def _changed(owner: object, **values: object) -> Iterator[None]:
             setattr(owner, name, value)
 
 
-def _follows_scene(scene: bpy.types.Scene) -> bool:
-    return scene.render.image_settings.color_management == "FOLLOW_SCENE"
-
-
 @contextmanager
-def raw_output(scene: bpy.types.Scene) -> Iterator[None]:
-    """Files written from `scene` hold raw values meanwhile, unless the scene overrides its output's colours itself."""
-    if not _follows_scene(scene):
+def fixed_output(scene: bpy.types.Scene, view_transform: str) -> Iterator[None]:
+    """Files written from `scene` meanwhile go through `view_transform` on sRGB, without dithering and nothing else.
+
+    A scene that overrides its output's colours itself keeps its own choice.
+    """
+    image_settings = scene.render.image_settings
+    if image_settings.color_management != "FOLLOW_SCENE":
         yield
         return
-    image_settings = scene.render.image_settings
     with _changed(image_settings, color_management="OVERRIDE"), _changed(scene.render, dither_intensity=0.0):
         view = image_settings.view_settings
-        with _changed(view, **NEUTRAL_VIEW), _changed(view, view_transform="Raw"):
+        with (
+            _changed(view, **NEUTRAL_VIEW),
+            _changed(image_settings.display_settings, display_device="sRGB"),
+            _changed(view, view_transform=view_transform),
+        ):
             yield
 
 
@@ -75,11 +80,11 @@ def _file_format(scene: bpy.types.Scene, suffix: str) -> Iterator[None]:
         yield
 
 
-def save_image(path: Path, pixels: npt.NDArray[np.float32], scene: bpy.types.Scene, *, is_data: bool) -> None:
+def save_image(path: Path, pixels: Image, scene: bpy.types.Scene, mode: Mode) -> None:
     """Write an (H, W, 4) float32 scene-linear image, row 0 on top, with associated alpha.
 
-    The format follows the file name (`FILE_FORMATS`); OpenEXR keeps the values as they are. Errors: OSError if
-    the file cannot be written.
+    mode: says how the values are shown; a file of bytes holds what lies between 0 and 1. The format follows the
+    file name (`FILE_FORMATS`); OpenEXR keeps the values as they are. Errors: OSError if the file cannot be written.
     """
     height, width = pixels.shape[:2]
     image = bpy.data.images.new("Perfect BVH output", width, height, alpha=True, float_buffer=True)
@@ -87,8 +92,8 @@ def save_image(path: Path, pixels: npt.NDArray[np.float32], scene: bpy.types.Sce
         image.pixels.foreach_set(np.ascontiguousarray(pixels[::-1], np.float32).ravel())
         with ExitStack() as stack:
             stack.enter_context(_file_format(scene, path.suffix))
-            if is_data:
-                stack.enter_context(raw_output(scene))
+            if mode.view is not None:
+                stack.enter_context(fixed_output(scene, mode.view))
             try:
                 image.save_render(str(path), scene=scene)
             except RuntimeError as error:
@@ -97,22 +102,23 @@ def save_image(path: Path, pixels: npt.NDArray[np.float32], scene: bpy.types.Sce
         bpy.data.images.remove(image)
 
 
-# Files that Blender writes itself: the output is made raw from the start of a render job to its end.
-_raw_jobs: dict[int, ExitStack] = {}
+# Files that Blender writes itself: the output of data modes is fixed from the start of a render job to its end.
+_fixed_jobs: dict[int, ExitStack] = {}
 
 
 @bpy.app.handlers.persistent
 def _begin_job(scene: bpy.types.Scene, *_: object) -> None:
     _end_job(scene)
-    if scene.render.engine == ENGINE_NAME and find_mode(scene.perfect_bvh.mode.lower()).is_data:
+    view_transform = find_mode(scene.perfect_bvh.mode.lower()).view
+    if scene.render.engine == ENGINE_NAME and view_transform is not None:
         stack = ExitStack()
-        stack.enter_context(raw_output(scene))
-        _raw_jobs[scene.session_uid] = stack
+        stack.enter_context(fixed_output(scene, view_transform))
+        _fixed_jobs[scene.session_uid] = stack
 
 
 @bpy.app.handlers.persistent
 def _end_job(scene: bpy.types.Scene, *_: object) -> None:
-    stack = _raw_jobs.pop(scene.session_uid, None)
+    stack = _fixed_jobs.pop(scene.session_uid, None)
     if stack is not None:
         stack.close()
 
@@ -127,7 +133,7 @@ def _handler_lists() -> tuple[tuple[list, object], ...]:
 
 
 def register() -> None:
-    """Watch render jobs, so that the files of data modes are raw."""
+    """Watch render jobs, so that the files of data modes hold data."""
     for handlers, handler in _handler_lists():
         handlers.append(handler)
 

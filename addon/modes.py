@@ -1,8 +1,10 @@
 """The shading modes as the command line and the panel name them. Imports nothing, so that both can list them at once.
 
-A *colour* mode is a picture: files and the Image Editor show it through the scene's view transform (AgX,
-Filmic, exposure, look). A *data* mode is a code that a reader decodes (a direction, a distance, an id, a
-count): its values are shown and written raw, so that equal values are equal colours in every file.
+What eyes and files get of a mode:
+- a *picture* goes through the scene's view transform (AgX, Filmic, exposure, look), as every render does;
+- a *palette* (one colour for each id, a scale of colours for a count) goes through plain sRGB, whatever the scene
+  says, so that an id has the same colour in every file;
+- *values* (directions, distances) are raw: what is written is what was measured.
 """
 
 from __future__ import annotations
@@ -12,22 +14,33 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """name: as `perfect_bvh.render` and the command line take it. is_data: its values bypass the view transform."""
+    """A shading mode.
+
+    name: as `perfect_bvh.render` and the command line take it. view: the view transform that shows it, None for
+    the scene's own. has_range: its values are distances, which an image file of bytes cannot hold as they are.
+    """
 
     name: str
     label: str
     description: str
-    is_data: bool
+    view: str | None = None
+    has_range: bool = False
+
+    @property
+    def is_data(self) -> bool:
+        """Whether the scene's view transform would falsify it."""
+        return self.view is not None
 
 
 MODES: tuple[Mode, ...] = (
-    Mode("clay", "Clay", "Soft sky light with ambient occlusion, in the viewport colours of the materials", False),
-    Mode("wireframe", "Wireframe", "Clay with the edges of the triangles drawn over it", False),
-    Mode("normal", "Normal", "World-space shading normals, from -1..1 to 0..1", True),
-    Mode("depth", "Depth", "Distance along the view axis, from near (white) to far (black)", True),
-    Mode("instance", "Instance", "One colour for each instance", True),
-    Mode("material", "Material", "The flat viewport colour of each material", True),
-    Mode("cost", "Cost", "Nodes and triangles visited for each pixel, on one fixed colour scale", True),
+    Mode("clay", "Clay", "Soft sky light with ambient occlusion, in the viewport colors of the materials"),
+    Mode("wireframe", "Wireframe", "Clay with the edges of the triangles drawn over it"),
+    Mode("normal", "Normal", "World-space shading normals, their -1..1 as 0..1", "Raw"),
+    Mode("depth", "Depth", "Distance along the view axis in world units", "Raw", has_range=True),
+    Mode("distance", "Distance", "Distance along the ray in world units", "Raw", has_range=True),
+    Mode("instance", "Instance", "One color for each instance", "Standard"),
+    Mode("material", "Material", "One color for each material", "Standard"),
+    Mode("cost", "Cost", "Nodes and triangles visited for each pixel, on one fixed color scale", "Standard"),
 )
 MODE_NAMES: tuple[str, ...] = tuple(mode.name for mode in MODES)
 DEFAULT_MODE = "clay"

@@ -1,4 +1,4 @@
-"""What reaches a file: colours through the scene's view transform, data as it is."""
+"""What reaches a file: pictures through the scene's view transform, palettes as sRGB, values as they are."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
 from oracles.png import read_png  # noqa: E402
-from perfect_bvh_addon.display import raw_output, save_image  # noqa: E402
+from perfect_bvh_addon.display import fixed_output, save_image  # noqa: E402
+from perfect_bvh_addon.modes import find_mode  # noqa: E402
+
+PICTURE, PALETTE, VALUES = find_mode("clay"), find_mode("instance"), find_mode("normal")
 
 
 @pytest.fixture
@@ -40,29 +43,37 @@ def srgb(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
-def test_data_is_saved_raw_whatever_the_scene_looks_like(scene, ramp, tmp_path: Path) -> None:
+def test_values_are_saved_raw_whatever_the_scene_looks_like(scene, ramp, tmp_path: Path) -> None:
     scene.view_settings.view_transform = "AgX"
     scene.view_settings.exposure = 2.0
     scene.view_settings.gamma = 1.5
-    save_image(tmp_path / "data.png", ramp, scene, is_data=True)
+    save_image(tmp_path / "data.png", ramp, scene, VALUES)
     np.testing.assert_array_equal(read_png(tmp_path / "data.png")[0, :, 0], [0, 64, 128, 191, 255])
 
 
-def test_colour_follows_the_view_transform(scene, ramp, tmp_path: Path) -> None:
+def test_a_palette_is_plain_srgb_whatever_the_scene_looks_like(scene, ramp, tmp_path: Path) -> None:
+    scene.view_settings.view_transform = "Filmic"
+    scene.view_settings.exposure = 2.0
+    save_image(tmp_path / "palette.png", ramp, scene, PALETTE)
+    expected = np.rint(srgb(ramp[0, :, 0]) * 255)
+    np.testing.assert_array_equal(read_png(tmp_path / "palette.png")[0, :, 0], expected)
+
+
+def test_a_picture_follows_the_view_transform(scene, ramp, tmp_path: Path) -> None:
     scene.view_settings.view_transform = "Standard"
     scene.render.dither_intensity = 0.0
-    save_image(tmp_path / "standard.png", ramp, scene, is_data=False)
+    save_image(tmp_path / "standard.png", ramp, scene, PICTURE)
     expected = np.rint(srgb(ramp[0, :, 0]) * 255)
     np.testing.assert_array_equal(read_png(tmp_path / "standard.png")[0, :, 0], expected)
     scene.view_settings.exposure = -1.0
-    save_image(tmp_path / "darker.png", ramp, scene, is_data=False)
+    save_image(tmp_path / "darker.png", ramp, scene, PICTURE)
     expected = np.rint(srgb(ramp[0, :, 0] / 2) * 255)
     np.testing.assert_array_equal(read_png(tmp_path / "darker.png")[0, :, 0], expected)
 
 
 def test_the_first_row_is_on_top_and_alpha_is_kept_for_a_transparent_film(scene, ramp, tmp_path: Path) -> None:
     scene.render.film_transparent = True
-    save_image(tmp_path / "alpha.png", ramp, scene, is_data=True)
+    save_image(tmp_path / "alpha.png", ramp, scene, VALUES)
     pixels = read_png(tmp_path / "alpha.png")
     assert pixels.shape == (2, 5, 4)
     np.testing.assert_array_equal(pixels[0, :, 3], 255)
@@ -75,7 +86,7 @@ def test_openexr_keeps_the_values(scene, ramp, tmp_path: Path) -> None:
     scene.render.image_settings.exr_codec = "NONE"
     values = ramp * np.float32(1000.125)
     values[..., 3] = ramp[..., 3]
-    save_image(tmp_path / "values.exr", values, scene, is_data=False)
+    save_image(tmp_path / "values.exr", values, scene, PICTURE)
     planes = read_exr(tmp_path / "values.exr")
     np.testing.assert_array_equal(np.stack([planes[channel] for channel in "RGBA"], axis=-1), values)
 
@@ -100,8 +111,8 @@ def test_saving_leaves_the_scene_as_it_was(scene, ramp, tmp_path: Path) -> None:
     scene.render.image_settings.file_format = "TIFF"
     scene.render.image_settings.color_depth = "16"
     before = state()
-    for is_data in (True, False):
-        save_image(tmp_path / "image.png", ramp, scene, is_data=is_data)
+    for mode in (PICTURE, PALETTE, VALUES):
+        save_image(tmp_path / "image.png", ramp, scene, mode)
     assert state() == before
 
 
@@ -109,7 +120,7 @@ def test_an_output_that_overrides_its_own_colours_is_respected(scene) -> None:
     settings = scene.render.image_settings
     settings.color_management = "OVERRIDE"
     settings.view_settings.view_transform = "Filmic"
-    with raw_output(scene):
+    with fixed_output(scene, "Raw"):
         assert settings.view_settings.view_transform == "Filmic"
     assert settings.color_management == "OVERRIDE"
 
@@ -117,4 +128,4 @@ def test_an_output_that_overrides_its_own_colours_is_respected(scene) -> None:
 def test_an_unwritable_file_is_an_os_error(scene, ramp, tmp_path: Path) -> None:
     (tmp_path / "taken.png").mkdir()
     with pytest.raises(OSError, match=r"taken\.png"):
-        save_image(tmp_path / "taken.png", ramp, scene, is_data=False)
+        save_image(tmp_path / "taken.png", ramp, scene, PICTURE)

@@ -1,0 +1,107 @@
+"""The command `perfect-bvh`: render a .blend file, or say what its trees are made of.
+
+Blender and numpy are imported only once a command needs them, so that `--help` answers at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from ..modes import MODES
+from .arguments import CommandError, parse_frames, parse_size
+
+EXIT_ERROR = 2
+EXIT_INTERRUPTED = 130
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"must be at least 1, got {value}")
+    return value
+
+
+_positive.__name__ = "number"
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line."""
+    parser = argparse.ArgumentParser(
+        prog="perfect-bvh", description="Render .blend files with a native BVH, and look at the trees it builds."
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    _add_render(commands)
+    _add_info(commands)
+    return parser
+
+
+def _add_file(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", metavar="FILE.blend", help="the scene")
+    parser.add_argument("--threads", type=_positive, metavar="N", help="threads to use (default: as the file says)")
+    parser.add_argument(
+        "--autoexec", action="store_true", help="run the Python scripts and drivers inside the file (only if trusted)"
+    )
+
+
+def _add_render(commands: argparse._SubParsersAction) -> None:
+    parser = commands.add_parser(
+        "render",
+        help="render one frame or an animation",
+        description="Render one frame or an animation.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="modes:\n" + "\n".join(f"  {mode.name:<10} {mode.description}" for mode in MODES),
+    )
+    _add_file(parser)
+    parser.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        metavar="OUT",
+        help="an image (out.png), a pattern (out/frame_####.png) or a folder (out/); .png, .jpg, .webp, .tif or .exr",
+    )
+    parser.add_argument(
+        "--frames",
+        type=parse_frames,
+        metavar="LIST",
+        help="such as 1-24, 1-48:2 or 1,5,9-12 (default: current)",
+    )
+    parser.add_argument("--mode", metavar="M", help="what the image shows, see below (default: as the file says)")
+    parser.add_argument("--size", type=parse_size, metavar="WxH", help="pixels (default: as the file says)")
+    parser.add_argument("--samples", type=_positive, metavar="N", help="rays a pixel (default: as the file says)")
+    parser.add_argument("--stats", action="store_true", help="print what each frame did to the trees, and the times")
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress bar and no summary")
+
+
+def _add_info(commands: argparse._SubParsersAction) -> None:
+    parser = commands.add_parser(
+        "info",
+        help="list the meshes and their trees",
+        description="List each mesh with its class, builder, triangles, bytes and users.",
+    )
+    _add_file(parser)
+    parser.add_argument("--frame", type=int, metavar="N", help="the frame to read (default: the file's current one)")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; the process's exit status: 0, 2 for an error, 130 after Ctrl-C."""
+    arguments = build_parser().parse_args(argv)
+    try:
+        if arguments.command == "render":
+            from .render import run_render
+
+            return run_render(arguments)
+        from .info import run_info
+
+        return run_info(arguments)
+    except CommandError as error:
+        sys.stderr.write(f"perfect-bvh: error: {error}\n")
+        return EXIT_ERROR
+    except KeyboardInterrupt:
+        sys.stderr.write("perfect-bvh: stopped\n")
+        return EXIT_INTERRUPTED
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,128 @@
+"""What the command line's arguments mean: frames, sizes, file names. Imports neither Blender nor numpy."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..modes import find_mode
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
+MAX_SIZE = 65536
+MAX_FRAMES = 1_000_000
+# How a .blend file begins: plain, or compressed by Zstandard (Blender 3 and later) or gzip (before).
+BLEND_MAGICS = (b"BLENDER", b"\x28\xb5\x2f\xfd", b"\x1f\x8b")
+_FRAME_RANGE = re.compile(r"(-?\d+)(?:-(-?\d+)(?::(\d+))?)?")
+
+
+class CommandError(Exception):
+    """A mistake of the user's: its message is all that is printed."""
+
+
+def parse_frames(text: str) -> tuple[int, ...]:
+    """'5', '1-24', '1-48:2' (every second) and lists of them; in the order given, each frame once."""
+    frames: dict[int, None] = {}
+    for part in text.split(","):
+        match = _FRAME_RANGE.fullmatch(part.strip())
+        if match is None:
+            raise argparse.ArgumentTypeError(f"expected frames such as 1-24, 1-48:2 or 1,5,9-12, got {text!r}")
+        first = int(match[1])
+        last = int(match[2]) if match[2] else first
+        step = int(match[3]) if match[3] else 1
+        if step < 1 or last < first:
+            raise argparse.ArgumentTypeError(f"frame range {part.strip()!r} is empty")
+        if (last - first) // step >= MAX_FRAMES:
+            raise argparse.ArgumentTypeError(f"frame range {part.strip()!r} has over {MAX_FRAMES} frames")
+        frames.update(dict.fromkeys(range(first, last + 1, step)))
+    return tuple(frames)
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """'960x540' -> (960, 540)."""
+    match = re.fullmatch(r"(\d+)[xX](\d+)", text.strip())
+    if match is None:
+        raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT such as 960x540, got {text!r}")
+    size = int(match[1]), int(match[2])
+    if not all(1 <= side <= MAX_SIZE for side in size):
+        raise argparse.ArgumentTypeError(f"width and height must be 1 to {MAX_SIZE}, got {text}")
+    return size
+
+
+def check_mode(name: str | None) -> None:
+    """A CommandError unless `name` is a mode or None."""
+    if name is not None:
+        try:
+            find_mode(name)
+        except ValueError as error:
+            raise CommandError(str(error)) from error
+
+
+def check_blend_file(text: str) -> Path:
+    """The absolute path of an existing .blend file; a CommandError that says what is wrong with any other."""
+    path = Path(text).expanduser().absolute()
+    if not path.exists():
+        raise CommandError(f"{text}: no such file")
+    if path.is_dir():
+        raise CommandError(f"{text} is a folder, not a .blend file")
+    try:
+        with path.open("rb") as file:
+            start = file.read(8)
+    except OSError as error:
+        raise CommandError(f"{text}: cannot be read ({error.strerror})") from error
+    if not start.startswith(BLEND_MAGICS):
+        raise CommandError(f"{text} is not a .blend file")
+    return path
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """Where images go. pattern: absolute, with one run of # that stands for the frame number, or with none."""
+
+    pattern: Path
+
+    @classmethod
+    def parse(cls, text: str, frame_count: int) -> Output:
+        """From the argument of -o: an image, a pattern with #, or a folder (a name without an image suffix)."""
+        path = Path(text).expanduser().absolute()
+        suffix = path.suffix.lower()
+        if text.endswith(("/", os.sep)) or path.is_dir() or not suffix:
+            return cls(path / "frame_####.png")
+        if suffix not in IMAGE_SUFFIXES:
+            raise CommandError(f"-o {text}: images are {', '.join(IMAGE_SUFFIXES)}, not {path.suffix}")
+        numbers = re.findall(r"#+", path.name)
+        if len(numbers) > 1:
+            raise CommandError(f"-o {text}: the name may hold one run of # only")
+        if frame_count > 1 and not numbers:
+            example = path.with_name(f"{path.stem}_####{path.suffix}").name
+            raise CommandError(f"-o {text}: {frame_count} frames need a folder or a name like {example}")
+        return cls(path)
+
+    def path_of(self, frame: int) -> Path:
+        """The file of one frame: every # is a digit at least, a minus sign comes on top of them."""
+
+        def number(match: re.Match[str]) -> str:
+            return f"{'-' if frame < 0 else ''}{abs(frame):0{len(match[0])}d}"
+
+        return self.pattern.with_name(re.sub(r"#+", number, self.pattern.name))
+
+    def describe(self, frames: tuple[int, ...]) -> str:
+        """Where these frames went, in few words."""
+        if len(frames) == 1:
+            return str(self.path_of(frames[0]))
+        return f"{self.path_of(frames[0])} ... {self.path_of(frames[-1]).name}"
+
+    def prepare(self) -> None:
+        """Make the folder, and try it with a file, before the work rather than after. Errors: CommandError."""
+        folder = self.pattern.parent
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+        except OSError as error:
+            raise CommandError(f"cannot write into {folder} ({error.strerror})") from error
+        if self.pattern.is_dir():
+            raise CommandError(f"cannot write {self.pattern}: it is a folder")

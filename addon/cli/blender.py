@@ -1,0 +1,121 @@
+"""Blender inside this process: loading a file, and rendering frames of it through the engine."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from .arguments import CommandError
+
+if TYPE_CHECKING:
+    import bpy
+
+    from ..engine import RenderJob
+
+
+def open_scene(path: Path, arguments: argparse.Namespace) -> bpy.types.Scene:
+    """The active scene of a .blend file, with the add-on registered. Errors: CommandError."""
+    _require_modules()
+    import bpy
+
+    from .. import register
+
+    register()
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=arguments.autoexec)
+    except RuntimeError as error:
+        raise CommandError(f"{arguments.file}: Blender cannot open it ({_reason(error)})") from error
+    if bpy.app.autoexec_fail:
+        sys.stderr.write("perfect-bvh: scripts or drivers in this file were not run; --autoexec runs them\n")
+    return bpy.context.scene
+
+
+def _require_modules() -> None:
+    if importlib.util.find_spec("bpy") is None:
+        raise CommandError("Blender's module bpy is missing: pip install 'perfect-bvh[blender]'")
+    try:
+        from ..preferences import native_error
+    except ImportError as error:
+        raise CommandError(f"Blender's module bpy cannot be loaded: {error}") from error
+    error = native_error()
+    if error is not None:
+        raise CommandError(error)
+
+
+def _reason(error: RuntimeError) -> str:
+    """What an operator's error says, in one line."""
+    return " ".join(str(error).removeprefix("Error:").split())
+
+
+def apply_settings(scene: bpy.types.Scene, arguments: argparse.Namespace) -> None:
+    """Put the command line's choices into the loaded scene, which is never saved."""
+    render = scene.render
+    render.engine = "PERFECT_BVH"
+    # Only the engine's own image is wanted, of the active view layer, and with the depsgraph kept between frames.
+    render.use_compositing = render.use_sequencer = render.use_freestyle = render.use_multiview = False
+    render.use_persistent_data = True
+    active = _active_view_layer(scene)
+    for view_layer in scene.view_layers:
+        view_layer.use = view_layer == active
+    if arguments.threads is not None:
+        render.threads_mode, render.threads = "FIXED", min(arguments.threads, 1024)
+    if getattr(arguments, "size", None) is not None:
+        render.resolution_x, render.resolution_y = arguments.size
+        render.resolution_percentage = 100
+    if getattr(arguments, "mode", None) is not None:
+        scene.perfect_bvh.mode = arguments.mode.upper()
+    if getattr(arguments, "samples", None) is not None:
+        scene.perfect_bvh.samples = arguments.samples
+
+
+def _active_view_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
+    import bpy
+
+    active = bpy.context.view_layer
+    return active if active.name in scene.view_layers else scene.view_layers[0]
+
+
+def render_job(scene: bpy.types.Scene, job: RenderJob) -> None:
+    """Render the scene's current frame; the frame is in the job afterwards. Errors: CommandError."""
+    import bpy
+
+    from ..engine import attend
+
+    with attend(job):
+        try:
+            bpy.ops.render.render(scene=scene.name)
+        except RuntimeError as error:
+            raise CommandError(f"scene {scene.name!r}: {_reason(error)}") from error
+
+
+class StopRequest:
+    """Set by the first Ctrl-C. Polled instead of raised, for Blender swallows exceptions that handlers raise."""
+
+    def __init__(self) -> None:
+        self.is_set = False
+
+    def _set(self, _signal: int, _frame: FrameType | None) -> None:
+        self.is_set = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # a second one interrupts wherever it may be
+
+
+@contextmanager
+def stop_on_interrupt() -> Iterator[StopRequest]:
+    """Catch Ctrl-C meanwhile."""
+    request = StopRequest()
+    try:
+        before = signal.signal(signal.SIGINT, request._set)
+    except ValueError:  # not the main thread: whoever runs it there has its own ways to stop it
+        yield request
+        return
+    try:
+        yield request
+    finally:
+        signal.signal(signal.SIGINT, before)

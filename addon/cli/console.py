@@ -1,0 +1,71 @@
+"""A clean terminal: Blender's chatter is kept off standard output, and tables line up."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TextIO
+
+
+def _flush_c_streams() -> None:
+    """Push out what C code has printed but not yet written; without it the text would surface later."""
+    sys.stdout.flush()
+    if os.name == "posix":
+        ctypes.CDLL(None).fflush(None)
+    else:
+        ctypes.cdll.msvcrt.fflush(None)
+
+
+def _writes_to_descriptor_1() -> bool:
+    try:
+        return sys.stdout.fileno() == 1
+    except (OSError, ValueError, AttributeError):  # captured, closed, or no stdout at all
+        return False
+
+
+@contextmanager
+def quiet_blender() -> Iterator[TextIO]:
+    """Silence everything that C code writes to standard output; yields a stream for this program's own words."""
+    _flush_c_streams()
+    saved = os.dup(1)
+    silence = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(silence, 1)
+    os.close(silence)
+    python_stdout = sys.stdout
+    own = os.fdopen(os.dup(saved), "w", encoding=python_stdout.encoding) if _writes_to_descriptor_1() else python_stdout
+    try:
+        yield own
+    finally:
+        _flush_c_streams()
+        os.dup2(saved, 1)
+        os.close(saved)
+        if own is not python_stdout:
+            own.close()
+
+
+def format_table(header: Sequence[str], rows: Sequence[Sequence[str]], left: frozenset[int] = frozenset({0})) -> str:
+    """Columns two spaces apart; those in `left` are aligned left, the others right."""
+    lines = [header, *rows]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
+
+    def format_line(line: Sequence[str]) -> str:
+        cells = (
+            cell.ljust(width) if column in left else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(line, widths, strict=True))
+        )
+        return "  ".join(cells).rstrip()
+
+    return "\n".join([format_line(header), "  ".join("-" * width for width in widths), *map(format_line, rows)])
+
+
+def format_bytes(count: int) -> str:
+    """1536 -> '1.5 KiB'."""
+    size = float(count)
+    for unit in ("B", "KiB", "MiB"):
+        if size < 1024:
+            return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"
+        size /= 1024
+    return f"{size:.1f} GiB"

@@ -1,0 +1,81 @@
+"""`perfect-bvh info`: each mesh of a scene with its tree."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, TextIO
+
+from .arguments import CommandError, check_blend_file
+from .blender import apply_settings, open_scene, render_job, stop_on_interrupt
+from .console import format_bytes, format_table, quiet_blender
+
+if TYPE_CHECKING:
+    import bpy
+    from perfect_bvh import SceneStatistics
+
+    from ..session import SceneSync
+    from ..sync.report import SyncReport
+
+HEADER = ("mesh", "class", "builder", "triangles", "users", "nodes", "depth", "SAH cost", "bytes")
+LEFT_COLUMNS = frozenset({0, 1, 2})
+# What the engine chooses where the choice is left to it, as the sync always does.
+AUTOMATIC_BUILDER = "binned"
+
+
+def run_info(arguments: argparse.Namespace) -> int:
+    """Print the tables; the exit status."""
+    path = check_blend_file(arguments.file)
+    with quiet_blender() as out, stop_on_interrupt():
+        scene = open_scene(path, arguments)
+        apply_settings(scene, arguments)
+        if arguments.frame is not None:
+            scene.frame_set(arguments.frame)
+        _write(out, scene, *_sync_as_rendered(scene))
+    return 0
+
+
+def _sync_as_rendered(scene: bpy.types.Scene) -> tuple[SceneSync, SyncReport]:
+    """The scene as a render sees it: only a render engine is given that depsgraph."""
+    from ..engine import RenderJob
+    from ..session import sessions_of
+
+    job = RenderJob(trace=False)
+    render_job(scene, job)
+    if job.frame is None:
+        raise CommandError(f"scene {scene.name!r} could not be read")
+    return sessions_of(scene)[-1], job.frame.statistics.report
+
+
+def _write(out: TextIO, scene: bpy.types.Scene, sync: SceneSync, report: SyncReport) -> None:
+    statistics = sync.scene.statistics()
+    rows = _mesh_rows(sync, report, statistics)
+    out.write(f"{scene.name}, frame {scene.frame_current}\n")
+    out.write(format_table(HEADER, rows, LEFT_COLUMNS) + "\n")
+    top = statistics.top_level
+    out.write(
+        f"{len(rows):,} meshes, {statistics.triangle_count:,} triangles; {statistics.instance_count:,} instances show "
+        f"{statistics.instanced_triangle_count:,}; top level {top.node_count:,} nodes, depth {top.depth}, "
+        f"{format_bytes(top.byte_count)}; all {format_bytes(statistics.byte_count)}\n"
+    )
+    for warning in sync.warnings:
+        out.write(f"warning: {warning}\n")
+
+
+def _mesh_rows(sync: SceneSync, report: SyncReport, statistics: SceneStatistics) -> list[tuple[str, ...]]:
+    """A line for each mesh, the most bytes first."""
+    usages = {mesh.key: mesh.usage for mesh in sync.record.meshes}
+    changes = {change.mesh_id: change for change in report.meshes}
+    return [
+        (
+            changes[tree.mesh_id].name,
+            usages[changes[tree.mesh_id].key],
+            AUTOMATIC_BUILDER,
+            f"{tree.primitive_count:,}",
+            f"{tree.user_count:,}",
+            f"{tree.node_count:,}",
+            str(tree.depth),
+            f"{tree.sah:.1f}",
+            format_bytes(tree.byte_count),
+        )
+        for tree in sorted(statistics.meshes, key=lambda tree: -tree.byte_count)
+    ]

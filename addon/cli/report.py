@@ -1,0 +1,125 @@
+"""What frames did to the trees and how long they took, as text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from statistics import median
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ..frame import FrameStatistics
+    from ..sync.report import SyncReport
+
+# Title and width of each column of --stats.
+TREE_COLUMNS = (("frame", 6), ("built", 6), ("refit", 6), ("rebuilt", 8), ("moved", 8), ("added", 8), ("gone", 6))
+TIME_COLUMNS = (
+    ("blender", 8),
+    ("read", 7),
+    ("compare", 8),
+    ("update", 7),
+    ("build", 7),
+    ("trace", 8),
+    ("save", 6),
+    ("total", 8),
+)
+RATE_COLUMN = ("Mrays/s", 8)
+MAX_NAMES = 4
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTimes:
+    """Where one frame's milliseconds went.
+
+    blender: Blender's own evaluation of the scene, and its render pipeline. read: the depsgraph into arrays.
+    compare: with the frame before. update: edits of the engine's scene. build: trees built and refitted.
+    """
+
+    blender: float
+    read: float
+    compare: float
+    update: float
+    build: float
+    trace: float
+    save: float
+    total: float
+
+    @classmethod
+    def of(cls, statistics: FrameStatistics, *, total: float, save: float) -> FrameTimes:
+        """From a frame's statistics and what the caller measured, in seconds, around it."""
+        report = statistics.report
+        known = report.milliseconds + statistics.trace_milliseconds + save * 1e3
+        return cls(
+            blender=max(0.0, total * 1e3 - known),
+            read=report.read_milliseconds,
+            compare=report.compare_milliseconds,
+            update=report.apply_milliseconds,
+            build=report.commit_milliseconds,
+            trace=statistics.trace_milliseconds,
+            save=save * 1e3,
+            total=total * 1e3,
+        )
+
+
+def format_header() -> str:
+    """Titles of the columns of `format_frame`; all times are milliseconds."""
+    return "".join(title.rjust(width) for title, width in (*TREE_COLUMNS, *TIME_COLUMNS, RATE_COLUMN))
+
+
+def format_frame(number: int, statistics: FrameStatistics, times: FrameTimes) -> str:
+    """One frame: a line of numbers, and a line for each kind of thing that changed."""
+    report = statistics.report
+    commit = report.commit
+    counts = (
+        number,
+        commit.count("built"),
+        commit.count("refitted"),
+        commit.count("rebuilt"),
+        report.moved_count,
+        report.added_count,
+        report.removed_count,
+    )
+    cells = [f"{count:,}".rjust(width) for count, (_, width) in zip(counts, TREE_COLUMNS, strict=True)]
+    cells += [f"{getattr(times, title):.1f}".rjust(width) for title, width in TIME_COLUMNS]
+    cells.append(f"{statistics.rays_per_second / 1e6:.2f}".rjust(RATE_COLUMN[1]))
+    return "\n".join(["".join(cells), *(f"        {line}" for line in describe_changes(report))])
+
+
+def describe_changes(report: SyncReport) -> list[str]:
+    """What happened to trees and instances, and why, a sentence each; empty if nothing did."""
+    names = {mesh.mesh_id: mesh.name for mesh in report.meshes}
+    groups: dict[tuple[str, str], list[str]] = {}
+    for mesh in report.commit.meshes:
+        name = f"{names.get(mesh.mesh_id, mesh.mesh_id)} ({mesh.triangle_count:,})"
+        groups.setdefault((f"{mesh.action} tree", mesh.reason), []).append(name)
+    for change in report.objects:
+        if change.action in {"moved", "masked", "recounted", "removed"}:
+            count = f" x {change.changed_count:,}" if change.changed_count > 1 else ""
+            groups.setdefault((change.action, change.reason), []).append(f"{change.name}{count}")
+    return [f"{action}: {_shorten(members)}: {reason}" for (action, reason), members in groups.items()]
+
+
+def _shorten(names: Sequence[str]) -> str:
+    rest = len(names) - MAX_NAMES
+    return ", ".join(names[:MAX_NAMES]) + (f" and {rest:,} more" if rest > 0 else "")
+
+
+def format_summary(reports: Sequence[SyncReport], times: Sequence[FrameTimes], where: str) -> str:
+    """What a run did in all. reports, times: one for each frame that was written, at least one."""
+    seconds = sum(time.total for time in times) / 1e3
+    count = len(times)
+    totals = {
+        action: sum(report.commit.count(action) for report in reports) for action in ("built", "refitted", "rebuilt")
+    }
+    moved = sum(report.moved_count for report in reports)
+    lines = [
+        f"{where}: {count} frame{'s' if count > 1 else ''} in {seconds:.2f} s",
+        f"trees: {totals['built']:,} built, {totals['refitted']:,} refits, {totals['rebuilt']:,} rebuilt; "
+        f"instances moved: {moved:,}; {reports[-1].byte_count / 2**20:.1f} MiB",
+    ]
+    if count > 1:
+        parts = (("blender", "blender"), ("read", "read"), ("build", "build"), ("trace", "trace"), ("save", "save"))
+        medians = ", ".join(f"{label} {median(getattr(time, name) for time in times):.0f}" for label, name in parts)
+        lines.append(f"median frame {median(time.total for time in times):.0f} ms: {medians}")
+    return "\n".join(lines)

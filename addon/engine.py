@@ -1,0 +1,204 @@
+"""The render engine: Blender asks for a frame, the session's scene is brought in step and traced, passes are filled.
+
+The scene and its trees live on the session, because Blender makes a new engine for each render and often for
+each frame. A begun result is always ended: without that Blender crashes when it writes the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from .frame import Frame, FrameStatistics, Images, Progress, border_pixels, render_frame
+from .preferences import native_error
+from .properties import ENGINE_NAME, read_settings
+
+MODERN_PASS_NAMES = bpy.app.version >= (5, 0, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class PassSpec:
+    """A pass in Blender's words (name, channels, kind, the view layer's switch) and in the renderer's (source)."""
+
+    name: str
+    channels: str
+    kind: str
+    switch: str
+    source: str
+
+
+PASSES = (
+    PassSpec("Depth", "Z", "VALUE", "use_pass_z", "depth"),
+    PassSpec("Normal", "XYZ", "VECTOR", "use_pass_normal", "normal"),
+    PassSpec("Object Index" if MODERN_PASS_NAMES else "IndexOB", "X", "VALUE", "use_pass_object_index", "object_index"),
+    PassSpec(
+        "Material Index" if MODERN_PASS_NAMES else "IndexMA", "X", "VALUE", "use_pass_material_index", "material_index"
+    ),
+)
+
+
+def enabled_passes(view_layer: bpy.types.ViewLayer) -> tuple[PassSpec, ...]:
+    """The passes beside Combined that the view layer asks for."""
+    return tuple(spec for spec in PASSES if getattr(view_layer, spec.switch))
+
+
+@dataclass(slots=True)
+class RenderJob:
+    """What a caller of `bpy.ops.render.render` wants besides the Render Result, and what comes back to it.
+
+    A headless Render Result cannot be read, and operators take no callbacks: the command line and scripts leave
+    a job with `attend` and find the last frame in it. progress: called with 0..1, returns False to cancel.
+    trace: False to bring the trees in step and stop there.
+    """
+
+    progress: Progress | None = None
+    trace: bool = True
+    frame: Frame | None = None
+    is_cancelled: bool = False
+
+
+_job: RenderJob | None = None
+_last_statistics: dict[int, FrameStatistics] = {}
+
+
+@contextmanager
+def attend(job: RenderJob) -> Iterator[RenderJob]:
+    """Renders of this engine meanwhile report to `job`."""
+    global _job
+    previous, _job = _job, job
+    try:
+        yield job
+    finally:
+        _job = previous
+
+
+def last_statistics(scene: bpy.types.Scene) -> FrameStatistics | None:
+    """Of the last frame rendered of `scene`, None if there is none."""
+    return _last_statistics.get(scene.session_uid)
+
+
+class PerfectBVHRenderEngine(bpy.types.RenderEngine):
+    """Blender's face of the renderer."""
+
+    bl_idname = ENGINE_NAME
+    bl_label = "Perfect BVH"
+    bl_use_preview = False
+    bl_use_postprocess = True
+    bl_use_eevee_viewport = True
+    bl_use_shading_nodes_custom = False
+
+    def update_render_passes(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
+        """Tell the compositor which sockets the engine's layer has."""
+        self.register_pass(scene, view_layer, "Combined", 4, "RGBA", "COLOR")
+        for spec in enabled_passes(view_layer):
+            self.register_pass(scene, view_layer, spec.name, len(spec.channels), spec.channels, spec.kind)
+
+    def render(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """Render one view layer of one frame."""
+        specs = enabled_passes(depsgraph.view_layer)
+        layer_name = depsgraph.view_layer.name
+        for spec in specs:
+            self.add_pass(spec.name, len(spec.channels), spec.channels, layer=layer_name)
+        window = self._window(depsgraph.scene)
+        left, right, bottom, top = window
+        result = self.begin_result(0, 0, right - left, top - bottom, layer=layer_name)
+
+        def show(images: Images) -> None:
+            _write_passes(result.layers[0], specs, images, window)
+            self.update_result(result)
+
+        try:
+            # Nobody looks at rounds that come before the last one where there is no window.
+            frame = self._render_frame(depsgraph, specs, None if bpy.app.background else show)
+            if frame is not None and frame.images:
+                _write_passes(result.layers[0], specs, frame.images, window)
+        finally:
+            self.end_result(result)
+
+    def _window(self, scene: bpy.types.Scene) -> tuple[int, int, int, int]:
+        render = scene.render
+        size = (self.resolution_x, self.resolution_y)
+        if not render.use_border:
+            return 0, size[0], 0, size[1]
+        border = (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y)
+        return border_pixels(border, size)
+
+    def _render_frame(
+        self, depsgraph: bpy.types.Depsgraph, specs: tuple[PassSpec, ...], show: Callable[[Images], None] | None
+    ) -> Frame | None:
+        """The frame; None if the render was cancelled or failed, with an error reported."""
+        job = _job or RenderJob()
+        error = native_error()
+        if error is not None:
+            self._fail(error)
+            return None
+        import perfect_bvh
+
+        from .session import session_of
+
+        scene = depsgraph.scene
+        job.frame = None
+        try:
+            job.frame = render_frame(
+                session_of(depsgraph),
+                depsgraph,
+                read_settings(scene),
+                passes=tuple(spec.source for spec in specs),
+                progress=lambda done: self._advance(job, done),
+                show=show,
+                trace=job.trace,
+            )
+        except perfect_bvh.Cancelled:
+            job.is_cancelled = True
+        except KeyboardInterrupt:
+            job.is_cancelled = True
+            self._fail("the render was interrupted")
+        except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
+            self._fail(str(problem) or type(problem).__name__)
+        else:
+            _last_statistics[scene.original.session_uid] = job.frame.statistics
+            for warning in job.frame.statistics.report.warnings:
+                self.report({"WARNING"}, warning)
+        return job.frame
+
+    def _advance(self, job: RenderJob, done: float) -> bool:
+        self.update_progress(done)
+        wants_more = job.progress is None or job.progress(done)
+        return wants_more and not self.test_break()
+
+    def _fail(self, message: str) -> None:
+        """A script gets a RuntimeError from the operator, a user the message in the Image Editor's header."""
+        self.error_set(message)
+        self.report({"ERROR"}, message)
+
+
+def _write_passes(
+    layer: bpy.types.RenderLayer,
+    specs: tuple[PassSpec, ...],
+    images: Images,
+    window: tuple[int, int, int, int],
+) -> None:
+    """Copy the border of each image into its pass; Blender's rows begin at the bottom."""
+    left, right, bottom, top = window
+    sources = {"Combined": "combined"} | {spec.name: spec.source for spec in specs}
+    for render_pass in layer.passes:
+        source = sources.get(render_pass.name)
+        if source is not None:
+            image = images[source]
+            part = image[::-1][bottom:top, left:right]
+            render_pass.rect.foreach_set(np.ascontiguousarray(part, np.float32).ravel())
+
+
+def register() -> None:
+    """Make the engine known to Blender."""
+    bpy.utils.register_class(PerfectBVHRenderEngine)
+
+
+def unregister() -> None:
+    """Take the engine away and forget its statistics."""
+    bpy.utils.unregister_class(PerfectBVHRenderEngine)
+    _last_statistics.clear()

@@ -1,0 +1,123 @@
+"""One frame: an evaluated depsgraph goes in, images and what they cost come out. Knows no RenderEngine and no file."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .modes import find_mode
+from .properties import RenderSettings
+from .sync.records import AttributeRequest
+
+if TYPE_CHECKING:
+    import bpy
+
+    from .session import SceneSync
+    from .sync.report import SyncReport
+
+Progress = Callable[[float], bool]
+Images = dict[str, npt.NDArray[Any]]
+
+PICTURES = frozenset({"clay", "wireframe"})
+CLAY_GREY = (0.8, 0.8, 0.8)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameStatistics:
+    """What one frame cost. size: (width, height). camera_rays: pixels in the border times samples, 0 if untraced."""
+
+    frame: float
+    size: tuple[int, int]
+    settings: RenderSettings
+    report: SyncReport
+    trace_milliseconds: float
+    camera_rays: int
+
+    @property
+    def rays_per_second(self) -> float:
+        """Camera rays, with all that followed from each, a second; 0 if nothing was traced."""
+        return self.camera_rays / self.trace_milliseconds * 1e3 if self.trace_milliseconds else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """images: arrays of the whole frame, row 0 on top, by the renderer's pass names; empty if nothing was traced."""
+
+    images: Images
+    statistics: FrameStatistics
+
+
+def needed_attributes(settings: RenderSettings, passes: tuple[str, ...]) -> AttributeRequest:
+    """What a mode and its passes use; nothing else is read."""
+    return AttributeRequest(
+        material_slots=settings.mode == "material"
+        or (settings.mode in PICTURES and settings.use_material_colors)
+        or "material_index" in passes,
+        corner_normals=settings.mode in {*PICTURES, "normal"} or "normal" in passes,
+    )
+
+
+def border_pixels(border: tuple[float, float, float, float], size: tuple[int, int]) -> tuple[int, int, int, int]:
+    """(left, right, bottom, top) of a border given as fractions, in pixels from the lower left, as Blender rounds."""
+    width, height = np.float32(size[0]), np.float32(size[1])
+    left, right, bottom, top = (np.float32(edge) for edge in border)
+    return int(left * width), int(right * width), int(bottom * height), int(top * height)
+
+
+def render_frame(
+    sync: SceneSync,
+    depsgraph: bpy.types.Depsgraph,
+    settings: RenderSettings,
+    *,
+    passes: tuple[str, ...] = (),
+    progress: Progress | None = None,
+    show: Callable[[Images], None] | None = None,
+    trace: bool = True,
+) -> Frame:
+    """Bring the session's scene in step with an evaluated depsgraph and trace it.
+
+    passes: the renderer's names of what is wanted beside "combined". progress: called with 0..1, False cancels.
+    show: called with the images each time they have become better, and at the end. trace: False to stop after
+    the sync.
+
+    Raises ValueError if the scene has no usable camera, `perfect_bvh.Cancelled`, and what the engine raises.
+    """
+    sync.request(needed_attributes(settings, passes))
+    report = sync.update(depsgraph)
+    if not trace:
+        return Frame({}, FrameStatistics(depsgraph.scene.frame_current_final, sync.size, settings, report, 0.0, 0))
+    if sync.camera is None:
+        raise ValueError(f"scene {depsgraph.scene.name!r} has no camera that can be rendered")
+    import perfect_bvh
+
+    start = time.perf_counter()
+    images: Images = {}
+    samples = 1 if find_mode(settings.mode).has_range else settings.samples
+    for done, images in perfect_bvh.render_progressively(
+        sync.scene,
+        sync.camera,
+        mode=settings.mode,
+        size=sync.size,
+        samples=samples,
+        appearance=sync.appearance,
+        passes=("combined", *passes),
+        progress=progress,
+        threads=settings.threads,
+        ao_distance=settings.ao_distance or None,
+        clay_color=None if settings.use_material_colors else CLAY_GREY,
+    ):
+        if show is not None:
+            show(images)
+        # The renderer asks at intervals of time; a quick round would not be asked about at all.
+        if progress is not None and not progress(done / samples) and done < samples:
+            raise perfect_bvh.Cancelled("the render was cancelled")
+    elapsed = (time.perf_counter() - start) * 1e3
+    left, right, bottom, top = border_pixels(sync.camera.border, sync.size)
+    rays = (right - left) * (top - bottom) * samples
+    statistics = FrameStatistics(depsgraph.scene.frame_current_final, sync.size, settings, report, elapsed, rays)
+    return Frame(images, statistics)
