@@ -22,7 +22,7 @@ def barrel(segments: int = 5) -> Shape:
         angles = np.linspace(pi, 0.0, segments + 1)
         rows += [(radius * cos(angle), y, lift + radius * 0.85 * sin(angle)) for angle in angles]
     count = segments + 1
-    return shape(rows, [(k, k + count, k + 1 + count, k + 1) for k in range(segments)])
+    return shape(rows, [(k, k + 1, k + 1 + count, k + count) for k in range(segments)])
 
 
 def tiled(

@@ -61,7 +61,7 @@ def archivolt(segments: int = 20) -> Shape:
         for step in range(segments)
         for a in range(step * count, step * count + count - 1)
     ]
-    band = shape(vertices, [face[::-1] for face in faces])
+    band = shape(vertices, faces)
     top = SPRING + outer
     key = prism([(-0.07, top - 0.2), (0.07, top - 0.2), (0.12, top + 0.09), (-0.12, top + 0.09)], 0.12).moved(y=-0.1)
     return joined([band, key])
