@@ -28,8 +28,7 @@ class CancelToken {
   void request_stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
   [[nodiscard]] bool stop_requested() const noexcept { return stop_.load(std::memory_order_relaxed); }
   void throw_if_stopped() const {
-    if (stop_requested())
-      throw Cancelled();
+    if (stop_requested()) throw Cancelled();
   }
 
   // Work is counted in units of the owner's choice: `expect(total)` once, `advance(done)` from any thread.
@@ -42,19 +41,16 @@ class CancelToken {
   [[nodiscard]] float fraction() const noexcept {
     const auto total = total_.load(std::memory_order_relaxed);
     const auto done = done_.load(std::memory_order_relaxed);
-    if (total == 0)
-      return 0.0f;
+    if (total == 0) return 0.0f;
     return done >= total ? 1.0f : static_cast<float>(done) / static_cast<float>(total);
   }
 
   // Calls the callback, at most every 50 ms. On any thread but the owner's it does nothing, so that work which is
   // shared out over threads may call it wherever it happens to run.
   void poll() {
-    if (!callback_ || std::this_thread::get_id() != owner_ || stop_requested())
-      return;
+    if (!callback_ || std::this_thread::get_id() != owner_ || stop_requested()) return;
     const auto now = std::chrono::steady_clock::now();
-    if (now - last_poll_ < std::chrono::milliseconds(50))
-      return;
+    if (now - last_poll_ < std::chrono::milliseconds(50)) return;
     bool go_on = false;
     try {
       go_on = callback_(fraction());
@@ -63,8 +59,7 @@ class CancelToken {
       request_stop();
       throw;
     }
-    if (!go_on)
-      request_stop();
+    if (!go_on) request_stop();
     last_poll_ = std::chrono::steady_clock::now();  // a slow callback must not eat all the time there is
   }
 
@@ -76,8 +71,7 @@ class CancelToken {
 
   // Another thread's Cancelled may overtake what the callback threw: whoever catches Cancelled asks here first.
   void rethrow_callback_error() const {
-    if (callback_error_)
-      std::rethrow_exception(callback_error_);
+    if (callback_error_) std::rethrow_exception(callback_error_);
   }
 
  private:

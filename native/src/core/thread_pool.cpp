@@ -33,8 +33,7 @@ class CurrentGroup {
 int affinity_thread_count() {
 #ifdef __linux__
   cpu_set_t set;
-  if (sched_getaffinity(0, sizeof(set), &set) == 0)
-    return std::max(1, CPU_COUNT(&set));
+  if (sched_getaffinity(0, sizeof(set), &set) == 0) return std::max(1, CPU_COUNT(&set));
 #endif
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
@@ -70,8 +69,7 @@ ThreadPool::ThreadPool(int thread_count) {
   const int total = thread_count > 0 ? thread_count : affinity_thread_count();
   try {
     workers_.reserve(static_cast<std::size_t>(total - 1));
-    for (int i = 1; i < total; ++i)
-      workers_.emplace_back([this] { work(); });
+    for (int i = 1; i < total; ++i) workers_.emplace_back([this] { work(); });
   } catch (const std::system_error&) {
     // No more threads to be had: those that started, and the caller, do the work.
   } catch (...) {
@@ -80,9 +78,7 @@ ThreadPool::ThreadPool(int thread_count) {
   }
 }
 
-ThreadPool::~ThreadPool() {
-  join_workers();
-}
+ThreadPool::~ThreadPool() { join_workers(); }
 
 void ThreadPool::join_workers() noexcept {
   {
@@ -90,15 +86,13 @@ void ThreadPool::join_workers() noexcept {
     closing_ = true;
   }
   wake_workers_.notify_all();
-  for (auto& worker : workers_)
-    worker.join();
+  for (auto& worker : workers_) worker.join();
 }
 
 ThreadPool& ThreadPool::shared() {
   auto& state = shared_state();
   const std::lock_guard lock(state.mutex);
-  if (state.pool == nullptr)
-    state.pool = new ThreadPool(state.wanted_thread_count);
+  if (state.pool == nullptr) state.pool = new ThreadPool(state.wanted_thread_count);
   return *state.pool;
 }
 
@@ -127,8 +121,7 @@ void ThreadPool::push(Task task) {
   {
     const std::lock_guard lock(mutex_);
     queue_.push_back(std::move(task));
-    if (waiter_count_ > 0)
-      wake_waiters_.notify_all();
+    if (waiter_count_ > 0) wake_waiters_.notify_all();
   }
   wake_workers_.notify_one();
 }
@@ -139,15 +132,13 @@ void ThreadPool::run(Task& task) noexcept {
   group.run_here(task.work);
   task.work = {};  // what the task captured dies before the group can
   // Once the count is 0 the waiter may destroy the group: from here on only the pool is touched.
-  if (group.pending_.fetch_sub(1, std::memory_order_acq_rel) == 1)
-    pool.tell_waiters();
+  if (group.pending_.fetch_sub(1, std::memory_order_acq_rel) == 1) pool.tell_waiters();
 }
 
 void ThreadPool::tell_waiters() {
   // The lock orders this after a waiter's look at the count: it either saw 0 or is asleep by now.
   const std::lock_guard lock(mutex_);
-  if (waiter_count_ > 0)
-    wake_waiters_.notify_all();
+  if (waiter_count_ > 0) wake_waiters_.notify_all();
 }
 
 void ThreadPool::work() {
@@ -156,8 +147,7 @@ void ThreadPool::work() {
     {
       std::unique_lock lock(mutex_);
       wake_workers_.wait(lock, [this] { return closing_ || !queue_.empty(); });
-      if (queue_.empty())
-        return;
+      if (queue_.empty()) return;
       task = std::move(queue_.front());  // oldest first: the largest pieces of a recursive job
       queue_.pop_front();
     }
@@ -168,10 +158,8 @@ void ThreadPool::work() {
 bool ThreadPool::take(const TaskGroup& group, Task& task) {
   for (auto place = queue_.rbegin(); place != queue_.rend(); ++place) {
     const TaskGroup* ancestor = place->group;
-    while (ancestor != nullptr && ancestor != &group)
-      ancestor = ancestor->parent_;
-    if (ancestor == nullptr)
-      continue;
+    while (ancestor != nullptr && ancestor != &group) ancestor = ancestor->parent_;
+    if (ancestor == nullptr) continue;
     task = std::move(*place);
     queue_.erase(std::next(place).base());
     return true;
@@ -182,8 +170,7 @@ bool ThreadPool::take(const TaskGroup& group, Task& task) {
 void ThreadPool::help(TaskGroup& group, const std::function<void()>& idle) {
   const auto ended = [&group] { return group.pending_.load(std::memory_order_acquire) == 0; };
   while (!ended()) {
-    if (idle)
-      idle();
+    if (idle) idle();
     Task task;
     {
       std::unique_lock lock(mutex_);
@@ -196,8 +183,7 @@ void ThreadPool::help(TaskGroup& group, const std::function<void()>& idle) {
       }
       --waiter_count_;
     }
-    if (task.group != nullptr)
-      run(task);
+    if (task.group != nullptr) run(task);
   }
 }
 
@@ -205,9 +191,7 @@ void ThreadPool::help(TaskGroup& group, const std::function<void()>& idle) {
 
 TaskGroup::TaskGroup(ThreadPool& pool) noexcept : pool_(pool), parent_(current_group) {}
 
-TaskGroup::~TaskGroup() {
-  pool_.help(*this, {});
-}
+TaskGroup::~TaskGroup() { pool_.help(*this, {}); }
 
 void TaskGroup::run(std::function<void()> task) {
   pending_.fetch_add(1, std::memory_order_relaxed);
@@ -233,8 +217,7 @@ void TaskGroup::run_here(const std::function<void()>& task) noexcept {
 
 void TaskGroup::keep(std::exception_ptr error, bool is_echo) noexcept {
   const std::lock_guard lock(error_mutex_);
-  if (error_ && !(error_is_echo_ && !is_echo))
-    return;
+  if (error_ && !(error_is_echo_ && !is_echo)) return;
   error_ = std::move(error);
   error_is_echo_ = is_echo;
 }
@@ -247,8 +230,7 @@ void TaskGroup::wait(const std::function<void()>& idle) {
     error_ = nullptr;
     throw;
   }
-  if (error_)
-    std::rethrow_exception(std::exchange(error_, nullptr));
+  if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
 }
 
 // Loop ------------------------------------------------------------------------------------------------------------
@@ -256,8 +238,7 @@ void TaskGroup::wait(const std::function<void()>& idle) {
 void parallel_for(ThreadPool& pool, std::size_t count, std::size_t grain,
                   const std::function<void(std::size_t, std::size_t)>& body, int max_threads,
                   const std::function<void()>& idle) {
-  if (count == 0)
-    return;
+  if (count == 0) return;
   grain = std::max<std::size_t>(grain, 1);
   const std::size_t chunk_count = (count - 1) / grain + 1;
   const auto pool_size = static_cast<std::size_t>(pool.thread_count());
@@ -269,23 +250,19 @@ void parallel_for(ThreadPool& pool, std::size_t count, std::size_t grain,
     try {
       for (;;) {
         const std::size_t chunk = next.fetch_add(1, std::memory_order_relaxed);
-        if (chunk >= chunk_count)
-          return;
+        if (chunk >= chunk_count) return;
         body(chunk * grain, std::min(count, (chunk + 1) * grain));
-        if (between)
-          between();
+        if (between) between();
       }
     } catch (...) {
       next.store(chunk_count, std::memory_order_relaxed);  // no new chunk starts
       throw;
     }
   };
-  if (thread_count <= 1)
-    return run_chunks(idle);
+  if (thread_count <= 1) return run_chunks(idle);
 
   TaskGroup group(pool);
-  for (std::size_t i = 1; i < thread_count; ++i)
-    group.run([&] { run_chunks({}); });
+  for (std::size_t i = 1; i < thread_count; ++i) group.run([&] { run_chunks({}); });
   group.run_here([&] { run_chunks(idle); });
   group.wait(idle);
 }

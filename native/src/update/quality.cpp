@@ -12,9 +12,7 @@ double half_area(const Bvh2Node& node) noexcept {
   return e.x * e.y + e.y * e.z + e.z * e.x;
 }
 
-std::string at(const char* what, std::size_t node) {
-  return "node " + std::to_string(node) + ": " + what;
-}
+std::string at(const char* what, std::size_t node) { return "node " + std::to_string(node) + ": " + what; }
 
 // Walks a tree of which nothing is taken for granted.
 class Validator {
@@ -23,10 +21,8 @@ class Validator {
       : tree_(tree), visited_(tree.nodes.size(), false), references_(primitive_count, 0) {}
 
   std::string find_fault() {
-    if (tree_.nodes.empty())
-      return references_.empty() ? "" : "the tree is empty but there are primitives";
-    if (references_.empty())
-      return "there are nodes but no primitives";
+    if (tree_.nodes.empty()) return references_.empty() ? "" : "the tree is empty but there are primitives";
+    if (references_.empty()) return "there are nodes but no primitives";
     std::vector<Entry> stack{{0, 0}};
     visited_[0] = true;
     while (!stack.empty()) {
@@ -35,10 +31,8 @@ class Validator {
       deepest_ = std::max(deepest_, entry.depth);
       const Bvh2Node& node = tree_.nodes[entry.index];
       std::string fault = !node.box().is_empty() ? "" : at("an empty or NaN box", entry.index);
-      if (fault.empty())
-        fault = node.is_leaf() ? visit_leaf(entry.index) : visit_interior(entry, stack);
-      if (!fault.empty())
-        return fault;
+      if (fault.empty()) fault = node.is_leaf() ? visit_leaf(entry.index) : visit_interior(entry, stack);
+      if (!fault.empty()) return fault;
     }
     return check_totals();
   }
@@ -51,12 +45,10 @@ class Validator {
 
   std::string visit_leaf(std::size_t index) {
     const Bvh2Node& node = tree_.nodes[index];
-    if (std::size_t{node.first} + node.count > tree_.prim_indices.size())
-      return at("rows past prim_indices", index);
+    if (std::size_t{node.first} + node.count > tree_.prim_indices.size()) return at("rows past prim_indices", index);
     for (std::uint32_t i = 0; i < node.count; ++i) {
       const std::uint32_t prim = tree_.prim_indices[node.first + i];
-      if (prim >= references_.size())
-        return at("refers to no primitive", index);
+      if (prim >= references_.size()) return at("refers to no primitive", index);
       ++references_[prim];
     }
     return "";
@@ -65,18 +57,13 @@ class Validator {
   std::string visit_interior(const Entry& entry, std::vector<Entry>& stack) {
     const std::size_t index = entry.index;
     const Bvh2Node& node = tree_.nodes[index];
-    if (node.first % 2 != 0 || node.first < 2)
-      return at("children not at an even index from 2 on", index);
-    if (node.first <= index)
-      return at("stands after its children", index);
-    if (std::size_t{node.first} + 1 >= tree_.nodes.size())
-      return at("children past the array", index);
+    if (node.first % 2 != 0 || node.first < 2) return at("children not at an even index from 2 on", index);
+    if (node.first <= index) return at("stands after its children", index);
+    if (std::size_t{node.first} + 1 >= tree_.nodes.size()) return at("children past the array", index);
     for (const std::size_t child : {std::size_t{node.first}, std::size_t{node.first} + 1}) {
-      if (visited_[child])
-        return at("reached twice", child);
+      if (visited_[child]) return at("reached twice", child);
       visited_[child] = true;
-      if (!node.box().contains(tree_.nodes[child].box()))
-        return at("does not contain its child", index);
+      if (!node.box().contains(tree_.nodes[child].box())) return at("does not contain its child", index);
       stack.push_back({child, entry.depth + 1});
     }
     return "";
@@ -84,22 +71,17 @@ class Validator {
 
   std::string check_totals() const {
     for (std::size_t prim = 0; prim < references_.size(); ++prim) {
-      if (references_[prim] == 0)
-        return "primitive " + std::to_string(prim) + " is in no leaf";
-      if (references_[prim] > 1 && tree_.refittable)
-        return "primitive " + std::to_string(prim) + " is in two leaves";
+      if (references_[prim] == 0) return "primitive " + std::to_string(prim) + " is in no leaf";
+      if (references_[prim] > 1 && tree_.refittable) return "primitive " + std::to_string(prim) + " is in two leaves";
     }
     for (std::size_t index = 0; index < visited_.size(); ++index) {
-      if (!visited_[index] && index != 1)
-        return at("not reachable", index);
+      if (!visited_[index] && index != 1) return at("not reachable", index);
     }
-    if (tree_.nodes.size() == 2)
-      return "a single leaf needs no padding";
+    if (tree_.nodes.size() == 2) return "a single leaf needs no padding";
     if (deepest_ != tree_.depth) {
       return "depth is " + std::to_string(deepest_) + " but stored as " + std::to_string(tree_.depth);
     }
-    if (deepest_ > kMaxTreeDepth)
-      return "deeper than kMaxTreeDepth: " + std::to_string(deepest_);
+    if (deepest_ > kMaxTreeDepth) return "deeper than kMaxTreeDepth: " + std::to_string(deepest_);
     return "";
   }
 
@@ -113,8 +95,7 @@ class Validator {
 
 TreeQuality measure_quality(const Bvh2& tree, float traversal_cost, float intersection_cost) {
   TreeQuality quality;
-  if (tree.empty())
-    return quality;
+  if (tree.empty()) return quality;
   quality.node_count = tree.node_count();
   quality.depth = tree.depth;
   quality.byte_count = tree.byte_count();

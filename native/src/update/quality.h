@@ -20,7 +20,8 @@ struct TreeQuality {
   std::size_t byte_count = 0;
 };
 
-[[nodiscard]] TreeQuality measure_quality(const Bvh2& tree, float traversal_cost = 1.0f, float intersection_cost = 1.0f);
+[[nodiscard]] TreeQuality measure_quality(const Bvh2& tree, float traversal_cost = 1.0f,
+                                          float intersection_cost = 1.0f);
 
 // Empty if the tree is sound: every primitive below primitive_count reachable, children inside their parents, parents
 // first, siblings adjacent, no node reached twice, depth as stored. Otherwise a sentence that names the first fault.

@@ -11,21 +11,17 @@ namespace {
 constexpr std::size_t kNodeGrain = 4096;
 
 void require_refittable(const Bvh2& tree) {
-  if (tree.refittable)
-    return;
+  if (tree.refittable) return;
   throw InvalidArgument("refit_bvh2: the tree's boxes are clipped (spatial splits), so it must be rebuilt instead");
 }
 
 // A minimum of -0 and +0 may be either; adding +0 makes it +0 always.
-[[nodiscard]] Vec3f positive_zeros(Vec3f v) noexcept {
-  return v + Vec3f{0.0f, 0.0f, 0.0f};
-}
+[[nodiscard]] Vec3f positive_zeros(Vec3f v) noexcept { return v + Vec3f{0.0f, 0.0f, 0.0f}; }
 
 template <class PrimBox>
 void refit_leaf(const Bvh2& tree, Bvh2Node& node, const PrimBox& prim_box) noexcept {
   Aabb box;
-  for (std::uint32_t i = 0; i < node.count; ++i)
-    box.grow(prim_box(tree.prim_indices[node.first + i]));
+  for (std::uint32_t i = 0; i < node.count; ++i) box.grow(prim_box(tree.prim_indices[node.first + i]));
   node.lower = positive_zeros(box.lower);
   node.upper = positive_zeros(box.upper);
 }
@@ -41,16 +37,13 @@ void refit_interior(Bvh2Node& node, const Bvh2Node* children) noexcept {
 }
 
 // Node 1 is padding that looks like an interior node without children.
-[[nodiscard]] bool is_padding(std::size_t index) noexcept {
-  return index == 1;
-}
+[[nodiscard]] bool is_padding(std::size_t index) noexcept { return index == 1; }
 
 // From the last node to the first: no parent stands after its child.
 void refit_interiors(Bvh2& tree) noexcept {
   for (std::size_t i = tree.nodes.size(); i-- > 0;) {
     Bvh2Node& node = tree.nodes[i];
-    if (!node.is_leaf() && !is_padding(i))
-      refit_interior(node, &tree.nodes[node.first]);
+    if (!node.is_leaf() && !is_padding(i)) refit_interior(node, &tree.nodes[node.first]);
   }
 }
 
@@ -68,8 +61,7 @@ void refit_bvh2(Bvh2& tree, std::span<const Vec3f> positions, std::span<const Ve
   parallel_for(pool, tree.nodes.size(), kNodeGrain, [&](std::size_t begin, std::size_t end) {
     cancel.checkpoint();
     for (std::size_t i = begin; i < end; ++i) {
-      if (tree.nodes[i].is_leaf())
-        refit_leaf(tree, tree.nodes[i], triangle_box);
+      if (tree.nodes[i].is_leaf()) refit_leaf(tree, tree.nodes[i], triangle_box);
     }
   });
   refit_interiors(tree);
@@ -78,8 +70,7 @@ void refit_bvh2(Bvh2& tree, std::span<const Vec3f> positions, std::span<const Ve
 void refit_bvh2(Bvh2& tree, std::span<const Aabb> prim_boxes) {
   require_refittable(tree);
   for (Bvh2Node& node : tree.nodes) {
-    if (node.is_leaf())
-      refit_leaf(tree, node, [&](std::uint32_t index) noexcept { return prim_boxes[index]; });
+    if (node.is_leaf()) refit_leaf(tree, node, [&](std::uint32_t index) noexcept { return prim_boxes[index]; });
   }
   refit_interiors(tree);
 }
