@@ -25,6 +25,7 @@ import numpy.typing as npt
 from ..sync.records import AttributeRequest, MeshRecord
 from .meshes import read_mesh
 from .pointer_views import ArrayReader
+from .usage import guess_usage
 
 NO_MESH = -1
 
@@ -69,7 +70,8 @@ class MeshTable:
             )
         twin = self._twins.find(original.data, record, self.records)
         if twin is None:
-            self.records.append(replace(record, key=self._lasting_key(original, record, is_own)))
+            key = self._lasting_key(original, record, is_own)
+            self.records.append(replace(record, key=key, usage=guess_usage(original)))
             twin = len(self.records) - 1
         return twin
 

@@ -369,6 +369,22 @@ def test_a_mesh_made_by_nodes_keeps_its_key_while_it_deforms(scene: Any) -> None
     assert changed.key != before.key
 
 
+def test_objects_tell_how_their_meshes_will_behave(scene: Any) -> None:
+    mesh_object("still")
+    mesh_object("bent").modifiers.new("bones", "ARMATURE")
+    mesh_object("cut").modifiers.new("build", "BUILD")
+    shaped = mesh_object("shaped")
+    shaped.shape_key_add(name="Basis")
+    shaped.shape_key_add(name="other")
+    scene.frame_set(50)  # half of it is built
+    record = read_scene(evaluated())
+    usages = {
+        record.objects[obj].name: record.meshes[mesh].usage
+        for obj, mesh in zip(record.instances.object_indices, record.instances.mesh_indices, strict=True)
+    }
+    assert usages == {"still": "static", "bent": "deforming", "cut": "changing", "shaped": "deforming"}
+
+
 # Reading by address --------------------------------------------------------------------------------------------------
 
 

@@ -1,0 +1,45 @@
+"""Each difference between two readings is named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from perfect_bvh_addon.sync.records import SceneRecord
+from perfect_bvh_addon.sync.verify import find_mismatches
+from sync.fakes import Shown, mesh, record
+
+SHOWN = [Shown("a", 1), Shown("b", 2)]
+
+
+def base() -> SceneRecord:
+    return record([mesh("a"), mesh("b", 4)], SHOWN)
+
+
+def with_mesh(**columns: object) -> SceneRecord:
+    made = base()
+    return replace(made, meshes=(replace(made.meshes[0], **columns), made.meshes[1]))
+
+
+DIFFERENCES: dict[str, Callable[[], SceneRecord]] = {
+    "mesh a: positions differ": lambda: with_mesh(positions=base().meshes[0].positions + 1),
+    "mesh a: triangles differ": lambda: with_mesh(triangles=base().meshes[0].triangles[:, ::-1]),
+    "mesh a: polygon_ids differ": lambda: with_mesh(polygon_ids=base().meshes[0].polygon_ids + 1),
+    "mesh a: material_slots differ": lambda: with_mesh(material_slots=np.zeros(2, np.int32)),
+    "instances: transforms differ": lambda: record(base().meshes, [Shown("a", 1, x=2.0), SHOWN[1]]),
+    "instances: masks differ": lambda: record(base().meshes, [Shown("a", 1, mask=1), SHOWN[1]]),
+    "objects differ": lambda: record(base().meshes, SHOWN, names={1: "renamed"}),
+    "mesh c: not synced": lambda: replace(base(), meshes=(*base().meshes, mesh("c"))),
+    "mesh b: synced, but Blender does not show it": lambda: replace(base(), meshes=base().meshes[:1]),
+}
+
+
+@pytest.mark.parametrize("sentence", DIFFERENCES)
+def test_a_difference_is_named(sentence: str) -> None:
+    assert find_mismatches(base(), DIFFERENCES[sentence]()) == (sentence,)
+
+
+def test_equal_readings_have_none() -> None:
+    assert find_mismatches(base(), base()) == ()
