@@ -9,12 +9,13 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from makers import courtyard, tree_in_wind
+from makers import courtyard, gears, tree_in_wind
 from makers.stage import save_stage
 
 SCENES: dict[str, Callable[[], None]] = {
     "courtyard": courtyard.make,
     "tree_in_wind": tree_in_wind.make,
+    "gears": gears.make,
 }
 
 
