@@ -3,7 +3,7 @@
 Headless Blender offers no other way to the pixels of a render's passes: `Render Result` is empty there.
 The layout is that of "OpenEXR File Layout" (openexr.com): one header of named attributes a part, a table of
 offsets a part, then blocks of one scan line each, holding each channel's row in the header's order.
-Blender 5 writes one part a pass, Blender 4 a single part.
+Blender 5 writes one part a pass unless it is asked to interleave them.
 """
 
 from __future__ import annotations

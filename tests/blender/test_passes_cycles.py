@@ -1,0 +1,266 @@
+"""Depth, normal and index passes, pixel by pixel, against those of Cycles.
+
+A pixel is alike if depths agree within 1e-4, normals within one degree, and indices exactly. Pixels within one
+pixel of an edge in Cycles' index pass are left out, for Cycles' ray is up to 0.005 pixels off the pixel's centre.
+Where an edge lies inside one object, a pixel that differs must be explained by that: some ray within the same
+0.005 pixels has to give Cycles' values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import perfect_bvh  # noqa: E402
+import perfect_bvh_addon  # noqa: E402
+from mathutils import Matrix  # noqa: E402
+from oracles.cycles import FILTER_WIDTH, Passes, index_edges, render_cycles, render_passes  # noqa: E402
+from perfect_bvh_addon.session import clear_sessions, sessions_of  # noqa: E402
+
+SCENES = sorted(path.stem for path in (Path(__file__).resolve().parents[2] / "blend_scenes").glob("*.blend"))
+DEPTH_TOLERANCE = 1e-4
+NORMAL_TOLERANCE = np.cos(np.radians(1.0))
+BACKGROUND = 1e9
+# An edge inside an object passes within 0.005 pixels of a centre in one pixel of ten thousand at most.
+DISPUTED_SHARE = 1e-4
+PROBES = 41
+
+
+@pytest.fixture
+def scene() -> Iterator[bpy.types.Scene]:
+    """An empty scene with a camera 12 units away that looks at the origin from the front, somewhat above."""
+    perfect_bvh_addon.register()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location, camera.rotation_euler = (2.0, -11.0, 5.0), (1.17, 0.0, 0.18)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    yield scene
+    clear_sessions()
+    perfect_bvh_addon.unregister()
+
+
+# Comparison --------------------------------------------------------------------------------------------------------
+
+
+def unlike(ours: Passes, theirs: Passes) -> npt.NDArray[np.bool_]:
+    """Where the passes differ by more than the tolerances: arrays of one shape, or broadcast."""
+    hit, hit_ours = theirs.depth < BACKGROUND, ours.depth < BACKGROUND
+    depth = np.abs(ours.depth - theirs.depth) > DEPTH_TOLERANCE * np.abs(theirs.depth)
+    # A normal of no length has no direction to compare: on the background, and of triangles without area.
+    normal = hit & ~((ours.normal * theirs.normal).sum(-1) >= NORMAL_TOLERANCE)
+    index = (ours.object_index != theirs.object_index) | (ours.material_index != theirs.material_index)
+    return (hit != hit_ours) | (hit & depth) | normal | index
+
+
+def probe(sync: perfect_bvh_addon.SceneSync, x: int, y: int) -> Passes:
+    """Passes of PROBES x PROBES rays spread over what Cycles' filter may have sampled in one pixel."""
+    width, height = sync.size
+    left, right, bottom, top = sync.camera.window
+    reach = FILTER_WIDTH / 2
+    across, down = (right - left) / width, (top - bottom) / height
+    window = (
+        left + (x + 0.5 - reach) * across,
+        left + (x + 0.5 + reach) * across,
+        top - (y + 0.5 + reach) * down,
+        top - (y + 0.5 - reach) * down,
+    )
+    images = perfect_bvh.render_passes(
+        sync.scene,
+        replace(sync.camera, window=window),
+        mode="normal",
+        size=(PROBES, PROBES),
+        appearance=sync.appearance,
+        passes=("combined", "depth", "normal", "object_index", "material_index"),
+    )
+    return Passes(**images)
+
+
+def pixel_of(passes: Passes, x: int, y: int) -> Passes:
+    return Passes(**{name: getattr(passes, name)[y, x] for name in Passes.__slots__})
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """compared: pixels away from index edges. disputed: those that differ. unexplained: by more than the filter."""
+
+    ours: Passes
+    theirs: Passes
+    compared: int
+    disputed: list[tuple[int, int]]
+    unexplained: list[tuple[int, int]]
+
+
+def compare(scene: bpy.types.Scene, size: tuple[int, int] = (320, 180)) -> Comparison:
+    scene.render.resolution_x, scene.render.resolution_y = size
+    scene.render.resolution_percentage = 100
+    scene.perfect_bvh.samples = 1
+    for ids in (bpy.data.objects, bpy.data.materials):
+        for index, item in enumerate(ids, 1):
+            item.pass_index = index
+    theirs = render_cycles(scene)
+    ours = render_passes(scene, "PERFECT_BVH")
+    inside = ~index_edges(theirs.object_index)
+    disputed = [(int(x), int(y)) for y, x in np.argwhere(unlike(ours, theirs) & inside)]
+    sync = sessions_of(scene)[-1]
+    unexplained = [(x, y) for x, y in disputed if unlike(probe(sync, x, y), pixel_of(theirs, x, y)).all()]
+    return Comparison(ours, theirs, int(inside.sum()), disputed, unexplained)
+
+
+def check(scene: bpy.types.Scene, *, objects: int, size: tuple[int, int] = (320, 180)) -> Comparison:
+    """Compare; objects: how many distinct objects at least must be seen, so that nothing is compared with nothing."""
+    result = compare(scene, size)
+    assert result.unexplained == []
+    assert len(result.disputed) <= DISPUTED_SHARE * size[0] * size[1]
+    assert result.compared > 0.4 * size[0] * size[1]
+    assert len(np.unique(result.theirs.object_index)) - 1 >= objects
+    return result
+
+
+# Scenes ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scenes_look_the_same_to_cycles(name: str, scene, blend_file: Callable[[str], Path]) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(blend_file(name)))
+    scene = bpy.context.scene
+    scene.frame_set((scene.frame_start + scene.frame_end) // 2)
+    check(scene, objects=2)
+
+
+def add(name: str, mesh_operator: Callable[..., object], **arguments: object) -> bpy.types.Object:
+    mesh_operator(**arguments)
+    obj = bpy.context.object
+    obj.name = name
+    return obj
+
+
+def add_row(count: int, make: Callable[[float], bpy.types.Object]) -> list[bpy.types.Object]:
+    return [make((index - (count - 1) / 2) * 9.0 / count) for index in range(count)]
+
+
+@pytest.mark.parametrize("projection", ["PERSP", "ORTHO"])
+@pytest.mark.parametrize("fit", ["AUTO", "HORIZONTAL", "VERTICAL"])
+@pytest.mark.parametrize("size", [(160, 90), (90, 160)])
+def test_cameras(scene, projection: str, fit: str, size: tuple[int, int]) -> None:
+    camera = scene.camera.data
+    camera.type, camera.sensor_fit = projection, fit
+    camera.lens, camera.ortho_scale, camera.sensor_width, camera.sensor_height = 28.0, 9.0, 30.0, 22.0
+    camera.shift_x, camera.shift_y = 0.13, -0.21
+    camera.clip_start, camera.clip_end = 11.0, 17.0
+    scene.camera.scale = (2.0, 0.5, 3.0)
+    scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = 1.0, 1.4
+    add("Floor", bpy.ops.mesh.primitive_plane_add, size=30.0)
+    add("Ball", bpy.ops.mesh.primitive_uv_sphere_add, radius=2.0, location=(0.0, 0.0, 1.0))
+    result = check(scene, objects=2, size=size)
+    assert (result.theirs.depth[result.theirs.depth < BACKGROUND] >= 11.0).all()
+
+
+def test_smooth_flat_mirrored_sheared_and_flattened_objects(scene) -> None:
+    def make(x: float) -> bpy.types.Object:
+        return add("Monkey", bpy.ops.mesh.primitive_monkey_add, size=1.6, location=(x, 0.0, 0.0))
+
+    flat, smooth, mirrored, uneven, sheared, flattened = add_row(6, make)
+    assert not flat.data.polygons[0].use_smooth
+    for obj in (smooth, mirrored, uneven, sheared, flattened):
+        obj.data.shade_smooth()
+    mirrored.scale = (-1.0, 1.0, 1.0)
+    uneven.scale = (0.5, 2.0, 1.5)
+    sheared.matrix_world = sheared.matrix_world @ Matrix.Shear("XY", 4, (0.7, 0.3))
+    flattened.scale = (1.0, 0.0, 1.0)
+    check(scene, objects=6)
+
+
+def test_normals_of_backs_sharp_edges_and_custom_ones(scene) -> None:
+    def make(x: float) -> bpy.types.Object:
+        return add("Cylinder", bpy.ops.mesh.primitive_cylinder_add, radius=0.8, depth=1.5, location=(x, 0.0, 0.0))
+
+    inside_out, sharp, custom, tilted = add_row(4, make)
+    inside_out.data.flip_normals()
+    sharp.data.shade_smooth()
+    sharp.data.set_sharp_from_angle(angle=0.7)
+    custom.data.shade_smooth()
+    custom.data.normals_split_custom_set([(0.3, -0.8, 0.5)] * len(custom.data.loops))
+    tilted.data.shade_smooth()
+    tilted.rotation_euler = (0.4, 0.9, 0.2)
+    check(scene, objects=4)
+
+
+def test_every_kind_of_object(scene) -> None:
+    makers = (
+        lambda x: add("Curve", bpy.ops.curve.primitive_bezier_circle_add, radius=0.7, location=(x, 0.0, 0.0)),
+        lambda x: add("Surface", bpy.ops.surface.primitive_nurbs_surface_sphere_add, radius=0.7, location=(x, 0, 0)),
+        lambda x: add("Text", bpy.ops.object.text_add, radius=1.5, location=(x, 0.0, 0.0)),
+        lambda x: add("Ball", bpy.ops.object.metaball_add, type="BALL", radius=1.0, location=(x, 0.0, 0.0)),
+    )
+    positions = iter(makers)
+    curve, _, text, _ = add_row(4, lambda x: next(positions)(x))
+    curve.data.bevel_depth = 0.2
+    text.data.body, text.data.extrude, text.rotation_euler = "Bvh", 0.2, (1.2, 0.0, 0.0)
+    check(scene, objects=4)
+
+
+def test_several_materials_and_slots_of_the_object(scene) -> None:
+    materials = [bpy.data.materials.new(f"Material {index}") for index in range(4)]
+    ball = add("Ball", bpy.ops.mesh.primitive_uv_sphere_add, radius=1.5, location=(-2.0, 0.0, 0.0))
+    for material in materials[:3]:
+        ball.data.materials.append(material)
+    for polygon in ball.data.polygons:
+        polygon.material_index = polygon.index // 7 % 5  # two more than there are slots
+    other = bpy.data.objects.new("Other", ball.data)
+    other.location.x = 2.0
+    scene.collection.objects.link(other)
+    other.material_slots[1].link = "OBJECT"
+    other.material_slots[1].material = materials[3]
+    result = check(scene, objects=2)
+    assert {1.0, 2.0, 3.0, 4.0} <= set(np.unique(result.theirs.material_index))
+
+
+def test_collection_instances_and_their_indices(scene) -> None:
+    inner = bpy.data.collections.new("Inner")
+    cube = add("Cube", bpy.ops.mesh.primitive_cube_add, size=0.8)
+    ball = add("Ball", bpy.ops.mesh.primitive_ico_sphere_add, radius=0.5, subdivisions=3, location=(0.0, 0.0, 1.0))
+    for obj in (cube, ball):
+        scene.collection.objects.unlink(obj)
+        inner.objects.link(obj)
+    ball.data.shade_smooth()
+
+    def make(x: float) -> bpy.types.Object:
+        instancer = bpy.data.objects.new("Instancer", None)
+        instancer.instance_type, instancer.instance_collection = "COLLECTION", inner
+        instancer.location, instancer.rotation_euler = (x, x * 0.2, 0.0), (0.1 * x, 0.2, x)
+        scene.collection.objects.link(instancer)
+        return instancer
+
+    add_row(4, make)
+    check(scene, objects=2)
+
+
+def test_what_cameras_do_not_see_is_missing(scene) -> None:
+    def make(x: float) -> bpy.types.Object:
+        return add("Cube", bpy.ops.mesh.primitive_cube_add, size=1.2, location=(x, 0.0, 0.0), rotation=(0, 0, 0.5))
+
+    shown, unseen, unrendered, _ = add_row(4, make)
+    shown.hide_viewport = True  # of no consequence to a render
+    unseen.visible_camera = False
+    unrendered.hide_render = True
+    result = check(scene, objects=2)
+    names = {obj.pass_index: obj.name for obj in scene.objects}
+    assert {names[int(index)] for index in np.unique(result.ours.object_index) if index} == {"Cube", "Cube.003"}
+
+
+def test_modifiers_take_their_render_settings(scene) -> None:
+    ball = add("Ball", bpy.ops.mesh.primitive_cube_add, size=3.0)
+    subdivision = ball.modifiers.new("Subdivision", "SUBSURF")
+    subdivision.levels, subdivision.render_levels = 0, 3
+    check(scene, objects=1)
+    ball.data.shade_smooth()
+    check(scene, objects=1)
