@@ -80,7 +80,8 @@ void set_normals(const Appearance& appearance, const Instance& instance, const R
                  bool with_origin, SurfacePoint& point) {
   const ObjectTriangle triangle = object_triangle(instance, hit);
   const MeshAttributes* attributes = appearance.attributes_of(instance);
-  const bool smooth = attributes != nullptr && !attributes->corner_normals.empty();
+  // What a transform has flattened is a plane, whatever its corner normals were.
+  const bool smooth = attributes != nullptr && !attributes->corner_normals.empty() && !instance.baked;
   const Vec3d outer = outer_normal(instance, triangle);
   const double side = dot(outer, ray.direction) > 0.0 ? -1.0 : 1.0;
   // A triangle without area has no normal: the way back is as good as any.

@@ -26,6 +26,7 @@ struct Instance {
   Affine world_to_object;
   Aabb world_bounds;      // rounded outward; empty if the mesh is
   bool mirrored = false;  // the transform turns the winding round
+  bool baked = false;     // blas is a copy in world space, for want of a usable inverse
 };
 
 }  // namespace perfect_bvh

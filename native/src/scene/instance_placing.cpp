@@ -64,6 +64,7 @@ std::shared_ptr<const Blas> bake_instance(Instance& instance, const Blas& blas, 
   const bool usable = place_instance(instance, *baked, Affine{});
   // Baked positions are in world winding already.
   instance.mirrored = false;
+  instance.baked = true;
   static_cast<void>(usable);  // a translation always has an inverse
   return baked;
 }
