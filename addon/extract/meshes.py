@@ -27,7 +27,9 @@ def read_mesh(
     corner_triangles = reader.read(mesh.loop_triangles, CORNER_TRIANGLES, triangle_count)
     polygon_ids = reader.read(mesh.loop_triangle_polygons, TRIANGLE_POLYGONS, triangle_count)
     positions = reader.read(mesh.attributes["position"].data, POSITIONS)
-    triangles = reader.read(mesh.attributes[".corner_vert"].data, CORNER_VERTS)[corner_triangles]
+    corner_verts = reader.read(mesh.attributes[".corner_vert"].data, CORNER_VERTS)
+    # Blender's own indices need no check of their range, which would take half the time.
+    triangles = np.take(corner_verts, corner_triangles, mode="clip")
 
     kept = None
     if not np.isfinite(positions).all():
