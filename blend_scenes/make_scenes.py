@@ -9,13 +9,15 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from makers import courtyard, gears, tree_in_wind
+from makers import cloth, courtyard, crowd, gears, tree_in_wind
 from makers.stage import save_stage
 
 SCENES: dict[str, Callable[[], None]] = {
     "courtyard": courtyard.make,
     "tree_in_wind": tree_in_wind.make,
     "gears": gears.make,
+    "crowd": crowd.make,
+    "cloth": cloth.make,
 }
 
 

@@ -17,6 +17,7 @@ from .shapes import Shape, box, joined, lathe, prism
 from .stage import (
     add_camera,
     add_light,
+    animation_curves,
     bevel,
     light_world,
     make_collection,
@@ -69,20 +70,10 @@ def turn_steadily(item: Any, turn: float, phase: float = 0.0) -> None:
     for frame, angle in ((1, phase), (FRAMES + 1, phase + turn)):
         item.rotation_euler[1] = -radians(angle)
         item.keyframe_insert("rotation_euler", index=1, frame=frame)
-    for curve in find_curves(item):
+    for curve in animation_curves(item):
         for key in curve.keyframe_points:
             key.interpolation = "LINEAR"
         curve.extrapolation = "LINEAR"
-
-
-def find_curves(item: Any) -> list[Any]:
-    """An object's animation curves; 4.4 moved them into layers and 5.0 took the old door away."""
-    action = item.animation_data.action
-    if hasattr(action, "fcurves"):
-        return list(action.fcurves)
-    return [
-        curve for layer in action.layers for strip in layer.strips for bag in strip.channelbags for curve in bag.fcurves
-    ]
 
 
 def add_gear(

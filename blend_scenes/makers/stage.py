@@ -251,3 +251,13 @@ def aim(at: Place, target: Place) -> Any:
 def matrix_at(at: Place, turn_z: float = 0.0) -> Any:
     """A 4x4 matrix: a place, and a turn about Z in degrees."""
     return Matrix.Translation(at) @ Matrix.Rotation(radians(turn_z), 4, "Z")
+
+
+def animation_curves(data: Any) -> list[Any]:
+    """A data-block's animation curves; 4.4 moved them into layers and 5.0 took the old door away."""
+    action = data.animation_data.action
+    if hasattr(action, "fcurves"):
+        return list(action.fcurves)
+    return [
+        curve for layer in action.layers for strip in layer.strips for bag in strip.channelbags for curve in bag.fcurves
+    ]
