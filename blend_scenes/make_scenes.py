@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from makers import cloth, courtyard, crowd, gears, tree_in_wind
+from makers import cloth, courtyard, crowd, gears, ocean, tree_in_wind
 from makers.stage import save_stage
 
 SCENES: dict[str, Callable[[], None]] = {
@@ -18,6 +18,7 @@ SCENES: dict[str, Callable[[], None]] = {
     "gears": gears.make,
     "crowd": crowd.make,
     "cloth": cloth.make,
+    "ocean": ocean.make,
 }
 
 
