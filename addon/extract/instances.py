@@ -19,6 +19,7 @@ from .mesh_table import NO_MESH, MeshTable
 from .objects import ObjectTable
 from .visibility import VisibilityReader
 
+_Mesh = bpy.types.Mesh  # looking it up is slow
 _NOT_SHOWN = -1
 _NO_PARENT = -1
 # Data that renderers show and that has no triangles; everything else without a mesh is silently no surface.
@@ -98,7 +99,7 @@ class InstanceReader:
         if mask == 0:
             return _NOT_SHOWN
         self._warn_of_unreadable(obj, data, instance.show_particles)
-        if not isinstance(data, bpy.types.Mesh):
+        if not isinstance(data, _Mesh):
             return _NOT_SHOWN
         mesh_row = self.meshes.row(obj, data, is_own=source is None or source.data == data)
         if mesh_row == NO_MESH:
@@ -109,17 +110,14 @@ class InstanceReader:
         return len(self._groups) - 1
 
     def _warn_of_unreadable(self, obj: Any, data: Any, shows_particles: bool) -> None:
-        original = obj.original
-        if original.session_uid in self._warned:
-            return
         reason = None
-        if not isinstance(data, bpy.types.Mesh):
+        if not isinstance(data, _Mesh):
             reason = _UNREADABLE_TYPES.get(obj.type)
         elif shows_particles and any(map(_is_strands, obj.particle_systems)):
             reason = "particle hair is not triangles"
-        if reason is not None:
-            self._warned.add(original.session_uid)
-            self.warnings.append(f"{original.name}: {reason}; left out")
+        if reason is not None and obj.original.session_uid not in self._warned:
+            self._warned.add(obj.original.session_uid)
+            self.warnings.append(f"{obj.original.name}: {reason}; left out")
 
     def _warn_of_bad_matrices(self, group_ids: npt.NDArray[Any]) -> None:
         for group in np.unique(group_ids):

@@ -33,7 +33,7 @@ class MaterialReader:
         """Rows of an evaluated object's material slots, -1 for an empty slot; object-linked slots included."""
         if self._override is not None:
             return (self.row(self._override),) * max(1, len(obj.material_slots))
-        return tuple(self.row(slot.material) for slot in obj.material_slots)
+        return tuple([self.row(slot.material) for slot in obj.material_slots])
 
 
 def _read_material(material: Any) -> MaterialRecord:

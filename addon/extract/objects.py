@@ -15,15 +15,16 @@ class ObjectTable:
     """
 
     def __init__(self) -> None:
-        self._rows: dict[ObjectRecord, int] = {}
+        self._rows: dict[tuple[Any, ...], int] = {}
         self.records: list[ObjectRecord] = []
 
     def row(self, obj: Any, material_slots: tuple[int, ...] = (), holdout: bool = False) -> int:
         """The row of an evaluated object."""
         original = obj.original
-        record = ObjectRecord(original.name, original.session_uid, obj.pass_index, material_slots, holdout)
-        row = self._rows.get(record)
+        uid = original.session_uid
+        key = (uid, material_slots, holdout)
+        row = self._rows.get(key)
         if row is None:
-            row = self._rows[record] = len(self.records)
-            self.records.append(record)
+            row = self._rows[key] = len(self.records)
+            self.records.append(ObjectRecord(original.name, uid, obj.pass_index, material_slots, holdout))
         return row

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 from ..sync.records import (
-    VISIBLE_TO_ALL,
     VISIBLE_TO_CAMERA,
     VISIBLE_TO_DIFFUSE,
     VISIBLE_TO_GLOSSY,
@@ -18,18 +17,21 @@ from ..sync.records import (
     VISIBLE_TO_VOLUME,
 )
 
-_RAY_FLAGS = (
-    ("visible_camera", VISIBLE_TO_CAMERA),
-    ("visible_diffuse", VISIBLE_TO_DIFFUSE),
-    ("visible_glossy", VISIBLE_TO_GLOSSY),
-    ("visible_transmission", VISIBLE_TO_TRANSMISSION),
-    ("visible_volume_scatter", VISIBLE_TO_VOLUME),
-    ("visible_shadow", VISIBLE_TO_SHADOW),
-)
-
 
 def _ray_mask(obj: Any) -> int:
-    return sum(bit for name, bit in _RAY_FLAGS if getattr(obj, name))
+    """Written out because it is asked for every object at every sync."""
+    mask = VISIBLE_TO_CAMERA if obj.visible_camera else 0
+    if obj.visible_diffuse:
+        mask |= VISIBLE_TO_DIFFUSE
+    if obj.visible_glossy:
+        mask |= VISIBLE_TO_GLOSSY
+    if obj.visible_transmission:
+        mask |= VISIBLE_TO_TRANSMISSION
+    if obj.visible_volume_scatter:
+        mask |= VISIBLE_TO_VOLUME
+    if obj.visible_shadow:
+        mask |= VISIBLE_TO_SHADOW
+    return mask
 
 
 class VisibilityReader:
@@ -51,12 +53,10 @@ class VisibilityReader:
 
     def mask(self, obj: Any, parent: Any) -> int:
         """VISIBLE_TO_* bits of an evaluated object seen as itself (parent None) or as an instance of parent's."""
-        mask = VISIBLE_TO_ALL
-        for part in (obj,) if parent is None else (obj, parent):
-            mask &= _ray_mask(part)
-            if part.indirect_only_get(view_layer=self._view_layer):
-                mask &= ~VISIBLE_TO_CAMERA
-        return mask
+        mask = _ray_mask(obj)
+        if obj.indirect_only_get(view_layer=self._view_layer):
+            mask &= ~VISIBLE_TO_CAMERA
+        return mask if parent is None else mask & self.mask(parent, None)
 
     def is_holdout(self, obj: Any, parent: Any) -> bool:
         """Whether the object or its instancer cuts a transparent hole into the image."""

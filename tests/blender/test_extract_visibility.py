@@ -178,6 +178,45 @@ def test_a_background_scene_is_rendered(scene: Any) -> None:
     assert shown_names(read_scene(evaluated())) == {"shown", "hidden"}
 
 
+# One viewport --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def viewport(scene: Any) -> Any:
+    """(screen, area) of a 3D viewport, in a scene with two objects and an instance."""
+    for name in ("a", "b"):
+        mesh_object(name)
+    shown = collection("shown", linked=False)
+    mesh_object("member", collection=shown)
+    collection_instance("empty", shown)
+    evaluated()
+    return next((screen, area) for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D")
+
+
+def test_local_view_shows_only_its_objects(viewport: Any) -> None:
+    screen, area = viewport
+    for obj in bpy.context.view_layer.objects:
+        obj.select_set(obj.name == "a")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    window = bpy.context.window_manager.windows[0]
+    with bpy.context.temp_override(window=window, screen=screen, area=area, region=region):
+        bpy.ops.view3d.localview(frame_selected=False)
+    space = area.spaces[0]
+    assert space.local_view is not None
+    assert shown_names(read_scene(evaluated(), space=space)) == {"a"}
+    assert shown_names(read_scene(evaluated())) == {"a", "b", "empty/member"}
+
+
+def test_a_viewport_hides_types_of_objects(viewport: Any) -> None:
+    _, area = viewport
+    space = area.spaces[0]
+    assert shown_names(read_scene(evaluated(), space=space)) == {"a", "b", "empty/member"}
+    space.show_object_viewport_mesh = False
+    assert shown_names(read_scene(evaluated(), space=space)) == {"empty/member"}
+    space.show_object_viewport_mesh, space.show_object_viewport_empty = True, False
+    assert shown_names(read_scene(evaluated(), space=space)) == {"a", "b"}
+
+
 # Rays ----------------------------------------------------------------------------------------------------------------
 
 RAYS = {
