@@ -66,14 +66,14 @@ class VisibilityReader:
 
     def is_hidden(self, obj: Any, parent: Any) -> bool:
         """Whether an object that the depsgraph lists must not be shown all the same."""
-        if self._for_viewport:
-            return self._is_hidden_in_viewport(obj if parent is None else parent)
-        return self._render_filter is not None and self._render_filter.is_hidden(obj, parent)
-
-    def _is_hidden_in_viewport(self, obj: Any) -> bool:
-        """What the eye icon of a collection hides is still evaluated and listed."""
-        if self._space is not None:
+        if not self._for_viewport:
+            return self._render_filter is not None and self._render_filter.is_hidden(obj, parent)
+        if self._space is not None:  # Blender gives a duplicate its instancer's local view
             return not obj.visible_in_viewport_get(self._space)
+        return self._is_hidden_by_layer(obj if parent is None else parent)
+
+    def _is_hidden_by_layer(self, obj: Any) -> bool:
+        """What the eye icon of a collection hides is still evaluated and listed."""
         if obj.visible_get(view_layer=self._view_layer):
             return False
         if self._layer_uids is None:
