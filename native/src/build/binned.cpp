@@ -19,7 +19,7 @@ class BinMap {
  public:
   BinMap(const Box4& centroids, std::uint32_t bin_count) noexcept : last_(static_cast<float>(bin_count - 1)) {
     alignas(16) std::array<float, 4> scale, lower;
-    (centroids.upper - centroids.lower).store(scale.data());
+    centroids.extent().store(scale.data());
     centroids.lower.store(lower.data());
     for (float& s : scale)
       s = std::min(static_cast<float>(bin_count) / s, std::numeric_limits<float>::max());
@@ -90,7 +90,7 @@ void find_best_plane(const Bins& bins, std::uint32_t axis, Float4 scale, Split& 
     box.grow(boxes[i]);
     right_count += counts[i];
     right_costs[i] =
-        right_count == 0 ? 0.0f : half_area((box.upper - box.lower) * scale) * static_cast<float>(right_count);
+        right_count == 0 ? 0.0f : half_area(box.extent() * scale) * static_cast<float>(right_count);
   }
   const std::uint32_t count = right_count + counts[0];
   box = Box4::empty();
@@ -100,7 +100,7 @@ void find_best_plane(const Bins& bins, std::uint32_t axis, Float4 scale, Split& 
     left_count += counts[i - 1];
     if (left_count == 0 || left_count == count)
       continue;
-    const float cost = half_area((box.upper - box.lower) * scale) * static_cast<float>(left_count) + right_costs[i];
+    const float cost = half_area(box.extent() * scale) * static_cast<float>(left_count) + right_costs[i];
     if (cost < best.cost)
       best = {cost, axis, i, left_count};
   }
@@ -137,7 +137,7 @@ class BinnedSplitter {
   bool split(const BuildRange& range, BuildRange& left, BuildRange& right, ThreadPool* pool) const {
     if (range.count == 1)
       return false;
-    const float area = half_area((range.box.upper - range.box.lower) * scale_);
+    const float area = half_area(range.box.extent() * scale_);
     if (area > 0.0f && depth_allows_any_split(range)) {
       const bool parallel = pool != nullptr && range.count >= kParallelSize;
       const BinMap map(range.centroids, bin_count(range.count));
@@ -240,7 +240,7 @@ class BinnedSplitter {
 
   [[nodiscard]] static std::uint32_t longest_axis(const BuildRange& range) noexcept {
     alignas(16) std::array<float, 4> spread;
-    (range.centroids.upper - range.centroids.lower).store(spread.data());
+    range.centroids.extent().store(spread.data());
     return static_cast<std::uint32_t>(std::max_element(spread.begin(), spread.begin() + 3) - spread.begin());
   }
 

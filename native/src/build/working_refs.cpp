@@ -62,14 +62,14 @@ void measure(const PrimRef* refs, std::size_t count, Box4& box, Box4& centroids)
 }
 
 float area_scale(const Box4& root) noexcept {
-  const auto extent = lanes(root.upper - root.lower);
+  const auto extent = lanes(root.extent());
   const float largest = std::max({extent[0], extent[1], extent[2]});
   constexpr float kMax = std::numeric_limits<float>::max();
   return std::min(1.0f / std::max(largest, 1.0f / kMax), kMax);
 }
 
 void split_in_halves(const BuildRange& range, PrimRef* rows, BuildRange& left, BuildRange& right) {
-  const auto spread = lanes(range.centroids.upper - range.centroids.lower);
+  const auto spread = lanes(range.centroids.extent());
   const int axis = spread[0] >= spread[1] && spread[0] >= spread[2] ? 0 : spread[1] >= spread[2] ? 1 : 2;
   const std::uint32_t half = range.count / 2;
   if (spread[static_cast<std::size_t>(axis)] > 0.0f) {

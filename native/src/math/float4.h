@@ -35,6 +35,10 @@ struct Float4 {
   friend Float4 min(Float4 a, Float4 b) noexcept { return _mm_min_ps(a.v, b.v); }
   friend Float4 max(Float4 a, Float4 b) noexcept { return _mm_max_ps(a.v, b.v); }
 
+  // The first three lanes, and 0.
+  [[nodiscard]] Float4 xyz0() const noexcept {
+    return _mm_and_ps(v, _mm_castsi128_ps(_mm_setr_epi32(-1, -1, -1, 0)));
+  }
   [[nodiscard]] float x() const noexcept { return _mm_cvtss_f32(v); }
   [[nodiscard]] Float4 yzxw() const noexcept { return _mm_shuffle_ps(v, v, _MM_SHUFFLE(3, 0, 2, 1)); }
   [[nodiscard]] Float4 zxyw() const noexcept { return _mm_shuffle_ps(v, v, _MM_SHUFFLE(3, 1, 0, 2)); }
@@ -91,6 +95,7 @@ struct Float4 {
     return a;
   }
 
+  [[nodiscard]] Float4 xyz0() const noexcept { return {v[0], v[1], v[2], 0.0f}; }
   [[nodiscard]] float x() const noexcept { return v[0]; }
   [[nodiscard]] Float4 yzxw() const noexcept { return {v[1], v[2], v[0], v[3]}; }
   [[nodiscard]] Float4 zxyw() const noexcept { return {v[2], v[0], v[1], v[3]}; }
@@ -121,6 +126,9 @@ struct Box4 {
   [[nodiscard]] static Box4 load(const void* corners) noexcept {
     return {Float4::load(corners), Float4::load(static_cast<const float*>(corners) + 4)};
   }
+  // The fourth lane is 0: with two primitives' numbers in it, arithmetic would meet denormals, which can be 100 times
+  // slower.
+  [[nodiscard]] Float4 extent() const noexcept { return (upper - lower).xyz0(); }
   void grow(const Box4& box) noexcept { lower = min(box.lower, lower), upper = max(box.upper, upper); }
   void grow(Float4 point) noexcept { lower = min(point, lower), upper = max(point, upper); }
 };
