@@ -2,269 +2,247 @@
 
 #include <algorithm>
 #include <array>
-#include <limits>
+#include <utility>
+#include <vector>
 
+#include "build/few_boxes.h"
+#include "build/grid_bins.h"
+#include "build/grid_ref.h"
 #include "build/top_down.h"
-#include "build/working_refs.h"
 
 namespace perfect_bvh {
 namespace {
 
-constexpr std::uint32_t kMaxBins = 256;
+// References put into bins, at least; of more every second, third ... is taken. Planes chosen by so many are as good,
+// and the upper levels cost half.
+constexpr std::uint32_t kSampleSize = 2048;
 constexpr std::uint32_t kParallelSize = 65536;  // references from which on one node's work is shared out
-constexpr std::uint32_t kMinChunk = 16384;      // and what a thread then takes at a time
+constexpr std::uint32_t kChunk = 16384;         // and what a thread then takes at a time
 
-// Maps doubled centroids to bins. The same arithmetic bins and partitions, so that both always agree.
-class BinMap {
- public:
-  BinMap(const Box4& centroids, std::uint32_t bin_count) noexcept : last_(static_cast<float>(bin_count - 1)) {
-    alignas(16) std::array<float, 4> scale, lower;
-    centroids.extent().store(scale.data());
-    centroids.lower.store(lower.data());
-    for (float& s : scale)
-      s = std::min(static_cast<float>(bin_count) / s, std::numeric_limits<float>::max());
-    // The fourth lane holds bits of a primitive's number; as a float it may be denormal, and slow to multiply.
-    scale[3] = 0.0f;
-    lower[3] = -1.0f;
-    scale_ = Float4::load(scale.data());
-    lower_ = Float4::load(lower.data());
-  }
-
-  // Bins of the three axes. The comparisons turn NaN (overflown centroids) into 0.
-  [[nodiscard]] Int4 operator()(Float4 centroid) const noexcept {
-    const Float4 place = (centroid - lower_) * scale_;
-    return truncate(min(max(place, Float4(0.0f)), last_));
-  }
-
- private:
-  Float4 lower_, scale_, last_;
+struct GridRange : BuildRange {
+  bool in_scratch = false;  // the rows stand in the splitter's second array
+  GridFrame frame;
 };
 
-// Boxes and counts of what fell into each bin of each axis.
-struct Bins {
-  std::uint32_t size;  // bins an axis; the rows of axis a start at a * size
-  std::array<Box4, 3 * kMaxBins> boxes;
-  std::array<std::uint32_t, 3 * kMaxBins> counts;
-
-  void clear(std::uint32_t bin_count) noexcept {
-    size = bin_count;
-    std::fill_n(boxes.begin(), 3 * size, Box4::empty());
-    std::fill_n(counts.begin(), 3 * size, 0u);
-  }
-  void add(std::uint32_t row, const Box4& box) noexcept {
-    boxes[row].grow(box);
-    ++counts[row];
-  }
-  void add(const PrimRef* refs, std::size_t count, const BinMap& map) noexcept {
-    for (std::size_t i = 0; i < count; ++i) {
-      const Box4 box = Box4::load(&refs[i]);
-      const Int4 bin = map(doubled_centroid(box));
-      add(bin.small<0>(), box);
-      add(size + bin.small<1>(), box);
-      add(2 * size + bin.small<2>(), box);
-    }
-  }
-  void add(const Bins& other) noexcept {
-    for (std::uint32_t row = 0; row < 3 * size; ++row) {
-      boxes[row].grow(other.boxes[row]);
-      counts[row] += other.counts[row];
-    }
-  }
-};
-
-struct Split {
-  float cost = std::numeric_limits<float>::infinity();  // area * count of the left side plus that of the right
-  std::uint32_t axis = 0;
-  std::uint32_t bin = 0;  // the first of the right side; 0: no split
-  std::uint32_t left_count = 0;
-};
-
-// One sweep from the right for the areas there, one from the left to price each plane.
-void find_best_plane(const Bins& bins, std::uint32_t axis, Float4 scale, Split& best) noexcept {
-  std::array<float, kMaxBins> right_costs;
-  const Box4* boxes = &bins.boxes[axis * bins.size];
-  const std::uint32_t* counts = &bins.counts[axis * bins.size];
-  Box4 box = Box4::empty();
-  std::uint32_t right_count = 0;
-  for (std::uint32_t i = bins.size - 1; i > 0; --i) {
-    box.grow(boxes[i]);
-    right_count += counts[i];
-    right_costs[i] =
-        right_count == 0 ? 0.0f : half_area(box.extent() * scale) * static_cast<float>(right_count);
-  }
-  const std::uint32_t count = right_count + counts[0];
-  box = Box4::empty();
-  std::uint32_t left_count = 0;
-  for (std::uint32_t i = 1; i < bins.size; ++i) {
-    box.grow(boxes[i - 1]);
-    left_count += counts[i - 1];
-    if (left_count == 0 || left_count == count)
-      continue;
-    const float cost = half_area(box.extent() * scale) * static_cast<float>(left_count) + right_costs[i];
-    if (cost < best.cost)
-      best = {cost, axis, i, left_count};
-  }
+// Calls body(chunk, begin, end) for the chunks of [0, count), on the pool if there is one.
+template <class Body>
+void for_chunks(ThreadPool* pool, std::uint32_t count, const Body& body) {
+  const auto run = [&](std::size_t begin, std::size_t end) { body(begin / kChunk, begin, end); };
+  if (pool != nullptr) return parallel_for(*pool, count, kChunk, run);
+  for (std::uint32_t begin = 0; begin < count; begin += kChunk) run(begin, std::min(count, begin + kChunk));
 }
 
-// Copies the rows of the left side to the front of `to` and those of the right side to its end, last row first.
-template <int Axis>
-void partition(const PrimRef* from, std::size_t count, const BinMap& map, std::uint32_t split_bin, PrimRef* left,
-               PrimRef* right, Box4& left_centroids, Box4& right_centroids) noexcept {
-  std::array<Box4, 2> centroids{right_centroids, left_centroids};
+[[nodiscard]] std::size_t chunk_count(std::uint32_t count) noexcept { return (count + kChunk - 1) / kChunk; }
+
+[[nodiscard]] bool is_left_of(const GridRef& ref, std::uint32_t axis, std::int32_t border) noexcept {
+  return ref.lower[axis] - ref.negated_upper[axis] < border;
+}
+
+// Copies what lies left of the border to `left` and on, the rest to `right` and back. Returns how many are left.
+std::size_t partition(const GridRef* from, std::size_t count, std::uint32_t axis, std::int32_t border, GridRef* left,
+                      GridRef* right) noexcept {
+  const GridRef* const first_left = left;
   for (std::size_t i = 0; i < count; ++i) {
-    const Box4 box = Box4::load(&from[i]);
-    const Float4 centroid = doubled_centroid(box);
-    const bool is_left = map(centroid).small<Axis>() < split_bin;
-    PrimRef* to = is_left ? left : right;
-    box.lower.store(&to->lower);
-    box.upper.store(&to->upper);
-    centroids[is_left].grow(centroid);
+    const bool is_left = is_left_of(from[i], axis, border);
+    Short8::load(&from[i]).store(is_left ? left : right);
     left += is_left;
     right -= !is_left;
   }
-  right_centroids = centroids[0];
-  left_centroids = centroids[1];
+  return static_cast<std::size_t>(left - first_left);
 }
-
-using Partition = decltype(&partition<0>);
-constexpr std::array<Partition, 3> kPartitions{&partition<0>, &partition<1>, &partition<2>};
 
 class BinnedSplitter {
  public:
-  BinnedSplitter(WorkingRefs& refs, const BuildConfig& config)
-      : refs_(refs), config_(config), scale_(area_scale(refs.root.box)) {}
+  using Range = GridRange;
 
-  bool split(const BuildRange& range, BuildRange& left, BuildRange& right, ThreadPool* pool) const {
-    if (range.count == 1)
-      return false;
-    const float area = half_area(range.box.extent() * scale_);
-    if (area > 0.0f && depth_allows_any_split(range)) {
-      const bool parallel = pool != nullptr && range.count >= kParallelSize;
-      const BinMap map(range.centroids, bin_count(range.count));
-      if (parallel ? split_together(range, area, map, left, right, *pool)
-                   : split_alone(range, area, map, left, right)) {
-        return true;
+  BinnedSplitter(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool)
+      : prims_(prims), config_(config), refs_(prims.size()), scratch_(prims.size()) {
+    root_.count = static_cast<std::uint32_t>(prims.size());
+    AlignedVector<Box4> boxes(chunk_count(root_.count));
+    for_chunks(&pool, root_.count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+      Box4 box = Box4::empty();
+      for (std::size_t i = begin; i < end; ++i) box.grow(Box4::load(&prims_[i]));
+      boxes[chunk] = box;
+    });
+    Box4 box = Box4::empty();
+    for (const Box4& each : boxes) box.grow(each);
+    root_.frame = GridFrame::around(box);
+    for_chunks(&pool, root_.count, [&](std::size_t, std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        root_.frame.snap(Box4::load(&prims_[i]), static_cast<std::uint32_t>(i)).store(&refs_[i]);
       }
-    }
-    if (range.count <= config_.max_leaf_size)
-      return false;
-    split_in_halves(range, rows(range, range.in_scratch), left, right);
-    return true;
+    });
   }
 
-  void write_leaf(const BuildRange& range, std::uint32_t* prim_indices) const {
-    const PrimRef* from = refs_.rows(range);
-    for (std::uint32_t i = 0; i < range.count; ++i)
-      prim_indices[i] = from[i].prim_index;
+  [[nodiscard]] const Range& root() const noexcept { return root_; }
+
+  bool split(Range& range, Range& left, Range& right, ThreadPool* pool) {
+    if (range.count == 1) return false;
+    if (pool != nullptr && range.count < kParallelSize) pool = nullptr;
+    left.depth = right.depth = range.depth + 1;
+    const bool is_few = range.count <= (config_.axes == 3 ? kFewBoxes : kFewestBoxes);
+    const GridBounds bounds = measure_finely(range, pool);
+    const auto area = static_cast<float>(half_area(bounds.box));
+    bool is_split = false;
+    if (area > 0.0f && depth_allows_any_split(range)) {
+      is_split = is_few ? split_by_sides(range, area, left, right) : split_by_plane(range, bounds, left, right, pool);
+    }
+    if (!is_split && range.count > config_.max_leaf_size) {
+      split_in_halves(range, bounds, left, right);
+      is_split = true;
+    }
+    left.frame = right.frame = range.frame;
+    return is_split;
+  }
+
+  Box4 write_leaf(const Range& range, std::uint32_t* prim_indices) const noexcept {
+    const GridRef* from = rows(range, range.in_scratch);
+    Box4 box = Box4::empty();
+    for (std::uint32_t i = 0; i < range.count; ++i) {
+      const PrimRef& prim = prims_[from[i].position()];
+      prim_indices[i] = prim.prim_index;
+      box.grow(Box4::load(&prim));
+    }
+    const Float4 zero(0.0f);  // -0 + 0 is +0
+    return {box.lower + zero, box.upper + zero};
   }
 
  private:
-  [[nodiscard]] PrimRef* rows(const BuildRange& range, bool in_scratch) const noexcept {
-    return (in_scratch ? refs_.scratch : refs_.refs).data() + range.begin;
+  static constexpr std::uint32_t kFewestBoxes = 4;
+
+  [[nodiscard]] GridRef* rows(const Range& range, bool in_scratch) noexcept {
+    return (in_scratch ? scratch_ : refs_).data() + range.begin;
+  }
+  [[nodiscard]] const GridRef* rows(const Range& range, bool in_scratch) const noexcept {
+    return (in_scratch ? scratch_ : refs_).data() + range.begin;
   }
 
-  // Few references need few planes.
-  [[nodiscard]] std::uint32_t bin_count(std::uint32_t ref_count) const noexcept {
-    return std::min(config_.bins, ref_count / 2 + 4);
+  static void set_rows(const Range& range, std::uint32_t left_count, bool in_scratch, Range& left,
+                       Range& right) noexcept {
+    left.begin = range.begin;
+    left.count = left_count;
+    right.begin = range.begin + left_count;
+    right.count = range.count - left_count;
+    left.in_scratch = right.in_scratch = in_scratch;
   }
 
-  bool split_alone(const BuildRange& range, float area, const BinMap& map, BuildRange& left, BuildRange& right) const {
-    Bins bins;
-    bins.clear(bin_count(range.count));
-    bins.add(refs_.rows(range), range.count, map);
-    const Split best = find_best(range, area, bins);
-    if (best.bin == 0)
-      return false;
-    make_children(range, bins, best, left, right);
-    PrimRef* to = rows(range, !range.in_scratch);
-    kPartitions[best.axis](refs_.rows(range), range.count, map, best.bin, to, to + range.count - 1, left.centroids,
-                           right.centroids);
+  // The bounds of a range, snapped to a frame of its own first if its present one is too coarse.
+  GridBounds measure_finely(Range& range, ThreadPool* pool) {
+    const GridRef* refs = rows(range, range.in_scratch);
+    const GridBounds bounds = gather(range.count, pool, [&](std::size_t i) { return Short8::load(&refs[i]); });
+    if (longest_extent(bounds.box) >= kCoarseSteps) return bounds;
+    const GridFrame frame = range.frame.around(bounds.box);
+    if (frame.steps == range.frame.steps) return bounds;
+    range.frame = frame;
+    return gather(range.count, pool, [&, to = rows(range, range.in_scratch)](std::size_t i) {
+      const std::uint32_t position = to[i].position();
+      const GridBox box = frame.snap(Box4::load(&prims_[position]), position);
+      box.store(&to[i]);
+      return box;
+    });
+  }
+
+  template <class BoxOf>
+  static GridBounds gather(std::uint32_t count, ThreadPool* pool, const BoxOf& box_of) {
+    GridBounds all;
+    if (pool == nullptr) {
+      for (std::size_t i = 0; i < count; ++i) all.grow(box_of(i));
+      return all;
+    }
+    AlignedVector<GridBounds> chunks(chunk_count(count));
+    for_chunks(pool, count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+      GridBounds bounds;
+      for (std::size_t i = begin; i < end; ++i) bounds.grow(box_of(i));
+      chunks[chunk] = bounds;
+    });
+    for (const GridBounds& chunk : chunks) all.grow(chunk);
+    return all;
+  }
+
+  // The best of all sides or planes that a few boxes can take.
+  bool split_by_sides(const Range& range, float area, Range& left, Range& right) noexcept {
+    std::array<GridBox, kFewBoxes> boxes;
+    GridRef* refs = rows(range, range.in_scratch);
+    for (std::uint32_t i = 0; i < range.count; ++i) boxes[i] = Short8::load(&refs[i]);
+    const std::uint32_t is_left = split_few(boxes.data(), range.count, area, config_);
+    if (is_left == 0) return false;
+    std::uint32_t left_count = 0;
+    for (std::uint32_t i = 0; i < range.count; ++i) left_count += (is_left >> i) & 1u;
+    std::array<GridRef*, 2> to{refs + left_count, refs};
+    for (std::uint32_t i = 0; i < range.count; ++i) boxes[i].store(to[(is_left >> i) & 1u]++);
+    set_rows(range, left_count, range.in_scratch, left, right);
     return true;
   }
 
-  // The chunks' own counts say where each one's share goes, so that it lands where a single thread would put it.
-  bool split_together(const BuildRange& range, float area, const BinMap& map, BuildRange& left, BuildRange& right,
-                      ThreadPool& pool) const {
-    const PrimRef* from = refs_.rows(range);
-    const std::uint32_t chunk_size = std::max(kMinChunk, range.count / 32);
-    AlignedVector<Bins> chunks((range.count + chunk_size - 1) / chunk_size);
-    parallel_for(pool, range.count, chunk_size, [&](std::size_t begin, std::size_t end) {
-      Bins& bins = chunks[begin / chunk_size];
-      bins.clear(bin_count(range.count));
-      bins.add(from + begin, end - begin, map);
-    });
-    Bins bins = chunks.front();
-    for (std::size_t i = 1; i < chunks.size(); ++i)
-      bins.add(chunks[i]);
-    const Split best = find_best(range, area, bins);
-    if (best.bin == 0)
-      return false;
-    make_children(range, bins, best, left, right);
-
-    struct Share {
-      std::size_t left_before = 0;
-      Box4 left = Box4::empty(), right = Box4::empty();
-    };
-    AlignedVector<Share> shares(chunks.size());
-    std::size_t left_before = 0;
-    for (std::size_t i = 0; i < chunks.size(); ++i) {
-      shares[i] = {left_before, Box4::empty(), Box4::empty()};
-      const std::uint32_t* counts = &chunks[i].counts[best.axis * bins.size];
-      for (std::uint32_t bin = 0; bin < best.bin; ++bin)
-        left_before += counts[bin];
+  // The cheapest plane between bins, if it costs less than the leaf or there is no leaf to be had.
+  bool split_by_plane(const Range& range, const GridBounds& bounds, Range& left, Range& right, ThreadPool* pool) {
+    const std::uint32_t stride = std::max(1u, range.count / kSampleSize);
+    const std::uint32_t count = (range.count + stride - 1) / stride;
+    const std::uint32_t bin_count = std::min(config_.bins, count / 2 + 4);  // few references need few planes
+    const int only_axis = config_.axes == 1 ? bounds.longest_axis() : -1;
+    const BinMap map(bounds, bin_count);
+    GridBins bins(bin_count);
+    bins.add(rows(range, range.in_scratch), range.count, stride, map, only_axis);
+    const Plane plane = bins.find_best(count, only_axis);
+    if (plane.bin == 0) return false;
+    if (range.count <= config_.max_leaf_size) {
+      const auto area = static_cast<float>(half_area(bounds.box));
+      const float split_cost = config_.traversal_cost * area + config_.intersection_cost * plane.cost;
+      if (!(split_cost < config_.intersection_cost * area * static_cast<float>(count))) return false;
     }
-    PrimRef* to = rows(range, !range.in_scratch);
-    parallel_for(pool, range.count, chunk_size, [&](std::size_t begin, std::size_t end) {
-      Share& share = shares[begin / chunk_size];
-      kPartitions[best.axis](from + begin, end - begin, map, best.bin, to + share.left_before,
-                             to + range.count - 1 - (begin - share.left_before), share.left, share.right);
-    });
-    for (const Share& share : shares)
-      left.centroids.grow(share.left), right.centroids.grow(share.right);
+    const std::uint32_t left_count = move_to_sides(range, plane.axis, map.border(plane.axis, plane.bin), pool);
+    set_rows(range, left_count, !range.in_scratch, left, right);
     return true;
   }
 
-  // The cheapest plane, if it costs less than the leaf or there is no leaf to be had.
-  [[nodiscard]] Split find_best(const BuildRange& range, float area, const Bins& bins) const noexcept {
-    Split best;
-    for (std::uint32_t axis = 0; axis < 3; ++axis) {
-      if (config_.axes == 3 || axis == longest_axis(range))
-        find_best_plane(bins, axis, scale_, best);
+  // Into the other array: the left side from its front on, the right side from its back on.
+  std::uint32_t move_to_sides(const Range& range, std::uint32_t axis, std::int32_t border, ThreadPool* pool) {
+    const GridRef* from = rows(range, range.in_scratch);
+    GridRef* to = rows(range, !range.in_scratch);
+    if (pool == nullptr) {
+      return static_cast<std::uint32_t>(partition(from, range.count, axis, border, to, to + range.count - 1));
     }
-    const float leaf_cost = config_.intersection_cost * area * static_cast<float>(range.count);
-    const float split_cost = config_.traversal_cost * area + config_.intersection_cost * best.cost;
-    if (range.count <= config_.max_leaf_size && !(split_cost < leaf_cost))
-      best.bin = 0;
-    return best;
+    // How many go left before each chunk says where one thread would have put its rows.
+    std::vector<std::size_t> left_before(chunk_count(range.count) + 1, 0);
+    for_chunks(pool, range.count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+      std::size_t count = 0;
+      for (std::size_t i = begin; i < end; ++i) count += is_left_of(from[i], axis, border);
+      left_before[chunk + 1] = count;
+    });
+    for (std::size_t i = 1; i < left_before.size(); ++i) left_before[i] += left_before[i - 1];
+    for_chunks(pool, range.count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+      const std::size_t right_before = begin - left_before[chunk];
+      partition(from + begin, end - begin, axis, border, to + left_before[chunk], to + range.count - 1 - right_before);
+    });
+    return static_cast<std::uint32_t>(left_before.back());
   }
 
-  [[nodiscard]] static std::uint32_t longest_axis(const BuildRange& range) noexcept {
-    alignas(16) std::array<float, 4> spread;
-    range.centroids.extent().store(spread.data());
-    return static_cast<std::uint32_t>(std::max_element(spread.begin(), spread.begin() + 3) - spread.begin());
+  // What is left to do where the SAH says nothing (all centroids equal, no area) or the depth runs out.
+  void split_in_halves(const Range& range, const GridBounds& bounds, Range& left, Range& right) noexcept {
+    GridRef* refs = rows(range, range.in_scratch);
+    const std::uint32_t half = range.count / 2;
+    if (bounds.has_spread()) {
+      const auto axis = static_cast<std::size_t>(bounds.longest_axis());
+      const auto key = [axis](const GridRef& ref) {
+        return std::pair(ref.lower[axis] - ref.negated_upper[axis], ref.position());
+      };
+      std::nth_element(refs, refs + half, refs + range.count,
+                       [&](const GridRef& a, const GridRef& b) { return key(a) < key(b); });
+    }
+    set_rows(range, half, range.in_scratch, left, right);
   }
 
-  static void make_children(const BuildRange& range, const Bins& bins, const Split& best, BuildRange& left,
-                            BuildRange& right) noexcept {
-    left = {Box4::empty(), Box4::empty(), range.begin, best.left_count, range.depth + 1, !range.in_scratch};
-    right = {Box4::empty(),   Box4::empty(),    range.begin + best.left_count, range.count - best.left_count,
-             range.depth + 1, !range.in_scratch};
-    const Box4* boxes = &bins.boxes[best.axis * bins.size];
-    for (std::uint32_t i = 0; i < bins.size; ++i)
-      (i < best.bin ? left : right).box.grow(boxes[i]);
-  }
-
-  WorkingRefs& refs_;
+  std::span<const PrimRef> prims_;
   const BuildConfig& config_;
-  const Float4 scale_;
+  AlignedVector<GridRef> refs_, scratch_;
+  Range root_;
 };
 
 }  // namespace
 
 Bvh2 build_binned(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
-  WorkingRefs refs(prims, pool);
-  const BinnedSplitter splitter(refs, config);
-  return TopDownBuilder(splitter, pool, cancel).build(refs.root);
+  BinnedSplitter splitter(prims, config, pool);
+  return TopDownBuilder(splitter, pool, cancel).build(splitter.root());
 }
 
 }  // namespace perfect_bvh

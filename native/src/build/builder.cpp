@@ -11,8 +11,7 @@ namespace perfect_bvh {
 namespace {
 
 void require(bool holds, const char* setting, const char* expected, double got) {
-  if (holds)
-    return;
+  if (holds) return;
   throw InvalidArgument(std::string("BuildConfig: ") + setting + " must be " + expected + ", got " +
                         std::to_string(got));
 }
@@ -38,8 +37,7 @@ Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, Threa
   if (prims.size() > kMaxPrims) {
     throw InvalidArgument("build_bvh2: expected at most 2147483647 primitives, got " + std::to_string(prims.size()));
   }
-  if (prims.empty())
-    return {};
+  if (prims.empty()) return {};
   switch (config.builder) {
     case BuilderKind::kAuto:
     case BuilderKind::kBinned:

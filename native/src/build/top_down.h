@@ -3,12 +3,14 @@
 //
 // One thread writes nodes straight into the tree. More threads split the upper levels together, build each range of
 // at most kSubtreeSize references into an array of its own and copy these arrays to where one thread would have put
-// them: the bytes are the same.
+// them: the bytes are the same. Boxes come from the leaves upwards, while a subtree's nodes are still in cache.
 //
 // A splitter offers
-//   bool split(const BuildRange& range, BuildRange& left, BuildRange& right, ThreadPool* pool) const
-//     false: make a leaf. Must keep depth_allows(). `pool` is null where there is nothing to share out;
-//   void write_leaf(const BuildRange& range, std::uint32_t* prim_indices) const
+//   Range: a type with the members of BuildRange;
+//   bool split(Range& range, Range& left, Range& right, ThreadPool* pool)
+//     false: make a leaf. Must respect depth_allows_any_split(). `pool` is null where there is nothing to share out;
+//   Box4 write_leaf(const Range& range, std::uint32_t* prim_indices) const
+//     fills in the leaf's rows and returns its box, zeros positive;
 // and its answers depend on the range alone, never on the threads.
 #pragma once
 
@@ -29,12 +31,9 @@ namespace perfect_bvh {
 
 // References on their way to become a node: rows [begin, begin + count) of the builder's arrays.
 struct BuildRange {
-  Box4 box;        // of the references
-  Box4 centroids;  // of their doubled centroids
-  std::uint32_t begin;
-  std::uint32_t count;
-  std::uint32_t depth;
-  bool in_scratch;  // the rows stand in the builder's second array
+  std::uint32_t begin = 0;
+  std::uint32_t count = 0;
+  std::uint32_t depth = 0;
 };
 
 // False where only halving the range again and again still keeps the tree within kMaxTreeDepth.
@@ -50,127 +49,153 @@ inline void write_node(Bvh2Node& node, const Box4& box, std::uint32_t first, std
   node.count = count;
 }
 
+// An interior node's box from its children's.
+inline void enclose_children(Bvh2Node& node, const Bvh2Node* children) noexcept {
+  Box4 box = Box4::load(&children[0]);
+  box.grow(Box4::load(&children[1]));
+  write_node(node, box, node.first, 0);
+}
+
 template <class Splitter>
 class TopDownBuilder {
  public:
-  TopDownBuilder(const Splitter& splitter, ThreadPool& pool, CancelToken& cancel)
+  using Range = typename Splitter::Range;
+
+  TopDownBuilder(Splitter& splitter, ThreadPool& pool, CancelToken& cancel)
       : splitter_(splitter), pool_(pool), cancel_(cancel) {}
 
-  [[nodiscard]] Bvh2 build(const BuildRange& root) {
+  [[nodiscard]] Bvh2 build(const Range& root) {
     Bvh2 tree;
     tree.prim_indices.resize(root.count);
+    tree.nodes.resize(kFirstPair + max_nodes_below(root));
     prim_indices_ = tree.prim_indices.data();
-    if (pool_.thread_count() == 1 || root.count <= kSubtreeSize) {
-      build_alone(root, tree);
-    } else {
-      build_together(root, tree);
+    nodes_ = tree.nodes.data();
+    cancel_.checkpoint();
+    const Extent extent =
+        pool_.thread_count() == 1 || root.count <= kSubtreeSize ? build_alone(root) : build_together(root);
+    for (auto node = top_nodes_.rbegin(); node != top_nodes_.rend(); ++node) {
+      enclose_children(nodes_[*node], &nodes_[nodes_[*node].first]);
     }
-    if (tree.nodes.size() > 1)
-      tree.nodes[1] = {{kInf, kInf, kInf}, 0, {-kInf, -kInf, -kInf}, 0};
+    tree.nodes.resize(extent.end > kFirstPair ? extent.end : 1);
+    tree.depth = extent.depth;
+    if (tree.nodes.size() > 1) write_node(tree.nodes[1], Box4::empty(), 0, 0);
     return tree;
   }
 
  private:
   static constexpr std::uint32_t kSubtreeSize = 4096;  // references below which a task is not divided
   static constexpr std::uint32_t kFirstPair = 2;       // nodes 0 and 1 are the root and the padding
-  static constexpr float kInf = Aabb::kInfinity;
 
   struct Extent {
     std::uint32_t end;    // one past the last node written
     std::uint32_t depth;  // of the deepest leaf
   };
+  struct Pending {
+    Range range;
+    std::uint32_t node;
+  };
+  using Stack = std::array<Pending, kMaxTreeDepth + 1>;
+
+  static std::size_t max_nodes_below(const Range& range) { return 2 * std::size_t{range.count} - 2; }
+
+  // One thread -----------------------------------------------------------------------------------------------------
+
+  Extent build_alone(const Range& root) {
+    Stack stack;
+    std::size_t stacked = 0;
+    Pending now{root, 0};
+    Extent extent{kFirstPair, 0};
+    for (;;) {
+      Range left, right;
+      if (now.range.count > kSubtreeSize && splitter_.split(now.range, left, right, nullptr)) {
+        cancel_.checkpoint();
+        nodes_[now.node].first = extent.end;
+        top_nodes_.push_back(now.node);
+        assert(stacked < stack.size());
+        stack[stacked++] = {right, extent.end + 1};
+        now = {left, extent.end};
+        extent.end += 2;
+        continue;
+      }
+      const Extent subtree = build_subtree(now.range, nodes_[now.node], nodes_, extent.end);
+      extent = {subtree.end, std::max(extent.depth, subtree.depth)};
+      if (stacked == 0) return extent;
+      now = stack[--stacked];
+    }
+  }
+
+  // Depth first, left before right, each pair in the next free place from `begin` on.
+  Extent build_subtree(const Range& root_range, Bvh2Node& root, Bvh2Node* nodes, std::uint32_t begin) {
+    struct PendingNode {
+      Range range;
+      Bvh2Node* node;
+    };
+    std::array<PendingNode, kMaxTreeDepth + 1> stack;
+    std::size_t stacked = 0;
+    PendingNode now{root_range, &root};
+    Extent extent{begin, now.range.depth};
+    for (;;) {
+      Range left, right;
+      if (splitter_.split(now.range, left, right, nullptr)) {
+        now.node->first = extent.end;
+        now.node->count = 0;
+        assert(stacked < stack.size());
+        stack[stacked++] = {right, &nodes[extent.end + 1]};
+        now = {left, &nodes[extent.end]};
+        extent.end += 2;
+        continue;
+      }
+      const Box4 box = splitter_.write_leaf(now.range, prim_indices_ + now.range.begin);
+      write_node(*now.node, box, now.range.begin, now.range.count);
+      extent.depth = std::max(extent.depth, now.range.depth);
+      if (stacked == 0) break;
+      now = stack[--stacked];
+    }
+    for (std::uint32_t i = extent.end; i-- > begin;) {
+      if (!nodes[i].is_leaf()) enclose_children(nodes[i], &nodes[nodes[i].first]);
+    }
+    if (!root.is_leaf()) enclose_children(root, &nodes[root.first]);
+    cancel_.advance(root_range.count);
+    cancel_.checkpoint();
+    return extent;
+  }
+
+  // More threads ---------------------------------------------------------------------------------------------------
 
   // The upper levels while several threads work on them.
   struct Top {
-    BuildRange range;
+    Range range;
     std::unique_ptr<Top> left, right;  // both or neither
     Bvh2Node root;                     // of a subtree built alone; interior indices count from its own array
     AlignedVector<Bvh2Node> nodes;     // below that root
     std::uint32_t depth = 0;           // of its deepest leaf
   };
+  struct Copy {
+    const Top* from;
+    std::uint32_t to;
+  };
 
-  static std::size_t max_nodes_below(const BuildRange& range) { return 2 * std::size_t{range.count} - 2; }
-
-  void build_alone(const BuildRange& root, Bvh2& tree) {
-    tree.nodes.resize(root.count > 1 ? kFirstPair + max_nodes_below(root) : 1);
-    const Extent extent = build_subtree(root, tree.nodes[0], tree.nodes.data(), kFirstPair);
-    tree.nodes.resize(extent.end > kFirstPair ? extent.end : 1);
-    tree.depth = extent.depth;
-  }
-
-  // Depth first, left before right, each pair in the next free place.
-  Extent build_subtree(const BuildRange& root_range, Bvh2Node& root, Bvh2Node* nodes, std::uint32_t next) {
-    struct Pending {
-      BuildRange range;
-      Bvh2Node* node;
-    };
-    std::array<Pending, kMaxTreeDepth + 1> stack;
-    std::size_t stacked = 0;
-    BuildRange range = root_range;
-    Bvh2Node* node = &root;
-    Extent extent{next, range.depth};
-    if (range.count <= kSubtreeSize)
-      cancel_.advance(range.count);
-    for (;;) {
-      BuildRange left, right;
-      if (splitter_.split(range, left, right, nullptr)) {
-        report(range, left, right);
-        write_node(*node, range.box, extent.end, 0);
-        assert(stacked < stack.size());
-        stack[stacked++] = {right, &nodes[extent.end + 1]};
-        range = left;
-        node = &nodes[extent.end];
-        extent.end += 2;
-        continue;
-      }
-      write_node(*node, range.box, range.begin, range.count);
-      splitter_.write_leaf(range, prim_indices_ + range.begin);
-      extent.depth = std::max(extent.depth, range.depth);
-      if (stacked == 0)
-        return extent;
-      --stacked;
-      range = stack[stacked].range;
-      node = stack[stacked].node;
-    }
-  }
-
-  // Work is counted when a range falls to the size that is not worth counting inside.
-  void report(const BuildRange& range, const BuildRange& left, const BuildRange& right) {
-    if (range.count <= kSubtreeSize)
-      return;
-    for (const BuildRange* child : {&left, &right}) {
-      if (child->count <= kSubtreeSize)
-        cancel_.advance(child->count);
-    }
-    cancel_.checkpoint();
-  }
-
-  void build_together(const BuildRange& root, Bvh2& tree) {
+  Extent build_together(const Range& root) {
     Top top;
     top.range = root;
     TaskGroup group(pool_);
     group.run_here([&] { build_top(&top, group); });
     group.wait([this] { cancel_.checkpoint(); });
 
-    tree.nodes.resize(kFirstPair + max_nodes_below(root));
     std::vector<Copy> copies;
-    const Extent extent = place(top, tree.nodes.data(), 0, kFirstPair, copies);
+    const Extent extent = place(top, 0, kFirstPair, copies);
     parallel_for(pool_, copies.size(), 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i)
-        copy_subtree(copies[i], tree.nodes.data());
+      for (std::size_t i = begin; i < end; ++i) copy_subtree(copies[i]);
     });
-    tree.nodes.resize(extent.end > kFirstPair ? extent.end : 1);
-    tree.depth = extent.depth;
+    return extent;
   }
 
   void build_top(Top* top, TaskGroup& group) {
     for (;;) {
-      if (top->range.count <= kSubtreeSize)
-        return build_top_leaf(*top);
+      if (top->range.count <= kSubtreeSize) return build_top_leaf(*top);
       auto left = std::make_unique<Top>();
       auto right = std::make_unique<Top>();
-      if (!splitter_.split(top->range, left->range, right->range, &pool_))
-        return build_top_leaf(*top);
+      if (!splitter_.split(top->range, left->range, right->range, &pool_)) return build_top_leaf(*top);
       cancel_.checkpoint();
       top->left = std::move(left);
       top->right = std::move(right);
@@ -184,43 +209,38 @@ class TopDownBuilder {
     const Extent extent = build_subtree(top.range, top.root, top.nodes.data(), 0);
     top.nodes.resize(extent.end);
     top.depth = extent.depth;
-    cancel_.checkpoint();
   }
 
-  struct Copy {
-    const Top* from;
-    std::uint32_t to;
-  };
-
   // Gives every part the place that build_alone would have given it.
-  Extent place(const Top& top, Bvh2Node* nodes, std::uint32_t node, std::uint32_t next, std::vector<Copy>& copies) {
+  Extent place(const Top& top, std::uint32_t node, std::uint32_t next, std::vector<Copy>& copies) {
     if (!top.left) {
-      nodes[node] = moved(top.root, next);
+      nodes_[node] = moved(top.root, next);
       copies.push_back({&top, next});
       return {next + static_cast<std::uint32_t>(top.nodes.size()), top.depth};
     }
-    write_node(nodes[node], top.range.box, next, 0);
-    const Extent left = place(*top.left, nodes, next, next + 2, copies);
-    const Extent right = place(*top.right, nodes, next + 1, left.end, copies);
+    nodes_[node].first = next;
+    top_nodes_.push_back(node);
+    const Extent left = place(*top.left, next, next + 2, copies);
+    const Extent right = place(*top.right, next + 1, left.end, copies);
     return {right.end, std::max(left.depth, right.depth)};
   }
 
   static Bvh2Node moved(Bvh2Node node, std::uint32_t offset) {
-    if (!node.is_leaf())
-      node.first += offset;
+    if (!node.is_leaf()) node.first += offset;
     return node;
   }
 
-  static void copy_subtree(const Copy& copy, Bvh2Node* nodes) {
-    Bvh2Node* to = nodes + copy.to;
-    for (const Bvh2Node& node : copy.from->nodes)
-      *to++ = moved(node, copy.to);
+  void copy_subtree(const Copy& copy) {
+    Bvh2Node* to = nodes_ + copy.to;
+    for (const Bvh2Node& node : copy.from->nodes) *to++ = moved(node, copy.to);
   }
 
-  const Splitter& splitter_;
+  Splitter& splitter_;
   ThreadPool& pool_;
   CancelToken& cancel_;
   std::uint32_t* prim_indices_ = nullptr;
+  Bvh2Node* nodes_ = nullptr;
+  std::vector<std::uint32_t> top_nodes_;  // interior nodes above the subtrees, parents first
 };
 
 }  // namespace perfect_bvh

@@ -31,14 +31,13 @@ struct Float4 {
   friend Float4 operator+(Float4 a, Float4 b) noexcept { return _mm_add_ps(a.v, b.v); }
   friend Float4 operator-(Float4 a, Float4 b) noexcept { return _mm_sub_ps(a.v, b.v); }
   friend Float4 operator*(Float4 a, Float4 b) noexcept { return _mm_mul_ps(a.v, b.v); }
+  friend Float4 operator/(Float4 a, Float4 b) noexcept { return _mm_div_ps(a.v, b.v); }
   // Lane by lane a < b ? a : b (a > b ? a : b): b where either is NaN, b of two zeros.
   friend Float4 min(Float4 a, Float4 b) noexcept { return _mm_min_ps(a.v, b.v); }
   friend Float4 max(Float4 a, Float4 b) noexcept { return _mm_max_ps(a.v, b.v); }
 
   // The first three lanes, and 0.
-  [[nodiscard]] Float4 xyz0() const noexcept {
-    return _mm_and_ps(v, _mm_castsi128_ps(_mm_setr_epi32(-1, -1, -1, 0)));
-  }
+  [[nodiscard]] Float4 xyz0() const noexcept { return _mm_and_ps(v, _mm_castsi128_ps(_mm_setr_epi32(-1, -1, -1, 0))); }
   [[nodiscard]] float x() const noexcept { return _mm_cvtss_f32(v); }
   [[nodiscard]] Float4 yzxw() const noexcept { return _mm_shuffle_ps(v, v, _MM_SHUFFLE(3, 0, 2, 1)); }
   [[nodiscard]] Float4 zxyw() const noexcept { return _mm_shuffle_ps(v, v, _MM_SHUFFLE(3, 1, 0, 2)); }
@@ -46,16 +45,25 @@ struct Float4 {
 
 struct Int4 {
   __m128i v;
-  // 0..65535 in every lane that is read.
-  template <int Lane>
-  [[nodiscard]] std::uint32_t small() const noexcept {
-    return static_cast<std::uint32_t>(_mm_extract_epi16(v, 2 * Lane));
+
+  Int4() noexcept = default;
+  Int4(__m128i value) noexcept : v(value) {}
+  explicit Int4(std::int32_t all) noexcept : v(_mm_set1_epi32(all)) {}
+  Int4(std::int32_t x, std::int32_t y, std::int32_t z, std::int32_t w) noexcept : v(_mm_setr_epi32(x, y, z, w)) {}
+  [[nodiscard]] static Int4 load(const void* aligned) noexcept {
+    return _mm_load_si128(static_cast<const __m128i*>(aligned));
   }
+  void store(void* aligned) const noexcept { _mm_store_si128(static_cast<__m128i*>(aligned), v); }
+  friend Int4 operator+(Int4 a, Int4 b) noexcept { return _mm_add_epi32(a.v, b.v); }
 };
 
+[[nodiscard]] inline Float4 to_float(Int4 a) noexcept { return _mm_cvtepi32_ps(a.v); }
 // Rounds towards zero; the values must fit.
-[[nodiscard]] inline Int4 truncate(Float4 a) noexcept {
-  return {_mm_cvttps_epi32(a.v)};
+[[nodiscard]] inline Int4 truncate(Float4 a) noexcept { return _mm_cvttps_epi32(a.v); }
+// Lane by lane a < b ? x : y.
+[[nodiscard]] inline Float4 select_less(Float4 a, Float4 b, Float4 x, Float4 y) noexcept {
+  const __m128 less = _mm_cmplt_ps(a.v, b.v);
+  return _mm_or_ps(_mm_and_ps(less, x.v), _mm_andnot_ps(less, y.v));
 }
 
 #else
@@ -84,14 +92,15 @@ struct Float4 {
   friend Float4 operator*(Float4 a, Float4 b) noexcept {
     return {a.v[0] * b.v[0], a.v[1] * b.v[1], a.v[2] * b.v[2], a.v[3] * b.v[3]};
   }
+  friend Float4 operator/(Float4 a, Float4 b) noexcept {
+    return {a.v[0] / b.v[0], a.v[1] / b.v[1], a.v[2] / b.v[2], a.v[3] / b.v[3]};
+  }
   friend Float4 min(Float4 a, Float4 b) noexcept {
-    for (int i = 0; i < 4; ++i)
-      a.v[i] = a.v[i] < b.v[i] ? a.v[i] : b.v[i];
+    for (int i = 0; i < 4; ++i) a.v[i] = a.v[i] < b.v[i] ? a.v[i] : b.v[i];
     return a;
   }
   friend Float4 max(Float4 a, Float4 b) noexcept {
-    for (int i = 0; i < 4; ++i)
-      a.v[i] = a.v[i] > b.v[i] ? a.v[i] : b.v[i];
+    for (int i = 0; i < 4; ++i) a.v[i] = a.v[i] > b.v[i] ? a.v[i] : b.v[i];
     return a;
   }
 
@@ -103,15 +112,28 @@ struct Float4 {
 
 struct Int4 {
   std::int32_t v[4];
-  template <int Lane>
-  [[nodiscard]] std::uint32_t small() const noexcept {
-    return static_cast<std::uint32_t>(v[Lane]);
+
+  Int4() noexcept = default;
+  Int4(std::int32_t x, std::int32_t y, std::int32_t z, std::int32_t w) noexcept : v{x, y, z, w} {}
+  explicit Int4(std::int32_t all) noexcept : v{all, all, all, all} {}
+  [[nodiscard]] static Int4 load(const void* p) noexcept {
+    Int4 result;
+    __builtin_memcpy(result.v, p, sizeof(result.v));
+    return result;
+  }
+  void store(void* p) const noexcept { __builtin_memcpy(p, v, sizeof(v)); }
+  friend Int4 operator+(Int4 a, Int4 b) noexcept {
+    return {a.v[0] + b.v[0], a.v[1] + b.v[1], a.v[2] + b.v[2], a.v[3] + b.v[3]};
   }
 };
 
-[[nodiscard]] inline Int4 truncate(Float4 a) noexcept {
-  return {{static_cast<std::int32_t>(a.v[0]), static_cast<std::int32_t>(a.v[1]), static_cast<std::int32_t>(a.v[2]),
-           static_cast<std::int32_t>(a.v[3])}};
+[[nodiscard]] inline Float4 to_float(Int4 a) noexcept {
+  return {static_cast<float>(a.v[0]), static_cast<float>(a.v[1]), static_cast<float>(a.v[2]),
+          static_cast<float>(a.v[3])};
+}
+[[nodiscard]] inline Float4 select_less(Float4 a, Float4 b, Float4 x, Float4 y) noexcept {
+  for (int i = 0; i < 4; ++i) x.v[i] = a.v[i] < b.v[i] ? x.v[i] : y.v[i];
+  return x;
 }
 
 #endif
