@@ -22,10 +22,10 @@ def native_error() -> str | None:
 
 
 def native_summary() -> str:
-    """The engine's version and the instruction set it runs on, for the panels."""
+    """The engine's version and how many threads it uses, in one line."""
     import perfect_bvh
 
-    return f"Engine {perfect_bvh.__version__}, instruction sets: {', '.join(perfect_bvh.available_isas())}"
+    return f"Engine {perfect_bvh.__version__}, {perfect_bvh.thread_count()} threads"
 
 
 class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):

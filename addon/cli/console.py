@@ -6,7 +6,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from typing import TextIO
 
 
@@ -28,16 +28,17 @@ def _writes_to_descriptor_1() -> bool:
 
 @contextmanager
 def quiet_blender() -> Iterator[TextIO]:
-    """Silence everything that C code writes to standard output; yields a stream for this program's own words."""
+    """Silence standard output, C code's and Python's alike; yields a stream for this program's own words."""
     _flush_c_streams()
     saved = os.dup(1)
     silence = os.open(os.devnull, os.O_WRONLY)
     os.dup2(silence, 1)
-    os.close(silence)
     python_stdout = sys.stdout
     own = os.fdopen(os.dup(saved), "w", encoding=python_stdout.encoding) if _writes_to_descriptor_1() else python_stdout
     try:
-        yield own
+        # Blender prints the errors of operators through Python's stream.
+        with os.fdopen(silence, "w") as silent_stream, redirect_stdout(silent_stream):
+            yield own
     finally:
         _flush_c_streams()
         os.dup2(saved, 1)

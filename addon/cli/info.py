@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, TextIO
 
 from .arguments import CommandError, check_blend_file
-from .blender import apply_settings, open_scene, render_job, stop_on_interrupt
+from .blender import apply_settings, go_to_frame, open_scene, render_job, stop_on_interrupt
 from .console import format_bytes, format_table, quiet_blender
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def run_info(arguments: argparse.Namespace) -> int:
         scene = open_scene(path, arguments)
         apply_settings(scene, arguments)
         if arguments.frame is not None:
-            scene.frame_set(arguments.frame)
+            go_to_frame(scene, arguments.frame)
         _write(out, scene, *_sync_as_rendered(scene))
     return 0
 

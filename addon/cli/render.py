@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from .arguments import CommandError, Output, check_blend_file, check_mode
-from .blender import StopRequest, apply_settings, open_scene, render_job, stop_on_interrupt
+from .blender import StopRequest, apply_settings, go_to_frame, open_scene, render_job, stop_on_interrupt
 from .console import quiet_blender
 from .report import FrameTimes, format_frame, format_header, format_summary
 
@@ -90,7 +90,7 @@ class RenderSession:
             return not self._stop.is_set
 
         start = time.perf_counter()
-        self._scene.frame_set(number)
+        go_to_frame(self._scene, number)
         job = RenderJob(progress=advance)
         render_job(self._scene, job)
         if job.is_cancelled:
@@ -122,14 +122,14 @@ class RenderSession:
     def _grey(self, frame: Frame) -> npt.NDArray[np.float32]:
         """Distances as greys, near white and far black, on one scale for the whole animation: the first frame's."""
         import numpy as np
-        import perfect_bvh
+        from perfect_bvh.render import NO_DEPTH, depth_to_grey
 
         image = frame.images["combined"]
         distances = image[..., 0]
         if self._range is None:
-            hit = distances[distances < perfect_bvh.NO_DEPTH]
+            hit = distances[distances < NO_DEPTH]
             self._range = (float(hit.min()), float(hit.max())) if hit.size else (0.0, 1.0)
-        greys = perfect_bvh.depth_to_grey(distances, *self._range)
+        greys = depth_to_grey(distances, *self._range)
         return np.stack([greys, greys, greys, image[..., 3]], axis=-1)
 
     def _warn(self, frame: Frame) -> None:

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from perfect_bvh_addon.cli.arguments import CommandError, Output, check_blend_file, check_mode, parse_frames, parse_size
 from perfect_bvh_addon.cli.console import format_bytes, format_table
+from perfect_bvh_addon.modes import MODE_NAMES
 
 # Arguments ---------------------------------------------------------------------------------------------------------
 
@@ -118,3 +124,173 @@ def test_bytes_have_units() -> None:
         "5.0 MiB",
         "3.0 GiB",
     ]
+
+
+# Whole runs --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def small_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two frames of a cube that moves and a sheet that bends, 64 x 36 pixels."""
+    bpy = pytest.importorskip("bpy")
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=20, y_subdivisions=20, size=6.0)
+    sheet = bpy.context.object
+    sheet.name = sheet.data.name = "Sheet"
+    sheet.shape_key_add(name="Basis")
+    bent = sheet.shape_key_add(name="Bent")
+    for point in bent.data:
+        point.co.z = 0.1 * point.co.x**2
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(0.0, 0.0, 1.5))
+    cube = bpy.context.object
+    for frame in (1, 2):
+        bent.value = cube.location.x = frame - 1.0
+        bent.keyframe_insert("value", frame=frame)
+        cube.keyframe_insert("location", frame=frame)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location, camera.rotation_euler = (5.0, -5.0, 5.0), (0.96, 0.0, 0.785)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 128, 72, 50
+    scene.render.image_settings.exr_codec = "NONE"  # as the tests' reader wants it
+    path = tmp_path_factory.mktemp("small") / "small.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+@pytest.fixture
+def broken_files(tmp_path: Path, small_file: Path) -> dict[str, Path]:
+    """A file that ends too early, and one whose scene has no camera."""
+    import bpy
+
+    truncated = tmp_path / "truncated.blend"
+    truncated.write_bytes(small_file.read_bytes()[:3000])
+    bpy.ops.wm.open_mainfile(filepath=str(small_file))
+    bpy.context.scene.camera = None
+    blind = tmp_path / "blind.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blind), copy=True)
+    return {"truncated": truncated, "blind": blind}
+
+
+def run(*arguments: object) -> int:
+    from perfect_bvh_addon import unregister
+    from perfect_bvh_addon.cli import main
+
+    try:
+        return main([str(argument) for argument in arguments])
+    except SystemExit as stop:  # argparse's own errors
+        return stop.code
+    finally:
+        unregister()
+
+
+@pytest.mark.parametrize("mode", MODE_NAMES)
+def test_every_mode_writes_an_image(mode: str, small_file: Path, tmp_path: Path, capfd) -> None:
+    from oracles.png import read_png
+
+    output = tmp_path / f"{mode}.png"
+    assert run("render", small_file, "-o", output, "--mode", mode, "--samples", 2) == 0
+    image = read_png(output)
+    assert image.shape == (36, 64, 4)
+    assert len(np.unique(image[..., :3].reshape(-1, 3), axis=0)) > 2
+    printed = capfd.readouterr()
+    assert str(output) in printed.out
+    assert "Blender" not in printed.out
+    assert "Read blend" not in printed.out
+
+
+def test_an_animation_refits_and_says_so(small_file: Path, tmp_path: Path, capsys) -> None:
+    output = tmp_path / "new" / "frames"
+    arguments = ("--frames", "1-2", "--stats", "--samples", 1, "--size", "40x30", "--threads", 1)
+    assert run("render", small_file, "-o", f"{output}/", *arguments) == 0
+    assert sorted(file.name for file in output.iterdir()) == ["frame_0001.png", "frame_0002.png"]
+    text = capsys.readouterr().out
+    assert "refitted tree: Sheet (800): positions changed" in text
+    assert "moved: Cube" in text
+    assert "2 built, 1 refits, 0 rebuilt; instances moved: 1" in text
+
+
+def test_quiet_runs_print_nothing(small_file: Path, tmp_path: Path, capfd) -> None:
+    assert run("render", small_file, "-o", tmp_path / "a.png", "--samples", 1, "-q") == 0
+    assert capfd.readouterr() == ("", "")
+
+
+def test_openexr_holds_depth_as_it_is(small_file: Path, tmp_path: Path) -> None:
+    from oracles.exr import read_exr
+
+    assert run("render", small_file, "-o", tmp_path / "a.exr", "--mode", "distance", "--samples", 1) == 0
+    planes = read_exr(tmp_path / "a.exr")
+    hit = planes["R"] < 1e9
+    assert hit.any()
+    assert 4.0 < planes["R"][hit].min() < planes["R"][hit].max() < 13.0
+
+
+def test_info_lists_the_meshes(small_file: Path, capsys) -> None:
+    assert run("info", small_file) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "Scene, frame 1"
+    assert lines[3].split()[:5] == ["Sheet", "deforming", "binned", "800", "1"]
+    assert lines[4].split()[:5] == ["Cube", "static", "binned", "12", "1"]
+    assert lines[5].startswith("2 meshes, 812 triangles; 2 instances show 812; top level")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("render", "{tmp}/none.blend", "-o", "{tmp}/a.png"), "none.blend: no such file"),
+        (("render", "{text}", "-o", "{tmp}/a.png"), "is not a .blend file"),
+        (("info", "{truncated}"), "Blender cannot open it"),
+        (("render", "{blind}", "-o", "{tmp}/a.png"), "has no camera"),
+        (("render", "{small}", "-o", "{tmp}/a.png", "--mode", "shiny"), "unknown mode 'shiny'"),
+        (("render", "{small}", "-o", "{text}/a.png"), "cannot write into"),
+        (("render", "{small}", "-o", "{tmp}/a.png", "--frames", "1-3"), "3 frames need a folder"),
+        (("render", "{small}", "-o", "{tmp}/a.png", "--size", "big"), "expected WIDTHxHEIGHT"),
+        (("render", "{small}", "-o", "{tmp}/a.png", "--samples", "0"), "must be at least 1"),
+        (("render", "{small}"), "-o"),
+        (("paint", "{small}"), "invalid choice"),
+    ],
+)
+def test_mistakes_are_explained(
+    arguments: tuple[str, ...], complaint: str, small_file: Path, broken_files: dict[str, Path], tmp_path: Path, capsys
+) -> None:
+    text = tmp_path / "text.blend"
+    text.write_text("no blend")
+    names = {"tmp": tmp_path, "text": text, "small": small_file, **broken_files}
+    assert run(*(argument.format(**names) for argument in arguments)) == 2
+    printed = capsys.readouterr()
+    assert complaint in printed.err
+    assert "Traceback" not in printed.err
+    assert printed.out == ""
+    assert not (tmp_path / "a.png").exists()
+
+
+RUN_MAIN = "from perfect_bvh_addon.cli import main; sys.exit(main())"
+
+
+def test_ctrl_c_stops_an_animation(small_file: Path, tmp_path: Path) -> None:
+    """In a process of its own, as a user has it: the signal comes while frames are traced."""
+    code = f"import sys; sys.argv[0] = 'perfect-bvh'; {RUN_MAIN}"
+    command = [sys.executable, "-c", code, "render", str(small_file), "-o", f"{tmp_path}/out/"]
+    command += ["--frames", "1-5000", "--samples", "64", "--stats"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        first = [process.stdout.readline() for _ in range(3)]  # the header, and a frame with what it built
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=60)
+    assert "built tree" in first[2]
+    assert process.returncode == 130
+    assert "stopped;" in errors
+    assert "of 5000 frames are written" in errors
+    assert "Traceback" not in output + errors
+
+
+def test_without_blender_the_command_says_what_to_install(small_file: Path) -> None:
+    code = (
+        "import sys; sys.modules['bpy'] = None\n"
+        "from perfect_bvh_addon.cli import main\n"
+        f"sys.exit(main(['info', {str(small_file)!r}]))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert "pip install 'perfect-bvh[blender]'" in done.stderr
+    assert "Traceback" not in done.stderr
