@@ -1,0 +1,31 @@
+"""What the README shows, works: its Python examples run, each in a process of its own."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+README = Path(__file__).resolve().parent.parent / "README.md"
+EXAMPLES = re.findall(r"^```python\n(.*?)^```$", README.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def test_there_are_examples() -> None:
+    assert len(EXAMPLES) == 2
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=["query", "render"])
+def test_an_example_runs(example: str, tmp_path: Path, repository: Path) -> None:
+    (tmp_path / "blend_scenes").symlink_to(repository / "blend_scenes")
+    (tmp_path / "example.py").write_text(example.replace('"/tmp/', f'"{tmp_path}/'))
+    result = subprocess.run(
+        [sys.executable, "example.py"], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert result.returncode == 0, result.stderr
+    if "write_still" in example:
+        assert (tmp_path / "gears.png").read_bytes().startswith(b"\x89PNG")
+    else:
+        assert re.search(r"is the highest, at \d+\.\d\d m", result.stdout)
