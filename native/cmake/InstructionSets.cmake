@@ -30,7 +30,8 @@ function(perfect_bvh_add_isa_unit engine isa)
   set(units perfect_bvh_${isa})
   add_library(${units} OBJECT ${perfect_bvh_sources_${isa}})
   target_include_directories(${units} PRIVATE src)
-  target_compile_options(${units} PRIVATE ${perfect_bvh_flags_${isa}})
+  # Kernels throw nothing; without exceptions no terminate handler (a weak symbol) is emitted either.
+  target_compile_options(${units} PRIVATE ${perfect_bvh_flags_${isa}} -fno-exceptions)
   target_link_libraries(${units} PRIVATE perfect_bvh_compile_options Threads::Threads)
 
   set(checked "${CMAKE_CURRENT_BINARY_DIR}/${units}.checked")

@@ -8,8 +8,10 @@
 #include "scene/blas_build.h"
 #include "scene/instance_placing.h"
 #include "scene/scene.h"
+#include "scene/trace_view.h"
 #include "update/quality.h"
 #include "update/refit.h"
+#include "wide/collapse.h"
 
 namespace perfect_bvh {
 namespace {
@@ -70,7 +72,8 @@ Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, T
     result.fresh_cost = blas->tree.bounds().half_area() > 0 ? measure_quality(blas->tree).sah : 0;
   }
   report.triangle_count = blas->mesh.triangle_count();
-  report.byte_count = blas->mesh.byte_count() + blas->tree.byte_count();
+  blas->wide = collapse_mesh(blas->tree, blas->mesh, pool, cancel);
+  report.byte_count = blas->mesh.byte_count() + blas->tree.byte_count() + blas->wide.byte_count();
   report.milliseconds = milliseconds_since(start);
   result.blas = std::move(blas);
   return result;
@@ -106,6 +109,7 @@ std::shared_ptr<Snapshot> Scene::assemble(const std::map<std::int32_t, std::shar
     snapshot->meshes.emplace_back(mesh_id, blas.get());
   }
   snapshot->tlas = build_bvh2(prims, top_level_config(), pool, cancel);
+  make_trace_view(*snapshot, cancel);
   return snapshot;
 }
 
@@ -150,8 +154,11 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
 
   report.instance_count = instances_.size();
   report.kept_count = meshes_.size() - results.size();
-  report.byte_count = snapshot->instances.size() * sizeof(Instance) + snapshot->tlas.byte_count();
-  for (const auto& blas : snapshot->blases) report.byte_count += blas->mesh.byte_count() + blas->tree.byte_count();
+  report.byte_count = snapshot->instances.size() * sizeof(Instance) + snapshot->tlas.byte_count() +
+                      snapshot->top_level.byte_count() + snapshot->instance_views.size() * sizeof(InstanceView);
+  for (const auto& blas : snapshot->blases) {
+    report.byte_count += blas->mesh.byte_count() + blas->tree.byte_count() + blas->wide.byte_count();
+  }
   report.meshes.reserve(results.size());
   for (BlasResult& result : results) report.meshes.push_back(std::move(result.report));
 

@@ -7,6 +7,7 @@
 #include "build/bvh2.h"
 #include "math/affine.h"
 #include "mesh/triangle_mesh.h"
+#include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
 
@@ -14,6 +15,7 @@ namespace perfect_bvh {
 struct Blas {
   TriangleMesh mesh;
   Bvh2 tree;
+  WideBvh wide;  // what rays are traced through
 };
 
 struct Instance {

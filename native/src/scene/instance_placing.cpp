@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "scene/blas_build.h"
+#include "wide/collapse.h"
 
 namespace perfect_bvh {
 namespace {
@@ -26,14 +27,21 @@ bool round_trip_holds(const Affine& forth, const Affine& back) {
          largest_component(back.z) < kLargestFloat;
 }
 
+// The box of a mesh in world space, wide enough that every hit in the mesh lies inside it. Tracing moves a hit by less
+// than 100 * 2^-24 of the mesh's reach on each of its axes (math/slab.h, with |origin| <= 4 reach and the narrowing of
+// the ray); the inverse may be off by as much as place_instance() accepts. 2^-17 covers both.
 Aabb transformed_bounds(const Affine& map, const Aabb& box) {
   Aabb result;
   if (box.is_empty()) return result;
+  const double reach = std::max(largest_component(to_double(box.lower)), largest_component(to_double(box.upper)));
+  const auto row_sum = [&](int axis) { return std::abs(map.x[axis]) + std::abs(map.y[axis]) + std::abs(map.z[axis]); };
+  const Vec3d margin = Vec3d{row_sum(0), row_sum(1), row_sum(2)} * (0x1p-17 * reach);
   for (int corner = 0; corner < 8; ++corner) {
     const Vec3d p = map.point({corner & 1 ? box.upper.x : box.lower.x, corner & 2 ? box.upper.y : box.lower.y,
                                corner & 4 ? box.upper.z : box.lower.z});
-    result.grow(Vec3f{round_down(p.x), round_down(p.y), round_down(p.z)});
-    result.grow(Vec3f{round_up(p.x), round_up(p.y), round_up(p.z)});
+    const Vec3d low = p - margin, high = p + margin;
+    result.grow(Vec3f{round_down(low.x), round_down(low.y), round_down(low.z)});
+    result.grow(Vec3f{round_up(high.x), round_up(high.y), round_up(high.z)});
   }
   return result;
 }
@@ -61,6 +69,7 @@ std::shared_ptr<const Blas> bake_instance(Instance& instance, const Blas& blas, 
     baked->mesh.positions[i] = to_float(to_world.point(to_double(blas.mesh.positions[i])) - centre);
   }
   baked->tree = build_tree(baked->mesh, config, pool, cancel);
+  baked->wide = collapse_mesh(baked->tree, baked->mesh, pool, cancel);
   const bool usable = place_instance(instance, *baked, Affine{});
   // Baked positions are in world winding already.
   instance.mirrored = false;

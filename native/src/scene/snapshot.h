@@ -9,6 +9,8 @@
 
 #include "build/bvh2.h"
 #include "scene/instance.h"
+#include "traverse/scene_view.h"
+#include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
 
@@ -17,6 +19,9 @@ struct Snapshot {
   std::vector<std::pair<std::int32_t, const Blas*>> meshes;  // by mesh id; baked copies are not among them
   std::vector<Instance> instances;                           // in the order of their scene ids
   Bvh2 tlas;                                                 // over the instances' world boxes
+  WideBvh top_level;                                         // the same, as rays are traced through it
+  AlignedVector<InstanceView> instance_views;                // what kernels see of `instances`, row by row
+  SceneView view;                                            // points into this snapshot
   std::uint64_t generation = 0;
 };
 

@@ -30,12 +30,13 @@ SceneStatistics measure(const Snapshot& snapshot) {
     row.mesh_id = mesh_id;
     row.primitive_count = blas->mesh.triangle_count();
     row.vertex_count = blas->mesh.positions.size();
-    row.byte_count += blas->mesh.byte_count();
+    row.byte_count += blas->mesh.byte_count() + blas->wide.byte_count();
     result.triangle_count += row.primitive_count;
   }
   result.top_level = measure_tree(snapshot.tlas);
   result.top_level.primitive_count = snapshot.instances.size();
-  result.top_level.byte_count += snapshot.instances.size() * sizeof(Instance);
+  result.top_level.byte_count += snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView));
+  result.top_level.byte_count += snapshot.top_level.byte_count();
   for (const Instance& instance : snapshot.instances) {
     result.instanced_triangle_count += instance.blas->mesh.triangle_count();
     if (const auto row = rows.find(instance.mesh_id); row != rows.end()) ++result.meshes[row->second].user_count;
@@ -43,7 +44,9 @@ SceneStatistics measure(const Snapshot& snapshot) {
   result.instance_count = snapshot.instances.size();
   result.generation = snapshot.generation;
   result.byte_count = result.top_level.byte_count;
-  for (const auto& blas : snapshot.blases) result.byte_count += blas->mesh.byte_count() + blas->tree.byte_count();
+  for (const auto& blas : snapshot.blases) {
+    result.byte_count += blas->mesh.byte_count() + blas->tree.byte_count() + blas->wide.byte_count();
+  }
   return result;
 }
 

@@ -1,38 +1,89 @@
-// A world ray as one instance sees it (lecture, "Rigid motion": the ray is transformed, not the geometry).
-// The map is applied in double and narrowed once. The direction is not renormalised; it is only scaled by a power of
-// two, which is exact, so that neither it nor its inverse leaves the range of float.
+// A world ray as one tree sees it (lecture, "Rigid motion": the ray is transformed, not the geometry).
+// The map is applied in double. If the ray begins far from the tree its origin is moved along it, if its direction is
+// very long or very short it is scaled by a power of two, and only then is it narrowed to float:
+//   t of the ray = offset + scale * local t
+// For most rays the offset is 0 and the scale 1 ("direct"). As |origin| <= 4 reach in the end, how exact a hit is
+// depends on the size of the mesh, not on how far away the ray begins.
 #pragma once
 
-#include <cmath>
-
-#include "math/affine.h"
+#include "math/slab.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {
 
-struct ObjectRay {
-  Vec3f origin;
-  Vec3f direction;
-  double t_scale;  // a power of two: t in the object ray's terms = t in the world ray's * t_scale
-
-  ObjectRay(const Affine& world_to_object, Vec3d world_origin, Vec3d world_direction) noexcept {
-    origin = to_float(world_to_object.point(world_origin));
-    const Vec3d mapped = world_to_object.vector(world_direction);
-    const double largest = std::max({std::abs(mapped.x), std::abs(mapped.y), std::abs(mapped.z)});
-    int exponent = 0;
-    std::frexp(largest, &exponent);
-    direction = {narrow(mapped.x, exponent), narrow(mapped.y, exponent), narrow(mapped.z, exponent)};
-    t_scale = std::ldexp(1.0, exponent);
-  }
-
-  // Scaling by a power of two is exact unless t leaves the range of float; then it becomes infinite, or zero.
-  [[nodiscard]] float to_object(float t) const noexcept { return static_cast<float>(t * t_scale); }
-  [[nodiscard]] float to_world(float t) const noexcept { return static_cast<float>(t / t_scale); }
-
- private:
-  static float narrow(double component, int exponent) noexcept {
-    return static_cast<float>(std::ldexp(component, -exponent));
-  }
+struct TimeFrame {
+  double offset, scale;
+  bool is_direct;
 };
+
+struct ObjectRay {
+  double origin[3], direction[3];
+  TimeFrame time;
+};
+
+// Columns x, y, z, translation.
+using MapColumns = double[12];
+
+static inline double largest_component(const double v[3]) noexcept {
+  const double x = __builtin_fabs(v[0]), y = __builtin_fabs(v[1]), z = __builtin_fabs(v[2]);
+  const double xy = x > y ? x : y;
+  return xy > z ? xy : z;
+}
+
+static inline void map_ray(ObjectRay& out, const ObjectRay& ray, const MapColumns& map) noexcept {
+  for (int i = 0; i < 3; ++i) {
+    out.origin[i] = ((map[i] * ray.origin[0] + map[3 + i] * ray.origin[1]) + map[6 + i] * ray.origin[2]) + map[9 + i];
+    out.direction[i] = (map[i] * ray.direction[0] + map[3 + i] * ray.direction[1]) + map[6 + i] * ray.direction[2];
+  }
+  out.time = ray.time;
+}
+
+// Scales an extreme direction, and moves a distant origin towards a tree within `reach` of the frame's origin. False
+// if the ray misses that tree, or cannot be told from one that does.
+static inline bool bring_near(ObjectRay& ray, double reach) noexcept {
+  constexpr double kShortest = 0x1p-20, kLongest = 0x1p20, kNearby = 4.0, kLargest = 1.7976931348623157e308;
+  const double longest = largest_component(ray.direction);
+  if (!(longest >= kShortest && longest <= kLongest)) {
+    if (!(longest > 0.0 && longest <= kLargest)) return false;
+    const double factor = __builtin_scalbn(1.0, -__builtin_ilogb(longest));
+    if (!(factor > 0.0 && factor <= kLargest)) return false;
+    for (double& component : ray.direction) component *= factor;
+    ray.time.scale *= factor;
+    ray.time.is_direct = false;
+  }
+  if (!(largest_component(ray.origin) <= kNearby * reach)) {
+    const double *o = ray.origin, *d = ray.direction;
+    const double t = -(o[0] * d[0] + o[1] * d[1] + o[2] * d[2]) / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+    for (int axis = 0; axis < 3; ++axis) ray.origin[axis] += t * ray.direction[axis];
+    // The origin is now the line's point nearest to the frame's origin, up to the rounding of double. Further out than
+    // the box's corners, the line misses the box; where the rounding exceeds the box, nothing can be said.
+    const double rounding = 0x1p-48 * (__builtin_fabs(t) * largest_component(ray.direction));
+    if (!(rounding <= reach && largest_component(ray.origin) <= 2.0 * reach + rounding)) return false;
+    ray.time.offset += t * ray.time.scale;
+    ray.time.is_direct = false;
+  }
+  return true;
+}
+
+static inline void narrow(const double v[3], float out[3]) noexcept {
+  for (int axis = 0; axis < 3; ++axis) out[axis] = static_cast<float>(v[axis]);
+}
+
+static inline double to_ray_t(const TimeFrame& time, float local_t) noexcept {
+  return time.offset + time.scale * static_cast<double>(local_t);
+}
+
+// The local range of a range of the ray's own t, widened beyond every rounding between them (underflow to 0 included):
+// a hit outside it is outside the range; one inside is compared again, in the ray's own terms.
+static inline float to_local_min(const TimeFrame& time, double t) noexcept {
+  if (time.is_direct) return static_cast<float>(t);
+  const double exact = (t - (0x1p-22 * __builtin_fabs(t) + 0x1p-149) - time.offset) / time.scale;
+  return static_cast<float>(exact - 0x1p-22 * __builtin_fabs(exact));
+}
+static inline float to_local_max(const TimeFrame& time, double t) noexcept {
+  if (time.is_direct) return static_cast<float>(t);
+  const double exact = (t + (0x1p-22 * __builtin_fabs(t) + 0x1p-149) - time.offset) / time.scale;
+  return static_cast<float>(exact + 0x1p-22 * __builtin_fabs(exact));
+}
 
 }  // namespace perfect_bvh

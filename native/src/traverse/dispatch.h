@@ -1,0 +1,26 @@
+// Which kernels run: the best that this machine has, unless PERFECT_BVH_ISA names another ("scalar", "avx2", "avx512").
+#pragma once
+
+#include <span>
+#include <string_view>
+
+#include "traverse/kernel_table.h"
+
+namespace perfect_bvh {
+
+// Those compiled in that this machine can run, the best last. "scalar" is always the first.
+[[nodiscard]] std::span<const KernelTable* const> available_kernels() noexcept;
+
+// The kernels that new batches use. Looked up once; a PERFECT_BVH_ISA that names none of available_kernels() throws
+// InvalidArgument at every call.
+[[nodiscard]] const KernelTable& active_kernels();
+
+// For tests and benchmarks: overrides the choice from now on; an empty name takes it back. InvalidArgument as above.
+void set_active_kernels(std::string_view name);
+
+// Traces on the calling thread with the active kernels, in the default floating-point environment, whatever the
+// caller's (another library may have switched denormals off). in_flight: 1 to kMostRaysInFlight; 0 for the best.
+void trace_closest(const SceneView& scene, const RayBatch& batch, std::size_t in_flight = 0);
+void trace_any(const SceneView& scene, const RayBatch& batch, std::size_t in_flight = 0);
+
+}  // namespace perfect_bvh

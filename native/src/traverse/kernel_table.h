@@ -1,0 +1,25 @@
+// What every translation unit of kernels exports: one table.
+#pragma once
+
+#include <cstddef>
+
+#include "traverse/scene_view.h"
+
+namespace perfect_bvh {
+
+// Rays that are under way at the same time, at most.
+inline constexpr std::size_t kMostRaysInFlight = 64;
+
+struct KernelTable {
+  const char* name;
+  // `workspace` holds workspace_bytes(scene, in_flight), on a cache line; in_flight is 1 to kMostRaysInFlight.
+  void (*trace_closest)(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight);
+  void (*trace_any)(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight);
+  std::size_t (*workspace_bytes)(const SceneView& scene, std::size_t in_flight);
+};
+
+extern const KernelTable kScalarKernels;
+extern const KernelTable kAvx2Kernels;
+extern const KernelTable kAvx512Kernels;
+
+}  // namespace perfect_bvh

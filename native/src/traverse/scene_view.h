@@ -1,0 +1,45 @@
+// What kernels see of a scene, of rays and of hits: plain structs, nothing that could emit code.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "math/slab.h"
+#include "stats/ray_counts.h"
+#include "traverse/ray.h"
+#include "wide/wide_bvh.h"
+
+namespace perfect_bvh {
+
+struct alignas(64) InstanceView {
+  double world_to_local[12];  // columns x, y, z, translation; from the scene's scale to the tree's
+  const WideNode* nodes;
+  const LeafBlock* blocks;
+  TreeExtent extent;
+  std::uint32_t root;
+  std::uint32_t mask;  // 0 for an instance over nothing
+  std::uint32_t mirrored;
+  std::int32_t id;
+  std::int64_t order;
+};
+
+struct SceneView {
+  const WideNode* nodes = nullptr;
+  const InstanceView* instances = nullptr;
+  TreeExtent extent{};
+  float scale = 1.0f;             // boxes are stored times this power of two
+  std::uint32_t root = kNoChild;  // of the top level
+  bool is_empty = true;
+  std::uint32_t stack_entries = 0;  // the most that any ray can need
+};
+
+struct RayBatch {
+  const Ray* rays = nullptr;
+  std::size_t count = 0;
+  Cull cull = Cull::kNone;
+  RayCounts* counts = nullptr;       // null: not wanted
+  Hit* hits = nullptr;               // closest hit: one a ray
+  std::uint8_t* occluded = nullptr;  // any hit: one a ray
+};
+
+}  // namespace perfect_bvh

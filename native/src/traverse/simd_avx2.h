@@ -1,0 +1,101 @@
+// Eight lanes with AVX2 and FMA. Masks are vectors; compression is a permutation from a table.
+// Included by one translation unit only; everything in it has internal linkage.
+#pragma once
+
+#include <immintrin.h>
+
+#include "wide/wide_bvh.h"
+
+namespace perfect_bvh {
+namespace {
+
+using Float8 = __m256;
+using Int8 = __m256i;
+using Mask8 = __m256;
+
+#define PERFECT_BVH_INLINE inline __attribute__((always_inline))
+
+PERFECT_BVH_INLINE Float8 load(const float* p) noexcept { return _mm256_load_ps(p); }
+PERFECT_BVH_INLINE Int8 load(const std::uint32_t* p) noexcept {
+  return _mm256_load_si256(reinterpret_cast<const __m256i*>(p));
+}
+PERFECT_BVH_INLINE Float8 load_row(const void* base, std::size_t byte_offset) noexcept {
+  return _mm256_load_ps(reinterpret_cast<const float*>(static_cast<const char*>(base) + byte_offset));
+}
+PERFECT_BVH_INLINE void store(float* p, Float8 a) noexcept { _mm256_store_ps(p, a); }
+PERFECT_BVH_INLINE Float8 broadcast(const float& x) noexcept { return _mm256_broadcast_ss(&x); }
+PERFECT_BVH_INLINE Float8 zero() noexcept { return _mm256_setzero_ps(); }
+PERFECT_BVH_INLINE Float8 add(Float8 a, Float8 b) noexcept { return _mm256_add_ps(a, b); }
+PERFECT_BVH_INLINE Float8 sub(Float8 a, Float8 b) noexcept { return _mm256_sub_ps(a, b); }
+PERFECT_BVH_INLINE Float8 mul(Float8 a, Float8 b) noexcept { return _mm256_mul_ps(a, b); }
+PERFECT_BVH_INLINE Float8 div(Float8 a, Float8 b) noexcept { return _mm256_div_ps(a, b); }
+PERFECT_BVH_INLINE Float8 fmadd(Float8 a, Float8 b, Float8 c) noexcept { return _mm256_fmadd_ps(a, b, c); }
+PERFECT_BVH_INLINE Float8 fmsub(Float8 a, Float8 b, Float8 c) noexcept { return _mm256_fmsub_ps(a, b, c); }
+PERFECT_BVH_INLINE Float8 fnmadd(Float8 a, Float8 b, Float8 c) noexcept { return _mm256_fnmadd_ps(a, b, c); }
+// Of two equal or unordered values, the second, as everywhere on x86.
+PERFECT_BVH_INLINE Float8 min(Float8 a, Float8 b) noexcept { return _mm256_min_ps(a, b); }
+PERFECT_BVH_INLINE Float8 max(Float8 a, Float8 b) noexcept { return _mm256_max_ps(a, b); }
+PERFECT_BVH_INLINE Float8 abs(Float8 a) noexcept { return _mm256_andnot_ps(_mm256_set1_ps(-0.0f), a); }
+
+PERFECT_BVH_INLINE Mask8 less_equal(Float8 a, Float8 b) noexcept { return _mm256_cmp_ps(a, b, _CMP_LE_OQ); }
+PERFECT_BVH_INLINE Mask8 less(Float8 a, Float8 b) noexcept { return _mm256_cmp_ps(a, b, _CMP_LT_OQ); }
+PERFECT_BVH_INLINE Mask8 not_equal(Float8 a, Float8 b) noexcept { return _mm256_cmp_ps(a, b, _CMP_NEQ_OQ); }
+PERFECT_BVH_INLINE Mask8 both(Mask8 a, Mask8 b) noexcept { return _mm256_and_ps(a, b); }
+PERFECT_BVH_INLINE Mask8 either(Mask8 a, Mask8 b) noexcept { return _mm256_or_ps(a, b); }
+PERFECT_BVH_INLINE unsigned bits(Mask8 mask) noexcept { return static_cast<unsigned>(_mm256_movemask_ps(mask)); }
+PERFECT_BVH_INLINE unsigned count_bits(unsigned mask) noexcept { return static_cast<unsigned>(_mm_popcnt_u32(mask)); }
+
+template <int kCount>
+PERFECT_BVH_INLINE Int8 shift_right(Int8 a) noexcept {
+  return _mm256_srli_epi32(a, kCount);
+}
+// Lane i becomes a[index[i] & 7].
+PERFECT_BVH_INLINE Float8 permute(Float8 a, Int8 index) noexcept { return _mm256_permutevar8x32_ps(a, index); }
+
+// Row m: the lanes that m names, in order, a byte each; the rest is 0.
+struct CompressTable {
+  std::uint64_t rows[256];
+  constexpr CompressTable() noexcept : rows{} {
+    for (unsigned mask = 0; mask < 256; ++mask) {
+      unsigned place = 0;
+      for (unsigned lane = 0; lane < 8; ++lane) {
+        if (mask & (1u << lane)) rows[mask] |= static_cast<std::uint64_t>(lane) << (8 * place++);
+      }
+    }
+  }
+};
+constexpr CompressTable kCompress;
+
+PERFECT_BVH_INLINE Int8 compressing(unsigned mask) noexcept {
+  return _mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(&kCompress.rows[mask])));
+}
+
+// Writes the children in `hit` to `children` (all 8 places may be overwritten), the farthest first, and where each
+// is entered to `nears`.
+PERFECT_BVH_INLINE void push_sorted(const WideNode& node, std::uint32_t order_shift, Mask8 hit, Float8 near,
+                                    std::uint32_t* children, float* nears) noexcept {
+  const Int8 order = _mm256_srlv_epi32(load(node.order), _mm256_set1_epi32(static_cast<int>(order_shift)));
+  const unsigned kept = bits(permute(hit, order));
+  const Int8 places = _mm256_permutevar8x32_epi32(order, compressing(kept));
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(children), _mm256_permutevar8x32_epi32(load(node.child), places));
+  _mm256_storeu_ps(nears, permute(near, places));
+}
+PERFECT_BVH_INLINE void push_unsorted(const WideNode& node, Mask8 hit, std::uint32_t* children) noexcept {
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(children),
+                      _mm256_permutevar8x32_epi32(load(node.child), compressing(bits(hit))));
+}
+// Moves the first `count` (at most 8) entries whose `nears` do not exceed `limit` to the front of `to_*`, which may
+// be the same place or lie before it; all 8 places there may be overwritten. Returns how many they are.
+PERFECT_BVH_INLINE unsigned keep_near(const std::uint32_t* children, const float* nears, unsigned count, Float8 limit,
+                                      std::uint32_t* to_children, float* to_nears) noexcept {
+  const Float8 near = _mm256_loadu_ps(nears);
+  const unsigned kept = _bzhi_u32(bits(less_equal(near, limit)), count);
+  const Int8 places = compressing(kept);
+  const Int8 child = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(children));
+  _mm256_storeu_ps(to_nears, permute(near, places));
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(to_children), _mm256_permutevar8x32_epi32(child, places));
+  return count_bits(kept);
+}
+
+}  // namespace
+}  // namespace perfect_bvh

@@ -1,0 +1,138 @@
+// Eight lanes in plain C++, for any machine: the same bits as the vector versions, lane by lane.
+// Included by one translation unit only; everything in it has internal linkage.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+
+#include "wide/wide_bvh.h"
+
+namespace perfect_bvh {
+namespace {
+
+#define PERFECT_BVH_INLINE inline
+
+struct Float8 {
+  float lane[8];
+};
+struct Int8 {
+  std::uint32_t lane[8];
+};
+using Mask8 = unsigned;
+
+template <class Lane>
+inline Float8 each(Lane&& lane) noexcept {
+  Float8 result;
+  for (int i = 0; i < 8; ++i) result.lane[i] = lane(i);
+  return result;
+}
+template <class Lane>
+inline Mask8 each_bit(Lane&& lane) noexcept {
+  Mask8 result = 0;
+  for (int i = 0; i < 8; ++i) result |= (lane(i) ? 1u : 0u) << i;
+  return result;
+}
+
+inline Float8 load_row(const void* base, std::size_t byte_offset) noexcept {
+  Float8 result;
+  std::memcpy(result.lane, static_cast<const char*>(base) + byte_offset, sizeof(result.lane));
+  return result;
+}
+inline Float8 load(const float* p) noexcept { return load_row(p, 0); }
+inline Int8 load(const std::uint32_t* p) noexcept {
+  Int8 result;
+  std::memcpy(result.lane, p, sizeof(result.lane));
+  return result;
+}
+inline void store(float* p, const Float8& a) noexcept { std::memcpy(p, a.lane, sizeof(a.lane)); }
+inline Float8 broadcast(const float& x) noexcept {
+  return each([x](int) { return x; });
+}
+inline Float8 zero() noexcept { return broadcast(0.0f); }
+inline Float8 add(const Float8& a, const Float8& b) noexcept {
+  return each([&](int i) { return a.lane[i] + b.lane[i]; });
+}
+inline Float8 sub(const Float8& a, const Float8& b) noexcept {
+  return each([&](int i) { return a.lane[i] - b.lane[i]; });
+}
+inline Float8 mul(const Float8& a, const Float8& b) noexcept {
+  return each([&](int i) { return a.lane[i] * b.lane[i]; });
+}
+inline Float8 div(const Float8& a, const Float8& b) noexcept {
+  return each([&](int i) { return a.lane[i] / b.lane[i]; });
+}
+inline Float8 fmadd(const Float8& a, const Float8& b, const Float8& c) noexcept {
+  return each([&](int i) { return __builtin_fmaf(a.lane[i], b.lane[i], c.lane[i]); });
+}
+inline Float8 fmsub(const Float8& a, const Float8& b, const Float8& c) noexcept {
+  return each([&](int i) { return __builtin_fmaf(a.lane[i], b.lane[i], -c.lane[i]); });
+}
+inline Float8 fnmadd(const Float8& a, const Float8& b, const Float8& c) noexcept {
+  return each([&](int i) { return __builtin_fmaf(-a.lane[i], b.lane[i], c.lane[i]); });
+}
+// Of two equal or unordered values, the second, as on x86.
+inline Float8 min(const Float8& a, const Float8& b) noexcept {
+  return each([&](int i) { return a.lane[i] < b.lane[i] ? a.lane[i] : b.lane[i]; });
+}
+inline Float8 max(const Float8& a, const Float8& b) noexcept {
+  return each([&](int i) { return a.lane[i] > b.lane[i] ? a.lane[i] : b.lane[i]; });
+}
+inline Float8 abs(const Float8& a) noexcept {
+  return each([&](int i) { return __builtin_fabsf(a.lane[i]); });
+}
+
+inline Mask8 less_equal(const Float8& a, const Float8& b) noexcept {
+  return each_bit([&](int i) { return a.lane[i] <= b.lane[i]; });
+}
+inline Mask8 less(const Float8& a, const Float8& b) noexcept {
+  return each_bit([&](int i) { return a.lane[i] < b.lane[i]; });
+}
+inline Mask8 not_equal(const Float8& a, const Float8& b) noexcept {
+  return each_bit([&](int i) { return a.lane[i] < b.lane[i] || a.lane[i] > b.lane[i]; });  // ordered
+}
+inline Mask8 both(Mask8 a, Mask8 b) noexcept { return a & b; }
+inline Mask8 either(Mask8 a, Mask8 b) noexcept { return a | b; }
+inline unsigned bits(Mask8 mask) noexcept { return mask; }
+inline unsigned count_bits(unsigned mask) noexcept { return static_cast<unsigned>(__builtin_popcount(mask)); }
+
+template <int kCount>
+inline Int8 shift_right(const Int8& a) noexcept {
+  Int8 result;
+  for (int i = 0; i < 8; ++i) result.lane[i] = a.lane[i] >> kCount;
+  return result;
+}
+// Lane i becomes a[index[i] & 7].
+inline Float8 permute(const Float8& a, const Int8& index) noexcept {
+  return each([&](int i) { return a.lane[index.lane[i] & 7]; });
+}
+
+// Writes the children in `hit` to `children`, the farthest first, and where each is entered to `nears`.
+inline void push_sorted(const WideNode& node, std::uint32_t order_shift, Mask8 hit, const Float8& near,
+                        std::uint32_t* children, float* nears) noexcept {
+  for (int i = 0; i < 8; ++i) {
+    const std::uint32_t place = (node.order[i] >> order_shift) & 7;
+    if ((hit >> place & 1) == 0) continue;
+    *children++ = node.child[place];
+    *nears++ = near.lane[place];
+  }
+}
+inline void push_unsorted(const WideNode& node, Mask8 hit, std::uint32_t* children) noexcept {
+  for (unsigned i = 0; i < 8; ++i) {
+    if (hit >> i & 1) *children++ = node.child[i];
+  }
+}
+// Moves the first `count` (at most 8) entries whose `nears` do not exceed `limit` to the front of `to_*`, which may
+// be the same place or lie before it. Returns how many they are.
+inline unsigned keep_near(const std::uint32_t* children, const float* nears, unsigned count, const Float8& limit,
+                          std::uint32_t* to_children, float* to_nears) noexcept {
+  unsigned kept = 0;
+  for (unsigned i = 0; i < count; ++i) {
+    if (!(nears[i] <= limit.lane[0])) continue;
+    to_children[kept] = children[i];
+    to_nears[kept++] = nears[i];
+  }
+  return kept;
+}
+
+}  // namespace
+}  // namespace perfect_bvh

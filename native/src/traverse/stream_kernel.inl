@@ -1,0 +1,316 @@
+// Traces a batch as a stream: up to 64 rays are under way at once, each with its own stack, and all take their steps in
+// turn: every ray at a node visits it, then every ray at a leaf tests it, and so on. A ray's own order of visits is the
+// same as if it were alone.
+//
+// Why: one ray alone waits. Its next node is known only after the last one's boxes have been tested, and which way it
+// goes from there is a branch that nobody can predict. In turn, the steps of different rays do not depend on each
+// other, and a step needs no branch: what a ray meets next (a node, a leaf, something else) only decides which list
+// its slot is appended to. Latency, cache misses included, hides behind the other rays.
+//
+// Included by one translation unit for each instruction set, after its vectors. Longer than other files because the
+// loop is one thing; everything has internal linkage.
+
+#include "math/triangle.h"
+#include "traverse/kernel_table.h"
+#include "traverse/object_ray.h"
+
+namespace perfect_bvh {
+namespace {
+
+#include "traverse/ray_slot.inl"
+
+// Leaves are tested when this many rays wait at one, or no ray is left at a node.
+constexpr std::size_t kLeafPatience = 16;
+
+struct Stream {
+  Stream(const SceneView& the_scene, const RayBatch& the_batch, std::size_t the_offset) noexcept
+      : scene(the_scene), batch(the_batch), nears_offset(the_offset) {}
+
+  const SceneView& scene;
+  const RayBatch& batch;
+  std::size_t nears_offset;  // from a slot's stack of children to that of their entry distances, in entries
+  Slot* at_node[kMostRaysInFlight + 1];
+  Slot* at_other[kMostRaysInFlight + 1];  // leaves and marks
+  Slot* at_leaf[kMostRaysInFlight + 1];
+  Slot* at_mark[kMostRaysInFlight + 1];
+  std::size_t node_count = 0, other_count = 0, leaf_count = 0, mark_count = 0;
+  std::size_t next_ray = 0;
+};
+
+template <bool kAny, bool kCounts>
+PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
+  Slot** const at_node = stream.at_node;
+  Slot** const at_other = stream.at_other + stream.other_count;
+  const std::size_t count = stream.node_count, nears_offset = stream.nears_offset;
+  std::size_t others = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    Slot& slot = *at_node[i];
+    std::uint32_t* const stack = stack_of(slot);
+    std::uint32_t top = slot.top;
+    const WideNode& node = slot.nodes[stack[top]];
+    if constexpr (kCounts) ++stream.batch.counts[slot.ray].nodes_visited;
+    const BoxState& box = slot.box;
+    const Float8 inverse_x = broadcast(box.slab.inverse[0]);
+    const Float8 inverse_y = broadcast(box.slab.inverse[1]);
+    const Float8 inverse_z = broadcast(box.slab.inverse[2]);
+    const Float8 near_x = fmsub(load_row(&node, box.near_row[0]), inverse_x, broadcast(box.slab.near_offset[0]));
+    const Float8 near_y = fmsub(load_row(&node, box.near_row[1]), inverse_y, broadcast(box.slab.near_offset[1]));
+    const Float8 near_z = fmsub(load_row(&node, box.near_row[2]), inverse_z, broadcast(box.slab.near_offset[2]));
+    const Float8 far_x = fmsub(load_row(&node, box.far_row[0]), inverse_x, broadcast(box.slab.far_offset[0]));
+    const Float8 far_y = fmsub(load_row(&node, box.far_row[1]), inverse_y, broadcast(box.slab.far_offset[1]));
+    const Float8 far_z = fmsub(load_row(&node, box.far_row[2]), inverse_z, broadcast(box.slab.far_offset[2]));
+    const Float8 near = max(max(near_x, near_y), max(near_z, broadcast(box.t_min)));
+    const Float8 far = min(min(far_x, far_y), min(far_z, broadcast(box.t_limit)));
+    const Mask8 hit = less_equal(near, far);
+    if constexpr (kAny) {
+      push_unsorted(node, hit, stack + top);
+    } else {
+      push_sorted(node, box.order_shift, hit, near, stack + top, reinterpret_cast<float*>(stack + nears_offset) + top);
+    }
+    top += count_bits(bits(hit)) - 1;
+    slot.top = top;
+    at_node[i - others] = &slot;
+    at_other[others] = &slot;
+    others += stack[top] >> 31;
+  }
+  stream.node_count = count - others;
+  stream.other_count += others;
+}
+
+// Leaf block and ray meet: looks closer at the triangles in `lanes`, whose t may be in range. True if the best hit is
+// a new one (any hit: if there is one).
+template <bool kAny>
+bool take_hits(Slot& slot, const Stream& stream, const LeafBlock& block, unsigned lanes, const float* t_of,
+               const float* sums, const float* weights_v1, const float* weights_v2) noexcept {
+  const InstanceView& instance = stream.scene.instances[slot.instance];
+  const Ray& ray = stream.batch.rays[slot.ray];
+  const Cull cull = stream.batch.cull;
+  bool is_new = false;
+  for (; lanes != 0; lanes &= lanes - 1) {
+    const int lane = __builtin_ctz(lanes);
+    float local_t = t_of[lane];
+    if (magnitude(local_t) <= slot.triangle.refine_below) {
+      float corners[3][3];
+      for (int corner = 0; corner < 3; ++corner) {
+        const std::uint32_t vertex = (block.corners[lane] >> (4 * corner)) & 7;
+        for (int i = 0; i < 3; ++i) corners[corner][i] = block.vertices[slot.triangle.axes[i]][vertex];
+      }
+      local_t = refine_t(slot.triangle, corners[0], corners[1], corners[2], local_t);
+    }
+    const double t = to_ray_t(slot.time, local_t);
+    const float narrowed = static_cast<float>(t);
+    if (!(narrowed >= ray.t_min && narrowed <= ray.t_max && t <= slot.best_t && narrowed < kInfiniteDistance)) continue;
+    if (cull != Cull::kNone) {
+      const bool is_front = ((sums[lane] > 0.0f) != slot.triangle.runs_down) != (instance.mirrored != 0);
+      if (is_front == (cull == Cull::kFront)) continue;
+    }
+    const std::uint32_t primitive = block.primitives[lane];
+    if (t == slot.best_t && slot.hit_instance != kNoHit) {  // equal: the smaller (order, id, primitive) wins
+      if (slot.hit_instance != slot.instance) {
+        const InstanceView& holder = stream.scene.instances[slot.hit_instance];
+        if (holder.order != instance.order ? holder.order < instance.order : holder.id < instance.id) continue;
+      } else if (slot.hit_primitive <= primitive) {
+        continue;
+      }
+    }
+    slot.best_t = t;
+    slot.u = weights_v1[lane] / sums[lane];
+    slot.v = weights_v2[lane] / sums[lane];
+    slot.hit_instance = slot.instance;
+    slot.hit_primitive = primitive;
+    if constexpr (kAny) return true;
+    is_new = true;
+  }
+  return is_new;
+}
+
+PERFECT_BVH_INLINE Float8 difference(Float8 a, Float8 b, Float8 c, Float8 d) noexcept {  // see product_difference
+  const Float8 product = mul(c, d);
+  return add(fmsub(a, b, product), fnmadd(c, d, product));
+}
+
+template <bool kAny, bool kCounts>
+PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const LeafBlock& block) noexcept {
+  const TriangleRay& ray = slot.triangle;
+  const Float8 depth = sub(load_row(block.vertices, slot.row[2]), broadcast(ray.origin[2]));
+  const Float8 across =
+      fnmadd(broadcast(ray.shear_x), depth, sub(load_row(block.vertices, slot.row[0]), broadcast(ray.origin[0])));
+  const Float8 upward =
+      fnmadd(broadcast(ray.shear_y), depth, sub(load_row(block.vertices, slot.row[1]), broadcast(ray.origin[1])));
+  const Int8 corner0 = load(block.corners), corner1 = shift_right<4>(corner0), corner2 = shift_right<8>(corner0);
+  const Float8 x0 = permute(across, corner0), y0 = permute(upward, corner0), z0 = permute(depth, corner0);
+  const Float8 x1 = permute(across, corner1), y1 = permute(upward, corner1), z1 = permute(depth, corner1);
+  const Float8 x2 = permute(across, corner2), y2 = permute(upward, corner2), z2 = permute(depth, corner2);
+  const Float8 weight0 = difference(x2, y1, y2, x1);
+  const Float8 weight1 = difference(x0, y2, y0, x2);
+  const Float8 weight2 = difference(x1, y0, y1, x0);
+  const Float8 least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
+  const Float8 sum = add(add(weight0, weight1), weight2);
+  const Float8 t = div(fmadd(weight2, z2, fmadd(weight1, z1, mul(weight0, z0))), mul(sum, broadcast(ray.direction_z)));
+  const Mask8 inside = both(either(less_equal(zero(), least), less_equal(most, zero())), not_equal(sum, zero()));
+  const Mask8 in_range = both(less_equal(broadcast(slot.box.t_min), t), less_equal(t, broadcast(slot.box.t_limit)));
+  const Mask8 at_origin = less_equal(abs(t), broadcast(ray.refine_below));
+  const unsigned lanes = bits(both(inside, either(in_range, at_origin)));
+  if constexpr (kCounts) {
+    std::uint32_t tested = 1;
+    for (int lane = 1; lane < 8; ++lane) tested += block.primitives[lane] != block.primitives[lane - 1] ? 1u : 0u;
+    stream.batch.counts[slot.ray].primitives_tested += tested;
+  }
+  --slot.top;
+  if (lanes == 0) return;
+  alignas(32) float t_of[8], sums[8], weights_v1[8], weights_v2[8];
+  store(t_of, t), store(sums, sum), store(weights_v1, weight1), store(weights_v2, weight2);
+  if (!take_hits<kAny>(slot, stream, block, lanes, t_of, sums, weights_v1, weights_v2)) return;
+  if constexpr (kAny) {
+    slot.top = 0;
+  } else {
+    slot.box.t_limit = to_local_max(slot.time, slot.best_t);
+    drop_far_entries(slot, stream.nears_offset);
+  }
+}
+
+template <bool kAny, bool kCounts>
+PERFECT_BVH_INLINE void visit_leaves(Stream& stream) noexcept {
+  const std::size_t count = stream.leaf_count;
+  std::size_t nodes = stream.node_count, others = stream.other_count;
+  for (std::size_t i = 0; i < count; ++i) {
+    Slot& slot = *stream.at_leaf[i];
+    std::uint32_t* const stack = stack_of(slot);
+    visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[stack[slot.top] - kBlockChild]);
+    stream.at_node[nodes] = &slot;
+    stream.at_other[others] = &slot;
+    const std::uint32_t is_other = stack[slot.top] >> 31;
+    others += is_other;
+    nodes += 1 - is_other;
+  }
+  stream.node_count = nodes;
+  stream.other_count = others;
+  stream.leaf_count = 0;
+}
+
+template <bool kAny>
+inline void write_result(const RayBatch& batch, std::size_t row, const Slot* slot) noexcept {
+  const bool found = slot != nullptr && slot->hit_instance != kNoHit;
+  if constexpr (kAny) {
+    batch.occluded[row] = found ? 1 : 0;
+  } else {
+    Hit& hit = batch.hits[row];
+    hit.t = found ? static_cast<float>(slot->best_t) + 0.0f : kInfiniteDistance;  // no -0
+    hit.u = found ? slot->u : 0.0f;
+    hit.v = found ? slot->v : 0.0f;
+    hit.instance_index = found ? slot->hit_instance : kNoHit;
+    hit.primitive_index = found ? slot->hit_primitive : kNoHit;
+  }
+}
+
+// The next ray of the batch that can hit anything; false if none is left.
+template <bool kAny, bool kCounts>
+inline bool take_next_ray(Stream& stream, Slot& slot) noexcept {
+  while (stream.next_ray < stream.batch.count) {
+    const std::size_t row = stream.next_ray++;
+    if constexpr (kCounts) stream.batch.counts[row].nodes_visited = stream.batch.counts[row].primitives_tested = 0;
+    slot.ray = static_cast<std::uint32_t>(row);
+    if (!stream.scene.is_empty && start_ray(slot, stream.scene, stream.batch.rays[row])) return true;
+    write_result<kAny>(stream.batch, row, nullptr);
+  }
+  return false;
+}
+
+// Follows the marks on each waiting slot's stack until it is at a node or a leaf, or no ray is left for it.
+template <bool kAny, bool kCounts>
+void follow_marks(Stream& stream) noexcept {
+  for (std::size_t i = 0; i < stream.mark_count; ++i) {
+    Slot& slot = *stream.at_mark[i];
+    const std::uint32_t* const stack = stack_of(slot);
+    bool is_active = true;
+    while (is_active && stack[slot.top] >= kInstanceChild) {
+      const std::uint32_t mark = stack[slot.top];
+      if (mark == kDoneMark) {
+        write_result<kAny>(stream.batch, slot.ray, &slot);
+        is_active = take_next_ray<kAny, kCounts>(stream, slot);
+      } else if (mark == kLeaveMark) {
+        leave_instance<kAny>(slot, stream.scene, stream.nears_offset);
+      } else {
+        if constexpr (kCounts) ++stream.batch.counts[slot.ray].nodes_visited;
+        if (!enter_instance(slot, stream.scene, stream.batch.rays[slot.ray])) --slot.top;
+      }
+    }
+    if (!is_active) continue;
+    if (stack[slot.top] >= kBlockChild) {
+      stream.at_leaf[stream.leaf_count++] = &slot;
+    } else {
+      stream.at_node[stream.node_count++] = &slot;
+    }
+  }
+  stream.mark_count = 0;
+}
+
+inline void sort_others(Stream& stream) noexcept {
+  std::size_t leaves = stream.leaf_count, marks = stream.mark_count;
+  for (std::size_t i = 0; i < stream.other_count; ++i) {
+    Slot& slot = *stream.at_other[i];
+    const std::uint32_t is_mark = (stack_of(slot)[slot.top] >> 30) & 1;
+    stream.at_leaf[leaves] = &slot;
+    stream.at_mark[marks] = &slot;
+    leaves += 1 - is_mark;
+    marks += is_mark;
+  }
+  stream.leaf_count = leaves;
+  stream.mark_count = marks;
+  stream.other_count = 0;
+}
+
+// Entries of a stack: those any ray can need, and 8 more that pushes may write over.
+inline std::size_t padded_entries(const SceneView& scene) noexcept {
+  return (std::size_t{scene.stack_entries} + 8 + 15) / 16 * 16;
+}
+
+// A slot with its stacks: an odd number of cache lines, so that slots do not compete for the same places in the cache.
+inline std::size_t slot_bytes(const SceneView& scene) noexcept {
+  const std::size_t lines = sizeof(Slot) / 64 + padded_entries(scene) / 8;
+  return 64 * (lines | 1);
+}
+
+std::size_t stream_workspace_bytes(const SceneView& scene, std::size_t in_flight) {
+  return slot_bytes(scene) * in_flight;
+}
+
+template <bool kAny, bool kCounts>
+void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) noexcept {
+  Stream stream(scene, batch, padded_entries(scene));
+  for (std::size_t i = 0; i < in_flight; ++i) {
+    Slot& slot = *reinterpret_cast<Slot*>(static_cast<char*>(workspace) + i * slot_bytes(scene));
+    if (!take_next_ray<kAny, kCounts>(stream, slot)) break;
+    stream.at_other[stream.other_count++] = &slot;
+    // A top level of nodes begins at a node.
+    if (stack_of(slot)[slot.top] < kBlockChild)
+      stream.at_node[stream.node_count++] = stream.at_other[--stream.other_count];
+  }
+  while (stream.node_count + stream.other_count + stream.leaf_count != 0) {
+    while (stream.node_count != 0 && stream.other_count + stream.leaf_count < kLeafPatience) {
+      visit_nodes<kAny, kCounts>(stream);
+    }
+    sort_others(stream);
+    visit_leaves<kAny, kCounts>(stream);
+    follow_marks<kAny, kCounts>(stream);
+  }
+}
+
+void trace_stream_closest(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) {
+  if (batch.counts != nullptr) {
+    trace_stream<false, true>(scene, batch, workspace, in_flight);
+  } else {
+    trace_stream<false, false>(scene, batch, workspace, in_flight);
+  }
+}
+
+void trace_stream_any(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) {
+  if (batch.counts != nullptr) {
+    trace_stream<true, true>(scene, batch, workspace, in_flight);
+  } else {
+    trace_stream<true, false>(scene, batch, workspace, in_flight);
+  }
+}
+
+}  // namespace
+}  // namespace perfect_bvh

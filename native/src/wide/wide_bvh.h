@@ -1,0 +1,63 @@
+// The tree that rays are traced through: nodes of 8 children, leaves of up to 8 triangles over up to 8 vertices.
+// The same bytes for every instruction set. It serves both levels: over the triangles of a mesh, and over instances.
+//
+// A leaf holds each of its vertices once, and 3 bits for each corner of a triangle: a kernel moves and shears 8
+// vertices, then deals them out to the corners by register permutation. Against nine floats a triangle that halves
+// the bytes read and takes no longer; what it costs is that a leaf is full at 8 vertices.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+#include "core/aligned.h"
+#include "math/slab.h"
+
+namespace perfect_bvh {
+
+inline constexpr std::uint32_t kWideWidth = 8;
+
+// What a child is, in its highest bits. 0: a node, by row. 10: a leaf block, by row. 110: an instance, by row (the top
+// level's leaves). 111: the kernels' own marks on their stacks. No child is row 0 of the nodes, the root: so 0 stands
+// for an empty place, whose box is inverted, so that no ray enters it.
+inline constexpr std::uint32_t kBlockChild = 0x80000000u;
+inline constexpr std::uint32_t kInstanceChild = 0xC0000000u;
+inline constexpr std::uint32_t kFirstMark = 0xE0000000u;
+inline constexpr std::uint32_t kMostBlocks = kInstanceChild - kBlockChild;
+inline constexpr std::uint32_t kMostInstances = kFirstMark - kInstanceChild;
+inline constexpr std::uint32_t kNoChild = 0;
+
+struct alignas(64) WideNode {
+  float planes[6][8];  // lower x, upper x, lower y, upper y, lower z, upper z of the 8 children
+  std::uint32_t child[8];
+  // Far to near: for a ray of octant o (bit a set if it runs down axis a), place i holds child (order[i] >> 3 o) & 7.
+  std::uint32_t order[8];
+};
+static_assert(sizeof(WideNode) == 256 && std::is_trivially_copyable_v<WideNode>);
+
+// Unused places repeat the last vertex or triangle, so that they are tested harmlessly: an equal hit of an equal
+// triangle changes nothing. Triangles stand by ascending number.
+struct alignas(32) LeafBlock {
+  float vertices[3][8];         // x, y, z, in the tree's scale
+  std::uint32_t corners[8];     // bits 0-2, 4-6, 8-10: the vertices of a triangle, in winding order
+  std::uint32_t primitives[8];  // number of the triangle in the mesh
+};
+static_assert(sizeof(LeafBlock) == 160 && std::is_trivially_copyable_v<LeafBlock>);
+
+struct WideBvh {
+  AlignedVector<WideNode> nodes;
+  AlignedVector<LeafBlock> blocks;  // empty in a top level
+  std::uint32_t root = kNoChild;    // a node (row 0) or a leaf
+  std::uint32_t depth = 0;          // nodes on the longest way from the root to a leaf
+  bool is_empty = true;             // over nothing: `root` means nothing
+  // Boxes and vertices are stored times this power of two: 1, unless the coordinates are so large or so small that
+  // products of them would leave the range of float.
+  float scale = 1.0f;
+  TreeExtent extent{};  // of the boxes as stored
+
+  [[nodiscard]] std::size_t byte_count() const noexcept {
+    return nodes.size() * sizeof(WideNode) + blocks.size() * sizeof(LeafBlock);
+  }
+};
+
+}  // namespace perfect_bvh

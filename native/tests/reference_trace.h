@@ -1,0 +1,63 @@
+// The answer that every kernel must give, bit for bit: every triangle of every instance tried in turn, with the scalar
+// arithmetic of math/triangle.h and traverse/object_ray.h. No tree, so no tree can influence it.
+#pragma once
+
+#include <tuple>
+
+#include "math/triangle.h"
+#include "scene/snapshot.h"
+#include "traverse/object_ray.h"
+
+namespace perfect_bvh::test {
+
+inline Hit reference_closest(const Snapshot& snapshot, const Ray& ray, Cull cull) {
+  Hit best;
+  if (!is_valid(ray)) return best;
+  double best_t = ray.t_max;
+  ObjectRay world{{ray.origin.x, ray.origin.y, ray.origin.z},
+                  {ray.direction.x, ray.direction.y, ray.direction.z},
+                  {0.0, 1.0, true}};
+  for (int axis = 0; axis < 3; ++axis) {
+    world.origin[axis] *= static_cast<double>(snapshot.view.scale);
+    world.direction[axis] *= static_cast<double>(snapshot.view.scale);
+  }
+  if (!bring_near(world, static_cast<double>(snapshot.view.extent.reach))) return best;
+  for (std::size_t index = 0; index < snapshot.instances.size(); ++index) {
+    const Instance& instance = snapshot.instances[index];
+    const InstanceView& view = snapshot.instance_views[index];
+    if ((instance.mask & ray.mask) == 0) continue;
+    ObjectRay local;
+    map_ray(local, world, view.world_to_local);
+    if (!bring_near(local, static_cast<double>(view.extent.reach))) continue;
+    float origin[3], direction[3];
+    narrow(local.origin, origin);
+    narrow(local.direction, direction);
+    TriangleRay triangle_ray;
+    set_triangle_ray(triangle_ray, origin, direction, longest_axis(direction), view.extent);
+    const TriangleMesh& mesh = instance.blas->mesh;
+    for (std::uint32_t primitive = 0; primitive < mesh.triangle_count(); ++primitive) {
+      const TriangleIndices corners = mesh.triangles[primitive];
+      Vec3f p[3] = {mesh.positions[corners.x], mesh.positions[corners.y], mesh.positions[corners.z]};
+      for (Vec3f& corner : p) corner = corner * instance.blas->wide.scale;
+      const float* const rows[3] = {&p[0].x, &p[1].x, &p[2].x};
+      TriangleHit hit;
+      if (!intersect_triangle(triangle_ray, rows, hit)) continue;
+      const double t = to_ray_t(local.time, hit.t);
+      const float narrowed = static_cast<float>(t);
+      if (!(narrowed >= ray.t_min && narrowed <= ray.t_max && narrowed < kInfiniteDistance)) continue;
+      if (cull != Cull::kNone && (hit.is_front != instance.mirrored) == (cull == Cull::kFront)) continue;
+      if (best.found()) {
+        const Instance& holder = snapshot.instances[best.instance_index];
+        if (std::tuple(t, instance.order, instance.id, primitive) >=
+            std::tuple(best_t, holder.order, holder.id, best.primitive_index)) {
+          continue;
+        }
+      }
+      best_t = t;
+      best = {narrowed + 0.0f, hit.u, hit.v, static_cast<std::uint32_t>(index), primitive};
+    }
+  }
+  return best;
+}
+
+}  // namespace perfect_bvh::test
