@@ -1,0 +1,37 @@
+// Embree as a peer: one scene over one mesh, rays one by one.
+#pragma once
+
+#include <embree4/rtcore.h>
+
+#include <span>
+#include <string>
+
+#include "mesh/triangle_mesh.h"
+#include "traverse/ray.h"
+
+namespace perfect_bvh::bench {
+
+class EmbreePeer {
+ public:
+  struct Options {
+    std::string device = "threads=1";  // e.g. "threads=1,isa=avx2"
+    RTCBuildQuality quality = RTC_BUILD_QUALITY_MEDIUM;
+    bool is_robust = false;
+  };
+
+  EmbreePeer(const TriangleMesh& mesh, const Options& options);
+  ~EmbreePeer();
+  EmbreePeer(const EmbreePeer&) = delete;
+  EmbreePeer& operator=(const EmbreePeer&) = delete;
+
+  void closest(std::span<const Ray> rays, Hit* hits) const;
+  void any(std::span<const Ray> rays, std::uint8_t* occluded) const;
+  // Rays in groups of 16, as rtcIntersect16 takes them; coherent says so to Embree.
+  void closest_packets(std::span<const Ray> rays, Hit* hits, bool is_coherent) const;
+
+ private:
+  RTCDevice device_;
+  RTCScene scene_;
+};
+
+}  // namespace perfect_bvh::bench

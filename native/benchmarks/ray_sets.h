@@ -1,0 +1,38 @@
+// The rays that benchmarks cast at a mesh: primary, diffuse bounces in the order of the pixels they come from, the same
+// shuffled, and ambient occlusion within a tenth of the scene's diagonal.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "mesh/triangle_mesh.h"
+#include "traverse/ray.h"
+
+namespace perfect_bvh::bench {
+
+struct RaySet {
+  std::string name;
+  bool is_any_hit = false;
+  std::vector<Ray> rays;
+};
+
+// For meshes seen from outside the camera frames the box; for those seen from inside it stands in the hall.
+enum class View { kOutside, kInside };
+
+[[nodiscard]] std::vector<Ray> primary_rays(const Aabb& box, View view, std::uint32_t width, std::uint32_t height);
+
+// From the hits of the primary rays (t and triangle of each), cosine-weighted about the side they came from.
+struct Bounces {
+  std::vector<Ray> diffuse, occlusion;
+};
+[[nodiscard]] Bounces bounce_rays(const TriangleMesh& mesh, const std::vector<Ray>& primary,
+                                  const std::vector<Hit>& hits, float diagonal);
+
+[[nodiscard]] std::vector<RaySet> make_ray_sets(const TriangleMesh& mesh, const Aabb& box, View view,
+                                                const std::vector<Ray>& primary, const std::vector<Hit>& hits);
+
+// Little-endian uint32 vertex count, triangle count; float32 positions; uint32 triangles.
+[[nodiscard]] TriangleMesh read_mesh(const std::string& path);
+
+}  // namespace perfect_bvh::bench

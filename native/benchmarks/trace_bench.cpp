@@ -1,0 +1,292 @@
+// trace_bench [options] MESH.bin...
+//   --rounds N       interleaved rounds (7)             --kinds a,b        of primary,diffuse,shuffled,occlusion
+//   --isas a,b       kernels (all)                       --in-flight a,b    rays under way (0: the default)
+//   --peers a,b      embree, embree_avx2, embree_robust, embree_packets (embree)
+//   --size WxH       of the image (640x400)              --json OUT.json
+//   --reinsert N     reinsertion passes for our tree      --inside           the camera stands inside the box
+//
+// Casts the same rays with every competitor, in chunks, all competitors in turn on each chunk, the order rotating. The
+// time is the thread's own CPU time. A competitor's figure is the sum over chunks of the lower third of its times on
+// each; ratios are to Embree's default (rtcIntersect1, rtcOccluded1, quality MEDIUM, not robust).
+#include <time.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <functional>
+#include <memory>
+#include <numeric>
+#include <sstream>
+
+#include "build/builder.h"
+#include "embree_peer.h"
+#include "ray_sets.h"
+#include "traverse/dispatch.h"
+#include "wide/collapse.h"
+
+namespace perfect_bvh::bench {
+namespace {
+
+struct Options {
+  int rounds = 7;
+  std::vector<std::string> kinds, isas, in_flight{"0"}, peers{"embree"}, meshes;
+  std::uint32_t width = 640, height = 400, reinsert = 0;
+  std::string json;
+  bool inside = false;
+};
+
+std::vector<std::string> split(const std::string& text, char separator) {
+  std::vector<std::string> parts;
+  std::istringstream stream(text);
+  for (std::string part; std::getline(stream, part, separator);) parts.push_back(part);
+  return parts;
+}
+
+Options parse(int count, char** values) {
+  Options options;
+  for (int i = 1; i < count; ++i) {
+    const std::string name = values[i];
+    const auto value = [&] {
+      if (++i >= count) throw std::runtime_error(name + " needs a value");
+      return std::string(values[i]);
+    };
+    if (name == "--rounds") {
+      options.rounds = std::stoi(value());
+    } else if (name == "--kinds") {
+      options.kinds = split(value(), ',');
+    } else if (name == "--isas") {
+      options.isas = split(value(), ',');
+    } else if (name == "--in-flight") {
+      options.in_flight = split(value(), ',');
+    } else if (name == "--peers") {
+      options.peers = split(value(), ',');
+    } else if (name == "--reinsert") {
+      options.reinsert = static_cast<std::uint32_t>(std::stoul(value()));
+    } else if (name == "--json") {
+      options.json = value();
+    } else if (name == "--inside") {
+      options.inside = true;
+    } else if (name == "--size") {
+      const auto parts = split(value(), 'x');
+      options.width = static_cast<std::uint32_t>(std::stoul(parts.at(0)));
+      options.height = static_cast<std::uint32_t>(std::stoul(parts.at(1)));
+    } else {
+      options.meshes.push_back(name);
+    }
+  }
+  return options;
+}
+
+double cpu_seconds() {
+  timespec now;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+// A scene of one mesh in its own place.
+struct SingleMesh {
+  Bvh2 binary;
+  WideBvh wide;
+  InstanceView instance{};
+  SceneView view;
+
+  SingleMesh(const TriangleMesh& mesh, std::uint32_t reinsertion_passes) {
+    ThreadPool pool(1);
+    CancelToken cancel;
+    AlignedVector<PrimRef> prims(mesh.triangle_count());
+    for (std::size_t i = 0; i < prims.size(); ++i) {
+      const Aabb box = mesh.triangle_box(i);
+      prims[i] = {box.lower, static_cast<std::uint32_t>(i), box.upper, 0};
+    }
+    BuildConfig config;
+    config.optimize_passes = reinsertion_passes;
+    config.max_leaf_size = 2;
+    binary = build_bvh2(prims, config, pool, cancel);
+    wide = collapse_mesh(binary, mesh, pool, cancel);
+    for (int i = 0; i < 3; ++i) instance.world_to_local[4 * i] = static_cast<double>(wide.scale);
+    instance.nodes = wide.nodes.data(), instance.blocks = wide.blocks.data();
+    instance.extent = wide.extent, instance.root = wide.root, instance.mask = ~0u;
+    view.instances = &instance;
+    view.extent = wide.extent, view.root = kInstanceChild, view.is_empty = wide.is_empty;
+    view.stack_entries = 7 * wide.depth + 4;
+  }
+};
+
+struct Competitor {
+  std::string name;
+  std::function<void(std::span<const Ray>, Hit*)> closest;
+  std::function<void(std::span<const Ray>, std::uint8_t*)> any;
+  std::vector<std::vector<double>> times;  // by chunk
+  std::size_t different = 0;
+};
+
+std::vector<Competitor> make_competitors(const Options& options, const TriangleMesh& mesh, const SingleMesh& ours) {
+  std::vector<Competitor> list;
+  for (const std::string& name : options.peers) {
+    EmbreePeer::Options peer_options;
+    peer_options.is_robust = name.find("robust") != std::string::npos;
+    if (name.find("avx2") != std::string::npos) peer_options.device += ",isa=avx2";
+    if (name.find("high") != std::string::npos) peer_options.quality = RTC_BUILD_QUALITY_HIGH;
+    const auto peer = std::make_shared<EmbreePeer>(mesh, peer_options);
+    const bool packets = name.find("packets") != std::string::npos;
+    list.push_back({name,
+                    [peer, packets](std::span<const Ray> rays, Hit* hits) {
+                      if (packets) {
+                        peer->closest_packets(rays, hits, true);
+                      } else {
+                        peer->closest(rays, hits);
+                      }
+                    },
+                    [peer](std::span<const Ray> rays, std::uint8_t* occluded) { peer->any(rays, occluded); },
+                    {},
+                    0});
+  }
+  std::vector<std::string> isas = options.isas;
+  if (isas.empty()) {
+    for (const KernelTable* table : available_kernels()) {
+      if (std::strcmp(table->name, "scalar") != 0) isas.push_back(table->name);
+    }
+  }
+  for (const std::string& isa : isas) {
+    for (const std::string& rays_in_flight : options.in_flight) {
+      const std::size_t in_flight = std::stoul(rays_in_flight);
+      list.push_back(
+          {in_flight == 0 ? isa : isa + "/" + rays_in_flight,
+           [&ours, isa, in_flight](std::span<const Ray> rays, Hit* hits) {
+             set_active_kernels(isa);
+             trace_closest(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, hits, nullptr}, in_flight);
+           },
+           [&ours, isa, in_flight](std::span<const Ray> rays, std::uint8_t* occluded) {
+             set_active_kernels(isa);
+             trace_any(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, nullptr, occluded}, in_flight);
+           },
+           {},
+           0});
+    }
+  }
+  return list;
+}
+
+constexpr std::size_t kChunk = 8192;
+
+// Hits that differ from the first competitor's: another triangle, and t further away than 1e-5 of the diagonal.
+std::size_t count_different(const std::vector<Hit>& a, const std::vector<Hit>& b, std::size_t count, float tolerance) {
+  std::size_t different = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (a[i].found() != b[i].found() || (a[i].found() && !(std::abs(a[i].t - b[i].t) <= tolerance))) ++different;
+  }
+  return different;
+}
+
+void run(const RaySet& set, std::vector<Competitor>& competitors, int rounds, float diagonal) {
+  const std::size_t chunk_count = std::max<std::size_t>(set.rays.size() / kChunk, 1);
+  std::vector<Hit> first(kChunk), hits(kChunk);
+  std::vector<std::uint8_t> first_any(kChunk), occluded(kChunk);
+  for (Competitor& competitor : competitors) competitor.times.assign(chunk_count, {}), competitor.different = 0;
+  for (int round = 0; round < rounds; ++round) {
+    for (std::size_t chunk = 0; chunk < chunk_count; ++chunk) {
+      const std::size_t begin = chunk * kChunk, count = std::min(kChunk, set.rays.size() - begin);
+      const std::span<const Ray> rays(set.rays.data() + begin, count);
+      if (round == 0) competitors[0].closest(rays, first.data()), competitors[0].any(rays, first_any.data());
+      for (std::size_t turn = 0; turn < competitors.size(); ++turn) {
+        Competitor& competitor = competitors[(turn + chunk + static_cast<std::size_t>(round)) % competitors.size()];
+        const double start = cpu_seconds();
+        if (set.is_any_hit) {
+          competitor.any(rays, occluded.data());
+        } else {
+          competitor.closest(rays, hits.data());
+        }
+        competitor.times[chunk].push_back(cpu_seconds() - start);
+        if (round != 0) continue;
+        competitor.different += set.is_any_hit
+                                    ? static_cast<std::size_t>(std::inner_product(
+                                          first_any.begin(), first_any.begin() + static_cast<std::ptrdiff_t>(count),
+                                          occluded.begin(), 0, std::plus<>(), std::not_equal_to<>()))
+                                    : count_different(first, hits, count, 1e-5f * diagonal);
+      }
+    }
+  }
+}
+
+double lower_third(std::vector<double> times) {
+  const auto place = times.begin() + static_cast<std::ptrdiff_t>(times.size() / 3);
+  std::nth_element(times.begin(), place, times.end());
+  return *place;
+}
+
+double seconds_of(const Competitor& competitor) {
+  double sum = 0;
+  for (const auto& times : competitor.times) sum += lower_third(times);
+  return sum;
+}
+
+void report(const std::string& mesh, const RaySet& set, const std::vector<Competitor>& competitors, std::string& json) {
+  const double rays =
+      static_cast<double>(std::max<std::size_t>(set.rays.size() / kChunk, 1) * std::min(kChunk, set.rays.size()));
+  const double base = seconds_of(competitors[0]);
+  std::printf("%-10s %-10s", mesh.c_str(), set.name.c_str());
+  for (const Competitor& competitor : competitors) {
+    const double seconds = seconds_of(competitor);
+    std::printf("  %s %.2f M/s (%.3f, %zu)", competitor.name.c_str(), rays / seconds * 1e-6, base / seconds,
+                competitor.different);
+    json += (json.empty() ? "" : ",\n") + std::string("  {\"mesh\": \"") + mesh + "\", \"rays\": \"" + set.name +
+            "\", \"competitor\": \"" + competitor.name +
+            "\", \"mrays_per_second\": " + std::to_string(rays / seconds * 1e-6) +
+            ", \"ratio\": " + std::to_string(base / seconds) +
+            ", \"different_from_first\": " + std::to_string(competitor.different) +
+            ", \"ray_count\": " + std::to_string(set.rays.size()) + "}";
+  }
+  std::printf("\n");
+  std::fflush(stdout);
+}
+
+std::string stem(const std::string& path) {
+  const std::size_t slash = path.find_last_of('/');
+  const std::string name = slash == std::string::npos ? path : path.substr(slash + 1);
+  return name.substr(0, name.find('.'));
+}
+
+void bench_mesh(const std::string& path, const Options& options, std::string& json) {
+  const TriangleMesh mesh = read_mesh(path);
+  const std::string name = stem(path);
+  const double start = cpu_seconds();
+  const SingleMesh ours(mesh, options.reinsert);
+  std::printf(
+      "%s: %zu triangles, built in %.1f ms, %zu nodes, %zu leaves (%.2f triangles), depth %u, %.1f bytes a triangle\n",
+      name.c_str(), mesh.triangle_count(), 1e3 * (cpu_seconds() - start), ours.wide.nodes.size(),
+      ours.wide.blocks.size(),
+      static_cast<double>(mesh.triangle_count()) / static_cast<double>(ours.wide.blocks.size()), ours.wide.depth,
+      static_cast<double>(ours.wide.byte_count()) / static_cast<double>(mesh.triangle_count()));
+  const Aabb box = ours.binary.bounds();
+  std::vector<Competitor> competitors = make_competitors(options, mesh, ours);
+  const View view = options.inside || name == "sponza" ? View::kInside : View::kOutside;
+  const std::vector<Ray> primary = primary_rays(box, view, options.width, options.height);
+  std::vector<Hit> hits(primary.size());
+  competitors[0].closest(primary, hits.data());
+  for (const RaySet& set : make_ray_sets(mesh, box, view, primary, hits)) {
+    if (!options.kinds.empty() &&
+        std::find(options.kinds.begin(), options.kinds.end(), set.name) == options.kinds.end())
+      continue;
+    run(set, competitors, options.rounds, length(box.extent()));
+    report(name, set, competitors, json);
+  }
+}
+
+}  // namespace
+}  // namespace perfect_bvh::bench
+
+int main(int count, char** values) {
+  using namespace perfect_bvh::bench;
+  try {
+    const Options options = parse(count, values);
+    std::string json;
+    for (const std::string& mesh : options.meshes) bench_mesh(mesh, options, json);
+    if (!options.json.empty()) std::ofstream(options.json) << "[\n" << json << "\n]\n";
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 1;
+  }
+  return 0;
+}
