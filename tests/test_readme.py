@@ -1,4 +1,4 @@
-"""What the README shows, works: its Python examples run, each in a process of its own."""
+"""What the README shows, works: its Python examples run, and its lists are complete."""
 
 from __future__ import annotations
 
@@ -8,13 +8,26 @@ import sys
 from pathlib import Path
 
 import pytest
+from perfect_bvh_addon.modes import MODE_NAMES
 
 README = Path(__file__).resolve().parent.parent / "README.md"
-EXAMPLES = re.findall(r"^```python\n(.*?)^```$", README.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+TEXT = README.read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"^```python\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
 
 
 def test_there_are_examples() -> None:
     assert len(EXAMPLES) == 2
+
+
+def test_it_lists_the_modes() -> None:
+    table = TEXT.split("| mode | shows |")[1].split("\n\n")[0]
+    assert sorted(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == sorted(MODE_NAMES)
+
+
+def test_both_commands_install_the_same_system_packages() -> None:
+    installs = re.findall(r"^\$\(command -v sudo\) sh -c '([^']+)'", TEXT, re.MULTILINE)
+    assert len(installs) == 2
+    assert installs[0] == installs[1]
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=["query", "render"])
