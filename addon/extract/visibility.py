@@ -17,6 +17,14 @@ from ..sync.records import (
     VISIBLE_TO_VOLUME,
 )
 
+_TYPE_SWITCHES = {
+    "MESH": "show_object_viewport_mesh",
+    "CURVE": "show_object_viewport_curve",
+    "SURFACE": "show_object_viewport_surf",
+    "META": "show_object_viewport_meta",
+    "FONT": "show_object_viewport_font",
+}
+
 
 def _ray_mask(obj: Any) -> int:
     """Written out because it is asked for every object at every sync."""
@@ -32,6 +40,15 @@ def _ray_mask(obj: Any) -> int:
     if obj.visible_shadow:
         mask |= VISIBLE_TO_SHADOW
     return mask
+
+
+def _placed(obj: Any, parent: Any) -> Any:
+    """What has a place in the view layer, whose collections' settings count: of an instance, the instancer.
+
+    Cycles asks the duplicate, of which the view layer knows nothing, and then the instancer. Python may be given the
+    original in place of the duplicate, if anybody holds a reference to it, and would get its answer.
+    """
+    return obj if parent is None else parent
 
 
 class VisibilityReader:
@@ -53,24 +70,32 @@ class VisibilityReader:
 
     def mask(self, obj: Any, parent: Any) -> int:
         """VISIBLE_TO_* bits of an evaluated object seen as itself (parent None) or as an instance of parent's."""
-        mask = _ray_mask(obj)
-        if obj.indirect_only_get(view_layer=self._view_layer):
+        mask = _ray_mask(obj) if parent is None else _ray_mask(obj) & _ray_mask(parent)
+        if _placed(obj, parent).indirect_only_get(view_layer=self._view_layer):
             mask &= ~VISIBLE_TO_CAMERA
-        return mask if parent is None else mask & self.mask(parent, None)
+        return mask
 
     def is_holdout(self, obj: Any, parent: Any) -> bool:
-        """Whether the object or its instancer cuts a transparent hole into the image."""
-        if obj.holdout_get(view_layer=self._view_layer):
-            return True
-        return parent is not None and bool(parent.holdout_get(view_layer=self._view_layer))
+        """Whether the object, or for an instance its instancer, cuts a transparent hole into the image."""
+        return bool(_placed(obj, parent).holdout_get(view_layer=self._view_layer))
 
     def is_hidden(self, obj: Any, parent: Any) -> bool:
         """Whether an object that the depsgraph lists must not be shown all the same."""
         if not self._for_viewport:
             return self._render_filter is not None and self._render_filter.is_hidden(obj, parent)
-        if self._space is not None:  # Blender gives a duplicate its instancer's local view
+        if self._space is None:
+            return self._is_hidden_by_layer(_placed(obj, parent))
+        if parent is None:
             return not obj.visible_in_viewport_get(self._space)
-        return self._is_hidden_by_layer(obj if parent is None else parent)
+        return self._is_instance_hidden_in_space(obj, parent)
+
+    def _is_instance_hidden_in_space(self, obj: Any, parent: Any) -> bool:
+        """An instance is shown where its instancer is, but belongs to the type of object that it shows."""
+        if not getattr(self._space, _TYPE_SWITCHES.get(obj.type, ""), True):
+            return True
+        if self._space.local_view is not None and not parent.local_view_get(self._space):
+            return True
+        return self._is_hidden_by_layer(parent)
 
     def _is_hidden_by_layer(self, obj: Any) -> bool:
         """What the eye icon of a collection hides is still evaluated and listed."""

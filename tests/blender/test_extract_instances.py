@@ -222,6 +222,28 @@ def test_keys_and_ids_are_the_same_at_every_evaluation(scene: Any, kind: str) ->
     np.testing.assert_array_equal(first.instances.transforms, second.instances.transforms)
 
 
+@pytest.mark.parametrize("setting", [None, "is_holdout", "visible_camera"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_references_that_others_hold_change_nothing(scene: Any, kind: str, setting: str | None) -> None:
+    """Where Python holds an evaluated object, Blender hands it out in place of its duplicates."""
+    KINDS[kind]()
+    for obj in bpy.data.objects:
+        if setting:
+            setattr(obj, setting, not getattr(obj, setting))
+    depsgraph = evaluated()
+    free = read_scene(depsgraph)
+    held: list[Any] = [obj.evaluated_get(depsgraph) for obj in bpy.data.objects]
+    held += [obj.data for obj in held]
+    for instance in depsgraph.object_instances:
+        held += [instance.instance_object, instance.parent, instance.object.data]
+    bound = read_scene(depsgraph)
+    assert soup_of(bound) == soup_of(free)
+    assert (bound.objects, [mesh.key for mesh in bound.meshes]) == (free.objects, [mesh.key for mesh in free.meshes])
+    for column in ("mesh_indices", "object_indices", "parent_indices", "masks", "transforms"):
+        np.testing.assert_array_equal(getattr(bound.instances, column), getattr(free.instances, column))
+    assert held
+
+
 def test_linked_objects_share_what_a_collection_shows(scene: Any) -> None:
     shown = collection("shown", linked=False)
     data = mesh_data("shared")

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from blender.builders import (
     SQUARE,
+    NodeGroup,
     camera_object,
     collection,
     collection_instance,
@@ -20,6 +21,7 @@ from blender.builders import (
     made_cube,
     mesh_data,
     mesh_object,
+    object_info,
     shown_names,
 )
 from perfect_bvh_addon.extract import read_scene
@@ -211,8 +213,10 @@ def test_a_viewport_hides_types_of_objects(viewport: Any) -> None:
     _, area = viewport
     space = area.spaces[0]
     assert shown_names(read_scene(evaluated(), space=space)) == {"a", "b", "empty/member"}
-    space.show_object_viewport_mesh = space.show_object_viewport_empty = False
-    assert shown_names(read_scene(evaluated(), space=space)) == {"empty/member"}  # as Blender answers for duplicates
+    space.show_object_viewport_empty = False  # an instance counts as what it shows, not as its instancer
+    assert shown_names(read_scene(evaluated(), space=space)) == {"a", "b", "empty/member"}
+    space.show_object_viewport_mesh = False
+    assert shown_names(read_scene(evaluated(), space=space)) == set()
 
 
 # Rays ----------------------------------------------------------------------------------------------------------------
@@ -303,7 +307,26 @@ def instanced_in_indirect_collection() -> None:
     layer_of("around").indirect_only = True
 
 
+def shown_by_nodes(change: Callable[[], None]) -> Callable[[], None]:
+    """The square stays in the view layer, behind the wall, and nodes show it before the wall."""
+
+    def act() -> None:
+        square = bpy.data.objects["square"]
+        square.location.z = -5.0
+        group = NodeGroup("nodes")
+        group.show(object_info(square)(group))
+        group.apply_to(mesh_object("nodes"))
+        change()
+
+    return act
+
+
 CHANGES = {
+    "shown by nodes": shown_by_nodes(nothing),
+    "shown by nodes, a holdout object": shown_by_nodes(holdout_object),
+    "shown by nodes, in a holdout collection": shown_by_nodes(holdout_collection),
+    "shown by nodes, in an indirect only collection": shown_by_nodes(indirect_only),
+    "shown by nodes, camera-invisible": shown_by_nodes(camera_invisible),
     "nothing": nothing,
     "holdout object": holdout_object,
     "holdout collection": holdout_collection,
@@ -333,7 +356,9 @@ def test_the_camera_sees_what_cycles_sees(scene: Any, tmp_path: Path, change: st
         rows = [
             row
             for row, obj in enumerate(record.instances.object_indices)
-            if record.objects[obj].name == "square" and record.instances.masks[row] & VISIBLE_TO_CAMERA
+            if record.objects[obj].name == "square"
+            and record.instances.masks[row] & VISIBLE_TO_CAMERA
+            and record.instances.transforms[row, 2, 3] > -1.0
         ]
         if not rows:
             return "wall"
