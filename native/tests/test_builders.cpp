@@ -2,6 +2,7 @@
 // any number of threads, and building can be stopped.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstring>
 
 #include "build/builder.h"
@@ -45,6 +46,14 @@ std::vector<Case> cases() {
   all.push_back({"binned_256_bins_single_leaves", config});
   config.bins = 16, config.max_leaf_size = 255, config.traversal_cost = 100.0f;
   all.push_back({"binned_large_leaves", config});
+  config = config_of(BuilderKind::kSweep);
+  all.push_back({"sweep", config});
+  config.max_leaf_size = 1;
+  all.push_back({"sweep_single_leaves", config});
+  config = config_of(BuilderKind::kMedian);
+  all.push_back({"median", config});
+  config.max_leaf_size = 1;
+  all.push_back({"median_single_leaves", config});
   return all;
 }
 
@@ -174,6 +183,62 @@ TEST(Binned, CostsLessWithAllAxesAndMoreBins) {
   };
   EXPECT_LT(sah(32, 3), sah(4, 3));
   EXPECT_LE(sah(16, 3), sah(16, 1) * 1.02);
+}
+
+// The SAH of the best of all planes that separate sorted centroids, in double precision.
+double best_plane_cost(const std::vector<PrimRef>& refs) {
+  double best = 1e300;
+  for (int axis = 0; axis < 3; ++axis) {
+    auto sorted = refs;
+    std::sort(sorted.begin(), sorted.end(), [axis](const PrimRef& a, const PrimRef& b) {
+      return a.lower[axis] + a.upper[axis] < b.lower[axis] + b.upper[axis];
+    });
+    for (std::size_t split = 1; split < sorted.size(); ++split) {
+      Aabb left, right;
+      for (std::size_t i = 0; i < sorted.size(); ++i) (i < split ? left : right).grow(sorted[i].box());
+      const auto count = static_cast<double>(sorted.size());
+      best = std::min(best, static_cast<double>(left.half_area()) * static_cast<double>(split) +
+                                static_cast<double>(right.half_area()) * (count - static_cast<double>(split)));
+    }
+  }
+  return best;
+}
+
+std::size_t count_below(const Bvh2& tree, std::size_t index) {
+  const Bvh2Node& node = tree.nodes[index];
+  return node.is_leaf() ? node.count : count_below(tree, node.first) + count_below(tree, node.first + 1);
+}
+
+TEST(Sweep, TakesTheBestPlaneOfAll) {
+  for (const std::uint32_t seed : {1u, 2u, 3u, 4u}) {
+    auto refs = scattered(300, seed);
+    refs.push_back(make_ref({-3, -3, -0.1f}, {3, 3, 0}, refs.size()));
+    const Bvh2 tree = build(refs, config_of(BuilderKind::kSweep));
+    double cost = 0;
+    for (const std::size_t child : {tree.nodes[0].first, tree.nodes[0].first + 1}) {
+      cost += static_cast<double>(tree.nodes[child].box().half_area()) * static_cast<double>(count_below(tree, child));
+    }
+    // Planes are compared on a grid of 16384 steps: the winner may be worse by a rounding of the boxes' sides.
+    EXPECT_NEAR(cost, best_plane_cost(refs), best_plane_cost(refs) * 5e-4) << seed;
+  }
+}
+
+TEST(Sweep, CostsNoMoreThanBinnedAndLessThanMedian) {
+  for (const auto& refs : {sheet(100), scattered(20000), ground_and_pebbles(20000)}) {
+    const double sweep = measure_quality(build(refs, config_of(BuilderKind::kSweep))).sah;
+    EXPECT_LE(sweep, measure_quality(build(refs, config_of(BuilderKind::kBinned))).sah * 1.01);
+    BuildConfig median = config_of(BuilderKind::kMedian);
+    median.max_leaf_size = 2;
+    EXPECT_LT(sweep, measure_quality(build(refs, median)).sah);
+  }
+}
+
+TEST(Median, HalvesAndHasTheLeastDepth) {
+  BuildConfig config = config_of(BuilderKind::kMedian);
+  config.max_leaf_size = 1;
+  const Bvh2 tree = build(scattered(1024), config);
+  EXPECT_EQ(tree.depth, 10u);
+  EXPECT_EQ(count_below(tree, 2), 512u);
 }
 
 }  // namespace

@@ -54,6 +54,7 @@ std::size_t partition(const GridRef* from, std::size_t count, std::uint32_t axis
 class BinnedSplitter {
  public:
   using Range = GridRange;
+  static constexpr std::uint32_t kSubtreeSize = 4096;
 
   BinnedSplitter(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool)
       : prims_(prims), config_(config), refs_(prims.size()), scratch_(prims.size()) {
@@ -76,7 +77,11 @@ class BinnedSplitter {
 
   [[nodiscard]] const Range& root() const noexcept { return root_; }
 
-  bool split(Range& range, Range& left, Range& right, ThreadPool* pool) {
+  BinnedSplitter& enter_subtree(const Range&) noexcept { return *this; }
+
+  void split_large(Range& range, Range& left, Range& right, ThreadPool* pool) { (void)split(range, left, right, pool); }
+
+  bool split(Range& range, Range& left, Range& right, ThreadPool* pool = nullptr) {
     if (range.count == 1) return false;
     if (pool != nullptr && range.count < kParallelSize) pool = nullptr;
     left.depth = right.depth = range.depth + 1;

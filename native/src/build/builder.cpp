@@ -5,6 +5,8 @@
 #include <string>
 
 #include "build/binned.h"
+#include "build/median.h"
+#include "build/sweep.h"
 #include "core/errors.h"
 
 namespace perfect_bvh {
@@ -42,6 +44,10 @@ Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, Threa
     case BuilderKind::kAuto:
     case BuilderKind::kBinned:
       return build_binned(prims, config, pool, cancel);
+    case BuilderKind::kMedian:
+      return build_median(prims, config, pool, cancel);
+    case BuilderKind::kSweep:
+      return build_sweep(prims, config, pool, cancel);
     default:
       throw InvalidArgument("BuildConfig: this builder is not available");
   }

@@ -7,11 +7,16 @@
 //
 // A splitter offers
 //   Range: a type with the members of BuildRange;
-//   bool split(Range& range, Range& left, Range& right, ThreadPool* pool)
-//     false: make a leaf. Must respect depth_allows_any_split(). `pool` is null where there is nothing to share out;
-//   Box4 write_leaf(const Range& range, std::uint32_t* prim_indices) const
-//     fills in the leaf's rows and returns its box, zeros positive;
-// and its answers depend on the range alone, never on the threads.
+//   kSubtreeSize: how many references are a task that is not divided further;
+//   void split_large(Range& range, Range& left, Range& right, ThreadPool* pool)
+//     for ranges above kSubtreeSize. `pool` is null where one thread works alone;
+//   Worker enter_subtree(Range& range)
+//     called once for each range of at most that size; the rest of its subtree is then up to the worker, which offers
+//   bool split(Range& range, Range& left, Range& right)
+//     false: make a leaf;
+//   Box4 write_leaf(const Range& range, std::uint32_t* prim_indices)
+//     fills in the leaf's rows and returns its box, zeros positive.
+// All must respect depth_allows_any_split(). Answers depend on the range alone, never on the threads.
 #pragma once
 
 #include <algorithm>
@@ -60,6 +65,7 @@ template <class Splitter>
 class TopDownBuilder {
  public:
   using Range = typename Splitter::Range;
+  static constexpr std::uint32_t kSubtreeSize = Splitter::kSubtreeSize;
 
   TopDownBuilder(Splitter& splitter, ThreadPool& pool, CancelToken& cancel)
       : splitter_(splitter), pool_(pool), cancel_(cancel) {}
@@ -83,8 +89,7 @@ class TopDownBuilder {
   }
 
  private:
-  static constexpr std::uint32_t kSubtreeSize = 4096;  // references below which a task is not divided
-  static constexpr std::uint32_t kFirstPair = 2;       // nodes 0 and 1 are the root and the padding
+  static constexpr std::uint32_t kFirstPair = 2;  // nodes 0 and 1 are the root and the padding
 
   struct Extent {
     std::uint32_t end;    // one past the last node written
@@ -107,7 +112,8 @@ class TopDownBuilder {
     Extent extent{kFirstPair, 0};
     for (;;) {
       Range left, right;
-      if (now.range.count > kSubtreeSize && splitter_.split(now.range, left, right, nullptr)) {
+      if (now.range.count > kSubtreeSize) {
+        splitter_.split_large(now.range, left, right, nullptr);
         cancel_.checkpoint();
         nodes_[now.node].first = extent.end;
         top_nodes_.push_back(now.node);
@@ -133,10 +139,11 @@ class TopDownBuilder {
     std::array<PendingNode, kMaxTreeDepth + 1> stack;
     std::size_t stacked = 0;
     PendingNode now{root_range, &root};
+    auto&& worker = splitter_.enter_subtree(now.range);
     Extent extent{begin, now.range.depth};
     for (;;) {
       Range left, right;
-      if (splitter_.split(now.range, left, right, nullptr)) {
+      if (worker.split(now.range, left, right)) {
         now.node->first = extent.end;
         now.node->count = 0;
         assert(stacked < stack.size());
@@ -145,7 +152,7 @@ class TopDownBuilder {
         extent.end += 2;
         continue;
       }
-      const Box4 box = splitter_.write_leaf(now.range, prim_indices_ + now.range.begin);
+      const Box4 box = worker.write_leaf(now.range, prim_indices_ + now.range.begin);
       write_node(*now.node, box, now.range.begin, now.range.count);
       extent.depth = std::max(extent.depth, now.range.depth);
       if (stacked == 0) break;
@@ -195,7 +202,7 @@ class TopDownBuilder {
       if (top->range.count <= kSubtreeSize) return build_top_leaf(*top);
       auto left = std::make_unique<Top>();
       auto right = std::make_unique<Top>();
-      if (!splitter_.split(top->range, left->range, right->range, &pool_)) return build_top_leaf(*top);
+      splitter_.split_large(top->range, left->range, right->range, &pool_);
       cancel_.checkpoint();
       top->left = std::move(left);
       top->right = std::move(right);
