@@ -105,7 +105,7 @@ struct SingleMesh {
     config.max_leaf_size = 2;
     binary = build_bvh2(prims, config, pool, cancel);
     wide = collapse_mesh(binary, mesh, pool, cancel);
-    for (int i = 0; i < 3; ++i) instance.world_to_local[4 * i] = static_cast<double>(wide.scale);
+    for (int i = 0; i < 3; ++i) instance.world_to_local[i][i] = static_cast<double>(wide.scale);
     instance.nodes = wide.nodes.data(), instance.blocks = wide.blocks.data();
     instance.extent = wide.extent, instance.root = wide.root, instance.mask = ~0u;
     view.instances = &instance;

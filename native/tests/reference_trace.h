@@ -14,8 +14,8 @@ inline Hit reference_closest(const Snapshot& snapshot, const Ray& ray, Cull cull
   Hit best;
   if (!is_valid(ray)) return best;
   double best_t = ray.t_max;
-  ObjectRay world{{ray.origin.x, ray.origin.y, ray.origin.z},
-                  {ray.direction.x, ray.direction.y, ray.direction.z},
+  ObjectRay world{{ray.origin.x, ray.origin.y, ray.origin.z, 0.0},
+                  {ray.direction.x, ray.direction.y, ray.direction.z, 0.0},
                   {0.0, 1.0, true}};
   for (int axis = 0; axis < 3; ++axis) {
     world.origin[axis] *= static_cast<double>(snapshot.view.scale);

@@ -37,6 +37,8 @@ struct TreeExtent {
 inline constexpr float kPlaneSlack = 9.0f * 0x1p-24f;
 inline constexpr float kDepthSlack = 48.0f * 0x1p-24f;
 inline constexpr float kRefineReach = 32.0f * 0x1p-24f;
+inline constexpr float kSmallestShare = 0x1p-40f;
+inline constexpr float kReachShare = 0x1p-18f;
 
 // t of a plane = plane * inverse - offset, in one fused operation.
 struct SlabRay {
@@ -58,7 +60,6 @@ static inline int longest_axis(const float direction[3]) noexcept {
 // The direction's longest component must be a normal number within 2^-20 and 2^21.
 static inline void set_slab_ray(SlabRay& ray, const float origin[3], const float direction[3], int longest,
                                 const TreeExtent& extent) noexcept {
-  constexpr float kSmallestShare = 0x1p-40f, kReachShare = 0x1p-18f;
   const float length = magnitude(direction[longest]);
   const float smallest = kSmallestShare * length;
   const float long_reach = extent.largest[longest] + magnitude(origin[longest]);

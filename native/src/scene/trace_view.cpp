@@ -16,7 +16,7 @@ InstanceView view_of(const Instance& instance, double world_scale) {
   const Vec3d columns[4] = {map.x, map.y, map.z, map.translation};
   for (int column = 0; column < 4; ++column) {
     const double factor = column < 3 ? scale / world_scale : scale;
-    for (int row = 0; row < 3; ++row) view.world_to_local[3 * column + row] = columns[column][row] * factor;
+    for (int row = 0; row < 3; ++row) view.world_to_local[column][row] = columns[column][row] * factor;
   }
   view.nodes = tree.nodes.data();
   view.blocks = tree.blocks.data();

@@ -1,6 +1,9 @@
 // The kernels for AVX2 and FMA.
+#include "traverse/kernel_table.h"
+#include "traverse/ray_setup_avx.h"
 #include "traverse/simd_avx2.h"
-// clang-format: the vectors must be known first
+
+// The vectors and the ray's set-up stand; what follows uses them.
 #include "traverse/stream_kernel.inl"
 
 namespace perfect_bvh {

@@ -1,6 +1,9 @@
 // The kernels for AVX-512 (F, BW, DQ, VL).
+#include "traverse/kernel_table.h"
+#include "traverse/ray_setup_avx.h"
 #include "traverse/simd_avx512.h"
-// clang-format: the vectors must be known first
+
+// The vectors and the ray's set-up stand; what follows uses them.
 #include "traverse/stream_kernel.inl"
 
 namespace perfect_bvh {

@@ -1,6 +1,9 @@
 // The kernels for any machine.
+#include "traverse/kernel_table.h"
+#include "traverse/ray_setup_scalar.h"
 #include "traverse/simd_scalar.h"
-// clang-format: the vectors must be known first
+
+// The vectors and the ray's set-up stand; what follows uses them.
 #include "traverse/stream_kernel.inl"
 
 namespace perfect_bvh {

@@ -16,13 +16,13 @@ struct TimeFrame {
   bool is_direct;
 };
 
-struct ObjectRay {
-  double origin[3], direction[3];
+struct alignas(32) ObjectRay {
+  double origin[4], direction[4];  // the fourth is 0
   TimeFrame time;
 };
 
-// Columns x, y, z, translation.
-using MapColumns = double[12];
+// Columns x, y, z, translation; the fourth row is 0.
+using MapColumns = double[4][4];
 
 static inline double largest_component(const double v[3]) noexcept {
   const double x = __builtin_fabs(v[0]), y = __builtin_fabs(v[1]), z = __builtin_fabs(v[2]);
@@ -31,17 +31,27 @@ static inline double largest_component(const double v[3]) noexcept {
 }
 
 static inline void map_ray(ObjectRay& out, const ObjectRay& ray, const MapColumns& map) noexcept {
-  for (int i = 0; i < 3; ++i) {
-    out.origin[i] = ((map[i] * ray.origin[0] + map[3 + i] * ray.origin[1]) + map[6 + i] * ray.origin[2]) + map[9 + i];
-    out.direction[i] = (map[i] * ray.direction[0] + map[3 + i] * ray.direction[1]) + map[6 + i] * ray.direction[2];
+  for (int i = 0; i < 4; ++i) {
+    const double linear = (map[0][i] * ray.origin[0] + map[1][i] * ray.origin[1]) + map[2][i] * ray.origin[2];
+    out.origin[i] = linear + map[3][i];
+    out.direction[i] = (map[0][i] * ray.direction[0] + map[1][i] * ray.direction[1]) + map[2][i] * ray.direction[2];
   }
   out.time = ray.time;
+}
+
+// Directions in this range are not scaled, origins within so many reaches not moved.
+inline constexpr double kShortest = 0x1p-20, kLongest = 0x1p20, kNearby = 4.0;
+
+// True if bring_near() would leave the ray as it is.
+static inline bool is_near(const ObjectRay& ray, double reach) noexcept {
+  const double longest = largest_component(ray.direction);
+  return longest >= kShortest && longest <= kLongest && largest_component(ray.origin) <= kNearby * reach;
 }
 
 // Scales an extreme direction, and moves a distant origin towards a tree within `reach` of the frame's origin. False
 // if the ray misses that tree, or cannot be told from one that does.
 static inline bool bring_near(ObjectRay& ray, double reach) noexcept {
-  constexpr double kShortest = 0x1p-20, kLongest = 0x1p20, kNearby = 4.0, kLargest = 1.7976931348623157e308;
+  constexpr double kLargest = 1.7976931348623157e308;
   const double longest = largest_component(ray.direction);
   if (!(longest >= kShortest && longest <= kLongest)) {
     if (!(longest > 0.0 && longest <= kLargest)) return false;

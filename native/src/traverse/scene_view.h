@@ -12,7 +12,8 @@
 namespace perfect_bvh {
 
 struct alignas(64) InstanceView {
-  double world_to_local[12];  // columns x, y, z, translation; from the scene's scale to the tree's
+  // Columns x, y, z, translation, from the scene's scale to the tree's; the fourth row is 0.
+  alignas(32) double world_to_local[4][4];
   const WideNode* nodes;
   const LeafBlock* blocks;
   TreeExtent extent;

@@ -10,9 +10,6 @@
 // Included by one translation unit for each instruction set, after its vectors. Longer than other files because the
 // loop is one thing; everything has internal linkage.
 
-#include "math/triangle.h"
-#include "traverse/kernel_table.h"
-#include "traverse/object_ray.h"
 
 namespace perfect_bvh {
 namespace {
@@ -53,19 +50,19 @@ PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
     const Float8 inverse_x = broadcast(box.slab.inverse[0]);
     const Float8 inverse_y = broadcast(box.slab.inverse[1]);
     const Float8 inverse_z = broadcast(box.slab.inverse[2]);
-    const Float8 near_x = fmsub(load_row(&node, box.near_row[0]), inverse_x, broadcast(box.slab.near_offset[0]));
-    const Float8 near_y = fmsub(load_row(&node, box.near_row[1]), inverse_y, broadcast(box.slab.near_offset[1]));
-    const Float8 near_z = fmsub(load_row(&node, box.near_row[2]), inverse_z, broadcast(box.slab.near_offset[2]));
-    const Float8 far_x = fmsub(load_row(&node, box.far_row[0]), inverse_x, broadcast(box.slab.far_offset[0]));
-    const Float8 far_y = fmsub(load_row(&node, box.far_row[1]), inverse_y, broadcast(box.slab.far_offset[1]));
-    const Float8 far_z = fmsub(load_row(&node, box.far_row[2]), inverse_z, broadcast(box.slab.far_offset[2]));
+    const Float8 near_x = fmsub(load_row(&node, box.rows.near_row[0]), inverse_x, broadcast(box.slab.near_offset[0]));
+    const Float8 near_y = fmsub(load_row(&node, box.rows.near_row[1]), inverse_y, broadcast(box.slab.near_offset[1]));
+    const Float8 near_z = fmsub(load_row(&node, box.rows.near_row[2]), inverse_z, broadcast(box.slab.near_offset[2]));
+    const Float8 far_x = fmsub(load_row(&node, box.rows.far_row[0]), inverse_x, broadcast(box.slab.far_offset[0]));
+    const Float8 far_y = fmsub(load_row(&node, box.rows.far_row[1]), inverse_y, broadcast(box.slab.far_offset[1]));
+    const Float8 far_z = fmsub(load_row(&node, box.rows.far_row[2]), inverse_z, broadcast(box.slab.far_offset[2]));
     const Float8 near = max(max(near_x, near_y), max(near_z, broadcast(box.t_min)));
     const Float8 far = min(min(far_x, far_y), min(far_z, broadcast(box.t_limit)));
     const Mask8 hit = less_equal(near, far);
     if constexpr (kAny) {
       push_unsorted(node, hit, stack + top);
     } else {
-      push_sorted(node, box.order_shift, hit, near, stack + top, reinterpret_cast<float*>(stack + nears_offset) + top);
+      push_sorted(node, box.rows.order_shift, hit, near, stack + top, reinterpret_cast<float*>(stack + nears_offset) + top);
     }
     top += count_bits(bits(hit)) - 1;
     slot.top = top;
@@ -89,19 +86,19 @@ bool take_hits(Slot& slot, const Stream& stream, const LeafBlock& block, unsigne
   for (; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
     float local_t = t_of[lane];
-    if (magnitude(local_t) <= slot.triangle.refine_below) {
+    if (magnitude(local_t) <= slot.triangle.ray.refine_below) {
       float corners[3][3];
       for (int corner = 0; corner < 3; ++corner) {
         const std::uint32_t vertex = (block.corners[lane] >> (4 * corner)) & 7;
-        for (int i = 0; i < 3; ++i) corners[corner][i] = block.vertices[slot.triangle.axes[i]][vertex];
+        for (int i = 0; i < 3; ++i) corners[corner][i] = block.vertices[slot.triangle.ray.axes[i]][vertex];
       }
-      local_t = refine_t(slot.triangle, corners[0], corners[1], corners[2], local_t);
+      local_t = refine_t(slot.triangle.ray, corners[0], corners[1], corners[2], local_t);
     }
     const double t = to_ray_t(slot.time, local_t);
     const float narrowed = static_cast<float>(t);
     if (!(narrowed >= ray.t_min && narrowed <= ray.t_max && t <= slot.best_t && narrowed < kInfiniteDistance)) continue;
     if (cull != Cull::kNone) {
-      const bool is_front = ((sums[lane] > 0.0f) != slot.triangle.runs_down) != (instance.mirrored != 0);
+      const bool is_front = ((sums[lane] > 0.0f) != slot.triangle.ray.runs_down) != (instance.mirrored != 0);
       if (is_front == (cull == Cull::kFront)) continue;
     }
     const std::uint32_t primitive = block.primitives[lane];
@@ -131,12 +128,12 @@ PERFECT_BVH_INLINE Float8 difference(Float8 a, Float8 b, Float8 c, Float8 d) noe
 
 template <bool kAny, bool kCounts>
 PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const LeafBlock& block) noexcept {
-  const TriangleRay& ray = slot.triangle;
-  const Float8 depth = sub(load_row(block.vertices, slot.row[2]), broadcast(ray.origin[2]));
+  const TriangleRay& ray = slot.triangle.ray;
+  const Float8 depth = sub(load_row(block.vertices, slot.triangle.row[2]), broadcast(ray.origin[2]));
   const Float8 across =
-      fnmadd(broadcast(ray.shear_x), depth, sub(load_row(block.vertices, slot.row[0]), broadcast(ray.origin[0])));
+      fnmadd(broadcast(ray.shear_x), depth, sub(load_row(block.vertices, slot.triangle.row[0]), broadcast(ray.origin[0])));
   const Float8 upward =
-      fnmadd(broadcast(ray.shear_y), depth, sub(load_row(block.vertices, slot.row[1]), broadcast(ray.origin[1])));
+      fnmadd(broadcast(ray.shear_y), depth, sub(load_row(block.vertices, slot.triangle.row[1]), broadcast(ray.origin[1])));
   const Int8 corner0 = load(block.corners), corner1 = shift_right<4>(corner0), corner2 = shift_right<8>(corner0);
   const Float8 x0 = permute(across, corner0), y0 = permute(upward, corner0), z0 = permute(depth, corner0);
   const Float8 x1 = permute(across, corner1), y1 = permute(upward, corner1), z1 = permute(depth, corner1);

@@ -1,0 +1,115 @@
+// From a ray in double to the constants of its level, three axes at a time. The same operations as in math/slab.h,
+// math/triangle.h and object_ray.h, so the same bits.
+// Included by translation units of kernels only; everything in it has internal linkage.
+#pragma once
+
+#include <immintrin.h>
+
+#include <cstddef>
+#include <cstring>
+
+#include "traverse/ray_state.h"
+
+namespace perfect_bvh {
+namespace {
+
+static_assert(offsetof(Ray, direction) == 24 && sizeof(Ray) >= 56);  // loads of four may read past the direction
+
+__attribute__((always_inline)) inline __m256d first_three(const double* p) noexcept {
+  return _mm256_blend_pd(_mm256_loadu_pd(p), _mm256_setzero_pd(), 8);
+}
+__attribute__((always_inline)) inline unsigned axes_of(__m256d mask) noexcept {
+  return static_cast<unsigned>(_mm256_movemask_pd(mask)) & 7u;
+}
+__attribute__((always_inline)) inline __m256d magnitudes(__m256d a) noexcept {
+  return _mm256_andnot_pd(_mm256_set1_pd(-0.0), a);
+}
+
+__attribute__((always_inline)) inline bool load_ray(ObjectRay& out, const Ray& ray, double scale) noexcept {
+  const __m256d origin = first_three(&ray.origin.x), direction = first_three(&ray.direction.x);
+  const __m256d factor = _mm256_set1_pd(scale);
+  _mm256_store_pd(out.origin, _mm256_mul_pd(origin, factor));
+  _mm256_store_pd(out.direction, _mm256_mul_pd(direction, factor));
+  out.time = {0.0, 1.0, true};
+  return axes_of(_mm256_cmp_pd(_mm256_sub_pd(origin, origin), _mm256_setzero_pd(), _CMP_EQ_OQ)) == 7;
+}
+
+__attribute__((always_inline)) inline void map_to_local(ObjectRay& out, const ObjectRay& ray,
+                                                       const MapColumns& map) noexcept {
+  const __m256d x = _mm256_load_pd(map[0]), y = _mm256_load_pd(map[1]), z = _mm256_load_pd(map[2]);
+  const auto linear = [&](const double* v) __attribute__((always_inline)) {
+    const __m256d xy = _mm256_add_pd(_mm256_mul_pd(x, _mm256_broadcast_sd(v)), _mm256_mul_pd(y, _mm256_broadcast_sd(v + 1)));
+    return _mm256_add_pd(xy, _mm256_mul_pd(z, _mm256_broadcast_sd(v + 2)));
+  };
+  _mm256_store_pd(out.origin, _mm256_add_pd(linear(ray.origin), _mm256_load_pd(map[3])));
+  _mm256_store_pd(out.direction, linear(ray.direction));
+  out.time = ray.time;
+}
+
+__attribute__((always_inline)) inline bool stands_near(const ObjectRay& ray, double reach) noexcept {
+  const __m256d direction = magnitudes(_mm256_load_pd(ray.direction)), origin = magnitudes(_mm256_load_pd(ray.origin));
+  const __m256d all = _mm256_and_pd(_mm256_cmp_pd(direction, _mm256_set1_pd(kLongest), _CMP_LE_OQ),
+                                    _mm256_cmp_pd(origin, _mm256_set1_pd(kNearby * reach), _CMP_LE_OQ));
+  return axes_of(all) == 7 && axes_of(_mm256_cmp_pd(direction, _mm256_set1_pd(kShortest), _CMP_GE_OQ)) != 0;
+}
+
+// By the longest axis k: the axes k + 1, k + 2, k, k, and what depends on them.
+struct alignas(16) ShearFrame {
+  std::int32_t order[4];
+  std::uint8_t axes[4];
+  std::uint16_t row[4];
+};
+constexpr ShearFrame kFrames[3] = {
+    {{1, 2, 0, 0}, {1, 2, 0, 0}, {32, 64, 0, 0}},
+    {{2, 0, 1, 1}, {2, 0, 1, 0}, {64, 0, 32, 0}},
+    {{0, 1, 2, 2}, {0, 1, 2, 0}, {0, 32, 64, 0}},
+};
+// By x > y, y > z, x > z (bits 0, 1, 2): the longest axis, as longest_axis() has it.
+constexpr std::uint8_t kLongestAxis[8] = {2, 2, 1, 2, 2, 0, 1, 0};
+
+__attribute__((always_inline)) inline void set_states(BoxState& box, TriangleState& triangle, const ObjectRay& ray,
+                                                      const TreeExtent& extent) noexcept {
+  const __m128 sign_bit = _mm_set1_ps(-0.0f);
+  const __m128 origin = _mm256_cvtpd_ps(_mm256_load_pd(ray.origin));
+  const __m128 direction = _mm256_cvtpd_ps(_mm256_load_pd(ray.direction));
+  const __m128 length = _mm_andnot_ps(sign_bit, direction);
+  const __m128 greater = _mm_cmpgt_ps(_mm_shuffle_ps(length, length, _MM_SHUFFLE(3, 0, 1, 0)),
+                                      _mm_shuffle_ps(length, length, _MM_SHUFFLE(3, 2, 2, 1)));
+  const ShearFrame& frame = kFrames[kLongestAxis[_mm_movemask_ps(greater) & 7]];
+  const __m128i order = _mm_load_si128(reinterpret_cast<const __m128i*>(frame.order));
+  const __m128i longest = _mm_shuffle_epi32(order, _MM_SHUFFLE(2, 2, 2, 2));
+
+  // As in set_slab_ray().
+  const __m128 smallest = _mm_mul_ps(_mm_set1_ps(kSmallestShare), _mm_permutevar_ps(length, longest));
+  const __m128 raised = _mm_or_ps(_mm_max_ps(length, smallest), _mm_and_ps(sign_bit, direction));
+  const __m128 inverse = _mm_div_ps(_mm_set1_ps(1.0f), raised);
+  const __m128 inverse_length = _mm_andnot_ps(sign_bit, inverse);
+  const __m128 reach = _mm_add_ps(_mm_loadu_ps(extent.largest), _mm_andnot_ps(sign_bit, origin));
+  const __m128 long_reach = _mm_permutevar_ps(reach, longest);
+  const __m128 long_depth = _mm_mul_ps(long_reach, _mm_permutevar_ps(inverse_length, longest));
+  const __m128 raised_reach = _mm_add_ps(reach, _mm_mul_ps(_mm_set1_ps(kReachShare), long_reach));
+  const __m128 slack = _mm_add_ps(_mm_mul_ps(_mm_set1_ps(kPlaneSlack), _mm_mul_ps(raised_reach, inverse_length)),
+                                  _mm_mul_ps(_mm_set1_ps(kDepthSlack), long_depth));
+  const __m128 at_origin = _mm_mul_ps(origin, inverse);
+  // Each store's fourth lane is overwritten by the next one.
+  _mm_storeu_ps(box.slab.inverse, inverse);
+  _mm_storeu_ps(box.slab.near_offset, _mm_add_ps(at_origin, slack));
+  _mm_storeu_ps(box.slab.far_offset, _mm_sub_ps(at_origin, slack));
+  const unsigned octant = static_cast<unsigned>(_mm_movemask_ps(inverse)) & 7u;
+  box.rows = kOctantRows[octant];
+
+  // As in set_triangle_ray().
+  const __m128 along = _mm_permutevar_ps(direction, order);
+  const __m128 shear = _mm_mul_ps(along, _mm_permutevar_ps(inverse, longest));
+  _mm_storeu_ps(triangle.ray.origin, _mm_permutevar_ps(origin, order));
+  _mm_storel_pi(reinterpret_cast<__m64*>(&triangle.ray.shear_x), shear);
+  const float direction_z = _mm_cvtss_f32(_mm_movehl_ps(along, along));
+  triangle.ray.direction_z = direction_z;
+  triangle.ray.refine_below = kRefineReach * _mm_cvtss_f32(long_depth);
+  std::memcpy(triangle.ray.axes, frame.axes, sizeof(triangle.ray.axes));
+  triangle.ray.runs_down = direction_z < 0.0f;
+  std::memcpy(triangle.row, frame.row, sizeof(frame.row));
+}
+
+}  // namespace
+}  // namespace perfect_bvh
