@@ -365,6 +365,15 @@ def test_a_build_that_is_stopped_half_way_is_finished_by_the_next_update(scene: 
     assert height(sync) == 0.0
 
 
+def test_the_number_of_rays_reaches_the_engine(scene: Any) -> None:
+    mesh_object("a", mesh_data("a", *SQUARE))
+    sync = SceneSync()
+    assert sync.update(evaluated(), expected_rays=1_000_000).added_count == 1
+    with pytest.raises(ValueError, match="commit: expected_rays must not be negative, got -1"):
+        sync.update(evaluated(), expected_rays=-1)
+    assert_stale(sync, "the last update did not succeed")
+
+
 def test_an_error_while_reading_leaves_the_scene_stale(scene: Any) -> None:
     mesh_object("a", mesh_data("a", *SQUARE))
     sync = SceneSync()

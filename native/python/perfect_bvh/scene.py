@@ -124,12 +124,17 @@ class Scene:
         if len(rows):
             self._scene.remove_instances(rows)
 
-    def commit(self, progress: Progress | None = None) -> CommitReport:
+    def commit(self, expected_rays: int | None = None, *, progress: Progress | None = None) -> CommitReport:
         """Brings the trees up to date with all edits.
 
-        progress: called with the share done; returning False raises `Cancelled`. After a failed or cancelled
-        commit the edits still wait, and snapshots taken before stay valid.
+        expected_rays: how many rays are about to be cast: a hint for how much building they repay. This version
+            builds the same trees for any number.
+        progress: called with the share done; returning False raises `Cancelled`.
+
+        After a failed or cancelled commit the edits still wait, and snapshots taken before stay valid.
         """
+        if expected_rays is not None and expected_rays < 0:
+            raise ValueError(f"commit: expected_rays must not be negative, got {expected_rays}")
         return CommitReport.from_core(self._scene.commit(progress))
 
     def mark_stale(self, why: str) -> None:
