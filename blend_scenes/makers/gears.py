@@ -49,7 +49,7 @@ def make() -> None:
         "red": paint("Red enamel", (0.62, 0.05, 0.04), 0.35),
         "wood": paint("Walnut", (0.26, 0.125, 0.06), 0.55),
         "bench": paint("Bench", (0.47, 0.34, 0.21), 0.6),
-        "wall": paint("Wall", (0.50, 0.52, 0.50), 0.9),
+        "wall": paint("Wall", (0.23, 0.29, 0.31), 0.9),
     }
     machine = make_collection("Machine")
     root = place("Machine", None, machine, (0.0, 0.0, AXLE_HEIGHT))

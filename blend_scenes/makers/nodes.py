@@ -18,12 +18,12 @@ class NodeTree:
         self.geometry = self.group.nodes.new("NodeGroupInput").outputs[0]
         self._out = self.group.nodes.new("NodeGroupOutput")
 
-    def add(self, kind: str, inputs: dict[int | str, Any] | None = None, output: int | str = 0, **settings: Any) -> Any:
+    def add(self, kind: str, inputs: dict[Any, Any] | None = None, output: int | str = 0, **settings: Any) -> Any:
         """One node: settings are its properties, inputs its sockets (a value, or another node's output)."""
         node = self.group.nodes.new(kind)
         node.location = (190.0 * (len(self.group.nodes) - 2), 0.0)
-        for name, value in settings.items():
-            setattr(node, name, value)
+        for setting, value in settings.items():
+            setattr(node, setting, value)
         for name, value in (inputs or {}).items():
             if isinstance(value, bpy.types.NodeSocket):
                 self.group.links.new(value, node.inputs[name])

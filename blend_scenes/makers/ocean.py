@@ -29,7 +29,7 @@ from .stage import (
 )
 
 FRAMES = 48
-VOXEL = 0.07
+VOXEL = 0.08
 BOAT = (-1.35, -0.75)
 BUOY = (0.9, -2.3)
 
@@ -74,6 +74,7 @@ def build_sea() -> Any:
     remesh = item.modifiers.new("Remesh", "REMESH")
     remesh.mode, remesh.voxel_size = "VOXEL", VOXEL
     remesh.use_smooth_shade = True
+    use_group(item, dark_sides(paint("Sea deep", (0.010, 0.075, 0.115), 0.2)))
     return item
 
 
@@ -95,6 +96,17 @@ def square_sides() -> Any:
     return tree.finish(tree.add("GeometryNodeSetPosition", {"Geometry": moved, "Selection": is_low, "Position": flat}))
 
 
+def dark_sides(deep: Any) -> Any:
+    """Paints the block's cut sides as deep water."""
+    tree = NodeTree("Dark sides")
+    parts = tree.group.nodes.new("ShaderNodeSeparateXYZ")
+    tree.group.links.new(tree.add("GeometryNodeInputNormal"), parts.inputs[0])
+    is_side = tree.math("LESS_THAN", parts.outputs["Z"], 0.12)
+    return tree.finish(
+        tree.add("GeometryNodeSetMaterial", {"Geometry": tree.geometry, "Selection": is_side, "Material": deep})
+    )
+
+
 def float_on(sea: Any, floats: dict[Any, tuple[tuple[float, float], float]]) -> None:
     """Keys what floats to the water's height and slope under it, every third frame."""
     scene = bpy.context.scene
@@ -105,7 +117,7 @@ def float_on(sea: Any, floats: dict[Any, tuple[tuple[float, float], float]]) -> 
             height = [
                 water_height(surface, x + dx, y + dy) for dx, dy in ((reach, 0), (-reach, 0), (0, reach), (0, -reach))
             ]
-            item.location = (x, y, sum(height) / 4.0)
+            item.location = (x, y, sum(height) / 4.0 + 0.06)
             pitch, roll = (height[0] - height[1]) / (2 * reach), (height[3] - height[2]) / (2 * reach)
             item.rotation_euler = (-0.8 * roll, -0.8 * pitch, item.rotation_euler[2])
             item.keyframe_insert("location", frame=frame)

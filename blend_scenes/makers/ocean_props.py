@@ -84,7 +84,8 @@ def sail(tack: tuple[float, float], clew: tuple[float, float], head: tuple[float
     """A triangle in XZ between three corners, blown out along Y; its top row closes to a strip of triangles."""
     cells = 6
     corners = [np.array(corner) for corner in (tack, clew, head)]
-    vertices, rows = [], []
+    vertices: list[tuple[float, float, float]] = []
+    rows: list[list[int]] = []
     for r in range(cells + 1):
         up = r / cells
         row = []

@@ -9,13 +9,13 @@ from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Vector
-from numpy.typing import ArrayLike
+from mathutils import Vector
+from numpy.typing import ArrayLike, NDArray
 
 from .shapes import Shape
 
 Colour = tuple[float, float, float]
-Place = Sequence[float]
+Place = Sequence[float] | NDArray[np.float64]
 
 # From 5.0 on every material and world has nodes, and to ask is deprecated.
 HAS_NODES_ALWAYS = bpy.app.version >= (5, 0, 0)
@@ -189,7 +189,7 @@ def solidify(item: Any, thickness: float) -> Any:
 
 
 def make_curve(name: str, paths: Sequence[Sequence[Place]], radius: float, material: Any, resolution: int = 2) -> Any:
-    """A round cord through each path's points, as a poly-free smooth Bezier curve."""
+    """A round cord along each path, smooth through its points (Bezier)."""
     curve = bpy.data.curves.new(name, "CURVE")
     curve.dimensions = "3D"
     curve.bevel_depth, curve.bevel_resolution = radius, resolution
@@ -246,11 +246,6 @@ def add_light(kind: str, name: str, at: Place, target: Place, energy: float, col
 def aim(at: Place, target: Place) -> Any:
     """Euler angles that turn -Z towards the target and keep Y up."""
     return (Vector(target) - Vector(at)).to_track_quat("-Z", "Y").to_euler()
-
-
-def matrix_at(at: Place, turn_z: float = 0.0) -> Any:
-    """A 4x4 matrix: a place, and a turn about Z in degrees."""
-    return Matrix.Translation(at) @ Matrix.Rotation(radians(turn_z), 4, "Z")
 
 
 def animation_curves(data: Any) -> list[Any]:

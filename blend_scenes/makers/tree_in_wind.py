@@ -115,9 +115,9 @@ def build_tree(random: np.random.Generator) -> Any:
     mesh = bpy.data.meshes.new("Tree skeleton")
     mesh.from_pydata(np.array(tree.points + [at for at, _ in tree.twigs]), tree.edges, [])
     turns = [Vector(way).to_track_quat("Y", "Z").to_euler() for _, way in tree.twigs]
-    add_attribute(mesh, "radius", "FLOAT", np.float32(tree.radii + [0.0] * twigs))
+    add_attribute(mesh, "radius", "FLOAT", np.array(tree.radii + [0.0] * twigs, np.float32))
     add_attribute(mesh, "is_twig", "BOOLEAN", np.arange(bones + twigs) >= bones)
-    add_attribute(mesh, "turn", "FLOAT_VECTOR", np.float32([(0.0, 0.0, 0.0)] * bones + turns).ravel())
+    add_attribute(mesh, "turn", "FLOAT_VECTOR", np.array([(0.0, 0.0, 0.0)] * bones + turns, np.float32).ravel())
     add_attribute(mesh, "kind", "INT", np.concatenate([np.zeros(bones), random.integers(0, 4, twigs)]).astype(np.int32))
     mesh.update()
     item = place("Tree", mesh, make_collection("Tree"))

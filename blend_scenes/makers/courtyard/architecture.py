@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..shapes import box, joined, lathe, prism, rounded, wall
-from ..stage import bevel, instance, make_collection, make_mesh, make_profile, place, repeat, solidify, spin
+from ..stage import bevel, instance, make_collection, make_curve, make_mesh, make_profile, place, repeat, solidify, spin
 from .joinery import door, window_frame
 from .palette import Palette
 from .roofs import TILE_NAMES, TILE_PITCH, TILE_REACH, hip, ridge, tiled
@@ -176,3 +176,13 @@ def build_stairs(house: Any, palette: Palette, x: float) -> None:
     repeat(item, steps, (0.0, run, rise))
     item = place("Balusters landing", mesh, house, (edge, start + steps * run + 0.14, steps * rise + 0.01))
     repeat(item, 6, (0.0, 0.28, 0.0))
+    top, end = steps * rise + 0.9, start + steps * run + 1.68
+    rail = [
+        (edge, start + 0.02, rise + 0.83),
+        (edge, start + steps * run - 0.1, top - 0.03),
+        (edge, start + steps * run + 0.2, top),
+    ]
+    handrail = make_curve("Handrail", [[*rail, (edge, end, top)]], 0.026, palette["iron"])
+    for point in handrail.splines[0].bezier_points:
+        point.handle_left_type = point.handle_right_type = "VECTOR"
+    place("Handrail", handrail, house)

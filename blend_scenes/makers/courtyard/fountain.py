@@ -95,8 +95,8 @@ def build_splashes(fountain: Any, palette: Palette, random: np.random.Generator,
             ball = drops.elements.new()
             ball.co = foot + random.normal(0.0, 0.05, 3) * (1.0, 1.0, 0.5)
             ball.radius = random.uniform(0.05, 0.1)
-    for _ in range(7):
+    for _ in range(6):
         ball = drops.elements.new()
-        ball.co = np.array([0.0, 0.0, 2.2]) + random.normal(0.0, 0.03, 3) * (1.0, 1.0, 2.2)
-        ball.radius = random.uniform(0.07, 0.11)
+        ball.co = np.array([0.0, 0.0, 2.18]) + random.normal(0.0, 0.03, 3) * (1.3, 1.3, 1.4)
+        ball.radius = random.uniform(0.06, 0.09)
     place("Splashes", drops, fountain, parent=centre)

@@ -36,6 +36,7 @@ def door(width: float, height: float) -> Shape:
     """A planked double door in a stone surround about x = 0; slots: wood, iron, stone."""
     edges = np.linspace(-width / 2, width / 2, 9)
     planks = [box((a + 0.008, 0.0, 0.0), (b - 0.008, 0.06, height)) for a, b in pairwise(edges)]
+    back = box((-width / 2, 0.05, 0.0), (width / 2, 0.055, height))
     bands = [
         box((s - 0.5, -0.015, z), (s + 0.5, 0.01, z + 0.07)).painted(1) for s in (0.0,) for z in (0.35, height - 0.5)
     ]
@@ -43,4 +44,4 @@ def door(width: float, height: float) -> Shape:
     half = width / 2
     jambs = [box((x, -0.16, 0.0), (x + 0.18, 0.0, height)).painted(2) for x in (-half - 0.16, half - 0.02)]
     lintel = box((-half - 0.24, -0.18, height), (half + 0.24, 0.0, height + 0.22)).painted(2)
-    return joined([*planks, *bands, ring, *jambs, lintel])
+    return joined([*planks, back, *bands, ring, *jambs, lintel])

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..shapes import Points, Shape, box, joined, lathe, prism, rounded, tube
 from ..stage import (
+    Place,
     bevel,
     instance,
     make_collection,
@@ -211,10 +212,10 @@ def build_sign(props: Any, palette: Palette) -> None:
     place("Sign iron", iron, props, (0.0, 0.0, 0.0), parent=sign)
 
 
-def build_cord(props: Any, palette: Palette, name: str, start: tuple, end: tuple, count: int) -> None:
+def build_cord(props: Any, palette: Palette, name: str, start: Place, end: Place, count: int) -> None:
     """Bulbs on a hanging cord (a catenary), as linked duplicates of one mesh."""
     points = catenary(np.array(start), np.array(end), 0.8, count * 2 + 1)
-    place(f"Cord {name}", make_curve(f"Cord {name}", [points], 0.009, palette["iron"], 1), props)
+    place(f"Cord {name}", make_curve(f"Cord {name}", [list(points)], 0.009, palette["iron"], 1), props)
     bulb = bulb_mesh(palette)
     for number, point in enumerate(points[1:-1:2]):
         place(f"Bulb {name} {number}", bulb, props, point)
@@ -224,8 +225,8 @@ def catenary(start: Points, end: Points, sag: float, count: int) -> Points:
     """(count, 3) points of a cord between two places; its middle hangs `sag` below the straight line."""
     t = np.linspace(0.0, 1.0, count)
     points = start + np.outer(t, end - start)
-    shape_ = np.array([cosh(2.4 * (u - 0.5)) for u in t])
-    points[:, 2] -= sag * (shape_[0] - shape_) / (shape_[0] - 1.0)
+    hang = np.array([cosh(2.4 * (u - 0.5)) for u in t])
+    points[:, 2] -= sag * (hang[0] - hang) / (hang[0] - 1.0)
     return points
 
 

@@ -154,11 +154,11 @@ def build_walk(wing: Any, palette: Palette) -> None:
 def build_wing_roofs(wing: Any, palette: Palette, random: np.random.Generator) -> None:
     """The lean-to over the walk, and the eave of the main roof."""
     tiles = [palette[name] for name in TILE_NAMES]
-    columns, patches = 8, 9
+    columns, patches = 7, 11
     width = columns * TILE_PITCH
     for name, at, rise, run, rows in (
-        ("Lean-to", (-BAY_LINE - 2.5, BAY_LINE - 0.72, ARCADE_TOP + 0.04), 1.28, WALK_WALL - BAY_LINE + 0.75, 9),
-        ("Main roof", (-BAY_LINE - 2.5, WALK_WALL - 0.6, WALL_TOP + 0.02), 0.75, 1.75, 5),
+        ("Lean-to", (-9.05, BAY_LINE - 0.72, ARCADE_TOP + 0.04), 1.28, WALK_WALL - BAY_LINE + 0.75, 9),
+        ("Main roof", (-9.05, WALK_WALL - 0.6, WALL_TOP + 0.02), 0.75, 1.75, 5),
     ):
         slope = degrees(atan2(rise, run))
         patch = tiled(columns, rows, random)
