@@ -37,6 +37,7 @@ RenderSettings read_settings(const py::dict& values) {
   settings.samples = get<std::uint32_t>(values, "samples");
   settings.first_sample = get<std::uint32_t>(values, "first_sample");
   settings.filter_width = get<float>(values, "filter_width");
+  settings.smooth = get<bool>(values, "smooth");
   settings.seed = get<std::uint32_t>(values, "seed");
   settings.threads = get<int>(values, "threads");
   settings.clay.ao_distance = get<float>(values, "ao_distance");

@@ -58,6 +58,8 @@ class RenderOptions(TypedDict, total=False):
         pixel's centre; all others spread over the pixel filter.
     filter_width: how far the pixel filter (a Blackman-Harris window) reaches to each side, in pixels; default 1.5. 0
         puts every sample at the pixel's centre.
+    smooth: clay: whether the light of few samples (below 32) is averaged with that of neighbouring pixels on the same
+        surface; default True. Colours, normals and edges keep their detail; only fine shadows get softer.
     ao_distance: clay: how far away a surface still keeps light from another, in world units; its effect fades to
         nothing over that distance. None, the default: 0.35 of the diagonal of the scene's bounding box.
     light_rays: clay: rays to the sky and to the key light for each sample; default 1.
@@ -70,6 +72,7 @@ class RenderOptions(TypedDict, total=False):
     seed: int
     first_sample: int
     filter_width: float
+    smooth: bool
     ao_distance: float | None
     light_rays: int
     clay_color: Color | None
@@ -117,8 +120,9 @@ def render_passes(
         "depth", "distance": along the view axis, along the ray, in world units, in all of R, G and B; 1e10 where
             there is nothing. Not blended: whatever `samples` says, one ray through the pixel's centre.
         "instance", "material": one colour for each, always the same for the same id or row of the material table.
-        "cost": nodes visited plus triangles tested by the camera ray, on a logarithmic scale from 0 (violet) to
-            1023 and more (pale yellow), the same for all images.
+        "cost": nodes visited plus triangles tested by the camera ray, on a logarithmic scale from 2 (violet) to
+            512 and more (pale yellow), the same for all images.
+        The colours of the last three, as of "normal", are codes to be shown as they are, without a view transform.
     size: (width, height) in pixels.
     samples: camera rays for each pixel of the image.
     appearance: materials, normals and visibility; None: everything is plain, flat and visible.
@@ -265,6 +269,7 @@ def _settings(function: str, options: RenderOptions) -> dict[str, Any]:
         "seed": check_count(function, "seed", options.get("seed", 0), 0),
         "first_sample": check_count(function, "first_sample", options.get("first_sample", 0), 0),
         "filter_width": check_number(function, "filter_width", options.get("filter_width", 1.5), 0.0, 16.0),
+        "smooth": bool(options.get("smooth", True)),
         "ao_distance": 0.0 if distance is None else check_number(function, "ao_distance", distance, 1e-30, 1e30),
         "light_rays": check_count(function, "light_rays", options.get("light_rays", 1), 1),
         "clay_color": None if color is None else check_color(function, "clay_color", color),

@@ -45,6 +45,7 @@ RayMaker::RayMaker(const Camera& camera, int width, int height)
   step_x_ = right_ * ((camera.right - camera.left) / width);
   step_y_ = up_ * ((camera.bottom - camera.top) / height);
   const Vec3d corner = right_ * camera.left + up_ * camera.top;
+  pixel_size_ = static_cast<float>(std::max(length(step_x_), length(step_y_)));
   corner_ = corner + (orthographic_ ? origin_ : axis_);
 }
 

@@ -53,6 +53,15 @@ class RayMaker {
     return ray;
   }
 
+  // A point of a ray, relative to the camera.
+  [[nodiscard]] Vec3f from_camera(const Ray& ray, float t) const noexcept {
+    return to_float(ray.origin - origin_ + ray.direction * static_cast<double>(t));
+  }
+  // The size of a pixel at a depth, in world units.
+  [[nodiscard]] float footprint(float depth) const noexcept {
+    return orthographic_ ? pixel_size_ : pixel_size_ * depth;
+  }
+
   [[nodiscard]] Vec3d right() const noexcept { return right_; }
   [[nodiscard]] Vec3d up() const noexcept { return up_; }
   [[nodiscard]] Vec3d axis() const noexcept { return axis_; }  // the way it looks
@@ -65,6 +74,7 @@ class RayMaker {
   Vec3d origin_, right_, up_, axis_;
   Vec3d corner_, step_x_, step_y_;  // directions, or origins if orthographic
   float t_min_, t_max_;
+  float pixel_size_;  // on the window's plane, the longer side
   bool orthographic_;
 };
 

@@ -1,22 +1,22 @@
 // What each camera ray cost: nodes visited plus triangles tested, on one fixed scale, so that images of different
-// scenes, trees and builders can be compared: logarithmic, from 0 (violet) to kFullScale (pale yellow).
+// scenes, trees and builders can be compared: logarithmic, eight doublings from 2 (violet) to 512 (pale yellow).
 #include "render/palette.h"
 #include "render/shading.h"
 
 namespace perfect_bvh {
 namespace {
 
-constexpr float kFullScale = 1023.0f;
+constexpr float kLeast = 2.0f;
+constexpr float kDoublings = 8.0f;
 
 class CostMode final : public ShadingMode {
  public:
   [[nodiscard]] bool wants_counts() const noexcept override { return true; }
   void shade(const ShadeTask& task) const override {
-    const float scale = 1.0f / std::log2(1.0f + kFullScale);
     for (std::size_t i = 0; i < task.colors.size(); ++i) {  // a miss costs something too
       const RayCounts& counts = task.counts[i];
       const auto cost = static_cast<float>(counts.nodes_visited + counts.primitives_tested);
-      const Vec3f color = ramp_.at(std::log2(1.0f + cost) * scale);
+      const Vec3f color = ramp_.at(std::log2(std::max(cost, 1.0f) / kLeast) / kDoublings);
       task.colors[i] = {color.x, color.y, color.z, 1.0f};
     }
   }

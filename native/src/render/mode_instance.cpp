@@ -9,9 +9,14 @@ class InstanceMode final : public ShadingMode {
  public:
   explicit InstanceMode(const Snapshot& snapshot) : snapshot_(snapshot) {}
   void shade(const ShadeTask& task) const override {
+    std::uint32_t known = kNoHit;
+    Vec3f color{0, 0, 0};
     for (const SurfacePoint& point : task.points) {
-      const Instance& instance = snapshot_.instances[task.hits[point.ray].instance_index];
-      const Vec3f color = id_color(static_cast<std::uint32_t>(instance.id));
+      const std::uint32_t index = task.hits[point.ray].instance_index;
+      if (index != known) {  // neighbours mostly see the same one
+        color = id_color(static_cast<std::uint32_t>(snapshot_.instances[index].id));
+        known = index;
+      }
       task.colors[point.ray] = {color.x, color.y, color.z, 1.0f};
     }
   }

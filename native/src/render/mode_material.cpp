@@ -9,10 +9,14 @@ class MaterialMode final : public ShadingMode {
  public:
   [[nodiscard]] SurfaceNeeds needs() const noexcept override { return {.materials = true}; }
   void shade(const ShadeTask& task) const override {
-    constexpr Vec3f kNone{0.2f, 0.2f, 0.2f};
+    constexpr Vec3f kNone{0.5f, 0.5f, 0.5f};
+    std::int32_t known = kNoMaterial;
+    Vec3f color = kNone;
     for (const SurfacePoint& point : task.points) {
-      const bool known = point.material != kNoMaterial;
-      const Vec3f color = known ? id_color(static_cast<std::uint32_t>(point.material)) : kNone;
+      if (point.material != known) {  // neighbours mostly show the same one
+        known = point.material;
+        color = known == kNoMaterial ? kNone : id_color(static_cast<std::uint32_t>(known));
+      }
       task.colors[point.ray] = {color.x, color.y, color.z, 1.0f};
     }
   }

@@ -30,7 +30,7 @@ class WireframeMode final : public ShadingMode {
 
   void shade(const ShadeTask& task) const override {
     for (const SurfacePoint& point : task.points) {
-      const float key = std::max(0.0f, dot(point.normal, studio_.key_direction));
+      const float key = studio_.key_cosine(point.normal);
       const Vec3f light = Studio::dome_mean(point.normal.z) + Studio::kKey * key;
       const float line = line_coverage(task.rays[point.ray], task.hits[point.ray]);
       const Vec3f color = point.color * light * (1.0f - line) + settings_.color * line;

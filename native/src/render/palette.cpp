@@ -23,6 +23,11 @@ bool on_screen(Vec3d color) noexcept {
   return std::min({color.x, color.y, color.z}) >= 0.0 && std::max({color.x, color.y, color.z}) <= 1.0;
 }
 
+double encoded(double linear) noexcept {
+  const double x = std::clamp(linear, 0.0, 1.0);
+  return x <= 0.0031308 ? 12.92 * x : 1.055 * std::pow(x, 1.0 / 2.4) - 0.055;
+}
+
 }  // namespace
 
 Vec3f color_from_lch(double lightness, double chroma, double hue) noexcept {
@@ -36,8 +41,8 @@ Vec3f color_from_lch(double lightness, double chroma, double hue) noexcept {
     }
     high = low;
   }
-  const Vec3f color = to_float(linear_from_oklab(lightness, a * high, b * high));
-  return max(min(color, Vec3f{1, 1, 1}), Vec3f{0, 0, 0});
+  const Vec3d color = linear_from_oklab(lightness, a * high, b * high);
+  return to_float({encoded(color.x), encoded(color.y), encoded(color.z)});
 }
 
 Vec3f id_color(std::uint32_t id) noexcept {
@@ -52,9 +57,9 @@ Vec3f id_color(std::uint32_t id) noexcept {
 ColorRamp::ColorRamp() {
   for (int i = 0; i <= kCells; ++i) {
     const double amount = static_cast<double>(i) / kCells;
-    const double lightness = 0.22 + 0.74 * amount;
-    const double hue = 0.84 - 0.54 * amount;  // violet, blue, teal, green, yellow
-    const double chroma = 0.11 + 0.07 * amount;
+    const double lightness = 0.16 + 0.80 * amount;
+    const double hue = 0.80 + 0.50 * amount;  // violet, magenta, red, orange, yellow
+    const double chroma = 0.10 + 0.12 * std::sin(std::numbers::pi * amount);
     colors_[static_cast<std::size_t>(i)] = color_from_lch(lightness, chroma, hue);
   }
 }

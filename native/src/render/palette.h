@@ -1,5 +1,6 @@
 // Colours for numbers: distinct ones for ids, an even ramp for amounts.
-// Both are laid out in Oklab (Ottosson 2020), where equal steps look equal, and handed out scene-linear (Rec. 709).
+// Both are laid out in Oklab (Ottosson 2020), where equal steps look equal, and handed out encoded for the screen
+// (sRGB): they are codes, to be shown and stored as they are.
 #pragma once
 
 #include <array>
@@ -15,7 +16,7 @@ namespace perfect_bvh {
 // The same colour for the same id, always; neighbouring ids look unlike.
 [[nodiscard]] Vec3f id_color(std::uint32_t id) noexcept;
 
-// From deep violet (0) through blue and green to pale yellow (1), its lightness rising evenly.
+// From deep violet (0) through red and orange to pale yellow (1), its lightness rising evenly.
 class ColorRamp {
  public:
   ColorRamp();

@@ -63,7 +63,7 @@ void render(const Snapshot& snapshot, const Camera& camera, const Appearance& ap
   check(settings);
   const RayMaker rays(camera, settings.width, settings.height);
   const PixelRect area = border_pixels(camera, settings.width, settings.height);
-  const TileRenderer renderer({snapshot, appearance, rays, settings}, targets);
+  const TileRenderer renderer({snapshot, appearance, rays, settings}, area, targets);
   const std::size_t count = tile_count(area);
   cancel.expect(count);
 
@@ -72,16 +72,24 @@ void render(const Snapshot& snapshot, const Camera& camera, const Appearance& ap
   const auto poll = [&] {
     if (std::this_thread::get_id() == caller) cancel.poll();
   };
-  const auto render_tiles = [&](std::size_t begin, std::size_t end) {
-    auto scratch = scratches.take();
-    for (std::size_t index = begin; index < end; ++index) {
-      cancel.throw_if_stopped();
-      renderer.render(tile_at(area, index), *scratch, cancel, poll);
-      cancel.advance(1);
-    }
-    scratches.give_back(std::move(scratch));
+  const auto for_tiles = [&](const auto& work) {
+    const auto run = [&](std::size_t begin, std::size_t end) {
+      auto scratch = scratches.take();
+      for (std::size_t index = begin; index < end; ++index) {
+        cancel.throw_if_stopped();
+        work(tile_at(area, index), *scratch);
+      }
+      scratches.give_back(std::move(scratch));
+    };
+    parallel_for(ThreadPool::shared(), count, 1, run, settings.threads, [&] { cancel.poll(); });
   };
-  parallel_for(ThreadPool::shared(), count, 1, render_tiles, settings.threads, [&] { cancel.poll(); });
+  for_tiles([&](PixelRect tile, TileScratch& scratch) {
+    renderer.render(tile, scratch, cancel, poll);
+    cancel.advance(1);
+  });
+  if (renderer.needs_finish()) {
+    for_tiles([&](PixelRect tile, TileScratch& scratch) { renderer.finish(tile, scratch); });
+  }
   cancel.throw_if_stopped();
 }
 

@@ -2,8 +2,8 @@
 // In: a pixel, a dimension, a sample number. Out: a point that depends on these and the seed alone, never on tiles or
 // threads, so that an image can be made in any order and continued later.
 // The sequence is Sobol's in two dimensions with nested uniform scrambling by hashing (Burley 2020, with Vegdahl's
-// 2021 hash); further dimensions are padded. Each pixel rotates it by an offset that follows a scrambled Sobol
-// sequence along a Z-order curve (Ahmed and Wonka 2020): neighbours differ as much as they can, so that the error
+// 2021 hash); further dimensions are padded. Each pixel flips its digits by an offset that follows a scrambled
+// Sobol sequence along a Z-order curve (Ahmed and Wonka 2020): neighbours differ as much as they can, so that the error
 // of a few samples has the look of blue noise.
 #pragma once
 
@@ -15,11 +15,11 @@ struct Point2 {
   float x, y;
 };
 
-// A point of the sequence as binary fractions, still to be rotated by a pixel's offset.
+// A point as binary fractions. Flipping the same digits of all points of a sequence keeps it as even as it was.
 struct FixedPoint2 {
   std::uint32_t x, y;
 
-  friend constexpr FixedPoint2 operator+(FixedPoint2 a, FixedPoint2 b) noexcept { return {a.x + b.x, a.y + b.y}; }
+  friend constexpr FixedPoint2 operator^(FixedPoint2 a, FixedPoint2 b) noexcept { return {a.x ^ b.x, a.y ^ b.y}; }
   // 24 bits: more would round up to 1.
   [[nodiscard]] constexpr Point2 to_unit() const noexcept {
     return {static_cast<float>(x >> 8) * 0x1p-24f, static_cast<float>(y >> 8) * 0x1p-24f};

@@ -9,6 +9,7 @@
 
 #include "render/appearance.h"
 #include "render/camera.h"
+#include "render/light_layer.h"
 #include "render/settings.h"
 #include "render/surface.h"
 #include "stats/ray_counts.h"
@@ -20,15 +21,11 @@ struct Pixel {
 };
 
 // Buffers of one thread, kept from tile to tile so that nothing is allocated once they have grown.
-struct LightRayTarget {
-  std::uint32_t point;        // row in ShadeTask::points
-  Vec3f if_open, if_blocked;  // light that arrives
-};
 struct ShadeScratch {
   AlignedVector<Ray> rays;
-  AlignedVector<std::uint8_t> occluded;
-  AlignedVector<LightRayTarget> targets;
-  AlignedVector<Vec3f> light;
+  AlignedVector<Hit> hits;
+  AlignedVector<std::uint32_t> targets;  // rows in ShadeTask::points that the rays belong to
+  AlignedVector<LightSample> lights;     // a row a point, of a mode that keeps light apart
 };
 
 struct ShadeTask {
@@ -52,6 +49,11 @@ class ShadingMode {
   [[nodiscard]] virtual bool wants_counts() const noexcept { return false; }
   // True for numbers that must not be blended: one sample at the pixel's centre, whatever was asked for.
   [[nodiscard]] virtual bool is_exact() const noexcept { return false; }
+  // Whether `shade` also writes the light of each point to ShadeScratch::lights, apart from colour. Such light can be
+  // smoothed; `relight` then makes the final colour from it.
+  [[nodiscard]] virtual bool keeps_light_apart() const noexcept { return false; }
+  // colors: surface colours in, lit ones out, for the pixels that are on a surface.
+  virtual void relight(std::span<const LightPixel> /*pixels*/, std::span<Rgba> /*colors*/) const {}
   // Whether the studio's backdrop stands behind the surfaces; otherwise there is nothing.
   [[nodiscard]] virtual bool has_backdrop() const noexcept { return false; }
 };

@@ -2,7 +2,9 @@
 // over a dimmer ground, one soft key light from the upper left of the camera, and a quiet backdrop.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "render/camera.h"
 
@@ -12,9 +14,9 @@ struct Studio {
   Vec3f key_direction{0, 0, 1};  // towards the light, world space, unit length
 
   // Radiance that comes from above and below; between them it changes evenly with the direction's height.
-  static constexpr Vec3f kSky{0.66f, 0.69f, 0.74f};
-  static constexpr Vec3f kGround{0.30f, 0.285f, 0.27f};
-  static constexpr Vec3f kKey{0.62f, 0.595f, 0.56f};  // irradiance over pi of a surface that faces it
+  static constexpr Vec3f kSky{0.47f, 0.50f, 0.55f};
+  static constexpr Vec3f kGround{0.23f, 0.215f, 0.20f};
+  static constexpr Vec3f kKey{0.66f, 0.62f, 0.565f};  // irradiance over pi of a surface that faces it
   static constexpr float kKeyRadius = 0.22f;          // tangent of the light's angular radius
 
   explicit Studio(const RayMaker& camera) noexcept {
@@ -30,6 +32,18 @@ struct Studio {
   // that is linear in height keeps 2/3 of its slope.
   [[nodiscard]] static constexpr Vec3f dome_mean(float normal_height) noexcept {
     return dome(normal_height * (2.0f / 3.0f));
+  }
+
+  // The mean cosine that a normal makes with the key light's disk, where it is below the horizon counted as 0. Over the
+  // disk the cosine spreads like a semicircle, whose clamped mean has a closed form.
+  [[nodiscard]] float key_cosine(Vec3f normal) const noexcept {
+    const float cosine = dot(normal, key_direction);
+    const float spread = kKeyRadius * std::sqrt(std::max(0.0f, 1.0f - cosine * cosine));
+    if (cosine >= spread) return cosine;
+    if (cosine <= -spread) return 0.0f;
+    const float x = cosine / spread, rest = std::sqrt(1.0f - x * x);
+    const float above = 0.5f + std::numbers::inv_pi_v<float> * (x * rest + std::asin(x));
+    return spread * (x * above + std::numbers::inv_pi_v<float> * (2.0f / 3.0f) * rest * rest * rest);
   }
 
   // The colour behind everything at a place in the frame, from the upper left (0, 0) to the lower right (1, 1).

@@ -25,13 +25,12 @@ ObjectTriangle object_triangle(const Instance& instance, const Hit& hit) noexcep
           {1.0 - u - v, u, v}};
 }
 
-// Unit length, on the outer side as the mesh's own winding has it; zero for a triangle without area.
-Vec3d outer_normal(const Instance& instance, const ObjectTriangle& triangle) noexcept {
+// Unit length; zero for a triangle without area.
+Vec3d winding_normal(const Instance& instance, const ObjectTriangle& triangle) noexcept {
   const Affine& map = instance.object_to_world;
   const Vec3d edge1 = map.vector(triangle.corners[1] - triangle.corners[0]);
   const Vec3d edge2 = map.vector(triangle.corners[2] - triangle.corners[0]);
-  const Vec3d normal = normalized(cross(edge1, edge2));
-  return instance.mirrored ? -normal : normal;
+  return normalized(cross(edge1, edge2));
 }
 
 using CornerNormals = std::span<const Vec3f, 3>;
@@ -82,18 +81,22 @@ void set_normals(const Appearance& appearance, const Instance& instance, const R
   const MeshAttributes* attributes = appearance.attributes_of(instance);
   // What a transform has flattened is a plane, whatever its corner normals were.
   const bool smooth = attributes != nullptr && !attributes->corner_normals.empty() && !instance.baked;
-  const Vec3d outer = outer_normal(instance, triangle);
-  const double side = dot(outer, ray.direction) > 0.0 ? -1.0 : 1.0;
+  const Vec3d winding = winding_normal(instance, triangle);
   // A triangle without area has no normal: the way back is as good as any.
-  const bool flat = outer == Vec3d{0, 0, 0};
-  const Vec3d facing = flat ? normalized(-ray.direction) : outer * side;
+  const Vec3d facing = winding == Vec3d{0, 0, 0}           ? normalized(-ray.direction)
+                       : dot(winding, ray.direction) > 0.0 ? -winding
+                                                           : winding;
   point.geometric_normal = to_float(facing);
   point.normal = point.geometric_normal;
   Vec3d object_point = triangle.point();
   if (smooth) {
     appearance.check_fits(instance, *attributes);
     const CornerNormals normals = attributes->corner_normals.subspan(std::size_t{3} * hit.primitive_index).first<3>();
-    point.normal = to_float(smooth_normal(instance, normals, triangle, facing * side) * side);
+    const Vec3d normal = smooth_normal(instance, normals, triangle, facing);
+    // Which side they are on is decided against the triangle seen, not its winding: single triangles turned round in
+    // an otherwise sound mesh then look like their neighbours.
+    const double side = dot(normal, facing) < 0.0 ? -1.0 : 1.0;
+    point.normal = to_float(normal * side);
     if (with_origin) {
       const Vec3d lift = lift_of(normals, triangle, side);
       object_point = object_point + lift;
@@ -107,6 +110,12 @@ void set_normals(const Appearance& appearance, const Instance& instance, const R
 
 }  // namespace
 
+Vec3f material_color(const Appearance& appearance, std::int32_t material) noexcept {
+  if (material == kNoMaterial) return kPlainColor;
+  const Rgba& color = appearance.material_colors[static_cast<std::size_t>(material)];
+  return {color.r, color.g, color.b};
+}
+
 void find_surfaces(const Snapshot& snapshot, const Appearance& appearance, SurfaceNeeds needs,
                    std::span<const Ray> rays, std::span<const Hit> hits, AlignedVector<SurfacePoint>& points) {
   for (std::size_t row = 0; row < hits.size(); ++row) {
@@ -119,12 +128,7 @@ void find_surfaces(const Snapshot& snapshot, const Appearance& appearance, Surfa
     if (needs.normals) set_normals(appearance, instance, rays[row], hit, needs.origins, point);
     if (needs.materials) {
       point.material = appearance.material_of(instance, hit.primitive_index);
-      if (point.material == kNoMaterial) {
-        point.color = kPlainColor;
-      } else {
-        const Rgba& color = appearance.material_colors[static_cast<std::size_t>(point.material)];
-        point.color = {color.r, color.g, color.b};
-      }
+      point.color = material_color(appearance, point.material);
     }
     points.push_back(point);
   }

@@ -35,6 +35,9 @@ struct SurfacePoint {
 
 inline constexpr Vec3f kPlainColor{0.8f, 0.8f, 0.8f};  // where there is no material
 
+// The colour of a row of the material table, or kPlainColor for kNoMaterial.
+[[nodiscard]] Vec3f material_color(const Appearance& appearance, std::int32_t material) noexcept;
+
 // Appends a point for each hit that is not a holdout.
 void find_surfaces(const Snapshot& snapshot, const Appearance& appearance, SurfaceNeeds needs,
                    std::span<const Ray> rays, std::span<const Hit> hits, AlignedVector<SurfacePoint>& points);

@@ -4,7 +4,18 @@
 
 namespace perfect_bvh {
 
-TileRenderer::TileRenderer(const ModeInputs& inputs, const PassTargets& targets)
+namespace {
+
+// How far the light of a pixel is averaged: the less, the more rays the pixel has of its own.
+int smoothing_radius(const RenderSettings& settings) noexcept {
+  if (!settings.smooth) return 0;
+  const auto rays = settings.samples * static_cast<std::uint32_t>(settings.clay.light_rays);
+  return rays < 2 ? 4 : rays < 4 ? 3 : rays < 16 ? 2 : rays < 32 ? 1 : 0;
+}
+
+}  // namespace
+
+TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect area, const PassTargets& targets)
     : inputs_(inputs),
       targets_(targets),
       mode_(make_mode(inputs)),
@@ -13,8 +24,10 @@ TileRenderer::TileRenderer(const ModeInputs& inputs, const PassTargets& targets)
       pass_needs_{.normals = !targets.normal.empty()},
       sample_count_(mode_->is_exact() ? 1 : inputs.settings.samples),
       centred_(sample_count_ == 1 && inputs.settings.first_sample == 0),
+      smoothing_radius_(mode_->keeps_light_apart() ? smoothing_radius(inputs.settings) : 0),
       wants_centres_(targets.any_surface() || targets.any_counts()) {
   if (mode_->is_exact()) centred_ = true;
+  if (smoothing_radius_ > 0 && !targets.combined.empty()) layer_.emplace(area);
 }
 
 // In Z-order, so that neighbouring rays of a batch are neighbours in the image both ways.
@@ -106,7 +119,7 @@ void TileRenderer::make_rays(std::uint32_t sample, TileScratch& scratch) const {
     Point2 offset{0.0f, 0.0f};
     if (!centred_) {
       const FixedPoint2 shift = filter_dimension_.offset(sampling::z_order(pixel.x, pixel.y));
-      offset = filter_.offset((point + shift).to_unit());
+      offset = filter_.offset((point ^ shift).to_unit());
     }
     scratch.rays[i] =
         inputs_.camera.through(pixel.x + 0.5 + static_cast<double>(offset.x),
@@ -125,6 +138,9 @@ void TileRenderer::add_sample(std::uint32_t sample, TileScratch& scratch) const 
   fill_background(scratch);
   mode_->shade({number, scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points, scratch.colors,
                 scratch.shade});
+  if (layer_) {
+    scratch.gather.add(inputs_.camera, scratch.rays, scratch.hits, scratch.points, scratch.shade.lights);
+  }
   for (std::size_t i = 0; i < scratch.sums.size(); ++i) {
     Rgba& sum = scratch.sums[i];
     const Rgba& color = scratch.colors[i];
@@ -151,6 +167,31 @@ void TileRenderer::store_combined(const TileScratch& scratch) const {
   for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
     const Rgba& sum = scratch.sums[i];
     targets_.combined[row_of(scratch.pixels[i])] = {sum.r * share, sum.g * share, sum.b * share, sum.a * share};
+  }
+  if (layer_) store_light(scratch);
+}
+
+// Until the light is smoothed, pixels on a surface hold its colour in place of their own.
+void TileRenderer::store_light(const TileScratch& scratch) const {
+  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
+    const Pixel pixel = scratch.pixels[i];
+    const LightPixel light = scratch.gather.pixel(i, sample_count_);
+    layer_->store(pixel.x, pixel.y, light);
+    if (!light.on_surface()) continue;
+    const Vec3f color = scratch.gather.color(i, sample_count_);
+    targets_.combined[row_of(pixel)] = {color.x, color.y, color.z, 1.0f};
+  }
+}
+
+void TileRenderer::finish(PixelRect tile, TileScratch& scratch) const {
+  const auto width = static_cast<std::size_t>(tile.width());
+  scratch.lights.resize(width * static_cast<std::size_t>(tile.height()));
+  layer_->smooth(tile, smoothing_radius_, scratch.smoothing, scratch.lights);
+  for (int y = tile.y0; y < tile.y1; ++y) {
+    const Pixel first{static_cast<std::uint16_t>(tile.x0), static_cast<std::uint16_t>(y)};
+    const std::span<const LightPixel> lights = scratch.lights;
+    mode_->relight(lights.subspan(static_cast<std::size_t>(y - tile.y0) * width, width),
+                   targets_.combined.subspan(row_of(first), width));
   }
 }
 

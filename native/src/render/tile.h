@@ -4,6 +4,7 @@
 
 #include "core/cancel.h"
 #include "render/film.h"
+#include "render/light_gather.h"
 #include "render/passes.h"
 #include "render/shading.h"
 
@@ -20,11 +21,14 @@ struct TileScratch {
   AlignedVector<SurfacePoint> points;
   AlignedVector<Rgba> colors, sums;
   ShadeScratch shade;
+  LightGather gather;
+  SmoothingScratch smoothing;
+  AlignedVector<LightPixel> lights;
 };
 
 class TileRenderer {
  public:
-  TileRenderer(const ModeInputs& inputs, const PassTargets& targets);
+  TileRenderer(const ModeInputs& inputs, PixelRect area, const PassTargets& targets);
 
   // Throws Cancelled between samples. `between_samples` is called on the same thread.
   template <class Idle>
@@ -33,6 +37,7 @@ class TileRenderer {
     if (wants_centres_) trace_centres(scratch);
     if (targets_.combined.empty()) return;
     scratch.sums.assign(scratch.pixels.size(), Rgba{});
+    if (layer_) scratch.gather.begin(scratch.pixels.size());
     for (std::uint32_t sample = 0; sample < sample_count_; ++sample) {
       cancel.throw_if_stopped();
       add_sample(sample, scratch);
@@ -40,6 +45,10 @@ class TileRenderer {
     }
     store_combined(scratch);
   }
+
+  // Whether `finish` has work, once every tile of the image is rendered.
+  [[nodiscard]] bool needs_finish() const noexcept { return layer_.has_value(); }
+  void finish(PixelRect tile, TileScratch& scratch) const;
 
  private:
   void place_pixels(PixelRect tile, TileScratch& scratch) const;
@@ -51,6 +60,7 @@ class TileRenderer {
   void make_rays(std::uint32_t sample, TileScratch& scratch) const;
   void fill_background(TileScratch& scratch) const;
   void store_combined(const TileScratch& scratch) const;
+  void store_light(const TileScratch& scratch) const;
 
   [[nodiscard]] std::size_t row_of(Pixel pixel) const noexcept {
     return static_cast<std::size_t>(pixel.y) * static_cast<std::size_t>(inputs_.settings.width) + pixel.x;
@@ -63,7 +73,9 @@ class TileRenderer {
   Dimension filter_dimension_;
   SurfaceNeeds pass_needs_;
   std::uint32_t sample_count_;
-  bool centred_;        // samples stand at pixel centres
+  bool centred_;          // samples stand at pixel centres
+  int smoothing_radius_;  // 0: none
+  mutable std::optional<LightLayer> layer_;
   bool wants_centres_;  // rays through pixel centres are needed for the passes
 };
 
