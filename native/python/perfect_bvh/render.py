@@ -122,7 +122,7 @@ def render_passes(
         "instance", "material": one colour for each, always the same for the same id or row of the material table.
         "cost": nodes visited plus triangles tested by the camera ray, on a logarithmic scale from 2 (violet) to
             512 and more (pale yellow), the same for all images.
-        The colours of the last three, as of "normal", are codes to be shown as they are, without a view transform.
+        The colours of the last three are meant for a plain sRGB display, without a scene's view transform.
     size: (width, height) in pixels.
     samples: camera rays for each pixel of the image.
     appearance: materials, normals and visibility; None: everything is plain, flat and visible.

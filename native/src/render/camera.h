@@ -5,6 +5,7 @@
 // (0.5, 0.5), so that the pixels divide the window evenly.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "math/affine.h"
@@ -24,11 +25,24 @@ struct Camera {
   float border_left = 0.0f, border_right = 1.0f, border_bottom = 0.0f, border_top = 1.0f;
 };
 
+struct Pixel {
+  std::uint16_t x, y;
+};
+
 // Columns [x0, x1) and rows [y0, y1), rows counted from the top.
 struct PixelRect {
   int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
   [[nodiscard]] constexpr int width() const noexcept { return x1 - x0; }
   [[nodiscard]] constexpr int height() const noexcept { return y1 - y0; }
+  [[nodiscard]] constexpr bool contains(int x, int y) const noexcept { return x >= x0 && x < x1 && y >= y0 && y < y1; }
+  // With a margin around it, inside a frame.
+  [[nodiscard]] constexpr PixelRect grown(int margin, int frame_width, int frame_height) const noexcept {
+    return {std::max(x0 - margin, 0), std::max(y0 - margin, 0), std::min(x1 + margin, frame_width),
+            std::min(y1 + margin, frame_height)};
+  }
+  [[nodiscard]] constexpr PixelRect overlap(const PixelRect& other) const noexcept {
+    return {std::max(x0, other.x0), std::max(y0, other.y0), std::min(x1, other.x1), std::min(y1, other.y1)};
+  }
   [[nodiscard]] constexpr bool empty() const noexcept { return x1 <= x0 || y1 <= y0; }
 };
 

@@ -13,9 +13,9 @@ void LightGather::add(const RayMaker& camera, std::span<const Ray> rays, std::sp
     const Vec3f position = camera.from_camera(rays[point.ray], depth);
     if (entry.count == 0) {
       entry.pixel.position = position;
-      entry.pixel.normal = point.normal;
+      entry.pixel.normal = point.light_normal;
       entry.pixel.footprint = camera.footprint(depth);
-    } else if (!same_surface(entry.pixel, position, point.normal)) {
+    } else if (!same_surface(entry.pixel, position, point.light_normal)) {
       continue;  // the count then falls short
     }
     ++entry.count;

@@ -75,7 +75,7 @@ class ClayMode final : public ShadingMode {
     }
     for (std::size_t row = 0; row < task.points.size(); ++row) {
       const SurfacePoint& point = task.points[row];
-      const Vec3f color = lit(point.color, point.normal, scratch.lights[row]);
+      const Vec3f color = lit(point.color, point.light_normal, scratch.lights[row]);
       task.colors[point.ray] = {color.x, color.y, color.z, 1.0f};
     }
   }
@@ -102,7 +102,7 @@ class ClayMode final : public ShadingMode {
     for (const SurfacePoint& point : task.points) {
       const Point2 flat = disk((shared ^ sky_.offset(place_of(task, point))).to_unit());
       const float height = std::sqrt(std::max(0.0f, 1.0f - flat.x * flat.x - flat.y * flat.y));
-      const Vec3f direction = above(point, Frame(point.normal).world({flat.x, flat.y, height}));
+      const Vec3f direction = above(point, Frame(point.light_normal).world({flat.x, flat.y, height}));
       scratch.rays.push_back(ray_from(point, direction, reach_));
     }
     trace(scratch);
@@ -110,7 +110,7 @@ class ClayMode final : public ShadingMode {
       // The open sky's mean is known, so rays only say what is missing from it: open places are free of noise.
       Vec3f sky{1, 1, 1};
       if (const Hit& hit = scratch.hits[row]; hit.found()) {
-        const Vec3f mean = Studio::dome_mean(task.points[row].normal.z);
+        const Vec3f mean = Studio::dome_mean(task.points[row].light_normal.z);
         const Vec3f dome = Studio::dome(static_cast<float>(scratch.rays[row].direction.z));
         const Vec3f lost = Vec3f{dome.x / mean.x, dome.y / mean.y, dome.z / mean.z} - color_at(hit) * kBounce;
         sky = sky - lost * obstruction(hit.t, reach_);
@@ -127,14 +127,14 @@ class ClayMode final : public ShadingMode {
     scratch.rays.clear(), scratch.targets.clear();
     for (std::uint32_t row = 0; row < task.points.size(); ++row) {
       const SurfacePoint& point = task.points[row];
-      const float open = studio_.key_cosine(point.normal);
+      const float open = studio_.key_cosine(point.light_normal);
       if (!(open > 0.0f)) continue;
       scratch.lights[row].key_open += open * share;
       const Point2 flat = disk((shared ^ key_.offset(place_of(task, point))).to_unit());
       Vec3f direction = normalized(key_frame_.world({flat.x * Studio::kKeyRadius, flat.y * Studio::kKeyRadius, 1.0f}));
       // The part of the disk below the horizon gives nothing; its rays help to learn about the part above.
-      const float cosine = dot(direction, point.normal);
-      if (cosine < 0.0f) direction = direction - point.normal * (2.0f * cosine);
+      const float cosine = dot(direction, point.light_normal);
+      if (cosine < 0.0f) direction = direction - point.light_normal * (2.0f * cosine);
       scratch.rays.push_back(ray_from(point, above(point, direction), reach));
       scratch.targets.push_back(row);
     }
@@ -143,7 +143,7 @@ class ClayMode final : public ShadingMode {
       const std::uint32_t row = scratch.targets[i];
       const Hit& hit = scratch.hits[i];
       const float visible = hit.found() ? 1.0f - obstruction(hit.t, reach) : 1.0f;
-      scratch.lights[row].key += studio_.key_cosine(task.points[row].normal) * visible * share;
+      scratch.lights[row].key += studio_.key_cosine(task.points[row].light_normal) * visible * share;
     }
   }
 

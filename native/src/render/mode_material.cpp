@@ -9,7 +9,7 @@ class MaterialMode final : public ShadingMode {
  public:
   [[nodiscard]] SurfaceNeeds needs() const noexcept override { return {.materials = true}; }
   void shade(const ShadeTask& task) const override {
-    constexpr Vec3f kNone{0.5f, 0.5f, 0.5f};
+    constexpr Vec3f kNone{0.2f, 0.2f, 0.2f};
     std::int32_t known = kNoMaterial;
     Vec3f color = kNone;
     for (const SurfacePoint& point : task.points) {

@@ -30,8 +30,8 @@ class WireframeMode final : public ShadingMode {
 
   void shade(const ShadeTask& task) const override {
     for (const SurfacePoint& point : task.points) {
-      const float key = studio_.key_cosine(point.normal);
-      const Vec3f light = Studio::dome_mean(point.normal.z) + Studio::kKey * key;
+      const float key = studio_.key_cosine(point.light_normal);
+      const Vec3f light = Studio::dome_mean(point.light_normal.z) + Studio::kKey * key;
       const float line = line_coverage(task.rays[point.ray], task.hits[point.ray]);
       const Vec3f color = point.color * light * (1.0f - line) + settings_.color * line;
       task.colors[point.ray] = {color.x, color.y, color.z, 1.0f};

@@ -23,11 +23,6 @@ bool on_screen(Vec3d color) noexcept {
   return std::min({color.x, color.y, color.z}) >= 0.0 && std::max({color.x, color.y, color.z}) <= 1.0;
 }
 
-double encoded(double linear) noexcept {
-  const double x = std::clamp(linear, 0.0, 1.0);
-  return x <= 0.0031308 ? 12.92 * x : 1.055 * std::pow(x, 1.0 / 2.4) - 0.055;
-}
-
 }  // namespace
 
 Vec3f color_from_lch(double lightness, double chroma, double hue) noexcept {
@@ -41,8 +36,8 @@ Vec3f color_from_lch(double lightness, double chroma, double hue) noexcept {
     }
     high = low;
   }
-  const Vec3d color = linear_from_oklab(lightness, a * high, b * high);
-  return to_float({encoded(color.x), encoded(color.y), encoded(color.z)});
+  const Vec3f color = to_float(linear_from_oklab(lightness, a * high, b * high));
+  return max(min(color, Vec3f{1, 1, 1}), Vec3f{0, 0, 0});
 }
 
 Vec3f id_color(std::uint32_t id) noexcept {

@@ -4,9 +4,10 @@
 #include <cstdint>
 #include <span>
 
-#include "math/vec3.h"
 #include "render/appearance.h"
-#include "traverse/ray.h"
+#include "render/camera.h"
+#include "render/surface.h"
+#include "stats/ray_counts.h"
 
 namespace perfect_bvh {
 
@@ -30,6 +31,18 @@ struct PassTargets {
   }
   [[nodiscard]] bool any_counts() const noexcept { return !nodes_visited.empty() || !primitives_tested.empty(); }
 };
+
+// What one batch of rays through pixel centres found: ray, hit and pixel i belong together.
+struct CentreHits {
+  std::span<const Pixel> pixels;
+  std::span<const Ray> rays;
+  std::span<const Hit> hits;
+  std::span<const RayCounts> counts;     // empty if no pass wants them
+  std::span<const SurfacePoint> points;  // with normals, if that pass is wanted
+};
+// Writes all passes but `combined` of the pixels that lie inside `border`.
+void store_passes(const PassTargets& targets, const Snapshot& snapshot, const Appearance& appearance,
+                  const PixelRect& border, int image_width, const CentreHits& found);
 
 [[nodiscard]] inline float distance_of(const Ray& ray, float t) noexcept {
   return static_cast<float>(static_cast<double>(t) * length(ray.direction));

@@ -43,7 +43,6 @@ void check(const RenderSettings& settings) {
   if (settings.clay.light_rays < 1) throw InvalidArgument("render: light_rays must be at least 1");
 }
 
-// Tile by tile from the middle outwards would be prettier to watch; rows keep the caches warm.
 PixelRect tile_at(PixelRect area, std::size_t index) {
   const auto columns = static_cast<std::size_t>((area.width() + kTileSize - 1) / kTileSize);
   const int x = area.x0 + static_cast<int>(index % columns) * kTileSize;
@@ -62,8 +61,9 @@ void render(const Snapshot& snapshot, const Camera& camera, const Appearance& ap
             const RenderSettings& settings, const PassTargets& targets, CancelToken& cancel) {
   check(settings);
   const RayMaker rays(camera, settings.width, settings.height);
-  const PixelRect area = border_pixels(camera, settings.width, settings.height);
-  const TileRenderer renderer({snapshot, appearance, rays, settings}, area, targets);
+  const PixelRect border = border_pixels(camera, settings.width, settings.height);
+  const TileRenderer renderer({snapshot, appearance, rays, settings}, border, targets);
+  const PixelRect area = renderer.area();
   const std::size_t count = tile_count(area);
   cancel.expect(count);
 

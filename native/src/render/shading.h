@@ -16,10 +16,6 @@
 
 namespace perfect_bvh {
 
-struct Pixel {
-  std::uint16_t x, y;
-};
-
 // Buffers of one thread, kept from tile to tile so that nothing is allocated once they have grown.
 struct ShadeScratch {
   AlignedVector<Ray> rays;

@@ -6,6 +6,10 @@
 namespace perfect_bvh {
 namespace {
 
+// A corner normal that points this far to the other side of its triangle is not a curved surface's: the triangle is
+// wound the other way than its neighbours.
+constexpr double kTurnedCosine = -0.3;
+
 // The hit triangle in its mesh's frame.
 struct ObjectTriangle {
   std::array<Vec3d, 3> corners;
@@ -25,12 +29,13 @@ ObjectTriangle object_triangle(const Instance& instance, const Hit& hit) noexcep
           {1.0 - u - v, u, v}};
 }
 
-// Unit length; zero for a triangle without area.
-Vec3d winding_normal(const Instance& instance, const ObjectTriangle& triangle) noexcept {
+// Unit length, on the outer side as the mesh's own winding has it; zero for a triangle without area.
+Vec3d outer_normal(const Instance& instance, const ObjectTriangle& triangle) noexcept {
   const Affine& map = instance.object_to_world;
   const Vec3d edge1 = map.vector(triangle.corners[1] - triangle.corners[0]);
   const Vec3d edge2 = map.vector(triangle.corners[2] - triangle.corners[0]);
-  return normalized(cross(edge1, edge2));
+  const Vec3d normal = normalized(cross(edge1, edge2));
+  return instance.mirrored ? -normal : normal;
 }
 
 using CornerNormals = std::span<const Vec3f, 3>;
@@ -81,24 +86,23 @@ void set_normals(const Appearance& appearance, const Instance& instance, const R
   const MeshAttributes* attributes = appearance.attributes_of(instance);
   // What a transform has flattened is a plane, whatever its corner normals were.
   const bool smooth = attributes != nullptr && !attributes->corner_normals.empty() && !instance.baked;
-  const Vec3d winding = winding_normal(instance, triangle);
+  const Vec3d outer = outer_normal(instance, triangle);
   // A triangle without area has no normal: the way back is as good as any.
-  const Vec3d facing = winding == Vec3d{0, 0, 0}           ? normalized(-ray.direction)
-                       : dot(winding, ray.direction) > 0.0 ? -winding
-                                                           : winding;
+  const bool degenerate = outer == Vec3d{0, 0, 0};
+  const double side = dot(outer, ray.direction) > 0.0 ? -1.0 : 1.0;
+  const Vec3d facing = degenerate ? normalized(-ray.direction) : outer * side;
   point.geometric_normal = to_float(facing);
-  point.normal = point.geometric_normal;
+  point.normal = point.light_normal = point.geometric_normal;
   Vec3d object_point = triangle.point();
   if (smooth) {
     appearance.check_fits(instance, *attributes);
     const CornerNormals normals = attributes->corner_normals.subspan(std::size_t{3} * hit.primitive_index).first<3>();
-    const Vec3d normal = smooth_normal(instance, normals, triangle, facing);
-    // Which side they are on is decided against the triangle seen, not its winding: single triangles turned round in
-    // an otherwise sound mesh then look like their neighbours.
-    const double side = dot(normal, facing) < 0.0 ? -1.0 : 1.0;
-    point.normal = to_float(normal * side);
+    const Vec3d normal = smooth_normal(instance, normals, triangle, facing * side) * side;
+    const double light_side = dot(normal, facing) < kTurnedCosine ? -1.0 : 1.0;
+    point.normal = to_float(normal);
+    point.light_normal = to_float(normal * light_side);
     if (with_origin) {
-      const Vec3d lift = lift_of(normals, triangle, side);
+      const Vec3d lift = lift_of(normals, triangle, side * light_side);
       object_point = object_point + lift;
       point.lifted = !(lift == Vec3d{0, 0, 0});
     }

@@ -26,9 +26,12 @@ struct SurfacePoint {
   std::uint32_t ray = 0;  // row of the ray and the hit
   std::int32_t material = kNoMaterial;
   Vec3f geometric_normal{0, 0, 0};  // world space, unit length, towards the viewer
-  Vec3f normal{0, 0, 0};            // the same from corner normals, if the mesh has them
-  Vec3f color{0, 0, 0};             // of the material
-  bool lifted = false;              // `origin` lies on the curved surface, above the triangle itself
+  // The same from corner normals, if the mesh has them. Its side follows the triangle's winding, as in Cycles.
+  Vec3f normal{0, 0, 0};
+  // For light: as `normal`, but on the viewer's side too where single triangles of a mesh are turned round.
+  Vec3f light_normal{0, 0, 0};
+  Vec3f color{0, 0, 0};  // of the material
+  bool lifted = false;   // `origin` lies on the curved surface, above the triangle itself
   // Off the surface towards the viewer, so far that no rounding brings a ray from here back to its own triangle.
   Vec3d origin{0, 0, 0};
 };

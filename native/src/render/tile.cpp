@@ -15,7 +15,7 @@ int smoothing_radius(const RenderSettings& settings) noexcept {
 
 }  // namespace
 
-TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect area, const PassTargets& targets)
+TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets)
     : inputs_(inputs),
       targets_(targets),
       mode_(make_mode(inputs)),
@@ -24,10 +24,13 @@ TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect area, const PassT
       pass_needs_{.normals = !targets.normal.empty()},
       sample_count_(mode_->is_exact() ? 1 : inputs.settings.samples),
       centred_(sample_count_ == 1 && inputs.settings.first_sample == 0),
-      smoothing_radius_(mode_->keeps_light_apart() ? smoothing_radius(inputs.settings) : 0),
+      smoothing_radius_(mode_->keeps_light_apart() && !targets.combined.empty() ? smoothing_radius(inputs.settings)
+                                                                                : 0),
+      border_(border),
+      area_(border.grown(smoothing_radius_, inputs.settings.width, inputs.settings.height)),
       wants_centres_(targets.any_surface() || targets.any_counts()) {
   if (mode_->is_exact()) centred_ = true;
-  if (smoothing_radius_ > 0 && !targets.combined.empty()) layer_.emplace(area);
+  if (smoothing_radius_ > 0) layer_.emplace(area_);
 }
 
 // In Z-order, so that neighbouring rays of a batch are neighbours in the image both ways.
@@ -63,53 +66,8 @@ void TileRenderer::trace_centres(TileScratch& scratch) const {
   scratch.points.clear();
   const SurfaceNeeds needs = shaded_too ? pass_needs_ | mode_->needs() : pass_needs_;
   find_surfaces(inputs_.snapshot, inputs_.appearance, needs, scratch.rays, scratch.hits, scratch.points);
-  store_passes(scratch);
-}
-
-void TileRenderer::store_passes(const TileScratch& scratch) const {
-  const auto fill = [&](auto target, auto value) {
-    if (target.empty()) return;
-    for (const Pixel pixel : scratch.pixels) target[row_of(pixel)] = value;
-  };
-  fill(targets_.depth, kNoDepth);
-  fill(targets_.distance, kNoDepth);
-  fill(targets_.normal, Vec3f{0, 0, 0});
-  fill(targets_.object_index, 0);
-  fill(targets_.material_index, 0);
-  fill(targets_.instance, -1);
-  fill(targets_.primitive, -1);
-  for (const SurfacePoint& point : scratch.points) {
-    store_surface(row_of(scratch.pixels[point.ray]), point, scratch.rays[point.ray], scratch.hits[point.ray]);
-  }
-  if (!targets_.any_counts()) return;
-  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
-    const std::size_t row = row_of(scratch.pixels[i]);
-    const auto store = [row](std::span<std::int32_t> target, std::uint32_t value) {
-      if (!target.empty()) target[row] = static_cast<std::int32_t>(value);
-    };
-    store(targets_.nodes_visited, scratch.counts[i].nodes_visited);
-    store(targets_.primitives_tested, scratch.counts[i].primitives_tested);
-  }
-}
-
-void TileRenderer::store_surface(std::size_t pixel, const SurfacePoint& point, const Ray& ray, const Hit& hit) const {
-  const Appearance& appearance = inputs_.appearance;
-  const Instance& instance = inputs_.snapshot.instances[hit.instance_index];
-  if (!targets_.depth.empty()) targets_.depth[pixel] = hit.t;  // rays advance by one along the view axis
-  if (!targets_.distance.empty()) targets_.distance[pixel] = distance_of(ray, hit.t);
-  if (!targets_.normal.empty()) targets_.normal[pixel] = point.normal;
-  if (!targets_.instance.empty()) targets_.instance[pixel] = instance.id;
-  if (!targets_.primitive.empty()) targets_.primitive[pixel] = static_cast<std::int32_t>(hit.primitive_index);
-  if (!targets_.object_index.empty()) {
-    const auto row = appearance.row_of(instance);
-    if (row >= 0) targets_.object_index[pixel] = appearance.object_pass_indices[static_cast<std::size_t>(row)];
-  }
-  if (!targets_.material_index.empty()) {
-    const auto material = appearance.material_of(instance, hit.primitive_index);
-    if (material >= 0) {
-      targets_.material_index[pixel] = appearance.material_pass_indices[static_cast<std::size_t>(material)];
-    }
-  }
+  store_passes(targets_, inputs_.snapshot, inputs_.appearance, border_, inputs_.settings.width,
+               {scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points});
 }
 
 void TileRenderer::make_rays(std::uint32_t sample, TileScratch& scratch) const {
@@ -165,6 +123,7 @@ void TileRenderer::fill_background(TileScratch& scratch) const {
 void TileRenderer::store_combined(const TileScratch& scratch) const {
   const float share = 1.0f / static_cast<float>(sample_count_);
   for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
+    if (!border_.contains(scratch.pixels[i].x, scratch.pixels[i].y)) continue;
     const Rgba& sum = scratch.sums[i];
     targets_.combined[row_of(scratch.pixels[i])] = {sum.r * share, sum.g * share, sum.b * share, sum.a * share};
   }
@@ -177,13 +136,15 @@ void TileRenderer::store_light(const TileScratch& scratch) const {
     const Pixel pixel = scratch.pixels[i];
     const LightPixel light = scratch.gather.pixel(i, sample_count_);
     layer_->store(pixel.x, pixel.y, light);
-    if (!light.on_surface()) continue;
+    if (!light.on_surface() || !border_.contains(pixel.x, pixel.y)) continue;
     const Vec3f color = scratch.gather.color(i, sample_count_);
     targets_.combined[row_of(pixel)] = {color.x, color.y, color.z, 1.0f};
   }
 }
 
 void TileRenderer::finish(PixelRect tile, TileScratch& scratch) const {
+  tile = tile.overlap(border_);
+  if (tile.empty()) return;
   const auto width = static_cast<std::size_t>(tile.width());
   scratch.lights.resize(width * static_cast<std::size_t>(tile.height()));
   layer_->smooth(tile, smoothing_radius_, scratch.smoothing, scratch.lights);

@@ -28,7 +28,10 @@ struct TileScratch {
 
 class TileRenderer {
  public:
-  TileRenderer(const ModeInputs& inputs, PixelRect area, const PassTargets& targets);
+  TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets);
+
+  // The pixels to render: those in the border, and as many around it as smoothing looks at.
+  [[nodiscard]] PixelRect area() const noexcept { return area_; }
 
   // Throws Cancelled between samples. `between_samples` is called on the same thread.
   template <class Idle>
@@ -54,8 +57,6 @@ class TileRenderer {
   void place_pixels(PixelRect tile, TileScratch& scratch) const;
   void trace_centres(TileScratch& scratch) const;
   void trace(TileScratch& scratch, bool with_counts) const;
-  void store_passes(const TileScratch& scratch) const;
-  void store_surface(std::size_t pixel, const SurfacePoint& point, const Ray& ray, const Hit& hit) const;
   void add_sample(std::uint32_t sample, TileScratch& scratch) const;
   void make_rays(std::uint32_t sample, TileScratch& scratch) const;
   void fill_background(TileScratch& scratch) const;
@@ -75,6 +76,7 @@ class TileRenderer {
   std::uint32_t sample_count_;
   bool centred_;          // samples stand at pixel centres
   int smoothing_radius_;  // 0: none
+  PixelRect border_, area_;
   mutable std::optional<LightLayer> layer_;
   bool wants_centres_;  // rays through pixel centres are needed for the passes
 };
