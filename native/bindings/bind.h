@@ -7,6 +7,7 @@ namespace perfect_bvh::bindings {
 
 void bind_errors(pybind11::module_& module);
 void bind_threads(pybind11::module_& module);
+void bind_isa(pybind11::module_& module);
 void bind_scene(pybind11::module_& module);
 void bind_queries(pybind11::module_& module);
 void bind_render(pybind11::module_& module);

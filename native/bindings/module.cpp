@@ -7,6 +7,7 @@ PYBIND11_MODULE(_core, module) {
   module.attr("__version__") = PERFECT_BVH_VERSION;
   bind_errors(module);
   bind_threads(module);
+  bind_isa(module);
   bind_queries(module);  // before the scene, whose signatures name its Snapshot
   bind_scene(module);
   bind_render(module);

@@ -15,6 +15,7 @@ from .build_config import BuildConfig
 from .camera import Camera
 from .errors import Cancelled, EngineError, StaleSceneError
 from .hits import Hits
+from .isa import active_isa, available_isas, set_active_isa
 from .render import MODES, PASSES, RenderOptions, depth_to_grey, render, render_passes, render_progressively
 from .report import CommitReport, MeshReport, SceneStatistics, TreeStatistics
 from .scene import Scene
@@ -41,10 +42,13 @@ __all__ = [
     "StaleSceneError",
     "TreeStatistics",
     "__version__",
+    "active_isa",
+    "available_isas",
     "depth_to_grey",
     "render",
     "render_passes",
     "render_progressively",
+    "set_active_isa",
     "set_thread_count",
     "shutdown_threads",
     "thread_count",

@@ -11,8 +11,8 @@ namespace {
 
 // Rays a task takes at a time: enough to repay the hand-over, few enough to stop soon and to share out evenly.
 constexpr std::size_t kTaskRays = 4096;
-// Rays traced between two looks at the caches: their records stay in the first level cache.
-constexpr std::size_t kBlockRays = 128;
+// Rays traced at a time: enough to keep many under way to the end, few enough for the second level cache.
+constexpr std::size_t kBlockRays = 1024;
 
 Ray load_ray(const RayColumns& columns, std::size_t row) {
   Ray ray;
