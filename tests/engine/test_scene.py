@@ -113,6 +113,15 @@ def test_mark_stale_until_the_next_commit(placed):
     assert scene.cast_rays(*DOWN).is_hit.all()
 
 
+def test_a_commit_without_edits_keeps_everything(placed):
+    scene = placed[0]
+    before = scene.snapshot().generation
+    scene.mark_stale("in doubt")
+    report = scene.commit()
+    assert (report.meshes, report.kept_count, report.generation) == ((), 1, before)
+    assert scene.cast_rays(*DOWN).is_hit.all()
+
+
 def test_actions_and_reasons(placed):
     scene, mesh, instance = placed
     scene.update_mesh(mesh, TRIANGLE[0] + 1)

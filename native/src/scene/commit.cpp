@@ -41,6 +41,15 @@ std::string why_not_refitted(double cost, double fresh_cost) {
          " times what it did when built";
 }
 
+std::size_t byte_count(const Snapshot& snapshot) {
+  std::size_t count = snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView)) +
+                      snapshot.tlas.byte_count() + snapshot.top_level.byte_count();
+  for (const auto& blas : snapshot.blases) {
+    count += blas->mesh.byte_count() + blas->tree.byte_count() + blas->wide.byte_count();
+  }
+  return count;
+}
+
 }  // namespace
 
 Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, ThreadPool& pool, CancelToken& cancel) {
@@ -80,7 +89,7 @@ Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, T
 }
 
 std::shared_ptr<Snapshot> Scene::assemble(const std::map<std::int32_t, std::shared_ptr<const Blas>>& blases,
-                                          ThreadPool& pool, CancelToken& cancel, CommitReport& report) const {
+                                          ThreadPool& pool, CancelToken& cancel) const {
   auto snapshot = std::make_shared<Snapshot>();
   snapshot->instances.resize(instances_.size());
   std::vector<std::shared_ptr<const Blas>> baked(instances_.size());
@@ -102,7 +111,7 @@ std::shared_ptr<Snapshot> Scene::assemble(const std::map<std::int32_t, std::shar
   for (std::size_t i = 0; i < snapshot->instances.size(); ++i) {
     const Aabb& box = snapshot->instances[i].world_bounds;
     if (!box.is_empty()) prims.push_back({box.lower, static_cast<std::uint32_t>(i), box.upper, 0});
-    if (baked[i]) snapshot->blases.push_back(baked[i]), ++report.baked_count;
+    if (baked[i]) snapshot->blases.push_back(baked[i]);
   }
   for (const auto& [mesh_id, blas] : blases) {
     snapshot->blases.push_back(blas);
@@ -113,71 +122,76 @@ std::shared_ptr<Snapshot> Scene::assemble(const std::map<std::int32_t, std::shar
   return snapshot;
 }
 
-CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
-  const std::lock_guard edit_lock(edit_mutex_);
-  const auto start = Clock::now();
-  const std::uint64_t stale_count = [this] {
-    const std::lock_guard lock(state_mutex_);
-    return stale_count_;
-  }();
-  std::vector<std::pair<const std::int32_t, MeshSlot>*> changed;
+std::vector<Scene::BlasResult> Scene::make_changed_blases(ThreadPool& pool, CancelToken& cancel) const {
+  std::vector<const std::pair<const std::int32_t, MeshSlot>*> changed;
   std::size_t triangle_count = 0;
-  for (auto& entry : meshes_) {
+  for (const auto& entry : meshes_) {
     if (!entry.second.edited) continue;
     changed.push_back(&entry);
     triangle_count += entry.second.edited->triangle_count();
   }
   cancel.expect(triangle_count);
   std::vector<BlasResult> results(changed.size());
-  const auto idle = [&] {
+  const auto make = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      cancel.throw_if_stopped();
+      results[i] = make_blas(changed[i]->first, changed[i]->second, pool, cancel);
+    }
+  };
+  parallel_for(pool, changed.size(), 1, make, 0, [&] {
     cancel.poll();
     cancel.throw_if_stopped();
-  };
-  parallel_for(
-      pool, changed.size(), 1,
-      [&](std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i < end; ++i) {
-          cancel.throw_if_stopped();
-          results[i] = make_blas(changed[i]->first, changed[i]->second, pool, cancel);
-        }
-      },
-      0, idle);
+  });
+  return results;
+}
 
+CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
+  const std::lock_guard edit_lock(edit_mutex_);
+  const auto start = Clock::now();
   CommitReport report;
-  std::map<std::int32_t, std::shared_ptr<const Blas>> blases;
-  for (const auto& [mesh_id, slot] : meshes_) blases[mesh_id] = slot.blas;
-  for (const BlasResult& result : results) blases[result.report.mesh_id] = result.blas;
-  report.mesh_milliseconds = milliseconds_since(start);
-  const auto top_level_start = Clock::now();
-  auto snapshot = assemble(blases, pool, cancel, report);
-  report.top_level_milliseconds = milliseconds_since(top_level_start);
-
   report.instance_count = instances_.size();
+  const std::uint64_t stale_count = [&] {
+    const std::lock_guard lock(state_mutex_);
+    return stale_count_;
+  }();
+  auto results = make_changed_blases(pool, cancel);
   report.kept_count = meshes_.size() - results.size();
-  report.byte_count = snapshot->instances.size() * sizeof(Instance) + snapshot->tlas.byte_count() +
-                      snapshot->top_level.byte_count() + snapshot->instance_views.size() * sizeof(InstanceView);
-  for (const auto& blas : snapshot->blases) {
-    report.byte_count += blas->mesh.byte_count() + blas->tree.byte_count() + blas->wide.byte_count();
+  report.mesh_milliseconds = milliseconds_since(start);
+
+  std::shared_ptr<const Snapshot> snapshot = snapshot_;
+  if (!snapshot || edit_count_ != committed_edit_count_) {  // else what is committed is what there is: keep it
+    std::map<std::int32_t, std::shared_ptr<const Blas>> blases;
+    for (const auto& [mesh_id, slot] : meshes_) blases[mesh_id] = slot.blas;
+    for (const BlasResult& result : results) blases[result.report.mesh_id] = result.blas;
+    auto assembled = assemble(blases, pool, cancel);
+    assembled->generation = (snapshot ? snapshot->generation : 0) + 1;
+    snapshot = std::move(assembled);
   }
+  report.baked_count = snapshot->blases.size() - snapshot->meshes.size();
+  report.byte_count = byte_count(*snapshot);
+  report.generation = snapshot->generation;
+  report.milliseconds = milliseconds_since(start);
+  report.top_level_milliseconds = report.milliseconds - report.mesh_milliseconds;
   report.meshes.reserve(results.size());
   for (BlasResult& result : results) report.meshes.push_back(std::move(result.report));
+  publish(std::move(snapshot), results, report, stale_count);
+  return report;
+}
 
-  // Nothing below throws.
+// Nothing here throws: a commit that came so far happens as a whole.
+void Scene::publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const CommitReport& report,
+                    std::uint64_t stale_count) noexcept {
   for (std::size_t i = 0; i < results.size(); ++i) {
-    MeshSlot& slot = changed[i]->second;
+    MeshSlot& slot = meshes_.find(report.meshes[i].mesh_id)->second;
     slot.blas = std::move(results[i].blas);
     slot.fresh_cost = results[i].fresh_cost;
     slot.edited.reset();
     slot.same_topology = false;
   }
   const std::lock_guard state_lock(state_mutex_);
-  snapshot->generation = (snapshot_ ? snapshot_->generation : 0) + 1;
-  report.generation = snapshot->generation;
-  report.milliseconds = milliseconds_since(start);
   snapshot_ = std::move(snapshot);
   committed_edit_count_ = edit_count_;
   if (stale_count == stale_count_) stale_reason_.clear();  // marked meanwhile: what was committed is already old
-  return report;
 }
 
 }  // namespace perfect_bvh

@@ -87,17 +87,20 @@ class Scene {
   void mark_edited();
 
   static BlasResult make_blas(std::int32_t mesh_id, const MeshSlot& slot, ThreadPool& pool, CancelToken& cancel);
+  std::vector<BlasResult> make_changed_blases(ThreadPool& pool, CancelToken& cancel) const;
   std::shared_ptr<Snapshot> assemble(const std::map<std::int32_t, std::shared_ptr<const Blas>>& blases,
-                                     ThreadPool& pool, CancelToken& cancel, CommitReport& report) const;
+                                     ThreadPool& pool, CancelToken& cancel) const;
+  void publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const CommitReport& report,
+               std::uint64_t stale_count) noexcept;
 
   mutable std::mutex edit_mutex_;  // held by every edit and for the whole of a commit
   std::map<std::int32_t, MeshSlot> meshes_;
   std::vector<InstanceSlot> instances_;  // by ascending id
   std::int32_t next_mesh_id_ = 0;
   std::int32_t next_instance_id_ = 0;
-  std::uint64_t edit_count_ = 0;  // guarded by state_mutex_, as the rest is
 
   mutable std::mutex state_mutex_;  // held briefly; taken after edit_mutex_ if both are
+  std::uint64_t edit_count_ = 0;    // changes only while edit_mutex_ is held, too
   std::shared_ptr<const Snapshot> snapshot_;
   std::uint64_t committed_edit_count_ = 0;
   std::string stale_reason_;
