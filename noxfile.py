@@ -19,6 +19,7 @@ CLANG_FORMAT = "clang-format==23.1.5"
 BUILD_TOOLS = ("cmake>=3.25", "ninja>=1.11")
 
 NATIVE_FOLDERS = ("native/src", "native/bindings", "native/tests")
+NATIVE_SUFFIXES = (".h", ".inl", ".cpp")
 
 
 @nox.session
@@ -28,8 +29,10 @@ def lint(session: nox.Session) -> None:
     session.run("ruff", "check")
     session.run("ruff", "format", "--check")
     session.run("mypy")
-    sources = [str(path) for folder in NATIVE_FOLDERS for path in sorted(Path(folder).rglob("*.[ch]*"))]
-    session.run("clang-format", "--dry-run", "-Werror", *sources)
+    files = [path for folder in NATIVE_FOLDERS for path in sorted(Path(folder).rglob("*"))]
+    session.run(
+        "clang-format", "--dry-run", "-Werror", *(str(path) for path in files if path.suffix in NATIVE_SUFFIXES)
+    )
 
 
 @nox.session

@@ -80,5 +80,6 @@ def _changed_counts(places: npt.NDArray[np.intp], changed: BoolArray, count: int
 
 def _gone_counts(gone: npt.NDArray[np.intp], swapped: npt.NDArray[np.intp], count: int) -> Int64Array:
     """Instances that are gone for good: a swapped one was removed only to be added again."""
-    gone_counts = np.bincount(gone, minlength=count) - np.bincount(swapped, minlength=count)
-    return np.maximum(gone_counts, 0).astype(np.int64)
+    difference = np.bincount(gone, minlength=count) - np.bincount(swapped, minlength=count)
+    gone_counts: Int64Array = np.maximum(difference, 0).astype(np.int64)
+    return gone_counts
