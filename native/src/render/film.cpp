@@ -16,7 +16,7 @@ double blackman_harris(double place) noexcept {
 }  // namespace
 
 PixelFilter::PixelFilter(float width) {
-  constexpr int kSteps = 4096;
+  constexpr int kSteps = 16384;
   std::vector<double> cumulative(kSteps + 1, 0.0);
   for (int i = 0; i < kSteps; ++i) {
     const auto row = static_cast<std::size_t>(i);

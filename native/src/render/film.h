@@ -18,7 +18,7 @@ class PixelFilter {
   [[nodiscard]] Point2 offset(Point2 uniform) const noexcept { return {along_axis(uniform.x), along_axis(uniform.y)}; }
 
  private:
-  static constexpr int kCells = 256;
+  static constexpr int kCells = 1024;
   [[nodiscard]] float along_axis(float uniform) const noexcept {
     const float place = uniform * static_cast<float>(kCells);
     const int cell = static_cast<int>(place);

@@ -1,0 +1,167 @@
+// The renderer's parts that need no scene: sample points, pixel filter, camera, colours.
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "core/errors.h"
+#include "render/camera.h"
+#include "render/film.h"
+#include "render/light_layer.h"
+#include "render/palette.h"
+#include "render/sampler.h"
+
+namespace perfect_bvh {
+namespace {
+
+// Whether 2^bits points fill every box of size 2^-across x 2^-(bits - across) exactly once, for all shapes of box.
+template <class PointAt>
+bool is_net(std::uint32_t bits, const PointAt& point_at) {
+  for (std::uint32_t across = 0; across <= bits; ++across) {
+    std::set<std::uint32_t> boxes;
+    for (std::uint32_t i = 0; i < (1u << bits); ++i) {
+      const FixedPoint2 point = point_at(i);
+      const std::uint32_t column = across == 0 ? 0 : point.x >> (32 - across);
+      const std::uint32_t row = across == bits ? 0 : point.y >> (32 - (bits - across));
+      boxes.insert((column << (bits - across)) | row);
+    }
+    if (boxes.size() != (std::size_t{1} << bits)) return false;
+  }
+  return true;
+}
+
+TEST(Sampler, EveryAlignedRunOfSamplesIsANet) {
+  for (std::uint32_t seed : {0u, 1u, 77u}) {
+    const Dimension dimension(seed, 3);
+    for (std::uint32_t start : {0u, 64u, 4096u}) {
+      EXPECT_TRUE(is_net(6, [&](std::uint32_t i) { return dimension.sample(start + i); })) << seed << ' ' << start;
+    }
+  }
+}
+
+TEST(Sampler, FlippingDigitsKeepsANet) {
+  const Dimension dimension(5, 1);
+  for (std::uint32_t place : {0u, 9u, 12345u}) {
+    EXPECT_TRUE(is_net(5, [&](std::uint32_t i) { return dimension.sample(i) ^ dimension.offset(place); }));
+  }
+}
+
+TEST(Sampler, FirstSamplesOfABlockOfPixelsAreANet) {
+  const Dimension dimension(9, 2);
+  for (std::uint32_t x : {0u, 8u, 640u}) {
+    EXPECT_TRUE(is_net(6, [&](std::uint32_t i) {
+      return dimension.sample(0) ^ dimension.offset(sampling::z_order(x + i % 8, 16 + i / 8));
+    }));
+  }
+}
+
+TEST(Sampler, NumbersStayBelowOne) {
+  const Point2 largest = FixedPoint2{0xffffffffu, 0xffffffffu}.to_unit();
+  EXPECT_LT(largest.x, 1.0f);
+  EXPECT_LT(largest.y, 1.0f);
+}
+
+TEST(Film, FilterIsCentredAndAsWideAsAsked) {
+  const PixelFilter filter(1.5f);
+  double sum = 0.0, squares = 0.0;
+  constexpr int kCount = 10000;
+  for (int i = 0; i < kCount; ++i) {
+    const Point2 offset = filter.offset({(static_cast<float>(i) + 0.5f) / kCount, 0.5f});
+    EXPECT_LE(std::abs(offset.x), 1.5f);
+    EXPECT_NEAR(offset.y, 0.0f, 1e-4f);
+    sum += static_cast<double>(offset.x), squares += static_cast<double>(offset.x) * static_cast<double>(offset.x);
+  }
+  EXPECT_NEAR(sum / kCount, 0.0, 1e-4);
+  // The window's second moment: with w = a0 - a1 cos + a2 cos 2 - a3 cos 3 over [-R, R] it is
+  // R^2 (1/3 - 2/pi^2 (a1 - a2 / 4 + a3 / 9) / a0).
+  const double expected = 2.25 * (1.0 / 3.0 - 0.2026423673 * (0.48829 - 0.14128 / 4 + 0.01168 / 9) / 0.35875);
+  EXPECT_NEAR(squares / kCount, expected, 1e-3);
+}
+
+TEST(Film, NoWidthIsThePixelsCentre) {
+  const Point2 offset = PixelFilter(0.0f).offset({0.1f, 0.9f});
+  EXPECT_EQ(offset.x, 0.0f);
+  EXPECT_EQ(offset.y, 0.0f);
+}
+
+TEST(Camera, DirectionsAdvanceByOneAlongTheViewAxis) {
+  Camera camera;
+  camera.camera_to_world = {{0, 2, 0}, {0, 0, 0.5}, {3, 0, 0}, {10, 20, 30}};  // looks along -x, up is z
+  const RayMaker rays(camera, 64, 36);
+  const Ray ray = rays.through(0.5, 0.5, 7);
+  EXPECT_EQ(ray.origin, (Vec3d{10, 20, 30}));
+  EXPECT_DOUBLE_EQ(ray.direction.x, -1.0);
+  EXPECT_LT(ray.direction.y, 0.0);  // left
+  EXPECT_GT(ray.direction.z, 0.0);  // top
+  EXPECT_EQ(ray.mask, 7u);
+  camera.projection = Projection::kOrthographic;
+  EXPECT_EQ(RayMaker(camera, 64, 36).through(3, 5, 1).direction, (Vec3d{-1, 0, 0}));
+}
+
+TEST(Camera, AnAxisWithoutLengthIsRefused) {
+  Camera camera;
+  camera.camera_to_world.y = {0, 0, 0};
+  EXPECT_THROW(RayMaker(camera, 8, 8), InvalidArgument);
+}
+
+TEST(Camera, BordersAreTruncatedToPixelsAndNeverEmpty) {
+  Camera camera;
+  camera.border_left = 0.26f, camera.border_right = 0.74f, camera.border_bottom = 0.5f, camera.border_top = 1.0f;
+  const PixelRect rect = border_pixels(camera, 10, 10);
+  EXPECT_EQ(rect.x0, 2);
+  EXPECT_EQ(rect.x1, 7);
+  EXPECT_EQ(rect.y0, 0);
+  EXPECT_EQ(rect.y1, 5);
+  camera.border_left = camera.border_right = camera.border_bottom = camera.border_top = 1.0f;
+  const PixelRect corner = border_pixels(camera, 10, 10);
+  EXPECT_EQ(corner.width(), 1);
+  EXPECT_EQ(corner.height(), 1);
+  EXPECT_TRUE((PixelRect{0, 0, 10, 10}.contains(corner.x0, corner.y0)));
+}
+
+float luminance(Vec3f color) { return dot(color, Vec3f{0.2126f, 0.7152f, 0.0722f}); }
+
+TEST(Palette, RampGetsLighterAndStaysOnTheScreen) {
+  const ColorRamp ramp;
+  float last = -1.0f;
+  for (int i = 0; i <= 100; ++i) {
+    const Vec3f color = ramp.at(static_cast<float>(i) / 100.0f);
+    EXPECT_GT(luminance(color), last);
+    last = luminance(color);
+    for (int axis = 0; axis < 3; ++axis) EXPECT_TRUE(color[axis] >= 0.0f && color[axis] <= 1.0f);
+  }
+  EXPECT_EQ(ramp.at(-1.0f), ramp.at(0.0f));
+  EXPECT_EQ(ramp.at(7.0f), ramp.at(1.0f));
+}
+
+TEST(Palette, NearIdsLookUnlike) {
+  for (std::uint32_t id = 0; id < 2000; ++id) {
+    const Vec3f difference = id_color(id) - id_color(id + 1);
+    EXPECT_GT(length(difference), 0.1f) << id;
+  }
+}
+
+LightPixel lit_pixel(float x, float key) {
+  LightPixel pixel;
+  pixel.normal = {0, 0, 1}, pixel.position = {x, 0, -5}, pixel.footprint = 1.0f;
+  pixel.light = {{key, key, key}, key, 1.0f};
+  return pixel;
+}
+
+TEST(LightLayer, NeighboursOnOneSurfaceAreAveragedAndOthersAreNot) {
+  const PixelRect area{10, 20, 14, 21};
+  LightLayer layer(area);
+  for (int x = 0; x < 3; ++x) layer.store(10 + x, 20, lit_pixel(static_cast<float>(x), x == 1 ? 1.0f : 0.0f));
+  LightPixel behind = lit_pixel(3.0f, 100.0f);
+  behind.position.z = -50.0f;
+  layer.store(13, 20, behind);
+  SmoothingScratch scratch;
+  std::array<LightPixel, 4> out;
+  layer.smooth(area, 1, scratch, out);
+  EXPECT_FLOAT_EQ(out[1].light.key, 0.5f);         // weights 1/2, 1, 1/2
+  EXPECT_FLOAT_EQ(out[0].light.key, 1.0f / 3.0f);  // weights 1, 1/2
+  EXPECT_FLOAT_EQ(out[2].light.sky.x, 1.0f / 3.0f);
+  EXPECT_FLOAT_EQ(out[3].light.key, 100.0f);
+}
+
+}  // namespace
+}  // namespace perfect_bvh

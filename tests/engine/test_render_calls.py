@@ -1,0 +1,235 @@
+"""How renders are asked for: the same image for any threads, rounds, modes, cancelling, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import perfect_bvh
+import pytest
+from perfect_bvh import (
+    MODES,
+    PASSES,
+    Appearance,
+    Camera,
+    InstanceTable,
+    MaterialTable,
+    MeshAppearance,
+    Scene,
+    depth_to_grey,
+    render,
+    render_passes,
+    render_progressively,
+)
+
+SIZE = (100, 70)  # no multiple of the tile size
+CAMERA = Camera.look_at((2.0, -6.0, 3.0), (0.0, 0.0, 0.0), aspect=100 / 70)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    """200 random triangles over a ground."""
+    rng = np.random.default_rng(5)
+    made = Scene()
+    corners = rng.normal(size=(200, 1, 3)) + rng.normal(size=(200, 3, 3)) * 0.3
+    mesh = made.add_mesh(corners.reshape(-1, 3).astype(np.float32), np.arange(600, dtype=np.int32).reshape(-1, 3))
+    made.add_instance(mesh, np.eye(4))
+    ground = np.array([(-9, -9, -2), (9, -9, -2), (9, 9, -2), (-9, 9, -2)], np.float32)
+    made.add_instance(made.add_mesh(ground, np.array([(0, 1, 2), (0, 2, 3)], np.int32)), np.eye(4))
+    made.commit()
+    return made
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("samples", [1, 3])
+def test_images_are_equal_for_any_number_of_threads(scene: Scene, mode: Any, samples: int) -> None:
+    images = [
+        render_passes(scene, CAMERA, mode=mode, size=SIZE, samples=samples, passes=PASSES, threads=threads)
+        for threads in (1, 2, 3)
+    ]
+    for name in PASSES:
+        np.testing.assert_array_equal(images[0][name], images[1][name], err_msg=name)
+        np.testing.assert_array_equal(images[0][name], images[2][name], err_msg=name)
+    assert np.isfinite(images[0]["combined"]).all()
+    assert np.ptp(images[0]["combined"][..., 0]) > 0.0
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_combined_is_the_same_with_and_without_other_passes(scene: Scene, mode: Any) -> None:
+    alone = render(scene, CAMERA, mode, SIZE)
+    among = render_passes(scene, CAMERA, mode=mode, size=SIZE, passes=PASSES)
+    np.testing.assert_array_equal(alone, among["combined"])
+
+
+def test_depth_modes_show_what_the_depth_passes_hold(scene: Scene) -> None:
+    passes = render_passes(scene, CAMERA, size=SIZE, passes=("depth", "distance"))
+    for name in ("depth", "distance"):
+        image = render(scene, CAMERA, name, SIZE, samples=4)  # type: ignore[arg-type]
+        np.testing.assert_array_equal(image[..., 1], passes[name])
+        np.testing.assert_array_equal(image[..., 3], passes[name] < np.float32(1e10))
+
+
+def test_instance_colours_belong_to_ids(scene: Scene) -> None:
+    image = render(scene, CAMERA, "instance", SIZE)
+    instance = render_passes(scene, CAMERA, size=SIZE, passes=("instance",))["instance"]
+    colors = [np.unique(image[instance == i], axis=0) for i in (0, 1)]
+    assert [len(color) for color in colors] == [1, 1]
+    assert np.abs(colors[0] - colors[1]).max() > 0.1
+
+
+def test_cost_is_brighter_where_more_was_visited(scene: Scene) -> None:
+    image = render(scene, CAMERA, "cost", SIZE).astype(np.float64)
+    passes = render_passes(scene, CAMERA, size=SIZE, passes=("nodes_visited", "primitives_tested"))
+    cost = passes["nodes_visited"] + passes["primitives_tested"]
+    luminance = image[..., :3] @ (0.2126, 0.7152, 0.0722)
+    order = np.argsort(cost, axis=None)
+    assert (np.diff(luminance.ravel()[order]) >= -1e-6).all()
+    assert cost.max() > 2 * cost.min()
+
+
+def test_other_seeds_give_other_noise_and_the_same_seed_the_same(scene: Scene) -> None:
+    first, again, other = (render(scene, CAMERA, size=SIZE, seed=seed, smooth=False) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_continued_samples_make_the_same_image(scene: Scene) -> None:
+    whole = render(scene, CAMERA, size=SIZE, samples=8, smooth=False)
+    parts = [render(scene, CAMERA, size=SIZE, samples=4, first_sample=first, smooth=False) for first in (0, 4)]
+    np.testing.assert_allclose((parts[0] + parts[1]) / 2, whole, atol=1e-5)
+
+
+def test_progressive_rounds_refine_one_image(scene: Scene) -> None:
+    shares: list[float] = []
+
+    def progress(share: float) -> bool:
+        shares.append(share)
+        return True
+
+    rounds = render_progressively(
+        scene, CAMERA, size=SIZE, samples=7, passes=("combined", "depth"), progress=progress, smooth=False
+    )
+    counts, images = zip(*((count, passes["combined"].copy()) for count, passes in rounds), strict=True)
+    assert counts == (1, 2, 4, 7)
+    exact = render(scene, CAMERA, size=SIZE, samples=64, smooth=False)
+    errors = [float(np.abs(image - exact).mean()) for image in images]
+    assert errors == sorted(errors, reverse=True)
+    assert shares == sorted(shares)
+
+
+def test_a_render_is_cancelled_by_its_progress(scene: Scene) -> None:
+    asked: list[float] = []
+
+    def stop(share: float) -> bool:
+        asked.append(share)
+        return False
+
+    with pytest.raises(perfect_bvh.Cancelled):
+        render(scene, CAMERA, size=(1920, 1080), samples=1000, progress=stop)
+    assert len(asked) == 1
+    assert asked[0] < 0.5
+
+
+def test_an_exception_in_progress_reaches_the_caller(scene: Scene) -> None:
+    def fail(share: float) -> bool:
+        raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        render(scene, CAMERA, size=(1920, 1080), samples=1000, progress=fail)
+
+
+def test_a_snapshot_is_rendered_while_its_scene_has_edits() -> None:
+    scene = Scene()
+    mesh = scene.add_mesh([(-1, -1, 0), (1, -1, 0), (0, 1, 0)], [(0, 1, 2)])
+    instance = scene.add_instance(mesh, np.eye(4))
+    scene.commit()
+    snapshot = scene.snapshot()
+    before = render(scene, CAMERA, "instance", SIZE)
+    scene.remove_instances([instance])
+    np.testing.assert_array_equal(render(snapshot, CAMERA, "instance", SIZE), before)
+    with pytest.raises(perfect_bvh.StaleSceneError):
+        render(scene, CAMERA, "instance", SIZE)
+    scene.commit()
+    assert (render(scene, CAMERA, "instance", SIZE) == 0.0).all()
+    assert (render(scene, CAMERA, "clay", SIZE)[..., 3] == 1.0).all()
+
+
+def test_depths_as_greys() -> None:
+    depth = np.array([1.0, 2.0, 3.0, 1e10], np.float32)
+    np.testing.assert_allclose(depth_to_grey(depth), (1.0, 0.5, 0.0, 0.0))
+    np.testing.assert_allclose(depth_to_grey(depth, 2.0, 4.0), (1.0, 1.0, 0.5, 0.0))
+    assert (depth_to_grey(np.full(3, 1e10, np.float32)) == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"mode": "fancy"}, "render: mode must be one of clay, .*got 'fancy'"),
+        ({"size": (0, 10)}, "render: size must be 1 to 65536, got 0"),
+        ({"size": 12}, r"render: size must be \(width, height\)"),
+        ({"samples": 0}, "render: samples must be 1 to .*got 0"),
+        ({"samples": 1.5}, "render: samples must be an integer, got 1.5"),
+        ({"threads": -1}, "render: threads must be 0 to"),
+        ({"filter_width": float("nan")}, "render: filter_width must be 0 to 16, got nan"),
+        ({"ao_distance": -1.0}, "render: ao_distance must be"),
+        ({"clay_color": (1.0, 2.0)}, "render: clay_color must be three numbers"),
+        ({"camera": None}, "render: camera must be a perfect_bvh.Camera, got NoneType"),
+        ({"appearance": 3}, "render: appearance must be a perfect_bvh.Appearance, got int"),
+    ],
+)
+def test_bad_arguments_are_named(scene: Scene, arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        render(scene, **{"camera": CAMERA, "size": SIZE} | arguments)
+
+
+def test_unknown_passes_options_and_scenes_are_named(scene: Scene) -> None:
+    with pytest.raises(ValueError, match=r"render_passes: passes must be one of combined, .*got 'beauty'"):
+        render_passes(scene, CAMERA, passes=("beauty",))
+    with pytest.raises(TypeError, match="render: unknown option 'light'"):
+        render(scene, CAMERA, light=3)  # type: ignore[call-arg]
+    with pytest.raises(ValueError, match="render: scene must be a Scene or a Snapshot, got list"):
+        render([], CAMERA)  # type: ignore[arg-type]
+    flat = np.eye(4)
+    flat[0, 0] = 0.0
+    with pytest.raises(ValueError, match="render: the camera's matrix has no usable x axis"):
+        render(scene, replace(CAMERA, matrix=flat), size=SIZE)
+
+
+def table(**columns: npt.NDArray[Any]) -> InstanceTable:
+    """One instance with one slot, with some columns replaced."""
+    plain = {
+        "ids": np.array([0], np.int32),
+        "slot_offsets": np.array([0, 1], np.int32),
+        "slot_materials": np.array([-1], np.int32),
+        "object_indices": np.zeros(1, np.int32),
+        "holdout": np.zeros(1, bool),
+    }
+    return InstanceTable(**plain | columns)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("appearance", "message"),
+    [
+        (Appearance(instances=table(holdout=np.zeros(2, bool))), "instances.holdout has 2 rows but .*ids has 1"),
+        (Appearance(instances=table(ids=np.array([-1], np.int32))), "instances.ids holds a negative id"),
+        (Appearance(instances=table(slot_offsets=np.array([0, 2], np.int32))), "slot_offsets must rise from 0"),
+        (Appearance(instances=table(slot_materials=np.array([0], np.int32))), "refers to material 0 but .*has 0 rows"),
+        (
+            Appearance(materials=MaterialTable(np.ones((2, 3), np.float32))),
+            r"materials.colors must have shape \(N, 4\)",
+        ),
+        (
+            Appearance(meshes={0: MeshAppearance(corner_normals=np.zeros((7, 3, 3), np.float32))}),
+            r"meshes\[0\].corner_normals has 7 rows but the mesh has 200 triangles",
+        ),
+        (
+            Appearance(instances=table(), meshes={0: MeshAppearance(material_slots=np.zeros(7, np.int32))}),
+            r"meshes\[0\].material_slots has 7 rows but the mesh has 200 triangles",
+        ),
+    ],
+)
+def test_appearances_that_do_not_fit_are_refused(scene: Scene, appearance: Appearance, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        render(scene, CAMERA, size=SIZE, appearance=appearance)
