@@ -35,10 +35,11 @@ __attribute__((always_inline)) inline bool load_ray(ObjectRay& out, const Ray& r
 }
 
 __attribute__((always_inline)) inline void map_to_local(ObjectRay& out, const ObjectRay& ray,
-                                                       const MapColumns& map) noexcept {
+                                                        const MapColumns& map) noexcept {
   const __m256d x = _mm256_load_pd(map[0]), y = _mm256_load_pd(map[1]), z = _mm256_load_pd(map[2]);
   const auto linear = [&](const double* v) __attribute__((always_inline)) {
-    const __m256d xy = _mm256_add_pd(_mm256_mul_pd(x, _mm256_broadcast_sd(v)), _mm256_mul_pd(y, _mm256_broadcast_sd(v + 1)));
+    const __m256d xy =
+        _mm256_add_pd(_mm256_mul_pd(x, _mm256_broadcast_sd(v)), _mm256_mul_pd(y, _mm256_broadcast_sd(v + 1)));
     return _mm256_add_pd(xy, _mm256_mul_pd(z, _mm256_broadcast_sd(v + 2)));
   };
   _mm256_store_pd(out.origin, _mm256_add_pd(linear(ray.origin), _mm256_load_pd(map[3])));

@@ -10,7 +10,6 @@
 // Included by one translation unit for each instruction set, after its vectors. Longer than other files because the
 // loop is one thing; everything has internal linkage.
 
-
 namespace perfect_bvh {
 namespace {
 
@@ -62,7 +61,8 @@ PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
     if constexpr (kAny) {
       push_unsorted(node, hit, stack + top);
     } else {
-      push_sorted(node, box.rows.order_shift, hit, near, stack + top, reinterpret_cast<float*>(stack + nears_offset) + top);
+      push_sorted(node, box.rows.order_shift, hit, near, stack + top,
+                  reinterpret_cast<float*>(stack + nears_offset) + top);
     }
     top += count_bits(bits(hit)) - 1;
     slot.top = top;
@@ -130,10 +130,10 @@ template <bool kAny, bool kCounts>
 PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const LeafBlock& block) noexcept {
   const TriangleRay& ray = slot.triangle.ray;
   const Float8 depth = sub(load_row(block.vertices, slot.triangle.row[2]), broadcast(ray.origin[2]));
-  const Float8 across =
-      fnmadd(broadcast(ray.shear_x), depth, sub(load_row(block.vertices, slot.triangle.row[0]), broadcast(ray.origin[0])));
-  const Float8 upward =
-      fnmadd(broadcast(ray.shear_y), depth, sub(load_row(block.vertices, slot.triangle.row[1]), broadcast(ray.origin[1])));
+  const Float8 across = fnmadd(broadcast(ray.shear_x), depth,
+                               sub(load_row(block.vertices, slot.triangle.row[0]), broadcast(ray.origin[0])));
+  const Float8 upward = fnmadd(broadcast(ray.shear_y), depth,
+                               sub(load_row(block.vertices, slot.triangle.row[1]), broadcast(ray.origin[1])));
   const Int8 corner0 = load(block.corners), corner1 = shift_right<4>(corner0), corner2 = shift_right<8>(corner0);
   const Float8 x0 = permute(across, corner0), y0 = permute(upward, corner0), z0 = permute(depth, corner0);
   const Float8 x1 = permute(across, corner1), y1 = permute(upward, corner1), z1 = permute(depth, corner1);
