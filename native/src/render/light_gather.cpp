@@ -5,7 +5,8 @@ namespace perfect_bvh {
 void LightGather::begin(std::size_t pixel_count) { entries_.assign(pixel_count, Entry{}); }
 
 void LightGather::add(const RayMaker& camera, std::span<const Ray> rays, std::span<const Hit> hits,
-                      std::span<const SurfacePoint> points, std::span<const LightSample> lights) {
+                      std::span<const SurfacePoint> points, std::span<const LightSample> lights,
+                      std::span<const Rgba> colors) {
   for (std::size_t row = 0; row < points.size(); ++row) {
     const SurfacePoint& point = points[row];
     const float depth = hits[point.ray].t;
@@ -16,24 +17,31 @@ void LightGather::add(const RayMaker& camera, std::span<const Ray> rays, std::sp
       entry.pixel.normal = point.light_normal;
       entry.pixel.footprint = camera.footprint(depth);
     } else if (!same_surface(entry.pixel, position, point.light_normal)) {
-      continue;  // the count then falls short
+      continue;
     }
     ++entry.count;
     entry.pixel.light = entry.pixel.light + lights[row];
-    entry.color = entry.color + point.color;
+    entry.pixel.color = entry.pixel.color + point.color;
+    const Rgba& lit = colors[point.ray];
+    entry.lit = entry.lit + Vec3f{lit.r, lit.g, lit.b};
   }
 }
 
 LightPixel LightGather::pixel(std::size_t index, std::uint32_t sample_count) const noexcept {
   const Entry& entry = entries_[index];
-  if (entry.count != sample_count) return {};
+  if (entry.count == 0) return {};
+  const float scale = 1.0f / static_cast<float>(entry.count);
   LightPixel pixel = entry.pixel;
-  pixel.light = pixel.light * (1.0f / static_cast<float>(sample_count));
+  pixel.light = pixel.light * scale;
+  pixel.color = pixel.color * scale;
+  pixel.share = static_cast<float>(entry.count) / static_cast<float>(sample_count);
   return pixel;
 }
 
-Vec3f LightGather::color(std::size_t index, std::uint32_t sample_count) const noexcept {
-  return entries_[index].color * (1.0f / static_cast<float>(sample_count));
+Vec3f LightGather::rest(std::size_t index, std::uint32_t sample_count, const Rgba& sum) const noexcept {
+  const Entry& entry = entries_[index];
+  if (entry.count == sample_count) return {0, 0, 0};  // exactly
+  return max(Vec3f{sum.r, sum.g, sum.b} - entry.lit, Vec3f{0, 0, 0});
 }
 
 }  // namespace perfect_bvh

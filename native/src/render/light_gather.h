@@ -1,5 +1,6 @@
-// Collects a tile's light sample by sample, and finds out which pixels show one smooth surface only.
-// In: the points that each sample hit, and the light there. Out: a LightPixel and a mean colour for each pixel.
+// Collects a tile's light sample by sample, for the first surface that each pixel shows; most show no other.
+// In: the points that each sample hit, and the light there. Out: a LightPixel for each pixel, and what is left of its
+// colour: the samples on other surfaces and on none.
 #pragma once
 
 #include <span>
@@ -13,18 +14,19 @@ namespace perfect_bvh {
 class LightGather {
  public:
   void begin(std::size_t pixel_count);
-  // One sample of every pixel: ray i belongs to pixel i. lights: a row a point.
+  // One sample of every pixel: ray and colour i belong to pixel i. lights: a row a point.
   void add(const RayMaker& camera, std::span<const Ray> rays, std::span<const Hit> hits,
-           std::span<const SurfacePoint> points, std::span<const LightSample> lights);
-  // The means over `sample_count` samples.
+           std::span<const SurfacePoint> points, std::span<const LightSample> lights, std::span<const Rgba> colors);
+  // Of `sample_count` samples.
   [[nodiscard]] LightPixel pixel(std::size_t index, std::uint32_t sample_count) const noexcept;
-  [[nodiscard]] Vec3f color(std::size_t index, std::uint32_t sample_count) const noexcept;
+  // The part of the sum of the samples' colours that is not the surface's.
+  [[nodiscard]] Vec3f rest(std::size_t index, std::uint32_t sample_count, const Rgba& sum) const noexcept;
 
  private:
   struct Entry {
-    LightPixel pixel;  // position and normal of the first sample, sum of the light
-    Vec3f color{0, 0, 0};
-    std::uint32_t count = 0;  // samples that agree with the first
+    LightPixel pixel;         // position and normal of the first sample, sums of light and colour
+    Vec3f lit{0, 0, 0};       // sum of the lit colours
+    std::uint32_t count = 0;  // samples on the surface of the first
   };
   AlignedVector<Entry> entries_;
 };

@@ -30,8 +30,10 @@ struct LightSample {
 struct LightPixel {
   Vec3f normal{0, 0, 0};
   Vec3f position{0, 0, 0};  // relative to the camera
-  float footprint = 0.0f;   // the size of a pixel there; 0: the pixel shows more than one surface, or none
-  LightSample light;
+  float footprint = 0.0f;   // the size of a pixel there; 0: no surface
+  Vec3f color{0, 0, 0};
+  float share = 0.0f;  // of the pixel's samples that lie on this surface
+  LightSample light;   // their mean
 
   [[nodiscard]] bool on_surface() const noexcept { return footprint > 0.0f; }
 };

@@ -82,9 +82,10 @@ class ClayMode final : public ShadingMode {
 
   void relight(std::span<const LightPixel> pixels, std::span<Rgba> colors) const override {
     for (std::size_t i = 0; i < pixels.size(); ++i) {
-      if (!pixels[i].on_surface()) continue;
-      const Vec3f color = lit({colors[i].r, colors[i].g, colors[i].b}, pixels[i].normal, pixels[i].light);
-      colors[i] = {color.x, color.y, color.z, 1.0f};
+      const LightPixel& pixel = pixels[i];
+      if (!pixel.on_surface()) continue;
+      const Vec3f color = lit(pixel.color, pixel.normal, pixel.light) * pixel.share;
+      colors[i] = {colors[i].r + color.x, colors[i].g + color.y, colors[i].b + color.z, colors[i].a};
     }
   }
 

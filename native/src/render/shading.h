@@ -48,7 +48,7 @@ class ShadingMode {
   // Whether `shade` also writes the light of each point to ShadeScratch::lights, apart from colour. Such light can be
   // smoothed; `relight` then makes the final colour from it.
   [[nodiscard]] virtual bool keeps_light_apart() const noexcept { return false; }
-  // colors: surface colours in, lit ones out, for the pixels that are on a surface.
+  // Adds to `colors` what the pixels that show a surface get from it.
   virtual void relight(std::span<const LightPixel> /*pixels*/, std::span<Rgba> /*colors*/) const {}
   // Whether the studio's backdrop stands behind the surfaces; otherwise there is nothing.
   [[nodiscard]] virtual bool has_backdrop() const noexcept { return false; }

@@ -97,7 +97,8 @@ void TileRenderer::add_sample(std::uint32_t sample, TileScratch& scratch) const 
   mode_->shade({number, scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points, scratch.colors,
                 scratch.shade});
   if (layer_) {
-    scratch.gather.add(inputs_.camera, scratch.rays, scratch.hits, scratch.points, scratch.shade.lights);
+    scratch.gather.add(inputs_.camera, scratch.rays, scratch.hits, scratch.points, scratch.shade.lights,
+                       scratch.colors);
   }
   for (std::size_t i = 0; i < scratch.sums.size(); ++i) {
     Rgba& sum = scratch.sums[i];
@@ -130,15 +131,16 @@ void TileRenderer::store_combined(const TileScratch& scratch) const {
   if (layer_) store_light(scratch);
 }
 
-// Until the light is smoothed, pixels on a surface hold its colour in place of their own.
+// Until the light is smoothed, pixels hold what is not on their surface.
 void TileRenderer::store_light(const TileScratch& scratch) const {
+  const float share = 1.0f / static_cast<float>(sample_count_);
   for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
     const Pixel pixel = scratch.pixels[i];
     const LightPixel light = scratch.gather.pixel(i, sample_count_);
     layer_->store(pixel.x, pixel.y, light);
     if (!light.on_surface() || !border_.contains(pixel.x, pixel.y)) continue;
-    const Vec3f color = scratch.gather.color(i, sample_count_);
-    targets_.combined[row_of(pixel)] = {color.x, color.y, color.z, 1.0f};
+    const Vec3f rest = scratch.gather.rest(i, sample_count_, scratch.sums[i]) * share;
+    targets_.combined[row_of(pixel)] = {rest.x, rest.y, rest.z, scratch.sums[i].a * share};
   }
 }
 
