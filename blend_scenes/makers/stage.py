@@ -32,6 +32,7 @@ def open_stage(name: str, last_frame: int = 1, exposure: float = 0.0) -> Any:
     scene.render.engine = "CYCLES"
     scene.cycles.samples = 32
     scene.cycles.seed = 0
+    scene.render.dither_intensity = 0.0  # its noise would only make the PNG files larger
     scene.view_settings.exposure = exposure
     scene.display.shading.color_type = "MATERIAL"
     scene.display.shading.show_cavity = True

@@ -14,7 +14,7 @@ from .wing import BAY, BAY_LINE, BAYS, SPRING, WALK_WALL
 
 
 def make() -> None:
-    open_stage("Courtyard")
+    open_stage("Courtyard", exposure=0.35)
     random = np.random.default_rng(2)
     palette = make_palette()
     wing = build_architecture(palette, random)
