@@ -17,6 +17,8 @@ from .frame import Frame, FrameStatistics, Images, Progress, border_pixels, rend
 from .preferences import native_error
 from .properties import ENGINE_NAME, read_settings
 
+# Nobody looks at the rounds before the last one where there is no window.
+SHOWS_ROUNDS = not bpy.app.background
 MODERN_PASS_NAMES = bpy.app.version >= (5, 0, 0)
 
 
@@ -112,8 +114,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             self.update_result(result)
 
         try:
-            # Nobody looks at rounds that come before the last one where there is no window.
-            frame = self._render_frame(depsgraph, specs, None if bpy.app.background else show)
+            frame = self._render_frame(depsgraph, specs, show if SHOWS_ROUNDS else None)
             if frame is not None and frame.images:
                 _write_passes(result.layers[0], specs, frame.images, window)
         finally:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
-from oracles.cycles import preserved, render_passes  # noqa: E402
+from oracles.cycles import Passes, preserved, render_passes  # noqa: E402
 from oracles.png import read_png  # noqa: E402
 from perfect_bvh_addon import engine  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
@@ -188,6 +188,37 @@ def test_a_moved_object_is_not_built_again(scene) -> None:
     report = render().frame.statistics.report
     assert {change.name: change.action for change in report.objects} == {"Cube": "moved", "Plane": "kept"}
     assert report.commit.meshes == ()
+
+
+def test_rounds_that_a_window_shows_do_not_change_the_image(scene, monkeypatch) -> None:
+    scene.perfect_bvh.samples = 5
+    updates: list[object] = []
+    monkeypatch.setattr(engine, "SHOWS_ROUNDS", True)
+    monkeypatch.setattr(engine, "_write_passes", count_calls(engine._write_passes, updates))
+    shown = render_passes(scene, "PERFECT_BVH")
+    monkeypatch.undo()
+    assert len(updates) == 5  # after 1, 2, 4 and 5 samples, and at the end
+    silent = render_passes(scene, "PERFECT_BVH")
+    for name in Passes.__slots__:
+        np.testing.assert_array_equal(getattr(shown, name), getattr(silent, name))
+
+
+def count_calls(function: Callable[..., None], calls: list[object]) -> Callable[..., None]:
+    def counted(*arguments: object) -> None:
+        calls.append(arguments)
+        function(*arguments)
+
+    return counted
+
+
+@pytest.mark.parametrize("file_format", ["PNG", "OPEN_EXR_MULTILAYER"])
+def test_stereoscopy_renders(scene, tmp_path: Path, file_format: str) -> None:
+    scene.render.use_multiview = True
+    if file_format == "OPEN_EXR_MULTILAYER" and hasattr(scene.render.image_settings, "media_type"):
+        scene.render.image_settings.media_type = "MULTI_LAYER_IMAGE"
+    with rendering_to(scene, tmp_path / "stereo_", file_format):
+        assert render(write_still=True).frame is not None
+    assert list(tmp_path.iterdir())
 
 
 # Cancel and errors -------------------------------------------------------------------------------------------------
