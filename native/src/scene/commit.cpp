@@ -6,6 +6,7 @@
 
 #include "build/builder.h"
 #include "scene/blas_build.h"
+#include "scene/cover.h"
 #include "scene/instance_placing.h"
 #include "scene/scene.h"
 #include "scene/trace_view.h"
@@ -24,6 +25,9 @@ double milliseconds_since(Clock::time_point start) {
 
 // A refitted tree is kept while a ray is expected to cost at most this much more than when the tree was built.
 constexpr double kRefitLimit = 1.5;
+
+// Boxes an instance's bounds are made of: past some dozens the bounds hardly tighten.
+constexpr std::size_t kCoverBoxes = 32;
 
 // Instances cost far more than a box test to enter: worth splitting down to one a leaf.
 BuildConfig top_level_config() {
@@ -81,6 +85,7 @@ Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, T
     result.fresh_cost = blas->tree.bounds().half_area() > 0 ? measure_quality(blas->tree).sah : 0;
   }
   report.triangle_count = blas->mesh.triangle_count();
+  blas->cover = cover_boxes(blas->tree, kCoverBoxes);
   blas->wide = collapse_mesh(blas->tree, blas->mesh, pool, cancel);
   report.byte_count = blas->mesh.byte_count() + blas->tree.byte_count() + blas->wide.byte_count();
   report.milliseconds = milliseconds_since(start);

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "build/bvh2.h"
 #include "math/affine.h"
@@ -15,7 +16,8 @@ namespace perfect_bvh {
 struct Blas {
   TriangleMesh mesh;
   Bvh2 tree;
-  WideBvh wide;  // what rays are traced through
+  WideBvh wide;             // what rays are traced through
+  std::vector<Aabb> cover;  // a few boxes that hold the whole mesh, see scene/cover.h
 };
 
 struct Instance {

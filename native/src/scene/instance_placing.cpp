@@ -1,6 +1,8 @@
 #include "scene/instance_placing.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "scene/blas_build.h"
 #include "wide/collapse.h"
@@ -9,6 +11,8 @@ namespace perfect_bvh {
 namespace {
 
 Affine from_centre(Vec3d centre) { return {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, centre}; }
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 double largest_component(Vec3d v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
 
@@ -30,18 +34,33 @@ bool round_trip_holds(const Affine& forth, const Affine& back) {
 // The box of a mesh in world space, wide enough that every hit in the mesh lies inside it. Tracing moves a hit by less
 // than 100 * 2^-24 of the mesh's reach on each of its axes (math/slab.h, with |origin| <= 4 reach and the narrowing of
 // the ray); the inverse may be off by as much as place_instance() accepts. 2^-17 covers both.
-Aabb transformed_bounds(const Affine& map, const Aabb& box) {
+double margin_of(const Affine& map, double reach, int axis) {
+  return (std::abs(map.x[axis]) + std::abs(map.y[axis]) + std::abs(map.z[axis])) * (0x1p-17 * reach);
+}
+
+// Centre and half extent: the extent along a world axis is that of the box along the axis's row.
+void grow_transformed(Vec3d& lower, Vec3d& upper, const Affine& map, const Aabb& box) {
+  const Vec3d low = to_double(box.lower), high = to_double(box.upper);
+  const Vec3d centre = map.point((low + high) * 0.5), half = (high - low) * 0.5;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double extent =
+        std::abs(map.x[axis]) * half.x + std::abs(map.y[axis]) * half.y + std::abs(map.z[axis]) * half.z;
+    lower[axis] = std::min(lower[axis], centre[axis] - extent);
+    upper[axis] = std::max(upper[axis], centre[axis] + extent);
+  }
+}
+
+Aabb transformed_bounds(const Affine& map, const Blas& blas) {
+  const Aabb bounds = blas.tree.bounds();
+  if (bounds.is_empty()) return {};
+  const double reach = std::max(largest_component(to_double(bounds.lower)), largest_component(to_double(bounds.upper)));
+  Vec3d lower{kInfinity, kInfinity, kInfinity}, upper{-kInfinity, -kInfinity, -kInfinity};
+  for (const Aabb& box : blas.cover) grow_transformed(lower, upper, map, box);
   Aabb result;
-  if (box.is_empty()) return result;
-  const double reach = std::max(largest_component(to_double(box.lower)), largest_component(to_double(box.upper)));
-  const auto row_sum = [&](int axis) { return std::abs(map.x[axis]) + std::abs(map.y[axis]) + std::abs(map.z[axis]); };
-  const Vec3d margin = Vec3d{row_sum(0), row_sum(1), row_sum(2)} * (0x1p-17 * reach);
-  for (int corner = 0; corner < 8; ++corner) {
-    const Vec3d p = map.point({corner & 1 ? box.upper.x : box.lower.x, corner & 2 ? box.upper.y : box.lower.y,
-                               corner & 4 ? box.upper.z : box.lower.z});
-    const Vec3d low = p - margin, high = p + margin;
-    result.grow(Vec3f{round_down(low.x), round_down(low.y), round_down(low.z)});
-    result.grow(Vec3f{round_up(high.x), round_up(high.y), round_up(high.z)});
+  for (int axis = 0; axis < 3; ++axis) {
+    const double margin = margin_of(map, reach, axis);
+    result.lower[axis] = round_down(lower[axis] - margin);
+    result.upper[axis] = round_up(upper[axis] + margin);
   }
   return result;
 }
@@ -53,7 +72,7 @@ bool place_instance(Instance& instance, const Blas& blas, const Affine& object_t
   instance.object_to_world = compose(object_to_world, from_centre(blas.mesh.centre));
   instance.world_to_object = inverse(instance.object_to_world);
   instance.mirrored = object_to_world.determinant() < 0;
-  instance.world_bounds = transformed_bounds(instance.object_to_world, blas.tree.bounds());
+  instance.world_bounds = transformed_bounds(instance.object_to_world, blas);
   return round_trip_holds(instance.object_to_world, instance.world_to_object);
 }
 
@@ -69,6 +88,7 @@ std::shared_ptr<const Blas> bake_instance(Instance& instance, const Blas& blas, 
     baked->mesh.positions[i] = to_float(to_world.point(to_double(blas.mesh.positions[i])) - centre);
   }
   baked->tree = build_tree(baked->mesh, config, pool, cancel);
+  baked->cover = {baked->tree.bounds()};  // it is never turned
   baked->wide = collapse_mesh(baked->tree, baked->mesh, pool, cancel);
   const bool usable = place_instance(instance, *baked, Affine{});
   // Baked positions are in world winding already.
