@@ -88,6 +88,15 @@ inline std::vector<PrimRef> points_on_line(std::size_t count) {
   return refs;
 }
 
+inline std::vector<PrimRef> with_zeros_of_both_signs(std::size_t count) {
+  auto refs = scattered(count, 11);
+  for (std::size_t i = 0; i < refs.size(); ++i) {
+    refs[i].lower.x = i % 2 == 0 ? 0.0f : -0.0f;
+    refs[i].upper.x = i % 3 == 0 ? 0.0f : -0.0f;
+  }
+  return refs;
+}
+
 struct NamedSet {
   const char* name;
   std::vector<PrimRef> refs;
@@ -118,12 +127,7 @@ inline std::vector<NamedSet> hard_sets() {
   overflowing.push_back(make_ref({huge, huge, huge}, {huge, huge, huge}, overflowing.size()));
   overflowing.push_back(make_ref({-huge, 0, 0}, {-huge, 0, 0}, overflowing.size()));
   sets.push_back({"near the largest float", overflowing});
-  auto zeros = scattered(5000, 11);
-  for (std::size_t i = 0; i < zeros.size(); ++i) {
-    zeros[i].lower.x = i % 2 == 0 ? 0.0f : -0.0f;
-    zeros[i].upper.x = i % 3 == 0 ? 0.0f : -0.0f;
-  }
-  sets.push_back({"zeros of both signs", zeros});
+  sets.push_back({"zeros of both signs", with_zeros_of_both_signs(5000)});
   return sets;
 }
 

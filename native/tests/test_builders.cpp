@@ -50,6 +50,9 @@ std::vector<Case> cases() {
   all.push_back({"sweep", config});
   config.max_leaf_size = 1;
   all.push_back({"sweep_single_leaves", config});
+  config = config_of(BuilderKind::kBinned);
+  config.optimize_passes = 3;
+  all.push_back({"binned_optimized", config});
   config = config_of(BuilderKind::kMedian);
   all.push_back({"median", config});
   config.max_leaf_size = 1;
@@ -81,10 +84,12 @@ TEST_P(Builders, BoundLeavesTightly) {
 }
 
 TEST_P(Builders, GiveTheSameBytesForAnyThreadCount) {
-  std::vector<NamedSet> sets = hard_sets();
-  sets.push_back({"sheet", sheet(260)});  // large enough that threads share single nodes
+  const std::vector<NamedSet> sets{{"sheet", sheet(190)},  // large enough that threads share single nodes
+                                   {"duplicates", repeated(70000, {1, 2, 3}, {2, 3, 4})},
+                                   {"cornered", cornered(10000)},
+                                   {"ground and pebbles", ground_and_pebbles(20000)},
+                                   {"zeros of both signs", with_zeros_of_both_signs(20000)}};
   for (const NamedSet& set : sets) {
-    if (set.refs.size() < 5000) continue;  // nothing to share
     const Bvh2 alone = build(set.refs, GetParam().config, 1);
     for (int thread_count : {2, 4}) {
       EXPECT_TRUE(same_bytes(alone, build(set.refs, GetParam().config, thread_count)))

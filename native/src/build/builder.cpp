@@ -6,6 +6,7 @@
 
 #include "build/binned.h"
 #include "build/median.h"
+#include "build/optimize.h"
 #include "build/sweep.h"
 #include "core/errors.h"
 
@@ -31,15 +32,8 @@ void check(const BuildConfig& config) {
           static_cast<double>(config.duplication_budget));
 }
 
-}  // namespace
-
-Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
-  check(config);
-  constexpr std::size_t kMaxPrims = std::numeric_limits<std::int32_t>::max();  // node indices have 32 bits
-  if (prims.size() > kMaxPrims) {
-    throw InvalidArgument("build_bvh2: expected at most 2147483647 primitives, got " + std::to_string(prims.size()));
-  }
-  if (prims.empty()) return {};
+Bvh2 build_unoptimized(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool,
+                       CancelToken& cancel) {
   switch (config.builder) {
     case BuilderKind::kAuto:
     case BuilderKind::kBinned:
@@ -51,6 +45,20 @@ Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, Threa
     default:
       throw InvalidArgument("BuildConfig: this builder is not available");
   }
+}
+
+}  // namespace
+
+Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
+  check(config);
+  constexpr std::size_t kMaxPrims = std::numeric_limits<std::int32_t>::max();  // node indices have 32 bits
+  if (prims.size() > kMaxPrims) {
+    throw InvalidArgument("build_bvh2: expected at most 2147483647 primitives, got " + std::to_string(prims.size()));
+  }
+  if (prims.empty()) return {};
+  Bvh2 tree = build_unoptimized(prims, config, pool, cancel);
+  if (config.optimize_passes > 0) optimize_bvh2(tree, {config.optimize_passes}, pool, cancel);
+  return tree;
 }
 
 }  // namespace perfect_bvh
