@@ -11,7 +11,7 @@ def available_isas() -> tuple[str, ...]:
 
 
 def active_isa() -> str:
-    """The one that queries use: the best, unless the environment variable PERFECT_BVH_ISA or `set_active_isa` says else.
+    """The one that queries use: the best, unless the variable PERFECT_BVH_ISA or `set_active_isa` says else.
 
     Raises ValueError if PERFECT_BVH_ISA names none of `available_isas()`.
     """
