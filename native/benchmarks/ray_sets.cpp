@@ -84,6 +84,21 @@ std::vector<RaySet> make_ray_sets(const TriangleMesh& mesh, const Aabb& box, Vie
           {"occlusion", true, std::move(bounces.occlusion)}};
 }
 
+std::vector<Ray> aimed_rays(const TriangleMesh& mesh, std::size_t count, bool at_edges, std::size_t seed) {
+  Random random(static_cast<std::uint32_t>(seed));
+  std::vector<Ray> rays;
+  rays.reserve(count);
+  while (rays.size() < count) {
+    const TriangleIndices corners = mesh.triangles[random() % mesh.triangle_count()];
+    const Vec3d a = to_double(mesh.positions[corners.x]), b = to_double(mesh.positions[corners.y]);
+    const Vec3d target = at_edges ? a + (b - a) * uniform(random) : a;
+    const Vec3d towards = to_double(mesh.positions[random() % mesh.positions.size()]);
+    const Vec3d origin = to_double(to_float(towards * (0.5 * uniform(random))));
+    rays.push_back(make_ray(origin, to_double(to_float(target)) - origin, kInfiniteDistance));
+  }
+  return rays;
+}
+
 TriangleMesh read_mesh(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   std::uint32_t counts[2] = {0, 0};

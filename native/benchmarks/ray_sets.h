@@ -32,6 +32,10 @@ struct Bounces {
 [[nodiscard]] std::vector<RaySet> make_ray_sets(const TriangleMesh& mesh, const Aabb& box, View view,
                                                 const std::vector<Ray>& primary, const std::vector<Hit>& hits);
 
+// From inside a star-shaped mesh about the origin (from points up to halfway to its vertices), at random vertices or
+// points of edges, as exactly as float can aim.
+[[nodiscard]] std::vector<Ray> aimed_rays(const TriangleMesh& mesh, std::size_t count, bool at_edges, std::size_t seed);
+
 // Little-endian uint32 vertex count, triangle count; float32 positions; uint32 triangles.
 [[nodiscard]] TriangleMesh read_mesh(const std::string& path);
 

@@ -3,6 +3,8 @@
 //   --isas a,b       kernels (all)                       --in-flight a,b    rays under way (0: the default)
 //   --peers a,b      embree, embree_avx2, embree_robust, embree_packets (embree)
 //   --size WxH       of the image (640x400)              --json OUT.json
+//   --leaks N        instead: N rays at random vertices and N at random edge points of closed, star-shaped meshes
+//                    around the origin, from inside; prints how many pass through
 //   --reinsert N     reinsertion passes for our tree      --inside           the camera stands inside the box
 //
 // Casts the same rays with every competitor, in chunks, all competitors in turn on each chunk, the order rotating. The
@@ -33,6 +35,7 @@ struct Options {
   int rounds = 7;
   std::vector<std::string> kinds, isas, in_flight{"0"}, peers{"embree"}, meshes;
   std::uint32_t width = 640, height = 400, reinsert = 0;
+  std::size_t leaks = 0;
   std::string json;
   bool inside = false;
 };
@@ -64,6 +67,8 @@ Options parse(int count, char** values) {
       options.peers = split(value(), ',');
     } else if (name == "--reinsert") {
       options.reinsert = static_cast<std::uint32_t>(std::stoul(value()));
+    } else if (name == "--leaks") {
+      options.leaks = std::stoul(value());
     } else if (name == "--json") {
       options.json = value();
     } else if (name == "--inside") {
@@ -242,6 +247,28 @@ void report(const std::string& mesh, const RaySet& set, const std::vector<Compet
   std::fflush(stdout);
 }
 
+void report_leaks(const std::string& mesh_name, const TriangleMesh& mesh, std::vector<Competitor>& competitors,
+                  std::size_t ray_count) {
+  for (const bool at_edges : {false, true}) {
+    std::vector<std::size_t> leaks(competitors.size(), 0);
+    for (std::size_t first = 0; first < ray_count; first += kChunk) {
+      const std::vector<Ray> rays = aimed_rays(mesh, std::min(kChunk, ray_count - first), at_edges, first);
+      for (std::size_t i = 0; i < competitors.size(); ++i) {
+        std::vector<std::uint8_t> occluded(rays.size());
+        std::vector<Hit> hits(rays.size());
+        competitors[i].any(rays, occluded.data());
+        competitors[i].closest(rays, hits.data());
+        for (std::size_t ray = 0; ray < rays.size(); ++ray)
+          leaks[i] += occluded[ray] == 0 || !hits[ray].found() ? 1u : 0u;
+      }
+    }
+    std::printf("%-10s %zu rays at %s:", mesh_name.c_str(), ray_count, at_edges ? "edges" : "vertices");
+    for (std::size_t i = 0; i < competitors.size(); ++i) std::printf("  %s %zu", competitors[i].name.c_str(), leaks[i]);
+    std::printf("\n");
+    std::fflush(stdout);
+  }
+}
+
 std::string stem(const std::string& path) {
   const std::size_t slash = path.find_last_of('/');
   const std::string name = slash == std::string::npos ? path : path.substr(slash + 1);
@@ -261,6 +288,7 @@ void bench_mesh(const std::string& path, const Options& options, std::string& js
       static_cast<double>(ours.wide.byte_count()) / static_cast<double>(mesh.triangle_count()));
   const Aabb box = ours.binary.bounds();
   std::vector<Competitor> competitors = make_competitors(options, mesh, ours);
+  if (options.leaks != 0) return report_leaks(name, mesh, competitors, options.leaks);
   const View view = options.inside || name == "sponza" ? View::kInside : View::kOutside;
   const std::vector<Ray> primary = primary_rays(box, view, options.width, options.height);
   std::vector<Hit> hits(primary.size());

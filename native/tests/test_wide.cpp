@@ -1,0 +1,247 @@
+// The collapsed tree holds what the binary one held: every triangle, inside every box above it, whatever the input.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <set>
+
+#include "build/builder.h"
+#include "wide/collapse.h"
+
+namespace perfect_bvh::test {
+namespace {
+
+struct Input {
+  std::string name;
+  TriangleMesh mesh;
+};
+
+TriangleMesh soup(std::size_t count, float size, std::uint32_t seed = 1) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<float> place(-1.0f, 1.0f), offset(-size, size);
+  TriangleMesh mesh;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const Vec3f at{place(random), place(random), place(random)};
+    for (int corner = 0; corner < 3; ++corner) {
+      mesh.positions.push_back(at + Vec3f{offset(random), offset(random), offset(random)});
+    }
+    mesh.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
+  }
+  return mesh;
+}
+
+// Triangles that share vertices, as surfaces do.
+TriangleMesh sheet(std::uint32_t side) {
+  TriangleMesh mesh;
+  for (std::uint32_t y = 0; y <= side; ++y) {
+    for (std::uint32_t x = 0; x <= side; ++x) {
+      const float u = static_cast<float>(x) / static_cast<float>(side),
+                  v = static_cast<float>(y) / static_cast<float>(side);
+      mesh.positions.push_back({u, v, 0.1f * std::sin(9.0f * u) * std::cos(7.0f * v)});
+    }
+  }
+  for (std::uint32_t y = 0; y < side; ++y) {
+    for (std::uint32_t x = 0; x < side; ++x) {
+      const std::uint32_t a = y * (side + 1) + x, b = a + side + 1;
+      mesh.triangles.push_back({a, a + 1, b});
+      mesh.triangles.push_back({a + 1, b + 1, b});
+    }
+  }
+  return mesh;
+}
+
+TriangleMesh repeated(std::size_t count) {
+  TriangleMesh mesh = soup(1, 0.5f);
+  mesh.triangles.resize(count);
+  std::fill(mesh.triangles.begin(), mesh.triangles.end(), TriangleIndices{0, 1, 2});
+  return mesh;
+}
+
+// Boxes inside boxes: as deep as a builder lets it become.
+TriangleMesh nested(std::uint32_t count) {
+  TriangleMesh mesh;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const float size = std::ldexp(1.0f, -static_cast<int>(i % 100));
+    mesh.positions.insert(mesh.positions.end(), {{-size, -size, -size}, {size, size, size}, {size, -size, size}});
+    mesh.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
+  }
+  return mesh;
+}
+
+TriangleMesh scaled(TriangleMesh mesh, float factor) {
+  for (Vec3f& position : mesh.positions) position = position * factor;
+  return mesh;
+}
+
+std::vector<Input> inputs() {
+  return {{"one", soup(1, 0.1f)},
+          {"two", soup(2, 0.1f)},
+          {"nine", soup(9, 0.1f)},
+          {"soup", soup(3000, 0.05f)},
+          {"large_triangles", soup(500, 2.0f)},
+          {"sheet", sheet(60)},
+          {"repeated", repeated(1000)},
+          {"nested", nested(400)},
+          {"tiny", scaled(soup(300, 0.1f), 1e-30f)},
+          {"huge", scaled(soup(300, 0.1f), 1e17f)}};
+}
+
+Bvh2 build(const TriangleMesh& mesh, std::uint32_t max_leaf_size) {
+  AlignedVector<PrimRef> prims(mesh.triangle_count());
+  for (std::size_t i = 0; i < prims.size(); ++i) {
+    const Aabb box = mesh.triangle_box(i);
+    prims[i] = {box.lower, static_cast<std::uint32_t>(i), box.upper, 0};
+  }
+  BuildConfig config;
+  config.max_leaf_size = max_leaf_size;
+  ThreadPool pool(1);
+  CancelToken cancel;
+  return build_bvh2(prims, config, pool, cancel);
+}
+
+WideBvh collapse(const Bvh2& tree, const TriangleMesh& mesh) {
+  ThreadPool pool(1);
+  CancelToken cancel;
+  return collapse_mesh(tree, mesh, pool, cancel);
+}
+
+class Checker {
+ public:
+  Checker(const WideBvh& wide, const TriangleMesh& mesh) : wide_(wide), mesh_(mesh) {}
+
+  void check(std::uint32_t child, const Aabb& box, std::uint32_t depth) {
+    if (child >= kBlockChild) {
+      check_block(wide_.blocks[child - kBlockChild], box);
+      return;
+    }
+    ASSERT_LE(depth, wide_.depth);
+    ASSERT_TRUE(seen_nodes.insert(child).second) << "node " << child << " is reached twice";
+    const WideNode& node = wide_.nodes[child];
+    check_order(node);
+    for (std::uint32_t lane = 0; lane < 8; ++lane) {
+      const Aabb inner{{node.planes[0][lane], node.planes[2][lane], node.planes[4][lane]},
+                       {node.planes[1][lane], node.planes[3][lane], node.planes[5][lane]}};
+      if (node.child[lane] == kNoChild) {
+        EXPECT_TRUE(inner.is_empty());
+        continue;
+      }
+      EXPECT_TRUE(box.contains(inner)) << "node " << child << " lane " << lane;
+      check(node.child[lane], inner, depth + 1);
+    }
+  }
+
+  std::set<std::uint32_t> seen_nodes;
+  std::multiset<std::uint32_t> seen_triangles;
+
+ private:
+  static void check_order(const WideNode& node) {
+    for (std::uint32_t octant = 0; octant < 8; ++octant) {
+      std::uint32_t lanes = 0;
+      for (const std::uint32_t order : node.order) lanes |= 1u << (order >> (3 * octant) & 7);
+      EXPECT_EQ(lanes, 0xFFu) << "octant " << octant;
+    }
+  }
+
+  void check_block(const LeafBlock& block, const Aabb& box) {
+    for (int lane = 0; lane < 8; ++lane) {
+      const std::uint32_t primitive = block.primitives[lane];
+      if (lane == 0 || primitive != block.primitives[lane - 1]) seen_triangles.insert(primitive);
+      ASSERT_TRUE(lane == 0 || primitive >= block.primitives[lane - 1]);
+      const TriangleIndices corners = mesh_.triangles[primitive];
+      const std::uint32_t vertices[3] = {corners.x, corners.y, corners.z};
+      for (int corner = 0; corner < 3; ++corner) {
+        const std::uint32_t place = block.corners[lane] >> (4 * corner) & 7;
+        const Vec3f stored{block.vertices[0][place], block.vertices[1][place], block.vertices[2][place]};
+        EXPECT_EQ(stored, mesh_.positions[vertices[corner]] * wide_.scale);
+        EXPECT_TRUE(box.contains({stored, stored}));
+      }
+    }
+  }
+
+  const WideBvh& wide_;
+  const TriangleMesh& mesh_;
+};
+
+class Wide : public testing::TestWithParam<std::uint32_t> {};
+INSTANTIATE_TEST_SUITE_P(LeafSizes, Wide, testing::Values(1u, 2u, 8u, 200u));
+
+TEST_P(Wide, HoldsEveryTriangleOnceInsideItsBoxes) {
+  for (const Input& input : inputs()) {
+    SCOPED_TRACE(input.name);
+    const Bvh2 tree = build(input.mesh, GetParam());
+    const WideBvh wide = collapse(tree, input.mesh);
+    const Aabb box = tree.bounds();
+    ASSERT_FALSE(wide.is_empty);
+    Checker checker(wide, input.mesh);
+    checker.check(wide.root, {box.lower * wide.scale, box.upper * wide.scale}, 1);
+    EXPECT_EQ(checker.seen_nodes.size(), wide.nodes.size());
+    ASSERT_EQ(checker.seen_triangles.size(), input.mesh.triangle_count());
+    for (std::uint32_t i = 0; i < input.mesh.triangle_count(); ++i) EXPECT_EQ(checker.seen_triangles.count(i), 1u) << i;
+  }
+}
+
+TEST(WideBvh, KeepsOrdinaryCoordinatesAndScalesExtremeOnes) {
+  const auto scale_of = [](float factor) {
+    const TriangleMesh mesh = scaled(soup(20, 0.1f), factor);
+    const WideBvh wide = collapse(build(mesh, 2), mesh);
+    EXPECT_TRUE(wide.scale == 1.0f || (wide.extent.reach >= 1.0f && wide.extent.reach < 2.0f));
+    return wide.scale;
+  };
+  EXPECT_EQ(scale_of(1.0f), 1.0f);
+  EXPECT_EQ(scale_of(1e5f), 1.0f);
+  EXPECT_EQ(scale_of(1e-5f), 1.0f);
+  EXPECT_GT(scale_of(1e-12f), 1.0f);
+  EXPECT_LT(scale_of(1e12f), 1.0f);
+}
+
+TEST(WideBvh, FillsItsLeavesOnSurfaces) {
+  const TriangleMesh mesh = sheet(100);
+  const WideBvh wide = collapse(build(mesh, 2), mesh);
+  EXPECT_LT(static_cast<double>(wide.byte_count()) / static_cast<double>(mesh.triangle_count()), 60.0);
+}
+
+TEST(WideBvh, IsEmptyOverNothing) {
+  const TriangleMesh mesh;
+  EXPECT_TRUE(collapse(build(mesh, 2), mesh).is_empty);
+}
+
+// A chain: each node's left child is a leaf, its right child the rest.
+TEST(WideBvh, TakesTreesOfAnyDepth) {
+  const std::uint32_t count = 100'000;
+  const TriangleMesh mesh = soup(count, 0.01f);
+  Bvh2 tree;
+  tree.nodes.resize(2 * count);
+  tree.prim_indices.resize(count);
+  Aabb all;
+  for (std::uint32_t i = count; i-- > 0;) {
+    const Aabb box = mesh.triangle_box(i);
+    all.grow(box);
+    tree.prim_indices[i] = i;
+    // Node 0, then the pairs (2, 3), (4, 5), ...: leaf i and the rest after it.
+    const std::uint32_t leaf = i + 1 < count ? 2 * i + 2 : 2 * i + 1;
+    tree.nodes[i == 0 && count == 1 ? 0 : leaf] = {box.lower, i, box.upper, 1};
+    const std::uint32_t rest = i == 0 ? 0 : 2 * i + 1;
+    if (i + 1 < count) tree.nodes[rest] = {all.lower, 2 * i + 2, all.upper, 0};
+  }
+  tree.nodes[1] = {{}, 0, {}, 0};
+  tree.depth = count - 1;
+  const WideBvh wide = collapse(tree, mesh);
+  std::vector<std::uint32_t> waiting{wide.root};
+  std::size_t triangles = 0;
+  while (!waiting.empty()) {
+    const std::uint32_t child = waiting.back();
+    waiting.pop_back();
+    if (child >= kBlockChild) {
+      const LeafBlock& block = wide.blocks[child - kBlockChild];
+      triangles += std::set<std::uint32_t>(block.primitives, block.primitives + 8).size();
+      continue;
+    }
+    for (const std::uint32_t next : wide.nodes[child].child) {
+      if (next != kNoChild) waiting.push_back(next);
+    }
+  }
+  EXPECT_EQ(triangles, count);
+}
+
+}  // namespace
+}  // namespace perfect_bvh::test
