@@ -52,9 +52,7 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
         scene = context.scene
         settings = scene.perfect_bvh
         layout.prop(settings, "mode")
-        column = layout.column(align=True)
-        column.prop(settings, "samples", text="Samples")
-        column.prop(settings, "viewport_samples", text="Viewport")
+        layout.prop(settings, "samples")
         if settings.mode in {"CLAY", "WIREFRAME"}:
             layout.prop(settings, "use_material_colors")
             layout.prop(settings, "ao_distance")

@@ -32,14 +32,6 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     samples: bpy.props.IntProperty(
         name="Samples", description="Camera rays for each pixel of a render", default=16, min=1, soft_max=256, max=65536
     )
-    viewport_samples: bpy.props.IntProperty(
-        name="Viewport Samples",
-        description="Camera rays for each pixel of the viewport",
-        default=4,
-        min=1,
-        soft_max=64,
-        max=4096,
-    )
     ao_distance: bpy.props.FloatProperty(
         name="Occlusion Distance",
         description="How far away a surface still darkens another in clay; 0 is as far as the scene reaches",
@@ -53,12 +45,12 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     )
 
 
-def read_settings(scene: bpy.types.Scene, *, for_viewport: bool = False) -> RenderSettings:
-    """The settings of `scene` for a final render or the viewport; threads follow Blender's own setting."""
+def read_settings(scene: bpy.types.Scene) -> RenderSettings:
+    """The settings of `scene`; threads follow Blender's own setting."""
     settings = scene.perfect_bvh
     return RenderSettings(
         mode=settings.mode.lower(),
-        samples=settings.viewport_samples if for_viewport else settings.samples,
+        samples=settings.samples,
         ao_distance=settings.ao_distance,
         use_material_colors=settings.use_material_colors,
         threads=scene.render.threads if scene.render.threads_mode == "FIXED" else 0,

@@ -6,6 +6,7 @@ Blender and numpy are imported only once a command needs them, so that `--help` 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 
@@ -14,6 +15,7 @@ from .arguments import CommandError, parse_frames, parse_size
 
 EXIT_ERROR = 2
 EXIT_INTERRUPTED = 130
+EXIT_PIPE = 141  # as a shell reports a program that SIGPIPE ended
 
 
 def _positive(text: str) -> int:
@@ -85,7 +87,7 @@ def _add_info(commands: argparse._SubParsersAction) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; the process's exit status: 0, 2 for an error, 130 after Ctrl-C."""
+    """Run the command line; the process's exit status: 0, 2 for an error, 130 after Ctrl-C, 141 if nobody reads."""
     arguments = build_parser().parse_args(argv)
     try:
         if arguments.command == "render":
@@ -98,6 +100,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except CommandError as error:
         sys.stderr.write(f"perfect-bvh: error: {error}\n")
         return EXIT_ERROR
+    except BrokenPipeError:  # the reader went away, as `| head` does: nobody is left to tell
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - or Python's last flush would complain
+        return EXIT_PIPE
     except KeyboardInterrupt:
         sys.stderr.write("perfect-bvh: stopped\n")
         return EXIT_INTERRUPTED

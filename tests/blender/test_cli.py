@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import subprocess
 import sys
@@ -293,3 +294,15 @@ def test_without_blender_the_command_says_what_to_install(small_file: Path) -> N
     assert done.returncode == 2
     assert "pip install 'perfect-bvh[blender]'" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_reader_that_goes_away_is_no_error(small_file: Path) -> None:
+    """As in `perfect-bvh info FILE | head`."""
+    read_end, write_end = os.pipe()
+    os.close(read_end)
+    code = f"import sys; sys.argv[0] = 'perfect-bvh'; {RUN_MAIN}"
+    with os.fdopen(write_end, "w") as pipe:
+        command = [sys.executable, "-c", code, "info", str(small_file)]
+        done = subprocess.run(command, stdout=pipe, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert done.returncode == 141
+    assert done.stderr == ""
