@@ -1,15 +1,30 @@
 #include "update/quality.h"
 
 #include <algorithm>
+#include <span>
 #include <vector>
 
 namespace perfect_bvh {
 namespace {
 
 // In double, so that neither large nor many small boxes lose their share.
-double half_area(const Bvh2Node& node) noexcept {
-  const Vec3d e = to_double(node.upper) - to_double(node.lower);
-  return e.x * e.y + e.y * e.z + e.z * e.x;
+double half_area(Vec3d e) noexcept { return e.x * e.y + e.y * e.z + e.z * e.x; }
+double half_area(const Bvh2Node& node) noexcept { return half_area(to_double(node.upper) - to_double(node.lower)); }
+
+// 0 if the boxes do not meet.
+double overlap(const Bvh2Node& a, const Bvh2Node& b) noexcept {
+  const Vec3d e = to_double(min(a.upper, b.upper)) - to_double(max(a.lower, b.lower));
+  return e.x < 0 || e.y < 0 || e.z < 0 ? 0 : half_area(e);
+}
+
+std::size_t count_distinct(std::span<const std::uint32_t> numbers) {
+  std::vector<bool> is_seen(numbers.empty() ? 0 : *std::max_element(numbers.begin(), numbers.end()) + std::size_t{1});
+  std::size_t count = 0;
+  for (const std::uint32_t number : numbers) {
+    count += !is_seen[number];
+    is_seen[number] = true;
+  }
+  return count;
 }
 
 std::string at(const char* what, std::size_t node) { return "node " + std::to_string(node) + ": " + what; }
@@ -99,7 +114,7 @@ TreeQuality measure_quality(const Bvh2& tree, float traversal_cost, float inters
   quality.node_count = tree.node_count();
   quality.depth = tree.depth;
   quality.byte_count = tree.byte_count();
-  double cost = 0;
+  double cost = 0, interior_area = 0, overlap_area = 0;
   for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
     const Bvh2Node& node = tree.nodes[i];
     if (node.is_leaf()) {
@@ -108,9 +123,14 @@ TreeQuality measure_quality(const Bvh2& tree, float traversal_cost, float inters
       quality.max_leaf_size = std::max(quality.max_leaf_size, node.count);
       cost += half_area(node) * node.count * static_cast<double>(intersection_cost);
     } else if (i != 1) {
-      cost += half_area(node) * static_cast<double>(traversal_cost);
+      const double area = half_area(node);
+      cost += area * static_cast<double>(traversal_cost);
+      interior_area += area;
+      overlap_area += overlap(tree.nodes[node.first], tree.nodes[node.first + 1]);
     }
   }
+  quality.primitive_count = tree.refittable ? quality.reference_count : count_distinct(tree.prim_indices);
+  quality.sibling_overlap = interior_area > 0 ? overlap_area / interior_area : 0;
   const double root_area = half_area(tree.nodes[0]);
   // A tree without area is hit by no random ray; its root's own cost stands in, as for any ray that does meet it.
   quality.sah = root_area > 0 ? cost / root_area : static_cast<double>(quality.reference_count);

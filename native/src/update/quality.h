@@ -1,5 +1,6 @@
 // How good a tree is: the surface area heuristic and what a reader wants to know besides.
-// Sources: MacDonald and Booth 1990 (SAH).
+// Sources: MacDonald and Booth 1990 (SAH); Aila, Karras and Laine 2013, "On quality metrics of bounding volume
+// hierarchies" (leaf-count variability; epo.h has their other figure).
 #pragma once
 
 #include <cstddef>
@@ -7,6 +8,8 @@
 #include <string>
 
 #include "build/bvh2.h"
+#include "core/cancel.h"
+#include "core/thread_pool.h"
 
 namespace perfect_bvh {
 
@@ -14,7 +17,9 @@ struct TreeQuality {
   double sah = 0;  // expected cost of a random ray that hits the root: sum of cost * area / root area
   std::size_t node_count = 0;
   std::size_t leaf_count = 0;
-  std::size_t reference_count = 0;  // primitives in leaves; more than primitives after spatial splits
+  std::size_t reference_count = 0;  // primitives in leaves, each as often as it is referred to ...
+  std::size_t primitive_count = 0;  // ... and once each: fewer only after spatial splits
+  double sibling_overlap = 0;       // area that both children cover, as a share of their parents' area
   std::uint32_t depth = 0;
   std::uint32_t max_leaf_size = 0;
   std::size_t byte_count = 0;
@@ -22,6 +27,11 @@ struct TreeQuality {
 
 [[nodiscard]] TreeQuality measure_quality(const Bvh2& tree, float traversal_cost = 1.0f,
                                           float intersection_cost = 1.0f);
+
+// Leaf-count variability: the standard deviation of how many leaves' boxes a random line through the root's box meets.
+// The same number for any thread count.
+[[nodiscard]] double measure_leaf_count_variability(const Bvh2& tree, std::uint32_t line_count, ThreadPool& pool,
+                                                    CancelToken& cancel);
 
 // Empty if the tree is sound: every primitive below primitive_count reachable, children inside their parents, parents
 // first, siblings adjacent, no node reached twice, depth as stored. Otherwise a sentence that names the first fault.
