@@ -13,7 +13,9 @@ using SnapshotPtr = std::shared_ptr<const Snapshot>;
 
 template <class T>
 void set_vectors(const py::array& array, std::size_t& count, const Vec3<T>*& pointer) {
-  const auto vectors = as_vectors(py::cast<Array<T>>(array));
+  // A cast of anything else would make a copy that dies at the end of this function.
+  if (!py::isinstance<Array<T>>(array)) throw std::invalid_argument("_core: rays must be C-contiguous float32 or 64");
+  const auto vectors = as_vectors(py::reinterpret_borrow<Array<T>>(array));
   count = vectors.size();
   pointer = vectors.data();
 }

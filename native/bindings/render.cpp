@@ -138,9 +138,8 @@ void render_passes(const Snapshot& snapshot, const py::dict& camera_values, cons
   read_appearance(appearance_values, appearance);
   const auto pixel_count = static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height);
   const PassTargets targets = read_targets(arrays, pixel_count);
-  const py::gil_scoped_release release;
-  CancelToken cancel(make_progress(progress));
-  render(snapshot, camera, appearance, settings, targets, cancel);
+  with_progress(progress,
+                [&](CancelToken& cancel) { render(snapshot, camera, appearance, settings, targets, cancel); });
 }
 
 }  // namespace

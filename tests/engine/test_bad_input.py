@@ -92,9 +92,50 @@ def test_unknown_field(scene):
         scene.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), fields=("depth",))
 
 
-def test_fast_precision_is_refused(scene):
-    with pytest.raises(perfect_bvh.EngineError, match="robust"):
-        scene.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), precision="fast")
+def test_one_field_needs_no_tuple(scene):
+    assert list(scene.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), fields="mesh_ids").columns) == ["mesh_ids"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"), [({"precision": "fast"}, "use 'robust'"), ({"audit": 0.01}, "audit is not available")]
+)
+def test_what_this_version_cannot_do_is_refused(scene, arguments, message):
+    with pytest.raises(perfect_bvh.EngineError, match=f"cast_rays: .*{message}"):
+        scene.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), **arguments)
+
+
+@pytest.mark.parametrize("audit", [-0.1, 1.5, NAN])
+def test_audit_is_a_share(scene, audit):
+    with pytest.raises(ValueError, match="cast_rays: audit must be a share"):
+        scene.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), audit=audit)
+
+
+RAYS = np.zeros((4, 3)), np.ones((4, 3))
+SHARED = np.zeros(8, np.int32)
+
+
+@pytest.mark.parametrize(
+    ("out", "message"),
+    [
+        ({"positions": np.empty((4, 3))}, "out has 'positions', which is not among the fields"),
+        ({"t_hit": [0.0] * 4}, r"out\['t_hit'\] must be .* got list"),
+        ({"t_hit": np.empty(4)}, "must be a writable C-contiguous float32 array .* got float64"),
+        ({"t_hit": np.empty(5, np.float32)}, r"of shape \(4,\), got float32 of shape \(5,\)"),
+        ({"t_hit": np.empty(8, np.float32)[::2]}, "C-contiguous"),
+        ({"mesh_ids": SHARED[:4], "instance_ids": SHARED[3:7]}, "shares memory"),
+    ],
+)
+def test_arrays_to_write_into(scene, out, message):
+    with pytest.raises(ValueError, match=f"cast_rays: out.*{message}|cast_rays: {message}"):
+        scene.cast_rays(*RAYS, out=out)
+
+
+def test_hits_are_not_written_over_the_rays(scene):
+    origins = np.zeros((4, 3))
+    with pytest.raises(ValueError, match=r"out\['positions'\] shares memory with the rays"):
+        scene.cast_rays(origins, RAYS[1], fields=("positions",), out={"positions": origins})
+    halves = {"mesh_ids": SHARED[:4], "instance_ids": SHARED[4:]}
+    assert scene.cast_rays(*RAYS, out=halves).mesh_ids.base is SHARED
 
 
 INVALID = [
@@ -117,14 +158,22 @@ def test_invalid_rays_are_misses(scene, origin, direction, t_min, t_max, dtype):
     hits = scene.cast_rays(origins, directions, t_min=[t_min, 0.0], t_max=[t_max, INF])
     assert hits.is_hit.tolist() == [False, True] and hits.invalid_count == 1
     assert scene.test_occlusions(origins, directions, t_min=[t_min, 0], t_max=[t_max, INF]).tolist() == [False, True]
+    fields = scene.cast_rays(
+        origins, directions, [t_min, 0.0], [t_max, INF], fields=("t_hit", "distances", "positions")
+    )
+    assert fields.t_hit.tolist() == fields.distances.tolist() == [INF, 1.0]
+    np.testing.assert_allclose(fields.positions, [(0, 0, 0), (0.2, 0.2, 0)], rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize(
     "direction", [(0, 0, -1e-45), (0, 0, -1e-310), (0, 0, -3e38), (1e-45, 1e-45, -1e-45), (0, 0, -1e300)]
 )
 def test_extreme_directions_never_crash(scene, direction):
-    hits = scene.cast_rays(np.array([(0.2, 0.2, 1.0)]), np.array([direction]))
-    assert hits.is_hit[0] == np.isfinite(hits.t_hit[0])
+    hits = scene.cast_rays(
+        np.array([(0.2, 0.2, 1.0)]), np.array([direction]), fields=("t_hit", "mesh_ids", "distances")
+    )
+    assert hits.is_hit[0] == np.isfinite(hits.t_hit[0]) == np.isfinite(hits.distances[0])
+    assert not np.isnan(hits.distances[0])
 
 
 def test_array_layouts(scene):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,23 +70,43 @@ class Hits:
 
 
 def allocate_columns(
-    function: str, fields: tuple[str, ...], shape: tuple[int, ...], out: dict[str, npt.NDArray[Any]] | None
+    function: str,
+    fields: tuple[str, ...],
+    shape: tuple[int, ...],
+    out: dict[str, npt.NDArray[Any]] | None,
+    rays: Iterable[npt.NDArray[Any]] = (),
 ) -> dict[str, npt.NDArray[Any]]:
-    """The result arrays, the caller's own where `out` has them."""
-    columns: dict[str, npt.NDArray[Any]] = {}
+    """The result arrays, the caller's own where `out` has them; rays: what the query still reads while it writes."""
     for name in fields:
         if name not in FIELD_TYPES:
             raise ValueError(f"{function}: unknown field {name!r}; there are {', '.join(FIELD_TYPES)}")
+    given = {} if out is None else out
+    for name in given:
+        if name not in fields:
+            raise ValueError(f"{function}: out has {name!r}, which is not among the fields {', '.join(fields)}")
+    columns: dict[str, npt.NDArray[Any]] = {}
+    for name in fields:
         dtype, width = FIELD_TYPES[name]
         wanted = shape if width == 1 else (*shape, width)
-        given = None if out is None else out.get(name)
-        if given is None:
-            columns[name] = np.empty(wanted, dtype)
-            continue
-        if given.shape != wanted or given.dtype != dtype or not given.flags.c_contiguous or not given.flags.writeable:
-            raise ValueError(
-                f"{function}: out[{name!r}] must be a writable C-contiguous {np.dtype(dtype).name} array of shape "
-                f"{wanted}, got {given.dtype} of shape {given.shape}"
-            )
-        columns[name] = given
+        if name in given:
+            _check_column(function, name, given[name], wanted, np.dtype(dtype))
+        columns[name] = given[name] if name in given else np.empty(wanted, dtype)
+    _check_overlap(function, {name: columns[name] for name in given}, rays)
     return columns
+
+
+def _check_column(function: str, name: str, given: object, wanted: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    expected = f"{function}: out[{name!r}] must be a writable C-contiguous {dtype.name} array of shape {wanted}"
+    if not isinstance(given, np.ndarray):
+        raise ValueError(f"{expected}, got {type(given).__name__}")
+    if given.shape != wanted or given.dtype != dtype or not given.flags.c_contiguous or not given.flags.writeable:
+        raise ValueError(f"{expected}, got {given.dtype} of shape {given.shape}")
+
+
+def _check_overlap(function: str, given: dict[str, npt.NDArray[Any]], rays: Iterable[npt.NDArray[Any]]) -> None:
+    """Threads write rows in any order: an array with two uses would hold a mixture of both."""
+    inputs, names = tuple(rays), list(given)
+    for index, name in enumerate(names):
+        others = (*inputs, *(given[other] for other in names[:index]))
+        if any(np.may_share_memory(given[name], other) for other in others):  # all contiguous: bounds decide
+            raise ValueError(f"{function}: out[{name!r}] shares memory with the rays or with another array of out")

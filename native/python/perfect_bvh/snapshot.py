@@ -48,6 +48,7 @@ class Snapshot:
         fields: Iterable[str] | None = None,
         precision: Precision = "robust",
         threads: int = 0,
+        audit: float = 0.0,
         out: dict[str, npt.NDArray[Any]] | None = None,
         progress: Progress | None = None,
     ) -> Hits:
@@ -61,18 +62,22 @@ class Snapshot:
         fields: names of the fields to compute; None for the usual ones, see `Hits`.
         precision: "robust": watertight, no ray passes between triangles that share an edge or a vertex.
         threads: at most so many; 0 for all that the process may use.
-        out: arrays to write fields into, by name: contiguous, of the field's dtype and shape.
+        audit: the share of rays to check against a double-precision reference. Only 0 in this version.
+        out: arrays to write fields into, by name: contiguous, of the field's dtype and shape, for fields that are
+            computed; none may overlap another or the rays.
         progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
 
         Returns `Hits`, one row a ray, always. Rays that are not finite, have no direction or an empty range are
         misses, counted in `invalid_count`.
 
-        Raises ValueError for arrays of the wrong shape or kind, StaleSceneError (on a `Scene`) if edits wait.
+        Raises ValueError for arrays of the wrong shape or kind, StaleSceneError (on a `Scene`) if edits wait,
+        EngineError for what this version cannot do yet (precision="fast", audit).
         """
         _check_precision("cast_rays", precision)
+        _check_audit("cast_rays", audit)
         rays = _Rays("cast_rays", origins, directions, t_min, t_max, mask, cull, threads)
-        names = DEFAULT_FIELDS if fields is None else tuple(fields)
-        columns = allocate_columns("cast_rays", names, rays.shape, out)
+        names = DEFAULT_FIELDS if fields is None else (fields,) if isinstance(fields, str) else tuple(fields)
+        columns = allocate_columns("cast_rays", names, rays.shape, out, rays.columns)
         invalid = self._snapshot.cast_rays(*rays.columns, cull, columns, threads, progress)
         return Hits(columns, invalid)
 
@@ -108,6 +113,13 @@ def _check_precision(function: str, precision: str) -> None:
         raise EngineError(f"{function}: precision='fast' is not available in this version; use 'robust'")
     if precision != "robust":
         raise ValueError(f"{function}: precision must be 'robust' or 'fast', got {precision!r}")
+
+
+def _check_audit(function: str, audit: float) -> None:
+    if not 0.0 <= audit <= 1.0:
+        raise ValueError(f"{function}: audit must be a share of the rays, 0 to 1, got {audit!r}")
+    if audit > 0.0:
+        raise EngineError(f"{function}: audit is not available in this version; leave it at 0")
 
 
 class _Rays:
