@@ -114,7 +114,7 @@ const KernelTable& active_kernels() {
 }
 
 void set_active_kernels(std::string_view name) {
-  chosen.store(name.empty() ? nullptr : &find_kernels(name, "set_active_kernels"), std::memory_order_release);
+  chosen.store(name.empty() ? nullptr : &find_kernels(name, "set_active_isa"), std::memory_order_release);
 }
 
 void trace_closest(const SceneView& scene, const RayBatch& batch, std::size_t in_flight) {
