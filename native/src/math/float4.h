@@ -131,6 +131,10 @@ struct Int4 {
   return {static_cast<float>(a.v[0]), static_cast<float>(a.v[1]), static_cast<float>(a.v[2]),
           static_cast<float>(a.v[3])};
 }
+[[nodiscard]] inline Int4 truncate(Float4 a) noexcept {
+  return {static_cast<std::int32_t>(a.v[0]), static_cast<std::int32_t>(a.v[1]), static_cast<std::int32_t>(a.v[2]),
+          static_cast<std::int32_t>(a.v[3])};
+}
 [[nodiscard]] inline Float4 select_less(Float4 a, Float4 b, Float4 x, Float4 y) noexcept {
   for (int i = 0; i < 4; ++i) x.v[i] = a.v[i] < b.v[i] ? x.v[i] : y.v[i];
   return x;
