@@ -6,6 +6,8 @@
 #include <cstring>
 
 #include "build/builder.h"
+#include "build/morton.h"
+#include "build/morton_clusters.h"
 #include "core/errors.h"
 #include "tests/box_sets.h"
 #include "update/quality.h"
@@ -53,6 +55,12 @@ std::vector<Case> cases() {
   config = config_of(BuilderKind::kBinned);
   config.optimize_passes = 3;
   all.push_back({"binned_optimized", config});
+  config = config_of(BuilderKind::kFast);
+  all.push_back({"fast", config});
+  config.max_leaf_size = 1;
+  all.push_back({"fast_single_leaves", config});
+  config.bins = 2, config.axes = 1, config.max_leaf_size = 255, config.traversal_cost = 100.0f;
+  all.push_back({"fast_large_leaves", config});
   config = config_of(BuilderKind::kMedian);
   all.push_back({"median", config});
   config.max_leaf_size = 1;
@@ -236,6 +244,80 @@ TEST(Sweep, CostsNoMoreThanBinnedAndLessThanMedian) {
     median.max_leaf_size = 2;
     EXPECT_LT(sweep, measure_quality(build(refs, median)).sah);
   }
+}
+
+TEST(Fast, CostsLittleMoreThanBinnedAndLessThanMedian) {
+  for (const auto& refs : {sheet(100), scattered(20000), ground_and_pebbles(20000)}) {
+    const double fast = measure_quality(build(refs, config_of(BuilderKind::kFast))).sah;
+    EXPECT_LE(fast, measure_quality(build(refs, config_of(BuilderKind::kBinned))).sah * 1.1);
+    BuildConfig median = config_of(BuilderKind::kMedian);
+    median.max_leaf_size = 2;
+    EXPECT_LT(fast, measure_quality(build(refs, median)).sah);
+  }
+}
+
+TEST(Fast, SplitsOnlyWhereItPays) {
+  const auto refs = repeated(200, {0, 0, 0}, {1, 1, 1});
+  BuildConfig config = config_of(BuilderKind::kFast);
+  EXPECT_EQ(measure_quality(build({refs.begin(), refs.begin() + 8}, config)).leaf_count, 1u);
+  config.max_leaf_size = 255;
+  EXPECT_EQ(measure_quality(build(refs, config)).leaf_count, 1u) << "leaves larger than a cluster";
+}
+
+// Clusters are rows that follow each other, short and tight, with every reference in its place.
+TEST(MortonClusters, CoverEveryReferenceOnce) {
+  for (const NamedSet& set : hard_sets()) {
+    ThreadPool pool(2);
+    CancelToken cancel;
+    const MortonClusters clusters = make_morton_clusters(set.refs, pool, cancel);
+    ASSERT_EQ(clusters.prims.size(), set.refs.size()) << set.name;
+    ASSERT_EQ(clusters.boxes.size(), clusters.rows.size()) << set.name;
+    std::vector<bool> seen(set.refs.size());
+    std::uint32_t next = 0;
+    for (std::size_t i = 0; i < clusters.rows.size(); ++i) {
+      const auto [first, count] = clusters.rows[i];
+      ASSERT_EQ(first, next) << set.name;
+      ASSERT_TRUE(count >= 1 && count <= kMaxClusterSize) << set.name << " " << count;
+      next += count;
+      Aabb box;
+      for (std::uint32_t row = first; row < next; ++row) {
+        box.grow(clusters.prims[row].box());
+        seen[clusters.prims[row].prim_index] = true;
+      }
+      EXPECT_EQ(box.lower, clusters.boxes[i].lower) << set.name;
+      EXPECT_EQ(box.upper, clusters.boxes[i].upper) << set.name;
+      EXPECT_EQ(clusters.boxes[i].prim_index, i);
+    }
+    EXPECT_EQ(next, set.refs.size()) << set.name;
+    EXPECT_EQ(std::count(seen.begin(), seen.end(), true), static_cast<std::ptrdiff_t>(seen.size())) << set.name;
+  }
+}
+
+TEST(MortonClusters, KeepALargeReferenceApart) {
+  const auto refs = ground_and_pebbles(20000);
+  ThreadPool pool(1);
+  CancelToken cancel;
+  const MortonClusters clusters = make_morton_clusters(refs, pool, cancel);
+  for (const ClusterRows& rows : clusters.rows) {
+    for (std::uint32_t i = 0; i < rows.count; ++i) {
+      const bool is_ground = clusters.prims[rows.first + i].prim_index == 20000;
+      EXPECT_TRUE(!is_ground || rows.count == 1u);
+    }
+  }
+  EXPECT_LT(clusters.rows.size(), refs.size()) << "the others are put together all the same";
+}
+
+TEST(Morton, CodesInterleaveTheAxes) {
+  EXPECT_EQ(spread_bits(0b1011), 0b001'000'001'001u);
+  EXPECT_EQ(spread_bits(1023), 0x09249249u);
+  Box4 centers = Box4::empty();
+  centers.grow(Float4(0, 0, 0, 0));
+  centers.grow(Float4(1024, 1024, 512, 0));
+  const MortonGrid grid(centers);
+  EXPECT_EQ(grid.code(Float4(0, 0, 0, 0)), 0u);
+  EXPECT_EQ(grid.code(Float4(1, 0, 0, 0)), 4u);
+  EXPECT_EQ(grid.code(Float4(0, 2, 1, 0)), 0b010'001u);
+  EXPECT_EQ(grid.code(Float4(1024, 1024, 512, 0)), 0b111'110'110'110'110'110'110'110'110'110u) << "cells are cubes";
 }
 
 TEST(Median, HalvesAndHasTheLeastDepth) {

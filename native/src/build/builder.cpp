@@ -5,6 +5,7 @@
 #include <string>
 
 #include "build/binned.h"
+#include "build/fast.h"
 #include "build/median.h"
 #include "build/optimize.h"
 #include "build/sweep.h"
@@ -42,6 +43,8 @@ Bvh2 build_unoptimized(std::span<const PrimRef> prims, const BuildConfig& config
       return build_median(prims, config, pool, cancel);
     case BuilderKind::kSweep:
       return build_sweep(prims, config, pool, cancel);
+    case BuilderKind::kFast:
+      return build_fast(prims, config, pool, cancel);
     default:
       throw InvalidArgument("BuildConfig: this builder is not available");
   }

@@ -44,11 +44,18 @@ GridFrame GridFrame::around(const Box4& box) noexcept {
     largest = std::max({largest, std::abs(lower[axis]), std::abs(upper[axis])});
   }
   const int exponent = largest > 0.0f ? std::clamp(-std::ilogb(largest), -126, 127) : 0;
+  GridFrame scaled;
+  scaled.multiplier = std::ldexp(1.0f, exponent);
+  return scaled.around_part(box);
+}
+
+GridFrame GridFrame::around_part(const Box4& box) const noexcept {
   GridFrame frame;
-  frame.multiplier = std::ldexp(1.0f, exponent);
-  frame.origin = (box.lower * Float4(frame.multiplier)).xyz0();
-  const float extent = largest_of_three(lanes((box.upper * Float4(frame.multiplier) - frame.origin).xyz0()));
-  frame.steps = extent > 0.0f ? static_cast<float>(kGridSteps) / extent : 1.0f;
+  frame.multiplier = multiplier;
+  frame.origin = (box.lower * Float4(multiplier)).xyz0();
+  const float extent = largest_of_three(lanes((box.upper * Float4(multiplier) - frame.origin).xyz0()));
+  constexpr float kLeastExtent = 0x1p-100f;  // what is smaller yet is a point
+  frame.steps = extent > kLeastExtent ? static_cast<float>(kGridSteps) / extent : 1.0f;
   return frame;
 }
 

@@ -81,6 +81,8 @@ struct GridFrame {
   [[nodiscard]] static GridFrame around(const Box4& box) noexcept;
   // The frame of a box given in this one; the same if floats have no finer detail to offer.
   [[nodiscard]] GridFrame around(GridBox box) const noexcept;
+  // The frame of a box that lies in this one's.
+  [[nodiscard]] GridFrame around_part(const Box4& box) const noexcept;
   // Whatever lies outside the frame comes to lie on its border.
   [[nodiscard]] Short8 snap(const Box4& box, std::uint32_t position) const noexcept {
     const Float4 zero(0.0f), last(static_cast<float>(kGridSteps));

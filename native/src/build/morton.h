@@ -1,0 +1,72 @@
+// Morton codes: the bits of three coordinates interleaved, so that points with like codes lie near each other
+// (Morton 1966; Lauterbach et al. 2009, "Fast BVH construction on GPUs").
+// In: boxes. Out: a code of 30 bits for each one's centre.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+
+#include "math/float4.h"
+
+namespace perfect_bvh {
+
+inline constexpr unsigned kMortonBits = 30;
+
+// Bit i of a number of 10 bits moves to bit 3 * i.
+[[nodiscard]] constexpr std::uint32_t spread_bits(std::uint32_t x) noexcept {
+  x = (x | (x << 16)) & 0x030000FFu;
+  x = (x | (x << 8)) & 0x0300F00Fu;
+  x = (x | (x << 4)) & 0x030C30C3u;
+  return (x | (x << 2)) & 0x09249249u;
+}
+
+// A cubic grid over the centres: cells as long as wide, since the codes then divide longer axes first.
+class MortonGrid {
+ public:
+  static constexpr float kCells = 1024.0f;
+
+  // `centers` holds the center() of every box.
+  explicit MortonGrid(const Box4& centers) noexcept {
+    const auto lower = lanes(centers.lower), upper = lanes(centers.upper);
+    float largest = 0.0f, extent = 0.0f;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      largest = std::max({largest, std::abs(lower[axis]), std::abs(upper[axis])});
+    }
+    // A power of two that brings coordinates near 1: no difference of theirs then over- or underflows.
+    const int exponent = largest > 0.0f ? std::clamp(-std::ilogb(largest), -126, 127) : 0;
+    multiplier_ = Float4(std::ldexp(1.0f, exponent));
+    origin_ = centers.lower * multiplier_;
+    const auto extents = lanes(centers.upper * multiplier_ - origin_);
+    for (std::size_t axis = 0; axis < 3; ++axis) extent = std::max(extent, extents[axis]);
+    scale_ = Float4(extent > kLeastExtent ? kCells / extent : 0.0f);
+  }
+
+  // Half sums: the sum of two large coordinates could overflow.
+  [[nodiscard]] static Float4 center(const Box4& box) noexcept {
+    const Float4 half(0.5f);
+    return (box.lower.xyz0() * half) + (box.upper.xyz0() * half);
+  }
+
+  [[nodiscard]] std::uint32_t code(Float4 center) const noexcept {
+    const Float4 place = (center * multiplier_ - origin_) * scale_;
+    alignas(16) std::array<float, 4> cell;
+    min(max(place, Float4(0.0f)), Float4(kCells - 1.0f)).store(cell.data());
+    return spread_bits(static_cast<std::uint32_t>(cell[0])) << 2 |
+           spread_bits(static_cast<std::uint32_t>(cell[1])) << 1 | spread_bits(static_cast<std::uint32_t>(cell[2]));
+  }
+
+ private:
+  static constexpr float kLeastExtent = 0x1p-100f;
+
+  [[nodiscard]] static std::array<float, 4> lanes(Float4 v) noexcept {
+    alignas(16) std::array<float, 4> result;
+    v.store(result.data());
+    return result;
+  }
+
+  Float4 multiplier_, origin_, scale_;
+};
+
+}  // namespace perfect_bvh
