@@ -17,7 +17,7 @@ def default_isa():
 def test_names():
     assert perfect_bvh.available_isas()[0] == "scalar"
     assert perfect_bvh.active_isa() in perfect_bvh.available_isas()
-    with pytest.raises(ValueError, match="set_active_isa: .*sse9"):
+    with pytest.raises(ValueError, match=r"set_active_isa: .*sse9"):
         perfect_bvh.set_active_isa("sse9")
 
 
