@@ -246,6 +246,32 @@ TEST(SharedPool, IsOneAndCanBeResized) {
   EXPECT_GE(ThreadPool::shared().thread_count(), 1);
 }
 
+TEST(SharedPool, IsReplacedUnderWork) {
+  ThreadPool::set_shared_thread_count(3);
+  std::atomic<bool> enough{false};
+  std::atomic<int> right{0}, wrong{0};
+  std::thread busy([&] {
+    while (!enough) {
+      ThreadPool& pool = ThreadPool::shared();
+      for (int i = 0; i < 5; ++i) {  // goes on after the pool was replaced
+        std::atomic<std::size_t> total{0};
+        parallel_for(pool, 1000, 1, [&](std::size_t begin, std::size_t) { total += begin; });
+        ++(total == 499500 ? right : wrong);
+      }
+    }
+  });
+  for (int i = 0; i < 50; ++i) {
+    i % 2 == 0 ? ThreadPool::shutdown_shared() : ThreadPool::set_shared_thread_count(2 + i % 3);
+    std::this_thread::yield();
+  }
+  while (right + wrong < 10) std::this_thread::yield();
+  enough = true;
+  busy.join();
+  EXPECT_GT(right, 0);
+  EXPECT_EQ(wrong, 0);
+  ThreadPool::set_shared_thread_count(0);
+}
+
 // The exit status of `body` in a forked child; -1 if it does not end in time.
 template <class Body>
 int run_in_child(const Body& body) {

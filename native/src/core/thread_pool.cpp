@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <memory>
 #include <system_error>
 #include <utility>
 
@@ -42,6 +43,14 @@ struct SharedPool {
   std::mutex mutex;
   ThreadPool* pool = nullptr;
   int wanted_thread_count = 0;
+  // Pools that were replaced, without threads by now: an operation that began on one may still refer to it.
+  std::vector<std::unique_ptr<ThreadPool>> retired;
+
+  // Takes the pool out of service, if there is one. The caller holds the lock and then, without it, joins the threads.
+  [[nodiscard]] ThreadPool* retire() {
+    if (pool != nullptr) retired.emplace_back(pool);
+    return std::exchange(pool, nullptr);
+  }
 };
 
 // After fork only the calling thread lives on: the child's copy of the pool has no workers and its mutex may be locked
@@ -101,9 +110,9 @@ void ThreadPool::shutdown_shared() {
   ThreadPool* old = nullptr;
   {
     const std::lock_guard lock(state.mutex);
-    old = std::exchange(state.pool, nullptr);
+    old = state.retire();
   }
-  delete old;  // outside the lock: joining waits for tasks, and a task may ask for the shared pool
+  if (old != nullptr) old->join_workers();  // outside the lock: a task that is waited for may ask for the shared pool
 }
 
 void ThreadPool::set_shared_thread_count(int thread_count) {
@@ -112,9 +121,9 @@ void ThreadPool::set_shared_thread_count(int thread_count) {
   {
     const std::lock_guard lock(state.mutex);
     state.wanted_thread_count = thread_count;
-    old = std::exchange(state.pool, nullptr);
+    old = state.retire();
   }
-  delete old;
+  if (old != nullptr) old->join_workers();
 }
 
 void ThreadPool::push(Task task) {

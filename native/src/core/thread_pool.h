@@ -33,9 +33,10 @@ class ThreadPool {
   // The process's pool, created at first use and again in a child after fork: ask anew for every operation. Other
   // pools do not survive a fork.
   [[nodiscard]] static ThreadPool& shared();
-  // Joins the shared pool's workers; the next use makes a new one. Call with no parallel work under way.
+  // Joins the shared pool's workers; the next use makes a new one. Operations under way on the old one stay valid:
+  // the workers finish what is queued, and what comes after that is done by the threads that called.
   static void shutdown_shared();
-  // The size the next shared pool gets (0: from the affinity); replaces the present one. Likewise.
+  // The size the next shared pool gets (0: from the affinity); replaces the present one, likewise.
   static void set_shared_thread_count(int thread_count);
 
  private:
