@@ -76,6 +76,7 @@ def test_edits_check_everything_before_they_change_anything(scene, call, message
         ({"mask": 2**32}, "mask has values outside"),
         ({"cull": "both"}, "cull must be"),
         ({"threads": -1}, "threads must be"),
+        ({"threads": 1.5}, "threads must be"),
         ({"precision": "exact"}, "precision must be"),
         ({"origins": [["a", "b", "c"]]}, "must hold numbers"),
     ],

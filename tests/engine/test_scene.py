@@ -348,3 +348,22 @@ def test_a_cancelled_commit_changes_nothing():
         scene.cast_rays(*DOWN)
     scene.commit()
     assert scene.statistics().triangle_count == len(triangles)
+
+
+@pytest.mark.parametrize("use", [lambda scene: scene.mesh_count, lambda scene: scene.remove_mesh(0)])
+def test_a_commit_refuses_its_own_progress_callable(use):
+    """It would wait for itself for ever."""
+    scene = perfect_bvh.Scene()
+    scene.add_mesh(*meshes.sphere(700, 900))
+    with pytest.raises(perfect_bvh.EngineError, match="a commit of this scene is under way"):
+        scene.commit(progress=lambda fraction: use(scene))
+    assert scene.mesh_count == 1
+    scene.commit()
+
+
+def test_the_number_of_threads_is_checked():
+    before = perfect_bvh.thread_count()
+    for count in (-1, 1025):
+        with pytest.raises(ValueError, match=f"set_thread_count: count must be 0 .* got {count}"):
+            perfect_bvh.set_thread_count(count)
+    assert perfect_bvh.thread_count() == before

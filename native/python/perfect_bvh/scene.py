@@ -129,7 +129,7 @@ class Scene:
 
         expected_rays: how many rays are about to be cast: a hint for how much building they repay. This version
             builds the same trees for any number.
-        progress: called with the share done; returning False raises `Cancelled`.
+        progress: called with the share done; returning False raises `Cancelled`. It must not use this scene.
 
         After a failed or cancelled commit the edits still wait, and snapshots taken before stay valid.
         """

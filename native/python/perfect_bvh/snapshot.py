@@ -140,8 +140,8 @@ class _Rays:
     ) -> None:
         if cull not in ("none", "back", "front"):
             raise ValueError(f"{function}: cull must be 'none', 'back' or 'front', got {cull!r}")
-        if threads < 0:
-            raise ValueError(f"{function}: threads must be 0 (all) or positive, got {threads}")
+        if not isinstance(threads, (int, np.integer)) or not 0 <= threads < 2**31:
+            raise ValueError(f"{function}: threads must be 0 (all) or a positive integer, got {threads!r}")
         first = as_vectors(function, "origins", origins)
         second = as_vectors(function, "directions", directions)
         try:

@@ -16,6 +16,7 @@
 #include "build/build_config.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
+#include "scene/edit_mutex.h"
 #include "scene/snapshot.h"
 #include "stats/commit_report.h"
 
@@ -48,7 +49,7 @@ class Scene {
   void set_masks(std::span<const std::int32_t> ids, std::span<const std::uint32_t> masks);
   void remove_instances(std::span<const std::int32_t> ids);
 
-  // Builds what changed and makes a new snapshot. max_threads 0: all of the pool's.
+  // Builds what changed and makes a new snapshot. The callback of `cancel` must not use the scene (EngineError).
   CommitReport commit(ThreadPool& pool, CancelToken& cancel);
 
   // Queries refuse to run from now on, with this sentence, until the next commit.
@@ -93,7 +94,7 @@ class Scene {
   void publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const CommitReport& report,
                std::uint64_t stale_count) noexcept;
 
-  mutable std::mutex edit_mutex_;  // held by every edit and for the whole of a commit
+  mutable EditMutex edit_mutex_;  // held by every edit and for the whole of a commit
   std::map<std::int32_t, MeshSlot> meshes_;
   std::vector<InstanceSlot> instances_;  // by ascending id
   std::int32_t next_mesh_id_ = 0;
