@@ -18,7 +18,7 @@ MYPY = "mypy==2.4.1"
 CLANG_FORMAT = "clang-format==23.1.5"
 BUILD_TOOLS = ("cmake>=3.25", "ninja>=1.11")
 
-NATIVE_FOLDERS = ("native/src", "native/bindings", "native/tests")
+NATIVE_FOLDERS = ("native/src", "native/bindings", "native/tests", "native/benchmarks")
 NATIVE_SUFFIXES = (".h", ".inl", ".cpp")
 
 
