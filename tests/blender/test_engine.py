@@ -251,6 +251,21 @@ def test_progress_rises_to_one_and_cancel_stops(scene) -> None:
     assert render().frame is not None
 
 
+def test_a_build_can_be_cancelled(scene) -> None:
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700)
+    asked: list[float] = []
+
+    def stop(done: float) -> bool:
+        asked.append(done)
+        return False
+
+    job = render(RenderJob(progress=stop, trace=False))
+    assert job.is_cancelled
+    assert job.frame is None
+    assert asked == [0.0]
+    assert render(RenderJob(trace=False)).frame.statistics.report.finishes_earlier_update
+
+
 @pytest.mark.parametrize("file_format", ["PNG", "OPEN_EXR_MULTILAYER"])
 def test_an_error_reaches_the_script_and_blender_survives(scene, tmp_path: Path, monkeypatch, file_format) -> None:
     def fail(*_arguments: object, **_keywords: object) -> None:
