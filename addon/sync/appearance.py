@@ -29,23 +29,22 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
 
 
 def _instance_table(record: SceneRecord, instance_ids: Int32Array) -> InstanceTable:
-    """Each instance's materials, one after the other; made once a pair of object and mesh, then gathered."""
+    """Each instance's materials, one after the other: those of its object.
+
+    A triangle may refer to a slot that the object lacks; the renderer, as Blender, shows it in the last one.
+    """
     instances = record.instances
     if not len(instances):
         return InstanceTable()
-    slot_counts = _slots_in_use(record)
-    pairs = np.stack([instances.object_indices, instances.mesh_indices], axis=1)
-    distinct, pair_of_instance = np.unique(pairs, axis=0, return_inverse=True)
-    pair_of_instance = pair_of_instance.reshape(-1)  # numpy 2.0 alone shaped it like the input
-    lists = [_padded_slots(record.objects[obj].material_slots, slot_counts[mesh]) for obj, mesh in distinct]
-    flat = np.array([row for slots in lists for row in slots], np.int64)
-    counts = np.array([len(slots) for slots in lists], np.int64)
+    objects = instances.object_indices
+    flat = np.array([row for obj in record.objects for row in obj.material_slots], np.int64)
+    counts = np.array([len(obj.material_slots) for obj in record.objects], np.int64)
     firsts = np.cumsum(counts) - counts
 
-    instance_counts = counts[pair_of_instance]
+    instance_counts = counts[objects]
     offsets = np.concatenate([[0], np.cumsum(instance_counts)])
     places = np.arange(offsets[-1]) - np.repeat(offsets[:-1], instance_counts)
-    places += np.repeat(firsts[pair_of_instance], instance_counts)
+    places += np.repeat(firsts[objects], instance_counts)
     return InstanceTable(
         ids=instance_ids,
         slot_offsets=offsets.astype(np.int32),
@@ -53,18 +52,3 @@ def _instance_table(record: SceneRecord, instance_ids: Int32Array) -> InstanceTa
         object_indices=np.array([obj.pass_index for obj in record.objects], np.int32)[instances.object_indices],
         holdout=np.array([obj.holdout for obj in record.objects], np.bool_)[instances.object_indices],
     )
-
-
-def _slots_in_use(record: SceneRecord) -> list[int]:
-    """For each mesh, how many slots its triangles refer to."""
-    return [
-        1 if mesh.material_slots is None or not len(mesh.material_slots) else int(mesh.material_slots.max()) + 1
-        for mesh in record.meshes
-    ]
-
-
-def _padded_slots(slots: tuple[int, ...], count: int) -> tuple[int, ...]:
-    """Slots for every index in use: Blender shows triangles of a slot that the object lacks in its last one."""
-    if not slots or len(slots) >= count:
-        return slots
-    return slots + (slots[-1],) * (count - len(slots))

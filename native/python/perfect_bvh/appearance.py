@@ -44,6 +44,7 @@ class InstanceTable:
 
     ids: (I,) int32, the scene's instance ids.
     slot_offsets: (I + 1,) int32: instance i's materials are slot_materials[slot_offsets[i]:slot_offsets[i + 1]].
+        Triangles that use a slot beyond these are shown in the last one.
     slot_materials: (S,) int32, rows of the material table, -1 for an empty slot.
     object_indices: (I,) int32, the object's pass index.
     holdout: (I,) bool: the instance cuts a transparent hole into the image.
