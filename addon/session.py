@@ -39,8 +39,8 @@ class SceneSync:
     attributes: what to read beside the triangles; by default the material slots. `request()` asks for more later.
     for_viewport: whether viewport or render visibility counts; by default what each depsgraph was made for.
     watch: whether queries raise `perfect_bvh.StaleSceneError` once Blender has evaluated anything, changed the frame,
-        undone a step or loaded a file since the last update. For that, Blender handlers are installed while such
-        a sync lives, with or without `register()`. False is for renders, whose depsgraph is their own.
+        undone a step or loaded a file since the last update. For that, Blender handlers are installed until the last
+        such sync is closed, with or without `register()`. False is for renders, whose depsgraph is their own.
 
     Use it on Blender's main thread; snapshots of its scene may be traced anywhere.
     """

@@ -1,8 +1,9 @@
 """Tells whoever listens that Blender has evaluated something, changed the frame, undone a step or loaded a file.
 
-Blender's handlers are installed with the first listener and stay until nobody listens; listeners are held weakly, so
-a forgotten one costs nothing. Nothing else happens in a handler: what to do about a change is the listener's
-business, and it must be little.
+Blender's handlers are installed with the first listener and removed when the last one stops listening. Listeners are
+held weakly: a forgotten one costs nothing but handlers that tell nobody. A handler does nothing else: what to do about
+a change is the listener's business, and it must be little. Nor may it remove itself: Blender goes through its list by
+number, and would pass over the handler that comes next.
 """
 
 from __future__ import annotations
@@ -43,8 +44,6 @@ def stop_listening(listener: ChangeListener) -> None:
 def _announce(what: str) -> None:
     for listener in tuple(_listeners):
         listener.on_change(what)
-    if not _listeners:
-        _remove()
 
 
 # Blender calls these with the scene (or the file's path) and, mostly, the depsgraph; versions differ in how many.

@@ -389,14 +389,29 @@ def test_an_error_while_reading_leaves_the_scene_stale(scene: Any) -> None:
 
 
 def test_handlers_live_as_long_as_somebody_watches(scene: Any) -> None:
-    sync = SceneSync()
+    syncs = SceneSync(), SceneSync()
     assert installed() == len(changes._HANDLERS)
+    syncs[0].close()
+    assert installed() == len(changes._HANDLERS)
+    syncs[1].close()
+    assert installed() == 0
+
+
+def test_a_forgotten_sync_is_freed_and_costs_others_no_call(scene: Any) -> None:
+    """Blender passes over the next handler of a list if one removes itself from it."""
+    sync = SceneSync()
+    calls: list[Any] = []
+    handlers = bpy.app.handlers.depsgraph_update_post
+    handlers.append(other := lambda *arguments: calls.append(arguments))
     gone = weakref.ref(sync)
     del sync
     gc.collect()
     assert gone() is None
     mesh_object("a")
     evaluated()
+    handlers.remove(other)
+    assert calls
+    SceneSync().close()
     assert installed() == 0
 
 
