@@ -8,6 +8,7 @@
 #include "build/fast.h"
 #include "build/median.h"
 #include "build/optimize.h"
+#include "build/spatial.h"
 #include "build/sweep.h"
 #include "core/errors.h"
 
@@ -34,7 +35,7 @@ void check(const BuildConfig& config) {
 }
 
 Bvh2 build_unoptimized(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool,
-                       CancelToken& cancel) {
+                       CancelToken& cancel, const PrimClipper* clipper) {
   switch (config.builder) {
     case BuilderKind::kAuto:
     case BuilderKind::kBinned:
@@ -45,21 +46,23 @@ Bvh2 build_unoptimized(std::span<const PrimRef> prims, const BuildConfig& config
       return build_sweep(prims, config, pool, cancel);
     case BuilderKind::kFast:
       return build_fast(prims, config, pool, cancel);
-    default:
-      throw InvalidArgument("BuildConfig: this builder is not available");
+    case BuilderKind::kSpatial:
+      return build_spatial(prims, config, clipper, pool, cancel);
   }
+  throw InvalidArgument("BuildConfig: this builder is not available");
 }
 
 }  // namespace
 
-Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
+Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel,
+                const PrimClipper* clipper) {
   check(config);
   constexpr std::size_t kMaxPrims = std::numeric_limits<std::int32_t>::max();  // node indices have 32 bits
   if (prims.size() > kMaxPrims) {
     throw InvalidArgument("build_bvh2: expected at most 2147483647 primitives, got " + std::to_string(prims.size()));
   }
   if (prims.empty()) return {};
-  Bvh2 tree = build_unoptimized(prims, config, pool, cancel);
+  Bvh2 tree = build_unoptimized(prims, config, pool, cancel, clipper);
   if (config.optimize_passes > 0) optimize_bvh2(tree, {config.optimize_passes}, pool, cancel);
   return tree;
 }

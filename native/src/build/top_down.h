@@ -6,7 +6,8 @@
 // them: the bytes are the same. Boxes come from the leaves upwards, while a subtree's nodes are still in cache.
 //
 // A splitter offers
-//   Range: a type with the members of BuildRange;
+//   Range: a type with the members of BuildRange; with `capacity` and `work` as well where references may multiply:
+//     leaves then leave rows of prim_indices unused, which the splitter's owner must close up;
 //   kSubtreeSize: how many references are a task that is not divided further;
 //   void split_large(Range& range, Range& left, Range& right, ThreadPool* pool)
 //     for ranges above kSubtreeSize. `pool` is null where one thread works alone;
@@ -41,6 +42,20 @@ struct BuildRange {
   std::uint32_t depth = 0;
 };
 
+// Rows that belong to a range: more than it has references if it may still get some (spatial splits).
+template <class Range>
+[[nodiscard]] std::uint32_t capacity_of(const Range& range) noexcept {
+  if constexpr (requires { range.capacity; }) return range.capacity;
+  return range.count;
+}
+
+// Units of work that a range stands for: one a primitive, also where references outnumber them.
+template <class Range>
+[[nodiscard]] std::uint32_t work_of(const Range& range) noexcept {
+  if constexpr (requires { range.work; }) return range.work;
+  return range.count;
+}
+
 // False where only halving the range again and again still keeps the tree within kMaxTreeDepth.
 [[nodiscard]] inline bool depth_allows_any_split(const BuildRange& range) noexcept {
   const auto levels_to_halve = static_cast<std::uint32_t>(std::bit_width(range.count));
@@ -72,7 +87,7 @@ class TopDownBuilder {
 
   [[nodiscard]] Bvh2 build(const Range& root) {
     Bvh2 tree;
-    tree.prim_indices.resize(root.count);
+    tree.prim_indices.resize(capacity_of(root));
     tree.nodes.resize(kFirstPair + max_nodes_below(root));
     prim_indices_ = tree.prim_indices.data();
     nodes_ = tree.nodes.data();
@@ -101,7 +116,7 @@ class TopDownBuilder {
   };
   using Stack = std::array<Pending, kMaxTreeDepth + 1>;
 
-  static std::size_t max_nodes_below(const Range& range) { return 2 * std::size_t{range.count} - 2; }
+  static std::size_t max_nodes_below(const Range& range) { return 2 * std::size_t{capacity_of(range)} - 2; }
 
   // One thread -----------------------------------------------------------------------------------------------------
 
@@ -162,7 +177,7 @@ class TopDownBuilder {
       if (!nodes[i].is_leaf()) enclose_children(nodes[i], &nodes[nodes[i].first]);
     }
     if (!root.is_leaf()) enclose_children(root, &nodes[root.first]);
-    cancel_.advance(root_range.count);
+    cancel_.advance(work_of(root_range));
     cancel_.checkpoint();
     return extent;
   }

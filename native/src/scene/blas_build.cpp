@@ -1,8 +1,26 @@
 #include "scene/blas_build.h"
 
 #include "build/builder.h"
+#include "mesh/triangle_clip.h"
 
 namespace perfect_bvh {
+namespace {
+
+// Spatial splits know boxes alone; here they learn where a slice of a triangle lies.
+class TriangleClipper final : public PrimClipper {
+ public:
+  explicit TriangleClipper(const TriangleMesh& mesh) : mesh_(mesh) {}
+
+  void slice(std::uint32_t prim_index, int axis, std::span<const float> planes, Box4* slices) const noexcept override {
+    const TriangleIndices t = mesh_.triangles[prim_index];
+    slice_triangle({mesh_.positions[t.x], mesh_.positions[t.y], mesh_.positions[t.z]}, axis, planes, slices);
+  }
+
+ private:
+  const TriangleMesh& mesh_;
+};
+
+}  // namespace
 
 Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
   AlignedVector<PrimRef> prims(mesh.triangle_count());
@@ -14,7 +32,8 @@ Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool&
       prims[i] = {box.lower, static_cast<std::uint32_t>(i), box.upper, 0};
     }
   });
-  return build_bvh2(prims, config, pool, cancel);
+  const TriangleClipper clipper(mesh);
+  return build_bvh2(prims, config, pool, cancel, &clipper);
 }
 
 }  // namespace perfect_bvh
