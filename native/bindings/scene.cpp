@@ -28,6 +28,7 @@ BuildConfig parse_config(const py::dict& settings) {
   config.max_leaf_size = settings["max_leaf_size"].cast<std::uint32_t>();
   config.traversal_cost = settings["traversal_cost"].cast<float>();
   config.intersection_cost = settings["intersection_cost"].cast<float>();
+  config.duplication_budget = settings["duplication_budget"].cast<float>();
   return config;
 }
 

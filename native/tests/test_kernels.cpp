@@ -138,11 +138,12 @@ struct Placed {
   std::vector<Affine> places;
 };
 
-std::shared_ptr<const Snapshot> commit(const std::vector<Placed>& parts, float scale = 1.0f) {
+std::shared_ptr<const Snapshot> commit(const std::vector<Placed>& parts, float scale = 1.0f,
+                                       const BuildConfig& config = {}) {
   Scene scene;
   std::uint32_t mask = 1;
   for (const Placed& part : parts) {
-    const std::int32_t mesh = scene.add_mesh(part.mesh.mesh(scale), BuildConfig{}, Usage::kStatic);
+    const std::int32_t mesh = scene.add_mesh(part.mesh.mesh(scale), config, Usage::kStatic);
     std::vector<InstanceInput> inputs;
     for (Affine place : part.places) {
       place.translation = place.translation * static_cast<double>(scale);
@@ -213,6 +214,38 @@ TEST_P(Kernels, MatchTheReferenceOnRaysAtEdgesAndVertices) {
   const std::vector<Ray> rays = aimed_rays(box, 3000, 1);
   expect_reference(*snapshot, rays);
   for (const Ray& ray : rays) EXPECT_TRUE(reference_closest(*snapshot, ray, Cull::kNone).found());
+}
+
+// Boxes that are clipped to parts of triangles must lose no hit and decide no tie.
+TEST_P(Kernels, MatchTheReferenceOnTreesWithSpatialSplits) {
+  BuildConfig config;
+  config.builder = BuilderKind::kSpatial;
+  config.duplication_budget = 4.0f;
+  config.traversal_cost = 0.01f;  // cut as often as the budget allows
+  const auto commit_split = [&](const MeshData& data, float scale = 1.0f, std::size_t least_percent = 125) {
+    auto snapshot = commit({{data, {Affine{}}}}, scale, config);
+    const Bvh2& tree = snapshot->instances[0].blas->tree;
+    EXPECT_GT(tree.prim_indices.size(), data.triangles.size() * least_percent / 100) << "hardly anything was cut";
+    return snapshot;
+  };
+  for (std::uint32_t seed = 0; seed < 2; ++seed) {
+    for (const float scale : {1.0f, 1e-20f, 1e9f}) {
+      expect_reference(*commit_split(soup(300, seed), scale, 100), random_rays(500, seed + 10, scale));
+      expect_reference(*commit_split(slivers(300, seed), scale), random_rays(500, seed + 20, scale));
+      expect_reference(*commit_split(coincident(20, seed), scale), random_rays(500, seed + 30, scale));
+    }
+    expect_reference(*commit_split(slivers(300, seed)), aimed_rays(slivers(300, seed), 500, seed + 40));
+  }
+  // Flat faces along the axes, rays at their edges and vertices; long edges between them, so that some are cut.
+  MeshData box = box_of_grids(4);
+  const MeshData beams = slivers(200, 7);
+  for (const Triangle& t : beams.triangles) {
+    const auto at = [&](std::int32_t vertex) { return beams.positions[static_cast<std::size_t>(vertex)]; };
+    box.add(at(t.x), at(t.y), at(t.z));
+  }
+  expect_reference(*commit_split(box), aimed_rays(box, 1500, 2));
+  expect_reference(*commit({{soup(60, 1), many_places(20, 2)}, {slivers(60, 3), many_places(20, 4)}}, 1.0f, config),
+                   random_rays(500, 5));
 }
 
 TEST_P(Kernels, MatchTheReferenceThroughInstances) {

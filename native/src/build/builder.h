@@ -14,8 +14,8 @@
 namespace perfect_bvh {
 
 // References with an empty or non-finite box must not be passed. Counts prims.size() units of work on `cancel`. Throws
-// InvalidArgument for settings out of range (naming them), Cancelled, bad_alloc. Spatial splits ask the clipper; without
-// one they take primitives to fill their boxes.
+// InvalidArgument for settings out of range (naming them), Cancelled, bad_alloc. Spatial splits ask the clipper;
+// without one they take primitives to fill their boxes.
 [[nodiscard]] Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool,
                               CancelToken& cancel, const PrimClipper* clipper = nullptr);
 

@@ -264,7 +264,8 @@ class SpatialWorker {
   }
 
   // Spare rows go where the cost is.
-  void share_out(const SpatialRange& range, const Sides& sides, SpatialRange& left, SpatialRange& right) const noexcept {
+  void share_out(const SpatialRange& range, const Sides& sides, SpatialRange& left,
+                 SpatialRange& right) const noexcept {
     const std::uint32_t all = sides.left_count + sides.right_count, spare = range.capacity - all;
     const double left_cost = static_cast<double>(job_.scale.half_area(sides.left)) * sides.left_count;
     const double cost = left_cost + static_cast<double>(job_.scale.half_area(sides.right)) * sides.right_count;

@@ -24,7 +24,7 @@ struct AreaScale {
 };
 
 struct SpatialPlane {
-  float cost;  // area * count of the left side plus that of the right
+  float cost;     // area * count of the left side plus that of the right
   int axis = -1;  // none found
   float place = 0.0f;
   std::uint32_t left_count = 0, right_count = 0;  // references that cross it count twice
@@ -45,7 +45,8 @@ void slice_reference(const PrimRef& ref, int axis, std::span<const float> planes
                      Box4* slices) noexcept;
 
 // The cheapest of bin_count - 1 equidistant planes an axis with a cost below `limit` that makes at most
-// `most_references` of these. `box` is the union of the references' boxes. Without a clipper primitives fill their boxes.
+// `most_references` of these. `box` is the union of the references' boxes. Without a clipper primitives fill their
+// boxes.
 [[nodiscard]] SpatialPlane find_spatial_plane(std::span<const PrimRef> refs, const Box4& box, std::uint32_t bin_count,
                                               const PrimClipper* clipper, const AreaScale& scale, float limit,
                                               std::uint32_t most_references) noexcept;
