@@ -281,6 +281,17 @@ TEST(Spatial, CannotBeRefitted) {
   EXPECT_THROW(refit_bvh2(tree, mesh.positions, mesh.triangles, pool, cancel), InvalidArgument);
 }
 
+TEST(Spatial, StaysSoundWhenOptimized) {
+  BuildConfig config = greedy(1.0f);
+  config.optimize_passes = 3;
+  for (const TriangleMesh& mesh : {slivers(2000, 1), soup(2000, 0.5f, 2)}) {
+    const Bvh2 tree = build(mesh, config);
+    EXPECT_FALSE(tree.refittable);
+    EXPECT_EQ(find_fault(tree, mesh.triangle_count()), "");
+    EXPECT_EQ(find_uncovered(tree, mesh), -1);
+  }
+}
+
 TEST(Spatial, DigestsHardInput) {
   BuildConfig single = greedy(2.0f);
   single.max_leaf_size = 1;

@@ -86,7 +86,7 @@ def test_against_the_oracle(name):
     mesh = as_float32(MESHES[name])
     origins, directions = rays_for(mesh)
     oblique = (directions != 0).all(axis=1)  # the oracle has no t for rays in a triangle's own plane
-    origins, directions = origins[oblique], directions[oblique]
+    origins, directions = origins[oblique][::2], directions[oblique][::2]
     hits = scene_of(mesh, SPATIAL).cast_rays(origins, directions)
     world = WorldTriangles.of([(0, *mesh, np.eye(4), 1)])
     verdict = judge(world, origins, directions, hits.t_hit, hits.instance_ids, hits.primitive_ids)

@@ -34,8 +34,8 @@ void check(const BuildConfig& config) {
           static_cast<double>(config.duplication_budget));
 }
 
-Bvh2 build_unoptimized(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool,
-                       CancelToken& cancel, const PrimClipper* clipper) {
+Bvh2 build_unoptimized(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel,
+                       const PrimClipper* clipper) {
   switch (config.builder) {
     case BuilderKind::kAuto:
     case BuilderKind::kBinned:
