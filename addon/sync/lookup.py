@@ -143,10 +143,17 @@ class SceneLookup:
     def _per_triangle(self, name: str, hits: HitIds) -> Int32Array:
         primitives = np.asarray(hits.primitive_ids)
         meshes = self._meshes.find(np.asarray(hits.mesh_ids), f"{name}: mesh")
+        is_hit = meshes >= 0
+        counts = np.append(np.diff(self._offsets), 0)  # a miss's row is the last
+        unknown = is_hit & ((primitives < 0) | (primitives >= counts[meshes]))
+        if unknown.any():
+            raise ValueError(
+                f"{name}: triangle {int(primitives[unknown].flat[0])} is not part of the synced scene: describe hits "
+                "before the next update()"
+            )
         column = self._column(name)
         if not len(column):
             return np.full(primitives.shape, MISS, np.int32)
-        is_hit = meshes >= 0
         places = np.where(is_hit, self._offsets[meshes] + primitives, 0)
         return np.where(is_hit, column[places], MISS).astype(np.int32)
 

@@ -115,6 +115,22 @@ def test_ids_that_are_not_there_are_errors(ids: tuple[np.ndarray, np.ndarray], u
         lookup.describe([ids[0][0], unknown])
 
 
+@pytest.mark.parametrize(("mesh_row", "primitive"), [(0, 4), (1, 3), (1, -1)])
+def test_triangles_of_an_earlier_update_are_errors(
+    ids: tuple[np.ndarray, np.ndarray], mesh_row: int, primitive: int
+) -> None:
+    """They would be looked up in the mesh that follows."""
+    old = SimpleNamespace(
+        instance_ids=np.array([-1, ids[0][mesh_row]], np.int32),
+        mesh_ids=np.array([-1, ids[1][mesh_row]], np.int32),
+        primitive_ids=np.array([-1, primitive], np.int32),
+    )
+    lookup = SceneLookup(scene_record(), *ids)
+    for look_up in (lookup.polygon_ids, lookup.triangle_ids, lookup.material_ids):
+        with pytest.raises(ValueError, match=f"triangle {primitive} is not part of the synced scene"):
+            look_up(old)
+
+
 def test_floats_are_no_ids(ids: tuple[np.ndarray, np.ndarray]) -> None:
     with pytest.raises(ValueError, match="integers"):
         SceneLookup(scene_record(), *ids).describe([1.0])
