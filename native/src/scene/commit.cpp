@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <chrono>
 
-#include "build/builder.h"
 #include "scene/blas_build.h"
 #include "scene/cover.h"
 #include "scene/instance_placing.h"
 #include "scene/scene.h"
+#include "scene/top_level.h"
 #include "scene/trace_view.h"
 #include "update/quality.h"
 #include "update/refit.h"
@@ -28,15 +28,6 @@ constexpr double kRefitLimit = 1.5;
 
 // Boxes an instance's bounds are made of: past some dozens the bounds hardly tighten.
 constexpr std::size_t kCoverBoxes = 32;
-
-// Instances cost far more than a box test to enter: worth splitting down to one a leaf.
-BuildConfig top_level_config() {
-  BuildConfig config;
-  config.builder = BuilderKind::kBinned;
-  config.max_leaf_size = 2;
-  config.intersection_cost = 8.0f;
-  return config;
-}
 
 std::string why_not_refitted(double cost, double fresh_cost) {
   if (!(fresh_cost > 0)) return "positions changed, and the tree was built when the mesh had no extent";
@@ -122,7 +113,7 @@ std::shared_ptr<Snapshot> Scene::assemble(const std::map<std::int32_t, std::shar
     snapshot->blases.push_back(blas);
     snapshot->meshes.emplace_back(mesh_id, blas.get());
   }
-  snapshot->tlas = build_bvh2(prims, top_level_config(), pool, cancel);
+  snapshot->tlas = build_top_level(prims, pool, cancel);
   make_trace_view(*snapshot, cancel);
   return snapshot;
 }
