@@ -19,7 +19,7 @@ namespace perfect_bvh {
 
 struct CrossedEdge {
   Float4 from, to, lower, upper, slack;
-  double start, length;  // along the planes' axis
+  double start, per_length;  // along the planes' axis
 
   CrossedEdge(Float4 a, Float4 b, float a_place, float b_place) noexcept
       : from(a),
@@ -28,11 +28,11 @@ struct CrossedEdge {
         upper(max(a, b)),
         slack(max(upper, Float4(0.0f) - lower) * Float4(0x1p-20f) + Float4(0x1p-126f)),
         start(static_cast<double>(a_place)),
-        length(static_cast<double>(b_place) - start) {}
+        per_length(1.0 / (static_cast<double>(b_place) - start)) {}
 
-  // Contains the point where the edge meets the plane; start < place < start + length.
+  // Contains the point where the edge meets the plane; the plane is strictly between its ends.
   [[nodiscard]] Box4 crossing(float place) const noexcept {
-    const auto t = static_cast<float>((static_cast<double>(place) - start) / length);
+    const auto t = static_cast<float>((static_cast<double>(place) - start) * per_length);
     const Float4 point = from * Float4(1.0f - t) + to * Float4(t);
     return {max(point - slack, lower), min(point + slack, upper)};
   }
