@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 HEADER = ("mesh", "class", "builder", "triangles", "users", "nodes", "depth", "SAH cost", "bytes")
 LEFT_COLUMNS = frozenset({0, 1, 2})
-# What the engine chooses where the choice is left to it, as the sync always does.
-AUTOMATIC_BUILDER = "binned"
 
 
 def run_info(arguments: argparse.Namespace) -> int:
@@ -69,7 +67,7 @@ def _mesh_rows(sync: SceneSync, report: SyncReport, statistics: SceneStatistics)
         (
             changes[tree.mesh_id].name,
             usages[changes[tree.mesh_id].key],
-            AUTOMATIC_BUILDER,
+            tree.builder,
             f"{tree.primitive_count:,}",
             f"{tree.user_count:,}",
             f"{tree.node_count:,}",

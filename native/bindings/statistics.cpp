@@ -9,10 +9,11 @@ namespace py = pybind11;
 namespace {
 
 py::dict to_dict(const TreeStatistics& tree) {
-  return py::dict(py::arg("mesh_id") = tree.mesh_id, py::arg("primitive_count") = tree.primitive_count,
-                  py::arg("vertex_count") = tree.vertex_count, py::arg("node_count") = tree.node_count,
-                  py::arg("leaf_count") = tree.leaf_count, py::arg("reference_count") = tree.reference_count,
-                  py::arg("depth") = tree.depth, py::arg("sah") = tree.sah, py::arg("byte_count") = tree.byte_count,
+  return py::dict(py::arg("mesh_id") = tree.mesh_id, py::arg("builder") = tree.builder,
+                  py::arg("primitive_count") = tree.primitive_count, py::arg("vertex_count") = tree.vertex_count,
+                  py::arg("node_count") = tree.node_count, py::arg("leaf_count") = tree.leaf_count,
+                  py::arg("reference_count") = tree.reference_count, py::arg("depth") = tree.depth,
+                  py::arg("sah") = tree.sah, py::arg("byte_count") = tree.byte_count,
                   py::arg("user_count") = tree.user_count);
 }
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Builder = Literal["auto", "binned", "spatial"]
-BUILDERS: tuple[str, ...] = ("auto", "binned", "spatial")
+Builder = Literal["auto", "binned", "fast", "spatial"]
+BUILDERS: tuple[str, ...] = ("auto", "binned", "fast", "spatial")
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,10 +14,12 @@ class BuildConfig:
     """How a mesh's tree is built. The defaults need no thought.
 
     builder: "binned" evaluates the surface area heuristic at a fixed number of planes (Wald 2007);
+        "fast" does the same over clusters of up to 8 triangles along a Morton curve (Garanzha et al. 2011): a third
+        less time for a slightly worse tree, for a topology that changes every frame;
         "spatial" also cuts space where that is cheaper, and refers to what it cuts from both sides (Stich 2009):
         the best trees for long, large or crossed triangles, slower to build, and built anew when positions change;
-        "auto" leaves the choice to the engine.
-    bins: intervals an axis for "binned" and "spatial", 2 to 256.
+        "auto" leaves the choice to the engine, which goes by the mesh's usage.
+    bins: intervals an axis, 2 to 256.
     axes: 3 tries planes on all axes, 1 only on the longest one (faster, slightly worse).
     max_leaf_size: triangles a leaf holds at most, 1 to 64.
     traversal_cost, intersection_cost: of visiting a node and of testing a triangle, for the heuristic.

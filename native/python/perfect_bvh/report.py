@@ -10,11 +10,16 @@ MeshAction = Literal["built", "refitted", "rebuilt"]
 
 @dataclass(frozen=True, slots=True)
 class MeshReport:
-    """One mesh that a commit worked on. reason: a sentence. milliseconds: of one mesh, on however many threads."""
+    """One mesh that a commit worked on.
+
+    reason: a sentence. builder: what made the tree (now, or before it was refitted), as in `BuildConfig`.
+    milliseconds: of one mesh, on however many threads.
+    """
 
     mesh_id: int
     action: MeshAction
     reason: str
+    builder: str
     milliseconds: float
     triangle_count: int
     byte_count: int
@@ -50,14 +55,16 @@ class CommitReport:
 
 @dataclass(frozen=True, slots=True)
 class TreeStatistics:
-    """One tree. mesh_id: -1 for the top level. byte_count: tree and geometry. user_count: instances.
+    """One tree. mesh_id: -1 for the top level. builder: what made it, as in `BuildConfig`.
 
+    byte_count: tree and geometry. user_count: instances.
     sah: the surface area heuristic's cost, with both costs 1: node visits and triangle tests that a random
     ray through the root's box is expected to need.
     reference_count: triangles in leaves; more than primitive_count if some are in several.
     """
 
     mesh_id: int
+    builder: str
     primitive_count: int
     vertex_count: int
     node_count: int

@@ -45,7 +45,8 @@ class Scene:
         positions: (V, 3) float; float64 keeps its detail however far from zero it lies.
         triangles: (T, 3) int, rows of positions; counter-clockwise seen from the front.
         build: "auto" or a `BuildConfig`. usage: what will happen to the mesh: "static" (nothing, or rigid motion),
-            "deforming" (its positions) or "changing" (its topology).
+            "deforming" (its positions) or "changing" (its topology). "auto" builds a mesh of the last kind with the
+            "fast" builder, others with "binned".
 
         Raises ValueError for non-finite positions and for indices out of range.
         """

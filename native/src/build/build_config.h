@@ -7,6 +7,25 @@ namespace perfect_bvh {
 
 enum class BuilderKind : std::uint8_t { kAuto, kMedian, kSweep, kBinned, kSpatial, kFast };
 
+// As users write it.
+[[nodiscard]] constexpr const char* builder_name(BuilderKind kind) noexcept {
+  switch (kind) {
+    case BuilderKind::kAuto:
+      return "auto";
+    case BuilderKind::kMedian:
+      return "median";
+    case BuilderKind::kSweep:
+      return "sweep";
+    case BuilderKind::kBinned:
+      return "binned";
+    case BuilderKind::kSpatial:
+      return "spatial";
+    case BuilderKind::kFast:
+      return "fast";
+  }
+  return "";
+}
+
 struct BuildConfig {
   BuilderKind builder = BuilderKind::kAuto;
   std::uint32_t bins = 16;            // binned, spatial: intervals an axis, 2 to 256

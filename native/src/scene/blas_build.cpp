@@ -22,6 +22,12 @@ class TriangleClipper final : public PrimClipper {
 
 }  // namespace
 
+BuildConfig choose_builder(BuildConfig config, Usage usage) noexcept {
+  if (config.builder != BuilderKind::kAuto) return config;
+  config.builder = usage == Usage::kChanging ? BuilderKind::kFast : BuilderKind::kBinned;
+  return config;
+}
+
 Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
   AlignedVector<PrimRef> prims(mesh.triangle_count());
   constexpr std::size_t kGrain = 16384;

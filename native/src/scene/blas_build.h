@@ -5,8 +5,13 @@
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "scene/instance.h"
+#include "scene/usage.h"
 
 namespace perfect_bvh {
+
+// Names the builder where the choice was left to the engine: a tree that lasts for a frame must be built in a blink,
+// any other repays a better one.
+[[nodiscard]] BuildConfig choose_builder(BuildConfig config, Usage usage) noexcept;
 
 [[nodiscard]] Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool& pool,
                               CancelToken& cancel);

@@ -36,6 +36,11 @@ std::string why_not_refitted(double cost, double fresh_cost) {
          " times what it did when built";
 }
 
+const char* why_so_built(BuilderKind asked, BuilderKind chosen) {
+  const bool is_for_speed = asked == BuilderKind::kAuto && chosen == BuilderKind::kFast;
+  return is_for_speed ? "; its topology changes, so the fast builder made its tree" : "";
+}
+
 std::size_t byte_count(const Snapshot& snapshot) {
   std::size_t count = snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView)) +
                       snapshot.tlas.byte_count() + snapshot.top_level.byte_count();
@@ -62,6 +67,7 @@ Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, T
       report.reason = "positions changed, and a tree with spatial splits cannot be refitted";
     } else {
       blas->tree = slot.blas->tree;
+      blas->builder = slot.blas->builder;
       refit_bvh2(blas->tree, blas->mesh.positions, blas->mesh.triangles, pool, cancel);
       const double cost = measure_quality(blas->tree).sah;
       built = cost <= kRefitLimit * slot.fresh_cost;
@@ -71,10 +77,14 @@ Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, T
     }
   }
   if (!built) {
-    blas->tree = build_tree(blas->mesh, slot.config, pool, cancel);
+    const BuildConfig config = choose_builder(slot.config, slot.usage);
+    blas->tree = build_tree(blas->mesh, config, pool, cancel);
+    blas->builder = config.builder;
+    report.reason += why_so_built(slot.config.builder, config.builder);
     // A tree built over no extent has no quality to measure a refit by.
     result.fresh_cost = blas->tree.bounds().half_area() > 0 ? measure_quality(blas->tree).sah : 0;
   }
+  report.builder = builder_name(blas->builder);
   report.triangle_count = blas->mesh.triangle_count();
   blas->cover = cover_boxes(blas->tree, kCoverBoxes);
   blas->wide = collapse_mesh(blas->tree, blas->mesh, pool, cancel);
@@ -98,7 +108,9 @@ std::shared_ptr<Snapshot> Scene::assemble(const std::map<std::int32_t, std::shar
       instance.id = slot.id, instance.mesh_id = slot.mesh_id, instance.mask = slot.mask, instance.order = slot.order;
       const Blas& blas = *blases.at(slot.mesh_id);
       if (!place_instance(instance, blas, slot.object_to_world)) {
-        baked[i] = bake_instance(instance, blas, slot.object_to_world, meshes_.at(slot.mesh_id).config, pool, cancel);
+        const MeshSlot& mesh = meshes_.at(slot.mesh_id);
+        const BuildConfig config = choose_builder(mesh.config, mesh.usage);
+        baked[i] = bake_instance(instance, blas, slot.object_to_world, config, pool, cancel);
       }
     }
   });
@@ -114,6 +126,7 @@ std::shared_ptr<Snapshot> Scene::assemble(const std::map<std::int32_t, std::shar
     snapshot->meshes.emplace_back(mesh_id, blas.get());
   }
   snapshot->tlas = build_top_level(prims, pool, cancel);
+  snapshot->top_level_builder = "agglomerative";
   make_trace_view(*snapshot, cancel);
   return snapshot;
 }

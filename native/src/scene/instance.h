@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "build/build_config.h"
 #include "build/bvh2.h"
 #include "math/affine.h"
 #include "mesh/triangle_mesh.h"
@@ -16,8 +17,9 @@ namespace perfect_bvh {
 struct Blas {
   TriangleMesh mesh;
   Bvh2 tree;
-  WideBvh wide;             // what rays are traced through
-  std::vector<Aabb> cover;  // a few boxes that hold the whole mesh, see scene/cover.h
+  BuilderKind builder = BuilderKind::kAuto;  // that made the tree; refits keep it
+  WideBvh wide;                              // what rays are traced through
+  std::vector<Aabb> cover;                   // a few boxes that hold the whole mesh, see scene/cover.h
 };
 
 struct Instance {

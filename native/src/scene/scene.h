@@ -18,12 +18,10 @@
 #include "core/thread_pool.h"
 #include "scene/edit_mutex.h"
 #include "scene/snapshot.h"
+#include "scene/usage.h"
 #include "stats/commit_report.h"
 
 namespace perfect_bvh {
-
-// What the owner expects to happen to a mesh.
-enum class Usage : std::uint8_t { kStatic, kDeforming, kChanging };
 
 struct InstanceInput {
   std::int32_t mesh_id;

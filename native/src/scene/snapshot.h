@@ -22,6 +22,7 @@ struct Snapshot {
   WideBvh top_level;                                         // the same, as rays are traced through it
   AlignedVector<InstanceView> instance_views;                // what kernels see of `instances`, row by row
   SceneView view;                                            // points into this snapshot
+  const char* top_level_builder = "";                        // that made `tlas`
   std::uint64_t generation = 0;
 };
 

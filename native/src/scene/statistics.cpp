@@ -28,12 +28,14 @@ SceneStatistics measure(const Snapshot& snapshot) {
     rows[mesh_id] = result.meshes.size();
     TreeStatistics& row = result.meshes.emplace_back(measure_tree(blas->tree));
     row.mesh_id = mesh_id;
+    row.builder = builder_name(blas->builder);
     row.primitive_count = blas->mesh.triangle_count();
     row.vertex_count = blas->mesh.positions.size();
     row.byte_count += blas->mesh.byte_count() + blas->wide.byte_count();
     result.triangle_count += row.primitive_count;
   }
   result.top_level = measure_tree(snapshot.tlas);
+  result.top_level.builder = snapshot.top_level_builder;
   result.top_level.primitive_count = snapshot.instances.size();
   result.top_level.byte_count += snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView));
   result.top_level.byte_count += snapshot.top_level.byte_count();

@@ -14,6 +14,7 @@ struct MeshReport {
   std::int32_t mesh_id = -1;
   MeshAction action = MeshAction::kKept;
   std::string reason;
+  std::string builder;  // that made the tree, now or before a refit
   double milliseconds = 0;
   std::size_t triangle_count = 0;
   std::size_t byte_count = 0;

@@ -3,12 +3,14 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 namespace perfect_bvh {
 
 struct TreeStatistics {
   std::int32_t mesh_id = -1;  // -1 for the top level
+  std::string builder;        // as in BuildConfig; of the top level "agglomerative"
   std::size_t primitive_count = 0;
   std::size_t vertex_count = 0;
   std::size_t node_count = 0;
