@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ..sync.records import InstanceRecords, Int32Array
+from ..sync.records import LARGEST_COORDINATE, InstanceRecords, Int32Array
 from .materials import MaterialReader
 from .mesh_table import NO_MESH, MeshTable
 from .objects import ObjectTable
@@ -54,7 +54,7 @@ class InstanceReader:
         instances.foreach_get("matrix_world", matrices.reshape(-1))
         instances.foreach_get("persistent_id", persistent_ids.reshape(-1))
 
-        finite = np.isfinite(matrices).all(axis=(1, 2))
+        finite = (np.abs(matrices) <= LARGEST_COORDINATE).all(axis=(1, 2))  # NaN is not
         shown = group_ids != _NOT_SHOWN
         self._warn_of_bad_matrices(group_ids[shown & ~finite])
         shown &= finite
@@ -123,7 +123,9 @@ class InstanceReader:
         for group in np.unique(group_ids):
             name = self.objects.records[self._groups[group][1]].name
             count = int(np.count_nonzero(group_ids == group))
-            self.warnings.append(f"{name}: {count} instances with a matrix that is not finite were left out")
+            self.warnings.append(
+                f"{name}: {count} instances with a matrix that is not finite or beyond 1e18 were left out"
+            )
 
 
 def _is_strands(system: Any) -> bool:

@@ -66,7 +66,8 @@ class MeshTable:
             return NO_MESH
         if record.dropped_triangles:
             self.warnings.append(
-                f"{original.name}: {record.dropped_triangles} triangles with a vertex that is not finite were left out"
+                f"{original.name}: {record.dropped_triangles} triangles with a vertex that is not finite or beyond "
+                "1e18 were left out"
             )
         twin = self._twins.find(original.data, record, self.records)
         if twin is None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..sync.records import AttributeRequest, Float32Array, Int32Array, MeshRecord
+from ..sync.records import LARGEST_COORDINATE, AttributeRequest, Float32Array, Int32Array, MeshRecord
 from .attributes import read_corner_normals, read_corner_uvs, read_material_slots
 from .pointer_views import CORNER_TRIANGLES, CORNER_VERTS, POSITIONS, TRIANGLE_POLYGONS, ArrayReader
 
@@ -32,7 +32,7 @@ def read_mesh(
     triangles = np.take(corner_verts, corner_triangles, mode="clip")
 
     kept = None
-    if not np.isfinite(positions).all():
+    if not (np.abs(positions) <= LARGEST_COORDINATE).all():
         positions, kept = _without_infinities(positions, triangles)
     if kept is not None:
         triangles, corner_triangles, polygon_ids = triangles[kept], corner_triangles[kept], polygon_ids[kept]
@@ -51,12 +51,12 @@ def read_mesh(
 
 
 def _without_infinities(positions: Float32Array, triangles: Int32Array) -> tuple[Float32Array, Int32Array | None]:
-    """Positions with a harmless value in place of each vertex that is not finite, and the triangles to keep.
+    """Positions with a harmless value in place of each vertex that the engine cannot hold, and the triangles to keep.
 
     The row count stays, so that vertex ids keep their meaning. The second value is None if no triangle uses
     such a vertex.
     """
-    finite = np.isfinite(positions).all(axis=1)
+    finite = (np.abs(positions) <= LARGEST_COORDINATE).all(axis=1)
     kept = np.flatnonzero(finite[triangles].all(axis=1)).astype(np.int32)
     # A vertex that a kept triangle uses anyway, so that bounds taken over all vertices do not grow.
     harmless = positions[triangles[kept[0], 0]] if len(kept) else np.zeros(3, np.float32)

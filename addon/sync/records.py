@@ -26,6 +26,9 @@ VISIBLE_TO_VOLUME = 1 << 4
 VISIBLE_TO_SHADOW = 1 << 5
 VISIBLE_TO_ALL = 0x3F
 
+# What the engine takes of coordinates and matrices, in magnitude.
+LARGEST_COORDINATE = 1e18
+
 
 @dataclass(frozen=True, slots=True)
 class MeshRecord:

@@ -273,12 +273,13 @@ def test_made_meshes_bring_their_own_materials(scene: Any) -> None:
     assert seen == {False: ["green"], True: ["red"]}
 
 
-def test_matrices_that_are_not_finite_are_left_out_with_a_warning(scene: Any) -> None:
+@pytest.mark.parametrize("place", [float("nan"), float("inf"), 1e20])
+def test_matrices_that_cannot_be_traced_are_left_out_with_a_warning(scene: Any, place: float) -> None:
     mesh_object("fine")
-    mesh_object("broken").location.x = float("nan")
+    mesh_object("broken").location.x = place
     record = read_scene(evaluated())
     assert counts_of(record) == {"fine": 1}
-    assert record.warnings == ("broken: 1 instances with a matrix that is not finite were left out",)
+    assert record.warnings == ("broken: 1 instances with a matrix that is not finite or beyond 1e18 were left out",)
 
 
 def test_what_has_no_triangles_is_named(scene: Any) -> None:

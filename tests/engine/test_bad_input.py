@@ -49,7 +49,9 @@ def test_meshes(scene, positions, triangles, message):
         (lambda s: s.add_instance(7), "add_instances: there is no mesh with id 7"),
         (lambda s: s.add_instance(0, np.eye(3)), "transforms must have shape"),
         (lambda s: s.add_instance(0, np.eye(4) * NAN), "transforms must be affine"),
-        (lambda s: s.add_instance(0, np.full((3, 4), INF)), r"transforms\[0\] is not finite"),
+        (lambda s: s.add_instance(0, np.full((3, 4), INF)), r"transforms\[0\] must be finite and at most 1e18"),
+        (lambda s: s.add_instance(0, np.diag([1e40, 1.0, 1.0, 1.0])), r"transforms\[0\] must be finite and at"),
+        (lambda s: s.set_transforms([0], [np.diag([1e300, 1.0, 1.0, 1.0])]), r"transforms\[0\] must be finite"),
         (lambda s: s.add_instance(0, mask=-1), "masks has values outside"),
         (lambda s: s.add_instances([0, 0], np.eye(4)[None]), "transforms has 1 rows"),
         (lambda s: s.set_transforms([0, 5], np.stack([np.eye(4)] * 2)), "no instance with id 5"),
@@ -216,7 +218,16 @@ def test_identical_triangles(count):
 
 
 @pytest.mark.parametrize(
-    "settings", [{"builder": "best"}, {"bins": 1}, {"axes": 2}, {"max_leaf_size": 0}, {"traversal_cost": 0.0}]
+    "settings",
+    [
+        {"builder": "best"},
+        {"bins": 1},
+        {"bins": 16.5},
+        {"max_leaf_size": "8"},
+        {"axes": 2},
+        {"max_leaf_size": 0},
+        {"traversal_cost": 0.0},
+    ],
 )
 def test_build_settings(settings):
     with pytest.raises(ValueError, match="BuildConfig"):

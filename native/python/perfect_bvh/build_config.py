@@ -14,8 +14,8 @@ class BuildConfig:
     """How a mesh's tree is built. The defaults need no thought.
 
     builder: "binned" evaluates the surface area heuristic at a fixed number of planes (Wald 2007);
-        "fast" does the same over clusters of up to 8 triangles along a Morton curve (Garanzha et al. 2011): a third
-        less time for a slightly worse tree, for a topology that changes every frame;
+        "fast" does the same over clusters of up to 8 triangles along a Morton curve (Garanzha et al. 2011): a
+        quarter less time for a slightly worse tree, for a topology that changes every frame;
         "spatial" also cuts space where that is cheaper, and refers to what it cuts from both sides (Stich 2009):
         the best trees for long, large or crossed triangles, slower to build, and built anew when positions change;
         "auto" leaves the choice to the engine, which goes by the mesh's usage.
@@ -37,6 +37,9 @@ class BuildConfig:
     def __post_init__(self) -> None:
         if self.builder not in BUILDERS:
             raise ValueError(f"BuildConfig: builder must be one of {', '.join(BUILDERS)}, got {self.builder!r}")
+        for name in ("bins", "axes", "max_leaf_size"):
+            if not isinstance(getattr(self, name), int):
+                raise ValueError(f"BuildConfig: {name} must be an integer, got {getattr(self, name)!r}")
         if not 2 <= self.bins <= 256:
             raise ValueError(f"BuildConfig: bins must be 2 to 256, got {self.bins}")
         if self.axes not in (1, 3):

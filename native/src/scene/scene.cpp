@@ -1,6 +1,7 @@
 #include "scene/scene.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "core/errors.h"
@@ -19,9 +20,22 @@ void check_same_length(std::size_t ids, std::size_t values, const char* function
                         std::to_string(values));
 }
 
-void check_finite(const Affine& transform, std::size_t row, const char* function) {
-  if (transform.is_finite()) return;
-  throw InvalidArgument(std::string(function) + ": transforms[" + std::to_string(row) + "] is not finite");
+// Beyond this, products with positions (which stay below 1e18, too) would leave the range of float.
+constexpr double kLargestEntry = 1e18;
+
+bool is_reasonable(const Affine& transform) {
+  for (const Vec3d v : {transform.x, transform.y, transform.z, transform.translation}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      if (!(std::abs(v[axis]) <= kLargestEntry)) return false;  // NaN included
+    }
+  }
+  return true;
+}
+
+void check_transform(const Affine& transform, std::size_t row, const char* function) {
+  if (is_reasonable(transform)) return;
+  throw InvalidArgument(std::string(function) + ": transforms[" + std::to_string(row) +
+                        "] must be finite and at most 1e18 in magnitude");
 }
 
 }  // namespace
@@ -95,7 +109,7 @@ std::int32_t Scene::add_instances(std::span<const InstanceInput> inputs) {
   const std::lock_guard lock(edit_mutex_);
   for (std::size_t i = 0; i < inputs.size(); ++i) {
     find_mesh(inputs[i].mesh_id, "add_instances");
-    check_finite(inputs[i].object_to_world, i, "add_instances");
+    check_transform(inputs[i].object_to_world, i, "add_instances");
   }
   if (inputs.size() > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max() - next_instance_id_)) {
     throw EngineError("add_instances: instance ids are used up; make a new Scene");
@@ -115,7 +129,7 @@ void Scene::set_transforms(std::span<const std::int32_t> ids, std::span<const Af
   const std::lock_guard lock(edit_mutex_);
   check_same_length(ids.size(), transforms.size(), "set_transforms", "transforms");
   const auto rows = find_instances(ids, "set_transforms");
-  for (std::size_t i = 0; i < transforms.size(); ++i) check_finite(transforms[i], i, "set_transforms");
+  for (std::size_t i = 0; i < transforms.size(); ++i) check_transform(transforms[i], i, "set_transforms");
   for (std::size_t i = 0; i < rows.size(); ++i) instances_[rows[i]].object_to_world = transforms[i];
   mark_edited();
 }
