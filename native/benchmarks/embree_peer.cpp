@@ -5,28 +5,6 @@
 
 namespace perfect_bvh::bench {
 
-EmbreePeer::EmbreePeer(const TriangleMesh& mesh, const Options& options)
-    : device_(rtcNewDevice(options.device.c_str())), scene_(rtcNewScene(device_)) {
-  if (options.is_robust) rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
-  rtcSetSceneBuildQuality(scene_, options.quality);
-  RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);
-  void* positions = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3f),
-                                            mesh.positions.size());
-  std::memcpy(positions, mesh.positions.data(), mesh.positions.size() * sizeof(Vec3f));
-  void* triangles = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                                            sizeof(TriangleIndices), mesh.triangles.size());
-  std::memcpy(triangles, mesh.triangles.data(), mesh.triangles.size() * sizeof(TriangleIndices));
-  rtcCommitGeometry(geometry);
-  rtcAttachGeometry(scene_, geometry);
-  rtcReleaseGeometry(geometry);
-  rtcCommitScene(scene_);
-}
-
-EmbreePeer::~EmbreePeer() {
-  rtcReleaseScene(scene_);
-  rtcReleaseDevice(device_);
-}
-
 namespace {
 
 void set_ray(RTCRay& out, const Ray& ray) {
@@ -39,16 +17,44 @@ void set_ray(RTCRay& out, const Ray& ray) {
 
 }  // namespace
 
-void EmbreePeer::closest(std::span<const Ray> rays, Hit* hits) const {
+void add_mesh(RTCDevice device, RTCScene scene, const TriangleMesh& mesh) {
+  RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+  void* positions = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3f),
+                                            mesh.positions.size());
+  std::memcpy(positions, mesh.positions.data(), mesh.positions.size() * sizeof(Vec3f));
+  void* triangles = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                            sizeof(TriangleIndices), mesh.triangles.size());
+  std::memcpy(triangles, mesh.triangles.data(), mesh.triangles.size() * sizeof(TriangleIndices));
+  rtcCommitGeometry(geometry);
+  rtcAttachGeometry(scene, geometry);
+  rtcReleaseGeometry(geometry);
+}
+
+void intersect_one_by_one(RTCScene scene, std::span<const Ray> rays, Hit* hits) {
   for (std::size_t i = 0; i < rays.size(); ++i) {
     RTCRayHit query;
     set_ray(query.ray, rays[i]);
     query.hit.geomID = query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    rtcIntersect1(scene_, &query, nullptr);
+    rtcIntersect1(scene, &query, nullptr);
     const bool found = query.hit.geomID != RTC_INVALID_GEOMETRY_ID;
     hits[i] = found ? Hit{query.ray.tfar, query.hit.u, query.hit.v, 0, query.hit.primID} : Hit{};
   }
 }
+
+EmbreePeer::EmbreePeer(const TriangleMesh& mesh, const Options& options)
+    : device_(rtcNewDevice(options.device.c_str())), scene_(rtcNewScene(device_)) {
+  if (options.is_robust) rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
+  rtcSetSceneBuildQuality(scene_, options.quality);
+  add_mesh(device_, scene_, mesh);
+  rtcCommitScene(scene_);
+}
+
+EmbreePeer::~EmbreePeer() {
+  rtcReleaseScene(scene_);
+  rtcReleaseDevice(device_);
+}
+
+void EmbreePeer::closest(std::span<const Ray> rays, Hit* hits) const { intersect_one_by_one(scene_, rays, hits); }
 
 void EmbreePeer::any(std::span<const Ray> rays, std::uint8_t* occluded) const {
   for (std::size_t i = 0; i < rays.size(); ++i) {

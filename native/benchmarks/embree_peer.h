@@ -11,6 +11,11 @@
 
 namespace perfect_bvh::bench {
 
+// Copies the mesh into a geometry of the scene.
+void add_mesh(RTCDevice device, RTCScene scene, const TriangleMesh& mesh);
+// One rtcIntersect1 a ray. Instances are not told apart.
+void intersect_one_by_one(RTCScene scene, std::span<const Ray> rays, Hit* hits);
+
 class EmbreePeer {
  public:
   struct Options {

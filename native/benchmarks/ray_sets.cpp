@@ -54,6 +54,10 @@ std::vector<Ray> primary_rays(const Aabb& box, View view, std::uint32_t width, s
   return rays;
 }
 
+Ray diffuse_ray(Vec3d origin, Vec3d normal, std::mt19937& random) {
+  return make_ray(origin, cosine_direction(normal, random), kInfiniteDistance);
+}
+
 Bounces bounce_rays(const TriangleMesh& mesh, const std::vector<Ray>& primary, const std::vector<Hit>& hits,
                     float diagonal) {
   Bounces result;
@@ -67,7 +71,7 @@ Bounces bounce_rays(const TriangleMesh& mesh, const std::vector<Ray>& primary, c
     if (dot(normal, normal) < 0.5) continue;
     if (dot(normal, primary[i].direction) > 0) normal = -normal;
     const Vec3d origin = primary[i].origin + primary[i].direction * hits[i].t + normal * (1e-4 * diagonal);
-    result.diffuse.push_back(make_ray(origin, cosine_direction(normal, random), kInfiniteDistance));
+    result.diffuse.push_back(diffuse_ray(origin, normal, random));
     result.occlusion.push_back(make_ray(origin, cosine_direction(normal, random), 0.1f * diagonal));
   }
   return result;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,9 @@ struct Bounces {
 };
 [[nodiscard]] Bounces bounce_rays(const TriangleMesh& mesh, const std::vector<Ray>& primary,
                                   const std::vector<Hit>& hits, float diagonal);
+
+// One such diffuse ray; the normal is of unit length.
+[[nodiscard]] Ray diffuse_ray(Vec3d origin, Vec3d normal, std::mt19937& random);
 
 [[nodiscard]] std::vector<RaySet> make_ray_sets(const TriangleMesh& mesh, const Aabb& box, View view,
                                                 const std::vector<Ray>& primary, const std::vector<Hit>& hits);
