@@ -14,6 +14,8 @@ namespace perfect_bvh {
 namespace {
 
 #include "traverse/ray_slot.inl"
+// After the slot.
+#include "traverse/leaf_test.inl"
 
 // Leaves are tested when this many rays wait at one, or no ray is left at a node.
 constexpr std::size_t kLeafPatience = 16;
@@ -77,30 +79,17 @@ PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
 // Leaf block and ray meet: looks closer at the triangles in `lanes`, whose t may be in range. True if the best hit is
 // a new one (any hit: if there is one).
 template <bool kAny>
-bool take_hits(Slot& slot, const Stream& stream, const LeafBlock& block, unsigned lanes, const float* t_of,
-               const float* sums, const float* weights_v1, const float* weights_v2) noexcept {
+bool take_hits(Slot& slot, const Stream& stream, const LeafBlock& block, unsigned lanes,
+               const LeafCandidates& candidates) noexcept {
   const InstanceView& instance = stream.scene.instances[slot.instance];
   const Ray& ray = stream.batch.rays[slot.ray];
   const Cull cull = stream.batch.cull;
   bool is_new = false;
   for (; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
-    float local_t = t_of[lane];
-    if (magnitude(local_t) <= slot.triangle.ray.refine_below) {
-      float corners[3][3];
-      for (int corner = 0; corner < 3; ++corner) {
-        const std::uint32_t vertex = (block.corners[lane] >> (4 * corner)) & 7;
-        for (int i = 0; i < 3; ++i) corners[corner][i] = block.vertices[slot.triangle.ray.axes[i]][vertex];
-      }
-      local_t = refine_t(slot.triangle.ray, corners[0], corners[1], corners[2], local_t);
-    }
-    const double t = to_ray_t(slot.time, local_t);
-    const float narrowed = static_cast<float>(t);
-    if (!(narrowed >= ray.t_min && narrowed <= ray.t_max && t <= slot.best_t && narrowed < kInfiniteDistance)) continue;
-    if (cull != Cull::kNone) {
-      const bool is_front = ((sums[lane] > 0.0f) != slot.triangle.ray.runs_down) != (instance.mirrored != 0);
-      if (is_front == (cull == Cull::kFront)) continue;
-    }
+    const double t = candidate_t(candidates, lane, block, slot.triangle.ray, slot.time);
+    if (!(is_in_range(t, ray) && t <= slot.best_t)) continue;
+    if (is_culled(cull, candidates.sums[lane], slot.triangle.ray, instance)) continue;
     const std::uint32_t primitive = block.primitives[lane];
     if (t == slot.best_t && slot.hit_instance != kNoHit) {  // equal: the smaller (order, id, primitive) wins
       if (slot.hit_instance != slot.instance) {
@@ -111,8 +100,8 @@ bool take_hits(Slot& slot, const Stream& stream, const LeafBlock& block, unsigne
       }
     }
     slot.best_t = t;
-    slot.u = weights_v1[lane] / sums[lane];
-    slot.v = weights_v2[lane] / sums[lane];
+    slot.u = candidates.weights_v1[lane] / candidates.sums[lane];
+    slot.v = candidates.weights_v2[lane] / candidates.sums[lane];
     slot.hit_instance = slot.instance;
     slot.hit_primitive = primitive;
     if constexpr (kAny) return true;
@@ -121,43 +110,14 @@ bool take_hits(Slot& slot, const Stream& stream, const LeafBlock& block, unsigne
   return is_new;
 }
 
-PERFECT_BVH_INLINE Float8 difference(Float8 a, Float8 b, Float8 c, Float8 d) noexcept {  // see product_difference
-  const Float8 product = mul(c, d);
-  return add(fmsub(a, b, product), fnmadd(c, d, product));
-}
-
 template <bool kAny, bool kCounts>
 PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const LeafBlock& block) noexcept {
-  const TriangleRay& ray = slot.triangle.ray;
-  const Float8 depth = sub(load_row(block.vertices, slot.triangle.row[2]), broadcast(ray.origin[2]));
-  const Float8 across = fnmadd(broadcast(ray.shear_x), depth,
-                               sub(load_row(block.vertices, slot.triangle.row[0]), broadcast(ray.origin[0])));
-  const Float8 upward = fnmadd(broadcast(ray.shear_y), depth,
-                               sub(load_row(block.vertices, slot.triangle.row[1]), broadcast(ray.origin[1])));
-  const Int8 corner0 = load(block.corners), corner1 = shift_right<4>(corner0), corner2 = shift_right<8>(corner0);
-  const Float8 x0 = permute(across, corner0), y0 = permute(upward, corner0), z0 = permute(depth, corner0);
-  const Float8 x1 = permute(across, corner1), y1 = permute(upward, corner1), z1 = permute(depth, corner1);
-  const Float8 x2 = permute(across, corner2), y2 = permute(upward, corner2), z2 = permute(depth, corner2);
-  const Float8 weight0 = difference(x2, y1, y2, x1);
-  const Float8 weight1 = difference(x0, y2, y0, x2);
-  const Float8 weight2 = difference(x1, y0, y1, x0);
-  const Float8 least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
-  const Float8 sum = add(add(weight0, weight1), weight2);
-  const Float8 t = div(fmadd(weight2, z2, fmadd(weight1, z1, mul(weight0, z0))), mul(sum, broadcast(ray.direction_z)));
-  const Mask8 inside = both(either(less_equal(zero(), least), less_equal(most, zero())), not_equal(sum, zero()));
-  const Mask8 in_range = both(less_equal(broadcast(slot.box.t_min), t), less_equal(t, broadcast(slot.box.t_limit)));
-  const Mask8 at_origin = less_equal(abs(t), broadcast(ray.refine_below));
-  const unsigned lanes = bits(both(inside, either(in_range, at_origin)));
-  if constexpr (kCounts) {
-    std::uint32_t tested = 1;
-    for (int lane = 1; lane < 8; ++lane) tested += block.primitives[lane] != block.primitives[lane - 1] ? 1u : 0u;
-    stream.batch.counts[slot.ray].primitives_tested += tested;
-  }
+  const LeafTest test = test_leaf(block, slot.triangle, slot.box.t_min, slot.box.t_limit);
+  if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_triangles(block);
   --slot.top;
-  if (lanes == 0) return;
-  alignas(32) float t_of[8], sums[8], weights_v1[8], weights_v2[8];
-  store(t_of, t), store(sums, sum), store(weights_v1, weight1), store(weights_v2, weight2);
-  if (!take_hits<kAny>(slot, stream, block, lanes, t_of, sums, weights_v1, weights_v2)) return;
+  if (test.lanes == 0) return;
+  const LeafCandidates candidates(test);
+  if (!take_hits<kAny>(slot, stream, block, test.lanes, candidates)) return;
   if constexpr (kAny) {
     slot.top = 0;
   } else {

@@ -1,0 +1,79 @@
+// The eight triangles of a leaf block against a ray: math/triangle.h, eight at a time. Every kernel's leaf visit is
+// made of these functions, so that each of them gives a triangle the same t. Part of stream_kernel.inl: everything has
+// internal linkage.
+
+// Of each lane; `lanes` has those whose t may be in range.
+struct LeafTest {
+  Float8 t, sum, weight_v1, weight_v2;
+  unsigned lanes;
+};
+
+PERFECT_BVH_INLINE Float8 difference(Float8 a, Float8 b, Float8 c, Float8 d) noexcept {  // see product_difference
+  const Float8 product = mul(c, d);
+  return add(fmsub(a, b, product), fnmadd(c, d, product));
+}
+
+PERFECT_BVH_INLINE LeafTest test_leaf(const LeafBlock& block, const TriangleState& triangle, const float& t_min,
+                                      const float& t_limit) noexcept {
+  const TriangleRay& ray = triangle.ray;
+  const Float8 depth = sub(load_row(block.vertices, triangle.row[2]), broadcast(ray.origin[2]));
+  const Float8 across =
+      fnmadd(broadcast(ray.shear_x), depth, sub(load_row(block.vertices, triangle.row[0]), broadcast(ray.origin[0])));
+  const Float8 upward =
+      fnmadd(broadcast(ray.shear_y), depth, sub(load_row(block.vertices, triangle.row[1]), broadcast(ray.origin[1])));
+  const Int8 corner0 = load(block.corners), corner1 = shift_right<4>(corner0), corner2 = shift_right<8>(corner0);
+  const Float8 x0 = permute(across, corner0), y0 = permute(upward, corner0), z0 = permute(depth, corner0);
+  const Float8 x1 = permute(across, corner1), y1 = permute(upward, corner1), z1 = permute(depth, corner1);
+  const Float8 x2 = permute(across, corner2), y2 = permute(upward, corner2), z2 = permute(depth, corner2);
+  const Float8 weight0 = difference(x2, y1, y2, x1);
+  const Float8 weight1 = difference(x0, y2, y0, x2);
+  const Float8 weight2 = difference(x1, y0, y1, x0);
+  const Float8 least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
+  const Float8 sum = add(add(weight0, weight1), weight2);
+  const Float8 t = div(fmadd(weight2, z2, fmadd(weight1, z1, mul(weight0, z0))), mul(sum, broadcast(ray.direction_z)));
+  const Mask8 inside = both(either(less_equal(zero(), least), less_equal(most, zero())), not_equal(sum, zero()));
+  const Mask8 in_range = both(less_equal(broadcast(t_min), t), less_equal(t, broadcast(t_limit)));
+  const Mask8 at_origin = less_equal(abs(t), broadcast(ray.refine_below));
+  return {t, sum, weight1, weight2, bits(both(inside, either(in_range, at_origin)))};
+}
+
+// The lanes of a LeafTest in memory, to be looked at one by one.
+struct LeafCandidates {
+  explicit LeafCandidates(const LeafTest& test) noexcept {
+    store(t, test.t), store(sums, test.sum), store(weights_v1, test.weight_v1), store(weights_v2, test.weight_v2);
+  }
+  alignas(32) float t[8], sums[8], weights_v1[8], weights_v2[8];
+};
+
+// In the ray's own terms; near zero it is refined.
+PERFECT_BVH_INLINE double candidate_t(const LeafCandidates& candidates, int lane, const LeafBlock& block,
+                                      const TriangleRay& ray, const TimeFrame& time) noexcept {
+  float local_t = candidates.t[lane];
+  if (magnitude(local_t) <= ray.refine_below) {
+    float corners[3][3];
+    for (int corner = 0; corner < 3; ++corner) {
+      const std::uint32_t vertex = (block.corners[lane] >> (4 * corner)) & 7;
+      for (int i = 0; i < 3; ++i) corners[corner][i] = block.vertices[ray.axes[i]][vertex];
+    }
+    local_t = refine_t(ray, corners[0], corners[1], corners[2], local_t);
+  }
+  return to_ray_t(time, local_t);
+}
+
+PERFECT_BVH_INLINE bool is_in_range(double t, const Ray& ray) noexcept {
+  const float narrowed = static_cast<float>(t);
+  return narrowed >= ray.t_min && narrowed <= ray.t_max && narrowed < kInfiniteDistance;
+}
+
+PERFECT_BVH_INLINE bool is_culled(Cull cull, float sum, const TriangleRay& ray, const InstanceView& instance) noexcept {
+  if (cull == Cull::kNone) return false;
+  const bool is_front = ((sum > 0.0f) != ray.runs_down) != (instance.mirrored != 0);
+  return is_front == (cull == Cull::kFront);
+}
+
+// Without the last one's repetitions.
+inline std::uint32_t count_triangles(const LeafBlock& block) noexcept {
+  std::uint32_t count = 1;
+  for (int lane = 1; lane < 8; ++lane) count += block.primitives[lane] != block.primitives[lane - 1] ? 1u : 0u;
+  return count;
+}
