@@ -16,6 +16,7 @@ namespace {
 #include "traverse/ray_slot.inl"
 // After the slot.
 #include "traverse/leaf_test.inl"
+#include "traverse/node_test.inl"
 
 // Leaves are tested when this many rays wait at one, or no ray is left at a node.
 constexpr std::size_t kLeafPatience = 16;
@@ -47,26 +48,14 @@ PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
     std::uint32_t top = slot.top;
     const WideNode& node = slot.nodes[stack[top]];
     if constexpr (kCounts) ++stream.batch.counts[slot.ray].nodes_visited;
-    const BoxState& box = slot.box;
-    const Float8 inverse_x = broadcast(box.slab.inverse[0]);
-    const Float8 inverse_y = broadcast(box.slab.inverse[1]);
-    const Float8 inverse_z = broadcast(box.slab.inverse[2]);
-    const Float8 near_x = fmsub(load_row(&node, box.rows.near_row[0]), inverse_x, broadcast(box.slab.near_offset[0]));
-    const Float8 near_y = fmsub(load_row(&node, box.rows.near_row[1]), inverse_y, broadcast(box.slab.near_offset[1]));
-    const Float8 near_z = fmsub(load_row(&node, box.rows.near_row[2]), inverse_z, broadcast(box.slab.near_offset[2]));
-    const Float8 far_x = fmsub(load_row(&node, box.rows.far_row[0]), inverse_x, broadcast(box.slab.far_offset[0]));
-    const Float8 far_y = fmsub(load_row(&node, box.rows.far_row[1]), inverse_y, broadcast(box.slab.far_offset[1]));
-    const Float8 far_z = fmsub(load_row(&node, box.rows.far_row[2]), inverse_z, broadcast(box.slab.far_offset[2]));
-    const Float8 near = max(max(near_x, near_y), max(near_z, broadcast(box.t_min)));
-    const Float8 far = min(min(far_x, far_y), min(far_z, broadcast(box.t_limit)));
-    const Mask8 hit = less_equal(near, far);
+    const NodeTest test = test_node(node, slot.box);
     if constexpr (kAny) {
-      push_unsorted(node, hit, stack + top);
+      push_unsorted(node, test.hit, stack + top);
     } else {
-      push_sorted(node, box.rows.order_shift, hit, near, stack + top,
+      push_sorted(node, slot.box.rows.order_shift, test.hit, test.near, stack + top,
                   reinterpret_cast<float*>(stack + nears_offset) + top);
     }
-    top += count_bits(bits(hit)) - 1;
+    top += count_bits(bits(test.hit)) - 1;
     slot.top = top;
     at_node[i - others] = &slot;
     at_other[others] = &slot;
