@@ -226,7 +226,7 @@ def test_identical_triangles(count):
         {"max_leaf_size": "8"},
         {"axes": 2},
         {"max_leaf_size": 0},
-        {"traversal_cost": 0.0},
+        {"traversal_cost": -1.0},
     ],
 )
 def test_build_settings(settings):

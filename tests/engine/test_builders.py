@@ -29,13 +29,13 @@ def one_mesh() -> meshes.Mesh:
 
 @pytest.mark.parametrize("builder", BUILDERS)
 def test_hits_equal_the_oracles_and_the_other_builders(builder):
-    mesh, rays = one_mesh(), meshes.random_rays(3000, 8)
+    mesh, rays = one_mesh(), meshes.random_rays(1000, 8)
     scene, other = placed(mesh, builder), placed(mesh, "auto")
     hits, expected = scene.cast_rays(*rays), other.cast_rays(*rays)
     triangles = WorldTriangles.of([(0, *mesh, np.eye(4), 0xFFFFFFFF)])
     verdict = judge(triangles, *rays, hits.t_hit, hits.instance_ids, hits.primitive_ids)
     assert not verdict.wrong.any(), str(verdict)
-    assert verdict.hit.sum() > 1000
+    assert verdict.hit.sum() > 400
     for name in FIELDS:
         assert np.array_equal(getattr(hits, name), getattr(expected, name)), name
     assert np.array_equal(scene.test_occlusions(*rays), hits.is_hit)

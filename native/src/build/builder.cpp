@@ -1,6 +1,5 @@
 #include "build/builder.h"
 
-#include <cmath>
 #include <limits>
 #include <string>
 
@@ -26,10 +25,10 @@ void check(const BuildConfig& config) {
   require(config.axes == 1 || config.axes == 3, "axes", "1 or 3", config.axes);
   require(config.max_leaf_size >= 1 && config.max_leaf_size <= 255, "max_leaf_size", "from 1 to 255",
           config.max_leaf_size);
-  require(std::isfinite(config.traversal_cost) && config.traversal_cost >= 0, "traversal_cost",
-          "finite and not negative", static_cast<double>(config.traversal_cost));
-  require(std::isfinite(config.intersection_cost) && config.intersection_cost > 0, "intersection_cost",
-          "finite and positive", static_cast<double>(config.intersection_cost));
+  require(config.traversal_cost >= 0 && config.traversal_cost <= 1e6f, "traversal_cost", "from 0 to 1e6",
+          static_cast<double>(config.traversal_cost));
+  require(config.intersection_cost >= 1e-6f && config.intersection_cost <= 1e6f, "intersection_cost",
+          "from 1e-6 to 1e6", static_cast<double>(config.intersection_cost));
   require(config.duplication_budget >= 0 && config.duplication_budget <= 10, "duplication_budget", "from 0 to 10",
           static_cast<double>(config.duplication_budget));
 }
