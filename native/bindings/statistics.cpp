@@ -1,20 +1,48 @@
 #include "scene/statistics.h"
 
+#include <pybind11/stl.h>
+
 #include "bindings/bind.h"
+#include "bindings/progress.h"
 
 namespace perfect_bvh::bindings {
-
-namespace py = pybind11;
-
 namespace {
 
 py::dict to_dict(const TreeStatistics& tree) {
-  return py::dict(py::arg("mesh_id") = tree.mesh_id, py::arg("builder") = tree.builder,
-                  py::arg("primitive_count") = tree.primitive_count, py::arg("vertex_count") = tree.vertex_count,
-                  py::arg("node_count") = tree.node_count, py::arg("leaf_count") = tree.leaf_count,
-                  py::arg("reference_count") = tree.reference_count, py::arg("depth") = tree.depth,
-                  py::arg("sah") = tree.sah, py::arg("byte_count") = tree.byte_count,
-                  py::arg("user_count") = tree.user_count);
+  py::dict row;
+  row["mesh_id"] = tree.mesh_id;
+  row["builder"] = tree.builder;
+  row["primitive_count"] = tree.primitive_count;
+  row["vertex_count"] = tree.vertex_count;
+  row["user_count"] = tree.user_count;
+  row["is_refittable"] = tree.is_refittable;
+  row["node_count"] = tree.node_count;
+  row["leaf_count"] = tree.leaf_count;
+  row["reference_count"] = tree.reference_count;
+  row["max_leaf_size"] = tree.max_leaf_size;
+  row["depth"] = tree.depth;
+  row["sah"] = tree.sah;
+  row["sibling_overlap"] = tree.sibling_overlap;
+  row["epo"] = tree.epo;
+  row["leaf_count_variability"] = tree.leaf_count_variability;
+  row["wide_node_count"] = tree.wide_node_count;
+  row["wide_leaf_count"] = tree.wide_leaf_count;
+  row["wide_depth"] = tree.wide_depth;
+  row["geometry_byte_count"] = tree.geometry_byte_count;
+  row["binary_byte_count"] = tree.binary_byte_count;
+  row["wide_byte_count"] = tree.wide_byte_count;
+  row["byte_count"] = tree.byte_count;
+  return row;
+}
+
+py::dict to_dict(const SceneStatistics& statistics) {
+  py::list meshes;
+  for (const TreeStatistics& mesh : statistics.meshes) meshes.append(to_dict(mesh));
+  return py::dict(py::arg("meshes") = meshes, py::arg("top_level") = to_dict(statistics.top_level),
+                  py::arg("triangle_count") = statistics.triangle_count,
+                  py::arg("instanced_triangle_count") = statistics.instanced_triangle_count,
+                  py::arg("instance_count") = statistics.instance_count, py::arg("byte_count") = statistics.byte_count,
+                  py::arg("generation") = statistics.generation);
 }
 
 }  // namespace
@@ -22,21 +50,14 @@ py::dict to_dict(const TreeStatistics& tree) {
 void bind_statistics(py::module_& module) {
   module.def(
       "measure",
-      [](const Snapshot& snapshot) {
-        SceneStatistics statistics;
-        {
-          const py::gil_scoped_release release;
-          statistics = measure(snapshot);
-        }
-        py::list meshes;
-        for (const TreeStatistics& mesh : statistics.meshes) meshes.append(to_dict(mesh));
-        return py::dict(py::arg("meshes") = meshes, py::arg("top_level") = to_dict(statistics.top_level),
-                        py::arg("triangle_count") = statistics.triangle_count,
-                        py::arg("instanced_triangle_count") = statistics.instanced_triangle_count,
-                        py::arg("instance_count") = statistics.instance_count,
-                        py::arg("byte_count") = statistics.byte_count, py::arg("generation") = statistics.generation);
+      [](const Snapshot& snapshot, bool detailed, float traversal_cost, float intersection_cost,
+         const py::object& progress) {
+        const StatisticsOptions options{detailed, traversal_cost, intersection_cost};
+        return to_dict(with_progress(
+            progress, [&](CancelToken& cancel) { return measure(snapshot, options, ThreadPool::shared(), cancel); }));
       },
-      py::arg("snapshot"));
+      py::arg("snapshot"), py::arg("detailed"), py::arg("traversal_cost"), py::arg("intersection_cost"),
+      py::arg("progress"));
 }
 
 }  // namespace perfect_bvh::bindings

@@ -57,23 +57,52 @@ class CommitReport:
 class TreeStatistics:
     """One tree. mesh_id: -1 for the top level. builder: what made it, as in `BuildConfig`.
 
-    byte_count: tree and geometry. user_count: instances.
-    sah: the surface area heuristic's cost, with both costs 1: node visits and triangle tests that a random
-    ray through the root's box is expected to need.
+    primitive_count, vertex_count: of the mesh; of the top level, instances and 0. user_count: instances of the mesh.
+
+    Of the binary tree, whether or not it is still kept:
+    is_refittable: whether it may follow moved vertices; not with spatial splits.
+    node_count, leaf_count, max_leaf_size, depth: nodes include leaves; depth is 0 for a single leaf.
     reference_count: triangles in leaves; more than primitive_count if some are in several.
+    sah: the surface area heuristic's cost (MacDonald and Booth 1990): node visits and triangle tests, each times its
+        cost, that a random ray through the root's box is expected to need.
+    sibling_overlap: area that both children of a node cover, as a share of all parents' area.
+    epo: end-point overlap (Aila, Karras and Laine 2013): the expected cost of nodes whose box holds a point of a
+        surface that is not in them. leaf_count_variability: the standard deviation of how many leaves' boxes a random
+        line through the root's box meets. Both None unless details were asked for; the top level has no epo.
+
+    Of the tree that rays are traced through: wide_node_count, wide_leaf_count, wide_depth.
+
+    Bytes: geometry_byte_count of positions and triangles (of the top level: of the instances), binary_byte_count (0
+    where that tree is no longer kept), wide_byte_count; byte_count is the three together.
     """
 
     mesh_id: int
     builder: str
     primitive_count: int
     vertex_count: int
+    user_count: int
+    is_refittable: bool
     node_count: int
     leaf_count: int
     reference_count: int
+    max_leaf_size: int
     depth: int
     sah: float
+    sibling_overlap: float
+    epo: float | None
+    leaf_count_variability: float | None
+    wide_node_count: int
+    wide_leaf_count: int
+    wide_depth: int
+    geometry_byte_count: int
+    binary_byte_count: int
+    wide_byte_count: int
     byte_count: int
-    user_count: int
+
+    @property
+    def duplication(self) -> float:
+        """References for each primitive: 1 unless space was split."""
+        return self.reference_count / self.primitive_count if self.primitive_count else 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -174,9 +174,9 @@ class Scene:
         """`Snapshot.test_occlusions` on the committed state. Raises StaleSceneError if edits wait."""
         return self.snapshot().test_occlusions(*args, **keywords)
 
-    def statistics(self) -> SceneStatistics:
+    def statistics(self, *args: Any, **keywords: Any) -> SceneStatistics:
         """`Snapshot.statistics` of the committed state. Raises StaleSceneError if edits wait."""
-        return self.snapshot().statistics()
+        return self.snapshot().statistics(*args, **keywords)
 
 
 def _as_config(build: str | BuildConfig) -> BuildConfig:

@@ -67,9 +67,10 @@ Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, T
       report.reason = "positions changed, and a tree with spatial splits cannot be refitted";
     } else {
       blas->tree = slot.blas->tree;
-      blas->builder = slot.blas->builder;
+      blas->config = slot.blas->config;
       refit_bvh2(blas->tree, blas->mesh.positions, blas->mesh.triangles, pool, cancel);
-      const double cost = measure_quality(blas->tree).sah;
+      blas->quality = measure_quality(blas->tree);
+      const double cost = blas->quality.sah;
       built = cost <= kRefitLimit * slot.fresh_cost;
       result.fresh_cost = slot.fresh_cost;
       report.action = built ? MeshAction::kRefitted : MeshAction::kRebuilt;
@@ -77,14 +78,14 @@ Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, T
     }
   }
   if (!built) {
-    const BuildConfig config = choose_builder(slot.config, slot.usage);
-    blas->tree = build_tree(blas->mesh, config, pool, cancel);
-    blas->builder = config.builder;
-    report.reason += why_so_built(slot.config.builder, config.builder);
+    blas->config = choose_builder(slot.config, slot.usage);
+    blas->tree = build_tree(blas->mesh, blas->config, pool, cancel);
+    blas->quality = measure_quality(blas->tree);
+    report.reason += why_so_built(slot.config.builder, blas->config.builder);
     // A tree built over no extent has no quality to measure a refit by.
-    result.fresh_cost = blas->tree.bounds().half_area() > 0 ? measure_quality(blas->tree).sah : 0;
+    result.fresh_cost = blas->tree.bounds().half_area() > 0 ? blas->quality.sah : 0;
   }
-  report.builder = builder_name(blas->builder);
+  report.builder = builder_name(blas->config.builder);
   report.triangle_count = blas->mesh.triangle_count();
   blas->cover = cover_boxes(blas->tree, kCoverBoxes);
   blas->wide = collapse_mesh(blas->tree, blas->mesh, pool, cancel);

@@ -9,6 +9,7 @@
 #include "build/bvh2.h"
 #include "math/affine.h"
 #include "mesh/triangle_mesh.h"
+#include "update/quality.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
@@ -17,9 +18,10 @@ namespace perfect_bvh {
 struct Blas {
   TriangleMesh mesh;
   Bvh2 tree;
-  BuilderKind builder = BuilderKind::kAuto;  // that made the tree; refits keep it
-  WideBvh wide;                              // what rays are traced through
-  std::vector<Aabb> cover;                   // a few boxes that hold the whole mesh, see scene/cover.h
+  BuildConfig config;       // that the tree was built with, its builder named; refits keep it
+  TreeQuality quality;      // of the tree
+  WideBvh wide;             // what rays are traced through
+  std::vector<Aabb> cover;  // a few boxes that hold the whole mesh, see scene/cover.h
 };
 
 struct Instance {

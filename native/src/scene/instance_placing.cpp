@@ -88,7 +88,8 @@ std::shared_ptr<const Blas> bake_instance(Instance& instance, const Blas& blas, 
     baked->mesh.positions[i] = to_float(to_world.point(to_double(blas.mesh.positions[i])) - centre);
   }
   baked->tree = build_tree(baked->mesh, config, pool, cancel);
-  baked->builder = config.builder;
+  baked->config = config;
+  baked->quality = measure_quality(baked->tree);
   baked->cover = {baked->tree.bounds()};  // it is never turned
   baked->wide = collapse_mesh(baked->tree, baked->mesh, pool, cancel);
   const bool usable = place_instance(instance, *baked, Affine{});

@@ -2,43 +2,94 @@
 
 #include <map>
 
+#include "scene/blas_build.h"
+#include "update/epo.h"
 #include "update/quality.h"
 
 namespace perfect_bvh {
 namespace {
 
-TreeStatistics measure_tree(const Bvh2& tree) {
-  const TreeQuality quality = measure_quality(tree);
-  TreeStatistics result;
-  result.node_count = quality.node_count;
-  result.leaf_count = quality.leaf_count;
-  result.reference_count = quality.reference_count;
-  result.depth = quality.depth;
-  result.sah = quality.sah;
-  result.byte_count = tree.byte_count();
-  return result;
+// Enough for the standard deviation to be known to half a per cent.
+constexpr std::uint32_t kLineCount = 16384;
+
+TreeStatistics describe(const TreeQuality& quality, const StatisticsOptions& options) {
+  TreeStatistics row;
+  row.node_count = quality.node_count;
+  row.leaf_count = quality.leaf_count;
+  row.reference_count = quality.reference_count;
+  row.max_leaf_size = quality.max_leaf_size;
+  row.depth = quality.depth;
+  row.is_refittable = quality.is_refittable;
+  row.sah = quality.sah_at(options.traversal_cost, options.intersection_cost);
+  row.sibling_overlap = quality.sibling_overlap;
+  return row;
+}
+
+void add_bytes(TreeStatistics& row, std::size_t geometry, const Bvh2& binary, const WideBvh& wide) {
+  row.wide_node_count = wide.nodes.size();
+  row.wide_leaf_count = wide.blocks.size();
+  row.wide_depth = wide.depth;
+  row.geometry_byte_count = geometry;
+  row.binary_byte_count = binary.byte_count();
+  row.wide_byte_count = wide.byte_count();
+  row.byte_count = row.geometry_byte_count + row.binary_byte_count + row.wide_byte_count;
+}
+
+TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const StatisticsOptions& options) {
+  TreeStatistics row = describe(blas.quality, options);
+  row.mesh_id = mesh_id;
+  row.builder = builder_name(blas.config.builder);
+  row.primitive_count = blas.mesh.triangle_count();
+  row.vertex_count = blas.mesh.positions.size();
+  add_bytes(row, blas.mesh.byte_count(), blas.tree, blas.wide);
+  return row;
+}
+
+TreeStatistics describe_top_level(const Snapshot& snapshot, const StatisticsOptions& options) {
+  TreeStatistics row = describe(measure_quality(snapshot.tlas), options);
+  row.builder = snapshot.top_level_builder;
+  row.primitive_count = snapshot.instances.size();
+  row.user_count = 1;
+  add_bytes(row, snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView)), snapshot.tlas,
+            snapshot.top_level);
+  return row;
+}
+
+// Builders are deterministic: built again, a tree is the one that it was.
+void add_details(TreeStatistics& row, const Blas& blas, const StatisticsOptions& options, ThreadPool& pool,
+                 CancelToken& cancel) {
+  Bvh2 again;
+  const Bvh2* tree = &blas.tree;
+  if (tree->empty() && blas.mesh.triangle_count() > 0) {
+    again = build_tree(blas.mesh, blas.config, pool, cancel);
+    tree = &again;
+  } else {
+    cancel.advance(blas.mesh.triangle_count());
+  }
+  row.epo = measure_epo(*tree, blas.mesh.positions, blas.mesh.triangles, pool, cancel, options.traversal_cost,
+                        options.intersection_cost);
+  row.leaf_count_variability = measure_leaf_count_variability(*tree, kLineCount, pool, cancel);
 }
 
 }  // namespace
 
-SceneStatistics measure(const Snapshot& snapshot) {
+SceneStatistics measure(const Snapshot& snapshot, const StatisticsOptions& options, ThreadPool& pool,
+                        CancelToken& cancel) {
   SceneStatistics result;
   std::map<std::int32_t, std::size_t> rows;
   for (const auto& [mesh_id, blas] : snapshot.meshes) {
     rows[mesh_id] = result.meshes.size();
-    TreeStatistics& row = result.meshes.emplace_back(measure_tree(blas->tree));
-    row.mesh_id = mesh_id;
-    row.builder = builder_name(blas->builder);
-    row.primitive_count = blas->mesh.triangle_count();
-    row.vertex_count = blas->mesh.positions.size();
-    row.byte_count += blas->mesh.byte_count() + blas->wide.byte_count();
-    result.triangle_count += row.primitive_count;
+    result.meshes.push_back(describe_mesh(mesh_id, *blas, options));
+    result.triangle_count += blas->mesh.triangle_count();
   }
-  result.top_level = measure_tree(snapshot.tlas);
-  result.top_level.builder = snapshot.top_level_builder;
-  result.top_level.primitive_count = snapshot.instances.size();
-  result.top_level.byte_count += snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView));
-  result.top_level.byte_count += snapshot.top_level.byte_count();
+  result.top_level = describe_top_level(snapshot, options);
+  if (options.is_detailed) {
+    cancel.expect(2 * result.triangle_count);
+    for (const auto& [mesh_id, blas] : snapshot.meshes) {
+      add_details(result.meshes[rows[mesh_id]], *blas, options, pool, cancel);
+    }
+    result.top_level.leaf_count_variability = measure_leaf_count_variability(snapshot.tlas, kLineCount, pool, cancel);
+  }
   for (const Instance& instance : snapshot.instances) {
     result.instanced_triangle_count += instance.blas->mesh.triangle_count();
     if (const auto row = rows.find(instance.mesh_id); row != rows.end()) ++result.meshes[row->second].user_count;

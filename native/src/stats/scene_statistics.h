@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,13 +14,28 @@ struct TreeStatistics {
   std::string builder;        // as in BuildConfig; of the top level "agglomerative"
   std::size_t primitive_count = 0;
   std::size_t vertex_count = 0;
+  std::size_t user_count = 0;  // instances
+
+  // The binary tree, whether or not it is still kept.
+  bool is_refittable = true;
   std::size_t node_count = 0;
   std::size_t leaf_count = 0;
   std::size_t reference_count = 0;
+  std::uint32_t max_leaf_size = 0;
   std::uint32_t depth = 0;
   double sah = 0;
-  std::size_t byte_count = 0;
-  std::size_t user_count = 0;  // instances
+  double sibling_overlap = 0;
+  std::optional<double> epo, leaf_count_variability;  // only where details were asked for
+
+  // The tree that rays are traced through.
+  std::size_t wide_node_count = 0;
+  std::size_t wide_leaf_count = 0;
+  std::uint32_t wide_depth = 0;
+
+  std::size_t geometry_byte_count = 0;  // positions and triangles; of the top level the instances
+  std::size_t binary_byte_count = 0;    // 0 where the binary tree is no longer kept
+  std::size_t wide_byte_count = 0;
+  std::size_t byte_count = 0;  // of the three together
 };
 
 struct SceneStatistics {

@@ -132,7 +132,9 @@ double measure_epo(const Bvh2& tree, std::span<const Vec3f> positions, std::span
     Pricer pricer(tree, topology, static_cast<double>(traversal_cost), static_cast<double>(intersection_cost));
     for (std::size_t chunk = begin; chunk < end; ++chunk) {
       cancel.checkpoint();
-      for (std::size_t i = chunk * kGrain; i < std::min(triangles.size(), (chunk + 1) * kGrain); ++i) {
+      const std::size_t first = chunk * kGrain, last = std::min(triangles.size(), first + kGrain);
+      cancel.advance(last - first);
+      for (std::size_t i = first; i < last; ++i) {
         const Vec3<std::uint32_t> t = triangles[i];
         const Polygon polygon(to_double(positions[t.x]), to_double(positions[t.y]), to_double(positions[t.z]));
         chunks[chunk].area += polygon.area();

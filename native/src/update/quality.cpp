@@ -113,27 +113,28 @@ TreeQuality measure_quality(const Bvh2& tree, float traversal_cost, float inters
   if (tree.empty()) return quality;
   quality.node_count = tree.node_count();
   quality.depth = tree.depth;
+  quality.is_refittable = tree.refittable;
   quality.byte_count = tree.byte_count();
-  double cost = 0, interior_area = 0, overlap_area = 0;
+  double leaf_area = 0, interior_area = 0, overlap_area = 0;
   for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
     const Bvh2Node& node = tree.nodes[i];
     if (node.is_leaf()) {
       ++quality.leaf_count;
       quality.reference_count += node.count;
       quality.max_leaf_size = std::max(quality.max_leaf_size, node.count);
-      cost += half_area(node) * node.count * static_cast<double>(intersection_cost);
+      leaf_area += half_area(node) * node.count;
     } else if (i != 1) {
-      const double area = half_area(node);
-      cost += area * static_cast<double>(traversal_cost);
-      interior_area += area;
+      interior_area += half_area(node);
       overlap_area += overlap(tree.nodes[node.first], tree.nodes[node.first + 1]);
     }
   }
   quality.primitive_count = tree.refittable ? quality.reference_count : count_distinct(tree.prim_indices);
   quality.sibling_overlap = interior_area > 0 ? overlap_area / interior_area : 0;
   const double root_area = half_area(tree.nodes[0]);
-  // A tree without area is hit by no random ray; its root's own cost stands in, as for any ray that does meet it.
-  quality.sah = root_area > 0 ? cost / root_area : static_cast<double>(quality.reference_count);
+  // A tree without area is hit by no random ray; its primitives stand in, as for any ray that does meet it.
+  quality.node_visits = root_area > 0 ? interior_area / root_area : 0;
+  quality.primitive_tests = root_area > 0 ? leaf_area / root_area : static_cast<double>(quality.reference_count);
+  quality.sah = quality.sah_at(traversal_cost, intersection_cost);
   return quality;
 }
 

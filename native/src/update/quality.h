@@ -14,7 +14,10 @@
 namespace perfect_bvh {
 
 struct TreeQuality {
-  double sah = 0;  // expected cost of a random ray that hits the root: sum of cost * area / root area
+  // What a random ray that hits the root's box is expected to visit and to test: sums of areas over the root's area.
+  double node_visits = 0;
+  double primitive_tests = 0;
+  double sah = 0;  // the two together, at the costs that were asked for
   std::size_t node_count = 0;
   std::size_t leaf_count = 0;
   std::size_t reference_count = 0;  // primitives in leaves, each as often as it is referred to ...
@@ -22,7 +25,12 @@ struct TreeQuality {
   double sibling_overlap = 0;       // area that both children cover, as a share of their parents' area
   std::uint32_t depth = 0;
   std::uint32_t max_leaf_size = 0;
+  bool is_refittable = true;
   std::size_t byte_count = 0;
+
+  [[nodiscard]] double sah_at(float traversal_cost, float intersection_cost) const noexcept {
+    return static_cast<double>(traversal_cost) * node_visits + static_cast<double>(intersection_cost) * primitive_tests;
+  }
 };
 
 [[nodiscard]] TreeQuality measure_quality(const Bvh2& tree, float traversal_cost = 1.0f,
