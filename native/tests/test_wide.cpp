@@ -2,11 +2,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstring>
 #include <random>
 #include <set>
 
 #include "build/builder.h"
+#include "core/errors.h"
 #include "wide/collapse.h"
+#include "wide/small_set.h"
 
 namespace perfect_bvh::test {
 namespace {
@@ -99,8 +102,8 @@ Bvh2 build(const TriangleMesh& mesh, std::uint32_t max_leaf_size) {
   return build_bvh2(prims, config, pool, cancel);
 }
 
-WideBvh collapse(const Bvh2& tree, const TriangleMesh& mesh) {
-  ThreadPool pool(1);
+WideBvh collapse(const Bvh2& tree, const TriangleMesh& mesh, int thread_count = 1) {
+  ThreadPool pool(thread_count);
   CancelToken cancel;
   return collapse_mesh(tree, mesh, pool, cancel);
 }
@@ -134,10 +137,24 @@ class Checker {
   std::multiset<std::uint32_t> seen_triangles;
 
  private:
+  // All places named once, and the taken ones from far to near.
   static void check_order(const WideNode& node) {
+    const auto count = static_cast<std::uint32_t>(8 - std::count(node.child, node.child + 8, kNoChild));
     for (std::uint32_t octant = 0; octant < 8; ++octant) {
       std::uint32_t lanes = 0;
-      for (const std::uint32_t order : node.order) lanes |= 1u << (order >> (3 * octant) & 7);
+      float last = std::numeric_limits<float>::infinity();
+      for (std::uint32_t place = 0; place < 8; ++place) {
+        const std::uint32_t lane = node.order[place] >> (3 * octant) & 7;
+        lanes |= 1u << lane;
+        if (place >= count) continue;
+        float distance = 0;
+        for (std::uint32_t axis = 0; axis < 3; ++axis) {
+          const float centre = node.planes[2 * axis][lane] * 0.5f + node.planes[2 * axis + 1][lane] * 0.5f;
+          distance += octant >> axis & 1 ? -centre : centre;
+        }
+        EXPECT_LE(distance, last) << "octant " << octant << " place " << place;
+        last = distance;
+      }
       EXPECT_EQ(lanes, 0xFFu) << "octant " << octant;
     }
   }
@@ -178,6 +195,58 @@ TEST_P(Wide, HoldsEveryTriangleOnceInsideItsBoxes) {
     ASSERT_EQ(checker.seen_triangles.size(), input.mesh.triangle_count());
     for (std::uint32_t i = 0; i < input.mesh.triangle_count(); ++i) EXPECT_EQ(checker.seen_triangles.count(i), 1u) << i;
   }
+}
+
+template <class Row>
+bool same_rows(const AlignedVector<Row>& a, const AlignedVector<Row>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Row)) == 0;
+}
+
+TEST(WideBvh, IsTheSameForAnyNumberOfThreads) {
+  for (const TriangleMesh& mesh : {sheet(150), soup(40000, 0.02f), nested(30000)}) {
+    const Bvh2 tree = build(mesh, 4);
+    const WideBvh one = collapse(tree, mesh);
+    for (const int thread_count : {2, 4}) {
+      const WideBvh more = collapse(tree, mesh, thread_count);
+      EXPECT_EQ(one.root, more.root);
+      EXPECT_EQ(one.depth, more.depth);
+      EXPECT_TRUE(same_rows(one.nodes, more.nodes));
+      EXPECT_TRUE(same_rows(one.blocks, more.blocks));
+    }
+  }
+}
+
+TEST(WideBvh, RefusesTreesInAnotherOrder) {
+  const TriangleMesh mesh = soup(4, 0.1f);
+  const Aabb box = build(mesh, 4).bounds();
+  Bvh2 tree;
+  tree.prim_indices = {0, 1, 2, 3};
+  for (const std::uint32_t first : {2u, 0u, 6u, 4u}) tree.nodes.push_back({box.lower, first, box.upper, 0});
+  for (std::uint32_t row = 0; row < 4; ++row) tree.nodes.push_back({box.lower, row, box.upper, 1});
+  EXPECT_THROW(collapse(tree, mesh), EngineError);
+}
+
+TEST(SmallSet, KeepsNumbersInTheOrderOfTheirComing) {
+  SmallSet set;
+  EXPECT_EQ(set.add(7), 0u);
+  EXPECT_EQ(set.add(0), 1u);
+  EXPECT_EQ(set.add(7), 0u);
+  EXPECT_EQ(set.add(0x7FFFFFFEu), 2u);
+  EXPECT_EQ(set.count(), 3u);
+  const std::array<std::uint32_t, 8> expected{7,           0,           0x7FFFFFFEu, 0x7FFFFFFEu,
+                                              0x7FFFFFFEu, 0x7FFFFFFEu, 0x7FFFFFFEu, 0x7FFFFFFEu};
+  EXPECT_EQ(set.numbers(), expected);
+  SmallSet other;
+  for (const std::uint32_t number : {0u, 1u, 2u, 3u, 4u}) other.add(number);
+  set.add(other);
+  EXPECT_EQ(set.count(), 7u);
+  EXPECT_EQ(set.add(100), 7u);
+  EXPECT_FALSE(set.overflows());
+  EXPECT_EQ(set.add(4), 6u);
+  set.add(101);
+  EXPECT_TRUE(set.overflows());
+  set.add(4);
+  EXPECT_TRUE(set.overflows());
 }
 
 TEST(WideBvh, KeepsOrdinaryCoordinatesAndScalesExtremeOnes) {

@@ -55,8 +55,17 @@ struct Int4 {
   }
   void store(void* aligned) const noexcept { _mm_store_si128(static_cast<__m128i*>(aligned), v); }
   friend Int4 operator+(Int4 a, Int4 b) noexcept { return _mm_add_epi32(a.v, b.v); }
+  friend Int4 operator-(Int4 a, Int4 b) noexcept { return _mm_sub_epi32(a.v, b.v); }
+  friend Int4 operator|(Int4 a, Int4 b) noexcept { return _mm_or_si128(a.v, b.v); }
+  friend Int4 operator&(Int4 a, Int4 b) noexcept { return _mm_and_si128(a.v, b.v); }
 };
 
+// -1 in the lanes where a < b, 0 in the others.
+[[nodiscard]] inline Int4 less(Float4 a, Float4 b) noexcept { return _mm_castps_si128(_mm_cmplt_ps(a.v, b.v)); }
+// Bit i: lane i of both is the same.
+[[nodiscard]] inline std::uint32_t equal_lanes(Int4 a, Int4 b) noexcept {
+  return static_cast<std::uint32_t>(_mm_movemask_ps(_mm_castsi128_ps(_mm_cmpeq_epi32(a.v, b.v))));
+}
 [[nodiscard]] inline Float4 to_float(Int4 a) noexcept { return _mm_cvtepi32_ps(a.v); }
 // Rounds towards zero; the values must fit.
 [[nodiscard]] inline Int4 truncate(Float4 a) noexcept { return _mm_cvttps_epi32(a.v); }
@@ -125,8 +134,26 @@ struct Int4 {
   friend Int4 operator+(Int4 a, Int4 b) noexcept {
     return {a.v[0] + b.v[0], a.v[1] + b.v[1], a.v[2] + b.v[2], a.v[3] + b.v[3]};
   }
+  friend Int4 operator-(Int4 a, Int4 b) noexcept {
+    return {a.v[0] - b.v[0], a.v[1] - b.v[1], a.v[2] - b.v[2], a.v[3] - b.v[3]};
+  }
+  friend Int4 operator|(Int4 a, Int4 b) noexcept {
+    return {a.v[0] | b.v[0], a.v[1] | b.v[1], a.v[2] | b.v[2], a.v[3] | b.v[3]};
+  }
+  friend Int4 operator&(Int4 a, Int4 b) noexcept {
+    return {a.v[0] & b.v[0], a.v[1] & b.v[1], a.v[2] & b.v[2], a.v[3] & b.v[3]};
+  }
 };
 
+[[nodiscard]] inline Int4 less(Float4 a, Float4 b) noexcept {
+  const auto lane = [&](int i) { return a.v[i] < b.v[i] ? -1 : 0; };
+  return {lane(0), lane(1), lane(2), lane(3)};
+}
+[[nodiscard]] inline std::uint32_t equal_lanes(Int4 a, Int4 b) noexcept {
+  std::uint32_t lanes = 0;
+  for (std::uint32_t i = 0; i < 4; ++i) lanes |= (a.v[i] == b.v[i] ? 1u : 0u) << i;
+  return lanes;
+}
 [[nodiscard]] inline Float4 to_float(Int4 a) noexcept {
   return {static_cast<float>(a.v[0]), static_cast<float>(a.v[1]), static_cast<float>(a.v[2]),
           static_cast<float>(a.v[3])};

@@ -1,158 +1,214 @@
 #include "wide/collapse_plan.h"
 
-#include <algorithm>
 #include <limits>
+#include <vector>
+
+#include "core/errors.h"
+#include "math/float4.h"
+#include "wide/small_set.h"
+#include "wide/subtree_range.h"
 
 namespace perfect_bvh {
 namespace {
 
 constexpr float kNever = std::numeric_limits<float>::infinity();
-constexpr std::uint32_t kLeafSize = 8;
 
-bool contains(const std::array<std::uint32_t, 8>& values, std::uint32_t count, std::uint32_t value) noexcept {
-  bool found = false;
-  for (std::uint32_t i = 0; i < count; ++i) found |= values[i] == value;
-  return found;
-}
-
-bool insert(std::array<std::uint32_t, 8>& values, std::uint32_t& count, std::uint32_t value) noexcept {
-  if (contains(values, count, value)) return true;
-  if (count == kLeafSize) return false;
-  values[count++] = value;
-  return true;
-}
-
-// What a planned subtree is to its parent. cost[k]: of giving it at most k places; cost[0] is unused.
-struct Planned {
-  std::array<float, 9> cost;
-  bool fits = false;  // `set` is all of it
-  LeafSet set;
+// What a subtree would hold as one leaf.
+struct LeafContents {
+  bool fits = false;
+  std::uint32_t reference_count = 0;
+  SmallSet vertices;
+  SmallSet primitives;  // where a primitive may be referred to twice (spatial splits)
 };
 
-bool collect_leaf(const Bvh2& tree, const Bvh2Node& node, const TriangleIndices* triangles, LeafSet& set) noexcept {
-  if (triangles == nullptr) return node.count == 1;
-  for (std::uint32_t i = 0; i < node.count; ++i) {
-    const std::uint32_t primitive = tree.prim_indices[node.first + i];
-    if (!set.add(primitive, triangles[primitive])) return false;
+// What a planned node is to its parent: the least cost of giving it 1, 2 ... 8 places at most. Before them stand
+// infinite ones, so that costs can be read from up to 6 places further down.
+struct alignas(16) Planned {
+  static constexpr std::size_t kOne = 11;
+  std::array<float, kOne + 9> costs;
+  LeafContents contents;
+
+  [[nodiscard]] float cost(std::size_t places) const noexcept { return costs[kOne - 1 + places]; }
+  void set_costs(float one, Float4 two_to_five, Float4 six_to_nine) noexcept {
+    Float4(kNever).store(&costs[kOne - 7]);
+    Float4(kNever).store(&costs[kOne - 3]);
+    costs[kOne] = one;
+    two_to_five.store(&costs[kOne + 1]);
+    six_to_nine.store(&costs[kOne + 5]);
   }
-  return true;
-}
+};
 
-CollapseDecision plan_leaf(const Bvh2Node& node, float cost, Planned& planned) noexcept {
-  planned.cost.fill(cost * node.box().half_area());
-  CollapseDecision decision{};
-  decision.is_leaf = 1;
-  return decision;
-}
+// Both children of a node together: the least cost of giving them 2, 3 ... 9 places, and how many the left one gets.
+struct PlannedPair {
+  std::uint32_t pair;  // the left child
+  Float4 costs[2];
+  Float4 left_shares[2];
+  LeafContents contents;
+};
 
-// Combines the plans of both children (left in `planned`) into the node's own.
-CollapseDecision plan_interior(const Bvh2Node& node, const Planned& right, const TriangleIndices* triangles,
-                               const CollapseCosts& costs, Planned& planned) noexcept {
-  std::array<float, 9> spread;
-  std::array<std::uint8_t, 9> share{};
-  for (std::uint32_t k = 2; k <= 8; ++k) {
-    spread[k] = kNever;
-    for (std::uint32_t left = 1; left < k; ++left) {
-      const float cost = planned.cost[left] + right.cost[k - left];
-      if (cost < spread[k] || share[k] == 0) spread[k] = cost, share[k] = static_cast<std::uint8_t>(left);
+// Pairs wait on a stack: backwards through depth-first order, a node's children are on top when it is their turn.
+class Planner {
+ public:
+  Planner(const Bvh2& tree, const TriangleIndices* triangles, const CollapseCosts& costs, CollapseDecision* decisions)
+      : tree_(tree), triangles_(triangles), costs_(costs), decisions_(decisions) {}
+
+  void push(const PlannedPair& pair) { waiting_.push_back(pair); }
+  [[nodiscard]] PlannedPair pop(std::uint32_t expected) {
+    if (waiting_.empty() || waiting_.back().pair != expected) {
+      throw EngineError("collapse: the binary tree is not in depth-first order");
     }
+    const PlannedPair top = waiting_.back();
+    waiting_.pop_back();
+    return top;
   }
-  planned.fits = triangles != nullptr && planned.fits && right.fits && planned.set.add(right.set);
-  const float area = node.box().half_area();
-  const float as_leaf = planned.fits ? costs.leaf * area : kNever;
-  const float as_node = costs.node * area + spread[8];
-  CollapseDecision decision{};
-  decision.is_leaf = planned.fits && as_leaf <= as_node;
-  decision.left_of_node = share[8] & 0x7F;
-  planned.cost[1] = decision.is_leaf ? as_leaf : as_node;
-  for (std::uint32_t k = 2; k <= 8; ++k) {
-    const bool spreads = spread[k] < planned.cost[1];
-    decision.share[k - 2] = spreads ? share[k] : std::uint8_t{0};
-    planned.cost[k] = spreads ? spread[k] : planned.cost[1];
+
+  // The pairs in [begin, end), which stand below one node.
+  [[nodiscard]] PlannedPair plan_below(std::uint32_t begin, std::uint32_t end) {
+    for (std::uint32_t pair = end; pair > begin;) plan_pair(pair -= 2);
+    return pop(begin);
   }
-  return decision;
+
+  void plan_pair(std::uint32_t pair) {
+    Planned left, right;
+    plan_node(pair, left);
+    plan_node(pair + 1, right);
+    PlannedPair& both = waiting_.emplace_back();
+    both.pair = pair;
+    share_places(left, right, both);
+    join(left.contents, right.contents, both.contents);
+  }
+
+  void plan_node(std::uint32_t index, Planned& planned) {
+    const Bvh2Node& node = tree_.nodes[index];
+    const float area = node.box().half_area();
+    CollapseDecision& decision = decisions_[index];
+    decision = {};
+    if (node.is_leaf()) {
+      decision.is_leaf = 1;
+      const Float4 all(costs_.leaf * area);
+      planned.set_costs(costs_.leaf * area, all, all);
+      collect_leaf(node, planned.contents);
+      return;
+    }
+    const PlannedPair below = pop(node.first);
+    planned.contents = below.contents;
+    alignas(16) std::array<float, 8> spread, shares;
+    below.costs[0].store(&spread[0]), below.costs[1].store(&spread[4]);
+    below.left_shares[0].store(&shares[0]), below.left_shares[1].store(&shares[4]);
+    const float as_leaf = below.contents.fits ? costs_.leaf * area : kNever;
+    const float as_node = costs_.node * area + spread[6];
+    decision.is_leaf = below.contents.fits && as_leaf <= as_node;
+    const float one = decision.is_leaf ? as_leaf : as_node;
+    for (std::size_t k = 0; k < 7; ++k) decision.share[k] = spread[k] < one ? static_cast<std::uint8_t>(shares[k]) : 0;
+    decision.left_of_node = static_cast<std::uint8_t>(shares[6]) & 0x7F;
+    planned.set_costs(one, min(below.costs[0], Float4(one)), min(below.costs[1], Float4(one)));
+  }
+
+ private:
+  static void share_places(const Planned& left, const Planned& right, PlannedPair& both) noexcept {
+    const float* const of_right = &right.costs[Planned::kOne];
+    Float4 cost[2], share[2] = {Float4(1.0f), Float4(1.0f)};
+    cost[0] = Float4(left.cost(1)) + Float4::load_unaligned(of_right);
+    cost[1] = Float4(left.cost(1)) + Float4::load_unaligned(of_right + 4);
+    for (std::size_t to_left = 2; to_left < 8; ++to_left) {
+      const Float4 of_left(left.cost(to_left)), this_share(static_cast<float>(to_left));
+      for (std::size_t half = 0; half < 2; ++half) {
+        const Float4 sum = of_left + Float4::load_unaligned(of_right + 4 * half + 1 - to_left);
+        share[half] = select_less(sum, cost[half], this_share, share[half]);
+        cost[half] = min(sum, cost[half]);
+      }
+    }
+    for (std::size_t half = 0; half < 2; ++half) both.costs[half] = cost[half], both.left_shares[half] = share[half];
+  }
+
+  void collect_leaf(const Bvh2Node& node, LeafContents& contents) const noexcept {
+    if (triangles_ == nullptr || node.count > SmallSet::kMost) return;
+    contents.reference_count = node.count;
+    for (std::uint32_t i = 0; i < node.count; ++i) {
+      const std::uint32_t primitive = tree_.prim_indices[node.first + i];
+      const TriangleIndices corners = triangles_[primitive];
+      for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) contents.vertices.add(vertex);
+      if (!tree_.refittable) contents.primitives.add(primitive);
+    }
+    contents.fits = !contents.vertices.overflows();
+  }
+
+  void join(const LeafContents& left, const LeafContents& right, LeafContents& both) const noexcept {
+    both.fits = left.fits && right.fits;
+    if (!both.fits) return;
+    both.reference_count = left.reference_count + right.reference_count;
+    if (tree_.refittable) {
+      both.fits = both.reference_count <= SmallSet::kMost;
+    } else {
+      both.primitives = left.primitives;
+      both.primitives.add(right.primitives);
+      both.fits = !both.primitives.overflows();
+    }
+    if (!both.fits) return;
+    both.vertices = left.vertices;
+    both.vertices.add(right.vertices);
+    both.fits = !both.vertices.overflows();
+  }
+
+  const Bvh2& tree_;
+  const TriangleIndices* triangles_;
+  const CollapseCosts costs_;
+  CollapseDecision* decisions_;
+  std::vector<PlannedPair> waiting_;
+};
+
+// A pair of the upper tree, or all the pairs below one node.
+struct Part {
+  std::uint32_t begin, end;
+  bool is_subtree;
+};
+
+constexpr std::uint32_t kSubtreeSize = 8192;  // nodes that one thread plans at a time
+
+// In depth-first order.
+std::vector<Part> make_parts(const Bvh2& tree) {
+  std::vector<Part> parts;
+  std::vector<SubtreeRange> waiting{whole_range(tree)};
+  while (!waiting.empty()) {
+    const SubtreeRange now = waiting.back();
+    waiting.pop_back();
+    if (tree.nodes[now.node].is_leaf()) continue;
+    const std::uint32_t first = tree.nodes[now.node].first;
+    const bool is_subtree = size_of(tree, now) <= kSubtreeSize;
+    parts.push_back({first, now.end, is_subtree});
+    if (is_subtree) continue;
+    waiting.push_back(right_range(tree, now));
+    waiting.push_back(left_range(tree, now));
+  }
+  return parts;
 }
 
 }  // namespace
 
-bool LeafSet::add(std::uint32_t primitive, const TriangleIndices& corners) noexcept {
-  return insert(primitives, primitive_count, primitive) && insert(vertices, vertex_count, corners.x) &&
-         insert(vertices, vertex_count, corners.y) && insert(vertices, vertex_count, corners.z);
-}
-
-bool LeafSet::add(const LeafSet& other) noexcept {
-  for (std::uint32_t i = 0; i < other.vertex_count; ++i) {
-    if (!insert(vertices, vertex_count, other.vertices[i])) return false;
-  }
-  for (std::uint32_t i = 0; i < other.primitive_count; ++i) {
-    if (!insert(primitives, primitive_count, other.primitives[i])) return false;
-  }
-  return true;
-}
-
-std::vector<std::uint32_t> depth_first_order(const Bvh2& tree) {
-  std::vector<std::uint32_t> order, waiting;
-  if (tree.empty()) return order;
-  order.reserve(tree.node_count());
-  waiting.push_back(0);
-  while (!waiting.empty()) {
-    const std::uint32_t index = waiting.back();
-    waiting.pop_back();
-    order.push_back(index);
-    if (tree.nodes[index].is_leaf()) continue;
-    waiting.push_back(tree.nodes[index].first + 1);
-    waiting.push_back(tree.nodes[index].first);
-  }
-  return order;
-}
-
-std::vector<CollapseDecision> plan_collapse(const Bvh2& tree, const TriangleIndices* triangles,
-                                            const CollapseCosts& costs, CancelToken& cancel) {
-  std::vector<CollapseDecision> decisions(tree.nodes.size());
-  // Backwards through the depth-first order every node comes after its subtrees, the left one's plan on top.
-  const std::vector<std::uint32_t> order = depth_first_order(tree);
-  std::vector<Planned> finished;
-  constexpr std::size_t kLook = 65536;
-  for (std::size_t i = order.size(); i-- > 0;) {
-    if (i % kLook == 0) cancel.throw_if_stopped();
-    const Bvh2Node& node = tree.nodes[order[i]];
-    if (node.is_leaf()) {
-      Planned& planned = finished.emplace_back();
-      planned.fits = collect_leaf(tree, node, triangles, planned.set);
-      decisions[order[i]] = plan_leaf(node, costs.leaf, planned);
+AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const TriangleIndices* triangles,
+                                              const CollapseCosts& costs, ThreadPool& pool, CancelToken& cancel) {
+  AlignedVector<CollapseDecision> decisions(tree.nodes.size());
+  const std::vector<Part> parts = make_parts(tree);
+  std::vector<PlannedPair> planned(parts.size());
+  parallel_for(pool, parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    Planner planner(tree, triangles, costs, decisions.data());
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!parts[i].is_subtree) continue;
+      cancel.checkpoint();
+      planned[i] = planner.plan_below(parts[i].begin, parts[i].end);
+    }
+  });
+  Planner planner(tree, triangles, costs, decisions.data());
+  for (std::size_t i = parts.size(); i-- > 0;) {
+    if (parts[i].is_subtree) {
+      planner.push(planned[i]);
     } else {
-      Planned& left = finished.back();
-      Planned& right = finished[finished.size() - 2];
-      decisions[order[i]] = plan_interior(node, right, triangles, costs, left);
-      right = left;
-      finished.pop_back();
+      planner.plan_pair(parts[i].begin);
     }
   }
+  Planned root;
+  planner.plan_node(0, root);
   return decisions;
-}
-
-Bvh2 split_leaves(const Bvh2& tree, const TriangleIndices* triangles) {
-  const auto fits = [&](const Bvh2Node& node) {
-    LeafSet set;
-    return collect_leaf(tree, node, triangles, set);
-  };
-  Bvh2 result;
-  const bool all_fit = std::all_of(tree.nodes.begin(), tree.nodes.end(),
-                                   [&](const Bvh2Node& node) { return !node.is_leaf() || fits(node); });
-  if (all_fit) return result;
-  result = tree;
-  if (result.nodes.size() == 1) result.nodes.push_back({{}, 0, {}, 0});  // the root's sibling, unused
-  for (std::size_t i = 0; i < result.nodes.size(); ++i) {
-    const Bvh2Node leaf = result.nodes[i];
-    if (!leaf.is_leaf() || fits(leaf)) continue;
-    const auto first = static_cast<std::uint32_t>(result.nodes.size());
-    const std::uint32_t half = leaf.count / 2;
-    result.nodes.push_back({leaf.lower, leaf.first, leaf.upper, half});
-    result.nodes.push_back({leaf.lower, leaf.first + half, leaf.upper, leaf.count - half});
-    result.nodes[i].first = first;
-    result.nodes[i].count = 0;
-  }
-  return result;
 }
 
 }  // namespace perfect_bvh

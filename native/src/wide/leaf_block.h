@@ -1,13 +1,15 @@
 // The leaves of a wide tree.
 #pragma once
 
+#include <cstdint>
+
 #include "mesh/triangle_mesh.h"
-#include "wide/collapse_plan.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
 
-// Positions are taken times `scale`.
-[[nodiscard]] LeafBlock make_leaf_block(const LeafSet& set, const TriangleMesh& mesh, float scale);
+// From 1 to 8 different triangles over at most 8 vertices, in any order. Positions are taken times `scale`.
+[[nodiscard]] LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, const TriangleMesh& mesh,
+                                        float scale) noexcept;
 
 }  // namespace perfect_bvh

@@ -1,0 +1,255 @@
+#include "wide/emit.h"
+
+#include <algorithm>
+#include <array>
+#include <vector>
+
+#include "core/errors.h"
+#include "wide/leaf_block.h"
+#include "wide/subtree_range.h"
+#include "wide/visit_order.h"
+
+namespace perfect_bvh {
+namespace {
+
+// Nodes of the binary tree, up to 8: the children of a wide node.
+struct Children {
+  std::array<SubtreeRange, kWideWidth> ranges;
+  std::uint32_t count = 0;
+};
+
+struct Totals {
+  std::size_t nodes = 0, blocks = 0;
+  std::uint32_t depth = 0;
+};
+
+// The plan, read from the top. No recursion deeper than a leaf: trees may be as deep as they like.
+class Plan {
+ public:
+  Plan(const Bvh2& tree, std::span<const CollapseDecision> decisions) : tree_(tree), decisions_(decisions) {}
+
+  [[nodiscard]] const Bvh2& tree() const noexcept { return tree_; }
+  [[nodiscard]] bool is_leaf(std::uint32_t binary) const noexcept { return decisions_[binary].is_leaf; }
+
+  [[nodiscard]] Children children_of(SubtreeRange range) const noexcept {
+    Children children;
+    const std::uint32_t to_left = decisions_[range.node].left_of_node;
+    spread(left_range(tree_, range), to_left, children);
+    spread(right_range(tree_, range), kWideWidth - to_left, children);
+    return children;
+  }
+
+ private:
+  // The nodes that become children when the subtree is given `places`.
+  void spread(SubtreeRange range, std::uint32_t places, Children& children) const noexcept {
+    const std::uint32_t to_left = places == 1 ? 0 : decisions_[range.node].share[places - 2];
+    if (to_left == 0) {
+      children.ranges[children.count++] = range;
+      return;
+    }
+    spread(left_range(tree_, range), to_left, children);
+    spread(right_range(tree_, range), places - to_left, children);
+  }
+
+  const Bvh2& tree_;
+  std::span<const CollapseDecision> decisions_;
+};
+
+// A subtree of the wide tree, or a single node of its upper levels.
+struct Part {
+  SubtreeRange range;
+  std::uint32_t depth;   // of its root, from 1 on
+  std::uint32_t parent;  // part that holds its parent; the root's is 0
+  std::uint32_t lane;    // there
+  bool is_subtree;
+  Totals totals;  // of what is in it
+  std::size_t first_node = 0, first_block = 0;
+};
+
+constexpr std::uint32_t kSubtreeSize = 8192;  // binary nodes below what is one piece of work
+
+class Emitter {
+ public:
+  Emitter(const Plan& plan, const TriangleMesh* mesh, WideBvh& wide) : plan_(plan), mesh_(mesh), wide_(wide) {}
+
+  // What a subtree will need.
+  [[nodiscard]] Totals count(const Part& part) {
+    Totals totals;
+    waiting_.assign(1, {part.range, part.depth, 0, 0});
+    while (!waiting_.empty()) {
+      const Waiting now = waiting_.back();
+      waiting_.pop_back();
+      if (plan_.is_leaf(now.range.node)) {
+        ++totals.blocks;
+        continue;
+      }
+      ++totals.nodes;
+      totals.depth = std::max(totals.depth, now.depth);
+      const Children children = plan_.children_of(now.range);
+      for (std::uint32_t lane = 0; lane < children.count; ++lane) {
+        waiting_.push_back({children.ranges[lane], now.depth + 1, 0, lane});
+      }
+    }
+    return totals;
+  }
+
+  void write(const Part& part) {
+    next_node_ = static_cast<std::uint32_t>(part.first_node);
+    next_block_ = static_cast<std::uint32_t>(part.first_block);
+    if (!part.is_subtree) {
+      static_cast<void>(write_node(plan_.children_of(part.range)));
+      return;
+    }
+    waiting_.clear();
+    static_cast<void>(write_child(part.range));
+    while (!waiting_.empty()) {
+      const Waiting now = waiting_.back();
+      waiting_.pop_back();
+      wide_.nodes[now.node].child[now.lane] = write_child(now.range);
+    }
+  }
+
+  // How a part's root is referred to.
+  [[nodiscard]] std::uint32_t child_of(const Part& part) const {
+    if (!plan_.is_leaf(part.range.node)) return static_cast<std::uint32_t>(part.first_node);
+    if (mesh_ == nullptr) return instance_of(part.range.node);
+    return kBlockChild + static_cast<std::uint32_t>(part.first_block);
+  }
+
+ private:
+  struct Waiting {
+    SubtreeRange range;
+    std::uint32_t depth, node, lane;
+  };
+
+  [[nodiscard]] std::uint32_t instance_of(std::uint32_t binary) const {
+    return kInstanceChild + plan_.tree().prim_indices[plan_.tree().nodes[binary].first];
+  }
+
+  std::uint32_t write_child(SubtreeRange range) {
+    if (plan_.is_leaf(range.node)) return write_leaf(range.node);
+    const Children children = plan_.children_of(range);
+    const std::uint32_t row = write_node(children);
+    for (std::uint32_t lane = children.count; lane-- > 0;) waiting_.push_back({children.ranges[lane], 0, row, lane});
+    return row;
+  }
+
+  std::uint32_t write_node(const Children& children) {
+    WideNode& node = wide_.nodes[next_node_];
+    for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
+      const Aabb box = lane < children.count ? plan_.tree().nodes[children.ranges[lane].node].box() : Aabb{};
+      for (int axis = 0; axis < 3; ++axis) {
+        node.planes[2 * axis][lane] = box.lower[axis] * wide_.scale;
+        node.planes[2 * axis + 1][lane] = box.upper[axis] * wide_.scale;
+      }
+      node.child[lane] = kNoChild;
+    }
+    set_visit_order(node, children.count);
+    return next_node_++;
+  }
+
+  std::uint32_t write_leaf(std::uint32_t binary) {
+    if (mesh_ == nullptr) return instance_of(binary);
+    primitive_count_ = 0;
+    collect(binary);
+    wide_.blocks[next_block_] = make_leaf_block(primitives_.data(), primitive_count_, *mesh_, wide_.scale);
+    return kBlockChild + next_block_++;
+  }
+
+  // A subtree that fits into a leaf is at most 7 levels deep.
+  void collect(std::uint32_t binary) {
+    const Bvh2& tree = plan_.tree();
+    const Bvh2Node& node = tree.nodes[binary];
+    if (!node.is_leaf()) {
+      collect(node.first);
+      collect(node.first + 1);
+      return;
+    }
+    for (std::uint32_t i = 0; i < node.count; ++i) {
+      const std::uint32_t primitive = tree.prim_indices[node.first + i];
+      const auto end = primitives_.begin() + primitive_count_;
+      if (!tree.refittable && std::find(primitives_.begin(), end, primitive) != end) continue;
+      primitives_[primitive_count_++] = primitive;
+    }
+  }
+
+  const Plan& plan_;
+  const TriangleMesh* mesh_;
+  WideBvh& wide_;
+  std::vector<Waiting> waiting_;
+  std::array<std::uint32_t, 8> primitives_;
+  std::uint32_t primitive_count_ = 0;
+  std::uint32_t next_node_ = 0, next_block_ = 0;
+};
+
+// In depth-first order.
+std::vector<Part> make_parts(const Plan& plan) {
+  std::vector<Part> parts, waiting;
+  waiting.push_back({whole_range(plan.tree()), 1, 0, 0, false, {}});
+  while (!waiting.empty()) {
+    Part part = waiting.back();
+    waiting.pop_back();
+    const auto row = static_cast<std::uint32_t>(parts.size());
+    part.is_subtree = plan.is_leaf(part.range.node) || size_of(plan.tree(), part.range) <= kSubtreeSize;
+    part.totals = {1, 0, part.depth};
+    parts.push_back(part);
+    if (part.is_subtree) continue;
+    const Children children = plan.children_of(part.range);
+    for (std::uint32_t lane = children.count; lane-- > 0;) {
+      waiting.push_back({children.ranges[lane], part.depth + 1, row, lane, false, {}});
+    }
+  }
+  return parts;
+}
+
+void check_limits(const Totals& totals, const Bvh2& tree, bool is_top_level) {
+  if (totals.nodes >= kBlockChild) throw EngineError("the tree has more nodes than a child can refer to");
+  if (is_top_level) {
+    const auto& rows = tree.prim_indices;
+    if (*std::max_element(rows.begin(), rows.end()) >= kMostInstances) {
+      throw EngineError("the scene has more instances than a tree can refer to");
+    }
+  } else if (totals.blocks >= kMostBlocks) {
+    throw EngineError("the mesh has more leaves than a tree can refer to");
+  }
+}
+
+}  // namespace
+
+void emit_wide(const Bvh2& tree, const TriangleMesh* mesh, std::span<const CollapseDecision> decisions, WideBvh& wide,
+               ThreadPool& pool, CancelToken& cancel) {
+  const Plan plan(tree, decisions);
+  std::vector<Part> parts = make_parts(plan);
+  const auto for_parts = [&](const auto& body) {
+    parallel_for(pool, parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+      Emitter emitter(plan, mesh, wide);
+      for (std::size_t i = begin; i < end; ++i) {
+        cancel.checkpoint();
+        body(emitter, parts[i]);
+      }
+    });
+  };
+  for_parts([](Emitter& emitter, Part& part) {
+    if (part.is_subtree) part.totals = emitter.count(part);
+  });
+  Totals totals;
+  for (Part& part : parts) {
+    part.first_node = totals.nodes;
+    part.first_block = totals.blocks;
+    totals.nodes += part.totals.nodes;
+    totals.blocks += part.totals.blocks;
+    totals.depth = std::max(totals.depth, part.totals.depth);
+  }
+  check_limits(totals, tree, mesh == nullptr);
+  wide.depth = totals.depth;
+  wide.nodes.resize(totals.nodes);
+  wide.blocks.resize(mesh == nullptr ? 0 : totals.blocks);
+  for_parts([](Emitter& emitter, Part& part) { emitter.write(part); });
+  const Emitter emitter(plan, mesh, wide);
+  wide.root = emitter.child_of(parts[0]);
+  for (std::size_t i = 1; i < parts.size(); ++i) {
+    wide.nodes[parts[parts[i].parent].first_node].child[parts[i].lane] = emitter.child_of(parts[i]);
+  }
+}
+
+}  // namespace perfect_bvh
