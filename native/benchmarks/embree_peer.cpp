@@ -17,14 +17,20 @@ void set_ray(RTCRay& out, const Ray& ray) {
 
 }  // namespace
 
-void add_mesh(RTCDevice device, RTCScene scene, const TriangleMesh& mesh) {
+RTCGeometry make_geometry(RTCDevice device, const TriangleMesh& mesh, RTCBuildQuality quality) {
   RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+  rtcSetGeometryBuildQuality(geometry, quality);
   void* positions = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3f),
                                             mesh.positions.size());
   std::memcpy(positions, mesh.positions.data(), mesh.positions.size() * sizeof(Vec3f));
   void* triangles = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                             sizeof(TriangleIndices), mesh.triangles.size());
   std::memcpy(triangles, mesh.triangles.data(), mesh.triangles.size() * sizeof(TriangleIndices));
+  return geometry;
+}
+
+void add_mesh(RTCDevice device, RTCScene scene, const TriangleMesh& mesh, RTCBuildQuality quality) {
+  RTCGeometry geometry = make_geometry(device, mesh, quality);
   rtcCommitGeometry(geometry);
   rtcAttachGeometry(scene, geometry);
   rtcReleaseGeometry(geometry);
@@ -45,7 +51,7 @@ EmbreePeer::EmbreePeer(const TriangleMesh& mesh, const Options& options)
     : device_(rtcNewDevice(options.device.c_str())), scene_(rtcNewScene(device_)) {
   if (options.is_robust) rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
   rtcSetSceneBuildQuality(scene_, options.quality);
-  add_mesh(device_, scene_, mesh);
+  add_mesh(device_, scene_, mesh, options.quality);
   rtcCommitScene(scene_);
 }
 

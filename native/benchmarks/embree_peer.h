@@ -11,8 +11,14 @@
 
 namespace perfect_bvh::bench {
 
+// Copies the mesh; not yet committed. A scene of low quality leaves the choice of the builder to each geometry's
+// quality.
+[[nodiscard]] RTCGeometry make_geometry(RTCDevice device, const TriangleMesh& mesh,
+                                        RTCBuildQuality quality = RTC_BUILD_QUALITY_MEDIUM);
+
 // Copies the mesh into a geometry of the scene.
-void add_mesh(RTCDevice device, RTCScene scene, const TriangleMesh& mesh);
+void add_mesh(RTCDevice device, RTCScene scene, const TriangleMesh& mesh,
+              RTCBuildQuality quality = RTC_BUILD_QUALITY_MEDIUM);
 // One rtcIntersect1 a ray. Instances are not told apart.
 void intersect_one_by_one(RTCScene scene, std::span<const Ray> rays, Hit* hits);
 

@@ -1,0 +1,56 @@
+#include "tree_choice.h"
+
+#include <sstream>
+#include <stdexcept>
+
+namespace perfect_bvh::bench {
+namespace {
+
+BuilderKind parse_builder(const std::string& name) {
+  for (const BuilderKind kind : {BuilderKind::kAuto, BuilderKind::kMedian, BuilderKind::kSweep, BuilderKind::kBinned,
+                                 BuilderKind::kSpatial, BuilderKind::kFast}) {
+    if (name == builder_name(kind)) return kind;
+  }
+  throw std::runtime_error("no builder is called " + name);
+}
+
+void set(BuildConfig& config, const std::string& setting, const std::string& value) {
+  const auto whole = [&] { return static_cast<std::uint32_t>(std::stoul(value)); };
+  if (setting == "optimize") {
+    config.optimize_passes = whole();
+  } else if (setting == "bins") {
+    config.bins = whole();
+  } else if (setting == "axes") {
+    config.axes = whole();
+  } else if (setting == "max_leaf_size") {
+    config.max_leaf_size = whole();
+  } else if (setting == "traversal_cost") {
+    config.traversal_cost = std::stof(value);
+  } else if (setting == "intersection_cost") {
+    config.intersection_cost = std::stof(value);
+  } else if (setting == "duplication_budget") {
+    config.duplication_budget = std::stof(value);
+  } else {
+    throw std::runtime_error("no setting is called " + setting);
+  }
+}
+
+}  // namespace
+
+TreeChoice parse_tree(const std::string& text) {
+  const std::size_t colon = text.rfind(':');
+  if (colon == std::string::npos) throw std::runtime_error("--tree wants NAME:BUILDER, got " + text);
+  TreeChoice choice{text.substr(0, colon), {}};
+  std::istringstream parts(text.substr(colon + 1));
+  std::string part;
+  std::getline(parts, part, ',');
+  choice.config.builder = parse_builder(part);
+  while (std::getline(parts, part, ',')) {
+    const std::size_t equals = part.find('=');
+    if (equals == std::string::npos) throw std::runtime_error("--tree wants SETTING=VALUE, got " + part);
+    set(choice.config, part.substr(0, equals), part.substr(equals + 1));
+  }
+  return choice;
+}
+
+}  // namespace perfect_bvh::bench
