@@ -62,8 +62,7 @@ std::vector<PrimRef> refs_of(const TriangleMesh& mesh, std::size_t begin, std::s
 void expect_right_hits(const TriangleMesh& mesh, const Bvh2& tree) {
   ThreadPool pool(1);
   CancelToken cancel;
-  auto blas = std::make_shared<Blas>();
-  blas->mesh = mesh;
+  auto blas = std::make_shared<Blas>(std::make_shared<const TriangleMesh>(mesh));
   blas->tree = tree;
   blas->cover = cover_boxes(tree, 8);
   blas->wide = collapse_mesh(tree, mesh, pool, cancel);

@@ -125,6 +125,9 @@ def test_a_commit_without_edits_keeps_everything(placed):
 def test_actions_and_reasons(placed):
     scene, mesh, instance = placed
     scene.update_mesh(mesh, TRIANGLE[0] + 1)
+    first = scene.commit().meshes[0]
+    assert first.action == "rebuilt" and "no tree to refit" in first.reason
+    scene.update_mesh(mesh, TRIANGLE[0] + 2)  # a mesh that was deformed once is expected to be so again
     report = scene.commit()
     assert [(row.mesh_id, row.action) for row in report.meshes] == [(mesh, "refitted")]
     scene.replace_mesh(mesh, *TRIANGLE)
@@ -132,6 +135,36 @@ def test_actions_and_reasons(placed):
     scene.set_transforms([instance], [moved(3)])
     report = scene.commit()
     assert report.meshes == () and report.kept_count == 1
+
+
+def test_only_deforming_meshes_keep_their_binary_tree(scene):
+    sphere = meshes.sphere(20, 30)
+    rows = {usage: scene.add_mesh(*sphere, usage=usage) for usage in ("static", "deforming")}
+    report = {row.mesh_id: row for row in scene.commit().meshes}
+    static, deforming = report[rows["static"]], report[rows["deforming"]]
+    tree_bytes = deforming.byte_count - static.byte_count
+    assert tree_bytes > 4 * len(sphere[1])
+    scene.update_mesh(rows["static"], sphere[0] * 1.1)
+    scene.commit()
+    scene.update_mesh(rows["static"], sphere[0] * 1.2)
+    row = scene.commit().meshes[0]
+    assert (row.action, row.byte_count) == ("refitted", deforming.byte_count)
+
+
+def test_the_stages_of_a_mesh_are_timed(scene):
+    positions, triangles = meshes.sphere(60, 90)
+    config = perfect_bvh.BuildConfig(optimize=1)
+    mesh = scene.add_mesh(positions, triangles, build=config, usage="deforming")
+    built = scene.commit().meshes[0]
+    assert min(built.build_milliseconds, built.optimize_milliseconds, built.collapse_milliseconds) > 0
+    assert built.refit_milliseconds == 0
+    scene.update_mesh(mesh, positions * 1.1)
+    refitted = scene.commit().meshes[0]
+    assert min(refitted.refit_milliseconds, refitted.collapse_milliseconds) > 0
+    assert refitted.build_milliseconds == refitted.optimize_milliseconds == 0
+    for row in (built, refitted):
+        stages = row.build_milliseconds + row.optimize_milliseconds + row.refit_milliseconds
+        assert row.milliseconds >= stages + row.collapse_milliseconds
 
 
 def test_update_before_the_first_commit(scene):
@@ -145,7 +178,7 @@ def test_update_before_the_first_commit(scene):
 def test_refit_equals_a_fresh_build():
     positions, triangles = meshes.sphere(20, 30)
     scene, fresh = perfect_bvh.Scene(), perfect_bvh.Scene()
-    mesh = scene.add_mesh(positions, triangles)
+    mesh = scene.add_mesh(positions, triangles, usage="deforming")
     scene.add_instance(mesh)
     scene.commit()
     bent = positions + 0.2 * np.sin(3.0 * positions[:, [1, 2, 0]])
@@ -162,7 +195,7 @@ def test_refit_equals_a_fresh_build():
 def test_a_scattered_mesh_is_rebuilt_not_refitted():
     positions, triangles = meshes.sphere(20, 30)
     scene = perfect_bvh.Scene()
-    mesh = scene.add_mesh(positions, triangles)
+    mesh = scene.add_mesh(positions, triangles, usage="deforming")
     scene.add_instance(mesh)
     scene.commit()
     scene.update_mesh(mesh, np.random.default_rng(0).uniform(-1, 1, positions.shape))
@@ -173,7 +206,7 @@ def test_a_scattered_mesh_is_rebuilt_not_refitted():
 def test_a_tree_built_without_extent_recovers():
     positions, triangles = meshes.sphere(20, 30)
     scene = perfect_bvh.Scene()
-    mesh = scene.add_mesh(np.zeros_like(positions), triangles)
+    mesh = scene.add_mesh(np.zeros_like(positions), triangles, usage="deforming")
     scene.add_instance(mesh)
     scene.commit()
     scene.update_mesh(mesh, positions)

@@ -13,7 +13,9 @@ class MeshReport:
     """One mesh that a commit worked on.
 
     reason: a sentence. builder: what made the tree (now, or before it was refitted), as in `BuildConfig`.
-    milliseconds: of one mesh, on however many threads.
+    milliseconds: of one mesh, on however many threads; then of its stages, 0 for those that did not run: building the
+    binary tree, improving it by reinsertion, refitting it (also where that was then found too slow to trace),
+    collapsing it into the wide tree that rays are traced through.
     """
 
     mesh_id: int
@@ -21,6 +23,10 @@ class MeshReport:
     reason: str
     builder: str
     milliseconds: float
+    build_milliseconds: float
+    optimize_milliseconds: float
+    refit_milliseconds: float
+    collapse_milliseconds: float
     triangle_count: int
     byte_count: int
 

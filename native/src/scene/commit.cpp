@@ -5,14 +5,10 @@
 #include <chrono>
 
 #include "scene/blas_build.h"
-#include "scene/cover.h"
 #include "scene/instance_placing.h"
 #include "scene/scene.h"
 #include "scene/top_level.h"
 #include "scene/trace_view.h"
-#include "update/quality.h"
-#include "update/refit.h"
-#include "wide/collapse.h"
 
 namespace perfect_bvh {
 namespace {
@@ -21,24 +17,6 @@ using Clock = std::chrono::steady_clock;
 
 double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
-
-// A refitted tree is kept while a ray is expected to cost at most this much more than when the tree was built.
-constexpr double kRefitLimit = 1.5;
-
-// Boxes an instance's bounds are made of: past some dozens the bounds hardly tighten.
-constexpr std::size_t kCoverBoxes = 32;
-
-std::string why_not_refitted(double cost, double fresh_cost) {
-  if (!(fresh_cost > 0)) return "positions changed, and the tree was built when the mesh had no extent";
-  const auto tenths = static_cast<long>(std::min(cost / fresh_cost, 1e6) * 10.0 + 0.5);
-  return "a refitted tree would cost " + std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) +
-         " times what it did when built";
-}
-
-const char* why_so_built(BuilderKind asked, BuilderKind chosen) {
-  const bool is_for_speed = asked == BuilderKind::kAuto && chosen == BuilderKind::kFast;
-  return is_for_speed ? "; its topology changes, so the fast builder made its tree" : "";
 }
 
 std::size_t byte_count(const Snapshot& snapshot) {
@@ -51,49 +29,6 @@ std::size_t byte_count(const Snapshot& snapshot) {
 }
 
 }  // namespace
-
-Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, ThreadPool& pool, CancelToken& cancel) {
-  const auto start = Clock::now();
-  BlasResult result;
-  auto blas = std::make_shared<Blas>();
-  blas->mesh = *slot.edited;
-  MeshReport& report = result.report;
-  report.mesh_id = mesh_id;
-  report.action = slot.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
-  report.reason = slot.blas ? "the triangles were replaced" : "new mesh";
-  bool built = false;
-  if (slot.blas && slot.same_topology) {
-    if (!slot.blas->tree.refittable) {
-      report.reason = "positions changed, and a tree with spatial splits cannot be refitted";
-    } else {
-      blas->tree = slot.blas->tree;
-      blas->config = slot.blas->config;
-      refit_bvh2(blas->tree, blas->mesh.positions, blas->mesh.triangles, pool, cancel);
-      blas->quality = measure_quality(blas->tree);
-      const double cost = blas->quality.sah;
-      built = cost <= kRefitLimit * slot.fresh_cost;
-      result.fresh_cost = slot.fresh_cost;
-      report.action = built ? MeshAction::kRefitted : MeshAction::kRebuilt;
-      report.reason = built ? "positions changed" : why_not_refitted(cost, slot.fresh_cost);
-    }
-  }
-  if (!built) {
-    blas->config = choose_builder(slot.config, slot.usage);
-    blas->tree = build_tree(blas->mesh, blas->config, pool, cancel);
-    blas->quality = measure_quality(blas->tree);
-    report.reason += why_so_built(slot.config.builder, blas->config.builder);
-    // A tree built over no extent has no quality to measure a refit by.
-    result.fresh_cost = blas->tree.bounds().half_area() > 0 ? blas->quality.sah : 0;
-  }
-  report.builder = builder_name(blas->config.builder);
-  report.triangle_count = blas->mesh.triangle_count();
-  blas->cover = cover_boxes(blas->tree, kCoverBoxes);
-  blas->wide = collapse_mesh(blas->tree, blas->mesh, pool, cancel);
-  report.byte_count = blas->mesh.byte_count() + blas->tree.byte_count() + blas->wide.byte_count();
-  report.milliseconds = milliseconds_since(start);
-  result.blas = std::move(blas);
-  return result;
-}
 
 std::shared_ptr<Snapshot> Scene::assemble(const std::map<std::int32_t, std::shared_ptr<const Blas>>& blases,
                                           ThreadPool& pool, CancelToken& cancel) const {

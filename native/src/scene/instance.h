@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "build/build_config.h"
@@ -16,8 +17,11 @@ namespace perfect_bvh {
 
 // The tree of one distinct mesh, with its geometry. Immutable once a snapshot refers to it.
 struct Blas {
-  TriangleMesh mesh;
-  Bvh2 tree;
+  explicit Blas(std::shared_ptr<const TriangleMesh> the_mesh) : owned_mesh(std::move(the_mesh)), mesh(*owned_mesh) {}
+
+  const std::shared_ptr<const TriangleMesh> owned_mesh;
+  const TriangleMesh& mesh;
+  Bvh2 tree;                // only where it will be refitted: empty otherwise, once `wide` is made
   BuildConfig config;       // that the tree was built with, its builder named; refits keep it
   TreeQuality quality;      // of the tree
   WideBvh wide;             // what rays are traced through

@@ -51,7 +51,8 @@ void grow_transformed(Vec3d& lower, Vec3d& upper, const Affine& map, const Aabb&
 }
 
 Aabb transformed_bounds(const Affine& map, const Blas& blas) {
-  const Aabb bounds = blas.tree.bounds();
+  Aabb bounds;
+  for (const Aabb& box : blas.cover) bounds.grow(box);
   if (bounds.is_empty()) return {};
   const double reach = std::max(largest_component(to_double(bounds.lower)), largest_component(to_double(bounds.upper)));
   Vec3d lower{kInfinity, kInfinity, kInfinity}, upper{-kInfinity, -kInfinity, -kInfinity};
@@ -80,18 +81,19 @@ std::shared_ptr<const Blas> bake_instance(Instance& instance, const Blas& blas, 
                                           const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
   const Affine to_world = compose(object_to_world, from_centre(blas.mesh.centre));
   Vec3d centre = to_world.point({0, 0, 0});
-  auto baked = std::make_shared<Blas>();
-  baked->mesh.triangles = blas.mesh.triangles;
-  baked->mesh.centre = centre;
-  baked->mesh.positions.resize(blas.mesh.positions.size());
-  for (std::size_t i = 0; i < baked->mesh.positions.size(); ++i) {
-    baked->mesh.positions[i] = to_float(to_world.point(to_double(blas.mesh.positions[i])) - centre);
+  auto mesh = std::make_shared<TriangleMesh>();
+  mesh->triangles = blas.mesh.triangles;
+  mesh->centre = centre;
+  mesh->positions.resize(blas.mesh.positions.size());
+  for (std::size_t i = 0; i < mesh->positions.size(); ++i) {
+    mesh->positions[i] = to_float(to_world.point(to_double(blas.mesh.positions[i])) - centre);
   }
-  baked->tree = build_tree(baked->mesh, config, pool, cancel);
+  auto baked = std::make_shared<Blas>(std::move(mesh));
+  const Bvh2 tree = build_tree(baked->mesh, config, pool, cancel);
   baked->config = config;
-  baked->quality = measure_quality(baked->tree);
-  baked->cover = {baked->tree.bounds()};  // it is never turned
-  baked->wide = collapse_mesh(baked->tree, baked->mesh, pool, cancel);
+  baked->quality = measure_quality(tree);
+  baked->cover = {tree.bounds()};  // it is never turned
+  baked->wide = collapse_mesh(tree, baked->mesh, pool, cancel);
   const bool usable = place_instance(instance, *baked, Affine{});
   // Baked positions are in world winding already.
   instance.mirrored = false;

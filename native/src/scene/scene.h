@@ -85,6 +85,7 @@ class Scene {
   std::vector<std::size_t> find_instances(std::span<const std::int32_t> ids, const char* function) const;
   void mark_edited();
 
+  static bool refit_blas(Blas& blas, const MeshSlot& slot, MeshReport& report, ThreadPool& pool, CancelToken& cancel);
   static BlasResult make_blas(std::int32_t mesh_id, const MeshSlot& slot, ThreadPool& pool, CancelToken& cancel);
   std::vector<BlasResult> make_changed_blases(ThreadPool& pool, CancelToken& cancel) const;
   std::shared_ptr<Snapshot> assemble(const std::map<std::int32_t, std::shared_ptr<const Blas>>& blases,

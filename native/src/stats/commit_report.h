@@ -14,8 +14,12 @@ struct MeshReport {
   std::int32_t mesh_id = -1;
   MeshAction action = MeshAction::kKept;
   std::string reason;
-  std::string builder;  // that made the tree, now or before a refit
-  double milliseconds = 0;
+  std::string builder;      // that made the tree, now or before a refit
+  double milliseconds = 0;  // of all stages; those that follow are 0 where a stage did not run
+  double build_milliseconds = 0;
+  double optimize_milliseconds = 0;
+  double refit_milliseconds = 0;  // also where the refitted tree was then rejected
+  double collapse_milliseconds = 0;
   std::size_t triangle_count = 0;
   std::size_t byte_count = 0;
 };
