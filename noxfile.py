@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import nox
@@ -16,6 +17,7 @@ nox.options.error_on_missing_interpreters = True
 RUFF = "ruff==0.17.5"
 MYPY = "mypy==2.4.1"
 CLANG_FORMAT = "clang-format==23.1.5"
+EMBREEX = "embreex>=4.4"  # holds the library of Embree 4.4
 BUILD_TOOLS = ("cmake>=3.25", "ninja>=1.11")
 
 NATIVE_FOLDERS = ("native/src", "native/bindings", "native/tests", "native/benchmarks")
@@ -48,6 +50,20 @@ def sanitize(session: nox.Session) -> None:
     session.install(*BUILD_TOOLS)
     run_native_preset(session, "asan")
     run_native_preset(session, "tsan")
+
+
+@nox.session(default=False)
+def benchmarks(session: nox.Session) -> None:
+    """Build the native benchmarks into build/benchmarks: tests/benchmarks/README.md says what they are for."""
+    session.install(*BUILD_TOOLS, EMBREEX)
+    headers = Path(os.environ.get("EMBREE_INCLUDE_DIR", "/usr/include"))
+    if not (headers / "embree4" / "rtcore.h").is_file():
+        session.error(f"{headers} has no embree4/rtcore.h: tests/benchmarks/README.md says how to get it")
+    (library,) = Path(session.virtualenv.location).glob("lib/python*/site-packages/embreex.libs/libembree4*.so*")
+    with session.chdir("native"):
+        places = (f"-DEMBREE_INCLUDE_DIR={headers.resolve()}", f"-DEMBREE_LIBRARY={library.resolve()}")
+        session.run("cmake", "--preset", "benchmarks", *places)
+        session.run("cmake", "--build", "--preset", "benchmarks")
 
 
 @nox.session

@@ -132,6 +132,14 @@ Builder embree_builder(const std::string& name, const TriangleMesh& mesh, int th
   return {name, run, {}, {}, 0, nullptr};
 }
 
+void tell_progress(double share) {
+  std::printf("progress %.3f\n", share);
+  std::fflush(stdout);
+}
+
+// The share of the time that is about right for builds; the rest is for rays.
+double build_share(const Options& options) { return options.ray_rounds > 0 ? 0.3 : 1.0; }
+
 void run_builds(std::vector<Builder>& builders, const Options& options) {
   const double start = seconds_on(CLOCK_MONOTONIC);
   for (int round = 0; round < options.rounds; ++round) {
@@ -139,9 +147,8 @@ void run_builds(std::vector<Builder>& builders, const Options& options) {
     for (std::size_t turn = 0; turn < builders.size(); ++turn) {
       Builder& builder = builders[(turn + static_cast<std::size_t>(round)) % builders.size()];
       builder.run(builder);
-      const std::size_t done = static_cast<std::size_t>(round) * builders.size() + turn + 1;
-      std::printf("progress %.3f\n", static_cast<double>(done) / static_cast<double>(builders.size()) / options.rounds);
-      std::fflush(stdout);
+      const double turns = static_cast<double>(turn + 1) / static_cast<double>(builders.size());
+      tell_progress(build_share(options) * (round + turns) / options.rounds);
     }
   }
 }
@@ -194,8 +201,11 @@ std::vector<std::string> run_rays(const std::vector<Builder>& builders, const Tr
   std::vector<Hit> hits(primary.size());
   competitors.front().closest(primary, hits.data());
   std::vector<JsonObject> objects(builders.size());
+  double share = build_share(options);
   for (const RaySet& set : make_ray_sets(mesh, box, options.view, primary, hits)) {
     if (set.name == "shuffled" || set.rays.empty()) continue;
+    tell_progress(share);
+    share += (1 - build_share(options)) / 3;
     const std::vector<RaceResult> results = race(set, competitors, options.ray_rounds);
     for (std::size_t i = 0; i < builders.size(); ++i) {
       JsonObject row;

@@ -155,3 +155,34 @@ def judge(
         bad |= answered - np.where(known, bound, 0.0) > nearest_sure[index]
         wrong[part.start + index[bad]] = True
     return Verdict(wrong, doubtful, hit)
+
+
+def judge_occlusions(
+    world: WorldTriangles,
+    origins: npt.ArrayLike,
+    directions: npt.ArrayLike,
+    occluded: npt.ArrayLike,
+    t_min: npt.ArrayLike = 0.0,
+    t_max: npt.ArrayLike = np.inf,
+    mask: npt.ArrayLike = 0xFFFFFFFF,
+) -> Verdict:
+    """As `judge`, for answers that say only whether anything lies on the ray: occluded (R,) bool."""
+    origins = np.asarray(origins, np.float64).reshape(-1, 3)
+    directions = np.asarray(directions, np.float64).reshape(-1, 3)
+    count = len(origins)
+    hit = np.asarray(occluded, np.bool_).reshape(-1)
+    t_min, t_max, mask = (np.broadcast_to(np.asarray(v), (count,)) for v in (t_min, t_max, mask))
+    wrong, doubtful = hit.copy(), np.zeros(count, np.bool_)  # over no triangles every hit is wrong
+    step = max(1, _PAIRS_AT_A_TIME // max(1, len(world.corners)))
+    for start in range(0, count if len(world.corners) else 0, step):
+        part = slice(start, min(count, start + step))
+        block = _classify(world, origins[part], directions[part])
+        low, high = t_min[part, None], t_max[part, None]
+        visible = (world.masks[None, :] & mask[part, None].astype(np.uint32)) != 0
+        sure = block.sure & visible & (block.t - block.t_bound > low) & (block.t + block.t_bound < high)
+        # Seen edge-on a triangle has no t to speak of: it may be hit anywhere.
+        outside = (block.t + block.t_bound < low) | (block.t - block.t_bound > high)
+        possible = ~block.missed & visible & ~outside
+        doubtful[part] = (possible & ~sure).any(axis=1)
+        wrong[part] = np.where(hit[part], ~possible.any(axis=1), sure.any(axis=1))
+    return Verdict(wrong, doubtful, hit)

@@ -1,0 +1,109 @@
+"""Builders and rays as Python sees them: without the native benchmark, and for peers that only Python has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import perfect_bvh
+from benchmarks import peers
+from benchmarks.meshes import BenchMesh
+from benchmarks.rays import Rays, make_rays
+from benchmarks.rounds import Spread, run_rounds, thread_seconds, wall_seconds
+from benchmarks.trees import config_of
+
+Tell = Callable[[], object]
+
+
+def milliseconds(seconds: list[float]) -> dict[str, float]:
+    return Spread.of([1e3 * value for value in seconds]).as_json()
+
+
+def measure_builds(mesh: BenchMesh, trees: list[str], rounds: int, thread_count: int, tell: Tell) -> dict[str, Any]:
+    """Milliseconds from a committed-to-be mesh to a scene ready to trace, by tree."""
+    scenes: dict[str, perfect_bvh.Scene] = {}
+
+    def prepare(name: str) -> None:
+        scenes[name] = perfect_bvh.Scene()
+        mesh_id = scenes[name].add_mesh(mesh.positions, mesh.triangles, build=config_of(name))
+        scenes[name].add_instance(mesh_id)
+
+    clock = thread_seconds if thread_count == 1 else wall_seconds
+    commits = {name: (lambda name=name: scenes[name].commit()) for name in trees}
+    perfect_bvh.set_thread_count(thread_count)
+    seconds = run_rounds(commits, rounds, clock, tell, prepare)
+    perfect_bvh.set_thread_count(0)
+    return {name: milliseconds(times) for name, times in seconds.items()}
+
+
+def measure_trees(mesh: BenchMesh, trees: list[str], size: tuple[int, int], rounds: int, tell: Tell) -> dict[str, Any]:
+    """Quality and memory of each tree, and what rays cost in it."""
+    scenes = {name: peers.scene_of(mesh, config_of(name)) for name in trees}
+    rows: dict[str, Any] = {}
+    for name, scene in scenes.items():
+        tree = scene.statistics(detailed=True).meshes[0]
+        rows[name] = {
+            **{key: getattr(tree, key) for key in ("sah", "epo", "depth", "leaf_count_variability", "sibling_overlap")},
+            **{key: getattr(tree, key) for key in ("reference_count", "node_count", "binary_byte_count")},
+            "ready_byte_count": tree.geometry_byte_count + tree.wide_byte_count,
+            "rays": {},
+        }
+    for rays in make_rays(mesh, *size):
+        if rays.name == "shuffled":
+            continue
+        tracers = {name: peers.ours(scene, name) for name, scene in scenes.items()}
+        for name, rates in measure_rays(list(tracers.values()), rays, rounds, tell).items():
+            rows[name]["rays"][rays.name] = {**rates, **count_visits(scenes[name], rays)}
+    return rows
+
+
+def measure_rays(tracers: list[peers.Peer], rays: Rays, rounds: int, tell: Tell) -> dict[str, dict[str, Any]]:
+    """M rays/s of each, on one thread, interleaved."""
+    parts = {tracer.name: rays.pick(slice(tracer.ray_limit)) for tracer in tracers}
+    calls = {tracer.name: (lambda tracer=tracer: tracer.cast(parts[tracer.name])) for tracer in tracers}
+    rows = {}
+    for name, seconds in run_rounds(calls, rounds, tell=tell).items():
+        spread = Spread.of([1e-6 * len(parts[name]) / value for value in seconds])
+        rows[name] = {
+            "ray_count": len(parts[name]),
+            "mrays_per_second": spread.median,
+            "rounds": spread.as_json(),
+        }
+    return rows
+
+
+def count_visits(scene: perfect_bvh.Scene, rays: Rays) -> dict[str, float]:
+    """Nodes and triangles a ray; of occlusion rays, to the first hit rather than to any."""
+    fields = ("nodes_visited", "primitives_tested")
+    hits = scene.cast_rays(rays.origins, rays.directions, 0.0, rays.t_max, fields=fields)
+    return {name: float(np.mean(getattr(hits, name))) for name in fields}
+
+
+def measure_peers(
+    mesh: BenchMesh, size: tuple[int, int], rounds: int, ray_limit: int, left_out: list[str], tell: Tell
+) -> list[dict[str, Any]]:
+    """This engine, embreex and BVHTree, each as a script would use it: build and rays."""
+    makers: dict[str, Callable[[], peers.Peer]] = {
+        "perfect_bvh": lambda: peers.ours(peers.scene_of(mesh, config_of("binned")), "perfect_bvh"),
+        "embreex": lambda: peers.embreex(mesh),
+        "BVHTree": lambda: peers.bvh_tree(mesh, ray_limit),
+    }
+    tracers = {}
+    for name, make in makers.items():
+        try:
+            tracers[name] = make()
+        except ImportError as error:
+            left_out.append(f"{name}: {error}")
+    builds = {name: make for name, make in makers.items() if name in tracers}
+    if "BVHTree" in builds:
+        lists = peers.as_lists(mesh)
+        builds["BVHTree"] = lambda: peers.make_bvh_tree(*lists)
+    rows = {name: {"name": name, "rays": {}} for name in tracers}
+    for name, seconds in run_rounds(builds, rounds, tell=tell).items():
+        rows[name]["ready_ms"] = milliseconds(seconds)
+    for rays in make_rays(mesh, *size):
+        if rays.name != "shuffled":
+            for name, rates in measure_rays(list(tracers.values()), rays, rounds, tell).items():
+                rows[name]["rays"][rays.name] = rates
+    return list(rows.values())

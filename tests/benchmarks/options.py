@@ -1,0 +1,51 @@
+"""What both benchmarks' command lines share."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from benchmarks.machine import describe
+from benchmarks.meshes import BenchMesh, MeshError, default_meshes, load
+from benchmarks.native import DEFAULT_FOLDER
+
+
+def parser(description: str) -> argparse.ArgumentParser:
+    """Meshes, output, how long and how often."""
+    result = argparse.ArgumentParser(description=description, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    add = result.add_argument
+    add("--mesh", nargs="+", action="extend", type=Path, metavar="FILE", help=".npz (positions, triangles), .ply, .obj")
+    add("--default-meshes", action="store_true", help="those that Blender makes, too (without --mesh they are all)")
+    add("--detail", type=float, default=1.0, metavar="X", help="triangles of the default meshes, times this")
+    add("--json", type=Path, required=True, metavar="OUT.json", help="where the figures go")
+    add("--rounds", type=int, default=5, metavar="N", help="interleaved rounds of each measurement")
+    add("--size", default="640x400", metavar="WxH", help="of the image that the primary rays make")
+    add("--ray-limit", type=int, default=20_000, metavar="N", help="rays for peers that take one a call")
+    add("--native", type=Path, default=DEFAULT_FOLDER, metavar="DIR", help="holds the built native benchmarks")
+    return result
+
+
+def size_of(options: argparse.Namespace) -> tuple[int, int]:
+    """Width and height."""
+    width, _, height = options.size.partition("x")
+    return int(width), int(height)
+
+
+def meshes_of(options: argparse.Namespace) -> list[BenchMesh]:
+    """All that were asked for; ends the program with a sentence if one cannot be had."""
+    try:
+        meshes = [load(path) for path in options.mesh or ()]
+        if options.default_meshes or not meshes:
+            meshes += default_meshes(options.detail)
+    except MeshError as error:
+        raise SystemExit(f"{error}; name meshes to measure with --mesh FILE.npz") from None
+    return meshes
+
+
+def save(options: argparse.Namespace, results: dict[str, Any]) -> None:
+    """Writes the figures with what they were measured on."""
+    text = json.dumps({"machine": describe(), **results}, indent=1)
+    options.json.parent.mkdir(parents=True, exist_ok=True)
+    options.json.write_text(text + "\n")

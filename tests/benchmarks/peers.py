@@ -1,0 +1,156 @@
+"""Whoever can cast rays from Python: this engine, Embree as embreex gives it, Blender's BVHTree and scene.ray_cast.
+
+Each is built from a mesh and then answers the same rays, all on one thread.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import perfect_bvh
+from benchmarks.meshes import BenchMesh
+from benchmarks.rays import Rays
+
+Ids = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Answers:
+    """t: (R,) in multiples of the directions, inf on a miss. primitive_ids: (R,), -1 on a miss."""
+
+    t: npt.NDArray[np.float64]
+    primitive_ids: Ids
+
+
+@dataclass(frozen=True)
+class Peer:
+    """closest, any: what is timed. answers, occluded: the same rays' answers, for the judge, in whatever time.
+
+    ray_limit: those who take one ray a call get no more than that.
+    """
+
+    name: str
+    closest: Callable[[Rays], object]
+    any: Callable[[Rays], object]
+    answers: Callable[[Rays], Answers]
+    occluded: Callable[[Rays], npt.NDArray[np.bool_]]
+    ray_limit: int | None = None
+
+    def cast(self, rays: Rays) -> object:
+        return self.any(rays) if rays.is_any_hit else self.closest(rays)
+
+
+def scene_of(mesh: BenchMesh, build: Any = "auto") -> perfect_bvh.Scene:
+    """A committed scene of one mesh in its own place."""
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh(mesh.positions, mesh.triangles, build=build))
+    scene.commit()
+    return scene
+
+
+def ours(scene: perfect_bvh.Scene, name: str, isa: str | None = None, **keywords: Any) -> Peer:
+    """This engine. isa: as in `available_isas`. keywords: for `cast_rays` and `test_occlusions`."""
+    snapshot = scene.snapshot()
+
+    def cast(rays: Rays) -> perfect_bvh.Hits:
+        perfect_bvh.set_active_isa(isa)
+        fields = ("t_hit", "primitive_ids")
+        columns = (rays.origins, rays.directions, 0.0, rays.t_max)
+        return snapshot.cast_rays(*columns, fields=fields, threads=1, **keywords)
+
+    def test(rays: Rays) -> npt.NDArray[np.bool_]:
+        perfect_bvh.set_active_isa(isa)
+        return snapshot.test_occlusions(rays.origins, rays.directions, 0.0, rays.t_max, threads=1, **keywords)
+
+    def answers(rays: Rays) -> Answers:
+        hits = cast(rays)
+        return Answers(hits.t_hit.astype(np.float64), hits.primitive_ids.astype(np.int64))
+
+    return Peer(name, cast, test, answers, test)
+
+
+def embreex(mesh: BenchMesh, *, is_robust: bool = False) -> Peer:
+    """Embree through embreex: rtcIntersect1 and rtcOccluded1 in a compiled loop. May raise ImportError."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    scene = EmbreeScene(robust=is_robust)
+    TriangleMesh(scene, mesh.positions, mesh.triangles)
+
+    def run(rays: Rays, **keywords: Any) -> Any:
+        limits = None if math.isinf(rays.t_max) else np.full(len(rays), rays.t_max, np.float32)
+        return scene.run(rays.origins, rays.directions, limits, **keywords)
+
+    def answers(rays: Rays) -> Answers:
+        found = run(rays, output=1)
+        ids = np.where(found["geomID"] == 0, found["primID"], -1).astype(np.int64)
+        return Answers(np.where(ids >= 0, found["tfar"], np.inf).astype(np.float64), ids)
+
+    def occluded(rays: Rays) -> npt.NDArray[np.bool_]:
+        return np.asarray(run(rays, query="OCCLUDED")) != -1
+
+    run(Rays("first", np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32)))  # commits the scene
+    name = "embreex, robust" if is_robust else "embreex"
+    return Peer(name, run, lambda rays: run(rays, query="OCCLUDED"), answers, occluded)
+
+
+def bvh_tree(mesh: BenchMesh, ray_limit: int) -> Peer:
+    """mathutils.bvhtree.BVHTree. May raise ImportError."""
+    tree = make_bvh_tree(*as_lists(mesh))
+    return _one_by_one("BVHTree", lambda *ray: tree.ray_cast(*ray)[2:], ray_limit)
+
+
+def as_lists(mesh: BenchMesh) -> tuple[list[list[float]], list[list[int]]]:
+    """What BVHTree.FromPolygons wants."""
+    return mesh.positions.tolist(), mesh.triangles.tolist()
+
+
+def make_bvh_tree(positions: list[list[float]], triangles: list[list[int]]) -> Any:
+    """A BVHTree. May raise ImportError."""
+    import bpy  # noqa: F401
+    from mathutils.bvhtree import BVHTree
+
+    return BVHTree.FromPolygons(positions, triangles, all_triangles=True)
+
+
+def blender_scene(mesh: BenchMesh, ray_limit: int) -> Peer:
+    """Bpy's scene.ray_cast, on a scene of this mesh alone. May raise ImportError."""
+    import bpy
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    data = bpy.data.meshes.new(mesh.name)
+    data.from_pydata(*as_lists(mesh)[:1], [], as_lists(mesh)[1])
+    bpy.context.collection.objects.link(bpy.data.objects.new(mesh.name, data))
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    scene = bpy.context.scene
+
+    def cast(origin: Any, direction: Any, distance: float) -> tuple[int | None, float | None]:
+        is_hit, location, _, index, _, _ = scene.ray_cast(depsgraph, origin, direction, distance=distance)
+        return (index, float(np.linalg.norm(np.subtract(location, origin)))) if is_hit else (None, None)
+
+    return _one_by_one("scene.ray_cast", cast, ray_limit)
+
+
+def _one_by_one(name: str, cast: Callable[[Any, Any, float], tuple[int | None, float | None]], ray_limit: int) -> Peer:
+    """cast(origin, direction, distance) -> (triangle, distance), None on a miss."""
+
+    def run(rays: Rays) -> list[tuple[int | None, float | None]]:
+        distance = min(rays.t_max, 1e30)
+        columns = zip(rays.origins.tolist(), rays.directions.tolist(), strict=True)
+        return [cast(origin, direction, distance) for origin, direction in columns]
+
+    def answers(rays: Rays) -> Answers:
+        lengths = np.linalg.norm(rays.directions.astype(np.float64), axis=1)
+        found = run(rays)
+        ids = np.array([-1 if index is None else index for index, _ in found], np.int64)
+        return Answers(np.array([np.inf if t is None else t for _, t in found]) / lengths, ids)
+
+    def occluded(rays: Rays) -> npt.NDArray[np.bool_]:
+        return answers(rays).primitive_ids >= 0
+
+    return Peer(name, run, run, answers, occluded, ray_limit)

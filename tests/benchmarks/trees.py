@@ -1,0 +1,33 @@
+"""The trees that are compared: every builder, and the lecture's three ways to be fast apart from one another."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from perfect_bvh import BuildConfig
+
+# No heuristic at all; fewer axes; planes that do not grow in number with the triangles.
+TREES: dict[str, dict[str, Any]] = {
+    "median": {"builder": "median"},
+    "sweep": {"builder": "sweep"},
+    "binned": {"builder": "binned"},
+    "binned, 1 axis": {"builder": "binned", "axes": 1},
+    "binned, 4 bins": {"builder": "binned", "bins": 4},
+    "binned, 8 bins": {"builder": "binned", "bins": 8},
+    "binned, 32 bins": {"builder": "binned", "bins": 32},
+    "binned+optimize": {"builder": "binned", "optimize": 5},
+    "spatial": {"builder": "spatial"},
+    "fast": {"builder": "fast"},
+}
+
+
+def config_of(name: str) -> BuildConfig:
+    """The settings of a tree of this table."""
+    return BuildConfig(**TREES[name])
+
+
+def as_argument(name: str) -> str:
+    """The same for the native program: NAME:BUILDER,SETTING=VALUE."""
+    settings = dict(TREES[name])
+    parts = [settings.pop("builder"), *(f"{key}={value}" for key, value in settings.items())]
+    return f"{name}:{','.join(parts)}"
