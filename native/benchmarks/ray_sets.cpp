@@ -77,6 +77,23 @@ Bounces bounce_rays(const TriangleMesh& mesh, const std::vector<Ray>& primary, c
   return result;
 }
 
+namespace {
+
+// Rows of an image's pixels in Z-order within tiles of 8 x 8, tiles row by row; what is left at the edges is left out.
+std::vector<std::size_t> tiled_order(std::size_t width, std::size_t height) {
+  std::vector<std::size_t> order;
+  const auto every_other_bit = [](std::size_t bits) { return (bits & 1) | (bits >> 1 & 2) | (bits >> 2 & 4); };
+  for (std::size_t y = 0; y + 8 <= height; y += 8) {
+    for (std::size_t x = 0; x + 8 <= width; x += 8) {
+      for (std::size_t i = 0; i < 64; ++i)
+        order.push_back((y + every_other_bit(i >> 1)) * width + x + every_other_bit(i));
+    }
+  }
+  return order;
+}
+
+}  // namespace
+
 std::vector<RaySet> make_ray_sets(const TriangleMesh& mesh, const Aabb& box, View, const std::vector<Ray>& primary,
                                   const std::vector<Hit>& hits) {
   Bounces bounces = bounce_rays(mesh, primary, hits, length(box.extent()));
@@ -86,6 +103,21 @@ std::vector<RaySet> make_ray_sets(const TriangleMesh& mesh, const Aabb& box, Vie
           {"diffuse", false, std::move(bounces.diffuse)},
           {"shuffled", false, std::move(shuffled)},
           {"occlusion", true, std::move(bounces.occlusion)}};
+}
+
+std::vector<RaySet> make_coherent_sets(const Aabb& box, const std::vector<Ray>& primary, const std::vector<Hit>& hits,
+                                       std::uint32_t width) {
+  const auto diagonal = static_cast<double>(length(box.extent()));
+  const Vec3d light = to_double(box.lower + box.upper) * 0.5 + Vec3d{0.1, 0.6, 0.2} * diagonal;
+  std::vector<Ray> tiled, shadow;
+  for (const std::size_t row : tiled_order(width, primary.size() / width)) {
+    const Ray& ray = primary[row];
+    tiled.push_back(ray);
+    if (!hits[row].found()) continue;
+    const Vec3d at = ray.origin + ray.direction * (static_cast<double>(hits[row].t) - 1e-4 * diagonal);
+    shadow.push_back(make_ray(at, light - to_double(to_float(at)), 1.0f));
+  }
+  return {{"tiled", false, std::move(tiled)}, {"shadow", true, std::move(shadow)}};
 }
 
 std::vector<Ray> aimed_rays(const TriangleMesh& mesh, std::size_t count, bool at_edges, std::size_t seed) {

@@ -36,6 +36,11 @@ struct Bounces {
 [[nodiscard]] std::vector<RaySet> make_ray_sets(const TriangleMesh& mesh, const Aabb& box, View view,
                                                 const std::vector<Ray>& primary, const std::vector<Hit>& hits);
 
+// Of an image of `width` pixels a row: "tiled", the primary rays in Z-order within tiles of 8 x 8; "shadow", from what
+// they hit, in that order, towards one point above the box.
+[[nodiscard]] std::vector<RaySet> make_coherent_sets(const Aabb& box, const std::vector<Ray>& primary,
+                                                     const std::vector<Hit>& hits, std::uint32_t width);
+
 // From inside a star-shaped mesh about the origin (from points up to halfway to its vertices), at random vertices or
 // points of edges, as exactly as float can aim.
 [[nodiscard]] std::vector<Ray> aimed_rays(const TriangleMesh& mesh, std::size_t count, bool at_edges, std::size_t seed);

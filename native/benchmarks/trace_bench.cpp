@@ -1,13 +1,15 @@
 // trace_bench [options] MESH.bin...
-//   --rounds N       interleaved rounds (7)             --kinds a,b        of primary,diffuse,shuffled,occlusion
+//   --rounds N       interleaved rounds (7)             --kinds a,b        of
+//   primary,tiled,shadow,diffuse,shuffled,occlusion
 //   --isas a,b       kernels (all)                       --in-flight a,b    rays under way (0: the default)
+//   --strategies a,b of auto,packets,stream,single (auto)
 //   --peers a,b      embree, embree_avx2, embree_robust, embree_packets (embree)
 //   --size WxH       of the image (640x400)              --json OUT.json
 //   --leaks N        instead: N rays at random vertices and N at random edge points of closed, star-shaped meshes
 //                    around the origin, from inside; prints how many pass through
 //   --reinsert N     reinsertion passes for our tree      --inside           the camera stands inside the box
 //
-// Casts the same rays with every competitor, in chunks, all competitors in turn on each chunk, the order rotating. The
+// Casts the same rays with every competitor, in chunks, all competitors in turn on each chunk, in random order. The
 // time is the thread's own CPU time. A competitor's figure is the sum over chunks of the lower third of its times on
 // each; ratios are to Embree's default (rtcIntersect1, rtcOccluded1, quality MEDIUM, not robust).
 #include <time.h>
@@ -20,6 +22,7 @@
 #include <functional>
 #include <memory>
 #include <numeric>
+#include <random>
 #include <sstream>
 
 #include "build/builder.h"
@@ -33,7 +36,7 @@ namespace {
 
 struct Options {
   int rounds = 7;
-  std::vector<std::string> kinds, isas, in_flight{"0"}, peers{"embree"}, meshes;
+  std::vector<std::string> kinds, isas, in_flight{"0"}, strategies{"auto"}, peers{"embree"}, meshes;
   std::uint32_t width = 640, height = 400, reinsert = 0;
   std::size_t leaks = 0;
   std::string json;
@@ -63,6 +66,8 @@ Options parse(int count, char** values) {
       options.isas = split(value(), ',');
     } else if (name == "--in-flight") {
       options.in_flight = split(value(), ',');
+    } else if (name == "--strategies") {
+      options.strategies = split(value(), ',');
     } else if (name == "--peers") {
       options.peers = split(value(), ',');
     } else if (name == "--reinsert") {
@@ -127,6 +132,31 @@ struct Competitor {
   std::size_t different = 0;
 };
 
+Strategy parse_strategy(const std::string& name) {
+  if (name == "auto") return Strategy::kAuto;
+  if (name == "packets") return Strategy::kPackets;
+  if (name == "stream") return Strategy::kStream;
+  if (name == "single") return Strategy::kSingle;
+  throw std::runtime_error("no strategy named " + name);
+}
+
+Competitor make_ours(const SingleMesh& ours, const std::string& isa, const std::string& strategy,
+                     const std::string& in_flight) {
+  const TraceOptions trace_options{parse_strategy(strategy), std::stoul(in_flight)};
+  const std::string name = isa + "/" + strategy + (in_flight == "0" ? "" : "/" + in_flight);
+  return {name,
+          [&ours, isa, trace_options](std::span<const Ray> rays, Hit* hits) {
+            set_active_kernels(isa);
+            trace_closest(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, hits, nullptr}, trace_options);
+          },
+          [&ours, isa, trace_options](std::span<const Ray> rays, std::uint8_t* occluded) {
+            set_active_kernels(isa);
+            trace_any(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, nullptr, occluded}, trace_options);
+          },
+          {},
+          0};
+}
+
 std::vector<Competitor> make_competitors(const Options& options, const TriangleMesh& mesh, const SingleMesh& ours) {
   std::vector<Competitor> list;
   for (const std::string& name : options.peers) {
@@ -155,20 +185,10 @@ std::vector<Competitor> make_competitors(const Options& options, const TriangleM
     }
   }
   for (const std::string& isa : isas) {
-    for (const std::string& rays_in_flight : options.in_flight) {
-      const std::size_t in_flight = std::stoul(rays_in_flight);
-      list.push_back(
-          {in_flight == 0 ? isa : isa + "/" + rays_in_flight,
-           [&ours, isa, in_flight](std::span<const Ray> rays, Hit* hits) {
-             set_active_kernels(isa);
-             trace_closest(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, hits, nullptr}, in_flight);
-           },
-           [&ours, isa, in_flight](std::span<const Ray> rays, std::uint8_t* occluded) {
-             set_active_kernels(isa);
-             trace_any(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, nullptr, occluded}, in_flight);
-           },
-           {},
-           0});
+    for (const std::string& strategy : options.strategies) {
+      for (const std::string& in_flight : options.in_flight) {
+        list.push_back(make_ours(ours, isa, strategy, in_flight));
+      }
     }
   }
   return list;
@@ -187,6 +207,9 @@ std::size_t count_different(const std::vector<Hit>& a, const std::vector<Hit>& b
 
 void run(const RaySet& set, std::vector<Competitor>& competitors, int rounds, float diagonal) {
   const std::size_t chunk_count = std::max<std::size_t>(set.rays.size() / kChunk, 1);
+  std::vector<std::size_t> turns(competitors.size());
+  std::iota(turns.begin(), turns.end(), std::size_t{0});
+  std::mt19937 random(11);
   std::vector<Hit> first(kChunk), hits(kChunk);
   std::vector<std::uint8_t> first_any(kChunk), occluded(kChunk);
   for (Competitor& competitor : competitors) competitor.times.assign(chunk_count, {}), competitor.different = 0;
@@ -195,8 +218,9 @@ void run(const RaySet& set, std::vector<Competitor>& competitors, int rounds, fl
       const std::size_t begin = chunk * kChunk, count = std::min(kChunk, set.rays.size() - begin);
       const std::span<const Ray> rays(set.rays.data() + begin, count);
       if (round == 0) competitors[0].closest(rays, first.data()), competitors[0].any(rays, first_any.data());
-      for (std::size_t turn = 0; turn < competitors.size(); ++turn) {
-        Competitor& competitor = competitors[(turn + chunk + static_cast<std::size_t>(round)) % competitors.size()];
+      std::shuffle(turns.begin(), turns.end(), random);  // who comes after whom decides whose tree is in the cache
+      for (const std::size_t turn : turns) {
+        Competitor& competitor = competitors[turn];
         const double start = cpu_seconds();
         if (set.is_any_hit) {
           competitor.any(rays, occluded.data());
@@ -293,7 +317,9 @@ void bench_mesh(const std::string& path, const Options& options, std::string& js
   const std::vector<Ray> primary = primary_rays(box, view, options.width, options.height);
   std::vector<Hit> hits(primary.size());
   competitors[0].closest(primary, hits.data());
-  for (const RaySet& set : make_ray_sets(mesh, box, view, primary, hits)) {
+  std::vector<RaySet> sets = make_ray_sets(mesh, box, view, primary, hits);
+  for (RaySet& set : make_coherent_sets(box, primary, hits, options.width)) sets.push_back(std::move(set));
+  for (const RaySet& set : sets) {
     if (!options.kinds.empty() &&
         std::find(options.kinds.begin(), options.kinds.end(), set.name) == options.kinds.end())
       continue;

@@ -170,24 +170,33 @@ std::vector<Affine> many_places(std::size_t count, std::uint32_t seed) {
   return places;
 }
 
+constexpr TraceOptions kWays[] = {{Strategy::kAuto, 0},
+                                  {Strategy::kPackets, 0},
+                                  {Strategy::kStream, 0},
+                                  {Strategy::kStream, 5},
+                                  {Strategy::kSingle, 0}};
+
 class Kernels : public testing::TestWithParam<std::string> {
  protected:
   void SetUp() override { set_active_kernels(GetParam()); }
   void TearDown() override { set_active_kernels(""); }
 
   static void expect_reference(const Snapshot& snapshot, const std::vector<Ray>& rays, Cull cull = Cull::kNone) {
-    for (const std::size_t in_flight : {0u, 1u, 5u}) {
+    std::vector<Hit> expected(rays.size());
+    for (std::size_t i = 0; i < rays.size(); ++i) expected[i] = reference_closest(snapshot, rays[i], cull);
+    for (const TraceOptions& options : kWays) {
       std::vector<Hit> hits(rays.size());
       std::vector<std::uint8_t> occluded(rays.size());
-      trace_closest(snapshot.view, {rays.data(), rays.size(), cull, nullptr, hits.data(), nullptr}, in_flight);
-      trace_any(snapshot.view, {rays.data(), rays.size(), cull, nullptr, nullptr, occluded.data()}, in_flight);
+      trace_closest(snapshot.view, {rays.data(), rays.size(), cull, nullptr, hits.data(), nullptr}, options);
+      trace_any(snapshot.view, {rays.data(), rays.size(), cull, nullptr, nullptr, occluded.data()}, options);
+      const auto how = "strategy " + std::to_string(static_cast<int>(options.strategy)) + ", " +
+                       std::to_string(options.in_flight) + " in flight";
       for (std::size_t i = 0; i < rays.size(); ++i) {
-        const Hit expected = reference_closest(snapshot, rays[i], cull);
-        ASSERT_EQ(std::memcmp(&hits[i], &expected, sizeof(Hit)), 0)
-            << "ray " << i << ", " << in_flight << " in flight: " << hits[i].t << " instance " << hits[i].instance_index
-            << " primitive " << hits[i].primitive_index << ", expected " << expected.t << " instance "
-            << expected.instance_index << " primitive " << expected.primitive_index;
-        ASSERT_EQ(occluded[i] != 0, expected.found()) << "ray " << i << ", " << in_flight << " in flight";
+        ASSERT_EQ(std::memcmp(&hits[i], &expected[i], sizeof(Hit)), 0)
+            << "ray " << i << ", " << how << ": " << hits[i].t << " instance " << hits[i].instance_index
+            << " primitive " << hits[i].primitive_index << ", expected " << expected[i].t << " instance "
+            << expected[i].instance_index << " primitive " << expected[i].primitive_index;
+        ASSERT_EQ(occluded[i] != 0, expected[i].found()) << "ray " << i << ", " << how;
       }
     }
   }
@@ -335,7 +344,8 @@ TEST_P(Kernels, CountTheSameWork) {
   std::vector<Hit> hits(rays.size());
   std::vector<RayCounts> counts(rays.size()), alone(rays.size()), scalar(rays.size());
   trace_closest(snapshot->view, {rays.data(), rays.size(), Cull::kNone, counts.data(), hits.data(), nullptr});
-  trace_closest(snapshot->view, {rays.data(), rays.size(), Cull::kNone, alone.data(), hits.data(), nullptr}, 1);
+  trace_closest(snapshot->view, {rays.data(), rays.size(), Cull::kNone, alone.data(), hits.data(), nullptr},
+                {Strategy::kSingle, 0});
   set_active_kernels("scalar");
   trace_closest(snapshot->view, {rays.data(), rays.size(), Cull::kNone, scalar.data(), hits.data(), nullptr});
   const std::size_t bytes = rays.size() * sizeof(RayCounts);

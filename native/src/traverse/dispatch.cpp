@@ -84,18 +84,72 @@ std::size_t fitting_rays(const KernelTable& kernels, const SceneView& scene, con
   return std::min({wanted, std::max<std::size_t>(kWorkspaceLimit / bytes, 1), std::max<std::size_t>(batch.count, 1)});
 }
 
-template <class Trace>
-void trace(const SceneView& scene, const RayBatch& batch, std::size_t in_flight, Trace KernelTable::* kernel) {
-  const KernelTable& kernels = active_kernels();
-  const std::size_t rays = fitting_rays(kernels, scene, batch, in_flight);
+void* workspace_of(std::size_t bytes) {
   thread_local AlignedVector<std::byte> workspace;
-  const std::size_t bytes = kernels.workspace_bytes(scene, rays);
   if (workspace.size() < bytes) {
     workspace = {};
     workspace.resize(bytes);
   }
+  return workspace.data();
+}
+
+// A batch's rows from `first` on.
+RayBatch part_of(const RayBatch& batch, std::size_t first, std::size_t count) {
+  RayBatch part = batch;
+  part.rays += first, part.count = count;
+  if (part.counts != nullptr) part.counts += first;
+  if (part.hits != nullptr) part.hits += first;
+  if (part.occluded != nullptr) part.occluded += first;
+  return part;
+}
+
+// The kernels of one kind of query.
+struct Kernels {
+  const KernelTable& table;
+  void (*stream)(const SceneView&, const RayBatch&, void*, std::size_t);
+  void (*packets)(const SceneView&, const RayBatch&, void*, bool*);
+
+  void trace_stream(const SceneView& scene, const RayBatch& batch, std::size_t in_flight) const {
+    const std::size_t rays = fitting_rays(table, scene, batch, in_flight);
+    stream(scene, batch, workspace_of(table.workspace_bytes(scene, rays)), rays);
+  }
+  void trace_packets(const SceneView& scene, const RayBatch& batch, bool* left) const {
+    packets(scene, batch, workspace_of(table.packet_workspace_bytes(scene)), left);
+  }
+  // Coherent packets first, then what is left, in runs.
+  std::size_t trace_by_coherence(const SceneView& scene, const RayBatch& batch, std::size_t in_flight) const {
+    constexpr std::size_t kPackets = 64;
+    std::size_t in_packets = batch.count;
+    for (std::size_t begin = 0; begin < batch.count; begin += kPackets * kPacketRays) {
+      const RayBatch block = part_of(batch, begin, std::min(kPackets * kPacketRays, batch.count - begin));
+      std::array<bool, kPackets + 1> left{};
+      trace_packets(scene, block, left.data());
+      for (auto run = left.begin(); (run = std::find(run, left.end(), true)) != left.end();) {
+        const auto end = std::find(run, left.end(), false);
+        const auto first = static_cast<std::size_t>(run - left.begin()) * kPacketRays;
+        const auto last = std::min(static_cast<std::size_t>(end - left.begin()) * kPacketRays, block.count);
+        trace_stream(scene, part_of(block, first, last - first), in_flight);
+        in_packets -= last - first;
+        run = end;
+      }
+    }
+    return in_packets;
+  }
+};
+
+std::size_t trace(const Kernels& kernels, const SceneView& scene, const RayBatch& batch, const TraceOptions& options) {
+  if (batch.count == 0) return 0;
   const DefaultFloatingPoint environment;
-  (kernels.*kernel)(scene, batch, workspace.data(), rays);
+  const bool may_pack = kernels.packets != nullptr && batch.counts == nullptr && !scene.is_empty;
+  if (may_pack && options.strategy == Strategy::kPackets) {
+    kernels.trace_packets(scene, batch, nullptr);
+    return batch.count;
+  }
+  if (may_pack && options.strategy == Strategy::kAuto) {
+    return kernels.trace_by_coherence(scene, batch, options.in_flight);
+  }
+  kernels.trace_stream(scene, batch, options.strategy == Strategy::kSingle ? 1 : options.in_flight);
+  return 0;
 }
 
 }  // namespace
@@ -117,12 +171,14 @@ void set_active_kernels(std::string_view name) {
   chosen.store(name.empty() ? nullptr : &find_kernels(name, "set_active_isa"), std::memory_order_release);
 }
 
-void trace_closest(const SceneView& scene, const RayBatch& batch, std::size_t in_flight) {
-  trace(scene, batch, in_flight, &KernelTable::trace_closest);
+std::size_t trace_closest(const SceneView& scene, const RayBatch& batch, const TraceOptions& options) {
+  const KernelTable& table = active_kernels();
+  return trace({table, table.trace_closest, table.trace_packets_closest}, scene, batch, options);
 }
 
-void trace_any(const SceneView& scene, const RayBatch& batch, std::size_t in_flight) {
-  trace(scene, batch, in_flight, &KernelTable::trace_any);
+std::size_t trace_any(const SceneView& scene, const RayBatch& batch, const TraceOptions& options) {
+  const KernelTable& table = active_kernels();
+  return trace({table, table.trace_any, table.trace_packets_any}, scene, batch, options);
 }
 
 }  // namespace perfect_bvh

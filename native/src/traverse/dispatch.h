@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "traverse/kernel_table.h"
+#include "traverse/strategy.h"
 
 namespace perfect_bvh {
 
@@ -19,8 +20,9 @@ namespace perfect_bvh {
 void set_active_kernels(std::string_view name);
 
 // Traces on the calling thread with the active kernels, in the default floating-point environment, whatever the
-// caller's (another library may have switched denormals off). in_flight: 1 to kMostRaysInFlight; 0 for the best.
-void trace_closest(const SceneView& scene, const RayBatch& batch, std::size_t in_flight = 0);
-void trace_any(const SceneView& scene, const RayBatch& batch, std::size_t in_flight = 0);
+// caller's (another library may have switched denormals off). Returns how many of the rays went in packets; none if
+// counts are wanted, which packets do not keep ray by ray.
+std::size_t trace_closest(const SceneView& scene, const RayBatch& batch, const TraceOptions& options = {});
+std::size_t trace_any(const SceneView& scene, const RayBatch& batch, const TraceOptions& options = {});
 
 }  // namespace perfect_bvh

@@ -2,12 +2,17 @@
 #include "traverse/kernel_table.h"
 #include "traverse/ray_setup_avx.h"
 #include "traverse/simd_avx512.h"
+#include "traverse/simd_rays_avx512.h"
 
 // The vectors and the ray's set-up stand; what follows uses them.
 #include "traverse/stream_kernel.inl"
+// After the stream.
+#include "traverse/packet_kernel.inl"
 
 namespace perfect_bvh {
 
-const KernelTable kAvx512Kernels = {"avx512", trace_stream_closest, trace_stream_any, stream_workspace_bytes};
+const KernelTable kAvx512Kernels = {
+    "avx512",          trace_stream_closest,  trace_stream_any, stream_workspace_bytes, trace_packets_closest,
+    trace_packets_any, packet_workspace_bytes};
 
 }  // namespace perfect_bvh

@@ -8,6 +8,7 @@
 
 namespace perfect_bvh {
 
-const KernelTable kScalarKernels = {"scalar", trace_stream_closest, trace_stream_any, stream_workspace_bytes};
+const KernelTable kScalarKernels = {
+    "scalar", trace_stream_closest, trace_stream_any, stream_workspace_bytes, nullptr, nullptr, nullptr};
 
 }  // namespace perfect_bvh

@@ -8,8 +8,9 @@ struct LeafTest {
   unsigned lanes;
 };
 
-PERFECT_BVH_INLINE Float8 difference(Float8 a, Float8 b, Float8 c, Float8 d) noexcept {  // see product_difference
-  const Float8 product = mul(c, d);
+template <class Float>
+PERFECT_BVH_INLINE Float difference(Float a, Float b, Float c, Float d) noexcept {  // see product_difference
+  const Float product = mul(c, d);
   return add(fmsub(a, b, product), fnmadd(c, d, product));
 }
 
@@ -69,6 +70,14 @@ PERFECT_BVH_INLINE bool is_culled(Cull cull, float sum, const TriangleRay& ray, 
   if (cull == Cull::kNone) return false;
   const bool is_front = ((sum > 0.0f) != ray.runs_down) != (instance.mirrored != 0);
   return is_front == (cull == Cull::kFront);
+}
+
+// Of two hits at the same t, the one of the smaller (order, id, primitive) counts.
+inline bool wins_tie(const InstanceView* instances, std::uint32_t instance, std::uint32_t primitive,
+                     std::uint32_t held_instance, std::uint32_t held_primitive) noexcept {
+  if (instance == held_instance) return primitive < held_primitive;
+  const InstanceView &mine = instances[instance], &holder = instances[held_instance];
+  return mine.order != holder.order ? mine.order < holder.order : mine.id < holder.id;
 }
 
 // Without the last one's repetitions.

@@ -80,13 +80,9 @@ bool take_hits(Slot& slot, const Stream& stream, const LeafBlock& block, unsigne
     if (!(is_in_range(t, ray) && t <= slot.best_t)) continue;
     if (is_culled(cull, candidates.sums[lane], slot.triangle.ray, instance)) continue;
     const std::uint32_t primitive = block.primitives[lane];
-    if (t == slot.best_t && slot.hit_instance != kNoHit) {  // equal: the smaller (order, id, primitive) wins
-      if (slot.hit_instance != slot.instance) {
-        const InstanceView& holder = stream.scene.instances[slot.hit_instance];
-        if (holder.order != instance.order ? holder.order < instance.order : holder.id < instance.id) continue;
-      } else if (slot.hit_primitive <= primitive) {
-        continue;
-      }
+    if (t == slot.best_t && slot.hit_instance != kNoHit &&
+        !wins_tie(stream.scene.instances, slot.instance, primitive, slot.hit_instance, slot.hit_primitive)) {
+      continue;
     }
     slot.best_t = t;
     slot.u = candidates.weights_v1[lane] / candidates.sums[lane];

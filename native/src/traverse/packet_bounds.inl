@@ -1,0 +1,77 @@
+// What bounds every ray of a packet at once: intervals of the reciprocal directions, seen from one ray's origin
+// (interval arithmetic on packets: Boulos et al. 2006, Wald et al. 2007). One test of a node's eight boxes against it
+// dismisses those that no ray can enter. For a ray r and a point c (any),
+//   near_r = p * inv_r - near_offset_r = (p - c) * inv_r - (near_offset_r - c * inv_r),
+// which is least at an end of the interval of inv_r. The margin exceeds the roundings of both sides: each is within
+// 2^-24 of products that are at most (M + |c|) * |inv|, with M as in math/slab.h, and of the offsets.
+// Part of packet_kernel.inl: everything has internal linkage.
+
+struct PacketBounds {
+  float origin[3];
+  float least_inverse[3], most_inverse[3];
+  float near_offset[3], far_offset[3];
+  float t_min, t_limit;
+};
+
+PERFECT_BVH_INLINE float smallest(RayFloat a) noexcept { return -largest(sub(every_ray(-0.0f), a)); }
+
+// The highest limit of all rays: nothing beyond it matters.
+PERFECT_BVH_INLINE float highest_limit(const Packet& packet, const PacketBoxes& boxes) noexcept {
+  RayFloat most = load_rays(boxes.t_limit);
+  for (unsigned i = kRayLanes; i < packet.lanes; i += kRayLanes) most = max(most, load_rays(boxes.t_limit + i));
+  return largest(most);
+}
+
+inline void set_bounds(PacketBounds& bounds, const Packet& packet, const PacketBoxes& boxes, RaySet rays,
+                       const PacketRays& frame, const TreeExtent& extent) noexcept {
+  const unsigned first = first_ray(rays);
+  for (int axis = 0; axis < 3; ++axis) {
+    const float centre = frame.narrow_origin[axis][first];
+    // Other rays count as the first one does.
+    const RayFloat c = every_ray(centre), stand_in = every_ray(boxes.inverse[axis][first]);
+    const RayFloat near_in = every_ray(boxes.near_offset[axis][first]);
+    const RayFloat far_in = every_ray(boxes.far_offset[axis][first]);
+    RayFloat least = stand_in, most = stand_in;
+    RayFloat near_most = fnmadd(c, stand_in, near_in), far_least = fnmadd(c, stand_in, far_in);
+    for (unsigned i = 0; i < packet.lanes; i += kRayLanes) {
+      const RayMask mask = ray_mask(lanes_of(rays, i));
+      const RayFloat inverse = select(mask, load_rays(boxes.inverse[axis] + i), stand_in);
+      const RayFloat near = select(mask, load_rays(boxes.near_offset[axis] + i), near_in);
+      const RayFloat far = select(mask, load_rays(boxes.far_offset[axis] + i), far_in);
+      least = min(least, inverse), most = max(most, inverse);
+      near_most = max(near_most, fnmadd(c, inverse, near));
+      far_least = min(far_least, fnmadd(c, inverse, far));
+    }
+    const float low = smallest(least), high = largest(most);
+    const float near = largest(near_most), far = smallest(far_least);
+    const float steepest = larger(magnitude(low), magnitude(high));
+    const float margin =
+        0x1p-20f * ((extent.largest[axis] + magnitude(centre)) * steepest + larger(magnitude(near), magnitude(far)));
+    bounds.origin[axis] = centre;
+    bounds.least_inverse[axis] = low, bounds.most_inverse[axis] = high;
+    bounds.near_offset[axis] = near + margin, bounds.far_offset[axis] = far - margin;
+  }
+  const RayFloat none = every_ray(kInfiniteDistance);
+  RayFloat t_min = none;
+  for (unsigned i = 0; i < packet.lanes; i += kRayLanes) {
+    t_min = min(t_min, select(ray_mask(lanes_of(rays, i)), load_rays(boxes.t_min + i), none));
+  }
+  bounds.t_min = smallest(t_min);
+  bounds.t_limit = highest_limit(packet, boxes);
+}
+
+// `near`: no ray enters earlier.
+PERFECT_BVH_INLINE NodeTest test_bounds(const WideNode& node, const OctantRows& rows,
+                                        const PacketBounds& bounds) noexcept {
+  Float8 near = broadcast(bounds.t_min), far = broadcast(bounds.t_limit);
+  for (int axis = 0; axis < 3; ++axis) {
+    const Float8 origin = broadcast(bounds.origin[axis]);
+    const Float8 least = broadcast(bounds.least_inverse[axis]), most = broadcast(bounds.most_inverse[axis]);
+    const Float8 near_offset = broadcast(bounds.near_offset[axis]), far_offset = broadcast(bounds.far_offset[axis]);
+    const Float8 first = sub(load_row(&node, rows.near_row[axis]), origin);
+    const Float8 last = sub(load_row(&node, rows.far_row[axis]), origin);
+    near = max(near, min(fmsub(first, least, near_offset), fmsub(first, most, near_offset)));
+    far = min(far, max(fmsub(last, least, far_offset), fmsub(last, most, far_offset)));
+  }
+  return {near, less_equal(near, far)};
+}

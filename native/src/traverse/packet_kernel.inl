@@ -1,0 +1,268 @@
+// Traces coherent rays in packets of up to 64 that share one stack (ranged traversal: Wald, Boulos and Shirley 2007;
+// Overbeck, Ramamoorthi and Mark 2008).
+//
+// A node's eight boxes are first tested against bounds of the whole packet. A child that survives waits until it is
+// next; then its box is tested against the rays, a vector at a time, from the first ray that entered its parent to the
+// first that enters it: the node is visited with that ray and all after it. Only leaves find out about every ray. So
+// a node costs about two tests, however many rays pass through it. Where few rays are left, each finishes the subtree
+// by itself. The rays of a packet that differ in octant or longest axis take turns.
+//
+// A ray may be tested against more boxes and triangles than if it were alone, never against fewer of those that it can
+// hit: and which hit is the best does not depend on the order (math/slab.h, leaf_test.inl). So the answers are, bit for
+// bit, those of the stream.
+//
+// Included by translation units that have vectors of rays, after stream_kernel.inl.
+
+namespace perfect_bvh {
+namespace {
+
+#include "traverse/packet.inl"
+// After the packet.
+#include "traverse/packet_setup.inl"
+// After the set-up.
+#include "traverse/packet_bounds.inl"
+#include "traverse/packet_coherence.inl"
+#include "traverse/packet_leaf.inl"
+
+// No more rays than these go on by themselves.
+constexpr unsigned kFewInNode = 3;
+
+template <bool kAny>
+struct PacketWalk {
+  Packet& packet;
+  const SceneView& scene;
+
+  // Ray i finishes the subtree `child` by itself.
+  void walk_alone(PacketLevel& level, unsigned i, std::uint32_t child, unsigned base) noexcept {
+    LoneRay lone(packet, level, i);
+    std::uint32_t* const children = packet.stack.children + base;
+    float* const nears = packet.stack.nears + base;
+    const std::uint32_t order_shift = lone.box.rows.order_shift;
+    children[0] = child;
+    nears[0] = lone.box.t_min;
+    for (unsigned top = 1; top != 0;) {
+      --top;
+      if (!kAny && nears[top] > lone.box.t_limit) continue;
+      const std::uint32_t next = children[top];
+      if (next >= kBlockChild) {
+        if (test_leaf_alone<kAny>(packet, level, level.blocks[next - kBlockChild], i, lone) && kAny) return;
+        continue;
+      }
+      const WideNode& node = level.nodes[next];
+      const NodeTest test = test_node(node, lone.box);
+      if constexpr (kAny) {
+        push_unsorted(node, test.hit, children + top);
+      } else {
+        push_sorted(node, order_shift, test.hit, test.near, children + top, nears + top);
+      }
+      top += count_bits(bits(test.hit));
+    }
+  }
+
+  void walk_each_alone(PacketLevel& level, RaySet rays, std::uint32_t child, unsigned base) noexcept {
+    for (; rays != 0; rays &= rays - 1) walk_alone(level, first_ray(rays), child, base);
+    level.bounds.t_limit = highest_limit(packet, *level.boxes);
+  }
+
+  // The rays from `first` on that enter a box.
+  [[nodiscard]] RaySet entering(const PacketLevel& level, const float* box, unsigned first) const noexcept {
+    RaySet rays = 0;
+    for (; first < packet.lanes; first += kRayLanes) {
+      rays |= from_bits(test_box(*level.boxes, level.key.rows, box, first), first);
+    }
+    return rays;
+  }
+
+  // Stacks the children that some ray, `first` or a later one, may enter. The highest entry is then `top` - 1.
+  void push_children(const PacketLevel& level, std::uint32_t row, unsigned first, unsigned& top) noexcept {
+    const WideNode& node = level.nodes[row];
+    const NodeTest test = test_bounds(node, level.key.rows, level.bounds);
+    const PacketStack& stack = packet.stack;
+    push_boxes(node, level.key.rows.order_shift, test.hit, test.near, first << 3, stack.children + top,
+               stack.nears + top, stack.places + top);
+    for (unsigned i = 0; i < 8; ++i) stack.parents[top + i] = row;
+    top += count_bits(bits(test.hit));
+  }
+
+  // All of `rays`, of one key, through the tree of `level`.
+  template <bool kTop>
+  void walk(PacketLevel& level, RaySet rays, std::uint32_t root, unsigned base) noexcept {
+    if constexpr (!kTop) {
+      if (count_rays(rays) <= kFewInNode) return walk_each_alone(level, rays, root, base);
+      if (root >= kBlockChild) return visit_root_leaf(level, rays, root, base);
+    }
+    unsigned top = base;
+    push_children(level, root, 0, top);
+    const PacketStack& stack = packet.stack;
+    while (top != base) {
+      --top;
+      if (stack.nears[top] > level.bounds.t_limit) continue;
+      const std::uint32_t child = stack.children[top], place = stack.places[top];
+      const float* const box = level.nodes[stack.parents[top]].planes[0] + (place & 7);
+      unsigned first = place >> 3;
+      if (child >= kBlockChild) {
+        if constexpr (kTop) {
+          enter_instance(level, entering(level, box, first), child, top);
+        } else {
+          visit_packet_leaf<kAny>(packet, level, level.blocks[child - kBlockChild], box, first);
+        }
+        continue;
+      }
+      unsigned lanes = 0;
+      for (; first < packet.lanes; first += kRayLanes) {
+        lanes = test_box(*level.boxes, level.key.rows, box, first);
+        if (lanes != 0) break;
+      }
+      if (lanes == 0) continue;
+      if (!kTop && count_bits(lanes) <= kFewInNode) {
+        const RaySet few = from_bits(lanes, first) | entering(level, box, first + kRayLanes);
+        if (count_rays(few) <= kFewInNode) {
+          walk_each_alone(level, few, child, top);
+          continue;
+        }
+      }
+      push_children(level, child, first, top);
+    }
+  }
+
+  // A tree that is one leaf has no box.
+  void visit_root_leaf(PacketLevel& level, RaySet rays, std::uint32_t root, unsigned base) noexcept {
+    walk_each_alone(level, rays, root, base);
+  }
+
+  // Whether the rays share an origin and are direct, which leaf tests make use of.
+  void set_shortcuts(PacketLevel& level, RaySet rays) const noexcept {
+    const PacketRays& local = packet.local_rays;
+    const unsigned first = first_ray(rays);
+    level.is_direct = (local.moved & rays) == 0;
+    level.shares_origin = true;
+    for (int axis = 0; axis < 3; ++axis) {
+      level.shared_origin[axis] = local.narrow_origin[axis][first];
+      const RayFloat shared = every_ray(level.shared_origin[axis]);
+      for (unsigned i = 0; i < packet.lanes; i += kRayLanes) {
+        const unsigned others = bits(not_equal(load_rays(local.narrow_origin[axis] + i), shared));
+        level.shares_origin = level.shares_origin && (others & lanes_of(rays, i)) == 0;
+      }
+    }
+  }
+
+  void enter_instance(PacketLevel& top_level, RaySet rays, std::uint32_t child, unsigned base) noexcept {
+    const std::uint32_t index = child - kInstanceChild;
+    const InstanceView& instance = scene.instances[index];
+    for (RaySet left = rays; left != 0; left &= left - 1) {
+      if ((instance.mask & packet.rays[first_ray(left)].mask) == 0) rays &= ~(left & -left);
+    }
+    if (rays == 0) return;
+    rays = map_packet(packet, rays, instance);
+    PacketLevel level;
+    level.nodes = instance.nodes, level.blocks = instance.blocks, level.boxes = &packet.local;
+    level.instance = &instance, level.instance_index = index;
+    for (RaySet left = rays; left != 0;) {
+      const RaySet alike = of_one_key(packet.local_rays, left, level.key);
+      left &= ~alike;
+      set_constants(packet.local, packet.triangles, packet.local_rays, alike, packet.lanes, level.key, instance.extent);
+      set_ranges<kAny>(packet.local, packet, packet.local_rays, alike);
+      set_bounds(level.bounds, packet, packet.local, alike, packet.local_rays, instance.extent);
+      set_shortcuts(level, alike);
+      walk<false>(level, alike, instance.root, base);
+    }
+    if (top_level.boxes == nullptr || rays == 0) return;
+    set_ranges<kAny>(packet.world, packet, packet.world_rays, top_level.members);
+    top_level.bounds.t_limit = highest_limit(packet, packet.world);
+  }
+
+  void trace(RaySet active) noexcept {
+    PacketHits& hits = packet.hits;
+    for (unsigned i = 0; i < kPacketRays; ++i) {
+      hits.instance[i] = hits.primitive[i] = kNoHit;
+      hits.weight_v1[i] = hits.weight_v2[i] = 0.0f;
+      hits.weight_sum[i] = 1.0f;
+    }
+    PacketLevel level;
+    level.nodes = scene.nodes, level.blocks = nullptr, level.boxes = nullptr;
+    if (scene.root >= kInstanceChild) {  // a single instance: the top level has no boxes
+      if (active != 0) enter_instance(level, active, scene.root, 0);
+      return;
+    }
+    level.boxes = &packet.world;
+    while (active != 0) {
+      level.members = of_one_key(packet.world_rays, active, level.key);
+      active &= ~level.members;
+      set_constants(packet.world, packet.triangles, packet.world_rays, level.members, packet.lanes, level.key,
+                    scene.extent);
+      set_ranges<kAny>(packet.world, packet, packet.world_rays, level.members);
+      set_bounds(level.bounds, packet, packet.world, level.members, packet.world_rays, scene.extent);
+      walk<true>(level, level.members, scene.root, 0);
+    }
+  }
+};
+
+// Entries of a stack: those any ray can need, and 8 more that pushes may write over.
+inline std::size_t packet_stack_entries(const SceneView& scene) noexcept {
+  return (std::size_t{scene.stack_entries} + 16 + 15) / 16 * 16;
+}
+
+std::size_t packet_workspace_bytes(const SceneView& scene) {
+  return sizeof(Packet) + packet_stack_entries(scene) * 4 * sizeof(std::uint32_t);
+}
+
+// Weights become barycentric coordinates.
+inline void divide_weights(Packet& packet) noexcept {
+  PacketHits& hits = packet.hits;
+  for (unsigned i = 0; i < packet.lanes; i += kRayLanes) {
+    const RayFloat sum = load_rays(hits.weight_sum + i);
+    store_rays(hits.weight_v1 + i, div(load_rays(hits.weight_v1 + i), sum));
+    store_rays(hits.weight_v2 + i, div(load_rays(hits.weight_v2 + i), sum));
+  }
+}
+
+template <bool kAny>
+void write_results(const Packet& packet, const RayBatch& batch, std::size_t row) noexcept {
+  const PacketHits& hits = packet.hits;
+  for (unsigned i = 0; i < packet.count; ++i) {
+    const bool found = hits.instance[i] != kNoHit;
+    if constexpr (kAny) {
+      batch.occluded[row + i] = found ? 1 : 0;
+    } else {
+      Hit& hit = batch.hits[row + i];
+      hit.t = found ? static_cast<float>(hits.t[i]) + 0.0f : kInfiniteDistance;  // no -0
+      hit.u = hits.weight_v1[i], hit.v = hits.weight_v2[i];
+      hit.instance_index = hits.instance[i], hit.primitive_index = hits.primitive[i];
+    }
+  }
+}
+
+template <bool kAny>
+void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) noexcept {
+  Packet& packet = *static_cast<Packet*>(workspace);
+  std::uint32_t* const stack = reinterpret_cast<std::uint32_t*>(&packet + 1);
+  const std::size_t entries = packet_stack_entries(scene);
+  packet.stack = {stack, reinterpret_cast<float*>(stack + entries), stack + 2 * entries, stack + 3 * entries};
+  packet.scene = &scene;
+  packet.cull = batch.cull;
+  for (std::size_t row = 0; row < batch.count; row += kPacketRays) {
+    packet.rays = batch.rays + row;
+    packet.count = static_cast<unsigned>(batch.count - row < kPacketRays ? batch.count - row : kPacketRays);
+    packet.lanes = (packet.count + kRayLanes - 1) / kRayLanes * kRayLanes;
+    if (left != nullptr && (left[row / kPacketRays] = !may_be_coherent(packet.rays, packet.count))) continue;
+    const RaySet valid = load_packet(packet, scene);
+    if (left != nullptr &&
+        (left[row / kPacketRays] = !are_coherent(packet.world_rays, valid, packet.lanes, scene.extent.reach))) {
+      continue;
+    }
+    PacketWalk<kAny>{packet, scene}.trace(valid);
+    if constexpr (!kAny) divide_weights(packet);
+    write_results<kAny>(packet, batch, row);
+  }
+}
+
+void trace_packets_closest(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) {
+  trace_packets<false>(scene, batch, workspace, left);
+}
+
+void trace_packets_any(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) {
+  trace_packets<true>(scene, batch, workspace, left);
+}
+
+}  // namespace
+}  // namespace perfect_bvh

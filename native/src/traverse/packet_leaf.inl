@@ -1,0 +1,182 @@
+// A leaf block against a packet's rays. Where many of a vector's rays enter the leaf, lanes are rays and the triangles
+// come one at a time; where few do, lanes are triangles and the rays come one at a time. Either way the arithmetic is
+// that of math/triangle.h, operation by operation, so the bits are the same.
+// Part of packet_kernel.inl: everything has internal linkage.
+
+// The tree that a packet is in, for rays of one key.
+struct PacketLevel {
+  const WideNode* nodes;
+  const LeafBlock* blocks;
+  PacketBoxes* boxes;
+  PacketBounds bounds;
+  RaySet members;
+  PacketKey key;
+  const InstanceView* instance;
+  std::uint32_t instance_index;
+  bool shares_origin;  // all rays begin at the same point:
+  float shared_origin[3];
+  bool is_direct;  // local t is the ray's own t, for all rays
+};
+
+// One ray of a packet as kernels for single rays know it.
+struct LoneRay {
+  BoxState box;
+  TriangleState triangle;
+
+  LoneRay(const Packet& packet, const PacketLevel& level, unsigned i) noexcept {
+    const PacketBoxes& boxes = *level.boxes;
+    const PacketRays& rays = packet.local_rays;
+    for (int axis = 0; axis < 3; ++axis) {
+      box.slab.inverse[axis] = boxes.inverse[axis][i];
+      box.slab.near_offset[axis] = boxes.near_offset[axis][i];
+      box.slab.far_offset[axis] = boxes.far_offset[axis][i];
+      triangle.ray.axes[axis] = level.key.axes[axis];
+      triangle.ray.origin[axis] = rays.narrow_origin[level.key.axes[axis]][i];
+      triangle.row[axis] = static_cast<std::uint16_t>(32 * level.key.axes[axis]);
+    }
+    box.t_min = boxes.t_min[i], box.t_limit = boxes.t_limit[i];
+    box.rows = level.key.rows;
+    triangle.ray.shear_x = packet.triangles.shear_x[i], triangle.ray.shear_y = packet.triangles.shear_y[i];
+    triangle.ray.direction_z = rays.narrow_direction[level.key.axes[2]][i];
+    triangle.ray.refine_below = packet.triangles.refine_below[i];
+    triangle.ray.runs_down = level.key.runs_down;
+  }
+};
+
+// Ray i against all triangles. True if its best hit is a new one (any hit: if there is one).
+template <bool kAny>
+bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& block, unsigned i,
+                     LoneRay& lone) noexcept {
+  const LeafTest test = test_leaf(block, lone.triangle, lone.box.t_min, lone.box.t_limit);
+  if (test.lanes == 0) return false;
+  const LeafCandidates candidates(test);
+  const Ray& ray = packet.rays[i];
+  const TimeFrame time = packet.local_rays.time(i);
+  PacketHits& hits = packet.hits;
+  bool is_new = false;
+  for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
+    const int lane = __builtin_ctz(lanes);
+    const double t = candidate_t(candidates, lane, block, lone.triangle.ray, time);
+    if (!(is_in_range(t, ray) && t <= hits.t[i])) continue;
+    if (is_culled(packet.cull, candidates.sums[lane], lone.triangle.ray, *level.instance)) continue;
+    const std::uint32_t primitive = block.primitives[lane];
+    if (t == hits.t[i] && hits.instance[i] != kNoHit &&
+        !wins_tie(packet.scene->instances, level.instance_index, primitive, hits.instance[i], hits.primitive[i])) {
+      continue;
+    }
+    hits.t[i] = t;
+    hits.weight_v1[i] = candidates.weights_v1[lane], hits.weight_v2[i] = candidates.weights_v2[lane];
+    hits.weight_sum[i] = candidates.sums[lane];
+    hits.instance[i] = level.instance_index, hits.primitive[i] = primitive;
+    is_new = true;
+    if constexpr (kAny) break;
+  }
+  if (is_new) lone.box.t_limit = level.boxes->t_limit[i] = kAny ? kDead : to_local_max(time, hits.t[i]);
+  return is_new;
+}
+
+// A leaf's vertices and corners, as packets read them.
+struct LeafCorners {
+  alignas(32) float x[8], y[8], z[8];  // along the sheared frame's axes; from the rays' origin if they share it
+  unsigned triangle_count, vertex_count;
+
+  LeafCorners(const PacketLevel& level, const LeafBlock& block) noexcept {
+    float* const to[3] = {x, y, z};
+    for (int k = 0; k < 3; ++k) {
+      const Float8 row = load(block.vertices[level.key.axes[k]]);
+      store(to[k], level.shares_origin ? sub(row, broadcast(level.shared_origin[level.key.axes[k]])) : row);
+    }
+    triangle_count = count_distinct(block.primitives);
+    const unsigned used = used_corners(block.corners);
+    vertex_count = 32 - static_cast<unsigned>(__builtin_clz(used));
+  }
+};
+
+// Rays `first` and on, those in `lanes`, against all triangles, one at a time. The hits that surely count are taken
+// here; rays whose hits need a closer look (near the origin, as far as the best one) are returned.
+template <bool kAny, bool kShared>
+unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBlock& block, const LeafCorners& leaf,
+                        unsigned first, unsigned lanes) noexcept {
+  const PacketTriangles& triangles = packet.triangles;
+  const PacketRays& rays = packet.local_rays;
+  const std::uint8_t* const axes = level.key.axes;
+  PacketHits& hits = packet.hits;
+  float* const limits = level.boxes->t_limit + first;
+  RayFloat across[8], upward[8], depth[8];
+  const RayFloat shear_x = load_rays(triangles.shear_x + first), shear_y = load_rays(triangles.shear_y + first);
+  for (unsigned i = 0; i < leaf.vertex_count; ++i) {
+    if constexpr (kShared) {
+      depth[i] = every_ray(leaf.z[i]);
+      across[i] = fnmadd(shear_x, depth[i], every_ray(leaf.x[i]));
+      upward[i] = fnmadd(shear_y, depth[i], every_ray(leaf.y[i]));
+    } else {
+      depth[i] = sub(every_ray(leaf.z[i]), load_rays(rays.narrow_origin[axes[2]] + first));
+      across[i] = fnmadd(shear_x, depth[i], sub(every_ray(leaf.x[i]), load_rays(rays.narrow_origin[axes[0]] + first)));
+      upward[i] = fnmadd(shear_y, depth[i], sub(every_ray(leaf.y[i]), load_rays(rays.narrow_origin[axes[1]] + first)));
+    }
+  }
+  const RayFloat none = every_ray(0.0f);
+  const unsigned turned = level.key.runs_down != (level.instance->mirrored != 0) ? ~0u : 0u;
+  unsigned doubtful = 0;
+  for (unsigned i = 0; i < leaf.triangle_count; ++i) {
+    const std::uint32_t corners = block.corners[i];
+    const unsigned a = corners & 7, b = corners >> 4 & 7, c = corners >> 8 & 7;
+    const RayFloat weight0 = difference(across[c], upward[b], upward[c], across[b]);
+    const RayFloat weight1 = difference(across[a], upward[c], upward[a], across[c]);
+    const RayFloat weight2 = difference(across[b], upward[a], upward[b], across[a]);
+    const RayFloat least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
+    const RayFloat sum = add(add(weight0, weight1), weight2);
+    unsigned inside = bits(both(either(less_equal(none, least), less_equal(most, none)), not_equal(sum, none))) & lanes;
+    if (packet.cull != Cull::kNone) {
+      const unsigned front = bits(less(none, sum)) ^ turned;
+      inside &= packet.cull == Cull::kFront ? ~front : front;
+    }
+    if (inside == 0) continue;
+    const RayFloat t = div(fmadd(weight2, depth[c], fmadd(weight1, depth[b], mul(weight0, depth[a]))),
+                           mul(sum, load_rays(rays.narrow_direction[axes[2]] + first)));
+    const RayFloat limit = load_rays(limits);
+    const unsigned from = bits(less_equal(load_rays(level.boxes->t_min + first), t));
+    const unsigned at_origin = bits(less_equal(abs(t), load_rays(triangles.refine_below + first)));
+    const unsigned up_to = bits(less_equal(t, limit)), before = bits(less(t, limit));
+    doubtful |= inside & (at_origin | (from & up_to & ~before));
+    const unsigned found = inside & from & before & ~at_origin;
+    if (found == 0) continue;
+    const RayMask mask = ray_mask(found);
+    store_some(hits.instance + first, mask, level.instance_index);
+    if constexpr (kAny) {
+      store_some(limits, mask, every_ray(kDead));
+      lanes &= ~found;
+    } else {
+      store_some(limits, mask, t);
+      store_some(hits.t + first, mask, t);
+      store_some(hits.weight_v1 + first, mask, weight1);
+      store_some(hits.weight_v2 + first, mask, weight2);
+      store_some(hits.weight_sum + first, mask, sum);
+      store_some(hits.primitive + first, mask, block.primitives[i]);
+    }
+  }
+  return kAny ? doubtful & lanes : doubtful;
+}
+
+// Vectors with no more rays in a leaf take them one at a time.
+constexpr unsigned kFewInLeaf = kRayLanes / 8;
+
+template <bool kAny>
+void visit_packet_leaf(Packet& packet, PacketLevel& level, const LeafBlock& block, const float* box,
+                       unsigned begin) noexcept {
+  const LeafCorners leaf(level, block);
+  for (unsigned first = begin; first < packet.lanes; first += kRayLanes) {
+    unsigned lanes = test_box(*level.boxes, level.key.rows, box, first);
+    if (lanes == 0) continue;
+    if (level.is_direct && count_bits(lanes) > kFewInLeaf) {
+      lanes = level.shares_origin ? test_triangles<kAny, true>(packet, level, block, leaf, first, lanes)
+                                  : test_triangles<kAny, false>(packet, level, block, leaf, first, lanes);
+    }
+    for (; lanes != 0; lanes &= lanes - 1) {
+      const unsigned i = first + static_cast<unsigned>(__builtin_ctz(lanes));
+      LoneRay lone(packet, level, i);
+      test_leaf_alone<kAny>(packet, level, block, i, lone);
+    }
+  }
+  level.bounds.t_limit = highest_limit(packet, *level.boxes);
+}

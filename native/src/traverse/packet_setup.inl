@@ -1,0 +1,187 @@
+// From rays to the constants of a packet at one level: the operations of ray_setup_avx.h, a vector of rays at a time.
+// Part of packet_kernel.inl: everything has internal linkage.
+
+constexpr unsigned kDoubleLanes = kRayLanes / 2;
+
+// Which of the rays `first` and on, kDoubleLanes of them, stand near (see object_ray.h).
+PERFECT_BVH_INLINE unsigned near_lanes(const PacketRays& rays, unsigned first, double reach) noexcept {
+  const RayDouble longest = every_ray(kLongest), shortest = every_ray(kShortest), farthest = every_ray(kNearby * reach);
+  unsigned all = ~0u, any = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const RayDouble direction = load_rays(rays.direction[axis] + first);
+    all &= magnitudes_up_to(direction, longest) & magnitudes_up_to(load_rays(rays.origin[axis] + first), farthest);
+    any |= magnitudes_from(direction, shortest);
+  }
+  return all & any & ((1u << kDoubleLanes) - 1);
+}
+
+inline ObjectRay object_ray(const PacketRays& rays, unsigned i) noexcept {
+  return {{rays.origin[0][i], rays.origin[1][i], rays.origin[2][i], 0.0},
+          {rays.direction[0][i], rays.direction[1][i], rays.direction[2][i], 0.0},
+          rays.time(i)};
+}
+
+// Brings ray i near. False if it hits nothing.
+inline bool move_ray(PacketRays& rays, unsigned i, double reach) noexcept {
+  ObjectRay ray = object_ray(rays, i);
+  for (const double component : ray.origin) {
+    if (!(component - component == 0.0)) return false;
+  }
+  if (!bring_near(ray, reach)) return false;
+  for (int axis = 0; axis < 3; ++axis) {
+    rays.origin[axis][i] = ray.origin[axis];
+    rays.direction[axis][i] = ray.direction[axis];
+  }
+  rays.moved |= RaySet{1} << i;
+  rays.moved_time[i] = ray.time;
+  return true;
+}
+
+// Moves those of `candidates` that are not near; the ones left are near and narrowed.
+inline RaySet prepare_rays(PacketRays& rays, RaySet candidates, unsigned lanes, double reach) noexcept {
+  RaySet near = 0;
+  for (unsigned i = 0; i < lanes; i += kDoubleLanes) near |= from_bits(near_lanes(rays, i, reach), i);
+  for (RaySet far = candidates & ~near; far != 0; far &= far - 1) {
+    const unsigned i = first_ray(far);
+    if (!move_ray(rays, i, reach)) candidates &= ~(RaySet{1} << i);
+  }
+  for (int axis = 0; axis < 3; ++axis) rays.down[axis] = rays.longest[axis] = 0;
+  for (unsigned i = 0; i < lanes; i += kRayLanes) {
+    RayFloat length[3];
+    for (int axis = 0; axis < 3; ++axis) {
+      const RayFloat direction = load_narrowed(rays.direction[axis] + i);
+      store_rays(rays.narrow_direction[axis] + i, direction);
+      store_rays(rays.narrow_origin[axis] + i, load_narrowed(rays.origin[axis] + i));
+      rays.down[axis] |= from_bits(signs(direction), i);
+      length[axis] = abs(direction);
+    }
+    // As longest_axis().
+    const unsigned x_over_y = bits(less(length[1], length[0])), x_over_z = bits(less(length[2], length[0]));
+    const unsigned y_over_z = bits(less(length[2], length[1]));
+    const unsigned x = x_over_y & x_over_z, y = ~x_over_y & y_over_z;
+    rays.longest[0] |= from_bits(x & ((1u << kRayLanes) - 1), i);
+    rays.longest[1] |= from_bits(y & ((1u << kRayLanes) - 1), i);
+  }
+  rays.longest[2] = ~(rays.longest[0] | rays.longest[1]);
+  return candidates;
+}
+
+// The rays as the batch has them. Those that cannot hit anything are left out.
+inline RaySet load_packet(Packet& packet, const SceneView& scene) noexcept {
+  PacketRays& rays = packet.world_rays;
+  const double scale = static_cast<double>(scene.scale);
+  RaySet valid = 0;
+  for (unsigned i = 0; i < packet.lanes; ++i) {
+    const Ray& ray = packet.rays[i < packet.count ? i : packet.count - 1];
+    __builtin_prefetch(&ray + kPacketRays);  // of the next packet, or nothing's
+    rays.origin[0][i] = ray.origin.x * scale, rays.direction[0][i] = ray.direction.x * scale;
+    rays.origin[1][i] = ray.origin.y * scale, rays.direction[1][i] = ray.direction.y * scale;
+    rays.origin[2][i] = ray.origin.z * scale, rays.direction[2][i] = ray.direction.z * scale;
+    packet.t_min[i] = ray.t_min, packet.t_max[i] = ray.t_max;
+    packet.hits.t[i] = static_cast<double>(ray.t_max);
+    valid |= RaySet{ray.t_min <= ray.t_max && i < packet.count} << i;
+  }
+  rays.moved = 0;
+  return prepare_rays(rays, valid, packet.lanes, static_cast<double>(scene.extent.reach));
+}
+
+// Those of `rays` that may hit something of the instance, as its tree sees them.
+inline RaySet map_packet(Packet& packet, RaySet rays, const InstanceView& instance) noexcept {
+  const PacketRays& from = packet.world_rays;
+  PacketRays& to = packet.local_rays;
+  const auto& map = instance.world_to_local;
+  for (unsigned i = 0; i < packet.lanes; i += kDoubleLanes) {
+    const RayDouble x = load_rays(from.origin[0] + i), dx = load_rays(from.direction[0] + i);
+    const RayDouble y = load_rays(from.origin[1] + i), dy = load_rays(from.direction[1] + i);
+    const RayDouble z = load_rays(from.origin[2] + i), dz = load_rays(from.direction[2] + i);
+    for (int axis = 0; axis < 3; ++axis) {
+      const RayDouble a = every_ray(map[0][axis]), b = every_ray(map[1][axis]), c = every_ray(map[2][axis]);
+      const RayDouble linear = add(add(mul(a, x), mul(b, y)), mul(c, z));
+      store_rays(to.origin[axis] + i, add(linear, every_ray(map[3][axis])));
+      store_rays(to.direction[axis] + i, add(add(mul(a, dx), mul(b, dy)), mul(c, dz)));
+    }
+  }
+  to.moved = from.moved & rays;
+  for (RaySet moved = to.moved; moved != 0; moved &= moved - 1) {
+    to.moved_time[first_ray(moved)] = from.moved_time[first_ray(moved)];
+  }
+  return prepare_rays(to, rays, packet.lanes, static_cast<double>(instance.extent.reach));
+}
+
+// What the rays that are traced together have in common.
+struct PacketKey {
+  OctantRows rows;
+  std::uint8_t axes[3];  // of the sheared frame
+  bool runs_down;        // the longest axis
+};
+
+// The rays of `candidates` that run in the same octant, along the same longest axis, as the first of them.
+inline RaySet of_one_key(const PacketRays& rays, RaySet candidates, PacketKey& key) noexcept {
+  const unsigned first = first_ray(candidates);
+  unsigned octant = 0, longest = 0;
+  for (unsigned axis = 0; axis < 3; ++axis) {
+    const unsigned down = rays.down[axis] >> first & 1;
+    octant |= down << axis;
+    candidates &= down != 0 ? rays.down[axis] : ~rays.down[axis];
+    if (rays.longest[axis] >> first & 1) longest = axis;
+  }
+  constexpr std::uint8_t kAxes[5] = {1, 2, 0, 1, 2};
+  key.rows = kOctantRows[octant];
+  key.axes[0] = kAxes[longest], key.axes[1] = kAxes[longest + 1], key.axes[2] = static_cast<std::uint8_t>(longest);
+  key.runs_down = (octant >> longest & 1) != 0;
+  return candidates & rays.longest[longest];
+}
+
+// As set_states() in ray_setup_avx.h, for the vectors that hold any of `members`; rays of other keys get no use of it.
+inline void set_constants(PacketBoxes& boxes, PacketTriangles& triangles, const PacketRays& rays, RaySet members,
+                          unsigned lanes, const PacketKey& key, const TreeExtent& extent) noexcept {
+  const RayFloat one = every_ray(1.0f);
+  const int k = key.axes[2];
+  for (unsigned i = 0; i < lanes; i += kRayLanes) {
+    if (lanes_of(members, i) == 0) continue;
+    const RayFloat long_length = abs(load_rays(rays.narrow_direction[k] + i));
+    const RayFloat smallest_length = mul(every_ray(kSmallestShare), long_length);
+    const RayFloat long_reach = add(every_ray(extent.largest[k]), abs(load_rays(rays.narrow_origin[k] + i)));
+    const RayFloat long_inverse = div(one, max(long_length, smallest_length));
+    const RayFloat long_depth = mul(long_reach, long_inverse);
+    const RayFloat share = mul(every_ray(kReachShare), long_reach);
+    const RayFloat depth_slack = mul(every_ray(kDepthSlack), long_depth);
+    for (int axis = 0; axis < 3; ++axis) {
+      const RayFloat origin = load_rays(rays.narrow_origin[axis] + i);
+      const RayFloat direction = load_rays(rays.narrow_direction[axis] + i);
+      const RayFloat raised = with_sign(max(abs(direction), smallest_length), direction);
+      const RayFloat inverse = axis == k ? with_sign(long_inverse, direction) : div(one, raised);
+      const RayFloat reach = add(add(every_ray(extent.largest[axis]), abs(origin)), share);
+      const RayFloat slack = add(mul(every_ray(kPlaneSlack), mul(reach, abs(inverse))), depth_slack);
+      const RayFloat at_origin = mul(origin, inverse);
+      store_rays(boxes.inverse[axis] + i, inverse);
+      store_rays(boxes.near_offset[axis] + i, add(at_origin, slack));
+      store_rays(boxes.far_offset[axis] + i, sub(at_origin, slack));
+    }
+    const RayFloat along = load_rays(rays.narrow_direction[k] + i);
+    const RayFloat inverse = with_sign(long_inverse, along);
+    store_rays(triangles.shear_x + i, mul(load_rays(rays.narrow_direction[key.axes[0]] + i), inverse));
+    store_rays(triangles.shear_y + i, mul(load_rays(rays.narrow_direction[key.axes[1]] + i), inverse));
+    store_rays(triangles.refine_below + i, mul(every_ray(kRefineReach), long_depth));
+  }
+}
+
+// The range of t of `members` as it is now; the others enter nothing. Rays that have their hit enter nothing either if
+// any hit will do.
+template <bool kAny>
+void set_ranges(PacketBoxes& boxes, const Packet& packet, const PacketRays& rays, RaySet members) noexcept {
+  for (unsigned i = 0; i < packet.lanes; i += kRayLanes) {
+    const RayFloat limit = load_narrowed(packet.hits.t + i);
+    store_rays(boxes.t_min + i, load_rays(packet.t_min + i));
+    store_rays(boxes.t_limit + i, select(ray_mask(lanes_of(members, i)), limit, every_ray(kDead)));
+  }
+  for (RaySet moved = rays.moved & members; moved != 0; moved &= moved - 1) {
+    const unsigned i = first_ray(moved);
+    boxes.t_min[i] = to_local_min(rays.moved_time[i], static_cast<double>(packet.t_min[i]));
+    boxes.t_limit[i] = to_local_max(rays.moved_time[i], packet.hits.t[i]);
+  }
+  if (!kAny) return;
+  for (RaySet left = members; left != 0; left &= left - 1) {
+    if (packet.hits.instance[first_ray(left)] != kNoHit) boxes.t_limit[first_ray(left)] = kDead;
+  }
+}
