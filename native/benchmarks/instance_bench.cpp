@@ -2,6 +2,8 @@
 //   --counts a,b     instances (1000,10000,100000)       --layouts a,b      of grid,heap (both)
 //   --threads N      of both sides, for commits (1)      --rounds N         interleaved rounds (5)
 //   --kinds a,b      of commit,primary,diffuse (all)     --json OUT.json
+//   --peers a,b      of embree,low,array,array_low (embree,low,array): Embree's instances as geometries, with quality
+//                    LOW and the dynamic flag, as one array, and that with both; rays are cast at the first alone
 //
 // Commits: every instance gets another transform, then the scene is committed; all competitors in turn, the median of
 // the rounds. "set" is the time of handing over the transforms (Embree computes inverses there, ours in the commit).
@@ -31,6 +33,7 @@ namespace {
 
 struct Options {
   std::vector<std::string> layouts{"grid", "heap"}, kinds{"commit", "primary", "diffuse"};
+  std::vector<std::string> peers{"embree", "low", "array"};
   std::vector<std::size_t> counts{1000, 10000, 100000};
   int threads = 1, rounds = 5;
   std::string json, mesh;
@@ -62,6 +65,8 @@ Options parse(int count, char** values) {
       options.layouts = split(value());
     } else if (name == "--kinds") {
       options.kinds = split(value());
+    } else if (name == "--peers") {
+      options.peers = split(value());
     } else if (name == "--threads") {
       options.threads = std::stoi(value());
     } else if (name == "--rounds") {
@@ -243,6 +248,16 @@ void report_commits(const std::string& layout, std::size_t count, const std::vec
   std::fflush(stdout);
 }
 
+void report_stages(const TopLevelReport& top, Report& json, const std::string& layout, std::size_t count) {
+  std::printf("      ours: placing %.2f, build %.2f, clustering %.2f, collapse %.2f ms (%s)\n",
+              top.placing_milliseconds, top.build_milliseconds, top.clustering_milliseconds, top.collapse_milliseconds,
+              top.builder.c_str());
+  json.add(labelled(layout, count, "stages", "ours") + ", \"placing_ms\": " + std::to_string(top.placing_milliseconds) +
+           ", \"build_ms\": " + std::to_string(top.build_milliseconds) +
+           ", \"clustering_ms\": " + std::to_string(top.clustering_milliseconds) +
+           ", \"collapse_ms\": " + std::to_string(top.collapse_milliseconds));
+}
+
 void report_rays(const std::string& layout, std::size_t count, const std::string& kind, std::size_t ray_count,
                  const std::vector<Competitor>& competitors, const RayCost& cost, Report& json) {
   std::vector<double> times;
@@ -266,9 +281,11 @@ void report_rays(const std::string& layout, std::size_t count, const std::string
 
 // ------------------------------------------------------------------------------------------------------------------
 
-Competitor embree_competitor(const std::string& name, const TriangleMesh& mesh, std::size_t count,
-                             EmbreeInstances::Options options, int threads) {
+Competitor embree_competitor(const std::string& name, const TriangleMesh& mesh, std::size_t count, int threads) {
+  EmbreeInstances::Options options;
   options.device = "threads=" + std::to_string(threads);
+  if (name.find("array") != std::string::npos) options.kind = EmbreeInstances::Kind::kArray;
+  if (name.find("low") != std::string::npos) options.quality = RTC_BUILD_QUALITY_LOW, options.is_dynamic = true;
   const auto peer = std::make_shared<EmbreeInstances>(mesh, count, options);
   return {name,
           [peer](std::span<const Affine> maps) { peer->set_transforms(maps); },
@@ -287,16 +304,9 @@ void bench(const Options& options, const TriangleMesh& mesh, const std::string& 
   const std::vector<Affine> placed[2] = {place_instances(layout, box, count, 1),
                                          place_instances(layout, box, count, 2)};
   ThreadPool pool(options.threads);
-  using Kind = EmbreeInstances::Kind;
   std::vector<Competitor> competitors;
-  const auto add = [&](const char* name, const EmbreeInstances::Options& peer) {
-    competitors.push_back(embree_competitor(name, mesh, count, peer, options.threads));
-  };
-  add("embree", {});
-  if (options.wants("commit")) {
-    add("embree_low", {"", Kind::kGeometries, RTC_BUILD_QUALITY_LOW, true});
-    add("embree_array", {"", Kind::kArray, RTC_BUILD_QUALITY_MEDIUM, false});
-    add("embree_array_low", {"", Kind::kArray, RTC_BUILD_QUALITY_LOW, true});
+  for (const std::string& name : options.peers) {
+    competitors.push_back(embree_competitor(name, mesh, count, options.threads));
   }
   Ours ours(mesh, placed[0], pool);
   competitors.push_back({"ours",
@@ -313,9 +323,10 @@ void bench(const Options& options, const TriangleMesh& mesh, const std::string& 
   if (options.wants("commit")) {
     run_commits(competitors, options, placed);
     report_commits(layout, count, competitors, options.threads, json);
+    report_stages(ours.report().top_level, json, layout, count);
   }
   // Rays are cast with the first and the last alone.
-  competitors.erase(competitors.begin() + 1, competitors.end() - 1);
+  if (competitors.size() > 2) competitors.erase(competitors.begin() + 1, competitors.end() - 1);
   const Aabb world = ours.snapshot().tlas.bounds();
   const std::vector<Ray> primary = primary_rays(world, View::kOutside, 640, 400);
   for (const std::string kind : {"primary", "diffuse"}) {

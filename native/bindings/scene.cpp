@@ -68,6 +68,13 @@ const char* action_name(MeshAction action) {
   return "kept";
 }
 
+py::dict to_dict(const TopLevelReport& top) {
+  return py::dict(py::arg("builder") = top.builder, py::arg("placing_milliseconds") = top.placing_milliseconds,
+                  py::arg("build_milliseconds") = top.build_milliseconds,
+                  py::arg("clustering_milliseconds") = top.clustering_milliseconds,
+                  py::arg("collapse_milliseconds") = top.collapse_milliseconds);
+}
+
 py::dict to_dict(const CommitReport& report) {
   py::list meshes;
   for (const MeshReport& mesh : report.meshes) {
@@ -84,8 +91,8 @@ py::dict to_dict(const CommitReport& report) {
                   py::arg("instance_count") = report.instance_count, py::arg("baked_count") = report.baked_count,
                   py::arg("mesh_milliseconds") = report.mesh_milliseconds,
                   py::arg("top_level_milliseconds") = report.top_level_milliseconds,
-                  py::arg("milliseconds") = report.milliseconds, py::arg("byte_count") = report.byte_count,
-                  py::arg("generation") = report.generation);
+                  py::arg("top_level") = to_dict(report.top_level), py::arg("milliseconds") = report.milliseconds,
+                  py::arg("byte_count") = report.byte_count, py::arg("generation") = report.generation);
 }
 
 template <class T>

@@ -64,16 +64,18 @@ void expect_right_hits(const TriangleMesh& mesh, const Bvh2& tree) {
   CancelToken cancel;
   auto blas = std::make_shared<Blas>(std::make_shared<const TriangleMesh>(mesh));
   blas->tree = tree;
-  blas->cover = cover_boxes(tree, 8);
+  blas->cover = make_cover(tree);
   blas->wide = collapse_mesh(tree, mesh, pool, cancel);
   Snapshot snapshot;
   snapshot.blases.push_back(blas);
   Instance& instance = snapshot.instances.emplace_back();
   instance.id = 0, instance.mesh_id = 0;
-  ASSERT_TRUE(place_instance(instance, *blas, Affine{}));
-  const Aabb& box = instance.world_bounds;
-  snapshot.tlas = build_top_level(std::vector<PrimRef>{{box.lower, 0, box.upper, 0}}, pool, cancel);
-  make_trace_view(snapshot, cancel);
+  Placing placing;
+  ASSERT_TRUE(place_instance(instance, placing, *blas, Affine{}));
+  const Aabb& box = placing.world_bounds;
+  snapshot.instance_views.push_back(view_of(instance, placing.world_to_object));
+  snapshot.tlas = build_top_level(std::vector<PrimRef>{{box.lower, 0, box.upper, 0}}, pool, cancel).tree;
+  make_trace_view(snapshot, pool, cancel);
 
   std::mt19937 random(9);
   std::uniform_real_distribution<double> place(-2.0, 2.0);

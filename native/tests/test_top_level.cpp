@@ -36,7 +36,7 @@ Bvh2 cluster(const std::vector<PrimRef>& refs, BuilderKind guide = BuilderKind::
 Bvh2 top_level(const std::vector<PrimRef>& refs, int thread_count = 1, std::uint32_t most_clusters = kMostClusters) {
   ThreadPool pool(thread_count);
   CancelToken cancel;
-  return build_top_level(refs, pool, cancel, most_clusters);
+  return build_top_level(refs, pool, cancel, most_clusters).tree;
 }
 
 bool same_bytes(const Bvh2& a, const Bvh2& b) {

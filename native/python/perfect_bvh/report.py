@@ -32,6 +32,23 @@ class MeshReport:
 
 
 @dataclass(frozen=True, slots=True)
+class TopLevelReport:
+    """The tree over the instances, and the stages of making it; all 0 if it was kept.
+
+    builder: "agglomerative" where joining its upper parts pair by pair made it cheaper, else what made it, as in
+    `BuildConfig`; "" over nothing.
+    placing: inverse transforms and world boxes. build: the binary tree. clustering: of its upper part.
+    collapse: the tree that rays are traced through.
+    """
+
+    builder: str
+    placing_milliseconds: float
+    build_milliseconds: float
+    clustering_milliseconds: float
+    collapse_milliseconds: float
+
+
+@dataclass(frozen=True, slots=True)
 class CommitReport:
     """meshes: those that were not kept. baked_count: instances whose transform has no usable inverse.
 
@@ -44,6 +61,7 @@ class CommitReport:
     baked_count: int
     mesh_milliseconds: float
     top_level_milliseconds: float
+    top_level: TopLevelReport
     milliseconds: float
     byte_count: int
     generation: int
@@ -52,7 +70,8 @@ class CommitReport:
     def from_core(cls, values: dict[str, Any]) -> CommitReport:
         """From the native module's dictionary."""
         meshes = tuple(MeshReport(**row) for row in values.pop("meshes"))
-        return cls(meshes=meshes, **values)
+        top_level = TopLevelReport(**values.pop("top_level"))
+        return cls(meshes=meshes, top_level=top_level, **values)
 
     def count(self, action: MeshAction) -> int:
         """How many meshes were treated so."""

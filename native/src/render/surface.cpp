@@ -45,7 +45,7 @@ Vec3d smooth_normal(const Instance& instance, CornerNormals normals, const Objec
                     Vec3d fallback) noexcept {
   const Vec3d object = to_double(normals[0]) * triangle.weights[0] + to_double(normals[1]) * triangle.weights[1] +
                        to_double(normals[2]) * triangle.weights[2];
-  const Vec3d world = instance.world_to_object.transposed_vector(object);
+  const Vec3d world = inverse(instance.object_to_world).transposed_vector(object);
   const double size = length(world);
   return size > 0.0 && std::isfinite(size) ? world * (1.0 / size) : fallback;
 }

@@ -2,22 +2,13 @@
 // exception anywhere leaves the scene as it was.
 
 #include <algorithm>
-#include <chrono>
 
+#include "core/stopwatch.h"
 #include "scene/blas_build.h"
-#include "scene/instance_placing.h"
 #include "scene/scene.h"
-#include "scene/top_level.h"
-#include "scene/trace_view.h"
 
 namespace perfect_bvh {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double milliseconds_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
 
 std::size_t byte_count(const Snapshot& snapshot) {
   std::size_t count = snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView)) +
@@ -29,43 +20,6 @@ std::size_t byte_count(const Snapshot& snapshot) {
 }
 
 }  // namespace
-
-std::shared_ptr<Snapshot> Scene::assemble(const std::map<std::int32_t, std::shared_ptr<const Blas>>& blases,
-                                          ThreadPool& pool, CancelToken& cancel) const {
-  auto snapshot = std::make_shared<Snapshot>();
-  snapshot->instances.resize(instances_.size());
-  std::vector<std::shared_ptr<const Blas>> baked(instances_.size());
-  constexpr std::size_t kGrain = 1024;
-  parallel_for(pool, instances_.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    cancel.throw_if_stopped();
-    for (std::size_t i = begin; i < end; ++i) {
-      const InstanceSlot& slot = instances_[i];
-      Instance& instance = snapshot->instances[i];
-      instance.id = slot.id, instance.mesh_id = slot.mesh_id, instance.mask = slot.mask, instance.order = slot.order;
-      const Blas& blas = *blases.at(slot.mesh_id);
-      if (!place_instance(instance, blas, slot.object_to_world)) {
-        const MeshSlot& mesh = meshes_.at(slot.mesh_id);
-        const BuildConfig config = choose_builder(mesh.config, mesh.usage);
-        baked[i] = bake_instance(instance, blas, slot.object_to_world, config, pool, cancel);
-      }
-    }
-  });
-  std::vector<PrimRef> prims;
-  prims.reserve(instances_.size());
-  for (std::size_t i = 0; i < snapshot->instances.size(); ++i) {
-    const Aabb& box = snapshot->instances[i].world_bounds;
-    if (!box.is_empty()) prims.push_back({box.lower, static_cast<std::uint32_t>(i), box.upper, 0});
-    if (baked[i]) snapshot->blases.push_back(baked[i]);
-  }
-  for (const auto& [mesh_id, blas] : blases) {
-    snapshot->blases.push_back(blas);
-    snapshot->meshes.emplace_back(mesh_id, blas.get());
-  }
-  snapshot->tlas = build_top_level(prims, pool, cancel);
-  snapshot->top_level_builder = "agglomerative";
-  make_trace_view(*snapshot, cancel);
-  return snapshot;
-}
 
 std::vector<Scene::BlasResult> Scene::make_changed_blases(ThreadPool& pool, CancelToken& cancel) const {
   std::vector<const std::pair<const std::int32_t, MeshSlot>*> changed;
@@ -92,7 +46,7 @@ std::vector<Scene::BlasResult> Scene::make_changed_blases(ThreadPool& pool, Canc
 
 CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
   const std::lock_guard edit_lock(edit_mutex_);
-  const auto start = Clock::now();
+  const Stopwatch watch;
   CommitReport report;
   report.instance_count = instances_.size();
   const std::uint64_t stale_count = [&] {
@@ -101,21 +55,22 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
   }();
   auto results = make_changed_blases(pool, cancel);
   report.kept_count = meshes_.size() - results.size();
-  report.mesh_milliseconds = milliseconds_since(start);
+  report.mesh_milliseconds = watch.milliseconds();
 
   std::shared_ptr<const Snapshot> snapshot = snapshot_;
   if (!snapshot || edit_count_ != committed_edit_count_) {  // else what is committed is what there is: keep it
-    std::map<std::int32_t, std::shared_ptr<const Blas>> blases;
+    BlasMap blases;
     for (const auto& [mesh_id, slot] : meshes_) blases[mesh_id] = slot.blas;
     for (const BlasResult& result : results) blases[result.report.mesh_id] = result.blas;
-    auto assembled = assemble(blases, pool, cancel);
+    auto assembled = assemble(blases, pool, cancel, report.top_level);
     assembled->generation = (snapshot ? snapshot->generation : 0) + 1;
     snapshot = std::move(assembled);
   }
   report.baked_count = snapshot->blases.size() - snapshot->meshes.size();
+  report.top_level.builder = snapshot->top_level_builder;
   report.byte_count = byte_count(*snapshot);
   report.generation = snapshot->generation;
-  report.milliseconds = milliseconds_since(start);
+  report.milliseconds = watch.milliseconds();
   report.top_level_milliseconds = report.milliseconds - report.mesh_milliseconds;
   report.meshes.reserve(results.size());
   for (BlasResult& result : results) report.meshes.push_back(std::move(result.report));

@@ -1,8 +1,46 @@
 #include "scene/cover.h"
 
 #include <algorithm>
+#include <cmath>
+
+#include "math/float4.h"
 
 namespace perfect_bvh {
+namespace {
+
+// Tracing moves a hit by less than 100 * 2^-24 of the mesh's reach on each of its axes (math/slab.h, with
+// |origin| <= 4 reach and the narrowing of the ray); the inverse may be off by as much as place_instance() accepts; the
+// sums below are rounded 8 times. 2^-16 covers all of it, the second number what is lost below the smallest floats.
+constexpr double kMargin = 0x1p-16, kSmallestMargin = 0x1p-140;
+
+CoverGroup make_group(const std::vector<Aabb>& boxes, std::size_t first) {
+  CoverGroup group;
+  for (std::size_t lane = 0; lane < 4; ++lane) {
+    const Aabb& box = boxes[first + lane < boxes.size() ? first + lane : 0];
+    for (int axis = 0; axis < 3; ++axis) {
+      const double lower = static_cast<double>(box.lower[axis]), upper = static_cast<double>(box.upper[axis]);
+      const auto centre = static_cast<float>((lower + upper) * 0.5);
+      group.centre[axis][lane] = centre;
+      group.half[axis][lane] =
+          round_up(std::max(upper - static_cast<double>(centre), static_cast<double>(centre) - lower));
+    }
+  }
+  return group;
+}
+
+float least_of(Float4 v) {
+  alignas(16) float lanes[4];
+  v.store(lanes);
+  return std::min(std::min(lanes[0], lanes[1]), std::min(lanes[2], lanes[3]));
+}
+
+float greatest_of(Float4 v) {
+  alignas(16) float lanes[4];
+  v.store(lanes);
+  return std::max(std::max(lanes[0], lanes[1]), std::max(lanes[2], lanes[3]));
+}
+
+}  // namespace
 
 std::vector<Aabb> cover_boxes(const Bvh2& tree, std::size_t limit) {
   if (tree.empty()) return {};
@@ -28,6 +66,47 @@ std::vector<Aabb> cover_boxes(const Bvh2& tree, std::size_t limit) {
     }
   }
   return boxes;
+}
+
+Cover make_cover(const Bvh2& tree, std::size_t limit) {
+  const std::vector<Aabb> boxes = cover_boxes(tree, limit);
+  Cover cover;
+  for (std::size_t first = 0; first < boxes.size(); first += 4) cover.groups.push_back(make_group(boxes, first));
+  for (const Aabb& box : boxes) {
+    for (int axis = 0; axis < 3; ++axis) {
+      cover.reach = std::max({cover.reach, static_cast<double>(std::abs(box.lower[axis])),
+                              static_cast<double>(std::abs(box.upper[axis]))});
+    }
+  }
+  return cover;
+}
+
+// Centre and half side: the extent along a world axis is that of the box along the map's row for that axis. In float,
+// about the instance's own place, which is added in double.
+Aabb transformed_bounds(const Cover& cover, const Affine& map) {
+  Aabb result;
+  if (cover.groups.empty()) return result;
+  for (int axis = 0; axis < 3; ++axis) {
+    const Vec3d row{map.x[axis], map.y[axis], map.z[axis]};
+    const Vec3f narrow = to_float(row);
+    const Float4 x(narrow.x), y(narrow.y), z(narrow.z);
+    const Float4 size_x(std::abs(narrow.x)), size_y(std::abs(narrow.y)), size_z(std::abs(narrow.z));
+    Float4 lower(Aabb::kInfinity), upper(-Aabb::kInfinity);
+    for (const CoverGroup& group : cover.groups) {
+      const Float4 centre =
+          x * Float4::load(group.centre[0]) + y * Float4::load(group.centre[1]) + z * Float4::load(group.centre[2]);
+      const Float4 half = size_x * Float4::load(group.half[0]) + size_y * Float4::load(group.half[1]) +
+                          size_z * Float4::load(group.half[2]);
+      lower = min(lower, centre - half);
+      upper = max(upper, centre + half);
+    }
+    const double margin =
+        (std::abs(row.x) + std::abs(row.y) + std::abs(row.z)) * (kMargin * cover.reach) + kSmallestMargin;
+    const double place = map.translation[axis];
+    result.lower[axis] = round_down(place + (static_cast<double>(least_of(lower)) - margin));
+    result.upper[axis] = round_up(place + (static_cast<double>(greatest_of(upper)) + margin));
+  }
+  return result;
 }
 
 }  // namespace perfect_bvh

@@ -1,4 +1,5 @@
-// One placed mesh: a BLAS seen through a transform. The inverse is stored beside it (lecture, "Rigid motion").
+// One placed mesh: a BLAS seen through a transform (lecture, "Rigid motion"). The inverse, which rays are transformed
+// by, stands in the row's InstanceView; its world box in the top level's leaf.
 #pragma once
 
 #include <cstdint>
@@ -10,6 +11,7 @@
 #include "build/bvh2.h"
 #include "math/affine.h"
 #include "mesh/triangle_mesh.h"
+#include "scene/cover.h"
 #include "update/quality.h"
 #include "wide/wide_bvh.h"
 
@@ -25,20 +27,18 @@ struct Blas {
   BuildConfig config;       // that the tree was built with, its builder named; refits keep it
   TreeQuality quality;      // of the tree
   WideBvh wide;             // what rays are traced through
-  std::vector<Aabb> cover;  // a few boxes that hold the whole mesh, see scene/cover.h
+  Cover cover;              // a few boxes that hold the whole mesh
 };
 
 struct Instance {
   std::int32_t id = -1;       // the scene's stable id
   std::int32_t mesh_id = -1;  // the scene's stable id
   std::uint32_t mask = 0xFFFFFFFFu;
+  bool mirrored = false;   // the transform turns the winding round
+  bool baked = false;      // blas is a copy in world space, for want of a usable inverse
   std::int64_t order = 0;  // breaks ties between hits at equal t: the smaller order wins, then the smaller primitive
   const Blas* blas = nullptr;
   Affine object_to_world;  // from the mesh's stored (recentred) frame
-  Affine world_to_object;
-  Aabb world_bounds;      // rounded outward; empty if the mesh is
-  bool mirrored = false;  // the transform turns the winding round
-  bool baked = false;     // blas is a copy in world space, for want of a usable inverse
 };
 
 }  // namespace perfect_bvh

@@ -10,13 +10,19 @@
 
 namespace perfect_bvh {
 
-// Fills in the transforms, bounds and facing of `instance` for the mesh of `blas`. False if the transform has no
-// usable inverse (flattened by a zero scale: the inverse is not finite, or mapping there and back does not return
-// within float's error); the instance must then be baked.
-[[nodiscard]] bool place_instance(Instance& instance, const Blas& blas, const Affine& object_to_world);
+struct Placing {
+  Affine world_to_object;  // to the mesh's stored (recentred) frame
+  Aabb world_bounds;       // rounded outward; empty if the mesh is
+};
+
+// Fills in the blas, transform and facing of `instance` for the mesh of `blas`, and `placing`. False if the transform
+// has no usable inverse (flattened by a zero scale: the inverse is not finite, or mapping there and back does not
+// return within float's error); the instance must then be baked.
+[[nodiscard]] bool place_instance(Instance& instance, Placing& placing, const Blas& blas,
+                                  const Affine& object_to_world);
 
 // A copy of the mesh in world space, with its own tree and an identity transform: so a flattened object is still seen.
-[[nodiscard]] std::shared_ptr<const Blas> bake_instance(Instance& instance, const Blas& blas,
+[[nodiscard]] std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, const Blas& blas,
                                                         const Affine& object_to_world, const BuildConfig& config,
                                                         ThreadPool& pool, CancelToken& cancel);
 

@@ -18,9 +18,6 @@ namespace {
 // A refitted tree is kept while a ray is expected to cost at most this much more than when the tree was built.
 constexpr double kRefitLimit = 1.5;
 
-// Boxes an instance's bounds are made of: past some dozens the bounds hardly tighten.
-constexpr std::size_t kCoverBoxes = 32;
-
 std::string why_not_refitted(double cost, double fresh_cost) {
   if (!(fresh_cost > 0)) return "positions changed, and the tree was built when the mesh had no extent";
   const auto tenths = static_cast<long>(std::min(cost / fresh_cost, 1e6) * 10.0 + 0.5);
@@ -95,7 +92,7 @@ Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, T
   }
   report.builder = builder_name(blas->config.builder);
   report.triangle_count = blas->mesh.triangle_count();
-  blas->cover = cover_boxes(blas->tree, kCoverBoxes);
+  blas->cover = make_cover(blas->tree);
   const Stopwatch collapse_watch;
   blas->wide = collapse_mesh(blas->tree, blas->mesh, pool, cancel);
   report.collapse_milliseconds = collapse_watch.milliseconds();

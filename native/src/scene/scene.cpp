@@ -48,11 +48,15 @@ Scene::MeshSlot& Scene::find_mesh(std::int32_t mesh_id, const char* function) {
 
 std::vector<std::size_t> Scene::find_instances(std::span<const std::int32_t> ids, const char* function) const {
   std::vector<std::size_t> rows(ids.size());
+  std::size_t next = 0;  // ids mostly come in the order of the rows
   for (std::size_t i = 0; i < ids.size(); ++i) {
-    const auto found = std::lower_bound(instances_.begin(), instances_.end(), ids[i],
-                                        [](const InstanceSlot& slot, std::int32_t id) { return slot.id < id; });
-    if (found == instances_.end() || found->id != ids[i]) unknown_id(function, "instance", ids[i]);
-    rows[i] = static_cast<std::size_t>(found - instances_.begin());
+    if (next == instances_.size() || instances_[next].id != ids[i]) {
+      const auto found = std::lower_bound(instances_.begin(), instances_.end(), ids[i],
+                                          [](const InstanceSlot& slot, std::int32_t id) { return slot.id < id; });
+      if (found == instances_.end() || found->id != ids[i]) unknown_id(function, "instance", ids[i]);
+      next = static_cast<std::size_t>(found - instances_.begin());
+    }
+    rows[i] = next++;
   }
   return rows;
 }

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "build/build_config.h"
+#include "build/prim_ref.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "scene/edit_mutex.h"
@@ -75,6 +76,7 @@ class Scene {
     std::uint32_t mask;
     std::int64_t order;
   };
+  using BlasMap = std::map<std::int32_t, std::shared_ptr<const Blas>>;  // by mesh id
   struct BlasResult {
     std::shared_ptr<const Blas> blas;
     double fresh_cost = 0;
@@ -88,8 +90,11 @@ class Scene {
   static bool refit_blas(Blas& blas, const MeshSlot& slot, MeshReport& report, ThreadPool& pool, CancelToken& cancel);
   static BlasResult make_blas(std::int32_t mesh_id, const MeshSlot& slot, ThreadPool& pool, CancelToken& cancel);
   std::vector<BlasResult> make_changed_blases(ThreadPool& pool, CancelToken& cancel) const;
-  std::shared_ptr<Snapshot> assemble(const std::map<std::int32_t, std::shared_ptr<const Blas>>& blases,
-                                     ThreadPool& pool, CancelToken& cancel) const;
+  // The result has a row for each instance that is not empty.
+  AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const BlasMap& blases, ThreadPool& pool,
+                                         CancelToken& cancel) const;
+  std::shared_ptr<Snapshot> assemble(const BlasMap& blases, ThreadPool& pool, CancelToken& cancel,
+                                     TopLevelReport& report) const;
   void publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const CommitReport& report,
                std::uint64_t stale_count) noexcept;
 

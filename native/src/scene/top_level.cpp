@@ -7,18 +7,10 @@
 #include "build/agglomerative.h"
 #include "build/builder.h"
 #include "build/combine.h"
+#include "core/stopwatch.h"
 
 namespace perfect_bvh {
 namespace {
-
-// A binned tree with one row a leaf: what the clustering searches in, and what it has to beat. Top-down splits do
-// better where instances are alike and evenly spread, joining from below where small ones stand on or in large ones.
-Bvh2 build_guide(std::span<const PrimRef> rows, ThreadPool& pool, CancelToken& cancel) {
-  BuildConfig config;
-  config.builder = BuilderKind::kBinned;
-  config.max_leaf_size = 1;
-  return build_bvh2(rows, config, pool, cancel);
-}
 
 // The upper part of a tree, cut off above subtrees of which the largest box is as small as may be.
 struct Cut {
@@ -109,26 +101,34 @@ std::uint32_t levels_below(const Bvh2& tree, std::uint32_t root) {
   return deepest;
 }
 
-Bvh2 improve(Bvh2 guide, std::uint32_t most_clusters, CancelToken& cancel) {
-  const Cut cut = Cutter(guide).cut(most_clusters);
+// True, and the tree exchanged, if clustering its upper part makes it cheaper.
+bool cluster_top(Bvh2& tree, std::uint32_t most_clusters, CancelToken& cancel) {
+  const Cut cut = Cutter(tree).cut(most_clusters);
   const Bvh2 clustered = build_agglomerative(cut.top, 0, cut.boxes, cancel);
-  if (!(inner_area(clustered) < inner_area(cut.top))) return guide;
+  if (!(inner_area(clustered) < inner_area(cut.top))) return false;
   std::uint32_t depth = 0;
-  for (const TreePart& part : cut.parts) depth = std::max(depth, levels_below(guide, part.root));
-  if (clustered.depth + depth > kMaxTreeDepth) return guide;
-  return graft(clustered, cut.parts);
+  for (const TreePart& part : cut.parts) depth = std::max(depth, levels_below(tree, part.root));
+  if (clustered.depth + depth > kMaxTreeDepth) return false;
+  tree = graft(clustered, cut.parts);
+  return true;
 }
 
 }  // namespace
 
-Bvh2 build_top_level(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel,
-                     std::uint32_t most_clusters) {
-  if (prims.empty()) return {};
-  AlignedVector<PrimRef> rows(prims.begin(), prims.end());
-  for (std::size_t i = 0; i < rows.size(); ++i) rows[i].prim_index = static_cast<std::uint32_t>(i);
-  Bvh2 tree = improve(build_guide(rows, pool, cancel), most_clusters, cancel);
-  for (std::uint32_t& row : tree.prim_indices) row = prims[row].prim_index;
-  return tree;
+TopLevel build_top_level(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel,
+                         std::uint32_t most_clusters) {
+  TopLevel top;
+  if (prims.empty()) return top;
+  Stopwatch watch;
+  BuildConfig config;
+  config.builder = BuilderKind::kBinned;
+  config.max_leaf_size = 1;
+  top.tree = build_bvh2(prims, config, pool, cancel);
+  top.builder = builder_name(config.builder);
+  top.build_milliseconds = watch.lap_milliseconds();
+  if (cluster_top(top.tree, most_clusters, cancel)) top.builder = "agglomerative";
+  top.clustering_milliseconds = watch.lap_milliseconds();
+  return top;
 }
 
 }  // namespace perfect_bvh

@@ -7,16 +7,32 @@
 namespace perfect_bvh {
 namespace {
 
-// Both levels may be stored in a scale of their own.
-InstanceView view_of(const Instance& instance, double world_scale) {
+// A visit takes one entry off the stack and puts at most 8 on it.
+constexpr std::uint32_t entries_for(std::uint32_t depth) { return 7 * depth + 1; }
+
+// The scale is a power of two, so that nothing is rounded.
+void bring_to_scale(AlignedVector<InstanceView>& views, double world_scale, ThreadPool& pool, CancelToken& cancel) {
+  if (world_scale == 1.0) return;
+  constexpr std::size_t kGrain = 4096;
+  const auto divide = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      for (int column = 0; column < 3; ++column) {
+        for (double& entry : views[i].world_to_local[column]) entry /= world_scale;
+      }
+    }
+  };
+  parallel_for(pool, views.size(), kGrain, divide, 0, [&] { cancel.checkpoint(); });
+}
+
+}  // namespace
+
+InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
   const WideBvh& tree = instance.blas->wide;
   InstanceView view{};
-  const Affine& map = instance.world_to_object;
   const double scale = static_cast<double>(tree.scale);
-  const Vec3d columns[4] = {map.x, map.y, map.z, map.translation};
+  const Vec3d columns[4] = {world_to_object.x, world_to_object.y, world_to_object.z, world_to_object.translation};
   for (int column = 0; column < 4; ++column) {
-    const double factor = column < 3 ? scale / world_scale : scale;
-    for (int row = 0; row < 3; ++row) view.world_to_local[column][row] = columns[column][row] * factor;
+    for (int row = 0; row < 3; ++row) view.world_to_local[column][row] = columns[column][row] * scale;
   }
   view.nodes = tree.nodes.data();
   view.blocks = tree.blocks.data();
@@ -29,16 +45,9 @@ InstanceView view_of(const Instance& instance, double world_scale) {
   return view;
 }
 
-// A visit takes one entry off the stack and puts at most 8 on it.
-constexpr std::uint32_t entries_for(std::uint32_t depth) { return 7 * depth + 1; }
-
-}  // namespace
-
-void make_trace_view(Snapshot& snapshot, CancelToken& cancel) {
-  snapshot.top_level = collapse_top_level(snapshot.tlas, cancel);
-  snapshot.instance_views.resize(snapshot.instances.size());
-  std::transform(snapshot.instances.begin(), snapshot.instances.end(), snapshot.instance_views.begin(),
-                 [&](const Instance& instance) { return view_of(instance, snapshot.top_level.scale); });
+void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) {
+  snapshot.top_level = collapse_top_level(snapshot.tlas, pool, cancel);
+  bring_to_scale(snapshot.instance_views, static_cast<double>(snapshot.top_level.scale), pool, cancel);
   std::uint32_t deepest = 0;
   for (const auto& blas : snapshot.blases) deepest = std::max(deepest, blas->wide.depth);
   const WideBvh& top = snapshot.top_level;

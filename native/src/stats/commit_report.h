@@ -24,6 +24,15 @@ struct MeshReport {
   std::size_t byte_count = 0;
 };
 
+// Milliseconds by the wall clock; 0 if the top level was kept.
+struct TopLevelReport {
+  std::string builder;  // "agglomerative" where clustering paid, else that of the tree below; "" over nothing
+  double placing_milliseconds = 0;     // inverse transforms and world boxes
+  double build_milliseconds = 0;       // the binary tree
+  double clustering_milliseconds = 0;  // of its upper part
+  double collapse_milliseconds = 0;    // the wide tree
+};
+
 struct CommitReport {
   std::vector<MeshReport> meshes;  // those that were not kept, in the order of their ids
   std::size_t kept_count = 0;
@@ -31,6 +40,7 @@ struct CommitReport {
   std::size_t baked_count = 0;  // instances without a usable inverse, traced as world-space copies
   double mesh_milliseconds = 0;
   double top_level_milliseconds = 0;
+  TopLevelReport top_level;
   double milliseconds = 0;
   std::size_t byte_count = 0;
   std::uint64_t generation = 0;

@@ -46,9 +46,8 @@ WideBvh collapse_mesh(const Bvh2& tree, const TriangleMesh& mesh, ThreadPool& po
   return collapse(tree, &mesh, pool, cancel);
 }
 
-WideBvh collapse_top_level(const Bvh2& tree, CancelToken& cancel) {
-  ThreadPool alone(1);
-  return collapse(tree, nullptr, alone, cancel);
+WideBvh collapse_top_level(const Bvh2& tree, ThreadPool& pool, CancelToken& cancel) {
+  return collapse(tree, nullptr, pool, cancel);
 }
 
 }  // namespace perfect_bvh

@@ -16,6 +16,6 @@ namespace perfect_bvh {
 [[nodiscard]] WideBvh collapse_mesh(const Bvh2& tree, const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel);
 
 // Over instances (their world boxes): leaves refer to one each.
-[[nodiscard]] WideBvh collapse_top_level(const Bvh2& tree, CancelToken& cancel);
+[[nodiscard]] WideBvh collapse_top_level(const Bvh2& tree, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -1,0 +1,91 @@
+// Scene::assemble: from the meshes' trees to a snapshot that can be traced. Every instance is placed, the tree over
+// them built, and both laid out for the kernels.
+
+#include <algorithm>
+#include <mutex>
+
+#include "core/stopwatch.h"
+#include "scene/blas_build.h"
+#include "scene/instance_placing.h"
+#include "scene/scene.h"
+#include "scene/top_level.h"
+#include "scene/trace_view.h"
+
+namespace perfect_bvh {
+namespace {
+
+constexpr std::size_t kGrain = 1024;  // instances that a task places
+
+// Copies of instances without a usable inverse, made on any thread.
+class BakedCopies {
+ public:
+  void add(std::size_t row, std::shared_ptr<const Blas> blas) {
+    const std::lock_guard lock(mutex_);
+    copies_.emplace_back(row, std::move(blas));
+  }
+  // In the order of the rows.
+  void move_to(std::vector<std::shared_ptr<const Blas>>& blases) {
+    std::sort(copies_.begin(), copies_.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    for (auto& [row, blas] : copies_) blases.push_back(std::move(blas));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::pair<std::size_t, std::shared_ptr<const Blas>>> copies_;
+};
+
+}  // namespace
+
+AlignedVector<PrimRef> Scene::place_instances(Snapshot& snapshot, const BlasMap& blases, ThreadPool& pool,
+                                              CancelToken& cancel) const {
+  snapshot.instances.resize(instances_.size());
+  snapshot.instance_views.resize(instances_.size());
+  AlignedVector<PrimRef> boxes(instances_.size());
+  BakedCopies baked;
+  const auto place = [&](std::size_t begin, std::size_t end) {
+    auto found = blases.end();
+    for (std::size_t i = begin; i < end; ++i) {
+      const InstanceSlot& slot = instances_[i];
+      if (found == blases.end() || found->first != slot.mesh_id) found = blases.find(slot.mesh_id);
+      const Blas& blas = *found->second;
+      Instance& instance = snapshot.instances[i];
+      instance.id = slot.id, instance.mesh_id = slot.mesh_id, instance.mask = slot.mask, instance.order = slot.order;
+      Placing placing;
+      if (!place_instance(instance, placing, blas, slot.object_to_world)) {
+        const MeshSlot& mesh = meshes_.at(slot.mesh_id);
+        const BuildConfig config = choose_builder(mesh.config, mesh.usage);
+        baked.add(i, bake_instance(instance, placing, blas, slot.object_to_world, config, pool, cancel));
+      }
+      snapshot.instance_views[i] = view_of(instance, placing.world_to_object);
+      boxes[i] = {placing.world_bounds.lower, static_cast<std::uint32_t>(i), placing.world_bounds.upper, 0};
+    }
+    cancel.throw_if_stopped();
+  };
+  parallel_for(pool, instances_.size(), kGrain, place, 0, [&] { cancel.checkpoint(); });
+  baked.move_to(snapshot.blases);
+  std::erase_if(boxes, [](const PrimRef& prim) { return prim.box().is_empty(); });
+  return boxes;
+}
+
+std::shared_ptr<Snapshot> Scene::assemble(const BlasMap& blases, ThreadPool& pool, CancelToken& cancel,
+                                          TopLevelReport& report) const {
+  Stopwatch watch;
+  auto snapshot = std::make_shared<Snapshot>();
+  const AlignedVector<PrimRef> boxes = place_instances(*snapshot, blases, pool, cancel);
+  for (const auto& [mesh_id, blas] : blases) {
+    snapshot->blases.push_back(blas);
+    snapshot->meshes.emplace_back(mesh_id, blas.get());
+  }
+  report.placing_milliseconds = watch.lap_milliseconds();
+  TopLevel top = build_top_level(boxes, pool, cancel);
+  snapshot->tlas = std::move(top.tree);
+  snapshot->top_level_builder = top.builder;
+  report.build_milliseconds = top.build_milliseconds;
+  report.clustering_milliseconds = top.clustering_milliseconds;
+  watch.lap_milliseconds();
+  make_trace_view(*snapshot, pool, cancel);
+  report.collapse_milliseconds = watch.lap_milliseconds();
+  return snapshot;
+}
+
+}  // namespace perfect_bvh
