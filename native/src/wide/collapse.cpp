@@ -35,7 +35,9 @@ WideBvh collapse(const Bvh2& given, const TriangleMesh* mesh, ThreadPool& pool, 
     wide.extent.largest[axis] = magnitude_of(bounds.lower[axis], bounds.upper[axis]) * wide.scale;
   }
   wide.extent.reach = std::max({wide.extent.largest[0], wide.extent.largest[1], wide.extent.largest[2]});
-  const auto decisions = plan_collapse(tree, triangles, CollapseCosts{}, pool, cancel);
+  CollapseCosts costs;
+  costs.scale = wide.scale;
+  const auto decisions = plan_collapse(tree, triangles, costs, pool, cancel);
   emit_wide(tree, mesh, decisions, wide, pool, cancel);
   return wide;
 }

@@ -80,7 +80,7 @@ class Planner {
 
   void plan_node(std::uint32_t index, Planned& planned) {
     const Bvh2Node& node = tree_.nodes[index];
-    const float area = node.box().half_area();
+    const float area = Aabb{node.lower * costs_.scale, node.upper * costs_.scale}.half_area();
     CollapseDecision& decision = decisions_[index];
     decision = {};
     if (node.is_leaf()) {

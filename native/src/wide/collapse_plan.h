@@ -18,6 +18,7 @@ namespace perfect_bvh {
 struct CollapseCosts {
   float node = 1.0f;
   float leaf = 0.5f;
+  float scale = 1.0f;  // of the boxes whose surfaces are compared: very large ones would leave the range of float
 };
 
 // share[k - 2]: with k places for its subtree, a node gives this many to its left child; 0: it takes one place itself.

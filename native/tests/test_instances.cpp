@@ -1,0 +1,221 @@
+// Placing instances and joining them into the top level: bounds, extreme sizes, the report, and stopping half way.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <random>
+#include <string>
+#include <thread>
+
+#include "core/errors.h"
+#include "scene/blas_build.h"
+#include "scene/instance_placing.h"
+#include "scene/scene.h"
+#include "scene/statistics.h"
+#include "scene/trace.h"
+#include "tests/reference_trace.h"
+
+namespace perfect_bvh::test {
+namespace {
+
+// Thin triangles at random in a box of the given reach.
+TriangleMesh soup(std::size_t count, unsigned seed, double reach = 1.0) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> place(-1.0, 1.0), size(-0.2, 0.2);
+  std::vector<Vec3f> positions;
+  std::vector<Vec3<std::int32_t>> triangles;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Vec3d corner{place(random), 0.5 * place(random), 0.25 * place(random)};
+    for (int k = 0; k < 3; ++k) {
+      const Vec3d step{size(random), size(random), size(random)};
+      positions.push_back(to_float((corner + step) * reach));
+    }
+    const auto first = static_cast<std::int32_t>(3 * i);
+    triangles.push_back({first, first + 1, first + 2});
+  }
+  return make_mesh(positions, triangles, "test");
+}
+
+// Sheared, turned, sometimes mirrored.
+Affine random_map(std::mt19937& random, double size, double spread) {
+  std::uniform_real_distribution<double> entry(-1.0, 1.0);
+  const auto vector = [&](double scale) { return Vec3d{entry(random), entry(random), entry(random)} * scale; };
+  return {vector(size), vector(size), vector(size), vector(spread)};
+}
+
+std::vector<InstanceInput> random_instances(std::int32_t mesh, std::size_t count, double size, double spread) {
+  std::mt19937 random(4);
+  std::vector<InstanceInput> inputs;
+  for (std::size_t i = 0; i < count; ++i) {
+    inputs.push_back({mesh, random_map(random, size, spread), 0xFFFFFFFFu, std::nullopt});
+  }
+  return inputs;
+}
+
+std::shared_ptr<const Snapshot> commit(Scene& scene, int thread_count = 1, CommitReport* report = nullptr) {
+  ThreadPool pool(thread_count);
+  CancelToken cancel;
+  const CommitReport made = scene.commit(pool, cancel);
+  if (report != nullptr) *report = made;
+  return scene.snapshot();
+}
+
+TreeStatistics top_level_of(const Snapshot& snapshot) {
+  ThreadPool pool(1);
+  CancelToken cancel;
+  return measure(snapshot, {}, pool, cancel).top_level;
+}
+
+std::vector<Ray> random_rays(std::size_t count, double scale) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> place(-1.5, 1.5);
+  std::vector<Ray> rays(count);
+  for (Ray& ray : rays) {
+    ray.origin = Vec3d{place(random), place(random), place(random)} * scale;
+    ray.direction = Vec3d{place(random), place(random), place(random)} * (0.7 * scale) - ray.origin;
+  }
+  return rays;
+}
+
+TEST(InstanceBounds, HoldEveryVertexAndAreCloserThanTheTurnedBox) {
+  ThreadPool pool(1);
+  CancelToken cancel;
+  std::mt19937 random(1);
+  for (const double reach : {1e-18, 1e-6, 1.0, 3e5, 1e17}) {
+    Blas blas;
+    blas.mesh = soup(300, 2, reach);
+    blas.tree = build_tree(blas.mesh, {}, pool, cancel);
+    blas.cover = make_cover(blas.tree);
+    const Cover whole = make_cover(blas.tree, 1);
+    double tight = 0, loose = 0;
+    for (int round = 0; round < 200; ++round) {
+      const Affine map = random_map(random, std::exp2(round % 40 - 20), reach);
+      const Aabb box = transformed_bounds(blas.cover, map), turned = transformed_bounds(whole, map);
+      for (const Vec3f& position : blas.mesh.positions) {
+        const Vec3d point = map.point(to_double(position));
+        for (int axis = 0; axis < 3; ++axis) {
+          ASSERT_GE(point[axis], static_cast<double>(box.lower[axis])) << reach;
+          ASSERT_LE(point[axis], static_cast<double>(box.upper[axis])) << reach;
+        }
+      }
+      ASSERT_TRUE(turned.contains(box)) << reach;
+      for (int axis = 0; axis < 3; ++axis) {
+        tight += std::log2(static_cast<double>(box.upper[axis]) - static_cast<double>(box.lower[axis]));
+        loose += std::log2(static_cast<double>(turned.upper[axis]) - static_cast<double>(turned.lower[axis]));
+      }
+    }
+    EXPECT_LT(tight, loose - 600 * 0.1) << reach;  // sides shorter by a fifteenth on average
+  }
+}
+
+// Products of positions and transforms reach 1e36, surfaces would not be numbers any more.
+TEST(Instances, MeetTheSameAtAnySize) {
+  struct Size {
+    double mesh, map;
+  };
+  std::vector<Hit> expected;
+  std::vector<RayCounts> expected_counts;
+  for (const Size size : {Size{1, 1}, Size{0x1p59, 0x1p59}, Size{0x1p20, 0x1p59}, Size{0x1p59, 1}, Size{0x1p-50, 1},
+                          Size{0x1p-50, 0x1p-10}}) {
+    Scene scene;
+    const std::int32_t mesh = scene.add_mesh(soup(40, 3, size.mesh), {}, Usage::kStatic);
+    auto inputs = random_instances(mesh, 200, 0.3 * size.map, 0.0);
+    scene.add_instances(inputs);
+    const auto snapshot = commit(scene);
+    const auto rays = random_rays(500, size.mesh * size.map * 0.3);
+    std::vector<Hit> hits(rays.size());
+    std::vector<RayCounts> counts(rays.size());
+    trace_closest(*snapshot, rays, hits, Cull::kNone, counts);
+    if (expected.empty()) expected = hits, expected_counts = counts;
+    std::size_t found = 0;
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      ASSERT_EQ(hits[i].t, reference_closest(*snapshot, rays[i], Cull::kNone).t);
+      ASSERT_EQ(hits[i].t, expected[i].t) << size.mesh << " " << size.map;
+      ASSERT_EQ(hits[i].instance_index, expected[i].instance_index);
+      ASSERT_EQ(hits[i].primitive_index, expected[i].primitive_index);
+      ASSERT_EQ(counts[i].nodes_visited, expected_counts[i].nodes_visited) << size.mesh << " " << size.map;
+      found += hits[i].found() ? 1 : 0;
+    }
+    EXPECT_GT(found, rays.size() / 4);
+    EXPECT_TRUE(std::isfinite(top_level_of(*snapshot).sah));
+  }
+}
+
+TEST(Instances, HaveTheSameRowsForAnyThreadCount) {
+  Scene scene;
+  const std::int32_t mesh = scene.add_mesh(soup(40, 3), {}, Usage::kStatic);
+  auto inputs = random_instances(mesh, 5000, 0.1, 3.0);
+  for (std::size_t i = 0; i < inputs.size(); i += 700) inputs[i].object_to_world.x = {0, 0, 0};  // these are baked
+  scene.add_instances(inputs);
+  const auto alone = commit(scene);
+  for (const int thread_count : {2, 4}) {
+    scene.set_masks(std::vector<std::int32_t>{0}, std::vector<std::uint32_t>{0xFFFFFFFFu});  // else it would be kept
+    const auto other = commit(scene, thread_count);
+    ASSERT_EQ(alone->top_level.nodes.size(), other->top_level.nodes.size());
+    EXPECT_EQ(std::memcmp(alone->top_level.nodes.data(), other->top_level.nodes.data(),
+                          alone->top_level.nodes.size() * sizeof(WideNode)),
+              0);
+    ASSERT_EQ(alone->blases.size(), other->blases.size());
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      const InstanceView &a = alone->instance_views[i], &b = other->instance_views[i];
+      ASSERT_EQ(std::memcmp(a.world_to_local, b.world_to_local, sizeof(a.world_to_local)), 0) << i;
+      ASSERT_EQ(alone->instances[i].baked, other->instances[i].baked) << i;
+    }
+  }
+}
+
+TEST(TopLevelReport, NamesWhatMadeTheTree) {
+  CommitReport report;
+  Scene scene;
+  commit(scene, 1, &report);
+  EXPECT_EQ(report.top_level.builder, "");
+  const std::int32_t mesh = scene.add_mesh(soup(10, 3), {}, Usage::kStatic);
+  scene.add_instances(random_instances(mesh, 2, 0.1, 3.0));  // there is but one tree over two
+  auto snapshot = commit(scene, 1, &report);
+  EXPECT_EQ(report.top_level.builder, "binned");
+  EXPECT_EQ(top_level_of(*snapshot).builder, "binned");
+  EXPECT_GT(report.top_level.placing_milliseconds, 0.0);
+  EXPECT_GT(report.top_level.build_milliseconds, 0.0);
+  EXPECT_GT(report.top_level.clustering_milliseconds, 0.0);
+  EXPECT_GT(report.top_level.collapse_milliseconds, 0.0);
+  // A ground under pebbles, which planes through centroids cannot take apart.
+  const std::vector<Vec3f> corners{{-1, -1, 0}, {1, -1, 0}, {0, 1, 0}};
+  const std::int32_t flat =
+      scene.add_mesh(make_mesh(corners, std::vector<Vec3<std::int32_t>>{{0, 1, 2}}, "test"), {}, Usage::kStatic);
+  auto inputs = random_instances(mesh, 500, 0.01, 1.0);
+  Affine ground;
+  ground.x = {1000, 0, 0}, ground.y = {0, 1000, 0}, ground.z = {0, 0, 1};
+  inputs.push_back({flat, ground, 1, std::nullopt});
+  scene.add_instances(inputs);
+  snapshot = commit(scene, 1, &report);
+  EXPECT_EQ(report.top_level.builder, "agglomerative");
+  EXPECT_EQ(top_level_of(*snapshot).builder, "agglomerative");
+  commit(scene, 1, &report);  // nothing was edited
+  EXPECT_EQ(report.top_level.builder, "agglomerative");
+  EXPECT_EQ(report.top_level.placing_milliseconds, 0.0);
+}
+
+// As Ctrl-C does: the callback of a commit that has nothing to do but place and join instances is heard.
+TEST(TopLevelCommit, StopsWhenAsked) {
+  Scene scene;
+  const std::int32_t mesh = scene.add_mesh(soup(10, 3), {}, Usage::kStatic);
+  commit(scene);
+  scene.add_instances(random_instances(mesh, 5000, 0.1, 3.0));
+  for (const int thread_count : {1, 2}) {
+    ThreadPool pool(thread_count);
+    int calls = 0;
+    CancelToken cancel([&](float) {
+      ++calls;
+      return false;
+    });
+    std::this_thread::sleep_for(std::chrono::milliseconds(60));  // the callback's turn has come
+    EXPECT_THROW(scene.commit(pool, cancel), Cancelled);
+    EXPECT_EQ(calls, 1);
+    EXPECT_FALSE(scene.is_current());
+  }
+  EXPECT_EQ(commit(scene)->instances.size(), 5000u);
+}
+
+}  // namespace
+}  // namespace perfect_bvh::test
