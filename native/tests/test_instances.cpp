@@ -83,16 +83,14 @@ TEST(InstanceBounds, HoldEveryVertexAndAreCloserThanTheTurnedBox) {
   CancelToken cancel;
   std::mt19937 random(1);
   for (const double reach : {1e-18, 1e-6, 1.0, 3e5, 1e17}) {
-    Blas blas;
-    blas.mesh = soup(300, 2, reach);
-    blas.tree = build_tree(blas.mesh, {}, pool, cancel);
-    blas.cover = make_cover(blas.tree);
-    const Cover whole = make_cover(blas.tree, 1);
+    const TriangleMesh mesh = soup(300, 2, reach);
+    const Bvh2 tree = build_tree(mesh, {}, pool, cancel);
+    const Cover cover = make_cover(tree), whole = make_cover(tree, 1);
     double tight = 0, loose = 0;
     for (int round = 0; round < 200; ++round) {
       const Affine map = random_map(random, std::exp2(round % 40 - 20), reach);
-      const Aabb box = transformed_bounds(blas.cover, map), turned = transformed_bounds(whole, map);
-      for (const Vec3f& position : blas.mesh.positions) {
+      const Aabb box = transformed_bounds(cover, map), turned = transformed_bounds(whole, map);
+      for (const Vec3f& position : mesh.positions) {
         const Vec3d point = map.point(to_double(position));
         for (int axis = 0; axis < 3; ++axis) {
           ASSERT_GE(point[axis], static_cast<double>(box.lower[axis])) << reach;

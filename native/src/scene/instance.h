@@ -23,11 +23,11 @@ struct Blas {
 
   const std::shared_ptr<const TriangleMesh> owned_mesh;
   const TriangleMesh& mesh;
-  Bvh2 tree;                // only where it will be refitted: empty otherwise, once `wide` is made
-  BuildConfig config;       // that the tree was built with, its builder named; refits keep it
-  TreeQuality quality;      // of the tree
-  WideBvh wide;             // what rays are traced through
-  Cover cover;              // a few boxes that hold the whole mesh
+  Bvh2 tree;            // only where it will be refitted: empty otherwise, once `wide` is made
+  BuildConfig config;   // that the tree was built with, its builder named; refits keep it
+  TreeQuality quality;  // of the tree
+  WideBvh wide;         // what rays are traced through
+  Cover cover;          // a few boxes that hold the whole mesh
 };
 
 struct Instance {
