@@ -12,6 +12,7 @@
 
 #include "core/aligned.h"
 #include "core/errors.h"
+#include "traverse/cpu_features.h"
 
 namespace perfect_bvh {
 namespace {
@@ -22,20 +23,11 @@ struct Available {
 
   Available() noexcept {
     tables[count++] = &kScalarKernels;
-#if defined(__x86_64__)
-    __builtin_cpu_init();
 #if PERFECT_BVH_HAVE_AVX2
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi") &&
-        __builtin_cpu_supports("bmi2") && __builtin_cpu_supports("popcnt")) {
-      tables[count++] = &kAvx2Kernels;
+    if (cpu_runs_avx2()) tables[count++] = &kAvx2Kernels;
+#endif
 #if PERFECT_BVH_HAVE_AVX512
-      if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-          __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) {
-        tables[count++] = &kAvx512Kernels;
-      }
-#endif
-    }
-#endif
+    if (cpu_runs_avx512()) tables[count++] = &kAvx512Kernels;
 #endif
   }
 };
