@@ -203,7 +203,8 @@ std::vector<std::string> run_rays(const std::vector<Builder>& builders, const Tr
   std::vector<JsonObject> objects(builders.size());
   double share = build_share(options);
   for (const RaySet& set : make_ray_sets(mesh, box, options.view, primary, hits)) {
-    if (set.name == "shuffled" || set.rays.empty()) continue;
+    const bool is_wanted = set.name == "primary" || set.name == "diffuse" || set.name == "occlusion";
+    if (!is_wanted || set.rays.empty()) continue;
     tell_progress(share);
     share += (1 - build_share(options)) / 3;
     const std::vector<RaceResult> results = race(set, competitors, options.ray_rounds);

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -35,48 +36,77 @@ class Wrong:
 
 
 class Judge:
-    """Knows the triangles of one mesh."""
+    """Knows the triangles of one mesh in many places. transforms: (I, 4, 4), of instances 0, 1, ..."""
 
-    def __init__(self, mesh: BenchMesh) -> None:
-        self._world = WorldTriangles.of([(0, mesh.positions, mesh.triangles, np.eye(4), 0xFFFFFFFF)])
-        self._lower = self._world.corners.min(axis=1)
-        self._upper = self._world.corners.max(axis=1)
+    def __init__(self, mesh: BenchMesh, transforms: npt.NDArray[np.float64] | None = None) -> None:
+        self._mesh = mesh
+        self._transforms = np.eye(4)[None] if transforms is None else transforms
+        box = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)]).astype(np.float64)
+        corners = np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+        turns, places = self._transforms[:, :3, :3], self._transforms[:, None, :3, 3]
+        placed = np.einsum("cj,nij->nci", corners, turns) + places
+        self._boxes = _Boxes(placed.min(axis=1), placed.max(axis=1), np.abs(placed).max(axis=(1, 2)))
+        self._part = lru_cache(maxsize=256)(self._make_part)
 
     def count_wrong(self, rays: Rays, peers: Sequence[Peer], sample: int) -> dict[str, Wrong]:
         """The same sample, evenly spread over the rays, for every peer."""
         rows = np.unique(np.linspace(0, len(rays) - 1, min(sample, len(rays))).astype(np.intp))
         picked = rays.pick(rows)
-        totals = np.zeros((len(peers), 2), np.int64)
         if rays.is_any_hit:
             occluded = np.array([peer.occluded(picked) for peer in peers])
         else:
             answers = [peer.answers(picked) for peer in peers]
-            t, ids = np.array([a.t for a in answers]), np.array([a.primitive_ids for a in answers])
+            t, instances, ids = (
+                np.array([getattr(each, name) for each in answers]) for name in ("t", "instance_ids", "primitive_ids")
+            )
+        totals = np.zeros((len(peers), 2), np.int64)
         for row in range(len(rows)):
             near = self._near(picked.origins[row], picked.directions[row])
             columns = [np.tile(each[row], (len(peers), 1)) for each in (picked.origins, picked.directions)]
             if rays.is_any_hit:
                 verdict = judge_occlusions(near, *columns, occluded[:, row], t_max=rays.t_max)
             else:
-                found = ids[:, row]
-                instances = np.where(found >= 0, 0, -1)
-                verdict = judge(near, *columns, t[:, row], instances, found, t_max=rays.t_max)
+                verdict = judge(near, *columns, t[:, row], instances[:, row], ids[:, row], t_max=rays.t_max)
             totals += np.stack([verdict.wrong, verdict.doubtful], axis=1)
         return {
             peer.name: Wrong(len(rows), int(wrong), int(doubtful))
             for peer, (wrong, doubtful) in zip(peers, totals, strict=True)
         }
 
+    def _make_part(self, instance: int) -> tuple[WorldTriangles, _Boxes]:
+        """One instance's triangles, and their boxes."""
+        mesh, transform = self._mesh, self._transforms[instance]
+        world = WorldTriangles.of([(instance, mesh.positions, mesh.triangles, transform, 0xFFFFFFFF)])
+        return world, _Boxes(world.corners.min(axis=1), world.corners.max(axis=1), world.scale)
+
     def _near(self, origin: npt.NDArray[np.float32], direction: npt.NDArray[np.float32]) -> WorldTriangles:
-        """The triangles whose box, grown by more than the oracle's margin, the ray's line meets."""
+        """The triangles whose box, grown by more than the oracle's margin, the ray meets."""
         start, along = origin.astype(np.float64), direction.astype(np.float64)
-        margin = 16.0 * ULP * (self._world.scale + np.abs(start).max())[:, None]
+        parts = []
+        for instance in self._boxes.met(start, along):
+            world, boxes = self._part(int(instance))
+            rows = boxes.met(start, along)
+            columns = (world.corners, world.instance_ids, world.primitive_ids, world.masks, world.scale)
+            parts.append([column[rows] for column in columns])
+        if not parts:
+            return WorldTriangles.of([])
+        return WorldTriangles(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+@dataclass(frozen=True)
+class _Boxes:
+    """lower, upper: (B, 3). scale: (B,), the largest coordinate that rounding was relative to."""
+
+    lower: npt.NDArray[np.float64]
+    upper: npt.NDArray[np.float64]
+    scale: npt.NDArray[np.float64]
+
+    def met(self, start: npt.NDArray[np.float64], along: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
+        """Rows of the boxes that a ray meets, or passes closer by than the oracle's margin."""
+        margin = 16.0 * ULP * (self.scale + np.abs(start).max())[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
-            first, second = (self._lower - margin - start) / along, (self._upper + margin - start) / along
-        # A direction without a part along an axis: 0/0 is on the box's side, and stays; others are infinite.
+            first, second = (self.lower - margin - start) / along, (self.upper + margin - start) / along
+        # Without a part along an axis: 0/0 is on the box's side, and counts for nothing; others are infinite.
         enter = np.fmax.reduce(np.fmin(first, second), axis=1)
         leave = np.fmin.reduce(np.fmax(first, second), axis=1)
-        rows = np.flatnonzero((enter <= leave) & (leave >= 0.0))
-        world = self._world
-        parts = (world.corners, world.instance_ids, world.primitive_ids, world.masks, world.scale)
-        return WorldTriangles(*(part[rows] for part in parts))
+        return np.flatnonzero((enter <= leave) & (leave >= 0.0))

@@ -17,14 +17,21 @@ from benchmarks.meshes import BenchMesh
 from benchmarks.rays import Rays
 
 Ids = npt.NDArray[np.int64]
+Hit = tuple[int, float, int] | None  # triangle, distance, instance
 
 
 @dataclass(frozen=True)
 class Answers:
-    """t: (R,) in multiples of the directions, inf on a miss. primitive_ids: (R,), -1 on a miss."""
+    """t: (R,) in multiples of the directions, inf on a miss. primitive_ids, instance_ids: (R,), -1 on a miss."""
 
     t: npt.NDArray[np.float64]
     primitive_ids: Ids
+    instance_ids: Ids
+
+    @classmethod
+    def of_one(cls, t: npt.NDArray[np.float64], primitive_ids: Ids) -> Answers:
+        """Of a mesh alone, as instance 0."""
+        return cls(t, primitive_ids, np.where(primitive_ids >= 0, 0, -1))
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,7 @@ def ours(scene: perfect_bvh.Scene, name: str, isa: str | None = None, **keywords
 
     def cast(rays: Rays) -> perfect_bvh.Hits:
         perfect_bvh.set_active_isa(isa)
-        fields = ("t_hit", "primitive_ids")
+        fields = ("t_hit", "primitive_ids", "instance_ids")
         columns = (rays.origins, rays.directions, 0.0, rays.t_max)
         return snapshot.cast_rays(*columns, fields=fields, threads=1, **keywords)
 
@@ -69,9 +76,22 @@ def ours(scene: perfect_bvh.Scene, name: str, isa: str | None = None, **keywords
 
     def answers(rays: Rays) -> Answers:
         hits = cast(rays)
-        return Answers(hits.t_hit.astype(np.float64), hits.primitive_ids.astype(np.int64))
+        ids = (hits.primitive_ids.astype(np.int64), hits.instance_ids.astype(np.int64))
+        return Answers(hits.t_hit.astype(np.float64), *ids)
 
     return Peer(name, cast, test, answers, test)
+
+
+def ours_in_every_way(scene: perfect_bvh.Scene, left_out: list[str]) -> list[Peer]:
+    """This engine with each instruction set, and with the fast precision where there is one."""
+    result = [ours(scene, f"perfect_bvh, {isa}", isa) for isa in perfect_bvh.available_isas()]
+    fast = ours(scene, "perfect_bvh, fast precision", precision="fast")
+    try:
+        fast.closest(Rays("one", np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32)))
+        result.append(fast)
+    except perfect_bvh.EngineError as error:
+        left_out.append(str(error))
+    return result
 
 
 def embreex(mesh: BenchMesh, *, is_robust: bool = False) -> Peer:
@@ -89,7 +109,7 @@ def embreex(mesh: BenchMesh, *, is_robust: bool = False) -> Peer:
     def answers(rays: Rays) -> Answers:
         found = run(rays, output=1)
         ids = np.where(found["geomID"] == 0, found["primID"], -1).astype(np.int64)
-        return Answers(np.where(ids >= 0, found["tfar"], np.inf).astype(np.float64), ids)
+        return Answers.of_one(np.where(ids >= 0, found["tfar"], np.inf).astype(np.float64), ids)
 
     def occluded(rays: Rays) -> npt.NDArray[np.bool_]:
         return np.asarray(run(rays, query="OCCLUDED")) != -1
@@ -102,7 +122,12 @@ def embreex(mesh: BenchMesh, *, is_robust: bool = False) -> Peer:
 def bvh_tree(mesh: BenchMesh, ray_limit: int) -> Peer:
     """mathutils.bvhtree.BVHTree. May raise ImportError."""
     tree = make_bvh_tree(*as_lists(mesh))
-    return _one_by_one("BVHTree", lambda *ray: tree.ray_cast(*ray)[2:], ray_limit)
+
+    def cast(origin: Any, direction: Any, distance: float) -> Hit:
+        _, _, index, reached = tree.ray_cast(origin, direction, distance)
+        return None if index is None else (index, reached, 0)
+
+    return _one_by_one("BVHTree", cast, ray_limit)
 
 
 def as_lists(mesh: BenchMesh) -> tuple[list[list[float]], list[list[int]]]:
@@ -118,37 +143,42 @@ def make_bvh_tree(positions: list[list[float]], triangles: list[list[int]]) -> A
     return BVHTree.FromPolygons(positions, triangles, all_triangles=True)
 
 
-def blender_scene(mesh: BenchMesh, ray_limit: int) -> Peer:
-    """Bpy's scene.ray_cast, on a scene of this mesh alone. May raise ImportError."""
+def blender_scene(mesh: BenchMesh, transforms: npt.NDArray[np.float64], ray_limit: int) -> Peer:
+    """Blender's scene.ray_cast, with an object for each of the transforms (I, 4, 4). May raise ImportError."""
     import bpy
+    from mathutils import Matrix
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     data = bpy.data.meshes.new(mesh.name)
-    data.from_pydata(*as_lists(mesh)[:1], [], as_lists(mesh)[1])
-    bpy.context.collection.objects.link(bpy.data.objects.new(mesh.name, data))
+    positions, triangles = as_lists(mesh)
+    data.from_pydata(positions, [], triangles)
+    for index, transform in enumerate(transforms):
+        placed = bpy.data.objects.new(str(index), data)
+        placed.matrix_world = Matrix(transform.tolist())
+        bpy.context.collection.objects.link(placed)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     scene = bpy.context.scene
 
-    def cast(origin: Any, direction: Any, distance: float) -> tuple[int | None, float | None]:
-        is_hit, location, _, index, _, _ = scene.ray_cast(depsgraph, origin, direction, distance=distance)
-        return (index, float(np.linalg.norm(np.subtract(location, origin)))) if is_hit else (None, None)
+    def cast(origin: Any, direction: Any, distance: float) -> Hit:
+        is_hit, location, _, index, placed, _ = scene.ray_cast(depsgraph, origin, direction, distance=distance)
+        return (index, math.dist(location, origin), int(placed.name)) if is_hit else None
 
     return _one_by_one("scene.ray_cast", cast, ray_limit)
 
 
-def _one_by_one(name: str, cast: Callable[[Any, Any, float], tuple[int | None, float | None]], ray_limit: int) -> Peer:
-    """cast(origin, direction, distance) -> (triangle, distance), None on a miss."""
+def _one_by_one(name: str, cast: Callable[[Any, Any, float], Hit], ray_limit: int) -> Peer:
+    """cast(origin, direction, distance): one ray."""
 
-    def run(rays: Rays) -> list[tuple[int | None, float | None]]:
+    def run(rays: Rays) -> list[Hit]:
         distance = min(rays.t_max, 1e30)
         columns = zip(rays.origins.tolist(), rays.directions.tolist(), strict=True)
         return [cast(origin, direction, distance) for origin, direction in columns]
 
     def answers(rays: Rays) -> Answers:
+        rows = [(-1, math.inf, -1) if hit is None else hit for hit in run(rays)]
+        ids, distances, instances = (np.array(column) for column in zip(*rows, strict=True))
         lengths = np.linalg.norm(rays.directions.astype(np.float64), axis=1)
-        found = run(rays)
-        ids = np.array([-1 if index is None else index for index, _ in found], np.int64)
-        return Answers(np.array([np.inf if t is None else t for _, t in found]) / lengths, ids)
+        return Answers(distances / lengths, ids, instances)
 
     def occluded(rays: Rays) -> npt.NDArray[np.bool_]:
         return answers(rays).primitive_ids >= 0

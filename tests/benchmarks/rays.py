@@ -39,7 +39,7 @@ def make_rays(mesh: BenchMesh, width: int, height: int) -> list[Rays]:
     random = np.random.default_rng(3)
     lower, upper = mesh.positions.min(axis=0).astype(np.float64), mesh.positions.max(axis=0).astype(np.float64)
     diagonal = float(np.linalg.norm(upper - lower))
-    primary = _primary(lower, upper, mesh.is_inside, width, height, random)
+    primary = camera_rays("primary", lower, upper, mesh.is_inside, width, height, random)
     scene = perfect_bvh.Scene()
     scene.add_instance(scene.add_mesh(mesh.positions, mesh.triangles))
     scene.commit()
@@ -59,7 +59,10 @@ def _unit(vectors: F64) -> F64:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
-def _primary(lower: F64, upper: F64, is_inside: bool, width: int, height: int, random: np.random.Generator) -> Rays:
+def camera_rays(
+    name: str, lower: F64, upper: F64, is_inside: bool, width: int, height: int, random: np.random.Generator
+) -> Rays:
+    """One ray a pixel of a camera that frames a box, or stands in it."""
     centre, extent = 0.5 * (lower + upper), upper - lower
     diagonal, half_height = float(np.linalg.norm(extent)), 0.42
     eye, target = centre + _unit(np.array([0.5, 0.25, 1.0])) * diagonal, centre
@@ -73,7 +76,7 @@ def _primary(lower: F64, upper: F64, is_inside: bool, width: int, height: int, r
     across = ((x + random.random(x.shape)) / width * 2.0 - 1.0) * half_height * width / height
     above = (1.0 - (y + random.random(y.shape)) / height * 2.0) * half_height
     directions = _unit(forward + across[:, None] * right + above[:, None] * upward).astype(np.float32)
-    return Rays("primary", np.tile(eye.astype(np.float32), (len(directions), 1)), directions)
+    return Rays(name, np.tile(eye.astype(np.float32), (len(directions), 1)), directions)
 
 
 def _cosine(normals: F64, random: np.random.Generator) -> F32:

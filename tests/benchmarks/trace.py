@@ -1,0 +1,124 @@
+"""How fast rays are, beside Embree and Blender, and how many answers are wrong.
+
+For each mesh and kind of ray (primary, diffuse, the same shuffled, ambient occlusion, and through instances): M rays/s
+on one thread, of native code with every instruction set and strategy beside Embree's single rays, 16-wide packets and
+robust mode, and from Python beside embreex, BVHTree.ray_cast and scene.ray_cast. Whatever is compared is measured in
+turn in one run. Of every peer that Python can ask, a sample of answers is judged by the double-precision oracle.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import numpy as np
+from benchmarks import options, peers
+from benchmarks.build_python import measure_rays
+from benchmarks.instances import Instanced
+from benchmarks.judging import Judge
+from benchmarks.meshes import BenchMesh
+from benchmarks.native import NativePrograms
+from benchmarks.rays import Rays, make_rays
+from benchmarks.trace_tables import describe_mesh
+from tqdm import tqdm
+
+EMBREE = ("embree", "embree_avx2", "embree_robust", "embree_avx2_robust", "embree_packets")
+STRATEGIES = ("auto", "packets", "stream", "single")
+
+
+def main() -> None:
+    """Measure, print the tables, write the JSON."""
+    parser = options.parser(__doc__ or "")
+    add = parser.add_argument
+    add("--sample", type=int, default=500, metavar="N", help="rays of each kind whose answers are judged")
+    add(
+        "--instances",
+        type=int,
+        nargs="*",
+        default=[1000, 10_000, 100_000, 1_000_000],
+        metavar="N",
+        help="of the first mesh",
+    )
+    chosen = parser.parse_args()
+    meshes = options.meshes_of(chosen)
+    native, left_out = NativePrograms(chosen.native), list[str]()
+    results = []
+    with tqdm(total=len(meshes) + 1, unit="mesh", smoothing=0.0) as bar:
+        for mesh in meshes:
+            bar.set_description(mesh.name)
+            counts = chosen.instances if mesh is meshes[0] else []
+            results.append(measure(mesh, counts, chosen, native, left_out))
+            tqdm.write(describe_mesh(results[-1]) + "\n", file=sys.stdout)
+            bar.update(2 if mesh is meshes[0] else 1)
+    left_out = list(dict.fromkeys(left_out))
+    for line in left_out:
+        print(f"left out: {line}")
+    options.save(chosen, {"left_out": left_out, "meshes": results})
+
+
+def measure(
+    mesh: BenchMesh, counts: list[int], chosen: argparse.Namespace, native: NativePrograms, left_out: list[str]
+) -> dict[str, Any]:
+    """Everything about one mesh. counts: of instances, to cast rays through as well."""
+    result: dict[str, Any] = {"name": mesh.name, "triangle_count": len(mesh.triangles), "native": [], "instances": []}
+    rounds = ["--rounds", str(chosen.rounds)]
+    if native.has("trace_bench"):
+        peer_names = ["--peers", ",".join(EMBREE), "--strategies", ",".join(STRATEGIES)]
+        inside = ["--inside"] if mesh.is_inside else []
+        result["native"] = native.run("trace_bench", mesh, [*rounds, *peer_names, "--size", chosen.size, *inside])
+    else:
+        left_out.append(native.why_not("trace_bench"))
+    if counts and native.has("instance_bench"):
+        wanted = ["--counts", ",".join(map(str, counts)), "--kinds", "primary,diffuse", "--layouts", "grid"]
+        result["instances"] = native.run("instance_bench", mesh, [*rounds, *wanted])
+    result["from_python"] = [*_one_mesh(mesh, chosen, left_out), *_instanced(mesh, counts, chosen, left_out)]
+    return result
+
+
+def _one_mesh(mesh: BenchMesh, chosen: argparse.Namespace, left_out: list[str]) -> list[dict[str, Any]]:
+    tracers = peers.ours_in_every_way(peers.scene_of(mesh), left_out)
+    others = {
+        "embreex": lambda: [peers.embreex(mesh), peers.embreex(mesh, is_robust=True)],
+        "BVHTree": lambda: [peers.bvh_tree(mesh, chosen.ray_limit)],
+        "scene.ray_cast": lambda: [peers.blender_scene(mesh, np.eye(4)[None], chosen.ray_limit)],
+    }
+    for name, make in others.items():
+        try:
+            tracers += make()
+        except ImportError as error:
+            left_out.append(f"{name}: {error}")
+    judge = Judge(mesh)
+    return [_race(tracers, rays, judge, chosen) for rays in make_rays(mesh, *options.size_of(chosen))]
+
+
+def _instanced(
+    mesh: BenchMesh, counts: list[int], chosen: argparse.Namespace, left_out: list[str]
+) -> list[dict[str, Any]]:
+    rows = []
+    for count in counts:
+        placed = Instanced(mesh, count)
+        tracers = peers.ours_in_every_way(placed.scene(), left_out)
+        if count <= 1000:  # Blender's own objects, one by one
+            try:
+                tracers.append(peers.blender_scene(mesh, placed.transforms, chosen.ray_limit))
+            except ImportError as error:
+                left_out.append(f"scene.ray_cast: {error}")
+        rays = placed.rays(*options.size_of(chosen))
+        rows.append(_race(tracers, rays, Judge(mesh, placed.transforms), chosen))
+    return rows
+
+
+def _race(tracers: list[peers.Peer], rays: Rays, judge: Judge, chosen: argparse.Namespace) -> dict[str, Any]:
+    """One kind of ray: speeds, and wrong answers beside them."""
+    speeds = measure_rays(tracers, rays, chosen.rounds, lambda: None)
+    wrong = judge.count_wrong(rays, tracers, chosen.sample)
+    rows = [{"name": each.name, **speeds[each.name], "wrong": wrong[each.name].as_json()} for each in tracers]
+    return {"name": rays.name, "peers": rows}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,43 @@
+"""The rays' figures as tables for the console."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from benchmarks.tables import Cell, format_table
+
+
+def describe_mesh(result: dict[str, Any]) -> str:
+    """Everything about one mesh: in each cell M rays/s, and then what it is to the first peer's."""
+    parts = [f"{result['name']}: {result['triangle_count']:,} triangles"]
+    if result["native"]:
+        parts.append(f"Native, one thread, M rays/s (ratio to {result['native'][0]['competitor']}):")
+        parts.append(_native(result["native"], "rays"))
+    if result["instances"]:
+        named = [{**row, "rays": f"{row['kind']} {row['instances']:,}"} for row in result["instances"]]
+        parts.append("Native, through instances:\n" + _native(named, "rays"))
+    parts.append("From Python, one thread, M rays/s; wrong answers per million, of a sample:")
+    parts.append(_from_python(result["from_python"]))
+    return "\n\n".join(parts)
+
+
+def _native(rows: list[dict[str, Any]], kind_key: str) -> str:
+    kinds = list(dict.fromkeys(row[kind_key] for row in rows))
+    names = list(dict.fromkeys(row["competitor"] for row in rows))
+    cells = {(row["competitor"], row[kind_key]): f"{row['mrays_per_second']:.2f} ({row['ratio']:.2f})" for row in rows}
+    return format_table(
+        ["competitor", *kinds], [[name, *(cells.get((name, kind)) for kind in kinds)] for name in names]
+    )
+
+
+def _from_python(kinds: list[dict[str, Any]]) -> str:
+    names = list(dict.fromkeys(row["name"] for kind in kinds for row in kind["peers"]))
+    table: list[list[Cell]] = []
+    for name in names:
+        line: list[Cell] = [name]
+        for kind in kinds:
+            row = next((row for row in kind["peers"] if row["name"] == name), None)
+            line += [row["mrays_per_second"], row["wrong"]["per_million"]] if row else [None, None]
+        table.append(line)
+    heads = [head for kind in kinds for head in (kind["name"], "wrong")]
+    return format_table(["peer", *heads], table)
