@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -35,25 +37,20 @@ def main() -> None:
     parser = options.parser(__doc__ or "")
     add = parser.add_argument
     add("--sample", type=int, default=500, metavar="N", help="rays of each kind whose answers are judged")
-    add(
-        "--instances",
-        type=int,
-        nargs="*",
-        default=[1000, 10_000, 100_000, 1_000_000],
-        metavar="N",
-        help="of the first mesh",
-    )
+    counts = [1000, 10_000, 100_000, 1_000_000]
+    add("--instances", type=int, nargs="*", default=counts, metavar="N", help="of the first mesh; no number: none")
     chosen = parser.parse_args()
     meshes = options.meshes_of(chosen)
     native, left_out = NativePrograms(chosen.native), list[str]()
     results = []
-    with tqdm(total=len(meshes) + 1, unit="mesh", smoothing=0.0) as bar:
+    with tqdm(unit="table", smoothing=0.0) as bar:
+        bar.total = 5 * len(meshes) + 2 * len(chosen.instances)
         for mesh in meshes:
             bar.set_description(mesh.name)
             counts = chosen.instances if mesh is meshes[0] else []
-            results.append(measure(mesh, counts, chosen, native, left_out))
+            results.append(measure(mesh, counts, chosen, native, left_out, bar))
             tqdm.write(describe_mesh(results[-1]) + "\n", file=sys.stdout)
-            bar.update(2 if mesh is meshes[0] else 1)
+        bar.update(bar.total - bar.n)
     left_out = list(dict.fromkeys(left_out))
     for line in left_out:
         print(f"left out: {line}")
@@ -61,7 +58,12 @@ def main() -> None:
 
 
 def measure(
-    mesh: BenchMesh, counts: list[int], chosen: argparse.Namespace, native: NativePrograms, left_out: list[str]
+    mesh: BenchMesh,
+    counts: list[int],
+    chosen: argparse.Namespace,
+    native: NativePrograms,
+    left_out: list[str],
+    bar: tqdm[Any],
 ) -> dict[str, Any]:
     """Everything about one mesh. counts: of instances, to cast rays through as well."""
     result: dict[str, Any] = {"name": mesh.name, "triangle_count": len(mesh.triangles), "native": [], "instances": []}
@@ -72,14 +74,19 @@ def measure(
         result["native"] = native.run("trace_bench", mesh, [*rounds, *peer_names, "--size", chosen.size, *inside])
     else:
         left_out.append(native.why_not("trace_bench"))
+    bar.update()
     if counts and native.has("instance_bench"):
         wanted = ["--counts", ",".join(map(str, counts)), "--kinds", "primary,diffuse", "--layouts", "grid"]
         result["instances"] = native.run("instance_bench", mesh, [*rounds, *wanted])
-    result["from_python"] = [*_one_mesh(mesh, chosen, left_out), *_instanced(mesh, counts, chosen, left_out)]
+    bar.update(len(counts))
+    result["from_python"] = []
+    for row in chain(_one_mesh(mesh, chosen, left_out), _instanced(mesh, counts, chosen, left_out)):
+        result["from_python"].append(row)
+        bar.update()
     return result
 
 
-def _one_mesh(mesh: BenchMesh, chosen: argparse.Namespace, left_out: list[str]) -> list[dict[str, Any]]:
+def _one_mesh(mesh: BenchMesh, chosen: argparse.Namespace, left_out: list[str]) -> Iterator[dict[str, Any]]:
     tracers = peers.ours_in_every_way(peers.scene_of(mesh), left_out)
     others = {
         "embreex": lambda: [peers.embreex(mesh), peers.embreex(mesh, is_robust=True)],
@@ -92,13 +99,13 @@ def _one_mesh(mesh: BenchMesh, chosen: argparse.Namespace, left_out: list[str]) 
         except ImportError as error:
             left_out.append(f"{name}: {error}")
     judge = Judge(mesh)
-    return [_race(tracers, rays, judge, chosen) for rays in make_rays(mesh, *options.size_of(chosen))]
+    for rays in make_rays(mesh, *options.size_of(chosen)):
+        yield _race(tracers, rays, judge, chosen)
 
 
 def _instanced(
     mesh: BenchMesh, counts: list[int], chosen: argparse.Namespace, left_out: list[str]
-) -> list[dict[str, Any]]:
-    rows = []
+) -> Iterator[dict[str, Any]]:
     for count in counts:
         placed = Instanced(mesh, count)
         tracers = peers.ours_in_every_way(placed.scene(), left_out)
@@ -108,8 +115,7 @@ def _instanced(
             except ImportError as error:
                 left_out.append(f"scene.ray_cast: {error}")
         rays = placed.rays(*options.size_of(chosen))
-        rows.append(_race(tracers, rays, Judge(mesh, placed.transforms), chosen))
-    return rows
+        yield _race(tracers, rays, Judge(mesh, placed.transforms), chosen)
 
 
 def _race(tracers: list[peers.Peer], rays: Rays, judge: Judge, chosen: argparse.Namespace) -> dict[str, Any]:
