@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from perfect_bvh import CommitReport
+
     from ..frame import FrameStatistics
     from ..sync.report import SyncReport
 
@@ -83,7 +85,7 @@ def format_frame(number: int, statistics: FrameStatistics, times: FrameTimes) ->
     cells = [f"{count:,}".rjust(width) for count, (_, width) in zip(counts, TREE_COLUMNS, strict=True)]
     cells += [f"{getattr(times, title):.1f}".rjust(width) for title, width in TIME_COLUMNS]
     cells.append(f"{statistics.rays_per_second / 1e6:.2f}".rjust(RATE_COLUMN[1]))
-    return "\n".join(["".join(cells), *(f"        {line}" for line in describe_changes(report))])
+    return "\n".join(["".join(cells), *(f"        {line}" for line in (*describe_changes(report), *stages_of(commit)))])
 
 
 def describe_changes(report: SyncReport) -> list[str]:
@@ -98,6 +100,17 @@ def describe_changes(report: SyncReport) -> list[str]:
             count = f" x {change.changed_count:,}" if change.changed_count > 1 else ""
             groups.setdefault((change.action, change.reason), []).append(f"{change.name}{count}")
     return [f"{action}: {_shorten(members)}: {reason}" for (action, reason), members in groups.items()]
+
+
+def stages_of(commit: CommitReport) -> list[str]:
+    """Where the time in trees went: a line for those of meshes, one for the top level; none for what took no time."""
+    levels = (("trees of meshes", commit.mesh_stages), ("top level", commit.top_level.stages))
+    lines = []
+    for level, stages in levels:
+        parts = [f"{name} {milliseconds:.1f}" for name, milliseconds in stages.items() if milliseconds >= 0.05]
+        if parts:
+            lines.append(f"{level}, ms: {', '.join(parts)}")
+    return lines
 
 
 def _shorten(names: Sequence[str]) -> str:

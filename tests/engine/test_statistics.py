@@ -190,3 +190,23 @@ def test_edits_that_wait_are_not_measured():
     scene.add_mesh(*CROSSING)
     with pytest.raises(perfect_bvh.StaleSceneError):
         scene.statistics()
+
+
+def test_a_commit_tells_the_time_of_its_stages():
+    scene = perfect_bvh.Scene()
+    positions, triangles = meshes.sphere(60, 80)
+    deforming = scene.add_mesh(positions, triangles, build=BuildConfig(optimize=3), usage="deforming")
+    scene.add_instances([deforming] * 4, np.tile(np.eye(4), (4, 1, 1)))
+    built = scene.commit()
+    assert all(built.mesh_stages[name] > 0.0 for name in ("build", "optimize", "collapse"))
+    assert built.mesh_stages["refit"] == 0.0
+    assert sum(built.mesh_stages.values()) <= sum(mesh.milliseconds for mesh in built.meshes)
+    assert built.top_level.stages["placing"] > 0.0
+    assert sum(built.top_level.stages.values()) <= built.top_level_milliseconds
+    assert built.mesh_milliseconds + built.top_level_milliseconds == pytest.approx(built.milliseconds)
+    scene.update_mesh(deforming, positions * 1.01)
+    refitted = scene.commit()
+    assert refitted.mesh_stages["refit"] > 0.0
+    assert refitted.mesh_stages["build"] == 0.0
+    kept = scene.commit()
+    assert (sum(kept.mesh_stages.values()), sum(kept.top_level.stages.values())) == (0.0, 0.0)

@@ -17,7 +17,7 @@ from .errors import Cancelled, EngineError, StaleSceneError
 from .hits import Hits
 from .isa import active_isa, available_isas, set_active_isa
 from .render import MODES, PASSES, RenderOptions, depth_to_grey, render, render_passes, render_progressively
-from .report import CommitReport, MeshReport, SceneStatistics, TreeStatistics
+from .report import CommitReport, MeshReport, SceneStatistics, TopLevelReport, TreeStatistics
 from .scene import Scene
 from .snapshot import Snapshot
 
@@ -40,6 +40,7 @@ __all__ = [
     "SceneStatistics",
     "Snapshot",
     "StaleSceneError",
+    "TopLevelReport",
     "TreeStatistics",
     "__version__",
     "active_isa",

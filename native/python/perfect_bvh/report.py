@@ -47,6 +47,12 @@ class TopLevelReport:
     clustering_milliseconds: float
     collapse_milliseconds: float
 
+    @property
+    def stages(self) -> dict[str, float]:
+        """Milliseconds of each stage: placing, build, clustering, collapse."""
+        names = ("placing", "build", "clustering", "collapse")
+        return {name: getattr(self, f"{name}_milliseconds") for name in names}
+
 
 @dataclass(frozen=True, slots=True)
 class CommitReport:
@@ -72,6 +78,16 @@ class CommitReport:
         meshes = tuple(MeshReport(**row) for row in values.pop("meshes"))
         top_level = TopLevelReport(**values.pop("top_level"))
         return cls(meshes=meshes, top_level=top_level, **values)
+
+    @property
+    def mesh_stages(self) -> dict[str, float]:
+        """Milliseconds of each stage, of all meshes together: build, optimize, refit, collapse.
+
+        Meshes are worked on at the same time where there are threads for it, so that the sum may be more than
+        mesh_milliseconds.
+        """
+        names = ("build", "optimize", "refit", "collapse")
+        return {name: sum(getattr(mesh, f"{name}_milliseconds") for mesh in self.meshes) for name in names}
 
     def count(self, action: MeshAction) -> int:
         """How many meshes were treated so."""
