@@ -12,5 +12,6 @@ void bind_scene(pybind11::module_& module);
 void bind_queries(pybind11::module_& module);
 void bind_render(pybind11::module_& module);
 void bind_statistics(pybind11::module_& module);
+void bind_bulk(pybind11::module_& module);
 
 }  // namespace perfect_bvh::bindings

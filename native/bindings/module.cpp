@@ -12,4 +12,5 @@ PYBIND11_MODULE(_core, module) {
   bind_scene(module);
   bind_render(module);
   bind_statistics(module);
+  bind_bulk(module);
 }

@@ -40,18 +40,20 @@ Usage parse_usage(const std::string& name) {
   throw InvalidArgument("add_mesh: usage must be 'static', 'deforming' or 'changing', got '" + name + "'");
 }
 
-// (rows, 3, 4) row-major.
-std::vector<Affine> as_affines(const Array<double>& array) {
-  if (array.ndim() != 3 || array.shape(1) != 3 || array.shape(2) != 4) {
-    throw std::invalid_argument("_core: expected transforms of shape (rows, 3, 4)");
+// Twelve numbers in rows.
+template <class T>
+Affine as_affine(const T* m) {
+  return {{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}, {m[3], m[7], m[11]}};
+}
+
+// The data of an array of shape (count, 3, 4).
+template <class T>
+const T* transform_data(const Array<T>& array, std::size_t count) {
+  if (array.ndim() != 3 || static_cast<std::size_t>(array.shape(0)) != count || array.shape(1) != 3 ||
+      array.shape(2) != 4) {
+    throw std::invalid_argument("_core: expected transforms of shape (rows, 3, 4), as many as ids");
   }
-  std::vector<Affine> result(static_cast<std::size_t>(array.shape(0)));
-  const double* m = array.data();
-  for (Affine& a : result) {
-    a = {{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}, {m[3], m[7], m[11]}};
-    m += 12;
-  }
-  return result;
+  return array.data();
 }
 
 const char* action_name(MeshAction action) {
@@ -127,18 +129,34 @@ void replace_mesh(Scene& scene, std::int32_t mesh_id, const Array<T>& positions,
   scene.replace_mesh(mesh_id, std::move(mesh));
 }
 
-std::int32_t add_instances(Scene& scene, const Array<std::int32_t>& meshes, const Array<double>& transforms,
+template <class T>
+std::int32_t add_instances(Scene& scene, const Array<std::int32_t>& meshes, const Array<T>& transforms,
                            const Array<std::uint32_t>& masks, const std::optional<Array<std::int64_t>>& orders) {
-  const auto affines = as_affines(transforms);
   const auto mesh_ids = as_span(meshes);
   const auto mask_values = as_span(masks);
-  std::vector<InstanceInput> inputs(affines.size());
+  const T* maps = transform_data(transforms, mesh_ids.size());
+  std::vector<InstanceInput> inputs(mesh_ids.size());
   for (std::size_t i = 0; i < inputs.size(); ++i) {
-    inputs[i] = {mesh_ids[i], affines[i], mask_values[i], std::nullopt};
+    inputs[i] = {mesh_ids[i], as_affine(maps + i * 12), mask_values[i], std::nullopt};
     if (orders) inputs[i].order = orders->data()[i];
   }
   const py::gil_scoped_release release;
   return scene.add_instances(inputs);
+}
+
+template <class T>
+void set_transforms(Scene& scene, const Array<std::int32_t>& ids, const Array<T>& transforms) {
+  const auto rows = as_span(ids);
+  const T* maps = transform_data(transforms, rows.size());
+  const py::gil_scoped_release release;
+  scene.set_transforms(rows, [maps](std::size_t i) { return as_affine(maps + i * 12); });
+}
+
+template <class T>
+void bind_instance_edits(py::class_<Scene>& scene) {
+  scene.def("add_instances", &add_instances<T>, py::arg("meshes").noconvert(), py::arg("transforms").noconvert(),
+            py::arg("masks").noconvert(), py::arg("orders").noconvert() = std::nullopt);
+  scene.def("set_transforms", &set_transforms<T>, py::arg("ids").noconvert(), py::arg("transforms").noconvert());
 }
 
 template <class T>
@@ -157,18 +175,9 @@ void bind_scene(py::module_& module) {
   scene.def(py::init<>());
   bind_mesh_edits<float>(scene);
   bind_mesh_edits<double>(scene);
+  bind_instance_edits<float>(scene);
+  bind_instance_edits<double>(scene);
   scene.def("remove_mesh", &Scene::remove_mesh, py::arg("mesh_id"), py::call_guard<py::gil_scoped_release>());
-  scene.def("add_instances", &add_instances, py::arg("meshes").noconvert(), py::arg("transforms").noconvert(),
-            py::arg("masks").noconvert(), py::arg("orders").noconvert() = std::nullopt);
-  scene.def(
-      "set_transforms",
-      [](Scene& self, const Array<std::int32_t>& ids, const Array<double>& transforms) {
-        const auto affines = as_affines(transforms);
-        const auto rows = as_span(ids);
-        const py::gil_scoped_release release;
-        self.set_transforms(rows, affines);
-      },
-      py::arg("ids").noconvert(), py::arg("transforms").noconvert());
   scene.def(
       "set_masks",
       [](Scene& self, const Array<std::int32_t>& ids, const Array<std::uint32_t>& masks) {

@@ -63,8 +63,8 @@ def as_integers(function: str, name: str, value: npt.ArrayLike, dtype: type[np.i
     return np.asarray(array, dtype=dtype, order="C")  # unlike ascontiguousarray this keeps scalars scalar
 
 
-def as_transforms(function: str, value: npt.ArrayLike, count: int | None = None) -> npt.NDArray[np.float64]:
-    """(I, 4, 4) or (I, 3, 4), object to world, as (I, 3, 4) float64. The last row of a (4, 4) must be 0 0 0 1."""
+def as_transforms(function: str, value: npt.ArrayLike, count: int | None = None) -> npt.NDArray[Any]:
+    """(I, 4, 4) or (I, 3, 4), object to world, as (I, 3, 4) float32 or float64. The last row of a (4, 4) is 0 0 0 1."""
     array = _as_array(function, "transforms", value)
     if array.ndim == 2:
         array = array[None]
@@ -74,7 +74,7 @@ def as_transforms(function: str, value: npt.ArrayLike, count: int | None = None)
         raise ValueError(f"{function}: transforms must be affine, with 0 0 0 1 as their last row")
     if count is not None and len(array) != count:
         raise ValueError(f"{function}: transforms has {len(array)} rows but there are {count} instances")
-    return np.ascontiguousarray(array[:, :3, :], dtype=np.float64)
+    return np.ascontiguousarray(array[:, :3, :], dtype=np.float32 if array.dtype == np.float32 else np.float64)
 
 
 def per_ray(

@@ -130,11 +130,15 @@ std::int32_t Scene::add_instances(std::span<const InstanceInput> inputs) {
 }
 
 void Scene::set_transforms(std::span<const std::int32_t> ids, std::span<const Affine> transforms) {
-  const std::lock_guard lock(edit_mutex_);
   check_same_length(ids.size(), transforms.size(), "set_transforms", "transforms");
+  set_transforms(ids, [transforms](std::size_t i) { return transforms[i]; });
+}
+
+void Scene::set_transforms(std::span<const std::int32_t> ids, const std::function<Affine(std::size_t)>& map) {
+  const std::lock_guard lock(edit_mutex_);
   const auto rows = find_instances(ids, "set_transforms");
-  for (std::size_t i = 0; i < transforms.size(); ++i) check_transform(transforms[i], i, "set_transforms");
-  for (std::size_t i = 0; i < rows.size(); ++i) instances_[rows[i]].object_to_world = transforms[i];
+  for (std::size_t i = 0; i < rows.size(); ++i) check_transform(map(i), i, "set_transforms");
+  for (std::size_t i = 0; i < rows.size(); ++i) instances_[rows[i]].object_to_world = map(i);
   mark_edited();
 }
 

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -45,6 +46,8 @@ class Scene {
   void remove_mesh(std::int32_t mesh_id);                             // InvalidArgument while instances use it
   std::int32_t add_instances(std::span<const InstanceInput> inputs);  // the first new id; the others follow
   void set_transforms(std::span<const std::int32_t> ids, std::span<const Affine> transforms);
+  // The same for maps that are held in another form: map(i) is that of ids[i].
+  void set_transforms(std::span<const std::int32_t> ids, const std::function<Affine(std::size_t)>& map);
   void set_masks(std::span<const std::int32_t> ids, std::span<const std::uint32_t> masks);
   void remove_instances(std::span<const std::int32_t> ids);
 

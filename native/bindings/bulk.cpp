@@ -1,0 +1,149 @@
+// Loops over instances and triangles for whoever keeps a scene in step with another program: in Python they would cost
+// more than the engine's own work. No algorithm, only long loops.
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "bindings/arrays.h"
+#include "bindings/bind.h"
+#include "core/thread_pool.h"
+
+namespace perfect_bvh::bindings {
+namespace {
+
+constexpr std::size_t kGrain = 16384;
+constexpr py::ssize_t kRows = 3, kColumns = 4;  // of a transform
+
+void check(bool holds, const char* expected) {
+  if (!holds) throw std::invalid_argument(std::string("_core: expected ") + expected);
+}
+
+bool are_transforms(const Array<float>& array) {
+  return array.ndim() == 3 && array.shape(1) == kRows && array.shape(2) == kColumns;
+}
+
+// parent * local, local in columns and the product in rows. The order of the sums is Blender's own, so that the last
+// bits are its list's as well.
+void place(const float* parent, const float* local, float* product) {
+  for (int row = 0; row < kRows; ++row) {
+    const float* p = parent + row * kColumns;
+    for (int column = 0; column < kColumns; ++column) {
+      const float* l = local + column * kColumns;
+      product[row * kColumns + column] = (l[0] * p[0] + l[1] * p[1]) + (l[2] * p[2] + l[3] * p[3]);
+    }
+  }
+}
+
+void transpose(const float* local, float* product) {
+  for (int row = 0; row < kRows; ++row) {
+    for (int column = 0; column < kColumns; ++column) product[row * kColumns + column] = local[column * kColumns + row];
+  }
+}
+
+bool is_within(const float* values, float largest) {
+  bool within = true;  // NaN is not
+  for (int i = 0; i < kRows * kColumns; ++i) within &= std::abs(values[i]) <= largest;
+  return within;
+}
+
+// parent (4, 4) in rows or None, local (N, 4, 4) in columns -> placed (N, 3, 4) in rows; returns the rows that hold a
+// value beyond `largest`, ascending.
+Array<std::int32_t> place_instances(const std::optional<Array<float>>& parent, const Array<float>& local,
+                                    Array<float>& placed, float largest) {
+  check(local.ndim() == 3 && local.shape(1) == 4 && local.shape(2) == 4, "local matrices of shape (rows, 4, 4)");
+  check(!parent || parent->size() == 16, "a parent of shape (4, 4)");
+  check(are_transforms(placed) && placed.shape(0) == local.shape(0), "as many placed transforms as local ones");
+  const auto count = static_cast<std::size_t>(local.shape(0));
+  const float* matrix = parent ? parent->data() : nullptr;
+  const float* from = local.data();
+  float* to = placed.mutable_data();
+  std::vector<std::int32_t> bad;
+  {
+    const py::gil_scoped_release release;
+    std::mutex mutex;
+    parallel_for(ThreadPool::shared(), count, kGrain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        float* product = to + i * kRows * kColumns;
+        if (matrix == nullptr) {
+          transpose(from + i * 16, product);
+        } else {
+          place(matrix, from + i * 16, product);
+        }
+        if (is_within(product, largest)) continue;
+        const std::lock_guard lock(mutex);
+        bad.push_back(static_cast<std::int32_t>(i));
+      }
+    });
+    std::sort(bad.begin(), bad.end());
+  }
+  return Array<std::int32_t>(static_cast<py::ssize_t>(bad.size()), bad.data());
+}
+
+// (I,) bool: whether transform i differs in any bit from the old one in rows[i], without rows from the old i-th; false
+// where rows[i] is negative.
+py::array_t<bool> find_moved(const Array<float>& old_transforms, const Array<float>& new_transforms,
+                             const std::optional<Array<std::int32_t>>& rows) {
+  check(are_transforms(old_transforms) && are_transforms(new_transforms), "transforms of shape (rows, 3, 4)");
+  const auto count = static_cast<std::size_t>(new_transforms.shape(0));
+  const auto old_count = static_cast<std::size_t>(old_transforms.shape(0));
+  check(rows ? static_cast<std::size_t>(rows->size()) == count : old_count == count, "as many rows as transforms");
+  py::array_t<bool> moved(new_transforms.shape(0));
+  bool* out = moved.mutable_data();
+  const float *before = old_transforms.data(), *now = new_transforms.data();
+  const std::int32_t* picked = rows ? rows->data() : nullptr;
+  std::atomic<bool> is_outside{false};
+  {
+    const py::gil_scoped_release release;
+    constexpr std::size_t kWidth = kRows * kColumns;
+    parallel_for(ThreadPool::shared(), count, kGrain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        const std::ptrdiff_t row = picked ? picked[i] : static_cast<std::ptrdiff_t>(i);
+        const bool is_held = row >= 0 && static_cast<std::size_t>(row) < old_count;
+        if (row >= 0 && !is_held) is_outside = true;
+        out[i] = is_held && std::memcmp(before + row * kWidth, now + i * kWidth, kWidth * sizeof(float)) != 0;
+      }
+    });
+  }
+  check(!is_outside, "rows of the old transforms");
+  return moved;
+}
+
+// Whether corner_verts[corner_triangles] equals triangles; indices must be in range, which is not checked twice: an
+// index out of it is a difference.
+bool are_triangles(const Array<std::int32_t>& corner_verts, const Array<std::int32_t>& corner_triangles,
+                   const Array<std::int32_t>& triangles) {
+  if (corner_triangles.size() != triangles.size()) return false;
+  const auto verts = as_span(corner_verts), corners = as_span(corner_triangles), expected = as_span(triangles);
+  const py::gil_scoped_release release;
+  std::atomic<bool> same{true};
+  parallel_for(ThreadPool::shared(), corners.size(), 16 * kGrain, [&](std::size_t begin, std::size_t end) {
+    if (!same) return;
+    bool here = true;
+    for (std::size_t i = begin; i < end; ++i) {
+      const auto corner = static_cast<std::size_t>(static_cast<std::uint32_t>(corners[i]));
+      here &= corner < verts.size() && verts[corner] == expected[i];
+    }
+    if (!here) same = false;
+  });
+  return same;
+}
+
+}  // namespace
+
+void bind_bulk(py::module_& module) {
+  module.def("place_instances", &place_instances, py::arg("parent").noconvert(), py::arg("local").noconvert(),
+             py::arg("placed").noconvert(), py::arg("largest"));
+  module.def("find_moved", &find_moved, py::arg("old_transforms").noconvert(), py::arg("new_transforms").noconvert(),
+             py::arg("rows").noconvert() = std::nullopt);
+  module.def("are_triangles", &are_triangles, py::arg("corner_verts").noconvert(),
+             py::arg("corner_triangles").noconvert(), py::arg("triangles").noconvert());
+}
+
+}  // namespace perfect_bvh::bindings
