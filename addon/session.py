@@ -20,7 +20,7 @@ import numpy.typing as npt
 import perfect_bvh
 from perfect_bvh import Appearance, Camera, Scene
 
-from .extract import read_scene
+from .extract import ReadCache, read_scene
 from .extract.changes import listen, stop_listening
 from .extract.pointer_views import ArrayReader
 from .sync.appearance import make_appearance
@@ -51,6 +51,7 @@ class SceneSync:
         self._attributes = attributes or AttributeRequest()
         self._for_viewport = for_viewport
         self._state = SceneState(Scene)
+        self._cache = ReadCache()
         self._lookup: SceneLookup | None = None
         self._appearance: Appearance | None = None
         self._state.scene.mark_stale("nothing was synced yet: call update()")
@@ -89,7 +90,7 @@ class SceneSync:
         self._state.scene.mark_stale("the last update did not succeed: call update() again")
         started = time.perf_counter()
         options: dict[str, Any] = {"camera": camera, "size": size, "space": space, "for_viewport": self._for_viewport}
-        record = read_scene(depsgraph, self._attributes, **options)
+        record = read_scene(depsgraph, self._attributes, cache=self._cache, **options)
         read_milliseconds = (time.perf_counter() - started) * 1e3
         self._lookup = self._appearance = None
         report = self._state.update(
@@ -194,6 +195,7 @@ class SceneSync:
         """Forgets the scene and stops watching; queries raise from now on. Updating again is allowed."""
         stop_listening(self)
         self._state = SceneState(Scene)
+        self._cache = ReadCache()
         self._lookup = self._appearance = None
         self._state.scene.mark_stale("the sync was closed: call update()")
 

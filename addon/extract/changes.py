@@ -1,7 +1,9 @@
 """Tells whoever listens that Blender has evaluated something, changed the frame, undone a step or loaded a file.
 
+Also keeps the log of what geometry was evaluated, for as long as anybody listens: see `geometry_log.py`.
+
 Blender's handlers are installed with the first listener and removed when the last one stops listening. Listeners are
-held weakly: a forgotten one costs nothing but handlers that tell nobody. A handler does nothing else: what to do about
+held weakly: a forgotten one costs nothing but handlers that tell nobody. A handler does no more: what to do about
 a change is the listener's business, and it must be little. Nor may it remove itself: Blender goes through its list by
 number, and would pass over the handler that comes next.
 """
@@ -13,6 +15,8 @@ from typing import Any, Protocol
 
 import bpy
 from bpy.app.handlers import persistent
+
+from .geometry_log import GeometryLog
 
 
 class ChangeListener(Protocol):
@@ -26,6 +30,7 @@ class ChangeListener(Protocol):
 
 
 _listeners: weakref.WeakSet[Any] = weakref.WeakSet()
+_log = GeometryLog()
 
 
 def listen(listener: ChangeListener) -> None:
@@ -41,6 +46,19 @@ def stop_listening(listener: ChangeListener) -> None:
         _remove()
 
 
+def watched_geometry(depsgraph: Any) -> GeometryLog | None:
+    """The log of evaluated geometry, None if nobody listens: then nothing is known.
+
+    depsgraph: what is about to be read. Within a handler it may name changes that the log has yet to be told.
+    """
+    if not _listeners:
+        return None
+    if not all(handler in getattr(bpy.app.handlers, name) for name, handler in _HANDLERS):
+        _install()  # somebody has emptied the lists
+    _log.add(depsgraph)
+    return _log
+
+
 def _announce(what: str) -> None:
     for listener in tuple(_listeners):
         listener.on_change(what)
@@ -49,28 +67,46 @@ def _announce(what: str) -> None:
 # Blender calls these with the scene (or the file's path) and, mostly, the depsgraph; versions differ in how many.
 
 
+def _note(arguments: tuple[Any, ...]) -> None:
+    depsgraph = arguments[1] if len(arguments) > 1 else None
+    if isinstance(depsgraph, bpy.types.Depsgraph):
+        _log.add(depsgraph)
+    else:
+        _log.forget()
+
+
 @persistent
-def _on_depsgraph_update(*_: Any) -> None:
+def _on_depsgraph_update(*arguments: Any) -> None:
+    _note(arguments)
     _announce("the scene was evaluated again")
 
 
 @persistent
-def _on_frame_change(*_: Any) -> None:
+def _on_frame_change(*arguments: Any) -> None:
+    _note(arguments)
     _announce("the frame was changed")
 
 
 @persistent
+def _before_undo(*_: Any) -> None:
+    _log.forget()
+
+
+@persistent
 def _on_undo(*_: Any) -> None:
+    _log.forget()
     _announce("a step was undone")
 
 
 @persistent
 def _on_redo(*_: Any) -> None:
+    _log.forget()
     _announce("a step was redone")
 
 
 @persistent
 def _on_load(*_: Any) -> None:
+    _log.forget()
     for listener in tuple(_listeners):
         listener.on_file_change()
 
@@ -78,7 +114,9 @@ def _on_load(*_: Any) -> None:
 _HANDLERS = (
     ("depsgraph_update_post", _on_depsgraph_update),
     ("frame_change_post", _on_frame_change),
+    ("undo_pre", _before_undo),
     ("undo_post", _on_undo),
+    ("redo_pre", _before_undo),
     ("redo_post", _on_redo),
     ("load_pre", _on_load),
     ("load_post", _on_load),
@@ -86,10 +124,12 @@ _HANDLERS = (
 
 
 def _install() -> None:
+    """Adds what is missing; the log knows nothing of what came before."""
     for name, handler in _HANDLERS:
         handlers = getattr(bpy.app.handlers, name)
         if handler not in handlers:
             handlers.append(handler)
+            _log.forget()
 
 
 def _remove() -> None:

@@ -29,11 +29,19 @@ class MaterialReader:
             self.records.append(_read_material(material))
         return row
 
-    def slots(self, obj: Any) -> tuple[int, ...]:
-        """Rows of an evaluated object's material slots, -1 for an empty slot; object-linked slots included."""
+    def slots(self, obj: Any, data: Any) -> tuple[int, ...]:
+        """Rows of an evaluated object's material slots, -1 for an empty slot; object-linked slots included.
+
+        data: what it shows; its own, or a mesh that geometry nodes made for an object without object-linked slots.
+        """
+        if data == obj.data:
+            materials = [slot.material for slot in obj.material_slots]
+        else:
+            materials = list(data.materials)
+            materials += [None] * (len(obj.original.material_slots) - len(materials))
         if self._override is not None:
-            return (self.row(self._override),) * max(1, len(obj.material_slots))
-        return tuple([self.row(slot.material) for slot in obj.material_slots])
+            return (self.row(self._override),) * max(1, len(materials))
+        return tuple([self.row(material) for material in materials])
 
 
 def _read_material(material: Any) -> MaterialRecord:

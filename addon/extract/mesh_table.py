@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import hashlib
 import zlib
+from collections import Counter
 from collections.abc import Hashable
 from dataclasses import replace
 from typing import Any
@@ -23,6 +24,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..sync.records import AttributeRequest, MeshRecord
+from .geometry_log import GeometryLog
+from .mesh_cache import CachedMesh, MeshCache, place_of
 from .meshes import read_mesh
 from .pointer_views import ArrayReader
 from .usage import guess_usage
@@ -31,14 +34,28 @@ NO_MESH = -1
 
 
 class MeshTable:
-    """Reads meshes on first sight and hands out their rows; pointers are only used within one evaluation."""
+    """Reads meshes on first sight and hands out their rows; pointers are only used within one evaluation.
 
-    def __init__(self, depsgraph: Any, attributes: AttributeRequest, reader: ArrayReader) -> None:
+    cache: of the last reading. log: what was evaluated since, None if that is not known: then everything is read.
+    """
+
+    def __init__(
+        self,
+        depsgraph: Any,
+        attributes: AttributeRequest,
+        reader: ArrayReader,
+        cache: MeshCache | None = None,
+        log: GeometryLog | None = None,
+    ) -> None:
         self._depsgraph = depsgraph
-        self._attributes = attributes
         self._reader = reader
+        self._log = log
+        self._last = cache or MeshCache()
+        self.cache = MeshCache({}, attributes, depsgraph.as_pointer(), -1 if log is None else log.now)
+        self._attributes = attributes
         self._rows: dict[int, int] = {}
-        self._keys: set[Hashable] = set()
+        self._counts: Counter[Hashable] = Counter()  # by what meshes come from
+        self._key_counts: Counter[Hashable] = Counter()  # without twins: by their keys but for the number
         self._twins = _TwinFinder()
         self.records: list[MeshRecord] = []
         self.warnings: list[str] = []
@@ -52,16 +69,13 @@ class MeshTable:
         pointer = mesh.as_pointer()
         row = self._rows.get(pointer)
         if row is None:
-            row = self._rows[pointer] = self._read(obj.original, mesh, is_own)
+            row = self._rows[pointer] = self._add(obj.original, mesh, is_own)
         return row
 
-    def _read(self, original: Any, mesh: Any, is_own: bool) -> int:
-        if mesh.is_editmode:  # its arrays are stale until they are written out of the edit mesh
-            evaluated = original.evaluated_get(self._depsgraph)
-            record = read_mesh(evaluated.to_mesh(), None, original.name, self._attributes, self._reader)
-            evaluated.to_mesh_clear()
-        else:
-            record = read_mesh(mesh, None, mesh.name, self._attributes, self._reader)
+    def _add(self, original: Any, mesh: Any, is_own: bool) -> int:
+        origin = self._origin(original, is_own)
+        token = (*origin, self._counts[origin])
+        record = self._read(original, mesh, token)
         if record is None:
             return NO_MESH
         if record.dropped_triangles:
@@ -71,28 +85,49 @@ class MeshTable:
             )
         twin = self._twins.find(original.data, record, self.records)
         if twin is None:
-            key = self._lasting_key(original, record, is_own)
-            self.records.append(replace(record, key=key, usage=guess_usage(original)))
+            self.records.append(replace(record, key=self._lasting_key(origin, record), usage=guess_usage(original)))
             twin = len(self.records) - 1
+        self._counts[origin] += 1
+        if not mesh.is_editmode:
+            self.cache.meshes[token] = CachedMesh(self.records[twin], place_of(mesh), _uids_of(original))
         return twin
 
-    def _lasting_key(self, original: Any, record: MeshRecord, is_own: bool) -> Hashable:
+    def _read(self, original: Any, mesh: Any, token: Hashable) -> MeshRecord | None:
+        if mesh.is_editmode:  # its arrays are stale until they are written out of the edit mesh
+            evaluated = original.evaluated_get(self._depsgraph)
+            record = read_mesh(evaluated.to_mesh(), None, original.name, self._attributes, self._reader)
+            evaluated.to_mesh_clear()
+            return record
+        if original.mode == "OBJECT":
+            cached = self._last.find_untouched(token, mesh, _uids_of(original), self.cache, self._log)
+            if cached is not None:
+                return replace(cached.record, name=mesh.name, was_read=False)
+        last = self._last.meshes.get(token)
+        return read_mesh(mesh, None, mesh.name, self._attributes, self._reader, None if last is None else last.record)
+
+    def _origin(self, original: Any, is_own: bool) -> tuple[Any, ...]:
+        """What a mesh comes from: all of its key but the last numbers."""
         uid = original.session_uid
         if original.type != "MESH":
             # Curves and their like show even their own mesh as an instance; it comes before any other.
-            is_own = ("object", uid, 0) not in self._keys
-        key: tuple[Any, ...]
+            is_own = not self._counts["object", uid]
         if not is_own:
-            key = ("made", uid, hashlib.blake2b(record.triangles.data, digest_size=12).digest())
-        elif original.type == "MESH" and not len(original.modifiers):
-            key = ("mesh", original.data.session_uid)
-        else:
-            key = ("object", uid)
-        number = 0
-        while (*key, number) in self._keys:
-            number += 1
-        self._keys.add((*key, number))
-        return (*key, number)
+            return ("made", uid)
+        if original.type == "MESH" and not len(original.modifiers):
+            return ("mesh", original.data.session_uid)
+        return ("object", uid)
+
+    def _lasting_key(self, origin: tuple[Any, ...], record: MeshRecord) -> Hashable:
+        if origin[0] == "made":
+            origin = (*origin, hashlib.blake2b(record.triangles.data, digest_size=12).digest())
+        number = self._key_counts[origin]
+        self._key_counts[origin] += 1
+        return (*origin, number)
+
+
+def _uids_of(original: Any) -> tuple[int, ...]:
+    data = original.data
+    return (original.session_uid,) if data is None else (original.session_uid, data.session_uid)
 
 
 class _TwinFinder:
@@ -111,6 +146,9 @@ class _TwinFinder:
             return None
         likeness = (data.session_uid, len(record.positions), len(record.triangles))
         candidates = self._candidates.setdefault(likeness, [])
+        for row in candidates:
+            if records[row].positions is record.positions and _have_equal_content(records[row], record):
+                return row
         if candidates:  # checksums are for telling many copies apart: the first needs none
             checksum = zlib.crc32(record.positions.data)
             for row in candidates:
@@ -142,6 +180,6 @@ def _have_equal_content(first: MeshRecord, second: MeshRecord) -> bool:
 
 
 def _are_equal(first: npt.NDArray[Any] | None, second: npt.NDArray[Any] | None) -> bool:
-    if first is None or second is None:
+    if first is second or first is None or second is None:
         return first is second
     return np.array_equal(first, second)

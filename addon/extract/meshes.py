@@ -6,6 +6,8 @@ from collections.abc import Hashable
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+from perfect_bvh.bulk import are_triangles
 
 from ..sync.records import LARGEST_COORDINATE, AttributeRequest, Float32Array, Int32Array, MeshRecord
 from .attributes import read_corner_normals, read_corner_uvs, read_material_slots
@@ -13,9 +15,16 @@ from .pointer_views import CORNER_TRIANGLES, CORNER_VERTS, POSITIONS, TRIANGLE_P
 
 
 def read_mesh(
-    mesh: Any, key: Hashable, name: str, attributes: AttributeRequest, reader: ArrayReader
+    mesh: Any,
+    key: Hashable,
+    name: str,
+    attributes: AttributeRequest,
+    reader: ArrayReader,
+    last: MeshRecord | None = None,
 ) -> MeshRecord | None:
     """Reads an evaluated `bpy.types.Mesh`; None if it has no faces. Everything is copied.
+
+    last: what was read the last time, whose arrays stand for equal ones: then there is nothing to copy or to compare.
 
     Triangles with a vertex that is not finite are dropped: no ray can meet them, and one of them would make every
     box around it useless.
@@ -24,30 +33,46 @@ def read_mesh(
     triangle_count = len(mesh.loop_triangles)
     if triangle_count == 0:
         return None
-    corner_triangles = reader.read(mesh.loop_triangles, CORNER_TRIANGLES, triangle_count)
-    polygon_ids = reader.read(mesh.loop_triangle_polygons, TRIANGLE_POLYGONS, triangle_count)
-    positions = reader.read(mesh.attributes["position"].data, POSITIONS)
-    corner_verts = reader.read(mesh.attributes[".corner_vert"].data, CORNER_VERTS)
-    # Blender's own indices need no check of their range, which would take half the time.
-    triangles = np.take(corner_verts, corner_triangles, mode="clip")
+    corner_triangles = reader.view(mesh.loop_triangles, CORNER_TRIANGLES, triangle_count)
+    polygon_ids = reader.view(mesh.loop_triangle_polygons, TRIANGLE_POLYGONS, triangle_count)
+    positions = reader.view(mesh.attributes["position"].data, POSITIONS)
+    corner_verts = reader.view(mesh.attributes[".corner_vert"].data, CORNER_VERTS)
+    if last is not None and are_triangles(corner_verts, corner_triangles, last.triangles):
+        triangles = last.triangles
+    else:  # Blender's own indices need no check of their range, which would take half the time
+        triangles = np.take(corner_verts, corner_triangles, mode="clip")
 
     kept = None
-    if not (np.abs(positions) <= LARGEST_COORDINATE).all():
-        positions, kept = _without_infinities(positions, triangles)
+    if not _are_within(positions):
+        positions, kept = _without_infinities(positions.copy(), triangles)
     if kept is not None:
         triangles, corner_triangles, polygon_ids = triangles[kept], corner_triangles[kept], polygon_ids[kept]
     return MeshRecord(
         key=key,
         name=name,
-        positions=positions,
+        positions=_held(positions, last and last.positions),
         triangles=triangles,
-        polygon_ids=polygon_ids,
+        polygon_ids=_held(polygon_ids, last and last.polygon_ids),
         material_slots=read_material_slots(mesh, polygon_ids, reader) if attributes.material_slots else None,
         corner_normals=read_corner_normals(mesh, corner_triangles, reader) if attributes.corner_normals else None,
         corner_uvs=read_corner_uvs(mesh, corner_triangles, reader) if attributes.corner_uvs else None,
         dropped_triangles=0 if kept is None else triangle_count - len(kept),
         triangle_ids=kept,
     )
+
+
+def _held(values: npt.NDArray[Any], last: npt.NDArray[Any] | None) -> npt.NDArray[Any]:
+    """The last array if it is equal, else a copy of what may be Blender's own memory."""
+    if last is not None and np.array_equal(values, last):
+        return last
+    return values if values.flags.owndata else values.copy()
+
+
+def _are_within(positions: Float32Array) -> bool:
+    """Whether the engine takes them all; NaN is not."""
+    if not positions.size:
+        return True
+    return bool(positions.min() >= -LARGEST_COORDINATE and positions.max() <= LARGEST_COORDINATE)
 
 
 def _without_infinities(positions: Float32Array, triangles: Int32Array) -> tuple[Float32Array, Int32Array | None]:

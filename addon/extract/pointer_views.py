@@ -5,7 +5,7 @@ that memory costs microseconds where `foreach_get` costs a conversion per elemen
 so it is checked: the distance between the first and the last element on every read, and the first values
 of each kind of array against Blender's own accessors. A kind that fails is read by `foreach_get` from then on.
 
-Views die at the next evaluation of the depsgraph, so every function here returns a copy.
+Views die at the next evaluation of the depsgraph: whatever outlives a read is copied.
 """
 
 from __future__ import annotations
@@ -58,6 +58,12 @@ class ArrayReader:
 
         count: N, if the caller knows it better than len(collection) does.
         """
+        view = self.view(collection, kind, count)
+        # What `foreach_get` filled is a copy already.
+        return view if view.flags.writeable else view.copy()
+
+    def view(self, collection: Any, kind: ArrayKind, count: int | None = None) -> npt.NDArray[Any]:
+        """The same, to be used at once: it may be Blender's own memory, read-only, gone at the next evaluation."""
         if count is None:
             count = len(collection)
         if count == 0:  # [0] of an empty collection is an IndexError
@@ -65,7 +71,7 @@ class ArrayReader:
         if self.use_views and self.verdicts.get(kind.name, True):
             view = self._checked_view(collection, kind, count)
             if view is not None:
-                return view.copy()
+                return view
         return _read_by_foreach_get(collection, kind, count)
 
     def _checked_view(self, collection: Any, kind: ArrayKind, count: int) -> npt.NDArray[Any] | None:
@@ -110,3 +116,7 @@ TRIANGLE_POLYGONS = ArrayKind("triangle_polygons", 1, _INT, "value", lambda item
 CORNER_NORMALS = ArrayKind("corner_normals", 3, _FLOAT, "vector", lambda item: item.vector)
 CORNER_UVS = ArrayKind("corner_uvs", 2, _FLOAT, "vector", lambda item: item.vector)
 FACE_INTEGERS = ArrayKind("face_integers", 1, _INT, "value", lambda item: item.value)
+MATRICES = ArrayKind(
+    "matrices", 16, _FLOAT, "value", lambda item: [value for column in item.value.col for value in column]
+)
+REFERENCE_INDICES = ArrayKind("reference_indices", 1, _INT, "value", lambda item: item.value)

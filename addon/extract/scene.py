@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import Any
 
 from ..sync.records import AttributeRequest, CameraRecord, SceneRecord
 from .camera import read_camera, read_frame
-from .instances import InstanceReader
+from .changes import watched_geometry
+from .groups import GroupTable
+from .instances import InstanceCache, read_instances
 from .materials import MaterialReader
+from .mesh_cache import MeshCache
 from .mesh_table import MeshTable
 from .pointer_views import ArrayReader
 from .visibility import VisibilityReader
 
 # Layouts that were proven or refuted hold for the whole process.
 _shared_reader = ArrayReader()
+
+
+@dataclass(slots=True)
+class ReadCache:
+    """What the last reading of a scene leaves for the next one, which is the faster for it and gives the same."""
+
+    meshes: MeshCache = field(default_factory=MeshCache)
+    instances: InstanceCache = field(default_factory=InstanceCache)
 
 
 def read_scene(
@@ -25,6 +37,7 @@ def read_scene(
     size: tuple[int, int] | None = None,
     space: Any = None,
     reader: ArrayReader | None = None,
+    cache: ReadCache | None = None,
 ) -> SceneRecord:
     """Copies everything that a render of an evaluated depsgraph needs. Main thread only; nothing of Blender is kept.
 
@@ -36,6 +49,7 @@ def read_scene(
     size: (width, height) in pixels instead of the scene's render size.
     space: the 3D viewport (`SpaceView3D`) whose local view and filters count.
     reader: how arrays are read; by default the process's own, see `ArrayReader`.
+    cache: what the last reading left; without it everything is read anew, whatever is known of changes.
 
     An empty scene is an empty record. What cannot be read is left out and named in the record's warnings.
     """
@@ -43,20 +57,24 @@ def read_scene(
     view_layer = depsgraph.view_layer_eval
     if for_viewport is None:
         for_viewport = depsgraph.mode == "VIEWPORT"
-    meshes = MeshTable(depsgraph, attributes or AttributeRequest(), reader or _shared_reader)
+    log = None if cache is None else watched_geometry(depsgraph)
+    cache = cache or ReadCache()
+    reader = reader or _shared_reader
+    meshes = MeshTable(depsgraph, attributes or AttributeRequest(), reader, cache.meshes, log)
     materials = MaterialReader(view_layer.material_override)
-    visibility = VisibilityReader(depsgraph, for_viewport, space)
-    instance_reader = InstanceReader(depsgraph, meshes, materials, visibility)
-    instances = instance_reader.read()
+    groups = GroupTable(meshes, materials, VisibilityReader(depsgraph, for_viewport, space))
+    warnings: list[str] = []
+    instances = read_instances(depsgraph, groups, reader, cache.instances, warnings)
+    cache.meshes = meshes.cache
 
     frame = read_frame(scene, size)
     camera_record, complaint = _read_any_camera(depsgraph, scene.camera if camera is None else camera, frame)
-    warnings = [*meshes.warnings, *instance_reader.warnings, *([complaint] if complaint else [])]
+    warnings = [*meshes.warnings, *groups.warnings, *warnings, *([complaint] if complaint else [])]
     return SceneRecord(
         name=scene.name,
         frame=scene.frame_current_final,
         meshes=tuple(meshes.records),
-        objects=tuple(instance_reader.objects.records),
+        objects=tuple(groups.objects.records),
         materials=tuple(materials.records),
         instances=instances,
         camera=camera_record,

@@ -6,14 +6,15 @@ Arrays are compared as they are, not by hash: that is as fast as reading them on
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+from perfect_bvh.bulk import find_moved
 
 from .keys import Int64Array, Uint64Array, match_keys
-from .records import Float64Array, Int32Array, MeshRecord, SceneRecord
+from .records import InstanceRecords, Int32Array, MeshRecord, SceneRecord
 
 MeshAction = Literal["added", "removed", "replaced", "deformed", "kept"]
 BoolArray = npt.NDArray[np.bool_]
@@ -23,32 +24,26 @@ BoolArray = npt.NDArray[np.bool_]
 class HeldInstances:
     """The instances that the engine holds, as columns, in the order of the record they came from.
 
-    keys: (I,) uint64. ids: (I,) int32, the engine's. mesh_keys: for each instance's mesh_indices, the key of
-    that mesh. object_uids: (I,) int64. Others as in `InstanceRecords`; orders as given to the engine.
+    columns: the record's own. keys: (I,) uint64. ids: (I,) int32, the engine's. orders: (I,) int64, as given to the
+    engine. mesh_keys: for each mesh row, the key of that mesh. object_uids: for each object row, its session uid.
     """
 
-    keys: Uint64Array
-    ids: Int32Array
-    mesh_indices: Int32Array
-    mesh_keys: tuple[Hashable, ...]
-    transforms: Float64Array
-    masks: npt.NDArray[np.uint32]
-    orders: Int64Array
-    object_uids: Int64Array
+    columns: InstanceRecords = field(default_factory=InstanceRecords)
+    keys: Uint64Array = field(default_factory=lambda: np.empty(0, np.uint64))
+    ids: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
+    orders: Int64Array = field(default_factory=lambda: np.empty(0, np.int64))
+    mesh_keys: tuple[Hashable, ...] = ()
+    object_uids: tuple[int, ...] = ()
 
-    @classmethod
-    def none(cls) -> HeldInstances:
-        """No instances."""
-        return cls(
-            keys=np.empty(0, np.uint64),
-            ids=np.empty(0, np.int32),
-            mesh_indices=np.empty(0, np.int32),
-            mesh_keys=(),
-            transforms=np.empty((0, 4, 4), np.float64),
-            masks=np.empty(0, np.uint32),
-            orders=np.empty(0, np.int64),
-            object_uids=np.empty(0, np.int64),
-        )
+    def are_those_of(self, record: SceneRecord) -> bool:
+        """Whether the record's instances are the same ones in the same order, as its sharing of arrays shows.
+
+        What they show and where may differ all the same.
+        """
+        names = ("object_indices", "parent_indices", "persistent_ids")
+        if not all(getattr(self.columns, name) is getattr(record.instances, name) for name in names):
+            return False
+        return self.object_uids == object_uids(record)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,9 +89,10 @@ def compare_mesh(old: MeshRecord | None, new: MeshRecord) -> MeshDifference:
     reason = _topology_change(old, new)
     if reason:
         return MeshDifference("replaced", reason, attributes_changed)
-    if not np.array_equal(old.positions, new.positions):
+    if not _are_equal(old.positions, new.positions):
         return MeshDifference("deformed", "vertices moved, triangles stayed", attributes_changed)
-    return MeshDifference("kept", "same triangles, same positions", attributes_changed)
+    reason = "same triangles, same positions" if new.was_read else "Blender did not evaluate it again"
+    return MeshDifference("kept", reason, attributes_changed)
 
 
 def _topology_change(old: MeshRecord, new: MeshRecord) -> str | None:
@@ -104,7 +100,7 @@ def _topology_change(old: MeshRecord, new: MeshRecord) -> str | None:
         return f"{len(new.triangles)} triangles, {len(old.triangles)} before"
     if len(old.positions) != len(new.positions):
         return f"{len(new.positions)} vertices, {len(old.positions)} before"
-    if not np.array_equal(old.triangles, new.triangles):
+    if not _are_equal(old.triangles, new.triangles):
         return "as many triangles, but others"
     return None
 
@@ -114,7 +110,7 @@ def _have_same(old: Any, new: Any, *names: str) -> bool:
 
 
 def _are_equal(old: npt.NDArray[Any] | None, new: npt.NDArray[Any] | None) -> bool:
-    if old is None or new is None:
+    if old is new or old is None or new is None:
         return old is new
     return np.array_equal(old, new)
 
@@ -125,20 +121,32 @@ def compare_instances(
     """Compares instances; held_meshes: the keys of the meshes that the engine holds now."""
     instances = record.instances
     rows = match_keys(held.keys, keys)
-    same_mesh = _shows_same_mesh(held, record, rows, held_meshes)
-    stays = same_mesh & (held.orders[rows] == orders) if len(held.keys) else np.zeros(len(rows), np.bool_)
+    stays = _shows_same_mesh(held, record, rows, held_meshes)
+    if len(held.keys) and orders is not held.orders:
+        stays &= held.orders[rows] == orders
+    if stays.all() and len(rows) == len(held.keys):
+        return _compare_same(held, instances, rows)
     is_swapped = (rows >= 0) & ~stays
     rows = np.where(stays, rows, -1).astype(np.int32)
-
-    moved = np.zeros(len(rows), np.bool_)
     masked = np.zeros(len(rows), np.bool_)
-    if stays.any():
-        old = rows[stays]
-        moved[stays] = (held.transforms[old] != instances.transforms[stays]).any(axis=(1, 2))
-        masked[stays] = held.masks[old] != instances.masks[stays]
+    masked[stays] = held.columns.masks[rows[stays]] != instances.masks[stays]
     removed = np.ones(len(held.keys), np.bool_)
     removed[rows[stays]] = False
+    moved = find_moved(held.columns.transforms, instances.transforms, rows)
     return InstanceDifference(rows, moved, masked, removed, is_swapped)
+
+
+def _compare_same(held: HeldInstances, instances: InstanceRecords, rows: Int32Array) -> InstanceDifference:
+    """All are there that were, and no others, though perhaps in another order."""
+    none = np.zeros(len(rows), np.bool_)
+    same_masks = held.columns.masks is instances.masks
+    return InstanceDifference(
+        held_rows=rows,
+        moved=find_moved(held.columns.transforms, instances.transforms, rows),
+        masked=none if same_masks else held.columns.masks[rows] != instances.masks,
+        removed=none,
+        is_swapped=none,
+    )
 
 
 def _shows_same_mesh(
@@ -150,5 +158,10 @@ def _shows_same_mesh(
     old_index_of_key = {key: index for index, key in enumerate(held.mesh_keys) if key in held_meshes}
     old_indices = np.array([old_index_of_key.get(mesh.key, -1) for mesh in record.meshes], np.int32)
     wanted = old_indices[record.instances.mesh_indices] if len(record.meshes) else np.empty(0, np.int32)
-    shows_same: BoolArray = (rows >= 0) & (wanted >= 0) & (held.mesh_indices[rows] == wanted)
+    shows_same: BoolArray = (rows >= 0) & (wanted >= 0) & (held.columns.mesh_indices[rows] == wanted)
     return shows_same
+
+
+def object_uids(record: SceneRecord) -> tuple[int, ...]:
+    """The session uid of each row of the record's objects."""
+    return tuple([obj.session_uid for obj in record.objects])

@@ -5,19 +5,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .compare import BoolArray, HeldInstances, InstanceDifference, MeshAction
-from .records import SceneRecord
+from .compare import HeldInstances, InstanceDifference, MeshAction, object_uids
+from .records import Int32Array, SceneRecord
 from .report import OBJECT_ACTIONS, ObjectColumns
 
 Int64Array = npt.NDArray[np.int64]
 
 _RANK: dict[str, int] = {action: rank for rank, action in enumerate(OBJECT_ACTIONS)}
-
-
-def instance_uids(record: SceneRecord) -> Int64Array:
-    """(I,) int64: the session uid of each instance's object."""
-    uids = np.array([obj.session_uid for obj in record.objects], np.int64)
-    return uids[record.instances.object_indices] if len(uids) else np.empty(0, np.int64)
+_ADDED, _RECOUNTED = _RANK["added"], _RANK["recounted"]
 
 
 def summarise_objects(
@@ -31,55 +26,74 @@ def summarise_objects(
 
     held_names: session uid -> name, of the objects before. mesh_actions: of each of the record's meshes.
     """
-    new_uids = instance_uids(record)
-    gone_uids = held.object_uids[difference.removed]
-    uids, places = np.unique(np.concatenate([new_uids, gone_uids]), return_inverse=True)
-    new_places, gone_places = places[: len(new_uids)], places[len(new_uids) :]
+    rows = record.instances.object_indices
+    new = _Places(object_uids(record), rows)
+    old = _Places(held.object_uids, held.columns.object_indices)
+    gone = _Places(held.object_uids, held.columns.object_indices[difference.removed])
+    uids = np.union1d(new.uids, gone.uids)
 
-    was_there = np.isin(uids, held.object_uids)
+    # How often each thing happened to each object. One that was there before is not new, whatever its instances.
     ranks = _instance_ranks(record, difference, mesh_actions)
-    ranks[difference.added & ~difference.is_swapped] = _RANK["added"]
-    # An object that was there before is not new, whatever the number of its instances.
-    ranks[(ranks == _RANK["added"]) & was_there[new_places]] = _RANK["recounted"]
+    counts = new.sum_ranks(uids, rows, ranks)
+    was_there = np.isin(uids, old.uids)
+    counts[was_there, _RECOUNTED] += counts[was_there, _ADDED]
+    counts[was_there, _ADDED] = 0
 
-    instance_counts = np.bincount(new_places, minlength=len(uids)).astype(np.int64)
-    gone_counts = _gone_counts(gone_places, new_places[difference.is_swapped], len(uids))
-    actions = np.where(gone_counts > 0, _RANK["recounted"], _RANK["kept"]).astype(np.int8)
-    np.maximum.at(actions, new_places, ranks)
+    instance_counts = counts.sum(axis=1)
+    gone_counts = gone.sum(uids) - _Places(object_uids(record), rows[difference.is_swapped]).sum(uids)
+    gone_counts = np.maximum(gone_counts, 0)  # a swapped one was removed only to be added again
+    strongest = len(OBJECT_ACTIONS) - 1 - np.argmax(counts[:, ::-1] > 0, axis=1)
+    actions = np.maximum(strongest, np.where(gone_counts > 0, _RECOUNTED, 0)).astype(np.int8)
     actions[instance_counts == 0] = _RANK["removed"]
 
     names = {**held_names, **{obj.session_uid: obj.name for obj in record.objects}}
     return ObjectColumns(
         names=np.array([names[int(uid)] for uid in uids], dtype=object),
-        session_uids=uids.astype(np.int64),
+        session_uids=uids,
         actions=actions,
         instance_counts=instance_counts,
-        changed_counts=_changed_counts(new_places, ranks > 0, len(uids)) + gone_counts,
+        changed_counts=counts[:, 1:].sum(axis=1) + gone_counts,
     )
+
+
+class _Places:
+    """Instances counted by their object's row, to be summed up by its session uid: an object may have several rows."""
+
+    def __init__(self, row_uids: tuple[int, ...], rows: Int32Array) -> None:
+        self._row_uids = np.array(row_uids, np.int64)
+        self._counts = np.bincount(rows, minlength=len(row_uids)).astype(np.int64)
+        self.uids: Int64Array = np.unique(self._row_uids[self._counts > 0])
+
+    def sum(self, uids: Int64Array) -> Int64Array:
+        """(O,) int64: how many there are of each uid."""
+        sums = np.zeros(len(uids), np.int64)
+        used = self._counts > 0
+        np.add.at(sums, np.searchsorted(uids, self._row_uids[used]), self._counts[used])
+        return sums
+
+    def sum_ranks(self, uids: Int64Array, rows: Int32Array, ranks: npt.NDArray[np.int8]) -> Int64Array:
+        """(O, actions) int64: how many there are of each uid to which each thing happened."""
+        width = len(OBJECT_ACTIONS)
+        flat = np.bincount(rows.astype(np.int64) * width + ranks, minlength=width * len(self._row_uids))
+        sums = np.zeros((len(uids), width), np.int64)
+        used = self._counts > 0
+        np.add.at(sums, np.searchsorted(uids, self._row_uids[used]), flat.reshape(-1, width)[used])
+        return sums
 
 
 def _instance_ranks(
     record: SceneRecord, difference: InstanceDifference, mesh_actions: list[MeshAction]
 ) -> npt.NDArray[np.int8]:
-    """(I,) int8: the strongest thing that happened to each instance, or to its mesh; additions apart."""
+    """(I,) int8: the strongest thing that happened to each instance, or to its mesh."""
     instances = record.instances
     ranks = np.zeros(len(instances), np.int8)
     ranks[difference.masked] = _RANK["masked"]
     ranks[difference.moved] = _RANK["moved"]
     ranks[difference.is_swapped] = _RANK["replaced"]
+    ranks[difference.added & ~difference.is_swapped] = _ADDED
     if len(instances):
         # A mesh that is new is news of an instance only if the instance is new, or shows another mesh than before.
-        mesh_ranks = [0 if action == "added" else _RANK[action] for action in mesh_actions]
-        ranks = np.maximum(ranks, np.array(mesh_ranks, np.int8)[instances.mesh_indices])
+        mesh_ranks = np.array([0 if action == "added" else _RANK[action] for action in mesh_actions], np.int8)
+        if mesh_ranks.any():
+            ranks = np.maximum(ranks, mesh_ranks[instances.mesh_indices])
     return ranks
-
-
-def _changed_counts(places: npt.NDArray[np.intp], changed: BoolArray, count: int) -> Int64Array:
-    return np.bincount(places[changed], minlength=count).astype(np.int64)
-
-
-def _gone_counts(gone: npt.NDArray[np.intp], swapped: npt.NDArray[np.intp], count: int) -> Int64Array:
-    """Instances that are gone for good: a swapped one was removed only to be added again."""
-    difference = np.bincount(gone, minlength=count) - np.bincount(swapped, minlength=count)
-    gone_counts: Int64Array = np.maximum(difference, 0).astype(np.int64)
-    return gone_counts

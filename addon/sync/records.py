@@ -41,6 +41,7 @@ class MeshRecord:
     material_slots, corner_normals, corner_uvs: only if they were asked for, see `AttributeRequest`.
     dropped_triangles: how many triangles were left out because a vertex was not finite; `triangle_ids`
         then holds the original index of each kept triangle, and is None when all were kept.
+    was_read: False if Blender is known not to have evaluated the mesh since the record before, whose arrays these are.
     usage: what will happen to the mesh as far as its object tells: nothing ("static"), other positions
         ("deforming"), other triangles ("changing"). Sync learns better from what it sees.
     """
@@ -56,6 +57,7 @@ class MeshRecord:
     dropped_triangles: int = 0
     triangle_ids: Int32Array | None = None
     usage: Usage = "static"
+    was_read: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,15 +86,17 @@ class InstanceRecords:
     """I instances as columns.
 
     mesh_indices, object_indices: (I,) int32, rows of the scene's meshes and objects. parent_indices:
-    (I,) int32, the row in objects of the instancer, -1 for a plain object. transforms: (I, 4, 4)
-    float64 object to world. masks: (I,) uint32, VISIBLE_TO_* bits.
+    (I,) int32, the row in objects of the instancer, -1 for a plain object. transforms: (I, 3, 4)
+    float32 object to world, as exact as Blender's own. masks: (I,) uint32, VISIBLE_TO_* bits.
     persistent_ids: (I, 8) int32, Blender's persistent id; zero for a plain object.
+
+    Columns that are the same as in the scene's record before may be the very same arrays.
     """
 
     mesh_indices: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
     object_indices: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
     parent_indices: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
-    transforms: Float64Array = field(default_factory=lambda: np.empty((0, 4, 4), np.float64))
+    transforms: Float32Array = field(default_factory=lambda: np.empty((0, 3, 4), np.float32))
     masks: npt.NDArray[np.uint32] = field(default_factory=lambda: np.empty(0, np.uint32))
     persistent_ids: Int32Array = field(default_factory=lambda: np.empty((0, 8), np.int32))
 

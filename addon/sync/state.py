@@ -15,9 +15,16 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from .compare import HeldInstances, InstanceDifference, MeshDifference, compare_instances, compare_mesh
+from .compare import (
+    HeldInstances,
+    InstanceDifference,
+    MeshDifference,
+    compare_instances,
+    compare_mesh,
+    object_uids,
+)
 from .keys import Int64Array, Uint64Array, instance_keys, instance_orders
-from .object_changes import instance_uids, summarise_objects
+from .object_changes import summarise_objects
 from .records import Int32Array, MeshRecord, SceneRecord, Usage
 from .report import MeshChange, SyncReport
 
@@ -74,7 +81,7 @@ class SceneState:
         self._make_scene = make_scene
         self.scene: EngineScene = make_scene()
         self._meshes: dict[Hashable, _HeldMesh] = {}
-        self._instances = HeldInstances.none()
+        self._instances = HeldInstances()
         self._object_names: dict[int, str] = {}
         self._record: SceneRecord | None = None
         self._has_waiting_edits = False
@@ -151,7 +158,10 @@ class SceneState:
     # Comparing -------------------------------------------------------------------------------------------------------
 
     def _compare(self, record: SceneRecord) -> _Plan:
-        keys, orders = instance_keys(record), instance_orders(record)
+        if self._instances.are_those_of(record):
+            keys, orders = self._instances.keys, self._instances.orders
+        else:
+            keys, orders = instance_keys(record), instance_orders(record)
         meshes = [compare_mesh(self._held_record(mesh.key), mesh) for mesh in record.meshes]
         wanted = {mesh.key for mesh in record.meshes}
         if len(wanted) != len(record.meshes):
@@ -206,8 +216,7 @@ class SceneState:
     def _apply_instances(self, plan: _Plan) -> HeldInstances:
         instances, difference = plan.record.instances, plan.instances
         added, rows = difference.added, difference.held_rows
-        ids = np.empty(len(instances), np.int32)
-        ids[~added] = self._instances.ids[rows[~added]]
+        ids = self._instances.ids[rows] if len(self._instances.ids) else np.empty(len(rows), np.int32)
         if added.any():
             mesh_ids = np.array([self._meshes[mesh.key].mesh_id for mesh in plan.record.meshes], np.int32)
             ids[added] = self.scene.add_instances(
@@ -217,19 +226,19 @@ class SceneState:
                 plan.orders[added],
             )
         moved, masked = difference.moved, difference.masked
-        if moved.any():
+        if moved.all() and len(moved):
+            self.scene.set_transforms(ids, instances.transforms)
+        elif moved.any():
             self.scene.set_transforms(ids[moved], instances.transforms[moved])
         if masked.any():
             self.scene.set_masks(ids[masked], instances.masks[masked])
         return HeldInstances(
+            columns=instances,
             keys=plan.keys,
             ids=ids,
-            mesh_indices=instances.mesh_indices,
-            mesh_keys=tuple(mesh.key for mesh in plan.record.meshes),
-            transforms=instances.transforms,
-            masks=instances.masks,
             orders=plan.orders,
-            object_uids=instance_uids(plan.record),
+            mesh_keys=tuple([mesh.key for mesh in plan.record.meshes]),
+            object_uids=object_uids(plan.record),
         )
 
     def _give_up(self) -> None:
@@ -238,7 +247,7 @@ class SceneState:
         self.scene = self._make_scene()
         self.scene.mark_stale("the last update failed: call update() again")
         self._meshes = {}
-        self._instances = HeldInstances.none()
+        self._instances = HeldInstances()
         self._object_names = {}
         self._record = None
         self._has_waiting_edits = False

@@ -106,7 +106,7 @@ def test_an_empty_scene_is_an_empty_record(scene: Any) -> None:
     record = read_scene(evaluated())
     assert (record.meshes, record.objects, record.materials, record.warnings) == ((), (), (), ())
     assert len(record.instances) == 0
-    assert record.instances.transforms.shape == (0, 4, 4)
+    assert record.instances.transforms.shape == (0, 3, 4)
     assert record.instances.persistent_ids.shape == (0, 8)
     assert record.camera is None
     assert record.size == (32, 18)

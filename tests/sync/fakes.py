@@ -60,7 +60,7 @@ def record(
         ObjectRecord((names or {}).get(uid, f"object {uid}"), uid, uid % 7, (slots or {}).get(uid, ())) for uid in uids
     )
     mesh_rows = {item.key: row for row, item in enumerate(meshes)}
-    transforms = np.tile(np.eye(4), (len(shown), 1, 1))
+    transforms = np.tile(np.eye(3, 4, dtype=np.float32), (len(shown), 1, 1))
     persistent_ids = np.zeros((len(shown), 8), np.int32)
     for row, item in enumerate(shown):
         transforms[row, 0, 3] = item.x
