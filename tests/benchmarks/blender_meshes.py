@@ -24,10 +24,11 @@ def import_file(path: Path, operator: str) -> BenchMesh:
 
 
 def displaced(detail: float) -> BenchMesh:
-    """A sphere, subdivided and displaced by clouds: evenly tessellated, as sculpted and scanned things are."""
+    """A ball, subdivided and displaced by clouds: evenly tessellated, as sculpted and scanned things are."""
     _clear()
-    segments = max(8, round(500 * math.sqrt(0.64 * detail)))
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=segments, ring_count=segments // 2)
+    bpy.ops.mesh.primitive_cube_add()
+    smooth = bpy.context.object.modifiers.new("smooth", "SUBSURF")
+    smooth.levels = max(1, round(7 + math.log(detail, 4)))  # each level has four times the triangles
     texture = bpy.data.textures.new("clouds", "CLOUDS")
     texture.noise_scale = 0.4
     modifier = bpy.context.object.modifiers.new("displace", "DISPLACE")

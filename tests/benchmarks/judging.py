@@ -7,14 +7,14 @@ closely: all others are surely missed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 from benchmarks.meshes import BenchMesh
-from benchmarks.peers import Peer
+from benchmarks.peers import Answers
 from benchmarks.rays import Rays
 from oracles.brute_force import ULP, WorldTriangles, judge, judge_occlusions
 
@@ -35,6 +35,15 @@ class Wrong:
         return {**asdict(self), "per_million": self.per_million}
 
 
+def pick_sample(rays: Rays, count: int) -> Rays:
+    """About so many rays, spread evenly in blocks of 64 neighbours, as packets of rays want them."""
+    if count >= len(rays):
+        return rays
+    block = min(64, count)
+    starts = np.linspace(0, len(rays) - block, count // block).astype(np.intp)
+    return rays.pick(np.unique(starts[:, None] + np.arange(block)))
+
+
 class Judge:
     """Knows the triangles of one mesh in many places. transforms: (I, 4, 4), of instances 0, 1, ..."""
 
@@ -48,30 +57,23 @@ class Judge:
         self._boxes = _Boxes(placed.min(axis=1), placed.max(axis=1), np.abs(placed).max(axis=(1, 2)))
         self._part = lru_cache(maxsize=256)(self._make_part)
 
-    def count_wrong(self, rays: Rays, peers: Sequence[Peer], sample: int) -> dict[str, Wrong]:
-        """The same sample, evenly spread over the rays, for every peer."""
-        rows = np.unique(np.linspace(0, len(rays) - 1, min(sample, len(rays))).astype(np.intp))
-        picked = rays.pick(rows)
-        if rays.is_any_hit:
-            occluded = np.array([peer.occluded(picked) for peer in peers])
-        else:
-            answers = [peer.answers(picked) for peer in peers]
-            t, instances, ids = (
-                np.array([getattr(each, name) for each in answers]) for name in ("t", "instance_ids", "primitive_ids")
-            )
-        totals = np.zeros((len(peers), 2), np.int64)
-        for row in range(len(rows)):
-            near = self._near(picked.origins[row], picked.directions[row])
-            columns = [np.tile(each[row], (len(peers), 1)) for each in (picked.origins, picked.directions)]
+    def count_wrong(self, rays: Rays, answers: Mapping[str, Answers]) -> dict[str, Wrong]:
+        """Of everyone's answers to the same rays."""
+        columns = list(answers.values())
+        t, instances, ids = (
+            np.array([getattr(each, name) for each in columns]) for name in ("t", "instance_ids", "primitive_ids")
+        )
+        totals = np.zeros((len(columns), 2), np.int64)
+        for row in range(len(rays)):
+            near = self._near(rays.origins[row], rays.directions[row])
+            same = [np.tile(each[row], (len(columns), 1)) for each in (rays.origins, rays.directions)]
             if rays.is_any_hit:
-                verdict = judge_occlusions(near, *columns, occluded[:, row], t_max=rays.t_max)
+                verdict = judge_occlusions(near, *same, ids[:, row] >= 0, t_max=rays.t_max)
             else:
-                verdict = judge(near, *columns, t[:, row], instances[:, row], ids[:, row], t_max=rays.t_max)
+                verdict = judge(near, *same, t[:, row], instances[:, row], ids[:, row], t_max=rays.t_max)
             totals += np.stack([verdict.wrong, verdict.doubtful], axis=1)
-        return {
-            peer.name: Wrong(len(rows), int(wrong), int(doubtful))
-            for peer, (wrong, doubtful) in zip(peers, totals, strict=True)
-        }
+        counts = zip(answers, totals, strict=True)
+        return {name: Wrong(len(rays), int(wrong), int(doubtful)) for name, (wrong, doubtful) in counts}
 
     def _make_part(self, instance: int) -> tuple[WorldTriangles, _Boxes]:
         """One instance's triangles, and their boxes."""

@@ -22,7 +22,10 @@ Hit = tuple[int, float, int] | None  # triangle, distance, instance
 
 @dataclass(frozen=True)
 class Answers:
-    """t: (R,) in multiples of the directions, inf on a miss. primitive_ids, instance_ids: (R,), -1 on a miss."""
+    """t: (R,) in multiples of the directions, inf on a miss. primitive_ids, instance_ids: (R,), -1 on a miss.
+
+    Where any hit was asked for, only whether an id is -1 means something.
+    """
 
     t: npt.NDArray[np.float64]
     primitive_ids: Ids
@@ -33,10 +36,15 @@ class Answers:
         """Of a mesh alone, as instance 0."""
         return cls(t, primitive_ids, np.where(primitive_ids >= 0, 0, -1))
 
+    @classmethod
+    def of_any(cls, occluded: npt.NDArray[np.bool_]) -> Answers:
+        """Whether there is a hit."""
+        return cls.of_one(np.zeros(len(occluded)), np.where(occluded, 0, -1))
+
 
 @dataclass(frozen=True)
 class Peer:
-    """closest, any: what is timed. answers, occluded: the same rays' answers, for the judge, in whatever time.
+    """closest, any: what is timed. answers, occluded: the same in whatever time, for `ask`.
 
     ray_limit: those who take one ray a call get no more than that.
     """
@@ -50,6 +58,10 @@ class Peer:
 
     def cast(self, rays: Rays) -> object:
         return self.any(rays) if rays.is_any_hit else self.closest(rays)
+
+    def ask(self, rays: Rays) -> Answers:
+        """For the judge."""
+        return Answers.of_any(self.occluded(rays)) if rays.is_any_hit else self.answers(rays)
 
 
 def scene_of(mesh: BenchMesh, build: Any = "auto") -> perfect_bvh.Scene:

@@ -21,9 +21,11 @@ import numpy as np
 from benchmarks import options, peers
 from benchmarks.build_python import measure_rays
 from benchmarks.instances import Instanced
-from benchmarks.judging import Judge
+from benchmarks.judging import Judge, pick_sample
 from benchmarks.meshes import BenchMesh
 from benchmarks.native import NativePrograms
+from benchmarks.native_answers import ask
+from benchmarks.peers import Answers, Peer
 from benchmarks.rays import Rays, make_rays
 from benchmarks.trace_tables import describe_mesh
 from tqdm import tqdm
@@ -80,13 +82,16 @@ def measure(
         result["instances"] = native.run("instance_bench", mesh, [*rounds, *wanted])
     bar.update(len(counts))
     result["from_python"] = []
-    for row in chain(_one_mesh(mesh, chosen, left_out), _instanced(mesh, counts, chosen, left_out)):
+    single = _one_mesh(mesh, chosen, native, left_out)
+    for row in chain(single, _instanced(mesh, counts, chosen, left_out)):
         result["from_python"].append(row)
         bar.update()
     return result
 
 
-def _one_mesh(mesh: BenchMesh, chosen: argparse.Namespace, left_out: list[str]) -> Iterator[dict[str, Any]]:
+def _one_mesh(
+    mesh: BenchMesh, chosen: argparse.Namespace, native: NativePrograms, left_out: list[str]
+) -> Iterator[dict[str, Any]]:
     tracers = peers.ours_in_every_way(peers.scene_of(mesh), left_out)
     others = {
         "embreex": lambda: [peers.embreex(mesh), peers.embreex(mesh, is_robust=True)],
@@ -100,7 +105,9 @@ def _one_mesh(mesh: BenchMesh, chosen: argparse.Namespace, left_out: list[str]) 
             left_out.append(f"{name}: {error}")
     judge = Judge(mesh)
     for rays in make_rays(mesh, *options.size_of(chosen)):
-        yield _race(tracers, rays, judge, chosen)
+        sample = pick_sample(rays, chosen.sample)
+        natively = ask(native, mesh, sample, EMBREE, STRATEGIES) if native.has("answers_bench") else {}
+        yield _race(tracers, rays, judge, natively, chosen)
 
 
 def _instanced(
@@ -115,15 +122,23 @@ def _instanced(
             except ImportError as error:
                 left_out.append(f"scene.ray_cast: {error}")
         rays = placed.rays(*options.size_of(chosen))
-        yield _race(tracers, rays, Judge(mesh, placed.transforms), chosen)
+        yield _race(tracers, rays, Judge(mesh, placed.transforms), {}, chosen)
 
 
-def _race(tracers: list[peers.Peer], rays: Rays, judge: Judge, chosen: argparse.Namespace) -> dict[str, Any]:
-    """One kind of ray: speeds, and wrong answers beside them."""
+def _race(
+    tracers: list[Peer], rays: Rays, judge: Judge, natively: dict[str, Answers], chosen: argparse.Namespace
+) -> dict[str, Any]:
+    """One kind of ray: speeds, and wrong answers beside them. natively: answers that others gave to the sample."""
     speeds = measure_rays(tracers, rays, chosen.rounds, lambda: None)
-    wrong = judge.count_wrong(rays, tracers, chosen.sample)
-    rows = [{"name": each.name, **speeds[each.name], "wrong": wrong[each.name].as_json()} for each in tracers]
-    return {"name": rays.name, "peers": rows}
+    sample = pick_sample(rays, chosen.sample)
+    answers = {f"native {name}": each for name, each in natively.items()}
+    answers |= {tracer.name: tracer.ask(sample) for tracer in tracers}
+    wrong = {name: each.as_json() for name, each in judge.count_wrong(sample, answers).items()}
+    return {
+        "name": rays.name,
+        "peers": [{"name": each.name, **speeds[each.name], "wrong": wrong[each.name]} for each in tracers],
+        "native_wrong": {name: wrong[f"native {name}"] for name in natively},
+    }
 
 
 if __name__ == "__main__":

@@ -11,23 +11,37 @@ def describe_mesh(result: dict[str, Any]) -> str:
     """Everything about one mesh: in each cell M rays/s, and then what it is to the first peer's."""
     parts = [f"{result['name']}: {result['triangle_count']:,} triangles"]
     if result["native"]:
-        parts.append(f"Native, one thread, M rays/s (ratio to {result['native'][0]['competitor']}):")
-        parts.append(_native(result["native"], "rays"))
+        parts.append(
+            f"Native, one thread, M rays/s (ratio to {result['native'][0]['competitor']}); "
+            "wrong answers per million, of a sample of all kinds:"
+        )
+        parts.append(_native(result["native"], _wrong_by_competitor(result["from_python"])))
     if result["instances"]:
         named = [{**row, "rays": f"{row['kind']} {row['instances']:,}"} for row in result["instances"]]
-        parts.append("Native, through instances:\n" + _native(named, "rays"))
+        parts.append("Native, through instances:\n" + _native(named, {}))
     parts.append("From Python, one thread, M rays/s; wrong answers per million, of a sample:")
     parts.append(_from_python(result["from_python"]))
     return "\n\n".join(parts)
 
 
-def _native(rows: list[dict[str, Any]], kind_key: str) -> str:
-    kinds = list(dict.fromkeys(row[kind_key] for row in rows))
-    names = list(dict.fromkeys(row["competitor"] for row in rows))
-    cells = {(row["competitor"], row[kind_key]): f"{row['mrays_per_second']:.2f} ({row['ratio']:.2f})" for row in rows}
-    return format_table(
-        ["competitor", *kinds], [[name, *(cells.get((name, kind)) for kind in kinds)] for name in names]
-    )
+def _native(rows: list[dict[str, Any]], wrong: dict[str, float]) -> str:
+    kinds = list(dict.fromkeys(row["rays"] for row in rows))
+    cells = {}
+    for row in rows:
+        cells[row["competitor"], row["rays"]] = f"{row['mrays_per_second']:.2f} ({row['ratio']:.2f})"
+    lines: list[list[Cell]] = []
+    for name in dict.fromkeys(row["competitor"] for row in rows):
+        lines.append([name, *(cells.get((name, kind)) for kind in kinds), *([wrong.get(name)] if wrong else [])])
+    return format_table(["competitor", *kinds, *(["wrong"] if wrong else [])], lines)
+
+
+def _wrong_by_competitor(kinds: list[dict[str, Any]]) -> dict[str, float]:
+    """Per million judged rays of all kinds."""
+    result = {}
+    for name in dict.fromkeys(name for kind in kinds for name in kind["native_wrong"]):
+        counts = [kind["native_wrong"][name] for kind in kinds if name in kind["native_wrong"]]
+        result[name] = 1e6 * sum(count["wrong"] for count in counts) / sum(count["judged"] for count in counts)
+    return result
 
 
 def _from_python(kinds: list[dict[str, Any]]) -> str:

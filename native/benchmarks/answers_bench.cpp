@@ -1,0 +1,180 @@
+// answers_bench --rays RAYS.bin --answers OUT.bin --json OUT.json [--peers a,b] [--strategies a,b] MESH.bin
+//
+// Not for times but for truth: what every competitor answers, for a judge elsewhere. Competitors are named as by
+// trace_bench. RAYS.bin: uint32 count, uint32 1 for any hit, float32 t_max; float32 origins and directions, 3 a ray.
+// OUT.bin, for each competitor in the order of the names in OUT.json: float32 t (infinity on a miss) and int32
+// triangles (-1 on a miss; for any hit 0 or -1, and t means nothing).
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <limits>
+#include <memory>
+#include <sstream>
+#include <stdexcept>
+
+#include "embree_peer.h"
+#include "json.h"
+#include "ray_race.h"
+#include "ray_sets.h"
+#include "scene/scene.h"
+#include "traverse/dispatch.h"
+
+namespace perfect_bvh::bench {
+namespace {
+
+struct Options {
+  std::vector<std::string> peers, strategies{"auto"};
+  std::string mesh, rays, answers, json;
+};
+
+std::vector<std::string> split(const std::string& text) {
+  std::vector<std::string> parts;
+  std::istringstream stream(text);
+  for (std::string part; std::getline(stream, part, ',');) parts.push_back(part);
+  return parts;
+}
+
+Options parse(int count, char** values) {
+  Options options;
+  for (int i = 1; i < count; ++i) {
+    const std::string name = values[i];
+    const auto value = [&] {
+      if (++i >= count) throw std::runtime_error(name + " needs a value");
+      return std::string(values[i]);
+    };
+    if (name == "--peers") {
+      options.peers = split(value());
+    } else if (name == "--strategies") {
+      options.strategies = split(value());
+    } else if (name == "--rays") {
+      options.rays = value();
+    } else if (name == "--answers") {
+      options.answers = value();
+    } else if (name == "--json") {
+      options.json = value();
+    } else {
+      options.mesh = name;
+    }
+  }
+  return options;
+}
+
+RaySet read_rays(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::uint32_t header[2] = {0, 0};
+  float t_max = 0;
+  file.read(reinterpret_cast<char*>(header), sizeof(header));
+  file.read(reinterpret_cast<char*>(&t_max), sizeof(t_max));
+  std::vector<Vec3f> origins(header[0]), directions(header[0]);
+  const auto bytes = static_cast<std::streamsize>(header[0] * sizeof(Vec3f));
+  file.read(reinterpret_cast<char*>(origins.data()), bytes);
+  file.read(reinterpret_cast<char*>(directions.data()), bytes);
+  if (!file) throw std::runtime_error("cannot read " + path);
+  RaySet set{path, header[1] != 0, std::vector<Ray>(header[0])};
+  for (std::size_t i = 0; i < set.rays.size(); ++i) {
+    set.rays[i].origin = to_double(origins[i]), set.rays[i].direction = to_double(directions[i]);
+    set.rays[i].t_max = t_max;
+  }
+  return set;
+}
+
+RayCompetitor embree_competitor(const std::string& name, const TriangleMesh& mesh) {
+  EmbreePeer::Options options;
+  options.is_robust = name.find("robust") != std::string::npos;
+  if (name.find("avx2") != std::string::npos) options.device += ",isa=avx2";
+  const auto peer = std::make_shared<EmbreePeer>(mesh, options);
+  const bool packets = name.find("packets") != std::string::npos;
+  return {name,
+          [peer, packets](std::span<const Ray> rays, Hit* hits) {
+            if (packets)
+              peer->closest_packets(rays, hits, true);
+            else
+              peer->closest(rays, hits);
+          },
+          [peer](std::span<const Ray> rays, std::uint8_t* occluded) { peer->any(rays, occluded); }};
+}
+
+Strategy parse_strategy(const std::string& name) {
+  if (name == "auto") return Strategy::kAuto;
+  if (name == "packets") return Strategy::kPackets;
+  if (name == "stream") return Strategy::kStream;
+  if (name == "single") return Strategy::kSingle;
+  throw std::runtime_error("no strategy is called " + name);
+}
+
+RayCompetitor our_competitor(const Snapshot& snapshot, const std::string& isa, const std::string& strategy) {
+  const TraceOptions options{parse_strategy(strategy), 0};
+  return {isa + "/" + strategy,
+          [&snapshot, isa, options](std::span<const Ray> rays, Hit* hits) {
+            set_active_kernels(isa);
+            trace_closest(snapshot.view, {rays.data(), rays.size(), Cull::kNone, nullptr, hits, nullptr}, options);
+          },
+          [&snapshot, isa, options](std::span<const Ray> rays, std::uint8_t* occluded) {
+            set_active_kernels(isa);
+            trace_any(snapshot.view, {rays.data(), rays.size(), Cull::kNone, nullptr, nullptr, occluded}, options);
+          }};
+}
+
+std::shared_ptr<const Snapshot> make_snapshot(const TriangleMesh& mesh) {
+  ThreadPool pool(1);
+  CancelToken cancel;
+  Scene scene;
+  scene.add_instances(std::vector<InstanceInput>{{scene.add_mesh(mesh, BuildConfig{}, Usage::kStatic), Affine{}}});
+  scene.commit(pool, cancel);
+  return scene.snapshot();
+}
+
+void write_answers(std::ofstream& file, const RayCompetitor& competitor, const RaySet& set) {
+  std::vector<float> t(set.rays.size(), 0.0f);
+  std::vector<std::int32_t> triangles(set.rays.size());
+  if (set.is_any_hit) {
+    std::vector<std::uint8_t> occluded(set.rays.size());
+    competitor.any(set.rays, occluded.data());
+    for (std::size_t i = 0; i < triangles.size(); ++i) triangles[i] = occluded[i] != 0 ? 0 : -1;
+  } else {
+    std::vector<Hit> hits(set.rays.size());
+    competitor.closest(set.rays, hits.data());
+    for (std::size_t i = 0; i < triangles.size(); ++i) {
+      t[i] = hits[i].found() ? hits[i].t : std::numeric_limits<float>::infinity();
+      triangles[i] = hits[i].found() ? static_cast<std::int32_t>(hits[i].primitive_index) : -1;
+    }
+  }
+  file.write(reinterpret_cast<const char*>(t.data()), static_cast<std::streamsize>(t.size() * sizeof(float)));
+  file.write(reinterpret_cast<const char*>(triangles.data()),
+             static_cast<std::streamsize>(triangles.size() * sizeof(std::int32_t)));
+}
+
+void answer(const Options& options) {
+  const TriangleMesh mesh = read_mesh(options.mesh);
+  const RaySet set = read_rays(options.rays);
+  const auto snapshot = make_snapshot(mesh);
+  std::vector<RayCompetitor> competitors;
+  for (const std::string& peer : options.peers) competitors.push_back(embree_competitor(peer, mesh));
+  for (const KernelTable* table : available_kernels()) {
+    for (const std::string& strategy : options.strategies) {
+      competitors.push_back(our_competitor(*snapshot, table->name, strategy));
+    }
+  }
+  std::ofstream file(options.answers, std::ios::binary);
+  std::vector<std::string> names;
+  for (const RayCompetitor& competitor : competitors) {
+    write_answers(file, competitor, set);
+    names.push_back(to_json(competitor.name));
+  }
+  if (!file || !(std::ofstream(options.json) << to_json(names) << "\n")) {
+    throw std::runtime_error("cannot write the answers");
+  }
+}
+
+}  // namespace
+}  // namespace perfect_bvh::bench
+
+int main(int count, char** values) {
+  try {
+    perfect_bvh::bench::answer(perfect_bvh::bench::parse(count, values));
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 1;
+  }
+  return 0;
+}
