@@ -2,7 +2,9 @@
 // arithmetic of math/triangle.h and traverse/object_ray.h. No tree, so no tree can influence it.
 #pragma once
 
+#include <algorithm>
 #include <tuple>
+#include <vector>
 
 #include "math/triangle.h"
 #include "scene/snapshot.h"
@@ -10,10 +12,15 @@
 
 namespace perfect_bvh::test {
 
-inline Hit reference_closest(const Snapshot& snapshot, const Ray& ray, Cull cull) {
-  Hit best;
-  if (!is_valid(ray)) return best;
-  double best_t = ray.t_max;
+struct ReferenceHit {
+  double t;
+  Hit hit;
+};
+
+// Every triangle that the ray meets, by (t, order, id, primitive).
+inline std::vector<ReferenceHit> reference_hits(const Snapshot& snapshot, const Ray& ray, Cull cull) {
+  std::vector<ReferenceHit> found;
+  if (!is_valid(ray)) return found;
   ObjectRay world{{ray.origin.x, ray.origin.y, ray.origin.z, 0.0},
                   {ray.direction.x, ray.direction.y, ray.direction.z, 0.0},
                   {0.0, 1.0, true}};
@@ -21,7 +28,7 @@ inline Hit reference_closest(const Snapshot& snapshot, const Ray& ray, Cull cull
     world.origin[axis] *= static_cast<double>(snapshot.view.scale);
     world.direction[axis] *= static_cast<double>(snapshot.view.scale);
   }
-  if (!bring_near(world, static_cast<double>(snapshot.view.extent.reach))) return best;
+  if (!bring_near(world, static_cast<double>(snapshot.view.extent.reach))) return found;
   for (std::size_t index = 0; index < snapshot.instances.size(); ++index) {
     const Instance& instance = snapshot.instances[index];
     const InstanceView& view = snapshot.instance_views[index];
@@ -46,18 +53,20 @@ inline Hit reference_closest(const Snapshot& snapshot, const Ray& ray, Cull cull
       const float narrowed = static_cast<float>(t);
       if (!(narrowed >= ray.t_min && narrowed <= ray.t_max && narrowed < kInfiniteDistance)) continue;
       if (cull != Cull::kNone && (hit.is_front != instance.mirrored) == (cull == Cull::kFront)) continue;
-      if (best.found()) {
-        const Instance& holder = snapshot.instances[best.instance_index];
-        if (std::tuple(t, instance.order, instance.id, primitive) >=
-            std::tuple(best_t, holder.order, holder.id, best.primitive_index)) {
-          continue;
-        }
-      }
-      best_t = t;
-      best = {narrowed + 0.0f, hit.u, hit.v, static_cast<std::uint32_t>(index), primitive};
+      found.push_back({t, {narrowed + 0.0f, hit.u, hit.v, static_cast<std::uint32_t>(index), primitive}});
     }
   }
-  return best;
+  const auto key = [&](const ReferenceHit& item) {
+    const Instance& instance = snapshot.instances[item.hit.instance_index];
+    return std::tuple(item.t, instance.order, instance.id, item.hit.primitive_index);
+  };
+  std::sort(found.begin(), found.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
+  return found;
+}
+
+inline Hit reference_closest(const Snapshot& snapshot, const Ray& ray, Cull cull) {
+  const std::vector<ReferenceHit> found = reference_hits(snapshot, ray, cull);
+  return found.empty() ? Hit{} : found.front().hit;
 }
 
 }  // namespace perfect_bvh::test

@@ -49,9 +49,13 @@ void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) 
   snapshot.top_level = collapse_top_level(snapshot.tlas, pool, cancel);
   bring_to_scale(snapshot.instance_views, static_cast<double>(snapshot.top_level.scale), pool, cancel);
   std::uint32_t deepest = 0;
-  for (const auto& blas : snapshot.blases) deepest = std::max(deepest, blas->wide.depth);
-  const WideBvh& top = snapshot.top_level;
   SceneView& view = snapshot.view;
+  view.repeats_triangles = false;
+  for (const auto& blas : snapshot.blases) {
+    deepest = std::max(deepest, blas->wide.depth);
+    view.repeats_triangles = view.repeats_triangles || blas->wide.repeats_triangles;
+  }
+  const WideBvh& top = snapshot.top_level;
   view.nodes = top.nodes.data();
   view.instances = snapshot.instance_views.data();
   view.extent = top.extent;

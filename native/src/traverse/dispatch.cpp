@@ -173,4 +173,11 @@ std::size_t trace_any(const SceneView& scene, const RayBatch& batch, const Trace
   return trace({table, table.trace_any, table.trace_packets_any}, scene, batch, options);
 }
 
+std::size_t find_all_hits(const SceneView& scene, const RayBatch& batch, const FoundHits& found) {
+  const KernelTable& kernels = active_kernels();
+  void* const workspace = workspace_of(kernels.workspace_bytes(scene, 1));
+  const DefaultFloatingPoint environment;
+  return kernels.find_all_hits(scene, batch, found, workspace);
+}
+
 }  // namespace perfect_bvh

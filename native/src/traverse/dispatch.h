@@ -24,5 +24,8 @@ void set_active_kernels(std::string_view name);
 // counts are wanted, which packets do not keep ray by ray.
 std::size_t trace_closest(const SceneView& scene, const RayBatch& batch, const TraceOptions& options = {});
 std::size_t trace_any(const SceneView& scene, const RayBatch& batch, const TraceOptions& options = {});
+// All hits of each ray, or only how many (see FoundHits). Returns how many rays were finished: fewer than all if the
+// next one's hits did not fit, of which counts then has how many they are.
+[[nodiscard]] std::size_t find_all_hits(const SceneView& scene, const RayBatch& batch, const FoundHits& found);
 
 }  // namespace perfect_bvh

@@ -7,6 +7,7 @@
 // The vectors and the ray's set-up stand; what follows uses them.
 #include "traverse/stream_kernel.inl"
 // After the stream.
+#include "traverse/all_hits.inl"
 #include "traverse/packet_kernel.inl"
 
 namespace perfect_bvh {
@@ -14,6 +15,7 @@ namespace perfect_bvh {
 const KernelTable kAvx2Kernels = {"avx2",
                                   trace_stream_closest,
                                   trace_stream_any,
+                                  find_all_hits,
                                   stream_workspace_bytes,
                                   trace_packets_closest,
                                   trace_packets_any,

@@ -5,10 +5,12 @@
 
 // The vectors and the ray's set-up stand; what follows uses them.
 #include "traverse/stream_kernel.inl"
+// After the stream.
+#include "traverse/all_hits.inl"
 
 namespace perfect_bvh {
 
 const KernelTable kScalarKernels = {
-    "scalar", trace_stream_closest, trace_stream_any, stream_workspace_bytes, nullptr, nullptr, nullptr};
+    "scalar", trace_stream_closest, trace_stream_any, find_all_hits, stream_workspace_bytes, nullptr, nullptr, nullptr};
 
 }  // namespace perfect_bvh

@@ -18,6 +18,9 @@ struct KernelTable {
   // `workspace` holds workspace_bytes(scene, in_flight), on a cache line; in_flight is 1 to kMostRaysInFlight.
   void (*trace_closest)(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight);
   void (*trace_any)(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight);
+  // Returns how many rays were finished: fewer than all if the next one's hits did not fit. Workspace as for one ray in
+  // flight.
+  std::size_t (*find_all_hits)(const SceneView& scene, const RayBatch& batch, const FoundHits& found, void* workspace);
   std::size_t (*workspace_bytes)(const SceneView& scene, std::size_t in_flight);
   // The same answers, for coherent rays, in packets of consecutive ones; no counts. `left`: null, or one a packet: set
   // where the rays are not coherent, which are then left untraced. Null where vectors are too short to repay it.

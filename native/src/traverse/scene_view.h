@@ -31,6 +31,7 @@ struct SceneView {
   float scale = 1.0f;             // boxes are stored times this power of two
   std::uint32_t root = kNoChild;  // of the top level
   bool is_empty = true;
+  bool repeats_triangles = false;   // some tree holds a triangle in several leaves
   std::uint32_t stack_entries = 0;  // the most that any ray can need
 };
 
@@ -41,6 +42,20 @@ struct RayBatch {
   RayCounts* counts = nullptr;       // null: not wanted
   Hit* hits = nullptr;               // closest hit: one a ray
   std::uint8_t* occluded = nullptr;  // any hit: one a ray
+};
+
+// One of all the triangles that a ray meets. t is what trace_closest() would find, before it is narrowed.
+struct FoundHit {
+  double t;
+  float u, v;
+  std::uint32_t instance_index, primitive_index;
+};
+
+// The hits of a batch, ray after ray, each ray's in no order, and a triangle as often as the tree holds it.
+struct FoundHits {
+  FoundHit* hits = nullptr;  // null: only the counts are wanted
+  std::size_t capacity = 0;
+  std::size_t* counts = nullptr;  // one a ray
 };
 
 }  // namespace perfect_bvh

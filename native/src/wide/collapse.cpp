@@ -30,6 +30,7 @@ WideBvh collapse(const Bvh2& given, const TriangleMesh* mesh, ThreadPool& pool, 
   const Bvh2& tree = split.empty() ? given : split;
   const Aabb bounds = tree.bounds();
   wide.is_empty = false;
+  wide.repeats_triangles = mesh != nullptr && (!given.refittable || given.prim_indices.size() > mesh->triangle_count());
   wide.scale = scale_of(bounds);
   for (int axis = 0; axis < 3; ++axis) {
     wide.extent.largest[axis] = magnitude_of(bounds.lower[axis], bounds.upper[axis]) * wide.scale;

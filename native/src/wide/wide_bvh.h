@@ -50,6 +50,7 @@ struct WideBvh {
   std::uint32_t root = kNoChild;    // a node (row 0) or a leaf
   std::uint32_t depth = 0;          // nodes on the longest way from the root to a leaf
   bool is_empty = true;             // over nothing: `root` means nothing
+  bool repeats_triangles = false;   // spatial splits: a triangle may stand in several leaves
   // Boxes and vertices are stored times this power of two: 1, unless the coordinates are so large or so small that
   // products of them would leave the range of float.
   float scale = 1.0f;

@@ -1,0 +1,79 @@
+// Every triangle that a ray meets in its range: counted, or written down unsorted. Ray by ray: nothing that is found
+// shortens the way, so the order of visits is free and no entry distance is kept.
+// A triangle that stands in several leaves (spatial splits) is found in each: the caller, which may allocate, sorts
+// and drops what it has seen.
+// Included after stream_kernel.inl, of whose slots, node and leaf tests it is made; everything has internal linkage.
+
+namespace perfect_bvh {
+namespace {
+
+// Lane by lane but for the last triangle's repetitions. Null `hits`: only counts. Returns how many were met, which may
+// be more than there is room for.
+PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const SceneView& scene, const RayBatch& batch,
+                                        const LeafBlock& block, FoundHit* hits, std::size_t room) noexcept {
+  const LeafTest test = test_leaf(block, slot.triangle, slot.box.t_min, slot.box.t_limit);
+  if (test.lanes == 0) return 0;
+  const LeafCandidates candidates(test);
+  const InstanceView& instance = scene.instances[slot.instance];
+  const Ray& ray = batch.rays[slot.ray];
+  std::size_t count = 0;
+  for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
+    const int lane = __builtin_ctz(lanes);
+    const std::uint32_t primitive = block.primitives[lane];
+    if (lane > 0 && block.primitives[lane - 1] == primitive) continue;
+    const double t = candidate_t(candidates, lane, block, slot.triangle.ray, slot.time);
+    if (!is_in_range(t, ray) || is_culled(batch.cull, candidates.sums[lane], slot.triangle.ray, instance)) continue;
+    if (hits != nullptr && count < room) {
+      const float sum = candidates.sums[lane];
+      hits[count] = {t, candidates.weights_v1[lane] / sum, candidates.weights_v2[lane] / sum, slot.instance, primitive};
+    }
+    ++count;
+  }
+  return count;
+}
+
+// How many triangles the slot's ray meets; those for which there is room are written to `hits` unless it is null.
+inline std::size_t walk_whole_ray(Slot& slot, const SceneView& scene, const RayBatch& batch, FoundHit* hits,
+                                  std::size_t room) noexcept {
+  std::uint32_t* const stack = stack_of(slot);
+  std::size_t count = 0;
+  while (stack[slot.top] != kDoneMark) {
+    const std::uint32_t entry = stack[slot.top];
+    if (entry < kBlockChild) {
+      const WideNode& node = slot.nodes[entry];
+      const NodeTest test = test_node(node, slot.box);
+      push_unsorted(node, test.hit, stack + slot.top);
+      slot.top += count_bits(bits(test.hit)) - 1;
+    } else if (entry < kInstanceChild) {
+      const std::size_t left = count < room ? room - count : 0;
+      count += take_all(slot, scene, batch, slot.blocks[entry - kBlockChild], left ? hits + count : nullptr, left);
+      --slot.top;
+    } else if (entry == kLeaveMark) {
+      leave_instance<true>(slot, scene, 0);
+    } else if (!enter_instance(slot, scene, batch.rays[slot.ray])) {
+      --slot.top;
+    }
+  }
+  return count;
+}
+
+std::size_t find_all_hits(const SceneView& scene, const RayBatch& batch, const FoundHits& found, void* workspace) {
+  Slot& slot = *static_cast<Slot*>(workspace);
+  std::size_t used = 0;
+  for (std::size_t row = 0; row < batch.count; ++row) {
+    slot.ray = static_cast<std::uint32_t>(row);
+    std::size_t count = 0;
+    if (!scene.is_empty && start_ray(slot, scene, batch.rays[row])) {
+      FoundHit* const hits = found.hits == nullptr ? nullptr : found.hits + used;
+      count = walk_whole_ray(slot, scene, batch, hits, found.capacity - used);
+    }
+    found.counts[row] = count;
+    if (found.hits == nullptr) continue;
+    if (count > found.capacity - used) return row;
+    used += count;
+  }
+  return batch.count;
+}
+
+}  // namespace
+}  // namespace perfect_bvh
