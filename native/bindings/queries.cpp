@@ -1,9 +1,12 @@
 // Rays through snapshots. The Python face hands over contiguous columns and preallocated results.
 #include <pybind11/stl.h>
 
+#include <algorithm>
+
 #include "bindings/arrays.h"
 #include "bindings/bind.h"
 #include "bindings/progress.h"
+#include "scene/intersections.h"
 #include "scene/ray_batch.h"
 
 namespace perfect_bvh::bindings {
@@ -89,11 +92,18 @@ HitColumns read_outputs(const py::dict& columns, std::size_t count) {
   return out;
 }
 
+void check_splits(std::span<const std::int64_t> splits) {
+  if (splits.front() != 0 || !std::is_sorted(splits.begin(), splits.end())) {
+    throw std::invalid_argument("_core: ray_splits must rise from 0");
+  }
+}
+
 }  // namespace
 
 void bind_queries(py::module_& module) {
   py::class_<Snapshot, std::shared_ptr<Snapshot>> snapshot(module, "Snapshot");
   snapshot.def_property_readonly("generation", [](const Snapshot& self) { return self.generation; });
+  snapshot.def_property_readonly("scene_id", [](const Snapshot& self) { return self.scene_id; });
   snapshot.def(
       "cast_rays",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
@@ -124,6 +134,40 @@ void bind_queries(py::module_& module) {
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
       py::arg("masks").noconvert(), py::arg("cull"), py::arg("occluded").noconvert(), py::arg("threads"),
       py::arg("progress"));
+  snapshot.def(
+      "count_intersections",
+      [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
+         const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull,
+         Array<std::int32_t>& counts, int threads, const py::object& progress) {
+        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
+        if (static_cast<std::size_t>(counts.size()) != rays.count) {
+          throw std::invalid_argument("_core: counts has the wrong size");
+        }
+        std::int32_t* const out = counts.mutable_data();
+        return with_progress(progress, [&](CancelToken& cancel) {
+          return count_intersections(self, rays, out, ThreadPool::shared(), threads, cancel);
+        });
+      },
+      py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
+      py::arg("masks").noconvert(), py::arg("cull"), py::arg("counts").noconvert(), py::arg("threads"),
+      py::arg("progress"));
+  snapshot.def(
+      "list_intersections",
+      [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
+         const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull,
+         const Array<std::int64_t>& ray_splits, const py::dict& outputs, int threads, const py::object& progress) {
+        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
+        const auto splits = as_span(ray_splits);
+        if (splits.size() != rays.count + 1) throw std::invalid_argument("_core: ray_splits has the wrong size");
+        check_splits(splits);
+        const HitColumns hits = read_outputs(outputs, static_cast<std::size_t>(splits.back()));
+        return with_progress(progress, [&](CancelToken& cancel) {
+          return list_intersections(self, rays, splits, hits, ThreadPool::shared(), threads, cancel);
+        });
+      },
+      py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
+      py::arg("masks").noconvert(), py::arg("cull"), py::arg("ray_splits").noconvert(), py::arg("outputs"),
+      py::arg("threads"), py::arg("progress"));
 }
 
 }  // namespace perfect_bvh::bindings

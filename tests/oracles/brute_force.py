@@ -108,6 +108,25 @@ def _classify(world: WorldTriangles, origins: F64, directions: F64) -> _Block:
     return _Block(t, t_bound, (inside > margin) & ~edge_on, (inside < -margin) & ~edge_on)
 
 
+def certain_hits(
+    world: WorldTriangles,
+    origins: npt.ArrayLike,
+    directions: npt.ArrayLike,
+    t_min: npt.ArrayLike = 0.0,
+    t_max: npt.ArrayLike = np.inf,
+    mask: npt.ArrayLike = 0xFFFFFFFF,
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_], F64, F64]:
+    """Of every ray and triangle, (R, T): surely hit, possibly hit, t and its bound."""
+    origins = np.asarray(origins, np.float64).reshape(-1, 3)
+    directions = np.asarray(directions, np.float64).reshape(-1, 3)
+    low, high, bits = (np.broadcast_to(np.asarray(v), (len(origins),))[:, None] for v in (t_min, t_max, mask))
+    block = _classify(world, origins, directions)
+    visible = (world.masks[None, :] & bits.astype(np.uint32)) != 0
+    sure = block.sure & visible & (block.t - block.t_bound > low) & (block.t + block.t_bound < high)
+    in_range = ~(block.t + block.t_bound < low) & ~(block.t - block.t_bound > high)  # NaN: edge-on, who knows
+    return sure, ~block.missed & visible & in_range, block.t, block.t_bound
+
+
 def judge(
     world: WorldTriangles,
     origins: npt.ArrayLike,

@@ -16,6 +16,7 @@ from .camera import Camera
 from .errors import Cancelled, EngineError, StaleSceneError
 from .hits import Hits
 from .isa import active_isa, available_isas, set_active_isa
+from .queries import Intersections, Queries
 from .render import MODES, PASSES, RenderOptions, depth_to_grey, render, render_passes, render_progressively
 from .report import CommitReport, MeshReport, SceneStatistics, TopLevelReport, TreeStatistics
 from .scene import Scene
@@ -32,9 +33,11 @@ __all__ = [
     "EngineError",
     "Hits",
     "InstanceTable",
+    "Intersections",
     "MaterialTable",
     "MeshAppearance",
     "MeshReport",
+    "Queries",
     "RenderOptions",
     "Scene",
     "SceneStatistics",

@@ -39,6 +39,8 @@ def render(
 class Snapshot:
     @property
     def generation(self) -> int: ...
+    @property
+    def scene_id(self) -> int: ...
     def cast_rays(
         self,
         origins: npt.NDArray[Any],
@@ -60,6 +62,31 @@ class Snapshot:
         masks: _Mask,
         cull: str,
         occluded: npt.NDArray[np.bool_],
+        threads: int,
+        progress: _Progress,
+    ) -> int: ...
+    def count_intersections(
+        self,
+        origins: npt.NDArray[Any],
+        directions: npt.NDArray[Any],
+        t_min: _Float,
+        t_max: _Float,
+        masks: _Mask,
+        cull: str,
+        counts: _Int,
+        threads: int,
+        progress: _Progress,
+    ) -> int: ...
+    def list_intersections(
+        self,
+        origins: npt.NDArray[Any],
+        directions: npt.NDArray[Any],
+        t_min: _Float,
+        t_max: _Float,
+        masks: _Mask,
+        cull: str,
+        ray_splits: _Long,
+        outputs: dict[str, npt.NDArray[Any]],
         threads: int,
         progress: _Progress,
     ) -> int: ...

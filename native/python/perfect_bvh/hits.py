@@ -36,7 +36,9 @@ FIELD_TYPES: dict[str, tuple[type[np.generic], int]] = {
 
 @dataclass(frozen=True, slots=True)
 class Hits:
-    """One row a ray, in the shape of the rays. Fields that were not asked for raise AttributeError.
+    """One row a ray, in the shape of the rays; from `list_intersections` one row a hit.
+
+    Fields that were not asked for raise AttributeError.
 
     t_hit (...) float32: in multiples of the direction's length; inf on a miss.
     instance_ids, mesh_ids, primitive_ids (...) int32: -1 on a miss. primitive_ids are rows of the mesh's triangles.
@@ -47,10 +49,13 @@ class Hits:
     front_face (...) bool: the ray met the side from which the corners run counter-clockwise in world space.
     nodes_visited, primitives_tested (...) int32: boxes and triangles tested for this ray.
     invalid_count: rays that can hit nothing because they are not finite, have no direction or an empty range.
+    generation, scene_id: of the snapshot that answered, see `Snapshot`; ids mean what they meant then.
     """
 
     columns: dict[str, npt.NDArray[Any]]
     invalid_count: int
+    generation: int
+    scene_id: int
 
     def __getattr__(self, name: str) -> npt.NDArray[Any]:
         if name in FIELD_TYPES:

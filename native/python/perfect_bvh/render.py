@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
+from ._batches import Progress
 from ._render_arguments import (
     appearance_arguments,
     camera_arguments,
@@ -21,7 +22,7 @@ from ._render_arguments import (
 from .appearance import Appearance
 from .camera import Camera
 from .scene import Scene
-from .snapshot import Progress, Snapshot
+from .snapshot import Snapshot
 
 Mode = Literal["clay", "wireframe", "normal", "depth", "distance", "instance", "material", "cost"]
 Color = tuple[float, float, float]

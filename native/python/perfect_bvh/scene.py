@@ -10,15 +10,16 @@ import numpy.typing as npt
 
 from . import _core
 from ._arrays import as_integers, as_rows, as_transforms, as_triangles
+from ._batches import Progress
 from .build_config import BuildConfig
-from .hits import Hits
-from .report import CommitReport, SceneStatistics
-from .snapshot import ALL_MASK, Progress, Snapshot
+from .queries import ALL_MASK, Queries
+from .report import CommitReport
+from .snapshot import Snapshot
 
 Usage = Literal["static", "deforming", "changing"]
 
 
-class Scene:
+class Scene(Queries):
     """A two-level tree over instanced triangle meshes.
 
     Edits are collected; `commit()` builds, refits or keeps each tree as its edits need; queries then answer from
@@ -30,6 +31,9 @@ class Scene:
 
     def __init__(self) -> None:
         self._scene = _core.Scene()
+
+    def _committed(self) -> _core.Snapshot:
+        return self._scene.snapshot()
 
     # Editing
 
@@ -167,18 +171,6 @@ class Scene:
     def snapshot(self) -> Snapshot:
         """The committed state, immutable. Raises StaleSceneError if edits wait."""
         return Snapshot(self._scene.snapshot())
-
-    def cast_rays(self, *args: Any, **keywords: Any) -> Hits:
-        """`Snapshot.cast_rays` on the committed state. Raises StaleSceneError if edits wait."""
-        return self.snapshot().cast_rays(*args, **keywords)
-
-    def test_occlusions(self, *args: Any, **keywords: Any) -> npt.NDArray[np.bool_]:
-        """`Snapshot.test_occlusions` on the committed state. Raises StaleSceneError if edits wait."""
-        return self.snapshot().test_occlusions(*args, **keywords)
-
-    def statistics(self, *args: Any, **keywords: Any) -> SceneStatistics:
-        """`Snapshot.statistics` of the committed state. Raises StaleSceneError if edits wait."""
-        return self.snapshot().statistics(*args, **keywords)
 
 
 def _as_config(build: str | BuildConfig) -> BuildConfig:

@@ -64,6 +64,7 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
     for (const BlasResult& result : results) blases[result.report.mesh_id] = result.blas;
     auto assembled = assemble(blases, pool, cancel, report.top_level);
     assembled->generation = (snapshot ? snapshot->generation : 0) + 1;
+    assembled->scene_id = id_;
     snapshot = std::move(assembled);
   }
   report.baked_count = snapshot->blases.size() - snapshot->meshes.size();

@@ -40,6 +40,11 @@ void check_transform(const Affine& transform, std::size_t row, const char* funct
 
 }  // namespace
 
+std::uint64_t Scene::next_id() noexcept {
+  static std::atomic<std::uint64_t> next{0};
+  return next.fetch_add(1, std::memory_order_relaxed);
+}
+
 Scene::MeshSlot& Scene::find_mesh(std::int32_t mesh_id, const char* function) {
   const auto found = meshes_.find(mesh_id);
   if (found == meshes_.end()) unknown_id(function, "mesh", mesh_id);

@@ -86,6 +86,7 @@ class Scene {
     MeshReport report;
   };
 
+  [[nodiscard]] static std::uint64_t next_id() noexcept;
   MeshSlot& find_mesh(std::int32_t mesh_id, const char* function);
   std::vector<std::size_t> find_instances(std::span<const std::int32_t> ids, const char* function) const;
   void mark_edited();
@@ -101,7 +102,8 @@ class Scene {
   void publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const CommitReport& report,
                std::uint64_t stale_count) noexcept;
 
-  mutable EditMutex edit_mutex_;  // held by every edit and for the whole of a commit
+  const std::uint64_t id_ = next_id();  // in this process
+  mutable EditMutex edit_mutex_;        // held by every edit and for the whole of a commit
   std::map<std::int32_t, MeshSlot> meshes_;
   std::vector<InstanceSlot> instances_;  // by ascending id
   std::int32_t next_mesh_id_ = 0;

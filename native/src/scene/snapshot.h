@@ -24,6 +24,7 @@ struct Snapshot {
   SceneView view;                                            // points into this snapshot
   const char* top_level_builder = "";                        // that made `tlas`
   std::uint64_t generation = 0;
+  std::uint64_t scene_id = 0;  // which scene of the process
 };
 
 }  // namespace perfect_bvh

@@ -1,0 +1,189 @@
+"""Rays and points as columns: checked once, then handed to the engine as contiguous pieces.
+
+The engine takes C-contiguous arrays of the exact dtype only. Arrays that are so are handed over as they are, at once.
+Others (strided, of another dtype, or broadcast) are copied a piece at a time: however many rays they make, the copies
+are no larger than a piece.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ._arrays import as_array, check_integers, vector_dtype
+
+PIECE_ROWS = 1 << 20
+
+Progress = Callable[[float], object]
+Columns = tuple[npt.NDArray[Any], ...]
+Index = tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """index: of the batch's shape. rows: the same in the flattened batch. columns: contiguous."""
+
+    index: Index
+    rows: slice
+    columns: Columns
+    progress: Progress | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """One argument: values broadcast to one row a ray; `width` 3 for vectors, 0 for one number a ray."""
+
+    values: npt.NDArray[Any]
+    dtype: type[np.generic]
+    width: int
+
+    def is_ready(self, shape: tuple[int, ...]) -> bool:
+        """Whether the engine can take the array as it is."""
+        full = (*shape, self.width) if self.width else shape
+        fits = self.values.shape == full or (not self.width and self.values.size == 1)
+        return fits and self.values.dtype == self.dtype and self.values.flags.c_contiguous
+
+    def take(self, shape: tuple[int, ...], index: Index) -> npt.NDArray[Any]:
+        """Contiguous rows: (rows, width), (rows,), or (1,) for a scalar."""
+        with np.errstate(over="ignore", invalid="ignore"):  # what float32 cannot hold is infinite
+            if not self.width and self.values.size == 1:
+                return np.ascontiguousarray(self.values.reshape(1), dtype=self.dtype)
+            full = (*shape, self.width) if self.width else shape
+            part = np.ascontiguousarray(np.broadcast_to(self.values, full)[index], dtype=self.dtype)
+        return part.reshape(-1, self.width) if self.width else part.reshape(-1)
+
+
+class Batch:
+    """The checked arguments of a query: rays or points in any shape, one row each."""
+
+    __slots__ = ("_columns", "shape")
+
+    def __init__(self, shape: tuple[int, ...], columns: tuple[_Column, ...]) -> None:
+        self.shape = shape
+        self._columns = columns
+
+    @property
+    def count(self) -> int:
+        """How many rays or points."""
+        return math.prod(self.shape)
+
+    @property
+    def arrays(self) -> Columns:
+        """What the query reads while it writes."""
+        return tuple(column.values for column in self._columns)
+
+    def pieces(self, progress: Progress | None) -> Iterator[Piece]:
+        """The batch in order, in one piece if nothing has to be copied."""
+        is_ready = all(column.is_ready(self.shape) for column in self._columns)
+        done, count = 0, self.count
+        for index, rows in _split(self.shape, max(count, 1) if is_ready else PIECE_ROWS):
+            columns = tuple(column.take(self.shape, index) for column in self._columns)
+            share = progress if rows == count else share_of(progress, done / count, rows / count)
+            yield Piece(index, slice(done, done + rows), columns, share)
+            done += rows
+
+
+def _split(shape: tuple[int, ...], limit: int) -> Iterator[tuple[Index, int]]:
+    """Indices, in C order, of parts of at most `limit` rows, and how many each has."""
+    count = math.prod(shape)
+    if count <= limit:
+        yield (...,), count  # not (): an index of no axes takes a number out of an array of none
+        return
+    inner = math.prod(shape[1:])
+    if inner <= limit:
+        step = limit // inner
+        for start in range(0, shape[0], step):
+            stop = min(start + step, shape[0])
+            yield (slice(start, stop), ...), (stop - start) * inner
+        return
+    for row in range(shape[0]):
+        yield from (((row, *index), rows) for index, rows in _split(shape[1:], limit))
+
+
+def share_of(progress: Progress | None, start: float, share: float) -> Progress | None:
+    """What a part of a longer call tells its progress to."""
+    return None if progress is None else lambda fraction: progress(start + share * fraction)
+
+
+def _vectors(function: str, name: str, value: npt.ArrayLike) -> _Column:
+    array = as_array(function, name, value)
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise ValueError(f"{function}: {name} must have shape (..., 3), got {array.shape}")
+    return _Column(array, vector_dtype(array.dtype), 3)
+
+
+def _numbers(
+    function: str, name: str, value: npt.ArrayLike, shape: tuple[int, ...], dtype: type[np.generic]
+) -> _Column:
+    array = check_integers(function, name, value, np.uint32) if dtype is np.uint32 else as_array(function, name, value)
+    try:
+        np.broadcast_to(array, shape)
+    except ValueError:
+        rows = "points" if function == "compute_closest_points" else "rays"
+        raise ValueError(
+            f"{function}: {name} must be a number or one for each, got shape {array.shape} for {rows} of shape {shape}"
+        ) from None
+    return _Column(array, dtype, 0)
+
+
+def check_threads(function: str, threads: object) -> None:
+    """Raises ValueError for anything but 0 or a positive integer."""
+    if isinstance(threads, bool) or not isinstance(threads, (int, np.integer)) or not 0 <= threads < 2**31:
+        raise ValueError(f"{function}: threads must be 0 (all) or a positive integer, got {threads!r}")
+
+
+def ray_batch(
+    function: str,
+    origins: npt.ArrayLike,
+    directions: npt.ArrayLike,
+    t_min: npt.ArrayLike,
+    t_max: npt.ArrayLike,
+    mask: npt.ArrayLike,
+    cull: str,
+    threads: int,
+) -> Batch:
+    """Columns origins, directions, t_min, t_max, masks."""
+    if cull not in ("none", "back", "front"):
+        raise ValueError(f"{function}: cull must be 'none', 'back' or 'front', got {cull!r}")
+    check_threads(function, threads)
+    first = _vectors(function, "origins", origins)
+    second = _vectors(function, "directions", directions)
+    try:
+        shape = np.broadcast_shapes(first.values.shape, second.values.shape)[:-1]
+    except ValueError:
+        raise ValueError(
+            f"{function}: origins and directions must have shapes that broadcast to one, got {first.values.shape} "
+            f"and {second.values.shape}, which do not fit together"
+        ) from None
+    return Batch(
+        shape,
+        (
+            first,
+            second,
+            _numbers(function, "t_min", t_min, shape, np.float32),
+            _numbers(function, "t_max", t_max, shape, np.float32),
+            _numbers(function, "mask", mask, shape, np.uint32),
+        ),
+    )
+
+
+def point_batch(
+    function: str, points: npt.ArrayLike, max_distance: npt.ArrayLike, mask: npt.ArrayLike, threads: int
+) -> Batch:
+    """Columns points (float64), max_distances, masks."""
+    check_threads(function, threads)
+    given = _vectors(function, "points", points)
+    shape = given.values.shape[:-1]
+    return Batch(
+        shape,
+        (
+            _Column(given.values, np.float64, 3),
+            _numbers(function, "max_distance", max_distance, shape, np.float64),
+            _numbers(function, "mask", mask, shape, np.uint32),
+        ),
+    )

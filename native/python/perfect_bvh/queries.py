@@ -1,0 +1,252 @@
+"""What can be asked of a committed scene. `Scene` and `Snapshot` both answer it, with the same methods."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _core
+from ._batches import Batch, Progress, ray_batch, share_of
+from .build_config import COSTS, checked_number
+from .errors import EngineError
+from .hits import DEFAULT_FIELDS, Hits, allocate_columns
+from .report import SceneStatistics
+
+Cull = Literal["none", "back", "front"]
+Precision = Literal["robust", "fast"]
+
+ALL_MASK = 0xFFFFFFFF
+
+
+class Intersections(NamedTuple):
+    """What `list_intersections` found: `hits, ray_splits = ...`.
+
+    hits: one row a hit, ray after ray in C order. ray_splits (R + 1) int64: ray i's hits are the rows from
+    ray_splits[i] to ray_splits[i + 1], the nearest first.
+    """
+
+    hits: Hits
+    ray_splits: npt.NDArray[np.int64]
+
+    @property
+    def ray_indices(self) -> npt.NDArray[np.int64]:
+        """(hits,) int64: which ray each hit belongs to, in the flattened batch."""
+        return np.repeat(np.arange(len(self.ray_splits) - 1), np.diff(self.ray_splits))
+
+
+class Queries:
+    """The queries, all of them safe to call from several threads at once.
+
+    Arguments that they share:
+
+    origins, directions: (..., 3), broadcast against each other; float32 or float64. Directions need not be
+        unit vectors: t is in multiples of their length.
+    t_min, t_max: numbers or (...), float32: a hit counts if t_min <= t <= t_max.
+    mask: 32 bits or (...): an instance is seen if its mask shares a bit with the ray's.
+    cull: "back" passes through triangles seen from behind (clockwise), "front" through the others.
+    threads: at most so many; 0 for all that the process may use.
+    progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
+
+    Rays that are not finite, have no direction or an empty range are misses. Memory: what is returned, the arrays
+    that are given, and if those are not contiguous arrays of float32 or float64, copies of a million rays at a time.
+
+    All raise ValueError for arrays of the wrong shape or kind, and on a `Scene` StaleSceneError if edits wait.
+    """
+
+    __slots__ = ()
+
+    def _committed(self) -> _core.Snapshot:
+        raise NotImplementedError
+
+    def cast_rays(
+        self,
+        origins: npt.ArrayLike,
+        directions: npt.ArrayLike,
+        t_min: npt.ArrayLike = 0.0,
+        t_max: npt.ArrayLike = np.inf,
+        mask: npt.ArrayLike = ALL_MASK,
+        cull: Cull = "none",
+        fields: Iterable[str] | None = None,
+        precision: Precision = "robust",
+        threads: int = 0,
+        audit: float = 0.0,
+        out: dict[str, npt.NDArray[Any]] | None = None,
+        progress: Progress | None = None,
+    ) -> Hits:
+        """The first thing that each ray meets. For the other arguments see `Queries`.
+
+        fields: names of the fields to compute; None for the usual ones, see `Hits`.
+        precision: "robust": watertight, no ray passes between triangles that share an edge or a vertex.
+        audit: the share of rays to check against a double-precision reference. Only 0 in this version.
+        out: arrays to write fields into, by name: contiguous, of the field's dtype and shape, for fields that are
+            computed; none may overlap another or the rays.
+
+        Returns `Hits`, one row a ray, always; invalid rays are misses, counted in `invalid_count`.
+
+        Raises also EngineError for what this version cannot do yet (precision="fast", audit).
+        """
+        _check_precision("cast_rays", precision)
+        _check_audit("cast_rays", audit)
+        batch = ray_batch("cast_rays", origins, directions, t_min, t_max, mask, cull, threads)
+        columns = allocate_columns("cast_rays", _names(fields), batch.shape, out, batch.arrays)
+        snapshot, invalid = self._committed(), 0
+        for piece in batch.pieces(progress):
+            part = {name: column[piece.index] for name, column in columns.items()}
+            invalid += snapshot.cast_rays(*_five(piece.columns), cull, part, threads, piece.progress)
+        return Hits(columns, invalid, snapshot.generation, snapshot.scene_id)
+
+    def test_occlusions(
+        self,
+        origins: npt.ArrayLike,
+        directions: npt.ArrayLike,
+        t_min: npt.ArrayLike = 0.0,
+        t_max: npt.ArrayLike = np.inf,
+        mask: npt.ArrayLike = ALL_MASK,
+        cull: Cull = "none",
+        precision: Precision = "robust",
+        threads: int = 0,
+        progress: Progress | None = None,
+    ) -> npt.NDArray[np.bool_]:
+        """Whether anything lies on each ray between t_min and t_max: (...) bool. Arguments: see `Queries`.
+
+        True exactly where `cast_rays` finds a hit, but faster.
+        """
+        _check_precision("test_occlusions", precision)
+        batch = ray_batch("test_occlusions", origins, directions, t_min, t_max, mask, cull, threads)
+        occluded = np.empty(batch.shape, np.bool_)
+        snapshot = self._committed()
+        for piece in batch.pieces(progress):
+            snapshot.test_occlusions(*_five(piece.columns), cull, occluded[piece.index], threads, piece.progress)
+        return occluded
+
+    def count_intersections(
+        self,
+        origins: npt.ArrayLike,
+        directions: npt.ArrayLike,
+        t_min: npt.ArrayLike = 0.0,
+        t_max: npt.ArrayLike = np.inf,
+        mask: npt.ArrayLike = ALL_MASK,
+        cull: Cull = "none",
+        threads: int = 0,
+        progress: Progress | None = None,
+    ) -> npt.NDArray[np.int32]:
+        """How many triangles lie on each ray between t_min and t_max: (...) int32. Arguments: see `Queries`.
+
+        Each triangle counts once; a ray through an edge meets each of the triangles at it. Invalid rays have 0.
+        """
+        batch = ray_batch("count_intersections", origins, directions, t_min, t_max, mask, cull, threads)
+        counts = np.empty(batch.shape, np.int32)
+        _count(self._committed(), batch, cull, counts, threads, progress)
+        return counts
+
+    def list_intersections(
+        self,
+        origins: npt.ArrayLike,
+        directions: npt.ArrayLike,
+        t_min: npt.ArrayLike = 0.0,
+        t_max: npt.ArrayLike = np.inf,
+        mask: npt.ArrayLike = ALL_MASK,
+        cull: Cull = "none",
+        fields: Iterable[str] | None = None,
+        max_hits: int | None = None,
+        threads: int = 0,
+        progress: Progress | None = None,
+    ) -> Intersections:
+        """All triangles on each ray between t_min and t_max, nearest first. For the other arguments see `Queries`.
+
+        fields: names of the fields to compute for each hit; None for the usual ones, see `Hits`. Those that say what
+            a ray cost, nodes_visited and primitives_tested, belong to no single hit.
+        max_hits: at most so many of each ray, the nearest; None for all.
+
+        Returns `Intersections`: hits and ray_splits. Each triangle is there once a ray; a ray through an edge meets
+        each of the triangles at it. At equal t the smallest (order, instance id, primitive) comes first, so that a
+        ray's first row is what `cast_rays` answers. The rays are traced twice, first to count: so no more memory is
+        needed than for what is returned.
+        """
+        name = "list_intersections"
+        if max_hits is not None and (not isinstance(max_hits, (int, np.integer)) or max_hits < 0):
+            raise ValueError(f"{name}: max_hits must be None (all) or an integer of at least 0, got {max_hits!r}")
+        batch = ray_batch(name, origins, directions, t_min, t_max, mask, cull, threads)
+        names = _names(fields)
+        costs = [field for field in names if field in ("nodes_visited", "primitives_tested")]
+        if costs:
+            raise ValueError(f"{name}: fields has {costs[0]!r}, which rays have, not hits; ask cast_rays for it")
+        allocate_columns(name, names, (0,), None)  # wrong names, before any work
+        snapshot = self._committed()
+        counts = np.empty(batch.shape, np.int32)
+        _count(snapshot, batch, cull, counts, threads, share_of(progress, 0.0, 0.5))
+        splits = np.zeros(batch.count + 1, np.int64)
+        flat = counts.reshape(-1)
+        np.cumsum(flat if max_hits is None else np.minimum(flat, max_hits, out=flat), out=splits[1:])
+        del counts, flat
+        columns = allocate_columns(name, names, (int(splits[-1]),), None)
+        invalid = 0
+        for piece in batch.pieces(share_of(progress, 0.5, 0.5)):
+            first, last = splits[piece.rows.start], splits[piece.rows.stop]
+            part = {field: column[first:last] for field, column in columns.items()}
+            inner = splits[piece.rows.start : piece.rows.stop + 1]
+            inner = inner if first == 0 else inner - first
+            invalid += snapshot.list_intersections(*_five(piece.columns), cull, inner, part, threads, piece.progress)
+        return Intersections(Hits(columns, invalid, snapshot.generation, snapshot.scene_id), splits)
+
+    def statistics(
+        self,
+        detailed: bool = False,
+        *,
+        traversal_cost: float = 1.0,
+        intersection_cost: float = 1.0,
+        progress: Progress | None = None,
+    ) -> SceneStatistics:
+        """Sizes and quality of all trees, as `SceneStatistics`.
+
+        detailed: also end-point overlap and leaf-count variability (Aila, Karras and Laine 2013). They take
+            microseconds for each triangle, and binary trees that are no longer kept are built again for them, with
+            the same settings.
+        traversal_cost, intersection_cost: of visiting a node, 0 to 1e6, and of testing a triangle, 1e-6 to 1e6:
+            what `sah` and `epo` are reckoned with.
+        progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
+
+        Raises ValueError for other costs, StaleSceneError (on a `Scene`) if edits wait.
+        """
+        visit = checked_number("statistics", "traversal_cost", traversal_cost, *COSTS["traversal_cost"])
+        test = checked_number("statistics", "intersection_cost", intersection_cost, *COSTS["intersection_cost"])
+        return SceneStatistics.from_core(_core.measure(self._committed(), bool(detailed), visit, test, progress))
+
+
+def _names(fields: Iterable[str] | None) -> tuple[str, ...]:
+    return DEFAULT_FIELDS if fields is None else (fields,) if isinstance(fields, str) else tuple(fields)
+
+
+def _five(columns: tuple[npt.NDArray[Any], ...]) -> tuple[Any, Any, Any, Any, Any]:
+    first, second, third, fourth, fifth = columns
+    return first, second, third, fourth, fifth
+
+
+def _count(
+    snapshot: _core.Snapshot,
+    batch: Batch,
+    cull: str,
+    counts: npt.NDArray[np.int32],
+    threads: int,
+    progress: Progress | None,
+) -> None:
+    for piece in batch.pieces(progress):
+        part = counts[piece.index]
+        snapshot.count_intersections(*_five(piece.columns), cull, part, threads, piece.progress)
+
+
+def _check_precision(function: str, precision: str) -> None:
+    if precision == "fast":
+        raise EngineError(f"{function}: precision='fast' is not available in this version; use 'robust'")
+    if precision != "robust":
+        raise ValueError(f"{function}: precision must be 'robust' or 'fast', got {precision!r}")
+
+
+def _check_audit(function: str, audit: float) -> None:
+    if not 0.0 <= audit <= 1.0:
+        raise ValueError(f"{function}: audit must be a share of the rays, 0 to 1, got {audit!r}")
+    if audit > 0.0:
+        raise EngineError(f"{function}: audit is not available in this version; leave it at 0")
