@@ -21,7 +21,7 @@ from benchmarks.rays import Rays
 from oracles import meshes
 from oracles.brute_force import WorldTriangles, judge
 
-TREES = ["median", "sweep", "binned", "binned+optimize", "spatial", "fast"]
+TREES = ["auto", "median", "sweep", "binned", "binned+optimize", "spatial", "fast"]
 
 
 @pytest.fixture
@@ -61,6 +61,7 @@ def test_the_benchmark_of_builders(repository, mesh_file):
         assert "1" in tree["ready_ms"]
         for spread in tree["ready_ms"].values():
             check_spread(spread)
+        assert tree["stage_ms"]["1"]["build"] > 0.0
         assert tree["sah"] > 1.0
         assert tree["epo"] >= 0.0
         assert tree["ready_byte_count"] > 352 * 12

@@ -101,6 +101,7 @@ struct Builder {
   std::string name;
   std::function<void(Builder&)> run;
   std::vector<double> build_ms, ready_ms;
+  std::vector<CommitReport> reports;         // ours
   std::size_t byte_count = 0;                // Embree's
   std::shared_ptr<const Snapshot> snapshot;  // ours
 };
@@ -116,11 +117,11 @@ Builder our_builder(const TreeChoice& choice, const TriangleMesh& mesh, ThreadPo
     Scene scene;
     scene.add_instances(std::vector<InstanceInput>{{scene.add_mesh(mesh, choice.config, Usage::kStatic), Affine{}}});
     const double middle = seconds(pool.thread_count());
-    scene.commit(pool, cancel);
+    self.reports.push_back(scene.commit(pool, cancel));
     self.ready_ms.push_back(1e3 * (seconds(pool.thread_count()) - middle));
     self.snapshot = scene.snapshot();
   };
-  return {choice.name, run, {}, {}, 0, nullptr};
+  return {choice.name, run, {}, {}, {}, 0, nullptr};
 }
 
 Builder embree_builder(const std::string& name, const TriangleMesh& mesh, int thread_count) {
@@ -129,7 +130,7 @@ Builder embree_builder(const std::string& name, const TriangleMesh& mesh, int th
     self.ready_ms.push_back(1e3 * peer->build(mesh));
     self.byte_count = peer->byte_count();
   };
-  return {name, run, {}, {}, 0, nullptr};
+  return {name, run, {}, {}, {}, 0, nullptr};
 }
 
 void tell_progress(double share) {
@@ -235,6 +236,21 @@ void add_statistics(JsonObject& row, const Snapshot& snapshot, ThreadPool& pool)
   row.add("binary_byte_count", tree.binary_byte_count);
 }
 
+// As the engine's own reports have it, by the wall clock.
+std::string stages_of(const std::vector<CommitReport>& reports) {
+  JsonObject stages;
+  const auto add = [&](const char* name, auto milliseconds) {
+    std::vector<double> times;
+    for (const CommitReport& report : reports) times.push_back(milliseconds(report));
+    stages.add(name, Spread::of(times).median);
+  };
+  add("build", [](const CommitReport& report) { return report.meshes.front().build_milliseconds; });
+  add("optimize", [](const CommitReport& report) { return report.meshes.front().optimize_milliseconds; });
+  add("collapse", [](const CommitReport& report) { return report.meshes.front().collapse_milliseconds; });
+  add("top level", [](const CommitReport& report) { return report.top_level_milliseconds; });
+  return stages.text();
+}
+
 std::string bench(const Options& options, const TriangleMesh& mesh) {
   ThreadPool pool(options.threads);
   std::vector<Builder> builders;
@@ -250,7 +266,7 @@ std::string bench(const Options& options, const TriangleMesh& mesh) {
     row.add("name", builder.name).add("ready_ms", Spread::of(builder.ready_ms));
     row.add("round_count", builder.ready_ms.size());
     if (builder.snapshot) {
-      row.add("build_ms", Spread::of(builder.build_ms));
+      row.add("build_ms", Spread::of(builder.build_ms)).add_raw("stage_ms", stages_of(builder.reports));
       add_statistics(row, *builder.snapshot, pool);
     } else {
       row.add("ready_byte_count", builder.byte_count);

@@ -23,6 +23,7 @@ from benchmarks.trees import TREES, as_argument
 from tqdm import tqdm
 
 PROGRAM = "build_bench"
+TIMES = ("build_ms", "ready_ms", "stage_ms")  # by number of threads
 
 
 def main() -> None:
@@ -81,8 +82,8 @@ def _native(mesh: BenchMesh, chosen: argparse.Namespace, native: NativePrograms,
         times = ["--threads", str(threads), "--rounds", str(chosen.rounds), "--seconds", str(chosen.seconds)]
         inside = ["--inside"] if mesh.is_inside else []
         for row in native.run(PROGRAM, mesh, [*trees, *rays, *times, *inside], share.set)["trees"]:
-            kept = rows.setdefault(row["name"], {**row, "build_ms": {}, "ready_ms": {}})
-            for key in ("build_ms", "ready_ms"):
+            kept = rows.setdefault(row["name"], {**row, **{key: {} for key in TIMES}})
+            for key in TIMES:
                 if key in row:
                     kept[key][str(threads)] = row[key]
     return list(rows.values())
@@ -94,12 +95,13 @@ def _python(mesh: BenchMesh, chosen: argparse.Namespace, share: _Share) -> list[
     share.next_part(0.4, 3.0 * count)
     rows = build_python.measure_trees(mesh, chosen.trees, size, chosen.rounds, share.step)
     for row in rows.values():
-        row["ready_ms"] = {}
+        row |= {key: {} for key in TIMES}
     for threads in thread_counts():
         share.next_part(0.5 / len(thread_counts()), count)
         builds = build_python.measure_builds(mesh, chosen.trees, chosen.rounds, threads, share.step)
         for name, times in builds.items():
-            rows[name]["ready_ms"][str(threads)] = times
+            for key in times:
+                rows[name][key][str(threads)] = times[key]
     return [{"name": name, **row} for name, row in rows.items()]
 
 

@@ -21,8 +21,9 @@ def milliseconds(seconds: list[float]) -> dict[str, float]:
 
 
 def measure_builds(mesh: BenchMesh, trees: list[str], rounds: int, thread_count: int, tell: Tell) -> dict[str, Any]:
-    """Milliseconds from a committed-to-be mesh to a scene ready to trace, by tree."""
+    """By tree: milliseconds from a mesh to a scene ready to trace, and those of the stages by the engine's report."""
     scenes: dict[str, perfect_bvh.Scene] = {}
+    reports: dict[str, list[perfect_bvh.CommitReport]] = {name: [] for name in trees}
 
     def prepare(name: str) -> None:
         scenes[name] = perfect_bvh.Scene()
@@ -30,11 +31,18 @@ def measure_builds(mesh: BenchMesh, trees: list[str], rounds: int, thread_count:
         scenes[name].add_instance(mesh_id)
 
     clock = thread_seconds if thread_count == 1 else wall_seconds
-    commits = {name: (lambda name=name: scenes[name].commit()) for name in trees}
+    commits = {name: (lambda name=name: reports[name].append(scenes[name].commit())) for name in trees}
     perfect_bvh.set_thread_count(thread_count)
     seconds = run_rounds(commits, rounds, clock, tell, prepare)
     perfect_bvh.set_thread_count(0)
-    return {name: milliseconds(times) for name, times in seconds.items()}
+    return {name: {"ready_ms": milliseconds(seconds[name]), "stage_ms": median_stages(reports[name])} for name in trees}
+
+
+def median_stages(reports: list[perfect_bvh.CommitReport]) -> dict[str, float]:
+    """By the wall clock."""
+    stages = {name: [report.mesh_stages[name] for report in reports] for name in ("build", "optimize", "collapse")}
+    stages["top level"] = [report.top_level_milliseconds for report in reports]
+    return {name: float(np.median(times)) for name, times in stages.items()}
 
 
 def measure_trees(mesh: BenchMesh, trees: list[str], size: tuple[int, int], rounds: int, tell: Tell) -> dict[str, Any]:

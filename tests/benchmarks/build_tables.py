@@ -16,6 +16,7 @@ def describe_mesh(result: dict[str, Any]) -> str:
     parts = [
         f"{result['name']}: {triangles:,} triangles, measured from {result['measured']} code\n",
         _builds(trees, triangles),
+        "Stages, ms by the wall clock:\n" + _stages(trees),
         _rays(trees),
         *_lecture(trees),
         "From Python, one thread:\n" + _from_python(result["from_python"]),
@@ -46,6 +47,14 @@ def _builds(trees: list[dict[str, Any]], triangles: int) -> str:
                 tree["ready_byte_count"] / triangles,
             ]
         )
+    return format_table(heads, rows)
+
+
+def _stages(trees: list[dict[str, Any]]) -> str:
+    ours = [tree for tree in trees if tree["stage_ms"]]
+    columns = [(count, stage) for count, stages in ours[0]["stage_ms"].items() for stage in stages]
+    heads = ["tree", *(f"{stage}, {count} thr." for count, stage in columns)]
+    rows = [[tree["name"], *(tree["stage_ms"][count][stage] for count, stage in columns)] for tree in ours]
     return format_table(heads, rows)
 
 

@@ -6,8 +6,9 @@ from typing import Any
 
 from perfect_bvh import BuildConfig
 
-# No heuristic at all; fewer axes; planes that do not grow in number with the triangles.
+# What the engine chooses; then no heuristic at all, fewer axes, planes that do not grow in number with the triangles.
 TREES: dict[str, dict[str, Any]] = {
+    "auto": {},
     "median": {"builder": "median"},
     "sweep": {"builder": "sweep"},
     "binned": {"builder": "binned"},
@@ -29,5 +30,5 @@ def config_of(name: str) -> BuildConfig:
 def as_argument(name: str) -> str:
     """The same for the native program: NAME:BUILDER,SETTING=VALUE."""
     settings = dict(TREES[name])
-    parts = [settings.pop("builder"), *(f"{key}={value}" for key, value in settings.items())]
+    parts = [settings.pop("builder", "auto"), *(f"{key}={value}" for key, value in settings.items())]
     return f"{name}:{','.join(parts)}"
