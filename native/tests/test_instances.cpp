@@ -15,6 +15,7 @@
 #include "scene/statistics.h"
 #include "scene/trace.h"
 #include "tests/reference_trace.h"
+#include "wide/collapse.h"
 
 namespace perfect_bvh::test {
 namespace {
@@ -78,32 +79,77 @@ std::vector<Ray> random_rays(std::size_t count, double scale) {
   return rays;
 }
 
-TEST(InstanceBounds, HoldEveryVertexAndAreCloserThanTheTurnedBox) {
+Aabb exact_bounds(const TriangleMesh& mesh, const Affine& map) {
+  Aabb box;
+  for (const Vec3f& position : mesh.positions) {
+    const Vec3d point = map.point(to_double(position));
+    for (int axis = 0; axis < 3; ++axis) {
+      box.lower[axis] = std::min(box.lower[axis], round_down(point[axis]));
+      box.upper[axis] = std::max(box.upper[axis], round_up(point[axis]));
+    }
+  }
+  return box;
+}
+
+double sum_of_side_logs(const Aabb& box) {
+  double sum = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    sum += std::log2(static_cast<double>(box.upper[axis]) - static_cast<double>(box.lower[axis]));
+  }
+  return sum;
+}
+
+// From the root's box alone, from a few dozen boxes, from the table: each closer than the one before it.
+TEST(InstanceBounds, HoldEveryVertexAndAreClose) {
   ThreadPool pool(1);
   CancelToken cancel;
   std::mt19937 random(1);
   for (const double reach : {1e-18, 1e-6, 1.0, 3e5, 1e17}) {
     const TriangleMesh mesh = soup(300, 2, reach);
     const Bvh2 tree = build_tree(mesh, {}, pool, cancel);
-    const Cover cover = make_cover(tree), whole = make_cover(tree, 1);
-    double tight = 0, loose = 0;
-    for (int round = 0; round < 200; ++round) {
+    const Cover cover = make_cover(tree), root = make_cover(tree, 1);
+    const SupportTable support(collapse_mesh(tree, mesh, pool, cancel));
+    double exact = 0, by_root = 0, by_cover = 0, by_support = 0;
+    constexpr int kRounds = 200;
+    for (int round = 0; round < kRounds; ++round) {
       const Affine map = random_map(random, std::exp2(round % 40 - 20), reach);
-      const Aabb box = transformed_bounds(cover, map), turned = transformed_bounds(whole, map);
-      for (const Vec3f& position : mesh.positions) {
-        const Vec3d point = map.point(to_double(position));
-        for (int axis = 0; axis < 3; ++axis) {
-          ASSERT_GE(point[axis], static_cast<double>(box.lower[axis])) << reach;
-          ASSERT_LE(point[axis], static_cast<double>(box.upper[axis])) << reach;
-        }
-      }
-      ASSERT_TRUE(turned.contains(box)) << reach;
+      const Aabb least = exact_bounds(mesh, map), covered = transformed_bounds(cover, map);
+      const Aabb supported = transformed_bounds(support, cover.reach, map), turned = transformed_bounds(root, map);
+      ASSERT_TRUE(covered.contains(least)) << reach;
+      ASSERT_TRUE(supported.contains(least)) << reach;
+      ASSERT_TRUE(turned.contains(covered)) << reach;
+      exact += sum_of_side_logs(least), by_root += sum_of_side_logs(turned);
+      by_cover += sum_of_side_logs(covered), by_support += sum_of_side_logs(supported);
+    }
+    const double percent = std::log2(1.01) * 3 * kRounds;
+    EXPECT_LT(by_support, exact + 2 * percent) << reach;
+    EXPECT_LT(by_cover, exact + 12 * percent) << reach;
+    EXPECT_GT(by_root, exact + 15 * percent) << reach;
+  }
+}
+
+// The samples themselves: a mesh that is turned by right angles, mirrored or flattened is bounded as by its box.
+TEST(InstanceBounds, OfTheTableAreExactAlongTheAxes) {
+  ThreadPool pool(1);
+  CancelToken cancel;
+  for (const std::size_t count : {1u, 2u, 300u}) {
+    const TriangleMesh mesh = soup(count, 7);
+    const Bvh2 tree = build_tree(mesh, {}, pool, cancel);
+    const SupportTable support(collapse_mesh(tree, mesh, pool, cancel));
+    const Aabb box = tree.bounds();
+    for (const double size : {1.0, -1.0, 1e-30, 1e18}) {
       for (int axis = 0; axis < 3; ++axis) {
-        tight += std::log2(static_cast<double>(box.upper[axis]) - static_cast<double>(box.lower[axis]));
-        loose += std::log2(static_cast<double>(turned.upper[axis]) - static_cast<double>(turned.lower[axis]));
+        Vec3d row{0, 0, 0};
+        row[axis] = size;
+        const auto range = support.along(row);
+        const double ends[2] = {size * static_cast<double>(box.lower[axis]),
+                                size * static_cast<double>(box.upper[axis])};
+        EXPECT_EQ(range.least, std::min(ends[0], ends[1]));
+        EXPECT_EQ(range.greatest, std::max(ends[0], ends[1]));
       }
     }
-    EXPECT_LT(tight, loose - 600 * 0.1) << reach;  // sides shorter by a fifteenth on average
+    EXPECT_EQ(support.along({0, 0, 0}).least, 0.0);
+    EXPECT_EQ(support.along({0, 0, 0}).greatest, 0.0);
   }
 }
 

@@ -16,6 +16,14 @@ namespace {
 
 constexpr std::size_t kGrain = 1024;  // instances that a task places
 
+// A mesh with so many instances gets a table of its support.
+constexpr std::uint32_t kManyUsers = 64;
+
+const SupportTable* support_of(const Blas& blas, std::uint32_t user_count) {
+  if (user_count < kManyUsers || blas.wide.is_empty) return nullptr;
+  return &blas.support.of(blas.wide);
+}
+
 // Copies of instances without a usable inverse, made on any thread.
 class BakedCopies {
  public:
@@ -44,14 +52,18 @@ AlignedVector<PrimRef> Scene::place_instances(Snapshot& snapshot, const BlasMap&
   BakedCopies baked;
   const auto place = [&](std::size_t begin, std::size_t end) {
     auto found = blases.end();
+    const SupportTable* support = nullptr;
     for (std::size_t i = begin; i < end; ++i) {
       const InstanceSlot& slot = instances_[i];
-      if (found == blases.end() || found->first != slot.mesh_id) found = blases.find(slot.mesh_id);
+      if (found == blases.end() || found->first != slot.mesh_id) {
+        found = blases.find(slot.mesh_id);
+        support = support_of(*found->second, meshes_.at(slot.mesh_id).user_count);
+      }
       const Blas& blas = *found->second;
       Instance& instance = snapshot.instances[i];
       instance.id = slot.id, instance.mesh_id = slot.mesh_id, instance.mask = slot.mask, instance.order = slot.order;
       Placing placing;
-      if (!place_instance(instance, placing, blas, slot.object_to_world)) {
+      if (!place_instance(instance, placing, blas, slot.object_to_world, support)) {
         const MeshSlot& mesh = meshes_.at(slot.mesh_id);
         const BuildConfig config = choose_builder(mesh.config, mesh.usage);
         baked.add(i, bake_instance(instance, placing, blas, slot.object_to_world, config, pool, cancel));

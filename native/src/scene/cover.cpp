@@ -8,11 +8,6 @@
 namespace perfect_bvh {
 namespace {
 
-// Tracing moves a hit by less than 100 * 2^-24 of the mesh's reach on each of its axes (math/slab.h, with
-// |origin| <= 4 reach and the narrowing of the ray); the inverse may be off by as much as place_instance() accepts; the
-// sums below are rounded 8 times. 2^-16 covers all of it, the second number what is lost below the smallest floats.
-constexpr double kMargin = 0x1p-16, kSmallestMargin = 0x1p-140;
-
 CoverGroup make_group(const std::vector<Aabb>& boxes, std::size_t first) {
   CoverGroup group;
   for (std::size_t lane = 0; lane < 4; ++lane) {
@@ -84,27 +79,29 @@ Cover make_cover(const Bvh2& tree, std::size_t limit) {
 // Centre and half side: the extent along a world axis is that of the box along the map's row for that axis. In float,
 // about the instance's own place, which is added in double.
 Aabb transformed_bounds(const Cover& cover, const Affine& map) {
-  Aabb result;
-  if (cover.groups.empty()) return result;
+  if (cover.groups.empty()) return {};
+  Float4 entry[3][3], size[3][3], lower[3], upper[3];
   for (int axis = 0; axis < 3; ++axis) {
-    const Vec3d row{map.x[axis], map.y[axis], map.z[axis]};
-    const Vec3f narrow = to_float(row);
-    const Float4 x(narrow.x), y(narrow.y), z(narrow.z);
-    const Float4 size_x(std::abs(narrow.x)), size_y(std::abs(narrow.y)), size_z(std::abs(narrow.z));
-    Float4 lower(Aabb::kInfinity), upper(-Aabb::kInfinity);
-    for (const CoverGroup& group : cover.groups) {
-      const Float4 centre =
-          x * Float4::load(group.centre[0]) + y * Float4::load(group.centre[1]) + z * Float4::load(group.centre[2]);
-      const Float4 half = size_x * Float4::load(group.half[0]) + size_y * Float4::load(group.half[1]) +
-                          size_z * Float4::load(group.half[2]);
-      lower = min(lower, centre - half);
-      upper = max(upper, centre + half);
+    const Vec3f row = to_float({map.x[axis], map.y[axis], map.z[axis]});
+    for (int i = 0; i < 3; ++i) entry[axis][i] = Float4(row[i]), size[axis][i] = Float4(std::abs(row[i]));
+    lower[axis] = Float4(Aabb::kInfinity), upper[axis] = Float4(-Aabb::kInfinity);
+  }
+  for (const CoverGroup& group : cover.groups) {
+    for (int axis = 0; axis < 3; ++axis) {
+      Float4 centre = entry[axis][0] * Float4::load(group.centre[0]),
+             half = size[axis][0] * Float4::load(group.half[0]);
+      for (int i = 1; i < 3; ++i) {
+        centre = centre + entry[axis][i] * Float4::load(group.centre[i]);
+        half = half + size[axis][i] * Float4::load(group.half[i]);
+      }
+      lower[axis] = min(centre - half, lower[axis]);
+      upper[axis] = max(centre + half, upper[axis]);
     }
-    const double margin =
-        (std::abs(row.x) + std::abs(row.y) + std::abs(row.z)) * (kMargin * cover.reach) + kSmallestMargin;
-    const double place = map.translation[axis];
-    result.lower[axis] = round_down(place + (static_cast<double>(least_of(lower)) - margin));
-    result.upper[axis] = round_up(place + (static_cast<double>(greatest_of(upper)) + margin));
+  }
+  Aabb result;
+  for (int axis = 0; axis < 3; ++axis) {
+    set_range(result, axis, map.translation[axis], static_cast<double>(least_of(lower[axis])),
+              static_cast<double>(greatest_of(upper[axis])), cover.reach, {map.x[axis], map.y[axis], map.z[axis]});
   }
   return result;
 }

@@ -12,6 +12,7 @@
 #include "math/affine.h"
 #include "mesh/triangle_mesh.h"
 #include "scene/cover.h"
+#include "scene/support.h"
 #include "update/quality.h"
 #include "wide/wide_bvh.h"
 
@@ -27,6 +28,7 @@ struct Blas {
   BuildConfig config;   // that the tree was built with, its builder named; refits keep it
   TreeQuality quality;  // of the tree
   WideBvh wide;         // what rays are traced through
+  LazySupport support;  // of `wide`, where many instances ask for it
   Cover cover;          // a few boxes that hold the whole mesh
 };
 

@@ -1,0 +1,128 @@
+#include "scene/support.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "scene/cover.h"
+
+namespace perfect_bvh {
+namespace {
+
+// Finds the vertex of a tree that is farthest along a direction. What the last search found is where the next begins:
+// in nearly the same direction hardly a box reaches further.
+class Search {
+ public:
+  explicit Search(const WideBvh& tree) : tree_(tree) {
+    waiting_.push_back({0.0f, tree.root});
+    direction_ = {1, 0, 0};
+    reach_ = -Aabb::kInfinity;
+    visit_all();
+  }
+
+  [[nodiscard]] float farthest(Vec3f direction) {
+    direction_ = direction;
+    reach_ = dot(direction, farthest_);
+    waiting_.push_back({Aabb::kInfinity, tree_.root});
+    visit_all();
+    return reach_;
+  }
+
+ private:
+  struct Waiting {
+    float bound;
+    std::uint32_t child;
+  };
+
+  void visit_all() {
+    while (!waiting_.empty()) {
+      const Waiting now = waiting_.back();
+      waiting_.pop_back();
+      if (now.bound < reach_) continue;
+      if (now.child >= kBlockChild) {
+        visit_block(tree_.blocks[now.child - kBlockChild]);
+      } else {
+        visit_node(tree_.nodes[now.child]);
+      }
+    }
+  }
+
+  // The child that may reach farthest comes last, so that it is visited first.
+  void visit_node(const WideNode& node) {
+    const float* const x = node.planes[direction_.x > 0 ? 1 : 0];
+    const float* const y = node.planes[direction_.y > 0 ? 3 : 2];
+    const float* const z = node.planes[direction_.z > 0 ? 5 : 4];
+    const std::size_t first = waiting_.size();
+    for (std::size_t lane = 0; lane < kWideWidth; ++lane) {
+      if (node.child[lane] == kNoChild) continue;
+      const float bound = direction_.x * x[lane] + direction_.y * y[lane] + direction_.z * z[lane];
+      if (bound < reach_) continue;
+      waiting_.push_back({bound, node.child[lane]});
+      if (waiting_[first].bound < bound) std::swap(waiting_[first], waiting_.back());
+    }
+    if (waiting_.size() > first) std::swap(waiting_[first], waiting_.back());
+  }
+
+  void visit_block(const LeafBlock& block) {
+    for (std::size_t lane = 0; lane < 8; ++lane) {
+      const Vec3f vertex{block.vertices[0][lane], block.vertices[1][lane], block.vertices[2][lane]};
+      const float reach = dot(direction_, vertex);
+      if (reach > reach_) reach_ = reach, farthest_ = vertex;
+    }
+  }
+
+  const WideBvh& tree_;
+  Vec3f direction_{0, 0, 0}, farthest_{0, 0, 0};
+  float reach_ = 0;
+  std::vector<Waiting> waiting_;
+};
+
+}  // namespace
+
+SupportTable::SupportTable(const WideBvh& tree) : unit_(1.0 / static_cast<double>(tree.scale)) {
+  Search forward(tree), backward(tree);
+  const auto place = [](int cell) { return static_cast<float>(cell) * (2.0f / kCells) - 1.0f; };
+  for (int axis = 0; axis < 3; ++axis) {
+    for (int row = 0; row <= kCells; ++row) {
+      for (int step = 0; step <= kCells; ++step) {
+        const int column = row % 2 == 0 ? step : kCells - step;  // to and fro: neighbours one after the other
+        Vec3f direction{0, 0, 0};
+        direction[axis] = 1.0f;
+        direction[(axis + 1) % 3] = place(row);
+        direction[(axis + 2) % 3] = place(column);
+        samples_[axis][row][column] = {forward.farthest(direction), backward.farthest(-direction)};
+      }
+    }
+  }
+}
+
+SupportTable::Range SupportTable::along(Vec3d row) const noexcept {
+  const double size[3] = {std::abs(row.x), std::abs(row.y), std::abs(row.z)};
+  const int axis = size[0] >= size[1] ? (size[0] >= size[2] ? 0 : 2) : (size[1] >= size[2] ? 1 : 2);
+  if (!(size[axis] > 0)) return {0, 0};
+  const double scale = 1.0 / row[axis];
+  const auto cell_of = [&](int other) { return static_cast<float>((row[other] * scale + 1.0) * (kCells / 2)); };
+  const float u = cell_of((axis + 1) % 3), v = cell_of((axis + 2) % 3);
+  const int i = std::clamp(static_cast<int>(u), 0, kCells - 1), j = std::clamp(static_cast<int>(v), 0, kCells - 1);
+  const float right = u - static_cast<float>(i), up = v - static_cast<float>(j);
+  const Sample *const low = &samples_[axis][i][j], *const high = &samples_[axis][i + 1][j];
+  const auto between = [&](float Sample::* side) {
+    const float at_low = low[0].*side + (low[1].*side - low[0].*side) * up;
+    const float at_high = high[0].*side + (high[1].*side - high[0].*side) * up;
+    return static_cast<double>(at_low + (at_high - at_low) * right) * (size[axis] * unit_);
+  };
+  const double forward = between(&Sample::forward), backward = between(&Sample::backward);
+  return row[axis] > 0 ? Range{-backward, forward} : Range{-forward, backward};
+}
+
+Aabb transformed_bounds(const SupportTable& support, double reach, const Affine& map) {
+  Aabb box;
+  for (int axis = 0; axis < 3; ++axis) {
+    const Vec3d row{map.x[axis], map.y[axis], map.z[axis]};
+    const SupportTable::Range range = support.along(row);
+    set_range(box, axis, map.translation[axis], range.least, range.greatest, reach, row);
+  }
+  return box;
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,56 @@
+// How far a mesh reaches in any direction (its support function), in a table: for meshes with many instances.
+// In: the wide tree of a mesh. Out: bounds along the rows of a transform, a few nanoseconds each, and within a percent
+// of the best that a box can be, whatever way the instance is turned.
+//
+// The function is known exactly at samples on the faces of a cube. Between them it is bounded from above: where
+// d = a u + b v with a, b >= 0, no point p has more than d.p = a u.p + b v.p.
+#pragma once
+
+#include <memory>
+#include <mutex>
+
+#include "math/affine.h"
+#include "wide/wide_bvh.h"
+
+namespace perfect_bvh {
+
+class SupportTable {
+ public:
+  // The tree must not be empty.
+  explicit SupportTable(const WideBvh& tree);
+
+  // Of a mesh's points p: no less than the greatest row . p, and no more than the least.
+  struct Range {
+    double least, greatest;
+  };
+  [[nodiscard]] Range along(Vec3d row) const noexcept;
+
+ private:
+  static constexpr int kCells = 8;  // along a face's edge
+
+  // For the direction with 1 on the face's own axis, and the opposite one.
+  struct Sample {
+    float forward, backward;
+  };
+  Sample samples_[3][kCells + 1][kCells + 1];
+  double unit_;  // from the tree's scale to the mesh's
+};
+
+// The world box of a mesh, rounded outward and with the margin of transformed_bounds() in scene/cover.h. `reach` is the
+// largest magnitude of the mesh's coordinates.
+[[nodiscard]] Aabb transformed_bounds(const SupportTable& support, double reach, const Affine& map);
+
+// A table that is made when it is first asked for, on any thread.
+class LazySupport {
+ public:
+  [[nodiscard]] const SupportTable& of(const WideBvh& tree) const {
+    std::call_once(made_, [&] { table_ = std::make_unique<const SupportTable>(tree); });
+    return *table_;
+  }
+
+ private:
+  mutable std::once_flag made_;
+  mutable std::unique_ptr<const SupportTable> table_;
+};
+
+}  // namespace perfect_bvh
