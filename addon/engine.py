@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TypeVar
 
 import bpy
 import numpy as np
@@ -16,6 +17,9 @@ import numpy as np
 from .frame import Frame, FrameStatistics, Images, Progress, border_pixels, render_frame
 from .preferences import native_error
 from .properties import ENGINE_NAME, read_settings
+from .viewport import Viewport
+
+T = TypeVar("T")
 
 # Nobody looks at the rounds before the last one where there is no window.
 SHOWS_ROUNDS = not bpy.app.background
@@ -93,6 +97,8 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
     bl_use_eevee_viewport = True
     bl_use_shading_nodes_custom = False
 
+    _region_viewport: Viewport | None = None
+
     def update_render_passes(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
         """Tell the compositor which sockets the engine's layer has."""
         self.register_pass(scene, view_layer, "Combined", 4, "RGBA", "COLOR")
@@ -119,6 +125,51 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
                 _write_passes(result.layers[0], specs, frame.images, window)
         finally:
             self.end_result(result)
+
+    # The viewport ----------------------------------------------------------------------------------------------------
+
+    def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """Something of what a viewport shows has changed."""
+        if self._can_view():
+            self._attempt(lambda: self._viewport().update(context, depsgraph))
+
+    def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """Draw a viewport, and ask to be called again as long as its image can become better."""
+        if not self._can_view():
+            return
+        viewport = self._viewport()
+        wants_more = self._attempt(lambda: viewport.draw(self, context, depsgraph))
+        if wants_more is None:
+            return
+        done, wanted = viewport.progress
+        self.update_stats("", f"Sample {done}/{wanted}" if wants_more else f"Finished {done}/{wanted}")
+        # An animation's next frame comes by itself.
+        if wants_more and not context.screen.is_animation_playing:
+            self.tag_redraw()
+
+    def _can_view(self) -> bool:
+        error = native_error()
+        if error is not None:
+            self.update_stats("", error)
+        return error is None
+
+    def _viewport(self) -> Viewport:
+        """This region's renderer. Made when it is needed: Blender's versions disagree on an engine's `__init__`."""
+        if self._region_viewport is None:
+            self._region_viewport = Viewport()
+        return self._region_viewport
+
+    def _attempt(self, work: Callable[[], T]) -> T | None:
+        """The result of `work`; None if it failed, with the reason shown in the viewport."""
+        import perfect_bvh
+
+        try:
+            return work()
+        except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
+            self.update_stats("", str(problem) or type(problem).__name__)
+            return None
+
+    # The parts of a render -------------------------------------------------------------------------------------------
 
     def _window(self, scene: bpy.types.Scene) -> tuple[int, int, int, int]:
         render = scene.render

@@ -25,12 +25,13 @@ NATIVE_IGNORANCE = {
 
 # Modules in one group may import one another; a group may import the groups above it in this list.
 ADDON_LAYERS = (
-    ("modes",),
+    ("modes", "refinement"),
     ("sync",),
     ("extract",),
     ("session",),
     ("properties", "preferences"),
     ("frame", "display", "overlay"),
+    ("viewport",),
     ("engine", "handlers", "operators"),
     ("panels",),
     ("__init__", "cli"),

@@ -1,0 +1,294 @@
+"""The "Rendered" shading of one region of a 3D viewport: its scene in step, its view refined, its image on the screen.
+
+The trees belong to the session, so all viewports of a Blender scene share them. A view that shows other objects than
+the rest (local view, filters by type) has trees of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
+
+import bpy
+import numpy as np
+
+from .extract.camera import Window, read_region_view
+from .frame import CLAY_GREY, needed_attributes
+from .modes import find_mode
+from .properties import RenderSettings, read_settings
+from .refinement import Image, Pace, Refinement, View
+from .sync.records import CameraRecord
+
+if TYPE_CHECKING:
+    import gpu
+    from perfect_bvh import Camera
+
+    from .session import SceneSync
+
+# What a redraw may take: little while the view moves, somewhat more while it stands still and is refined.
+MOVING_SECONDS = 0.03
+REFINING_SECONDS = 0.1
+WHOLE: Window = (0.0, 1.0, 0.0, 1.0)
+TYPE_FILTERS = (
+    "show_object_viewport_mesh",
+    "show_object_viewport_curve",
+    "show_object_viewport_surf",
+    "show_object_viewport_meta",
+    "show_object_viewport_font",
+)
+
+# How often what a sync shows has changed. Every viewport that shares it compares this with what it has drawn.
+_revisions: WeakKeyDictionary[SceneSync, int] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, slots=True)
+class ViewKey:
+    """All that a view's image depends on beside the scene's content: as long as it is equal, the image is refined."""
+
+    revision: int
+    sync_id: int
+    camera: tuple[Any, ...]
+    size: tuple[int, int]
+    settings: RenderSettings
+
+
+class Viewport:
+    """One region's renderer; lives as long as Blender's engine for the region does."""
+
+    def __init__(self) -> None:
+        self._sync: SceneSync | None = None
+        self._own_sync: SceneSync | None = None
+        self._shown_filter: tuple[bool, ...] = ()
+        self._pace = Pace()
+        self._key: ViewKey | None = None
+        self._refinement: Refinement | None = None
+        self._texture: gpu.types.GPUTexture | None = None
+
+    # The scene -------------------------------------------------------------------------------------------------------
+
+    def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """Bring the scene's trees in step with an evaluated depsgraph. Raises what the engine raises."""
+        space = context.space_data
+        sync = self._sync_for(space, depsgraph)
+        self._sync = None  # a failed update must not leave an old image on the screen
+        _bring_in_step(sync, depsgraph, read_settings(depsgraph.scene), space)
+        self._sync = sync
+
+    def _sync_for(self, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph) -> SceneSync:
+        from .session import SceneSync, session_of
+
+        self._shown_filter = _filter_of(space)
+        if not any(self._shown_filter):
+            self._own_sync = None
+            return session_of(depsgraph)
+        if self._own_sync is None:
+            self._own_sync = SceneSync(watch=False)
+        return self._own_sync
+
+    # The image -------------------------------------------------------------------------------------------------------
+
+    def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
+        """Work for a bounded time and draw the best image there is; whether there is more to do.
+
+        Raises what the engine raises.
+        """
+        if self._sync is None or self._shown_filter != _filter_of(context.space_data):
+            self.update(context, depsgraph)
+        view_is_new = self._follow_view(context, depsgraph)
+        refinement = self._refinement
+        if refinement is None:
+            return False
+        if refinement.step(MOVING_SECONDS if view_is_new else REFINING_SECONDS) or self._texture is None:
+            self._texture = _texture_of(refinement.image, depsgraph.scene.perfect_bvh.mode.lower())
+        _draw_texture(engine, depsgraph.scene, self._texture, (context.region.width, context.region.height))
+        return not refinement.is_finished
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """(samples done, samples wanted)."""
+        return (self._refinement.sample_count, self._refinement.view.samples) if self._refinement else (0, 0)
+
+    def _follow_view(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
+        """Begin anew if what is seen is not what it was; whether it was so."""
+        assert self._sync is not None
+        scene, region = depsgraph.scene, context.region
+        camera = read_region_view(context.region_data, _border_of(context.region_data, context.space_data, scene))
+        if camera is None:
+            self._key = self._refinement = None
+            return True
+        settings = read_settings(scene)
+        size = (region.width, region.height)
+        key = ViewKey(_revisions[self._sync], id(self._sync), _camera_key(camera), size, settings)
+        if key == self._key:
+            return False
+        self._key = key
+        self._refinement = Refinement(_view_of(self._sync, as_camera(camera), size, settings), self._pace)
+        return True
+
+
+# One view, for whoever draws it elsewhere ----------------------------------------------------------------------------
+
+
+def find_view(context: bpy.types.Context) -> tuple[bpy.types.SpaceView3D, bpy.types.Region] | None:
+    """The current 3D viewport, or else the largest in the window; None if there is none that anybody sees."""
+    if bpy.app.background or context.window is None:
+        return None
+    areas = [area for area in context.window.screen.areas if area.type == "VIEW_3D"]
+    if context.area in areas:
+        areas = [context.area]
+    if not areas:
+        return None
+    area = max(areas, key=lambda area: area.width * area.height)
+    return area.spaces.active, next(region for region in area.regions if region.type == "WINDOW")
+
+
+def refine_view(context: bpy.types.Context, settings: RenderSettings, pace: Pace) -> Refinement:
+    """The image of what `find_view` finds, or else of what the scene's camera sees, not begun yet.
+
+    Raises ValueError if there is neither, and what the engine raises.
+    """
+    from .session import SceneSync, session_of
+
+    depsgraph = context.evaluated_depsgraph_get()
+    found = find_view(context)
+    is_filtered = found is not None and any(_filter_of(found[0]))
+    sync = SceneSync(watch=False) if is_filtered else session_of(depsgraph)
+    _bring_in_step(sync, depsgraph, settings, found[0] if found else None)
+    if found is None:
+        if sync.camera is None:
+            raise ValueError(f"scene {depsgraph.scene.name!r} has no camera that can be rendered")
+        return Refinement(_view_of(sync, sync.camera, sync.size, settings), pace)
+    space, region = found
+    camera = read_region_view(space.region_3d, _border_of(space.region_3d, space, depsgraph.scene))
+    if camera is None:
+        raise ValueError("the 3D viewport has no usable view: its matrix is not finite")
+    return Refinement(_view_of(sync, as_camera(camera), (region.width, region.height), settings), pace)
+
+
+def picture_of(image: Image, mode: str) -> Image:
+    """What is shown of an image: distances become greys, white nearby and black far away."""
+    if not find_mode(mode).has_range:
+        return image
+    from perfect_bvh.render import depth_to_grey
+
+    greys = depth_to_grey(image[..., 0])
+    return np.stack([greys, greys, greys, image[..., 3]], axis=-1)
+
+
+def _bring_in_step(
+    sync: SceneSync, depsgraph: bpy.types.Depsgraph, settings: RenderSettings, space: bpy.types.SpaceView3D | None
+) -> None:
+    sync.request(needed_attributes(settings, ()))
+    report = sync.update(depsgraph, space=space)
+    if report.has_changes or sync not in _revisions:
+        _revisions[sync] = _revisions.get(sync, 0) + 1
+
+
+def _filter_of(space: bpy.types.SpaceView3D) -> tuple[bool, ...]:
+    """What makes a viewport show other objects than the rest do; all False where nothing does."""
+    return (space.local_view is not None, *(not getattr(space, name) for name in TYPE_FILTERS))
+
+
+def _camera_key(camera: CameraRecord) -> tuple[Any, ...]:
+    return (
+        camera.matrix.tobytes(),
+        camera.window,
+        camera.projection,
+        camera.clip_start,
+        camera.clip_end,
+        camera.border,
+    )
+
+
+def as_camera(record: CameraRecord) -> Camera:
+    """The engine's camera of a record."""
+    import perfect_bvh
+
+    return perfect_bvh.Camera(
+        matrix=record.matrix,
+        window=record.window,
+        projection=record.projection,
+        clip_start=record.clip_start,
+        clip_end=record.clip_end,
+        border=record.border,
+    )
+
+
+def _view_of(sync: SceneSync, camera: Camera, size: tuple[int, int], settings: RenderSettings) -> View:
+    return View(
+        snapshot=sync.scene.snapshot(),
+        appearance=sync.appearance,
+        camera=camera,
+        size=size,
+        mode=settings.mode,
+        samples=1 if find_mode(settings.mode).has_range else settings.samples,
+        options={
+            "threads": settings.threads,
+            "ao_distance": settings.ao_distance or None,
+            "clay_color": None if settings.use_material_colors else CLAY_GREY,
+        },
+    )
+
+
+def _border_of(view: bpy.types.RegionView3D, space: bpy.types.SpaceView3D, scene: bpy.types.Scene) -> Window:
+    """The part of the region to trace, as fractions: the render border of a camera view, or the viewport's own."""
+    if view.view_perspective == "CAMERA":
+        if not scene.render.use_border or space.camera is None or space.camera.type != "CAMERA":
+            return WHOLE
+        left, right, bottom, top = _camera_frame(view, space.camera, scene)
+        border = scene.render
+        return _clipped(
+            left + border.border_min_x * (right - left),
+            left + border.border_max_x * (right - left),
+            bottom + border.border_min_y * (top - bottom),
+            bottom + border.border_max_y * (top - bottom),
+        )
+    if not space.use_render_border:
+        return WHOLE
+    return _clipped(
+        space.render_border_min_x, space.render_border_max_x, space.render_border_min_y, space.render_border_max_y
+    )
+
+
+def _clipped(left: float, right: float, bottom: float, top: float) -> Window:
+    left, right, bottom, top = (min(max(edge, 0.0), 1.0) for edge in (left, right, bottom, top))
+    return left, max(left, right), bottom, max(bottom, top)
+
+
+def _camera_frame(view: bpy.types.RegionView3D, camera: bpy.types.Object, scene: bpy.types.Scene) -> Window:
+    """Where a camera's frame lies in a region that looks through it, as fractions."""
+    corners = np.ones((4, 4))
+    corners[:, :3] = [corner[:] for corner in camera.data.view_frame(scene=scene)]
+    clip = corners @ np.array(view.window_matrix).T
+    edges = clip[:, :2] / clip[:, 3:] * 0.5 + 0.5
+    (left, bottom), (right, top) = edges.min(axis=0), edges.max(axis=0)
+    return float(left), float(right), float(bottom), float(top)
+
+
+# The screen ----------------------------------------------------------------------------------------------------------
+
+
+def _texture_of(image: Image | None, mode: str) -> gpu.types.GPUTexture:
+    import gpu
+
+    assert image is not None
+    image = picture_of(image, mode)
+    height, width = image.shape[:2]
+    flipped = np.ascontiguousarray(image[::-1], np.float32)  # a texture begins at the bottom
+    buffer = gpu.types.Buffer("FLOAT", flipped.size, flipped.ravel())
+    return gpu.types.GPUTexture((width, height), format="RGBA16F", data=buffer)
+
+
+def _draw_texture(
+    engine: bpy.types.RenderEngine, scene: bpy.types.Scene, texture: gpu.types.GPUTexture, size: tuple[int, int]
+) -> None:
+    """Blender puts the scene's view transform on what is drawn meanwhile."""
+    import gpu
+    from gpu_extras.presets import draw_texture_2d
+
+    gpu.state.blend_set("ALPHA_PREMULT")
+    engine.bind_display_space_shader(scene)
+    draw_texture_2d(texture, (0, 0), *size)
+    engine.unbind_display_space_shader()
+    gpu.state.blend_set("NONE")
