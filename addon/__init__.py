@@ -18,7 +18,7 @@ __all__ = ["AttributeRequest", "SceneSync", "register", "unregister"]
 
 _EXPORTS = {"SceneSync": ".session", "AttributeRequest": ".sync.records"}
 # In the order of registration. Those that load the native engine are left out where it cannot be loaded.
-_MODULES = (".preferences", ".properties", ".display", ".engine", ".panels")
+_MODULES = (".preferences", ".properties", ".display", ".engine", ".operators", ".panels")
 _NATIVE_MODULES: tuple[str, ...] = (".handlers",)
 _LANDMARK = "PERFECT_BVH_PT_render"
 

@@ -51,6 +51,7 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
             return
         scene = context.scene
         settings = scene.perfect_bvh
+        layout.operator("perfect_bvh.preview", icon="IMAGE_DATA")
         layout.prop(settings, "mode")
         layout.prop(settings, "samples")
         if settings.mode in {"CLAY", "WIREFRAME"}:
