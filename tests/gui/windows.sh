@@ -1,0 +1,37 @@
+#!/bin/bash
+# windows.sh EXTENSION.zip: install the extension into a real Blender from the command line, and try it in windows.
+#
+# Screenshots and the console go to .cache/windows. Fails if a step does, or if anything alarming is on the console.
+set -euo pipefail
+repository=$(cd "$(dirname "$0")/../.." && pwd)
+zip=$(realpath --relative-to "$repository" "$1")
+output=.cache/windows
+chroot=$repository/tests/gui/blender_chroot.sh
+steps=${WINDOWS_STEPS:-}
+
+"$chroot" install
+rm -rf "${repository:?}/$output"
+mkdir -p "$repository/$output/user"
+console=$repository/$output/console.log
+user=BLENDER_USER_RESOURCES=/host/$output/user
+
+"$chroot" run "$user" blender --command extension install-file -r user_default "/host/$zip"
+# Preferences that are saved once keep the first start's questions away.
+"$chroot" run "$user" blender --background --python-expr \
+  "import bpy; bpy.context.preferences.view.show_splash = False; bpy.ops.wm.save_userpref()" >/dev/null
+
+status=0
+timeout 330 "$chroot" run "$user" WINDOWS_OUTPUT=/host/$output WINDOWS_SCENES=/host/blend_scenes "WINDOWS_STEPS=$steps" \
+  xvfb-run -a -s "-screen 0 1280x800x24" \
+  blender --gpu-backend opengl --window-geometry 0 0 1280 800 /host/blend_scenes/tree_in_wind.blend \
+  -P /host/tests/gui/steps.py >"$console" 2>&1 || status=$?
+
+cat "$console"
+if [ $status -ne 0 ] || ! grep -q "^ALL STEPS PASSED" "$console"; then
+  echo "The windows' test failed (status $status); screenshots are in $output" >&2
+  exit 1
+fi
+if grep -nE "Traceback|Segmentation fault|not freed memory" "$console"; then
+  echo "The console is not clean" >&2
+  exit 1
+fi
