@@ -1,11 +1,14 @@
 """Checks that run apart from one another: `nox` runs them all, `nox -s lint` one of them.
 
-`tests` wants the system packages that the README names; `native_tests` and `sanitize` want g++ and libgtest-dev.
+`tests` wants the system packages that the README names; `native_tests` and `sanitize` want g++ and libgtest-dev;
+`extension` wants Debian and its binutils; `windows` wants root or sudo as well.
 """
 
 from __future__ import annotations
 
 import os
+import re
+import shutil
 from pathlib import Path
 
 import nox
@@ -19,6 +22,9 @@ MYPY = "mypy==2.4.1"
 CLANG_FORMAT = "clang-format==23.1.5"
 EMBREEX = "embreex>=4.4"  # holds the library of Embree 4.4
 BUILD_TOOLS = ("cmake>=3.25", "ninja>=1.11")
+# One compiler for the wheels of all Pythons, and the Blender whose tools make the zip of them.
+WHEEL_TOOLS = ("pybind11==3.1.0", "scikit-build-core==1.1.2", "ziglang==0.17.1")
+BLENDER = "bpy==5.0.1"
 
 NATIVE_FOLDERS = ("native/src", "native/bindings", "native/tests", "native/benchmarks")
 NATIVE_SUFFIXES = (".h", ".inl", ".cpp")
@@ -71,6 +77,53 @@ def tests(session: nox.Session) -> None:
     """Install the wheel with Blender's module and run the Python tests; arguments after `--` go to pytest."""
     session.install(".[blender,test]")
     session.run("pytest", *session.posargs)
+
+
+@nox.session(default=False)
+def extension(session: nox.Session) -> None:
+    """Build dist/perfect_bvh-<version>.zip, the extension for Blender 4.2 and later, with wheels for its Pythons."""
+    session.install(*BUILD_TOOLS, *WHEEL_TOOLS, BLENDER)
+    folder = stage_extension()
+    session.run("python", "native/build_wheels.py", str(folder / "wheels"))
+    list_wheels(folder)
+    scripts = str(
+        session.run("python", "-c", "import bpy; print(bpy.utils.system_resource('SCRIPTS'))", silent=True)
+    ).splitlines()[-1]
+    tool = f"{scripts}/addons_core/bl_pkg/cli/blender_ext.py"
+    Path("dist").mkdir(exist_ok=True)
+    session.run("python", tool, "build", "--source-dir", str(folder), "--output-dir", "dist")
+    session.run("python", tool, "validate", str(extension_zip()))
+
+
+@nox.session(default=False)
+def windows(session: nox.Session) -> None:
+    """Try the zip in a real Blender with windows; screenshots are left in .cache/windows."""
+    session.run("tests/gui/windows.sh", str(extension_zip()), external=True)
+
+
+def stage_extension() -> Path:
+    """The add-on's folder as the zip will have it, still without wheels."""
+    folder = Path("build/extension")
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree("addon", folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy("LICENSE", folder)
+    (folder / "wheels").mkdir()
+    return folder
+
+
+def list_wheels(folder: Path) -> None:
+    """Name the wheels in the manifest; the one in addon/ has none, because there are none beside it."""
+    manifest = folder / "blender_manifest.toml"
+    wheels = "".join(f'  "./wheels/{path.name}",\n' for path in sorted((folder / "wheels").glob("*.whl")))
+    text = manifest.read_text(encoding="utf-8")
+    manifest.write_text(text.replace("\n[permissions]", f"\nwheels = [\n{wheels}]\n\n[permissions]"), encoding="utf-8")
+
+
+def extension_zip() -> Path:
+    """The zip of the manifest's version."""
+    manifest = Path("addon/blender_manifest.toml").read_text(encoding="utf-8")
+    (version,) = re.findall(r'^version = "(.+)"$', manifest, re.MULTILINE)
+    return Path("dist") / f"perfect_bvh-{version}.zip"
 
 
 def run_native_preset(session: nox.Session, preset: str) -> None:

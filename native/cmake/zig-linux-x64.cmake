@@ -1,0 +1,12 @@
+# Toolchain file: Linux on x86-64 with a glibc of at least 2.28, whatever machine compiles. ZIG in the environment is
+# the path of the compiler from the package ziglang: a Clang with its own C++ library, which it links statically.
+
+set(CMAKE_SYSTEM_NAME Linux)
+set(CMAKE_SYSTEM_PROCESSOR x86_64)
+set(CMAKE_CXX_COMPILER "$ENV{ZIG}" c++)
+set(CMAKE_CXX_COMPILER_TARGET x86_64-linux-gnu.2.28)
+
+# Without this CMake's test programs fail, and the message says that no threads library was found.
+set(CMAKE_CXX_SCAN_FOR_MODULES OFF)
+set(CMAKE_SHARED_LINKER_FLAGS_INIT -s)
+set(CMAKE_MODULE_LINKER_FLAGS_INIT -s)
