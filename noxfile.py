@@ -1,4 +1,4 @@
-"""Checks that run apart from one another: `nox` runs them all, `nox -s lint` one of them.
+"""Checks that run apart from one another: `nox` runs them, `nox -s lint` one of them, `nox -s soak` the long one.
 
 `tests` wants the system packages that the README names; `native_tests` and `sanitize` want g++ and libgtest-dev;
 `extension` wants Debian and its binutils; `windows` wants root or sudo as well.
@@ -77,6 +77,13 @@ def tests(session: nox.Session) -> None:
     """Install the wheel with Blender's module and run the Python tests; arguments after `--` go to pytest."""
     session.install(".[blender,test]")
     session.run("pytest", *session.posargs)
+
+
+@nox.session(default=False)
+def soak(session: nox.Session) -> None:
+    """Edit scenes at random, 20,000 times unless told, and compare each synced one with Blender; writes soak.json."""
+    session.install(".[blender,test]")
+    session.run("python", "tests/blender/soak.py", "--json", "soak.json", *session.posargs)
 
 
 @nox.session(default=False)

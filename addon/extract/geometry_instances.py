@@ -77,15 +77,19 @@ class _Block:
 
 def list_geometry_instances(depsgraph: Any, groups: GroupTable, reader: ArrayReader) -> Listing | None:
     """What `list_instances` gives, or None, with nothing read, if only that can tell."""
+    surveyed = survey(depsgraph)
+    return None if surveyed is None else _Collector(groups, reader).collect(depsgraph, surveyed)
+
+
+def survey(depsgraph: Any) -> list[tuple[Any, _Instancer | None]] | None:
+    """Each evaluated object with what it shows beside itself; None if Blender's list is needed, or is as good."""
     if not _IS_SUPPORTED or not _may_have_node_instances():
         return None
     try:
         surveyed = [(obj, _survey(obj)) for obj in depsgraph.objects]
     except _UnsupportedError:
         return None
-    if not any(instancer for _, instancer in surveyed):
-        return None
-    return _Collector(groups, reader).collect(depsgraph, surveyed)
+    return surveyed if any(instancer for _, instancer in surveyed) else None
 
 
 def _may_have_node_instances() -> bool:
