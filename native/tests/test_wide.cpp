@@ -8,7 +8,10 @@
 
 #include "build/builder.h"
 #include "core/errors.h"
+#include "scene/blas_build.h"
+#include "update/quality.h"
 #include "wide/collapse.h"
+#include "wide/leaf_contents.h"
 #include "wide/small_set.h"
 
 namespace perfect_bvh::test {
@@ -179,6 +182,16 @@ class Checker {
   const TriangleMesh& mesh_;
 };
 
+void expect_sound(const WideBvh& wide, const Bvh2& tree, const TriangleMesh& mesh) {
+  const Aabb box = tree.bounds();
+  ASSERT_FALSE(wide.is_empty);
+  Checker checker(wide, mesh);
+  checker.check(wide.root, {box.lower * wide.scale, box.upper * wide.scale}, 1);
+  EXPECT_EQ(checker.seen_nodes.size(), wide.nodes.size());
+  ASSERT_EQ(checker.seen_triangles.size(), mesh.triangle_count());
+  for (std::uint32_t i = 0; i < mesh.triangle_count(); ++i) EXPECT_EQ(checker.seen_triangles.count(i), 1u) << i;
+}
+
 class Wide : public testing::TestWithParam<std::uint32_t> {};
 INSTANTIATE_TEST_SUITE_P(LeafSizes, Wide, testing::Values(1u, 2u, 8u, 200u));
 
@@ -186,15 +199,77 @@ TEST_P(Wide, HoldsEveryTriangleOnceInsideItsBoxes) {
   for (const Input& input : inputs()) {
     SCOPED_TRACE(input.name);
     const Bvh2 tree = build(input.mesh, GetParam());
-    const WideBvh wide = collapse(tree, input.mesh);
-    const Aabb box = tree.bounds();
-    ASSERT_FALSE(wide.is_empty);
-    Checker checker(wide, input.mesh);
-    checker.check(wide.root, {box.lower * wide.scale, box.upper * wide.scale}, 1);
-    EXPECT_EQ(checker.seen_nodes.size(), wide.nodes.size());
-    ASSERT_EQ(checker.seen_triangles.size(), input.mesh.triangle_count());
-    for (std::uint32_t i = 0; i < input.mesh.triangle_count(); ++i) EXPECT_EQ(checker.seen_triangles.count(i), 1u) << i;
+    expect_sound(collapse(tree, input.mesh), tree, input.mesh);
   }
+}
+
+Bvh2 build_filled(const TriangleMesh& mesh, int thread_count = 1) {
+  ThreadPool pool(thread_count);
+  CancelToken cancel;
+  const BuildConfig config = choose_builder(BuildConfig{}, Usage::kStatic);
+  EXPECT_TRUE(config.fills_leaves);
+  return build_tree(mesh, config, pool, cancel);
+}
+
+std::vector<std::uint32_t> primitives_below(const Bvh2& tree, std::uint32_t index) {
+  const Bvh2Node& node = tree.nodes[index];
+  if (node.is_leaf()) {
+    const auto first = tree.prim_indices.begin() + node.first;
+    return {first, first + node.count};
+  }
+  std::vector<std::uint32_t> left = primitives_below(tree, node.first), right = primitives_below(tree, node.first + 1);
+  left.insert(left.end(), right.begin(), right.end());
+  return left;
+}
+
+TEST(FilledLeaves, HoldWhatFitsAndNoNodeAboveThemWould) {
+  for (const Input& input : inputs()) {
+    SCOPED_TRACE(input.name);
+    const Bvh2 tree = build_filled(input.mesh);
+    EXPECT_EQ(find_fault(tree, input.mesh.triangle_count()), "");
+    EXPECT_TRUE(tree.has_full_leaves);
+    for (std::uint32_t i = 0; i < tree.nodes.size(); ++i) {
+      if (i == 1) continue;
+      std::set<std::uint32_t> vertices;
+      const std::vector<std::uint32_t> primitives = primitives_below(tree, i);
+      for (const std::uint32_t primitive : primitives) {
+        const TriangleIndices corners = input.mesh.triangles[primitive];
+        vertices.insert({corners.x, corners.y, corners.z});
+      }
+      EXPECT_EQ(tree.nodes[i].is_leaf(), primitives.size() <= 8 && vertices.size() <= 8) << "node " << i;
+    }
+    expect_sound(collapse(tree, input.mesh), tree, input.mesh);
+  }
+}
+
+TEST(FilledLeaves, AreTheSameForAnyNumberOfThreads) {
+  const TriangleMesh mesh = sheet(180);
+  const Bvh2 one = build_filled(mesh);
+  for (const int thread_count : {2, 4}) {
+    const Bvh2 more = build_filled(mesh, thread_count);
+    ASSERT_EQ(one.nodes.size(), more.nodes.size());
+    EXPECT_EQ(std::memcmp(one.nodes.data(), more.nodes.data(), one.nodes.size() * sizeof(Bvh2Node)), 0);
+    EXPECT_EQ(one.prim_indices, more.prim_indices);
+  }
+}
+
+TEST(FilledLeaves, AreFullerThanThoseByCost) {
+  const TriangleMesh mesh = sheet(100);
+  const WideBvh filled = collapse(build_filled(mesh), mesh), by_cost = collapse(build(mesh, 8), mesh);
+  EXPECT_LT(filled.blocks.size(), by_cost.blocks.size());
+  EXPECT_GT(static_cast<double>(mesh.triangle_count()) / static_cast<double>(filled.blocks.size()), 5.0);
+}
+
+TEST(FilledLeaves, AreNotForThoseWhoSetCosts) {
+  BuildConfig config;
+  config.max_leaf_size = 4;
+  EXPECT_FALSE(choose_builder(config, Usage::kStatic).fills_leaves);
+  config = {};
+  config.traversal_cost = 2.0f;
+  EXPECT_FALSE(choose_builder(config, Usage::kDeforming).fills_leaves);
+  config = {};
+  config.builder = BuilderKind::kBinned;
+  EXPECT_FALSE(choose_builder(config, Usage::kStatic).fills_leaves);
 }
 
 template <class Row>
@@ -247,6 +322,23 @@ TEST(SmallSet, KeepsNumbersInTheOrderOfTheirComing) {
   EXPECT_TRUE(set.overflows());
   set.add(4);
   EXPECT_TRUE(set.overflows());
+}
+
+TEST(SmallSet, TakesThreeAtOnceAsOneByOne) {
+  std::mt19937 random(5);
+  for (int round = 0; round < 2000; ++round) {
+    SmallSet three, one;
+    const std::uint32_t range = 2 + random() % 12;
+    for (int i = 0; i < 8 && !one.overflows(); ++i) {
+      const std::uint32_t a = random() % range, b = random() % range, c = random() % range;
+      const std::array<std::uint32_t, 3> places = three.add(a, b, c);
+      const std::array<std::uint32_t, 3> expected{one.add(a), one.add(b), one.add(c)};
+      ASSERT_EQ(three.overflows(), one.overflows());
+      if (one.overflows()) break;
+      ASSERT_EQ(places, expected);
+      ASSERT_EQ(three.numbers(), one.numbers());
+    }
+  }
 }
 
 TEST(WideBvh, KeepsOrdinaryCoordinatesAndScalesExtremeOnes) {

@@ -1,20 +1,23 @@
 // Binned SAH construction (Wald 2007, "On fast construction of SAH-based bounding volume hierarchies"; lecture, "Rapid
 // construction": planes independent of N).
-// In: references, settings (bins, axes, costs). Out: a refittable tree with leaves where no split pays.
+// In: references, settings (bins, axes, costs). Out: a refittable tree with leaves where no split pays, or where
+// primitives fit into one leaf of the wide tree.
 #pragma once
 
 #include <span>
 
 #include "build/build_config.h"
 #include "build/bvh2.h"
+#include "build/leaf_limit.h"
 #include "build/prim_ref.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 
 namespace perfect_bvh {
 
-// `prims` is not empty; `config` has been checked.
+// `prims` is not empty; `config` has been checked. With a limit, costs and leaf size are not asked: whatever fits is a
+// leaf, and nothing else.
 [[nodiscard]] Bvh2 build_binned(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool,
-                                CancelToken& cancel);
+                                CancelToken& cancel, const LeafLimit* leaf_limit = nullptr);
 
 }  // namespace perfect_bvh

@@ -1,5 +1,6 @@
 // How binned SAH splits ranges (Wald 2007): references on a grid, moved from one array to the other as they are
-// divided. In: references, settings (bins, axes, costs). Out: splits and leaves, as top_down.h asks of a splitter.
+// divided. In: references, settings (bins, axes, costs), perhaps a limit up to which leaves are filled. Out: splits and
+// leaves, as top_down.h asks of a splitter.
 #pragma once
 
 #include <algorithm>
@@ -13,6 +14,7 @@
 #include "build/few_boxes.h"
 #include "build/grid_bins.h"
 #include "build/grid_ref.h"
+#include "build/leaf_limit.h"
 #include "build/prim_ref.h"
 #include "build/top_down.h"
 
@@ -28,8 +30,10 @@ class BinnedSplitter {
   using Range = GridRange;
   static constexpr std::uint32_t kSubtreeSize = 4096;
 
-  BinnedSplitter(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool)
-      : prims_(prims), config_(config), refs_(prims.size()), scratch_(prims.size()) {
+  // `config` and the limit must outlive the splitter. With a limit, config.max_leaf_size must be 1.
+  BinnedSplitter(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool,
+                 const LeafLimit* leaf_limit = nullptr)
+      : prims_(prims), config_(config), leaf_limit_(leaf_limit), refs_(prims.size()), scratch_(prims.size()) {
     root_.count = static_cast<std::uint32_t>(prims.size());
     AlignedVector<Box4> boxes(chunk_count(root_.count));
     for_chunks(&pool, root_.count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
@@ -54,7 +58,7 @@ class BinnedSplitter {
   void split_large(Range& range, Range& left, Range& right, ThreadPool* pool) { (void)split(range, left, right, pool); }
 
   bool split(Range& range, Range& left, Range& right, ThreadPool* pool = nullptr) {
-    if (range.count == 1) return false;
+    if (range.count == 1 || fills_leaf(range)) return false;
     if (pool != nullptr && range.count < kParallelSize) pool = nullptr;
     left.depth = right.depth = range.depth + 1;
     const bool is_few = range.count <= (config_.axes == 3 ? kFewBoxes : kFewestBoxes);
@@ -96,6 +100,9 @@ class BinnedSplitter {
   static constexpr std::uint32_t kParallelSize = 65536;  // references from which on one node's work is shared out
   static constexpr std::uint32_t kChunk = 16384;         // and what a thread then takes at a time
   static constexpr std::uint32_t kFewestBoxes = 4;
+  // Up to here a split decides how well leaves are filled. Measured: counting leaves makes 6 to 11% fewer of them, at
+  // the same cost to rays; counting them in larger ranges gains no more.
+  static constexpr std::uint32_t kMostToCountLeavesOf = 32;
 
   // Calls body(chunk, begin, end) for the chunks of [0, count), on the pool if there is one.
   template <class Body>
@@ -138,6 +145,14 @@ class BinnedSplitter {
     right.begin = range.begin + left_count;
     right.count = range.count - left_count;
     left.in_scratch = right.in_scratch = in_scratch;
+  }
+
+  [[nodiscard]] bool fills_leaf(const Range& range) const noexcept {
+    if (leaf_limit_ == nullptr || range.count > LeafLimit::kMost) return false;
+    std::array<std::uint32_t, LeafLimit::kMost> numbers;
+    const GridRef* from = rows(range, range.in_scratch);
+    for (std::uint32_t i = 0; i < range.count; ++i) numbers[i] = prims_[from[i].position()].prim_index;
+    return leaf_limit_->fits({numbers.data(), range.count});
   }
 
   // The bounds of a range, snapped to a frame of its own first if its present one is too coarse.
@@ -197,7 +212,8 @@ class BinnedSplitter {
     const BinMap map(bounds, bin_count);
     GridBins bins(bin_count);
     bins.add(rows(range, range.in_scratch), range.count, stride, map, only_axis);
-    const Plane plane = bins.find_best(count, only_axis);
+    const bool counts_leaves = leaf_limit_ != nullptr && range.count <= kMostToCountLeavesOf;
+    const Plane plane = bins.find_best(count, only_axis, counts_leaves ? Counting::kLeaves : Counting::kEach);
     if (plane.bin == 0) return false;
     if (range.count <= config_.max_leaf_size) {
       const auto area = static_cast<float>(half_area(bounds.box));
@@ -248,6 +264,7 @@ class BinnedSplitter {
 
   std::span<const PrimRef> prims_;
   const BuildConfig& config_;
+  const LeafLimit* leaf_limit_;  // null: leaves by cost
   AlignedVector<GridRef> refs_, scratch_;
   Range root_;
 };

@@ -35,6 +35,7 @@ struct BuildConfig {
   float intersection_cost = 1.0f;     // ... and of testing a primitive
   float duplication_budget = 0.3f;    // spatial: references added, as a share of the primitives
   std::uint32_t optimize_passes = 0;  // reinsertion passes after the build
+  bool fills_leaves = false;          // binned: ends where primitives fit into one leaf of the wide tree
 
   friend bool operator==(const BuildConfig&, const BuildConfig&) = default;
 };

@@ -34,11 +34,11 @@ void check(const BuildConfig& config) {
 }
 
 Bvh2 build_unoptimized(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel,
-                       const PrimClipper* clipper) {
+                       const PrimClipper* clipper, const LeafLimit* leaf_limit) {
   switch (config.builder) {
     case BuilderKind::kAuto:
     case BuilderKind::kBinned:
-      return build_binned(prims, config, pool, cancel);
+      return build_binned(prims, config, pool, cancel, config.fills_leaves ? leaf_limit : nullptr);
     case BuilderKind::kMedian:
       return build_median(prims, config, pool, cancel);
     case BuilderKind::kSweep:
@@ -54,14 +54,14 @@ Bvh2 build_unoptimized(std::span<const PrimRef> prims, const BuildConfig& config
 }  // namespace
 
 Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel,
-                const PrimClipper* clipper) {
+                const PrimClipper* clipper, const LeafLimit* leaf_limit) {
   check(config);
   constexpr std::size_t kMaxPrims = std::numeric_limits<std::int32_t>::max();  // node indices have 32 bits
   if (prims.size() > kMaxPrims) {
     throw InvalidArgument("build_bvh2: expected at most 2147483647 primitives, got " + std::to_string(prims.size()));
   }
   if (prims.empty()) return {};
-  Bvh2 tree = build_unoptimized(prims, config, pool, cancel, clipper);
+  Bvh2 tree = build_unoptimized(prims, config, pool, cancel, clipper, leaf_limit);
   if (config.optimize_passes > 0) optimize_bvh2(tree, {config.optimize_passes}, pool, cancel);
   return tree;
 }

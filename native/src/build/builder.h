@@ -6,6 +6,7 @@
 
 #include "build/build_config.h"
 #include "build/bvh2.h"
+#include "build/leaf_limit.h"
 #include "build/prim_clipper.h"
 #include "build/prim_ref.h"
 #include "core/cancel.h"
@@ -15,8 +16,10 @@ namespace perfect_bvh {
 
 // References with an empty or non-finite box must not be passed. Counts prims.size() units of work on `cancel`. Throws
 // InvalidArgument for settings out of range (naming them), Cancelled, bad_alloc. Spatial splits ask the clipper;
-// without one they take primitives to fill their boxes.
+// without one they take primitives to fill their boxes. With config.fills_leaves, leaves are as large as the limit
+// allows; without one the setting is ignored.
 [[nodiscard]] Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool,
-                              CancelToken& cancel, const PrimClipper* clipper = nullptr);
+                              CancelToken& cancel, const PrimClipper* clipper = nullptr,
+                              const LeafLimit* leaf_limit = nullptr);
 
 }  // namespace perfect_bvh

@@ -35,6 +35,8 @@ struct Bvh2 {
   std::uint32_t depth = 0;  // levels below the root: 0 for a single leaf; at most kMaxTreeDepth
   // False if boxes are clipped (spatial splits): they say where a part of a primitive is, so no refit can keep them.
   bool refittable = true;
+  // Each leaf fits into one leaf of the wide tree, and no node with leaves below it would: the builder saw to it.
+  bool has_full_leaves = false;
 
   [[nodiscard]] bool empty() const noexcept { return nodes.empty(); }
   [[nodiscard]] Aabb bounds() const noexcept { return nodes.empty() ? Aabb{} : nodes[0].box(); }

@@ -1,6 +1,9 @@
 #include "build/grid_bins.h"
 
 #include <algorithm>
+#include <limits>
+
+#include "build/leaf_limit.h"
 
 namespace perfect_bvh {
 namespace {
@@ -11,6 +14,15 @@ using AxisBoxes = std::array<GridBox, 3>;
 
 void grow(AxisBoxes& boxes, const Bin& bin) noexcept {
   for (std::size_t axis = 0; axis < 3; ++axis) boxes[axis] = min(boxes[axis], bin.boxes[axis]);
+}
+
+// What counts of references cost.
+template <Counting kCounting>
+[[nodiscard]] Float4 weights_of(Float4 counts) noexcept {
+  if constexpr (kCounting == Counting::kEach) return counts;
+  // Rounded up; no quotient comes near a whole number.
+  constexpr auto kUsual = static_cast<float>(LeafLimit::kUsual);
+  return to_float(truncate((counts + Float4(kUsual - 0.5f)) * Float4(1.0f / kUsual)));
 }
 
 }  // namespace
@@ -72,7 +84,8 @@ void GridBins::add(const GridRef* refs, std::size_t count, std::size_t stride, c
 }
 
 // The three axes at once: one sweep from the right for the costs there, one from the left to price each plane.
-Plane GridBins::find_best(std::uint32_t count, int only_axis) const noexcept {
+template <Counting kCounting>
+Plane GridBins::find_best_counting(std::uint32_t count, int only_axis) const noexcept {
   std::array<Float4, kMaxBins> right_counts, right_costs;
   AxisBoxes boxes = empty_boxes();
   Int4 right_count(0);
@@ -82,17 +95,22 @@ Plane GridBins::find_best(std::uint32_t count, int only_axis) const noexcept {
     // Lane by lane: a wide load would have to wait for the narrow stores before it.
     right_count = right_count + Int4(bin.counts[0], bin.counts[1], bin.counts[2], 0);
     right_counts[i] = to_float(right_count);
-    right_costs[i] = half_areas(boxes) * right_counts[i];
+    right_costs[i] = half_areas(boxes) * weights_of<kCounting>(right_counts[i]);
   }
   grow(boxes, rows_[0]);
   const Float4 all(static_cast<float>(count)), one(1.0f);
-  // What beats all references on one side has some on both.
-  Float4 best_cost = half_areas(boxes) * all, best_bin(0.0f), bin(0.0f);
+  // What beats all references on one side has some on both. Leaves are counted too coarsely for that.
+  const Float4 never(std::numeric_limits<float>::max());
+  Float4 best_cost = kCounting == Counting::kEach ? half_areas(boxes) * all : never, best_bin(0.0f), bin(0.0f);
   boxes = empty_boxes();
   for (std::uint32_t i = 1; i < size_; ++i) {
     grow(boxes, rows_[i - 1]);
     bin = bin + one;
-    const Float4 cost = half_areas(boxes) * (all - right_counts[i]) + right_costs[i];
+    const Float4 left_counts = all - right_counts[i];
+    Float4 cost = half_areas(boxes) * weights_of<kCounting>(left_counts) + right_costs[i];
+    if constexpr (kCounting == Counting::kLeaves) {
+      cost = select_less(min(left_counts, right_counts[i]), one, never, cost);
+    }
     best_bin = select_less(cost, best_cost, bin, best_bin);
     best_cost = min(cost, best_cost);
   }
@@ -102,6 +120,11 @@ Plane GridBins::find_best(std::uint32_t count, int only_axis) const noexcept {
   const auto cheapest = std::min_element(costs.begin(), costs.begin() + 3) - costs.begin();
   const auto axis = static_cast<std::uint32_t>(only_axis < 0 ? static_cast<int>(cheapest) : only_axis);
   return {costs[axis], axis, static_cast<std::uint32_t>(bins[axis])};
+}
+
+Plane GridBins::find_best(std::uint32_t count, int only_axis, Counting counting) const noexcept {
+  return counting == Counting::kEach ? find_best_counting<Counting::kEach>(count, only_axis)
+                                     : find_best_counting<Counting::kLeaves>(count, only_axis);
 }
 
 }  // namespace perfect_bvh

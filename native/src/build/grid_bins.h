@@ -28,9 +28,15 @@ class BinMap {
   Short8 lower_, scale_;
 };
 
+// How a part's references are counted in its cost: area * count.
+enum class Counting : std::uint8_t {
+  kEach,   // every reference is tested by itself
+  kLeaves  // as many as usually share a leaf (LeafLimit::kUsual) are tested at once
+};
+
 // A plane between two bins; `bin` is the first of the right side. 0: no plane gains anything.
 struct Plane {
-  float cost;  // area * count of the left side plus that of the right
+  float cost;  // area * count of the left side plus that of the right side
   std::uint32_t axis;
   std::uint32_t bin;
 };
@@ -47,10 +53,13 @@ class GridBins {
 
   // Every `stride`-th of the references; on one axis alone if `only_axis` names one.
   void add(const GridRef* refs, std::size_t count, std::size_t stride, const BinMap& map, int only_axis) noexcept;
-  // The cheapest plane, if it is cheaper than no plane; `count` is how many references were added.
-  [[nodiscard]] Plane find_best(std::uint32_t count, int only_axis) const noexcept;
+  // The cheapest plane, if it is cheaper than no plane; `count` is how many references were added. Counting leaves:
+  // the cheapest plane of all.
+  [[nodiscard]] Plane find_best(std::uint32_t count, int only_axis, Counting counting = Counting::kEach) const noexcept;
 
  private:
+  template <Counting kCounting>
+  [[nodiscard]] Plane find_best_counting(std::uint32_t count, int only_axis) const noexcept;
   template <int Axis>
   void add_one(Short8 bin, GridBox box) noexcept;
   template <int Axis>

@@ -2,6 +2,7 @@
 
 #include "build/builder.h"
 #include "mesh/triangle_clip.h"
+#include "wide/leaf_contents.h"
 
 namespace perfect_bvh {
 namespace {
@@ -20,11 +21,31 @@ class TriangleClipper final : public PrimClipper {
   const TriangleMesh& mesh_;
 };
 
+class TriangleLeafLimit final : public LeafLimit {
+ public:
+  explicit TriangleLeafLimit(const TriangleMesh& mesh) : mesh_(mesh) {}
+
+  [[nodiscard]] bool fits(std::span<const std::uint32_t> prim_indices) const noexcept override {
+    return fit_one_leaf(prim_indices, mesh_.triangles.data());
+  }
+
+ private:
+  const TriangleMesh& mesh_;
+};
+
+// Whoever prices leaves or limits them gets what was asked for.
+bool leaves_are_free(const BuildConfig& config) noexcept {
+  const BuildConfig usual;
+  return config.traversal_cost == usual.traversal_cost && config.intersection_cost == usual.intersection_cost &&
+         config.max_leaf_size == usual.max_leaf_size;
+}
+
 }  // namespace
 
 BuildConfig choose_builder(BuildConfig config, Usage usage) noexcept {
   if (config.builder != BuilderKind::kAuto) return config;
   config.builder = usage == Usage::kChanging ? BuilderKind::kFast : BuilderKind::kBinned;
+  config.fills_leaves = config.builder == BuilderKind::kBinned && leaves_are_free(config);
   return config;
 }
 
@@ -39,7 +60,8 @@ Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool&
     }
   });
   const TriangleClipper clipper(mesh);
-  return build_bvh2(prims, config, pool, cancel, &clipper);
+  const TriangleLeafLimit leaf_limit(mesh);
+  return build_bvh2(prims, config, pool, cancel, &clipper, &leaf_limit);
 }
 
 }  // namespace perfect_bvh

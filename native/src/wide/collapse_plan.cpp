@@ -11,6 +11,10 @@
 namespace perfect_bvh {
 namespace {
 
+[[nodiscard]] float area_of(const Bvh2Node& node, const CollapseCosts& costs) noexcept {
+  return Aabb{node.lower * costs.scale, node.upper * costs.scale}.half_area();
+}
+
 constexpr float kNever = std::numeric_limits<float>::infinity();
 
 // What a subtree would hold as one leaf.
@@ -50,7 +54,11 @@ struct PlannedPair {
 class Planner {
  public:
   Planner(const Bvh2& tree, const TriangleIndices* triangles, const CollapseCosts& costs, CollapseDecision* decisions)
-      : tree_(tree), triangles_(triangles), costs_(costs), decisions_(decisions) {}
+      : tree_(tree),
+        triangles_(tree.has_full_leaves ? nullptr : triangles),
+        costs_(costs),
+        memory_cost_(costs.memory * area_of(tree.nodes[0], costs) / static_cast<float>(tree.prim_indices.size())),
+        decisions_(decisions) {}
 
   void push(const PlannedPair& pair) { waiting_.push_back(pair); }
   [[nodiscard]] PlannedPair pop(std::uint32_t expected) {
@@ -80,7 +88,7 @@ class Planner {
 
   void plan_node(std::uint32_t index, Planned& planned) {
     const Bvh2Node& node = tree_.nodes[index];
-    const float area = Aabb{node.lower * costs_.scale, node.upper * costs_.scale}.half_area();
+    const float area = area_of(node, costs_);
     CollapseDecision& decision = decisions_[index];
     decision = {};
     if (node.is_leaf()) {
@@ -96,7 +104,7 @@ class Planner {
     below.costs[0].store(&spread[0]), below.costs[1].store(&spread[4]);
     below.left_shares[0].store(&shares[0]), below.left_shares[1].store(&shares[4]);
     const float as_leaf = below.contents.fits ? costs_.leaf * area : kNever;
-    const float as_node = costs_.node * area + spread[6];
+    const float as_node = costs_.node * area + memory_cost_ + spread[6];
     decision.is_leaf = below.contents.fits && as_leaf <= as_node;
     const float one = decision.is_leaf ? as_leaf : as_node;
     for (std::size_t k = 0; k < 7; ++k) decision.share[k] = spread[k] < one ? static_cast<std::uint8_t>(shares[k]) : 0;
@@ -127,7 +135,7 @@ class Planner {
     for (std::uint32_t i = 0; i < node.count; ++i) {
       const std::uint32_t primitive = tree_.prim_indices[node.first + i];
       const TriangleIndices corners = triangles_[primitive];
-      for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) contents.vertices.add(vertex);
+      contents.vertices.add(corners.x, corners.y, corners.z);
       if (!tree_.refittable) contents.primitives.add(primitive);
     }
     contents.fits = !contents.vertices.overflows();
@@ -151,8 +159,9 @@ class Planner {
   }
 
   const Bvh2& tree_;
-  const TriangleIndices* triangles_;
+  const TriangleIndices* triangles_;  // null where no leaves can be joined
   const CollapseCosts costs_;
+  const float memory_cost_;
   CollapseDecision* decisions_;
   std::vector<PlannedPair> waiting_;
 };

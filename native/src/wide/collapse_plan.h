@@ -19,6 +19,9 @@ struct CollapseCosts {
   float node = 1.0f;
   float leaf = 0.5f;
   float scale = 1.0f;  // of the boxes whose surfaces are compared: very large ones would leave the range of float
+  // Of each wide node besides its visits, for the memory that it takes: in units of the root's area, shared out among
+  // the primitives. It fills nodes better where they are so small that rays hardly meet them.
+  float memory = 0.0f;
 };
 
 // share[k - 2]: with k places for its subtree, a node gives this many to its left child; 0: it takes one place itself.

@@ -19,7 +19,26 @@ class SmallSet {
   [[nodiscard]] bool overflows() const noexcept { return count_ > kMost; }
 
   // Numbers below 2^31. Returns the place of the number in the order of their coming.
-  std::uint32_t add(std::uint32_t number) noexcept { return add_stored(static_cast<std::int32_t>(number + 1)); }
+  std::uint32_t add(std::uint32_t number) noexcept { return add_stored(stored_form(number)); }
+  // Three at once: a third of the time of one after the other.
+  std::array<std::uint32_t, 3> add(std::uint32_t a, std::uint32_t b, std::uint32_t c) noexcept {
+    const Int4 all_a(stored_form(a)), all_b(stored_form(b)), all_c(stored_form(c));
+    const std::uint32_t found_a = find(all_a), found_b = find(all_b), found_c = find(all_c);
+    const std::uint32_t place_a = count_;
+    const std::uint32_t place_b = place_a + (found_a == 0 ? 1 : 0);
+    const bool is_new_b = (found_b == 0) & (b != a);
+    const std::uint32_t place_c = place_b + (is_new_b ? 1 : 0);
+    const bool is_new_c = (found_c == 0) & (c != a) & (c != b);
+    count_ = place_c + (is_new_c ? 1 : 0);
+    const Place& row_a = kPlaces[row_of(found_a == 0, place_a)];
+    const Place& row_b = kPlaces[row_of(is_new_b, place_b)];
+    const Place& row_c = kPlaces[row_of(is_new_c, place_c)];
+    low_ = low_ | ((all_a & row_a.low()) | ((all_b & row_b.low()) | (all_c & row_c.low())));
+    high_ = high_ | ((all_a & row_a.high()) | ((all_b & row_b.high()) | (all_c & row_c.high())));
+    const std::uint32_t at_a = first_of(found_a, place_a);
+    const std::uint32_t at_b = b == a ? at_a : first_of(found_b, place_b);
+    return {at_a, at_b, c == a ? at_a : c == b ? at_b : first_of(found_c, place_c)};
+  }
   void add(const SmallSet& other) noexcept {
     alignas(16) std::array<std::int32_t, kMost> stored;
     other.low_.store(&stored[0]);
@@ -43,6 +62,9 @@ class SmallSet {
  private:
   struct alignas(16) Place {
     std::int32_t lanes[8];
+
+    [[nodiscard]] Int4 low() const noexcept { return Int4::load(&lanes[0]); }
+    [[nodiscard]] Int4 high() const noexcept { return Int4::load(&lanes[4]); }
   };
   // Row i: all bits of lane i; row 8: none.
   static constexpr Place kPlaces[kMost + 1] = {
@@ -51,15 +73,29 @@ class SmallSet {
       {{0, 0, 0, 0, 0, 0, -1, 0}}, {{0, 0, 0, 0, 0, 0, 0, -1}}, {{0, 0, 0, 0, 0, 0, 0, 0}}};
 
   // Numbers are stored plus one: 0 is an empty place.
+  [[nodiscard]] static std::int32_t stored_form(std::uint32_t number) noexcept {
+    return static_cast<std::int32_t>(number + 1);
+  }
+  [[nodiscard]] static std::uint32_t row_of(bool is_new, std::uint32_t place) noexcept {
+    return is_new && place < kMost ? place : kMost;
+  }
+  // The bit of the place where it was found, or else of the place that it takes.
+  [[nodiscard]] static std::uint32_t first_of(std::uint32_t found, std::uint32_t place) noexcept {
+    return static_cast<std::uint32_t>(std::countr_zero(found | 1u << (place < kMost ? place : kMost)));
+  }
+  [[nodiscard]] std::uint32_t find(Int4 all) const noexcept {
+    return equal_lanes(low_, all) | equal_lanes(high_, all) << 4;
+  }
+
   std::uint32_t add_stored(std::int32_t stored) noexcept {
     const Int4 all(stored);
-    const std::uint32_t found = equal_lanes(low_, all) | equal_lanes(high_, all) << 4;
-    const std::uint32_t next = count_ < kMost ? count_ : kMost;
-    const std::uint32_t row = found != 0 ? kMost : next;
-    low_ = low_ | (all & Int4::load(&kPlaces[row].lanes[0]));
-    high_ = high_ | (all & Int4::load(&kPlaces[row].lanes[4]));
+    const std::uint32_t found = find(all);
+    const Place& row = kPlaces[row_of(found == 0, count_)];
+    low_ = low_ | (all & row.low());
+    high_ = high_ | (all & row.high());
+    const std::uint32_t place = first_of(found, count_);
     count_ += found == 0 ? 1 : 0;
-    return static_cast<std::uint32_t>(std::countr_zero(found | 1u << next));
+    return place;
   }
 
   Int4 low_{0}, high_{0};

@@ -3,40 +3,23 @@
 #include <atomic>
 #include <vector>
 
-#include "wide/small_set.h"
+#include "wide/leaf_contents.h"
 
 namespace perfect_bvh {
 namespace {
 
-class LeafLimit {
- public:
-  LeafLimit(const Bvh2& tree, const TriangleIndices* triangles)
-      : rows_(tree.prim_indices.data()), triangles_(triangles) {}
+bool fits(const Bvh2& tree, const Bvh2Node& leaf, const TriangleIndices* triangles) noexcept {
+  if (triangles == nullptr) return leaf.count == 1;
+  return fit_one_leaf({tree.prim_indices.data() + leaf.first, leaf.count}, triangles);
+}
 
-  [[nodiscard]] bool fits(const Bvh2Node& leaf) const noexcept {
-    if (triangles_ == nullptr) return leaf.count == 1;
-    if (leaf.count <= 2) return true;  // they have 6 corners
-    if (leaf.count > SmallSet::kMost) return false;
-    SmallSet vertices;
-    for (std::uint32_t i = 0; i < leaf.count; ++i) {
-      const TriangleIndices corners = triangles_[rows_[leaf.first + i]];
-      for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) vertices.add(vertex);
-    }
-    return !vertices.overflows();
-  }
-
- private:
-  const std::uint32_t* rows_;
-  const TriangleIndices* triangles_;
-};
-
-bool all_fit(const Bvh2& tree, const LeafLimit& limit, ThreadPool& pool, CancelToken& cancel) {
+bool all_fit(const Bvh2& tree, const TriangleIndices* triangles, ThreadPool& pool, CancelToken& cancel) {
   constexpr std::size_t kGrain = 32768;
   std::atomic<bool> all{true};
   parallel_for(pool, tree.nodes.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     cancel.checkpoint();
     for (std::size_t i = begin; i < end && all.load(std::memory_order_relaxed); ++i) {
-      if (tree.nodes[i].is_leaf() && !limit.fits(tree.nodes[i])) all.store(false, std::memory_order_relaxed);
+      if (tree.nodes[i].is_leaf() && !fits(tree, tree.nodes[i], triangles)) all.store(false, std::memory_order_relaxed);
     }
   });
   return all.load();
@@ -45,9 +28,8 @@ bool all_fit(const Bvh2& tree, const LeafLimit& limit, ThreadPool& pool, CancelT
 }  // namespace
 
 Bvh2 split_leaves(const Bvh2& tree, const TriangleIndices* triangles, ThreadPool& pool, CancelToken& cancel) {
-  const LeafLimit limit(tree, triangles);
   Bvh2 result;
-  if (all_fit(tree, limit, pool, cancel)) return result;
+  if (tree.has_full_leaves || all_fit(tree, triangles, pool, cancel)) return result;
   result.prim_indices = tree.prim_indices;
   result.refittable = tree.refittable;
   result.nodes.reserve(tree.nodes.size() * 2);
@@ -65,7 +47,7 @@ Bvh2 split_leaves(const Bvh2& tree, const TriangleIndices* triangles, ThreadPool
     Bvh2Node left = node, right = node;
     if (!node.is_leaf()) {
       left = tree.nodes[node.first], right = tree.nodes[node.first + 1];
-    } else if (!limit.fits(node)) {
+    } else if (!fits(tree, node, triangles)) {
       left.count = node.count / 2;
       right.first = node.first + left.count, right.count = node.count - left.count;
     } else {
