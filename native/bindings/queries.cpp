@@ -6,6 +6,7 @@
 #include "bindings/arrays.h"
 #include "bindings/bind.h"
 #include "bindings/progress.h"
+#include "scene/closest_points.h"
 #include "scene/intersections.h"
 #include "scene/ray_batch.h"
 
@@ -92,6 +93,30 @@ HitColumns read_outputs(const py::dict& columns, std::size_t count) {
   return out;
 }
 
+PointColumns read_points(const Array<double>& points, const Array<double>& max_distances,
+                         const Array<std::uint32_t>& masks) {
+  const auto vectors = as_vectors(points);
+  PointColumns columns;
+  columns.count = vectors.size(), columns.points = vectors.data();
+  columns.max_distances = max_distances.data(), columns.max_distance_stride = stride_of(max_distances, columns.count);
+  columns.masks = masks.data(), columns.mask_stride = stride_of(masks, columns.count);
+  return columns;
+}
+
+ClosestColumns read_closest(const py::dict& columns, std::size_t count) {
+  ClosestColumns out;
+  out.points = writable<double>(columns, "points", count, 3);
+  out.distances = writable<double>(columns, "distances", count, 1);
+  out.instance_ids = writable<std::int32_t>(columns, "instance_ids", count, 1);
+  out.mesh_ids = writable<std::int32_t>(columns, "mesh_ids", count, 1);
+  out.primitive_ids = writable<std::int32_t>(columns, "primitive_ids", count, 1);
+  out.uvs = writable<float>(columns, "primitive_uvs", count, 2);
+  if (!out.points || !out.distances || !out.instance_ids || !out.mesh_ids || !out.primitive_ids || !out.uvs) {
+    throw std::invalid_argument("_core: a closest point needs all of its columns");
+  }
+  return out;
+}
+
 void check_splits(std::span<const std::int64_t> splits) {
   if (splits.front() != 0 || !std::is_sorted(splits.begin(), splits.end())) {
     throw std::invalid_argument("_core: ray_splits must rise from 0");
@@ -168,6 +193,18 @@ void bind_queries(py::module_& module) {
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
       py::arg("masks").noconvert(), py::arg("cull"), py::arg("ray_splits").noconvert(), py::arg("outputs"),
       py::arg("threads"), py::arg("progress"));
+  snapshot.def(
+      "compute_closest_points",
+      [](const Snapshot& self, const Array<double>& points, const Array<double>& max_distances,
+         const Array<std::uint32_t>& masks, const py::dict& outputs, int threads, const py::object& progress) {
+        const PointColumns columns = read_points(points, max_distances, masks);
+        const ClosestColumns closest = read_closest(outputs, columns.count);
+        return with_progress(progress, [&](CancelToken& cancel) {
+          return compute_closest_points(self, columns, closest, ThreadPool::shared(), threads, cancel);
+        });
+      },
+      py::arg("points").noconvert(), py::arg("max_distances").noconvert(), py::arg("masks").noconvert(),
+      py::arg("outputs"), py::arg("threads"), py::arg("progress"));
 }
 
 }  // namespace perfect_bvh::bindings

@@ -13,6 +13,7 @@ from ._core import __version__, set_thread_count, shutdown_threads, thread_count
 from .appearance import Appearance, InstanceTable, MaterialTable, MeshAppearance
 from .build_config import BuildConfig
 from .camera import Camera
+from .closest_points import ClosestPoints
 from .errors import Cancelled, EngineError, StaleSceneError
 from .hits import Hits
 from .isa import active_isa, available_isas, set_active_isa
@@ -29,6 +30,7 @@ __all__ = [
     "BuildConfig",
     "Camera",
     "Cancelled",
+    "ClosestPoints",
     "CommitReport",
     "EngineError",
     "Hits",

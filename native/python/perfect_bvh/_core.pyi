@@ -90,6 +90,15 @@ class Snapshot:
         threads: int,
         progress: _Progress,
     ) -> int: ...
+    def compute_closest_points(
+        self,
+        points: _Double,
+        max_distances: _Double,
+        masks: _Mask,
+        outputs: dict[str, npt.NDArray[Any]],
+        threads: int,
+        progress: _Progress,
+    ) -> int: ...
 
 class Scene:
     def __init__(self) -> None: ...

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._batches import Batch, Progress, ray_batch, share_of
+from ._batches import Batch, Progress, point_batch, ray_batch, share_of
 from .build_config import COSTS, checked_number
+from .closest_points import ClosestPoints, allocate_closest
 from .errors import EngineError
 from .hits import DEFAULT_FIELDS, Hits, allocate_columns
 from .report import SceneStatistics
@@ -191,6 +192,37 @@ class Queries:
             inner = inner if first == 0 else inner - first
             invalid += snapshot.list_intersections(*_five(piece.columns), cull, inner, part, threads, piece.progress)
         return Intersections(Hits(columns, invalid, snapshot.generation, snapshot.scene_id), splits)
+
+    def compute_closest_points(
+        self,
+        points: npt.ArrayLike,
+        max_distance: npt.ArrayLike = np.inf,
+        mask: npt.ArrayLike = ALL_MASK,
+        threads: int = 0,
+        progress: Progress | None = None,
+    ) -> ClosestPoints:
+        """The nearest point of the scene to each point, and how far away it is. For threads, progress see `Queries`.
+
+        points: (..., 3), float32 or float64.
+        max_distance: a number or (...): nothing farther away is found; the smaller, the faster.
+        mask: 32 bits or (...): an instance is seen if its mask shares a bit with the point's.
+
+        Returns `ClosestPoints`. Distances are those of the world, in double, through any transform, sheared or scaled
+        unevenly. At equal distance the smallest (order, instance id, primitive) is found. Points that are not finite,
+        or with a negative distance, find nothing, nor do those so far away (1e150) that a square of it is no number.
+
+        Raises ValueError for arrays of the wrong shape or kind, and on a `Scene` StaleSceneError if edits wait.
+        """
+        batch = point_batch("compute_closest_points", points, max_distance, mask, threads)
+        columns = allocate_closest(batch.shape)
+        snapshot, invalid = self._committed(), 0
+        for piece in batch.pieces(progress):
+            part = {name: column[piece.index] for name, column in columns.items()}
+            where, distances, masks = piece.columns
+            invalid += snapshot.compute_closest_points(where, distances, masks, part, threads, piece.progress)
+        return ClosestPoints(
+            **columns, invalid_count=invalid, generation=snapshot.generation, scene_id=snapshot.scene_id
+        )
 
     def statistics(
         self,

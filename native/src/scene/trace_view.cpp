@@ -42,6 +42,7 @@ InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
   view.mirrored = instance.mirrored ? 1 : 0;
   view.id = instance.id;
   view.order = instance.order;
+  view.scale = tree.scale;
   return view;
 }
 
@@ -58,6 +59,9 @@ void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) 
   const WideBvh& top = snapshot.top_level;
   view.nodes = top.nodes.data();
   view.instances = snapshot.instance_views.data();
+  static_assert(sizeof(Affine) == 12 * sizeof(double));
+  view.places = snapshot.instances.empty() ? nullptr : &snapshot.instances.front().object_to_world.x.x;
+  view.place_stride = sizeof(Instance);
   view.extent = top.extent;
   view.scale = top.scale;
   view.root = top.root;

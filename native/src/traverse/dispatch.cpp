@@ -180,4 +180,11 @@ std::size_t find_all_hits(const SceneView& scene, const RayBatch& batch, const F
   return kernels.find_all_hits(scene, batch, found, workspace);
 }
 
+void find_closest_points(const SceneView& scene, std::span<const PointQuery> queries, std::span<NearestPoint> nearest) {
+  const KernelTable& kernels = active_kernels();
+  void* const workspace = workspace_of(kernels.point_workspace_bytes(scene));
+  const DefaultFloatingPoint environment;
+  kernels.find_closest_points(scene, queries.data(), queries.size(), nearest.data(), workspace);
+}
+
 }  // namespace perfect_bvh

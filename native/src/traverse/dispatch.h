@@ -28,4 +28,7 @@ std::size_t trace_any(const SceneView& scene, const RayBatch& batch, const Trace
 // next one's hits did not fit, of which counts then has how many they are.
 [[nodiscard]] std::size_t find_all_hits(const SceneView& scene, const RayBatch& batch, const FoundHits& found);
 
+// The nearest point of the scene to each of the queries.
+void find_closest_points(const SceneView& scene, std::span<const PointQuery> queries, std::span<NearestPoint> nearest);
+
 }  // namespace perfect_bvh

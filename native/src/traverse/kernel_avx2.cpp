@@ -1,4 +1,5 @@
 // The kernels for AVX2 and FMA.
+#include "math/triangle_distance.h"
 #include "traverse/kernel_table.h"
 #include "traverse/ray_setup_avx.h"
 #include "traverse/simd_avx2.h"
@@ -8,6 +9,7 @@
 #include "traverse/stream_kernel.inl"
 // After the stream.
 #include "traverse/all_hits.inl"
+#include "traverse/closest_point.inl"
 #include "traverse/packet_kernel.inl"
 
 namespace perfect_bvh {
@@ -16,6 +18,8 @@ const KernelTable kAvx2Kernels = {"avx2",
                                   trace_stream_closest,
                                   trace_stream_any,
                                   find_all_hits,
+                                  find_closest_points,
+                                  point_workspace_bytes,
                                   stream_workspace_bytes,
                                   trace_packets_closest,
                                   trace_packets_any,

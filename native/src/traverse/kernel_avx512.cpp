@@ -1,4 +1,5 @@
 // The kernels for AVX-512 (F, BW, DQ, VL).
+#include "math/triangle_distance.h"
 #include "traverse/kernel_table.h"
 #include "traverse/ray_setup_avx.h"
 #include "traverse/simd_avx512.h"
@@ -8,12 +9,20 @@
 #include "traverse/stream_kernel.inl"
 // After the stream.
 #include "traverse/all_hits.inl"
+#include "traverse/closest_point.inl"
 #include "traverse/packet_kernel.inl"
 
 namespace perfect_bvh {
 
-const KernelTable kAvx512Kernels = {"avx512",          trace_stream_closest,   trace_stream_any,
-                                    find_all_hits,     stream_workspace_bytes, trace_packets_closest,
-                                    trace_packets_any, packet_workspace_bytes};
+const KernelTable kAvx512Kernels = {"avx512",
+                                    trace_stream_closest,
+                                    trace_stream_any,
+                                    find_all_hits,
+                                    find_closest_points,
+                                    point_workspace_bytes,
+                                    stream_workspace_bytes,
+                                    trace_packets_closest,
+                                    trace_packets_any,
+                                    packet_workspace_bytes};
 
 }  // namespace perfect_bvh

@@ -1,4 +1,5 @@
 // The kernels for any machine.
+#include "math/triangle_distance.h"
 #include "traverse/kernel_table.h"
 #include "traverse/ray_setup_scalar.h"
 #include "traverse/simd_scalar.h"
@@ -7,10 +8,19 @@
 #include "traverse/stream_kernel.inl"
 // After the stream.
 #include "traverse/all_hits.inl"
+#include "traverse/closest_point.inl"
 
 namespace perfect_bvh {
 
-const KernelTable kScalarKernels = {
-    "scalar", trace_stream_closest, trace_stream_any, find_all_hits, stream_workspace_bytes, nullptr, nullptr, nullptr};
+const KernelTable kScalarKernels = {"scalar",
+                                    trace_stream_closest,
+                                    trace_stream_any,
+                                    find_all_hits,
+                                    find_closest_points,
+                                    point_workspace_bytes,
+                                    stream_workspace_bytes,
+                                    nullptr,
+                                    nullptr,
+                                    nullptr};
 
 }  // namespace perfect_bvh

@@ -21,6 +21,10 @@ struct KernelTable {
   // Returns how many rays were finished: fewer than all if the next one's hits did not fit. Workspace as for one ray in
   // flight.
   std::size_t (*find_all_hits)(const SceneView& scene, const RayBatch& batch, const FoundHits& found, void* workspace);
+  // `workspace` holds point_workspace_bytes(scene).
+  void (*find_closest_points)(const SceneView& scene, const PointQuery* queries, std::size_t count,
+                              NearestPoint* nearest, void* workspace);
+  std::size_t (*point_workspace_bytes)(const SceneView& scene);
   std::size_t (*workspace_bytes)(const SceneView& scene, std::size_t in_flight);
   // The same answers, for coherent rays, in packets of consecutive ones; no counts. `left`: null, or one a packet: set
   // where the rays are not coherent, which are then left untraced. Null where vectors are too short to repay it.

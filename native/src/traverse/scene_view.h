@@ -22,6 +22,7 @@ struct alignas(64) InstanceView {
   std::uint32_t mirrored;
   std::int32_t id;
   std::int64_t order;
+  float scale;  // of the tree as stored
 };
 
 struct SceneView {
@@ -33,6 +34,9 @@ struct SceneView {
   bool is_empty = true;
   bool repeats_triangles = false;   // some tree holds a triangle in several leaves
   std::uint32_t stack_entries = 0;  // the most that any ray can need
+  // The first instance's map to the world (columns x, y, z, translation), and how many bytes to the next one's.
+  const double* places = nullptr;
+  std::size_t place_stride = 0;
 };
 
 struct RayBatch {
@@ -42,6 +46,19 @@ struct RayBatch {
   RayCounts* counts = nullptr;       // null: not wanted
   Hit* hits = nullptr;               // closest hit: one a ray
   std::uint8_t* occluded = nullptr;  // any hit: one a ray
+};
+
+// Finds nothing if the point is not finite or the distance negative or NaN.
+struct PointQuery {
+  double position[3];
+  double max_distance;  // so far away still counts
+  std::uint32_t mask;   // an instance is seen if it shares a bit
+};
+
+// The point is (1-u-v) v0 + u v1 + v v2 of the triangle; the indices are kNoHit if there is none.
+struct NearestPoint {
+  double squared, u, v;  // squared: of the distance
+  std::uint32_t instance_index, primitive_index;
 };
 
 // One of all the triangles that a ray meets. t is what trace_closest() would find, before it is narrowed.

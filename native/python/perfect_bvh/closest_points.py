@@ -1,0 +1,54 @@
+"""The answers to a batch of points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+# name -> (dtype, values a point)
+COLUMN_TYPES: dict[str, tuple[type[np.generic], int]] = {
+    "points": (np.float64, 3),
+    "distances": (np.float64, 1),
+    "instance_ids": (np.int32, 1),
+    "mesh_ids": (np.int32, 1),
+    "primitive_ids": (np.int32, 1),
+    "primitive_uvs": (np.float32, 2),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ClosestPoints:
+    """One row a point, in the shape of the points that were given.
+
+    points (..., 3) float64: the nearest point of the scene, world space; zero if nothing is near enough.
+    distances (...) float64: to it, world units; inf if nothing is.
+    instance_ids, mesh_ids, primitive_ids (...) int32: where it lies; -1 if nothing is.
+    primitive_uvs (..., 2) float32: the point is (1 - u - v) v0 + u v1 + v v2; zero if nothing is.
+    invalid_count: points that are not finite, or whose max_distance is negative or NaN.
+    generation, scene_id: of the snapshot that answered, see `Snapshot`; ids mean what they meant then.
+    """
+
+    points: npt.NDArray[np.float64]
+    distances: npt.NDArray[np.float64]
+    instance_ids: npt.NDArray[np.int32]
+    mesh_ids: npt.NDArray[np.int32]
+    primitive_ids: npt.NDArray[np.int32]
+    primitive_uvs: npt.NDArray[np.float32]
+    invalid_count: int
+    generation: int
+    scene_id: int
+
+    @property
+    def is_found(self) -> npt.NDArray[np.bool_]:
+        """(...) bool: whether anything was near enough."""
+        return np.asarray(self.instance_ids >= 0)
+
+
+def allocate_closest(shape: tuple[int, ...]) -> dict[str, npt.NDArray[Any]]:
+    """Arrays for the answers to points of this shape."""
+    return {
+        name: np.empty(shape if width == 1 else (*shape, width), dtype) for name, (dtype, width) in COLUMN_TYPES.items()
+    }
