@@ -29,7 +29,7 @@ from .stage import (
 )
 
 FRAMES = 48
-VOXEL = 0.08
+VOXEL = 0.079  # no divisor of HALF: where voxels' corners lie on the block's sides, flaps of doubled faces stand there
 BOAT = (-1.35, -0.75)
 BUOY = (0.9, -2.3)
 
@@ -64,6 +64,7 @@ def build_sea() -> Any:
     ocean.wave_scale_min = 0.15
     ocean.wave_alignment, ocean.wave_direction = 0.4, 0.6
     ocean.random_seed = 11
+    ocean.filepath = "//cache_ocean"
     for frame, time in ((1, 1.0), (FRAMES + 1, 4.2)):
         ocean.time = time
         ocean.keyframe_insert("time", frame=frame)

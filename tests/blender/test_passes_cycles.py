@@ -32,7 +32,7 @@ SCENES = sorted(path.stem for path in (Path(__file__).resolve().parents[2] / "bl
 DEPTH_TOLERANCE = 1e-4
 NORMAL_TOLERANCE = np.cos(np.radians(1.0))
 BACKGROUND = 1e9
-DISPUTED_SHARE = 1e-3
+DISPUTED_SHARE = 2.5e-4
 PROBES = 41
 
 
