@@ -154,7 +154,7 @@ TEST(RayBatch, EqualsOneByOneForAnyThreadCount) {
     HitColumns out;
     out.t = t.data();
     CancelToken cancel;
-    EXPECT_EQ(cast_rays(*scene.snapshot(), columns, out, pool, threads, cancel), 0u);
+    EXPECT_EQ(cast_rays(*scene.snapshot(), columns, out, pool, threads, cancel).invalid_count, 0u);
     EXPECT_EQ(test_occlusions(*scene.snapshot(), columns, occluded.data(), pool, threads, cancel), 0u);
     for (std::size_t i = 0; i < t.size(); ++i) {
       ASSERT_EQ(t[i], expected[i].t);

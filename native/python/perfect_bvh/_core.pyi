@@ -49,10 +49,12 @@ class Snapshot:
         t_max: _Float,
         masks: _Mask,
         cull: str,
+        precision: str,
+        strategy: str,
         outputs: dict[str, npt.NDArray[Any]],
         threads: int,
         progress: _Progress,
-    ) -> int: ...
+    ) -> tuple[int, int]: ...
     def test_occlusions(
         self,
         origins: npt.NDArray[Any],
@@ -61,6 +63,8 @@ class Snapshot:
         t_max: _Float,
         masks: _Mask,
         cull: str,
+        precision: str,
+        strategy: str,
         occluded: npt.NDArray[np.bool_],
         threads: int,
         progress: _Progress,

@@ -49,6 +49,7 @@ class Hits:
     front_face (...) bool: the ray met the side from which the corners run counter-clockwise in world space.
     nodes_visited, primitives_tested (...) int32: boxes and triangles tested for this ray.
     invalid_count: rays that can hit nothing because they are not finite, have no direction or an empty range.
+    packet_ray_count: rays that were traced in packets, see `strategy` in `Queries.cast_rays`.
     generation, scene_id: of the snapshot that answered, see `Snapshot`; ids mean what they meant then.
     """
 
@@ -56,6 +57,7 @@ class Hits:
     invalid_count: int
     generation: int
     scene_id: int
+    packet_ray_count: int = 0
 
     def __getattr__(self, name: str) -> npt.NDArray[Any]:
         if name in FIELD_TYPES:

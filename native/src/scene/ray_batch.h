@@ -13,9 +13,15 @@
 
 namespace perfect_bvh {
 
-// Both return how many rays were invalid (see is_valid). max_threads 0: all of the pool's.
-std::size_t cast_rays(const Snapshot& snapshot, const RayColumns& rays, const HitColumns& hits, ThreadPool& pool,
-                      int max_threads, CancelToken& cancel);
+struct BatchSummary {
+  std::size_t invalid_count = 0;  // see is_valid
+  std::size_t packet_count = 0;   // rays that were traced in packets
+};
+
+// max_threads 0: all of the pool's.
+BatchSummary cast_rays(const Snapshot& snapshot, const RayColumns& rays, const HitColumns& hits, ThreadPool& pool,
+                       int max_threads, CancelToken& cancel);
+// Returns how many rays were invalid.
 std::size_t test_occlusions(const Snapshot& snapshot, const RayColumns& rays, std::uint8_t* occluded, ThreadPool& pool,
                             int max_threads, CancelToken& cancel);
 

@@ -4,16 +4,18 @@
 
 namespace perfect_bvh {
 
-void trace_closest(const Snapshot& snapshot, std::span<const Ray> rays, std::span<Hit> hits, Cull cull,
-                   std::span<RayCounts> counts) {
-  trace_closest(snapshot.view,
-                {rays.data(), rays.size(), cull, counts.empty() ? nullptr : counts.data(), hits.data(), nullptr});
+std::size_t trace_closest(const Snapshot& snapshot, std::span<const Ray> rays, std::span<Hit> hits, Cull cull,
+                          std::span<RayCounts> counts, Precision precision, Strategy strategy) {
+  const RayBatch batch{rays.data(), rays.size(), cull,     counts.empty() ? nullptr : counts.data(),
+                       hits.data(), nullptr,     precision};
+  return trace_closest(snapshot.view, batch, TraceOptions{strategy});
 }
 
-void trace_occluded(const Snapshot& snapshot, std::span<const Ray> rays, std::span<std::uint8_t> occluded, Cull cull,
-                    std::span<RayCounts> counts) {
-  trace_any(snapshot.view,
-            {rays.data(), rays.size(), cull, counts.empty() ? nullptr : counts.data(), nullptr, occluded.data()});
+std::size_t trace_occluded(const Snapshot& snapshot, std::span<const Ray> rays, std::span<std::uint8_t> occluded,
+                           Cull cull, std::span<RayCounts> counts, Precision precision, Strategy strategy) {
+  const RayBatch batch{rays.data(), rays.size(),     cull,     counts.empty() ? nullptr : counts.data(),
+                       nullptr,     occluded.data(), precision};
+  return trace_any(snapshot.view, batch, TraceOptions{strategy});
 }
 
 WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit) noexcept {

@@ -9,15 +9,18 @@
 #include "scene/snapshot.h"
 #include "stats/ray_counts.h"
 #include "traverse/ray.h"
+#include "traverse/strategy.h"
 
 namespace perfect_bvh {
 
-// `counts` is empty, or has a row a ray.
-void trace_closest(const Snapshot& snapshot, std::span<const Ray> rays, std::span<Hit> hits, Cull cull = Cull::kNone,
-                   std::span<RayCounts> counts = {});
+// `counts` is empty, or has a row a ray. Both return how many rays went in packets.
+std::size_t trace_closest(const Snapshot& snapshot, std::span<const Ray> rays, std::span<Hit> hits,
+                          Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
+                          Precision precision = Precision::kRobust, Strategy strategy = Strategy::kAuto);
 // occluded[i] = 1 if anything lies within the ray's range.
-void trace_occluded(const Snapshot& snapshot, std::span<const Ray> rays, std::span<std::uint8_t> occluded,
-                    Cull cull = Cull::kNone, std::span<RayCounts> counts = {});
+std::size_t trace_occluded(const Snapshot& snapshot, std::span<const Ray> rays, std::span<std::uint8_t> occluded,
+                           Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
+                           Precision precision = Precision::kRobust, Strategy strategy = Strategy::kAuto);
 
 // The hit triangle's corners in world space, in winding order.
 struct WorldTriangle {

@@ -8,12 +8,14 @@ struct LeafTest {
   unsigned lanes;
 };
 
-template <class Float>
+template <bool kFast = false, class Float>
 PERFECT_BVH_INLINE Float difference(Float a, Float b, Float c, Float d) noexcept {  // see product_difference
   const Float product = mul(c, d);
+  if constexpr (kFast) return fmsub(a, b, product);
   return add(fmsub(a, b, product), fnmadd(c, d, product));
 }
 
+template <bool kFast = false>
 PERFECT_BVH_INLINE LeafTest test_leaf(const LeafBlock& block, const TriangleState& triangle, const float& t_min,
                                       const float& t_limit) noexcept {
   const TriangleRay& ray = triangle.ray;
@@ -26,9 +28,9 @@ PERFECT_BVH_INLINE LeafTest test_leaf(const LeafBlock& block, const TriangleStat
   const Float8 x0 = permute(across, corner0), y0 = permute(upward, corner0), z0 = permute(depth, corner0);
   const Float8 x1 = permute(across, corner1), y1 = permute(upward, corner1), z1 = permute(depth, corner1);
   const Float8 x2 = permute(across, corner2), y2 = permute(upward, corner2), z2 = permute(depth, corner2);
-  const Float8 weight0 = difference(x2, y1, y2, x1);
-  const Float8 weight1 = difference(x0, y2, y0, x2);
-  const Float8 weight2 = difference(x1, y0, y1, x0);
+  const Float8 weight0 = difference<kFast>(x2, y1, y2, x1);
+  const Float8 weight1 = difference<kFast>(x0, y2, y0, x2);
+  const Float8 weight2 = difference<kFast>(x1, y0, y1, x0);
   const Float8 least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
   const Float8 sum = add(add(weight0, weight1), weight2);
   const Float8 t = div(fmadd(weight2, z2, fmadd(weight1, z1, mul(weight0, z0))), mul(sum, broadcast(ray.direction_z)));

@@ -27,7 +27,7 @@ namespace {
 // No more rays than these go on by themselves.
 constexpr unsigned kFewInNode = 3;
 
-template <bool kAny>
+template <bool kAny, bool kFast>
 struct PacketWalk {
   Packet& packet;
   const SceneView& scene;
@@ -45,7 +45,7 @@ struct PacketWalk {
       if (!kAny && nears[top] > lone.box.t_limit) continue;
       const std::uint32_t next = children[top];
       if (next >= kBlockChild) {
-        if (test_leaf_alone<kAny>(packet, level, level.blocks[next - kBlockChild], i, lone) && kAny) return;
+        if (test_leaf_alone<kAny, kFast>(packet, level, level.blocks[next - kBlockChild], i, lone) && kAny) return;
         continue;
       }
       const WideNode& node = level.nodes[next];
@@ -104,7 +104,7 @@ struct PacketWalk {
         if constexpr (kTop) {
           enter_instance(level, entering(level, box, first), child, top);
         } else {
-          visit_packet_leaf<kAny>(packet, level, level.blocks[child - kBlockChild], box, first);
+          visit_packet_leaf<kAny, kFast>(packet, level, level.blocks[child - kBlockChild], box, first);
         }
         continue;
       }
@@ -232,7 +232,7 @@ void write_results(const Packet& packet, const RayBatch& batch, std::size_t row)
   }
 }
 
-template <bool kAny>
+template <bool kAny, bool kFast>
 void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) noexcept {
   Packet& packet = *static_cast<Packet*>(workspace);
   std::uint32_t* const stack = reinterpret_cast<std::uint32_t*>(&packet + 1);
@@ -250,18 +250,20 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
         (left[row / kPacketRays] = !are_coherent(packet.world_rays, valid, packet.lanes, scene.extent.reach))) {
       continue;
     }
-    PacketWalk<kAny>{packet, scene}.trace(valid);
+    PacketWalk<kAny, kFast>{packet, scene}.trace(valid);
     if constexpr (!kAny) divide_weights(packet);
     write_results<kAny>(packet, batch, row);
   }
 }
 
 void trace_packets_closest(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) {
-  trace_packets<false>(scene, batch, workspace, left);
+  if (batch.precision == Precision::kFast) return trace_packets<false, true>(scene, batch, workspace, left);
+  trace_packets<false, false>(scene, batch, workspace, left);
 }
 
 void trace_packets_any(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) {
-  trace_packets<true>(scene, batch, workspace, left);
+  if (batch.precision == Precision::kFast) return trace_packets<true, true>(scene, batch, workspace, left);
+  trace_packets<true, false>(scene, batch, workspace, left);
 }
 
 }  // namespace

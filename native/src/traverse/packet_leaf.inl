@@ -44,10 +44,10 @@ struct LoneRay {
 };
 
 // Ray i against all triangles. True if its best hit is a new one (any hit: if there is one).
-template <bool kAny>
+template <bool kAny, bool kFast>
 bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& block, unsigned i,
                      LoneRay& lone) noexcept {
-  const LeafTest test = test_leaf(block, lone.triangle, lone.box.t_min, lone.box.t_limit);
+  const LeafTest test = test_leaf<kFast>(block, lone.triangle, lone.box.t_min, lone.box.t_limit);
   if (test.lanes == 0) return false;
   const LeafCandidates candidates(test);
   const Ray& ray = packet.rays[i];
@@ -94,7 +94,7 @@ struct LeafCorners {
 
 // Rays `first` and on, those in `lanes`, against all triangles, one at a time. The hits that surely count are taken
 // here; rays whose hits need a closer look (near the origin, as far as the best one) are returned.
-template <bool kAny, bool kShared>
+template <bool kAny, bool kFast, bool kShared>
 unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBlock& block, const LeafCorners& leaf,
                         unsigned first, unsigned lanes) noexcept {
   const PacketTriangles& triangles = packet.triangles;
@@ -121,9 +121,9 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
   for (unsigned i = 0; i < leaf.triangle_count; ++i) {
     const std::uint32_t corners = block.corners[i];
     const unsigned a = corners & 7, b = corners >> 4 & 7, c = corners >> 8 & 7;
-    const RayFloat weight0 = difference(across[c], upward[b], upward[c], across[b]);
-    const RayFloat weight1 = difference(across[a], upward[c], upward[a], across[c]);
-    const RayFloat weight2 = difference(across[b], upward[a], upward[b], across[a]);
+    const RayFloat weight0 = difference<kFast>(across[c], upward[b], upward[c], across[b]);
+    const RayFloat weight1 = difference<kFast>(across[a], upward[c], upward[a], across[c]);
+    const RayFloat weight2 = difference<kFast>(across[b], upward[a], upward[b], across[a]);
     const RayFloat least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
     const RayFloat sum = add(add(weight0, weight1), weight2);
     unsigned inside = bits(both(either(less_equal(none, least), less_equal(most, none)), not_equal(sum, none))) & lanes;
@@ -161,7 +161,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
 // Vectors with no more rays in a leaf take them one at a time.
 constexpr unsigned kFewInLeaf = kRayLanes / 8;
 
-template <bool kAny>
+template <bool kAny, bool kFast>
 void visit_packet_leaf(Packet& packet, PacketLevel& level, const LeafBlock& block, const float* box,
                        unsigned begin) noexcept {
   const LeafCorners leaf(level, block);
@@ -169,13 +169,13 @@ void visit_packet_leaf(Packet& packet, PacketLevel& level, const LeafBlock& bloc
     unsigned lanes = test_box(*level.boxes, level.key.rows, box, first);
     if (lanes == 0) continue;
     if (level.is_direct && count_bits(lanes) > kFewInLeaf) {
-      lanes = level.shares_origin ? test_triangles<kAny, true>(packet, level, block, leaf, first, lanes)
-                                  : test_triangles<kAny, false>(packet, level, block, leaf, first, lanes);
+      lanes = level.shares_origin ? test_triangles<kAny, kFast, true>(packet, level, block, leaf, first, lanes)
+                                  : test_triangles<kAny, kFast, false>(packet, level, block, leaf, first, lanes);
     }
     for (; lanes != 0; lanes &= lanes - 1) {
       const unsigned i = first + static_cast<unsigned>(__builtin_ctz(lanes));
       LoneRay lone(packet, level, i);
-      test_leaf_alone<kAny>(packet, level, block, i, lone);
+      test_leaf_alone<kAny, kFast>(packet, level, block, i, lone);
     }
   }
   level.bounds.t_limit = highest_limit(packet, *level.boxes);

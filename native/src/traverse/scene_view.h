@@ -46,6 +46,7 @@ struct RayBatch {
   RayCounts* counts = nullptr;       // null: not wanted
   Hit* hits = nullptr;               // closest hit: one a ray
   std::uint8_t* occluded = nullptr;  // any hit: one a ray
+  Precision precision = Precision::kRobust;
 };
 
 // Finds nothing if the point is not finite or the distance negative or NaN.

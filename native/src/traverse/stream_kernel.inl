@@ -95,9 +95,9 @@ bool take_hits(Slot& slot, const Stream& stream, const LeafBlock& block, unsigne
   return is_new;
 }
 
-template <bool kAny, bool kCounts>
+template <bool kAny, bool kCounts, bool kFast>
 PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const LeafBlock& block) noexcept {
-  const LeafTest test = test_leaf(block, slot.triangle, slot.box.t_min, slot.box.t_limit);
+  const LeafTest test = test_leaf<kFast>(block, slot.triangle, slot.box.t_min, slot.box.t_limit);
   if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_triangles(block);
   --slot.top;
   if (test.lanes == 0) return;
@@ -111,14 +111,14 @@ PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const LeafBlock& 
   }
 }
 
-template <bool kAny, bool kCounts>
+template <bool kAny, bool kCounts, bool kFast>
 PERFECT_BVH_INLINE void visit_leaves(Stream& stream) noexcept {
   const std::size_t count = stream.leaf_count;
   std::size_t nodes = stream.node_count, others = stream.other_count;
   for (std::size_t i = 0; i < count; ++i) {
     Slot& slot = *stream.at_leaf[i];
     std::uint32_t* const stack = stack_of(slot);
-    visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[stack[slot.top] - kBlockChild]);
+    visit_leaf<kAny, kCounts, kFast>(stream, slot, slot.blocks[stack[slot.top] - kBlockChild]);
     stream.at_node[nodes] = &slot;
     stream.at_other[others] = &slot;
     const std::uint32_t is_other = stack[slot.top] >> 31;
@@ -217,7 +217,7 @@ std::size_t stream_workspace_bytes(const SceneView& scene, std::size_t in_flight
   return slot_bytes(scene) * in_flight;
 }
 
-template <bool kAny, bool kCounts>
+template <bool kAny, bool kCounts, bool kFast>
 void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) noexcept {
   Stream stream(scene, batch, padded_entries(scene));
   for (std::size_t i = 0; i < in_flight; ++i) {
@@ -233,25 +233,29 @@ void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace
       visit_nodes<kAny, kCounts>(stream);
     }
     sort_others(stream);
-    visit_leaves<kAny, kCounts>(stream);
+    visit_leaves<kAny, kCounts, kFast>(stream);
     follow_marks<kAny, kCounts>(stream);
   }
 }
 
-void trace_stream_closest(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) {
+template <bool kAny>
+void trace_stream_as_asked(const SceneView& scene, const RayBatch& batch, void* workspace,
+                           std::size_t in_flight) noexcept {
+  const bool is_fast = batch.precision == Precision::kFast;
   if (batch.counts != nullptr) {
-    trace_stream<false, true>(scene, batch, workspace, in_flight);
-  } else {
-    trace_stream<false, false>(scene, batch, workspace, in_flight);
+    if (is_fast) return trace_stream<kAny, true, true>(scene, batch, workspace, in_flight);
+    return trace_stream<kAny, true, false>(scene, batch, workspace, in_flight);
   }
+  if (is_fast) return trace_stream<kAny, false, true>(scene, batch, workspace, in_flight);
+  return trace_stream<kAny, false, false>(scene, batch, workspace, in_flight);
+}
+
+void trace_stream_closest(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) {
+  trace_stream_as_asked<false>(scene, batch, workspace, in_flight);
 }
 
 void trace_stream_any(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) {
-  if (batch.counts != nullptr) {
-    trace_stream<true, true>(scene, batch, workspace, in_flight);
-  } else {
-    trace_stream<true, false>(scene, batch, workspace, in_flight);
-  }
+  trace_stream_as_asked<true>(scene, batch, workspace, in_flight);
 }
 
 }  // namespace

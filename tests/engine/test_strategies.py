@@ -1,0 +1,103 @@
+"""However rays are traced, they hit the same; and what the fast precision gives up."""
+
+from __future__ import annotations
+
+import numpy as np
+import perfect_bvh
+import pytest
+from oracles import meshes
+from oracles.brute_force import WorldTriangles, judge
+
+STRATEGIES = ("auto", "packets", "stream", "single")
+FIELDS = ("t_hit", "instance_ids", "primitive_ids", "primitive_uvs")
+
+
+@pytest.fixture(params=perfect_bvh.available_isas(), autouse=True)
+def isa(request):
+    perfect_bvh.set_active_isa(request.param)
+    yield request.param
+    perfect_bvh.set_active_isa(None)
+
+
+def camera_rays(width: int, height: int, eye=(0.3, -4.0, 0.5)) -> tuple[np.ndarray, np.ndarray]:
+    """Towards the unit cube, row by row: directions of shape (height, width, 3)."""
+    x, z = np.meshgrid(np.linspace(-0.4, 0.4, width), np.linspace(0.3, -0.3, height))
+    directions = np.stack([x, np.ones_like(x), z], axis=-1).astype(np.float32)
+    return np.float32(eye), directions
+
+
+def crowd() -> perfect_bvh.Scene:
+    """Overlapping instances of unconnected triangles, slivers and a closed surface, with different masks."""
+    scene, random = perfect_bvh.Scene(), np.random.default_rng(4)
+    for number, make in enumerate((meshes.soup(300, 1), meshes.slivers(300, 2), meshes.sphere(9, 13, 0.5))):
+        mesh = scene.add_mesh(make[0].astype(np.float32), make[1])
+        scene.add_instances([mesh] * 6, random.normal(size=(6, 3, 4)) * 0.6, masks=[1 << number] * 6)
+    scene.commit()
+    return scene
+
+
+def bits(hits: perfect_bvh.Hits) -> list[bytes]:
+    return [getattr(hits, name).tobytes() for name in FIELDS]
+
+
+@pytest.mark.parametrize("precision", ["robust", "fast"])
+@pytest.mark.parametrize("cull", ["none", "back"])
+def test_hits_are_the_same(precision, cull):
+    scene, random = crowd(), np.random.default_rng(5)
+    coherent = camera_rays(67, 41)
+    count = coherent[1][..., 0].size
+    limits = {"t_max": random.uniform(2.0, 9.0, count), "mask": random.integers(0, 8, count)}
+    scattered = meshes.random_rays(2500, 6)
+    for origins, directions, more in (
+        (*coherent, {}),
+        (coherent[0], coherent[1].reshape(-1, 3), limits),
+        (*scattered, {}),
+    ):
+        usual = scene.cast_rays(origins, directions, cull=cull, precision=precision, **more)
+        assert usual.is_hit.any() and not usual.is_hit.all()
+        for strategy in STRATEGIES:
+            how = {"cull": cull, "precision": precision, "strategy": strategy, **more}
+            assert bits(scene.cast_rays(origins, directions, **how)) == bits(usual)
+            assert np.array_equal(scene.test_occlusions(origins, directions, **how), usual.is_hit)
+
+
+def test_coherence_is_found(isa):
+    scene, packed = crowd(), 0 if isa == "scalar" else 1
+    eye, directions = camera_rays(640, 16)
+    count = directions[..., 0].size
+    assert scene.cast_rays(eye, directions).packet_ray_count == packed * count
+    assert scene.cast_rays(*meshes.random_rays(4096, 1)).packet_ray_count == 0
+    assert scene.cast_rays(*meshes.random_rays(4096, 1), strategy="packets").packet_ray_count == packed * 4096
+    assert scene.cast_rays(eye, directions, strategy="stream").packet_ray_count == 0
+    counted = scene.cast_rays(eye, directions, fields=("nodes_visited",), strategy="packets")
+    assert counted.packet_ray_count == 0 and counted.nodes_visited.min() > 0
+
+
+def test_fast_is_right_away_from_edges():
+    positions, triangles = meshes.sphere(17, 23)
+    positions = positions.astype(np.float32)
+    scene = perfect_bvh.Scene()
+    instance = scene.add_instance(scene.add_mesh(positions, triangles))
+    scene.commit()
+    origins, directions = meshes.random_rays(5000, 3)
+    hits = scene.cast_rays(origins, directions, precision="fast")
+    world = WorldTriangles.of([(instance, positions, triangles, np.eye(4), 0xFFFFFFFF)])
+    verdict = judge(world, origins, directions, hits.t_hit, hits.instance_ids, hits.primitive_ids)
+    assert not verdict.wrong.any(), str(verdict)
+    assert verdict.hit.sum() > 1000
+
+
+def test_only_robust_is_closed_at_edges():
+    """What fast gives up, and that robust does not: the same rays, from inside a closed surface at its edges."""
+    positions, triangles = meshes.sphere(161, 257)
+    positions = positions.astype(np.float32)
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh(positions, triangles))
+    scene.commit()
+    random = np.random.default_rng(7)
+    chosen, share = triangles[random.integers(0, len(triangles), 60_000)], random.uniform(size=(60_000, 1))
+    targets = (positions[chosen[:, 0]] * share + positions[chosen[:, 1]] * (1.0 - share)).astype(np.float32)
+    origins = random.uniform(-0.5, 0.5, targets.shape).astype(np.float32)
+    assert scene.test_occlusions(origins, targets - origins).all()
+    leaks = np.count_nonzero(~scene.test_occlusions(origins, targets - origins, precision="fast"))
+    assert 0 < leaks < len(targets) // 100
