@@ -12,6 +12,7 @@ from .engine import last_statistics
 from .modes import find_mode
 from .preferences import native_error
 from .properties import ENGINE_NAME
+from .summary import count_meshes, plan_rows, statistics_rows
 
 # Panels that Blender offers every engine, without those of features that this engine does not have.
 UNSUPPORTED_PANELS = ("freestyle", "grease_pencil", "gpencil", "stereoscopy", "output_views")
@@ -106,9 +107,34 @@ class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
         split = self.layout.split(factor=0.4)
         names, values = split.column(align=True), split.column(align=True)
         names.alignment = "RIGHT"
-        for name, value in statistics.rows():
+        for name, value in statistics_rows(statistics):
             names.label(text=name)
             values.label(text=value)
+
+
+class PERFECT_BVH_PT_plan(RenderPanel, bpy.types.Panel):
+    """What the last render did with each mesh's tree, and why."""
+
+    bl_label = "Plan"
+    bl_parent_id = "PERFECT_BVH_PT_render"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and last_statistics(context.scene) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        report = last_statistics(context.scene).report
+        rows = plan_rows(report)
+        for row in rows:
+            column = self.layout.box().column(align=True)
+            column.label(text=f"{row.name}: {row.triangle_count:,} triangles", icon="MESH_DATA")
+            done = f"{row.action}, {row.builder}, {row.milliseconds:.1f} ms" if row.builder else row.action
+            for line in _wrapped(f"{done}: {row.reason}"):
+                column.label(text=line)
+        more = count_meshes(report) - len(rows)
+        if more > 0:
+            self.layout.label(text=f"and {more:,} more meshes")
 
 
 class PERFECT_BVH_PT_passes(bpy.types.Panel):
@@ -167,6 +193,7 @@ CLASSES = (
     PERFECT_BVH_PT_film,
     PERFECT_BVH_PT_performance,
     PERFECT_BVH_PT_statistics,
+    PERFECT_BVH_PT_plan,
     PERFECT_BVH_PT_passes,
 )
 

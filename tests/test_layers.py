@@ -31,7 +31,7 @@ ADDON_LAYERS = (
     ("session",),
     ("properties", "preferences"),
     ("frame", "display", "overlay"),
-    ("viewport",),
+    ("viewport", "summary"),
     ("engine", "handlers", "operators"),
     ("panels",),
     ("__init__", "cli"),

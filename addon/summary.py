@@ -1,0 +1,79 @@
+"""What a frame cost and what was done for it, as short rows of text for a panel. Knows no panel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .frame import FrameStatistics
+from .sync.report import SyncReport
+
+SHOWN_MESHES = 10
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRow:
+    """One mesh. action: what the last frame did to its tree. reason: a sentence. milliseconds: 0 where it was kept."""
+
+    name: str
+    triangle_count: int
+    action: str
+    builder: str
+    reason: str
+    milliseconds: float
+
+
+def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
+    """(name, value) of the steps of a frame in their order, then of what they were done to."""
+    report = statistics.report
+    width, height = statistics.size
+    rows = [
+        ("Frame", f"{statistics.frame:g}, {width} x {height}"),
+        ("Read", f"{report.read_milliseconds + report.compare_milliseconds + report.apply_milliseconds:.1f} ms"),
+        ("Trees", f"{report.commit_milliseconds:.1f} ms"),
+        ("Trace", f"{statistics.trace_milliseconds:.1f} ms"),
+        ("Camera Rays", f"{statistics.rays_per_second / 1e6:.2f} M/s"),
+        ("Instances", f"{report.commit.instance_count:,}"),
+        ("Memory", format_bytes(report.byte_count)),
+    ]
+    for action in ("built", "rebuilt", "refitted"):
+        count = sum(mesh.action == action for mesh in report.commit.meshes)
+        if count:
+            rows.append((action.capitalize(), f"{count:,} of {count_meshes(report):,} trees"))
+    return rows
+
+
+def plan_rows(report: SyncReport, limit: int = SHOWN_MESHES) -> list[PlanRow]:
+    """The meshes that took longest, and after them the largest."""
+    commits = {mesh.mesh_id: mesh for mesh in report.commit.meshes}
+    rows = []
+    for change in report.meshes:
+        if change.action == "removed":
+            continue
+        commit = commits.get(change.mesh_id)
+        rows.append(
+            PlanRow(
+                name=change.name,
+                triangle_count=change.triangle_count,
+                action=commit.action if commit else "kept",
+                builder=commit.builder if commit else "",
+                reason=commit.reason if commit else change.reason,
+                milliseconds=commit.milliseconds if commit else 0.0,
+            )
+        )
+    rows.sort(key=lambda row: (-row.milliseconds, -row.triangle_count, row.name))
+    return rows[:limit]
+
+
+def count_meshes(report: SyncReport) -> int:
+    """How many distinct meshes the scene has."""
+    return len(report.meshes) - report.count_meshes("removed")
+
+
+def format_bytes(count: int) -> str:
+    """In the unit that gives one to four digits before the point."""
+    size = float(count)
+    for unit in ("B", "KiB", "MiB"):
+        if size < 1024.0:
+            return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"
+        size /= 1024.0
+    return f"{size:.2f} GiB"

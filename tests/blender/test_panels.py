@@ -1,0 +1,101 @@
+"""The panels' rows: every panel can be drawn of a scene that was rendered, and says what was done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import perfect_bvh_addon  # noqa: E402
+from perfect_bvh_addon import engine, panels, preferences, summary  # noqa: E402
+
+
+class RecordingLayout:
+    """Takes what `UILayout` takes, knows no names but those of the add-on and of Blender, and keeps the texts."""
+
+    def __init__(self, texts: list[str] | None = None) -> None:
+        self.texts: list[str] = [] if texts is None else texts
+
+    def _inner(self, **_: Any) -> RecordingLayout:
+        return RecordingLayout(self.texts)
+
+    box = column = row = split = _inner
+
+    def label(self, text: str = "", icon: str = "NONE") -> None:
+        self.texts.append(text)
+
+    def prop(self, owner: Any, name: str, **_: Any) -> None:
+        assert name in owner.bl_rna.properties, name
+        self.texts.append(name)
+
+    def operator(self, name: str, **_: Any) -> None:
+        module, _, function = name.partition(".")
+        assert function in dir(getattr(bpy.ops, module)), name
+        self.texts.append(name)
+
+
+@pytest.fixture(autouse=True)
+def rendered() -> Iterator[None]:
+    perfect_bvh_addon.register()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_cube_add()
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location = (0.0, 0.0, 8.0)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.render.engine = "PERFECT_BVH"
+    scene.render.resolution_x, scene.render.resolution_y = 32, 18
+    bpy.ops.render.render()
+    yield
+    perfect_bvh_addon.unregister()
+
+
+def drawn(panel: type) -> list[str]:
+    class Context:
+        engine, scene, view_layer = "PERFECT_BVH", bpy.context.scene, bpy.context.view_layer
+
+    class Stand:
+        layout = RecordingLayout()
+
+    assert panel.poll(Context)
+    panel.draw(Stand, Context)
+    return Stand.layout.texts
+
+
+@pytest.mark.parametrize("panel", panels.CLASSES, ids=lambda panel: panel.__name__)
+def test_a_panel_can_be_drawn_after_a_render(panel: type) -> None:
+    assert drawn(panel)
+
+
+def test_the_plan_names_the_mesh_and_what_was_done() -> None:
+    texts = " ".join(drawn(panels.PERFECT_BVH_PT_plan))
+    assert "12 triangles" in texts
+    assert "built" in texts
+    (row,) = summary.plan_rows(engine.last_statistics(bpy.context.scene).report)
+    assert (row.triangle_count, row.action) == (12, "built")
+
+
+def test_the_second_render_keeps_the_tree() -> None:
+    bpy.ops.render.render()
+    (row,) = summary.plan_rows(engine.last_statistics(bpy.context.scene).report)
+    assert (row.action, row.builder, row.milliseconds) == ("kept", "", 0.0)
+
+
+def test_a_missing_engine_is_explained_in_the_panel(monkeypatch) -> None:
+    reason = "The native engine could not be loaded: undefined symbol"
+    monkeypatch.setattr(panels, "native_error", lambda: reason)
+    texts = drawn(panels.PERFECT_BVH_PT_render)
+    assert texts[0] == "The engine cannot run"
+    assert " ".join(texts[1:]) == reason
+    assert preferences.native_error() is None
+
+
+@pytest.mark.parametrize(
+    ("count", "text"), [(0, "0 B"), (1023, "1023 B"), (1536, "1.5 KiB"), (5 << 20, "5.0 MiB"), (3 << 30, "3.00 GiB")]
+)
+def test_bytes_are_readable(count: int, text: str) -> None:
+    assert summary.format_bytes(count) == text
