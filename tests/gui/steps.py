@@ -138,11 +138,15 @@ def press_preview() -> Step:
     yield from close_image_windows()
 
 
+def start_render() -> None:
+    """As the menu does it: a job in the background, shown where the user wants renders."""
+    with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
+        bpy.ops.render.render("INVOKE_DEFAULT", use_viewport=True)
+
+
 def render() -> Step:
     events.clear()
-    hover(*middle_of(area_of("VIEW_3D")))
-    yield 0.2
-    yield from press_key("F12")
+    start_render()
     yield from wait_until(lambda: "render_complete" in events, "the render does not end", 60)
     yield 0.5
     check(module("engine").last_statistics(bpy.context.scene) is not None, "no statistics of the render")
@@ -152,7 +156,7 @@ def cancel_a_render() -> Step:
     scene = bpy.context.scene
     scene.perfect_bvh.samples = 4096
     events.clear()
-    yield from press_key("F12")
+    start_render()
     yield from wait_until(lambda: bpy.app.is_job_running("RENDER"), "the render does not begin")
     yield 1.0
     yield from press_key("Escape")

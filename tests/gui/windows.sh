@@ -1,6 +1,7 @@
 #!/bin/bash
 # windows.sh EXTENSION.zip: install the extension into a real Blender from the command line, and try it in windows.
 #
+# WINDOWS_STEPS: names of steps, with commas, instead of all. WINDOWS_SECONDS: when to give up.
 # Screenshots and the console go to .cache/windows. Fails if a step does, or if anything alarming is on the console.
 set -euo pipefail
 repository=$(cd "$(dirname "$0")/../.." && pwd)
@@ -21,7 +22,7 @@ user=BLENDER_USER_RESOURCES=/host/$output/user
   "import bpy; bpy.context.preferences.view.show_splash = False; bpy.ops.wm.save_userpref()" >/dev/null
 
 status=0
-timeout 330 "$chroot" run "$user" WINDOWS_OUTPUT=/host/$output WINDOWS_SCENES=/host/blend_scenes "WINDOWS_STEPS=$steps" \
+timeout "${WINDOWS_SECONDS:-330}" "$chroot" run "$user" WINDOWS_OUTPUT=/host/$output WINDOWS_SCENES=/host/blend_scenes "WINDOWS_STEPS=$steps" \
   xvfb-run -a -s "-screen 0 1280x800x24" \
   blender --gpu-backend opengl --window-geometry 0 0 1280 800 /host/blend_scenes/tree_in_wind.blend \
   -P /host/tests/gui/steps.py >"$console" 2>&1 || status=$?

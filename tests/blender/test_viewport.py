@@ -1,0 +1,68 @@
+"""What a viewport shows: the part within a border, and which viewports need trees of their own."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from perfect_bvh_addon import viewport  # noqa: E402
+
+
+@pytest.fixture
+def camera(scene: Any) -> Any:
+    made = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(made)
+    scene.camera = made
+    scene.render.use_border = True
+    scene.render.border_min_x, scene.render.border_max_x = 0.25, 0.5
+    scene.render.border_min_y, scene.render.border_max_y = 0.0, 0.75
+    return made
+
+
+def region_view(camera: Any, width: int, height: int, zoom: float = 1.0) -> SimpleNamespace:
+    """What looks through `camera` from a region of this shape, everything zoomed about the middle."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    matrix = np.array(camera.calc_matrix_camera(depsgraph, x=width, y=height))
+    matrix[:2] *= zoom
+    return SimpleNamespace(view_perspective="CAMERA", window_matrix=matrix)
+
+
+def space(camera: Any = None, **settings: Any) -> SimpleNamespace:
+    defaults = {"camera": camera, "local_view": None, "use_render_border": False}
+    return SimpleNamespace(**defaults | dict.fromkeys(viewport.TYPE_FILTERS, True) | settings)
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+def test_a_camera_border_lies_within_the_cameras_frame(scene: Any, camera: Any, kind: str) -> None:
+    camera.data.type = kind
+    view = region_view(camera, scene.render.resolution_x, scene.render.resolution_y)
+    np.testing.assert_allclose(viewport._border_of(view, space(camera), scene), (0.25, 0.5, 0.0, 0.75), atol=1e-6)
+    zoomed = region_view(camera, scene.render.resolution_x, scene.render.resolution_y, zoom=0.5)
+    np.testing.assert_allclose(viewport._border_of(zoomed, space(camera), scene), (0.375, 0.5, 0.25, 0.625), atol=1e-6)
+    near = region_view(camera, scene.render.resolution_x, scene.render.resolution_y, zoom=4.0)
+    np.testing.assert_allclose(viewport._border_of(near, space(camera), scene), (0.0, 0.5, 0.0, 1.0), atol=1e-6)
+
+
+def test_without_a_border_all_is_traced(scene: Any, camera: Any) -> None:
+    scene.render.use_border = False
+    assert viewport._border_of(region_view(camera, 32, 18), space(camera), scene) == viewport.WHOLE
+
+
+def test_a_free_view_has_a_border_of_its_own(scene: Any, camera: Any) -> None:
+    view = SimpleNamespace(view_perspective="PERSP")
+    assert viewport._border_of(view, space(camera), scene) == viewport.WHOLE
+    edges = {"render_border_min_x": 0.1, "render_border_max_x": 0.6}
+    edges |= {"render_border_min_y": 0.2, "render_border_max_y": 0.9}
+    bordered = space(camera, use_render_border=True, **edges)
+    assert viewport._border_of(view, bordered, scene) == (0.1, 0.6, 0.2, 0.9)
+
+
+def test_views_that_hide_objects_are_told_apart() -> None:
+    assert not any(viewport._filter_of(space()))
+    assert any(viewport._filter_of(space(local_view=object())))
+    assert any(viewport._filter_of(space(show_object_viewport_curve=False)))
