@@ -87,7 +87,7 @@ def render_frame(
 
     Raises ValueError if the scene has no usable camera, `perfect_bvh.Cancelled`, and what the engine raises.
     """
-    sync.request(needed_attributes(settings, passes))
+    sync.request(needed_attributes(settings, passes), only=True)
     # The bar stays at its beginning meanwhile, but a long build can be cancelled.
     report = sync.update(depsgraph, progress=None if progress is None else lambda _: progress(0.0))
     if not trace:

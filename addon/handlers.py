@@ -1,4 +1,4 @@
-"""What the add-on does when Blender loads a file: its own syncs are of scenes that are gone.
+"""What the add-on does when Blender loads a file or loses a scene: its own syncs of what is gone go as well.
 
 Marking stale scenes needs nothing from here: every watching `SceneSync` sees to that itself, see
 `extract/changes.py`.
@@ -6,15 +6,20 @@ Marking stale scenes needs nothing from here: every watching `SceneSync` sees to
 
 from __future__ import annotations
 
+import bpy
+
 from .extract.changes import listen, stop_listening
-from .session import clear_sessions
+from .session import clear_sessions, drop_missing
 
 
 class _FileWatcher:
-    """Drops the add-on's syncs with the file they were made from."""
+    """Drops the add-on's syncs with the scenes and the file they were made from.
+
+    A change makes none of them stale: they are updated before each use.
+    """
 
     def on_change(self, what: str) -> None:
-        """Nothing: the add-on's own syncs are updated before each use."""
+        drop_missing(bpy.data.scenes)
 
     def on_file_change(self) -> None:
         clear_sessions()

@@ -11,7 +11,7 @@ names = sync.describe(hits.instance_ids).names
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -58,12 +58,13 @@ class SceneSync:
         if watch:
             listen(self)
 
-    def request(self, attributes: AttributeRequest) -> None:
-        """Adds to what the following updates read."""
+    def request(self, attributes: AttributeRequest, *, only: bool = False) -> None:
+        """Adds to what the following updates read; only: they read nothing else any more."""
+        asked = (attributes,) if only else (attributes, self._attributes)
         self._attributes = AttributeRequest(
-            material_slots=self._attributes.material_slots or attributes.material_slots,
-            corner_normals=self._attributes.corner_normals or attributes.corner_normals,
-            corner_uvs=self._attributes.corner_uvs or attributes.corner_uvs,
+            material_slots=any(request.material_slots for request in asked),
+            corner_normals=any(request.corner_normals for request in asked),
+            corner_uvs=any(request.corner_uvs for request in asked),
         )
 
     def update(
@@ -222,6 +223,16 @@ def session_of(depsgraph: Any) -> SceneSync:
 def sessions_of(scene: Any) -> tuple[SceneSync, ...]:
     """The add-on's syncs of a `bpy.types.Scene` that exist, most recently made last."""
     return tuple(sync for key, sync in _sessions.items() if key[0] == scene.session_uid)
+
+
+def drop_missing(scenes: Iterable[Any]) -> None:
+    """Forgets the add-on's own syncs of scenes and view layers that are not among `bpy.data.scenes` any more."""
+    if not _sessions:
+        return
+    shown = {(scene.session_uid, layer.name) for scene in scenes for layer in scene.view_layers}
+    for key in [key for key in _sessions if key[:2] not in shown]:
+        # Not closed: whoever is tracing it keeps it for so long.
+        del _sessions[key]
 
 
 def clear_sessions() -> None:

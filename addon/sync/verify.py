@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,18 @@ def find_mismatches(synced: SceneRecord, reference: SceneRecord) -> tuple[str, .
     for name in ("objects", "materials"):
         if getattr(synced, name) != getattr(reference, name):
             found.append(f"{name} differ")
+    if _differ_in_view(synced, reference):
+        found.append("camera or image size differ")
+    if synced.film_transparent != reference.film_transparent:
+        found.append("film differs")
     return tuple(found)
+
+
+def _differ_in_view(synced: SceneRecord, reference: SceneRecord) -> bool:
+    first, second = synced.camera, reference.camera
+    if synced.size != reference.size or first is None or second is None:
+        return synced.size != reference.size or first is not second
+    return any(_differ(first, second, field.name) for field in fields(first))
 
 
 def _differ(synced: Any, reference: Any, column: str) -> bool:

@@ -163,6 +163,10 @@ def test_more_attributes_can_be_requested(scene: Any) -> None:
     assert after.material_slots is not None
     assert report.attributes_changed
     assert report.count_meshes("kept") == 1
+    sync.request(AttributeRequest(material_slots=False), only=True)
+    sync.update(evaluated())
+    (last,) = sync.appearance.meshes.values()
+    assert (last.corner_normals, last.material_slots) == (None, None)
 
 
 def test_render_visibility_can_be_asked_for(scene: Any) -> None:
