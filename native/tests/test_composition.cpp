@@ -214,6 +214,28 @@ TEST(PartialRebuild, LetsTheNodesAboveFitMovedBoxes) {
   EXPECT_EQ(tree.nodes[0].upper, all.upper);
 }
 
+// Part of a mesh has moved: the tree is right again once that part is rebuilt over the new boxes.
+TEST(PartialRebuild, MeetsMovedTriangles) {
+  TriangleMesh mesh = soup(800, 5);
+  const Bvh2 before = build(refs_of(mesh, 0, 800));
+  const std::uint32_t node = before.nodes[before.nodes[0].first].first + 1;
+  for (const std::uint32_t prim : prims_below(before, node)) {
+    const TriangleIndices corners = mesh.triangles[prim];  // a soup: no vertex is shared
+    for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) {
+      mesh.positions[vertex] = mesh.positions[vertex] * 0.5f + Vec3f{0.3f, -0.4f, 0.2f};
+    }
+  }
+  const auto refs = refs_of(mesh, 0, 800);
+  for (const BuilderKind kind : {BuilderKind::kBinned, BuilderKind::kSweep, BuilderKind::kMedian, BuilderKind::kFast}) {
+    BuildConfig config;
+    config.builder = kind;
+    Bvh2 tree = before;
+    ASSERT_TRUE(rebuild(tree, node, refs, config));
+    EXPECT_EQ(find_fault(tree, 800), "");
+    expect_right_hits(mesh, tree);
+  }
+}
+
 TEST(PartialRebuild, LeavesTheTreeAloneWhereItCannot) {
   const auto refs = cornered(2000);
   Bvh2 chain = build(repeated(2, {0, 0, 0}, {1, 1, 1}), BuilderKind::kMedian, 2);

@@ -1,5 +1,13 @@
 // The tree over a scene's instances.
 // In: the world boxes of instances. Out: a Bvh2 with one instance a leaf, the same bytes for any thread count.
+//
+// Tried, and left out: the builder over Morton clusters in the place of the binned one takes a third fewer instructions
+// (with clusters twice as loose as meshes want them), but rays then visit 5 to 8 percent more of this level's nodes.
+// Left open: opening large overlapping instances, so that parts of them stand in the tree (Benthin, Woop, Wald and Afra
+// 2017, "Improved two-level BVHs using partial re-braiding"). What it could win at most was measured with 216 instances
+// of 5,000 triangles, beside one tree over all their triangles: rays visit 12.6 nodes through instances on a grid
+// against 13.0 in the one tree, so there is nothing to win; in a heap, where each instance stands in dozens of others,
+// 24.0 against 11.1 from outside and 21.1 against 11.7 from surface to surface.
 #pragma once
 
 #include <span>
