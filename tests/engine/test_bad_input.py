@@ -53,7 +53,7 @@ def test_meshes(scene, positions, triangles, message):
         (lambda s: s.add_instance(0, np.diag([1e40, 1.0, 1.0, 1.0])), r"transforms\[0\] must be finite and at"),
         (lambda s: s.set_transforms([0], [np.diag([1e300, 1.0, 1.0, 1.0])]), r"transforms\[0\] must be finite"),
         (lambda s: s.add_instance(0, mask=-1), "masks has values outside"),
-        (lambda s: s.add_instances([0, 0], np.eye(4)[None]), "transforms has 1 rows"),
+        (lambda s: s.add_instances([0, 0], np.eye(4)[None]), "transforms must have 2 rows, one an instance, got 1"),
         (lambda s: s.set_transforms([0, 5], np.stack([np.eye(4)] * 2)), "no instance with id 5"),
         (lambda s: s.set_masks([0], [1, 2]), "masks must have shape"),
         (lambda s: s.remove_instances([0, 9]), "no instance with id 9"),

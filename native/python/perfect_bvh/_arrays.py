@@ -76,7 +76,8 @@ def as_transforms(function: str, value: npt.ArrayLike, count: int | None = None)
     if array.ndim != 3 or array.shape[1:] not in ((4, 4), (3, 4)):
         raise ValueError(f"{function}: transforms must have shape (I, 4, 4) or (I, 3, 4), got {array.shape}")
     if array.shape[1] == 4 and not np.allclose(array[:, 3], (0.0, 0.0, 0.0, 1.0), rtol=0.0, atol=1e-6):
-        raise ValueError(f"{function}: transforms must be affine, with 0 0 0 1 as their last row")
+        wrong = array[np.abs(array[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1).argmax(), 3].tolist()
+        raise ValueError(f"{function}: transforms must be affine, with 0 0 0 1 as their last row, got {wrong}")
     if count is not None and len(array) != count:
-        raise ValueError(f"{function}: transforms has {len(array)} rows but there are {count} instances")
+        raise ValueError(f"{function}: transforms must have {count} rows, one an instance, got {len(array)}")
     return np.ascontiguousarray(array[:, :3, :], dtype=np.float32 if array.dtype == np.float32 else np.float64)

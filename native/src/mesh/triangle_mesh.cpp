@@ -1,6 +1,8 @@
 #include "mesh/triangle_mesh.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <string>
 
 #include "core/errors.h"
@@ -8,12 +10,19 @@
 namespace perfect_bvh {
 namespace {
 
+std::string to_text(double value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%g", value);
+  return text;
+}
+
 template <class T>
 void check_positions(std::span<const Vec3<T>> positions, const char* function) {
   for (std::size_t i = 0; i < positions.size(); ++i) {
     if (is_finite(positions[i])) continue;
-    throw InvalidArgument(std::string(function) + ": positions[" + std::to_string(i) +
-                          "] is not finite; remove the triangles that use it, or mend the vertex");
+    throw InvalidArgument(std::string(function) + ": positions[" + std::to_string(i) + "] is not finite, got (" +
+                          to_text(positions[i].x) + ", " + to_text(positions[i].y) + ", " + to_text(positions[i].z) +
+                          "); remove the triangles that use it, or mend the vertex");
   }
 }
 
@@ -21,9 +30,9 @@ void check_range(Vec3d largest, const char* function) {
   // Areas, products of two extents, must stay finite in float.
   constexpr double kLimit = 1e18;
   if (largest.x <= kLimit && largest.y <= kLimit && largest.z <= kLimit) return;
-  throw InvalidArgument(std::string(function) +
-                        ": positions must stay below 1e18 in magnitude; scale the mesh down "
-                        "and its instances up");
+  throw InvalidArgument(std::string(function) + ": positions must stay below 1e18 in magnitude, got " +
+                        to_text(std::max({largest.x, largest.y, largest.z})) +
+                        "; scale the mesh down and its instances up");
 }
 
 AlignedVector<TriangleIndices> copy_triangles(std::span<const Vec3<std::int32_t>> triangles, std::size_t vertex_count,
