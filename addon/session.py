@@ -158,7 +158,10 @@ class SceneSync:
         return self._get_lookup().describe(instance_ids)
 
     def polygon_ids(self, hits: HitIds) -> Int32Array:
-        """(...) int32: the polygon of the evaluated mesh that each ray hit, -1 on a miss."""
+        """(...) int32: the polygon of the evaluated mesh that each ray hit, -1 on a miss.
+
+        Raises ValueError, as the other lookups by hits do, for hits on a mesh whose triangles a later update replaced.
+        """
         return self._get_lookup().polygon_ids(hits)
 
     def triangle_ids(self, hits: HitIds) -> Int32Array:
@@ -179,7 +182,10 @@ class SceneSync:
 
     def _get_lookup(self) -> SceneLookup:
         if self._lookup is None:
-            self._lookup = SceneLookup(self.record, self._state.instance_ids, self._state.mesh_ids)
+            state = self._state
+            self._lookup = SceneLookup(
+                self.record, state.instance_ids, state.mesh_ids, state.scene.scene_id, state.mesh_generations
+            )
         return self._lookup
 
     # Changes in Blender ----------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from .keys import Int64Array
 from .records import Int32Array, MeshRecord, SceneRecord
 
 MISS = -1
@@ -16,7 +17,15 @@ _MAXIMUM_SPREAD = 8
 
 
 class HitIds(Protocol):
-    """The part of `perfect_bvh.Hits` that lookups use; each (...) int32, -1 on a miss."""
+    """The part of `perfect_bvh.Hits` that lookups use; ids (...) int32, -1 on a miss.
+
+    scene_id, generation: which scene answered, and after how many commits.
+    """
+
+    @property
+    def scene_id(self) -> int: ...
+    @property
+    def generation(self) -> int: ...
 
     @property
     def instance_ids(self) -> Int32Array: ...
@@ -81,9 +90,19 @@ class SceneLookup:
     """Answers for one applied record; tables are made on first use.
 
     instance_ids: (I,) and mesh_ids: (M,), the engine's ids of the record's instances and meshes.
+    scene_id: of the engine's scene. mesh_generations: (M,) since which of its commits each mesh has its triangles.
     """
 
-    def __init__(self, record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int32Array) -> None:
+    def __init__(
+        self,
+        record: SceneRecord,
+        instance_ids: Int32Array,
+        mesh_ids: Int32Array,
+        scene_id: int,
+        mesh_generations: Int64Array,
+    ) -> None:
+        self._scene_id = scene_id
+        self._generations = np.append(mesh_generations, 0)  # a miss's row is the last
         self._record = record
         self._instances = _Rows(instance_ids)
         self._meshes = _Rows(mesh_ids)
@@ -144,6 +163,7 @@ class SceneLookup:
         primitives = np.asarray(hits.primitive_ids)
         meshes = self._meshes.find(np.asarray(hits.mesh_ids), f"{name}: mesh")
         is_hit = meshes >= 0
+        self._check_age(name, hits, meshes)
         counts = np.append(np.diff(self._offsets), 0)  # a miss's row is the last
         unknown = is_hit & ((primitives < 0) | (primitives >= counts[meshes]))
         if unknown.any():
@@ -156,6 +176,19 @@ class SceneLookup:
             return np.full(primitives.shape, MISS, np.int32)
         places = np.where(is_hit, self._offsets[meshes] + primitives, 0)
         return np.where(is_hit, column[places], MISS).astype(np.int32)
+
+    def _check_age(self, name: str, hits: HitIds, meshes: Int32Array) -> None:
+        """Raises ValueError for hits on triangles that are no longer what they were."""
+        again = "cast the rays again, and look hits up before the next update()"
+        if hits.scene_id != self._scene_id:
+            raise ValueError(f"{name}: hits must come from the synced scene, got hits of another scene: {again}")
+        is_old = self._generations[meshes] > hits.generation
+        if is_old.any():
+            mesh_id = int(np.asarray(hits.mesh_ids)[is_old].flat[0])
+            raise ValueError(
+                f"{name}: hits must be from after the last update() that replaced what they hit, got hits of "
+                f"generation {hits.generation} on mesh {mesh_id}, which has had other triangles since: {again}"
+            )
 
     def _column(self, name: str) -> Int32Array:
         """One value for each triangle of all meshes, one mesh after the other."""

@@ -33,10 +33,15 @@ if TYPE_CHECKING:
 
 Progress = Callable[[float], object]
 
+# Later than any hit: the commit that brought the triangles has not succeeded.
+_NEVER = np.iinfo(np.int64).max
+
 
 class EngineScene(Protocol):
     """The part of `perfect_bvh.Scene` that sync uses."""
 
+    @property
+    def scene_id(self) -> int: ...
     def add_mesh(self, positions: npt.ArrayLike, triangles: npt.ArrayLike, *, usage: Usage) -> int: ...
     def update_mesh(self, mesh: int, positions: npt.ArrayLike) -> None: ...
     def replace_mesh(self, mesh: int, positions: npt.ArrayLike, triangles: npt.ArrayLike) -> None: ...
@@ -53,10 +58,14 @@ class EngineScene(Protocol):
 
 @dataclass(slots=True)
 class _HeldMesh:
-    """A mesh in the engine: its id there, and the record it was last given."""
+    """A mesh in the engine: its id there, the record it was last given, and since when it has its triangles.
+
+    generation: of the scene's commit that brought the triangles; None until it has succeeded.
+    """
 
     mesh_id: int
     record: MeshRecord
+    generation: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +94,7 @@ class SceneState:
         self._object_names: dict[int, str] = {}
         self._record: SceneRecord | None = None
         self._has_waiting_edits = False
+        self._fresh_meshes: list[_HeldMesh] = []  # whose triangles wait for a commit
         self._observed_usage: dict[Hashable, Usage] = {}
 
     @property
@@ -96,6 +106,13 @@ class SceneState:
     def instance_ids(self) -> Int32Array:
         """(I,) int32: the engine's id of each instance of the record."""
         return self._instances.ids
+
+    @property
+    def mesh_generations(self) -> Int64Array:
+        """(M,) int64: the commit of the scene since which each mesh of the record has its triangles."""
+        meshes = () if self._record is None else self._record.meshes
+        generations = (self._meshes[mesh.key].generation for mesh in meshes)
+        return np.array([_NEVER if generation is None else generation for generation in generations], np.int64)
 
     @property
     def mesh_ids(self) -> Int32Array:
@@ -130,6 +147,9 @@ class SceneState:
         keywords = {"progress": progress, "expected_rays": expected_rays}
         commit = self.scene.commit(**{key: value for key, value in keywords.items() if value is not None})
         self._has_waiting_edits = False
+        for fresh in self._fresh_meshes:
+            fresh.generation = commit.generation
+        self._fresh_meshes = []
         finished = time.perf_counter()
 
         held, names, last = before
@@ -204,12 +224,15 @@ class SceneState:
             usage = self._observed_usage.get(mesh.key, mesh.usage)
             held = _HeldMesh(self.scene.add_mesh(mesh.positions, mesh.triangles, usage=usage), mesh)
             self._meshes[mesh.key] = held
+            self._fresh_meshes.append(held)
         elif difference.action == "deformed":
             self.scene.update_mesh(held.mesh_id, mesh.positions)
             self._observed_usage.setdefault(mesh.key, "deforming")
         elif difference.action == "replaced":
             self.scene.replace_mesh(held.mesh_id, mesh.positions, mesh.triangles)
             self._observed_usage[mesh.key] = "changing"
+            held.generation = None
+            self._fresh_meshes.append(held)
         held.record = mesh
         return MeshChange(mesh.key, mesh.name, held.mesh_id, difference.action, difference.reason, len(mesh.triangles))
 
@@ -251,6 +274,7 @@ class SceneState:
         self._object_names = {}
         self._record = None
         self._has_waiting_edits = False
+        self._fresh_meshes = []
 
 
 def _have_same_camera(old: SceneRecord, new: SceneRecord) -> bool:

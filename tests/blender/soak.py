@@ -468,7 +468,7 @@ def _different_answers(sync: SceneSync, certain: SceneRecord, rays: tuple[np.nda
     """Which answers differ from those of a scene that knows nothing but the certain record."""
     fresh = SceneState(perfect_bvh.Scene)
     fresh.update(certain)
-    lookup = SceneLookup(certain, fresh.instance_ids, fresh.mesh_ids)
+    lookup = SceneLookup(certain, fresh.instance_ids, fresh.mesh_ids, fresh.scene.scene_id, fresh.mesh_generations)
     one, other = (scene.cast_rays(*rays, fields=FIELDS) for scene in (sync.scene, fresh.scene))
     names = ("t_hit", "primitive_ids", "primitive_uvs", "geometric_normals")
     found = [name for name in names if not np.array_equal(getattr(one, name), getattr(other, name))]

@@ -122,6 +122,8 @@ class FakeScene:
     calls: list[str] = field(default_factory=list)
     committed: list[Any] | None = None
     stale: str | None = None
+    scene_id: int = 0
+    generation: int = 0
     fail_at: str = ""
     fail_after: bool = False
     _next_mesh: int = 0
@@ -197,7 +199,8 @@ class FakeScene:
         self.commit_keywords = keywords
         self.committed = self.content()
         self.stale = None
-        return SimpleNamespace(byte_count=1234)
+        self.generation += 1
+        return SimpleNamespace(byte_count=1234, generation=self.generation)
 
     def mark_stale(self, why: str) -> None:
         self.stale = why

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +13,7 @@ from perfect_bvh_addon.sync.lookup import SceneLookup
 from perfect_bvh_addon.sync.records import MaterialRecord, SceneRecord
 from sync.fakes import Shown, mesh, record
 
+SCENE_ID = 5
 MATERIALS = tuple(MaterialRecord(name, uid, 0, (0.0, 0.0, 0.0, 1.0)) for uid, name in enumerate(("red", "green")))
 
 
@@ -54,7 +56,13 @@ def hits(ids: tuple[np.ndarray, np.ndarray], count: int, shape: tuple[int, ...] 
     rows += [(-1, -1, -1)] * 5
     picked = np.array(rows, np.int32)[np.random.default_rng(1).integers(0, len(rows), count)]
     columns = (np.ascontiguousarray(column).reshape(shape) for column in picked.T)
-    return SimpleNamespace(**dict(zip(("instance_ids", "mesh_ids", "primitive_ids"), columns, strict=True)))
+    found = dict(zip(("instance_ids", "mesh_ids", "primitive_ids"), columns, strict=True))
+    return SimpleNamespace(**found, scene_id=SCENE_ID, generation=3)
+
+
+def look_up_in(made: SceneRecord, ids: tuple[np.ndarray, np.ndarray], generations: Sequence[int] = ()) -> SceneLookup:
+    """Meshes of the second commit, unless said otherwise."""
+    return SceneLookup(made, *ids, SCENE_ID, np.array(generations or [2] * len(ids[1]), np.int64))
 
 
 def expected(found: Any, ids: tuple[np.ndarray, np.ndarray], what: str) -> np.ndarray:
@@ -81,7 +89,7 @@ def expected(found: Any, ids: tuple[np.ndarray, np.ndarray], what: str) -> np.nd
 @pytest.mark.parametrize("shape", [(600,), (20, 30), (0,)])
 @pytest.mark.parametrize("what", ["polygon", "triangle", "material"])
 def test_ids_of_hits(ids: tuple[np.ndarray, np.ndarray], what: str, shape: tuple[int, ...]) -> None:
-    lookup = SceneLookup(scene_record(), *ids)
+    lookup = look_up_in(scene_record(), ids)
     found = hits(ids, int(np.prod(shape)), shape)
     answer = getattr(lookup, f"{what}_ids")(found)
     assert answer.dtype == np.int32
@@ -89,7 +97,7 @@ def test_ids_of_hits(ids: tuple[np.ndarray, np.ndarray], what: str, shape: tuple
 
 
 def test_descriptions(ids: tuple[np.ndarray, np.ndarray]) -> None:
-    lookup = SceneLookup(scene_record(), *ids)
+    lookup = look_up_in(scene_record(), ids)
     asked = np.array([[ids[0][1], -1], [ids[0][3], ids[0][0]]])
     names, uids, persistent_ids, parents, parent_uids = lookup.describe(asked)
     assert names.tolist() == [["two", ""], ["four", "one"]]
@@ -103,14 +111,14 @@ def test_descriptions(ids: tuple[np.ndarray, np.ndarray]) -> None:
 
 
 def test_one_id_is_described_as_a_scalar(ids: tuple[np.ndarray, np.ndarray]) -> None:
-    description = SceneLookup(scene_record(), *ids).describe(int(ids[0][0]))
+    description = look_up_in(scene_record(), ids).describe(int(ids[0][0]))
     assert description.names == "one"
     assert description.persistent_ids.shape == (8,)
 
 
 @pytest.mark.parametrize("unknown", [-2, 5, 2**31 - 1])
 def test_ids_that_are_not_there_are_errors(ids: tuple[np.ndarray, np.ndarray], unknown: int) -> None:
-    lookup = SceneLookup(scene_record(), *ids)
+    lookup = look_up_in(scene_record(), ids)
     with pytest.raises(ValueError, match=f"instance {unknown} is not part of the synced scene"):
         lookup.describe([ids[0][0], unknown])
 
@@ -124,8 +132,10 @@ def test_triangles_of_an_earlier_update_are_errors(
         instance_ids=np.array([-1, ids[0][mesh_row]], np.int32),
         mesh_ids=np.array([-1, ids[1][mesh_row]], np.int32),
         primitive_ids=np.array([-1, primitive], np.int32),
+        scene_id=SCENE_ID,
+        generation=2,
     )
-    lookup = SceneLookup(scene_record(), *ids)
+    lookup = look_up_in(scene_record(), ids)
     for look_up in (lookup.polygon_ids, lookup.triangle_ids, lookup.material_ids):
         with pytest.raises(ValueError, match=f"triangle {primitive} is not part of the synced scene"):
             look_up(old)
@@ -133,13 +143,14 @@ def test_triangles_of_an_earlier_update_are_errors(
 
 def test_floats_are_no_ids(ids: tuple[np.ndarray, np.ndarray]) -> None:
     with pytest.raises(ValueError, match="integers"):
-        SceneLookup(scene_record(), *ids).describe([1.0])
+        look_up_in(scene_record(), ids).describe([1.0])
 
 
 def test_an_empty_scene_has_only_misses() -> None:
     none = np.empty(0, np.int32)
-    lookup = SceneLookup(record([], []), none, none)
+    lookup = look_up_in(record([], []), (none, none))
     misses = SimpleNamespace(**dict.fromkeys(("instance_ids", "mesh_ids", "primitive_ids"), np.full(3, -1, np.int32)))
+    misses.scene_id, misses.generation = SCENE_ID, 1
     for answer in (lookup.polygon_ids(misses), lookup.material_ids(misses), lookup.triangle_ids(misses)):
         assert answer.tolist() == [-1, -1, -1]
     assert lookup.describe(misses.instance_ids).names.tolist() == ["", "", ""]
@@ -150,6 +161,27 @@ def test_an_empty_scene_has_only_misses() -> None:
 def test_material_ids_need_slots(ids: tuple[np.ndarray, np.ndarray]) -> None:
     made = scene_record()
     bare = replace(made, meshes=tuple(replace(item, material_slots=None) for item in made.meshes))
-    lookup = SceneLookup(bare, *ids)
+    lookup = look_up_in(bare, ids)
     with pytest.raises(ValueError, match="material_slots were not read"):
         lookup.material_ids(hits(ids, 3))
+
+
+@pytest.mark.parametrize("what", ["polygon", "triangle", "material"])
+def test_hits_on_a_mesh_that_was_replaced_since_are_errors(ids: tuple[np.ndarray, np.ndarray], what: str) -> None:
+    """Even where the mesh that follows has as many triangles; hits on other meshes are still looked up."""
+    lookup = look_up_in(scene_record(), ids, [4, 3])
+    found = hits(ids, 50)
+    with pytest.raises(ValueError, match=r"got hits of generation 3 on mesh \d+, which has had other triangles since"):
+        getattr(lookup, f"{what}_ids")(found)
+    for name in ("instance_ids", "mesh_ids", "primitive_ids"):
+        column = getattr(found, name)
+        column[...] = np.where(np.asarray(hits(ids, 50).mesh_ids) == ids[1][0], -1, column)
+    np.testing.assert_array_equal(getattr(lookup, f"{what}_ids")(found), expected(found, ids, what))
+
+
+def test_hits_of_another_scene_are_errors(ids: tuple[np.ndarray, np.ndarray]) -> None:
+    found = hits(ids, 5)
+    found.scene_id = SCENE_ID + 1
+    for what in ("polygon", "triangle", "material"):
+        with pytest.raises(ValueError, match="got hits of another scene"):
+            getattr(look_up_in(scene_record(), ids), f"{what}_ids")(found)

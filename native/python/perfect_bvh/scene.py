@@ -159,6 +159,11 @@ class Scene(Queries):
         return self._scene.is_current()
 
     @property
+    def scene_id(self) -> int:
+        """A number that no other `Scene` of this process has; its snapshots and hits carry it."""
+        return self._scene.scene_id()
+
+    @property
     def mesh_count(self) -> int:
         """Meshes, with edits that wait."""
         return self._scene.mesh_count()

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 
 #include "core/errors.h"
@@ -23,19 +24,16 @@ void check_same_length(std::size_t ids, std::size_t values, const char* function
 // Beyond this, products with positions (which stay below 1e18, too) would leave the range of float.
 constexpr double kLargestEntry = 1e18;
 
-bool is_reasonable(const Affine& transform) {
+void check_transform(const Affine& transform, std::size_t row, const char* function) {
   for (const Vec3d v : {transform.x, transform.y, transform.z, transform.translation}) {
     for (int axis = 0; axis < 3; ++axis) {
-      if (!(std::abs(v[axis]) <= kLargestEntry)) return false;  // NaN included
+      if (std::abs(v[axis]) <= kLargestEntry) continue;  // not so for NaN
+      char got[32];
+      std::snprintf(got, sizeof(got), "%g", v[axis]);
+      throw InvalidArgument(std::string(function) + ": transforms[" + std::to_string(row) +
+                            "] must be finite and at most 1e18 in magnitude, got " + got);
     }
   }
-  return true;
-}
-
-void check_transform(const Affine& transform, std::size_t row, const char* function) {
-  if (is_reasonable(transform)) return;
-  throw InvalidArgument(std::string(function) + ": transforms[" + std::to_string(row) +
-                        "] must be finite and at most 1e18 in magnitude");
 }
 
 }  // namespace

@@ -60,6 +60,8 @@ class Scene {
   // The committed state. Throws StaleScene if edits are waiting or the scene was marked stale.
   [[nodiscard]] std::shared_ptr<const Snapshot> snapshot() const;
 
+  // Unlike any other scene's of this process.
+  [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
   [[nodiscard]] std::size_t mesh_count() const;
   [[nodiscard]] std::size_t instance_count() const;
 
