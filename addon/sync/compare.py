@@ -45,6 +45,13 @@ class HeldInstances:
             return False
         return self.object_uids == object_uids(record)
 
+    def shows_meshes_of(self, record: SceneRecord, held_meshes: Mapping[Hashable, Any]) -> bool:
+        """Whether each instance shows the mesh that it shows in the record, if they are the same instances."""
+        if self.columns.mesh_indices is not record.instances.mesh_indices:
+            return False
+        keys = tuple([mesh.key for mesh in record.meshes])
+        return keys == self.mesh_keys and all(key in held_meshes for key in keys)
+
 
 @dataclass(frozen=True, slots=True)
 class MeshDifference:
@@ -120,6 +127,8 @@ def compare_instances(
 ) -> InstanceDifference:
     """Compares instances; held_meshes: the keys of the meshes that the engine holds now."""
     instances = record.instances
+    if keys is held.keys and held.shows_meshes_of(record, held_meshes):
+        return _compare_same(held, instances, np.arange(len(keys), dtype=np.int32))
     rows = match_keys(held.keys, keys)
     stays = _shows_same_mesh(held, record, rows, held_meshes)
     if len(held.keys) and orders is not held.orders:

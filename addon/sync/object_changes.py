@@ -28,7 +28,8 @@ def summarise_objects(
     """
     rows = record.instances.object_indices
     new = _Places(object_uids(record), rows)
-    old = _Places(held.object_uids, held.columns.object_indices)
+    was_same = held.are_those_of(record)
+    old = new if was_same else _Places(held.object_uids, held.columns.object_indices)
     gone = _Places(held.object_uids, held.columns.object_indices[difference.removed])
     uids = np.union1d(new.uids, gone.uids)
 
@@ -74,8 +75,11 @@ class _Places:
     def sum_ranks(self, uids: Int64Array, rows: Int32Array, ranks: npt.NDArray[np.int8]) -> Int64Array:
         """(O, actions) int64: how many there are of each uid to which each thing happened."""
         width = len(OBJECT_ACTIONS)
-        flat = np.bincount(rows.astype(np.int64) * width + ranks, minlength=width * len(self._row_uids))
         sums = np.zeros((len(uids), width), np.int64)
+        if len(ranks) and ranks.min() == ranks.max():  # mostly nothing has happened to any, or the same to all
+            sums[:, ranks[0]] = self.sum(uids)
+            return sums
+        flat = np.bincount(rows.astype(np.int64) * width + ranks, minlength=width * len(self._row_uids))
         used = self._counts > 0
         np.add.at(sums, np.searchsorted(uids, self._row_uids[used]), flat.reshape(-1, width)[used])
         return sums
