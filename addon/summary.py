@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from .frame import FrameStatistics
-from .sync.report import SyncReport
+if TYPE_CHECKING:
+    from .frame import FrameStatistics
+    from .sync.report import SyncReport
 
 SHOWN_MESHES = 10
 

@@ -2,6 +2,8 @@
 
 The trees belong to the session, so all viewports of a Blender scene share them. A view that shows other objects than
 the rest (local view, filters by type) has trees of its own.
+
+What needs the native engine is imported where it is used: without it the add-on must still register, and say why.
 """
 
 from __future__ import annotations
@@ -13,7 +15,6 @@ from weakref import WeakKeyDictionary
 import bpy
 import numpy as np
 
-from .extract.camera import Window, read_region_view
 from .frame import CLAY_GREY, needed_attributes
 from .modes import find_mode
 from .properties import RenderSettings, read_settings
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     import gpu
     from perfect_bvh import Camera
 
+    from .extract.camera import Window
     from .session import SceneSync
 
 # What a redraw may take: little while the view moves, somewhat more while it stands still and is refined.
@@ -111,6 +113,8 @@ class Viewport:
 
     def _follow_view(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
         """Begin anew if what is seen is not what it was; whether it was so."""
+        from .extract.camera import read_region_view
+
         assert self._sync is not None
         scene, region = depsgraph.scene, context.region
         camera = read_region_view(context.region_data, _border_of(context.region_data, context.space_data, scene))
@@ -148,6 +152,7 @@ def refine_view(context: bpy.types.Context, settings: RenderSettings, pace: Pace
 
     Raises ValueError if there is neither, and what the engine raises.
     """
+    from .extract.camera import read_region_view
     from .session import SceneSync, session_of
 
     depsgraph = context.evaluated_depsgraph_get()

@@ -83,7 +83,7 @@ def region_view() -> bpy.types.RegionView3D:
 
 def finished(what: str) -> Step:
     yield 0.3
-    yield from wait_until(all_finished, f"{what}: the viewport is not finished", 90)
+    yield from wait_until(all_finished, f"{what}: the viewport is not finished", 180)
 
 
 # Steps ---------------------------------------------------------------------------------------------------------------
