@@ -62,8 +62,11 @@ def test_hits_are_the_same(precision, cull):
 
 
 def test_coherence_is_found(isa):
-    scene, packed = crowd(), 0 if isa == "scalar" else 1
-    eye, directions = camera_rays(640, 16)
+    scene, packed = perfect_bvh.Scene(), 0 if isa == "scalar" else 1
+    positions, triangles = meshes.sphere(9, 13, 0.9)
+    scene.add_instance(scene.add_mesh(positions.astype(np.float32), triangles))
+    scene.commit()
+    eye, directions = camera_rays(640, 16, (0.3, -3.0, 0.5))
     count = directions[..., 0].size
     assert scene.cast_rays(eye, directions).packet_ray_count == packed * count
     assert scene.cast_rays(*meshes.random_rays(4096, 1)).packet_ray_count == 0
@@ -71,6 +74,15 @@ def test_coherence_is_found(isa):
     assert scene.cast_rays(eye, directions, strategy="stream").packet_ray_count == 0
     counted = scene.cast_rays(eye, directions, fields=("nodes_visited",), strategy="packets")
     assert counted.packet_ray_count == 0 and counted.nodes_visited.min() > 0
+
+
+@pytest.mark.skipif("avx2" not in perfect_bvh.available_isas(), reason="needs vectors of rays")
+def test_packets_whose_rays_part_are_left_to_the_stream():
+    perfect_bvh.set_active_isa("avx2")
+    scene, (eye, directions) = crowd(), camera_rays(640, 16)
+    count = directions[..., 0].size
+    assert 0 < scene.cast_rays(eye, directions).packet_ray_count < count
+    assert scene.cast_rays(eye, directions, strategy="packets").packet_ray_count == count
 
 
 def test_fast_is_right_away_from_edges():

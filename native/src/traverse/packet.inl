@@ -59,6 +59,7 @@ struct Packet {
   Cull cull;
   unsigned count;  // rays
   unsigned lanes;  // the same, rounded up to whole vectors
+  unsigned alone;  // walks that one ray went by itself
   PacketStack stack;
   alignas(64) float t_min[kPacketRays], t_max[kPacketRays];  // of the rays themselves
   PacketRays world_rays, local_rays;

@@ -60,6 +60,7 @@ struct PacketWalk {
   }
 
   void walk_each_alone(PacketLevel& level, RaySet rays, std::uint32_t child, unsigned base) noexcept {
+    packet.alone += count_rays(rays);
     for (; rays != 0; rays &= rays - 1) walk_alone(level, first_ray(rays), child, base);
     level.bounds.t_limit = highest_limit(packet, *level.boxes);
   }
@@ -232,6 +233,10 @@ void write_results(const Packet& packet, const RayBatch& batch, std::size_t row)
   }
 }
 
+// Where triangles are smaller than the distance between rays, a packet's rays part long before they reach a leaf, and
+// the stream is faster. After a packet where one ray in two went a way by itself, so many are left to the stream.
+constexpr unsigned kPassedOver = 7;
+
 template <bool kAny, bool kFast>
 void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) noexcept {
   Packet& packet = *static_cast<Packet*>(workspace);
@@ -240,17 +245,23 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
   packet.stack = {stack, reinterpret_cast<float*>(stack + entries), stack + 2 * entries, stack + 3 * entries};
   packet.scene = &scene;
   packet.cull = batch.cull;
+  unsigned passed_over = 0;
   for (std::size_t row = 0; row < batch.count; row += kPacketRays) {
     packet.rays = batch.rays + row;
     packet.count = static_cast<unsigned>(batch.count - row < kPacketRays ? batch.count - row : kPacketRays);
     packet.lanes = (packet.count + kRayLanes - 1) / kRayLanes * kRayLanes;
-    if (left != nullptr && (left[row / kPacketRays] = !may_be_coherent(packet.rays, packet.count))) continue;
-    const RaySet valid = load_packet(packet, scene);
-    if (left != nullptr &&
-        (left[row / kPacketRays] = !are_coherent(packet.world_rays, valid, packet.lanes, scene.extent.reach))) {
+    bool* const is_left = left != nullptr ? left + row / kPacketRays : nullptr;
+    if (is_left != nullptr && (*is_left = passed_over != 0 || !may_be_coherent(packet.rays, packet.count))) {
+      if (passed_over != 0) --passed_over;
       continue;
     }
+    const RaySet valid = load_packet(packet, scene);
+    if (is_left != nullptr && (*is_left = !are_coherent(packet.world_rays, valid, packet.lanes, scene.extent.reach))) {
+      continue;
+    }
+    packet.alone = 0;
     PacketWalk<kAny, kFast>{packet, scene}.trace(valid);
+    if (is_left != nullptr && 2 * packet.alone > packet.count) passed_over = kPassedOver;
     if constexpr (!kAny) divide_weights(packet);
     write_results<kAny>(packet, batch, row);
   }
