@@ -169,6 +169,65 @@ def test_invalid_rays_are_misses(scene, origin, direction, t_min, t_max, dtype):
     np.testing.assert_allclose(fields.positions, [(0, 0, 0), (0.2, 0.2, 0)], rtol=0, atol=1e-7)
 
 
+@pytest.mark.parametrize(("origin", "direction", "t_min", "t_max"), INVALID)
+def test_invalid_rays_meet_nothing(scene, origin, direction, t_min, t_max):
+    rays = np.array([origin, (0.2, 0.2, 1)]), np.array([direction, (0, 0, -1)])
+    limits = {"t_min": [t_min, 0.0], "t_max": [t_max, INF]}
+    assert scene.count_intersections(*rays, **limits).tolist() == [0, 1]
+    hits, splits = scene.list_intersections(*rays, **limits)
+    assert splits.tolist() == [0, 0, 1] and hits.invalid_count == 1
+
+
+def nothing_to_hit():
+    empty, bare, placed = perfect_bvh.Scene(), perfect_bvh.Scene(), perfect_bvh.Scene()
+    bare.add_mesh(*TRIANGLE)
+    placed.add_instance(placed.add_mesh(np.zeros((3, 3)), np.zeros((0, 3), int)))
+    masked = perfect_bvh.Scene()
+    masked.add_instance(masked.add_mesh(*TRIANGLE), mask=0)
+    for made in (empty, bare, placed, masked):
+        made.commit()
+    return empty, bare, placed, masked
+
+
+@pytest.mark.parametrize("count", [0, 1, 5000])
+def test_scenes_with_nothing_to_hit(count):
+    rays = np.zeros((count, 3)) + (0.2, 0.2, 1.0), (0.0, 0.0, -1.0)
+    for made in nothing_to_hit():
+        assert not made.cast_rays(*rays).is_hit.any()
+        assert not made.test_occlusions(*rays).any()
+        assert not made.count_intersections(*rays).any()
+        hits, splits = made.list_intersections(*rays)
+        assert len(hits.t_hit) == 0 and splits.tolist() == [0] * (count + 1)
+        assert not made.compute_closest_points(rays[0]).is_found.any()
+
+
+def test_a_mask_of_no_bits_sees_nothing(scene):
+    rays = np.zeros((3, 3)) + (0.2, 0.2, 1.0), (0.0, 0.0, -1.0)
+    mask = [0, 1, 0]
+    expected = [False, True, False]
+    assert scene.cast_rays(*rays, mask=mask).is_hit.tolist() == expected
+    assert scene.test_occlusions(*rays, mask=mask).tolist() == expected
+    assert scene.count_intersections(*rays, mask=mask).tolist() == [0, 1, 0]
+    assert scene.compute_closest_points(rays[0], mask=mask).is_found.tolist() == expected
+
+
+def test_nested_boxes_100000_deep():
+    """Each triangle around the next: no split separates them, and every ray goes through all of them."""
+    count = 100_000
+    sizes = np.linspace(1.0, 2.0, count, dtype=np.float32)[:, None, None]
+    corners = sizes * np.array([(-2, -2, 0), (2, -2, 0), (0, 2, 0)], np.float32)
+    corners[:, :, 2] = np.linspace(0.0, 1.0, count, dtype=np.float32)[:, None]
+    made = perfect_bvh.Scene()
+    made.add_instance(made.add_mesh(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)))
+    made.commit()
+    down = np.array([(0.0, 0.0, 9.0)]), np.array([(0.0, 0.0, -1.0)])
+    assert made.cast_rays(*down).t_hit.tolist() == [8.0]
+    assert made.count_intersections(*down).tolist() == [count]
+    hits, _ = made.list_intersections(*down, fields=("t_hit", "primitive_ids"))
+    assert hits.primitive_ids.tolist() == list(range(count - 1, -1, -1))
+    assert made.compute_closest_points([(0.0, 0.0, 9.0)]).primitive_ids.tolist() == [count - 1]
+
+
 @pytest.mark.parametrize(
     "direction", [(0, 0, -1e-45), (0, 0, -1e-310), (0, 0, -3e38), (1e-45, 1e-45, -1e-45), (0, 0, -1e300)]
 )
