@@ -308,8 +308,9 @@ TEST(MortonClusters, KeepALargeReferenceApart) {
 }
 
 TEST(Morton, CodesInterleaveTheAxes) {
-  EXPECT_EQ(spread_bits(0b1011), 0b001'000'001'001u);
-  EXPECT_EQ(spread_bits(1023), 0x09249249u);
+  alignas(16) std::array<std::int32_t, 4> spread;
+  spread_bits(Int4(0b1011, 1023, 0, 1)).store(spread.data());
+  EXPECT_EQ(spread, (std::array<std::int32_t, 4>{0b001'000'001'001, 0x09249249, 0, 1}));
   Box4 centers = Box4::empty();
   centers.grow(Float4(0, 0, 0, 0));
   centers.grow(Float4(1024, 1024, 512, 0));

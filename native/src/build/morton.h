@@ -14,12 +14,12 @@ namespace perfect_bvh {
 
 inline constexpr unsigned kMortonBits = 30;
 
-// Bit i of a number of 10 bits moves to bit 3 * i.
-[[nodiscard]] constexpr std::uint32_t spread_bits(std::uint32_t x) noexcept {
-  x = (x | (x << 16)) & 0x030000FFu;
-  x = (x | (x << 8)) & 0x0300F00Fu;
-  x = (x | (x << 4)) & 0x030C30C3u;
-  return (x | (x << 2)) & 0x09249249u;
+// In each lane bit i of a number of 10 bits moves to bit 3 * i.
+[[nodiscard]] inline Int4 spread_bits(Int4 x) noexcept {
+  x = (x | (x << 16)) & Int4(0x030000FF);
+  x = (x | (x << 8)) & Int4(0x0300F00F);
+  x = (x | (x << 4)) & Int4(0x030C30C3);
+  return (x | (x << 2)) & Int4(0x09249249);
 }
 
 // A cubic grid over the centres: cells as long as wide, since the codes then divide longer axes first.
@@ -51,10 +51,9 @@ class MortonGrid {
 
   [[nodiscard]] std::uint32_t code(Float4 center) const noexcept {
     const Float4 place = (center * multiplier_ - origin_) * scale_;
-    alignas(16) std::array<float, 4> cell;
-    min(max(place, Float4(0.0f)), Float4(kCells - 1.0f)).store(cell.data());
-    return spread_bits(static_cast<std::uint32_t>(cell[0])) << 2 |
-           spread_bits(static_cast<std::uint32_t>(cell[1])) << 1 | spread_bits(static_cast<std::uint32_t>(cell[2]));
+    alignas(16) std::array<std::uint32_t, 4> cell;
+    spread_bits(truncate(min(max(place, Float4(0.0f)), Float4(kCells - 1.0f)))).store(cell.data());
+    return cell[0] << 2 | cell[1] << 1 | cell[2];
   }
 
  private:

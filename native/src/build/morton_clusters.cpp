@@ -140,7 +140,7 @@ MortonClusters make_morton_clusters(std::span<const PrimRef> prims, ThreadPool& 
       keys[i] = Key{grid.code(MortonGrid::center(Box4::load(&prims[i])))} << 32 | i;
     }
   });
-  const std::span<const Key> sorted = radix_sort(keys, scratch, 32, kMortonBits);
+  const std::span<const Key> sorted = radix_sort(keys, scratch, 32, kMortonBits, pool);
   MortonClusters result;
   result.prims.resize(prims.size());
   std::vector<ChunkClusters> chunks(chunk_count(prims.size()));

@@ -27,6 +27,7 @@ struct Float4 {
     return _mm_loadu_ps(static_cast<const float*>(p));
   }
   void store(void* aligned) const noexcept { _mm_store_ps(static_cast<float*>(aligned), v); }
+  void store_unaligned(void* p) const noexcept { _mm_storeu_ps(static_cast<float*>(p), v); }
 
   friend Float4 operator+(Float4 a, Float4 b) noexcept { return _mm_add_ps(a.v, b.v); }
   friend Float4 operator-(Float4 a, Float4 b) noexcept { return _mm_sub_ps(a.v, b.v); }
@@ -54,10 +55,18 @@ struct Int4 {
     return _mm_load_si128(static_cast<const __m128i*>(aligned));
   }
   void store(void* aligned) const noexcept { _mm_store_si128(static_cast<__m128i*>(aligned), v); }
+  [[nodiscard]] static Int4 load_unaligned(const void* p) noexcept {
+    return _mm_loadu_si128(static_cast<const __m128i*>(p));
+  }
   friend Int4 operator+(Int4 a, Int4 b) noexcept { return _mm_add_epi32(a.v, b.v); }
   friend Int4 operator-(Int4 a, Int4 b) noexcept { return _mm_sub_epi32(a.v, b.v); }
-  friend Int4 operator|(Int4 a, Int4 b) noexcept { return _mm_or_si128(a.v, b.v); }
   friend Int4 operator&(Int4 a, Int4 b) noexcept { return _mm_and_si128(a.v, b.v); }
+  friend Int4 operator|(Int4 a, Int4 b) noexcept { return _mm_or_si128(a.v, b.v); }
+  friend Int4 operator^(Int4 a, Int4 b) noexcept { return _mm_xor_si128(a.v, b.v); }
+  friend Int4 operator<<(Int4 a, int bits) noexcept { return _mm_slli_epi32(a.v, bits); }
+  friend Int4 operator>>(Int4 a, int bits) noexcept { return _mm_srli_epi32(a.v, bits); }  // zeros come in
+  // Lane by lane a > b ? all bits : none.
+  friend Int4 greater(Int4 a, Int4 b) noexcept { return _mm_cmpgt_epi32(a.v, b.v); }
 };
 
 // -1 in the lanes where a < b, 0 in the others.
@@ -66,6 +75,11 @@ struct Int4 {
 [[nodiscard]] inline std::uint32_t equal_lanes(Int4 a, Int4 b) noexcept {
   return static_cast<std::uint32_t>(_mm_movemask_ps(_mm_castsi128_ps(_mm_cmpeq_epi32(a.v, b.v))));
 }
+[[nodiscard]] inline Int4 bits_of(Float4 a) noexcept { return _mm_castps_si128(a.v); }
+[[nodiscard]] inline Float4 from_bits(Int4 a) noexcept { return _mm_castsi128_ps(a.v); }
+// Rows become columns.
+inline void transpose(Float4& a, Float4& b, Float4& c, Float4& d) noexcept { _MM_TRANSPOSE4_PS(a.v, b.v, c.v, d.v); }
+
 [[nodiscard]] inline Float4 to_float(Int4 a) noexcept { return _mm_cvtepi32_ps(a.v); }
 // Rounds towards zero; the values must fit.
 [[nodiscard]] inline Int4 truncate(Float4 a) noexcept { return _mm_cvttps_epi32(a.v); }
@@ -91,6 +105,7 @@ struct Float4 {
     return result;
   }
   void store(void* p) const noexcept { __builtin_memcpy(p, v, sizeof(v)); }
+  void store_unaligned(void* p) const noexcept { store(p); }
 
   friend Float4 operator+(Float4 a, Float4 b) noexcept {
     return {a.v[0] + b.v[0], a.v[1] + b.v[1], a.v[2] + b.v[2], a.v[3] + b.v[3]};
@@ -131,17 +146,40 @@ struct Int4 {
     return result;
   }
   void store(void* p) const noexcept { __builtin_memcpy(p, v, sizeof(v)); }
+  [[nodiscard]] static Int4 load_unaligned(const void* p) noexcept { return load(p); }
+  template <class Operation>
+  [[nodiscard]] static Int4 lanewise(Int4 a, Int4 b, Operation operation) noexcept {
+    for (int i = 0; i < 4; ++i) {
+      a.v[i] =
+          static_cast<std::int32_t>(operation(static_cast<std::uint32_t>(a.v[i]), static_cast<std::uint32_t>(b.v[i])));
+    }
+    return a;
+  }
   friend Int4 operator+(Int4 a, Int4 b) noexcept {
-    return {a.v[0] + b.v[0], a.v[1] + b.v[1], a.v[2] + b.v[2], a.v[3] + b.v[3]};
+    return lanewise(a, b, [](std::uint32_t x, std::uint32_t y) { return x + y; });
   }
   friend Int4 operator-(Int4 a, Int4 b) noexcept {
-    return {a.v[0] - b.v[0], a.v[1] - b.v[1], a.v[2] - b.v[2], a.v[3] - b.v[3]};
-  }
-  friend Int4 operator|(Int4 a, Int4 b) noexcept {
-    return {a.v[0] | b.v[0], a.v[1] | b.v[1], a.v[2] | b.v[2], a.v[3] | b.v[3]};
+    return lanewise(a, b, [](std::uint32_t x, std::uint32_t y) { return x - y; });
   }
   friend Int4 operator&(Int4 a, Int4 b) noexcept {
-    return {a.v[0] & b.v[0], a.v[1] & b.v[1], a.v[2] & b.v[2], a.v[3] & b.v[3]};
+    return lanewise(a, b, [](std::uint32_t x, std::uint32_t y) { return x & y; });
+  }
+  friend Int4 operator|(Int4 a, Int4 b) noexcept {
+    return lanewise(a, b, [](std::uint32_t x, std::uint32_t y) { return x | y; });
+  }
+  friend Int4 operator^(Int4 a, Int4 b) noexcept {
+    return lanewise(a, b, [](std::uint32_t x, std::uint32_t y) { return x ^ y; });
+  }
+  friend Int4 operator<<(Int4 a, int bits) noexcept {
+    return lanewise(a, a, [bits](std::uint32_t x, std::uint32_t) { return x << bits; });
+  }
+  friend Int4 operator>>(Int4 a, int bits) noexcept {  // zeros come in
+    return lanewise(a, a, [bits](std::uint32_t x, std::uint32_t) { return x >> bits; });
+  }
+  // Lane by lane a > b ? all bits : none.
+  friend Int4 greater(Int4 a, Int4 b) noexcept {
+    for (int i = 0; i < 4; ++i) a.v[i] = a.v[i] > b.v[i] ? -1 : 0;
+    return a;
   }
 };
 
@@ -154,6 +192,15 @@ struct Int4 {
   for (std::uint32_t i = 0; i < 4; ++i) lanes |= (a.v[i] == b.v[i] ? 1u : 0u) << i;
   return lanes;
 }
+[[nodiscard]] inline Int4 bits_of(Float4 a) noexcept { return Int4::load(a.v); }
+[[nodiscard]] inline Float4 from_bits(Int4 a) noexcept { return Float4::load(a.v); }
+// Rows become columns.
+inline void transpose(Float4& a, Float4& b, Float4& c, Float4& d) noexcept {
+  const Float4 rows[4] = {a, b, c, d};
+  for (int i = 0; i < 4; ++i)
+    a.v[i] = rows[i].v[0], b.v[i] = rows[i].v[1], c.v[i] = rows[i].v[2], d.v[i] = rows[i].v[3];
+}
+
 [[nodiscard]] inline Float4 to_float(Int4 a) noexcept {
   return {static_cast<float>(a.v[0]), static_cast<float>(a.v[1]), static_cast<float>(a.v[2]),
           static_cast<float>(a.v[3])};
@@ -168,6 +215,11 @@ struct Int4 {
 }
 
 #endif
+
+// Floats whose lowest bits are replaced by a number: the smallest of several non-negative ones also tells which it was.
+[[nodiscard]] inline Float4 tagged(Float4 value, Int4 mask, Int4 tag) noexcept {
+  return from_bits((bits_of(value) & (mask ^ Int4(-1))) | tag);
+}
 
 // A box whose corners fill a register each.
 struct Box4 {
