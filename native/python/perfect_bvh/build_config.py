@@ -42,7 +42,8 @@ class BuildConfig:
         (Bittner, Hapala and Havran 2013; Meister and Bittner 2018). Each pass looks at twice as many nodes as the one
         before; it stops by itself where nothing is left to gain. Lowers the cost of any builder's tree, most of all
         of uneven ones, for up to several times the time of the build.
-    bins: intervals an axis, 2 to 256; for "binned", "fast" and "spatial". Fewer are slightly faster and worse.
+    bins: intervals an axis, 2 to 256; for "binned", "fast" and "spatial" (space is cut at half as
+        many). Fewer are slightly faster and worse.
     axes: 3 tries planes on all axes, 1 only on the longest one; for "binned" and "fast". One is faster and worse.
     max_leaf_size: triangles a leaf holds at most, 1 to 255; "median" splits until no leaf holds more, the others
         earlier where that costs less.

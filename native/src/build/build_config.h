@@ -28,7 +28,7 @@ enum class BuilderKind : std::uint8_t { kAuto, kMedian, kSweep, kBinned, kSpatia
 
 struct BuildConfig {
   BuilderKind builder = BuilderKind::kAuto;
-  std::uint32_t bins = 16;            // binned, spatial: intervals an axis, 2 to 256
+  std::uint32_t bins = 16;            // binned, spatial: intervals an axis, 2 to 256; half of them to cut space at
   std::uint32_t axes = 3;             // binned: 3 tries all axes, 1 only the longest
   std::uint32_t max_leaf_size = 8;    // a leaf never holds more
   float traversal_cost = 1.0f;        // SAH: of visiting a node ...

@@ -16,8 +16,8 @@ namespace perfect_bvh {
 namespace {
 
 // Space is only cut where an object split's halves overlap by this share of the root's area. The paper's alpha is 1e-5;
-// the nodes between the two take half of the time and gain less than 0.1% of the cost.
-constexpr float kLeastOverlap = 3e-4f;
+// the nodes between the two take most of the time and gain less than 0.5% of the cost.
+constexpr float kLeastOverlap = 1e-3f;
 constexpr std::uint32_t kSampleSize = 2048;  // references put into object bins, at least
 
 // Rows [begin, begin + capacity) belong to the range, the first `count` hold references. The rest is its share of the
@@ -198,7 +198,8 @@ class SpatialWorker {
     if (range.count <= job_.config.max_leaf_size) {
       limit = std::min(limit, area * all - area * (job_.config.traversal_cost / job_.config.intersection_cost));
     }
-    const std::uint32_t bin_count = std::min(job_.config.bins, range.count / 4 + 4);
+    // Slices are dear. An even number of bins has a plane in the middle, which is often the best.
+    const std::uint32_t bin_count = std::min(std::max(job_.config.bins / 4 * 2, 2u), range.count / 8 * 2 + 4);
     const SpatialPlane plane = find_spatial_plane({rows(range), range.count}, range.box, bin_count, job_.clipper,
                                                   job_.scale, limit, range.capacity);
     return plane.axis < 0 ? Sides{} : divide(range, plane);

@@ -82,6 +82,26 @@ void fill_bins(std::span<const PrimRef> refs, int axis, const Planes& planes, co
   }
 }
 
+// Whether some plane of the axis leaves few enough references. Counting them is cheap, slicing them is not: where all
+// overlap each other (duplicates), there is nothing to slice for.
+[[nodiscard]] bool some_plane_fits(std::span<const PrimRef> refs, int axis, const Planes& planes,
+                                   std::uint32_t bin_count, std::uint32_t most_references) noexcept {
+  std::array<std::uint32_t, kMaxSpatialBins> entries{}, exits{};
+  for (const PrimRef& ref : refs) {
+    const std::uint32_t first = planes.first_bin(ref.lower[axis]);
+    ++entries[first];
+    ++exits[std::max(first, planes.last_bin(ref.upper[axis]))];
+  }
+  auto right_count = static_cast<std::uint32_t>(refs.size());
+  std::uint32_t left_count = 0;
+  for (std::uint32_t k = 0; k + 1 < bin_count; ++k) {
+    left_count += entries[k];
+    right_count -= exits[k];
+    if (left_count > 0 && right_count > 0 && left_count + right_count <= most_references) return true;
+  }
+  return false;
+}
+
 // Prices every plane of an axis; takes over the cheapest if it beats `best`.
 void price_planes(std::span<const SpatialBin> bins, int axis, const Planes& planes, const AreaScale& scale,
                   std::uint32_t most_references, SpatialPlane& best) noexcept {
@@ -137,7 +157,7 @@ SpatialPlane find_spatial_plane(std::span<const PrimRef> refs, const Box4& box, 
   std::array<SpatialBin, kMaxSpatialBins> bins;
   for (int axis = 0; axis < 3; ++axis) {
     const Planes planes(lower[static_cast<std::size_t>(axis)], upper[static_cast<std::size_t>(axis)], bin_count);
-    if (!planes.usable()) continue;
+    if (!planes.usable() || !some_plane_fits(refs, axis, planes, bin_count, most_references)) continue;
     const std::span<SpatialBin> used(bins.data(), bin_count);
     fill_bins(refs, axis, planes, clipper, used);
     price_planes(used, axis, planes, scale, most_references, best);
