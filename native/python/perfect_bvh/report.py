@@ -100,7 +100,8 @@ class TreeStatistics:
 
     primitive_count, vertex_count: of the mesh; of the top level, instances and 0. user_count: instances of the mesh.
 
-    Of the binary tree, whether or not it is still kept:
+    Of the binary tree, whether or not it is still kept; of a mesh whose tree was built straight into the one that rays
+    are traced through (usage "changing"), of that one, whose visits are fewer than a binary tree's:
     is_refittable: whether it may follow moved vertices; not with spatial splits.
     node_count, leaf_count, max_leaf_size, depth: nodes include leaves; depth is 0 for a single leaf.
     reference_count: triangles in leaves; more than primitive_count if some are in several.
@@ -109,7 +110,8 @@ class TreeStatistics:
     sibling_overlap: area that both children of a node cover, as a share of all parents' area.
     epo: end-point overlap (Aila, Karras and Laine 2013): the expected cost of nodes whose box holds a point of a
         surface that is not in them. leaf_count_variability: the standard deviation of how many leaves' boxes a random
-        line through the root's box meets. Both None unless details were asked for; the top level has no epo.
+        line through the root's box meets. Both None unless details were asked for of a binary tree; the top level has
+        no epo.
 
     Of the tree that rays are traced through: wide_node_count, wide_leaf_count, wide_depth.
 

@@ -49,6 +49,12 @@ BuildConfig choose_builder(BuildConfig config, Usage usage) noexcept {
   return config;
 }
 
+bool is_built_wide(const BuildConfig& config) noexcept {
+  BuildConfig plain;
+  plain.builder = BuilderKind::kFast;
+  return config == plain;
+}
+
 Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
   AlignedVector<PrimRef> prims(mesh.triangle_count());
   constexpr std::size_t kGrain = 16384;

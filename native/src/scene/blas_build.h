@@ -13,6 +13,10 @@ namespace perfect_bvh {
 // any other repays a better one.
 [[nodiscard]] BuildConfig choose_builder(BuildConfig config, Usage usage) noexcept;
 
+// Whether a tree that nobody will refit may be built straight into the wide one: the fast builder's, unless something
+// was asked for that only a binary tree can heed.
+[[nodiscard]] bool is_built_wide(const BuildConfig& config) noexcept;
+
 [[nodiscard]] Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool& pool,
                               CancelToken& cancel);
 

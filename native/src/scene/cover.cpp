@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "math/float4.h"
+#include "wide/wide_boxes.h"
 
 namespace perfect_bvh {
 namespace {
@@ -35,36 +36,79 @@ float greatest_of(Float4 v) {
   return std::max(std::max(lanes[0], lanes[1]), std::max(lanes[2], lanes[3]));
 }
 
+// Boxes still to be opened, or kept as they are. The one with the largest surface gains most from being opened. Ties go
+// by number, so that the cover repeats.
+class Opening {
+ public:
+  struct Candidate {
+    Aabb box;
+    std::uint32_t number;
+    [[nodiscard]] bool operator<(const Candidate& other) const noexcept {
+      const float area = box.half_area(), other_area = other.box.half_area();
+      return area != other_area ? area < other_area : number > other.number;
+    }
+  };
+
+  [[nodiscard]] bool empty() const noexcept { return open_.empty(); }
+  [[nodiscard]] std::size_t size() const noexcept { return open_.size() + kept_.size(); }  // of the cover as it stands
+  [[nodiscard]] const std::vector<Aabb>& kept() const noexcept { return kept_; }
+  void keep(const Aabb& box) { kept_.push_back(box); }
+
+  void add(const Aabb& box, std::uint32_t number) {
+    open_.push_back({box, number});
+    std::push_heap(open_.begin(), open_.end());
+  }
+  [[nodiscard]] Candidate take_largest() {
+    std::pop_heap(open_.begin(), open_.end());
+    const Candidate candidate = open_.back();
+    open_.pop_back();
+    return candidate;
+  }
+
+ private:
+  std::vector<Candidate> open_;
+  std::vector<Aabb> kept_;
+};
+
 }  // namespace
 
 std::vector<Aabb> cover_boxes(const Bvh2& tree, std::size_t limit) {
   if (tree.empty()) return {};
-  // The node with the largest surface gains most from being opened. Ties go by index, so that the cover repeats.
-  struct Candidate {
-    float area;
-    std::uint32_t node;
-    bool operator<(const Candidate& other) const { return area != other.area ? area < other.area : node > other.node; }
-  };
-  std::vector<Aabb> boxes;
-  std::vector<Candidate> open{{tree.nodes[0].box().half_area(), 0}};
-  while (!open.empty()) {
-    std::pop_heap(open.begin(), open.end());
-    const Bvh2Node& node = tree.nodes[open.back().node];
-    open.pop_back();
-    if (node.is_leaf() || boxes.size() + open.size() + 2 > limit) {
-      boxes.push_back(node.box());
+  Opening opening;
+  opening.add(tree.nodes[0].box(), 0);
+  while (!opening.empty()) {
+    const auto [box, number] = opening.take_largest();
+    const Bvh2Node& node = tree.nodes[number];
+    if (node.is_leaf() || opening.size() + 2 > limit) {
+      opening.keep(box);
       continue;
     }
-    for (const std::uint32_t child : {node.first, node.first + 1}) {
-      open.push_back({tree.nodes[child].box().half_area(), child});
-      std::push_heap(open.begin(), open.end());
-    }
+    for (const std::uint32_t child : {node.first, node.first + 1}) opening.add(tree.nodes[child].box(), child);
   }
-  return boxes;
+  return opening.kept();
 }
 
-Cover make_cover(const Bvh2& tree, std::size_t limit) {
-  const std::vector<Aabb> boxes = cover_boxes(tree, limit);
+std::vector<Aabb> cover_boxes(const WideBvh& tree, std::size_t limit) {
+  if (tree.is_empty) return {};
+  Opening opening;
+  const float to_mesh = 1.0f / tree.scale;
+  const auto in_mesh = [to_mesh](const Aabb& box) { return Aabb{box.lower * to_mesh, box.upper * to_mesh}; };
+  opening.add(in_mesh(bounds_of(tree)), tree.root);
+  while (!opening.empty()) {
+    const auto [box, child] = opening.take_largest();
+    if (child >= kBlockChild || opening.size() + kWideWidth > limit) {
+      opening.keep(box);
+      continue;
+    }
+    const WideNode& node = tree.nodes[child];
+    for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
+      if (node.child[lane] != kNoChild) opening.add(in_mesh(child_box(node, lane)), node.child[lane]);
+    }
+  }
+  return opening.kept();
+}
+
+Cover make_cover(const std::vector<Aabb>& boxes) {
   Cover cover;
   for (std::size_t first = 0; first < boxes.size(); first += 4) cover.groups.push_back(make_group(boxes, first));
   for (const Aabb& box : boxes) {

@@ -9,6 +9,7 @@
 #include "build/bvh2.h"
 #include "core/aligned.h"
 #include "math/affine.h"
+#include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
 
@@ -28,7 +29,11 @@ inline constexpr std::size_t kCoverBoxes = 32;
 
 // At most `limit` boxes that hold every primitive of the tree; empty for an empty tree.
 [[nodiscard]] std::vector<Aabb> cover_boxes(const Bvh2& tree, std::size_t limit);
-[[nodiscard]] Cover make_cover(const Bvh2& tree, std::size_t limit = kCoverBoxes);
+[[nodiscard]] std::vector<Aabb> cover_boxes(const WideBvh& tree, std::size_t limit);
+[[nodiscard]] Cover make_cover(const std::vector<Aabb>& boxes);
+[[nodiscard]] inline Cover make_cover(const Bvh2& tree, std::size_t limit = kCoverBoxes) {
+  return make_cover(cover_boxes(tree, limit));
+}
 
 // One axis of a world box, about `place`, rounded outward and with a margin. Tracing moves a hit by less than
 // 100 * 2^-24 of the mesh's reach on each of its axes (math/slab.h, with |origin| <= 4 reach and the narrowing of the

@@ -26,7 +26,7 @@ struct Blas {
   const TriangleMesh& mesh;
   Bvh2 tree;            // only where it will be refitted: empty otherwise, once `wide` is made
   BuildConfig config;   // that the tree was built with, its builder named; refits keep it
-  TreeQuality quality;  // of the tree
+  TreeQuality quality;  // of the tree; empty where there never was a binary one
   WideBvh wide;         // what rays are traced through
   LazySupport support;  // of `wide`, where many instances ask for it
   Cover cover;          // a few boxes that hold the whole mesh

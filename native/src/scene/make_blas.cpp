@@ -1,5 +1,6 @@
 // Scene::make_blas: from a mesh that is new or was edited to what rays are traced through. The binary tree is built or,
-// where the triangles are those that it was built over, refitted; then collapsed into the wide one.
+// where the triangles are those that it was built over, refitted; then collapsed into the wide one. Of a mesh
+// whose topology changes the wide tree is built at once.
 
 #include <algorithm>
 
@@ -11,6 +12,7 @@
 #include "update/quality.h"
 #include "update/refit.h"
 #include "wide/collapse.h"
+#include "wide/fast_wide.h"
 
 namespace perfect_bvh {
 namespace {
@@ -47,6 +49,20 @@ void build(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel
   report.optimize_milliseconds = watch.lap_milliseconds();
 }
 
+void build_wide(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
+  const Stopwatch watch;
+  blas.wide = build_fast_wide(blas.mesh, pool, cancel);
+  blas.cover = make_cover(cover_boxes(blas.wide, kCoverBoxes));
+  report.build_milliseconds = watch.milliseconds();
+}
+
+void collapse(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
+  blas.cover = make_cover(blas.tree);
+  const Stopwatch watch;
+  blas.wide = collapse_mesh(blas.tree, blas.mesh, pool, cancel);
+  report.collapse_milliseconds = watch.milliseconds();
+}
+
 }  // namespace
 
 // A refit from `slot.blas`; false if there is nothing to refit, or the result would be too slow to trace.
@@ -80,24 +96,25 @@ Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, T
   report.action = slot.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
   report.reason = slot.blas ? "the triangles were replaced" : "new mesh";
   const bool deforms = slot.blas && slot.same_topology;
+  // Whoever changed the positions once will do so again.
+  const bool keeps_tree = slot.usage == Usage::kDeforming || deforms || (slot.blas && !slot.blas->tree.empty());
   if (deforms && refit_blas(*blas, slot, report, pool, cancel)) {
     result.fresh_cost = slot.fresh_cost;
   } else {
     blas->config = choose_builder(slot.config, slot.usage);
     report.reason += why_so_built(slot.config.builder, blas->config.builder);
-    build(*blas, report, pool, cancel);
-    blas->quality = measure_quality(blas->tree);
-    // A tree built over no extent has no quality to measure a refit by.
-    result.fresh_cost = blas->tree.bounds().half_area() > 0 ? blas->quality.sah : 0;
+    if (slot.usage == Usage::kChanging && !keeps_tree && is_built_wide(blas->config)) {
+      build_wide(*blas, report, pool, cancel);
+    } else {
+      build(*blas, report, pool, cancel);
+      blas->quality = measure_quality(blas->tree);
+      // A tree built over no extent has no quality to measure a refit by.
+      result.fresh_cost = blas->tree.bounds().half_area() > 0 ? blas->quality.sah : 0;
+    }
   }
   report.builder = builder_name(blas->config.builder);
   report.triangle_count = blas->mesh.triangle_count();
-  blas->cover = make_cover(blas->tree);
-  const Stopwatch collapse_watch;
-  blas->wide = collapse_mesh(blas->tree, blas->mesh, pool, cancel);
-  report.collapse_milliseconds = collapse_watch.milliseconds();
-  // Whoever changed the positions once will do so again.
-  const bool keeps_tree = slot.usage == Usage::kDeforming || deforms || (slot.blas && !slot.blas->tree.empty());
+  if (!blas->tree.empty()) collapse(*blas, report, pool, cancel);
   if (!keeps_tree || !blas->tree.refittable) blas->tree = {};
   report.byte_count = blas->mesh.byte_count() + blas->tree.byte_count() + blas->wide.byte_count();
   report.milliseconds = watch.milliseconds();

@@ -5,6 +5,7 @@
 #include "scene/blas_build.h"
 #include "update/epo.h"
 #include "update/quality.h"
+#include "wide/wide_quality.h"
 
 namespace perfect_bvh {
 namespace {
@@ -36,7 +37,8 @@ void add_bytes(TreeStatistics& row, std::size_t geometry, const Bvh2& binary, co
 }
 
 TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const StatisticsOptions& options) {
-  TreeStatistics row = describe(blas.quality, options);
+  const bool was_binary = blas.quality.node_count > 0;
+  TreeStatistics row = describe(was_binary ? blas.quality : measure_wide_quality(blas.wide), options);
   row.mesh_id = mesh_id;
   row.builder = builder_name(blas.config.builder);
   row.primitive_count = blas.mesh.triangle_count();
@@ -58,6 +60,10 @@ TreeStatistics describe_top_level(const Snapshot& snapshot, const StatisticsOpti
 // Builders are deterministic: built again, a tree is the one that it was.
 void add_details(TreeStatistics& row, const Blas& blas, const StatisticsOptions& options, ThreadPool& pool,
                  CancelToken& cancel) {
+  if (blas.quality.node_count == 0 && !blas.wide.is_empty) {  // built straight into the wide tree
+    cancel.advance(blas.mesh.triangle_count());
+    return;
+  }
   Bvh2 again;
   const Bvh2* tree = &blas.tree;
   if (tree->empty() && blas.mesh.triangle_count() > 0) {

@@ -16,7 +16,8 @@ struct TreeStatistics {
   std::size_t vertex_count = 0;
   std::size_t user_count = 0;  // instances
 
-  // The binary tree, whether or not it is still kept.
+  // The binary tree, whether or not it is still kept; of a tree that was never binary the wide one, with its leaf
+  // blocks for leaves. Details are of binary trees alone.
   bool is_refittable = true;
   std::size_t node_count = 0;
   std::size_t leaf_count = 0;
@@ -25,7 +26,7 @@ struct TreeStatistics {
   std::uint32_t depth = 0;
   double sah = 0;
   double sibling_overlap = 0;
-  std::optional<double> epo, leaf_count_variability;  // only where details were asked for
+  std::optional<double> epo, leaf_count_variability;  // only where asked for
 
   // The tree that rays are traced through.
   std::size_t wide_node_count = 0;

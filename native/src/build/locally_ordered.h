@@ -1,0 +1,57 @@
+// A binary tree over boxes that stand along a Morton curve. Below, where it matters little, it is the codes' radix tree
+// (Lauterbach et al. 2009); from groups of a few dozen boxes upwards they are clustered: each looks for its best
+// partner among its nearest neighbours on the curve, pairs that chose each other become one, and so on until one is
+// left (Meister and Bittner 2018, "Parallel locally-ordered clustering for bounding volume hierarchy construction").
+// In: boxes along a curve. Out: a binary tree over them, children before parents.
+#pragma once
+
+#include <cstdint>
+
+#include "core/aligned.h"
+#include "core/cancel.h"
+#include "core/thread_pool.h"
+#include "math/float4.h"
+#include "math/vec3.h"
+
+namespace perfect_bvh {
+
+struct alignas(32) Cluster {
+  Vec3f lower;
+  std::uint32_t left;  // of two clusters: their numbers. Of a single box: the codes at its ends on the curve.
+  Vec3f upper;
+  std::uint32_t right;
+
+  [[nodiscard]] Box4 box() const noexcept { return Box4::load(this); }
+  [[nodiscard]] float half_area() const noexcept { return perfect_bvh::half_area(box().extent()); }
+};
+
+[[nodiscard]] inline Cluster make_cluster(const Box4& box, std::uint32_t left, std::uint32_t right) noexcept {
+  Cluster cluster;
+  box.lower.store(&cluster.lower);
+  box.upper.store(&cluster.upper);
+  cluster.left = left;
+  cluster.right = right;
+  return cluster;
+}
+
+// Clusters by number: first the boxes themselves, then those made of two, in regions of which some rows are unused.
+struct ClusterTree {
+  struct Region {
+    std::uint32_t begin, end;
+  };
+
+  AlignedVector<Cluster> clusters;
+  std::uint32_t box_count = 0;
+  AlignedVector<Region> regions;  // each made by one thread alone, from boxes and from its own clusters
+  Region top{};                   // made last, over all of them
+  std::uint32_t root = 0;
+};
+
+// How many rows a tree over so many boxes takes, at most: worth reserving.
+[[nodiscard]] std::size_t most_clusters(std::size_t box_count) noexcept;
+
+// Coordinates must be such that areas neither over- nor underflow. At least one box. The same for any number of
+// threads; no deeper than some multiple of the count's logarithm, whatever the boxes.
+[[nodiscard]] ClusterTree cluster_along_curve(AlignedVector<Cluster> boxes, ThreadPool& pool, CancelToken& cancel);
+
+}  // namespace perfect_bvh

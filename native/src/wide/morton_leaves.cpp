@@ -1,0 +1,143 @@
+#include "wide/morton_leaves.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <memory>
+#include <vector>
+
+#include "core/errors.h"
+#include "wide/run_cutter.h"
+#include "wide/tree_scale.h"
+#include "wide/triangle_order.h"
+
+namespace perfect_bvh {
+namespace {
+
+// A run's vertices: each once, and every corner's place among them. Where a corner's vertex occurred before, the
+// cutter has noted.
+struct RunVertices {
+  std::array<std::uint32_t, 9> vertices;
+  std::uint32_t count = 0;
+  std::array<std::uint32_t, kLeafSize> corners;
+
+  RunVertices(const std::uint32_t* corner_vertices, const std::uint8_t* way_back, std::uint32_t size) noexcept {
+    std::array<std::uint8_t, kMostBack + 3 * kLeafSize> places_of;
+    std::uint8_t* const place_of = places_of.data() + kMostBack;  // what lies before it is read, but not used
+    for (std::uint32_t triangle = 0; triangle < size; ++triangle) {
+      std::uint32_t word = 0;
+      for (std::uint32_t k = 0; k < 3; ++k) {
+        const std::uint32_t corner = 3 * triangle + k;
+        const bool is_new = way_back[corner] > corner;
+        const std::uint32_t place = is_new ? count : place_of[static_cast<int>(corner) - way_back[corner]];
+        place_of[corner] = static_cast<std::uint8_t>(place);
+        vertices[place] = corner_vertices[corner];
+        count += is_new;
+        word |= place << (4 * k);
+      }
+      corners[triangle] = word;
+    }
+    std::fill(vertices.begin() + count, vertices.end(), vertices[count - 1]);
+  }
+};
+
+// Rows of the block in the order of the triangles' numbers.
+void write_triangles(LeafBlock& block, const TriangleOrder& order, std::size_t first, std::uint32_t size,
+                     const std::array<std::uint32_t, kLeafSize>& corners) noexcept {
+  std::array<std::int32_t, kLeafSize> numbers, ranks{};  // signed: compared by SSE2
+  numbers.fill(std::numeric_limits<std::int32_t>::max());
+  for (std::uint32_t i = 0; i < size; ++i) numbers[i] = static_cast<std::int32_t>(order.triangle(first + i));
+  for (const std::int32_t number : numbers) {
+    for (std::uint32_t i = 0; i < kLeafSize; ++i) ranks[i] += numbers[i] > number;
+  }
+  for (std::uint32_t i = 0; i < size; ++i) {
+    block.primitives[ranks[i]] = static_cast<std::uint32_t>(numbers[i]);
+    block.corners[ranks[i]] = corners[i];
+  }
+  std::fill(block.primitives + size, block.primitives + kLeafSize, block.primitives[size - 1]);
+  std::fill(block.corners + size, block.corners + kLeafSize, block.corners[size - 1]);
+}
+
+[[nodiscard]] Box4 write_vertices(LeafBlock& block, const TriangleOrder& order, const RunVertices& run,
+                                  Float4 scale) noexcept {
+  std::array<Float4, 8> rows;
+  for (std::size_t i = 0; i < 8; ++i) rows[i] = order.vertices[run.vertices[i]] * scale;
+  Box4 box{rows[0], rows[0]};
+  for (std::size_t i = 1; i < 8; ++i) box.grow(rows[i]);
+  transpose(rows[0], rows[1], rows[2], rows[3]);
+  transpose(rows[4], rows[5], rows[6], rows[7]);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    rows[axis].store(&block.vertices[axis][0]);
+    rows[axis + 4].store(&block.vertices[axis][4]);
+  }
+  return box;
+}
+
+[[nodiscard]] Aabb to_aabb(const Box4& box) noexcept {
+  alignas(16) std::array<float, 4> lower, upper;
+  box.lower.store(lower.data());
+  box.upper.store(upper.data());
+  return {{lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}};
+}
+
+// In as many parts as there are threads: each needs a memory of all vertices.
+void cut_chunks(const TriangleMesh& mesh, const TriangleOrder& order, std::vector<RunChunk>& chunks, ThreadPool& pool,
+                CancelToken& cancel) {
+  const auto threads = static_cast<std::size_t>(pool.thread_count());
+  const std::size_t part = (chunks.size() + threads - 1) / threads;
+  parallel_for(pool, chunks.size(), part, [&](std::size_t begin, std::size_t end) {
+    RunCutter cutter(mesh, order);
+    for (std::size_t i = begin; i < end; ++i) {
+      cancel.checkpoint();
+      cutter.cut(i * kRunChunk, std::min(mesh.triangle_count(), (i + 1) * kRunChunk), chunks[i]);
+    }
+  });
+}
+
+// The blocks of a chunk whose first triangle stands in place `begin`, from row `row` on.
+void fill_blocks(const TriangleOrder& order, std::size_t begin, const RunChunk& chunk, std::size_t row,
+                 MortonLeaves& leaves) noexcept {
+  const Float4 scale(leaves.scale);
+  std::size_t done = 0;
+  for (const std::uint8_t size : chunk.sizes) {
+    LeafBlock& block = leaves.blocks[row];
+    const RunVertices run(chunk.corners.data() + 3 * done, chunk.way_back.data() + 3 * done, size);
+    write_triangles(block, order, begin + done, size, run.corners);
+    leaves.boxes[row] = make_cluster(write_vertices(block, order, run, scale), order.code(begin + done),
+                                     order.code(begin + done + size - 1));
+    done += size;
+    ++row;
+  }
+}
+
+}  // namespace
+
+MortonLeaves make_morton_leaves(const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel) {
+  const std::size_t count = mesh.triangle_count();
+  if (count > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max())) {
+    throw EngineError("the mesh has more triangles than a tree can refer to");
+  }
+  const TriangleOrder order = order_triangles(mesh, pool, cancel);
+  MortonLeaves leaves;
+  leaves.bounds = to_aabb(order.bounds);
+  leaves.scale = tree_scale(leaves.bounds);
+
+  std::vector<RunChunk> chunks((count + kRunChunk - 1) / kRunChunk);
+  cut_chunks(mesh, order, chunks, pool, cancel);
+  std::vector<std::size_t> first_blocks(chunks.size() + 1);
+  for (std::size_t i = 0; i < chunks.size(); ++i) first_blocks[i + 1] = first_blocks[i] + chunks[i].sizes.size();
+  if (first_blocks.back() > kMostBlocks) throw EngineError("the mesh has more leaves than a tree can refer to");
+  leaves.blocks.resize(first_blocks.back());
+  leaves.boxes.reserve(most_clusters(first_blocks.back()));
+  leaves.boxes.resize(first_blocks.back());
+  parallel_for(pool, count, kRunChunk, [&](std::size_t begin, std::size_t end) {
+    cancel.checkpoint();
+    RunChunk& chunk = chunks[begin / kRunChunk];
+    fill_blocks(order, begin, chunk, first_blocks[begin / kRunChunk], leaves);
+    chunk = {};
+    cancel.advance(end - begin);
+  });
+  return leaves;
+}
+
+}  // namespace perfect_bvh

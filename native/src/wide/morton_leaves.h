@@ -1,0 +1,25 @@
+// The leaves of a wide tree straight from a mesh: triangles put in the order of their Morton codes and cut into runs
+// that fit into leaf blocks (Morton 1966; Lauterbach et al. 2009, "Fast BVH construction on GPUs").
+// In: a mesh. Out: leaf blocks along the curve, and their boxes.
+#pragma once
+
+#include "build/locally_ordered.h"
+#include "core/aligned.h"
+#include "core/cancel.h"
+#include "core/thread_pool.h"
+#include "mesh/triangle_mesh.h"
+#include "wide/wide_bvh.h"
+
+namespace perfect_bvh {
+
+struct MortonLeaves {
+  AlignedVector<LeafBlock> blocks;
+  AlignedVector<Cluster> boxes;  // of the blocks, in the tree's scale
+  Aabb bounds;                   // of all triangles, in the mesh's
+  float scale = 1.0f;            // of the blocks: see WideBvh
+};
+
+// The same bytes for any number of threads. The mesh is not empty. Throws Cancelled, EngineError, bad_alloc.
+[[nodiscard]] MortonLeaves make_morton_leaves(const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel);
+
+}  // namespace perfect_bvh

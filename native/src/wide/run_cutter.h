@@ -1,0 +1,43 @@
+// Cuts triangles that follow each other along a Morton curve into runs that fit into a leaf block each. A run is the
+// largest subtree of the codes' radix tree that starts where the last one ended and fits.
+// In: a chunk of the order. Out: the runs' lengths, and what filling the blocks needs to know of the corners.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/aligned.h"
+#include "mesh/triangle_mesh.h"
+#include "wide/triangle_order.h"
+
+namespace perfect_bvh {
+
+inline constexpr std::size_t kRunChunk = 1024;             // triangles cut together; no run spans two chunks
+inline constexpr std::uint32_t kLeafSize = 8;              // triangles and vertices that a block holds
+inline constexpr std::uint32_t kMostBack = 3 * kLeafSize;  // corners; what lies farther back is in no run together
+
+struct RunChunk {
+  std::vector<std::uint8_t> sizes;
+  AlignedVector<std::uint32_t> corners;  // three vertices for each triangle
+  AlignedVector<std::uint8_t> way_back;  // how many corners ago its vertex occurred last, at most kMostBack
+};
+
+// One for each thread: it remembers where in the order a vertex occurred last.
+class RunCutter {
+ public:
+  RunCutter(const TriangleMesh& mesh, const TriangleOrder& order);
+
+  // Triangles in places [begin, end) of the order, at most kRunChunk of them.
+  void cut(std::size_t begin, std::size_t end, RunChunk& chunk);
+
+ private:
+  void match_corners(std::size_t begin, std::size_t end, RunChunk& chunk) noexcept;
+  void choose_runs(std::size_t begin, std::size_t end, RunChunk& chunk) const;
+
+  const TriangleMesh& mesh_;
+  const TriangleOrder& order_;
+  AlignedVector<std::uint32_t> last_corner_;  // by vertex: 3 * place + corner
+  AlignedVector<std::uint32_t> newness_;      // by triangle of the chunk: see kNewness
+};
+
+}  // namespace perfect_bvh

@@ -1,0 +1,207 @@
+// Every builder, through the scene, on meshes on which methods fail: the trees are sound, every hit is the one found by
+// trying all triangles, the bytes are the same for any number of threads, and large ones take bounded time and memory.
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "build/builder.h"
+#include "scene/blas_build.h"
+#include "scene/scene.h"
+#include "scene/trace.h"
+#include "tests/mesh_sets.h"
+#include "tests/reference_trace.h"
+#include "update/quality.h"
+#include "wide/collapse.h"
+#include "wide/fast_wide.h"
+#include "wide/wide_boxes.h"
+#include "wide/wide_quality.h"
+
+namespace perfect_bvh::test {
+namespace {
+
+struct Way {
+  const char* name;
+  BuildConfig config;
+  Usage usage = Usage::kStatic;
+};
+
+std::ostream& operator<<(std::ostream& out, const Way& way) { return out << way.name; }
+
+std::vector<Way> ways() {
+  std::vector<Way> list;
+  for (const BuilderKind kind :
+       {BuilderKind::kMedian, BuilderKind::kSweep, BuilderKind::kBinned, BuilderKind::kSpatial, BuilderKind::kFast}) {
+    BuildConfig config;
+    config.builder = kind;
+    list.push_back({builder_name(kind), config, Usage::kDeforming});
+  }
+  BuildConfig optimized;
+  optimized.builder = BuilderKind::kBinned;
+  optimized.optimize_passes = 2;
+  list.push_back({"optimized", optimized});
+  list.push_back({"straight_to_wide", BuildConfig{}, Usage::kChanging});
+  return list;
+}
+
+class HardInput : public testing::TestWithParam<Way> {
+ protected:
+  // The wide tree that the scene would make.
+  static WideBvh build(const TriangleMesh& mesh, const Way& way, int thread_count) {
+    ThreadPool pool(thread_count);
+    CancelToken cancel;
+    if (way.usage == Usage::kChanging) return build_fast_wide(mesh, pool, cancel);
+    const Bvh2 tree = build_tree(mesh, way.config, pool, cancel);
+    EXPECT_EQ(find_fault(tree, mesh.triangle_count()), "");
+    return collapse_mesh(tree, mesh, pool, cancel);
+  }
+  static bool is_clipped(const Way& way) { return way.config.builder == BuilderKind::kSpatial; }
+};
+INSTANTIATE_TEST_SUITE_P(Ways, HardInput, testing::ValuesIn(ways()), [](const auto& test) { return test.param.name; });
+
+TEST_P(HardInput, MakesSoundTrees) {
+  for (const NamedMesh& input : hard_meshes()) {
+    EXPECT_EQ(find_wide_fault(build(input.mesh, GetParam(), 1), input.mesh, !is_clipped(GetParam())), "") << input.name;
+  }
+}
+
+// Half of them towards triangles, half of them anywhere.
+std::vector<Ray> rays_at(const TriangleMesh& mesh, std::size_t count) {
+  Aabb box;
+  for (const Vec3f& position : mesh.positions) box.grow(position);
+  if (box.is_empty()) box = {{-1, -1, -1}, {1, 1, 1}};
+  std::mt19937 random(12);
+  std::uniform_real_distribution<double> share(0, 1);
+  const auto point_in_box = [&] {
+    const Vec3d lower = to_double(box.lower), extent = to_double(box.upper) - lower;
+    return lower + Vec3d{share(random), share(random), share(random)} * extent;
+  };
+  std::vector<Ray> rays;
+  for (std::size_t i = 0; i < count; ++i) {
+    Vec3d target = point_in_box();
+    if (i % 2 == 0 && mesh.triangle_count() > 0) {
+      const TriangleIndices t = mesh.triangles[random() % mesh.triangle_count()];
+      const double u = share(random) * 0.5, v = share(random) * 0.5;
+      const Vec3d a = to_double(mesh.positions[t.x]), b = to_double(mesh.positions[t.y]),
+                  c = to_double(mesh.positions[t.z]);
+      target = a * (1 - u - v) + b * u + c * v;
+    }
+    Ray ray{};
+    ray.origin = point_in_box();
+    ray.direction = target - ray.origin;
+    ray.t_min = 0.0f, ray.t_max = std::numeric_limits<float>::infinity(), ray.mask = ~0u;
+    rays.push_back(ray);
+  }
+  return rays;
+}
+
+TEST_P(HardInput, GivesTheHitsOfEveryTriangleTriedInTurn) {
+  ThreadPool pool(1);
+  for (const NamedMesh& input : hard_meshes()) {
+    Scene scene;
+    const std::int32_t mesh_id = scene.add_mesh(TriangleMesh(input.mesh), GetParam().config, GetParam().usage);
+    const InstanceInput instance{mesh_id, Affine{}, ~0u, {}};
+    static_cast<void>(scene.add_instances({&instance, 1}));
+    CancelToken cancel;
+    static_cast<void>(scene.commit(pool, cancel));
+    const auto snapshot = scene.snapshot();
+    const std::vector<Ray> rays = rays_at(input.mesh, 200);
+    std::vector<Hit> hits(rays.size());
+    trace_closest(*snapshot, rays, hits);
+    std::size_t found = 0;
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const Hit expected = reference_closest(*snapshot, rays[i], Cull::kNone);
+      found += expected.found();
+      EXPECT_EQ(hits[i].primitive_index, expected.primitive_index) << input.name << ", ray " << i;
+      EXPECT_EQ(hits[i].t, expected.t) << input.name << ", ray " << i;
+    }
+    if (input.name != "no area" && input.mesh.triangle_count() > 0) {
+      EXPECT_GT(found, 20u) << input.name;
+    }
+  }
+}
+
+bool same_bytes(const WideBvh& a, const WideBvh& b) {
+  return a.nodes.size() == b.nodes.size() && a.blocks.size() == b.blocks.size() && a.root == b.root &&
+         a.depth == b.depth && a.scale == b.scale &&
+         std::memcmp(a.nodes.data(), b.nodes.data(), a.nodes.size() * sizeof(WideNode)) == 0 &&
+         std::memcmp(a.blocks.data(), b.blocks.data(), a.blocks.size() * sizeof(LeafBlock)) == 0;
+}
+
+TEST_P(HardInput, GivesTheSameBytesForAnyThreadCount) {
+  // The first is large enough that threads share every stage.
+  for (const TriangleMesh& mesh : {bumpy_sheet(200), repeated_triangle(70000), quad_among(triangle_soup(20000, 0.01f)),
+                                   shrinking_triangles(10000)}) {
+    const WideBvh alone = build(mesh, GetParam(), 1);
+    for (const int thread_count : {2, 4}) EXPECT_TRUE(same_bytes(alone, build(mesh, GetParam(), thread_count)));
+  }
+}
+
+TEST_P(HardInput, IsBuiltInBoundedMemory) {
+  for (const TriangleMesh& mesh :
+       {repeated_triangle(1'000'000), nested_triangles(100'000), quad_among(triangle_soup(100'000, 0.002f))}) {
+    const WideBvh wide = build(mesh, GetParam(), 2);
+    EXPECT_EQ(find_wide_fault(wide, mesh, !is_clipped(GetParam())), "");
+    EXPECT_LE(wide.depth, kMaxTreeDepth);
+    EXPECT_LE(wide.byte_count(), 300 * mesh.triangle_count());
+  }
+}
+
+TEST_P(HardInput, StopsWhenAsked) {
+  const TriangleMesh mesh = bumpy_sheet(100);
+  ThreadPool pool(2);
+  CancelToken cancel;
+  cancel.request_stop();
+  if (GetParam().usage == Usage::kChanging) {
+    EXPECT_THROW(static_cast<void>(build_fast_wide(mesh, pool, cancel)), Cancelled);
+  } else {
+    EXPECT_THROW(static_cast<void>(build_tree(mesh, GetParam().config, pool, cancel)), Cancelled);
+  }
+}
+
+TEST(WideValidator, FindsFaults) {
+  const TriangleMesh mesh = bumpy_sheet(20);
+  ThreadPool pool(1);
+  CancelToken cancel;
+  const WideBvh sound = build_fast_wide(mesh, pool, cancel);
+  const auto fault_after = [&](const auto& damage) {
+    WideBvh tree = sound;
+    damage(tree);
+    return find_wide_fault(tree, mesh, true);
+  };
+  EXPECT_EQ(fault_after([](WideBvh&) {}), "");
+  EXPECT_NE(fault_after([](WideBvh& tree) { tree.nodes[0].planes[1][0] *= 0.5f; }), "");
+  EXPECT_NE(fault_after([](WideBvh& tree) { tree.nodes[0].child[0] = tree.nodes[0].child[1]; }), "");
+  EXPECT_NE(fault_after([](WideBvh& tree) { tree.nodes[0].child[0] = kNoChild; }), "");
+  EXPECT_NE(fault_after([](WideBvh& tree) { tree.nodes[0].order[0] = tree.nodes[0].order[1]; }), "");
+  EXPECT_NE(fault_after([](WideBvh& tree) { tree.blocks[0].vertices[0][0] += 0.1f; }), "");
+  EXPECT_NE(fault_after([](WideBvh& tree) { tree.blocks[0].primitives[7] = 799; }), "");
+  EXPECT_NE(fault_after([](WideBvh& tree) { ++tree.depth; }), "");
+}
+
+// Equal to the sum over a tree walked by hand: one node over leaves.
+TEST(WideQuality, CountsVisitsAndTests) {
+  TriangleMesh mesh;
+  for (const float x : {0.0f, 10.0f}) {
+    for (int i = 0; i < 3; ++i) {
+      add_triangle(mesh, {x, 0, 0}, {x + 1, 0, 1}, {x, 1, static_cast<float>(i)});
+    }
+  }
+  ThreadPool pool(1);
+  CancelToken cancel;
+  const WideBvh tree = build_fast_wide(mesh, pool, cancel);
+  const TreeQuality quality = measure_wide_quality(tree);
+  double tests = 0;
+  for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
+    if (tree.nodes[0].child[lane] == kNoChild) continue;
+    const double area = static_cast<double>(child_box(tree.nodes[0], lane).half_area());
+    tests += area * triangle_count_of(tree.blocks[tree.nodes[0].child[lane] - kBlockChild]);
+  }
+  EXPECT_EQ(tree.nodes.size(), 1u);
+  EXPECT_EQ(quality.node_visits, 1.0);
+  EXPECT_NEAR(quality.primitive_tests, tests / static_cast<double>(bounds_of(tree).half_area()), 1e-6);
+  EXPECT_EQ(quality.reference_count, 6u);
+  EXPECT_EQ(quality.leaf_count, tree.blocks.size());
+}
+
+}  // namespace
+}  // namespace perfect_bvh::test
