@@ -61,6 +61,33 @@ def test_hits_are_the_same(precision, cull):
             assert np.array_equal(scene.test_occlusions(origins, directions, **how), usual.is_hit)
 
 
+def test_hits_are_the_same_far_from_what_is_hit(isa):
+    """Rays that begin far from a tree are moved towards it, each by itself."""
+    scene, random = perfect_bvh.Scene(), np.random.default_rng(8)
+    for make in (meshes.soup(200, 1, 0.6), meshes.sphere(9, 13, 0.5)):
+        mesh = scene.add_mesh(make[0].astype(np.float32), make[1])
+        maps = random.normal(size=(40, 3, 4)) * 0.04
+        maps[:, :, 3] = random.uniform(-1.0, 1.0, (40, 3))
+        scene.add_instances([mesh] * 40, maps)
+        scene.add_instances([mesh] * 3, random.normal(size=(3, 3, 4)) * 0.5)
+    scene.commit()
+    for distance in (5.0, 40.0, 3e4):
+        eye, directions = camera_rays(96, 64, (0.0, -distance, 0.0))
+        directions = directions * np.float32([2.5 / distance, 1.0, 2.5 / distance])
+        for cull in ("none", "back"):
+            far = scene.cast_rays(eye, directions, cull=cull, strategy="stream")
+            assert far.is_hit.mean() > 0.1 and not far.is_hit.all()
+            limits = {"t_max": np.where(random.random(far.t_hit.shape) < 0.5, far.t_hit, np.inf)}
+            for more in ({}, limits):
+                usual = scene.cast_rays(eye, directions, cull=cull, strategy="stream", **more)
+                for strategy in ("auto", "packets"):
+                    how = {"cull": cull, "strategy": strategy, **more}
+                    hits = scene.cast_rays(eye, directions, **how)
+                    assert bits(hits) == bits(usual)
+                    assert hits.packet_ray_count > 0 or isa == "scalar"
+                    assert np.array_equal(scene.test_occlusions(eye, directions, **how), usual.is_hit)
+
+
 def test_coherence_is_found(isa):
     scene, packed = perfect_bvh.Scene(), 0 if isa == "scalar" else 1
     positions, triangles = meshes.sphere(9, 13, 0.9)

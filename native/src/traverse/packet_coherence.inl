@@ -1,9 +1,12 @@
 // Whether the rays of a packet go much the same way, so that tracing them together pays. Decided by the rays alone.
 // Part of packet_kernel.inl: everything has internal linkage.
 
-// Measured on camera rays, shadow rays and diffuse bounces: packets win within these.
+// Packets won for camera and shadow rays, the stream for diffuse bounces: these tell them apart.
 constexpr float kMostSlope = 0.4f;   // between directions, across the longest axis of the first
 constexpr float kMostShift = 0.05f;  // between origins along any axis, in the scene's reach
+// Rays that come from far away were moved towards the scene, each by itself, even if they had one origin. They are as
+// good as parallel: neighbours may stand further apart.
+constexpr float kMostShiftMoved = 0.25f;
 constexpr unsigned kLeastRays = 16;
 
 PERFECT_BVH_INLINE bool are_alike(const Vec3d& a, const Vec3d& b) noexcept {
@@ -26,7 +29,8 @@ inline bool are_coherent(const PacketRays& rays, RaySet valid, unsigned lanes, f
   const unsigned first = first_ray(valid);
   const int k = rays.longest[0] >> first & 1 ? 0 : rays.longest[1] >> first & 1 ? 1 : 2;
   const RayFloat first_along = every_ray(rays.narrow_direction[k][first]);
-  const RayFloat most_shift = every_ray(kMostShift * reach), none = every_ray(0.0f);
+  const float shift_share = (rays.moved & valid) != 0 ? kMostShiftMoved : kMostShift;
+  const RayFloat most_shift = every_ray(shift_share * reach), none = every_ray(0.0f);
   RaySet alike = 0;
   for (unsigned i = 0; i < lanes; i += kRayLanes) {
     const RayFloat along = load_rays(rays.narrow_direction[k] + i), product = mul(along, first_along);

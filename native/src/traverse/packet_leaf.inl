@@ -43,6 +43,25 @@ struct LoneRay {
   }
 };
 
+struct Weights {
+  float v1, v2, sum;
+};
+
+// Ray i meets a triangle at t, in the ray's own terms. True if that is its best hit now.
+PERFECT_BVH_INLINE bool take_packet_hit(Packet& packet, const PacketLevel& level, unsigned i, std::uint32_t primitive,
+                                        double t, const Weights& weights) noexcept {
+  PacketHits& hits = packet.hits;
+  if (!(is_in_range(t, packet.rays[i]) && t <= hits.t[i])) return false;
+  if (t == hits.t[i] && hits.instance[i] != kNoHit &&
+      !wins_tie(packet.scene->instances, level.instance_index, primitive, hits.instance[i], hits.primitive[i])) {
+    return false;
+  }
+  hits.t[i] = t;
+  hits.weight_v1[i] = weights.v1, hits.weight_v2[i] = weights.v2, hits.weight_sum[i] = weights.sum;
+  hits.instance[i] = level.instance_index, hits.primitive[i] = primitive;
+  return true;
+}
+
 // Ray i against all triangles. True if its best hit is a new one (any hit: if there is one).
 template <bool kAny, bool kFast>
 bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& block, unsigned i,
@@ -50,24 +69,15 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& 
   const LeafTest test = test_leaf<kFast>(block, lone.triangle, lone.box.t_min, lone.box.t_limit);
   if (test.lanes == 0) return false;
   const LeafCandidates candidates(test);
-  const Ray& ray = packet.rays[i];
   const TimeFrame time = packet.local_rays.time(i);
   PacketHits& hits = packet.hits;
   bool is_new = false;
   for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
     const double t = candidate_t(candidates, lane, block, lone.triangle.ray, time);
-    if (!(is_in_range(t, ray) && t <= hits.t[i])) continue;
     if (is_culled(packet.cull, candidates.sums[lane], lone.triangle.ray, *level.instance)) continue;
-    const std::uint32_t primitive = block.primitives[lane];
-    if (t == hits.t[i] && hits.instance[i] != kNoHit &&
-        !wins_tie(packet.scene->instances, level.instance_index, primitive, hits.instance[i], hits.primitive[i])) {
-      continue;
-    }
-    hits.t[i] = t;
-    hits.weight_v1[i] = candidates.weights_v1[lane], hits.weight_v2[i] = candidates.weights_v2[lane];
-    hits.weight_sum[i] = candidates.sums[lane];
-    hits.instance[i] = level.instance_index, hits.primitive[i] = primitive;
+    const Weights weights{candidates.weights_v1[lane], candidates.weights_v2[lane], candidates.sums[lane]};
+    if (!take_packet_hit(packet, level, i, block.primitives[lane], t, weights)) continue;
     is_new = true;
     if constexpr (kAny) break;
   }
@@ -91,6 +101,26 @@ struct LeafCorners {
     vertex_count = 32 - static_cast<unsigned>(__builtin_clz(used));
   }
 };
+
+// Of vectors of rays that meet a triangle, those in `found`, where local t is not the rays' own. Returns the rays that
+// need no more hits.
+template <bool kAny>
+unsigned take_moved_hits(Packet& packet, const PacketLevel& level, std::uint32_t primitive, unsigned first,
+                         unsigned found, RayFloat t, RayFloat weight1, RayFloat weight2, RayFloat sum) noexcept {
+  alignas(64) float t_of[kRayLanes], weights_v1[kRayLanes], weights_v2[kRayLanes], sums[kRayLanes];
+  store_rays(t_of, t), store_rays(weights_v1, weight1), store_rays(weights_v2, weight2), store_rays(sums, sum);
+  unsigned done = 0;
+  for (; found != 0; found &= found - 1) {
+    const int lane = __builtin_ctz(found);
+    const unsigned i = first + static_cast<unsigned>(lane);
+    const TimeFrame time = packet.local_rays.time(i);
+    const Weights weights{weights_v1[lane], weights_v2[lane], sums[lane]};
+    if (!take_packet_hit(packet, level, i, primitive, to_ray_t(time, t_of[lane]), weights)) continue;
+    level.boxes->t_limit[i] = kAny ? kDead : to_local_max(time, packet.hits.t[i]);
+    done |= kAny ? 1u << lane : 0u;
+  }
+  return done;
+}
 
 // Rays `first` and on, those in `lanes`, against all triangles, one at a time. The hits that surely count are taken
 // here; rays whose hits need a closer look (near the origin, as far as the best one) are returned.
@@ -138,6 +168,13 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
     const unsigned from = bits(less_equal(load_rays(level.boxes->t_min + first), t));
     const unsigned at_origin = bits(less_equal(abs(t), load_rays(triangles.refine_below + first)));
     const unsigned up_to = bits(less_equal(t, limit)), before = bits(less(t, limit));
+    if (!level.is_direct) {
+      doubtful |= inside & at_origin;
+      const unsigned found = inside & from & up_to & ~at_origin;
+      if (found == 0) continue;
+      lanes &= ~take_moved_hits<kAny>(packet, level, block.primitives[i], first, found, t, weight1, weight2, sum);
+      continue;
+    }
     doubtful |= inside & (at_origin | (from & up_to & ~before));
     const unsigned found = inside & from & before & ~at_origin;
     if (found == 0) continue;
@@ -168,7 +205,7 @@ void visit_packet_leaf(Packet& packet, PacketLevel& level, const LeafBlock& bloc
   for (unsigned first = begin; first < packet.lanes; first += kRayLanes) {
     unsigned lanes = test_box(*level.boxes, level.key.rows, box, first);
     if (lanes == 0) continue;
-    if (level.is_direct && count_bits(lanes) > kFewInLeaf) {
+    if (count_bits(lanes) > kFewInLeaf) {
       lanes = level.shares_origin ? test_triangles<kAny, kFast, true>(packet, level, block, leaf, first, lanes)
                                   : test_triangles<kAny, kFast, false>(packet, level, block, leaf, first, lanes);
     }
