@@ -24,6 +24,7 @@ BuildConfig parse_config(const py::dict& settings) {
   BuildConfig config;
   config.builder = parse_builder(settings["builder"].cast<std::string>());
   config.optimize_passes = settings["optimize"].cast<std::uint32_t>();
+  config.optimize_milliseconds = settings["optimize_milliseconds"].cast<double>();
   config.bins = settings["bins"].cast<std::uint32_t>();
   config.axes = settings["axes"].cast<std::uint32_t>();
   config.max_leaf_size = settings["max_leaf_size"].cast<std::uint32_t>();

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import perfect_bvh
@@ -102,6 +103,26 @@ def test_reinsertion_lowers_the_cost_of_any_tree(builder):
     assert (better.leaf_count, better.reference_count) == (plain.leaf_count, plain.reference_count)
 
 
+def test_reinsertion_stops_when_its_time_is_over():
+    never, plain, always, unlimited = (
+        scene_of(MESHES["slivers"], builder="binned", **settings).statistics(detailed=True).meshes[0]
+        for settings in (
+            {"optimize": 3, "optimize_milliseconds": 0},
+            {},
+            {"optimize": 3, "optimize_milliseconds": 1e9},
+            {"optimize": 3},
+        )
+    )
+    assert never == replace(plain, mesh_id=never.mesh_id)
+    assert always == replace(unlimited, mesh_id=always.mesh_id)
+    assert always.sah < plain.sah
+    # Measuring in detail builds the tree again: without the limit, but with as many passes as there were.
+    some = scene_of(MESHES["slivers"], builder="binned", optimize=100, optimize_milliseconds=2.0)
+    first, second = (some.statistics(detailed=True).meshes[0] for _ in range(2))
+    assert first == second
+    assert first.epo is not None
+
+
 @pytest.mark.parametrize("name", ["soup", "slivers"])
 @pytest.mark.parametrize("builder", ["binned", "fast"])
 def test_fewer_planes_make_a_worse_tree(name, builder):
@@ -151,6 +172,7 @@ def test_settings_are_kept_as_plain_numbers():
         ("builder", ["", "sah", "Binned", None, 3], "must be one of auto, median, sweep, binned, spatial, fast, got"),
         ("optimize", [-1, 1001], "must be from 0 to 1000, got"),
         ("optimize", [True, 1.0, "2", None], "must be an integer from 0 to 1000, got"),
+        ("optimize_milliseconds", [-1.0, np.nan, np.inf, "5", True], "must be a number from 0 to 1e+09, got"),
         ("bins", [1, 0, -3, 257], "must be from 2 to 256, got"),
         ("bins", [16.0, None, np.array([2, 3])], "must be an integer from 2 to 256, got"),
         ("axes", [0, 2, 4, True, 3.0, "x"], "must be 1 or 3, got"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 Builder = Literal["auto", "median", "sweep", "binned", "spatial", "fast"]
@@ -42,6 +42,8 @@ class BuildConfig:
         (Bittner, Hapala and Havran 2013; Meister and Bittner 2018). Each pass looks at twice as many nodes as the one
         before; it stops by itself where nothing is left to gain. Lowers the cost of any builder's tree, most of all
         of uneven ones, for up to several times the time of the build.
+    optimize_milliseconds: no pass starts after so much time; None for no limit. With a limit, which tree comes out
+        depends on the machine; hits do not.
     bins: intervals an axis, 2 to 256; for "binned", "fast" and "spatial" (space is cut at half as
         many). Fewer are slightly faster and worse.
     axes: 3 tries planes on all axes, 1 only on the longest one; for "binned" and "fast". One is faster and worse.
@@ -56,6 +58,7 @@ class BuildConfig:
 
     builder: Builder = "auto"
     optimize: int = 0
+    optimize_milliseconds: float | None = None
     bins: int = 16
     axes: int = 3
     max_leaf_size: int = 8
@@ -75,6 +78,14 @@ class BuildConfig:
         for name, (low, high) in _REAL_NUMBERS.items():
             number = checked_number("BuildConfig", name, getattr(self, name), low, high)
             object.__setattr__(self, name, number)
+        if self.optimize_milliseconds is not None:
+            limit = checked_number("BuildConfig", "optimize_milliseconds", self.optimize_milliseconds, 0.0, 1e9)
+            object.__setattr__(self, "optimize_milliseconds", limit)
+
+    def as_settings(self) -> dict[str, Any]:
+        """What the native module takes."""
+        limit = math.inf if self.optimize_milliseconds is None else self.optimize_milliseconds
+        return {**asdict(self), "optimize_milliseconds": limit}
 
     def _whole_number(self, name: str, expected: str) -> int:
         """The setting as a plain int, which is what is kept: numpy's integers are welcome too."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any, Literal
 
 import numpy as np
@@ -56,7 +55,7 @@ class Scene(Queries):
         """
         if usage not in ("static", "deforming", "changing"):
             raise ValueError(f"add_mesh: usage must be 'static', 'deforming' or 'changing', got {usage!r}")
-        settings = asdict(_as_config(build))
+        settings = _as_config(build).as_settings()
         return self._scene.add_mesh(
             as_rows("add_mesh", "positions", positions), as_triangles("add_mesh", triangles), settings, usage
         )

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 namespace perfect_bvh {
 
@@ -35,7 +36,9 @@ struct BuildConfig {
   float intersection_cost = 1.0f;     // ... and of testing a primitive
   float duplication_budget = 0.3f;    // spatial: references added, as a share of the primitives
   std::uint32_t optimize_passes = 0;  // reinsertion passes after the build
-  bool fills_leaves = false;          // binned: ends where primitives fit into one leaf of the wide tree
+  // No pass starts after so much time. With a limit the tree is another on a faster machine.
+  double optimize_milliseconds = std::numeric_limits<double>::infinity();
+  bool fills_leaves = false;  // binned: ends where primitives fit into one leaf of the wide tree
 
   friend bool operator==(const BuildConfig&, const BuildConfig&) = default;
 };

@@ -3,6 +3,7 @@
 // whose topology changes the wide tree is built at once.
 
 #include <algorithm>
+#include <limits>
 
 #include "build/optimize.h"
 #include "core/stopwatch.h"
@@ -45,7 +46,10 @@ void build(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel
   blas.tree = build_tree(blas.mesh, unoptimized, pool, cancel);
   report.build_milliseconds = watch.lap_milliseconds();
   if (blas.config.optimize_passes == 0) return;
-  optimize_bvh2(blas.tree, {blas.config.optimize_passes}, pool, cancel);
+  const OptimizeBudget budget{blas.config.optimize_passes, blas.config.optimize_milliseconds};
+  // From now on the settings are those that make this very tree again, however long that takes.
+  blas.config.optimize_passes = optimize_bvh2(blas.tree, budget, pool, cancel).passes;
+  blas.config.optimize_milliseconds = std::numeric_limits<double>::infinity();
   report.optimize_milliseconds = watch.lap_milliseconds();
 }
 
