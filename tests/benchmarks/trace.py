@@ -92,7 +92,7 @@ def measure(
 def _one_mesh(
     mesh: BenchMesh, chosen: argparse.Namespace, native: NativePrograms, left_out: list[str]
 ) -> Iterator[dict[str, Any]]:
-    tracers = peers.ours_in_every_way(peers.scene_of(mesh), left_out)
+    tracers = peers.ours_in_every_way(peers.scene_of(mesh))
     others = {
         "embreex": lambda: [peers.embreex(mesh), peers.embreex(mesh, is_robust=True)],
         "BVHTree": lambda: [peers.bvh_tree(mesh, chosen.ray_limit)],
@@ -115,7 +115,7 @@ def _instanced(
 ) -> Iterator[dict[str, Any]]:
     for count in counts:
         placed = Instanced(mesh, count)
-        tracers = peers.ours_in_every_way(placed.scene(), left_out)
+        tracers = peers.ours_in_every_way(placed.scene())
         if count <= 1000:  # Blender's own objects, one by one
             try:
                 tracers.append(peers.blender_scene(mesh, placed.transforms, chosen.ray_limit))
