@@ -119,7 +119,8 @@ std::shared_ptr<const Snapshot> make_snapshot(const TriangleMesh& mesh) {
   ThreadPool pool(1);
   CancelToken cancel;
   Scene scene;
-  scene.add_instances(std::vector<InstanceInput>{{scene.add_mesh(mesh, BuildConfig{}, Usage::kStatic), Affine{}}});
+  scene.add_instances(
+      std::vector<InstanceInput>{{scene.add_mesh(mesh, BuildConfig{}, Usage::kStatic), Affine{}, ~0u, std::nullopt}});
   scene.commit(pool, cancel);
   return scene.snapshot();
 }

@@ -3,7 +3,7 @@
 //   --peers a,b      of embree_low, embree_medium, embree_high (all); none: ours alone
 //   --threads N      of both sides, for builds (1)       --rounds N         interleaved rounds (5)
 //   --seconds S      start no round of builds after that many (60)
-//   --ray-rounds N   interleaved rounds of rays; 0: none (5)
+//   --ray-rounds N   interleaved rounds of rays; 0: none, and no statistics of the trees (5)
 //   --size WxH       of the image that primary rays make (640x400)         --inside  the camera stands inside the box
 //   --json OUT.json
 //
@@ -115,7 +115,8 @@ Builder our_builder(const TreeChoice& choice, const TriangleMesh& mesh, ThreadPo
     self.build_ms.push_back(1e3 * (seconds(pool.thread_count()) - start));
     self.snapshot.reset();
     Scene scene;
-    scene.add_instances(std::vector<InstanceInput>{{scene.add_mesh(mesh, choice.config, Usage::kStatic), Affine{}}});
+    scene.add_instances(
+        std::vector<InstanceInput>{{scene.add_mesh(mesh, choice.config, Usage::kStatic), Affine{}, ~0u, std::nullopt}});
     const double middle = seconds(pool.thread_count());
     self.reports.push_back(scene.commit(pool, cancel));
     self.ready_ms.push_back(1e3 * (seconds(pool.thread_count()) - middle));
@@ -267,7 +268,7 @@ std::string bench(const Options& options, const TriangleMesh& mesh) {
     row.add("round_count", builder.ready_ms.size());
     if (builder.snapshot) {
       row.add("build_ms", Spread::of(builder.build_ms)).add_raw("stage_ms", stages_of(builder.reports));
-      add_statistics(row, *builder.snapshot, pool);
+      if (options.ray_rounds > 0) add_statistics(row, *builder.snapshot, pool);
     } else {
       row.add("ready_byte_count", builder.byte_count);
     }

@@ -44,7 +44,7 @@ def load(path: Path) -> BenchMesh:
 
 
 def default_meshes(detail: float = 1.0) -> list[BenchMesh]:
-    """Four that Blender makes, of some 100,000 to 200,000 triangles each, times `detail`."""
+    """Four that Blender makes, of some 30,000 to 200,000 triangles each, times `detail`."""
     return _with_blender().make_all(detail)
 
 
