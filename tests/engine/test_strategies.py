@@ -80,6 +80,7 @@ def test_hits_are_the_same_far_from_what_is_hit(isa):
             limits = {"t_max": np.where(random.random(far.t_hit.shape) < 0.5, far.t_hit, np.inf)}
             for more in ({}, limits):
                 usual = scene.cast_rays(eye, directions, cull=cull, strategy="stream", **more)
+                assert bits(usual) == bits(far)  # a range that ends at the hit holds it
                 for strategy in ("auto", "packets"):
                     how = {"cull": cull, "strategy": strategy, **more}
                     hits = scene.cast_rays(eye, directions, **how)

@@ -83,6 +83,12 @@ static inline double to_ray_t(const TimeFrame& time, float local_t) noexcept {
   return time.offset + time.scale * static_cast<double>(local_t);
 }
 
+// No t beyond this becomes a float of at most t_max: hits are compared with the range as they are reported.
+static inline double last_t(float t_max) noexcept {
+  const double t = static_cast<double>(t_max);
+  return t + (0x1p-24 * __builtin_fabs(t) + 0x1p-150);
+}
+
 // The local range of a range of the ray's own t, widened beyond every rounding between them (underflow to 0 included):
 // a hit outside it is outside the range; one inside is compared again, in the ray's own terms.
 static inline float to_local_min(const TimeFrame& time, double t) noexcept {

@@ -26,7 +26,7 @@ struct alignas(64) PacketTriangles {
 };
 
 struct alignas(64) PacketHits {
-  double t[kPacketRays];  // in the ray's own terms; t_max before the first hit
+  double t[kPacketRays];  // in the ray's own terms; last_t(t_max) before the first hit
   float weight_v1[kPacketRays], weight_v2[kPacketRays], weight_sum[kPacketRays];
   std::uint32_t instance[kPacketRays], primitive[kPacketRays];
 };

@@ -78,7 +78,7 @@ inline RaySet load_packet(Packet& packet, const SceneView& scene) noexcept {
     rays.origin[1][i] = ray.origin.y * scale, rays.direction[1][i] = ray.direction.y * scale;
     rays.origin[2][i] = ray.origin.z * scale, rays.direction[2][i] = ray.direction.z * scale;
     packet.t_min[i] = ray.t_min, packet.t_max[i] = ray.t_max;
-    packet.hits.t[i] = static_cast<double>(ray.t_max);
+    packet.hits.t[i] = last_t(ray.t_max);
     valid |= RaySet{ray.t_min <= ray.t_max && i < packet.count} << i;
   }
   rays.moved = 0;

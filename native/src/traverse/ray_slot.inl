@@ -15,7 +15,7 @@ struct alignas(64) Slot {
   std::uint32_t ray;       // row in the batch
   std::uint32_t instance;  // being traversed; row in the scene
 
-  double best_t;  // in the ray's own terms
+  double best_t;  // in the ray's own terms; last_t(t_max) before the first hit
   float u, v;
   std::uint32_t hit_instance, hit_primitive;  // kNoHit: none yet
   TimeFrame time;                             // of the level being traversed
@@ -46,7 +46,7 @@ inline bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexce
   if (!load_ray(slot.world, ray, static_cast<double>(scene.scale))) return false;
   const double reach = static_cast<double>(scene.extent.reach);
   if (!stands_near(slot.world, reach) && !bring_near(slot.world, reach)) return false;
-  slot.best_t = static_cast<double>(ray.t_max);
+  slot.best_t = last_t(ray.t_max);
   slot.u = slot.v = 0.0f;
   slot.hit_instance = slot.hit_primitive = kNoHit;
   slot.floor = 0;
