@@ -328,9 +328,10 @@ TEST(SmallSet, TakesThreeAtOnceAsOneByOne) {
   std::mt19937 random(5);
   for (int round = 0; round < 2000; ++round) {
     SmallSet three, one;
-    const std::uint32_t range = 2 + random() % 12;
+    const auto draw = [&](std::uint32_t below) { return static_cast<std::uint32_t>(random() % below); };
+    const std::uint32_t range = 2 + draw(12);
     for (int i = 0; i < 8 && !one.overflows(); ++i) {
-      const std::uint32_t a = random() % range, b = random() % range, c = random() % range;
+      const std::uint32_t a = draw(range), b = draw(range), c = draw(range);
       const std::array<std::uint32_t, 3> places = three.add(a, b, c);
       const std::array<std::uint32_t, 3> expected{one.add(a), one.add(b), one.add(c)};
       ASSERT_EQ(three.overflows(), one.overflows());
