@@ -106,17 +106,22 @@ struct Builder {
   std::shared_ptr<const Snapshot> snapshot;  // ours
 };
 
+// As the planner would have it: what is built fast changes in every frame, and needs no binary tree.
+Usage usage_of(const TreeChoice& choice) {
+  return choice.config.builder == BuilderKind::kFast ? Usage::kChanging : Usage::kStatic;
+}
+
 Builder our_builder(const TreeChoice& choice, const TriangleMesh& mesh, ThreadPool& pool) {
   const auto run = [choice, &mesh, &pool](Builder& self) {
     CancelToken cancel;
-    const BuildConfig config = choose_builder(choice.config, Usage::kStatic);
+    const BuildConfig config = choose_builder(choice.config, usage_of(choice));
     const double start = seconds(pool.thread_count());
     static_cast<void>(build_tree(mesh, config, pool, cancel));
     self.build_ms.push_back(1e3 * (seconds(pool.thread_count()) - start));
     self.snapshot.reset();
     Scene scene;
-    scene.add_instances(
-        std::vector<InstanceInput>{{scene.add_mesh(mesh, choice.config, Usage::kStatic), Affine{}, ~0u, std::nullopt}});
+    const std::int32_t mesh_id = scene.add_mesh(mesh, choice.config, usage_of(choice));
+    scene.add_instances(std::vector<InstanceInput>{{mesh_id, Affine{}, ~0u, std::nullopt}});
     const double middle = seconds(pool.thread_count());
     self.reports.push_back(scene.commit(pool, cancel));
     self.ready_ms.push_back(1e3 * (seconds(pool.thread_count()) - middle));
@@ -230,8 +235,8 @@ void add_statistics(JsonObject& row, const Snapshot& snapshot, ThreadPool& pool)
   StatisticsOptions options;
   options.is_detailed = true;
   const TreeStatistics tree = measure(snapshot, options, pool, cancel).meshes.front();
-  row.add("sah", tree.sah).add("epo", tree.epo.value()).add("depth", tree.depth);
-  row.add("leaf_count_variability", tree.leaf_count_variability.value()).add("sibling_overlap", tree.sibling_overlap);
+  row.add("sah", tree.sah).add("epo", tree.epo).add("depth", tree.depth);
+  row.add("leaf_count_variability", tree.leaf_count_variability).add("sibling_overlap", tree.sibling_overlap);
   row.add("reference_count", tree.reference_count).add("node_count", tree.node_count);
   row.add("ready_byte_count", tree.geometry_byte_count + tree.wide_byte_count);
   row.add("binary_byte_count", tree.binary_byte_count);

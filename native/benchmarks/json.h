@@ -3,6 +3,7 @@
 
 #include <concepts>
 #include <cstdio>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,9 @@ namespace perfect_bvh::bench {
   char text[32];
   std::snprintf(text, sizeof(text), "%.9g", value);
   return text;
+}
+[[nodiscard]] inline std::string to_json(const std::optional<double>& value) {
+  return value ? to_json(*value) : "null";
 }
 [[nodiscard]] inline std::string to_json(std::integral auto value) { return std::to_string(value); }
 [[nodiscard]] inline std::string to_json(const std::vector<std::string>& rows) {
