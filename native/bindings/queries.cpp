@@ -6,6 +6,7 @@
 #include "bindings/arrays.h"
 #include "bindings/bind.h"
 #include "bindings/progress.h"
+#include "scene/audit.h"
 #include "scene/closest_points.h"
 #include "scene/intersections.h"
 #include "scene/ray_batch.h"
@@ -179,6 +180,30 @@ void bind_queries(py::module_& module) {
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
       py::arg("masks").noconvert(), py::arg("cull"), py::arg("precision"), py::arg("strategy"),
       py::arg("occluded").noconvert(), py::arg("threads"), py::arg("progress"));
+  snapshot.def(
+      "audit_answers",
+      [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
+         const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull,
+         const Array<float>& t_hit, const Array<std::int32_t>& instance_ids, const Array<std::int32_t>& primitive_ids,
+         Array<bool>& wrong, Array<bool>& doubtful, int threads, const py::object& progress) {
+        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
+        for (const py::ssize_t size :
+             {t_hit.size(), instance_ids.size(), primitive_ids.size(), wrong.size(), doubtful.size()}) {
+          if (static_cast<std::size_t>(size) != rays.count) {
+            throw std::invalid_argument("_core: an audited column has the wrong size");
+          }
+        }
+        const AuditedAnswers answers{t_hit.data(), instance_ids.data(), primitive_ids.data()};
+        const AuditVerdicts verdicts{reinterpret_cast<std::uint8_t*>(wrong.mutable_data()),
+                                     reinterpret_cast<std::uint8_t*>(doubtful.mutable_data())};
+        with_progress(progress, [&](CancelToken& cancel) {
+          audit_answers(self, rays, answers, verdicts, ThreadPool::shared(), threads, cancel);
+        });
+      },
+      py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
+      py::arg("masks").noconvert(), py::arg("cull"), py::arg("t_hit").noconvert(), py::arg("instance_ids").noconvert(),
+      py::arg("primitive_ids").noconvert(), py::arg("wrong").noconvert(), py::arg("doubtful").noconvert(),
+      py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "count_intersections",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,

@@ -102,12 +102,6 @@ def test_one_field_needs_no_tuple(scene):
     assert list(scene.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), fields="mesh_ids").columns) == ["mesh_ids"]
 
 
-@pytest.mark.parametrize(("arguments", "message"), [({"audit": 0.01}, "audit is not available")])
-def test_what_this_version_cannot_do_is_refused(scene, arguments, message):
-    with pytest.raises(perfect_bvh.EngineError, match=f"cast_rays: .*{message}"):
-        scene.cast_rays(np.zeros((1, 3)), np.ones((1, 3)), **arguments)
-
-
 @pytest.mark.parametrize("audit", [-0.1, 1.5, NAN])
 def test_audit_is_a_share(scene, audit):
     with pytest.raises(ValueError, match="cast_rays: audit must be a share"):

@@ -11,6 +11,7 @@
 
 from ._core import __version__, set_thread_count, shutdown_threads, thread_count
 from .appearance import Appearance, InstanceTable, MaterialTable, MeshAppearance
+from .audit import Audit
 from .build_config import BuildConfig
 from .camera import Camera
 from .closest_points import ClosestPoints
@@ -27,6 +28,7 @@ __all__ = [
     "MODES",
     "PASSES",
     "Appearance",
+    "Audit",
     "BuildConfig",
     "Camera",
     "Cancelled",

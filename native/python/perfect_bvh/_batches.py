@@ -77,6 +77,11 @@ class Batch:
         """What the query reads while it writes."""
         return tuple(column.values for column in self._columns)
 
+    def gather(self, rows: npt.NDArray[np.int64]) -> Columns:
+        """The columns of some rows of the flattened batch, contiguous."""
+        index = np.unravel_index(rows, self.shape) if self.shape else (...,)
+        return tuple(column.take(self.shape, index) for column in self._columns)
+
     def pieces(self, progress: Progress | None) -> Iterator[Piece]:
         """The batch in order, in one piece if nothing has to be copied."""
         is_ready = all(column.is_ready(self.shape) for column in self._columns)

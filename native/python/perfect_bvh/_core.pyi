@@ -69,6 +69,22 @@ class Snapshot:
         threads: int,
         progress: _Progress,
     ) -> int: ...
+    def audit_answers(
+        self,
+        origins: npt.NDArray[Any],
+        directions: npt.NDArray[Any],
+        t_min: _Float,
+        t_max: _Float,
+        masks: _Mask,
+        cull: str,
+        t_hit: _Float,
+        instance_ids: _Int,
+        primitive_ids: _Int,
+        wrong: npt.NDArray[np.bool_],
+        doubtful: npt.NDArray[np.bool_],
+        threads: int,
+        progress: _Progress,
+    ) -> None: ...
     def count_intersections(
         self,
         origins: npt.NDArray[Any],

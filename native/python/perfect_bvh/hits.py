@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from .audit import Audit
+
 DEFAULT_FIELDS: tuple[str, ...] = (
     "t_hit",
     "instance_ids",
@@ -51,6 +53,7 @@ class Hits:
     invalid_count: rays that can hit nothing because they are not finite, have no direction or an empty range.
     packet_ray_count: rays that were traced in packets, see `strategy` in `Queries.cast_rays`.
     generation, scene_id: of the snapshot that answered, see `Snapshot`; ids mean what they meant then.
+    audit: what checking a share of the answers has shown; None if none was asked for.
     """
 
     columns: dict[str, npt.NDArray[Any]]
@@ -58,6 +61,7 @@ class Hits:
     generation: int
     scene_id: int
     packet_ray_count: int = 0
+    audit: Audit | None = None
 
     def __getattr__(self, name: str) -> npt.NDArray[Any]:
         if name in FIELD_TYPES:

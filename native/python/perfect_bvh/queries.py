@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from . import _core
 from ._batches import Batch, Progress, point_batch, ray_batch, share_of
+from .audit import AUDITED_FIELDS, audit_answers
 from .build_config import COSTS, checked_number
 from .closest_points import ClosestPoints, allocate_closest
-from .errors import EngineError
 from .hits import DEFAULT_FIELDS, Hits, allocate_columns
 from .report import SceneStatistics
 
@@ -86,7 +86,8 @@ class Queries:
             are rounded as they come, so that a ray aimed at an edge of a closed surface may slip through (641 of a
             million on a sphere of 82,000 triangles; robust: none), and one that passes by an edge within a rounding
             may be taken to hit. No gain has been measured beyond noise.
-        audit: the share of rays to check against a double-precision reference. Only 0 in this version.
+        audit: the share of rays, 0 to 1, to check again in double precision and without any tree; what that shows is
+            in the answer's `audit`. It costs about 4 ns for each checked ray and triangle of the scene.
         out: arrays to write fields into, by name: contiguous, of the field's dtype and shape, for fields that are
             computed; none may overlap another or the rays.
         strategy: how rays are traced, never what they hit. "packets": 64 consecutive rays share a traversal, which is
@@ -95,20 +96,24 @@ class Queries:
             Batches that count their work are not traced in packets.
 
         Returns `Hits`, one row a ray, always; invalid rays are misses, counted in `invalid_count`.
-
-        Raises also EngineError for what this version cannot do yet (audit).
         """
         _check_way("cast_rays", precision, strategy)
         _check_audit("cast_rays", audit)
         batch = ray_batch("cast_rays", origins, directions, t_min, t_max, mask, cull, threads)
-        columns = allocate_columns("cast_rays", _names(fields), batch.shape, out, batch.arrays)
+        names = _names(fields)
+        hidden = [name for name in AUDITED_FIELDS if audit > 0.0 and name not in names]
+        columns = allocate_columns("cast_rays", (*names, *hidden), batch.shape, out, batch.arrays)
         snapshot, invalid, packed = self._committed(), 0, 0
         way = (cull, precision, strategy)
-        for piece in batch.pieces(progress):
+        for piece in batch.pieces(share_of(progress, 0.0, 0.5) if audit > 0.0 else progress):
             part = {name: column[piece.index] for name, column in columns.items()}
             counts = snapshot.cast_rays(*_five(piece.columns), *way, part, threads, piece.progress)
             invalid, packed = invalid + counts[0], packed + counts[1]
-        return Hits(columns, invalid, snapshot.generation, snapshot.scene_id, packed)
+        audited = None
+        if audit > 0.0:
+            audited = audit_answers(snapshot, batch, cull, columns, audit, threads, share_of(progress, 0.5, 0.5))
+            columns = {name: columns[name] for name in names}
+        return Hits(columns, invalid, snapshot.generation, snapshot.scene_id, packed, audited)
 
     def test_occlusions(
         self,
@@ -293,5 +298,3 @@ def _check_way(function: str, precision: str, strategy: str) -> None:
 def _check_audit(function: str, audit: float) -> None:
     if not 0.0 <= audit <= 1.0:
         raise ValueError(f"{function}: audit must be a share of the rays, 0 to 1, got {audit!r}")
-    if audit > 0.0:
-        raise EngineError(f"{function}: audit is not available in this version; leave it at 0")

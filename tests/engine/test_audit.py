@@ -1,0 +1,125 @@
+"""Audits agree with the double-precision oracle, find what is wrong, and cost what they check."""
+
+from __future__ import annotations
+
+import numpy as np
+import perfect_bvh
+import pytest
+from oracles import meshes
+from oracles.brute_force import WorldTriangles, judge
+
+SHEAR = np.array([[1.0, 0.7, 0.0, 0.3], [0.0, 0.4, 0.2, -0.2], [0.1, 0.0, 1.9, 0.1], [0.0, 0.0, 0.0, 1.0]])
+MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def scene_and_triangles():
+    soup, ball = meshes.soup(150, 3), meshes.sphere(12, 16, 0.6)
+    soup, ball = ((mesh[0].astype(np.float32), mesh[1]) for mesh in (soup, ball))
+    scene = perfect_bvh.Scene()
+    parts = []
+    for mesh, transform, mask in ((soup, SHEAR, 1), (soup, MIRROR, 2), (ball, np.eye(4), 4)):
+        parts.append((scene.add_instance(scene.add_mesh(*mesh), transform, mask), *mesh, transform, mask))
+    scene.commit()
+    return scene, WorldTriangles.of(parts)
+
+
+@pytest.mark.parametrize("cull", ["none", "back", "front"])
+def test_right_answers_pass(scene_and_triangles, cull):
+    scene, _ = scene_and_triangles
+    random = np.random.default_rng(4)
+    rays = meshes.random_rays(3000, 5)
+    t_min = random.uniform(0.0, 0.5, 3000).astype(np.float32)
+    mask = random.integers(0, 8, 3000, dtype=np.uint32)
+    hits = scene.cast_rays(*rays, t_min=t_min, t_max=t_min + np.float32(1.5), mask=mask, cull=cull, audit=1.0)
+    assert hits.is_hit.sum() > 300
+    assert hits.audit.checked_count == 3000
+    assert hits.audit.wrong_rows.size == 0
+    assert 0 <= hits.audit.doubtful_count < 300
+
+
+def spoil(hits: perfect_bvh.Hits) -> list[np.ndarray]:
+    """Answers of which many are wrong in one of several ways: t, triangle, instance, missed, invented."""
+    random = np.random.default_rng(6)
+    columns = [hits.t_hit.copy(), hits.instance_ids.copy(), hits.primitive_ids.copy()]
+    t_hit, instance_ids, primitive_ids = columns
+    kind = random.integers(0, 10, len(t_hit))
+    t_hit[kind == 0] *= np.float32(1.0 + 1e-4)
+    primitive_ids[(kind == 1) & hits.is_hit] = 7
+    instance_ids[(kind == 2) & hits.is_hit] = 1
+    for column, value in zip(columns, (np.inf, -1, -1), strict=True):
+        column[kind == 3] = value
+    invented = (kind == 4) & ~hits.is_hit
+    for column, value in zip(columns, (1.0, 2, 0), strict=True):
+        column[invented] = value
+    return columns
+
+
+def audit_natively(scene, origins, directions, columns) -> tuple[np.ndarray, np.ndarray]:
+    count = len(origins)
+    wrong, doubtful = np.empty(count, np.bool_), np.empty(count, np.bool_)
+    limits = (np.zeros(1, np.float32), np.full(1, np.inf, np.float32), np.full(1, 0xFFFFFFFF, np.uint32))
+    core = scene.snapshot()._committed()
+    core.audit_answers(origins, directions, *limits, "none", *columns, wrong, doubtful, 0, None)
+    return wrong, doubtful
+
+
+def test_wrong_answers_are_found_as_the_oracle_finds_them(scene_and_triangles):
+    scene, triangles = scene_and_triangles
+    rays = meshes.random_rays(4000, 8)
+    columns = spoil(scene.cast_rays(*rays))
+    verdict = judge(triangles, *rays, *columns)
+    wrong, doubtful = audit_natively(scene, *rays, columns)
+    assert verdict.wrong.sum() > 500
+    # The two take a different margin: the audit's is that of boxes, a little wider.
+    unlike = wrong != verdict.wrong
+    assert not (unlike & ~(doubtful | verdict.doubtful)).any()
+    assert unlike.sum() <= 4
+
+
+def test_share(scene_and_triangles):
+    scene, _ = scene_and_triangles
+    rays = meshes.random_rays(20000, 9)
+    audit = scene.cast_rays(*rays, fields="mesh_ids", audit=0.05).audit
+    assert 800 < audit.checked_count < 1200
+    assert scene.cast_rays(*rays, audit=0.05).audit.doubtful_count == audit.doubtful_count
+    assert scene.cast_rays(*rays).audit is None
+
+
+def test_answers_are_those_of_the_same_rays_without_an_audit(scene_and_triangles):
+    scene, _ = scene_and_triangles
+    rays = meshes.random_rays(1000, 10)
+    plain, audited = (scene.cast_rays(*rays, fields="primitive_ids", audit=share) for share in (0.0, 0.5))
+    assert list(audited.columns) == ["primitive_ids"]
+    assert np.array_equal(plain.primitive_ids, audited.primitive_ids)
+
+
+def test_broadcast_strided_and_invalid_rays(scene_and_triangles):
+    scene, _ = scene_and_triangles
+    directions = meshes.random_rays(600, 11)[1].reshape(20, 30, 3)[:, ::-1]
+    directions[3, 4] = np.nan
+    hits = scene.cast_rays(np.array([0.0, -3.0, 0.0]), directions, audit=1.0)
+    assert hits.audit.checked_count == 600
+    assert hits.audit.wrong_rows.size == 0
+    one = scene.cast_rays([0.0, -3.0, 0.0], [0.0, 1.0, 0.0], audit=1.0)
+    assert one.audit.checked_count == 1
+    assert scene.cast_rays(np.empty((0, 3)), np.empty((0, 3)), audit=1.0).audit.checked_count == 0
+
+
+def test_interval():
+    """Wilson's interval, worked out by hand for none of 1,000 and for half of 100."""
+    none = perfect_bvh.Audit(1000, np.empty(0, np.int64), 0)
+    assert none.interval[0] == 0.0
+    assert none.interval[1] == pytest.approx(3826.8, abs=0.1)
+    half = perfect_bvh.Audit(100, np.arange(50), 0)
+    assert half.wrong_per_million == 5e5
+    assert half.interval == pytest.approx((403_831.5, 596_168.5), abs=1.0)
+    assert perfect_bvh.Audit(0, np.empty(0, np.int64), 0).interval == (0.0, 1e6)
+    assert "1,000 rays checked, 0 wrong" in str(none)
+
+
+def test_progress_and_cancel(scene_and_triangles):
+    scene, _ = scene_and_triangles
+    rays = meshes.random_rays(20000, 12)
+    with pytest.raises(perfect_bvh.Cancelled):
+        scene.cast_rays(*rays, audit=1.0, progress=lambda done: done < 0.5)
