@@ -87,7 +87,7 @@ class Queries:
             million on a sphere of 82,000 triangles; robust: none), and one that passes by an edge within a rounding
             may be taken to hit. No gain has been measured beyond noise.
         audit: the share of rays, 0 to 1, to check again in double precision and without any tree; what that shows is
-            in the answer's `audit`. It costs about 4 ns for each checked ray and triangle of the scene.
+            in the answer's `audit`. It costs about 5 ns for each checked ray and triangle of the scene.
         out: arrays to write fields into, by name: contiguous, of the field's dtype and shape, for fields that are
             computed; none may overlap another or the rays.
         strategy: how rays are traced, never what they hit. "packets": 64 consecutive rays share a traversal, which is

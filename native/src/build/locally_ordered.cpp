@@ -144,7 +144,7 @@ class Row {
 // A region's boxes, one after another: what stands complete between two borders is joined.
 class RadixStack {
  public:
-  RadixStack(ClusterTree& tree, std::uint32_t begin, std::uint32_t end) noexcept
+  RadixStack(ClusterTree& tree, std::uint32_t begin, std::uint32_t end)
       : tree_(tree), first_(begin), next_(tree.box_count + begin), group_from_(end - begin, kNone) {
     for (std::uint32_t i = begin; i < end; ++i) {
       const std::uint64_t border = i == begin ? kBorderOfRegion : border_before(i);

@@ -1,0 +1,190 @@
+// Memory runs out at every single place where a commit or a query allocates, on whichever thread: what was committed
+// stays as it was, the edits go on waiting, and the next attempt succeeds.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <new>
+#include <vector>
+
+#include "core/errors.h"
+#include "scene/ray_batch.h"
+#include "scene/trace.h"
+#include "tests/scenes_to_trace.h"
+
+namespace {
+
+// How many allocations still succeed, of all threads; far from 0 unless a test counts.
+std::atomic<long> allocations_left{1L << 60};
+// Whether all fail after the first one that did, or that one alone.
+std::atomic<bool> stays_exhausted{false};
+
+bool is_refused() noexcept {
+  const long left = allocations_left.fetch_sub(1, std::memory_order_relaxed);
+  return left == 0 || (left < 0 && stays_exhausted.load(std::memory_order_relaxed));
+}
+
+void* allocate(std::size_t size, std::size_t alignment) {
+  if (is_refused()) throw std::bad_alloc();
+  void* const memory = std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
+  if (memory == nullptr) throw std::bad_alloc();
+  return memory;
+}
+
+}  // namespace
+
+// Stand for those of the whole test program.
+void* operator new(std::size_t size) { return allocate(size == 0 ? 1 : size, alignof(std::max_align_t)); }
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  return allocate(size == 0 ? 1 : size, static_cast<std::size_t>(alignment));
+}
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
+
+namespace perfect_bvh::test {
+namespace {
+
+class MemoryRunsOut {
+ public:
+  MemoryRunsOut(long after, bool stays) {
+    stays_exhausted = stays;
+    allocations_left = after;
+  }
+  ~MemoryRunsOut() { end(); }
+  MemoryRunsOut(const MemoryRunsOut&) = delete;
+  MemoryRunsOut& operator=(const MemoryRunsOut&) = delete;
+  // Whether it ever did.
+  bool end() {
+    const bool ran_out = allocations_left.exchange(1L << 60) < 0;
+    stays_exhausted = false;
+    return ran_out;
+  }
+};
+
+struct EditedScene {
+  explicit EditedScene(ThreadPool& the_pool) : pool(the_pool) {
+    deforming = scene.add_mesh(soup(120, 1).mesh(), {}, Usage::kDeforming);
+    changing = scene.add_mesh(soup(60, 2).mesh(), {}, Usage::kChanging);
+    still = scene.add_mesh(slivers(50, 3).mesh(), {}, Usage::kStatic);
+    std::vector<InstanceInput> inputs;
+    for (int i = 0; i < 40; ++i) {
+      const std::int32_t mesh = i % 3 == 0 ? deforming : i % 3 == 1 ? changing : still;
+      inputs.push_back({mesh, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0.3 * i, 0, 0}}, 1, {}});
+    }
+    inputs.push_back({still, {{1, 0, 0}, {0, 0, 0}, {0, 0, 1}, {0, 2, 0}}, 1, {}});  // flattened: baked
+    scene.add_instances(inputs);
+    commit();
+    for (int i = 0; i < 300; ++i) {
+      Ray ray;
+      ray.origin = {0.05 * i - 1.0, -4.0, 0.3};
+      ray.direction = {0.0, 1.0, -0.05};
+      rays.push_back(ray);
+    }
+  }
+
+  CommitReport commit() {
+    CancelToken cancel;
+    return scene.commit(pool, cancel);
+  }
+
+  // One of each kind: moved vertices, other triangles, a new mesh by every builder, a moved instance.
+  void edit() {
+    scene.update_mesh<float>(deforming, soup(120, 4).mesh().positions);
+    scene.replace_mesh(changing, soup(70, 5).mesh());
+    for (const BuilderKind builder :
+         {BuilderKind::kMedian, BuilderKind::kSweep, BuilderKind::kSpatial, BuilderKind::kFast}) {
+      BuildConfig config;
+      config.builder = builder, config.optimize_passes = 1;
+      const auto added = scene.add_mesh(soup(30, 6).mesh(), config, Usage::kStatic);
+      scene.add_instances(std::vector<InstanceInput>{{added, Affine{}, 1, {}}});
+    }
+    const Affine moved{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 1}};
+    scene.set_transforms(std::vector{0}, std::vector{moved});
+  }
+
+  [[nodiscard]] std::vector<Hit> trace(const Snapshot& snapshot) const {
+    std::vector<Hit> hits(rays.size());
+    trace_closest(snapshot, rays, hits);
+    return hits;
+  }
+
+  ThreadPool& pool;
+  Scene scene;
+  std::int32_t deforming, changing, still;
+  std::vector<Ray> rays;
+};
+
+bool are_equal(const std::vector<Hit>& a, const std::vector<Hit>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const Hit& x, const Hit& y) {
+    return x.t == y.t && x.instance_index == y.instance_index && x.primitive_index == y.primitive_index;
+  });
+}
+
+class Memory : public testing::TestWithParam<bool> {};
+
+TEST_P(Memory, RunsOutDuringACommit) {
+  ThreadPool pool(3);
+  EditedScene edited(pool);
+  const auto before = edited.scene.snapshot();
+  const std::vector<Hit> old_hits = edited.trace(*before);
+  edited.edit();
+  int failures = 0;
+  for (long allowed = 0;; ++allowed) {
+    MemoryRunsOut fault(allowed, GetParam());
+    try {
+      const CommitReport report = edited.commit();
+      const bool ran_out = fault.end();
+      EXPECT_EQ(report.meshes.size(), 6u);
+      if (ran_out) continue;  // where less memory is only slower
+      break;
+    } catch (const std::bad_alloc&) {
+      fault.end();
+      ++failures;
+    }
+    ASSERT_THROW(static_cast<void>(edited.scene.snapshot()), StaleScene) << allowed;
+  }
+  EXPECT_GT(failures, 50);
+  EXPECT_TRUE(are_equal(edited.trace(*before), old_hits));
+
+  EditedScene fresh(pool);
+  fresh.edit();
+  fresh.commit();
+  EXPECT_TRUE(are_equal(edited.trace(*edited.scene.snapshot()), fresh.trace(*fresh.scene.snapshot())));
+}
+
+TEST_P(Memory, RunsOutDuringAQuery) {
+  ThreadPool pool(3);
+  EditedScene edited(pool);
+  const auto snapshot = edited.scene.snapshot();
+  const std::vector<Hit> expected = edited.trace(*snapshot);
+  std::vector<Vec3d> origins, directions;
+  for (const Ray& ray : edited.rays) origins.push_back(ray.origin), directions.push_back(ray.direction);
+  const float t_min = 0.0f, t_max = kInfiniteDistance;
+  const std::uint32_t mask = 1;
+  RayColumns columns;
+  columns.count = origins.size();
+  columns.origins_double = origins.data(), columns.directions_double = directions.data();
+  columns.t_min = &t_min, columns.t_max = &t_max, columns.masks = &mask;
+  std::vector<float> t(origins.size());
+  HitColumns out;
+  out.t = t.data();
+  for (long allowed = 0;; ++allowed) {
+    CancelToken cancel;
+    MemoryRunsOut fault(allowed, GetParam());
+    try {
+      cast_rays(*snapshot, columns, out, pool, 0, cancel);
+      if (!fault.end()) break;
+    } catch (const std::bad_alloc&) {
+      fault.end();
+    }
+  }
+  for (std::size_t i = 0; i < t.size(); ++i) EXPECT_EQ(t[i], expected[i].t);
+}
+
+INSTANTIATE_TEST_SUITE_P(FailedAllocations, Memory, testing::Values(false, true),
+                         [](const auto& test) { return test.param ? "ForGood" : "Once"; });
+
+}  // namespace
+}  // namespace perfect_bvh::test
