@@ -2,8 +2,10 @@
 
 #include <pybind11/stl.h>
 
+#include "bindings/arrays.h"
 #include "bindings/bind.h"
 #include "bindings/progress.h"
+#include "scene/tree_boxes.h"
 
 namespace perfect_bvh::bindings {
 namespace {
@@ -45,6 +47,17 @@ py::dict to_dict(const SceneStatistics& statistics) {
                   py::arg("generation") = statistics.generation);
 }
 
+template <class T>
+Array<T> to_column(const std::vector<T>& values) {
+  return Array<T>(static_cast<py::ssize_t>(values.size()), values.data());
+}
+
+py::dict to_dict(const TreeBoxes& boxes) {
+  return py::dict(py::arg("boxes") = to_column(boxes.corners).reshape({-1, 2, 3}),
+                  py::arg("levels") = to_column(boxes.levels), py::arg("leaf_sizes") = to_column(boxes.leaf_sizes),
+                  py::arg("costs") = to_column(boxes.costs), py::arg("overlaps") = to_column(boxes.overlaps));
+}
+
 }  // namespace
 
 void bind_statistics(py::module_& module) {
@@ -58,6 +71,15 @@ void bind_statistics(py::module_& module) {
       },
       py::arg("snapshot"), py::arg("detailed"), py::arg("traversal_cost"), py::arg("intersection_cost"),
       py::arg("progress"));
+  module.def(
+      "tree_boxes",
+      [](const Snapshot& snapshot, std::optional<std::int32_t> mesh_id, std::uint32_t first_level,
+         std::uint32_t last_level) {
+        return to_dict(with_progress(py::none(), [&](CancelToken& cancel) {
+          return list_tree_boxes(snapshot, mesh_id, {first_level, last_level}, cancel);
+        }));
+      },
+      py::arg("snapshot"), py::arg("mesh_id"), py::arg("first_level"), py::arg("last_level"));
 }
 
 }  // namespace perfect_bvh::bindings

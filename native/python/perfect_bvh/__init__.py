@@ -23,6 +23,7 @@ from .render import MODES, PASSES, RenderOptions, depth_to_grey, render, render_
 from .report import CommitReport, MeshReport, SceneStatistics, TopLevelReport, TreeStatistics
 from .scene import Scene
 from .snapshot import Snapshot
+from .tree_boxes import TreeBoxes
 
 __all__ = [
     "MODES",
@@ -48,6 +49,7 @@ __all__ = [
     "Snapshot",
     "StaleSceneError",
     "TopLevelReport",
+    "TreeBoxes",
     "TreeStatistics",
     "__version__",
     "active_isa",
