@@ -94,12 +94,15 @@ def _classify(world: WorldTriangles, origins: F64, directions: F64) -> _Block:
     margin = 4.0 * ULP * (world.scale[None, :] + np.abs(origins).max(axis=1)[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.einsum("tk,rtk->rt", normal, a) / facing
+        t = np.where(np.isfinite(t), t, np.nan)  # in its own plane: nowhere and everywhere
         t_bound = 2.0 * ULP * np.abs(t) + margin / (length[:, None] * cosine)
     turn = np.sign(facing)
     inside = np.full(t.shape, np.inf)
-    for p, q in ((a, b), (b, c), (c, a)):
-        volume = np.einsum("rtk,rtk->rt", np.cross(p, q), np.broadcast_to(d, p.shape))
-        edge = np.linalg.norm(np.cross(q - p, d), axis=2)
+    for k, p in enumerate((a, b, c)):
+        # The side from the corners themselves: q - p would lose what a small triangle is to a far origin.
+        side = (world.corners[:, (k + 1) % 3] - world.corners[:, k])[None, :]
+        volume = np.einsum("rtk,rtk->rt", np.cross(p, side), np.broadcast_to(d, p.shape))
+        edge = np.linalg.norm(np.cross(side, d), axis=2)
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = np.where(edge > 0.0, turn * volume / edge, 0.0)
         inside = np.minimum(inside, distance)
