@@ -25,7 +25,7 @@ NATIVE_IGNORANCE = {
 
 # Modules in one group may import one another; a group may import the groups above it in this list.
 ADDON_LAYERS = (
-    ("modes", "refinement"),
+    ("modes", "refinement", "failure_cases"),
     ("sync",),
     ("extract",),
     ("session",),

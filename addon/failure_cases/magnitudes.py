@@ -1,0 +1,69 @@
+"""Coordinates far from one and from zero, and some that are no numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .case import Body, FailureCase, Rays, State, body, finite, one, rays_around
+from .shapes import ball, gravel, joined
+
+SCALES = (1.0, 1e-6, 1e8, 1e11)
+OFFSET = 1e6
+
+
+def extreme_magnitudes() -> tuple[State, ...]:
+    """A ball among loose triangles, as it is, tiny, huge, vast; then a million units from zero."""
+    positions, triangles = joined(ball(3, 0.7), gravel(150, 8, 0.2))
+    sizes = [(body("Mesh", (positions * scale, triangles)),) for scale in SCALES]
+    return (*sizes, (body("Mesh", (positions + OFFSET, triangles)),))
+
+
+def small_triangles() -> tuple[State, ...]:
+    """A ball of half a thousandth: the determinants of its triangles are below every usual epsilon."""
+    return one(ball(4, 5e-4))
+
+
+def non_finite_vertices() -> tuple[State, ...]:
+    """A ball of which four vertices are not numbers, each in its own way."""
+    positions, triangles = ball(3)
+    positions = positions.copy()
+    random = np.random.default_rng(9)
+    for vertex, value in zip(
+        random.choice(len(positions), 4, replace=False), (np.nan, np.inf, -np.inf, np.nan), strict=True
+    ):
+        positions[vertex, random.integers(0, 3)] = value
+    return ((Body("Mesh", positions.astype(np.float32), triangles),),)
+
+
+def rays_around_the_rest(state: State, count: int, seed: int) -> Rays:
+    return rays_around(finite(state), count, seed)
+
+
+EXTREME_MAGNITUDES = FailureCase(
+    "extreme_magnitudes",
+    "Tiny, huge and far away",
+    "Absolute tolerances, and cancellation in o - v0 where both are large: ghost hits and lost hits.",
+    "embree 416, measured",
+    "Bounds relative to the coordinates at hand; far rays are moved up first; float64 meshes are recentred.",
+    extreme_magnitudes,
+    rays_around,
+)
+SMALL_TRIANGLES = FailureCase(
+    "small_triangles",
+    "Small triangles",
+    "An absolute epsilon in the determinant: small triangles are taken for edge-on ones and vanish.",
+    "measured: 12 to 37 % of rays",
+    "No epsilon: only a determinant of zero is edge-on.",
+    small_triangles,
+    rays_around,
+)
+NON_FINITE_VERTICES = FailureCase(
+    "non_finite_vertices",
+    "Vertices that are no numbers",
+    "One NaN reaches the root's box by way of min and max, and every ray misses.",
+    "ifc-lite 3561",
+    "The engine refuses such a mesh by name; the add-on leaves out those triangles, keeps the others' ids and says so.",
+    non_finite_vertices,
+    rays_around_the_rest,
+)
+CASES = (EXTREME_MAGNITUDES, SMALL_TRIANGLES, NON_FINITE_VERTICES)

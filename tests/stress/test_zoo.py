@@ -1,0 +1,119 @@
+"""Every failure case, on every builder, instruction set and way of tracing: the oracle's answers, and the same bits."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import perfect_bvh
+import pytest
+from perfect_bvh.build_config import BUILDERS
+from perfect_bvh_addon.failure_cases import CASES, FailureCase, find_case
+from perfect_bvh_addon.failure_cases.case import world_corners
+
+from stress.playing import ANSWER, bits, play, verdict_on
+from stress.syncing import sync
+
+ISAS = perfect_bvh.available_isas()
+STRATEGIES = ("auto", "packets", "stream", "single")
+RAYS = 300
+# Of these, rays are few enough that the oracle takes a fraction of a second.
+ORACLE_PAIRS = 100_000
+# What `precision="fast"` gets wrong even away from edges: t on thin triangles, and rays in the planes of triangles.
+FAST_FAILS = {"grazed_slivers", "diagonal_sticks", "nested_boxes", "flat_boxes"}
+
+
+def layouts() -> tuple[str, ...]:
+    """Those that BuildConfig offers beside the usual one."""
+    fields = {field.name for field in dataclasses.fields(perfect_bvh.BuildConfig)}
+    return ("compact",) if "layout" in fields else ()
+
+
+WAYS = {
+    **{builder: perfect_bvh.BuildConfig(builder=builder) for builder in BUILDERS if builder != "auto"},
+    "optimized": perfect_bvh.BuildConfig(builder="median", optimize=3),
+    **{layout: perfect_bvh.BuildConfig(layout=layout) for layout in layouts()},
+}
+
+every_case = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+
+
+@pytest.fixture(autouse=True)
+def default_isa():
+    yield
+    perfect_bvh.set_active_isa(None)
+
+
+@every_case
+def test_answers_are_the_oracles_on_every_instruction_set(case: FailureCase) -> None:
+    for index, moment in enumerate(play(case.states())):
+        count = min(RAYS, ORACLE_PAIRS // max(1, len(world_corners(moment.state))))
+        rays = case.rays(moment.state, count, index)
+        usual = moment.scene.cast_rays(*rays, fields=ANSWER)
+        verdict = verdict_on(moment, rays, usual)
+        assert not verdict.wrong.any(), f"state {index}: {verdict}"
+        for isa in ISAS:
+            perfect_bvh.set_active_isa(isa)
+            for strategy in STRATEGIES:
+                hits = moment.scene.cast_rays(*rays, fields=ANSWER, strategy=strategy)
+                assert bits(hits) == bits(usual), (index, isa, strategy)
+                assert np.array_equal(moment.scene.test_occlusions(*rays, strategy=strategy), usual.is_hit)
+            counts = moment.scene.count_intersections(*rays)
+            assert np.array_equal(counts > 0, usual.is_hit), (index, isa)
+        perfect_bvh.set_active_isa(None)
+
+
+@every_case
+def test_answers_are_the_same_with_every_builder_and_layout(case: FailureCase) -> None:
+    plays = {name: play(case.states(), config) for name, config in WAYS.items()}
+    for index, usual in enumerate(play(case.states())):
+        rays = case.rays(usual.state, RAYS, 100 + index)
+        expected = usual.scene.cast_rays(*rays, fields=ANSWER, audit=1.0)
+        assert expected.audit.wrong_rows.size == 0, f"state {index}: {expected.audit}"
+        for number, (name, moments) in enumerate(plays.items()):
+            scene = next(moments).scene
+            for turn, isa in enumerate(ISAS):
+                perfect_bvh.set_active_isa(isa)
+                strategy = STRATEGIES[(number + turn + index) % len(STRATEGIES)]
+                hits = scene.cast_rays(*rays, fields=ANSWER, strategy=strategy)
+                assert bits(hits) == bits(expected), (index, name, isa, strategy)
+        perfect_bvh.set_active_isa(None)
+
+
+@every_case
+def test_answers_are_right_after_every_sync(case: FailureCase) -> None:
+    """The states as Blender would bring them: what is refitted, replaced, moved, removed is for sync to find."""
+    for index, (moment, _) in enumerate(sync(case.states())):
+        rays = case.rays(moment.state, RAYS, 200 + index)
+        hits = moment.scene.cast_rays(*rays, fields=ANSWER, audit=1.0)
+        assert hits.audit.wrong_rows.size == 0, f"state {index}: {hits.audit}"
+
+
+@every_case
+def test_fast_precision_is_right_away_from_edges_but_where_it_is_known_to_fail(case: FailureCase) -> None:
+    wrong = 0
+    for index, moment in enumerate(play(case.states())):
+        rays = case.rays(moment.state, RAYS, 300 + index)
+        hits = moment.scene.cast_rays(*rays, fields=ANSWER, precision="fast", audit=1.0)
+        for isa in ISAS:
+            perfect_bvh.set_active_isa(isa)
+            assert bits(moment.scene.cast_rays(*rays, fields=ANSWER, precision="fast")) == bits(hits), (index, isa)
+        perfect_bvh.set_active_isa(None)
+        wrong += hits.audit.wrong_rows.size
+    assert (wrong > 0) == (case.name in FAST_FAILS)
+
+
+def test_cases_are_always_the_same_and_have_names_of_their_own() -> None:
+    assert len({case.name for case in CASES}) == len({case.title for case in CASES}) == len(CASES)
+    for case in CASES:
+        assert find_case(case.name) is case
+        first, second = (list(map(world_corners, case.states())) for _ in range(2))
+        assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(first, second, strict=True)), case.name
+    with pytest.raises(ValueError, match="teapot_in_stadium"):
+        find_case("teapot")
+
+
+def test_a_mesh_with_vertices_that_are_no_numbers_is_refused_by_name() -> None:
+    ((part,),) = find_case("non_finite_vertices").states()
+    with pytest.raises(ValueError, match=r"add_mesh: positions.*finite"):
+        perfect_bvh.Scene().add_mesh(part.positions, part.triangles)
