@@ -81,9 +81,9 @@ def tests(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def soak(session: nox.Session) -> None:
-    """Edit scenes at random, 20,000 times unless told, and compare each synced one with Blender; writes soak.json."""
+    """Edit scenes at random, 20,000 times unless told, and compare each synced one with Blender; may be resumed."""
     session.install(".[blender,test]")
-    session.run("python", "tests/blender/soak.py", "--json", "soak.json", *session.posargs)
+    session.run("python", "tests/blender/soak_run.py", "--json", "tests/benchmarks/results/soak.json", *session.posargs)
 
 
 @nox.session(default=False)

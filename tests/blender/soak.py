@@ -3,23 +3,13 @@
 A `Soak` edits a small scene that holds every kind of thing: plain, linked and modified meshes, text, curves, nodes,
 collection instances, keyframes. `step()` edits, syncs, and compares with a reading that uses no cache, no view and no
 bulk path, and every ray with a scene that has never seen anything else. The same seed makes the same edits.
-
-    python tests/blender/soak.py --steps 20000 --json soak.json
+`soak_run.py` goes on with it for as long as one likes.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
-import sys
-import time
 from collections import Counter
-from pathlib import Path
 from typing import Any
-
-if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import bpy
 import numpy as np
@@ -194,58 +184,3 @@ def _different_answers(sync: SceneSync, certain: SceneRecord, rays: tuple[np.nda
         found.append("polygon_ids")
     seen, expected = (scene.cast_rays(*rays, mask=1) for scene in (sync.scene, fresh.scene))
     return found + ([] if np.array_equal(seen.t_hit, expected.t_hit) else ["t_hit of camera rays"])
-
-
-# Long runs -----------------------------------------------------------------------------------------------------------
-
-
-def run(steps: int, *, first_seed: int = 0, steps_a_seed: int = 250) -> dict[str, Any]:
-    """As many steps as asked for, over as many seeds as that takes; handlers are on for every other seed."""
-    started = time.perf_counter()
-    counts: Counter[str] = Counter()
-    differences: list[str] = []
-    done, seed = 0, first_seed
-    while done < steps:
-        soak = Soak(seed, watches=seed % 2 == 0, is_plain=seed // 2 % 2 == 0)
-        try:
-            for _ in range(min(steps_a_seed, steps - done)):
-                done += 1
-                soak.step()
-        except DifferenceError as difference:
-            differences.append(str(difference))
-        finally:
-            soak.close()
-            counts += soak.counts
-        seed += 1
-    return {
-        "steps": done,
-        "seeds": [first_seed, seed - 1],
-        "differences": differences,
-        "edits": {name: counts[name] for name in (*EDITS, "render")},
-        "meshes_compared": counts["meshes"],
-        "meshes_passed_over": counts["meshes passed over"],
-        "instances_read_from_geometry": counts["instances read from geometry"],
-        "seconds": round(time.perf_counter() - started, 1),
-        "blender": bpy.app.version_string,
-        "perfect_bvh": perfect_bvh.__version__,
-        "isa": perfect_bvh.active_isa(),
-        "machine": platform.machine(),
-    }
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description="Edit scenes at random and compare each synced one with Blender.")
-    parser.add_argument("--steps", type=int, default=20_000)
-    parser.add_argument("--first-seed", type=int, default=0)
-    parser.add_argument("--json", type=Path, help="where to write what was done and found")
-    arguments = parser.parse_args()
-    result = run(arguments.steps, first_seed=arguments.first_seed)
-    text = json.dumps(result, indent=2)
-    if arguments.json is not None:
-        arguments.json.write_text(text + "\n", encoding="utf-8")
-    sys.stdout.write(text + "\n")
-    return 1 if result["differences"] else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
