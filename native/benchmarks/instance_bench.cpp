@@ -119,6 +119,7 @@ class Ours {
   void set_transforms(std::span<const Affine> transforms) { scene_.set_transforms(ids_, transforms); }
   void commit() {
     CancelToken cancel;
+    snapshot_.reset();  // as Embree does: nobody traces what is about to be replaced
     report_ = scene_.commit(pool_, cancel);
     snapshot_ = scene_.snapshot();
   }
@@ -249,10 +250,11 @@ void report_commits(const std::string& layout, std::size_t count, const std::vec
 }
 
 void report_stages(const TopLevelReport& top, Report& json, const std::string& layout, std::size_t count) {
-  std::printf("      ours: placing %.2f, build %.2f, clustering %.2f, collapse %.2f ms (%s)\n",
-              top.placing_milliseconds, top.build_milliseconds, top.clustering_milliseconds, top.collapse_milliseconds,
-              top.builder.c_str());
+  std::printf("      ours: placing %.2f, refit %.2f, build %.2f, clustering %.2f, collapse %.2f ms (%s; %s)\n",
+              top.placing_milliseconds, top.refit_milliseconds, top.build_milliseconds, top.clustering_milliseconds,
+              top.collapse_milliseconds, top.builder.c_str(), top.reason.c_str());
   json.add(labelled(layout, count, "stages", "ours") + ", \"placing_ms\": " + std::to_string(top.placing_milliseconds) +
+           ", \"refit_ms\": " + std::to_string(top.refit_milliseconds) +
            ", \"build_ms\": " + std::to_string(top.build_milliseconds) +
            ", \"clustering_ms\": " + std::to_string(top.clustering_milliseconds) +
            ", \"collapse_ms\": " + std::to_string(top.collapse_milliseconds));

@@ -72,7 +72,9 @@ const char* action_name(MeshAction action) {
 }
 
 py::dict to_dict(const TopLevelReport& top) {
-  return py::dict(py::arg("builder") = top.builder, py::arg("placing_milliseconds") = top.placing_milliseconds,
+  return py::dict(py::arg("is_refitted") = top.is_refitted, py::arg("reason") = top.reason,
+                  py::arg("builder") = top.builder, py::arg("placing_milliseconds") = top.placing_milliseconds,
+                  py::arg("refit_milliseconds") = top.refit_milliseconds,
                   py::arg("build_milliseconds") = top.build_milliseconds,
                   py::arg("clustering_milliseconds") = top.clustering_milliseconds,
                   py::arg("collapse_milliseconds") = top.collapse_milliseconds);
@@ -150,7 +152,7 @@ void set_transforms(Scene& scene, const Array<std::int32_t>& ids, const Array<T>
   const auto rows = as_span(ids);
   const T* maps = transform_data(transforms, rows.size());
   const py::gil_scoped_release release;
-  scene.set_transforms(rows, [maps](std::size_t i) { return as_affine(maps + i * 12); });
+  scene.set_transforms(rows, std::span(maps, 12 * rows.size()), ThreadPool::shared());
 }
 
 template <class T>

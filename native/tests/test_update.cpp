@@ -90,11 +90,11 @@ TEST(Refit, GivesFreshBoxesAfterAnyMotion) {
 
 TEST(Refit, OfUnmovedBoxesChangesNoByte) {
   const auto refs = hard_sets().back().refs;  // zeros of both signs
-  std::vector<Aabb> boxes;
-  for (const PrimRef& ref : refs) boxes.push_back(ref.box());
+  ThreadPool pool(1);
+  CancelToken cancel;
   const Bvh2 before = build(refs);
   Bvh2 after = before;
-  refit_bvh2(after, boxes);
+  refit_bvh2(after, refs, pool, cancel);
   EXPECT_EQ(std::memcmp(before.nodes.data(), after.nodes.data(), before.nodes.size() * sizeof(Bvh2Node)), 0);
 }
 
@@ -102,20 +102,20 @@ TEST(Refit, WorksOnTreesOfNoneAndOne) {
   ThreadPool pool(1);
   CancelToken cancel;
   Bvh2 nothing;
-  refit_bvh2(nothing, std::span<const Aabb>{});
+  refit_bvh2(nothing, std::span<const PrimRef>{}, pool, cancel);
   refit_bvh2(nothing, {}, {}, pool, cancel);
   EXPECT_TRUE(nothing.empty());
   Bvh2 one = build(scattered(1));
-  const std::vector<Aabb> boxes{{{1, 2, 3}, {4, 5, 6}}};
-  refit_bvh2(one, boxes);
+  refit_bvh2(one, repeated(1, {1, 2, 3}, {4, 5, 6}), pool, cancel);
   EXPECT_EQ(one.nodes[0].upper, (Vec3f{4, 5, 6}));
 }
 
 TEST(Refit, RefusesClippedTrees) {
   Bvh2 tree = build(scattered(20));
   tree.refittable = false;
-  std::vector<Aabb> boxes(20);
-  EXPECT_THROW(refit_bvh2(tree, boxes), InvalidArgument);
+  ThreadPool pool(1);
+  CancelToken cancel;
+  EXPECT_THROW(refit_bvh2(tree, scattered(20), pool, cancel), InvalidArgument);
 }
 
 TEST(Quality, MatchesAHandCountedTree) {

@@ -33,24 +33,28 @@ class MeshReport:
 
 @dataclass(frozen=True, slots=True)
 class TopLevelReport:
-    """The tree over the instances, and the stages of making it; all 0 if it was kept.
+    """The tree over the instances, and the stages of making it; 0 where one did not run.
 
+    is_refitted: whether the last tree got new boxes, and no other was built. reason: why it was refitted, built or kept.
     builder: "agglomerative" where joining its upper parts pair by pair made it cheaper, else what made it, as in
     `BuildConfig`; "" over nothing.
-    placing: inverse transforms and world boxes. build: the binary tree. clustering: of its upper part.
-    collapse: the tree that rays are traced through.
+    placing: inverse transforms and world boxes. refit: also where its result was then rejected. build: the binary
+    tree. clustering: of its upper part. collapse: the tree that rays are traced through.
     """
 
+    is_refitted: bool
+    reason: str
     builder: str
     placing_milliseconds: float
+    refit_milliseconds: float
     build_milliseconds: float
     clustering_milliseconds: float
     collapse_milliseconds: float
 
     @property
     def stages(self) -> dict[str, float]:
-        """Milliseconds of each stage: placing, build, clustering, collapse."""
-        names = ("placing", "build", "clustering", "collapse")
+        """Milliseconds of each stage: placing, refit, build, clustering, collapse."""
+        names = ("placing", "refit", "build", "clustering", "collapse")
         return {name: getattr(self, f"{name}_milliseconds") for name in names}
 
 

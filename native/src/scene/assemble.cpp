@@ -1,5 +1,5 @@
 // Scene::assemble: from the meshes' trees to a snapshot that can be traced. Every instance is placed, the tree over
-// them built, and both laid out for the kernels.
+// them built or refitted, and both laid out for the kernels.
 
 #include <algorithm>
 #include <mutex>
@@ -9,7 +9,9 @@
 #include "scene/instance_placing.h"
 #include "scene/scene.h"
 #include "scene/top_level.h"
+#include "scene/top_level_refit.h"
 #include "scene/trace_view.h"
+#include "wide/collapse.h"
 
 namespace perfect_bvh {
 namespace {
@@ -41,6 +43,40 @@ class BakedCopies {
   std::mutex mutex_;
   std::vector<std::pair<std::size_t, std::shared_ptr<const Blas>>> copies_;
 };
+
+// Instances that stayed who they are and only moved: their trees get new boxes.
+bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, TopLevelReport& report, ThreadPool& pool,
+               CancelToken& cancel) {
+  if (snapshot.tlas.empty()) {
+    report.reason = "there was no tree";
+    return false;
+  }
+  if (!is_over(snapshot.tlas, boxes)) {
+    report.reason = "instances came or went";
+    return false;
+  }
+  const Stopwatch watch;
+  refit_top_level(snapshot.tlas, snapshot.top_level, boxes, pool, cancel);
+  const TopLevelCost cost = measure_cost(snapshot.top_level, pool, cancel);
+  report.refit_milliseconds = watch.milliseconds();
+  const bool is_kept = is_worth_keeping(cost, snapshot.built_cost, boxes.size());
+  report.reason = describe(cost, snapshot.built_cost) + (is_kept ? "" : ", so a new tree pays");
+  return is_kept;
+}
+
+void build(Snapshot& snapshot, AlignedVector<PrimRef>& boxes, TopLevelReport& report, ThreadPool& pool,
+           CancelToken& cancel) {
+  std::erase_if(boxes, [](const PrimRef& prim) { return prim.box().is_empty(); });
+  TopLevel top = build_top_level(boxes, pool, cancel);
+  snapshot.tlas = std::move(top.tree);
+  snapshot.top_level_builder = top.builder;
+  report.build_milliseconds = top.build_milliseconds;
+  report.clustering_milliseconds = top.clustering_milliseconds;
+  const Stopwatch watch;
+  snapshot.top_level = collapse_top_level(snapshot.tlas, pool, cancel);
+  snapshot.built_cost = measure_cost(snapshot.top_level, pool, cancel);
+  report.collapse_milliseconds = watch.milliseconds();
+}
 
 }  // namespace
 
@@ -75,29 +111,22 @@ AlignedVector<PrimRef> Scene::place_instances(Snapshot& snapshot, const BlasMap&
   };
   parallel_for(pool, instances_.size(), kGrain, place, 0, [&] { cancel.checkpoint(); });
   baked.move_to(snapshot.blases);
-  std::erase_if(boxes, [](const PrimRef& prim) { return prim.box().is_empty(); });
   return boxes;
 }
 
-std::shared_ptr<Snapshot> Scene::assemble(const BlasMap& blases, ThreadPool& pool, CancelToken& cancel,
-                                          TopLevelReport& report) const {
+void Scene::assemble(Snapshot& snapshot, const BlasMap& blases, ThreadPool& pool, CancelToken& cancel,
+                     TopLevelReport& report) const {
   Stopwatch watch;
-  auto snapshot = std::make_shared<Snapshot>();
-  const AlignedVector<PrimRef> boxes = place_instances(*snapshot, blases, pool, cancel);
+  snapshot.blases.clear(), snapshot.meshes.clear();
+  AlignedVector<PrimRef> boxes = place_instances(snapshot, blases, pool, cancel);
   for (const auto& [mesh_id, blas] : blases) {
-    snapshot->blases.push_back(blas);
-    snapshot->meshes.emplace_back(mesh_id, blas.get());
+    snapshot.blases.push_back(blas);
+    snapshot.meshes.emplace_back(mesh_id, blas.get());
   }
-  report.placing_milliseconds = watch.lap_milliseconds();
-  TopLevel top = build_top_level(boxes, pool, cancel);
-  snapshot->tlas = std::move(top.tree);
-  snapshot->top_level_builder = top.builder;
-  report.build_milliseconds = top.build_milliseconds;
-  report.clustering_milliseconds = top.clustering_milliseconds;
-  watch.lap_milliseconds();
-  make_trace_view(*snapshot, pool, cancel);
-  report.collapse_milliseconds = watch.lap_milliseconds();
-  return snapshot;
+  report.placing_milliseconds = watch.milliseconds();
+  report.is_refitted = try_refit(snapshot, boxes, report, pool, cancel);
+  if (!report.is_refitted) build(snapshot, boxes, report, pool, cancel);
+  make_trace_view(snapshot, pool, cancel);
 }
 
 }  // namespace perfect_bvh

@@ -1,7 +1,8 @@
-// Scene::commit: from edits to a new snapshot. Everything new is made aside and swapped in at the end, so that an
-// exception anywhere leaves the scene as it was.
+// Scene::commit: from edits to a new snapshot. Everything new is made aside and swapped in at the end; only the last
+// snapshot's memory is used again where nobody can see it any more. So an exception anywhere leaves the edits waiting.
 
 #include <algorithm>
+#include <utility>
 
 #include "core/stopwatch.h"
 #include "scene/blas_build.h"
@@ -44,6 +45,22 @@ std::vector<Scene::BlasResult> Scene::make_changed_blases(ThreadPool& pool, Canc
   return results;
 }
 
+// What the next snapshot begins as: the last one with its arrays, which are the largest part of a scene of many
+// instances, or, where somebody holds that, a copy of its trees. While edits wait nobody can ask for it.
+std::shared_ptr<Snapshot> Scene::take_last_snapshot() {
+  const std::lock_guard lock(state_mutex_);
+  if (snapshot_.use_count() == 1) {
+    // Others may have just let go of it: a copy that comes and goes is ordered after all that they read.
+    std::shared_ptr<const Snapshot>(snapshot_).reset();
+    return std::const_pointer_cast<Snapshot>(std::exchange(snapshot_, nullptr));
+  }
+  auto snapshot = std::make_shared<Snapshot>();
+  if (!snapshot_) return snapshot;
+  snapshot->tlas = snapshot_->tlas, snapshot->top_level = snapshot_->top_level;
+  snapshot->top_level_builder = snapshot_->top_level_builder, snapshot->built_cost = snapshot_->built_cost;
+  return snapshot;
+}
+
 CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
   const std::lock_guard edit_lock(edit_mutex_);
   const Stopwatch watch;
@@ -62,10 +79,14 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
     BlasMap blases;
     for (const auto& [mesh_id, slot] : meshes_) blases[mesh_id] = slot.blas;
     for (const BlasResult& result : results) blases[result.report.mesh_id] = result.blas;
-    auto assembled = assemble(blases, pool, cancel, report.top_level);
-    assembled->generation = (snapshot ? snapshot->generation : 0) + 1;
+    snapshot.reset();
+    auto assembled = take_last_snapshot();
+    assemble(*assembled, blases, pool, cancel, report.top_level);
+    assembled->generation = generation_ + 1;
     assembled->scene_id = id_;
     snapshot = std::move(assembled);
+  } else {
+    report.top_level.reason = "nothing was edited";
   }
   report.baked_count = snapshot->blases.size() - snapshot->meshes.size();
   report.top_level.builder = snapshot->top_level_builder;
@@ -91,6 +112,7 @@ void Scene::publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResu
   }
   const std::lock_guard state_lock(state_mutex_);
   snapshot_ = std::move(snapshot);
+  generation_ = snapshot_->generation;
   committed_edit_count_ = edit_count_;
   if (stale_count == stale_count_) stale_reason_.clear();  // marked meanwhile: what was committed is already old
 }

@@ -24,10 +24,19 @@ void check_same_length(std::size_t ids, std::size_t values, const char* function
 // Beyond this, products with positions (which stay below 1e18, too) would leave the range of float.
 constexpr double kLargestEntry = 1e18;
 
+bool is_sound(const Affine& transform) {
+  bool sound = true;  // NaN is not
+  for (const Vec3d v : {transform.x, transform.y, transform.z, transform.translation}) {
+    for (int axis = 0; axis < 3; ++axis) sound &= std::abs(v[axis]) <= kLargestEntry;
+  }
+  return sound;
+}
+
 void check_transform(const Affine& transform, std::size_t row, const char* function) {
+  if (is_sound(transform)) return;
   for (const Vec3d v : {transform.x, transform.y, transform.z, transform.translation}) {
     for (int axis = 0; axis < 3; ++axis) {
-      if (std::abs(v[axis]) <= kLargestEntry) continue;  // not so for NaN
+      if (std::abs(v[axis]) <= kLargestEntry) continue;
       char got[32];
       std::snprintf(got, sizeof(got), "%g", v[axis]);
       throw InvalidArgument(std::string(function) + ": transforms[" + std::to_string(row) +
@@ -132,18 +141,43 @@ std::int32_t Scene::add_instances(std::span<const InstanceInput> inputs) {
   return first;
 }
 
-void Scene::set_transforms(std::span<const std::int32_t> ids, std::span<const Affine> transforms) {
-  check_same_length(ids.size(), transforms.size(), "set_transforms", "transforms");
-  set_transforms(ids, [transforms](std::size_t i) { return transforms[i]; });
-}
-
-void Scene::set_transforms(std::span<const std::int32_t> ids, const std::function<Affine(std::size_t)>& map) {
+template <class Map>
+void Scene::move_instances(std::span<const std::int32_t> ids, const Map& map, ThreadPool& pool) {
+  constexpr std::size_t kGrain = 8192;
   const std::lock_guard lock(edit_mutex_);
   const auto rows = find_instances(ids, "set_transforms");
-  for (std::size_t i = 0; i < rows.size(); ++i) check_transform(map(i), i, "set_transforms");
-  for (std::size_t i = 0; i < rows.size(); ++i) instances_[rows[i]].object_to_world = map(i);
+  std::atomic<std::size_t> first_wrong{rows.size()};
+  parallel_for(pool, rows.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    std::size_t row = begin;
+    while (row < end && is_sound(map(row))) ++row;
+    std::size_t earliest = first_wrong;
+    while (row < end && row < earliest && !first_wrong.compare_exchange_weak(earliest, row)) continue;
+  });
+  if (first_wrong < rows.size()) check_transform(map(first_wrong), first_wrong, "set_transforms");
+  parallel_for(pool, rows.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) instances_[rows[i]].object_to_world = map(i);
+  });
   mark_edited();
 }
+
+void Scene::set_transforms(std::span<const std::int32_t> ids, std::span<const Affine> transforms) {
+  check_same_length(ids.size(), transforms.size(), "set_transforms", "transforms");
+  ThreadPool alone(1);
+  move_instances(ids, [transforms](std::size_t i) { return transforms[i]; }, alone);
+}
+
+template <class T>
+void Scene::set_transforms(std::span<const std::int32_t> ids, std::span<const T> matrices, ThreadPool& pool) {
+  constexpr std::size_t kEntries = 12;
+  check_same_length(kEntries * ids.size(), matrices.size(), "set_transforms", "matrices");
+  const auto map = [matrices](std::size_t i) {
+    const T* m = &matrices[i * kEntries];
+    return Affine{{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}, {m[3], m[7], m[11]}};
+  };
+  move_instances(ids, map, pool);
+}
+template void Scene::set_transforms(std::span<const std::int32_t>, std::span<const float>, ThreadPool&);
+template void Scene::set_transforms(std::span<const std::int32_t>, std::span<const double>, ThreadPool&);
 
 void Scene::set_masks(std::span<const std::int32_t> ids, std::span<const std::uint32_t> masks) {
   const std::lock_guard lock(edit_mutex_);
@@ -180,7 +214,7 @@ bool Scene::is_current() const {
 std::shared_ptr<const Snapshot> Scene::snapshot() const {
   const std::lock_guard lock(state_mutex_);
   if (!stale_reason_.empty()) throw StaleScene(stale_reason_);
-  if (snapshot_ == nullptr) throw StaleScene("the scene was never committed; call commit() first");
+  if (generation_ == 0) throw StaleScene("the scene was never committed; call commit() first");
   if (edit_count_ != committed_edit_count_) {
     throw StaleScene("the scene was edited after the last commit; call commit() first");
   }

@@ -1,11 +1,10 @@
 // The scene: meshes and their instances, edited freely, and committed into an immutable snapshot.
-// In: validated arrays. Out: reports and snapshots. A failed or cancelled commit leaves everything as it was before
-// it: the last snapshot stays valid, and the edits are still waiting.
+// In: validated arrays. Out: reports and snapshots. A failed or cancelled commit leaves the edits waiting, as they
+// were, and snapshots that were taken before stay valid.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -46,8 +45,9 @@ class Scene {
   void remove_mesh(std::int32_t mesh_id);                             // InvalidArgument while instances use it
   std::int32_t add_instances(std::span<const InstanceInput> inputs);  // the first new id; the others follow
   void set_transforms(std::span<const std::int32_t> ids, std::span<const Affine> transforms);
-  // The same for maps that are held in another form: map(i) is that of ids[i].
-  void set_transforms(std::span<const std::int32_t> ids, const std::function<Affine(std::size_t)>& map);
+  // The same for matrices of three rows and four columns, row by row. T: float or double.
+  template <class T>
+  void set_transforms(std::span<const std::int32_t> ids, std::span<const T> matrices, ThreadPool& pool);
   void set_masks(std::span<const std::int32_t> ids, std::span<const std::uint32_t> masks);
   void remove_instances(std::span<const std::int32_t> ids);
 
@@ -89,6 +89,9 @@ class Scene {
   };
 
   [[nodiscard]] static std::uint64_t next_id() noexcept;
+  // map(i): the transform of ids[i].
+  template <class Map>
+  void move_instances(std::span<const std::int32_t> ids, const Map& map, ThreadPool& pool);
   MeshSlot& find_mesh(std::int32_t mesh_id, const char* function);
   std::vector<std::size_t> find_instances(std::span<const std::int32_t> ids, const char* function) const;
   void mark_edited();
@@ -96,11 +99,12 @@ class Scene {
   static bool refit_blas(Blas& blas, const MeshSlot& slot, MeshReport& report, ThreadPool& pool, CancelToken& cancel);
   static BlasResult make_blas(std::int32_t mesh_id, const MeshSlot& slot, ThreadPool& pool, CancelToken& cancel);
   std::vector<BlasResult> make_changed_blases(ThreadPool& pool, CancelToken& cancel) const;
-  // The result has a row for each instance that is not empty.
+  // The result has a row for each instance, empty where its mesh is.
   AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const BlasMap& blases, ThreadPool& pool,
                                          CancelToken& cancel) const;
-  std::shared_ptr<Snapshot> assemble(const BlasMap& blases, ThreadPool& pool, CancelToken& cancel,
-                                     TopLevelReport& report) const;
+  std::shared_ptr<Snapshot> take_last_snapshot();
+  void assemble(Snapshot& snapshot, const BlasMap& blases, ThreadPool& pool, CancelToken& cancel,
+                TopLevelReport& report) const;
   void publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const CommitReport& report,
                std::uint64_t stale_count) noexcept;
 
@@ -111,9 +115,10 @@ class Scene {
   std::int32_t next_mesh_id_ = 0;
   std::int32_t next_instance_id_ = 0;
 
-  mutable std::mutex state_mutex_;  // held briefly; taken after edit_mutex_ if both are
-  std::uint64_t edit_count_ = 0;    // changes only while edit_mutex_ is held, too
-  std::shared_ptr<const Snapshot> snapshot_;
+  mutable std::mutex state_mutex_;            // held briefly; taken after edit_mutex_ if both are
+  std::uint64_t edit_count_ = 0;              // changes only while edit_mutex_ is held, too
+  std::shared_ptr<const Snapshot> snapshot_;  // null before the first commit, and after one that failed
+  std::uint64_t generation_ = 0;              // of the last commit
   std::uint64_t committed_edit_count_ = 0;
   std::string stale_reason_;
   std::uint64_t stale_count_ = 0;

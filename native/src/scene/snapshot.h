@@ -9,6 +9,7 @@
 
 #include "build/bvh2.h"
 #include "scene/instance.h"
+#include "scene/top_level.h"
 #include "traverse/scene_view.h"
 #include "wide/wide_bvh.h"
 
@@ -23,6 +24,7 @@ struct Snapshot {
   AlignedVector<InstanceView> instance_views;                // what kernels see of `instances`, row by row
   SceneView view;                                            // points into this snapshot
   const char* top_level_builder = "";                        // that made `tlas`
+  TopLevelCost built_cost;                                   // of the top level when it was built
   std::uint64_t generation = 0;
   std::uint64_t scene_id = 0;  // which scene of the process
 };

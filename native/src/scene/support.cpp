@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "math/float4.h"
 #include "scene/cover.h"
 
 namespace perfect_bvh {
@@ -96,23 +97,29 @@ SupportTable::SupportTable(const WideBvh& tree) : unit_(1.0 / static_cast<double
   }
 }
 
+// Without branches: where instances are turned at random, which face and which side it is cannot be foretold.
 SupportTable::Range SupportTable::along(Vec3d row) const noexcept {
+  constexpr int kNext[5] = {0, 1, 2, 0, 1};
+  const double entry[3] = {row.x, row.y, row.z};
   const double size[3] = {std::abs(row.x), std::abs(row.y), std::abs(row.z)};
-  const int axis = size[0] >= size[1] ? (size[0] >= size[2] ? 0 : 2) : (size[1] >= size[2] ? 1 : 2);
+  const int longer = size[1] > size[0] ? 1 : 0;
+  const int axis = size[2] > size[longer] ? 2 : longer;
   if (!(size[axis] > 0)) return {0, 0};
-  const double scale = 1.0 / row[axis];
-  const auto cell_of = [&](int other) { return static_cast<float>((row[other] * scale + 1.0) * (kCells / 2)); };
-  const float u = cell_of((axis + 1) % 3), v = cell_of((axis + 2) % 3);
+  const double scale = 1.0 / entry[axis];
+  const auto cell_of = [&](int other) { return static_cast<float>((entry[other] * scale + 1.0) * (kCells / 2)); };
+  const float u = cell_of(kNext[axis + 1]), v = cell_of(kNext[axis + 2]);
   const int i = std::clamp(static_cast<int>(u), 0, kCells - 1), j = std::clamp(static_cast<int>(v), 0, kCells - 1);
   const float right = u - static_cast<float>(i), up = v - static_cast<float>(j);
-  const Sample *const low = &samples_[axis][i][j], *const high = &samples_[axis][i + 1][j];
-  const auto between = [&](float Sample::* side) {
-    const float at_low = low[0].*side + (low[1].*side - low[0].*side) * up;
-    const float at_high = high[0].*side + (high[1].*side - high[0].*side) * up;
-    return static_cast<double>(at_low + (at_high - at_low) * right) * (size[axis] * unit_);
-  };
-  const double forward = between(&Sample::forward), backward = between(&Sample::backward);
-  return row[axis] > 0 ? Range{-backward, forward} : Range{-forward, backward};
+  // Forward and backward of two neighbours at once.
+  const Float4 low = Float4::load_unaligned(&samples_[axis][i][j]);
+  const Float4 high = Float4::load_unaligned(&samples_[axis][i + 1][j]);
+  alignas(16) float ends[4];
+  (low + (high - low) * Float4(right)).store(ends);
+  const double unit = size[axis] * unit_;
+  const double reach[2] = {static_cast<double>(ends[1] + (ends[3] - ends[1]) * up) * unit,
+                           static_cast<double>(ends[0] + (ends[2] - ends[0]) * up) * unit};
+  const int is_forward = entry[axis] > 0 ? 1 : 0;
+  return {-reach[1 - is_forward], reach[is_forward]};
 }
 
 Aabb transformed_bounds(const SupportTable& support, double reach, const Affine& map) {

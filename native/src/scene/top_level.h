@@ -32,6 +32,12 @@ struct TopLevel {
   double build_milliseconds = 0, clustering_milliseconds = 0;
 };
 
+// What a random ray through all is expected to meet (MacDonald and Booth 1990). 0 where the whole has no extent.
+struct TopLevelCost {
+  double node_visits = 0;       // of the wide tree
+  double instance_entries = 0;  // whatever the tree is
+};
+
 // Boxes must not be empty or infinite; their numbers need not be rows. Throws Cancelled, bad_alloc.
 [[nodiscard]] TopLevel build_top_level(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel,
                                        std::uint32_t most_clusters = kMostClusters);

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "wide/collapse.h"
-
 namespace perfect_bvh {
 namespace {
 
@@ -28,11 +26,12 @@ void bring_to_scale(AlignedVector<InstanceView>& views, double world_scale, Thre
 
 InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
   const WideBvh& tree = instance.blas->wide;
-  InstanceView view{};
+  InstanceView view;
   const double scale = static_cast<double>(tree.scale);
   const Vec3d columns[4] = {world_to_object.x, world_to_object.y, world_to_object.z, world_to_object.translation};
   for (int column = 0; column < 4; ++column) {
     for (int row = 0; row < 3; ++row) view.world_to_local[column][row] = columns[column][row] * scale;
+    view.world_to_local[column][3] = 0;
   }
   view.nodes = tree.nodes.data();
   view.blocks = tree.blocks.data();
@@ -47,7 +46,6 @@ InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
 }
 
 void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) {
-  snapshot.top_level = collapse_top_level(snapshot.tlas, pool, cancel);
   bring_to_scale(snapshot.instance_views, static_cast<double>(snapshot.top_level.scale), pool, cancel);
   std::uint32_t deepest = 0;
   SceneView& view = snapshot.view;

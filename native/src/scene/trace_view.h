@@ -10,7 +10,7 @@ namespace perfect_bvh {
 // The row of a placed instance. Its tree may be stored in a scale of its own; the world's comes in later.
 [[nodiscard]] InstanceView view_of(const Instance& instance, const Affine& world_to_object);
 
-// Fills in `top_level` and `view` and brings `instance_views` to the world's scale, after everything else of the
+// Fills in `view` and brings `instance_views` to the world's scale, after everything else of the
 // snapshot is in place.
 void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel);
 

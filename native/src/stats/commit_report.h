@@ -24,10 +24,13 @@ struct MeshReport {
   std::size_t byte_count = 0;
 };
 
-// Milliseconds by the wall clock; 0 if the top level was kept.
+// Milliseconds by the wall clock; 0 where a stage did not run.
 struct TopLevelReport {
+  bool is_refitted = false;
+  std::string reason;   // why it was kept, refitted or built
   std::string builder;  // "agglomerative" where clustering paid, else that of the tree below; "" over nothing
   double placing_milliseconds = 0;     // inverse transforms and world boxes
+  double refit_milliseconds = 0;       // of both trees; also where they were then rejected
   double build_milliseconds = 0;       // the binary tree
   double clustering_milliseconds = 0;  // of its upper part
   double collapse_milliseconds = 0;    // the wide tree

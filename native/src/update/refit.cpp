@@ -47,32 +47,33 @@ void refit_interiors(Bvh2& tree) noexcept {
   }
 }
 
-}  // namespace
-
-void refit_bvh2(Bvh2& tree, std::span<const Vec3f> positions, std::span<const Vec3<std::uint32_t>> triangles,
-                ThreadPool& pool, CancelToken& cancel) {
+// The leaves gather boxes from everywhere: worth sharing out. The rest is a short loop over what they left.
+template <class PrimBox>
+void refit(Bvh2& tree, const PrimBox& prim_box, ThreadPool& pool, CancelToken& cancel) {
   require_refittable(tree);
-  const auto triangle_box = [&](std::uint32_t index) noexcept {
-    const Vec3<std::uint32_t> t = triangles[index];
-    return Aabb{min(min(positions[t.x], positions[t.y]), positions[t.z]),
-                max(max(positions[t.x], positions[t.y]), positions[t.z])};
-  };
-  // The leaves gather vertices from everywhere: worth sharing out. The rest is a short loop over what they left.
   parallel_for(pool, tree.nodes.size(), kNodeGrain, [&](std::size_t begin, std::size_t end) {
     cancel.checkpoint();
     for (std::size_t i = begin; i < end; ++i) {
-      if (tree.nodes[i].is_leaf()) refit_leaf(tree, tree.nodes[i], triangle_box);
+      if (tree.nodes[i].is_leaf()) refit_leaf(tree, tree.nodes[i], prim_box);
     }
   });
   refit_interiors(tree);
 }
 
-void refit_bvh2(Bvh2& tree, std::span<const Aabb> prim_boxes) {
-  require_refittable(tree);
-  for (Bvh2Node& node : tree.nodes) {
-    if (node.is_leaf()) refit_leaf(tree, node, [&](std::uint32_t index) noexcept { return prim_boxes[index]; });
-  }
-  refit_interiors(tree);
+}  // namespace
+
+void refit_bvh2(Bvh2& tree, std::span<const Vec3f> positions, std::span<const Vec3<std::uint32_t>> triangles,
+                ThreadPool& pool, CancelToken& cancel) {
+  const auto triangle_box = [&](std::uint32_t index) noexcept {
+    const Vec3<std::uint32_t> t = triangles[index];
+    return Aabb{min(min(positions[t.x], positions[t.y]), positions[t.z]),
+                max(max(positions[t.x], positions[t.y]), positions[t.z])};
+  };
+  refit(tree, triangle_box, pool, cancel);
+}
+
+void refit_bvh2(Bvh2& tree, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
+  refit(tree, [&](std::uint32_t row) noexcept { return boxes[row].box(); }, pool, cancel);
 }
 
 }  // namespace perfect_bvh
