@@ -1,7 +1,7 @@
 """Instances made by geometry nodes, a whole instancer at a time: no Python object for each (Blender 4.5 and later).
 
-Each instancer's geometry says what it shows and where, as arrays. Where that cannot tell everything that Blender's list
-would (nested instances, collections, particles, other instancers, hidden originals), nothing is read this way.
+Each instancer's geometry says what it shows and where, as arrays. Objects of which it cannot tell everything are read
+from Blender's list, and only those: see `instancer_survey.py`.
 """
 
 from __future__ import annotations
@@ -10,54 +10,25 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-import bpy
 import numpy as np
 import numpy.typing as npt
 from perfect_bvh.bulk import place_instances
 
 from ..sync.records import LARGEST_COORDINATE, Float32Array, Int32Array
 from .groups import NOT_SHOWN, GroupTable
-from .listing import Listing
+from .instancer_survey import LISTED, Instancer, Shown, Survey, survey
+from .list_walk import ListWalk
+from .listing import GroupFinder, Listing
 from .pointer_views import MATRICES, REFERENCE_INDICES, ArrayReader
 
-# Objects that are no surface and show nothing.
-_SILENT_TYPES = frozenset({"ARMATURE", "CAMERA", "EMPTY", "LATTICE", "LIGHT", "LIGHT_PROBE", "SPEAKER"})
-_INSTANCER_SWITCHES = ("show_instancer_for_viewport", "show_instancer_for_render")
-_COMPONENTS = ("curves", "pointcloud", "volume", "grease_pencil")
-_IS_SUPPORTED = hasattr(bpy.types.Object, "evaluated_geometry")
 _UNUSED_LEVEL = 2**31 - 1  # Blender's filler in a persistent id
+_LEVELS = 8
 
 # How Blender numbers the instances of a group: plain objects not at all; others by the instance's id, after as many
-# zeros as there are geometries between: an object has none, a mesh that is a reference's own geometry has one.
+# zeros as there are geometries between: an object has none, a mesh that is a reference's own geometry has one. What was
+# read from the list has numbers that were read as well.
 _PLAIN = -1
-
-
-class _UnsupportedError(Exception):
-    """Blender's list is needed after all."""
-
-
-@dataclass(slots=True)
-class _Shown:
-    """What instances of one reference show: an object, or the mesh of a geometry.
-
-    zeros: before the id, see above. matrices: (4, 4) float32, of the geometries between, from the outermost; empty if
-    they change nothing. owner: keeps the geometry, which is known by address.
-    """
-
-    obj: Any
-    mesh: Any
-    zeros: int
-    matrices: list[Float32Array]
-    owner: Any
-
-
-@dataclass(slots=True)
-class _Instancer:
-    """What an evaluated object shows beside itself; None for references to nothing. The geometry owns the points."""
-
-    geometry: Any
-    points: Any
-    references: list[_Shown | None]
+_READ = -2
 
 
 @dataclass(slots=True)
@@ -65,7 +36,7 @@ class _Block:
     """Consecutive instances of one instancer, or plain objects.
 
     parent, local: (4, 4) and (N, 4, 4) float32, the latter a view that is transposed; for plain objects parent is None.
-    inner: rows, and the matrices that follow for them.
+    ids: (N,) int32, or (N, 8) for whole persistent ids. inner: rows, and the matrices that follow for them.
     """
 
     parent: Float32Array | None
@@ -81,99 +52,6 @@ def list_geometry_instances(depsgraph: Any, groups: GroupTable, reader: ArrayRea
     return None if surveyed is None else _Collector(groups, reader).collect(depsgraph, surveyed)
 
 
-def survey(depsgraph: Any) -> list[tuple[Any, _Instancer | None]] | None:
-    """Each evaluated object with what it shows beside itself; None if Blender's list is needed, or is as good."""
-    if not _IS_SUPPORTED or not _may_have_node_instances():
-        return None
-    try:
-        surveyed = [(obj, _survey(obj)) for obj in depsgraph.objects]
-    except _UnsupportedError:
-        return None
-    return surveyed if any(instancer for _, instancer in surveyed) else None
-
-
-def _may_have_node_instances() -> bool:
-    """A quick answer for the many scenes that have none. An instancer that hides itself is not among the objects."""
-    if not any(group.bl_idname == "GeometryNodeTree" for group in bpy.data.node_groups):
-        return False
-    shown = np.empty(len(bpy.data.objects), np.bool_)
-    for switch in _INSTANCER_SWITCHES:
-        bpy.data.objects.foreach_get(switch, shown)
-        if not shown.all():
-            return False
-    return True
-
-
-def _survey(obj: Any) -> _Instancer | None:
-    """What an evaluated object shows beside itself, None for nothing. Raises _UnsupportedError."""
-    if obj.is_instancer:
-        raise _UnsupportedError
-    if obj.type != "MESH":
-        if obj.type not in _SILENT_TYPES:
-            raise _UnsupportedError
-        return None
-    if len(obj.particle_systems):
-        raise _UnsupportedError
-    if not any(modifier.type == "NODES" for modifier in obj.modifiers):
-        return None
-    geometry = obj.evaluated_geometry()
-    _refuse_components(geometry)
-    points = geometry.instances_pointcloud()
-    if points is None or not len(points.points):
-        return None
-    _check_points(obj, points)
-    return _Instancer(geometry, points, [_resolve(reference) for reference in geometry.instance_references()])
-
-
-def _check_points(obj: Any, points: Any) -> None:
-    ids = points.attributes.get("id")
-    if ids is not None and _has_repeated(ids.data):
-        raise _UnsupportedError  # Blender gives the others numbers at random
-    if any(slot.link == "OBJECT" for slot in obj.original.material_slots):
-        raise _UnsupportedError  # how they combine with a mesh's own materials is Blender's secret
-
-
-def _refuse_components(geometry: Any) -> None:
-    """They would be instances as well."""
-    if any(getattr(geometry, name) is not None for name in _COMPONENTS):
-        raise _UnsupportedError
-
-
-def _has_repeated(ids: Any) -> bool:
-    values = np.empty(len(ids), np.int32)
-    ids.foreach_get("value", values)
-    return len(np.unique(values)) < len(values)
-
-
-def _resolve(reference: Any, zeros: int = 0, matrices: tuple[Float32Array, ...] = ()) -> _Shown | None:
-    """What a reference shows. Raises _UnsupportedError if that is more than one thing."""
-    if not isinstance(reference, bpy.types.GeometrySet):
-        _check_object(reference)
-        return _Shown(reference, reference.data, zeros, list(matrices), None)
-    _refuse_components(reference)
-    points = reference.instances_pointcloud()
-    mesh = reference.mesh
-    if points is None:
-        return None if mesh is None else _Shown(None, mesh, zeros + 1, list(matrices), reference)
-    if mesh is not None or len(points.points) != 1 or "id" in points.attributes:
-        raise _UnsupportedError
-    # Object Info and Collection Info give a geometry that holds one instance.
-    matrix = np.array(points.attributes["instance_transform"].data[0].value, np.float32)
-    if not np.array_equal(matrix, np.eye(4)):
-        matrices = (*matrices, matrix)
-    return _resolve(reference.instance_references()[0], zeros + 1, matrices)
-
-
-def _check_object(reference: Any) -> None:
-    if not isinstance(reference, bpy.types.Object) or reference.type != "MESH" or not reference.is_evaluated:
-        raise _UnsupportedError
-    parent = reference.parent
-    if parent is not None and parent.instance_type in {"VERTS", "FACES"}:
-        raise _UnsupportedError  # such a parent hides it
-    if _survey(reference) is not None:
-        raise _UnsupportedError
-
-
 class _Collector:
     """Turns what was surveyed into columns."""
 
@@ -182,23 +60,32 @@ class _Collector:
         self._reader = reader
         self._blocks: list[_Block] = []
 
-    def collect(self, depsgraph: Any, surveyed: list[tuple[Any, _Instancer | None]]) -> Listing:
+    def collect(self, depsgraph: Any, surveyed: Survey) -> Listing:
         matrices = np.empty((len(surveyed), 4, 4), np.float32)
         depsgraph.objects.foreach_get("matrix_world", matrices.reshape(-1))
+        walk: ListWalk | None = None
         plain_from = 0
         plain: list[int] = []
-        for row, (obj, instancer) in enumerate(surveyed):
-            data = obj.data
-            is_shown = data is not None
-            plain.append(
-                self._groups.add(obj, data, parent=None, is_own=True, numbering=_PLAIN) if is_shown else NOT_SHOWN
-            )
-            if instancer is not None:
+        for row, (obj, found) in enumerate(surveyed):
+            if found is None:
+                plain.append(self._add_own(obj))
+                continue
+            if found is LISTED:
+                self._add_plain(matrices[plain_from:row], plain)
+                walk = walk or ListWalk(depsgraph, GroupFinder(self._groups), _READ)
+                self._blocks.append(_Block(None, *walk.read(obj).columns))
+            else:
+                plain.append(self._add_own(obj))
                 self._add_plain(matrices[plain_from : row + 1], plain)
-                plain_from, plain = row + 1, []
-                self._add_instances(obj, matrices[row].T, instancer)
+                self._add_instances(obj, matrices[row], found)
+            plain_from, plain = row + 1, []
         self._add_plain(matrices[plain_from:], plain)
-        return self._join()
+        return self._join(is_read=walk is not None)
+
+    def _add_own(self, obj: Any) -> int:
+        """The group of an object that is shown as itself."""
+        data = obj.data
+        return NOT_SHOWN if data is None else self._groups.add(obj, data, parent=None, is_own=True, numbering=_PLAIN)
 
     def _add_plain(self, matrices: Float32Array, group_ids: list[int]) -> None:
         """Leaves out at once what shows nothing, which an instancer mostly does: the others need no copying later."""
@@ -206,7 +93,11 @@ class _Collector:
         shown = groups != NOT_SHOWN
         self._blocks.append(_Block(None, matrices[shown], groups[shown], np.zeros(shown.sum(), np.int32)))
 
-    def _add_instances(self, obj: Any, matrix: Float32Array, instancer: _Instancer) -> None:
+    def _add_instances(self, obj: Any, matrix: Float32Array, instancer: Instancer) -> None:
+        if instancer.points is None:
+            groups = np.array([self._add_shown(obj, shown) for shown in instancer.references if shown], np.int32)
+            self._blocks.append(_Block(None, matrix[None], groups, np.zeros(1, np.int32)))
+            return
         attributes = instancer.points.attributes
         local = self._reader.view(attributes["instance_transform"].data, MATRICES).reshape(-1, 4, 4)
         references = self._reader.view(attributes[".reference_index"].data, REFERENCE_INDICES)
@@ -216,7 +107,7 @@ class _Collector:
         else:
             ids = self._reader.read(own_ids.data, REFERENCE_INDICES)
         groups = np.full(len(instancer.references), NOT_SHOWN, np.int32)
-        block = _Block(matrix, local, groups, ids)
+        block = _Block(matrix.T, local, groups, ids)
         for index in _in_order_of_use(references, len(groups)):
             shown = instancer.references[index]
             if shown is None:
@@ -227,12 +118,13 @@ class _Collector:
         block.group_ids = groups[references]
         self._blocks.append(block)
 
-    def _add_shown(self, instancer: Any, shown: _Shown) -> int:
+    def _add_shown(self, instancer: Any, shown: Shown) -> int:
         obj = shown.obj or instancer
         is_own = shown.obj is not None
         return self._groups.add(obj, shown.mesh, parent=instancer, is_own=is_own, numbering=shown.zeros)
 
-    def _join(self) -> Listing:
+    def _join(self, *, is_read: bool) -> Listing:
+        """is_read: whether some persistent ids were read: then all of them are made now, to stand in one table."""
         counts = [len(block.local) for block in self._blocks]
         transforms = np.empty((sum(counts), 3, 4), np.float32)
         bad_rows = []
@@ -246,23 +138,27 @@ class _Collector:
                 bad = np.flatnonzero(~(np.abs(placed) <= LARGEST_COORDINATE).all(axis=(1, 2)))
             bad_rows.append(bad + first)
             first += count
+        ids = [self._whole_ids(block) if is_read else block.ids for block in self._blocks]
         return Listing(
             group_ids=np.concatenate([block.group_ids for block in self._blocks]),
             transforms=transforms,
             bad_rows=np.concatenate(bad_rows).astype(np.int32),
-            ids=np.concatenate([block.ids for block in self._blocks]),
-            expand_ids=self._expand_ids,
+            ids=np.concatenate(ids),
+            expand_ids=(lambda _, whole: whole) if is_read else self._expand_ids,
         )
 
+    def _whole_ids(self, block: _Block) -> Int32Array:
+        return block.ids if block.ids.ndim == 2 else self._expand_ids(block.group_ids, block.ids)
+
     def _expand_ids(self, group_ids: Int32Array, ids: Int32Array) -> Int32Array:
-        """(I, 8) persistent ids as Blender numbers them."""
-        zeros = np.array([row[-1] for row in self._groups.rows], np.int8)[group_ids]
-        expanded = np.full((len(ids), 8), _UNUSED_LEVEL, np.int32)
+        """(I, 8) persistent ids as Blender numbers them; without meaning for what is not shown."""
+        zeros = np.array([*(row[-1] for row in self._groups.rows), _READ], np.int8)[group_ids]  # the last: not shown
+        expanded = np.full((len(ids), _LEVELS), _UNUSED_LEVEL, np.int32)
         for count in np.unique(zeros):
             rows = zeros == count
             if count == _PLAIN:
                 expanded[rows] = 0
-            else:
+            elif count >= 0:
                 expanded[rows, :count] = 0
                 expanded[rows, count] = ids[rows]
         return expanded

@@ -49,30 +49,39 @@ def list_instances(depsgraph: Any, groups: GroupTable) -> Listing:
 
 
 def _assign_groups(instances: Any, groups: GroupTable) -> Int32Array:
-    """(N,) int32: each listed instance's group, or NOT_SHOWN.
+    """(N,) int32: each listed instance's group, or NOT_SHOWN."""
+    finder = GroupFinder(groups)
+    return np.array([finder.find(instance) for instance in instances], np.int32)
+
+
+class GroupFinder:
+    """The group of each instance of Blender's list.
 
     Nothing of an instance may be kept: the object of a duplicate is one temporary that is overwritten. Its mesh,
     the object it is a duplicate of, and its instancer do last for the loop; they are compared by address, and
     as dictionary keys at half the cost of asking for their addresses.
     """
-    known: dict[Any, int] = {}
-    group_ids: list[int] = []
-    for instance in instances:
+
+    def __init__(self, groups: GroupTable) -> None:
+        self._groups = groups
+        self._known: dict[Any, int] = {}
+
+    def find(self, instance: Any, numbering: int = 0) -> int:
+        """Its row, or NOT_SHOWN; the numbering is that of a group that is new."""
         source = instance.instance_object
         obj = instance.object
         data = obj.data
         if data is None or not instance.show_self:
-            group_ids.append(NOT_SHOWN)
-            continue
+            return NOT_SHOWN
         token = obj if source is None else (data, source, instance.parent)
-        group = known.get(token)
+        group = self._known.get(token)
         if group is None:
-            group = known[token] = groups.add(
+            group = self._known[token] = self._groups.add(
                 obj,
                 data,
                 parent=None if source is None else instance.parent,
                 is_own=source is None or source.data == data,
                 shows_particles=instance.show_particles,
+                numbering=numbering,
             )
-        group_ids.append(group)
-    return np.array(group_ids, np.int32)
+        return group

@@ -28,7 +28,7 @@ from blender.builders import (
 )
 from blender.soak_edits import EDITS, NothingToEditError
 from perfect_bvh_addon import SceneSync
-from perfect_bvh_addon.extract import geometry_instances, read_scene
+from perfect_bvh_addon.extract import instancer_survey, read_scene
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
 from perfect_bvh_addon.sync.lookup import SceneLookup
 from perfect_bvh_addon.sync.records import AttributeRequest, SceneRecord
@@ -104,8 +104,10 @@ class Soak:
 
     def _reads_geometry(self, depsgraph: Any) -> int:
         """How many instances can do without Blender's list now."""
-        surveyed = geometry_instances.survey(depsgraph)
-        return sum(len(instancer.points.points) for _, instancer in surveyed or () if instancer is not None)
+        surveyed = instancer_survey.survey(depsgraph)
+        return sum(
+            len(instancer.points.points) for _, instancer in surveyed or () if getattr(instancer, "points", None)
+        )
 
     # What edits choose among ------------------------------------------------------------------------------------------
 

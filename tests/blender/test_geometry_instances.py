@@ -21,7 +21,7 @@ from blender.builders import (
     mesh_object,
     object_info,
 )
-from perfect_bvh_addon.extract import geometry_instances, listing, read_scene
+from perfect_bvh_addon.extract import ReadCache, instancer_survey, listing, read_scene
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
 from perfect_bvh_addon.sync.records import SceneRecord
 from perfect_bvh_addon.sync.verify import find_mismatches
@@ -145,6 +145,19 @@ def bad_matrices() -> None:
     mesh_object("fine")
 
 
+def beside_text_and_curves() -> None:
+    bpy.ops.object.text_add(location=(1, 2, 3), rotation=(0.1, 0.2, 0.3))
+    made_meshes()
+    bpy.ops.object.text_add()
+    bpy.ops.surface.primitive_nurbs_surface_sphere_add()
+    bpy.ops.object.metaball_add()
+    bpy.ops.object.metaball_add(location=(1, 0, 0))
+    bpy.ops.curve.primitive_bezier_circle_add()
+    bpy.ops.curve.primitive_bezier_circle_add()
+    bpy.context.object.data.bevel_depth = 0.1
+    bpy.ops.object.volume_add()
+
+
 FAST: dict[str, Callable[[], None]] = {
     function.__name__: function
     for function in (
@@ -162,6 +175,7 @@ FAST: dict[str, Callable[[], None]] = {
         a_hidden_original,
         bad_matrices,
         no_object,
+        beside_text_and_curves,
     )
 }
 
@@ -226,11 +240,6 @@ def a_whole_collection() -> None:
     instances_on_grid("field", whole, 3)
 
 
-def beside_text() -> None:
-    made_meshes()
-    bpy.ops.object.text_add()
-
-
 def a_hidden_instancer() -> None:
     made_meshes_beside_the_own()
     field = bpy.data.objects["field"]
@@ -269,17 +278,73 @@ def no_instances_at_all() -> None:
     group.show(group.input.outputs[0]).apply_to(mesh_object("plain"))
 
 
+def a_collection_of_instancers_and_text() -> None:
+    made_meshes()
+    bpy.ops.object.text_add()
+    shown = collection("shown")
+    for name in ("field", "Text"):
+        shown.objects.link(bpy.data.objects[name])
+    collection_instance("tree", shown, location=(9, 9, 9))
+
+
+def beside_instances_on_vertices() -> None:
+    child, parent = mesh_object("child"), place(mesh_object("parent"))
+    child.parent, parent.instance_type = parent, "VERTS"
+    made_meshes()
+
+
+def listed_ones_among_others() -> None:
+    repeated_ids()
+    mesh_object("plain", location=(3, 3, 3))
+    beside_a_collection_instance()
+    beside_instances_on_vertices()
+    place(bpy.data.objects["tree"])
+    collection_instance("tree 2", bpy.data.collections["inner"], location=(1, 1, 1))
+    an_object()
+    bpy.data.objects["child"].hide_render = True
+
+
+PARTLY: dict[str, Callable[[], None]] = {
+    function.__name__: function
+    for function in (
+        beside_a_collection_instance,
+        beside_particles,
+        beside_instances_on_vertices,
+        listed_ones_among_others,
+    )
+}
+
+
+@pytest.mark.parametrize("name", PARTLY)
+@pytest.mark.parametrize("look", [lambda check: check(evaluated()), in_render], ids=["viewport", "render"])
+def test_only_what_the_geometry_cannot_tell_is_looked_up_in_the_list(
+    scene: Any, no_list: list[str], name: str, look: Callable[[Any], Any]
+) -> None:
+    PARTLY[name]()
+
+    def check(depsgraph: Any) -> None:
+        record = read_scene(depsgraph)
+        assert no_list == []
+        assert find_mismatches(record, list_of(depsgraph)) == ()
+        assert len(record.instances) > 0
+        del no_list[:]
+        cache = ReadCache()
+        again = [read_scene(depsgraph, cache=cache) for _ in range(2)]
+        assert find_mismatches(again[1], again[0]) == ()
+        assert again[1].instances.persistent_ids is again[0].instances.persistent_ids
+
+    look(check)
+
+
 SLOW: dict[str, Callable[[], None]] = {
     function.__name__: function
     for function in (
         nodes_of_nodes,
-        beside_a_collection_instance,
+        a_collection_of_instancers_and_text,
         a_whole_collection,
-        beside_text,
         a_hidden_instancer,
         repeated_ids,
         object_linked_materials,
-        beside_particles,
         a_curve_among_the_instances,
         no_instances_at_all,
     )
@@ -299,7 +364,7 @@ def test_an_older_blender_uses_the_list(scene: Any, no_list: list[str], monkeypa
     made_meshes()
     depsgraph = evaluated()
     fast = read_scene(depsgraph)
-    monkeypatch.setattr(geometry_instances, "_IS_SUPPORTED", False)
+    monkeypatch.setattr(instancer_survey, "_IS_SUPPORTED", False)
     assert find_mismatches(read_scene(depsgraph), fast) == ()
     assert no_list == ["list"]
 
