@@ -35,7 +35,8 @@ class MeshReport:
 class TopLevelReport:
     """The tree over the instances, and the stages of making it; 0 where one did not run.
 
-    is_refitted: whether the last tree got new boxes, and no other was built. reason: why it was refitted, built or kept.
+    is_refitted: whether the last tree got new boxes, and no other was built. reason: why it was refitted, built or
+        kept.
     builder: "agglomerative" where joining its upper parts pair by pair made it cheaper, else what made it, as in
     `BuildConfig`; "" over nothing.
     placing: inverse transforms and world boxes. refit: also where its result was then rejected. build: the binary
