@@ -1,0 +1,142 @@
+"""Threads trace snapshots while others edit, commit and cancel: every answer is right for the snapshot it came from."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import perfect_bvh
+from oracles import meshes
+
+SECONDS = 5.0
+KEPT = 6
+RAYS = 60
+LARGE = meshes.sphere(100, 100)
+ANSWER = ("t_hit", "instance_ids", "primitive_ids")
+
+
+class EditedScene:
+    """A scene that one thread edits without end, and its last few snapshots, which any thread may trace."""
+
+    def __init__(self, seed: int) -> None:
+        self.random = np.random.default_rng(seed)
+        self.scene = perfect_bvh.Scene()
+        self.shapes = [meshes.sphere(8, 10, 0.7), meshes.soup(80, seed, 0.2), meshes.slivers(60, seed)]
+        usages = ("deforming", "changing", "static")
+        self.meshes = [
+            self.scene.add_mesh(points.astype(np.float32), triangles, usage=usage)
+            for (points, triangles), usage in zip(self.shapes, usages, strict=True)
+        ]
+        self.instances = self.scene.add_instances(self.random.choice(self.meshes, 12), self._places(12)).tolist()
+        self.snapshots: deque[perfect_bvh.Snapshot] = deque(maxlen=KEPT)
+        self.commits = self.cancelled = 0
+        self.scene.commit()
+        self.snapshots.append(self.scene.snapshot())
+
+    def _places(self, count: int) -> np.ndarray:
+        places = np.tile(np.eye(4), (count, 1, 1))
+        places[:, :3, :3] += self.random.normal(0.0, 0.3, (count, 3, 3))
+        places[:, :3, 3] = self.random.uniform(-2.0, 2.0, (count, 3))
+        return places
+
+    def edit(self) -> None:
+        """One edit of each kind, at random, then a commit; now and then one is cancelled before."""
+        row = int(self.random.integers(len(self.meshes)))
+        points, triangles = self.shapes[row]
+        if self.random.random() < 0.7:
+            moved = points + self.random.normal(0.0, 0.1, points.shape)
+            self.scene.update_mesh(self.meshes[row], moved.astype(np.float32))
+        else:
+            kept = triangles[self.random.random(len(triangles)) < 0.9]
+            self.scene.replace_mesh(self.meshes[row], points.astype(np.float32), kept)
+            self.shapes[row] = points, kept
+        chosen = self.random.choice(self.instances, 4, replace=False)
+        self.scene.set_transforms(chosen, self._places(4))
+        self.scene.set_masks(chosen, self.random.integers(1, 4, 4))
+        self.scene.remove_instances([self.instances.pop(0)])
+        self.instances += self.scene.add_instances([self.meshes[row]], self._places(1)).tolist()
+        self.commit()
+
+    def commit(self) -> None:
+        if self.commits % 10 == 1:
+            self.cancel()
+        self.scene.commit()
+        self.commits += 1
+        self.snapshots.append(self.scene.snapshot())
+
+    def cancel(self) -> None:
+        """A commit that is called off in the middle of a large mesh, which is then taken away again."""
+        mesh = self.scene.add_mesh(*LARGE, build=perfect_bvh.BuildConfig(builder="spatial"))
+        instance = self.scene.add_instance(mesh, mask=0)
+        try:
+            self.scene.commit(progress=lambda done: False)
+        except perfect_bvh.Cancelled:
+            self.cancelled += 1
+        self.scene.remove_instances([instance])
+        self.scene.remove_mesh(mesh)
+
+
+class Witness:
+    """Remembers what each snapshot first answered, whichever thread asked."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.answers: dict[tuple[int, int], bytes] = {}
+
+    def hear(self, hits: perfect_bvh.Hits) -> None:
+        said = b"".join(getattr(hits, name).tobytes() for name in ANSWER)
+        with self.lock:
+            before = self.answers.setdefault((hits.scene_id, hits.generation), said)
+        assert before == said, f"generation {hits.generation} has changed its answer"
+
+
+def trace(edited: list[EditedScene], witness: Witness, until: float, seed: int) -> int:
+    """Any kept snapshot of any scene, again and again; each answer is audited. Returns how many were asked."""
+    random, rays, asked = np.random.default_rng(seed), meshes.random_rays(RAYS, 3, 3.0), 0
+    while time.monotonic() < until:
+        snapshots = edited[random.integers(len(edited))].snapshots
+        snapshot = snapshots[int(random.integers(len(snapshots)))]
+        hits = snapshot.cast_rays(*rays, fields=ANSWER, threads=int(random.integers(0, 3)), audit=1.0)
+        assert hits.audit.wrong_rows.size == 0, f"generation {hits.generation}: {hits.audit}"
+        assert (hits.generation, hits.scene_id) == (snapshot.generation, snapshot.scene_id)
+        assert np.array_equal(snapshot.test_occlusions(*rays), hits.is_hit)
+        witness.hear(hits)
+        asked += 1
+    return asked
+
+
+def ask_the_scene(edited: EditedScene, witness: Witness, until: float) -> tuple[int, int]:
+    """The scene itself: the answer of some committed state, or a refusal. Returns how many of each."""
+    rays, answered, refused = meshes.random_rays(RAYS, 3, 3.0), 0, 0
+    while time.monotonic() < until:
+        try:
+            witness.hear(edited.scene.cast_rays(*rays, fields=ANSWER))
+            answered += 1
+        except perfect_bvh.StaleSceneError:
+            refused += 1
+    return answered, refused
+
+
+def edit(edited: EditedScene, until: float) -> None:
+    while time.monotonic() < until:
+        edited.edit()
+
+
+def test_answers_are_those_of_their_snapshot_whatever_is_edited_meanwhile() -> None:
+    edited, witness = [EditedScene(1), EditedScene(2)], Witness()
+    until = time.monotonic() + SECONDS
+    with ThreadPoolExecutor(max_workers=6) as pool:
+        editors = [pool.submit(edit, scene, until) for scene in edited]
+        tracers = [pool.submit(trace, edited, witness, until, seed) for seed in range(3)]
+        asker = pool.submit(ask_the_scene, edited[0], witness, until)
+        for task in editors:
+            task.result()
+        assert all(task.result() > 0 for task in tracers)
+        answered, refused = asker.result()
+    assert answered + refused > 0
+    assert all(scene.commits > 2 for scene in edited)
+    assert sum(scene.cancelled for scene in edited) > 0
+    assert {scene for scene, _ in witness.answers} == {scene.scene.scene_id for scene in edited}
