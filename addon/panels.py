@@ -137,6 +137,18 @@ class PERFECT_BVH_PT_plan(RenderPanel, bpy.types.Panel):
             self.layout.label(text=f"and {more:,} more meshes")
 
 
+class PERFECT_BVH_PT_failure_cases(RenderPanel, bpy.types.Panel):
+    """Scenes to learn from."""
+
+    bl_label = "Failure Cases"
+    bl_parent_id = "PERFECT_BVH_PT_render"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.label(text="Scenes on which usual methods fail:")
+        self.layout.operator_menu_enum("perfect_bvh.add_failure_case", "case", icon="SCENE_DATA")
+
+
 class PERFECT_BVH_PT_passes(bpy.types.Panel):
     """The passes that the engine writes beside Combined."""
 
@@ -194,6 +206,7 @@ CLASSES = (
     PERFECT_BVH_PT_performance,
     PERFECT_BVH_PT_statistics,
     PERFECT_BVH_PT_plan,
+    PERFECT_BVH_PT_failure_cases,
     PERFECT_BVH_PT_passes,
 )
 

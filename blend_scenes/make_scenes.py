@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
-from makers import cloth, courtyard, crowd, gears, ocean, tree_in_wind
+from makers import cloth, courtyard, crowd, gears, ocean, tree_in_wind, zoo
 from makers.stage import save_stage
 
 SCENES: dict[str, Callable[[], None]] = {
@@ -19,6 +20,7 @@ SCENES: dict[str, Callable[[], None]] = {
     "crowd": crowd.make,
     "cloth": cloth.make,
     "ocean": ocean.make,
+    **{f"zoo/{name}": partial(zoo.make, name) for name in zoo.NAMES},
 }
 
 
@@ -30,10 +32,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     unknown = [name for name in options.names if name not in SCENES]
     if unknown:
         parser.error(f"unknown scene {', '.join(unknown)}; choose from {', '.join(SCENES)}")
-    options.output.mkdir(parents=True, exist_ok=True)
     for name in options.names or SCENES:
         SCENES[name]()
         path = (options.output / f"{name}.blend").resolve()
+        path.parent.mkdir(parents=True, exist_ok=True)
         save_stage(path)
         print(f"{path}: {path.stat().st_size / 1000:.0f} KB")
 

@@ -30,7 +30,7 @@ ADDON_LAYERS = (
     ("extract",),
     ("session",),
     ("properties", "preferences"),
-    ("frame", "display", "overlay"),
+    ("frame", "display", "overlay", "failure_scenes"),
     ("viewport", "summary"),
     ("engine", "handlers", "operators"),
     ("panels",),

@@ -52,6 +52,7 @@ class FailureCase:
     name: identifier. title, breaks, held: for people: what it is, what goes wrong elsewhere, what holds it here.
     source: where it was seen. states: makes the states, one after the other, always the same.
     rays: makes `count` telling rays for one of the states, from a seed.
+    view: where a camera sees what it is about, and what it looks at; None: from outside, at all of it.
     """
 
     name: str
@@ -61,6 +62,7 @@ class FailureCase:
     held: str
     states: Callable[[], tuple[State, ...]]
     rays: Callable[[State, int, int], Rays]
+    view: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
 
 
 def body(name: str, mesh: Mesh, transforms: npt.ArrayLike | None = None) -> Body:

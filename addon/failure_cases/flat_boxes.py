@@ -83,6 +83,7 @@ AXIS_PARALLEL_RAYS = FailureCase(
     "The same, and intervals widened by what the test and the triangle's t can be off by (Ize 2013).",
     axis_parallel_rays,
     rays_along_axes,
+    view=((1.6, -1.8, 1.2), (0.0, 0.0, 0.0)),
 )
 EDGES_AND_VERTICES = FailureCase(
     "edges_and_vertices",

@@ -14,9 +14,9 @@ def _poses(mesh: Mesh, *later: np.ndarray) -> tuple[State, ...]:
 
 def explosion() -> tuple[State, ...]:
     """Loose triangles that lie side by side fly apart, each on its own way."""
-    mesh = gravel(1200, 13, 0.02)
+    mesh = gravel(900, 13, 0.02)
     random = np.random.default_rng(14)
-    ways = np.repeat(random.normal(size=(1200, 3)), 3, axis=0)
+    ways = np.repeat(random.normal(size=(900, 3)), 3, axis=0)
     return _poses(mesh, *(mesh[0] + step * ways for step in (0.5, 1.5, 3.0)))
 
 

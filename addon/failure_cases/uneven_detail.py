@@ -47,6 +47,7 @@ TEAPOT_IN_STADIUM = FailureCase(
     "Splits by surface area (MacDonald and Booth 1990), in every builder but `median`.",
     teapot_in_stadium,
     rays_around,
+    view=((0.5, -1.5, -496.5), (3.0, 2.0, -498.0)),
 )
 GROUND_UNDER_GRAVEL = FailureCase(
     "ground_under_gravel",
@@ -56,6 +57,7 @@ GROUND_UNDER_GRAVEL = FailureCase(
     "Surface area sends the ground up the tree at once; `spatial` cuts it as well.",
     ground_under_gravel,
     rays_around,
+    view=((4.0, -6.0, 3.0), (0.0, 0.0, 0.0)),
 )
 FAR_CLUSTERS = FailureCase(
     "far_clusters",
@@ -65,6 +67,7 @@ FAR_CLUSTERS = FailureCase(
     "Bins are laid anew over each node's own centroids.",
     far_clusters,
     rays_around,
+    view=((-3.5, 0.0, 0.5), (1000.0, 50.0, 0.0)),
 )
 NESTED_BOXES = FailureCase(
     "nested_boxes",
@@ -74,5 +77,6 @@ NESTED_BOXES = FailureCase(
     "No builder makes a tree deeper than 96, and stacks are sized for it.",
     nested_boxes,
     rays_at_each_size,
+    view=((0.9, 0.7, 0.8), (0.0, 0.0, 0.0)),
 )
 CASES = (TEAPOT_IN_STADIUM, GROUND_UNDER_GRAVEL, FAR_CLUSTERS, NESTED_BOXES)

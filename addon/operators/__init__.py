@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from . import preview
+from . import failure_case, preview
 
-_MODULES = (preview,)
+_MODULES = (preview, failure_case)
 
 
 def register() -> None:

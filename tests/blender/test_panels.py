@@ -36,6 +36,10 @@ class RecordingLayout:
         assert function in dir(getattr(bpy.ops, module)), name
         self.texts.append(name)
 
+    def operator_menu_enum(self, name: str, choice: str, **_: Any) -> None:
+        self.operator(f"{name}")
+        assert choice in getattr(bpy.types, "PERFECT_BVH_OT_" + name.partition(".")[2]).__annotations__
+
 
 @pytest.fixture(autouse=True)
 def rendered() -> Iterator[None]:

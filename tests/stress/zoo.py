@@ -25,7 +25,8 @@ OPENING = """\
 # The failure zoo
 
 Written by `python tests/stress/zoo.py --write`; a test checks that it has every case and every word. Each case is a
-small seeded scene on which a usual method fails, made by [`addon/failure_cases/`](../../addon/failure_cases/).
+small seeded scene on which a usual method fails, made by [`addon/failure_cases/`](../../addon/failure_cases/);
+the panel *Failure Cases* makes it in Blender, and twelve of them are files in `blend_scenes/zoo/`.
 `tests/stress/test_zoo.py` checks the answers on all of them against double precision, with every builder, on every
 instruction set, in every way of tracing.
 
