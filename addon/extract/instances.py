@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from perfect_bvh.bulk import are_equal
 
 from ..sync.records import InstanceRecords, Int32Array
 from .geometry_instances import list_geometry_instances
@@ -53,7 +54,7 @@ def read_instances(
 
 def _is_same(cache: InstanceCache, rows: npt.NDArray[np.int64], listing: Listing) -> bool:
     pairs = ((cache.groups, rows), (cache.group_ids, listing.group_ids), (cache.ids, listing.ids))
-    return all(old is not None and np.array_equal(old, new) for old, new in pairs)
+    return all(old is not None and are_equal(old, new) for old, new in pairs)
 
 
 def _without_hidden(listing: Listing, groups: GroupTable, warnings: list[str]) -> Listing:

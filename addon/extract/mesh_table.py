@@ -20,10 +20,10 @@ from collections.abc import Hashable
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
+from perfect_bvh.bulk import are_equal
 
-from ..sync.records import AttributeRequest, MeshRecord
+from ..sync.records import MESH_COLUMNS, AttributeRequest, MeshRecord
 from .geometry_log import GeometryLog
 from .mesh_cache import CachedMesh, MeshCache, place_of
 from .meshes import read_mesh
@@ -165,21 +165,10 @@ class _TwinFinder:
 
 
 def _have_equal_content(first: MeshRecord, second: MeshRecord) -> bool:
-    return all(
-        _are_equal(getattr(first, name), getattr(second, name))
-        for name in (
-            "positions",
-            "triangles",
-            "polygon_ids",
-            "material_slots",
-            "corner_normals",
-            "corner_uvs",
-            "triangle_ids",
-        )
-    )
+    return all(_are_equal(getattr(first, name), getattr(second, name)) for name in MESH_COLUMNS)
 
 
 def _are_equal(first: npt.NDArray[Any] | None, second: npt.NDArray[Any] | None) -> bool:
     if first is second or first is None or second is None:
         return first is second
-    return np.array_equal(first, second)
+    return are_equal(first, second)

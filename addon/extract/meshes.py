@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from perfect_bvh.bulk import are_triangles
+from perfect_bvh.bulk import are_equal, are_triangles
 
 from ..sync.records import LARGEST_COORDINATE, AttributeRequest, Float32Array, Int32Array, MeshRecord
 from .attributes import read_corner_normals, read_corner_uvs, read_material_slots
@@ -63,7 +63,7 @@ def read_mesh(
 
 def _held(values: npt.NDArray[Any], last: npt.NDArray[Any] | None) -> npt.NDArray[Any]:
     """The last array if it is equal, else a copy of what may be Blender's own memory."""
-    if last is not None and np.array_equal(values, last):
+    if last is not None and are_equal(values, last):
         return last
     return values if values.flags.owndata else values.copy()
 

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from perfect_bvh.bulk import find_moved
+from perfect_bvh.bulk import are_equal, find_moved
 
 from .keys import Int64Array, Uint64Array, match_keys
 from .records import InstanceRecords, Int32Array, MeshRecord, SceneRecord
@@ -119,7 +119,7 @@ def _have_same(old: Any, new: Any, *names: str) -> bool:
 def _are_equal(old: npt.NDArray[Any] | None, new: npt.NDArray[Any] | None) -> bool:
     if old is new or old is None or new is None:
         return old is new
-    return np.array_equal(old, new)
+    return are_equal(old, new)
 
 
 def compare_instances(

@@ -60,6 +60,19 @@ class MeshRecord:
     was_read: bool = True
 
 
+# The arrays of a mesh, and those of the instances: whoever compares records goes through them.
+MESH_COLUMNS = (
+    "positions",
+    "triangles",
+    "polygon_ids",
+    "material_slots",
+    "corner_normals",
+    "corner_uvs",
+    "triangle_ids",
+)
+INSTANCE_COLUMNS = ("mesh_indices", "object_indices", "parent_indices", "transforms", "masks", "persistent_ids")
+
+
 @dataclass(frozen=True, slots=True)
 class ObjectRecord:
     """One object that instances come from. material_slots: rows of the scene's materials, -1 if empty."""

@@ -7,18 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .records import SceneRecord
-
-_MESH_COLUMNS = (
-    "positions",
-    "triangles",
-    "polygon_ids",
-    "material_slots",
-    "corner_normals",
-    "corner_uvs",
-    "triangle_ids",
-)
-_INSTANCE_COLUMNS = ("mesh_indices", "object_indices", "parent_indices", "transforms", "masks", "persistent_ids")
+from .records import INSTANCE_COLUMNS, MESH_COLUMNS, SceneRecord
 
 
 def find_mismatches(synced: SceneRecord, reference: SceneRecord) -> tuple[str, ...]:
@@ -30,11 +19,11 @@ def find_mismatches(synced: SceneRecord, reference: SceneRecord) -> tuple[str, .
         if other is None:
             found.append(f"mesh {mesh.name}: synced, but Blender does not show it")
             continue
-        found += [f"mesh {mesh.name}: {column} differ" for column in _MESH_COLUMNS if _differ(mesh, other, column)]
+        found += [f"mesh {mesh.name}: {column} differ" for column in MESH_COLUMNS if _differ(mesh, other, column)]
     found += [f"mesh {mesh.name}: not synced" for mesh in references.values()]
     found += [
         f"instances: {column} differ"
-        for column in _INSTANCE_COLUMNS
+        for column in INSTANCE_COLUMNS
         if _differ(synced.instances, reference.instances, column)
     ]
     for name in ("objects", "materials"):

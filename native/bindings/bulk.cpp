@@ -135,6 +135,24 @@ bool are_triangles(const Array<std::int32_t>& corner_verts, const Array<std::int
   return same;
 }
 
+// Whether two arrays hold the same bits, of one type and in one shape. Where they differ that mostly shows at once.
+bool are_equal(const py::array& a, const py::array& b) {
+  check((a.flags() & b.flags() & py::array::c_style) != 0, "arrays in C order");
+  if (!a.dtype().is(b.dtype()) && !a.dtype().equal(b.dtype())) return false;
+  if (!std::equal(a.shape(), a.shape() + a.ndim(), b.shape(), b.shape() + b.ndim())) return false;
+  const auto *first = static_cast<const char*>(a.data()), *second = static_cast<const char*>(b.data());
+  const auto count = static_cast<std::size_t>(a.nbytes());
+  const py::gil_scoped_release release;
+  constexpr std::size_t kGlance = 4096;
+  if (first == second || count == 0) return true;
+  if (std::memcmp(first, second, std::min(count, kGlance)) != 0) return false;
+  std::atomic<bool> same{true};
+  parallel_for(ThreadPool::shared(), count, 64 * kGrain, [&](std::size_t begin, std::size_t end) {
+    if (same && std::memcmp(first + begin, second + begin, end - begin) != 0) same = false;
+  });
+  return same;
+}
+
 }  // namespace
 
 void bind_bulk(py::module_& module) {
@@ -142,6 +160,7 @@ void bind_bulk(py::module_& module) {
              py::arg("placed").noconvert(), py::arg("largest"));
   module.def("find_moved", &find_moved, py::arg("old_transforms").noconvert(), py::arg("new_transforms").noconvert(),
              py::arg("rows").noconvert() = std::nullopt);
+  module.def("are_equal", &are_equal, py::arg("first"), py::arg("second"));
   module.def("are_triangles", &are_triangles, py::arg("corner_verts").noconvert(),
              py::arg("corner_triangles").noconvert(), py::arg("triangles").noconvert());
 }

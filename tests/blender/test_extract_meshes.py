@@ -1,4 +1,4 @@
-"""Meshes in the record are what Blender evaluates: every object type, every oddity, every attribute."""
+"""Meshes in the record are what Blender evaluates: every object type, every oddity, by address and without."""
 
 from __future__ import annotations
 
@@ -8,69 +8,15 @@ import bpy
 import numpy as np
 import pytest
 from blender.builders import (
-    SQUARE,
     evaluated,
-    instances_on_grid,
-    made_cube,
     mesh_data,
     mesh_object,
     reference_soup,
     soup_of,
 )
+from blender.object_kinds import ALL_ATTRIBUTES, KINDS, add_mesh, only_mesh
 from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
-from perfect_bvh_addon.sync.records import AttributeRequest, MeshRecord
-
-ALL_ATTRIBUTES = AttributeRequest(material_slots=True, corner_normals=True, corner_uvs=True)
-
-
-def only_mesh(**options: Any) -> MeshRecord:
-    (mesh,) = read_scene(evaluated(), ALL_ATTRIBUTES, **options).meshes
-    return mesh
-
-
-def add_mesh() -> Any:
-    bpy.ops.mesh.primitive_monkey_add()
-    return bpy.context.object
-
-
-def add_modified_mesh() -> Any:
-    obj = add_mesh()
-    obj.modifiers.new("array", "ARRAY").count = 2
-    obj.modifiers.new("bend", "SIMPLE_DEFORM").deform_method = "BEND"
-    return obj
-
-
-def add_curve() -> Any:
-    bpy.ops.curve.primitive_bezier_circle_add()
-    bpy.context.object.data.bevel_depth = 0.1
-    return bpy.context.object
-
-
-def add_surface() -> Any:
-    bpy.ops.surface.primitive_nurbs_surface_torus_add()
-    return bpy.context.object
-
-
-def add_text() -> Any:
-    bpy.ops.object.text_add()
-    bpy.context.object.data.extrude = 0.1
-    return bpy.context.object
-
-
-def add_metaball() -> Any:
-    bpy.ops.object.metaball_add(type="CAPSULE")
-    return bpy.context.object
-
-
-KINDS = {
-    "mesh": add_mesh,
-    "modified mesh": add_modified_mesh,
-    "curve": add_curve,
-    "surface": add_surface,
-    "text": add_text,
-    "metaball": add_metaball,
-}
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -208,181 +154,6 @@ def test_unsaved_edits_of_edit_mode_are_read(scene: Any, modifier: str | None) -
     assert mesh.positions.max() > 20.0
     obj.evaluated_get(depsgraph).to_mesh_clear()
     bpy.ops.object.mode_set(mode="OBJECT")
-
-
-# Attributes ----------------------------------------------------------------------------------------------------------
-
-
-def test_only_what_was_asked_for_is_read(scene: Any) -> None:
-    add_mesh()
-    bpy.ops.object.shade_smooth()
-    (bare,) = read_scene(evaluated(), AttributeRequest(material_slots=False)).meshes
-    assert (bare.material_slots, bare.corner_normals, bare.corner_uvs) == (None, None, None)
-    full = only_mesh()
-    assert full.material_slots is not None
-    assert full.corner_normals is not None
-    assert full.corner_uvs is not None
-    count = len(full.triangles)
-    assert full.material_slots.shape == (count,)
-    assert full.corner_normals.shape == (count, 3, 3)
-    assert full.corner_uvs.shape == (count, 3, 2)
-
-
-def test_flat_meshes_have_no_corner_normals_and_smooth_ones_have_blenders(scene: Any) -> None:
-    obj = add_mesh()
-    assert only_mesh().corner_normals is None
-    bpy.ops.object.shade_smooth()
-    obj.data.polygons[3].use_smooth = False
-    read = only_mesh().corner_normals
-    data = obj.evaluated_get(evaluated()).data
-    expected = [[data.corner_normals[loop].vector for loop in triangle.loops] for triangle in data.loop_triangles]
-    assert read is not None
-    np.testing.assert_allclose(read, expected, atol=1e-6)
-    np.testing.assert_allclose(np.linalg.norm(read, axis=2), 1.0, atol=1e-5)
-
-
-def test_custom_normals_are_read(scene: Any) -> None:
-    obj = add_mesh()
-    bpy.ops.object.shade_smooth()
-    tilted = [(0.6, 0.0, 0.8)] * len(obj.data.loops)
-    obj.data.normals_split_custom_set(tilted)
-    read = only_mesh().corner_normals
-    assert read is not None
-    np.testing.assert_allclose(read.reshape(-1, 3), np.broadcast_to([0.6, 0.0, 0.8], (read.size // 3, 3)), atol=0.02)
-
-
-def test_the_uv_map_that_renders_use_is_read(scene: Any) -> None:
-    data = mesh_data("square", *SQUARE)
-    data.uv_layers.new(name="shown").uv.foreach_set("vector", np.zeros(8, np.float32))
-    rendered = data.uv_layers.new(name="rendered")
-    coordinates = np.arange(8, dtype=np.float32).reshape(4, 2)
-    rendered.uv.foreach_set("vector", coordinates.ravel())
-    data.uv_layers.active = data.uv_layers["shown"]
-    rendered.active_render = True
-    mesh_object("square", data)
-    mesh = only_mesh()
-    assert mesh.corner_uvs is not None
-    np.testing.assert_array_equal(mesh.corner_uvs, coordinates[mesh.triangles])
-
-
-def test_material_slots_of_triangles_and_objects(scene: Any) -> None:
-    red, blue = bpy.data.materials.new("red"), bpy.data.materials.new("blue")
-    red.diffuse_color, blue.pass_index = (1, 0, 0, 1), 7
-    data = mesh_data("painted", [*SQUARE[0], (0, 0, 3), (1, 0, 3), (0, 1, 3)], [(0, 1, 2, 3), (4, 5, 6)])
-    for material in (red, None):
-        data.materials.append(material)
-    data.polygons[1].material_index = 1
-    first, second = mesh_object("first", data), mesh_object("second", data)
-    second.material_slots[0].link = "OBJECT"
-    second.material_slots[0].material = blue
-    assert first.material_slots[0].material == red
-
-    record = read_scene(evaluated())
-    names = [material.name for material in record.materials]
-    slots = {obj.name: [names[row] if row >= 0 else None for row in obj.material_slots] for obj in record.objects}
-    assert slots == {"first": ["red", None], "second": ["blue", None]}
-    (mesh,) = record.meshes
-    assert mesh.material_slots is not None
-    assert mesh.material_slots.tolist() == [0, 0, 1]
-    by_name = {material.name: material for material in record.materials}
-    assert by_name["red"].color == (1.0, 0.0, 0.0, 1.0)
-    assert by_name["blue"].pass_index == 7
-    assert by_name["blue"].session_uid == blue.session_uid
-
-
-def test_the_view_layers_override_stands_for_every_material(scene: Any) -> None:
-    data = mesh_data("painted")
-    data.materials.append(bpy.data.materials.new("own"))
-    mesh_object("painted", data)
-    mesh_object("bare", location=(5, 0, 0))
-    scene.view_layers[0].material_override = bpy.data.materials.new("override")
-    record = read_scene(evaluated())
-    assert [material.name for material in record.materials] == ["override"]
-    assert {obj.material_slots for obj in record.objects} == {(0,)}
-
-
-# Sharing and keys ----------------------------------------------------------------------------------------------------
-
-
-def test_linked_data_is_one_mesh(scene: Any) -> None:
-    data = mesh_data("shared")
-    for index in range(5):
-        mesh_object(f"user {index}", data, location=(index, 0, 0))
-    record = read_scene(evaluated())
-    assert len(record.meshes) == 1
-    assert record.instances.mesh_indices.tolist() == [0] * 5
-    np.testing.assert_array_equal(record.instances.transforms[:, 0, 3], np.arange(5))
-
-
-@pytest.mark.parametrize("kind", ["modified mesh", "text", "curve"])
-def test_linked_data_that_blender_evaluates_once_an_object_is_one_mesh_again(scene: Any, kind: str) -> None:
-    first = KINDS[kind]()
-    for _ in range(3):
-        copy = first.copy()
-        copy.location.x += 3.0
-        scene.collection.objects.link(copy)
-    record = read_scene(evaluated(), ALL_ATTRIBUTES)
-    assert len(record.meshes) == 1
-    assert len(record.instances) == 4
-
-
-def test_linked_data_that_differs_after_modifiers_is_not_shared(scene: Any) -> None:
-    first = add_modified_mesh()
-    second = first.copy()
-    second.modifiers["bend"].angle = 1.0
-    scene.collection.objects.link(second)
-    record = read_scene(evaluated())
-    assert len(record.meshes) == 2
-    assert len({mesh.key for mesh in record.meshes}) == 2
-
-
-def test_keys_survive_evaluation_renaming_and_other_objects(scene: Any) -> None:
-    add_modified_mesh()
-    KINDS["text"]()
-    mesh_object("plain")
-    instances_on_grid("nodes", made_cube, keep_own=True)
-
-    def keys() -> dict[Any, int]:
-        return {mesh.key: len(mesh.positions) for mesh in read_scene(evaluated()).meshes}
-
-    before = keys()
-    assert len(before) == 5
-    for obj in list(bpy.data.objects):
-        obj.name = f"renamed {obj.name}"
-        obj.update_tag(refresh={"DATA"})
-    assert keys() == before
-    mesh_object("a first object, by name")
-    after = keys()
-    assert before.items() < after.items()
-
-
-def test_a_mesh_made_by_nodes_keeps_its_key_while_it_deforms(scene: Any) -> None:
-    obj = instances_on_grid("nodes", made_cube)
-    size = next(node for node in obj.modifiers[0].node_group.nodes if node.bl_idname == "GeometryNodeMeshCube").inputs
-    (before,) = read_scene(evaluated()).meshes
-    size["Size"].default_value = (1, 2, 3)
-    (deformed,) = read_scene(evaluated()).meshes
-    assert deformed.key == before.key
-    assert not np.array_equal(deformed.positions, before.positions)
-    size["Vertices X"].default_value = 3
-    (changed,) = read_scene(evaluated()).meshes
-    assert changed.key != before.key
-
-
-def test_objects_tell_how_their_meshes_will_behave(scene: Any) -> None:
-    mesh_object("still")
-    mesh_object("bent").modifiers.new("bones", "ARMATURE")
-    mesh_object("cut").modifiers.new("build", "BUILD")
-    shaped = mesh_object("shaped")
-    shaped.shape_key_add(name="Basis")
-    shaped.shape_key_add(name="other")
-    scene.frame_set(50)  # half of it is built
-    record = read_scene(evaluated())
-    usages = {
-        record.objects[obj].name: record.meshes[mesh].usage
-        for obj, mesh in zip(record.instances.object_indices, record.instances.mesh_indices, strict=True)
-    }
-    assert usages == {"still": "static", "bent": "deforming", "cut": "changing", "shaped": "deforming"}
 
 
 # Reading by address --------------------------------------------------------------------------------------------------

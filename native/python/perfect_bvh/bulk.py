@@ -5,6 +5,8 @@ They say nothing about rays: in Python they would cost more than the edits that 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -33,6 +35,11 @@ def find_moved(old: Float32Array, new: Float32Array, rows: Int32Array | None = N
     None for old[i].
     """
     return _core.find_moved(np.ascontiguousarray(old), np.ascontiguousarray(new), rows)
+
+
+def are_equal(first: npt.NDArray[Any], second: npt.NDArray[Any]) -> bool:
+    """Whether two arrays have one dtype, one shape and the same bits: zeros of both signs differ."""
+    return _core.are_equal(np.ascontiguousarray(first), np.ascontiguousarray(second))
 
 
 def are_triangles(corner_verts: Int32Array, corner_triangles: Int32Array, triangles: Int32Array) -> bool:

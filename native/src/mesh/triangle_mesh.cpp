@@ -10,6 +10,9 @@
 namespace perfect_bvh {
 namespace {
 
+// Areas, products of two extents, must stay finite in float.
+constexpr double kLargestCoordinate = 1e18;
+
 std::string to_text(double value) {
   char text[32];
   std::snprintf(text, sizeof(text), "%g", value);
@@ -26,13 +29,10 @@ void check_positions(std::span<const Vec3<T>> positions, const char* function) {
   }
 }
 
-void check_range(Vec3d largest, const char* function) {
-  // Areas, products of two extents, must stay finite in float.
-  constexpr double kLimit = 1e18;
-  if (largest.x <= kLimit && largest.y <= kLimit && largest.z <= kLimit) return;
+void check_range(double largest, const char* function) {
+  if (largest <= kLargestCoordinate) return;
   throw InvalidArgument(std::string(function) + ": positions must stay below 1e18 in magnitude, got " +
-                        to_text(std::max({largest.x, largest.y, largest.z})) +
-                        "; scale the mesh down and its instances up");
+                        to_text(largest) + "; scale the mesh down and its instances up");
 }
 
 AlignedVector<TriangleIndices> copy_triangles(std::span<const Vec3<std::int32_t>> triangles, std::size_t vertex_count,
@@ -51,15 +51,21 @@ AlignedVector<TriangleIndices> copy_triangles(std::span<const Vec3<std::int32_t>
   return copies;
 }
 
+// One pass without branches where all is well, which is nearly always.
 template <class T>
 void check_extent(std::span<const Vec3<T>> positions, const char* function) {
-  check_positions(positions, function);
-  Vec3d largest{0, 0, 0};
-  for (const auto& p : positions) {
-    largest = max(largest, Vec3d{std::abs(static_cast<double>(p.x)), std::abs(static_cast<double>(p.y)),
-                                 std::abs(static_cast<double>(p.z))});
+  const T limit = static_cast<T>(kLargestCoordinate);
+  bool good = true;  // NaN is not
+  for (const Vec3<T>& p : positions) {
+    good &= std::abs(p.x) <= limit;
+    good &= std::abs(p.y) <= limit;
+    good &= std::abs(p.z) <= limit;
   }
-  check_range(largest, function);
+  if (good) return;
+  check_positions(positions, function);
+  T largest = 0;
+  for (const Vec3<T>& p : positions) largest = std::max({largest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+  check_range(static_cast<double>(largest), function);
 }
 
 Vec3d box_centre(std::span<const Vec3d> positions) {

@@ -93,7 +93,10 @@ template <class T>
 void Scene::update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions) {
   const std::lock_guard lock(edit_mutex_);
   MeshSlot& slot = find_mesh(mesh_id, "update_mesh");
-  TriangleMesh mesh = slot.edited ? *slot.edited : slot.blas->mesh;
+  const TriangleMesh& before = slot.edited ? *slot.edited : slot.blas->mesh;
+  TriangleMesh mesh;
+  mesh.triangles = before.triangles;
+  mesh.positions.resize(before.positions.size());  // nothing is copied that is about to be overwritten
   set_positions(mesh, positions, "update_mesh");
   slot.same_topology = slot.edited ? slot.same_topology : true;
   slot.edited = std::make_shared<const TriangleMesh>(std::move(mesh));

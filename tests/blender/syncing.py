@@ -1,0 +1,33 @@
+"""What tests of `SceneSync` have in common: one ray down, and what it says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import pytest
+from perfect_bvh import StaleSceneError
+from perfect_bvh_addon import SceneSync
+from perfect_bvh_addon.extract import changes
+
+DOWN = (0.0, 0.0, -1.0)
+
+
+def cast_down(sync: SceneSync, x: float = 0.2, y: float = 0.2) -> Any:
+    return sync.scene.cast_rays([(x, y, 10.0)], [DOWN])
+
+
+def height(sync: SceneSync, x: float = 0.2, y: float = 0.2) -> float:
+    return 10.0 - float(cast_down(sync, x, y).t_hit[0])
+
+
+def installed() -> int:
+    """How many of the add-on's functions Blender would call."""
+    return sum(handler in getattr(bpy.app.handlers, name) for name, handler in changes._HANDLERS)
+
+
+def assert_stale(sync: SceneSync, message: str) -> None:
+    with pytest.raises(StaleSceneError, match=message):
+        cast_down(sync)
+    with pytest.raises(StaleSceneError, match=message):
+        sync.scene.test_occlusions([(0, 0, 1)], [DOWN])

@@ -1,0 +1,169 @@
+"""Blender's handlers and the add-on's own sessions: who lives how long, through file loads and reloads."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from typing import Any
+
+import bpy
+from blender.builders import (
+    SQUARE,
+    camera_object,
+    evaluated,
+    in_render,
+    mesh_data,
+    mesh_object,
+)
+from blender.syncing import assert_stale, height, installed
+from perfect_bvh_addon import SceneSync, handlers
+from perfect_bvh_addon.extract import changes
+from perfect_bvh_addon.session import clear_sessions, session_of, sessions_of
+
+
+def test_handlers_live_as_long_as_somebody_watches(scene: Any) -> None:
+    syncs = SceneSync(), SceneSync()
+    assert installed() == len(changes._HANDLERS)
+    syncs[0].close()
+    assert installed() == len(changes._HANDLERS)
+    syncs[1].close()
+    assert installed() == 0
+
+
+def test_a_forgotten_sync_is_freed_and_costs_others_no_call(scene: Any) -> None:
+    """Blender passes over the next handler of a list if one removes itself from it."""
+    sync = SceneSync()
+    calls: list[Any] = []
+    handlers = bpy.app.handlers.depsgraph_update_post
+    handlers.append(other := lambda *arguments: calls.append(arguments))
+    gone = weakref.ref(sync)
+    del sync
+    gc.collect()
+    assert gone() is None
+    mesh_object("a")
+    evaluated()
+    handlers.remove(other)
+    assert calls
+    SceneSync().close()
+    assert installed() == 0
+
+
+def test_handlers_survive_loading_a_file(scene: Any) -> None:
+    sync = SceneSync()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    assert installed() == len(changes._HANDLERS)
+    sync.close()
+
+
+def test_handlers_are_installed_once(scene: Any) -> None:
+    syncs = [SceneSync() for _ in range(3)]
+    assert [getattr(bpy.app.handlers, name).count(handler) for name, handler in changes._HANDLERS] == [1] * len(
+        changes._HANDLERS
+    )
+    for sync in syncs:
+        sync.close()
+
+
+def test_a_closed_sync_answers_nothing_until_it_is_updated(scene: Any) -> None:
+    mesh_object("a", mesh_data("a", *SQUARE))
+    sync = SceneSync()
+    sync.update(evaluated())
+    sync.close()
+    assert_stale(sync, "closed")
+    sync.update(evaluated())
+    assert height(sync) == 0.0
+
+
+def test_each_scene_layer_and_kind_has_its_own_session(scene: Any) -> None:
+    mesh_object("a")
+    camera_object()
+    clear_sessions()
+    viewport = session_of(evaluated())
+    assert session_of(evaluated()) is viewport
+    render = in_render(session_of)
+    assert render is not viewport
+    assert in_render(session_of) is render
+    assert sessions_of(scene) == (viewport, render)
+    other = bpy.data.scenes.new("other")
+    other_depsgraph = other.view_layers[0].depsgraph or None
+    assert sessions_of(other) == ()
+    assert other_depsgraph is None or session_of(other_depsgraph) not in (viewport, render)
+    clear_sessions()
+    assert sessions_of(scene) == ()
+
+
+def test_a_session_needs_only_the_difference_for_the_next_render(scene: Any) -> None:
+    obj = mesh_object("a")
+    camera_object()
+    clear_sessions()
+
+    def render(depsgraph: Any) -> Any:
+        return session_of(depsgraph).update(depsgraph)
+
+    first = in_render(render)
+    obj.location.x = 1.0
+    second = in_render(render)
+    assert [item.action for item in first.commit.meshes] == ["built"]
+    assert second.commit.meshes == ()
+    assert (second.moved_count, second.added_count) == (1, 0)
+
+
+def test_loading_a_file_clears_the_sessions_once_the_add_on_is_registered(scene: Any) -> None:
+    mesh_object("a")
+    handlers.register()
+    try:
+        session = session_of(evaluated())
+        session.update(evaluated())
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        assert_stale(session, "closed")
+        assert session_of(evaluated()) is not session
+    finally:
+        handlers.unregister()
+    gc.collect()
+    assert installed() == 0
+
+
+def test_a_sync_outlives_a_reload_of_the_add_on(scene: Any) -> None:
+    """It goes on following; only the add-on's own sessions go, and come back when they are asked for."""
+    import perfect_bvh_addon
+
+    obj = mesh_object("a", mesh_data("a", *SQUARE))
+    perfect_bvh_addon.register()
+    sync = SceneSync()
+    try:
+        for z in (1.0, 2.0, 3.0):
+            session = session_of(evaluated())
+            session.update(evaluated())
+            sync.update(evaluated())
+            perfect_bvh_addon.unregister()
+            assert_stale(session, "closed")
+            assert height(sync) == obj.location.z
+            perfect_bvh_addon.register()
+            obj.location.z = z
+            depsgraph = evaluated()
+            assert_stale(sync, r"call update\(\)")
+            sync.update(depsgraph, verify=True)
+            assert height(sync) == z
+            assert session_of(depsgraph) is not session
+    finally:
+        sync.close()
+        perfect_bvh_addon.unregister()
+
+
+def test_switching_scenes_shows_each_its_own(scene: Any) -> None:
+    """One sync that follows the window, and one for each scene that does not care."""
+    mesh_object("a", mesh_data("a", *SQUARE), location=(0, 0, 1))
+    other = bpy.data.scenes.new("other")
+    there = bpy.data.objects.new("b", mesh_data("b", *SQUARE))
+    there.location.z = 2.0
+    other.collection.objects.link(there)
+    follower, own = SceneSync(), {scene: SceneSync(watch=False), other: SceneSync(watch=False)}
+    for _ in range(3):
+        for shown, z in ((scene, 1.0), (other, 2.0)):
+            bpy.context.window.scene = shown
+            for sync in (follower, own[shown]):
+                assert sync.update(evaluated(), verify=True).mismatches == ()
+                assert height(sync) == z
+    assert own[other].update(evaluated()).kept_count == 1
+    for sync in (follower, *own.values()):
+        sync.close()
