@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Progress = Callable[[float], bool]
 Images = dict[str, npt.NDArray[Any]]
 
-PICTURES = frozenset({"clay", "wireframe"})
+CLAY_LIKE = frozenset({"clay", "wireframe"})
 CLAY_GREY = (0.8, 0.8, 0.8)
 
 
@@ -55,10 +55,12 @@ class Frame:
 def needed_attributes(settings: RenderSettings, passes: tuple[str, ...]) -> AttributeRequest:
     """What a mode and its passes use; nothing else is read."""
     return AttributeRequest(
-        material_slots=settings.mode == "material"
-        or (settings.mode in PICTURES and settings.use_material_colors)
+        material_slots=settings.mode in {"material", "preview"}
+        or (settings.mode in CLAY_LIKE and settings.use_material_colors)
         or "material_index" in passes,
-        corner_normals=settings.mode in {*PICTURES, "normal"} or "normal" in passes,
+        corner_normals=settings.mode in {*CLAY_LIKE, "preview", "normal"} or "normal" in passes,
+        corner_uvs=settings.mode == "preview",
+        shading=settings.mode == "preview",
     )
 
 

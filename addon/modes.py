@@ -33,6 +33,7 @@ class Mode:
 
 
 MODES: tuple[Mode, ...] = (
+    Mode("preview", "Preview", "The scene under its own lights and world, with matt surfaces: a quick look"),
     Mode("clay", "Clay", "Soft sky light with ambient occlusion, in the viewport colors of the materials"),
     Mode("wireframe", "Wireframe", "Clay with the edges of the triangles drawn over it"),
     Mode("normal", "Normal", "World-space shading normals, their -1..1 as 0..1", "Raw"),
@@ -43,7 +44,7 @@ MODES: tuple[Mode, ...] = (
     Mode("cost", "Cost", "Nodes and triangles visited for each pixel, on one fixed color scale", "Standard"),
 )
 MODE_NAMES: tuple[str, ...] = tuple(mode.name for mode in MODES)
-DEFAULT_MODE = "clay"
+DEFAULT_MODE = "preview"
 
 
 def find_mode(name: str) -> Mode:

@@ -65,6 +65,7 @@ class SceneSync:
             material_slots=any(request.material_slots for request in asked),
             corner_normals=any(request.corner_normals for request in asked),
             corner_uvs=any(request.corner_uvs for request in asked),
+            shading=any(request.shading for request in asked),
         )
 
     def update(

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from ..sync.records import MaterialRecord
+from .images import ImageReader
+from .node_colors import read_surface
 
 
 class MaterialReader:
     """Gives each material that is met a row, in the order they are met.
 
     override: the view layer's material override, which stands for every material of the scene.
+    images: where what the materials are made of is wanted, too: takes the images that they show.
     """
 
-    def __init__(self, override: Any = None) -> None:
+    def __init__(self, override: Any = None, images: ImageReader | None = None) -> None:
         self._override = override
+        self._images = images
         self._rows: dict[int, int] = {}
         self.records: list[MaterialRecord] = []
 
@@ -26,7 +31,7 @@ class MaterialReader:
         row = self._rows.get(pointer)
         if row is None:
             row = self._rows[pointer] = len(self.records)
-            self.records.append(_read_material(material))
+            self.records.append(_read_material(material, self._images))
         return row
 
     def slots(self, obj: Any, data: Any) -> tuple[int, ...]:
@@ -44,11 +49,25 @@ class MaterialReader:
         return tuple([self.row(material) for material in materials])
 
 
-def _read_material(material: Any) -> MaterialRecord:
+def _read_material(material: Any, images: ImageReader | None) -> MaterialRecord:
     red, green, blue, alpha = material.diffuse_color
-    return MaterialRecord(
+    record = MaterialRecord(
         name=material.name,
         session_uid=material.original.session_uid,
         pass_index=material.pass_index,
         color=(red, green, blue, alpha),
+    )
+    if images is None:
+        return record
+    surface = read_surface(material)
+    image, alpha_image = (
+        -1 if node is None else images.row(node) for node in (surface.base.image_node, surface.alpha_node)
+    )
+    return replace(
+        record,
+        base_color=surface.base.color,
+        emission=surface.emission,
+        alpha=min(max(surface.alpha, 0.0), 1.0),
+        color_image=image,
+        alpha_image=alpha_image,
     )

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..sync.records import AttributeRequest, CameraRecord, SceneRecord
+from ..sync.records import AttributeRequest, CameraRecord, LightRecords, SceneRecord
 from .camera import read_camera, read_frame
 from .changes import watched_geometry
 from .groups import GroupTable
+from .images import ImageCache, ImageReader
 from .instances import InstanceCache, read_instances
+from .lights import read_lights, read_world
 from .materials import MaterialReader
 from .mesh_cache import MeshCache
 from .mesh_table import MeshTable
@@ -26,6 +28,7 @@ class ReadCache:
 
     meshes: MeshCache = field(default_factory=MeshCache)
     instances: InstanceCache = field(default_factory=InstanceCache)
+    images: ImageCache = field(default_factory=ImageCache)
 
 
 def read_scene(
@@ -41,7 +44,7 @@ def read_scene(
 ) -> SceneRecord:
     """Copies everything that a render of an evaluated depsgraph needs. Main thread only; nothing of Blender is kept.
 
-    attributes: what to read beside the triangles; by default the material slots.
+    attributes: what to read beside the triangles; by default the material slots and viewport colours.
     for_viewport: whether viewport or render visibility counts; by default what the depsgraph was made for. A
         viewport depsgraph that is asked for render visibility leaves out what a render hides, but has
         neither what the viewport hides nor the modifiers' render settings.
@@ -60,16 +63,22 @@ def read_scene(
     log = None if cache is None else watched_geometry(depsgraph)
     cache = cache or ReadCache()
     reader = reader or _shared_reader
-    meshes = MeshTable(depsgraph, attributes or AttributeRequest(), reader, cache.meshes, log)
-    materials = MaterialReader(view_layer.material_override)
-    groups = GroupTable(meshes, materials, VisibilityReader(depsgraph, for_viewport, space))
+    attributes = attributes or AttributeRequest()
+    meshes = MeshTable(depsgraph, attributes, reader, cache.meshes, log)
+    images = ImageReader(cache.images)
+    materials = MaterialReader(view_layer.material_override, images if attributes.shading else None)
+    visibility = VisibilityReader(depsgraph, for_viewport, space)
+    groups = GroupTable(meshes, materials, visibility)
     warnings: list[str] = []
     instances = read_instances(depsgraph, groups, reader, cache.instances, warnings)
+    lights = read_lights(depsgraph, visibility) if attributes.shading else LightRecords()
+    world = read_world(scene, images) if attributes.shading else None
     cache.meshes = meshes.cache
+    cache.images = images.cache
 
     frame = read_frame(scene, size)
     camera_record, complaint = _read_any_camera(depsgraph, scene.camera if camera is None else camera, frame)
-    warnings = [*meshes.warnings, *groups.warnings, *warnings, *([complaint] if complaint else [])]
+    warnings = [*meshes.warnings, *groups.warnings, *images.warnings, *warnings, *([complaint] if complaint else [])]
     return SceneRecord(
         name=scene.name,
         frame=scene.frame_current_final,
@@ -80,6 +89,9 @@ def read_scene(
         camera=camera_record,
         size=(frame.width, frame.height),
         film_transparent=scene.render.film_transparent,
+        images=tuple(images.records),
+        lights=lights,
+        world=world,
         warnings=tuple(warnings),
     )
 

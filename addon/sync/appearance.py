@@ -3,7 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from perfect_bvh.appearance import Appearance, InstanceTable, MaterialTable, MeshAppearance
+from perfect_bvh.appearance import (
+    LIGHT_KINDS,
+    Appearance,
+    ImageTexture,
+    InstanceTable,
+    LightTable,
+    MaterialTable,
+    MeshAppearance,
+    World,
+)
 
 from .records import VISIBLE_TO_CAMERA, VISIBLE_TO_SHADOW, Int32Array, SceneRecord
 
@@ -14,17 +23,47 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
         int(mesh_id): MeshAppearance(mesh.material_slots, mesh.corner_normals, mesh.corner_uvs)
         for mesh_id, mesh in zip(mesh_ids, record.meshes, strict=True)
     }
-    materials = MaterialTable(
-        colors=np.array([material.color for material in record.materials], np.float32).reshape(-1, 4),
-        indices=np.array([material.pass_index for material in record.materials], np.int32),
-    )
     return Appearance(
         meshes=meshes,
         instances=_instance_table(record, instance_ids),
-        materials=materials,
+        materials=_material_table(record),
         camera_mask=VISIBLE_TO_CAMERA,
         shadow_mask=VISIBLE_TO_SHADOW,
         film_transparent=record.film_transparent,
+        images=tuple([ImageTexture(image.pixels, image.extension) for image in record.images]),
+        lights=_light_table(record),
+        world=None if record.world is None else World(record.world.color, record.world.image, record.world.rotation),
+    )
+
+
+def _material_table(record: SceneRecord) -> MaterialTable:
+    """Without a world nobody has asked what the materials are made of: then only the viewport colours are there."""
+    materials = record.materials
+    colors = np.array([material.color for material in materials], np.float32).reshape(-1, 4)
+    indices = np.array([material.pass_index for material in materials], np.int32)
+    if record.world is None:
+        return MaterialTable(colors, indices)
+    return MaterialTable(
+        colors,
+        indices,
+        base_colors=np.array([material.base_color for material in materials], np.float32).reshape(-1, 3),
+        emissions=np.array([material.emission for material in materials], np.float32).reshape(-1, 3),
+        alphas=np.array([material.alpha for material in materials], np.float32),
+        color_images=np.array([material.color_image for material in materials], np.int32),
+        alpha_images=np.array([material.alpha_image for material in materials], np.int32),
+    )
+
+
+def _light_table(record: SceneRecord) -> LightTable:
+    lights = record.lights
+    return LightTable(
+        kinds=np.array([LIGHT_KINDS.index(kind) for kind in lights.kinds], np.int32),
+        positions=lights.positions,
+        axes=lights.axes,
+        powers=lights.powers,
+        sizes=lights.sizes,
+        cones=lights.cones,
+        casts_shadow=lights.casts_shadow,
     )
 
 

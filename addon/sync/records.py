@@ -86,12 +86,57 @@ class ObjectRecord:
 
 @dataclass(frozen=True, slots=True)
 class MaterialRecord:
-    """color: viewport colour, scene-linear RGBA. pass_index: for the material index pass."""
+    """color: viewport colour, scene-linear RGBA. pass_index: for the material index pass.
+
+    The rest is what `AttributeRequest.shading` asks for, see `perfect_bvh.MaterialTable`; images are rows of the
+    scene's, -1 for none.
+    """
 
     name: str
     session_uid: int
     pass_index: int
     color: tuple[float, float, float, float]
+    base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    alpha: float = 1.0
+    color_image: int = -1
+    alpha_image: int = -1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageRecord:
+    """pixels: (H, W, 4), row 0 at the bottom: uint8 sRGB or float32 scene-linear.
+
+    extension: what lies beyond its border, see `perfect_bvh.ImageTexture`. An image that is known to be unchanged since
+    the record before has the very same array.
+    """
+
+    name: str
+    session_uid: int
+    pixels: npt.NDArray[np.uint8] | Float32Array
+    extension: Literal["repeat", "extend", "clip"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LightRecords:
+    """L lights as the columns of `perfect_bvh.LightTable`, their kinds by name."""
+
+    kinds: tuple[str, ...] = ()
+    positions: Float64Array = field(default_factory=lambda: np.empty((0, 3), np.float64))
+    axes: Float32Array = field(default_factory=lambda: np.empty((0, 3, 3), np.float32))
+    powers: Float32Array = field(default_factory=lambda: np.empty((0, 3), np.float32))
+    sizes: Float32Array = field(default_factory=lambda: np.empty((0, 2), np.float32))
+    cones: Float32Array = field(default_factory=lambda: np.empty((0, 2), np.float32))
+    casts_shadow: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, np.bool_))
+
+
+@dataclass(frozen=True, slots=True)
+class WorldRecord:
+    """The fields of `perfect_bvh.World`."""
+
+    color: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    image: int = -1
+    rotation: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,11 +176,15 @@ class CameraRecord:
 
 @dataclass(frozen=True, slots=True)
 class AttributeRequest:
-    """Which attributes the coming rays will use; nothing else is read."""
+    """Which attributes the coming rays will use; nothing else is read.
+
+    shading: what materials are made of beside their viewport colour, their images, the lights and the world.
+    """
 
     material_slots: bool = True
     corner_normals: bool = False
     corner_uvs: bool = False
+    shading: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +192,7 @@ class SceneRecord:
     """Everything read from one evaluated depsgraph at one frame.
 
     camera: None if the scene has none. size: (width, height) of a render in pixels, percentage applied.
+    images, lights, world: only if shading was asked for; without it there is no world.
     warnings: sentences for the user (dropped triangles, objects that could not be read).
     """
 
@@ -155,4 +205,7 @@ class SceneRecord:
     camera: CameraRecord | None
     size: tuple[int, int]
     film_transparent: bool = False
+    images: tuple[ImageRecord, ...] = ()
+    lights: LightRecords = field(default_factory=LightRecords)
+    world: WorldRecord | None = None
     warnings: tuple[str, ...] = ()

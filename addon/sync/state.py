@@ -24,6 +24,7 @@ from .compare import (
     object_uids,
 )
 from .keys import Int64Array, Uint64Array, instance_keys, instance_orders
+from .looks import find_look_differences
 from .object_changes import summarise_objects
 from .records import Int32Array, MeshRecord, SceneRecord, Usage
 from .report import MeshChange, SyncReport
@@ -288,4 +289,4 @@ def _have_same_camera(old: SceneRecord, new: SceneRecord) -> bool:
 
 
 def _have_same_looks(old: SceneRecord, new: SceneRecord) -> bool:
-    return (old.materials, old.objects, old.film_transparent) == (new.materials, new.objects, new.film_transparent)
+    return not find_look_differences(old, new)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .looks import find_look_differences
 from .records import INSTANCE_COLUMNS, MESH_COLUMNS, SceneRecord
 
 
@@ -26,13 +27,9 @@ def find_mismatches(synced: SceneRecord, reference: SceneRecord) -> tuple[str, .
         for column in INSTANCE_COLUMNS
         if _differ(synced.instances, reference.instances, column)
     ]
-    for name in ("objects", "materials"):
-        if getattr(synced, name) != getattr(reference, name):
-            found.append(f"{name} differ")
+    found += [f"{what} differ" for what in find_look_differences(synced, reference)]
     if _differ_in_view(synced, reference):
         found.append("camera or image size differ")
-    if synced.film_transparent != reference.film_transparent:
-        found.append("film differs")
     return tuple(found)
 
 

@@ -3,6 +3,8 @@
 
 #include <pybind11/stl.h>
 
+#include <array>
+#include <cmath>
 #include <map>
 
 #include "bindings/arrays.h"
@@ -14,10 +16,13 @@ namespace perfect_bvh::bindings {
 namespace {
 
 const std::map<std::string, Mode> kModes{
-    {"clay", Mode::kClay},           {"normal", Mode::kNormal},     {"depth", Mode::kDepth},
-    {"distance", Mode::kDistance},   {"instance", Mode::kInstance}, {"material", Mode::kMaterial},
-    {"wireframe", Mode::kWireframe}, {"cost", Mode::kCost},
+    {"preview", Mode::kPreview},   {"clay", Mode::kClay},           {"normal", Mode::kNormal},
+    {"depth", Mode::kDepth},       {"distance", Mode::kDistance},   {"instance", Mode::kInstance},
+    {"material", Mode::kMaterial}, {"wireframe", Mode::kWireframe}, {"cost", Mode::kCost},
 };
+
+const std::map<std::string, Extension> kExtensions{
+    {"repeat", Extension::kRepeat}, {"extend", Extension::kExtend}, {"clip", Extension::kClip}};
 
 template <class T>
 T get(const py::dict& values, const char* name) {
@@ -41,7 +46,7 @@ RenderSettings read_settings(const py::dict& values) {
   settings.seed = get<std::uint32_t>(values, "seed");
   settings.threads = get<int>(values, "threads");
   settings.clay.ao_distance = get<float>(values, "ao_distance");
-  settings.clay.light_rays = get<int>(values, "light_rays");
+  settings.clay.light_rays = settings.preview.light_rays = get<int>(values, "light_rays");
   if (!values["clay_color"].is_none()) settings.clay.color = as_color(values["clay_color"]);
   settings.wireframe.width = get<float>(values, "wire_width");
   settings.wireframe.color = as_color(values["wire_color"]);
@@ -79,7 +84,57 @@ std::span<const T> rows_of(std::span<const Scalar> scalars) {
   return {reinterpret_cast<const T*>(scalars.data()), scalars.size() / kWidth};
 }
 
+Texture read_image(const py::handle& value) {
+  const auto values = value.cast<py::dict>();
+  const auto pixels = values["pixels"].cast<py::array>();
+  if (pixels.ndim() != 3 || pixels.shape(2) != 4) throw std::invalid_argument("_core: an image must be (H, W, 4)");
+  Texture texture;
+  texture.height = static_cast<int>(pixels.shape(0)), texture.width = static_cast<int>(pixels.shape(1));
+  texture.extension = kExtensions.at(get<std::string>(values, "extension"));
+  if (py::isinstance<Array<std::uint8_t>>(pixels)) {
+    texture.bytes = static_cast<const std::uint8_t*>(pixels.data());
+  } else {
+    texture.floats = view<float>(values, "pixels").data();
+  }
+  return texture;
+}
+
+// Columns of equal length, as the Python face has checked.
+void read_lights(const py::dict& values, std::vector<Light>& lights) {
+  const auto kinds = view<std::int32_t>(values, "kinds");
+  const auto positions = rows_of<Vec3d>(view<double>(values, "positions"));
+  const auto axes = rows_of<std::array<Vec3f, 3>>(view<float>(values, "axes"));
+  const auto powers = rows_of<Vec3f>(view<float>(values, "powers"));
+  const auto sizes = rows_of<Point2>(view<float>(values, "sizes"));
+  const auto cones = rows_of<Point2>(view<float>(values, "cones"));
+  const auto casts_shadow = rows_of<std::uint8_t>(view<bool>(values, "casts_shadow"));
+  for (std::size_t i = 0; i < kinds.size(); ++i) {
+    Light& light = lights.emplace_back();
+    light.kind = static_cast<LightKind>(kinds[i]);
+    light.casts_shadow = casts_shadow[i] != 0;
+    light.position = positions[i];
+    light.x = axes[i][0], light.y = axes[i][1], light.z = axes[i][2];
+    light.power = powers[i];
+    light.size_x = sizes[i].x, light.size_y = sizes[i].y;
+    light.cone_cosine = std::cos(0.5f * cones[i].x), light.cone_blend = cones[i].y;
+  }
+}
+
+void read_scene_light(const py::dict& values, Appearance& appearance) {
+  for (const py::handle image : values["images"]) appearance.images.push_back(read_image(image));
+  read_lights(values["lights"].cast<py::dict>(), appearance.lights);
+  if (values["world"].is_none()) return;
+  const auto world = values["world"].cast<py::dict>();
+  appearance.world = World{as_color(world["color"]), get<std::int32_t>(world, "image"), get<float>(world, "rotation")};
+}
+
 void read_appearance(const py::dict& values, Appearance& appearance) {
+  appearance.base_colors = rows_of<Vec3f>(view<float>(values, "base_colors"));
+  appearance.emissions = rows_of<Vec3f>(view<float>(values, "emissions"));
+  appearance.alphas = view<float>(values, "alphas");
+  appearance.color_images = view<std::int32_t>(values, "color_images");
+  appearance.alpha_images = view<std::int32_t>(values, "alpha_images");
+  read_scene_light(values, appearance);
   appearance.material_colors = rows_of<Rgba>(view<float>(values, "material_colors"));
   appearance.material_pass_indices = view<std::int32_t>(values, "material_indices");
   appearance.instance_ids = view<std::int32_t>(values, "instance_ids");
@@ -96,6 +151,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
     if (mesh.contains("material_slots")) attributes.material_slots = view<std::int32_t>(mesh, "material_slots");
     if (mesh.contains("corner_normals"))
       attributes.corner_normals = rows_of<Vec3f>(view<float>(mesh, "corner_normals"));
+    if (mesh.contains("corner_uvs")) attributes.corner_uvs = rows_of<Point2>(view<float>(mesh, "corner_uvs"));
     appearance.set_mesh(key.cast<std::int32_t>(), attributes);
   }
   appearance.finish();

@@ -300,7 +300,7 @@ def test_settings_are_saved_in_the_file(scene, tmp_path: Path) -> None:
     scene.perfect_bvh.samples = 77
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    assert bpy.context.scene.perfect_bvh.mode == "CLAY"
+    assert bpy.context.scene.perfect_bvh.mode == "PREVIEW"
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
     assert (bpy.context.scene.perfect_bvh.mode, bpy.context.scene.perfect_bvh.samples) == ("COST", 77)
 

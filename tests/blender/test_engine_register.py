@@ -38,7 +38,7 @@ def test_registering_leaves_nothing_behind() -> None:
         perfect_bvh_addon.register()
         assert bpy.types.PERFECT_BVH_PT_render.is_registered
         bpy.context.scene.render.engine = "PERFECT_BVH"
-        assert bpy.context.scene.perfect_bvh.mode == "CLAY"
+        assert bpy.context.scene.perfect_bvh.mode == "PREVIEW"
         perfect_bvh_addon.unregister()
         perfect_bvh_addon.unregister()
         assert not hasattr(bpy.types, "PERFECT_BVH_PT_render")

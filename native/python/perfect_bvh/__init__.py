@@ -10,7 +10,7 @@
 """
 
 from ._core import __version__, set_thread_count, shutdown_threads, thread_count
-from .appearance import Appearance, InstanceTable, MaterialTable, MeshAppearance
+from .appearance import Appearance, ImageTexture, InstanceTable, LightTable, MaterialTable, MeshAppearance, World
 from .audit import Audit
 from .build_config import BuildConfig
 from .camera import Camera
@@ -37,8 +37,10 @@ __all__ = [
     "CommitReport",
     "EngineError",
     "Hits",
+    "ImageTexture",
     "InstanceTable",
     "Intersections",
+    "LightTable",
     "MaterialTable",
     "MeshAppearance",
     "MeshReport",
@@ -51,6 +53,7 @@ __all__ = [
     "TopLevelReport",
     "TreeBoxes",
     "TreeStatistics",
+    "World",
     "__version__",
     "active_isa",
     "available_isas",

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .appearance import Appearance, MeshAppearance
+from .appearance import LIGHT_KINDS, Appearance, ImageTexture, LightTable, MeshAppearance, World
 from .camera import Camera
 
 _LARGEST_SIZE = 65536
@@ -88,7 +88,19 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
     def column(name: str, value: npt.ArrayLike, dtype: type[np.generic], *row: int) -> npt.NDArray[Any]:
         return _column(function, f"appearance.{name}", value, dtype, row)
 
+    def optional(name: str, dtype: type[np.generic], *row: int) -> npt.NDArray[Any]:
+        value = getattr(materials, name)
+        return np.empty((0, *row), dtype) if value is None else column(f"materials.{name}", value, dtype, *row)
+
     return {
+        "base_colors": optional("base_colors", np.float32, 3),
+        "emissions": optional("emissions", np.float32, 3),
+        "alphas": optional("alphas", np.float32),
+        "color_images": optional("color_images", np.int32),
+        "alpha_images": optional("alpha_images", np.int32),
+        "images": [_image_arguments(function, row, image) for row, image in enumerate(appearance.images)],
+        "lights": _light_arguments(function, appearance.lights),
+        "world": _world_arguments(function, appearance.world),
         "material_colors": column("materials.colors", materials.colors, np.float32, 4),
         "material_indices": column("materials.indices", materials.indices, np.int32),
         "instance_ids": column("instances.ids", table.ids, np.int32),
@@ -103,6 +115,64 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
     }
 
 
+def _image_arguments(function: str, row: int, image: ImageTexture) -> dict[str, Any]:
+    name = f"appearance.images[{row}]"
+    pixels = np.asarray(image.pixels)
+    if pixels.ndim != 3 or pixels.shape[2] != 4 or max(pixels.shape[:2]) > _LARGEST_SIZE:
+        raise ValueError(
+            f"{function}: {name}.pixels must have shape (H, W, 4), at most {_LARGEST_SIZE} each way, got {pixels.shape}"
+        )
+    if pixels.dtype not in (np.uint8, np.float32):
+        raise ValueError(f"{function}: {name}.pixels must be uint8 (sRGB) or float32 (linear), got {pixels.dtype}")
+    extension = check_choice(function, f"{name}.extension", image.extension, ("repeat", "extend", "clip"))
+    return {"pixels": np.ascontiguousarray(pixels), "extension": extension}
+
+
+def _light_arguments(function: str, lights: LightTable) -> dict[str, npt.NDArray[Any]]:
+    columns: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
+        "kinds": (np.int32, ()),
+        "positions": (np.float64, (3,)),
+        "axes": (np.float32, (3, 3)),
+        "powers": (np.float32, (3,)),
+        "sizes": (np.float32, (2,)),
+        "cones": (np.float32, (2,)),
+        "casts_shadow": (np.bool_, ()),
+    }
+    arrays: dict[str, npt.NDArray[Any]] = {}
+    for name, (dtype, row) in columns.items():
+        array = arrays[name] = _column(function, f"appearance.lights.{name}", getattr(lights, name), dtype, row)
+        if len(array) != len(arrays["kinds"]):
+            raise ValueError(
+                f"{function}: appearance.lights.{name} must have a row for each of the {len(arrays['kinds'])} kinds, "
+                f"got {len(array)}"
+            )
+        if not np.isfinite(array).all():
+            raise ValueError(
+                f"{function}: appearance.lights.{name} must be finite, got {array[~np.isfinite(array)][0]}"
+            )
+    unknown = (arrays["kinds"] < 0) | (arrays["kinds"] >= len(LIGHT_KINDS))
+    if unknown.any():
+        raise ValueError(
+            f"{function}: appearance.lights.kinds must be 0 to {len(LIGHT_KINDS) - 1} ({', '.join(LIGHT_KINDS)}), "
+            f"got {arrays['kinds'][unknown][0]}"
+        )
+    suns = arrays["kinds"] == LIGHT_KINDS.index("sun")
+    if suns.any():  # the engine takes the disk that the sun shows, one unit away
+        sizes = arrays["sizes"] = arrays["sizes"].copy()
+        sizes[suns, 0] = np.tan(0.5 * np.clip(sizes[suns, 0], 0.0, 3.0))
+    return arrays
+
+
+def _world_arguments(function: str, world: World | None) -> dict[str, Any] | None:
+    if world is None:
+        return None
+    return {
+        "color": check_color(function, "appearance.world.color", world.color),
+        "image": check_count(function, "appearance.world.image", world.image, -1),
+        "rotation": check_number(function, "appearance.world.rotation", world.rotation, -1e6, 1e6),
+    }
+
+
 def _mesh_arrays(function: str, mesh: int, value: MeshAppearance) -> dict[str, npt.NDArray[Any]]:
     arrays: dict[str, npt.NDArray[Any]] = {}
     name = f"appearance.meshes[{mesh}]"
@@ -110,6 +180,8 @@ def _mesh_arrays(function: str, mesh: int, value: MeshAppearance) -> dict[str, n
         arrays["material_slots"] = _column(function, f"{name}.material_slots", value.material_slots, np.int32, ())
     if value.corner_normals is not None:
         arrays["corner_normals"] = _column(function, f"{name}.corner_normals", value.corner_normals, np.float32, (3, 3))
+    if value.corner_uvs is not None:
+        arrays["corner_uvs"] = _column(function, f"{name}.corner_uvs", value.corner_uvs, np.float32, (3, 2))
     return arrays
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -32,10 +33,76 @@ class MeshAppearance:
 
 @dataclass(frozen=True, slots=True)
 class MaterialTable:
-    """M materials. colors: (M, 4) float32, scene-linear viewport colour. indices: (M,) int32, pass index."""
+    """M materials.
+
+    colors: (M, 4) float32, scene-linear viewport colour. indices: (M,) int32, pass index. The rest is what the mode
+    "preview" shows:
+    base_colors: (M, 3) float32, scene-linear, the share of light that comes back. None: the viewport colours.
+    emissions: (M, 3) float32, radiance. None: none shines.
+    alphas: (M,) float32, 0 to 1. None: all are opaque.
+    color_images: (M,) int32, rows of the appearance's images, which stand for the base colours; -1 for none.
+    alpha_images: (M,) int32, images whose alpha multiplies the material's; -1 for none.
+    """
 
     colors: Float32Array = field(default_factory=lambda: np.empty((0, 4), np.float32))
     indices: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
+    base_colors: Float32Array | None = None
+    emissions: Float32Array | None = None
+    alphas: Float32Array | None = None
+    color_images: Int32Array | None = None
+    alpha_images: Int32Array | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ImageTexture:
+    """An image that materials or the world refer to.
+
+    pixels: (H, W, 4), straight alpha, row 0 at the lower border (v = 0); uint8 is sRGB, float32 scene-linear.
+    extension: what lies outside 0..1: "repeat", "extend" (the border's colour) or "clip" (nothing).
+    """
+
+    pixels: npt.NDArray[np.uint8] | Float32Array
+    extension: Literal["repeat", "extend", "clip"] = "repeat"
+
+
+LIGHT_KINDS = ("point", "sun", "spot", "rectangle", "ellipse")
+
+
+@dataclass(frozen=True, slots=True)
+class LightTable:
+    """L lights; an axis a row, so that axes[i, 2] is light i's own z. All of them shine along -z.
+
+    kinds: (L,) int32, rows of LIGHT_KINDS. positions: (L, 3) float64. axes: (L, 3, 3) float32, unit vectors.
+    powers: (L, 3) float32, of each channel, in watts; of a sun what falls on a surface that faces it, watts a square
+        metre. A point light of P watts shines with P / (4 pi) into every direction, an area light with the radiance
+        P / (pi area), as in Blender.
+    sizes: (L, 2) float32: the radius of points and spots, the angle of suns in radians (both in the first column), the
+        two sides or diameters of rectangles and ellipses.
+    cones: (L, 2) float32: of spots, the whole angle in radians and how much of it the soft border takes, 0 to 1.
+    casts_shadow: (L,) bool.
+    """
+
+    kinds: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
+    positions: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3), np.float64))
+    axes: Float32Array = field(default_factory=lambda: np.empty((0, 3, 3), np.float32))
+    powers: Float32Array = field(default_factory=lambda: np.empty((0, 3), np.float32))
+    sizes: Float32Array = field(default_factory=lambda: np.empty((0, 2), np.float32))
+    cones: Float32Array = field(default_factory=lambda: np.empty((0, 2), np.float32))
+    casts_shadow: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, np.bool_))
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """The light from all around a scene.
+
+    color: scene-linear radiance, or what the image's colours are multiplied with. image: the row of an
+    equirectangular image among the appearance's, -1 for none. rotation: of directions about z before the image is
+    looked up, in radians.
+    """
+
+    color: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    image: int = -1
+    rotation: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +131,7 @@ class Appearance:
     camera_mask: the bits of an instance's mask that camera rays see. shadow_mask: those that
     ambient-occlusion and shadow rays see.
     film_transparent: the background has alpha 0 instead of showing the sky.
+    images, lights, world: for the mode "preview". Without a world the studio's soft sky stands for it.
     """
 
     meshes: Mapping[int, MeshAppearance] = field(default_factory=dict)
@@ -72,3 +140,6 @@ class Appearance:
     camera_mask: int = 0xFFFFFFFF
     shadow_mask: int = 0xFFFFFFFF
     film_transparent: bool = False
+    images: tuple[ImageTexture, ...] = ()
+    lights: LightTable = field(default_factory=LightTable)
+    world: World | None = None

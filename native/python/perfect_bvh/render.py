@@ -24,7 +24,7 @@ from .camera import Camera
 from .scene import Scene
 from .snapshot import Snapshot
 
-Mode = Literal["clay", "wireframe", "normal", "depth", "distance", "instance", "material", "cost"]
+Mode = Literal["preview", "clay", "wireframe", "normal", "depth", "distance", "instance", "material", "cost"]
 Color = tuple[float, float, float]
 Passes = dict[str, npt.NDArray[Any]]
 
@@ -59,11 +59,11 @@ class RenderOptions(TypedDict, total=False):
         pixel's centre; all others spread over the pixel filter.
     filter_width: how far the pixel filter (a Blackman-Harris window) reaches to each side, in pixels; default 1.5. 0
         puts every sample at the pixel's centre.
-    smooth: clay: whether the light of few samples (below 32) is averaged with that of neighbouring pixels on the same
-        surface; default True. Colours, normals and edges keep their detail; only fine shadows get softer.
+    smooth: preview, clay: whether the light of few samples (below 32) is averaged with that of neighbouring pixels on
+        the same surface; default True. Colours, normals and edges keep their detail; only fine shadows get softer.
     ao_distance: clay: how far away a surface still keeps light from another, in world units; its effect fades to
         nothing over that distance. None, the default: 0.35 of the diagonal of the scene's bounding box.
-    light_rays: clay: rays to the sky and to the key light for each sample; default 1.
+    light_rays: preview, clay: rays to the sky and to each light for each sample; default 1.
     clay_color: clay: one scene-linear colour for everything instead of the materials' viewport colours.
     wire_width: wireframe: the width of the lines in pixels; default 1.
     wire_color: wireframe: their scene-linear colour.
@@ -115,6 +115,8 @@ def render_passes(
 
     scene: a `Scene` without pending edits, or a `Snapshot`.
     mode: how the image looks:
+        "preview": the scene under its own lights and world: base colours and images, emission, transparency, soft
+            shadows, one bounce of light; all surfaces are matt. Without a world in the appearance the studio's sky.
         "clay": matt surfaces in a photographer's studio: soft sky, ambient occlusion, one soft key light.
         "wireframe": the edges of the triangles over softly lit surfaces.
         "normal": the shading normal in world space, -1..1 as 0..1.

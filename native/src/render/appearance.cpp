@@ -35,6 +35,9 @@ void Appearance::finish() {
   for (std::size_t row = 0; row < instance_ids.size(); ++row) {
     instance_rows_[static_cast<std::size_t>(instance_ids[row])] = static_cast<std::int32_t>(row);
   }
+  const auto is_below_one = [](float alpha) { return alpha < 1.0f; };
+  any_transparent_ = std::any_of(alphas.begin(), alphas.end(), is_below_one) ||
+                     std::any_of(alpha_images.begin(), alpha_images.end(), [](auto image) { return image >= 0; });
   any_holdout_ = std::any_of(holdout.begin(), holdout.end(), [](std::uint8_t flag) { return flag != 0; });
 }
 
@@ -56,6 +59,7 @@ void Appearance::check_tables() const {
   require(material_pass_indices.size() == material_colors.size(),
           "materials.indices has " + std::to_string(material_pass_indices.size()) + " rows but materials.colors has " +
               std::to_string(material_colors.size()));
+  check_materials();
   const auto material_count = static_cast<std::int32_t>(material_colors.size());
   const auto wrong = std::find_if(slot_materials.begin(), slot_materials.end(), [=](std::int32_t material) {
     return material < kNoMaterial || material >= material_count;
@@ -65,6 +69,31 @@ void Appearance::check_tables() const {
                        "] refers to material " + std::to_string(*wrong) + " but materials.colors has " +
                        std::to_string(material_count) + " rows");
   }
+}
+
+void Appearance::check_materials() const {
+  const std::size_t count = material_colors.size();
+  const auto check = [count](const char* name, std::size_t rows) {
+    require(rows == 0 || rows == count, std::string("materials.") + name + " has " + std::to_string(rows) +
+                                            " rows but materials.colors has " + std::to_string(count));
+  };
+  check("base_colors", base_colors.size());
+  check("emissions", emissions.size());
+  check("alphas", alphas.size());
+  const auto check_images = [&](const char* name, std::span<const std::int32_t> rows) {
+    check(name, rows.size());
+    for (const std::int32_t row : rows) {
+      require(row >= kNoImage && row < static_cast<std::int32_t>(images.size()),
+              std::string("materials.") + name + " refers to image " + std::to_string(row) + " but there are " +
+                  std::to_string(images.size()));
+    }
+  };
+  check_images("color_images", color_images);
+  check_images("alpha_images", alpha_images);
+  if (!world) return;
+  require(
+      world->image >= kNoImage && world->image < static_cast<std::int32_t>(images.size()),
+      "world.image is " + std::to_string(world->image) + " but there are " + std::to_string(images.size()) + " images");
 }
 
 void Appearance::check_fits(const Instance& instance, const MeshAttributes& attributes) const {
@@ -77,6 +106,7 @@ void Appearance::check_fits(const Instance& instance, const MeshAttributes& attr
   };
   check(attributes.material_slots.size(), "material_slots");
   check(attributes.corner_normals.size() / 3, "corner_normals");
+  check(attributes.corner_uvs.size() / 3, "corner_uvs");
 }
 
 std::int32_t Appearance::material_of(const Instance& instance, std::uint32_t primitive) const {

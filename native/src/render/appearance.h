@@ -4,10 +4,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "math/vec3.h"
+#include "render/light.h"
+#include "render/rgba.h"
+#include "render/texture.h"
 #include "scene/snapshot.h"
 #include "traverse/ray.h"
 
@@ -19,22 +23,37 @@ inline constexpr std::int32_t kNoMaterial = -1;
 struct MeshAttributes {
   std::span<const std::int32_t> material_slots;
   std::span<const Vec3f> corner_normals;  // three a triangle, object space
+  std::span<const Point2> corner_uvs;     // three a triangle
 };
 
-struct Rgba {
-  float r = 0.0f, g = 0.0f, b = 0.0f, a = 0.0f;
+inline constexpr std::int32_t kNoImage = -1;
+
+// What lights a scene from all around.
+struct World {
+  Vec3f color{0, 0, 0};           // or what the image's colours are multiplied with
+  std::int32_t image = kNoImage;  // equirectangular
+  float rotation = 0.0f;          // of the image about z, in radians
 };
-static_assert(sizeof(Rgba) == 16);
 
 struct Appearance {
   // Tables, in the layout of the Python records of the same names.
   std::span<const Rgba> material_colors;
   std::span<const std::int32_t> material_pass_indices;
+  // What they look like in light: a row a material, or empty. Images are rows of `images`, or kNoImage.
+  std::span<const Vec3f> base_colors;  // empty: as material_colors
+  std::span<const Vec3f> emissions;    // radiance
+  std::span<const float> alphas;
+  std::span<const std::int32_t> color_images;  // instead of the base colours
+  std::span<const std::int32_t> alpha_images;  // their alpha multiplies
   std::span<const std::int32_t> instance_ids;
   std::span<const std::int32_t> slot_offsets;  // one more than instances
   std::span<const std::int32_t> slot_materials;
   std::span<const std::int32_t> object_pass_indices;
   std::span<const std::uint8_t> holdout;
+
+  std::vector<Texture> images;
+  std::vector<Light> lights;
+  std::optional<World> world;  // none: the studio's sky and ground
 
   std::uint32_t camera_mask = 0xFFFFFFFFu;
   std::uint32_t shadow_mask = 0xFFFFFFFFu;
@@ -57,6 +76,8 @@ struct Appearance {
     const auto row = row_of(instance);
     return row >= 0 && holdout[static_cast<std::size_t>(row)] != 0;
   }
+  // Whether some material lets anything through.
+  [[nodiscard]] bool any_transparent() const noexcept { return any_transparent_; }
   // The row in the material table.
   [[nodiscard]] std::int32_t material_of(const Instance& instance, std::uint32_t primitive) const;
 
@@ -69,11 +90,12 @@ struct Appearance {
     return index < rows.size() ? rows[index] : -1;
   }
   void check_tables() const;
+  void check_materials() const;
 
   std::vector<MeshAttributes> meshes_;
   std::vector<std::int32_t> mesh_rows_;      // by mesh id: ids are small and never reused
   std::vector<std::int32_t> instance_rows_;  // by instance id
-  bool any_holdout_ = false;
+  bool any_holdout_ = false, any_transparent_ = false;
 };
 
 }  // namespace perfect_bvh

@@ -5,8 +5,7 @@ namespace perfect_bvh {
 void LightGather::begin(std::size_t pixel_count) { entries_.assign(pixel_count, Entry{}); }
 
 void LightGather::add(const RayMaker& camera, std::span<const Ray> rays, std::span<const Hit> hits,
-                      std::span<const SurfacePoint> points, std::span<const LightSample> lights,
-                      std::span<const Rgba> colors) {
+                      std::span<const SurfacePoint> points, std::span<const LitPoint> lit_points) {
   for (std::size_t row = 0; row < points.size(); ++row) {
     const SurfacePoint& point = points[row];
     const float depth = hits[point.ray].t;
@@ -20,10 +19,9 @@ void LightGather::add(const RayMaker& camera, std::span<const Ray> rays, std::sp
       continue;
     }
     ++entry.count;
-    entry.pixel.light = entry.pixel.light + lights[row];
-    entry.pixel.color = entry.pixel.color + point.color;
-    const Rgba& lit = colors[point.ray];
-    entry.lit = entry.lit + Vec3f{lit.r, lit.g, lit.b};
+    entry.pixel.light = entry.pixel.light + lit_points[row].light;
+    entry.pixel.color = entry.pixel.color + lit_points[row].color;
+    entry.lit = entry.lit + lit_points[row].lit;
   }
 }
 
@@ -38,9 +36,8 @@ LightPixel LightGather::pixel(std::size_t index, std::uint32_t sample_count) con
   return pixel;
 }
 
-Vec3f LightGather::rest(std::size_t index, std::uint32_t sample_count, const Rgba& sum) const noexcept {
+Vec3f LightGather::rest(std::size_t index, const Rgba& sum) const noexcept {
   const Entry& entry = entries_[index];
-  if (entry.count == sample_count) return {0, 0, 0};  // exactly
   return max(Vec3f{sum.r, sum.g, sum.b} - entry.lit, Vec3f{0, 0, 0});
 }
 

@@ -14,13 +14,13 @@ namespace perfect_bvh {
 class LightGather {
  public:
   void begin(std::size_t pixel_count);
-  // One sample of every pixel: ray and colour i belong to pixel i. lights: a row a point.
+  // One sample of every pixel: ray i belongs to pixel i. lit_points: a row a point.
   void add(const RayMaker& camera, std::span<const Ray> rays, std::span<const Hit> hits,
-           std::span<const SurfacePoint> points, std::span<const LightSample> lights, std::span<const Rgba> colors);
+           std::span<const SurfacePoint> points, std::span<const LitPoint> lit_points);
   // Of `sample_count` samples.
   [[nodiscard]] LightPixel pixel(std::size_t index, std::uint32_t sample_count) const noexcept;
-  // The part of the sum of the samples' colours that is not the surface's.
-  [[nodiscard]] Vec3f rest(std::size_t index, std::uint32_t sample_count, const Rgba& sum) const noexcept;
+  // The part of the sum of the samples' colours that is not lit by that light.
+  [[nodiscard]] Vec3f rest(std::size_t index, const Rgba& sum) const noexcept;
 
  private:
   struct Entry {

@@ -27,6 +27,13 @@ struct LightSample {
   }
 };
 
+// One sample's light on a surface point, and what becomes of it.
+struct LitPoint {
+  LightSample light;
+  Vec3f color{0, 0, 0};  // what the light is multiplied with
+  Vec3f lit{0, 0, 0};    // what that gives: the point's colour, or a part of it
+};
+
 struct LightPixel {
   Vec3f normal{0, 0, 0};
   Vec3f position{0, 0, 0};  // relative to the camera

@@ -2,9 +2,8 @@
 // What is near keeps light away and what is farther less so, to nothing at a limited distance (the obscurances of
 // Zhukov et al. 1998): rays stay short and rooms stay light. A ray's nearest hit tells how much it keeps away: that has
 // from a half to a ninth of the variance of asking yes or no over a random length, for 1.0 to 1.4 times the work.
-#include <numbers>
-
-#include "render/sampler.h"
+#include "render/directions.h"
+#include "render/secondary_ray.h"
 #include "render/shading.h"
 #include "render/studio.h"
 
@@ -19,29 +18,6 @@ constexpr float kBounce = 0.32f;
 float default_distance(const Snapshot& snapshot) noexcept {
   const Aabb bounds = snapshot.tlas.bounds();
   return bounds.is_empty() ? 1.0f : std::max(length(bounds.extent()) * kDefaultReach, 1e-30f);
-}
-
-// Two unit vectors that make a right-handed frame with the unit vector z (Duff et al. 2017).
-struct Frame {
-  Vec3f x, y, z;
-  explicit Frame(Vec3f axis) noexcept : z(axis) {
-    const float sign = std::copysign(1.0f, axis.z);
-    const float a = -1.0f / (sign + axis.z), b = axis.x * axis.y * a;
-    x = {1.0f + sign * axis.x * axis.x * a, sign * b, -sign * axis.x};
-    y = {b, sign + axis.y * axis.y * a, -axis.y};
-  }
-  [[nodiscard]] Vec3f world(Vec3f v) const noexcept { return x * v.x + y * v.y + z * v.z; }
-};
-
-// Uniform over the disk; equal areas stay together, so an even set of points stays even (Shirley and Chiu 1997).
-Point2 disk(Point2 uniform) noexcept {
-  const float a = 2.0f * uniform.x - 1.0f, b = 2.0f * uniform.y - 1.0f;
-  if (a == 0.0f && b == 0.0f) return {0.0f, 0.0f};
-  constexpr float kQuarter = std::numbers::pi_v<float> / 4.0f;
-  const bool wide = std::abs(a) > std::abs(b);
-  const float radius = wide ? a : b;
-  const float angle = wide ? kQuarter * (b / a) : 2.0f * kQuarter - kQuarter * (a / b);
-  return {radius * std::cos(angle), radius * std::sin(angle)};
 }
 
 class ClayMode final : public ShadingMode {
@@ -61,11 +37,12 @@ class ClayMode final : public ShadingMode {
     return {.normals = true, .origins = true, .materials = !settings_.color};
   }
   [[nodiscard]] bool has_backdrop() const noexcept override { return true; }
+  [[nodiscard]] Vec3f backdrop(const Ray& /*ray*/, float x, float y) const override { return Studio::backdrop(x, y); }
   [[nodiscard]] bool keeps_light_apart() const noexcept override { return true; }
 
   void shade(const ShadeTask& task) const override {
     ShadeScratch& scratch = task.scratch;
-    scratch.lights.assign(task.points.size(), LightSample{});
+    scratch.lit_points.assign(task.points.size(), LitPoint{});
     const auto count = static_cast<std::uint32_t>(settings_.light_rays);
     const float share = 1.0f / static_cast<float>(count);
     for (std::uint32_t i = 0; i < count; ++i) {
@@ -75,7 +52,9 @@ class ClayMode final : public ShadingMode {
     }
     for (std::size_t row = 0; row < task.points.size(); ++row) {
       const SurfacePoint& point = task.points[row];
-      const Vec3f color = lit(point.color, point.light_normal, scratch.lights[row]);
+      LitPoint& lit_point = scratch.lit_points[row];
+      const Vec3f color = lit(point.color, point.light_normal, lit_point.light);
+      lit_point.color = point.color, lit_point.lit = color;
       task.colors[point.ray] = {color.x, color.y, color.z, 1.0f};
     }
   }
@@ -101,10 +80,9 @@ class ClayMode final : public ShadingMode {
     const FixedPoint2 shared = sky_.sample(index);
     scratch.rays.clear();
     for (const SurfacePoint& point : task.points) {
-      const Point2 flat = disk((shared ^ sky_.offset(place_of(task, point))).to_unit());
-      const float height = std::sqrt(std::max(0.0f, 1.0f - flat.x * flat.x - flat.y * flat.y));
-      const Vec3f direction = above(point, Frame(point.light_normal).world({flat.x, flat.y, height}));
-      scratch.rays.push_back(ray_from(point, direction, reach_));
+      const Point2 random = (shared ^ sky_.offset(place_of(task, point))).to_unit();
+      const Vec3f direction = above(point, cosine_direction(point.light_normal, random));
+      scratch.rays.push_back(ray_from(point, direction, reach_, shadow_mask_));
     }
     trace(scratch);
     for (std::size_t row = 0; row < task.points.size(); ++row) {
@@ -116,7 +94,7 @@ class ClayMode final : public ShadingMode {
         const Vec3f lost = Vec3f{dome.x / mean.x, dome.y / mean.y, dome.z / mean.z} - color_at(hit) * kBounce;
         sky = sky - lost * obstruction(hit.t, reach_);
       }
-      scratch.lights[row].sky = scratch.lights[row].sky + sky * share;
+      scratch.lit_points[row].light.sky = scratch.lit_points[row].light.sky + sky * share;
     }
   }
 
@@ -130,13 +108,13 @@ class ClayMode final : public ShadingMode {
       const SurfacePoint& point = task.points[row];
       const float open = studio_.key_cosine(point.light_normal);
       if (!(open > 0.0f)) continue;
-      scratch.lights[row].key_open += open * share;
-      const Point2 flat = disk((shared ^ key_.offset(place_of(task, point))).to_unit());
+      scratch.lit_points[row].light.key_open += open * share;
+      const Point2 flat = uniform_disk((shared ^ key_.offset(place_of(task, point))).to_unit());
       Vec3f direction = normalized(key_frame_.world({flat.x * Studio::kKeyRadius, flat.y * Studio::kKeyRadius, 1.0f}));
       // The part of the disk below the horizon gives nothing; its rays help to learn about the part above.
       const float cosine = dot(direction, point.light_normal);
       if (cosine < 0.0f) direction = direction - point.light_normal * (2.0f * cosine);
-      scratch.rays.push_back(ray_from(point, above(point, direction), reach));
+      scratch.rays.push_back(ray_from(point, above(point, direction), reach, shadow_mask_));
       scratch.targets.push_back(row);
     }
     trace(scratch);
@@ -144,7 +122,7 @@ class ClayMode final : public ShadingMode {
       const std::uint32_t row = scratch.targets[i];
       const Hit& hit = scratch.hits[i];
       const float visible = hit.found() ? 1.0f - obstruction(hit.t, reach) : 1.0f;
-      scratch.lights[row].key += studio_.key_cosine(task.points[row].light_normal) * visible * share;
+      scratch.lit_points[row].light.key += studio_.key_cosine(task.points[row].light_normal) * visible * share;
     }
   }
 
@@ -158,15 +136,6 @@ class ClayMode final : public ShadingMode {
     return sampling::z_order(pixel.x, pixel.y);
   }
 
-  [[nodiscard]] Ray ray_from(const SurfacePoint& point, Vec3f direction, float reach) const noexcept {
-    Ray ray;
-    ray.origin = point.origin;
-    ray.direction = to_double(direction);
-    ray.t_max = reach;
-    ray.mask = shadow_mask_;
-    return ray;
-  }
-
   // How much of a direction's light something at t keeps away: all at 0, nothing at `reach`, without a kink there.
   static float obstruction(float t, float reach) noexcept {
     const float part = 1.0f - t / reach;
@@ -177,14 +146,6 @@ class ClayMode final : public ShadingMode {
     if (settings_.color) return *settings_.color;
     return material_color(appearance_,
                           appearance_.material_of(snapshot_.instances[hit.instance_index], hit.primitive_index));
-  }
-
-  // Directions round a smooth normal may dip below the triangle. From a point lifted off it they pass over its
-  // neighbours; from the triangle itself they would end in it, and are mirrored.
-  static Vec3f above(const SurfacePoint& point, Vec3f direction) noexcept {
-    const float height = dot(direction, point.geometric_normal);
-    if (height >= 0.0f || point.lifted) return direction;
-    return direction - point.geometric_normal * (2.0f * height);
   }
 
   const Snapshot& snapshot_;

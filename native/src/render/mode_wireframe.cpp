@@ -27,6 +27,7 @@ class WireframeMode final : public ShadingMode {
 
   [[nodiscard]] SurfaceNeeds needs() const noexcept override { return {.normals = true, .materials = true}; }
   [[nodiscard]] bool has_backdrop() const noexcept override { return true; }
+  [[nodiscard]] Vec3f backdrop(const Ray& /*ray*/, float x, float y) const override { return Studio::backdrop(x, y); }
 
   void shade(const ShadeTask& task) const override {
     for (const SurfacePoint& point : task.points) {

@@ -9,12 +9,16 @@
 
 namespace perfect_bvh {
 
-enum class Mode : std::uint8_t { kClay, kNormal, kDepth, kDistance, kInstance, kMaterial, kWireframe, kCost };
+enum class Mode : std::uint8_t { kPreview, kClay, kNormal, kDepth, kDistance, kInstance, kMaterial, kWireframe, kCost };
 
 struct ClaySettings {
   float ao_distance = 0.0f;    // world units; 0: from the size of the scene
   int light_rays = 1;          // towards the sky and towards the key light, for each camera sample
   std::optional<Vec3f> color;  // instead of the materials' colours
+};
+
+struct PreviewSettings {
+  int light_rays = 1;  // towards each light, and wherever else light may come from, for each camera sample
 };
 
 struct WireframeSettings {
@@ -30,6 +34,7 @@ struct RenderSettings {
   bool smooth = true;         // average the light of few samples with that of neighbours on the same surface
   std::uint32_t seed = 0;
   int threads = 0;  // 0: all
+  PreviewSettings preview;
   ClaySettings clay;
   WireframeSettings wireframe;
 };

@@ -6,6 +6,8 @@ namespace perfect_bvh {
 
 std::unique_ptr<ShadingMode> make_mode(const ModeInputs& inputs) {
   switch (inputs.settings.mode) {
+    case Mode::kPreview:
+      return make_preview_mode(inputs);
     case Mode::kClay:
       return make_clay_mode(inputs);
     case Mode::kNormal:

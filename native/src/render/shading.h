@@ -9,9 +9,11 @@
 
 #include "render/appearance.h"
 #include "render/camera.h"
+#include "render/illumination.h"
 #include "render/light_layer.h"
 #include "render/settings.h"
 #include "render/surface.h"
+#include "render/surface_layer.h"
 #include "stats/ray_counts.h"
 
 namespace perfect_bvh {
@@ -21,7 +23,9 @@ struct ShadeScratch {
   AlignedVector<Ray> rays;
   AlignedVector<Hit> hits;
   AlignedVector<std::uint32_t> targets;  // rows in ShadeTask::points that the rays belong to
-  AlignedVector<LightSample> lights;     // a row a point, of a mode that keeps light apart
+  AlignedVector<LitPoint> lit_points;    // a row a point, of a mode that keeps light apart
+  Illumination::Scratch illumination;
+  SurfaceLayer layer, next_layer;
 };
 
 struct ShadeTask {
@@ -45,13 +49,15 @@ class ShadingMode {
   [[nodiscard]] virtual bool wants_counts() const noexcept { return false; }
   // True for numbers that must not be blended: one sample at the pixel's centre, whatever was asked for.
   [[nodiscard]] virtual bool is_exact() const noexcept { return false; }
-  // Whether `shade` also writes the light of each point to ShadeScratch::lights, apart from colour. Such light can be
-  // smoothed; `relight` then makes the final colour from it.
+  // Whether `shade` also writes the light of each point to ShadeScratch::lit_points, apart from colour. Such light can
+  // be smoothed; `relight` then makes the final colour from it.
   [[nodiscard]] virtual bool keeps_light_apart() const noexcept { return false; }
   // Adds to `colors` what the pixels that show a surface get from it.
   virtual void relight(std::span<const LightPixel> /*pixels*/, std::span<Rgba> /*colors*/) const {}
-  // Whether the studio's backdrop stands behind the surfaces; otherwise there is nothing.
+  // Whether something stands behind the surfaces, and its colour in the direction of a camera ray; x and y are the
+  // place in the frame, from the upper left (0, 0) to the lower right (1, 1).
   [[nodiscard]] virtual bool has_backdrop() const noexcept { return false; }
+  [[nodiscard]] virtual Vec3f backdrop(const Ray& /*ray*/, float /*x*/, float /*y*/) const { return {0, 0, 0}; }
 };
 
 // What modes are made from; all of it outlives them.
@@ -62,6 +68,7 @@ struct ModeInputs {
   const RenderSettings& settings;
 };
 
+[[nodiscard]] std::unique_ptr<ShadingMode> make_preview_mode(const ModeInputs& inputs);
 [[nodiscard]] std::unique_ptr<ShadingMode> make_clay_mode(const ModeInputs& inputs);
 [[nodiscard]] std::unique_ptr<ShadingMode> make_normal_mode();
 [[nodiscard]] std::unique_ptr<ShadingMode> make_depth_mode();

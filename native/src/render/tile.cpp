@@ -1,7 +1,5 @@
 #include "render/tile.h"
 
-#include "render/studio.h"
-
 namespace perfect_bvh {
 
 namespace {
@@ -9,7 +7,8 @@ namespace {
 // How far the light of a pixel is averaged: the less, the more rays the pixel has of its own.
 int smoothing_radius(const RenderSettings& settings) noexcept {
   if (!settings.smooth) return 0;
-  const auto rays = settings.samples * static_cast<std::uint32_t>(settings.clay.light_rays);
+  const int light_rays = settings.mode == Mode::kPreview ? settings.preview.light_rays : settings.clay.light_rays;
+  const auto rays = settings.samples * static_cast<std::uint32_t>(light_rays);
   return rays < 2 ? 4 : rays < 4 ? 3 : rays < 16 ? 2 : rays < 32 ? 1 : 0;
 }
 
@@ -97,8 +96,7 @@ void TileRenderer::add_sample(std::uint32_t sample, TileScratch& scratch) const 
   mode_->shade({number, scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points, scratch.colors,
                 scratch.shade});
   if (layer_) {
-    scratch.gather.add(inputs_.camera, scratch.rays, scratch.hits, scratch.points, scratch.shade.lights,
-                       scratch.colors);
+    scratch.gather.add(inputs_.camera, scratch.rays, scratch.hits, scratch.points, scratch.shade.lit_points);
   }
   for (std::size_t i = 0; i < scratch.sums.size(); ++i) {
     Rgba& sum = scratch.sums[i];
@@ -116,7 +114,8 @@ void TileRenderer::fill_background(TileScratch& scratch) const {
   for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
     if (scratch.hits[i].found()) continue;
     const Pixel pixel = scratch.pixels[i];
-    const Vec3f color = Studio::backdrop(static_cast<float>(pixel.x) * scale_x, static_cast<float>(pixel.y) * scale_y);
+    const Vec3f color =
+        mode_->backdrop(scratch.rays[i], static_cast<float>(pixel.x) * scale_x, static_cast<float>(pixel.y) * scale_y);
     scratch.colors[i] = {color.x, color.y, color.z, 1.0f};
   }
 }
@@ -139,7 +138,7 @@ void TileRenderer::store_light(const TileScratch& scratch) const {
     const LightPixel light = scratch.gather.pixel(i, sample_count_);
     layer_->store(pixel.x, pixel.y, light);
     if (!light.on_surface() || !border_.contains(pixel.x, pixel.y)) continue;
-    const Vec3f rest = scratch.gather.rest(i, sample_count_, scratch.sums[i]) * share;
+    const Vec3f rest = scratch.gather.rest(i, scratch.sums[i]) * share;
     targets_.combined[row_of(pixel)] = {rest.x, rest.y, rest.z, scratch.sums[i].a * share};
   }
 }

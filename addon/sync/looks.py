@@ -1,0 +1,31 @@
+"""Where two records of a scene look different although their geometry may be the same."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from .records import ImageRecord, SceneRecord
+
+
+def find_look_differences(old: SceneRecord, new: SceneRecord) -> tuple[str, ...]:
+    """What differs, in words: "materials", "objects", "film", "world", "lights", "images"."""
+    found = [name for name in ("materials", "objects", "world") if getattr(old, name) != getattr(new, name)]
+    if old.film_transparent != new.film_transparent:
+        found.append("film")
+    if _differ(old.lights, new.lights):
+        found.append("lights")
+    if len(old.images) != len(new.images) or any(map(_are_unlike, old.images, new.images)):
+        found.append("images")
+    return tuple(found)
+
+
+def _are_unlike(old: ImageRecord, new: ImageRecord) -> bool:
+    return old is not new and _differ(old, new)
+
+
+def _differ(old: Any, new: Any) -> bool:
+    columns = [(getattr(old, field.name), getattr(new, field.name)) for field in fields(old)]
+    return any(first is not second and not np.array_equal(first, second) for first, second in columns)

@@ -1,0 +1,221 @@
+#include "render/illumination.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "render/directions.h"
+#include "render/material.h"
+#include "render/secondary_ray.h"
+#include "render/studio.h"
+
+namespace perfect_bvh {
+namespace {
+
+constexpr std::size_t kFewLights = 4;
+constexpr int kPicks = 2;
+constexpr int kMostLayers = 8;  // of transparent surfaces that a shadow ray passes
+// Of the light from all around, what reaches the surface that a ray bounced off: nobody looks whether it is open.
+constexpr float kOpenness = 0.3f;
+// Numbers of sampling dimensions, apart from the camera's and clay's.
+constexpr std::uint32_t kSkyDimension = 8, kLightDimension = 16, kBounceDimension = 32;
+
+Vec3f turned(Vec3f direction, float angle) noexcept {
+  const float c = std::cos(angle), s = std::sin(angle);
+  return {direction.x * c - direction.y * s, direction.x * s + direction.y * c, direction.z};
+}
+
+bool is_black(Vec3f color) noexcept { return !(color.x > 0.0f || color.y > 0.0f || color.z > 0.0f); }
+
+}  // namespace
+
+Illumination::Illumination(const Snapshot& snapshot, const Appearance& appearance, std::uint32_t seed, int light_rays)
+    : snapshot_(snapshot),
+      appearance_(appearance),
+      seed_(seed),
+      light_rays_(light_rays),
+      sky_of_bounces_(mean_surroundings() * kOpenness) {}
+
+Vec3f Illumination::surroundings(Vec3f direction) const noexcept {
+  if (!appearance_.world) return Studio::dome(direction.z);
+  const World& world = *appearance_.world;
+  if (world.image == kNoImage) return world.color;
+  const Texture& image = appearance_.images[static_cast<std::size_t>(world.image)];
+  return look_up_around(image, turned(direction, world.rotation)) * world.color;
+}
+
+Vec3f Illumination::mean_surroundings() const noexcept {
+  constexpr std::uint32_t kDirections = 64;
+  Vec3f sum{0, 0, 0};
+  for (std::uint32_t i = 0; i < kDirections; ++i) {
+    const Point2 random = sampling::scrambled_sobol(i, 0).to_unit();
+    const float height = 2.0f * random.x - 1.0f, angle = 6.2831853f * random.y;
+    const float radius = std::sqrt(std::max(0.0f, 1.0f - height * height));
+    sum = sum + surroundings({radius * std::cos(angle), radius * std::sin(angle), height});
+  }
+  return sum * (1.0f / static_cast<float>(kDirections));
+}
+
+void Illumination::gather(std::span<const SurfacePoint> points, std::span<const std::uint32_t> places,
+                          std::uint32_t sample, Scratch& scratch, std::span<Vec3f> light) const {
+  std::fill(light.begin(), light.end(), Vec3f{0, 0, 0});
+  const Points at{points, places, light, 1.0f / static_cast<float>(light_rays_)};
+  for (int i = 0; i < light_rays_; ++i) {
+    const std::uint32_t index = sample * static_cast<std::uint32_t>(light_rays_) + static_cast<std::uint32_t>(i);
+    add_lights(at, index, kLightDimension, scratch);
+    add_surroundings(at, index, scratch);
+  }
+}
+
+void Illumination::add_lights(const Points& at, std::uint32_t index, std::uint32_t first_dimension,
+                              Scratch& scratch) const {
+  if (appearance_.lights.empty()) return;
+  scratch.rays.clear(), scratch.targets.clear(), scratch.carried.clear();
+  if (appearance_.lights.size() <= kFewLights) {
+    aim_at_each(at, index, first_dimension, scratch);
+  } else {
+    aim_at_some(at, index, first_dimension, scratch);
+  }
+  block(scratch);
+  for (std::size_t i = 0; i < scratch.rays.size(); ++i) {
+    Vec3f& light = at.light[scratch.targets[i]];
+    light = light + scratch.carried[i];
+  }
+}
+
+// Light by light, so that rays next to each other go the same way.
+void Illumination::aim_at_each(const Points& at, std::uint32_t index, std::uint32_t first_dimension,
+                               Scratch& scratch) const {
+  for (std::uint32_t number = 0; number < appearance_.lights.size(); ++number) {
+    const Dimension dimension(seed_, first_dimension + number);
+    const FixedPoint2 shared = dimension.sample(index);
+    for (std::uint32_t row = 0; row < at.points.size(); ++row) {
+      const Point2 random = (shared ^ dimension.offset(at.places[row])).to_unit();
+      aim(at, row, appearance_.lights[number], random, at.share, scratch);
+    }
+  }
+}
+
+void Illumination::aim_at_some(const Points& at, std::uint32_t index, std::uint32_t first_dimension,
+                               Scratch& scratch) const {
+  const std::vector<Light>& lights = appearance_.lights;
+  scratch.guesses.resize(lights.size());
+  const Dimension choice(seed_, first_dimension), first(seed_, first_dimension + 1), second(seed_, first_dimension + 2);
+  for (std::uint32_t row = 0; row < at.points.size(); ++row) {
+    const SurfacePoint& point = at.points[row];
+    float sum = 0.0f;
+    for (std::size_t i = 0; i < lights.size(); ++i) {
+      sum += guess_light(lights[i], point.origin, point.light_normal);
+      scratch.guesses[i] = sum;
+    }
+    if (!(sum > 0.0f) || !std::isfinite(sum)) continue;
+    const Point2 chosen = (choice.sample(index) ^ choice.offset(at.places[row])).to_unit();
+    for (int pick = 0; pick < kPicks; ++pick) {
+      const float wanted = sum * (static_cast<float>(pick) + chosen.x) / static_cast<float>(kPicks);
+      const auto found = std::upper_bound(scratch.guesses.begin(), scratch.guesses.end() - 1, wanted);
+      const auto number = static_cast<std::size_t>(found - scratch.guesses.begin());
+      const float guess = scratch.guesses[number] - (number > 0 ? scratch.guesses[number - 1] : 0.0f);
+      if (!(guess > 0.0f)) continue;
+      const Dimension& dimension = pick == 0 ? first : second;
+      const Point2 random = (dimension.sample(index) ^ dimension.offset(at.places[row])).to_unit();
+      aim(at, row, lights[number], random, at.share * sum / (guess * static_cast<float>(kPicks)), scratch);
+    }
+  }
+}
+
+void Illumination::aim(const Points& at, std::uint32_t row, const Light& light, Point2 random, float weight,
+                       Scratch& scratch) const {
+  const SurfacePoint& point = at.points[row];
+  const LightRay to_light = look_at_light(light, point.origin, point.light_normal, random);
+  const Vec3f carried = to_light.light * weight;
+  if (is_black(carried)) return;
+  if (!light.casts_shadow) {
+    at.light[row] = at.light[row] + carried;
+    return;
+  }
+  // Short of the light: what it hangs on should not put it out.
+  constexpr float kShort = 1.0f - 1e-5f;
+  const Vec3f direction = above(point, to_light.direction);
+  scratch.rays.push_back(ray_from(point, direction, to_light.length * kShort, appearance_.shadow_mask));
+  scratch.targets.push_back(row);
+  scratch.carried.push_back(carried);
+}
+
+void Illumination::block(Scratch& scratch) const {
+  if (appearance_.any_transparent()) return block_partly(scratch);
+  scratch.blocked.resize(scratch.rays.size());
+  trace_occluded(snapshot_, scratch.rays, scratch.blocked);
+  for (std::size_t i = 0; i < scratch.rays.size(); ++i) {
+    if (scratch.blocked[i] != 0) scratch.carried[i] = {0, 0, 0};
+  }
+}
+
+// Surface after surface takes its share, until nothing is left or nothing is in the way.
+void Illumination::block_partly(Scratch& scratch) const {
+  for (int layer = 0; layer < kMostLayers; ++layer) {
+    scratch.hits.resize(scratch.rays.size());
+    trace_closest(snapshot_, scratch.rays, scratch.hits);
+    bool goes_on = false;
+    for (std::size_t i = 0; i < scratch.rays.size(); ++i) {
+      const Hit& hit = scratch.hits[i];
+      Ray& ray = scratch.rays[i];
+      if (!hit.found()) {
+        ray.t_min = 1.0f, ray.t_max = 0.0f;  // done: such a ray hits nothing
+        continue;
+      }
+      const Instance& instance = snapshot_.instances[hit.instance_index];
+      const std::int32_t material = appearance_.material_of(instance, hit.primitive_index);
+      const bool is_last = layer + 1 == kMostLayers;
+      const float passes = is_last ? 0.0f : 1.0f - material_at(appearance_, instance, hit, material).alpha;
+      scratch.carried[i] = scratch.carried[i] * std::max(passes, 0.0f);
+      ray.t_min = std::nextafter(hit.t, kInfiniteDistance);
+      if (is_black(scratch.carried[i])) ray.t_max = -1.0f;
+      goes_on = true;
+    }
+    if (!goes_on) return;
+  }
+}
+
+// Directions spread like the cosine, so that what comes from each counts the same.
+void Illumination::add_surroundings(const Points& at, std::uint32_t index, Scratch& scratch) const {
+  const Dimension dimension(seed_, kSkyDimension);
+  const FixedPoint2 shared = dimension.sample(index);
+  scratch.rays.clear();
+  for (std::size_t row = 0; row < at.points.size(); ++row) {
+    const SurfacePoint& point = at.points[row];
+    const Point2 random = (shared ^ dimension.offset(at.places[row])).to_unit();
+    const Vec3f direction = above(point, cosine_direction(point.light_normal, random));
+    scratch.rays.push_back(ray_from(point, direction, kInfiniteDistance, appearance_.shadow_mask));
+  }
+  scratch.hits.resize(scratch.rays.size());
+  trace_closest(snapshot_, scratch.rays, scratch.hits);
+  scratch.bounce_points.clear(), scratch.bounce_places.clear();
+  constexpr SurfaceNeeds kAll{.normals = true, .origins = true, .materials = true};
+  find_surfaces(snapshot_, appearance_, kAll, scratch.rays, scratch.hits, scratch.bounce_points);
+  AlignedVector<Vec3f>& arriving = scratch.arriving;
+  arriving.assign(at.points.size(), Vec3f{0, 0, 0});
+  for (std::size_t row = 0; row < at.points.size(); ++row) {
+    if (!scratch.hits[row].found()) arriving[row] = surroundings(to_float(scratch.rays[row].direction));
+  }
+  scratch.bounce_materials.clear();
+  for (const SurfacePoint& point : scratch.bounce_points) {
+    const Hit& hit = scratch.hits[point.ray];
+    const Instance& instance = snapshot_.instances[hit.instance_index];
+    const Material material = material_at(appearance_, instance, hit, point.material);
+    arriving[point.ray] = surroundings(to_float(scratch.rays[point.ray].direction)) * (1.0f - material.alpha);
+    scratch.bounce_materials.push_back(material);
+    scratch.bounce_places.push_back(at.places[point.ray]);
+  }
+  scratch.bounce_light.assign(scratch.bounce_points.size(), sky_of_bounces_);
+  const Points bounces{scratch.bounce_points, scratch.bounce_places, scratch.bounce_light, 1.0f};
+  add_lights(bounces, index, kBounceDimension, scratch);
+  for (std::size_t i = 0; i < scratch.bounce_points.size(); ++i) {
+    const Material& material = scratch.bounce_materials[i];
+    Vec3f& sum = arriving[scratch.bounce_points[i].ray];
+    sum = sum + (material.emission + material.color * scratch.bounce_light[i]) * material.alpha;
+  }
+  for (std::size_t row = 0; row < at.points.size(); ++row) {
+    at.light[row] = at.light[row] + arriving[row] * at.share;
+  }
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,70 @@
+// The light that arrives at surfaces: from a scene's lights, from all around it, and from other surfaces, which are lit
+// in their turn by lights alone. No more bounces: a preview should be recognised, not measured.
+// In: points of surfaces, the number of the sample. Out: irradiance over pi: what a white matt surface gives back.
+// Of few lights each is asked; of many, two a sample are chosen by how much they may give (importance sampling).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/aligned.h"
+#include "render/appearance.h"
+#include "render/material.h"
+#include "render/surface.h"
+
+namespace perfect_bvh {
+
+class Illumination {
+ public:
+  // Buffers of one thread.
+  struct Scratch {
+    AlignedVector<Ray> rays;
+    AlignedVector<Hit> hits;
+    AlignedVector<std::uint8_t> blocked;
+    AlignedVector<std::uint32_t> targets;  // the row of the point that a ray belongs to
+    AlignedVector<Vec3f> carried;          // what a ray brings if nothing is in its way
+    AlignedVector<SurfacePoint> bounce_points;
+    AlignedVector<std::uint32_t> bounce_places;
+    AlignedVector<Vec3f> bounce_light;
+    AlignedVector<Material> bounce_materials;
+    AlignedVector<Vec3f> arriving;  // a row a point
+    std::vector<float> guesses;  // of each light, added up
+  };
+
+  // All of it outlives this. light_rays: towards each source of light, for each point and sample.
+  Illumination(const Snapshot& snapshot, const Appearance& appearance, std::uint32_t seed, int light_rays);
+
+  // places: a number for each point by which its samples differ from its neighbours' (sampling::z_order).
+  void gather(std::span<const SurfacePoint> points, std::span<const std::uint32_t> places, std::uint32_t sample,
+              Scratch& scratch, std::span<Vec3f> light) const;
+
+  // What comes from a direction in which there is nothing.
+  [[nodiscard]] Vec3f surroundings(Vec3f direction) const noexcept;
+
+ private:
+  struct Points {
+    std::span<const SurfacePoint> points;
+    std::span<const std::uint32_t> places;
+    std::span<Vec3f> light;
+    float share;
+  };
+  void add_lights(const Points& at, std::uint32_t index, std::uint32_t first_dimension, Scratch& scratch) const;
+  void aim_at_each(const Points& at, std::uint32_t index, std::uint32_t first_dimension, Scratch& scratch) const;
+  void aim_at_some(const Points& at, std::uint32_t index, std::uint32_t first_dimension, Scratch& scratch) const;
+  void aim(const Points& at, std::uint32_t row, const Light& light, Point2 random, float weight,
+           Scratch& scratch) const;
+  void add_surroundings(const Points& at, std::uint32_t index, Scratch& scratch) const;
+  [[nodiscard]] Vec3f mean_surroundings() const noexcept;
+  // Takes what is in the way from `carried`.
+  void block(Scratch& scratch) const;
+  void block_partly(Scratch& scratch) const;
+
+  const Snapshot& snapshot_;
+  const Appearance& appearance_;
+  std::uint32_t seed_;
+  int light_rays_;
+  Vec3f sky_of_bounces_;
+};
+
+}  // namespace perfect_bvh

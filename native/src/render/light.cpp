@@ -1,0 +1,90 @@
+#include "render/light.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "render/directions.h"
+
+namespace perfect_bvh {
+namespace {
+
+constexpr float kPi = std::numbers::pi_v<float>;
+
+float brightness(Vec3f color) noexcept { return std::max({color.x, color.y, color.z}); }
+
+// The share of its light that a spot sends along a direction of this cosine with its axis.
+float cone_share(const Light& light, float cosine) noexcept {
+  if (light.kind != LightKind::kSpot) return 1.0f;
+  if (cosine <= light.cone_cosine) return 0.0f;
+  const float border = (1.0f - light.cone_cosine) * light.cone_blend;
+  const float part = border > 0.0f ? std::min((cosine - light.cone_cosine) / border, 1.0f) : 1.0f;
+  return part * part * (3.0f - 2.0f * part);
+}
+
+bool is_area(const Light& light) noexcept {
+  return light.kind == LightKind::kRectangle || light.kind == LightKind::kEllipse;
+}
+
+LightRay look_at_sun(const Light& light, Vec3f normal, Point2 random) noexcept {
+  const Point2 flat = uniform_disk(random);
+  const Vec3f direction = normalized(light.z + (light.x * flat.x + light.y * flat.y) * light.size_x);
+  const float cosine = std::max(dot(direction, normal), 0.0f);
+  return {direction, std::numeric_limits<float>::infinity(), light.power * (cosine / kPi)};
+}
+
+LightRay look_at_area(const Light& light, Vec3d point, Vec3f normal, Point2 random) noexcept {
+  Point2 flat{random.x - 0.5f, random.y - 0.5f};
+  if (light.kind == LightKind::kEllipse) {
+    flat = uniform_disk(random);
+    flat = {flat.x * 0.5f, flat.y * 0.5f};
+  }
+  const Vec3f offset = light.x * (flat.x * light.size_x) + light.y * (flat.y * light.size_y);
+  const Vec3f way = to_float(light.position - point) + offset;
+  const float distance = length(way);
+  if (!(distance > 0.0f)) return {};
+  const Vec3f direction = way * (1.0f / distance);
+  const float cosine = std::max(dot(direction, normal), 0.0f), light_cosine = std::max(dot(direction, light.z), 0.0f);
+  // Radiance P / (pi A), seen from an area A: A cancels.
+  const float share = cosine * light_cosine / (kPi * kPi * distance * distance);
+  return {direction, distance, light.power * share};
+}
+
+LightRay look_at_ball(const Light& light, Vec3d point, Vec3f normal, Point2 random) noexcept {
+  const Vec3f to_centre = to_float(light.position - point);
+  const float distance = length(to_centre);
+  if (!(distance > 0.0f)) return {};
+  const Frame frame(to_centre * (1.0f / distance));
+  const Point2 flat = uniform_disk(random);
+  const Vec3f way = to_centre + (frame.x * flat.x + frame.y * flat.y) * light.size_x;
+  const float way_length = length(way);
+  const Vec3f direction = way * (1.0f / way_length);
+  const float nearest = std::max(distance, light.size_x);  // inside of the ball it gets no brighter
+  const float cosine = std::max(dot(direction, normal), 0.0f);
+  const float share = cone_share(light, dot(frame.z, light.z)) * cosine / (4.0f * kPi * kPi * nearest * nearest);
+  return {direction, way_length, light.power * share};
+}
+
+}  // namespace
+
+LightRay look_at_light(const Light& light, Vec3d point, Vec3f normal, Point2 random) noexcept {
+  if (light.kind == LightKind::kSun) return look_at_sun(light, normal, random);
+  return is_area(light) ? look_at_area(light, point, normal, random) : look_at_ball(light, point, normal, random);
+}
+
+float guess_light(const Light& light, Vec3d point, Vec3f normal) noexcept {
+  const float power = brightness(light.power);
+  if (light.kind == LightKind::kSun) return power * std::clamp(dot(light.z, normal) + light.size_x, 0.0f, 1.0f) / kPi;
+  const Vec3f way = to_float(light.position - point);
+  const float reach = is_area(light) ? 0.5f * std::hypot(light.size_x, light.size_y) : light.size_x;
+  const float distance = std::max(length(way), 1e-20f);
+  const float spread = reach / distance;  // how far its border may be from the way to its centre
+  const float cosine = std::clamp(dot(way, normal) / distance + spread, 0.0f, 1.0f);
+  const float nearest = std::max(distance - reach, 0.5f * std::max(distance, reach));
+  float share = 1.0f / (4.0f * kPi * kPi * nearest * nearest);
+  if (is_area(light)) share *= 4.0f * std::clamp(dot(way, light.z) / distance + spread, 0.0f, 1.0f);
+  return power * cosine * share * cone_share(light, dot(way, light.z) / distance);
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,48 @@
+#include "render/material.h"
+
+#include <algorithm>
+
+#include "render/surface.h"
+
+namespace perfect_bvh {
+namespace {
+
+// Without a uv map everything shows the image's corner, as in Blender.
+Point2 uv_at(const Appearance& appearance, const Instance& instance, const Hit& hit) {
+  const MeshAttributes* const attributes = appearance.attributes_of(instance);
+  if (attributes == nullptr || attributes->corner_uvs.empty()) return {0.0f, 0.0f};
+  appearance.check_fits(instance, *attributes);
+  const auto corners = attributes->corner_uvs.subspan(std::size_t{3} * hit.primitive_index).first<3>();
+  const float w = 1.0f - hit.u - hit.v;
+  return {corners[0].x * w + corners[1].x * hit.u + corners[2].x * hit.v,
+          corners[0].y * w + corners[1].y * hit.u + corners[2].y * hit.v};
+}
+
+}  // namespace
+
+Material material_at(const Appearance& appearance, const Instance& instance, const Hit& hit, std::int32_t row) {
+  Material material{material_color(appearance, row), {0, 0, 0}, 1.0f};
+  if (row == kNoMaterial) return material;
+  const auto index = static_cast<std::size_t>(row);
+  if (!appearance.base_colors.empty()) material.color = appearance.base_colors[index];
+  if (!appearance.emissions.empty()) material.emission = appearance.emissions[index];
+  if (!appearance.alphas.empty()) material.alpha = appearance.alphas[index];
+  const auto image_in = [&](std::span<const std::int32_t> images) { return images.empty() ? kNoImage : images[index]; };
+  const std::int32_t color_image = image_in(appearance.color_images), alpha_image = image_in(appearance.alpha_images);
+  if (color_image == kNoImage && alpha_image == kNoImage) return material;
+  const Point2 uv = uv_at(appearance, instance, hit);
+  Rgba color;
+  if (color_image != kNoImage) {
+    color = look_up(appearance.images[static_cast<std::size_t>(color_image)], uv.x, uv.y);
+    material.color = {color.r, color.g, color.b};
+  }
+  if (alpha_image != kNoImage) {
+    if (alpha_image != color_image) {
+      color = look_up(appearance.images[static_cast<std::size_t>(alpha_image)], uv.x, uv.y);
+    }
+    material.alpha *= std::clamp(color.a, 0.0f, 1.0f);
+  }
+  return material;
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,142 @@
+// The scene as it will look, roughly: its materials' base colours, own light and transparency under its own lights and
+// world, everything matt, with one bounce of light (see illumination.h).
+#include "render/material.h"
+#include "render/sampler.h"
+#include "render/shading.h"
+#include "render/studio.h"
+
+namespace perfect_bvh {
+namespace {
+
+constexpr int kMostLayers = 16;              // of transparent surfaces, one behind another
+constexpr float kLeastThrough = 1 / 256.0f;  // less than that shines through unseen
+
+class PreviewMode final : public ShadingMode {
+ public:
+  explicit PreviewMode(const ModeInputs& inputs)
+      : snapshot_(inputs.snapshot),
+        appearance_(inputs.appearance),
+        illumination_(inputs.snapshot, inputs.appearance, inputs.settings.seed, inputs.settings.preview.light_rays) {}
+
+  [[nodiscard]] SurfaceNeeds needs() const noexcept override {
+    return {.normals = true, .origins = true, .materials = true};
+  }
+  [[nodiscard]] bool has_backdrop() const noexcept override { return true; }
+  [[nodiscard]] bool keeps_light_apart() const noexcept override { return true; }
+  [[nodiscard]] Vec3f backdrop(const Ray& ray, float x, float y) const override {
+    if (!appearance_.world) return Studio::backdrop(x, y);
+    return illumination_.surroundings(to_float(normalized(ray.direction)));
+  }
+
+  void shade(const ShadeTask& task) const override {
+    ShadeScratch& scratch = task.scratch;
+    SurfaceLayer& layer = scratch.layer;
+    layer.owners.clear(), layer.weights.clear();
+    for (const SurfacePoint& point : task.points) layer.owners.push_back(point.ray), layer.weights.push_back(1.0f);
+    const Seen first{task.points, task.rays, task.hits};
+    shade_layer(task, first, layer);
+    scratch.lit_points.assign(task.points.size(), LitPoint{});
+    for (std::size_t row = 0; row < task.points.size(); ++row) {
+      const Material& material = layer.materials[row];
+      LitPoint& lit_point = scratch.lit_points[row];
+      lit_point.light.sky = layer.light[row];
+      lit_point.color = material.color * material.alpha;
+      lit_point.lit = lit_point.color * layer.light[row];
+    }
+    if (appearance_.any_transparent()) shade_behind(task, first, layer);
+  }
+
+  void relight(std::span<const LightPixel> pixels, std::span<Rgba> colors) const override {
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      const LightPixel& pixel = pixels[i];
+      if (!pixel.on_surface()) continue;
+      const Vec3f color = pixel.color * pixel.light.sky * pixel.share;
+      colors[i] = {colors[i].r + color.x, colors[i].g + color.y, colors[i].b + color.z, colors[i].a};
+    }
+  }
+
+ private:
+  struct Seen {
+    std::span<const SurfacePoint> points;
+    std::span<const Ray> rays;
+    std::span<const Hit> hits;
+  };
+
+  static void add(Rgba& to, Vec3f color, float alpha) noexcept {
+    to = {to.r + color.x, to.g + color.y, to.b + color.z, to.a + alpha};
+  }
+
+  // Finds the materials and the light of a layer's points, and adds what they show to the colours of their owners.
+  void shade_layer(const ShadeTask& task, const Seen& seen, SurfaceLayer& layer) const {
+    layer.places.clear(), layer.materials.clear();
+    for (std::size_t row = 0; row < seen.points.size(); ++row) {
+      const SurfacePoint& point = seen.points[row];
+      const Hit& hit = seen.hits[point.ray];
+      const Pixel pixel = task.pixels[layer.owners[row]];
+      layer.places.push_back(sampling::z_order(pixel.x, pixel.y));
+      layer.materials.push_back(material_at(appearance_, snapshot_.instances[hit.instance_index], hit, point.material));
+    }
+    layer.light.resize(seen.points.size());
+    illumination_.gather(seen.points, layer.places, task.sample, task.scratch.illumination, layer.light);
+    for (std::size_t row = 0; row < seen.points.size(); ++row) {
+      const Material& material = layer.materials[row];
+      const float weight = layer.weights[row] * material.alpha;
+      add(task.colors[layer.owners[row]], (material.emission + material.color * layer.light[row]) * weight, weight);
+    }
+  }
+
+  // What is seen through the first layer, layer by layer.
+  void shade_behind(const ShadeTask& task, const Seen& first, SurfaceLayer& layer) const {
+    Seen seen = first;
+    SurfaceLayer& next = task.scratch.next_layer;
+    for (int depth = 1; depth < kMostLayers; ++depth) {
+      go_on(seen, layer, next);
+      if (next.rays.empty()) return;
+      next.hits.resize(next.rays.size());
+      trace_closest(snapshot_, next.rays, next.hits);
+      add_backdrop(task, next);
+      next.points.clear();
+      find_surfaces(snapshot_, appearance_, needs(), next.rays, next.hits, next.points);
+      // From one row a ray to one a point.
+      for (std::size_t row = 0; row < next.points.size(); ++row) {
+        next.owners[row] = next.owners[next.points[row].ray], next.weights[row] = next.weights[next.points[row].ray];
+      }
+      std::swap(layer, next);
+      seen = {layer.points, layer.rays, layer.hits};
+      shade_layer(task, seen, layer);
+    }
+  }
+
+  // The rays that pass a layer, from behind it on.
+  static void go_on(const Seen& seen, const SurfaceLayer& layer, SurfaceLayer& next) {
+    next.rays.clear(), next.owners.clear(), next.weights.clear();
+    for (std::size_t row = 0; row < seen.points.size(); ++row) {
+      const float weight = layer.weights[row] * (1.0f - layer.materials[row].alpha);
+      if (!(weight > kLeastThrough)) continue;
+      Ray ray = seen.rays[seen.points[row].ray];
+      ray.t_min = std::nextafter(seen.hits[seen.points[row].ray].t, kInfiniteDistance);
+      next.rays.push_back(ray), next.owners.push_back(layer.owners[row]), next.weights.push_back(weight);
+    }
+  }
+
+  void add_backdrop(const ShadeTask& task, const SurfaceLayer& layer) const {
+    if (appearance_.film_transparent) return;
+    for (std::size_t row = 0; row < layer.rays.size(); ++row) {
+      if (layer.hits[row].found()) continue;
+      const Vec3f color = illumination_.surroundings(to_float(normalized(layer.rays[row].direction)));
+      add(task.colors[layer.owners[row]], color * layer.weights[row], layer.weights[row]);
+    }
+  }
+
+  const Snapshot& snapshot_;
+  const Appearance& appearance_;
+  Illumination illumination_;
+};
+
+}  // namespace
+
+std::unique_ptr<ShadingMode> make_preview_mode(const ModeInputs& inputs) {
+  return std::make_unique<PreviewMode>(inputs);
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,22 @@
+// Surfaces one behind another: the points of one layer, and the rays that found them.
+#pragma once
+
+#include "core/aligned.h"
+#include "render/material.h"
+#include "render/surface.h"
+
+namespace perfect_bvh {
+
+// Rows are points; before a layer's points are known, rays.
+struct SurfaceLayer {
+  AlignedVector<Ray> rays;
+  AlignedVector<Hit> hits;
+  AlignedVector<SurfacePoint> points;
+  AlignedVector<std::uint32_t> owners;  // the camera ray each belongs to
+  AlignedVector<float> weights;         // what the layers before let through
+  AlignedVector<std::uint32_t> places;
+  AlignedVector<Material> materials;
+  AlignedVector<Vec3f> light;
+};
+
+}  // namespace perfect_bvh

@@ -1,0 +1,86 @@
+#include "render/texture.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <numbers>
+
+namespace perfect_bvh {
+namespace {
+
+// IEC 61966-2-1.
+float linear_of(int byte) noexcept {
+  const float value = static_cast<float>(byte) / 255.0f;
+  return value <= 0.04045f ? value / 12.92f : std::pow((value + 0.055f) / 1.055f, 2.4f);
+}
+
+const std::array<float, 256>& linear_values() noexcept {
+  static const std::array<float, 256> values = [] {
+    std::array<float, 256> made{};
+    for (int byte = 0; byte < 256; ++byte) made[static_cast<std::size_t>(byte)] = linear_of(byte);
+    return made;
+  }();
+  return values;
+}
+
+// A pixel's number along one side; -1 outside a clipped image.
+int place(int number, int count, Extension extension) noexcept {
+  if (number >= 0 && number < count) return number;
+  if (extension == Extension::kClip) return -1;
+  if (extension == Extension::kExtend) return number < 0 ? 0 : count - 1;
+  const int rest = number % count;
+  return rest < 0 ? rest + count : rest;
+}
+
+Rgba pixel_at(const Texture& texture, int x, int y) noexcept {
+  x = place(x, texture.width, texture.extension), y = place(y, texture.height, texture.extension);
+  if (x < 0 || y < 0) return {};
+  const std::size_t first =
+      4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(texture.width) + static_cast<std::size_t>(x));
+  if (texture.floats != nullptr) {
+    const float* const pixel = texture.floats + first;
+    return {pixel[0], pixel[1], pixel[2], pixel[3]};
+  }
+  const std::uint8_t* const pixel = texture.bytes + first;
+  const auto& linear = linear_values();
+  return {linear[pixel[0]], linear[pixel[1]], linear[pixel[2]], static_cast<float>(pixel[3]) / 255.0f};
+}
+
+Rgba mixed(const Rgba& a, const Rgba& b, float share) noexcept {
+  return {a.r + (b.r - a.r) * share, a.g + (b.g - a.g) * share, a.b + (b.b - a.b) * share, a.a + (b.a - a.a) * share};
+}
+
+// A coordinate in pixels, kept where an integer can hold it; what is not a number is 0.
+float in_pixels(float coordinate, int count, Extension extension) noexcept {
+  if (!std::isfinite(coordinate)) return 0.0f;
+  if (extension == Extension::kRepeat) coordinate -= std::floor(coordinate);
+  return std::clamp(coordinate, -2.0f, 3.0f) * static_cast<float>(count) - 0.5f;
+}
+
+}  // namespace
+
+Rgba look_up(const Texture& texture, float u, float v) noexcept {
+  if (texture.width == 0 || texture.height == 0) return {};
+  const float x = in_pixels(u, texture.width, texture.extension);
+  const float y = in_pixels(v, texture.height, texture.extension);
+  const float left = std::floor(x), below = std::floor(y);
+  const int column = static_cast<int>(left), row = static_cast<int>(below);
+  const Rgba lower = mixed(pixel_at(texture, column, row), pixel_at(texture, column + 1, row), x - left);
+  const Rgba upper = mixed(pixel_at(texture, column, row + 1), pixel_at(texture, column + 1, row + 1), x - left);
+  return mixed(lower, upper, y - below);
+}
+
+Vec3f look_up_around(const Texture& texture, Vec3f direction) noexcept {
+  constexpr float kPi = std::numbers::pi_v<float>;
+  const float u = -std::atan2(direction.y, direction.x) / (2.0f * kPi) + 0.5f;
+  const float v = std::atan2(direction.z, std::hypot(direction.x, direction.y)) / kPi + 0.5f;
+  Texture around = texture;
+  around.extension = Extension::kRepeat;
+  // Over the poles the image does not repeat.
+  const float border = 0.5f / static_cast<float>(std::max(texture.height, 1));
+  const Rgba color = look_up(around, u, std::clamp(v, border, 1.0f - border));
+  return {color.r, color.g, color.b};
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,29 @@
+// Images on surfaces and around the scene: bilinear lookup in the caller's pixels.
+// In: an image and a place in it. Out: scene-linear colour and alpha.
+#pragma once
+
+#include <cstdint>
+
+#include "math/vec3.h"
+#include "render/rgba.h"
+
+namespace perfect_bvh {
+
+// What lies outside 0..1: the image again, its border's colour, nothing.
+enum class Extension : std::uint8_t { kRepeat, kExtend, kClip };
+
+// A view of an image whose first row is at v = 0, the lower border. Exactly one of the pointers is set.
+struct Texture {
+  const std::uint8_t* bytes = nullptr;  // four a pixel: sRGB, alpha as it is
+  const float* floats = nullptr;        // four a pixel: scene-linear
+  int width = 0, height = 0;
+  Extension extension = Extension::kRepeat;
+};
+
+// Alpha is straight: it does not darken the colour. Without colour and alpha where a clipped image ends.
+[[nodiscard]] Rgba look_up(const Texture& texture, float u, float v) noexcept;
+
+// The colour that comes from a direction of unit length, of an equirectangular image as Blender lays it round a scene.
+[[nodiscard]] Vec3f look_up_around(const Texture& texture, Vec3f direction) noexcept;
+
+}  // namespace perfect_bvh

@@ -1,0 +1,300 @@
+"""What a scene looks like under its own light: materials' nodes, images, lights and the world."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from blender.builders import collection, collection_instance, evaluated, in_render, mesh_object
+from mathutils import Matrix
+from perfect_bvh_addon import SceneSync
+from perfect_bvh_addon.extract import read_scene
+from perfect_bvh_addon.extract.scene import ReadCache
+from perfect_bvh_addon.sync.records import AttributeRequest, MaterialRecord, SceneRecord
+
+SHADING = AttributeRequest(shading=True)
+
+
+@pytest.fixture(autouse=True)
+def empty_scene() -> None:
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+
+
+def read(cache: ReadCache | None = None) -> SceneRecord:
+    return read_scene(evaluated(), SHADING, cache=cache)
+
+
+def new_material(name: str = "material") -> Any:
+    material = bpy.data.materials.new(name)
+    if bpy.app.version < (5, 0, 0):
+        material.use_nodes = True
+    obj = mesh_object(f"{name} object")
+    obj.data.materials.append(material)
+    return material
+
+
+def principled(material: Any) -> Any:
+    return next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+
+
+def add_node(material: Any, kind: str, **inputs: Any) -> Any:
+    node = material.node_tree.nodes.new(kind)
+    for name, value in inputs.items():
+        node.inputs[name].default_value = value
+    return node
+
+
+def link(material: Any, output: Any, socket: Any) -> None:
+    material.node_tree.links.new(output, socket)
+
+
+def new_image(name: str = "image", color=(0.5, 0.25, 1.0, 1.0), size=(4, 2), **options: Any) -> Any:
+    image = bpy.data.images.new(name, *size, alpha=True, **options)
+    image.pixels.foreach_set(np.tile(np.float32(color), size[0] * size[1]))
+    return image
+
+
+def only_material() -> MaterialRecord:
+    (material,) = read().materials
+    return material
+
+
+# Materials -----------------------------------------------------------------------------------------------------------
+
+
+def test_principled_values() -> None:
+    node = principled(new_material())
+    node.inputs["Base Color"].default_value = (0.1, 0.2, 0.3, 1.0)
+    node.inputs["Emission Color"].default_value = (1.0, 0.5, 0.0, 1.0)
+    node.inputs["Emission Strength"].default_value = 4.0
+    node.inputs["Alpha"].default_value = 0.25
+    material = only_material()
+    assert material.base_color == pytest.approx((0.1, 0.2, 0.3))
+    assert material.emission == pytest.approx((4.0, 2.0, 0.0))
+    assert material.alpha == pytest.approx(0.25)
+    assert (material.color_image, material.alpha_image) == (-1, -1)
+
+
+def test_an_image_behind_a_reroute_and_a_correction() -> None:
+    material = new_material()
+    texture, correction = add_node(material, "ShaderNodeTexImage"), add_node(material, "ShaderNodeHueSaturation")
+    reroute = add_node(material, "NodeReroute")
+    texture.image, texture.extension = new_image(), "CLIP"
+    link(material, texture.outputs["Color"], reroute.inputs[0])
+    link(material, reroute.outputs[0], correction.inputs["Color"])
+    link(material, correction.outputs["Color"], principled(material).inputs["Base Color"])
+    link(material, texture.outputs["Alpha"], principled(material).inputs["Alpha"])
+    record = read()
+    assert (record.materials[0].color_image, record.materials[0].alpha_image) == (0, 0)
+    (image,) = record.images
+    assert image.extension == "clip"
+    assert image.pixels.shape == (2, 4, 4)
+    assert image.pixels.dtype == np.uint8
+    assert image.pixels[0, 0].tolist() == [128, 64, 255, 255]
+
+
+def test_float_images_are_linear_with_straight_alpha() -> None:
+    material = new_material()
+    texture = add_node(material, "ShaderNodeTexImage")
+    texture.image = new_image(color=(4.0, 0.5, 0.25, 0.5), float_buffer=True)
+    link(material, texture.outputs["Color"], principled(material).inputs["Base Color"])
+    (image,) = read().images
+    assert image.pixels.dtype == np.float32
+    assert image.pixels[1, 3] == pytest.approx((8.0, 1.0, 0.5, 0.5))
+
+
+def test_a_missing_image_is_magenta_and_named() -> None:
+    material = new_material()
+    texture = add_node(material, "ShaderNodeTexImage")
+    texture.image = bpy.data.images.new("gone", 1, 1)
+    texture.image.source, texture.image.filepath = "FILE", "//nowhere.png"
+    link(material, texture.outputs["Color"], principled(material).inputs["Base Color"])
+    record = read()
+    assert record.images[0].pixels.tolist() == [[[255, 0, 255, 255]]]
+    assert any("gone" in warning and "nowhere.png" in warning for warning in record.warnings)
+
+
+def test_mixed_shaders() -> None:
+    material = new_material()
+    output = material.node_tree.get_output_node("ALL")
+    mix = add_node(material, "ShaderNodeMixShader")
+    mix.inputs[0].default_value = 0.25
+    diffuse = add_node(material, "ShaderNodeBsdfDiffuse", Color=(0.2, 0.4, 0.6, 1.0))
+    link(material, diffuse.outputs[0], mix.inputs[1])
+    link(material, add_node(material, "ShaderNodeBsdfTransparent").outputs[0], mix.inputs[2])
+    link(material, mix.outputs[0], output.inputs["Surface"])
+    record = only_material()
+    assert record.alpha == pytest.approx(0.75)
+    assert record.base_color == pytest.approx((0.2, 0.4, 0.6))
+    emission = add_node(material, "ShaderNodeEmission", Color=(1.0, 1.0, 0.0, 1.0), Strength=2.0)
+    link(material, emission.outputs[0], mix.inputs[2])
+    assert only_material().emission == pytest.approx((0.5, 0.5, 0.0))
+
+
+def test_what_is_not_followed_takes_the_viewport_color() -> None:
+    material = new_material()
+    material.diffuse_color = (0.3, 0.6, 0.9, 1.0)
+    noise = add_node(material, "ShaderNodeTexNoise")
+    link(material, noise.outputs["Color"], principled(material).inputs["Base Color"])
+    assert only_material().base_color == pytest.approx((0.3, 0.6, 0.9))
+
+
+def test_a_loop_of_nodes_ends() -> None:
+    material = new_material()
+    first, second = (add_node(material, "ShaderNodeGamma") for _ in range(2))
+    link(material, first.outputs[0], second.inputs["Color"])
+    link(material, second.outputs[0], first.inputs["Color"])
+    link(material, first.outputs[0], principled(material).inputs["Base Color"])
+    assert len(only_material().base_color) == 3
+
+
+def test_nothing_is_read_that_was_not_asked_for() -> None:
+    material = new_material()
+    principled(material).inputs["Base Color"].default_value = (1.0, 0.0, 0.0, 1.0)
+    record = read_scene(evaluated())
+    assert record.world is None
+    assert record.images == ()
+    assert record.materials[0].base_color == MaterialRecord("", 0, 0, (0, 0, 0, 0)).base_color
+
+
+# Images that change --------------------------------------------------------------------------------------------------
+
+
+def test_an_unchanged_image_is_not_read_again_and_a_painted_one_is(tmp_path: Path) -> None:
+    material = new_material()
+    texture = add_node(material, "ShaderNodeTexImage")
+    texture.image = new_image()
+    texture.image.filepath_raw, texture.image.file_format = str(tmp_path / "image.png"), "PNG"
+    texture.image.save()
+    link(material, texture.outputs["Color"], principled(material).inputs["Base Color"])
+    cache = ReadCache()
+    first, second = (read(cache).images[0].pixels for _ in range(2))
+    assert first is second
+    texture.image.pixels.foreach_set(np.zeros(32, np.float32))
+    assert not read(cache).images[0].pixels.any()
+    texture.image.save()
+    assert not read(cache).images[0].pixels.any()
+
+
+def test_an_edit_of_looks_shows_in_the_next_update() -> None:
+    material = new_material()
+    bpy.context.scene.world = bpy.data.worlds.new("world")
+    light = bpy.data.lights.new("lamp", "POINT")
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("lamp", light))
+    sync = SceneSync(SHADING)
+    sync.update(evaluated())
+    assert not sync.update(evaluated()).materials_changed
+    node = principled(material)
+
+    def set_color() -> None:
+        node.inputs["Base Color"].default_value = (0.9, 0.0, 0.0, 1.0)
+
+    def set_energy() -> None:
+        light.energy = 123.0
+
+    def set_world() -> None:
+        tree = bpy.context.scene.world.node_tree
+        if tree is None:
+            bpy.context.scene.world.color = (0.1, 0.2, 0.9)
+        else:
+            tree.nodes["Background"].inputs["Color"].default_value = (0.1, 0.2, 0.9, 1.0)
+
+    for edit in (set_color, set_energy, set_world):
+        edit()
+        assert sync.update(evaluated()).materials_changed, edit.__name__
+    look = sync.appearance
+    assert look.materials.base_colors[0] == pytest.approx((0.9, 0.0, 0.0))
+    assert look.lights.powers[0] == pytest.approx((123.0,) * 3)
+    assert look.world is not None
+    assert look.world.color == pytest.approx((0.1, 0.2, 0.9))
+
+
+# Lights --------------------------------------------------------------------------------------------------------------
+
+
+def new_light(kind: str, matrix: Any = None, **settings: Any) -> Any:
+    light = bpy.data.lights.new(kind.lower(), kind)
+    for name, value in settings.items():
+        setattr(light, name, value)
+    obj = bpy.data.objects.new(kind.lower(), light)
+    obj.matrix_world = Matrix() if matrix is None else matrix
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def test_each_kind_of_light() -> None:
+    new_light("POINT", Matrix.Translation((1, 2, 3)), energy=10.0, color=(1.0, 0.5, 0.0), shadow_soft_size=0.25)
+    new_light("SUN", energy=3.0, angle=0.1)
+    new_light("SPOT", energy=5.0, spot_size=1.0, spot_blend=0.3, use_shadow=False)
+    new_light("AREA", Matrix.Diagonal((2, 3, 1, 1)), energy=7.0, shape="RECTANGLE", size=0.5, size_y=0.25)
+    new_light("AREA", energy=7.0, shape="DISK", size=0.5)
+    lights = read().lights
+    by_kind = {kind: row for row, kind in enumerate(lights.kinds)}
+    assert sorted(by_kind) == ["ellipse", "point", "rectangle", "spot", "sun"]
+    point, sun, spot, rectangle, ellipse = (by_kind[kind] for kind in ("point", "sun", "spot", "rectangle", "ellipse"))
+    assert lights.positions[point] == pytest.approx((1, 2, 3))
+    assert lights.powers[point] == pytest.approx((10, 5, 0))
+    assert lights.sizes[point, 0] == pytest.approx(0.25)
+    assert (lights.powers[sun, 0], lights.sizes[sun, 0]) == pytest.approx((3.0, 0.1))
+    assert lights.cones[spot] == pytest.approx((1.0, 0.3))
+    assert lights.casts_shadow.tolist() == [kind != "spot" for kind in lights.kinds]
+    assert lights.sizes[rectangle] == pytest.approx((1.0, 0.75))
+    assert lights.axes[rectangle] == pytest.approx(np.eye(3))
+    assert lights.sizes[ellipse] == pytest.approx((0.5, 0.5))
+
+
+def test_a_light_shines_along_its_own_minus_z() -> None:
+    new_light("SUN", Matrix.Rotation(math.radians(90), 4, "X"))
+    assert read().lights.axes[0, 2] == pytest.approx((0, -1, 0), abs=1e-6)
+
+
+def test_instanced_and_hidden_lights() -> None:
+    members = collection("lamps", linked=False)
+    obj = new_light("POINT")
+    bpy.context.scene.collection.objects.unlink(obj)
+    members.objects.link(obj)
+    collection_instance("here", members, location=(5, 0, 0))
+    collection_instance("there", members, location=(0, 6, 0))
+    new_light("SUN").hide_render = True
+    record = in_render(lambda depsgraph: read_scene(depsgraph, SHADING))
+    assert record.lights.kinds == ("point", "point")
+    assert sorted(record.lights.positions.tolist()) == [[0, 6, 0], [5, 0, 0]]
+
+
+# World ---------------------------------------------------------------------------------------------------------------
+
+
+def new_world() -> Any:
+    world = bpy.context.scene.world = bpy.data.worlds.new("world")
+    if bpy.app.version < (5, 0, 0):
+        world.use_nodes = True
+    return world
+
+
+def test_a_scene_without_a_world_is_dark() -> None:
+    assert read().world.color == (0.0, 0.0, 0.0)
+
+
+def test_background_color_and_strength() -> None:
+    background = new_world().node_tree.nodes["Background"]
+    background.inputs["Color"].default_value = (0.1, 0.2, 0.4, 1.0)
+    background.inputs["Strength"].default_value = 2.0
+    assert read().world.color == pytest.approx((0.2, 0.4, 0.8))
+
+
+def test_environment_image_with_rotation() -> None:
+    world = new_world()
+    texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+    mapping = world.node_tree.nodes.new("ShaderNodeMapping")
+    texture.image = new_image(float_buffer=True)
+    mapping.inputs["Rotation"].default_value = (0.0, 0.0, 0.5)
+    world.node_tree.links.new(mapping.outputs["Vector"], texture.inputs["Vector"])
+    world.node_tree.links.new(texture.outputs["Color"], world.node_tree.nodes["Background"].inputs["Color"])
+    record = read()
+    assert record.world.image == 0
+    assert record.world.rotation == pytest.approx(0.5)
+    assert record.images[0].pixels.shape == (2, 4, 4)

@@ -1,0 +1,225 @@
+"""The preview mode where its light is known from physics, and what materials do to it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from perfect_bvh import (
+    Appearance,
+    Camera,
+    ImageTexture,
+    InstanceTable,
+    LightTable,
+    MaterialTable,
+    MeshAppearance,
+    Scene,
+    World,
+    render,
+)
+
+SIZE = (32, 32)
+FLOOR = np.array([(-50, -50, 0), (50, -50, 0), (50, 50, 0), (-50, 50, 0)], np.float64)
+QUAD = np.array([(0, 1, 2), (0, 2, 3)], np.int32)
+DOWN = np.eye(3, dtype=np.float32)  # shines along -z
+BLACK = World()
+ABOVE = Camera.look_at((0, 0, 5), (0, 0, 0), up=(0, 1, 0), angle=math.radians(5), aspect=1.0)
+
+
+def floor(*more: np.ndarray) -> Scene:
+    scene = Scene()
+    for positions in (FLOOR, *more):
+        scene.add_instance(scene.add_mesh(positions, QUAD))
+    scene.commit()
+    return scene
+
+
+def lights(kind: int, position=(0, 0, 2), power=100.0, size=(0.0, 0.0), cone=(math.pi, 0.0), count=1) -> LightTable:
+    def rows(value, dtype):
+        return np.repeat(np.asarray(value, dtype)[None], count, axis=0)
+
+    return LightTable(
+        kinds=rows(kind, np.int32),
+        positions=rows(position, np.float64),
+        axes=rows(DOWN, np.float32),
+        powers=rows((power,) * 3, np.float32),
+        sizes=rows(size, np.float32),
+        cones=rows(cone, np.float32),
+        casts_shadow=rows(True, np.bool_),
+    )
+
+
+def materials(**columns) -> MaterialTable:
+    return MaterialTable(np.ones((1, 4), np.float32), np.zeros(1, np.int32), **columns)
+
+
+def one_material(instances: int) -> InstanceTable:
+    return InstanceTable(
+        ids=np.arange(instances, dtype=np.int32),
+        slot_offsets=np.arange(instances + 1, dtype=np.int32),
+        slot_materials=np.zeros(instances, np.int32),
+        object_indices=np.zeros(instances, np.int32),
+        holdout=np.zeros(instances, np.bool_),
+    )
+
+
+def brightness(scene: Scene, appearance: Appearance, camera: Camera = ABOVE, samples: int = 16) -> float:
+    image = render(scene, camera, "preview", SIZE, samples, appearance)
+    assert np.isfinite(image).all()
+    return float(image[12:20, 12:20, 1].mean())
+
+
+PLAIN = 0.8  # what a surface without a material gives back
+
+
+@pytest.mark.parametrize("count", [1, 9], ids=["each light", "some lights"])
+@pytest.mark.parametrize(
+    ("kind", "size", "expected"),
+    [
+        (0, (0.0, 0.0), 100 / (4 * math.pi) / 4 / math.pi),  # P / 4 pi over the distance squared, over pi
+        (0, (0.1, 0.0), 100 / (4 * math.pi) / 4 / math.pi),
+        (1, (0.01, 0.0), 100 / math.pi),
+        (2, (0.0, 0.0), 100 / (4 * math.pi) / 4 / math.pi),
+        (3, (0.2, 0.2), 100 / math.pi / 4 / math.pi),  # P / (pi A), seen under A / d^2
+        (4, (0.2, 0.2), 100 / math.pi / 4 / math.pi),
+    ],
+)
+def test_lights_shine_as_blender_means_them(kind, size, expected, count):
+    look = Appearance(lights=lights(kind, power=100 / count, size=size, count=count), world=BLACK)
+    assert brightness(floor(), look) == pytest.approx(PLAIN * expected, rel=0.02)
+
+
+def test_a_spot_lights_its_cone_only():
+    scene = floor()
+    narrow = lights(2, position=(3, 0, 2), cone=(math.radians(60), 0.1))
+    assert brightness(scene, Appearance(lights=narrow, world=BLACK)) == 0.0
+    wide = lights(2, position=(3, 0, 2), cone=(math.radians(140), 0.0))
+    assert brightness(scene, Appearance(lights=wide, world=BLACK)) > 0.01
+
+
+def test_the_back_of_an_area_light_is_dark():
+    below = lights(3, position=(0, 0, -1), size=(1.0, 1.0))
+    assert brightness(floor(), Appearance(lights=below, world=BLACK)) == 0.0
+
+
+def test_an_even_world_lights_an_open_floor_evenly():
+    assert brightness(floor(), Appearance(world=World((0.5, 0.5, 0.5)))) == pytest.approx(PLAIN * 0.5, rel=1e-3)
+
+
+def test_what_is_in_the_way_throws_a_shadow():
+    roof = np.array([(-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)], np.float64)
+    from_the_side = Camera.look_at((0, -5, 0.4), (0, 0, 0), angle=math.radians(3), aspect=1.0)
+    look = Appearance(lights=lights(1, power=math.pi), world=BLACK)
+    assert brightness(floor(roof), look, from_the_side) < 0.05
+    assert brightness(floor(), look, from_the_side) == pytest.approx(PLAIN, rel=0.01)
+
+
+@pytest.mark.parametrize(("alpha", "through"), [(1.0, 0.0), (0.5, 0.5), (0.0, 1.0)])
+def test_transparent_surfaces_let_light_and_looks_through(alpha, through):
+    """A sun, a half transparent pane that is dark itself, a bright floor that its material does not reach."""
+    pane = np.array([(-50, -50, 1), (50, -50, 1), (50, 50, 1), (-50, 50, 1)], np.float64)
+    scene = floor(pane)
+    table = InstanceTable(
+        ids=np.array([1], np.int32),
+        slot_offsets=np.array([0, 1], np.int32),
+        slot_materials=np.zeros(1, np.int32),
+        object_indices=np.zeros(1, np.int32),
+        holdout=np.zeros(1, np.bool_),
+    )
+    look = Appearance(
+        instances=table,
+        materials=materials(base_colors=np.zeros((1, 3), np.float32), alphas=np.array([alpha], np.float32)),
+        lights=lights(1, power=math.pi),
+        world=BLACK,
+    )
+    above = brightness(scene, look)  # the floor's light comes through the pane, and is seen through it again
+    assert above == pytest.approx(PLAIN * through * through, abs=0.03)
+
+
+def test_emission_is_seen_and_gives_light():
+    look = Appearance(
+        instances=one_material(1),
+        materials=materials(base_colors=np.zeros((1, 3), np.float32), emissions=np.full((1, 3), 3.0, np.float32)),
+        world=BLACK,
+    )
+    assert brightness(floor(), look) == pytest.approx(3.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize("linear", [False, True])
+def test_images_show_the_right_way_up(linear, smooth):
+    """Four pixels: red at u, v = 0, 0; green to the right, blue above, white across."""
+    pixels = np.zeros((2, 2, 4), np.uint8)
+    pixels[0, 0], pixels[0, 1], pixels[1, 0], pixels[1, 1] = (255, 0, 0, 255), (0, 255, 0, 255), (0, 0, 255, 255), 255
+    image = ImageTexture(pixels.astype(np.float32) / 255 if linear else pixels, "extend")
+    scene = Scene()
+    scene.add_instance(scene.add_mesh(FLOOR * 0.02, QUAD))
+    scene.commit()
+    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
+    look = Appearance(
+        meshes={0: MeshAppearance(corner_uvs=corners[QUAD])},
+        instances=one_material(1),
+        materials=materials(color_images=np.zeros(1, np.int32)),
+        images=(image,),
+        world=World((1.0, 1.0, 1.0)),
+    )
+    camera = Camera.look_at((0, 0, 5), (0, 0, 0), up=(0, 1, 0), angle=math.radians(22), aspect=1.0)
+    picture = render(scene, camera, "preview", SIZE, 8, look, smooth=smooth)
+    for row, column, color in ((27, 4, (1, 0, 0)), (27, 27, (0, 1, 0)), (4, 4, (0, 0, 1)), (4, 27, (1, 1, 1))):
+        assert picture[row, column, :3] == pytest.approx(color, abs=0.05)
+
+
+def test_the_worlds_image_lies_round_the_scene_as_in_blender():
+    """U runs from -X over -Y ... to -X again: (0.5, 0.5) is +X, 0.25 is +Y."""
+    pixels = np.zeros((16, 32, 4), np.float32)
+    for quarter, color in enumerate(((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0))):
+        pixels[:, quarter * 8 : quarter * 8 + 8, :3] = color
+    look = Appearance(images=(ImageTexture(pixels),), world=World((1.0, 1.0, 1.0), image=0))
+    scene = Scene()
+    scene.commit()
+    for towards, u in (((1, 1, 0), 0.375), ((-1, 1, 0), 0.125), ((1, -1, 0), 0.625), ((-1, -1, 0), 0.875)):
+        camera = Camera.look_at((0, 0, 0), towards, angle=math.radians(5), aspect=1.0)
+        seen = render(scene, camera, "preview", SIZE, 1, look)[16, 16, :3]
+        assert seen == pytest.approx(pixels[8, int(u * 32), :3])
+
+
+def test_without_lights_and_world_the_studio_shines():
+    assert 0.1 < brightness(floor(), Appearance()) < 1.0
+
+
+def test_the_film_may_be_transparent():
+    scene = Scene()
+    scene.commit()
+    look = Appearance(world=World((1.0, 1.0, 1.0)), film_transparent=True)
+    assert not render(scene, ABOVE, "preview", SIZE, 1, look).any()
+
+
+def test_pixels_do_not_depend_on_threads():
+    roof = np.array([(-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)], np.float64)
+    look = Appearance(lights=lights(3, size=(1.0, 2.0), count=6), world=World((0.1, 0.2, 0.3)))
+    images = [render(floor(roof), ABOVE, "preview", (70, 50), 2, look, threads=threads) for threads in (1, 2, 3)]
+    assert np.array_equal(images[0], images[1])
+    assert np.array_equal(images[0], images[2])
+
+
+@pytest.mark.parametrize(
+    ("look", "message"),
+    [
+        (Appearance(images=(ImageTexture(np.zeros((2, 2, 3), np.uint8)),)), r"images\[0\].pixels must have shape"),
+        (Appearance(images=(ImageTexture(np.zeros((2, 2, 4))),)), r"images\[0\].pixels must be uint8 .* got float64"),
+        (Appearance(world=World(image=0)), "world.image is 0 but there are 0 images"),
+        (Appearance(world=World((math.nan, 0, 0))), "world.color must be three numbers"),
+        (
+            Appearance(materials=materials(color_images=np.array([3], np.int32))),
+            "materials.color_images refers to",
+        ),
+        (Appearance(materials=materials(alphas=np.zeros(2, np.float32))), "materials.alphas has 2 rows"),
+        (Appearance(lights=lights(5)), "lights.kinds must be 0 to 4 .*, got 5"),
+        (Appearance(lights=lights(0, power=math.inf)), "lights.powers must be finite, got inf"),
+        (Appearance(lights=LightTable(kinds=np.zeros(1, np.int32))), "lights.positions must have a row for each"),
+    ],
+)
+def test_bad_looks_are_refused(look, message):
+    with pytest.raises(ValueError, match=f"render: appearance.{message}"):
+        render(floor(), ABOVE, "preview", SIZE, 1, look)
