@@ -32,7 +32,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
         film_transparent=record.film_transparent,
         images=tuple([ImageTexture(image.pixels, image.extension) for image in record.images]),
         lights=_light_table(record),
-        world=None if record.world is None else World(record.world.color, record.world.image, record.world.rotation),
+        world=_world(record),
     )
 
 
@@ -52,6 +52,15 @@ def _material_table(record: SceneRecord) -> MaterialTable:
         color_images=np.array([material.color_image for material in materials], np.int32),
         alpha_images=np.array([material.alpha_image for material in materials], np.int32),
     )
+
+
+def _world(record: SceneRecord) -> World | None:
+    """None, which is the studio's sky, also for a scene where nothing shines: black would say nothing about it."""
+    world = record.world
+    if world is None:
+        return None
+    shines = any(world.color) or record.lights.powers.any() or any(any(item.emission) for item in record.materials)
+    return World(world.color, world.image, world.rotation) if shines else None
 
 
 def _light_table(record: SceneRecord) -> LightTable:

@@ -40,7 +40,7 @@ def scene() -> Iterator[bpy.types.Scene]:
     scene.camera = camera
     scene.render.engine = "PERFECT_BVH"
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 96, 54, 100
-    scene.perfect_bvh.samples = 1
+    scene.perfect_bvh.samples, scene.perfect_bvh.mode = 1, "CLAY"
     yield scene
     perfect_bvh_addon.unregister()
 

@@ -185,7 +185,7 @@ def test_an_edit_of_looks_shows_in_the_next_update() -> None:
     bpy.context.scene.world = bpy.data.worlds.new("world")
     light = bpy.data.lights.new("lamp", "POINT")
     bpy.context.scene.collection.objects.link(bpy.data.objects.new("lamp", light))
-    sync = SceneSync(SHADING)
+    sync = SceneSync(SHADING, watch=False)
     sync.update(evaluated())
     assert not sync.update(evaluated()).materials_changed
     node = principled(material)

@@ -48,7 +48,7 @@ def test_it_renders_without_changing_the_engine(scene, cube) -> None:
     assert scene.render.engine == engine
     (sync,) = sessions_of(scene)
     *_, (_, passes) = perfect_bvh.render_progressively(
-        sync.scene, sync.camera, size=(32, 18), samples=5, appearance=sync.appearance
+        sync.scene, sync.camera, mode="preview", size=(32, 18), samples=5, appearance=sync.appearance
     )
     np.testing.assert_array_equal(pixels(), passes["combined"])
 

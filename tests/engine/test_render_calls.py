@@ -166,7 +166,7 @@ def test_depths_as_greys() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"mode": "fancy"}, "render: mode must be one of clay, .*got 'fancy'"),
+        ({"mode": "fancy"}, "render: mode must be one of preview, clay, .*got 'fancy'"),
         ({"size": (0, 10)}, "render: size must be 1 to 65536, got 0"),
         ({"size": 12}, r"render: size must be \(width, height\)"),
         ({"samples": 0}, "render: samples must be 1 to .*got 0"),

@@ -5,8 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from perfect_bvh_addon.sync.appearance import make_appearance
-from perfect_bvh_addon.sync.records import VISIBLE_TO_CAMERA, VISIBLE_TO_SHADOW, MaterialRecord
+from perfect_bvh_addon.sync.records import (
+    VISIBLE_TO_CAMERA,
+    VISIBLE_TO_SHADOW,
+    LightRecords,
+    MaterialRecord,
+    WorldRecord,
+)
 from sync.fakes import Shown, mesh, record
 
 MATERIALS = (MaterialRecord("red", 70, 3, (1.0, 0.0, 0.0, 1.0)), MaterialRecord("green", 71, 4, (0.0, 1.0, 0.0, 0.5)))
@@ -31,6 +38,22 @@ def test_materials_and_attributes() -> None:
     assert appearance.materials.indices.tolist() == [3, 4]
     assert appearance.film_transparent
     assert (appearance.camera_mask, appearance.shadow_mask) == (VISIBLE_TO_CAMERA, VISIBLE_TO_SHADOW)
+
+
+@pytest.mark.parametrize("what", ["nothing", "world", "light", "material"])
+def test_a_scene_in_which_nothing_shines_gets_the_studios_light(what: str) -> None:
+    shining = replace(MATERIALS[0], emission=(0.0, 1.0, 0.0))
+    power = np.ones((1, 3), np.float32)
+    lamp = LightRecords(("point",), np.zeros((1, 3)), np.eye(3, dtype=np.float32)[None], power)
+    made = record(
+        [mesh("a")],
+        [Shown("a", 1)],
+        materials=(shining,) if what == "material" else MATERIALS,
+        world=WorldRecord((0.5, 0.5, 0.5)) if what == "world" else WorldRecord(),
+        lights=lamp if what == "light" else LightRecords(),
+    )
+    appearance = make_appearance(made, np.array([8], np.int32), np.array([40], np.int32))
+    assert (appearance.world is None) == (what == "nothing")
 
 
 def test_each_instance_lists_its_objects_slots() -> None:

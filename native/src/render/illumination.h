@@ -29,7 +29,7 @@ class Illumination {
     AlignedVector<Vec3f> bounce_light;
     AlignedVector<Material> bounce_materials;
     AlignedVector<Vec3f> arriving;  // a row a point
-    std::vector<float> guesses;  // of each light, added up
+    std::vector<float> guesses;     // of each light, added up
   };
 
   // All of it outlives this. light_rays: towards each source of light, for each point and sample.
