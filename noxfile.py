@@ -87,6 +87,13 @@ def soak(session: nox.Session) -> None:
 
 
 @nox.session(default=False)
+def fuzz(session: nox.Session) -> None:
+    """Look for series of edits that do something new or break something, for ten minutes unless told; keeps both."""
+    session.install(".[test]")
+    session.run("python", "tests/stress/fuzz.py", *(session.posargs or ("--seconds", "600")))
+
+
+@nox.session(default=False)
 def extension(session: nox.Session) -> None:
     """Build dist/perfect_bvh-<version>.zip, the extension for Blender 4.2 and later, with wheels for its Pythons."""
     session.install(*BUILD_TOOLS, *WHEEL_TOOLS, BLENDER)

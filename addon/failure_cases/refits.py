@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from .case import FailureCase, State, body, rays_around
@@ -53,9 +55,9 @@ def long_refit_chain() -> tuple[State, ...]:
     return _poses(mesh, *(mesh[0] + np.repeat(step, 3, axis=0) for step in steps))
 
 
-def _refit_case(make: object, title: str, breaks: str, source: str) -> FailureCase:
+def _refit_case(make: Callable[[], tuple[State, ...]], title: str, breaks: str, source: str) -> FailureCase:
     held = "The commit weighs the refitted tree against a fresh one and rebuilds; the report says which and why."
-    return FailureCase(make.__name__, title, breaks, source, held, make, rays_around)  # type: ignore[attr-defined,arg-type]
+    return FailureCase(make.__name__, title, breaks, source, held, make, rays_around)
 
 
 CASES = (
