@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import perfect_bvh
 import pytest
+from perfect_bvh import build_config
 from perfect_bvh.build_config import BUILDERS
 from perfect_bvh_addon.failure_cases import CASES, FailureCase, find_case
 from perfect_bvh_addon.failure_cases.case import world_corners
@@ -17,22 +16,16 @@ from stress.syncing import sync
 ISAS = perfect_bvh.available_isas()
 STRATEGIES = ("auto", "packets", "stream", "single")
 RAYS = 300
-# Of these, rays are few enough that the oracle takes a fraction of a second.
+# Rays times triangles for which the oracle takes a fraction of a second.
 ORACLE_PAIRS = 100_000
 # What `precision="fast"` gets wrong even away from edges: t on thin triangles, and rays in the planes of triangles.
 FAST_FAILS = {"grazed_slivers", "diagonal_sticks", "nested_boxes", "flat_boxes"}
-
-
-def layouts() -> tuple[str, ...]:
-    """Those that BuildConfig offers beside the usual one."""
-    fields = {field.name for field in dataclasses.fields(perfect_bvh.BuildConfig)}
-    return ("compact",) if "layout" in fields else ()
-
-
+# Those beside the usual one, where the engine has any.
+LAYOUTS = [layout for layout in getattr(build_config, "LAYOUTS", ()) if layout != "default"]
 WAYS = {
     **{builder: perfect_bvh.BuildConfig(builder=builder) for builder in BUILDERS if builder != "auto"},
     "optimized": perfect_bvh.BuildConfig(builder="median", optimize=3),
-    **{layout: perfect_bvh.BuildConfig(layout=layout) for layout in layouts()},
+    **{layout: perfect_bvh.BuildConfig(layout=layout) for layout in LAYOUTS},
 }
 
 every_case = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
