@@ -1,6 +1,7 @@
 #include "embree_peer.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cstring>
 
 namespace perfect_bvh::bench {
@@ -49,10 +50,19 @@ void intersect_one_by_one(RTCScene scene, std::span<const Ray> rays, Hit* hits) 
 
 EmbreePeer::EmbreePeer(const TriangleMesh& mesh, const Options& options)
     : device_(rtcNewDevice(options.device.c_str())), scene_(rtcNewScene(device_)) {
-  if (options.is_robust) rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
+  rtcSetDeviceMemoryMonitorFunction(device_, &EmbreePeer::count_bytes, this);
+  int flags = RTC_SCENE_FLAG_NONE;
+  if (options.is_robust) flags |= RTC_SCENE_FLAG_ROBUST;
+  if (options.is_compact) flags |= RTC_SCENE_FLAG_COMPACT;
+  rtcSetSceneFlags(scene_, static_cast<RTCSceneFlags>(flags));
   rtcSetSceneBuildQuality(scene_, options.quality);
   add_mesh(device_, scene_, mesh, options.quality);
   rtcCommitScene(scene_);
+}
+
+bool EmbreePeer::count_bytes(void* self, ssize_t change, bool) {
+  std::atomic_ref(static_cast<EmbreePeer*>(self)->byte_count_).fetch_add(change);
+  return true;
 }
 
 EmbreePeer::~EmbreePeer() {

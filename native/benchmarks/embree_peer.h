@@ -28,6 +28,7 @@ class EmbreePeer {
     std::string device = "threads=1";  // e.g. "threads=1,isa=avx2"
     RTCBuildQuality quality = RTC_BUILD_QUALITY_MEDIUM;
     bool is_robust = false;
+    bool is_compact = false;
   };
 
   EmbreePeer(const TriangleMesh& mesh, const Options& options);
@@ -35,14 +36,20 @@ class EmbreePeer {
   EmbreePeer(const EmbreePeer&) = delete;
   EmbreePeer& operator=(const EmbreePeer&) = delete;
 
+  // Of the scene, its copy of the mesh included.
+  [[nodiscard]] std::size_t byte_count() const noexcept { return static_cast<std::size_t>(byte_count_); }
+
   void closest(std::span<const Ray> rays, Hit* hits) const;
   void any(std::span<const Ray> rays, std::uint8_t* occluded) const;
   // Rays in groups of 16, as rtcIntersect16 takes them; coherent says so to Embree.
   void closest_packets(std::span<const Ray> rays, Hit* hits, bool is_coherent) const;
 
  private:
+  static bool count_bytes(void* self, ssize_t change, bool);
+
   RTCDevice device_;
   RTCScene scene_;
+  ssize_t byte_count_ = 0;
 };
 
 }  // namespace perfect_bvh::bench

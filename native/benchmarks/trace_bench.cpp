@@ -3,7 +3,8 @@
 //   primary,tiled,shadow,diffuse,shuffled,occlusion
 //   --isas a,b       kernels (all)                       --in-flight a,b    rays under way (0: the default)
 //   --strategies a,b of auto,packets,stream,single (auto)
-//   --peers a,b      embree, embree_avx2, embree_robust, embree_packets (embree)
+//   --layouts a,b    of default,compact (default)
+//   --peers a,b      embree, embree_avx2, embree_robust, embree_compact, embree_packets (embree)
 //   --size WxH       of the image (640x400)              --json OUT.json
 //   --leaks N        instead: N rays at random vertices and N at random edge points of closed, star-shaped meshes
 //                    around the origin, from inside; prints how many pass through
@@ -36,7 +37,7 @@ namespace {
 
 struct Options {
   int rounds = 7;
-  std::vector<std::string> kinds, isas, in_flight{"0"}, strategies{"auto"}, peers{"embree"}, meshes;
+  std::vector<std::string> kinds, isas, in_flight{"0"}, strategies{"auto"}, layouts{"default"}, peers{"embree"}, meshes;
   std::uint32_t width = 640, height = 400, reinsert = 0;
   std::size_t leaks = 0;
   std::string json;
@@ -68,6 +69,8 @@ Options parse(int count, char** values) {
       options.in_flight = split(value(), ',');
     } else if (name == "--strategies") {
       options.strategies = split(value(), ',');
+    } else if (name == "--layouts") {
+      options.layouts = split(value(), ',');
     } else if (name == "--peers") {
       options.peers = split(value(), ',');
     } else if (name == "--reinsert") {
@@ -95,14 +98,21 @@ double cpu_seconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
+TreeLayout parse_layout(const std::string& name) {
+  if (name == layout_name(TreeLayout::kDefault)) return TreeLayout::kDefault;
+  if (name == layout_name(TreeLayout::kCompact)) return TreeLayout::kCompact;
+  throw std::runtime_error("no layout named " + name);
+}
+
 // A scene of one mesh in its own place.
 struct SingleMesh {
   Bvh2 binary;
   WideBvh wide;
+  IndexedLeaves indexed_leaves;
   InstanceView instance{};
   SceneView view;
 
-  SingleMesh(const TriangleMesh& mesh, std::uint32_t reinsertion_passes) {
+  SingleMesh(const TriangleMesh& mesh, TreeLayout layout, std::uint32_t reinsertion_passes) {
     ThreadPool pool(1);
     CancelToken cancel;
     AlignedVector<PrimRef> prims(mesh.triangle_count());
@@ -114,9 +124,16 @@ struct SingleMesh {
     config.optimize_passes = reinsertion_passes;
     config.max_leaf_size = 2;
     binary = build_bvh2(prims, config, pool, cancel);
-    wide = collapse_mesh(binary, mesh, pool, cancel);
+    wide = collapse_mesh(binary, mesh, layout, pool, cancel);
     for (int i = 0; i < 3; ++i) instance.world_to_local[i][i] = static_cast<double>(wide.scale);
-    instance.nodes = wide.nodes.data(), instance.blocks = wide.blocks.data();
+    instance.nodes = wide.nodes.data();
+    indexed_leaves = {wide.indexed_leaves.data(), mesh.triangles.data(), mesh.positions.data(), wide.scale};
+    instance.is_compact = layout == TreeLayout::kCompact;
+    if (instance.is_compact != 0) {
+      instance.indexed_leaves = &indexed_leaves;
+    } else {
+      instance.blocks = wide.blocks.data();
+    }
     instance.extent = wide.extent, instance.root = wide.root, instance.mask = ~0u;
     view.instances = &instance;
     view.extent = wide.extent, view.root = kInstanceChild, view.is_empty = wide.is_empty;
@@ -143,7 +160,8 @@ Strategy parse_strategy(const std::string& name) {
 Competitor make_ours(const SingleMesh& ours, const std::string& isa, const std::string& strategy,
                      const std::string& in_flight) {
   const TraceOptions trace_options{parse_strategy(strategy), std::stoul(in_flight)};
-  const std::string name = isa + "/" + strategy + (in_flight == "0" ? "" : "/" + in_flight);
+  const std::string name = isa + "/" + strategy + (in_flight == "0" ? "" : "/" + in_flight) +
+                           (ours.wide.layout == TreeLayout::kCompact ? "/compact" : "");
   return {name,
           [&ours, isa, trace_options](std::span<const Ray> rays, Hit* hits) {
             set_active_kernels(isa);
@@ -157,14 +175,18 @@ Competitor make_ours(const SingleMesh& ours, const std::string& isa, const std::
           0};
 }
 
-std::vector<Competitor> make_competitors(const Options& options, const TriangleMesh& mesh, const SingleMesh& ours) {
+std::vector<Competitor> make_competitors(const Options& options, const TriangleMesh& mesh,
+                                         const std::vector<std::unique_ptr<SingleMesh>>& ours) {
   std::vector<Competitor> list;
   for (const std::string& name : options.peers) {
     EmbreePeer::Options peer_options;
     peer_options.is_robust = name.find("robust") != std::string::npos;
     if (name.find("avx2") != std::string::npos) peer_options.device += ",isa=avx2";
     if (name.find("high") != std::string::npos) peer_options.quality = RTC_BUILD_QUALITY_HIGH;
+    peer_options.is_compact = name.find("compact") != std::string::npos;
     const auto peer = std::make_shared<EmbreePeer>(mesh, peer_options);
+    std::printf("  %s: %.1f bytes a triangle with the mesh\n", name.c_str(),
+                static_cast<double>(peer->byte_count()) / static_cast<double>(mesh.triangle_count()));
     const bool packets = name.find("packets") != std::string::npos;
     list.push_back({name,
                     [peer, packets](std::span<const Ray> rays, Hit* hits) {
@@ -187,7 +209,7 @@ std::vector<Competitor> make_competitors(const Options& options, const TriangleM
   for (const std::string& isa : isas) {
     for (const std::string& strategy : options.strategies) {
       for (const std::string& in_flight : options.in_flight) {
-        list.push_back(make_ours(ours, isa, strategy, in_flight));
+        for (const auto& tree : ours) list.push_back(make_ours(*tree, isa, strategy, in_flight));
       }
     }
   }
@@ -302,15 +324,22 @@ std::string stem(const std::string& path) {
 void bench_mesh(const std::string& path, const Options& options, std::string& json) {
   const TriangleMesh mesh = read_mesh(path);
   const std::string name = stem(path);
-  const double start = cpu_seconds();
-  const SingleMesh ours(mesh, options.reinsert);
-  std::printf(
-      "%s: %zu triangles, built in %.1f ms, %zu nodes, %zu leaves (%.2f triangles), depth %u, %.1f bytes a triangle\n",
-      name.c_str(), mesh.triangle_count(), 1e3 * (cpu_seconds() - start), ours.wide.nodes.size(),
-      ours.wide.blocks.size(),
-      static_cast<double>(mesh.triangle_count()) / static_cast<double>(ours.wide.blocks.size()), ours.wide.depth,
-      static_cast<double>(ours.wide.byte_count()) / static_cast<double>(mesh.triangle_count()));
-  const Aabb box = ours.binary.bounds();
+  const auto triangles = static_cast<double>(mesh.triangle_count());
+  std::printf("%s: %zu triangles\n", name.c_str(), mesh.triangle_count());
+  std::vector<std::unique_ptr<SingleMesh>> ours;
+  for (const std::string& layout : options.layouts) {
+    const double start = cpu_seconds();
+    ours.push_back(std::make_unique<SingleMesh>(mesh, parse_layout(layout), options.reinsert));
+    const WideBvh& wide = ours.back()->wide;
+    std::printf(
+        "  %s: built in %.1f ms, %zu nodes, %zu leaves (%.2f triangles), depth %u, %.1f bytes a triangle, "
+        "%.1f with the mesh\n",
+        layout.c_str(), 1e3 * (cpu_seconds() - start), wide.nodes.size(), wide.leaf_count(),
+        triangles / static_cast<double>(wide.leaf_count()), wide.depth,
+        static_cast<double>(wide.byte_count()) / triangles,
+        static_cast<double>(wide.byte_count() + mesh.byte_count()) / triangles);
+  }
+  const Aabb box = ours.front()->binary.bounds();
   std::vector<Competitor> competitors = make_competitors(options, mesh, ours);
   if (options.leaks != 0) return report_leaks(name, mesh, competitors, options.leaks);
   const View view = options.inside || name == "sponza" ? View::kInside : View::kOutside;

@@ -20,9 +20,16 @@ BuilderKind parse_builder(const std::string& name) {
   throw InvalidArgument("BuildConfig: unknown builder '" + name + "'");
 }
 
+TreeLayout parse_layout(const std::string& name) {
+  if (name == "default") return TreeLayout::kDefault;
+  if (name == "compact") return TreeLayout::kCompact;
+  throw InvalidArgument("BuildConfig: unknown layout '" + name + "'");
+}
+
 BuildConfig parse_config(const py::dict& settings) {
   BuildConfig config;
   config.builder = parse_builder(settings["builder"].cast<std::string>());
+  config.layout = parse_layout(settings["layout"].cast<std::string>());
   config.optimize_passes = settings["optimize"].cast<std::uint32_t>();
   config.optimize_milliseconds = settings["optimize_milliseconds"].cast<double>();
   config.bins = settings["bins"].cast<std::uint32_t>();
@@ -85,7 +92,7 @@ py::dict to_dict(const CommitReport& report) {
   for (const MeshReport& mesh : report.meshes) {
     meshes.append(py::dict(py::arg("mesh_id") = mesh.mesh_id, py::arg("action") = action_name(mesh.action),
                            py::arg("reason") = mesh.reason, py::arg("builder") = mesh.builder,
-                           py::arg("milliseconds") = mesh.milliseconds,
+                           py::arg("layout") = mesh.layout, py::arg("milliseconds") = mesh.milliseconds,
                            py::arg("build_milliseconds") = mesh.build_milliseconds,
                            py::arg("optimize_milliseconds") = mesh.optimize_milliseconds,
                            py::arg("refit_milliseconds") = mesh.refit_milliseconds,

@@ -14,6 +14,7 @@ py::dict to_dict(const TreeStatistics& tree) {
   py::dict row;
   row["mesh_id"] = tree.mesh_id;
   row["builder"] = tree.builder;
+  row["layout"] = tree.layout;
   row["primitive_count"] = tree.primitive_count;
   row["vertex_count"] = tree.vertex_count;
   row["user_count"] = tree.user_count;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <tuple>
 
 #include "build/builder.h"
 #include "scene/blas_build.h"
@@ -40,6 +41,15 @@ std::vector<Way> ways() {
   optimized.optimize_passes = 2;
   list.push_back({"optimized", optimized});
   list.push_back({"straight_to_wide", BuildConfig{}, Usage::kChanging});
+  for (const auto& [name, kind, usage] :
+       {std::tuple{"binned_compact", BuilderKind::kBinned, Usage::kStatic},
+        std::tuple{"spatial_compact", BuilderKind::kSpatial, Usage::kStatic},
+        std::tuple{"straight_to_wide_compact", BuilderKind::kAuto, Usage::kChanging}}) {
+    BuildConfig config;
+    config.builder = kind;
+    config.layout = TreeLayout::kCompact;
+    list.push_back({name, config, usage});
+  }
   return list;
 }
 
@@ -49,10 +59,10 @@ class HardInput : public testing::TestWithParam<Way> {
   static WideBvh build(const TriangleMesh& mesh, const Way& way, int thread_count) {
     ThreadPool pool(thread_count);
     CancelToken cancel;
-    if (way.usage == Usage::kChanging) return build_fast_wide(mesh, pool, cancel);
+    if (way.usage == Usage::kChanging) return build_fast_wide(mesh, way.config.layout, pool, cancel);
     const Bvh2 tree = build_tree(mesh, way.config, pool, cancel);
     EXPECT_EQ(find_fault(tree, mesh.triangle_count()), "");
-    return collapse_mesh(tree, mesh, pool, cancel);
+    return collapse_mesh(tree, mesh, way.config.layout, pool, cancel);
   }
   static bool is_clipped(const Way& way) { return way.config.builder == BuilderKind::kSpatial; }
 };
@@ -121,10 +131,12 @@ TEST_P(HardInput, GivesTheHitsOfEveryTriangleTriedInTurn) {
 }
 
 bool same_bytes(const WideBvh& a, const WideBvh& b) {
-  return a.nodes.size() == b.nodes.size() && a.blocks.size() == b.blocks.size() && a.root == b.root &&
-         a.depth == b.depth && a.scale == b.scale &&
-         std::memcmp(a.nodes.data(), b.nodes.data(), a.nodes.size() * sizeof(WideNode)) == 0 &&
-         std::memcmp(a.blocks.data(), b.blocks.data(), a.blocks.size() * sizeof(LeafBlock)) == 0;
+  return a.nodes.size() == b.nodes.size() && a.blocks.size() == b.blocks.size() &&
+         a.indexed_leaves.size() == b.indexed_leaves.size() && a.root == b.root && a.depth == b.depth &&
+         a.scale == b.scale && std::memcmp(a.nodes.data(), b.nodes.data(), a.nodes.size() * sizeof(WideNode)) == 0 &&
+         std::memcmp(a.blocks.data(), b.blocks.data(), a.blocks.size() * sizeof(LeafBlock)) == 0 &&
+         std::memcmp(a.indexed_leaves.data(), b.indexed_leaves.data(), a.indexed_leaves.size() * sizeof(IndexedLeaf)) ==
+             0;
 }
 
 TEST_P(HardInput, GivesTheSameBytesForAnyThreadCount) {
@@ -152,7 +164,7 @@ TEST_P(HardInput, StopsWhenAsked) {
   CancelToken cancel;
   cancel.request_stop();
   if (GetParam().usage == Usage::kChanging) {
-    EXPECT_THROW(static_cast<void>(build_fast_wide(mesh, pool, cancel)), Cancelled);
+    EXPECT_THROW(static_cast<void>(build_fast_wide(mesh, GetParam().config.layout, pool, cancel)), Cancelled);
   } else {
     EXPECT_THROW(static_cast<void>(build_tree(mesh, GetParam().config, pool, cancel)), Cancelled);
   }
@@ -162,7 +174,7 @@ TEST(WideValidator, FindsFaults) {
   const TriangleMesh mesh = bumpy_sheet(20);
   ThreadPool pool(1);
   CancelToken cancel;
-  const WideBvh sound = build_fast_wide(mesh, pool, cancel);
+  WideBvh sound = build_fast_wide(mesh, TreeLayout::kDefault, pool, cancel);
   const auto fault_after = [&](const auto& damage) {
     WideBvh tree = sound;
     damage(tree);
@@ -176,6 +188,11 @@ TEST(WideValidator, FindsFaults) {
   EXPECT_NE(fault_after([](WideBvh& tree) { tree.blocks[0].vertices[0][0] += 0.1f; }), "");
   EXPECT_NE(fault_after([](WideBvh& tree) { tree.blocks[0].primitives[7] = 799; }), "");
   EXPECT_NE(fault_after([](WideBvh& tree) { ++tree.depth; }), "");
+  sound = build_fast_wide(mesh, TreeLayout::kCompact, pool, cancel);
+  EXPECT_EQ(fault_after([](WideBvh&) {}), "");
+  EXPECT_NE(fault_after([](WideBvh& tree) { tree.nodes[0].planes[1][0] *= 0.5f; }), "");
+  EXPECT_NE(fault_after([](WideBvh& tree) { tree.indexed_leaves[0].primitives[7] = 799; }), "");
+  EXPECT_NE(fault_after([](WideBvh& tree) { tree.indexed_leaves[0] = tree.indexed_leaves[1]; }), "");
 }
 
 // Equal to the sum over a tree walked by hand: one node over leaves.
@@ -188,17 +205,17 @@ TEST(WideQuality, CountsVisitsAndTests) {
   }
   ThreadPool pool(1);
   CancelToken cancel;
-  const WideBvh tree = build_fast_wide(mesh, pool, cancel);
-  const TreeQuality quality = measure_wide_quality(tree);
+  const WideBvh tree = build_fast_wide(mesh, TreeLayout::kDefault, pool, cancel);
+  const TreeQuality quality = measure_wide_quality(tree, mesh);
   double tests = 0;
   for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
     if (tree.nodes[0].child[lane] == kNoChild) continue;
     const double area = static_cast<double>(child_box(tree.nodes[0], lane).half_area());
-    tests += area * triangle_count_of(tree.blocks[tree.nodes[0].child[lane] - kBlockChild]);
+    tests += area * triangle_count_of(tree, tree.nodes[0].child[lane] - kBlockChild);
   }
   EXPECT_EQ(tree.nodes.size(), 1u);
   EXPECT_EQ(quality.node_visits, 1.0);
-  EXPECT_NEAR(quality.primitive_tests, tests / static_cast<double>(bounds_of(tree).half_area()), 1e-6);
+  EXPECT_NEAR(quality.primitive_tests, tests / static_cast<double>(bounds_of(tree, mesh).half_area()), 1e-6);
   EXPECT_EQ(quality.reference_count, 6u);
   EXPECT_EQ(quality.leaf_count, tree.blocks.size());
 }

@@ -65,7 +65,7 @@ void expect_right_hits(const TriangleMesh& mesh, const Bvh2& tree) {
   auto blas = std::make_shared<Blas>(std::make_shared<const TriangleMesh>(mesh));
   blas->tree = tree;
   blas->cover = make_cover(tree);
-  blas->wide = collapse_mesh(tree, mesh, pool, cancel);
+  blas->wide = collapse_mesh(tree, mesh, TreeLayout::kDefault, pool, cancel);
   Snapshot snapshot;
   snapshot.blases.push_back(blas);
   Instance& instance = snapshot.instances.emplace_back();

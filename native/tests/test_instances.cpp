@@ -107,8 +107,9 @@ TEST(InstanceBounds, HoldEveryVertexAndAreClose) {
   for (const double reach : {1e-18, 1e-6, 1.0, 3e5, 1e17}) {
     const TriangleMesh mesh = soup(300, 2, reach);
     const Bvh2 tree = build_tree(mesh, {}, pool, cancel);
+    const TreeLayout layout = reach > 1e4 ? TreeLayout::kCompact : TreeLayout::kDefault;
     const Cover cover = make_cover(tree), root = make_cover(tree, 1);
-    const SupportTable support(collapse_mesh(tree, mesh, pool, cancel));
+    const SupportTable support(collapse_mesh(tree, mesh, layout, pool, cancel), mesh);
     double exact = 0, by_root = 0, by_cover = 0, by_support = 0;
     constexpr int kRounds = 200;
     for (int round = 0; round < kRounds; ++round) {
@@ -132,10 +133,12 @@ TEST(InstanceBounds, HoldEveryVertexAndAreClose) {
 TEST(InstanceBounds, OfTheTableAreExactAlongTheAxes) {
   ThreadPool pool(1);
   CancelToken cancel;
-  for (const std::size_t count : {1u, 2u, 300u}) {
+  for (const auto& [count, layout] :
+       {std::pair{1u, TreeLayout::kDefault}, std::pair{1u, TreeLayout::kCompact}, std::pair{2u, TreeLayout::kDefault},
+        std::pair{300u, TreeLayout::kDefault}, std::pair{300u, TreeLayout::kCompact}}) {
     const TriangleMesh mesh = soup(count, 7);
     const Bvh2 tree = build_tree(mesh, {}, pool, cancel);
-    const SupportTable support(collapse_mesh(tree, mesh, pool, cancel));
+    const SupportTable support(collapse_mesh(tree, mesh, layout, pool, cancel), mesh);
     const Aabb box = tree.bounds();
     for (const double size : {1.0, -1.0, 1e-30, 1e18}) {
       for (int axis = 0; axis < 3; ++axis) {

@@ -16,11 +16,8 @@ struct Listed {
   std::vector<std::int32_t> instances, primitives;
 };
 
-class Intersections : public testing::TestWithParam<std::string> {
+class Intersections : public KernelTest {
  protected:
-  void SetUp() override { set_active_kernels(GetParam()); }
-  void TearDown() override { set_active_kernels(""); }
-
   // A ray at a time has its own range and mask, so all columns have one row a ray.
   struct Columns {
     explicit Columns(const std::vector<Ray>& rays, Cull cull) {
@@ -79,8 +76,7 @@ class Intersections : public testing::TestWithParam<std::string> {
   }
 };
 
-INSTANTIATE_TEST_SUITE_P(All, Intersections, testing::ValuesIn(kernel_names()),
-                         [](const auto& test) { return test.param; });
+INSTANTIATE_TEST_SUITE_P(All, Intersections, testing::ValuesIn(kernel_cases()), Intersections::name_of);
 
 TEST_P(Intersections, MatchTheReferenceOnSingleMeshes) {
   expect_reference(*commit({{soup(300, 1), {Affine{}}}}), random_rays(600, 10));

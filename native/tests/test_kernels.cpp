@@ -19,11 +19,8 @@ constexpr TraceOptions kWays[] = {{Strategy::kAuto, 0},
                                   {Strategy::kStream, 5},
                                   {Strategy::kSingle, 0}};
 
-class Kernels : public testing::TestWithParam<std::string> {
+class Kernels : public KernelTest {
  protected:
-  void SetUp() override { set_active_kernels(GetParam()); }
-  void TearDown() override { set_active_kernels(""); }
-
   static void expect_reference(const Snapshot& snapshot, const std::vector<Ray>& rays, Cull cull = Cull::kNone) {
     std::vector<Hit> expected(rays.size());
     for (std::size_t i = 0; i < rays.size(); ++i) expected[i] = reference_closest(snapshot, rays[i], cull);
@@ -45,7 +42,7 @@ class Kernels : public testing::TestWithParam<std::string> {
   }
 };
 
-INSTANTIATE_TEST_SUITE_P(All, Kernels, testing::ValuesIn(kernel_names()), [](const auto& test) { return test.param; });
+INSTANTIATE_TEST_SUITE_P(All, Kernels, testing::ValuesIn(kernel_cases()), Kernels::name_of);
 
 TEST_P(Kernels, MatchTheReferenceOnSingleMeshes) {
   for (std::uint32_t seed = 0; seed < 3; ++seed) {
@@ -182,6 +179,29 @@ TEST_P(Kernels, CountTheSameWork) {
   std::size_t tested = 0;
   for (const RayCounts& count : counts) tested += count.primitives_tested;
   EXPECT_GT(tested, rays.size());
+}
+
+// Instances of both layouts among each other, baked ones and triangles that coincide across layouts among them.
+TEST_P(Kernels, MatchTheReferenceWhereLayoutsMix) {
+  Scene scene;
+  Random random(3);
+  for (int number = 0; number < 8; ++number) {
+    BuildConfig config;
+    config.layout = number % 2 == 0 ? TreeLayout::kCompact : TreeLayout::kDefault;
+    const MeshData data = number < 2 ? box_of_grids(3) : number < 4 ? soup(number, 5) : slivers(60, 7);
+    const std::int32_t mesh = scene.add_mesh(data.mesh(), config, Usage::kStatic);
+    std::vector<InstanceInput> inputs{{mesh, Affine{}, ~0u, {}}};
+    for (const Affine& place : many_places(4, static_cast<std::uint32_t>(number / 2))) {
+      inputs.push_back({mesh, place, ~0u, {}});
+    }
+    inputs.push_back({mesh, {{1, 0, 0}, {0, 0, 0}, {0, 0, 1}, to_double(random_point(random, 1.0f))}, ~0u, {}});
+    scene.add_instances(inputs);
+  }
+  ThreadPool pool(1);
+  CancelToken cancel;
+  EXPECT_EQ(scene.commit(pool, cancel).baked_count, 8u);
+  expect_reference(*scene.snapshot(), random_rays(600, 5));
+  expect_reference(*scene.snapshot(), aimed_rays(box_of_grids(3), 600, 6), Cull::kFront);
 }
 
 TEST(Dispatch, RefusesUnknownKernels) {

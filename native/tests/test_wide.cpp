@@ -11,6 +11,7 @@
 #include "scene/blas_build.h"
 #include "update/quality.h"
 #include "wide/collapse.h"
+#include "wide/fast_wide.h"
 #include "wide/leaf_contents.h"
 #include "wide/small_set.h"
 
@@ -105,10 +106,11 @@ Bvh2 build(const TriangleMesh& mesh, std::uint32_t max_leaf_size) {
   return build_bvh2(prims, config, pool, cancel);
 }
 
-WideBvh collapse(const Bvh2& tree, const TriangleMesh& mesh, int thread_count = 1) {
+WideBvh collapse(const Bvh2& tree, const TriangleMesh& mesh, int thread_count = 1,
+                 TreeLayout layout = TreeLayout::kDefault) {
   ThreadPool pool(thread_count);
   CancelToken cancel;
-  return collapse_mesh(tree, mesh, pool, cancel);
+  return collapse_mesh(tree, mesh, layout, pool, cancel);
 }
 
 class Checker {
@@ -117,7 +119,7 @@ class Checker {
 
   void check(std::uint32_t child, const Aabb& box, std::uint32_t depth) {
     if (child >= kBlockChild) {
-      check_block(wide_.blocks[child - kBlockChild], box);
+      check_leaf(child - kBlockChild, box);
       return;
     }
     ASSERT_LE(depth, wide_.depth);
@@ -162,18 +164,22 @@ class Checker {
     }
   }
 
-  void check_block(const LeafBlock& block, const Aabb& box) {
+  void check_leaf(std::uint32_t row, const Aabb& box) {
+    const bool is_compact = wide_.layout == TreeLayout::kCompact;
+    const std::uint32_t* const primitives =
+        is_compact ? wide_.indexed_leaves[row].primitives : wide_.blocks[row].primitives;
     for (int lane = 0; lane < 8; ++lane) {
-      const std::uint32_t primitive = block.primitives[lane];
-      if (lane == 0 || primitive != block.primitives[lane - 1]) seen_triangles.insert(primitive);
-      ASSERT_TRUE(lane == 0 || primitive >= block.primitives[lane - 1]);
-      const TriangleIndices corners = mesh_.triangles[primitive];
+      if (lane == 0 || primitives[lane] != primitives[lane - 1]) seen_triangles.insert(primitives[lane]);
+      ASSERT_TRUE(lane == 0 || primitives[lane] >= primitives[lane - 1]);
+      const TriangleIndices corners = mesh_.triangles[primitives[lane]];
       const std::uint32_t vertices[3] = {corners.x, corners.y, corners.z};
       for (int corner = 0; corner < 3; ++corner) {
+        const Vec3f expected = mesh_.positions[vertices[corner]] * wide_.scale;
+        EXPECT_TRUE(box.contains({expected, expected}));
+        if (is_compact) continue;
+        const LeafBlock& block = wide_.blocks[row];
         const std::uint32_t place = block.corners[lane] >> (4 * corner) & 7;
-        const Vec3f stored{block.vertices[0][place], block.vertices[1][place], block.vertices[2][place]};
-        EXPECT_EQ(stored, mesh_.positions[vertices[corner]] * wide_.scale);
-        EXPECT_TRUE(box.contains({stored, stored}));
+        EXPECT_EQ((Vec3f{block.vertices[0][place], block.vertices[1][place], block.vertices[2][place]}), expected);
       }
     }
   }
@@ -199,14 +205,18 @@ TEST_P(Wide, HoldsEveryTriangleOnceInsideItsBoxes) {
   for (const Input& input : inputs()) {
     SCOPED_TRACE(input.name);
     const Bvh2 tree = build(input.mesh, GetParam());
-    expect_sound(collapse(tree, input.mesh), tree, input.mesh);
+    for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) {
+      expect_sound(collapse(tree, input.mesh, 1, layout), tree, input.mesh);
+    }
   }
 }
 
-Bvh2 build_filled(const TriangleMesh& mesh, int thread_count = 1) {
+Bvh2 build_filled(const TriangleMesh& mesh, int thread_count = 1, TreeLayout layout = TreeLayout::kDefault) {
   ThreadPool pool(thread_count);
   CancelToken cancel;
-  const BuildConfig config = choose_builder(BuildConfig{}, Usage::kStatic);
+  BuildConfig config;
+  config.layout = layout;
+  config = choose_builder(config, Usage::kStatic);
   EXPECT_TRUE(config.fills_leaves);
   return build_tree(mesh, config, pool, cancel);
 }
@@ -222,10 +232,15 @@ std::vector<std::uint32_t> primitives_below(const Bvh2& tree, std::uint32_t inde
   return left;
 }
 
-TEST(FilledLeaves, HoldWhatFitsAndNoNodeAboveThemWould) {
+class FilledLeaves : public testing::TestWithParam<TreeLayout> {};
+INSTANTIATE_TEST_SUITE_P(Layouts, FilledLeaves, testing::Values(TreeLayout::kDefault, TreeLayout::kCompact),
+                         [](const auto& test) { return layout_name(test.param); });
+
+TEST_P(FilledLeaves, HoldWhatFitsAndNoNodeAboveThemWould) {
+  const bool is_compact = GetParam() == TreeLayout::kCompact;
   for (const Input& input : inputs()) {
     SCOPED_TRACE(input.name);
-    const Bvh2 tree = build_filled(input.mesh);
+    const Bvh2 tree = build_filled(input.mesh, 1, GetParam());
     EXPECT_EQ(find_fault(tree, input.mesh.triangle_count()), "");
     EXPECT_TRUE(tree.has_full_leaves);
     for (std::uint32_t i = 0; i < tree.nodes.size(); ++i) {
@@ -236,31 +251,32 @@ TEST(FilledLeaves, HoldWhatFitsAndNoNodeAboveThemWould) {
         const TriangleIndices corners = input.mesh.triangles[primitive];
         vertices.insert({corners.x, corners.y, corners.z});
       }
-      EXPECT_EQ(tree.nodes[i].is_leaf(), primitives.size() <= 8 && vertices.size() <= 8) << "node " << i;
+      EXPECT_EQ(tree.nodes[i].is_leaf(), primitives.size() <= 8 && (is_compact || vertices.size() <= 8))
+          << "node " << i;
     }
-    expect_sound(collapse(tree, input.mesh), tree, input.mesh);
+    expect_sound(collapse(tree, input.mesh, 1, GetParam()), tree, input.mesh);
   }
 }
 
-TEST(FilledLeaves, AreTheSameForAnyNumberOfThreads) {
+TEST_P(FilledLeaves, AreTheSameForAnyNumberOfThreads) {
   const TriangleMesh mesh = sheet(180);
-  const Bvh2 one = build_filled(mesh);
+  const Bvh2 one = build_filled(mesh, 1, GetParam());
   for (const int thread_count : {2, 4}) {
-    const Bvh2 more = build_filled(mesh, thread_count);
+    const Bvh2 more = build_filled(mesh, thread_count, GetParam());
     ASSERT_EQ(one.nodes.size(), more.nodes.size());
     EXPECT_EQ(std::memcmp(one.nodes.data(), more.nodes.data(), one.nodes.size() * sizeof(Bvh2Node)), 0);
     EXPECT_EQ(one.prim_indices, more.prim_indices);
   }
 }
 
-TEST(FilledLeaves, AreFullerThanThoseByCost) {
+TEST_P(FilledLeaves, AreFullerThanThoseByCost) {
   const TriangleMesh mesh = sheet(100);
-  const WideBvh filled = collapse(build_filled(mesh), mesh), by_cost = collapse(build(mesh, 8), mesh);
-  EXPECT_LT(filled.blocks.size(), by_cost.blocks.size());
-  EXPECT_GT(static_cast<double>(mesh.triangle_count()) / static_cast<double>(filled.blocks.size()), 5.0);
+  const WideBvh filled = collapse(build_filled(mesh, 1, GetParam()), mesh, 1, GetParam());
+  EXPECT_LE(filled.leaf_count(), collapse(build(mesh, 8), mesh, 1, GetParam()).leaf_count());
+  EXPECT_GT(static_cast<double>(mesh.triangle_count()) / static_cast<double>(filled.leaf_count()), 5.0);
 }
 
-TEST(FilledLeaves, AreNotForThoseWhoSetCosts) {
+TEST(FillingLeaves, IsNotForThoseWhoSetCosts) {
   BuildConfig config;
   config.max_leaf_size = 4;
   EXPECT_FALSE(choose_builder(config, Usage::kStatic).fills_leaves);
@@ -280,13 +296,16 @@ bool same_rows(const AlignedVector<Row>& a, const AlignedVector<Row>& b) {
 TEST(WideBvh, IsTheSameForAnyNumberOfThreads) {
   for (const TriangleMesh& mesh : {sheet(150), soup(40000, 0.02f), nested(30000)}) {
     const Bvh2 tree = build(mesh, 4);
-    const WideBvh one = collapse(tree, mesh);
-    for (const int thread_count : {2, 4}) {
-      const WideBvh more = collapse(tree, mesh, thread_count);
-      EXPECT_EQ(one.root, more.root);
-      EXPECT_EQ(one.depth, more.depth);
-      EXPECT_TRUE(same_rows(one.nodes, more.nodes));
-      EXPECT_TRUE(same_rows(one.blocks, more.blocks));
+    for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) {
+      const WideBvh one = collapse(tree, mesh, 1, layout);
+      for (const int thread_count : {2, 4}) {
+        const WideBvh more = collapse(tree, mesh, thread_count, layout);
+        EXPECT_EQ(one.root, more.root);
+        EXPECT_EQ(one.depth, more.depth);
+        EXPECT_TRUE(same_rows(one.nodes, more.nodes));
+        EXPECT_TRUE(same_rows(one.blocks, more.blocks));
+        EXPECT_TRUE(same_rows(one.indexed_leaves, more.indexed_leaves));
+      }
     }
   }
 }
@@ -360,6 +379,26 @@ TEST(WideBvh, FillsItsLeavesOnSurfaces) {
   const TriangleMesh mesh = sheet(100);
   const WideBvh wide = collapse(build(mesh, 2), mesh);
   EXPECT_LT(static_cast<double>(wide.byte_count()) / static_cast<double>(mesh.triangle_count()), 60.0);
+}
+
+// With positions and indices, whatever made the tree.
+TEST(WideBvh, TakesAtMost36BytesATriangleIfCompact) {
+  const TriangleMesh mesh = sheet(150);
+  ThreadPool pool(1);
+  CancelToken cancel;
+  const auto expect_small = [&](const WideBvh& wide, const char* how) {
+    const auto bytes = static_cast<double>(wide.byte_count() + mesh.byte_count());
+    EXPECT_LE(bytes / static_cast<double>(mesh.triangle_count()), 36.0) << how;
+  };
+  BuildConfig config;
+  config.layout = TreeLayout::kCompact;
+  for (const BuilderKind builder :
+       {BuilderKind::kAuto, BuilderKind::kMedian, BuilderKind::kSweep, BuilderKind::kBinned, BuilderKind::kFast}) {
+    config.builder = builder;
+    const Bvh2 tree = build_tree(mesh, choose_builder(config, Usage::kStatic), pool, cancel);
+    expect_small(collapse(tree, mesh, 1, TreeLayout::kCompact), builder_name(builder));
+  }
+  expect_small(build_fast_wide(mesh, TreeLayout::kCompact, pool, cancel), "straight to wide");
 }
 
 TEST(WideBvh, IsEmptyOverNothing) {

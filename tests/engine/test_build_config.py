@@ -18,6 +18,7 @@ FIELDS = perfect_bvh.hits.DEFAULT_FIELDS
 SETTINGS = {
     "defaults": {},
     "optimized": {"optimize": 5},
+    "compact": {"layout": "compact"},
     "few bins": {"bins": 2},
     "many bins": {"bins": 256},
     "one axis": {"axes": 1},
@@ -170,6 +171,7 @@ def test_settings_are_kept_as_plain_numbers():
     ("setting", "values", "expected"),
     [
         ("builder", ["", "sah", "Binned", None, 3], "must be one of auto, median, sweep, binned, spatial, fast, got"),
+        ("layout", ["", "Compact", None, 2], "must be one of default, compact, got"),
         ("optimize", [-1, 1001], "must be from 0 to 1000, got"),
         ("optimize", [True, 1.0, "2", None], "must be an integer from 0 to 1000, got"),
         ("optimize_milliseconds", [-1.0, np.nan, np.inf, "5", True], "must be a number from 0 to 1e+09, got"),

@@ -12,7 +12,8 @@ MeshAction = Literal["built", "refitted", "rebuilt"]
 class MeshReport:
     """One mesh that a commit worked on.
 
-    reason: a sentence. builder: what made the tree (now, or before it was refitted), as in `BuildConfig`.
+    reason: a sentence. builder: what made the tree (now, or before it was refitted), layout: of its leaves; both as in
+    `BuildConfig`. byte_count: of the mesh and its trees.
     milliseconds: of one mesh, on however many threads; then of its stages, 0 for those that did not run: building the
     binary tree, improving it by reinsertion, refitting it (also where that was then found too slow to trace),
     collapsing it into the wide tree that rays are traced through.
@@ -22,6 +23,7 @@ class MeshReport:
     action: MeshAction
     reason: str
     builder: str
+    layout: str
     milliseconds: float
     build_milliseconds: float
     optimize_milliseconds: float
@@ -101,7 +103,7 @@ class CommitReport:
 
 @dataclass(frozen=True, slots=True)
 class TreeStatistics:
-    """One tree. mesh_id: -1 for the top level. builder: what made it, as in `BuildConfig`.
+    """One tree. mesh_id: -1 for the top level. builder: what made it, layout: of its leaves; both as in `BuildConfig`.
 
     primitive_count, vertex_count: of the mesh; of the top level, instances and 0. user_count: instances of the mesh.
 
@@ -126,6 +128,7 @@ class TreeStatistics:
 
     mesh_id: int
     builder: str
+    layout: str
     primitive_count: int
     vertex_count: int
     user_count: int

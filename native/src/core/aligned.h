@@ -9,6 +9,9 @@ namespace perfect_bvh {
 
 inline constexpr std::size_t kCacheLine = 64;
 
+// So many bytes behind the last element may be read, whatever they hold: a register may be loaded with three floats.
+inline constexpr std::size_t kReadableBehind = 16;
+
 template <class T>
 struct AlignedAllocator {
   using value_type = T;
@@ -16,10 +19,10 @@ struct AlignedAllocator {
   template <class U>
   AlignedAllocator(const AlignedAllocator<U>&) noexcept {}
   [[nodiscard]] T* allocate(std::size_t count) {
-    return static_cast<T*>(::operator new(count * sizeof(T), std::align_val_t{kCacheLine}));
+    return static_cast<T*>(::operator new(count * sizeof(T) + kReadableBehind, std::align_val_t{kCacheLine}));
   }
   void deallocate(T* memory, std::size_t count) noexcept {
-    ::operator delete(memory, count * sizeof(T), std::align_val_t{kCacheLine});
+    ::operator delete(memory, count * sizeof(T) + kReadableBehind, std::align_val_t{kCacheLine});
   }
   // Elements that are about to be overwritten are not worth clearing: `resize` leaves trivial types uninitialised.
   template <class U>

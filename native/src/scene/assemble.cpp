@@ -23,7 +23,7 @@ constexpr std::uint32_t kManyUsers = 64;
 
 const SupportTable* support_of(const Blas& blas, std::uint32_t user_count) {
   if (user_count < kManyUsers || blas.wide.is_empty) return nullptr;
-  return &blas.support.of(blas.wide);
+  return &blas.support.of(blas.wide, blas.mesh);
 }
 
 // Copies of instances without a usable inverse, made on any thread.

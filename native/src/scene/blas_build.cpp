@@ -23,14 +23,15 @@ class TriangleClipper final : public PrimClipper {
 
 class TriangleLeafLimit final : public LeafLimit {
  public:
-  explicit TriangleLeafLimit(const TriangleMesh& mesh) : mesh_(mesh) {}
+  TriangleLeafLimit(const TriangleMesh& mesh, TreeLayout layout) : mesh_(mesh), layout_(layout) {}
 
   [[nodiscard]] bool fits(std::span<const std::uint32_t> prim_indices) const noexcept override {
-    return fit_one_leaf(prim_indices, mesh_.triangles.data());
+    return fit_one_leaf(prim_indices, mesh_.triangles.data(), layout_);
   }
 
  private:
   const TriangleMesh& mesh_;
+  const TreeLayout layout_;
 };
 
 // Whoever prices leaves or limits them gets what was asked for.
@@ -52,6 +53,7 @@ BuildConfig choose_builder(BuildConfig config, Usage usage) noexcept {
 bool is_built_wide(const BuildConfig& config) noexcept {
   BuildConfig plain;
   plain.builder = BuilderKind::kFast;
+  plain.layout = config.layout;
   return config == plain;
 }
 
@@ -66,7 +68,7 @@ Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool&
     }
   });
   const TriangleClipper clipper(mesh);
-  const TriangleLeafLimit leaf_limit(mesh);
+  const TriangleLeafLimit leaf_limit(mesh, config.layout);
   return build_bvh2(prims, config, pool, cancel, &clipper, &leaf_limit);
 }
 

@@ -88,12 +88,12 @@ std::vector<Aabb> cover_boxes(const Bvh2& tree, std::size_t limit) {
   return opening.kept();
 }
 
-std::vector<Aabb> cover_boxes(const WideBvh& tree, std::size_t limit) {
+std::vector<Aabb> cover_boxes(const WideBvh& tree, const TriangleMesh& mesh, std::size_t limit) {
   if (tree.is_empty) return {};
   Opening opening;
   const float to_mesh = 1.0f / tree.scale;
   const auto in_mesh = [to_mesh](const Aabb& box) { return Aabb{box.lower * to_mesh, box.upper * to_mesh}; };
-  opening.add(in_mesh(bounds_of(tree)), tree.root);
+  opening.add(in_mesh(bounds_of(tree, mesh)), tree.root);
   while (!opening.empty()) {
     const auto [box, child] = opening.take_largest();
     if (child >= kBlockChild || opening.size() + kWideWidth > limit) {

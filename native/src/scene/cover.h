@@ -9,6 +9,7 @@
 #include "build/bvh2.h"
 #include "core/aligned.h"
 #include "math/affine.h"
+#include "mesh/triangle_mesh.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
@@ -29,7 +30,7 @@ inline constexpr std::size_t kCoverBoxes = 32;
 
 // At most `limit` boxes that hold every primitive of the tree; empty for an empty tree.
 [[nodiscard]] std::vector<Aabb> cover_boxes(const Bvh2& tree, std::size_t limit);
-[[nodiscard]] std::vector<Aabb> cover_boxes(const WideBvh& tree, std::size_t limit);
+[[nodiscard]] std::vector<Aabb> cover_boxes(const WideBvh& tree, const TriangleMesh& mesh, std::size_t limit);
 [[nodiscard]] Cover make_cover(const std::vector<Aabb>& boxes);
 [[nodiscard]] inline Cover make_cover(const Bvh2& tree, std::size_t limit = kCoverBoxes) {
   return make_cover(cover_boxes(tree, limit));

@@ -13,6 +13,7 @@
 #include "mesh/triangle_mesh.h"
 #include "scene/cover.h"
 #include "scene/support.h"
+#include "traverse/scene_view.h"
 #include "update/quality.h"
 #include "wide/wide_bvh.h"
 
@@ -24,12 +25,13 @@ struct Blas {
 
   const std::shared_ptr<const TriangleMesh> owned_mesh;
   const TriangleMesh& mesh;
-  Bvh2 tree;            // only where it will be refitted: empty otherwise, once `wide` is made
-  BuildConfig config;   // that the tree was built with, its builder named; refits keep it
-  TreeQuality quality;  // of the tree; empty where there never was a binary one
-  WideBvh wide;         // what rays are traced through
-  LazySupport support;  // of `wide`, where many instances ask for it
-  Cover cover;          // a few boxes that hold the whole mesh
+  Bvh2 tree;                     // only where it will be refitted: empty otherwise, once `wide` is made
+  BuildConfig config;            // that the tree was built with, its builder named; refits keep it
+  TreeQuality quality;           // of the tree; empty where there never was a binary one
+  WideBvh wide;                  // what rays are traced through
+  IndexedLeaves indexed_leaves;  // of `wide`, in the compact layout
+  LazySupport support;           // of `wide`, where many instances ask for it
+  Cover cover;                   // a few boxes that hold the whole mesh
 };
 
 struct Instance {

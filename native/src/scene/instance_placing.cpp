@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "scene/blas_build.h"
+#include "scene/trace_view.h"
 #include "wide/collapse.h"
 
 namespace perfect_bvh {
@@ -66,7 +67,8 @@ std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, 
   baked->config = config;
   baked->quality = measure_quality(tree);
   baked->cover = make_cover(tree, 1);  // it is never turned
-  baked->wide = collapse_mesh(tree, baked->mesh, pool, cancel);
+  baked->wide = collapse_mesh(tree, baked->mesh, config.layout, pool, cancel);
+  baked->indexed_leaves = view_leaves(baked->wide, baked->mesh);
   const bool usable = place_instance(instance, placing, *baked, Affine{});
   // Baked positions are in world winding already.
   instance.mirrored = false;

@@ -10,6 +10,7 @@
 #include "scene/blas_build.h"
 #include "scene/cover.h"
 #include "scene/scene.h"
+#include "scene/trace_view.h"
 #include "update/quality.h"
 #include "update/refit.h"
 #include "wide/collapse.h"
@@ -55,15 +56,15 @@ void build(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel
 
 void build_wide(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
   const Stopwatch watch;
-  blas.wide = build_fast_wide(blas.mesh, pool, cancel);
-  blas.cover = make_cover(cover_boxes(blas.wide, kCoverBoxes));
+  blas.wide = build_fast_wide(blas.mesh, blas.config.layout, pool, cancel);
+  blas.cover = make_cover(cover_boxes(blas.wide, blas.mesh, kCoverBoxes));
   report.build_milliseconds = watch.milliseconds();
 }
 
 void collapse(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
   blas.cover = make_cover(blas.tree);
   const Stopwatch watch;
-  blas.wide = collapse_mesh(blas.tree, blas.mesh, pool, cancel);
+  blas.wide = collapse_mesh(blas.tree, blas.mesh, blas.config.layout, pool, cancel);
   report.collapse_milliseconds = watch.milliseconds();
 }
 
@@ -117,8 +118,10 @@ Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, T
     }
   }
   report.builder = builder_name(blas->config.builder);
+  report.layout = layout_name(blas->config.layout);
   report.triangle_count = blas->mesh.triangle_count();
   if (!blas->tree.empty()) collapse(*blas, report, pool, cancel);
+  blas->indexed_leaves = view_leaves(blas->wide, blas->mesh);
   if (!keeps_tree || !blas->tree.refittable) blas->tree = {};
   report.byte_count = blas->mesh.byte_count() + blas->tree.byte_count() + blas->wide.byte_count();
   report.milliseconds = watch.milliseconds();

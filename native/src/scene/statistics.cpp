@@ -28,7 +28,7 @@ TreeStatistics describe(const TreeQuality& quality, const StatisticsOptions& opt
 
 void add_bytes(TreeStatistics& row, std::size_t geometry, const Bvh2& binary, const WideBvh& wide) {
   row.wide_node_count = wide.nodes.size();
-  row.wide_leaf_count = wide.blocks.size();
+  row.wide_leaf_count = wide.leaf_count();
   row.wide_depth = wide.depth;
   row.geometry_byte_count = geometry;
   row.binary_byte_count = binary.byte_count();
@@ -38,9 +38,10 @@ void add_bytes(TreeStatistics& row, std::size_t geometry, const Bvh2& binary, co
 
 TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const StatisticsOptions& options) {
   const bool was_binary = blas.quality.node_count > 0;
-  TreeStatistics row = describe(was_binary ? blas.quality : measure_wide_quality(blas.wide), options);
+  TreeStatistics row = describe(was_binary ? blas.quality : measure_wide_quality(blas.wide, blas.mesh), options);
   row.mesh_id = mesh_id;
   row.builder = builder_name(blas.config.builder);
+  row.layout = layout_name(blas.config.layout);
   row.primitive_count = blas.mesh.triangle_count();
   row.vertex_count = blas.mesh.positions.size();
   add_bytes(row, blas.mesh.byte_count(), blas.tree, blas.wide);
@@ -50,6 +51,7 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
 TreeStatistics describe_top_level(const Snapshot& snapshot, const StatisticsOptions& options) {
   TreeStatistics row = describe(measure_quality(snapshot.tlas), options);
   row.builder = snapshot.top_level_builder;
+  row.layout = layout_name(snapshot.top_level.layout);
   row.primitive_count = snapshot.instances.size();
   row.user_count = 1;
   add_bytes(row, snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView)), snapshot.tlas,

@@ -14,7 +14,7 @@ namespace {
 // in nearly the same direction hardly a box reaches further.
 class Search {
  public:
-  explicit Search(const WideBvh& tree) : tree_(tree) {
+  Search(const WideBvh& tree, const TriangleMesh& mesh) : tree_(tree), mesh_(mesh) {
     waiting_.push_back({0.0f, tree.root});
     direction_ = {1, 0, 0};
     reach_ = -Aabb::kInfinity;
@@ -41,7 +41,7 @@ class Search {
       waiting_.pop_back();
       if (now.bound < reach_) continue;
       if (now.child >= kBlockChild) {
-        visit_block(tree_.blocks[now.child - kBlockChild]);
+        visit_leaf(now.child - kBlockChild);
       } else {
         visit_node(tree_.nodes[now.child]);
       }
@@ -64,15 +64,25 @@ class Search {
     if (waiting_.size() > first) std::swap(waiting_[first], waiting_.back());
   }
 
-  void visit_block(const LeafBlock& block) {
-    for (std::size_t lane = 0; lane < 8; ++lane) {
-      const Vec3f vertex{block.vertices[0][lane], block.vertices[1][lane], block.vertices[2][lane]};
-      const float reach = dot(direction_, vertex);
-      if (reach > reach_) reach_ = reach, farthest_ = vertex;
+  void visit_leaf(std::uint32_t leaf) {
+    if (tree_.layout == TreeLayout::kDefault) {
+      const auto& [x, y, z] = tree_.blocks[leaf].vertices;
+      for (std::size_t lane = 0; lane < 8; ++lane) visit_vertex({x[lane], y[lane], z[lane]});
+      return;
+    }
+    for (const std::uint32_t primitive : tree_.indexed_leaves[leaf].primitives) {
+      const TriangleIndices corners = mesh_.triangles[primitive];
+      for (const std::uint32_t i : {corners.x, corners.y, corners.z}) visit_vertex(mesh_.positions[i] * tree_.scale);
     }
   }
 
+  void visit_vertex(Vec3f vertex) {
+    const float reach = dot(direction_, vertex);
+    if (reach > reach_) reach_ = reach, farthest_ = vertex;
+  }
+
   const WideBvh& tree_;
+  const TriangleMesh& mesh_;
   Vec3f direction_{0, 0, 0}, farthest_{0, 0, 0};
   float reach_ = 0;
   std::vector<Waiting> waiting_;
@@ -80,8 +90,9 @@ class Search {
 
 }  // namespace
 
-SupportTable::SupportTable(const WideBvh& tree) : unit_(1.0 / static_cast<double>(tree.scale)) {
-  Search forward(tree), backward(tree);
+SupportTable::SupportTable(const WideBvh& tree, const TriangleMesh& mesh)
+    : unit_(1.0 / static_cast<double>(tree.scale)) {
+  Search forward(tree, mesh), backward(tree, mesh);
   const auto place = [](int cell) { return static_cast<float>(cell) * (2.0f / kCells) - 1.0f; };
   for (int axis = 0; axis < 3; ++axis) {
     for (int row = 0; row <= kCells; ++row) {

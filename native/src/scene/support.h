@@ -14,14 +14,15 @@
 #include <mutex>
 
 #include "math/affine.h"
+#include "mesh/triangle_mesh.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
 
 class SupportTable {
  public:
-  // The tree must not be empty.
-  explicit SupportTable(const WideBvh& tree);
+  // The tree of the mesh, not empty.
+  SupportTable(const WideBvh& tree, const TriangleMesh& mesh);
 
   // Of a mesh's points p: no less than the greatest row . p, and no more than the least.
   struct Range {
@@ -47,8 +48,8 @@ class SupportTable {
 // A table that is made when it is first asked for, on any thread.
 class LazySupport {
  public:
-  [[nodiscard]] const SupportTable& of(const WideBvh& tree) const {
-    std::call_once(made_, [&] { table_ = std::make_unique<const SupportTable>(tree); });
+  [[nodiscard]] const SupportTable& of(const WideBvh& tree, const TriangleMesh& mesh) const {
+    std::call_once(made_, [&] { table_ = std::make_unique<const SupportTable>(tree, mesh); });
     return *table_;
   }
 

@@ -24,6 +24,10 @@ void bring_to_scale(AlignedVector<InstanceView>& views, double world_scale, Thre
 
 }  // namespace
 
+IndexedLeaves view_leaves(const WideBvh& tree, const TriangleMesh& mesh) noexcept {
+  return {tree.indexed_leaves.data(), mesh.triangles.data(), mesh.positions.data(), tree.scale};
+}
+
 InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
   const WideBvh& tree = instance.blas->wide;
   InstanceView view;
@@ -34,7 +38,12 @@ InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
     view.world_to_local[column][3] = 0;
   }
   view.nodes = tree.nodes.data();
-  view.blocks = tree.blocks.data();
+  view.is_compact = tree.layout == TreeLayout::kCompact ? 1 : 0;
+  if (view.is_compact != 0) {
+    view.indexed_leaves = &instance.blas->indexed_leaves;
+  } else {
+    view.blocks = tree.blocks.data();
+  }
   view.extent = tree.extent;
   view.root = tree.root;
   view.mask = tree.is_empty ? 0 : instance.mask;

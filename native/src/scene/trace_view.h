@@ -7,6 +7,9 @@
 
 namespace perfect_bvh {
 
+// What kernels see of the leaves of a compact tree and of its mesh, which must both stay where they are.
+[[nodiscard]] IndexedLeaves view_leaves(const WideBvh& tree, const TriangleMesh& mesh) noexcept;
+
 // The row of a placed instance. Its tree may be stored in a scale of its own; the world's comes in later.
 [[nodiscard]] InstanceView view_of(const Instance& instance, const Affine& world_to_object);
 

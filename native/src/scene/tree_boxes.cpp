@@ -83,7 +83,7 @@ class BoxLister {
   [[nodiscard]] std::int32_t leaf_size(std::uint32_t child) const noexcept {
     if (child < kBlockChild) return 0;
     if (child >= kInstanceChild) return 1;
-    return static_cast<std::int32_t>(triangle_count_of(tree_.blocks[child - kBlockChild]));
+    return static_cast<std::int32_t>(triangle_count_of(tree_, child - kBlockChild));
   }
 
   const WideBvh& tree_;
@@ -103,7 +103,8 @@ const Blas& find_mesh(const Snapshot& snapshot, std::int32_t mesh_id) {
 // The top level's own root box, in its stored scale: a root that is an instance has no node around it.
 Aabb bounds_of_top_level(const Snapshot& snapshot) {
   const WideBvh& tree = snapshot.top_level;
-  if (tree.is_empty || tree.root < kBlockChild) return bounds_of(tree);
+  if (tree.is_empty) return {};
+  if (tree.root < kBlockChild) return node_box(tree.nodes[tree.root]);
   const Aabb box = snapshot.tlas.nodes[0].box();
   return {box.lower * tree.scale, box.upper * tree.scale};
 }
@@ -114,7 +115,7 @@ TreeBoxes list_tree_boxes(const Snapshot& snapshot, std::optional<std::int32_t> 
                           CancelToken& cancel) {
   if (!mesh_id) return BoxLister(snapshot.top_level, bounds_of_top_level(snapshot), {0, 0, 0}).list(levels, cancel);
   const Blas& blas = find_mesh(snapshot, *mesh_id);
-  return BoxLister(blas.wide, bounds_of(blas.wide), blas.mesh.centre).list(levels, cancel);
+  return BoxLister(blas.wide, bounds_of(blas.wide, blas.mesh), blas.mesh.centre).list(levels, cancel);
 }
 
 }  // namespace perfect_bvh

@@ -15,6 +15,7 @@ struct MeshReport {
   MeshAction action = MeshAction::kKept;
   std::string reason;
   std::string builder;      // that made the tree, now or before a refit
+  std::string layout;       // of the tree's leaves
   double milliseconds = 0;  // of all stages; those that follow are 0 where a stage did not run
   double build_milliseconds = 0;
   double optimize_milliseconds = 0;

@@ -12,6 +12,7 @@ namespace perfect_bvh {
 struct TreeStatistics {
   std::int32_t mesh_id = -1;  // -1 for the top level
   std::string builder;        // as in BuildConfig; of the top level see TopLevelReport
+  std::string layout;         // as in BuildConfig; of the top level always "default"
   std::size_t primitive_count = 0;
   std::size_t vertex_count = 0;
   std::size_t user_count = 0;  // instances

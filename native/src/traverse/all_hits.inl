@@ -9,9 +9,10 @@ namespace {
 
 // Lane by lane but for the last triangle's repetitions. Null `hits`: only counts. Returns how many were met, which may
 // be more than there is room for.
+template <class Leaf>
 PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const SceneView& scene, const RayBatch& batch,
-                                        const LeafBlock& block, FoundHit* hits, std::size_t room) noexcept {
-  const LeafTest test = test_leaf(block, slot.triangle, slot.box.t_min, slot.box.t_limit);
+                                        const Leaf& leaf, FoundHit* hits, std::size_t room) noexcept {
+  const LeafTest test = test_leaf(leaf, slot.triangle, slot.box.t_min, slot.box.t_limit);
   if (test.lanes == 0) return 0;
   const LeafCandidates candidates(test);
   const InstanceView& instance = scene.instances[slot.instance];
@@ -19,9 +20,9 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const SceneView& scene
   std::size_t count = 0;
   for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
-    const std::uint32_t primitive = block.primitives[lane];
-    if (lane > 0 && block.primitives[lane - 1] == primitive) continue;
-    const double t = candidate_t(candidates, lane, block, slot.triangle.ray, slot.time);
+    const std::uint32_t primitive = leaf.primitives[lane];
+    if (lane > 0 && leaf.primitives[lane - 1] == primitive) continue;
+    const double t = candidate_t(candidates, lane, leaf, slot.triangle.ray, slot.time);
     if (!is_in_range(t, ray) || is_culled(batch.cull, candidates.sums[lane], slot.triangle.ray, instance)) continue;
     if (hits != nullptr && count < room) {
       const float sum = candidates.sums[lane];
@@ -30,6 +31,14 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const SceneView& scene
     ++count;
   }
   return count;
+}
+
+inline std::size_t visit_whole_leaf(const Slot& slot, const SceneView& scene, const RayBatch& batch, std::uint32_t row,
+                                    FoundHit* hits, std::size_t room) noexcept {
+  if (slot.blocks != nullptr) return take_all(slot, scene, batch, slot.blocks[row], hits, room);
+  GatheredLeaf leaf;
+  gather_leaf(leaf, *scene.instances[slot.instance].indexed_leaves, row);
+  return take_all(slot, scene, batch, leaf, hits, room);
 }
 
 // How many triangles the slot's ray meets; those for which there is room are written to `hits` unless it is null.
@@ -46,7 +55,7 @@ inline std::size_t walk_whole_ray(Slot& slot, const SceneView& scene, const RayB
       slot.top += count_bits(bits(test.hit)) - 1;
     } else if (entry < kInstanceChild) {
       const std::size_t left = count < room ? room - count : 0;
-      count += take_all(slot, scene, batch, slot.blocks[entry - kBlockChild], left ? hits + count : nullptr, left);
+      count += visit_whole_leaf(slot, scene, batch, entry - kBlockChild, left ? hits + count : nullptr, left);
       --slot.top;
     } else if (entry == kLeaveMark) {
       leave_instance<true>(slot, scene, 0);

@@ -142,16 +142,17 @@ inline bool wins_tie(const PointSearch& search, std::uint32_t instance, std::uin
   return first.order != second.order ? first.order < second.order : first.id < second.id;
 }
 
-inline void visit_triangles(PointSearch& search, const PointFrame& frame, const LeafBlock& block,
-                            std::uint32_t instance) noexcept {
-  const int count = block.primitives[3] == block.primitives[7] ? 4 : 8;
+template <class Leaf>
+void visit_triangles(PointSearch& search, const PointFrame& frame, const Leaf& leaf, std::uint32_t instance) noexcept {
+  const int count = leaf.primitives[3] == leaf.primitives[7] ? 4 : 8;
   for (int first = 0; first < count; first += 4) {
     Vectors4 corners[3];
     for (int corner = 0; corner < 3; ++corner) {
       Double4 p[3];
       for (int lane = 0; lane < 4; ++lane) {
-        const std::uint32_t vertex = (block.corners[first + lane] >> (4 * corner)) & 7;
-        for (int axis = 0; axis < 3; ++axis) p[axis][lane] = static_cast<double>(block.vertices[axis][vertex]);
+        for (int axis = 0; axis < 3; ++axis) {
+          p[axis][lane] = static_cast<double>(coordinate(leaf, first + lane, corner, axis));
+        }
       }
       const double* const r = frame.r;
       corners[corner].x = all4(r[0]) * p[0] + all4(r[1]) * p[1] + all4(r[2]) * p[2] - all4(frame.q[0]);
@@ -163,7 +164,7 @@ inline void visit_triangles(PointSearch& search, const PointFrame& frame, const 
       const double squared = found.squared[lane];
       if (!(squared <= search.best) || !(__builtin_sqrt(squared) <= search.query.max_distance)) continue;
       if (!(squared <= kLargestDouble)) continue;  // too far away to say
-      const std::uint32_t primitive = block.primitives[first + lane];
+      const std::uint32_t primitive = leaf.primitives[first + lane];
       const bool is_first = search.nearest.instance_index == kNoHit;
       if (!is_first && squared == search.best && !wins_tie(search, instance, primitive)) continue;
       search.best = squared;
@@ -187,8 +188,12 @@ inline void search_instance(PointSearch& search, std::uint32_t index, std::size_
     if (entry.squared > limit_of(search.best)) continue;
     if (entry.child < kBlockChild) {
       push_children(search, frame, instance.nodes[entry.child]);
+    } else if (const std::uint32_t row = entry.child - kBlockChild; instance.is_compact == 0) {
+      visit_triangles(search, frame, instance.blocks[row], index);
     } else {
-      visit_triangles(search, frame, instance.blocks[entry.child - kBlockChild], index);
+      GatheredLeaf leaf;
+      gather_leaf(leaf, *instance.indexed_leaves, row);
+      visit_triangles(search, frame, leaf, index);
     }
   }
 }

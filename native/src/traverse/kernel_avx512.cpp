@@ -1,5 +1,6 @@
 // The kernels for AVX-512 (F, BW, DQ, VL).
 #include "math/triangle_distance.h"
+#include "traverse/gather_avx.h"
 #include "traverse/kernel_table.h"
 #include "traverse/ray_setup_avx.h"
 #include "traverse/simd_avx512.h"

@@ -1,5 +1,6 @@
 // The kernels for any machine.
 #include "math/triangle_distance.h"
+#include "traverse/gather_scalar.h"
 #include "traverse/kernel_table.h"
 #include "traverse/ray_setup_scalar.h"
 #include "traverse/simd_scalar.h"

@@ -1,6 +1,6 @@
-// The eight triangles of a leaf block against a ray: math/triangle.h, eight at a time. Every kernel's leaf visit is
-// made of these functions, so that each of them gives a triangle the same t. Part of stream_kernel.inl: everything has
-// internal linkage.
+// The eight triangles of a leaf against a ray: math/triangle.h, eight at a time. Every kernel's leaf visit is made of
+// these functions, so that each of them gives a triangle the same t. A `Leaf` is a LeafBlock, or the GatheredLeaf that
+// was made of an IndexedLeaf. Part of stream_kernel.inl: everything has internal linkage.
 
 // Of each lane; `lanes` has those whose t may be in range.
 struct LeafTest {
@@ -15,9 +15,12 @@ PERFECT_BVH_INLINE Float difference(Float a, Float b, Float c, Float d) noexcept
   return add(fmsub(a, b, product), fnmadd(c, d, product));
 }
 
-template <bool kFast = false>
-PERFECT_BVH_INLINE LeafTest test_leaf(const LeafBlock& block, const TriangleState& triangle, const float& t_min,
-                                      const float& t_limit) noexcept {
+// From the ray's origin, along the sheared frame's axes.
+struct ShearedCorners {
+  Float8 x0, y0, z0, x1, y1, z1, x2, y2, z2;
+};
+
+PERFECT_BVH_INLINE ShearedCorners shear(const LeafBlock& block, const TriangleState& triangle) noexcept {
   const TriangleRay& ray = triangle.ray;
   const Float8 depth = sub(load_row(block.vertices, triangle.row[2]), broadcast(ray.origin[2]));
   const Float8 across =
@@ -25,9 +28,32 @@ PERFECT_BVH_INLINE LeafTest test_leaf(const LeafBlock& block, const TriangleStat
   const Float8 upward =
       fnmadd(broadcast(ray.shear_y), depth, sub(load_row(block.vertices, triangle.row[1]), broadcast(ray.origin[1])));
   const Int8 corner0 = load(block.corners), corner1 = shift_right<4>(corner0), corner2 = shift_right<8>(corner0);
-  const Float8 x0 = permute(across, corner0), y0 = permute(upward, corner0), z0 = permute(depth, corner0);
-  const Float8 x1 = permute(across, corner1), y1 = permute(upward, corner1), z1 = permute(depth, corner1);
-  const Float8 x2 = permute(across, corner2), y2 = permute(upward, corner2), z2 = permute(depth, corner2);
+  return {permute(across, corner0), permute(upward, corner0), permute(depth, corner0),
+          permute(across, corner1), permute(upward, corner1), permute(depth, corner1),
+          permute(across, corner2), permute(upward, corner2), permute(depth, corner2)};
+}
+
+PERFECT_BVH_INLINE void shear_corner(const float (*rows)[8], const TriangleState& triangle, Float8& x, Float8& y,
+                                     Float8& z) noexcept {
+  const TriangleRay& ray = triangle.ray;
+  z = sub(load_row(rows, triangle.row[2]), broadcast(ray.origin[2]));
+  x = fnmadd(broadcast(ray.shear_x), z, sub(load_row(rows, triangle.row[0]), broadcast(ray.origin[0])));
+  y = fnmadd(broadcast(ray.shear_y), z, sub(load_row(rows, triangle.row[1]), broadcast(ray.origin[1])));
+}
+
+PERFECT_BVH_INLINE ShearedCorners shear(const GatheredLeaf& leaf, const TriangleState& triangle) noexcept {
+  ShearedCorners at;
+  shear_corner(leaf.corners[0], triangle, at.x0, at.y0, at.z0);
+  shear_corner(leaf.corners[1], triangle, at.x1, at.y1, at.z1);
+  shear_corner(leaf.corners[2], triangle, at.x2, at.y2, at.z2);
+  return at;
+}
+
+template <bool kFast = false, class Leaf>
+PERFECT_BVH_INLINE LeafTest test_leaf(const Leaf& leaf, const TriangleState& triangle, const float& t_min,
+                                      const float& t_limit) noexcept {
+  const TriangleRay& ray = triangle.ray;
+  const auto [x0, y0, z0, x1, y1, z1, x2, y2, z2] = shear(leaf, triangle);
   const Float8 weight0 = difference<kFast>(x2, y1, y2, x1);
   const Float8 weight1 = difference<kFast>(x0, y2, y0, x2);
   const Float8 weight2 = difference<kFast>(x1, y0, y1, x0);
@@ -48,15 +74,22 @@ struct LeafCandidates {
   alignas(32) float t[8], sums[8], weights_v1[8], weights_v2[8];
 };
 
+inline float coordinate(const LeafBlock& block, int lane, int corner, int axis) noexcept {
+  return block.vertices[axis][(block.corners[lane] >> (4 * corner)) & 7];
+}
+inline float coordinate(const GatheredLeaf& leaf, int lane, int corner, int axis) noexcept {
+  return leaf.corners[corner][axis][lane];
+}
+
 // In the ray's own terms; near zero it is refined.
-PERFECT_BVH_INLINE double candidate_t(const LeafCandidates& candidates, int lane, const LeafBlock& block,
+template <class Leaf>
+PERFECT_BVH_INLINE double candidate_t(const LeafCandidates& candidates, int lane, const Leaf& leaf,
                                       const TriangleRay& ray, const TimeFrame& time) noexcept {
   float local_t = candidates.t[lane];
   if (magnitude(local_t) <= ray.refine_below) {
     float corners[3][3];
     for (int corner = 0; corner < 3; ++corner) {
-      const std::uint32_t vertex = (block.corners[lane] >> (4 * corner)) & 7;
-      for (int i = 0; i < 3; ++i) corners[corner][i] = block.vertices[ray.axes[i]][vertex];
+      for (int i = 0; i < 3; ++i) corners[corner][i] = coordinate(leaf, lane, corner, ray.axes[i]);
     }
     local_t = refine_t(ray, corners[0], corners[1], corners[2], local_t);
   }
@@ -83,8 +116,9 @@ inline bool wins_tie(const InstanceView* instances, std::uint32_t instance, std:
 }
 
 // Without the last one's repetitions.
-inline std::uint32_t count_triangles(const LeafBlock& block) noexcept {
+template <class Leaf>
+inline std::uint32_t count_triangles(const Leaf& leaf) noexcept {
   std::uint32_t count = 1;
-  for (int lane = 1; lane < 8; ++lane) count += block.primitives[lane] != block.primitives[lane - 1] ? 1u : 0u;
+  for (int lane = 1; lane < 8; ++lane) count += leaf.primitives[lane] != leaf.primitives[lane - 1] ? 1u : 0u;
   return count;
 }

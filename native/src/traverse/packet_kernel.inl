@@ -45,7 +45,7 @@ struct PacketWalk {
       if (!kAny && nears[top] > lone.box.t_limit) continue;
       const std::uint32_t next = children[top];
       if (next >= kBlockChild) {
-        if (test_leaf_alone<kAny, kFast>(packet, level, level.blocks[next - kBlockChild], i, lone) && kAny) return;
+        if (visit_leaf_alone<kAny, kFast>(packet, level, next - kBlockChild, i, lone) && kAny) return;
         continue;
       }
       const WideNode& node = level.nodes[next];
@@ -105,7 +105,7 @@ struct PacketWalk {
         if constexpr (kTop) {
           enter_instance(level, entering(level, box, first), child, top);
         } else {
-          visit_packet_leaf<kAny, kFast>(packet, level, level.blocks[child - kBlockChild], box, first);
+          visit_packet_leaf<kAny, kFast>(packet, level, child - kBlockChild, box, first);
         }
         continue;
       }
@@ -156,7 +156,7 @@ struct PacketWalk {
     if (rays == 0) return;
     rays = map_packet(packet, rays, instance);
     PacketLevel level;
-    level.nodes = instance.nodes, level.blocks = instance.blocks, level.boxes = &packet.local;
+    level.nodes = instance.nodes, level.blocks = blocks_of(instance), level.boxes = &packet.local;
     level.instance = &instance, level.instance_index = index;
     for (RaySet left = rays; left != 0;) {
       const RaySet alike = of_one_key(packet.local_rays, left, level.key);

@@ -1,4 +1,4 @@
-// A leaf block against a packet's rays. Where many of a vector's rays enter the leaf, lanes are rays and the triangles
+// A leaf against a packet's rays. Where many of a vector's rays enter the leaf, lanes are rays and the triangles
 // come one at a time; where few do, lanes are triangles and the rays come one at a time. Either way the arithmetic is
 // that of math/triangle.h, operation by operation, so the bits are the same.
 // Part of packet_kernel.inl: everything has internal linkage.
@@ -6,7 +6,7 @@
 // The tree that a packet is in, for rays of one key.
 struct PacketLevel {
   const WideNode* nodes;
-  const LeafBlock* blocks;
+  const LeafBlock* blocks;  // null: the tree is a compact one
   PacketBoxes* boxes;
   PacketBounds bounds;
   RaySet members;
@@ -63,10 +63,9 @@ PERFECT_BVH_INLINE bool take_packet_hit(Packet& packet, const PacketLevel& level
 }
 
 // Ray i against all triangles. True if its best hit is a new one (any hit: if there is one).
-template <bool kAny, bool kFast>
-bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& block, unsigned i,
-                     LoneRay& lone) noexcept {
-  const LeafTest test = test_leaf<kFast>(block, lone.triangle, lone.box.t_min, lone.box.t_limit);
+template <bool kAny, bool kFast, class Leaf>
+bool test_leaf_alone(Packet& packet, const PacketLevel& level, const Leaf& leaf, unsigned i, LoneRay& lone) noexcept {
+  const LeafTest test = test_leaf<kFast>(leaf, lone.triangle, lone.box.t_min, lone.box.t_limit);
   if (test.lanes == 0) return false;
   const LeafCandidates candidates(test);
   const TimeFrame time = packet.local_rays.time(i);
@@ -74,10 +73,10 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& 
   bool is_new = false;
   for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
-    const double t = candidate_t(candidates, lane, block, lone.triangle.ray, time);
+    const double t = candidate_t(candidates, lane, leaf, lone.triangle.ray, time);
     if (is_culled(packet.cull, candidates.sums[lane], lone.triangle.ray, *level.instance)) continue;
     const Weights weights{candidates.weights_v1[lane], candidates.weights_v2[lane], candidates.sums[lane]};
-    if (!take_packet_hit(packet, level, i, block.primitives[lane], t, weights)) continue;
+    if (!take_packet_hit(packet, level, i, leaf.primitives[lane], t, weights)) continue;
     is_new = true;
     if constexpr (kAny) break;
   }
@@ -86,19 +85,66 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const LeafBlock& 
 }
 
 // A leaf's vertices and corners, as packets read them.
-struct LeafCorners {
-  alignas(32) float x[8], y[8], z[8];  // along the sheared frame's axes; from the rays' origin if they share it
+template <class Leaf>
+struct LeafCorners;
+
+// Along the sheared frame's axes; from the rays' origin if they share it.
+PERFECT_BVH_INLINE void store_vertices(float* x, float* y, float* z, const PacketLevel& level,
+                                       const float (*rows)[8]) noexcept {
+  float* const to[3] = {x, y, z};
+  for (int k = 0; k < 3; ++k) {
+    const Float8 row = load(rows[level.key.axes[k]]);
+    store(to[k], level.shares_origin ? sub(row, broadcast(level.shared_origin[level.key.axes[k]])) : row);
+  }
+}
+
+template <>
+struct LeafCorners<LeafBlock> {
+  alignas(32) float x[8], y[8], z[8];
+  const LeafBlock& leaf;
   unsigned triangle_count, vertex_count;
 
-  LeafCorners(const PacketLevel& level, const LeafBlock& block) noexcept {
-    float* const to[3] = {x, y, z};
-    for (int k = 0; k < 3; ++k) {
-      const Float8 row = load(block.vertices[level.key.axes[k]]);
-      store(to[k], level.shares_origin ? sub(row, broadcast(level.shared_origin[level.key.axes[k]])) : row);
-    }
+  LeafCorners(const PacketLevel& level, const LeafBlock& block) noexcept : leaf(block) {
+    store_vertices(x, y, z, level, block.vertices);
     triangle_count = count_distinct(block.primitives);
     const unsigned used = used_corners(block.corners);
     vertex_count = 32 - static_cast<unsigned>(__builtin_clz(used));
+  }
+};
+
+// Vertex 8 k + i is corner k of triangle i.
+template <>
+struct LeafCorners<GatheredLeaf> {
+  alignas(32) float x[24], y[24], z[24];
+  const GatheredLeaf& leaf;
+  unsigned triangle_count;
+
+  LeafCorners(const PacketLevel& level, const GatheredLeaf& gathered) noexcept : leaf(gathered) {
+    for (int k = 0; k < 3; ++k) store_vertices(x + 8 * k, y + 8 * k, z + 8 * k, level, gathered.corners[k]);
+    triangle_count = count_triangles(gathered);
+  }
+};
+
+// Vertices from the rays' origins, along the sheared frame's axes.
+struct PacketVertices {
+  RayFloat across[8], upward[8], depth[8];
+
+  template <bool kShared>
+  PERFECT_BVH_INLINE void place(unsigned to, const Packet& packet, const PacketLevel& level, unsigned first, float x,
+                                float y, float z) noexcept {
+    const RayFloat shear_x = load_rays(packet.triangles.shear_x + first);
+    const RayFloat shear_y = load_rays(packet.triangles.shear_y + first);
+    if constexpr (kShared) {
+      depth[to] = every_ray(z);
+      across[to] = fnmadd(shear_x, depth[to], every_ray(x));
+      upward[to] = fnmadd(shear_y, depth[to], every_ray(y));
+    } else {
+      const auto& origin = packet.local_rays.narrow_origin;
+      const std::uint8_t* const axes = level.key.axes;
+      depth[to] = sub(every_ray(z), load_rays(origin[axes[2]] + first));
+      across[to] = fnmadd(shear_x, depth[to], sub(every_ray(x), load_rays(origin[axes[0]] + first)));
+      upward[to] = fnmadd(shear_y, depth[to], sub(every_ray(y), load_rays(origin[axes[1]] + first)));
+    }
   }
 };
 
@@ -124,36 +170,36 @@ unsigned take_moved_hits(Packet& packet, const PacketLevel& level, std::uint32_t
 
 // Rays `first` and on, those in `lanes`, against all triangles, one at a time. The hits that surely count are taken
 // here; rays whose hits need a closer look (near the origin, as far as the best one) are returned.
-template <bool kAny, bool kFast, bool kShared>
-unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBlock& block, const LeafCorners& leaf,
-                        unsigned first, unsigned lanes) noexcept {
+template <bool kAny, bool kFast, bool kShared, class Leaf>
+unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafCorners<Leaf>& leaf, unsigned first,
+                        unsigned lanes) noexcept {
   const PacketTriangles& triangles = packet.triangles;
   const PacketRays& rays = packet.local_rays;
   const std::uint8_t* const axes = level.key.axes;
   PacketHits& hits = packet.hits;
   float* const limits = level.boxes->t_limit + first;
-  RayFloat across[8], upward[8], depth[8];
-  const RayFloat shear_x = load_rays(triangles.shear_x + first), shear_y = load_rays(triangles.shear_y + first);
-  for (unsigned i = 0; i < leaf.vertex_count; ++i) {
-    if constexpr (kShared) {
-      depth[i] = every_ray(leaf.z[i]);
-      across[i] = fnmadd(shear_x, depth[i], every_ray(leaf.x[i]));
-      upward[i] = fnmadd(shear_y, depth[i], every_ray(leaf.y[i]));
-    } else {
-      depth[i] = sub(every_ray(leaf.z[i]), load_rays(rays.narrow_origin[axes[2]] + first));
-      across[i] = fnmadd(shear_x, depth[i], sub(every_ray(leaf.x[i]), load_rays(rays.narrow_origin[axes[0]] + first)));
-      upward[i] = fnmadd(shear_y, depth[i], sub(every_ray(leaf.y[i]), load_rays(rays.narrow_origin[axes[1]] + first)));
-    }
+  constexpr bool kIsBlock = __is_same(Leaf, LeafBlock);
+  PacketVertices at;
+  const auto place = [&](unsigned to, unsigned vertex) __attribute__((always_inline)) {
+    at.place<kShared>(to, packet, level, first, leaf.x[vertex], leaf.y[vertex], leaf.z[vertex]);
+  };
+  if constexpr (kIsBlock) {
+    for (unsigned i = 0; i < leaf.vertex_count; ++i) place(i, i);
   }
   const RayFloat none = every_ray(0.0f);
   const unsigned turned = level.key.runs_down != (level.instance->mirrored != 0) ? ~0u : 0u;
   unsigned doubtful = 0;
   for (unsigned i = 0; i < leaf.triangle_count; ++i) {
-    const std::uint32_t corners = block.corners[i];
-    const unsigned a = corners & 7, b = corners >> 4 & 7, c = corners >> 8 & 7;
-    const RayFloat weight0 = difference<kFast>(across[c], upward[b], upward[c], across[b]);
-    const RayFloat weight1 = difference<kFast>(across[a], upward[c], upward[a], across[c]);
-    const RayFloat weight2 = difference<kFast>(across[b], upward[a], upward[b], across[a]);
+    unsigned a = 0, b = 1, c = 2;
+    if constexpr (kIsBlock) {
+      const std::uint32_t corners = leaf.leaf.corners[i];
+      a = corners & 7, b = corners >> 4 & 7, c = corners >> 8 & 7;
+    } else {
+      place(0, i), place(1, 8 + i), place(2, 16 + i);
+    }
+    const RayFloat weight0 = difference<kFast>(at.across[c], at.upward[b], at.upward[c], at.across[b]);
+    const RayFloat weight1 = difference<kFast>(at.across[a], at.upward[c], at.upward[a], at.across[c]);
+    const RayFloat weight2 = difference<kFast>(at.across[b], at.upward[a], at.upward[b], at.across[a]);
     const RayFloat least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
     const RayFloat sum = add(add(weight0, weight1), weight2);
     unsigned inside = bits(both(either(less_equal(none, least), less_equal(most, none)), not_equal(sum, none))) & lanes;
@@ -162,7 +208,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
       inside &= packet.cull == Cull::kFront ? ~front : front;
     }
     if (inside == 0) continue;
-    const RayFloat t = div(fmadd(weight2, depth[c], fmadd(weight1, depth[b], mul(weight0, depth[a]))),
+    const RayFloat t = div(fmadd(weight2, at.depth[c], fmadd(weight1, at.depth[b], mul(weight0, at.depth[a]))),
                            mul(sum, load_rays(rays.narrow_direction[axes[2]] + first)));
     const RayFloat limit = load_rays(limits);
     const unsigned from = bits(less_equal(load_rays(level.boxes->t_min + first), t));
@@ -172,7 +218,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
       doubtful |= inside & at_origin;
       const unsigned found = inside & from & up_to & ~at_origin;
       if (found == 0) continue;
-      lanes &= ~take_moved_hits<kAny>(packet, level, block.primitives[i], first, found, t, weight1, weight2, sum);
+      lanes &= ~take_moved_hits<kAny>(packet, level, leaf.leaf.primitives[i], first, found, t, weight1, weight2, sum);
       continue;
     }
     doubtful |= inside & (at_origin | (from & up_to & ~before));
@@ -189,7 +235,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
       store_some(hits.weight_v1 + first, mask, weight1);
       store_some(hits.weight_v2 + first, mask, weight2);
       store_some(hits.weight_sum + first, mask, sum);
-      store_some(hits.primitive + first, mask, block.primitives[i]);
+      store_some(hits.primitive + first, mask, leaf.leaf.primitives[i]);
     }
   }
   return kAny ? doubtful & lanes : doubtful;
@@ -198,22 +244,54 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafBloc
 // Vectors with no more rays in a leaf take them one at a time.
 constexpr unsigned kFewInLeaf = kRayLanes / 8;
 
-template <bool kAny, bool kFast>
-void visit_packet_leaf(Packet& packet, PacketLevel& level, const LeafBlock& block, const float* box,
-                       unsigned begin) noexcept {
-  const LeafCorners leaf(level, block);
+template <bool kAny, bool kFast, class Leaf>
+PERFECT_BVH_INLINE void test_leaf_together(Packet& packet, PacketLevel& level, const Leaf& leaf, const float* box,
+                                           unsigned begin) noexcept {
+  const LeafCorners<Leaf> corners(level, leaf);
   for (unsigned first = begin; first < packet.lanes; first += kRayLanes) {
     unsigned lanes = test_box(*level.boxes, level.key.rows, box, first);
     if (lanes == 0) continue;
     if (count_bits(lanes) > kFewInLeaf) {
-      lanes = level.shares_origin ? test_triangles<kAny, kFast, true>(packet, level, block, leaf, first, lanes)
-                                  : test_triangles<kAny, kFast, false>(packet, level, block, leaf, first, lanes);
+      lanes = level.shares_origin ? test_triangles<kAny, kFast, true>(packet, level, corners, first, lanes)
+                                  : test_triangles<kAny, kFast, false>(packet, level, corners, first, lanes);
     }
     for (; lanes != 0; lanes &= lanes - 1) {
       const unsigned i = first + static_cast<unsigned>(__builtin_ctz(lanes));
       LoneRay lone(packet, level, i);
-      test_leaf_alone<kAny, kFast>(packet, level, block, i, lone);
+      test_leaf_alone<kAny, kFast>(packet, level, leaf, i, lone);
     }
   }
   level.bounds.t_limit = highest_limit(packet, *level.boxes);
+}
+
+template <bool kAny, bool kFast>
+__attribute__((noinline)) void visit_indexed_leaf_together(Packet& packet, PacketLevel& level, std::uint32_t row,
+                                                           const float* box, unsigned begin) noexcept {
+  GatheredLeaf leaf;
+  gather_leaf(leaf, *level.instance->indexed_leaves, row);
+  test_leaf_together<kAny, kFast>(packet, level, leaf, box, begin);
+}
+
+// The rays from `begin` on that enter `box` against all triangles of a leaf.
+template <bool kAny, bool kFast>
+void visit_packet_leaf(Packet& packet, PacketLevel& level, std::uint32_t row, const float* box,
+                       unsigned begin) noexcept {
+  if (level.blocks == nullptr) return visit_indexed_leaf_together<kAny, kFast>(packet, level, row, box, begin);
+  test_leaf_together<kAny, kFast>(packet, level, level.blocks[row], box, begin);
+}
+
+template <bool kAny, bool kFast>
+__attribute__((noinline)) bool visit_indexed_leaf_alone(Packet& packet, const PacketLevel& level, std::uint32_t row,
+                                                        unsigned i, LoneRay& lone) noexcept {
+  GatheredLeaf leaf;
+  gather_leaf(leaf, *level.instance->indexed_leaves, row);
+  return test_leaf_alone<kAny, kFast>(packet, level, leaf, i, lone);
+}
+
+// As test_leaf_alone.
+template <bool kAny, bool kFast>
+PERFECT_BVH_INLINE bool visit_leaf_alone(Packet& packet, const PacketLevel& level, std::uint32_t row, unsigned i,
+                                         LoneRay& lone) noexcept {
+  if (level.blocks == nullptr) return visit_indexed_leaf_alone<kAny, kFast>(packet, level, row, i, lone);
+  return test_leaf_alone<kAny, kFast>(packet, level, level.blocks[row], i, lone);
 }

@@ -11,9 +11,9 @@ struct alignas(64) Slot {
 
   TriangleState triangle;
   const WideNode* nodes;
-  const LeafBlock* blocks;
-  std::uint32_t ray;       // row in the batch
-  std::uint32_t instance;  // being traversed; row in the scene
+  const LeafBlock* blocks;  // null: the tree is a compact one
+  std::uint32_t ray;        // row in the batch
+  std::uint32_t instance;   // being traversed; row in the scene
 
   double best_t;  // in the ray's own terms; last_t(t_max) before the first hit
   float u, v;
@@ -38,6 +38,11 @@ inline void drop_far_entries(Slot& slot, std::size_t nears_offset) noexcept {
     kept += keep_near(children + i, nears + i, left < 8 ? left : 8, limit, children + kept, nears + kept);
   }
   slot.top = kept - 1;
+}
+
+// Null: the leaves are indexed.
+inline const LeafBlock* blocks_of(const InstanceView& instance) noexcept {
+  return instance.is_compact != 0 ? nullptr : instance.blocks;
 }
 
 // Takes on a new ray. False if it can hit nothing.
@@ -76,7 +81,7 @@ inline bool enter_instance(Slot& slot, const SceneView& scene, const Ray& ray) n
   if (!stands_near(local, reach) && !bring_near(local, reach)) return false;
   slot.time = local.time;
   slot.nodes = instance.nodes;
-  slot.blocks = instance.blocks;
+  slot.blocks = blocks_of(instance);
   set_states(slot.box, slot.triangle, local, instance.extent);
   slot.box.t_min = to_local_min(slot.time, static_cast<double>(ray.t_min));
   slot.box.t_limit = to_local_max(slot.time, slot.best_t);

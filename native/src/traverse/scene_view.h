@@ -5,25 +5,40 @@
 #include <cstdint>
 
 #include "math/slab.h"
+#include "math/vec3.h"
 #include "stats/ray_counts.h"
 #include "traverse/ray.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
 
+// The leaves of a compact tree, and where their vertices are: in the mesh, in its own scale. A mesh's positions are
+// readable for kReadableBehind bytes past the last.
+struct IndexedLeaves {
+  const IndexedLeaf* rows = nullptr;
+  const Vec3<std::uint32_t>* triangles = nullptr;
+  const Vec3f* positions = nullptr;
+  float scale = 1.0f;  // of the tree as stored
+};
+
 struct alignas(64) InstanceView {
   // Columns x, y, z, translation, from the scene's scale to the tree's; the fourth row is 0.
   alignas(32) double world_to_local[4][4];
   const WideNode* nodes;
-  const LeafBlock* blocks;
+  union {
+    const LeafBlock* blocks;              // of the default layout
+    const IndexedLeaves* indexed_leaves;  // of the compact one
+  };
   TreeExtent extent;
   std::uint32_t root;
   std::uint32_t mask;  // 0 for an instance over nothing
-  std::uint32_t mirrored;
+  std::uint16_t mirrored;
+  std::uint16_t is_compact;
   std::int32_t id;
   std::int64_t order;
   float scale;  // of the tree as stored
 };
+static_assert(sizeof(InstanceView) == 192);  // every ray that enters an instance reads all of it
 
 struct SceneView {
   const WideNode* nodes = nullptr;

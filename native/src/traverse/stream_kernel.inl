@@ -65,10 +65,10 @@ PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
   stream.other_count += others;
 }
 
-// Leaf block and ray meet: looks closer at the triangles in `lanes`, whose t may be in range. True if the best hit is
+// Leaf and ray meet: looks closer at the triangles in `lanes`, whose t may be in range. True if the best hit is
 // a new one (any hit: if there is one).
-template <bool kAny>
-bool take_hits(Slot& slot, const Stream& stream, const LeafBlock& block, unsigned lanes,
+template <bool kAny, class Leaf>
+bool take_hits(Slot& slot, const Stream& stream, const Leaf& leaf, unsigned lanes,
                const LeafCandidates& candidates) noexcept {
   const InstanceView& instance = stream.scene.instances[slot.instance];
   const Ray& ray = stream.batch.rays[slot.ray];
@@ -76,10 +76,10 @@ bool take_hits(Slot& slot, const Stream& stream, const LeafBlock& block, unsigne
   bool is_new = false;
   for (; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
-    const double t = candidate_t(candidates, lane, block, slot.triangle.ray, slot.time);
+    const double t = candidate_t(candidates, lane, leaf, slot.triangle.ray, slot.time);
     if (!(is_in_range(t, ray) && t <= slot.best_t)) continue;
     if (is_culled(cull, candidates.sums[lane], slot.triangle.ray, instance)) continue;
-    const std::uint32_t primitive = block.primitives[lane];
+    const std::uint32_t primitive = leaf.primitives[lane];
     if (t == slot.best_t && slot.hit_instance != kNoHit &&
         !wins_tie(stream.scene.instances, slot.instance, primitive, slot.hit_instance, slot.hit_primitive)) {
       continue;
@@ -95,20 +95,28 @@ bool take_hits(Slot& slot, const Stream& stream, const LeafBlock& block, unsigne
   return is_new;
 }
 
-template <bool kAny, bool kCounts, bool kFast>
-PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const LeafBlock& block) noexcept {
-  const LeafTest test = test_leaf<kFast>(block, slot.triangle, slot.box.t_min, slot.box.t_limit);
-  if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_triangles(block);
+template <bool kAny, bool kCounts, bool kFast, class Leaf>
+PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const Leaf& leaf) noexcept {
+  const LeafTest test = test_leaf<kFast>(leaf, slot.triangle, slot.box.t_min, slot.box.t_limit);
+  if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_triangles(leaf);
   --slot.top;
   if (test.lanes == 0) return;
   const LeafCandidates candidates(test);
-  if (!take_hits<kAny>(slot, stream, block, test.lanes, candidates)) return;
+  if (!take_hits<kAny>(slot, stream, leaf, test.lanes, candidates)) return;
   if constexpr (kAny) {
     slot.top = 0;
   } else {
     slot.box.t_limit = to_local_max(slot.time, slot.best_t);
     drop_far_entries(slot, stream.nears_offset);
   }
+}
+
+// Of a compact tree.
+template <bool kAny, bool kCounts, bool kFast>
+__attribute__((noinline)) void visit_indexed_leaf(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
+  GatheredLeaf leaf;
+  gather_leaf(leaf, *stream.scene.instances[slot.instance].indexed_leaves, row);
+  visit_leaf<kAny, kCounts, kFast>(stream, slot, leaf);
 }
 
 template <bool kAny, bool kCounts, bool kFast>
@@ -118,7 +126,12 @@ PERFECT_BVH_INLINE void visit_leaves(Stream& stream) noexcept {
   for (std::size_t i = 0; i < count; ++i) {
     Slot& slot = *stream.at_leaf[i];
     std::uint32_t* const stack = stack_of(slot);
-    visit_leaf<kAny, kCounts, kFast>(stream, slot, slot.blocks[stack[slot.top] - kBlockChild]);
+    const std::uint32_t row = stack[slot.top] - kBlockChild;
+    if (slot.blocks != nullptr) {
+      visit_leaf<kAny, kCounts, kFast>(stream, slot, slot.blocks[row]);
+    } else {
+      visit_indexed_leaf<kAny, kCounts, kFast>(stream, slot, row);
+    }
     stream.at_node[nodes] = &slot;
     stream.at_other[others] = &slot;
     const std::uint32_t is_other = stack[slot.top] >> 31;

@@ -10,11 +10,13 @@
 namespace perfect_bvh {
 namespace {
 
-WideBvh collapse(const Bvh2& given, const TriangleMesh* mesh, ThreadPool& pool, CancelToken& cancel) {
+WideBvh collapse(const Bvh2& given, const TriangleMesh* mesh, TreeLayout layout, ThreadPool& pool,
+                 CancelToken& cancel) {
   WideBvh wide;
+  wide.layout = layout;
   if (given.empty()) return wide;
   const TriangleIndices* const triangles = mesh ? mesh->triangles.data() : nullptr;
-  const Bvh2 split = split_leaves(given, triangles, pool, cancel);
+  const Bvh2 split = split_leaves(given, triangles, layout, pool, cancel);
   const Bvh2& tree = split.empty() ? given : split;
   const Aabb bounds = tree.bounds();
   wide.is_empty = false;
@@ -27,19 +29,20 @@ WideBvh collapse(const Bvh2& given, const TriangleMesh* mesh, ThreadPool& pool, 
   // is met by many rays.
   constexpr float kMemory = 10.0f;
   if (mesh != nullptr) costs.memory = std::min(kMemory, static_cast<float>(tree.prim_indices.size()) / 64.0f);
-  const auto decisions = plan_collapse(tree, triangles, costs, pool, cancel);
+  const auto decisions = plan_collapse(tree, triangles, layout, costs, pool, cancel);
   emit_wide(tree, mesh, decisions, wide, pool, cancel);
   return wide;
 }
 
 }  // namespace
 
-WideBvh collapse_mesh(const Bvh2& tree, const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel) {
-  return collapse(tree, &mesh, pool, cancel);
+WideBvh collapse_mesh(const Bvh2& tree, const TriangleMesh& mesh, TreeLayout layout, ThreadPool& pool,
+                      CancelToken& cancel) {
+  return collapse(tree, &mesh, layout, pool, cancel);
 }
 
 WideBvh collapse_top_level(const Bvh2& tree, ThreadPool& pool, CancelToken& cancel) {
-  return collapse(tree, nullptr, pool, cancel);
+  return collapse(tree, nullptr, TreeLayout::kDefault, pool, cancel);
 }
 
 }  // namespace perfect_bvh

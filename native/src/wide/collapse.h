@@ -5,6 +5,7 @@
 
 #include <span>
 
+#include "build/build_config.h"
 #include "build/bvh2.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
@@ -13,7 +14,8 @@
 
 namespace perfect_bvh {
 
-[[nodiscard]] WideBvh collapse_mesh(const Bvh2& tree, const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel);
+[[nodiscard]] WideBvh collapse_mesh(const Bvh2& tree, const TriangleMesh& mesh, TreeLayout layout, ThreadPool& pool,
+                                    CancelToken& cancel);
 
 // Over instances (their world boxes): leaves refer to one each.
 [[nodiscard]] WideBvh collapse_top_level(const Bvh2& tree, ThreadPool& pool, CancelToken& cancel);

@@ -53,8 +53,10 @@ struct PlannedPair {
 // Pairs wait on a stack: backwards through depth-first order, a node's children are on top when it is their turn.
 class Planner {
  public:
-  Planner(const Bvh2& tree, const TriangleIndices* triangles, const CollapseCosts& costs, CollapseDecision* decisions)
+  Planner(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layout, const CollapseCosts& costs,
+          CollapseDecision* decisions)
       : tree_(tree),
+        limits_vertices_(layout == TreeLayout::kDefault),
         triangles_(tree.has_full_leaves ? nullptr : triangles),
         costs_(costs),
         memory_cost_(costs.memory * area_of(tree.nodes[0], costs) / static_cast<float>(tree.prim_indices.size())),
@@ -134,8 +136,10 @@ class Planner {
     contents.reference_count = node.count;
     for (std::uint32_t i = 0; i < node.count; ++i) {
       const std::uint32_t primitive = tree_.prim_indices[node.first + i];
-      const TriangleIndices corners = triangles_[primitive];
-      contents.vertices.add(corners.x, corners.y, corners.z);
+      if (limits_vertices_) {
+        const TriangleIndices corners = triangles_[primitive];
+        contents.vertices.add(corners.x, corners.y, corners.z);
+      }
       if (!tree_.refittable) contents.primitives.add(primitive);
     }
     contents.fits = !contents.vertices.overflows();
@@ -152,13 +156,14 @@ class Planner {
       both.primitives.add(right.primitives);
       both.fits = !both.primitives.overflows();
     }
-    if (!both.fits) return;
+    if (!both.fits || !limits_vertices_) return;
     both.vertices = left.vertices;
     both.vertices.add(right.vertices);
     both.fits = !both.vertices.overflows();
   }
 
   const Bvh2& tree_;
+  const bool limits_vertices_;
   const TriangleIndices* triangles_;  // null where no leaves can be joined
   const CollapseCosts costs_;
   const float memory_cost_;
@@ -194,20 +199,20 @@ std::vector<Part> make_parts(const Bvh2& tree) {
 
 }  // namespace
 
-AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const TriangleIndices* triangles,
+AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layout,
                                               const CollapseCosts& costs, ThreadPool& pool, CancelToken& cancel) {
   AlignedVector<CollapseDecision> decisions(tree.nodes.size());
   const std::vector<Part> parts = make_parts(tree);
   std::vector<PlannedPair> planned(parts.size());
   parallel_for(pool, parts.size(), 1, [&](std::size_t begin, std::size_t end) {
-    Planner planner(tree, triangles, costs, decisions.data());
+    Planner planner(tree, triangles, layout, costs, decisions.data());
     for (std::size_t i = begin; i < end; ++i) {
       if (!parts[i].is_subtree) continue;
       cancel.checkpoint();
       planned[i] = planner.plan_below(parts[i].begin, parts[i].end);
     }
   });
-  Planner planner(tree, triangles, costs, decisions.data());
+  Planner planner(tree, triangles, layout, costs, decisions.data());
   for (std::size_t i = parts.size(); i-- > 0;) {
     if (parts[i].is_subtree) {
       planner.push(planned[i]);

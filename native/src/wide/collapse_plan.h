@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 
+#include "build/build_config.h"
 #include "build/bvh2.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
@@ -37,7 +38,7 @@ static_assert(sizeof(CollapseDecision) == 8);
 // of the wide tree (see split_leaves). One decision for each node. Throws EngineError if the tree is not in depth-first
 // order.
 [[nodiscard]] AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const TriangleIndices* triangles,
-                                                            const CollapseCosts& costs, ThreadPool& pool,
-                                                            CancelToken& cancel);
+                                                            TreeLayout layout, const CollapseCosts& costs,
+                                                            ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

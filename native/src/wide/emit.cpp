@@ -19,7 +19,7 @@ struct Children {
 };
 
 struct Totals {
-  std::size_t nodes = 0, blocks = 0;
+  std::size_t nodes = 0, leaves = 0;
   std::uint32_t depth = 0;
 };
 
@@ -63,7 +63,7 @@ struct Part {
   std::uint32_t lane;    // there
   bool is_subtree;
   Totals totals;  // of what is in it
-  std::size_t first_node = 0, first_block = 0;
+  std::size_t first_node = 0, first_leaf = 0;
 };
 
 constexpr std::uint32_t kSubtreeSize = 8192;  // binary nodes below what is one piece of work
@@ -80,7 +80,7 @@ class Emitter {
       const Waiting now = waiting_.back();
       waiting_.pop_back();
       if (plan_.is_leaf(now.range.node)) {
-        ++totals.blocks;
+        ++totals.leaves;
         continue;
       }
       ++totals.nodes;
@@ -95,7 +95,7 @@ class Emitter {
 
   void write(const Part& part) {
     next_node_ = static_cast<std::uint32_t>(part.first_node);
-    next_block_ = static_cast<std::uint32_t>(part.first_block);
+    next_leaf_ = static_cast<std::uint32_t>(part.first_leaf);
     if (!part.is_subtree) {
       static_cast<void>(write_node(plan_.children_of(part.range)));
       return;
@@ -113,7 +113,7 @@ class Emitter {
   [[nodiscard]] std::uint32_t child_of(const Part& part) const {
     if (!plan_.is_leaf(part.range.node)) return static_cast<std::uint32_t>(part.first_node);
     if (mesh_ == nullptr) return instance_of(part.range.node);
-    return kBlockChild + static_cast<std::uint32_t>(part.first_block);
+    return kBlockChild + static_cast<std::uint32_t>(part.first_leaf);
   }
 
  private:
@@ -152,8 +152,12 @@ class Emitter {
     if (mesh_ == nullptr) return instance_of(binary);
     primitive_count_ = 0;
     collect(binary);
-    wide_.blocks[next_block_] = make_leaf_block(primitives_.data(), primitive_count_, *mesh_, wide_.scale);
-    return kBlockChild + next_block_++;
+    if (wide_.layout == TreeLayout::kCompact) {
+      wide_.indexed_leaves[next_leaf_] = make_indexed_leaf(primitives_.data(), primitive_count_);
+    } else {
+      wide_.blocks[next_leaf_] = make_leaf_block(primitives_.data(), primitive_count_, *mesh_, wide_.scale);
+    }
+    return kBlockChild + next_leaf_++;
   }
 
   // A subtree that fits into a leaf is at most 7 levels deep.
@@ -179,7 +183,7 @@ class Emitter {
   std::vector<Waiting> waiting_;
   std::array<std::uint32_t, 8> primitives_;
   std::uint32_t primitive_count_ = 0;
-  std::uint32_t next_node_ = 0, next_block_ = 0;
+  std::uint32_t next_node_ = 0, next_leaf_ = 0;
 };
 
 // In depth-first order.
@@ -209,7 +213,7 @@ void check_limits(const Totals& totals, const Bvh2& tree, bool is_top_level) {
     if (*std::max_element(rows.begin(), rows.end()) >= kMostInstances) {
       throw EngineError("the scene has more instances than a tree can refer to");
     }
-  } else if (totals.blocks >= kMostBlocks) {
+  } else if (totals.leaves >= kMostBlocks) {
     throw EngineError("the mesh has more leaves than a tree can refer to");
   }
 }
@@ -235,15 +239,16 @@ void emit_wide(const Bvh2& tree, const TriangleMesh* mesh, std::span<const Colla
   Totals totals;
   for (Part& part : parts) {
     part.first_node = totals.nodes;
-    part.first_block = totals.blocks;
+    part.first_leaf = totals.leaves;
     totals.nodes += part.totals.nodes;
-    totals.blocks += part.totals.blocks;
+    totals.leaves += part.totals.leaves;
     totals.depth = std::max(totals.depth, part.totals.depth);
   }
   check_limits(totals, tree, mesh == nullptr);
   wide.depth = totals.depth;
   wide.nodes.resize(totals.nodes);
-  wide.blocks.resize(mesh == nullptr ? 0 : totals.blocks);
+  if (mesh != nullptr && wide.layout == TreeLayout::kCompact) wide.indexed_leaves.resize(totals.leaves);
+  if (mesh != nullptr && wide.layout == TreeLayout::kDefault) wide.blocks.resize(totals.leaves);
   for_parts([](Emitter& emitter, Part& part) { emitter.write(part); });
   const Emitter emitter(plan, mesh, wide);
   wide.root = emitter.child_of(parts[0]);

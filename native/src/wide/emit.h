@@ -12,9 +12,9 @@
 
 namespace perfect_bvh {
 
-// Fills in nodes, blocks, root and depth; scale must be set. Mesh: null for a top level. Threads share out subtrees:
-// they first count what each will need, then write it where it belongs. Throws EngineError if the tree gets more nodes,
-// leaves or instances than a child can refer to.
+// Fills in nodes, leaves, root and depth; scale and layout must be set. Mesh: null for a top level. Threads share out
+// subtrees: they first count what each will need, then write it where it belongs. Throws EngineError if the tree gets
+// more nodes, leaves or instances than a child can refer to.
 void emit_wide(const Bvh2& tree, const TriangleMesh* mesh, std::span<const CollapseDecision> decisions, WideBvh& wide,
                ThreadPool& pool, CancelToken& cancel);
 

@@ -160,15 +160,17 @@ class Assembly {
 
 }  // namespace
 
-WideBvh build_fast_wide(const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel) {
+WideBvh build_fast_wide(const TriangleMesh& mesh, TreeLayout layout, ThreadPool& pool, CancelToken& cancel) {
   WideBvh wide;
+  wide.layout = layout;
   if (mesh.triangle_count() == 0) return wide;
-  MortonLeaves leaves = make_morton_leaves(mesh, pool, cancel);
+  MortonLeaves leaves = make_morton_leaves(mesh, layout, pool, cancel);
   wide.is_empty = false;
   wide.scale = leaves.scale;
   wide.extent = tree_extent(leaves.bounds, leaves.scale);
   wide.blocks = std::move(leaves.blocks);
-  if (wide.blocks.size() == 1) {
+  wide.indexed_leaves = std::move(leaves.indexed_leaves);
+  if (wide.leaf_count() == 1) {
     wide.root = kBlockChild;
     return wide;
   }

@@ -1,9 +1,10 @@
 // A wide tree straight from a mesh, without a binary tree in between that would be kept: for topology that changes
-// every frame. Leaf blocks along a Morton curve, clustered in place, collapsed as they are: a third to a quarter of the
+// every frame. Leaves along a Morton curve, clustered in place, collapsed as they are: a third to a quarter of the
 // time of any builder whose tree is collapsed afterwards.
 // In: a mesh. Out: a WideBvh, the same bytes for any number of threads.
 #pragma once
 
+#include "build/build_config.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "mesh/triangle_mesh.h"
@@ -12,6 +13,7 @@
 namespace perfect_bvh {
 
 // Empty over no triangles. Throws Cancelled, EngineError, bad_alloc.
-[[nodiscard]] WideBvh build_fast_wide(const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel);
+[[nodiscard]] WideBvh build_fast_wide(const TriangleMesh& mesh, TreeLayout layout, ThreadPool& pool,
+                                      CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -14,9 +14,9 @@ void order(std::uint32_t& a, std::uint32_t& b) noexcept {
   a = smaller;
 }
 
-// A sorting network of 19 comparisons (Knuth, TAOCP 3, 5.3.4): no branch to be guessed. The places past count come to
-// hold the largest number there is.
-std::array<std::uint32_t, 8> sort(const std::uint32_t* numbers, std::uint32_t count) noexcept {
+// By ascending number: then the first of several equal hits in a leaf is the one that wins ties. A sorting network of
+// 19 comparisons (Knuth, TAOCP 3, 5.3.4): no branch to be guessed. The places past count repeat the last number.
+void write_sorted(const std::uint32_t* numbers, std::uint32_t count, std::uint32_t* sorted) noexcept {
   std::array<std::uint32_t, 8> v;
   for (std::uint32_t i = 0; i < 8; ++i) v[i] = i < count ? numbers[i] : ~0u;
   order(v[0], v[1]), order(v[2], v[3]), order(v[4], v[5]), order(v[6], v[7]);
@@ -26,7 +26,8 @@ std::array<std::uint32_t, 8> sort(const std::uint32_t* numbers, std::uint32_t co
   order(v[1], v[4]), order(v[3], v[6]);
   order(v[2], v[4]), order(v[3], v[5]);
   order(v[3], v[4]);
-  return v;
+  std::copy(v.begin(), v.end(), sorted);
+  std::fill(sorted + count, sorted + 8, sorted[count - 1]);
 }
 
 }  // namespace
@@ -34,9 +35,7 @@ std::array<std::uint32_t, 8> sort(const std::uint32_t* numbers, std::uint32_t co
 LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, const TriangleMesh& mesh,
                           float scale) noexcept {
   LeafBlock block;
-  // By ascending number: then the first of several equal hits in a block is the one that wins ties.
-  const std::array<std::uint32_t, 8> sorted = sort(primitives, count);
-  std::copy(sorted.begin(), sorted.end(), block.primitives);
+  write_sorted(primitives, count, block.primitives);
   SmallSet vertices;
   for (std::uint32_t i = 0; i < count; ++i) {
     const TriangleIndices corners = mesh.triangles[block.primitives[i]];
@@ -44,13 +43,18 @@ LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, 
     block.corners[i] = x | y << 4 | z << 8;
   }
   std::fill(block.corners + count, block.corners + 8, block.corners[count - 1]);
-  std::fill(block.primitives + count, block.primitives + 8, block.primitives[count - 1]);
   const std::array<std::uint32_t, 8> numbers = vertices.numbers();
   for (std::uint32_t i = 0; i < 8; ++i) {
     const Vec3f position = mesh.positions[numbers[i]];
     for (int axis = 0; axis < 3; ++axis) block.vertices[axis][i] = position[axis] * scale;
   }
   return block;
+}
+
+IndexedLeaf make_indexed_leaf(const std::uint32_t* primitives, std::uint32_t count) noexcept {
+  IndexedLeaf leaf;
+  write_sorted(primitives, count, leaf.primitives);
+  return leaf;
 }
 
 }  // namespace perfect_bvh

@@ -12,4 +12,7 @@ namespace perfect_bvh {
 [[nodiscard]] LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, const TriangleMesh& mesh,
                                         float scale) noexcept;
 
+// The same triangles as a leaf of the compact layout: 1 to 8, over any number of vertices.
+[[nodiscard]] IndexedLeaf make_indexed_leaf(const std::uint32_t* primitives, std::uint32_t count) noexcept;
+
 }  // namespace perfect_bvh

@@ -4,16 +4,18 @@
 #include <cstdint>
 #include <span>
 
+#include "build/build_config.h"
 #include "mesh/triangle_mesh.h"
 #include "wide/small_set.h"
 
 namespace perfect_bvh {
 
-// Whether different triangles fit into one leaf: at most 8 of them, over at most 8 vertices.
-[[nodiscard]] inline bool fit_one_leaf(std::span<const std::uint32_t> numbers,
-                                       const TriangleIndices* triangles) noexcept {
+// Whether different triangles fit into one leaf: at most 8 of them; in the default layout over at most 8 vertices.
+[[nodiscard]] inline bool fit_one_leaf(std::span<const std::uint32_t> numbers, const TriangleIndices* triangles,
+                                       TreeLayout layout) noexcept {
   if (numbers.size() <= 2) return true;  // they have 6 corners
   if (numbers.size() > SmallSet::kMost) return false;
+  if (layout == TreeLayout::kCompact) return true;
   SmallSet vertices;
   for (const std::uint32_t number : numbers) {
     const TriangleIndices corners = triangles[number];

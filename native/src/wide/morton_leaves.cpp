@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/errors.h"
+#include "wide/leaf_block.h"
 #include "wide/run_cutter.h"
 #include "wide/tree_scale.h"
 #include "wide/triangle_order.h"
@@ -81,12 +82,12 @@ void write_triangles(LeafBlock& block, const TriangleOrder& order, std::size_t f
 }
 
 // In as many parts as there are threads: each needs a memory of all vertices.
-void cut_chunks(const TriangleMesh& mesh, const TriangleOrder& order, std::vector<RunChunk>& chunks, ThreadPool& pool,
-                CancelToken& cancel) {
+void cut_chunks(const TriangleMesh& mesh, const TriangleOrder& order, TreeLayout layout, std::vector<RunChunk>& chunks,
+                ThreadPool& pool, CancelToken& cancel) {
   const auto threads = static_cast<std::size_t>(pool.thread_count());
   const std::size_t part = (chunks.size() + threads - 1) / threads;
   parallel_for(pool, chunks.size(), part, [&](std::size_t begin, std::size_t end) {
-    RunCutter cutter(mesh, order);
+    RunCutter cutter(mesh, order, layout);
     for (std::size_t i = begin; i < end; ++i) {
       cancel.checkpoint();
       cutter.cut(i * kRunChunk, std::min(mesh.triangle_count(), (i + 1) * kRunChunk), chunks[i]);
@@ -110,9 +111,30 @@ void fill_blocks(const TriangleOrder& order, std::size_t begin, const RunChunk& 
   }
 }
 
+// The same for the compact layout.
+void fill_indexed_leaves(const TriangleMesh& mesh, const TriangleOrder& order, std::size_t begin, const RunChunk& chunk,
+                         std::size_t row, MortonLeaves& leaves) noexcept {
+  constexpr std::size_t kAhead = 16;  // triangles fetched before they are needed
+  const Float4 scale(leaves.scale);
+  const std::size_t last = order.sorted.size() - 1;
+  for (const std::uint8_t size : chunk.sizes) {
+    std::array<std::uint32_t, kLeafSize> numbers;
+    Box4 box = Box4::empty();
+    for (std::size_t i = 0; i < size; ++i) {
+      __builtin_prefetch(&mesh.triangles[order.triangle(std::min(begin + i + kAhead, last))]);
+      numbers[i] = order.triangle(begin + i);
+      const TriangleIndices corners = mesh.triangles[numbers[i]];
+      for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) box.grow(order.vertices[vertex] * scale);
+    }
+    leaves.indexed_leaves[row] = make_indexed_leaf(numbers.data(), size);
+    leaves.boxes[row++] = make_cluster(box, order.code(begin), order.code(begin + size - 1));
+    begin += size;
+  }
+}
+
 }  // namespace
 
-MortonLeaves make_morton_leaves(const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel) {
+MortonLeaves make_morton_leaves(const TriangleMesh& mesh, TreeLayout layout, ThreadPool& pool, CancelToken& cancel) {
   const std::size_t count = mesh.triangle_count();
   if (count > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max())) {
     throw EngineError("the mesh has more triangles than a tree can refer to");
@@ -123,17 +145,24 @@ MortonLeaves make_morton_leaves(const TriangleMesh& mesh, ThreadPool& pool, Canc
   leaves.scale = tree_scale(leaves.bounds);
 
   std::vector<RunChunk> chunks((count + kRunChunk - 1) / kRunChunk);
-  cut_chunks(mesh, order, chunks, pool, cancel);
-  std::vector<std::size_t> first_blocks(chunks.size() + 1);
-  for (std::size_t i = 0; i < chunks.size(); ++i) first_blocks[i + 1] = first_blocks[i] + chunks[i].sizes.size();
-  if (first_blocks.back() > kMostBlocks) throw EngineError("the mesh has more leaves than a tree can refer to");
-  leaves.blocks.resize(first_blocks.back());
-  leaves.boxes.reserve(most_clusters(first_blocks.back()));
-  leaves.boxes.resize(first_blocks.back());
+  cut_chunks(mesh, order, layout, chunks, pool, cancel);
+  std::vector<std::size_t> first_leaves(chunks.size() + 1);
+  for (std::size_t i = 0; i < chunks.size(); ++i) first_leaves[i + 1] = first_leaves[i] + chunks[i].sizes.size();
+  if (first_leaves.back() > kMostBlocks) throw EngineError("the mesh has more leaves than a tree can refer to");
+  const bool is_compact = layout == TreeLayout::kCompact;
+  leaves.blocks.resize(is_compact ? 0 : first_leaves.back());
+  leaves.indexed_leaves.resize(is_compact ? first_leaves.back() : 0);
+  leaves.boxes.reserve(most_clusters(first_leaves.back()));
+  leaves.boxes.resize(first_leaves.back());
   parallel_for(pool, count, kRunChunk, [&](std::size_t begin, std::size_t end) {
     cancel.checkpoint();
     RunChunk& chunk = chunks[begin / kRunChunk];
-    fill_blocks(order, begin, chunk, first_blocks[begin / kRunChunk], leaves);
+    const std::size_t row = first_leaves[begin / kRunChunk];
+    if (is_compact) {
+      fill_indexed_leaves(mesh, order, begin, chunk, row, leaves);
+    } else {
+      fill_blocks(order, begin, chunk, row, leaves);
+    }
     chunk = {};
     cancel.advance(end - begin);
   });

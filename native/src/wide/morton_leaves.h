@@ -1,6 +1,6 @@
 // The leaves of a wide tree straight from a mesh: triangles put in the order of their Morton codes and cut into runs
-// that fit into leaf blocks (Morton 1966; Lauterbach et al. 2009, "Fast BVH construction on GPUs").
-// In: a mesh. Out: leaf blocks along the curve, and their boxes.
+// that fit into leaves (Morton 1966; Lauterbach et al. 2009, "Fast BVH construction on GPUs").
+// In: a mesh. Out: leaves along the curve, and their boxes.
 #pragma once
 
 #include "build/locally_ordered.h"
@@ -13,13 +13,15 @@
 namespace perfect_bvh {
 
 struct MortonLeaves {
-  AlignedVector<LeafBlock> blocks;
-  AlignedVector<Cluster> boxes;  // of the blocks, in the tree's scale
+  AlignedVector<LeafBlock> blocks;  // or, in the compact layout:
+  AlignedVector<IndexedLeaf> indexed_leaves;
+  AlignedVector<Cluster> boxes;  // of the leaves, in the tree's scale
   Aabb bounds;                   // of all triangles, in the mesh's
-  float scale = 1.0f;            // of the blocks: see WideBvh
+  float scale = 1.0f;            // of the tree: see WideBvh
 };
 
 // The same bytes for any number of threads. The mesh is not empty. Throws Cancelled, EngineError, bad_alloc.
-[[nodiscard]] MortonLeaves make_morton_leaves(const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel);
+[[nodiscard]] MortonLeaves make_morton_leaves(const TriangleMesh& mesh, TreeLayout layout, ThreadPool& pool,
+                                              CancelToken& cancel);
 
 }  // namespace perfect_bvh

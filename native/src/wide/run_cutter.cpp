@@ -26,17 +26,21 @@ constexpr Newness kNewness = make_newness();
 
 }  // namespace
 
-RunCutter::RunCutter(const TriangleMesh& mesh, const TriangleOrder& order)
-    : mesh_(mesh), order_(order), last_corner_(mesh.positions.size(), kLongAgo), newness_(kRunChunk) {}
+RunCutter::RunCutter(const TriangleMesh& mesh, const TriangleOrder& order, TreeLayout layout)
+    : mesh_(mesh),
+      order_(order),
+      limits_vertices_(layout == TreeLayout::kDefault),
+      last_corner_(limits_vertices_ ? mesh.positions.size() : 0, kLongAgo),
+      newness_(kRunChunk, 0u) {}
 
 void RunCutter::cut(std::size_t begin, std::size_t end, RunChunk& chunk) {
-  chunk.corners.resize(3 * (end - begin));
-  chunk.way_back.resize(3 * (end - begin));
-  match_corners(begin, end, chunk);
+  if (limits_vertices_) match_corners(begin, end, chunk);
   choose_runs(begin, end, chunk);
 }
 
-void RunCutter::match_corners(std::size_t begin, std::size_t end, RunChunk& chunk) noexcept {
+void RunCutter::match_corners(std::size_t begin, std::size_t end, RunChunk& chunk) {
+  chunk.corners.resize(3 * (end - begin));
+  chunk.way_back.resize(3 * (end - begin));
   for (std::size_t i = begin; i < end; ++i) {
     if (i + kAhead < end) __builtin_prefetch(&mesh_.triangles[order_.triangle(i + kAhead)]);
     const TriangleIndices triangle = mesh_.triangles[order_.triangle(i)];

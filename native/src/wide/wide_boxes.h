@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "math/aabb.h"
+#include "mesh/triangle_mesh.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
@@ -14,27 +15,36 @@ namespace perfect_bvh {
           {node.planes[1][lane], node.planes[3][lane], node.planes[5][lane]}};
 }
 
-[[nodiscard]] inline Aabb block_box(const LeafBlock& block) noexcept {
+// Of all its children.
+[[nodiscard]] inline Aabb node_box(const WideNode& node) noexcept {
   Aabb box;
-  for (int i = 0; i < 8; ++i) {
-    box.grow(Vec3f{block.vertices[0][i], block.vertices[1][i], block.vertices[2][i]});
-  }
+  for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) box.grow(child_box(node, lane));
   return box;
 }
 
-[[nodiscard]] inline std::uint32_t triangle_count_of(const LeafBlock& block) noexcept {
+// The eight places of a leaf of whatever layout. The last of its triangles is repeated.
+[[nodiscard]] inline const std::uint32_t* primitives_of(const WideBvh& tree, std::uint32_t leaf) noexcept {
+  return tree.layout == TreeLayout::kCompact ? tree.indexed_leaves[leaf].primitives : tree.blocks[leaf].primitives;
+}
+
+[[nodiscard]] inline std::uint32_t triangle_count_of(const WideBvh& tree, std::uint32_t leaf) noexcept {
+  const std::uint32_t* const primitives = primitives_of(tree, leaf);
   std::uint32_t count = 1;
-  for (int i = 1; i < 8; ++i) count += block.primitives[i] != block.primitives[i - 1] ? 1u : 0u;
+  for (int i = 1; i < 8; ++i) count += primitives[i] != primitives[i - 1] ? 1u : 0u;
   return count;
 }
 
-// Of a tree over triangles; empty for an empty tree.
-[[nodiscard]] inline Aabb bounds_of(const WideBvh& tree) noexcept {
+// Of whole triangles, which a clipped box above the leaf may not hold.
+[[nodiscard]] inline Aabb leaf_box(const WideBvh& tree, const TriangleMesh& mesh, std::uint32_t leaf) noexcept {
   Aabb box;
-  if (tree.is_empty) return box;
-  if (tree.root >= kBlockChild) return block_box(tree.blocks[tree.root - kBlockChild]);
-  for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) box.grow(child_box(tree.nodes[tree.root], lane));
-  return box;
+  for (std::uint32_t i = 0; i < 8; ++i) box.grow(mesh.triangle_box(primitives_of(tree, leaf)[i]));
+  return {box.lower * tree.scale, box.upper * tree.scale};
+}
+
+// Of a tree over the mesh's triangles; empty for an empty tree.
+[[nodiscard]] inline Aabb bounds_of(const WideBvh& tree, const TriangleMesh& mesh) noexcept {
+  if (tree.is_empty) return {};
+  return tree.root < kBlockChild ? node_box(tree.nodes[tree.root]) : leaf_box(tree, mesh, tree.root - kBlockChild);
 }
 
 }  // namespace perfect_bvh

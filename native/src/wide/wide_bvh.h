@@ -1,15 +1,18 @@
-// The tree that rays are traced through: nodes of 8 children, leaves of up to 8 triangles over up to 8 vertices.
-// The same bytes for every instruction set. It serves both levels: over the triangles of a mesh, and over instances.
+// The tree that rays are traced through: nodes of 8 children, leaves of up to 8 triangles. The same bytes for every
+// instruction set. It serves both levels: over the triangles of a mesh, and over instances.
 //
-// A leaf holds each of its vertices once, and 3 bits for each corner of a triangle: a kernel moves and shears 8
-// vertices, then deals them out to the corners by register permutation. Against nine floats a triangle that halves
-// the bytes read and takes no longer; what it costs is that a leaf is full at 8 vertices.
+// A leaf of the default layout holds each of its vertices once, and 3 bits for each corner of a triangle: a kernel
+// moves and shears 8 vertices, then deals them out to the corners by register permutation. Against nine floats a
+// triangle that halves the bytes read and takes no longer; what it costs is that a leaf is full at 8 vertices. A leaf
+// of the compact layout holds the triangles' numbers alone, and vertices are read from the mesh at each visit: half the
+// memory, mesh included, for a fifth of the speed.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
 
+#include "build/build_config.h"
 #include "core/aligned.h"
 #include "math/slab.h"
 
@@ -17,7 +20,7 @@ namespace perfect_bvh {
 
 inline constexpr std::uint32_t kWideWidth = 8;
 
-// What a child is, in its highest bits. 0: a node, by row. 10: a leaf block, by row. 110: an instance, by row (the top
+// What a child is, in its highest bits. 0: a node, by row. 10: a leaf, by row. 110: an instance, by row (the top
 // level's leaves). 111: the kernels' own marks on their stacks. No child is row 0 of the nodes, the root: so 0 stands
 // for an empty place, whose box is inverted, so that no ray enters it.
 inline constexpr std::uint32_t kBlockChild = 0x80000000u;
@@ -44,20 +47,30 @@ struct alignas(32) LeafBlock {
 };
 static_assert(sizeof(LeafBlock) == 160 && std::is_trivially_copyable_v<LeafBlock>);
 
+struct alignas(32) IndexedLeaf {
+  std::uint32_t primitives[8];  // as in a block
+};
+static_assert(sizeof(IndexedLeaf) == 32 && std::is_trivially_copyable_v<IndexedLeaf>);
+
 struct WideBvh {
   AlignedVector<WideNode> nodes;
-  AlignedVector<LeafBlock> blocks;  // empty in a top level
-  std::uint32_t root = kNoChild;    // a node (row 0) or a leaf
-  std::uint32_t depth = 0;          // nodes on the longest way from the root to a leaf
-  bool is_empty = true;             // over nothing: `root` means nothing
-  bool repeats_triangles = false;   // spatial splits: a triangle may stand in several leaves
+  // One of the two, as the layout says; both are empty in a top level.
+  AlignedVector<LeafBlock> blocks;
+  AlignedVector<IndexedLeaf> indexed_leaves;
+  TreeLayout layout = TreeLayout::kDefault;
+  std::uint32_t root = kNoChild;   // a node (row 0) or a leaf
+  std::uint32_t depth = 0;         // nodes on the longest way from the root to a leaf
+  bool is_empty = true;            // over nothing: `root` means nothing
+  bool repeats_triangles = false;  // spatial splits: a triangle may stand in several leaves
   // Boxes and vertices are stored times this power of two: 1, unless the coordinates are so large or so small that
   // products of them would leave the range of float.
   float scale = 1.0f;
   TreeExtent extent{};  // of the boxes as stored
 
+  [[nodiscard]] std::size_t leaf_count() const noexcept { return blocks.size() + indexed_leaves.size(); }
   [[nodiscard]] std::size_t byte_count() const noexcept {
-    return nodes.size() * sizeof(WideNode) + blocks.size() * sizeof(LeafBlock);
+    return nodes.size() * sizeof(WideNode) + blocks.size() * sizeof(LeafBlock) +
+           indexed_leaves.size() * sizeof(IndexedLeaf);
   }
 };
 

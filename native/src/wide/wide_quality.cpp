@@ -35,16 +35,16 @@ class WideValidator {
       : tree_(tree),
         mesh_(mesh),
         node_is_seen_(tree.nodes.size(), false),
-        block_is_seen_(tree.blocks.size(), false),
+        leaf_is_seen_(tree.leaf_count(), false),
         references_(mesh.triangle_count(), 0) {}
 
   std::string find_fault(bool once) {
     if (tree_.is_empty) return references_.empty() ? "" : "the tree is empty but there are triangles";
-    waiting_.push_back({tree_.root, bounds_of(tree_), 1});
+    waiting_.push_back({tree_.root, bounds_of(tree_, mesh_), 1});
     while (!waiting_.empty()) {
       const Entry entry = waiting_.back();
       waiting_.pop_back();
-      const std::string fault = entry.child >= kBlockChild ? visit_block(entry) : visit_node(entry);
+      const std::string fault = entry.child >= kBlockChild ? visit_leaf(entry) : visit_node(entry);
       if (!fault.empty()) return fault;
     }
     return check_totals(once);
@@ -79,33 +79,38 @@ class WideValidator {
     return "";
   }
 
-  std::string visit_block(const Entry& entry) {
+  std::string visit_leaf(const Entry& entry) {
     const std::uint32_t row = entry.child - kBlockChild;
-    if (row >= tree_.blocks.size()) return at("past the array", "leaf", row);
-    if (block_is_seen_[row]) return at("reached twice", "leaf", row);
-    block_is_seen_[row] = true;
-    const LeafBlock& block = tree_.blocks[row];
+    if (row >= tree_.leaf_count()) return at("past the array", "leaf", row);
+    if (leaf_is_seen_[row]) return at("reached twice", "leaf", row);
+    leaf_is_seen_[row] = true;
+    const std::uint32_t* const primitives = primitives_of(tree_, row);
     for (std::uint32_t lane = 0; lane < 8; ++lane) {
-      const std::uint32_t primitive = block.primitives[lane];
+      const std::uint32_t primitive = primitives[lane];
       if (primitive >= references_.size()) return at("refers to no triangle", "leaf", row);
-      if (lane > 0 && primitive < block.primitives[lane - 1]) return at("triangles out of order", "leaf", row);
-      if (lane == 0 || primitive != block.primitives[lane - 1]) ++references_[primitive];
-      if (!holds_corners(block, lane, entry.box)) return at("a vertex that is not the triangle's", "leaf", row);
+      if (lane > 0 && primitive < primitives[lane - 1]) return at("triangles out of order", "leaf", row);
+      if (lane == 0 || primitive != primitives[lane - 1]) ++references_[primitive];
+      if (!holds_corners(row, lane, entry.box)) return at("a vertex that is not the triangle's", "leaf", row);
     }
     return "";
   }
 
   // A clipped box holds a part of the triangle only: then some of the corners lie outside.
-  [[nodiscard]] bool holds_corners(const LeafBlock& block, std::uint32_t lane, const Aabb& box) {
-    const TriangleIndices corners = mesh_.triangles[block.primitives[lane]];
+  [[nodiscard]] bool holds_corners(std::uint32_t leaf, std::uint32_t lane, const Aabb& box) {
+    const TriangleIndices corners = mesh_.triangles[primitives_of(tree_, leaf)[lane]];
     const std::uint32_t vertices[3] = {corners.x, corners.y, corners.z};
     for (std::uint32_t corner = 0; corner < 3; ++corner) {
-      const std::uint32_t place = (block.corners[lane] >> (4 * corner)) & 7u;
-      const Vec3f stored{block.vertices[0][place], block.vertices[1][place], block.vertices[2][place]};
-      if (!(stored == mesh_.positions[vertices[corner]] * tree_.scale)) return false;
-      has_corner_outside_ |= !box.contains({stored, stored});
+      const Vec3f vertex = mesh_.positions[vertices[corner]] * tree_.scale;
+      if (tree_.layout == TreeLayout::kDefault && !(stored_corner(leaf, lane, corner) == vertex)) return false;
+      has_corner_outside_ |= !box.contains({vertex, vertex});
     }
     return true;
+  }
+
+  [[nodiscard]] Vec3f stored_corner(std::uint32_t leaf, std::uint32_t lane, std::uint32_t corner) const {
+    const LeafBlock& block = tree_.blocks[leaf];
+    const std::uint32_t place = (block.corners[lane] >> (4 * corner)) & 7u;
+    return {block.vertices[0][place], block.vertices[1][place], block.vertices[2][place]};
   }
 
   std::string check_totals(bool once) const {
@@ -115,13 +120,13 @@ class WideValidator {
       if (once && references_[i] > 1) return "triangle " + std::to_string(i) + " is in two leaves";
     }
     if (std::find(node_is_seen_.begin(), node_is_seen_.end(), false) != node_is_seen_.end()) return "a lost node";
-    if (std::find(block_is_seen_.begin(), block_is_seen_.end(), false) != block_is_seen_.end()) return "a lost leaf";
+    if (std::find(leaf_is_seen_.begin(), leaf_is_seen_.end(), false) != leaf_is_seen_.end()) return "a lost leaf";
     return deepest_ == tree_.depth ? "" : "depth is " + std::to_string(deepest_) + ", not as stored";
   }
 
   const WideBvh& tree_;
   const TriangleMesh& mesh_;
-  std::vector<bool> node_is_seen_, block_is_seen_;
+  std::vector<bool> node_is_seen_, leaf_is_seen_;
   std::vector<std::uint32_t> references_;  // of each triangle
   std::vector<Entry> waiting_;
   std::uint32_t deepest_ = 0;
@@ -130,18 +135,18 @@ class WideValidator {
 
 }  // namespace
 
-TreeQuality measure_wide_quality(const WideBvh& tree) {
+TreeQuality measure_wide_quality(const WideBvh& tree, const TriangleMesh& mesh) {
   TreeQuality quality;
   if (tree.is_empty) return quality;
-  const double root_area = half_area(bounds_of(tree));
+  const double root_area = half_area(bounds_of(tree, mesh));
   double node_area = tree.nodes.empty() ? 0 : root_area, test_area = 0, overlap = 0;
-  const auto add_leaf = [&](const LeafBlock& block, double area) {
-    const std::uint32_t count = triangle_count_of(block);
+  const auto add_leaf = [&](std::uint32_t leaf, double area) {
+    const std::uint32_t count = triangle_count_of(tree, leaf);
     test_area += area * count;
     quality.reference_count += count;
     quality.max_leaf_size = std::max(quality.max_leaf_size, count);
   };
-  if (tree.nodes.empty()) add_leaf(tree.blocks[tree.root - kBlockChild], root_area);
+  if (tree.nodes.empty()) add_leaf(tree.root - kBlockChild, root_area);
   for (const WideNode& node : tree.nodes) {
     overlap += overlap_of_children(node);
     for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
@@ -150,12 +155,12 @@ TreeQuality measure_wide_quality(const WideBvh& tree) {
       if (node.child[lane] < kBlockChild) {
         node_area += area;
       } else {
-        add_leaf(tree.blocks[node.child[lane] - kBlockChild], area);
+        add_leaf(node.child[lane] - kBlockChild, area);
       }
     }
   }
-  quality.leaf_count = tree.blocks.size();
-  quality.node_count = tree.nodes.size() + tree.blocks.size();
+  quality.leaf_count = tree.leaf_count();
+  quality.node_count = tree.nodes.size() + tree.leaf_count();
   quality.primitive_count = quality.reference_count;
   quality.depth = tree.depth;
   quality.byte_count = tree.byte_count();

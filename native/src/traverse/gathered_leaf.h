@@ -1,0 +1,14 @@
+// A leaf of the compact layout as it is tested: its triangles' corners, read from the mesh and brought to the tree's
+// scale. They are the floats that a LeafBlock would hold, and what is made of them are the same bits.
+#pragma once
+
+#include <cstdint>
+
+namespace perfect_bvh {
+
+struct alignas(32) GatheredLeaf {
+  float corners[3][3][8];  // first, second, third corner; x, y, z; of the eight triangles
+  std::uint32_t primitives[8];
+};
+
+}  // namespace perfect_bvh
