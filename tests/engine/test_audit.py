@@ -38,6 +38,20 @@ def test_right_answers_pass(scene_and_triangles, cull):
     assert 0 <= hits.audit.doubtful_count < 300
 
 
+def test_triangles_tiny_beside_their_distance_raise_no_alarm():
+    size = 0.985 ** np.arange(3000)
+    zero = np.zeros_like(size)
+    corners = np.stack([(zero, zero, zero), (size, zero, size), (zero, size, size)]).transpose(2, 0, 1)
+    positions = corners.reshape(-1, 3).astype(np.float32)
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh(positions, np.arange(len(positions), dtype=np.int32).reshape(-1, 3)))
+    scene.commit()
+    random = np.random.default_rng(13)
+    origins = random.uniform(-1.0, 1.0, (300, 3))
+    towards = corners[random.integers(0, len(corners), 300)].mean(axis=1)
+    assert scene.cast_rays(origins, towards - origins, audit=1.0).audit.wrong_rows.size == 0
+
+
 def spoil(hits: perfect_bvh.Hits) -> list[np.ndarray]:
     """Answers of which many are wrong in one of several ways: t, triangle, instance, missed, invented."""
     random = np.random.default_rng(6)

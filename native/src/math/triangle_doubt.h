@@ -74,10 +74,11 @@ struct DoubtHit {
   result.is_front = facing < 0;
   int inside = 0;
   for (int i = 0; i < 3; ++i) {
-    const Vec3d p = from_origin[i], q = from_origin[(i + 1) % 3];
-    const double volume = dot(cross(p, q), ray.direction) * (facing > 0 ? 1.0 : -1.0);
-    const Vec3d edge = cross(q - p, ray.direction);
-    if (!(volume * volume > margin * margin * dot(edge, edge))) continue;  // within the margin of this edge
+    // The side from its corners: as a difference of two long vectors that of a tiny triangle would be lost.
+    const Vec3d side = triangle.corners[(i + 1) % 3] - triangle.corners[i];
+    const double volume = dot(cross(from_origin[i], side), ray.direction) * (facing > 0 ? 1.0 : -1.0);
+    const Vec3d across = cross(side, ray.direction);
+    if (!(volume * volume > margin * margin * dot(across, across))) continue;  // within the margin of this side
     inside += volume > 0 ? 1 : 0;
     result.surely_missed |= volume < 0;
   }
