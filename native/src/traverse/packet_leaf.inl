@@ -101,10 +101,9 @@ PERFECT_BVH_INLINE void store_vertices(float* x, float* y, float* z, const Packe
 template <>
 struct LeafCorners<LeafBlock> {
   alignas(32) float x[8], y[8], z[8];
-  const LeafBlock& leaf;
   unsigned triangle_count, vertex_count;
 
-  LeafCorners(const PacketLevel& level, const LeafBlock& block) noexcept : leaf(block) {
+  LeafCorners(const PacketLevel& level, const LeafBlock& block) noexcept {
     store_vertices(x, y, z, level, block.vertices);
     triangle_count = count_distinct(block.primitives);
     const unsigned used = used_corners(block.corners);
@@ -116,35 +115,11 @@ struct LeafCorners<LeafBlock> {
 template <>
 struct LeafCorners<GatheredLeaf> {
   alignas(32) float x[24], y[24], z[24];
-  const GatheredLeaf& leaf;
   unsigned triangle_count;
 
-  LeafCorners(const PacketLevel& level, const GatheredLeaf& gathered) noexcept : leaf(gathered) {
+  LeafCorners(const PacketLevel& level, const GatheredLeaf& gathered) noexcept {
     for (int k = 0; k < 3; ++k) store_vertices(x + 8 * k, y + 8 * k, z + 8 * k, level, gathered.corners[k]);
     triangle_count = count_triangles(gathered);
-  }
-};
-
-// Vertices from the rays' origins, along the sheared frame's axes.
-struct PacketVertices {
-  RayFloat across[8], upward[8], depth[8];
-
-  template <bool kShared>
-  PERFECT_BVH_INLINE void place(unsigned to, const Packet& packet, const PacketLevel& level, unsigned first, float x,
-                                float y, float z) noexcept {
-    const RayFloat shear_x = load_rays(packet.triangles.shear_x + first);
-    const RayFloat shear_y = load_rays(packet.triangles.shear_y + first);
-    if constexpr (kShared) {
-      depth[to] = every_ray(z);
-      across[to] = fnmadd(shear_x, depth[to], every_ray(x));
-      upward[to] = fnmadd(shear_y, depth[to], every_ray(y));
-    } else {
-      const auto& origin = packet.local_rays.narrow_origin;
-      const std::uint8_t* const axes = level.key.axes;
-      depth[to] = sub(every_ray(z), load_rays(origin[axes[2]] + first));
-      across[to] = fnmadd(shear_x, depth[to], sub(every_ray(x), load_rays(origin[axes[0]] + first)));
-      upward[to] = fnmadd(shear_y, depth[to], sub(every_ray(y), load_rays(origin[axes[1]] + first)));
-    }
   }
 };
 
@@ -171,17 +146,28 @@ unsigned take_moved_hits(Packet& packet, const PacketLevel& level, std::uint32_t
 // Rays `first` and on, those in `lanes`, against all triangles, one at a time. The hits that surely count are taken
 // here; rays whose hits need a closer look (near the origin, as far as the best one) are returned.
 template <bool kAny, bool kFast, bool kShared, class Leaf>
-unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafCorners<Leaf>& leaf, unsigned first,
-                        unsigned lanes) noexcept {
+unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& block, const LeafCorners<Leaf>& leaf,
+                        unsigned first, unsigned lanes) noexcept {
   const PacketTriangles& triangles = packet.triangles;
   const PacketRays& rays = packet.local_rays;
   const std::uint8_t* const axes = level.key.axes;
   PacketHits& hits = packet.hits;
   float* const limits = level.boxes->t_limit + first;
   constexpr bool kIsBlock = __is_same(Leaf, LeafBlock);
-  PacketVertices at;
+  RayFloat across[8], upward[8], depth[8];
+  const RayFloat shear_x = load_rays(triangles.shear_x + first), shear_y = load_rays(triangles.shear_y + first);
+  // A vertex from the rays' origins, along the sheared frame's axes.
   const auto place = [&](unsigned to, unsigned vertex) __attribute__((always_inline)) {
-    at.place<kShared>(to, packet, level, first, leaf.x[vertex], leaf.y[vertex], leaf.z[vertex]);
+    const RayFloat x = every_ray(leaf.x[vertex]), y = every_ray(leaf.y[vertex]), z = every_ray(leaf.z[vertex]);
+    if constexpr (kShared) {
+      depth[to] = z;
+      across[to] = fnmadd(shear_x, depth[to], x);
+      upward[to] = fnmadd(shear_y, depth[to], y);
+    } else {
+      depth[to] = sub(z, load_rays(rays.narrow_origin[axes[2]] + first));
+      across[to] = fnmadd(shear_x, depth[to], sub(x, load_rays(rays.narrow_origin[axes[0]] + first)));
+      upward[to] = fnmadd(shear_y, depth[to], sub(y, load_rays(rays.narrow_origin[axes[1]] + first)));
+    }
   };
   if constexpr (kIsBlock) {
     for (unsigned i = 0; i < leaf.vertex_count; ++i) place(i, i);
@@ -192,14 +178,14 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafCorn
   for (unsigned i = 0; i < leaf.triangle_count; ++i) {
     unsigned a = 0, b = 1, c = 2;
     if constexpr (kIsBlock) {
-      const std::uint32_t corners = leaf.leaf.corners[i];
+      const std::uint32_t corners = block.corners[i];
       a = corners & 7, b = corners >> 4 & 7, c = corners >> 8 & 7;
     } else {
       place(0, i), place(1, 8 + i), place(2, 16 + i);
     }
-    const RayFloat weight0 = difference<kFast>(at.across[c], at.upward[b], at.upward[c], at.across[b]);
-    const RayFloat weight1 = difference<kFast>(at.across[a], at.upward[c], at.upward[a], at.across[c]);
-    const RayFloat weight2 = difference<kFast>(at.across[b], at.upward[a], at.upward[b], at.across[a]);
+    const RayFloat weight0 = difference<kFast>(across[c], upward[b], upward[c], across[b]);
+    const RayFloat weight1 = difference<kFast>(across[a], upward[c], upward[a], across[c]);
+    const RayFloat weight2 = difference<kFast>(across[b], upward[a], upward[b], across[a]);
     const RayFloat least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
     const RayFloat sum = add(add(weight0, weight1), weight2);
     unsigned inside = bits(both(either(less_equal(none, least), less_equal(most, none)), not_equal(sum, none))) & lanes;
@@ -208,7 +194,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafCorn
       inside &= packet.cull == Cull::kFront ? ~front : front;
     }
     if (inside == 0) continue;
-    const RayFloat t = div(fmadd(weight2, at.depth[c], fmadd(weight1, at.depth[b], mul(weight0, at.depth[a]))),
+    const RayFloat t = div(fmadd(weight2, depth[c], fmadd(weight1, depth[b], mul(weight0, depth[a]))),
                            mul(sum, load_rays(rays.narrow_direction[axes[2]] + first)));
     const RayFloat limit = load_rays(limits);
     const unsigned from = bits(less_equal(load_rays(level.boxes->t_min + first), t));
@@ -218,7 +204,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafCorn
       doubtful |= inside & at_origin;
       const unsigned found = inside & from & up_to & ~at_origin;
       if (found == 0) continue;
-      lanes &= ~take_moved_hits<kAny>(packet, level, leaf.leaf.primitives[i], first, found, t, weight1, weight2, sum);
+      lanes &= ~take_moved_hits<kAny>(packet, level, block.primitives[i], first, found, t, weight1, weight2, sum);
       continue;
     }
     doubtful |= inside & (at_origin | (from & up_to & ~before));
@@ -235,7 +221,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const LeafCorn
       store_some(hits.weight_v1 + first, mask, weight1);
       store_some(hits.weight_v2 + first, mask, weight2);
       store_some(hits.weight_sum + first, mask, sum);
-      store_some(hits.primitive + first, mask, leaf.leaf.primitives[i]);
+      store_some(hits.primitive + first, mask, block.primitives[i]);
     }
   }
   return kAny ? doubtful & lanes : doubtful;
@@ -252,8 +238,8 @@ PERFECT_BVH_INLINE void test_leaf_together(Packet& packet, PacketLevel& level, c
     unsigned lanes = test_box(*level.boxes, level.key.rows, box, first);
     if (lanes == 0) continue;
     if (count_bits(lanes) > kFewInLeaf) {
-      lanes = level.shares_origin ? test_triangles<kAny, kFast, true>(packet, level, corners, first, lanes)
-                                  : test_triangles<kAny, kFast, false>(packet, level, corners, first, lanes);
+      lanes = level.shares_origin ? test_triangles<kAny, kFast, true>(packet, level, leaf, corners, first, lanes)
+                                  : test_triangles<kAny, kFast, false>(packet, level, leaf, corners, first, lanes);
     }
     for (; lanes != 0; lanes &= lanes - 1) {
       const unsigned i = first + static_cast<unsigned>(__builtin_ctz(lanes));

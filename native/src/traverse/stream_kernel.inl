@@ -119,10 +119,31 @@ __attribute__((noinline)) void visit_indexed_leaf(Stream& stream, Slot& slot, st
   visit_leaf<kAny, kCounts, kFast>(stream, slot, leaf);
 }
 
+// A leaf of a compact tree is read in three steps, each of which needs the one before: numbers, indices, positions. The
+// first two are fetched here for all waiting leaves together, so that the caches are waited for twice and not twice a
+// leaf: a third faster. Fetching the positions, too, costs more than it saves.
+__attribute__((noinline)) void fetch_indexed_leaves(const Stream& stream) noexcept {
+  __asm__ volatile("");  // compilers drop calls to functions that do no more than prefetch
+  const auto for_leaves = [&](const auto& fetch) __attribute__((always_inline)) {
+    for (std::size_t i = 0; i < stream.leaf_count; ++i) {
+      Slot& slot = *stream.at_leaf[i];
+      if (slot.blocks != nullptr) continue;
+      const IndexedLeaves& leaves = *stream.scene.instances[slot.instance].indexed_leaves;
+      fetch(leaves, leaves.rows[stack_of(slot)[slot.top] - kBlockChild]);
+    }
+  };
+  for_leaves([](const IndexedLeaves&, const IndexedLeaf& leaf)
+                 __attribute__((always_inline)) { __builtin_prefetch(&leaf); });
+  for_leaves([](const IndexedLeaves& leaves, const IndexedLeaf& leaf) __attribute__((always_inline)) {
+    for (const std::uint32_t primitive : leaf.primitives) __builtin_prefetch(&leaves.triangles[primitive]);
+  });
+}
+
 template <bool kAny, bool kCounts, bool kFast>
 PERFECT_BVH_INLINE void visit_leaves(Stream& stream) noexcept {
   const std::size_t count = stream.leaf_count;
   std::size_t nodes = stream.node_count, others = stream.other_count;
+  if (count != 0 && stream.at_leaf[0]->blocks == nullptr) fetch_indexed_leaves(stream);
   for (std::size_t i = 0; i < count; ++i) {
     Slot& slot = *stream.at_leaf[i];
     std::uint32_t* const stack = stack_of(slot);
