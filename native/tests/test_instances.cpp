@@ -156,6 +156,36 @@ TEST(InstanceBounds, OfTheTableAreExactAlongTheAxes) {
   }
 }
 
+TEST(InstanceBounds, OfThreeRowsAtOnceAreThoseOfEach) {
+  ThreadPool pool(1);
+  CancelToken cancel;
+  std::mt19937 random(3);
+  const TriangleMesh mesh = soup(300, 7);
+  const SupportTable support(collapse_mesh(build_tree(mesh, {}, pool, cancel), mesh, pool, cancel));
+  for (int round = 0; round < 3000; ++round) {
+    Affine map = random_map(random, std::exp2(round % 180 - 90), 1.0);
+    if (round % 7 == 0) map.x = {0, 0, 0};  // rows along the faces' edges
+    if (round % 11 == 0) map.y = {0, 0, 0}, map.z = {0, 0, 0};
+    SupportTable::Range ranges[3];
+    if (round % 77 == 0) {
+      ASSERT_FALSE(support.along_ordinary_rows(map, ranges));
+      continue;
+    }
+    ASSERT_TRUE(support.along_ordinary_rows(map, ranges));
+    for (int axis = 0; axis < 3; ++axis) {
+      const Vec3d row{map.x[axis], map.y[axis], map.z[axis]};
+      const SupportTable::Range expected = support.along(row);
+      const double slack = 1e-5 * (std::abs(row.x) + std::abs(row.y) + std::abs(row.z));
+      ASSERT_NEAR(ranges[axis].least, expected.least, slack) << round;
+      ASSERT_NEAR(ranges[axis].greatest, expected.greatest, slack) << round;
+    }
+  }
+  for (const double size : {1e-35, 1e35}) {
+    SupportTable::Range ranges[3];
+    EXPECT_FALSE(support.along_ordinary_rows({{1, 0, 0}, {0, size, 0}, {0, 0, 1}, {0, 0, 0}}, ranges));
+  }
+}
+
 // Products of positions and transforms reach 1e36, surfaces would not be numbers any more.
 TEST(Instances, MeetTheSameAtAnySize) {
   struct Size {

@@ -42,12 +42,13 @@ bool round_trip_holds(const Affine& forth, const Affine& back) {
 bool place_instance(Instance& instance, Placing& placing, const Blas& blas, const Affine& object_to_world,
                     const SupportTable* support) {
   instance.blas = &blas;
-  instance.object_to_world = from_stored(object_to_world, blas.mesh.centre);
-  instance.mirrored = object_to_world.determinant() < 0;
-  placing.world_to_object = inverse(instance.object_to_world);
-  placing.world_bounds = support ? transformed_bounds(*support, blas.cover.reach, instance.object_to_world)
-                                 : transformed_bounds(blas.cover, instance.object_to_world);
-  return round_trip_holds(instance.object_to_world, placing.world_to_object);
+  const Affine map = from_stored(object_to_world, blas.mesh.centre);
+  instance.object_to_world = map;
+  instance.mirrored = map.determinant() < 0;
+  placing.world_to_object = inverse(map);
+  placing.world_bounds =
+      support ? transformed_bounds(*support, blas.cover.reach, map) : transformed_bounds(blas.cover, map);
+  return round_trip_holds(map, placing.world_to_object);
 }
 
 std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, const Blas& blas,

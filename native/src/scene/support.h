@@ -29,6 +29,9 @@ class SupportTable {
     double least, greatest;
   };
   [[nodiscard]] Range along(Vec3d row) const noexcept;
+  // Along the three rows of a map's linear part, as close; false, and nothing written, if one is extremely long or
+  // short.
+  [[nodiscard]] bool along_ordinary_rows(const Affine& map, Range* ranges) const noexcept;
 
  private:
   static constexpr int kCells = 8;  // along a face's edge
