@@ -35,7 +35,7 @@ from perfect_bvh_addon.sync.records import AttributeRequest, SceneRecord
 from perfect_bvh_addon.sync.state import SceneState
 from perfect_bvh_addon.sync.verify import find_mismatches
 
-ALL_ATTRIBUTES = AttributeRequest(material_slots=True, corner_normals=True, corner_uvs=True)
+ALL_ATTRIBUTES = AttributeRequest(corner_normals=True, corner_uvs=True, shading=True)
 FIELDS = ("t_hit", "instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs", "geometric_normals")
 
 

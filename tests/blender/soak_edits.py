@@ -17,16 +17,13 @@ from blender.builders import (
     mesh_object,
     object_info,
 )
+from blender.soak_look_edits import LOOK_EDITS, NothingToEditError
 
 if TYPE_CHECKING:
     from blender.soak import Soak
 
 MOST_OBJECTS = 14
 MODIFIERS = ("SUBSURF", "ARRAY", "MIRROR", "WAVE", "SOLIDIFY", "TRIANGULATE", "DECIMATE")
-
-
-class NothingToEditError(Exception):
-    """The scene has nothing that this edit could be done to."""
 
 
 def add(soak: Soak) -> None:
@@ -235,32 +232,6 @@ def redo(soak: Soak) -> None:
     bpy.ops.ed.redo()
 
 
-def rename(soak: Soak) -> None:
-    soak.an_object().name = soak.name("renamed")
-
-
-def paint(soak: Soak) -> None:
-    obj = soak.an_object("MESH")
-    if len(obj.data.materials) < 3:
-        obj.data.materials.append(soak.pick((None, *bpy.data.materials)))
-    bpy.data.materials["red"].diffuse_color = (*np.abs(soak.vector()), 1.0)
-    for polygon in obj.data.polygons:
-        polygon.material_index = int(soak.number(0, 3))
-
-
-def link_material_to_the_object(soak: Soak) -> None:
-    slot = soak.pick(slot for obj in bpy.data.objects for slot in obj.material_slots)
-    slot.link = soak.pick(("OBJECT", "DATA"))
-
-
-def look_elsewhere(soak: Soak) -> None:
-    scene = bpy.context.scene
-    if scene.camera is not None:
-        scene.camera.location = soak.vector(5, 20)
-        scene.camera.data.lens = soak.number(20, 80)
-    scene.render.film_transparent = soak.number() > 0
-
-
 def nothing(_: Soak) -> None:
     pass
 
@@ -295,10 +266,7 @@ EDITS: dict[str, Callable[[Soak], None]] = {
         change_frame,
         undo,
         redo,
-        rename,
-        paint,
-        link_material_to_the_object,
-        look_elsewhere,
         nothing,
+        *LOOK_EDITS,
     )
 }

@@ -96,7 +96,6 @@ LOOKS = (paint, other_material, look_from_elsewhere, zoom, hide, hide_from_the_c
 
 @pytest.mark.parametrize("change", LOOKS, ids=lambda change: change.__name__)
 def test_what_changes_the_image_shows_and_builds_no_mesh(scene: Any, change: Callable[[], None]) -> None:
-    """Nothing else does: no mode of image shows lights or the world."""
     obj = mesh_object("a", mesh_data("a", *SQUARE))
     obj.data.materials.append(bpy.data.materials.new("paint"))
     camera_object().location = (0.5, 0.5, 3.0)

@@ -1,0 +1,67 @@
+"""What changes how a scene of the soak looks and leaves its geometry as it is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+
+if TYPE_CHECKING:
+    from blender.soak import Soak
+
+MOST_LIGHTS = 3
+
+
+class NothingToEditError(Exception):
+    """The scene has nothing that this edit could be done to."""
+
+
+def rename(soak: Soak) -> None:
+    soak.an_object().name = soak.name("renamed")
+
+
+def paint(soak: Soak) -> None:
+    obj = soak.an_object("MESH")
+    if len(obj.data.materials) < 3:
+        obj.data.materials.append(soak.pick((None, *bpy.data.materials)))
+    bpy.data.materials["red"].diffuse_color = (*np.abs(soak.vector()), 1.0)
+    for polygon in obj.data.polygons:
+        polygon.material_index = int(soak.number(0, 3))
+
+
+def link_material_to_the_object(soak: Soak) -> None:
+    slot = soak.pick(slot for obj in bpy.data.objects for slot in obj.material_slots)
+    slot.link = soak.pick(("OBJECT", "DATA"))
+
+
+def look_elsewhere(soak: Soak) -> None:
+    scene = bpy.context.scene
+    if scene.camera is not None:
+        scene.camera.location = soak.vector(5, 20)
+        scene.camera.data.lens = soak.number(20, 80)
+    scene.render.film_transparent = soak.number() > 0
+
+
+def light(soak: Soak) -> None:
+    """A new one, or another power, colour or kind for one that is there."""
+    lights = [obj for obj in bpy.data.objects if obj.type == "LIGHT"]
+    if len(lights) < MOST_LIGHTS:
+        name = soak.name("light")
+        obj = bpy.data.objects.new(name, bpy.data.lights.new(name, "POINT"))
+        obj.location = soak.vector(3, 8)
+        bpy.context.scene.collection.objects.link(obj)
+        return
+    data = soak.pick(lights).data
+    data.energy, data.color = soak.number(1, 900), np.abs(soak.vector(0, 1))
+    data.type = soak.pick(("POINT", "SUN", "SPOT", "AREA"))
+
+
+def lighten_the_world(soak: Soak) -> None:
+    scene = bpy.context.scene
+    if scene.world is None:
+        scene.world = bpy.data.worlds.new(soak.name("world"))
+    scene.world.color = np.abs(soak.vector(0, 1))
+
+
+LOOK_EDITS: tuple[Any, ...] = (rename, paint, link_material_to_the_object, look_elsewhere, light, lighten_the_world)
