@@ -96,18 +96,18 @@ class Soak:
         report = sync.update(depsgraph)
         self.counts["meshes passed over"] += sum(mesh.reason.startswith("Blender did not") for mesh in report.meshes)
         self.counts["meshes"] += len(report.meshes)
-        self.counts["instances read from geometry"] += self._reads_geometry(depsgraph)
+        self._count_ways_of_reading(depsgraph)
         certain = read_scene(depsgraph, ALL_ATTRIBUTES, reader=ArrayReader(use_views=False))
         found = [*find_mismatches(sync.record, certain), *_different_answers(sync, certain, self._rays)]
         if found:
             raise DifferenceError(f"seed {self.seed}, after {len(self.done)} edits: {found}; last: {self.done[-8:]}")
 
-    def _reads_geometry(self, depsgraph: Any) -> int:
-        """How many instances can do without Blender's list now."""
-        surveyed = instancer_survey.survey(depsgraph)
-        return sum(
-            len(instancer.points.points) for _, instancer in surveyed or () if getattr(instancer, "points", None)
-        )
+    def _count_ways_of_reading(self, depsgraph: Any) -> None:
+        """How many instances do without Blender's list now, and how many objects beside them do not."""
+        for _, found in instancer_survey.survey(depsgraph) or ():
+            if isinstance(found, instancer_survey.Instancer) and found.points is not None:
+                self.counts["instances read from geometry"] += len(found.points.points)
+            self.counts["objects looked up in the list"] += found is instancer_survey.LISTED
 
     # What edits choose among ------------------------------------------------------------------------------------------
 

@@ -173,7 +173,7 @@ def summarise(results: dict[int, dict[str, Any]], wanted: int, wall_seconds: flo
             memory.setdefault(result["seed_of_the_process"], []).append(result["resident_megabytes"])
     seconds = sum(result["seconds"] for result in results.values())
     steps = sum(result["steps"] for result in results.values())
-    special = ("meshes", "meshes passed over", "instances read from geometry")
+    special = ("meshes", "meshes passed over", "instances read from geometry", "objects looked up in the list")
     return {
         "machine": describe(),
         "steps": steps,
@@ -185,6 +185,7 @@ def summarise(results: dict[int, dict[str, Any]], wanted: int, wall_seconds: flo
         "meshes_compared": counts["meshes"],
         "meshes_passed_over": counts["meshes passed over"],
         "instances_read_from_geometry": counts["instances read from geometry"],
+        "objects_looked_up_in_the_list": counts["objects looked up in the list"],
         # The middle and the most over the processes, after their first seed, their second, and so on.
         "resident_megabytes": [[statistics.median(memory[nth]), max(memory[nth])] for nth in sorted(memory)],
         "seconds_of_all_processes": round(seconds, 1),
