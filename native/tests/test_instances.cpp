@@ -161,7 +161,8 @@ TEST(InstanceBounds, OfThreeRowsAtOnceAreThoseOfEach) {
   CancelToken cancel;
   std::mt19937 random(3);
   const TriangleMesh mesh = soup(300, 7);
-  const SupportTable support(collapse_mesh(build_tree(mesh, {}, pool, cancel), mesh, pool, cancel));
+  const Bvh2 tree = build_tree(mesh, {}, pool, cancel);
+  const SupportTable support(collapse_mesh(tree, mesh, TreeLayout::kDefault, pool, cancel), mesh);
   for (int round = 0; round < 3000; ++round) {
     Affine map = random_map(random, std::exp2(round % 180 - 90), 1.0);
     if (round % 7 == 0) map.x = {0, 0, 0};  // rows along the faces' edges
