@@ -37,10 +37,10 @@ def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
         ("Instances", f"{report.commit.instance_count:,}"),
         ("Memory", format_bytes(report.byte_count)),
     ]
-    for action in ("built", "rebuilt", "refitted"):
+    for action in ("built", "rebuilt", "refitted", "rotated", "partly_rebuilt"):
         count = sum(mesh.action == action for mesh in report.commit.meshes)
         if count:
-            rows.append((action.capitalize(), f"{count:,} of {count_meshes(report):,} trees"))
+            rows.append((action.replace("_", " ").title(), f"{count:,} of {count_meshes(report):,} trees"))
     return rows
 
 
@@ -56,7 +56,7 @@ def plan_rows(report: SyncReport, limit: int = SHOWN_MESHES) -> list[PlanRow]:
             PlanRow(
                 name=change.name,
                 triangle_count=change.triangle_count,
-                action=commit.action if commit else "kept",
+                action=commit.action.replace("_", " ") if commit else "kept",
                 builder=commit.builder if commit else "",
                 reason=commit.reason if commit else change.reason,
                 milliseconds=commit.milliseconds if commit else 0.0,

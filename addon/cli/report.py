@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from ..frame import FrameStatistics
     from ..sync.report import SyncReport
 
+REFITS = ("refitted", "rotated", "partly_rebuilt")  # what goes on with the tree that was there
+
 # Title and width of each column of --stats.
 TREE_COLUMNS = (("frame", 6), ("built", 6), ("refit", 6), ("rebuilt", 8), ("moved", 8), ("added", 8), ("gone", 6))
 TIME_COLUMNS = (
@@ -76,7 +78,7 @@ def format_frame(number: int, statistics: FrameStatistics, times: FrameTimes) ->
     counts = (
         number,
         commit.count("built"),
-        commit.count("refitted"),
+        commit.count(*REFITS),
         commit.count("rebuilt"),
         report.moved_count,
         report.added_count,
@@ -94,7 +96,7 @@ def describe_changes(report: SyncReport) -> list[str]:
     groups: dict[tuple[str, str], list[str]] = {}
     for mesh in report.commit.meshes:
         name = f"{names.get(mesh.mesh_id, mesh.mesh_id)} ({mesh.triangle_count:,})"
-        groups.setdefault((f"{mesh.action} tree", mesh.reason), []).append(name)
+        groups.setdefault((f"{mesh.action.replace('_', ' ')} tree", mesh.reason), []).append(name)
     for change in report.objects:
         if change.action in {"moved", "masked", "recounted", "removed"}:
             count = f" x {change.changed_count:,}" if change.changed_count > 1 else ""
@@ -123,7 +125,8 @@ def format_summary(reports: Sequence[SyncReport], times: Sequence[FrameTimes], w
     seconds = sum(time.total for time in times) / 1e3
     count = len(times)
     totals = {
-        action: sum(report.commit.count(action) for report in reports) for action in ("built", "refitted", "rebuilt")
+        name: sum(report.commit.count(*actions) for report in reports)
+        for name, actions in (("built", ("built",)), ("refitted", REFITS), ("rebuilt", ("rebuilt",)))
     }
     moved = sum(report.moved_count for report in reports)
     lines = [

@@ -48,6 +48,15 @@ void intersect_one_by_one(RTCScene scene, std::span<const Ray> rays, Hit* hits) 
   }
 }
 
+void occlude_one_by_one(RTCScene scene, std::span<const Ray> rays, std::uint8_t* occluded) {
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    RTCRay query;
+    set_ray(query, rays[i]);
+    rtcOccluded1(scene, &query, nullptr);
+    occluded[i] = query.tfar < 0 ? 1 : 0;
+  }
+}
+
 EmbreePeer::EmbreePeer(const TriangleMesh& mesh, const Options& options)
     : device_(rtcNewDevice(options.device.c_str())), scene_(rtcNewScene(device_)) {
   rtcSetDeviceMemoryMonitorFunction(device_, &EmbreePeer::count_bytes, this);
@@ -73,12 +82,7 @@ EmbreePeer::~EmbreePeer() {
 void EmbreePeer::closest(std::span<const Ray> rays, Hit* hits) const { intersect_one_by_one(scene_, rays, hits); }
 
 void EmbreePeer::any(std::span<const Ray> rays, std::uint8_t* occluded) const {
-  for (std::size_t i = 0; i < rays.size(); ++i) {
-    RTCRay query;
-    set_ray(query, rays[i]);
-    rtcOccluded1(scene_, &query, nullptr);
-    occluded[i] = query.tfar < 0 ? 1 : 0;
-  }
+  occlude_one_by_one(scene_, rays, occluded);
 }
 
 void EmbreePeer::closest_packets(std::span<const Ray> rays, Hit* hits, bool is_coherent) const {

@@ -21,6 +21,8 @@ void add_mesh(RTCDevice device, RTCScene scene, const TriangleMesh& mesh,
               RTCBuildQuality quality = RTC_BUILD_QUALITY_MEDIUM);
 // One rtcIntersect1 a ray. Instances are not told apart.
 void intersect_one_by_one(RTCScene scene, std::span<const Ray> rays, Hit* hits);
+// One rtcOccluded1 a ray.
+void occlude_one_by_one(RTCScene scene, std::span<const Ray> rays, std::uint8_t* occluded);
 
 class EmbreePeer {
  public:

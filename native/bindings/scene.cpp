@@ -72,6 +72,10 @@ const char* action_name(MeshAction action) {
       return "built";
     case MeshAction::kRefitted:
       return "refitted";
+    case MeshAction::kRotated:
+      return "rotated";
+    case MeshAction::kPartlyRebuilt:
+      return "partly_rebuilt";
     case MeshAction::kRebuilt:
       return "rebuilt";
   }
@@ -90,14 +94,15 @@ py::dict to_dict(const TopLevelReport& top) {
 py::dict to_dict(const CommitReport& report) {
   py::list meshes;
   for (const MeshReport& mesh : report.meshes) {
-    meshes.append(py::dict(py::arg("mesh_id") = mesh.mesh_id, py::arg("action") = action_name(mesh.action),
-                           py::arg("reason") = mesh.reason, py::arg("builder") = mesh.builder,
-                           py::arg("layout") = mesh.layout, py::arg("milliseconds") = mesh.milliseconds,
-                           py::arg("build_milliseconds") = mesh.build_milliseconds,
-                           py::arg("optimize_milliseconds") = mesh.optimize_milliseconds,
-                           py::arg("refit_milliseconds") = mesh.refit_milliseconds,
-                           py::arg("collapse_milliseconds") = mesh.collapse_milliseconds,
-                           py::arg("triangle_count") = mesh.triangle_count, py::arg("byte_count") = mesh.byte_count));
+    meshes.append(py::dict(
+        py::arg("mesh_id") = mesh.mesh_id, py::arg("action") = action_name(mesh.action),
+        py::arg("reason") = mesh.reason, py::arg("builder") = mesh.builder, py::arg("layout") = mesh.layout,
+        py::arg("milliseconds") = mesh.milliseconds, py::arg("build_milliseconds") = mesh.build_milliseconds,
+        py::arg("optimize_milliseconds") = mesh.optimize_milliseconds,
+        py::arg("refit_milliseconds") = mesh.refit_milliseconds, py::arg("mend_milliseconds") = mesh.mend_milliseconds,
+        py::arg("fresh_cost") = mesh.fresh_cost, py::arg("refitted_cost") = mesh.refitted_cost,
+        py::arg("cost") = mesh.cost, py::arg("collapse_milliseconds") = mesh.collapse_milliseconds,
+        py::arg("triangle_count") = mesh.triangle_count, py::arg("byte_count") = mesh.byte_count));
   }
   return py::dict(py::arg("meshes") = meshes, py::arg("kept_count") = report.kept_count,
                   py::arg("instance_count") = report.instance_count, py::arg("baked_count") = report.baked_count,

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
+#include <random>
 #include <tuple>
 #include <vector>
 
@@ -67,6 +69,36 @@ inline std::vector<ReferenceHit> reference_hits(const Snapshot& snapshot, const 
 inline Hit reference_closest(const Snapshot& snapshot, const Ray& ray, Cull cull) {
   const std::vector<ReferenceHit> found = reference_hits(snapshot, ray, cull);
   return found.empty() ? Hit{} : found.front().hit;
+}
+
+// Half of them towards triangles, half of them anywhere.
+inline std::vector<Ray> rays_at(const TriangleMesh& mesh, std::size_t count) {
+  Aabb box;
+  for (const Vec3f& position : mesh.positions) box.grow(position);
+  if (box.is_empty()) box = {{-1, -1, -1}, {1, 1, 1}};
+  std::mt19937 random(12);
+  std::uniform_real_distribution<double> share(0, 1);
+  const auto point_in_box = [&] {
+    const Vec3d lower = to_double(box.lower), extent = to_double(box.upper) - lower;
+    return lower + Vec3d{share(random), share(random), share(random)} * extent;
+  };
+  std::vector<Ray> rays;
+  for (std::size_t i = 0; i < count; ++i) {
+    Vec3d target = point_in_box();
+    if (i % 2 == 0 && mesh.triangle_count() > 0) {
+      const TriangleIndices t = mesh.triangles[random() % mesh.triangle_count()];
+      const double u = share(random) * 0.5, v = share(random) * 0.5;
+      const Vec3d a = to_double(mesh.positions[t.x]), b = to_double(mesh.positions[t.y]),
+                  c = to_double(mesh.positions[t.z]);
+      target = a * (1 - u - v) + b * u + c * v;
+    }
+    Ray ray{};
+    ray.origin = point_in_box();
+    ray.direction = target - ray.origin;
+    ray.t_min = 0.0f, ray.t_max = std::numeric_limits<float>::infinity(), ray.mask = ~0u;
+    rays.push_back(ray);
+  }
+  return rays;
 }
 
 }  // namespace perfect_bvh::test

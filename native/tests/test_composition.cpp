@@ -63,7 +63,6 @@ void expect_right_hits(const TriangleMesh& mesh, const Bvh2& tree) {
   ThreadPool pool(1);
   CancelToken cancel;
   auto blas = std::make_shared<Blas>(std::make_shared<const TriangleMesh>(mesh));
-  blas->tree = tree;
   blas->cover = make_cover(tree);
   blas->wide = collapse_mesh(tree, mesh, TreeLayout::kDefault, pool, cancel);
   Snapshot snapshot;

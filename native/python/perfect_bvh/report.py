@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-MeshAction = Literal["built", "refitted", "rebuilt"]
+# refitted: new boxes, the same tree. rotated, partly_rebuilt: refitted, then mended where motion had loosened it.
+MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,8 +16,13 @@ class MeshReport:
     reason: a sentence. builder: what made the tree (now, or before it was refitted), layout: of its leaves; both as in
     `BuildConfig`. byte_count: of the mesh and its trees.
     milliseconds: of one mesh, on however many threads; then of its stages, 0 for those that did not run: building the
-    binary tree, improving it by reinsertion, refitting it (also where that was then found too slow to trace),
-    collapsing it into the wide tree that rays are traced through.
+    binary tree, improving it by reinsertion, collapsing it into the wide tree that rays are traced through; or
+    refitting that (also where it was then found too slow to trace) and mending it by rotations or by building parts
+    of it anew.
+    fresh_cost, refitted_cost, cost: visits to nodes that a ray through the mesh's box is expected to make: in the tree
+    when it was built, in that tree refitted, and in the one that the mesh has now; 0 where no refit was tried.
+    byte_count: of the geometry and its tree. Besides, as long as a mesh deforms in every commit, the memory of its last
+    tree but one is kept for the next.
     """
 
     mesh_id: int
@@ -28,6 +34,10 @@ class MeshReport:
     build_milliseconds: float
     optimize_milliseconds: float
     refit_milliseconds: float
+    mend_milliseconds: float
+    fresh_cost: float
+    refitted_cost: float
+    cost: float
     collapse_milliseconds: float
     triangle_count: int
     byte_count: int
@@ -88,17 +98,17 @@ class CommitReport:
 
     @property
     def mesh_stages(self) -> dict[str, float]:
-        """Milliseconds of each stage, of all meshes together: build, optimize, refit, collapse.
+        """Milliseconds of each stage, of all meshes together: build, optimize, collapse, refit, mend.
 
         Meshes are worked on at the same time where there are threads for it, so that the sum may be more than
         mesh_milliseconds.
         """
-        names = ("build", "optimize", "refit", "collapse")
+        names = ("build", "optimize", "collapse", "refit", "mend")
         return {name: sum(getattr(mesh, f"{name}_milliseconds") for mesh in self.meshes) for name in names}
 
-    def count(self, action: MeshAction) -> int:
-        """How many meshes were treated so."""
-        return sum(mesh.action == action for mesh in self.meshes)
+    def count(self, *actions: MeshAction) -> int:
+        """How many meshes were treated in one of these ways."""
+        return sum(mesh.action in actions for mesh in self.meshes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +117,9 @@ class TreeStatistics:
 
     primitive_count, vertex_count: of the mesh; of the top level, instances and 0. user_count: instances of the mesh.
 
-    Of the binary tree, whether or not it is still kept; of a mesh whose tree was built straight into the one that rays
-    are traced through (usage "changing"), of that one, whose visits are fewer than a binary tree's:
+    Of the binary tree that the wide one was made from; of a mesh whose tree was built straight into the one that rays
+    are traced through (usage "changing") or was refitted since, of that one, whose visits are fewer than a binary
+    tree's:
     is_refittable: whether it may follow moved vertices; not with spatial splits.
     node_count, leaf_count, max_leaf_size, depth: nodes include leaves; depth is 0 for a single leaf.
     reference_count: triangles in leaves; more than primitive_count if some are in several.

@@ -63,9 +63,8 @@ class Scene(Queries):
     def update_mesh(self, mesh: int, positions: npt.ArrayLike) -> None:
         """Moves a mesh's vertices: (V, 3) with as many rows as before.
 
-        The next commit refits its tree, or rebuilds it where a refitted one would be too slow or where there is none to
-        refit, and reports which and why. Only meshes with usage "deforming", and those that were updated before, keep
-        the binary tree that a refit needs; with spatial splits it cannot be refitted.
+        The next commit refits its tree, or rebuilds it where a refitted one would be too slow, and reports which and
+        why. A tree with spatial splits cannot be refitted.
         """
         self._scene.update_mesh(int(mesh), as_rows("update_mesh", "positions", positions))
 

@@ -80,6 +80,11 @@ struct Int4 {
 // Rows become columns.
 inline void transpose(Float4& a, Float4& b, Float4& c, Float4& d) noexcept { _MM_TRANSPOSE4_PS(a.v, b.v, c.v, d.v); }
 
+// Three floats at any address, and 0.
+[[nodiscard]] inline Float4 load_xyz(const void* p) noexcept {
+  const __m128 xy = _mm_castsi128_ps(_mm_loadl_epi64(static_cast<const __m128i*>(p)));
+  return _mm_movelh_ps(xy, _mm_load_ss(static_cast<const float*>(p) + 2));
+}
 [[nodiscard]] inline Float4 to_float(Int4 a) noexcept { return _mm_cvtepi32_ps(a.v); }
 // Rounds towards zero; the values must fit.
 [[nodiscard]] inline Int4 truncate(Float4 a) noexcept { return _mm_cvttps_epi32(a.v); }
@@ -201,6 +206,11 @@ inline void transpose(Float4& a, Float4& b, Float4& c, Float4& d) noexcept {
     a.v[i] = rows[i].v[0], b.v[i] = rows[i].v[1], c.v[i] = rows[i].v[2], d.v[i] = rows[i].v[3];
 }
 
+[[nodiscard]] inline Float4 load_xyz(const void* p) noexcept {
+  Float4 result(0.0f);
+  __builtin_memcpy(result.v, p, 3 * sizeof(float));
+  return result;
+}
 [[nodiscard]] inline Float4 to_float(Int4 a) noexcept {
   return {static_cast<float>(a.v[0]), static_cast<float>(a.v[1]), static_cast<float>(a.v[2]),
           static_cast<float>(a.v[3])};

@@ -14,9 +14,7 @@ namespace {
 std::size_t byte_count(const Snapshot& snapshot) {
   std::size_t count = snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView)) +
                       snapshot.tlas.byte_count() + snapshot.top_level.byte_count();
-  for (const auto& blas : snapshot.blases) {
-    count += blas->mesh.byte_count() + blas->tree.byte_count() + blas->wide.byte_count();
-  }
+  for (const auto& blas : snapshot.blases) count += blas->mesh.byte_count() + blas->wide.byte_count();
   return count;
 }
 
@@ -103,10 +101,13 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
 // Nothing here throws: a commit that came so far happens as a whole.
 void Scene::publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const CommitReport& report,
                     std::uint64_t stale_count) noexcept {
+  for (auto& [mesh_id, slot] : meshes_) {
+    if (!slot.edited && slot.spare) static_cast<void>(slot.spare->take());  // it stopped moving
+  }
   for (std::size_t i = 0; i < results.size(); ++i) {
     MeshSlot& slot = meshes_.find(report.meshes[i].mesh_id)->second;
     slot.blas = std::move(results[i].blas);
-    slot.fresh_cost = results[i].fresh_cost;
+    slot.spare = slot.blas->spare;
     slot.edited.reset();
     slot.same_topology = false;
   }

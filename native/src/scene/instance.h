@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "build/build_config.h"
-#include "build/bvh2.h"
 #include "math/affine.h"
 #include "mesh/triangle_mesh.h"
 #include "scene/cover.h"
+#include "scene/spare_tree.h"
 #include "scene/support.h"
 #include "traverse/scene_view.h"
 #include "update/quality.h"
@@ -19,19 +19,28 @@
 
 namespace perfect_bvh {
 
+struct WideCosts;
+
 // The tree of one distinct mesh, with its geometry. Immutable once a snapshot refers to it.
 struct Blas {
   explicit Blas(std::shared_ptr<const TriangleMesh> the_mesh) : owned_mesh(std::move(the_mesh)), mesh(*owned_mesh) {}
+  Blas(const Blas&) = delete;
+  Blas& operator=(const Blas&) = delete;
+  ~Blas() {
+    if (spare) spare->give({std::move(wide), shape});
+  }
 
   const std::shared_ptr<const TriangleMesh> owned_mesh;
   const TriangleMesh& mesh;
-  Bvh2 tree;                     // only where it will be refitted: empty otherwise, once `wide` is made
-  BuildConfig config;            // that the tree was built with, its builder named; refits keep it
-  TreeQuality quality;           // of the tree; empty where there never was a binary one
-  WideBvh wide;                  // what rays are traced through
+  BuildConfig config;   // that the tree was built with, its builder named; refits keep it
+  TreeQuality quality;  // of the binary tree that `wide` was made from; empty where there was none, or it was refitted
+  WideBvh wide;         // what rays are traced through
   IndexedLeaves indexed_leaves;  // of `wide`, in the compact layout
-  LazySupport support;           // of `wide`, where many instances ask for it
-  Cover cover;                   // a few boxes that hold the whole mesh
+  std::uint64_t shape = 0;
+  std::shared_ptr<const WideCosts> fresh_costs;  // of each part of `wide` when it was built; null before it is refitted
+  std::shared_ptr<SpareTree> spare;              // where `wide` goes at the end; null: nowhere
+  LazySupport support;                           // of `wide`, where many instances ask for it
+  Cover cover;                                   // a few boxes that hold the whole mesh
 };
 
 struct Instance {

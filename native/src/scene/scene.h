@@ -72,7 +72,7 @@ class Scene {
     std::shared_ptr<const Blas> blas;            // committed; null before the first commit
     std::shared_ptr<const TriangleMesh> edited;  // waiting; null if nothing is
     bool same_topology = false;                  // of `edited` and `blas`
-    double fresh_cost = 0;                       // the tree's SAH cost when it was last built
+    std::shared_ptr<SpareTree> spare;            // null until the mesh is deformed
     std::uint32_t user_count = 0;                // instances
   };
   struct InstanceSlot {
@@ -84,7 +84,6 @@ class Scene {
   using BlasMap = std::map<std::int32_t, std::shared_ptr<const Blas>>;  // by mesh id
   struct BlasResult {
     std::shared_ptr<const Blas> blas;
-    double fresh_cost = 0;
     MeshReport report;
   };
 
@@ -96,7 +95,6 @@ class Scene {
   std::vector<std::size_t> find_instances(std::span<const std::int32_t> ids, const char* function) const;
   void mark_edited();
 
-  static bool refit_blas(Blas& blas, const MeshSlot& slot, MeshReport& report, ThreadPool& pool, CancelToken& cancel);
   static BlasResult make_blas(std::int32_t mesh_id, const MeshSlot& slot, ThreadPool& pool, CancelToken& cancel);
   std::vector<BlasResult> make_changed_blases(ThreadPool& pool, CancelToken& cancel) const;
   // The result has a row for each instance, empty where its mesh is.

@@ -44,7 +44,7 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
   row.layout = layout_name(blas.config.layout);
   row.primitive_count = blas.mesh.triangle_count();
   row.vertex_count = blas.mesh.positions.size();
-  add_bytes(row, blas.mesh.byte_count(), blas.tree, blas.wide);
+  add_bytes(row, blas.mesh.byte_count(), {}, blas.wide);
   return row;
 }
 
@@ -62,21 +62,14 @@ TreeStatistics describe_top_level(const Snapshot& snapshot, const StatisticsOpti
 // Builders are deterministic: built again, a tree is the one that it was.
 void add_details(TreeStatistics& row, const Blas& blas, const StatisticsOptions& options, ThreadPool& pool,
                  CancelToken& cancel) {
-  if (blas.quality.node_count == 0 && !blas.wide.is_empty) {  // built straight into the wide tree
-    cancel.advance(blas.mesh.triangle_count());
+  if (blas.quality.node_count == 0 && !blas.wide.is_empty) {  // there is no binary tree to tell of
+    cancel.advance(2 * blas.mesh.triangle_count());
     return;
   }
-  Bvh2 again;
-  const Bvh2* tree = &blas.tree;
-  if (tree->empty() && blas.mesh.triangle_count() > 0) {
-    again = build_tree(blas.mesh, blas.config, pool, cancel);
-    tree = &again;
-  } else {
-    cancel.advance(blas.mesh.triangle_count());
-  }
-  row.epo = measure_epo(*tree, blas.mesh.positions, blas.mesh.triangles, pool, cancel, options.traversal_cost,
+  const Bvh2 tree = blas.mesh.triangle_count() > 0 ? build_tree(blas.mesh, blas.config, pool, cancel) : Bvh2{};
+  row.epo = measure_epo(tree, blas.mesh.positions, blas.mesh.triangles, pool, cancel, options.traversal_cost,
                         options.intersection_cost);
-  row.leaf_count_variability = measure_leaf_count_variability(*tree, kLineCount, pool, cancel);
+  row.leaf_count_variability = measure_leaf_count_variability(tree, kLineCount, pool, cancel);
 }
 
 }  // namespace
@@ -106,7 +99,7 @@ SceneStatistics measure(const Snapshot& snapshot, const StatisticsOptions& optio
   result.generation = snapshot.generation;
   result.byte_count = result.top_level.byte_count;
   for (const auto& blas : snapshot.blases) {
-    result.byte_count += blas->mesh.byte_count() + blas->tree.byte_count() + blas->wide.byte_count();
+    result.byte_count += blas->mesh.byte_count() + blas->wide.byte_count();
   }
   return result;
 }

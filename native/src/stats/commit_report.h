@@ -8,7 +8,14 @@
 
 namespace perfect_bvh {
 
-enum class MeshAction : std::uint8_t { kKept, kBuilt, kRefitted, kRebuilt };
+enum class MeshAction : std::uint8_t {
+  kKept,
+  kBuilt,
+  kRefitted,       // new boxes, the same tree
+  kRotated,        // refitted, then mended by rotations
+  kPartlyRebuilt,  // refitted, then built anew where motion had spoilt it
+  kRebuilt,
+};
 
 struct MeshReport {
   std::int32_t mesh_id = -1;
@@ -20,7 +27,11 @@ struct MeshReport {
   double build_milliseconds = 0;
   double optimize_milliseconds = 0;
   double refit_milliseconds = 0;  // also where the refitted tree was then rejected
+  double mend_milliseconds = 0;   // of rotations and of building parts anew
   double collapse_milliseconds = 0;
+  // Of a ray that meets the mesh's box, expected, in visits to nodes: of the tree when it was built, of that tree
+  // refitted, and of what the mesh has now. 0 where no refit was tried.
+  double fresh_cost = 0, refitted_cost = 0, cost = 0;
   std::size_t triangle_count = 0;
   std::size_t byte_count = 0;
 };

@@ -20,4 +20,8 @@ namespace perfect_bvh {
 // Over instances (their world boxes): leaves refer to one each.
 [[nodiscard]] WideBvh collapse_top_level(const Bvh2& tree, ThreadPool& pool, CancelToken& cancel);
 
+// Over two leaf blocks or more of a wide tree (their boxes as stored, numbered by row): the nodes above them, the root
+// first.
+[[nodiscard]] AlignedVector<WideNode> collapse_over_leaves(const Bvh2& tree, ThreadPool& pool, CancelToken& cancel);
+
 }  // namespace perfect_bvh

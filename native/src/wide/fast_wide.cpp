@@ -10,6 +10,7 @@
 #include "wide/morton_leaves.h"
 #include "wide/tree_scale.h"
 #include "wide/visit_order.h"
+#include "wide/wide_boxes.h"
 
 namespace perfect_bvh {
 namespace {
@@ -63,19 +64,8 @@ class Writer {
       boxes[lane] = is_taken ? tree_.clusters[children_[lane]].box() : Box4::empty();
       node.child[lane] = is_taken && children_[lane] < leaf_count_ ? kBlockChild + children_[lane] : kNoChild;
     }
-    for (std::uint32_t first = 0; first < kWideWidth; first += 4) write_planes(&boxes[first], node, first);
+    write_planes(boxes.data(), node);
     set_visit_order(node, count_);
-  }
-
-  static void write_planes(const Box4* boxes, WideNode& node, std::uint32_t first) noexcept {
-    std::array<Float4, 4> lower, upper;
-    for (std::size_t i = 0; i < 4; ++i) lower[i] = boxes[i].lower, upper[i] = boxes[i].upper;
-    transpose(lower[0], lower[1], lower[2], lower[3]);
-    transpose(upper[0], upper[1], upper[2], upper[3]);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      lower[axis].store(&node.planes[2 * axis][first]);
-      upper[axis].store(&node.planes[2 * axis + 1][first]);
-    }
   }
 
   void spread(std::uint32_t cluster, std::uint32_t places) noexcept {

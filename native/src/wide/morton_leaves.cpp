@@ -11,6 +11,7 @@
 #include "wide/run_cutter.h"
 #include "wide/tree_scale.h"
 #include "wide/triangle_order.h"
+#include "wide/wide_boxes.h"
 
 namespace perfect_bvh {
 namespace {
@@ -71,14 +72,9 @@ void write_triangles(LeafBlock& block, const TriangleOrder& order, std::size_t f
     rows[axis].store(&block.vertices[axis][0]);
     rows[axis + 4].store(&block.vertices[axis][4]);
   }
+  const Float4 zero(0.0f);  // -0 + 0 is 0: a box is the same whichever of its zeros came first
+  box.lower = box.lower + zero, box.upper = box.upper + zero;
   return box;
-}
-
-[[nodiscard]] Aabb to_aabb(const Box4& box) noexcept {
-  alignas(16) std::array<float, 4> lower, upper;
-  box.lower.store(lower.data());
-  box.upper.store(upper.data());
-  return {{lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}};
 }
 
 // In as many parts as there are threads: each needs a memory of all vertices.
@@ -115,7 +111,7 @@ void fill_blocks(const TriangleOrder& order, std::size_t begin, const RunChunk& 
 void fill_indexed_leaves(const TriangleMesh& mesh, const TriangleOrder& order, std::size_t begin, const RunChunk& chunk,
                          std::size_t row, MortonLeaves& leaves) noexcept {
   constexpr std::size_t kAhead = 16;  // triangles fetched before they are needed
-  const Float4 scale(leaves.scale);
+  const Float4 scale(leaves.scale), zero(0.0f);
   const std::size_t last = order.sorted.size() - 1;
   for (const std::uint8_t size : chunk.sizes) {
     std::array<std::uint32_t, kLeafSize> numbers;
@@ -127,6 +123,7 @@ void fill_indexed_leaves(const TriangleMesh& mesh, const TriangleOrder& order, s
       for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) box.grow(order.vertices[vertex] * scale);
     }
     leaves.indexed_leaves[row] = make_indexed_leaf(numbers.data(), size);
+    box.lower = box.lower + zero, box.upper = box.upper + zero;
     leaves.boxes[row++] = make_cluster(box, order.code(begin), order.code(begin + size - 1));
     begin += size;
   }

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "math/aabb.h"
+#include "math/float4.h"
 #include "mesh/triangle_mesh.h"
 #include "wide/wide_bvh.h"
 
@@ -13,6 +14,27 @@ namespace perfect_bvh {
 [[nodiscard]] inline Aabb child_box(const WideNode& node, std::uint32_t lane) noexcept {
   return {{node.planes[0][lane], node.planes[2][lane], node.planes[4][lane]},
           {node.planes[1][lane], node.planes[3][lane], node.planes[5][lane]}};
+}
+
+[[nodiscard]] inline Aabb to_aabb(const Box4& box) noexcept {
+  alignas(16) float corners[8];
+  box.lower.store(&corners[0]);
+  box.upper.store(&corners[4]);
+  return {{corners[0], corners[1], corners[2]}, {corners[4], corners[5], corners[6]}};
+}
+
+// All 8 of them; the fourth lanes of the boxes are not looked at.
+inline void write_planes(const Box4* boxes, WideNode& node) noexcept {
+  for (std::uint32_t first = 0; first < kWideWidth; first += 4) {
+    Float4 lower[4], upper[4];
+    for (std::uint32_t i = 0; i < 4; ++i) lower[i] = boxes[first + i].lower, upper[i] = boxes[first + i].upper;
+    transpose(lower[0], lower[1], lower[2], lower[3]);
+    transpose(upper[0], upper[1], upper[2], upper[3]);
+    for (std::uint32_t axis = 0; axis < 3; ++axis) {
+      lower[axis].store(&node.planes[2 * axis][first]);
+      upper[axis].store(&node.planes[2 * axis + 1][first]);
+    }
+  }
 }
 
 // Of all its children.

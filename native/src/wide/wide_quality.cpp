@@ -163,6 +163,7 @@ TreeQuality measure_wide_quality(const WideBvh& tree, const TriangleMesh& mesh) 
   quality.node_count = tree.nodes.size() + tree.leaf_count();
   quality.primitive_count = quality.reference_count;
   quality.depth = tree.depth;
+  quality.is_refittable = !tree.repeats_triangles;
   quality.byte_count = tree.byte_count();
   quality.sibling_overlap = node_area > 0 ? overlap / node_area : 0;
   quality.node_visits = root_area > 0 ? node_area / root_area : 0;

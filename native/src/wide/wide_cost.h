@@ -1,0 +1,72 @@
+// What a wide tree is expected to cost a ray, whole and in each of its parts: the surface area heuristic (MacDonald and
+// Booth 1990) in a form that is compared node by node with that of another day, to see which parts motion has spoilt.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "core/aligned.h"
+#include "core/cancel.h"
+#include "core/thread_pool.h"
+#include "math/float4.h"
+#include "wide/wide_bvh.h"
+
+namespace perfect_bvh {
+
+// In visits to wide nodes; the costs that trees are collapsed by.
+inline constexpr double kWideNodeCost = 1.0, kWideLeafCost = 0.5;
+
+[[nodiscard]] inline std::uint32_t child_count(const WideNode& node) noexcept {
+  std::uint32_t count = 0;
+  while (count < kWideWidth && node.child[count] != kNoChild) ++count;
+  return count;
+}
+
+// Half the surfaces of the children; without meaning for empty places.
+[[nodiscard]] inline std::array<float, kWideWidth> child_areas(const WideNode& node) noexcept {
+  alignas(16) std::array<float, kWideWidth> areas;
+  for (std::uint32_t first = 0; first < kWideWidth; first += 4) {
+    const auto extent = [&](int axis) {
+      return Float4::load(&node.planes[2 * axis + 1][first]) - Float4::load(&node.planes[2 * axis][first]);
+    };
+    const Float4 x = extent(0), y = extent(1), z = extent(2);
+    (x * y + (y * z + z * x)).store(&areas[first]);
+  }
+  return areas;
+}
+
+// Of a ray that meets a node's box: 1 for the node, and for each child its own cost times its share of the node's
+// surface. So neither size nor place matters. 0 where the node has no surface: there is nothing to compare with.
+struct WideCosts {
+  AlignedVector<float> nodes;   // by row
+  AlignedVector<float> leaves;  // what of it is for leaves
+
+  [[nodiscard]] double of(std::uint32_t child) const noexcept {
+    return child < kBlockChild ? static_cast<double>(nodes[child]) : kWideLeafCost;
+  }
+  [[nodiscard]] double of_leaves(std::uint32_t child) const noexcept {
+    return child < kBlockChild ? static_cast<double>(leaves[child]) : kWideLeafCost;
+  }
+  [[nodiscard]] double whole(const WideBvh& tree) const noexcept { return tree.is_empty ? 0 : of(tree.root); }
+
+  void resize(std::size_t node_count) { nodes.resize(node_count), leaves.resize(node_count); }
+  // Of a node with this half surface whose children's costs are known.
+  void set(std::uint32_t row, const WideNode& node, float area) noexcept {
+    nodes[row] = leaves[row] = 0;
+    if (!(area > 0)) return;
+    const std::array<float, kWideWidth> areas = child_areas(node);
+    double all = 0, for_leaves = 0;
+    for (std::uint32_t lane = 0; lane < kWideWidth && node.child[lane] != kNoChild; ++lane) {
+      all += static_cast<double>(areas[lane]) * of(node.child[lane]);
+      for_leaves += static_cast<double>(areas[lane]) * of_leaves(node.child[lane]);
+    }
+    nodes[row] = static_cast<float>(kWideNodeCost + all / static_cast<double>(area));
+    leaves[row] = static_cast<float>(for_leaves / static_cast<double>(area));
+  }
+};
+
+// Of a tree over triangles. The same numbers for any number of threads.
+[[nodiscard]] WideCosts measure_wide_costs(const WideBvh& tree, ThreadPool& pool, CancelToken& cancel);
+
+}  // namespace perfect_bvh

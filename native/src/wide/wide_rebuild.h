@@ -1,0 +1,31 @@
+// Building the spoilt parts of a wide tree anew, and only those: over the leaves that they have, which hold
+// neighbouring triangles and suffer least when a mesh bends. A sixth of the boxes that a whole build would sort, and no
+// leaf is written. In: a refitted tree, its cost now and when it was built. Out: the same leaves under a better tree.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "build/build_config.h"
+#include "core/cancel.h"
+#include "core/thread_pool.h"
+#include "wide/wide_bvh.h"
+#include "wide/wide_cost.h"
+
+namespace perfect_bvh {
+
+// The roots of the largest subtrees that are spoilt themselves: that would cost more than `tolerance` times what they
+// did when built even if everything below their children did not. By row; none inside another. `fresh` is by the same
+// rows as `costs`.
+[[nodiscard]] std::vector<std::uint32_t> find_spoilt_parts(const WideBvh& tree, const WideCosts& costs,
+                                                           const WideCosts& fresh, double tolerance);
+
+// Builds what is below each of `parts` (none inside another) anew over its leaves. `config` chooses the builder; what
+// it says of leaves and reinsertion is not heeded. `fresh` becomes what is to be compared with from now on: costs of
+// today for the new parts, but with leaves as good as they were when they were made. Returns the tree's costs of now.
+// The same bytes for any number of threads. Throws Cancelled, bad_alloc; the tree is then of no use.
+WideCosts rebuild_parts(WideBvh& tree, WideCosts& fresh, std::span<const std::uint32_t> parts,
+                        const BuildConfig& config, ThreadPool& pool, CancelToken& cancel);
+
+}  // namespace perfect_bvh

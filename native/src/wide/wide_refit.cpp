@@ -1,0 +1,129 @@
+#include "wide/wide_refit.h"
+
+#include <algorithm>
+#include <array>
+#include <vector>
+
+#include "core/errors.h"
+#include "wide/bottom_up.h"
+#include "wide/leaf_refit.h"
+#include "wide/tree_scale.h"
+#include "wide/visit_order.h"
+#include "wide/wide_boxes.h"
+
+namespace perfect_bvh {
+namespace {
+
+// One pass over a tree, with the scale that `to` has.
+class Refitter {
+ public:
+  Refitter(const WideBvh& from, const TriangleMesh& mesh, WideBvh& to)
+      : from_(from), mesh_(mesh), to_(to), node_boxes_(from.nodes.size()) {
+    costs_.resize(from.nodes.size());
+  }
+
+  void run(ThreadPool& pool, CancelToken& cancel) {
+    if (from_.root >= kBlockChild) {
+      const std::uint32_t row = from_.root - kBlockChild;
+      refit_leaves(from_, mesh_, {&row, 1}, to_, &bounds_);
+      return;
+    }
+    visit_bottom_up(from_, pool, cancel, [&](std::span<const std::uint32_t> rows) { refit_nodes(rows); });
+    bounds_ = node_boxes_[from_.root];
+  }
+
+  [[nodiscard]] const Box4& bounds() const noexcept { return bounds_; }  // as stored
+  [[nodiscard]] WideCosts& costs() noexcept { return costs_; }
+
+ private:
+  // First all leaves of these nodes, then the nodes, parents last.
+  void refit_nodes(std::span<const std::uint32_t> rows) {
+    std::vector<std::uint32_t> leaves;
+    leaves.reserve(4 * rows.size());
+    for (std::size_t i = rows.size(); i-- > 0;) {
+      for (const std::uint32_t child : from_.nodes[rows[i]].child) {
+        if (child >= kBlockChild) leaves.push_back(child - kBlockChild);
+      }
+    }
+    AlignedVector<Box4> leaf_boxes(leaves.size());
+    refit_leaves(from_, mesh_, leaves, to_, leaf_boxes.data());
+    const Box4* next_leaf = leaf_boxes.data();
+    constexpr std::size_t kAhead = 4;
+    for (std::size_t i = rows.size(); i-- > 0;) {
+      if (i >= kAhead) fetch_node(rows[i - kAhead]);
+      refit_node(rows[i], next_leaf);
+    }
+  }
+
+  void fetch_node(std::uint32_t row) const noexcept {
+    const char* const node = reinterpret_cast<const char*>(&to_.nodes[row]);
+    for (std::size_t line = 0; line < sizeof(WideNode); line += kCacheLine) __builtin_prefetch(node + line, 1);
+  }
+
+  // Its leaves' boxes come next.
+  void refit_node(std::uint32_t row, const Box4*& next_leaf) {
+    const WideNode& shape = from_.nodes[row];
+    WideNode& node = to_.nodes[row];
+    std::array<Box4, kWideWidth> boxes;
+    Box4 box = Box4::empty();
+    std::uint32_t count = 0;
+    for (; count < kWideWidth && shape.child[count] != kNoChild; ++count) {
+      boxes[count] = shape.child[count] < kBlockChild ? node_boxes_[shape.child[count]] : *next_leaf++;
+      box.grow(boxes[count]);
+    }
+    std::fill(boxes.begin() + count, boxes.end(), Box4::empty());
+    node_boxes_[row] = box;
+    if (&node != &shape) std::copy_n(shape.child, kWideWidth, node.child);
+    write_planes(boxes.data(), node);
+    set_visit_order(node, count);
+    costs_.set(row, node, half_area(box.extent()));
+  }
+
+  const WideBvh& from_;
+  const TriangleMesh& mesh_;
+  WideBvh& to_;
+  AlignedVector<Box4> node_boxes_;  // by row
+  Box4 bounds_ = Box4::empty();
+  WideCosts costs_;
+};
+
+Aabb in_mesh(const Box4& stored, float scale) noexcept {
+  const Aabb box = to_aabb(stored);
+  return {box.lower * (1.0f / scale), box.upper * (1.0f / scale)};
+}
+
+// Coordinates that left the range of a scale have lost what it takes to tell where they are: the mesh itself is asked.
+float scale_of(const TriangleMesh& mesh) noexcept {
+  Aabb box;
+  for (std::size_t i = 0; i < mesh.triangle_count(); ++i) box.grow(mesh.triangle_box(i));
+  return tree_scale(box);
+}
+
+}  // namespace
+
+WideCosts refit_wide(const WideBvh& from, const TriangleMesh& mesh, WideBvh& to, bool has_shape, ThreadPool& pool,
+                     CancelToken& cancel) {
+  if (!is_refittable(from)) {
+    throw InvalidArgument("refit_wide: the tree's boxes are clipped (spatial splits), so it must be rebuilt instead");
+  }
+  cancel.throw_if_stopped();
+  to.nodes.resize(from.nodes.size());
+  to.blocks.resize(from.blocks.size());
+  to.indexed_leaves.resize(from.indexed_leaves.size());
+  to.layout = from.layout, to.root = from.root, to.depth = from.depth, to.is_empty = from.is_empty,
+  to.repeats_triangles = false;
+  to.scale = from.scale, to.extent = from.extent;
+  if (from.is_empty) return {};
+  // What `to` itself has of the shape is nearer: it is about to be written.
+  const WideBvh& shape = has_shape ? to : from;
+  Refitter refitter(shape, mesh, to);
+  refitter.run(pool, cancel);
+  if (tree_scale(in_mesh(refitter.bounds(), to.scale)) != to.scale) {
+    to.scale = scale_of(mesh);
+    refitter.run(pool, cancel);
+  }
+  to.extent = tree_extent(in_mesh(refitter.bounds(), to.scale), to.scale);
+  return std::move(refitter.costs());
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,105 @@
+// Wide trees of every kind that can be refitted, and what is to be true of them.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "scene/blas_build.h"
+#include "scene/usage.h"
+#include "tests/motions.h"
+#include "wide/collapse.h"
+#include "wide/fast_wide.h"
+#include "wide/tree_scale.h"
+#include "wide/wide_boxes.h"
+#include "wide/wide_refit.h"
+
+namespace perfect_bvh::test {
+
+struct Way {
+  const char* name;
+  BuildConfig config;
+  Usage usage = Usage::kDeforming;
+};
+
+inline std::ostream& operator<<(std::ostream& out, const Way& way) { return out << way.name; }
+
+inline std::vector<Way> ways() {
+  std::vector<Way> list;
+  for (const BuilderKind kind :
+       {BuilderKind::kAuto, BuilderKind::kMedian, BuilderKind::kSweep, BuilderKind::kBinned, BuilderKind::kFast}) {
+    BuildConfig config;
+    config.builder = kind;
+    list.push_back({builder_name(kind), config});
+  }
+  list.push_back({"straight_to_wide", BuildConfig{}, Usage::kChanging});
+  BuildConfig compact;
+  compact.layout = TreeLayout::kCompact;
+  list.push_back({"compact", compact});
+  list.push_back({"compact_straight_to_wide", compact, Usage::kChanging});
+  return list;
+}
+
+inline WideBvh build(const TriangleMesh& mesh, const Way& way) {
+  ThreadPool pool(1);
+  CancelToken cancel;
+  if (way.usage == Usage::kChanging) return build_fast_wide(mesh, way.config.layout, pool, cancel);
+  const Bvh2 tree = build_tree(mesh, choose_builder(way.config, way.usage), pool, cancel);
+  return collapse_mesh(tree, mesh, way.config.layout, pool, cancel);
+}
+
+inline WideBvh refitted(const WideBvh& tree, const TriangleMesh& mesh, int thread_count = 1) {
+  ThreadPool pool(thread_count);
+  CancelToken cancel;
+  WideBvh result;
+  static_cast<void>(refit_wide(tree, mesh, result, false, pool, cancel));
+  return result;
+}
+
+inline TriangleMesh moved(TriangleMesh mesh, const Motion& motion) {
+  motion.apply(mesh.positions);
+  return mesh;
+}
+
+inline bool same_bytes(const WideBvh& a, const WideBvh& b) {
+  return a.nodes.size() == b.nodes.size() && a.blocks.size() == b.blocks.size() && a.root == b.root &&
+         a.depth == b.depth && a.scale == b.scale && a.is_empty == b.is_empty &&
+         std::memcmp(&a.extent, &b.extent, sizeof(TreeExtent)) == 0 &&
+         (a.nodes.empty() || std::memcmp(a.nodes.data(), b.nodes.data(), a.nodes.size() * sizeof(WideNode)) == 0) &&
+         a.layout == b.layout && a.leaf_count() == b.leaf_count() &&
+         (a.indexed_leaves.empty() || std::memcmp(a.indexed_leaves.data(), b.indexed_leaves.data(),
+                                                  a.indexed_leaves.size() * sizeof(IndexedLeaf)) == 0) &&
+         (a.blocks.empty() || std::memcmp(a.blocks.data(), b.blocks.data(), a.blocks.size() * sizeof(LeafBlock)) == 0);
+}
+
+inline Aabb triangle_bounds(const TriangleMesh& mesh) {
+  Aabb box;
+  for (std::size_t i = 0; i < mesh.triangle_count(); ++i) box.grow(mesh.triangle_box(i));
+  return box;
+}
+
+// No box is larger than what is in it; scale and extent are those of a new tree.
+inline void expect_tight(const WideBvh& tree, const TriangleMesh& mesh, const std::string& name) {
+  if (tree.is_empty) return;
+  const Aabb bounds = triangle_bounds(mesh);
+  EXPECT_EQ(tree.scale, tree_scale(bounds)) << name;
+  EXPECT_EQ(tree.extent.reach, tree_extent(bounds, tree.scale).reach) << name;
+  for (const WideNode& node : tree.nodes) {
+    for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
+      const std::uint32_t child = node.child[lane];
+      if (child == kNoChild) continue;
+      Aabb inside;
+      if (child >= kBlockChild) {
+        inside = leaf_box(tree, mesh, child - kBlockChild);
+      } else {
+        for (std::uint32_t i = 0; i < kWideWidth; ++i) inside.grow(child_box(tree.nodes[child], i));
+      }
+      ASSERT_EQ(child_box(node, lane).lower, inside.lower) << name;
+      ASSERT_EQ(child_box(node, lane).upper, inside.upper) << name;
+    }
+  }
+}
+
+}  // namespace perfect_bvh::test
