@@ -64,6 +64,22 @@ def needed_attributes(settings: RenderSettings, passes: tuple[str, ...]) -> Attr
     )
 
 
+def expected_rays(settings: RenderSettings, pixel_count: int) -> int:
+    """How many rays an image of so many pixels casts at most: what building and refitting is weighed against."""
+    mode = find_mode(settings.mode)
+    samples = 1 if mode.has_range else settings.samples
+    return pixel_count * samples * mode.rays_per_sample
+
+
+def count_pixels(depsgraph: bpy.types.Depsgraph) -> int:
+    """Of a render of the scene, inside its border."""
+    from .extract.camera import read_frame
+
+    frame = read_frame(depsgraph.scene)
+    left, right, bottom, top = border_pixels(frame.border, (frame.width, frame.height))
+    return (right - left) * (top - bottom)
+
+
 def border_pixels(border: tuple[float, float, float, float], size: tuple[int, int]) -> tuple[int, int, int, int]:
     """(left, right, bottom, top) of a border given as fractions, in pixels from the lower left, as Blender rounds."""
     width, height = np.float32(size[0]), np.float32(size[1])
@@ -91,7 +107,11 @@ def render_frame(
     """
     sync.request(needed_attributes(settings, passes), only=True)
     # The bar stays at its beginning meanwhile, but a long build can be cancelled.
-    report = sync.update(depsgraph, progress=None if progress is None else lambda _: progress(0.0))
+    report = sync.update(
+        depsgraph,
+        expected_rays(settings, count_pixels(depsgraph)),
+        progress=None if progress is None else lambda _: progress(0.0),
+    )
     if not trace:
         return Frame({}, FrameStatistics(depsgraph.scene.frame_current_final, sync.size, settings, report, 0.0, 0))
     if sync.camera is None:

@@ -18,6 +18,7 @@ class Mode:
 
     name: as `perfect_bvh.render` and the command line take it. view: the view transform that shows it, None for
     the scene's own. has_range: its values are distances, which an image file of bytes cannot hold as they are.
+    rays_per_sample: how many rays a sample of a pixel casts at most.
     """
 
     name: str
@@ -25,6 +26,7 @@ class Mode:
     description: str
     view: str | None = None
     has_range: bool = False
+    rays_per_sample: int = 1
 
     @property
     def is_data(self) -> bool:
@@ -33,9 +35,20 @@ class Mode:
 
 
 MODES: tuple[Mode, ...] = (
-    Mode("preview", "Preview", "The scene under its own lights and world, with matt surfaces: a quick look"),
-    Mode("clay", "Clay", "Soft sky light with ambient occlusion, in the viewport colors of the materials"),
-    Mode("wireframe", "Wireframe", "Clay with the edges of the triangles drawn over it"),
+    # Beside the camera's, a ray to the surroundings and one to a light.
+    Mode(
+        "preview",
+        "Preview",
+        "The scene under its own lights and world, with matt surfaces: a quick look",
+        rays_per_sample=3,
+    ),
+    Mode(
+        "clay",
+        "Clay",
+        "Soft sky light with ambient occlusion, in the viewport colors of the materials",
+        rays_per_sample=3,
+    ),
+    Mode("wireframe", "Wireframe", "Clay with the edges of the triangles drawn over it", rays_per_sample=3),
     Mode("normal", "Normal", "World-space shading normals, their -1..1 as 0..1", "Raw"),
     Mode("depth", "Depth", "Distance along the view axis in world units", "Raw", has_range=True),
     Mode("distance", "Distance", "Distance along the ray in world units", "Raw", has_range=True),

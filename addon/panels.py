@@ -130,6 +130,7 @@ class PERFECT_BVH_PT_plan(RenderPanel, bpy.types.Panel):
             column = self.layout.box().column(align=True)
             column.label(text=f"{row.name}: {row.triangle_count:,} triangles", icon="MESH_DATA")
             done = f"{row.action}, {row.builder}, {row.milliseconds:.1f} ms" if row.builder else row.action
+            column.label(text=f"{row.usage}: {row.usage_reason}")
             for line in _wrapped(f"{done}: {row.reason}"):
                 column.label(text=line)
         more = count_meshes(report) - len(rows)

@@ -13,12 +13,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import perfect_bvh
 from perfect_bvh import Appearance, Camera, Scene
+from perfect_bvh.scene import Policy
 
 from .extract import ReadCache, read_scene
 from .extract.changes import listen, stop_listening
@@ -41,16 +43,23 @@ class SceneSync:
     watch: whether queries raise `perfect_bvh.StaleSceneError` once Blender has evaluated anything, changed the frame,
         undone a step or loaded a file since the last update. For that, Blender handlers are installed until the last
         such sync is closed, with or without `register()`. False is for renders, whose depsgraph is their own.
+    policy: of `perfect_bvh.Scene`: for comparisons, what becomes of trees whose vertices moved.
 
     Use it on Blender's main thread; snapshots of its scene may be traced anywhere.
     """
 
     def __init__(
-        self, attributes: AttributeRequest | None = None, *, for_viewport: bool | None = None, watch: bool = True
+        self,
+        attributes: AttributeRequest | None = None,
+        *,
+        for_viewport: bool | None = None,
+        watch: bool = True,
+        policy: Policy = "governed",
     ) -> None:
         self._attributes = attributes or AttributeRequest()
         self._for_viewport = for_viewport
-        self._state = SceneState(Scene)
+        self._make_scene = partial(Scene, policy)
+        self._state = SceneState(self._make_scene)
         self._cache = ReadCache()
         self._lookup: SceneLookup | None = None
         self._appearance: Appearance | None = None
@@ -81,7 +90,8 @@ class SceneSync:
     ) -> SyncReport:
         """Makes the engine's scene equal to an evaluated `bpy.types.Depsgraph`, editing only what differs.
 
-        expected_rays: how many rays are about to be cast, for what trees are worth.
+        expected_rays: how many rays are about to be cast until the next update: what building and refitting is weighed
+            against. Without it trees are chosen by class, and a refitted one is mended once it is 5 percent worse.
         verify: reads everything a second time in the slow and certain way, and reports each difference.
         camera: an object or a `CameraRecord` instead of the scene's camera. size: (width, height) in pixels
             instead of the render size. space: the `SpaceView3D` whose local view counts.
@@ -202,7 +212,7 @@ class SceneSync:
     def close(self) -> None:
         """Forgets the scene and stops watching; queries raise from now on. Updating again is allowed."""
         stop_listening(self)
-        self._state = SceneState(Scene)
+        self._state = SceneState(self._make_scene)
         self._cache = ReadCache()
         self._lookup = self._appearance = None
         self._state.scene.mark_stale("the sync was closed: call update()")

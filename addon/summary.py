@@ -14,10 +14,16 @@ SHOWN_MESHES = 10
 
 @dataclass(frozen=True, slots=True)
 class PlanRow:
-    """One mesh. action: what the last frame did to its tree. reason: a sentence. milliseconds: 0 where it was kept."""
+    """One mesh.
+
+    usage: its class, and usage_reason why. action: what the last frame did to its tree. reason: a sentence.
+    milliseconds: 0 where it was kept.
+    """
 
     name: str
     triangle_count: int
+    usage: str
+    usage_reason: str
     action: str
     builder: str
     reason: str
@@ -56,6 +62,8 @@ def plan_rows(report: SyncReport, limit: int = SHOWN_MESHES) -> list[PlanRow]:
             PlanRow(
                 name=change.name,
                 triangle_count=change.triangle_count,
+                usage=change.usage,
+                usage_reason=change.usage_reason,
                 action=commit.action.replace("_", " ") if commit else "kept",
                 builder=commit.builder if commit else "",
                 reason=commit.reason if commit else change.reason,

@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 import bpy
 import numpy as np
 
-from .frame import CLAY_GREY, needed_attributes
+from .frame import CLAY_GREY, count_pixels, expected_rays, needed_attributes
 from .modes import find_mode
 from .properties import RenderSettings, read_settings
 from .refinement import Image, Pace, Refinement, View
@@ -74,7 +74,7 @@ class Viewport:
         space = context.space_data
         sync = self._sync_for(space, depsgraph)
         self._sync = None  # a failed update must not leave an old image on the screen
-        _bring_in_step(sync, depsgraph, read_settings(depsgraph.scene), space)
+        _bring_in_step(sync, depsgraph, read_settings(depsgraph.scene), space, context.region)
         self._sync = sync
 
     def _sync_for(self, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph) -> SceneSync:
@@ -159,7 +159,7 @@ def refine_view(context: bpy.types.Context, settings: RenderSettings, pace: Pace
     found = find_view(context)
     is_filtered = found is not None and any(_filter_of(found[0]))
     sync = SceneSync(watch=False) if is_filtered else session_of(depsgraph)
-    _bring_in_step(sync, depsgraph, settings, found[0] if found else None)
+    _bring_in_step(sync, depsgraph, settings, *(found or (None, None)))
     if found is None:
         if sync.camera is None:
             raise ValueError(f"scene {depsgraph.scene.name!r} has no camera that can be rendered")
@@ -182,10 +182,16 @@ def picture_of(image: Image, mode: str) -> Image:
 
 
 def _bring_in_step(
-    sync: SceneSync, depsgraph: bpy.types.Depsgraph, settings: RenderSettings, space: bpy.types.SpaceView3D | None
+    sync: SceneSync,
+    depsgraph: bpy.types.Depsgraph,
+    settings: RenderSettings,
+    space: bpy.types.SpaceView3D | None,
+    region: bpy.types.Region | None,
 ) -> None:
+    """space, region: None for the camera's view in the size of a render."""
     sync.request(needed_attributes(settings, ()))
-    report = sync.update(depsgraph, space=space)
+    pixel_count = count_pixels(depsgraph) if region is None else region.width * region.height
+    report = sync.update(depsgraph, expected_rays(settings, pixel_count), space=space)
     if report.has_changes or sync not in _revisions:
         _revisions[sync] = _revisions.get(sync, 0) + 1
 

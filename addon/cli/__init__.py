@@ -1,4 +1,4 @@
-"""The command `perfect-bvh`: render a .blend file, or say what its trees are made of.
+"""The command `perfect-bvh`: render a .blend file, say what its trees are made of, or measure the machine.
 
 Blender and numpy are imported only once a command needs them, so that `--help` answers at once.
 """
@@ -36,6 +36,7 @@ def build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_render(commands)
     _add_info(commands)
+    _add_calibrate(commands)
     return parser
 
 
@@ -79,11 +80,22 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
 def _add_info(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "info",
-        help="list the meshes and their trees",
-        description="List each mesh with its class, builder, triangles, bytes and users.",
+        help="print the plan: the meshes and their trees",
+        description="List each mesh with its class and the reason for it, its builder and bytes, and what building it "
+        "and tracing a render's rays through it is expected to take on one thread.",
     )
     _add_file(parser)
     parser.add_argument("--frame", type=int, metavar="N", help="the frame to read (default: the file's current one)")
+
+
+def _add_calibrate(commands: argparse._SubParsersAction) -> None:
+    parser = commands.add_parser(
+        "calibrate",
+        help="measure this machine",
+        description="Measure once, in a few seconds, what building, refitting and tracing cost on this machine: that "
+        "decides whether a tree is refitted or rebuilt. Leave the machine alone meanwhile.",
+    )
+    parser.add_argument("-o", "--output", metavar="FILE", help="where to keep it (default: the user's cache folder)")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -94,6 +106,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             from .render import run_render
 
             return run_render(arguments)
+        if arguments.command == "calibrate":
+            from .calibrate import run_calibrate
+
+            return run_calibrate(arguments)
         from .info import run_info
 
         return run_info(arguments)

@@ -1,4 +1,4 @@
-"""`perfect-bvh info`: each mesh of a scene with its tree."""
+"""`perfect-bvh info`: the plan: each mesh of a scene with its class, its tree, and what they are expected to cost."""
 
 from __future__ import annotations
 
@@ -11,13 +11,27 @@ from .console import format_bytes, format_table, quiet_blender
 
 if TYPE_CHECKING:
     import bpy
-    from perfect_bvh import SceneStatistics
+    from perfect_bvh import MeshReport, SceneStatistics
 
     from ..session import SceneSync
     from ..sync.report import SyncReport
 
-HEADER = ("mesh", "class", "builder", "triangles", "users", "nodes", "depth", "SAH cost", "bytes")
-LEFT_COLUMNS = frozenset({0, 1, 2})
+HEADER = (
+    "mesh",
+    "class",
+    "builder",
+    "triangles",
+    "users",
+    "nodes",
+    "depth",
+    "SAH cost",
+    "bytes",
+    "build ms",
+    "rays",
+    "trace ms",
+    "why this class",
+)
+LEFT_COLUMNS = frozenset({0, 1, 2, len(HEADER) - 1})
 
 
 def run_info(arguments: argparse.Namespace) -> int:
@@ -61,12 +75,12 @@ def _write(out: TextIO, scene: bpy.types.Scene, sync: SceneSync, report: SyncRep
 
 def _mesh_rows(sync: SceneSync, report: SyncReport, statistics: SceneStatistics) -> list[tuple[str, ...]]:
     """A line for each mesh, the most bytes first."""
-    usages = {mesh.key: mesh.usage for mesh in sync.record.meshes}
     changes = {change.mesh_id: change for change in report.meshes}
+    decisions = {row.mesh_id: row for row in report.commit.meshes}
     return [
         (
             changes[tree.mesh_id].name,
-            usages[changes[tree.mesh_id].key],
+            changes[tree.mesh_id].usage,
             tree.builder,
             f"{tree.primitive_count:,}",
             f"{tree.user_count:,}",
@@ -74,6 +88,22 @@ def _mesh_rows(sync: SceneSync, report: SyncReport, statistics: SceneStatistics)
             str(tree.depth),
             f"{tree.sah:.1f}",
             format_bytes(tree.byte_count),
+            *_expected_costs(decisions.get(tree.mesh_id)),
+            changes[tree.mesh_id].usage_reason,
         )
         for tree in sorted(statistics.meshes, key=lambda tree: -tree.byte_count)
     ]
+
+
+def _expected_costs(decision: MeshReport | None) -> tuple[str, str, str]:
+    """Of building, the number of rays that meet the mesh's box, and what they take in the commits that it serves."""
+    if decision is None or decision.expected_rays is None:
+        return "", "", ""
+    chosen = [row for row in decision.alternatives if row.builder == decision.builder]
+    if not chosen or chosen[0].trace_milliseconds is None:
+        return "", f"{decision.expected_rays:,.0f}", ""
+    return (
+        f"{chosen[0].update_milliseconds:.1f}",
+        f"{decision.expected_rays:,.0f}",
+        f"{chosen[0].trace_milliseconds:.1f}",
+    )

@@ -85,7 +85,9 @@ class MeshTable:
             )
         twin = self._twins.find(original.data, record, self.records)
         if twin is None:
-            self.records.append(replace(record, key=self._lasting_key(origin, record), usage=guess_usage(original)))
+            guess = guess_usage(original)
+            key = self._lasting_key(origin, record)
+            self.records.append(replace(record, key=key, usage=guess.usage, usage_reason=guess.reason))
             twin = len(self.records) - 1
         self._counts[origin] += 1
         if not mesh.is_editmode:

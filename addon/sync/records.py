@@ -15,7 +15,7 @@ import numpy.typing as npt
 Int32Array = npt.NDArray[np.int32]
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
-Usage = Literal["static", "deforming", "changing"]
+Usage = Literal["static", "rigid", "deforming", "changing"]
 
 # Bits of an instance's mask: which kinds of ray see it. They follow Blender's ray visibility.
 VISIBLE_TO_CAMERA = 1 << 0
@@ -42,8 +42,9 @@ class MeshRecord:
     dropped_triangles: how many triangles were left out because a vertex was not finite; `triangle_ids`
         then holds the original index of each kept triangle, and is None when all were kept.
     was_read: False if Blender is known not to have evaluated the mesh since the record before, whose arrays these are.
-    usage: what will happen to the mesh as far as its object tells: nothing ("static"), other positions
-        ("deforming"), other triangles ("changing"). Sync learns better from what it sees.
+    usage: what will happen to the mesh as far as its object tells: nothing ("static"), other transforms ("rigid"),
+        other positions ("deforming"), other triangles ("changing"). Sync learns better from what it sees, see `plan`.
+    usage_reason: the sentence that says why.
     """
 
     key: Hashable
@@ -57,6 +58,7 @@ class MeshRecord:
     dropped_triangles: int = 0
     triangle_ids: Int32Array | None = None
     usage: Usage = "static"
+    usage_reason: str = "nothing animates it"
     was_read: bool = True
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from .compare import MeshAction
+from .records import Usage
 
 if TYPE_CHECKING:
     from perfect_bvh import CommitReport
@@ -33,6 +34,7 @@ class MeshChange:
     """One distinct mesh. mesh_id: the engine's. triangle_count: now, or of the removed mesh.
 
     action is what the data did: what the engine made of it (refit or rebuild) is in `SyncReport.commit`.
+    usage: the class by which the engine plans, see `plan`; usage_reason: the sentence that says why.
     """
 
     key: Hashable
@@ -41,6 +43,8 @@ class MeshChange:
     action: MeshAction
     reason: str
     triangle_count: int
+    usage: Usage = "static"
+    usage_reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +154,36 @@ class SyncReport:
         meshes = any(mesh.action != "kept" for mesh in self.meshes)
         looks = self.camera_changed or self.materials_changed or self.attributes_changed
         return bool(instances or meshes or looks or self.finishes_earlier_update)
+
+    @property
+    def ledger(self) -> list[dict[str, Any]]:
+        """A row for each decision of the engine about a mesh, of plain values that JSON takes.
+
+        What a mesh was called, its class and why, what was done and why, what each alternative was expected to cost,
+        and how good the tree was when it was built, when it was refitted, and is now.
+        """
+        changes = {mesh.mesh_id: mesh for mesh in self.meshes}
+        rows = []
+        for row in self.commit.meshes:
+            change = changes.get(row.mesh_id)
+            rows.append(
+                {
+                    "mesh": change.name if change else str(row.mesh_id),
+                    "class": change.usage if change else row.usage,
+                    "class_reason": change.usage_reason if change else "",
+                    "action": row.action,
+                    "reason": row.reason,
+                    "builder": row.builder,
+                    "triangles": row.triangle_count,
+                    "expected_rays": row.expected_rays,
+                    "fresh_cost": row.fresh_cost,
+                    "refitted_cost": row.refitted_cost,
+                    "cost": row.cost,
+                    "milliseconds": row.milliseconds,
+                    "alternatives": [asdict(alternative) for alternative in row.alternatives],
+                }
+            )
+        return rows
 
     def count_meshes(self, action: MeshAction) -> int:
         """How many meshes this happened to."""

@@ -26,7 +26,8 @@ from .compare import (
 from .keys import Int64Array, Uint64Array, instance_keys, instance_orders
 from .looks import find_look_differences
 from .object_changes import summarise_objects
-from .records import Int32Array, MeshRecord, SceneRecord, Usage
+from .plan import MeshUsage, UsageTracker
+from .records import Int32Array, MeshRecord, SceneRecord
 from .report import MeshChange, SyncReport
 
 if TYPE_CHECKING:
@@ -36,6 +37,8 @@ Progress = Callable[[float], object]
 
 # Later than any hit: the commit that brought the triangles has not succeeded.
 _NEVER = np.iinfo(np.int64).max
+# Meshes that are gone of which it is still known what they did.
+_MOST_REMEMBERED = 256
 
 
 class EngineScene(Protocol):
@@ -43,9 +46,10 @@ class EngineScene(Protocol):
 
     @property
     def scene_id(self) -> int: ...
-    def add_mesh(self, positions: npt.ArrayLike, triangles: npt.ArrayLike, *, usage: Usage) -> int: ...
+    def add_mesh(self, positions: npt.ArrayLike, triangles: npt.ArrayLike, *, usage: str) -> int: ...
     def update_mesh(self, mesh: int, positions: npt.ArrayLike) -> None: ...
     def replace_mesh(self, mesh: int, positions: npt.ArrayLike, triangles: npt.ArrayLike) -> None: ...
+    def set_usage(self, mesh: int, usage: str) -> None: ...
     def remove_mesh(self, mesh: int) -> None: ...
     def add_instances(
         self, meshes: npt.ArrayLike, transforms: npt.ArrayLike, masks: npt.ArrayLike, orders: npt.ArrayLike
@@ -59,13 +63,14 @@ class EngineScene(Protocol):
 
 @dataclass(slots=True)
 class _HeldMesh:
-    """A mesh in the engine: its id there, the record it was last given, and since when it has its triangles.
+    """A mesh in the engine: its id and usage there, the record it was last given, and since when it has its triangles.
 
     generation: of the scene's commit that brought the triangles; None until it has succeeded.
     """
 
     mesh_id: int
     record: MeshRecord
+    usage: str
     generation: int | None = None
 
 
@@ -96,7 +101,7 @@ class SceneState:
         self._record: SceneRecord | None = None
         self._has_waiting_edits = False
         self._fresh_meshes: list[_HeldMesh] = []  # whose triangles wait for a commit
-        self._observed_usage: dict[Hashable, Usage] = {}
+        self._usages = UsageTracker()
 
     @property
     def record(self) -> SceneRecord | None:
@@ -206,8 +211,11 @@ class SceneState:
         """Edits in an order that the engine allows: no mesh goes while an instance shows it."""
         self.scene.remove_instances(self._instances.ids[plan.instances.removed])
         changes = [self._remove_mesh(key) for key in plan.removed_meshes]
+        moved = self._find_moved_meshes(plan)
         for mesh, difference in zip(plan.record.meshes, plan.meshes, strict=True):
-            changes.append(self._apply_mesh(mesh, difference))
+            usage = self._plan_mesh(mesh, difference, mesh.key in moved)
+            changes.append(self._apply_mesh(mesh, difference, usage))
+        self._usages.forget_all_but(self._meshes, 2 * len(self._meshes) + _MOST_REMEMBERED)
         self._instances = self._apply_instances(plan)
         self._object_names = {obj.session_uid: obj.name for obj in plan.record.objects}
         self._record = plan.record
@@ -219,23 +227,50 @@ class SceneState:
         reason = "nothing shows it any more"
         return MeshChange(key, held.record.name, held.mesh_id, "removed", reason, len(held.record.triangles))
 
-    def _apply_mesh(self, mesh: MeshRecord, difference: MeshDifference) -> MeshChange:
+    def _find_moved_meshes(self, plan: _Plan) -> set[Hashable]:
+        """Keys of the meshes of which an instance moved."""
+        if not plan.instances.moved.any():
+            return set()
+        rows = np.unique(plan.record.instances.mesh_indices[plan.instances.moved])
+        return {plan.record.meshes[row].key for row in rows}
+
+    def _plan_mesh(self, mesh: MeshRecord, difference: MeshDifference, has_moved: bool) -> MeshUsage:
+        """Takes in what the mesh did, and tells what to expect of it."""
+        if difference.action == "replaced":
+            self._usages.observe(mesh.key, "changing")
+        elif difference.action == "deformed":
+            self._usages.observe(mesh.key, "deforming")
+        elif difference.action == "kept":
+            self._usages.observe(mesh.key, "rigid" if has_moved else "static")
+        return self._usages.expect(mesh)
+
+    def _apply_mesh(self, mesh: MeshRecord, difference: MeshDifference, plan: MeshUsage) -> MeshChange:
         held = self._meshes.get(mesh.key)
+        usage = "static" if plan.usage == "rigid" else plan.usage  # the engine builds the same tree for both
+        if held is not None and held.usage != usage:
+            self.scene.set_usage(held.mesh_id, usage)
+            held.usage = usage
         if held is None:
-            usage = self._observed_usage.get(mesh.key, mesh.usage)
-            held = _HeldMesh(self.scene.add_mesh(mesh.positions, mesh.triangles, usage=usage), mesh)
+            held = _HeldMesh(self.scene.add_mesh(mesh.positions, mesh.triangles, usage=usage), mesh, usage)
             self._meshes[mesh.key] = held
             self._fresh_meshes.append(held)
         elif difference.action == "deformed":
             self.scene.update_mesh(held.mesh_id, mesh.positions)
-            self._observed_usage.setdefault(mesh.key, "deforming")
         elif difference.action == "replaced":
             self.scene.replace_mesh(held.mesh_id, mesh.positions, mesh.triangles)
-            self._observed_usage[mesh.key] = "changing"
             held.generation = None
             self._fresh_meshes.append(held)
         held.record = mesh
-        return MeshChange(mesh.key, mesh.name, held.mesh_id, difference.action, difference.reason, len(mesh.triangles))
+        return MeshChange(
+            mesh.key,
+            mesh.name,
+            held.mesh_id,
+            difference.action,
+            difference.reason,
+            len(mesh.triangles),
+            plan.usage,
+            plan.reason,
+        )
 
     def _apply_instances(self, plan: _Plan) -> HeldInstances:
         instances, difference = plan.record.instances, plan.instances

@@ -45,7 +45,7 @@ Usage parse_usage(const std::string& name) {
   if (name == "static") return Usage::kStatic;
   if (name == "deforming") return Usage::kDeforming;
   if (name == "changing") return Usage::kChanging;
-  throw InvalidArgument("add_mesh: usage must be 'static', 'deforming' or 'changing', got '" + name + "'");
+  throw InvalidArgument("usage must be 'static', 'deforming' or 'changing', got '" + name + "'");
 }
 
 // Twelve numbers in rows.
@@ -82,6 +82,50 @@ const char* action_name(MeshAction action) {
   return "kept";
 }
 
+Policy parse_policy(const std::string& name) {
+  if (name == "governed") return Policy::kGoverned;
+  if (name == "refit") return Policy::kRefit;
+  if (name == "rotate") return Policy::kRotate;
+  if (name == "rebuild_parts") return Policy::kRebuildParts;
+  if (name == "rebuild") return Policy::kRebuild;
+  throw InvalidArgument("Scene: policy must be 'governed', 'refit', 'rotate', 'rebuild_parts' or 'rebuild', got '" +
+                        name + "'");
+}
+
+BuilderCost parse_cost(const py::dict& numbers, const char* builder) {
+  const auto row = numbers[builder].cast<py::dict>();
+  return {row["build_nanoseconds"].cast<double>(), row["trace_nanoseconds"].cast<double>()};
+}
+
+CommitOptions parse_options(const std::string& policy, const std::optional<double>& expected_rays,
+                            const py::dict& numbers) {
+  CommitOptions options;
+  options.policy = parse_policy(policy);
+  options.expected_rays = expected_rays;
+  Calibration& calibration = options.calibration;
+  calibration.node_nanoseconds = numbers["node_nanoseconds"].cast<double>();
+  calibration.leaf_nanoseconds = numbers["leaf_nanoseconds"].cast<double>();
+  calibration.refit_nanoseconds = numbers["refit_nanoseconds"].cast<double>();
+  calibration.rotate_nanoseconds = numbers["rotate_nanoseconds"].cast<double>();
+  calibration.rebuild_parts_nanoseconds = numbers["rebuild_parts_nanoseconds"].cast<double>();
+  calibration.rotation_gain = numbers["rotation_gain"].cast<double>();
+  const auto builders = numbers["builders"].cast<py::dict>();
+  calibration.fast = parse_cost(builders, "fast");
+  calibration.binned = parse_cost(builders, "binned");
+  calibration.spatial = parse_cost(builders, "spatial");
+  return options;
+}
+
+py::list to_list(const std::vector<AlternativeReport>& alternatives) {
+  py::list rows;
+  for (const AlternativeReport& row : alternatives) {
+    rows.append(py::dict(py::arg("action") = action_name(row.action), py::arg("builder") = row.builder,
+                         py::arg("update_milliseconds") = row.update_milliseconds,
+                         py::arg("trace_milliseconds") = row.trace_milliseconds));
+  }
+  return rows;
+}
+
 py::dict to_dict(const TopLevelReport& top) {
   return py::dict(py::arg("is_refitted") = top.is_refitted, py::arg("reason") = top.reason,
                   py::arg("builder") = top.builder, py::arg("placing_milliseconds") = top.placing_milliseconds,
@@ -95,8 +139,10 @@ py::dict to_dict(const CommitReport& report) {
   py::list meshes;
   for (const MeshReport& mesh : report.meshes) {
     meshes.append(py::dict(
-        py::arg("mesh_id") = mesh.mesh_id, py::arg("action") = action_name(mesh.action),
-        py::arg("reason") = mesh.reason, py::arg("builder") = mesh.builder, py::arg("layout") = mesh.layout,
+        py::arg("mesh_id") = mesh.mesh_id, py::arg("usage") = mesh.usage, py::arg("action") = action_name(mesh.action),
+        py::arg("reason") = mesh.reason, py::arg("alternatives") = to_list(mesh.alternatives),
+        py::arg("expected_rays") = mesh.expected_rays, py::arg("node_visits") = mesh.node_visits,
+        py::arg("leaf_visits") = mesh.leaf_visits, py::arg("builder") = mesh.builder, py::arg("layout") = mesh.layout,
         py::arg("milliseconds") = mesh.milliseconds, py::arg("build_milliseconds") = mesh.build_milliseconds,
         py::arg("optimize_milliseconds") = mesh.optimize_milliseconds,
         py::arg("refit_milliseconds") = mesh.refit_milliseconds, py::arg("mend_milliseconds") = mesh.mend_milliseconds,
@@ -192,6 +238,10 @@ void bind_scene(py::module_& module) {
   bind_mesh_edits<double>(scene);
   bind_instance_edits<float>(scene);
   bind_instance_edits<double>(scene);
+  scene.def(
+      "set_usage",
+      [](Scene& self, std::int32_t mesh_id, const std::string& usage) { self.set_usage(mesh_id, parse_usage(usage)); },
+      py::arg("mesh_id"), py::arg("usage"), py::call_guard<py::gil_scoped_release>());
   scene.def("remove_mesh", &Scene::remove_mesh, py::arg("mesh_id"), py::call_guard<py::gil_scoped_release>());
   scene.def(
       "set_masks",
@@ -212,12 +262,14 @@ void bind_scene(py::module_& module) {
       py::arg("ids").noconvert());
   scene.def(
       "commit",
-      [](Scene& self, const py::object& progress) {
-        const CommitReport report =
-            with_progress(progress, [&](CancelToken& cancel) { return self.commit(ThreadPool::shared(), cancel); });
+      [](Scene& self, const std::string& policy, const std::optional<double>& expected_rays,
+         const py::dict& calibration, const py::object& progress) {
+        const CommitOptions options = parse_options(policy, expected_rays, calibration);
+        const CommitReport report = with_progress(
+            progress, [&](CancelToken& cancel) { return self.commit(ThreadPool::shared(), cancel, options); });
         return to_dict(report);
       },
-      py::arg("progress") = py::none());
+      py::arg("policy"), py::arg("expected_rays"), py::arg("calibration"), py::arg("progress") = py::none());
   scene.def("mark_stale", &Scene::mark_stale, py::arg("why"), py::call_guard<py::gil_scoped_release>());
   scene.def("is_current", &Scene::is_current, py::call_guard<py::gil_scoped_release>());
   scene.def(

@@ -3,16 +3,20 @@
     python tests/benchmarks/sync.py --json OUT.json
     python tests/benchmarks/sync.py --json OUT.json --only "instances moved"
 
+    python tests/benchmarks/sync.py --json OUT.json --policies
+
 Cases: the animated scenes of blend_scenes, a million deforming triangles, instances made by geometry nodes that move,
 one object moved among ten thousand, an edit beside a mesh of three million triangles that it does not touch.
 `read_list_ms` is what reading the same instances costs by Blender's list. Blender's own evaluation is not part of any
 figure but `evaluate_ms`. `cpu_ms` is the processor's time in an update, of all threads: where others use the machine as
-well it tells more than the clock, by which all the others go.
+well it tells more than the clock, by which all the others go. With --policies the animated scenes and a bursting ball
+are played with each policy of the governor instead, see policies.py.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import sys
 import time
@@ -25,6 +29,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import bpy
 import numpy as np
+import perfect_bvh
+from benchmarks import policies
 from benchmarks.machine import REPOSITORY, describe
 from benchmarks.rounds import Spread
 from benchmarks.tables import format_table
@@ -208,21 +214,57 @@ def describe_cases(results: list[dict[str, Any]]) -> str:
     return format_table(("ms", *(name.replace("_", " ") for name in _COLUMNS), "goal"), rows)
 
 
+# Policies ------------------------------------------------------------------------------------------------------------
+
+ANIMATED = ("tree_in_wind", "cloth", "gears", "ocean")
+
+
+def compare_policies(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """The figures of each animation, with one line of each policy written as they come."""
+    perfect_bvh.set_thread_count(1)
+    for name in (*ANIMATED, "exploding"):
+        if options.only in name:
+            records = policies.exploding_records() if name == "exploding" else animated_records(name)
+            frames = list(itertools.islice(records, options.frames))
+            result = policies.compare(name, frames, options.rays, options.rounds)
+            sys.stdout.write(policies.describe(result) + "\n")
+            sys.stdout.flush()
+            yield result
+
+
+def animated_records(name: str) -> Iterator[Any]:
+    bpy.ops.wm.open_mainfile(filepath=str(REPOSITORY / "blend_scenes" / f"{name}.blend"))
+    scene, cache = bpy.context.scene, ReadCache()
+    for frame in range(scene.frame_start, scene.frame_end + 1):
+        scene.frame_set(frame)
+        yield read_scene(bpy.context.evaluated_depsgraph_get(), cache=cache)
+
+
+def _write(path: Path, figures: dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", type=Path, required=True, metavar="OUT.json", help="where the figures go")
     parser.add_argument("--rounds", type=int, default=7, metavar="N", help="updates after the first")
     parser.add_argument("--largest", type=int, default=1_000_000, metavar="N", help="instances of the largest field")
     parser.add_argument("--only", default="", metavar="NAME", help="cases whose name contains this")
+    parser.add_argument("--policies", action="store_true", help="compare always refit, always rebuild and governed")
+    parser.add_argument("--rays", type=int, default=1_500_000, metavar="N", help="of a frame, for --policies")
+    parser.add_argument("--frames", type=int, default=48, metavar="N", help="for --policies")
     options = parser.parse_args()
+    if options.policies:
+        results = list(compare_policies(options))
+        _write(options.json, {"machine": describe(), "policies": results})
+        return
     results = []
     for case in cases(options.largest, options.only):
         results.append(case.measure(options.rounds))
         sys.stdout.write(f"{case.name}: {results[-1]['last_report']}\n")
         sys.stdout.flush()
-    text = json.dumps({"machine": describe(), "cases": results}, indent=1)
-    options.json.parent.mkdir(parents=True, exist_ok=True)
-    options.json.write_text(text + "\n", encoding="utf-8")
+    _write(options.json, {"machine": describe(), "cases": results})
     sys.stdout.write(describe_cases(results) + "\n")
 
 

@@ -159,6 +159,11 @@ class FakeScene:
         self.meshes[mesh].positions, self.meshes[mesh].triangles = positions.copy(), triangles.copy()
         self._done("replace_mesh")
 
+    def set_usage(self, mesh: int, usage: str) -> None:
+        self._note("set_usage")
+        self.meshes[mesh].usage = usage
+        self._done("set_usage")
+
     def remove_mesh(self, mesh: int) -> None:
         self._note("remove_mesh")
         assert all(instance.mesh != mesh for instance in self.instances.values()), "mesh is still shown"

@@ -131,9 +131,9 @@ TARGETS: dict[str, Callable[[], SceneRecord]] = {
 CALLS = {
     "base": [],
     "moved": ["set_transforms"],
-    "deformed": ["update_mesh"],
-    "more_triangles": ["replace_mesh"],
-    "other_triangles": ["replace_mesh"],
+    "deformed": ["set_usage", "update_mesh"],
+    "more_triangles": ["set_usage", "replace_mesh"],
+    "other_triangles": ["set_usage", "replace_mesh"],
     "masked": ["set_masks"],
     "object_removed": ["remove_instances"],
     "mesh_removed": ["remove_instances", "remove_mesh"],

@@ -13,6 +13,7 @@ from ._core import __version__, set_thread_count, shutdown_threads, thread_count
 from .appearance import Appearance, ImageTexture, InstanceTable, LightTable, MaterialTable, MeshAppearance, World
 from .audit import Audit
 from .build_config import BuildConfig
+from .calibration import Calibration
 from .camera import Camera
 from .closest_points import ClosestPoints
 from .errors import Cancelled, EngineError, StaleSceneError
@@ -20,7 +21,7 @@ from .hits import Hits
 from .isa import active_isa, available_isas, set_active_isa
 from .queries import Intersections, Queries
 from .render import MODES, PASSES, RenderOptions, depth_to_grey, render, render_passes, render_progressively
-from .report import CommitReport, MeshReport, SceneStatistics, TopLevelReport, TreeStatistics
+from .report import Alternative, CommitReport, MeshReport, SceneStatistics, TopLevelReport, TreeStatistics
 from .scene import Scene
 from .snapshot import Snapshot
 from .tree_boxes import TreeBoxes
@@ -28,9 +29,11 @@ from .tree_boxes import TreeBoxes
 __all__ = [
     "MODES",
     "PASSES",
+    "Alternative",
     "Appearance",
     "Audit",
     "BuildConfig",
+    "Calibration",
     "Camera",
     "Cancelled",
     "ClosestPoints",

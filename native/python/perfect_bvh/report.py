@@ -10,24 +10,46 @@ MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt"
 
 
 @dataclass(frozen=True, slots=True)
-class MeshReport:
-    """One mesh that a commit worked on.
+class Alternative:
+    """What could have been done about a mesh, and what that was expected to cost on one thread.
 
-    reason: a sentence. builder: what made the tree (now, or before it was refitted), layout: of its leaves; both as in
-    `BuildConfig`. byte_count: of the mesh and its trees.
+    builder: of the tree that would be built; "" where none would. trace_milliseconds: of the rays that were expected;
+    None if nobody said how many.
+    """
+
+    action: MeshAction
+    builder: str
+    update_milliseconds: float
+    trace_milliseconds: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class MeshReport:
+    """One mesh that a commit worked on, and why it did what it did: a row of the governor's ledger.
+
+    usage: its class, as `Scene.add_mesh` was told. reason: a sentence. alternatives: what the engine chose from; empty
+    where there was no choice. expected_rays: how many were expected to meet the mesh's box, None if nobody said.
+    node_visits, leaf_visits: what a random ray that meets the box is expected to visit of the tree that is traced now.
+
+    builder: what made the tree (now, or before it was refitted), layout: of its leaves; both as in `BuildConfig`.
     milliseconds: of one mesh, on however many threads; then of its stages, 0 for those that did not run: building the
     binary tree, improving it by reinsertion, collapsing it into the wide tree that rays are traced through; or
     refitting that (also where it was then found too slow to trace) and mending it by rotations or by building parts
     of it anew.
     fresh_cost, refitted_cost, cost: visits to nodes that a ray through the mesh's box is expected to make: in the tree
-    when it was built, in that tree refitted, and in the one that the mesh has now; 0 where no refit was tried.
+    when it was built, in that tree refitted (both 0 where no refit was tried), and in the one that the mesh has now.
     byte_count: of the geometry and its tree. Besides, as long as a mesh deforms in every commit, the memory of its last
     tree but one is kept for the next.
     """
 
     mesh_id: int
+    usage: str
     action: MeshAction
     reason: str
+    alternatives: tuple[Alternative, ...]
+    expected_rays: float | None
+    node_visits: float
+    leaf_visits: float
     builder: str
     layout: str
     milliseconds: float
@@ -41,6 +63,12 @@ class MeshReport:
     collapse_milliseconds: float
     triangle_count: int
     byte_count: int
+
+    @classmethod
+    def from_core(cls, values: dict[str, Any]) -> MeshReport:
+        """From the native module's dictionary."""
+        alternatives = tuple(Alternative(**row) for row in values.pop("alternatives"))
+        return cls(alternatives=alternatives, **values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +120,7 @@ class CommitReport:
     @classmethod
     def from_core(cls, values: dict[str, Any]) -> CommitReport:
         """From the native module's dictionary."""
-        meshes = tuple(MeshReport(**row) for row in values.pop("meshes"))
+        meshes = tuple(MeshReport.from_core(row) for row in values.pop("meshes"))
         top_level = TopLevelReport(**values.pop("top_level"))
         return cls(meshes=meshes, top_level=top_level, **values)
 

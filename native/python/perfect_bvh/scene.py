@@ -11,11 +11,14 @@ from . import _core
 from ._arrays import as_integers, as_rows, as_transforms, as_triangles
 from ._batches import Progress
 from .build_config import BuildConfig
+from .calibration import Calibration, current_calibration
 from .queries import ALL_MASK, Queries
 from .report import CommitReport
 from .snapshot import Snapshot
 
 Usage = Literal["static", "deforming", "changing"]
+Policy = Literal["governed", "refit", "rotate", "rebuild_parts", "rebuild"]
+POLICIES: tuple[str, ...] = ("governed", "refit", "rotate", "rebuild_parts", "rebuild")
 
 
 class Scene(Queries):
@@ -24,11 +27,21 @@ class Scene(Queries):
     Edits are collected; `commit()` builds, refits or keeps each tree as its edits need; queries then answer from
     the committed state and raise `StaleSceneError` while edits wait. Every edit checks its input before it changes
     anything. Arrays are copied in. May be used from several threads.
+
+    policy: what becomes of a tree whose vertices moved. "governed": what is expected to cost least, of the update and
+        of the rays together. The others are for comparisons, and hits are the same, bit by bit: "refit" (wherever a
+        tree can be refitted), "rotate" and "rebuild_parts" (refit, and then always mend the tree so), "rebuild".
+    calibration: what work costs on this machine; by default what `perfect-bvh calibrate` measured, or else what comes
+        with the package. With equal calibrations, edits and expected rays the decisions are the same anywhere.
     """
 
-    __slots__ = ("_scene",)
+    __slots__ = ("_calibration", "_policy", "_scene")
 
-    def __init__(self) -> None:
+    def __init__(self, policy: Policy = "governed", calibration: Calibration | None = None) -> None:
+        if policy not in POLICIES:
+            raise ValueError(f"Scene: policy must be one of {', '.join(POLICIES)}, got {policy!r}")
+        self._policy = policy
+        self._calibration = current_calibration() if calibration is None else calibration
         self._scene = _core.Scene()
 
     def _committed(self) -> _core.Snapshot:
@@ -53,8 +66,7 @@ class Scene(Queries):
 
         Raises ValueError for non-finite positions and for indices out of range.
         """
-        if usage not in ("static", "deforming", "changing"):
-            raise ValueError(f"add_mesh: usage must be 'static', 'deforming' or 'changing', got {usage!r}")
+        _check_usage("add_mesh", usage)
         settings = _as_config(build).as_settings()
         return self._scene.add_mesh(
             as_rows("add_mesh", "positions", positions), as_triangles("add_mesh", triangles), settings, usage
@@ -73,6 +85,11 @@ class Scene(Queries):
         self._scene.replace_mesh(
             int(mesh), as_rows("replace_mesh", "positions", positions), as_triangles("replace_mesh", triangles)
         )
+
+    def set_usage(self, mesh: int, usage: Usage) -> None:
+        """Says anew what will happen to a mesh, see `add_mesh`: for the trees that are built from now on."""
+        _check_usage("set_usage", usage)
+        self._scene.set_usage(int(mesh), usage)
 
     def remove_mesh(self, mesh: int) -> None:
         """Removes a mesh that no instance uses; raises ValueError otherwise."""
@@ -132,15 +149,17 @@ class Scene(Queries):
     def commit(self, expected_rays: int | None = None, *, progress: Progress | None = None) -> CommitReport:
         """Brings the trees up to date with all edits.
 
-        expected_rays: how many rays are about to be cast: a hint for how much building they repay. This version
-            builds the same trees for any number.
+        expected_rays: how many rays are about to be cast until the next commit: what refitting and building is weighed
+            against, and builders are chosen by. Without it builders are chosen by usage, and a refitted tree is mended
+            or rebuilt where a ray is expected to cost 5 percent more than when it was built.
         progress: called with the share done; returning False raises `Cancelled`. It must not use this scene.
 
         After a failed or cancelled commit the edits still wait, and snapshots taken before stay valid.
         """
         if expected_rays is not None and expected_rays < 0:
             raise ValueError(f"commit: expected_rays must not be negative, got {expected_rays}")
-        return CommitReport.from_core(self._scene.commit(progress))
+        rays = None if expected_rays is None else float(expected_rays)
+        return CommitReport.from_core(self._scene.commit(self._policy, rays, self._calibration.as_numbers(), progress))
 
     def mark_stale(self, why: str) -> None:
         """Makes every query raise `StaleSceneError(why)` until the next commit.
@@ -174,6 +193,11 @@ class Scene(Queries):
     def snapshot(self) -> Snapshot:
         """The committed state, immutable. Raises StaleSceneError if edits wait."""
         return Snapshot(self._scene.snapshot())
+
+
+def _check_usage(function: str, usage: str) -> None:
+    if usage not in ("static", "deforming", "changing"):
+        raise ValueError(f"{function}: usage must be 'static', 'deforming' or 'changing', got {usage!r}")
 
 
 def _as_config(build: str | BuildConfig) -> BuildConfig:

@@ -6,6 +6,7 @@
 
 #include "core/stopwatch.h"
 #include "scene/blas_build.h"
+#include "scene/ray_shares.h"
 #include "scene/scene.h"
 
 namespace perfect_bvh {
@@ -18,22 +19,56 @@ std::size_t byte_count(const Snapshot& snapshot) {
   return count;
 }
 
+Aabb bounds_of(const TriangleMesh& mesh) noexcept {
+  Aabb box;
+  for (const Vec3f& position : mesh.positions) box.grow(position);
+  return box;
+}
+
 }  // namespace
 
-std::vector<Scene::BlasResult> Scene::make_changed_blases(ThreadPool& pool, CancelToken& cancel) const {
-  std::vector<const std::pair<const std::int32_t, MeshSlot>*> changed;
-  std::size_t triangle_count = 0;
-  for (const auto& entry : meshes_) {
-    if (!entry.second.edited) continue;
-    changed.push_back(&entry);
-    triangle_count += entry.second.edited->triangle_count();
+std::vector<Scene::ChangedMesh> Scene::find_changed(const CommitOptions& options) const {
+  std::vector<ChangedMesh> changed;
+  for (const auto& [mesh_id, slot] : meshes_) {
+    if (slot.edited) changed.push_back({mesh_id, &slot, std::nullopt});
   }
+  if (!options.expected_rays || changed.empty()) return changed;
+
+  struct Place {
+    Aabb box;
+    Vec3d centre;
+    std::size_t row;
+  };
+  std::map<std::int32_t, Place> places;  // by mesh id
+  std::size_t row = 0;
+  for (const auto& [mesh_id, slot] : meshes_) {
+    const Aabb box = slot.edited ? bounds_of(*slot.edited) : bounds_of(slot.blas->cover);
+    const Vec3d centre = slot.edited ? slot.edited->centre : slot.blas->mesh.centre;
+    places[mesh_id] = {box, centre, slot.edited ? row++ : RayShares::kOther};
+  }
+  RayShares shares(changed.size());
+  auto found = places.end();
+  for (const InstanceSlot& slot : instances_) {
+    if (found == places.end() || found->first != slot.mesh_id) found = places.find(slot.mesh_id);
+    Affine map = slot.object_to_world;
+    map.translation = map.point(found->second.centre);
+    shares.add(found->second.box, map, found->second.row);
+  }
+  for (std::size_t i = 0; i < changed.size(); ++i) changed[i].rays = *options.expected_rays * shares.of(i);
+  return changed;
+}
+
+std::vector<Scene::BlasResult> Scene::make_changed_blases(const CommitOptions& options, ThreadPool& pool,
+                                                          CancelToken& cancel) const {
+  const std::vector<ChangedMesh> changed = find_changed(options);
+  std::size_t triangle_count = 0;
+  for (const ChangedMesh& mesh : changed) triangle_count += mesh.slot->edited->triangle_count();
   cancel.expect(triangle_count);
   std::vector<BlasResult> results(changed.size());
   const auto make = [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       cancel.throw_if_stopped();
-      results[i] = make_blas(changed[i]->first, changed[i]->second, pool, cancel);
+      results[i] = make_blas(changed[i], options, pool, cancel);
     }
   };
   parallel_for(pool, changed.size(), 1, make, 0, [&] {
@@ -59,7 +94,7 @@ std::shared_ptr<Snapshot> Scene::take_last_snapshot() {
   return snapshot;
 }
 
-CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
+CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOptions& options) {
   const std::lock_guard edit_lock(edit_mutex_);
   const Stopwatch watch;
   CommitReport report;
@@ -68,7 +103,7 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel) {
     const std::lock_guard lock(state_mutex_);
     return stale_count_;
   }();
-  auto results = make_changed_blases(pool, cancel);
+  auto results = make_changed_blases(options, pool, cancel);
   report.kept_count = meshes_.size() - results.size();
   report.mesh_milliseconds = watch.milliseconds();
 
@@ -108,6 +143,7 @@ void Scene::publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResu
     MeshSlot& slot = meshes_.find(report.meshes[i].mesh_id)->second;
     slot.blas = std::move(results[i].blas);
     slot.spare = slot.blas->spare;
+    slot.history = results[i].history;
     slot.edited.reset();
     slot.same_topology = false;
   }

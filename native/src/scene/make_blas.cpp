@@ -1,41 +1,32 @@
 // Scene::make_blas: from a mesh that is new or was edited to what rays are traced through. Where only positions changed
-// the tree is refitted; otherwise, or where a refitted one would be too slow, a binary tree is built and collapsed. Of
-// a mesh whose topology changes the wide tree is built at once.
+// the tree is refitted and perhaps mended (refit_blas.cpp); otherwise, or where the governor wants another one, a
+// binary tree is built and collapsed. The fast builder's tree is built wide at once.
 
-#include <algorithm>
 #include <limits>
 
 #include "build/optimize.h"
 #include "core/stopwatch.h"
+#include "mesh/density.h"
 #include "scene/blas_build.h"
 #include "scene/cover.h"
+#include "scene/ledger.h"
 #include "scene/scene.h"
 #include "scene/trace_view.h"
 #include "update/quality.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
+#include "wide/trace_work.h"
 #include "wide/wide_cost.h"
-#include "wide/wide_rebuild.h"
-#include "wide/wide_refit.h"
-#include "wide/wide_rotation.h"
 
 namespace perfect_bvh {
 namespace {
 
-// What a ray may be expected to cost more than when the tree was built: so much and the refitted tree is left as it is;
-// so much and rotations mend it; so much after its spoilt parts were built anew and it stays.
-constexpr double kRefitLimit = 1.05, kRotateLimit = 1.2, kMendLimit = 1.3;
-// A part is spoilt where its root's children cover so much more than they did.
-constexpr double kSpoilt = 1.1;
-
-std::string times(double cost, double fresh_cost) {
-  const auto tenths = static_cast<long>(std::min(cost / fresh_cost, 1e6) * 10.0 + 0.5);
-  return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) + " times what it did when built";
-}
-
-const char* why_so_built(BuilderKind asked, BuilderKind chosen) {
-  const bool is_for_speed = asked == BuilderKind::kAuto && chosen == BuilderKind::kFast;
-  return is_for_speed ? "; its topology changes, so the fast builder made its tree" : "";
+// Of a builder that was not asked for by name and is not the usual one.
+const char* why_so_built(BuilderKind asked, BuilderKind chosen, Usage usage) {
+  if (asked != BuilderKind::kAuto || chosen == BuilderKind::kBinned) return "";
+  if (chosen == BuilderKind::kSpatial) return "; the expected rays repay spatial splits";
+  return usage == Usage::kChanging ? "; its topology changes, so the fast builder made its tree"
+                                   : "; the expected rays repay no more than the fast builder";
 }
 
 void build(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
@@ -65,101 +56,83 @@ void build_wide(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& c
   report.build_milliseconds = watch.milliseconds();
 }
 
-// What a refitted tree would cost over the leaves that it has, if it stood over them as well as when it was built.
-double predict_mended_cost(const WideBvh& tree, const WideCosts& costs, const WideCosts& fresh) {
-  return fresh.whole(tree) - fresh.of_leaves(tree.root) + costs.of_leaves(tree.root);
-}
+// How many commits a tree is expected to serve: one of a still mesh serves a whole animation, or a single picture.
+constexpr double kStaticCommits = 4;
 
-// Mends a refitted tree by what is cheap.
-void mend(Blas& blas, WideCosts& costs, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
-  const Stopwatch watch;
-  if (report.refitted_cost <= kRotateLimit * report.fresh_cost) {
-    static_cast<void>(rotate_wide(blas.wide, costs, pool, cancel));
-    report.action = MeshAction::kRotated;
-  } else {
-    WideCosts fresh = *blas.fresh_costs;
-    auto parts = find_spoilt_parts(blas.wide, costs, fresh, kSpoilt);
-    if (parts.empty()) parts.push_back(blas.wide.root);  // a little everywhere
-    costs = rebuild_parts(blas.wide, fresh, parts, blas.config, pool, cancel);
-    blas.fresh_costs = std::make_shared<const WideCosts>(std::move(fresh));
-    report.action = MeshAction::kPartlyRebuilt;
-  }
-  blas.shape = new_tree_shape();
-  report.mend_milliseconds = watch.milliseconds();
-  report.cost = costs.whole(blas.wide);
-  report.reason =
-      "positions changed, and a ray through the refitted tree cost " + times(report.refitted_cost, report.fresh_cost);
-}
-
-// From the tree over the same triangles where they were before. False if it cannot be refitted, or the result would be
-// too slow to trace.
-bool refit(Blas& blas, const Blas& before, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
-  if (!is_refittable(before.wide)) {
-    report.reason = "positions changed, and a tree with spatial splits cannot be refitted";
-    return false;
-  }
-  const Stopwatch watch;
-  blas.fresh_costs = before.fresh_costs;
-  if (!blas.fresh_costs) {
-    blas.fresh_costs = std::make_shared<const WideCosts>(measure_wide_costs(before.wide, pool, cancel));
-  }
-  report.fresh_cost = blas.fresh_costs->whole(before.wide);
-  if (!before.wide.is_empty && !(report.fresh_cost > 0)) {
-    report.reason = "positions changed, and the tree was built when the mesh had no extent";
-    return false;
-  }
-  blas.config = before.config;
-  SpareTree::Tree spare = blas.spare->take();
-  blas.wide = std::move(spare.wide);
-  WideCosts costs = refit_wide(before.wide, blas.mesh, blas.wide, spare.shape == before.shape, pool, cancel);
-  blas.shape = before.shape;
-  report.refit_milliseconds = watch.milliseconds();
-  report.refitted_cost = report.cost = costs.whole(blas.wide);
-  report.action = MeshAction::kRefitted;
-  report.reason = "positions changed";
-  if (report.refitted_cost > kRefitLimit * report.fresh_cost) {
-    const double most = kMendLimit * report.fresh_cost;
-    const bool is_promising = predict_mended_cost(blas.wide, costs, *blas.fresh_costs) <= most;
-    if (is_promising) mend(blas, costs, report, pool, cancel);
-    if (!is_promising || report.cost > most || blas.wide.depth > kMaxTreeDepth) {
-      report.reason = "positions changed, and a ray through a refitted tree would cost " +
-                      times(report.refitted_cost, report.fresh_cost);
-      return false;
-    }
-  }
-  blas.cover = make_cover(cover_boxes(blas.wide, blas.mesh, kCoverBoxes));
-  return true;
+// What will do for a mesh of this kind, where the choice is left to the engine and the rays are known.
+std::span<const BuilderKind> builders_for(Usage usage) {
+  static constexpr BuilderKind kStatic[] = {BuilderKind::kFast, BuilderKind::kBinned, BuilderKind::kSpatial};
+  static constexpr BuilderKind kDeforming[] = {BuilderKind::kBinned};
+  static constexpr BuilderKind kChanging[] = {BuilderKind::kFast, BuilderKind::kBinned};
+  if (usage == Usage::kStatic) return kStatic;
+  return usage == Usage::kDeforming ? std::span<const BuilderKind>(kDeforming) : kChanging;
 }
 
 }  // namespace
 
-Scene::BlasResult Scene::make_blas(std::int32_t mesh_id, const MeshSlot& slot, ThreadPool& pool, CancelToken& cancel) {
+void Scene::build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
+                       ThreadPool& pool, CancelToken& cancel) {
+  const MeshSlot& slot = *changed.slot;
+  MeshReport& report = result.report;
+  const double density = measure_density(blas.mesh);
+  const bool deforms = slot.blas && slot.same_topology;
+  const Usage usage = usage_of(slot.usage, deforms);
+  BuildConfig config = choose_builder(slot.config, usage);
+  if (slot.config.builder == BuilderKind::kAuto && changed.rays && options.policy == Policy::kGoverned) {
+    const double commits = usage == Usage::kStatic ? kStaticCommits : 1;
+    const BuildDecision decision = decide_build(
+        {builders_for(usage), blas.mesh.triangle_count(), *changed.rays * commits, density}, options.calibration);
+    if (report.alternatives.empty()) note(report, decision.alternatives);
+    if (decision.builder == BuilderKind::kBinned) {
+      config = choose_builder(slot.config, Usage::kStatic);
+    } else {
+      config = slot.config;
+      config.builder = decision.builder;
+    }
+  }
+  blas.config = config;
+  report.reason += why_so_built(slot.config.builder, config.builder, usage);
+  const bool was_chosen = slot.config.builder == BuilderKind::kAuto;
+  if ((was_chosen || usage == Usage::kChanging) && is_built_wide(config)) {
+    build_wide(blas, report, pool, cancel);
+  } else {
+    build(blas, report, pool, cancel);
+  }
+  blas.shape = new_tree_shape();
+  const UpdateHistory last = deforms ? slot.history : UpdateHistory{};
+  const TraceWork work = measure_trace_work(blas.wide, blas.mesh);
+  report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
+  result.history = begin_history(last, work, density, options.calibration);
+}
+
+Scene::BlasResult Scene::make_blas(const ChangedMesh& changed, const CommitOptions& options, ThreadPool& pool,
+                                   CancelToken& cancel) {
   const Stopwatch watch;
+  const MeshSlot& slot = *changed.slot;
+  BlasResult result;
   auto blas = std::make_shared<Blas>(slot.edited);
-  MeshReport report;
-  report.mesh_id = mesh_id;
+  MeshReport& report = result.report;
+  report.mesh_id = changed.mesh_id;
+  report.usage = usage_name(slot.usage);
+  report.expected_rays = changed.rays;
+  report.action = slot.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
   report.reason = slot.blas ? "the triangles were replaced" : "new mesh";
   const bool deforms = slot.blas && slot.same_topology;
   if (deforms) blas->spare = slot.spare ? slot.spare : std::make_shared<SpareTree>();
-  if (!deforms || !refit(*blas, *slot.blas, report, pool, cancel)) {
+  if (!deforms || !refit_blas(*blas, changed, options, result, pool, cancel)) {
     report.action = slot.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
     blas->fresh_costs.reset();
-    blas->config = choose_builder(slot.config, slot.usage);
-    report.reason += why_so_built(slot.config.builder, blas->config.builder);
-    if (slot.usage == Usage::kChanging && is_built_wide(blas->config)) {
-      build_wide(*blas, report, pool, cancel);
-    } else {
-      build(*blas, report, pool, cancel);
-    }
-    blas->shape = new_tree_shape();
+    build_blas(*blas, changed, options, result, pool, cancel);
   }
+  report.cost = kWideNodeCost * report.node_visits + kWideLeafCost * report.leaf_visits;
   report.builder = builder_name(blas->config.builder);
   report.layout = layout_name(blas->config.layout);
   report.triangle_count = blas->mesh.triangle_count();
   blas->indexed_leaves = view_leaves(blas->wide, blas->mesh);
   report.byte_count = blas->mesh.byte_count() + blas->wide.byte_count();
   report.milliseconds = watch.milliseconds();
-  return {std::move(blas), std::move(report)};
+  result.blas = std::move(blas);
+  return result;
 }
 
 }  // namespace perfect_bvh

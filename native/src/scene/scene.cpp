@@ -113,6 +113,11 @@ void Scene::replace_mesh(std::int32_t mesh_id, TriangleMesh mesh) {
   mark_edited();
 }
 
+void Scene::set_usage(std::int32_t mesh_id, Usage usage) {
+  const std::lock_guard lock(edit_mutex_);
+  find_mesh(mesh_id, "set_usage").usage = usage;  // no answer changes by it: nothing is stale
+}
+
 void Scene::remove_mesh(std::int32_t mesh_id) {
   const std::lock_guard lock(edit_mutex_);
   const MeshSlot& slot = find_mesh(mesh_id, "remove_mesh");

@@ -17,6 +17,7 @@
 #include "build/prim_ref.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
+#include "scene/commit_options.h"
 #include "scene/edit_mutex.h"
 #include "scene/snapshot.h"
 #include "scene/usage.h"
@@ -42,6 +43,7 @@ class Scene {
   template <class T>
   void update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions);  // same topology
   void replace_mesh(std::int32_t mesh_id, TriangleMesh mesh);
+  void set_usage(std::int32_t mesh_id, Usage usage);                  // what its next builds are for
   void remove_mesh(std::int32_t mesh_id);                             // InvalidArgument while instances use it
   std::int32_t add_instances(std::span<const InstanceInput> inputs);  // the first new id; the others follow
   void set_transforms(std::span<const std::int32_t> ids, std::span<const Affine> transforms);
@@ -52,7 +54,7 @@ class Scene {
   void remove_instances(std::span<const std::int32_t> ids);
 
   // Builds what changed and makes a new snapshot. The callback of `cancel` must not use the scene (EngineError).
-  CommitReport commit(ThreadPool& pool, CancelToken& cancel);
+  CommitReport commit(ThreadPool& pool, CancelToken& cancel, const CommitOptions& options = {});
 
   // Queries refuse to run from now on, with this sentence, until the next commit.
   void mark_stale(std::string why);
@@ -73,6 +75,7 @@ class Scene {
     std::shared_ptr<const TriangleMesh> edited;  // waiting; null if nothing is
     bool same_topology = false;                  // of `edited` and `blas`
     std::shared_ptr<SpareTree> spare;            // null until the mesh is deformed
+    UpdateHistory history;                       // of `blas`'s tree
     std::uint32_t user_count = 0;                // instances
   };
   struct InstanceSlot {
@@ -84,6 +87,7 @@ class Scene {
   using BlasMap = std::map<std::int32_t, std::shared_ptr<const Blas>>;  // by mesh id
   struct BlasResult {
     std::shared_ptr<const Blas> blas;
+    UpdateHistory history;
     MeshReport report;
   };
 
@@ -95,8 +99,21 @@ class Scene {
   std::vector<std::size_t> find_instances(std::span<const std::int32_t> ids, const char* function) const;
   void mark_edited();
 
-  static BlasResult make_blas(std::int32_t mesh_id, const MeshSlot& slot, ThreadPool& pool, CancelToken& cancel);
-  std::vector<BlasResult> make_changed_blases(ThreadPool& pool, CancelToken& cancel) const;
+  // A mesh that was edited, and how many rays it may expect.
+  struct ChangedMesh {
+    std::int32_t mesh_id;
+    const MeshSlot* slot;
+    std::optional<double> rays;
+  };
+  std::vector<ChangedMesh> find_changed(const CommitOptions& options) const;
+  static bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
+                         ThreadPool& pool, CancelToken& cancel);
+  static void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
+                         ThreadPool& pool, CancelToken& cancel);
+  static BlasResult make_blas(const ChangedMesh& changed, const CommitOptions& options, ThreadPool& pool,
+                              CancelToken& cancel);
+  std::vector<BlasResult> make_changed_blases(const CommitOptions& options, ThreadPool& pool,
+                                              CancelToken& cancel) const;
   // The result has a row for each instance, empty where its mesh is.
   AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const BlasMap& blases, ThreadPool& pool,
                                          CancelToken& cancel) const;

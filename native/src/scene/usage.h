@@ -11,4 +11,17 @@ enum class Usage : std::uint8_t {
   kChanging,   // its topology changes
 };
 
+// As users write it.
+[[nodiscard]] constexpr const char* usage_name(Usage usage) noexcept {
+  switch (usage) {
+    case Usage::kStatic:
+      return "static";
+    case Usage::kDeforming:
+      return "deforming";
+    case Usage::kChanging:
+      return "changing";
+  }
+  return "";
+}
+
 }  // namespace perfect_bvh

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,20 +18,33 @@ enum class MeshAction : std::uint8_t {
   kRebuilt,
 };
 
+// What could have been done about a mesh, and what that was expected to cost on one thread.
+struct AlternativeReport {
+  MeshAction action = MeshAction::kKept;
+  std::string builder;  // empty where nothing would be built
+  double update_milliseconds = 0;
+  std::optional<double> trace_milliseconds;  // of the expected rays; unknown without
+};
+
 struct MeshReport {
   std::int32_t mesh_id = -1;
+  std::string usage;  // the class: what the owner expects
   MeshAction action = MeshAction::kKept;
   std::string reason;
-  std::string builder;      // that made the tree, now or before a refit
-  std::string layout;       // of the tree's leaves
-  double milliseconds = 0;  // of all stages; those that follow are 0 where a stage did not run
+  // The ledger: what the decision was made of.
+  std::vector<AlternativeReport> alternatives;  // empty where there was no choice
+  std::optional<double> expected_rays;          // of the mesh; unknown unless told
+  double node_visits = 0, leaf_visits = 0;      // expected of such a ray in the tree that is traced now
+  std::string builder;                          // that made the tree, now or before a refit
+  std::string layout;                           // of the tree's leaves
+  double milliseconds = 0;                      // of all stages; those that follow are 0 where a stage did not run
   double build_milliseconds = 0;
   double optimize_milliseconds = 0;
   double refit_milliseconds = 0;  // also where the refitted tree was then rejected
   double mend_milliseconds = 0;   // of rotations and of building parts anew
   double collapse_milliseconds = 0;
   // Of a ray that meets the mesh's box, expected, in visits to nodes: of the tree when it was built, of that tree
-  // refitted, and of what the mesh has now. 0 where no refit was tried.
+  // refitted (both 0 where no refit was tried), and of what the mesh has now.
   double fresh_cost = 0, refitted_cost = 0, cost = 0;
   std::size_t triangle_count = 0;
   std::size_t byte_count = 0;

@@ -1,0 +1,27 @@
+#include "mesh/density.h"
+
+#include <algorithm>
+
+namespace perfect_bvh {
+namespace {
+
+constexpr std::size_t kSamples = 4096;
+
+double half_area(const Aabb& box) noexcept {
+  const Vec3d e = to_double(box.upper) - to_double(box.lower);
+  return e.x * e.y + e.y * e.z + e.z * e.x;
+}
+
+}  // namespace
+
+double measure_density(const TriangleMesh& mesh) noexcept {
+  const std::size_t step = std::max<std::size_t>(1, mesh.triangle_count() / kSamples);
+  double sum = 0;
+  for (std::size_t i = 0; i < mesh.triangle_count(); i += step) sum += half_area(mesh.triangle_box(i));
+  Aabb whole;
+  for (const Vec3f& position : mesh.positions) whole.grow(position);
+  const double area = whole.is_empty() ? 0 : half_area(whole);
+  return area > 0 ? sum * static_cast<double>(step) / area : 0;
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,100 @@
+// Scene::refit_blas: a tree that follows its triangles. It is refitted; then the governor says whether that will do,
+// whether rotations or new parts mend it, or whether another tree is built.
+
+#include "core/stopwatch.h"
+#include "mesh/density.h"
+#include "scene/blas_build.h"
+#include "scene/cover.h"
+#include "scene/ledger.h"
+#include "scene/scene.h"
+#include "wide/wide_cost.h"
+#include "wide/wide_rebuild.h"
+#include "wide/wide_refit.h"
+#include "wide/wide_rotation.h"
+
+namespace perfect_bvh {
+namespace {
+
+// A part is spoilt where its root's children cover so much more than they did.
+constexpr double kSpoilt = 1.1;
+
+// Of a tree whose parts' costs are known.
+TraceWork work_of(const WideCosts& costs, const WideBvh& tree) {
+  if (tree.is_empty) return {};
+  const double leaves = costs.of_leaves(tree.root);
+  return {(costs.of(tree.root) - leaves) / kWideNodeCost, leaves / kWideLeafCost};
+}
+
+void mend(Blas& blas, UpdateAction action, WideCosts& costs, ThreadPool& pool, CancelToken& cancel) {
+  if (action == UpdateAction::kRotate) {
+    static_cast<void>(rotate_wide(blas.wide, costs, pool, cancel));
+  } else {
+    WideCosts fresh = *blas.fresh_costs;
+    auto parts = find_spoilt_parts(blas.wide, costs, fresh, kSpoilt);
+    if (parts.empty() && blas.wide.root < kBlockChild) parts.push_back(blas.wide.root);  // a little everywhere
+    costs = rebuild_parts(blas.wide, fresh, parts, blas.config, pool, cancel);
+    blas.fresh_costs = std::make_shared<const WideCosts>(std::move(fresh));
+  }
+  blas.shape = new_tree_shape();
+}
+
+}  // namespace
+
+// From the tree over the same triangles where they were before. False if it cannot be refitted, or the governor wants
+// another one.
+bool Scene::refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
+                       ThreadPool& pool, CancelToken& cancel) {
+  const Blas& before = *changed.slot->blas;
+  MeshReport& report = result.report;
+  if (!is_refittable(before.wide)) {
+    report.reason = "positions changed, and a tree with spatial splits cannot be refitted";
+    return false;
+  }
+  if (options.policy == Policy::kRebuild) {
+    report.reason = "positions changed, and the policy is to rebuild always";
+    return false;
+  }
+  Stopwatch watch;
+  blas.fresh_costs = before.fresh_costs;
+  if (!blas.fresh_costs) {
+    blas.fresh_costs = std::make_shared<const WideCosts>(measure_wide_costs(before.wide, pool, cancel));
+  }
+  report.fresh_cost = blas.fresh_costs->whole(before.wide);
+  blas.config = before.config;
+  SpareTree::Tree spare = blas.spare->take();
+  blas.wide = std::move(spare.wide);
+  WideCosts costs = refit_wide(before.wide, blas.mesh, blas.wide, spare.shape == before.shape, pool, cancel);
+  blas.shape = before.shape;
+  report.refit_milliseconds = watch.lap_milliseconds();
+  report.refitted_cost = costs.whole(blas.wide);
+
+  const Usage usage = usage_of(changed.slot->usage, true);
+  const UpdateQuestion question{.policy = options.policy,
+                                .triangle_count = blas.mesh.triangle_count(),
+                                .builder = choose_builder(changed.slot->config, usage).builder,
+                                .rays = changed.rays,
+                                .now = work_of(costs, blas.wide),
+                                .reference = work_of(*blas.fresh_costs, before.wide),
+                                .density = measure_density(blas.mesh),
+                                .history = changed.slot->history};
+  const UpdateDecision decision = decide_update(question, options.calibration);
+  report.reason = decision.reason;
+  report.action = action_of(decision.action);
+  note(report, decision.alternatives);
+  if (decision.action == UpdateAction::kRebuild) return false;
+  if (decision.action != UpdateAction::kRefit) {
+    mend(blas, decision.action, costs, pool, cancel);
+    report.mend_milliseconds = watch.lap_milliseconds();
+    if (blas.wide.depth > kMaxTreeDepth || !is_mended(question, work_of(costs, blas.wide))) {
+      report.reason += ", and mending did not help";
+      return false;
+    }
+  }
+  const TraceWork work = work_of(costs, blas.wide);
+  report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
+  blas.cover = make_cover(cover_boxes(blas.wide, blas.mesh, kCoverBoxes));
+  result.history = decision.history;
+  return true;
+}
+
+}  // namespace perfect_bvh

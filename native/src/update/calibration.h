@@ -1,0 +1,40 @@
+// What work costs on this machine, in nanoseconds of one thread: what the governor reckons with.
+// In: numbers that were measured once (perfect_bvh.calibration in Python). Plain data, so that decisions repeat.
+#pragma once
+
+#include <cstddef>
+
+#include "build/build_config.h"
+
+namespace perfect_bvh {
+
+// Building costs are those of a mesh of this many triangles; the time of larger ones grows by their logarithm, too.
+inline constexpr double kCalibratedTriangles = 65536;
+
+struct BuilderCost {
+  double build_nanoseconds = 0;  // a triangle, from the mesh to what rays are traced through
+  double trace_nanoseconds = 0;  // a ray that meets the mesh's box
+};
+
+// Without a measurement updates are free, and a node costs what a leaf does.
+struct Calibration {
+  double node_nanoseconds = 1;   // of visiting a wide node ...
+  double leaf_nanoseconds = 1;   // ... and a leaf block of up to 8 triangles
+  double refit_nanoseconds = 0;  // a triangle; so are the next two, beyond the refit
+  double rotate_nanoseconds = 0, rebuild_parts_nanoseconds = 0;
+  double rotation_gain = 0.5;  // the share of what new parts gain that rotations do
+  BuilderCost fast, binned, spatial;
+
+  [[nodiscard]] const BuilderCost& of(BuilderKind kind) const noexcept {
+    switch (kind) {
+      case BuilderKind::kFast:
+        return fast;
+      case BuilderKind::kSpatial:
+        return spatial;
+      default:  // the others are for comparisons, and nobody chooses them for speed
+        return binned;
+    }
+  }
+};
+
+}  // namespace perfect_bvh

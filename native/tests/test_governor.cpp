@@ -1,0 +1,196 @@
+// Decisions between refitting and rebuilding: pure functions of what they are told.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "update/governor.h"
+
+namespace perfect_bvh::test {
+namespace {
+
+Calibration machine() {
+  Calibration calibration;
+  calibration.node_nanoseconds = 20, calibration.leaf_nanoseconds = 15, calibration.refit_nanoseconds = 10;
+  calibration.rotate_nanoseconds = 15, calibration.rebuild_parts_nanoseconds = 60, calibration.rotation_gain = 0.4;
+  calibration.fast = {150, 220}, calibration.binned = {600, 200}, calibration.spatial = {3000, 180};
+  return calibration;
+}
+
+UpdateQuestion question(double rays, double decay, UpdateHistory history = {.fresh = {10, 4}}) {
+  UpdateQuestion asked;
+  asked.triangle_count = 65536;
+  asked.rays = rays;
+  asked.now = {10 * decay, 4 * decay};
+  asked.reference = asked.now;  // nothing to mend: the leaves are at fault
+  asked.history = history;
+  return asked;
+}
+
+UpdateAction decide(const UpdateQuestion& asked) { return decide_update(asked, machine()).action; }
+
+TEST(Governor, MoreRaysNeverTurnARebuildIntoARefit) {
+  for (const double decay : {0.8, 1.0, 1.01, 1.1, 2.0, 50.0}) {
+    bool rebuilds = false;
+    for (double rays = 1; rays < 1e12; rays *= 1.5) {
+      const bool now = decide(question(rays, decay)) == UpdateAction::kRebuild;
+      EXPECT_GE(now, rebuilds) << decay << " " << rays;
+      rebuilds = now;
+    }
+    EXPECT_EQ(rebuilds, decay > 1) << decay;
+  }
+}
+
+TEST(Governor, WorseTreesAreNeverRefittedWhereBetterOnesAreRebuilt) {
+  bool rebuilds = false;
+  for (double decay = 0.5; decay < 100; decay *= 1.05) {
+    const bool now = decide(question(1e6, decay)) == UpdateAction::kRebuild;
+    EXPECT_GE(now, rebuilds) << decay;
+    rebuilds = now;
+  }
+  EXPECT_TRUE(rebuilds);
+}
+
+// Excess grows by the same amount in each frame: the least mean cost a frame is at k = sqrt(2 rebuild / growth).
+TEST(Governor, RebuildsWhereTheMeanCostOfAFrameIsLeast) {
+  const Calibration calibration = machine();
+  const double rebuild = build_nanoseconds(65536, BuilderKind::kBinned, calibration);
+  for (const double frames : {4.0, 9.0, 30.0}) {
+    const double growth = 2 * rebuild / (frames * frames);
+    UpdateHistory history{.fresh = {10, 4}};
+    int count = 0;
+    for (UpdateDecision decision; decision.action == UpdateAction::kRefit; ++count) {
+      UpdateQuestion asked = question(1e6, 1, history);
+      asked.now.node_visits += growth * (count + 1) / 1e6 / calibration.node_nanoseconds;
+      asked.reference = asked.now;
+      decision = decide_update(asked, calibration);
+      history = decision.history;
+    }
+    EXPECT_NEAR(count, frames, 1.0);
+  }
+}
+
+TEST(Governor, ATreeThatIsNoWorseIsKeptForEver) {
+  UpdateHistory history{.fresh = {10, 4}};
+  for (int frame = 0; frame < 1000; ++frame) {
+    const UpdateDecision decision = decide_update(question(1e9, 1, history), machine());
+    ASSERT_EQ(decision.action, UpdateAction::kRefit);
+    history = decision.history;
+  }
+  EXPECT_EQ(history.since_build.commit_count, 1000u);
+}
+
+TEST(Governor, WithoutExpectedRaysTheDecayDecides) {
+  const auto decide_by = [](double nodes, double leaves) {
+    UpdateQuestion asked = question(0, 1);
+    asked.rays.reset();
+    asked.now = {10 * nodes, 4 * leaves}, asked.reference = {10, 4};
+    const UpdateDecision decision = decide_update(asked, machine());
+    for (const Alternative& row : decision.alternatives) EXPECT_FALSE(row.trace_nanoseconds);
+    return decision.action;
+  };
+  EXPECT_EQ(decide_by(1.04, 1.04), UpdateAction::kRefit);
+  EXPECT_EQ(decide_by(1.15, 1.15), UpdateAction::kRotate);
+  EXPECT_EQ(decide_by(2.00, 1.15), UpdateAction::kRebuildParts);
+  EXPECT_EQ(decide_by(1.00, 3.00), UpdateAction::kRebuild);
+  UpdateQuestion asked = question(0, 1);
+  asked.reference = {10, 4};
+  EXPECT_TRUE(is_mended(asked, {100, 4}));  // whoever knows the rays has weighed it
+  asked.rays.reset();
+  EXPECT_TRUE(is_mended(asked, {12, 4}));
+  EXPECT_FALSE(is_mended(asked, {15, 4}));
+}
+
+// Where the nodes are at fault and not the leaves, mending does what a rebuild would, for less.
+TEST(Governor, MendsWhatCanBeMended) {
+  UpdateAction last = UpdateAction::kRefit;
+  for (double rays = 1; rays < 1e9; rays *= 1.2) {
+    UpdateQuestion asked = question(rays, 1);
+    asked.now = {15, 4}, asked.reference = {10, 4};
+    const UpdateAction action = decide(asked);
+    EXPECT_GE(action, last) << rays;
+    EXPECT_NE(action, UpdateAction::kRebuild) << rays;
+    last = action;
+  }
+  EXPECT_EQ(last, UpdateAction::kRebuildParts);
+}
+
+TEST(Governor, ATreeWithoutExtentIsRebuilt) {
+  for (const bool knows_rays : {false, true}) {
+    UpdateQuestion asked = question(1, 1, {.fresh = {0, 0}});
+    if (!knows_rays) asked.rays.reset();
+    EXPECT_EQ(decide(asked), UpdateAction::kRebuild);
+  }
+}
+
+// A fresh tree is expected to cost what the last one did times density^exponent; a rebuild tells the exponent.
+TEST(Governor, LearnsWhatAFreshTreeWouldCost) {
+  const Calibration calibration = machine();
+  const UpdateHistory first = begin_history({}, {10, 4}, 2, calibration);
+  EXPECT_FALSE(first.exponent);
+  UpdateQuestion asked = question(1e6, 0.75, first);
+  asked.density = 1;  // half of what it was: a fresh tree should cost half
+  const double trace = *decide_update(asked, calibration).alternatives[3].trace_nanoseconds;
+  EXPECT_DOUBLE_EQ(trace, 1e6 * 260 / 2);
+  const double root = std::sqrt(0.5);
+  const UpdateHistory second = begin_history(first, {10 * root, 4 * root}, 1, calibration);
+  EXPECT_NEAR(*second.exponent, 0.5, 1e-12);
+  EXPECT_EQ(second.since_build.commit_count, 0u);
+  EXPECT_EQ(begin_history(second, {20, 8}, 0.5, calibration).exponent, 0);                 // dearer although less dense
+  EXPECT_EQ(begin_history(second, {1, 1}, 0.5, calibration).exponent, 1);                  // far cheaper
+  EXPECT_EQ(begin_history(second, {1, 1}, 1.001, calibration).exponent, second.exponent);  // hardly a change
+  EXPECT_EQ(begin_history(second, {1, 1}, 0, calibration).exponent, second.exponent);
+}
+
+TEST(Governor, MoreRaysNeverTakeAWorseBuilder) {
+  const Calibration calibration = machine();
+  constexpr BuilderKind kBuilders[] = {BuilderKind::kFast, BuilderKind::kBinned, BuilderKind::kSpatial};
+  for (const double density : {0.0, 5.0, 9.0, 20.0}) {
+    double last = 1e9;
+    for (double rays = 0; rays < 1e12; rays = rays * 2 + 1) {
+      const BuildDecision decision = decide_build({kBuilders, 100000, rays, density}, calibration);
+      ASSERT_EQ(decision.alternatives.size(), 3u);
+      double trace = 0;
+      for (const Alternative& row : decision.alternatives) {
+        if (row.builder == decision.builder) trace = *row.trace_nanoseconds / std::max(rays, 1.0);
+      }
+      if (rays > 0) {
+        EXPECT_LE(trace, last * (1 + 1e-12)) << density << " " << rays;
+        last = trace;
+      }
+    }
+    EXPECT_EQ(decide_build({kBuilders, 100000, 0, density}, calibration).builder, BuilderKind::kFast);
+    EXPECT_EQ(decide_build({kBuilders, 100000, 1e12, density}, calibration).builder,
+              density > 6 ? BuilderKind::kSpatial : BuilderKind::kBinned);
+  }
+}
+
+TEST(Governor, PoliciesDecideRegardless) {
+  for (const double decay : {1.0, 100.0}) {
+    UpdateQuestion asked = question(1e9, decay);
+    asked.policy = Policy::kRefit;
+    EXPECT_EQ(decide(asked), UpdateAction::kRefit);
+    asked.policy = Policy::kRotate;
+    EXPECT_EQ(decide(asked), UpdateAction::kRotate);
+    asked.policy = Policy::kRebuildParts;
+    EXPECT_EQ(decide(asked), UpdateAction::kRebuildParts);
+    asked.policy = Policy::kRebuild;
+    EXPECT_EQ(decide(asked), UpdateAction::kRebuild);
+  }
+}
+
+TEST(Governor, TheLedgerHoldsWhatWasWeighed) {
+  const UpdateDecision decision = decide_update(question(1000, 2), machine());
+  ASSERT_EQ(decision.alternatives.size(), 4u);
+  EXPECT_EQ(decision.alternatives[0].action, UpdateAction::kRefit);
+  EXPECT_DOUBLE_EQ(decision.alternatives[0].update_nanoseconds, 65536 * 10);
+  EXPECT_DOUBLE_EQ(*decision.alternatives[0].trace_nanoseconds, 1000 * 2 * 260);
+  EXPECT_DOUBLE_EQ(decision.alternatives[1].update_nanoseconds, 65536 * 25);
+  EXPECT_DOUBLE_EQ(decision.alternatives[2].update_nanoseconds, 65536 * 70);
+  EXPECT_EQ(decision.alternatives[3].action, UpdateAction::kRebuild);
+  EXPECT_DOUBLE_EQ(decision.alternatives[3].update_nanoseconds, 65536 * 600);
+  EXPECT_DOUBLE_EQ(*decision.alternatives[3].trace_nanoseconds, 1000 * 260);
+  EXPECT_FALSE(decision.reason.empty());
+}
+
+}  // namespace
+}  // namespace perfect_bvh::test
