@@ -16,7 +16,13 @@ Calibration machine() {
   return calibration;
 }
 
-UpdateQuestion question(double rays, double decay, UpdateHistory history = {.fresh = {10, 4}}) {
+UpdateHistory fresh_history(double node_visits, double leaf_visits) {
+  UpdateHistory history;
+  history.fresh = {node_visits, leaf_visits};
+  return history;
+}
+
+UpdateQuestion question(double rays, double decay, UpdateHistory history = fresh_history(10, 4)) {
   UpdateQuestion asked;
   asked.triangle_count = 65536;
   asked.rays = rays;
@@ -56,7 +62,7 @@ TEST(Governor, RebuildsWhereTheMeanCostOfAFrameIsLeast) {
   const double rebuild = build_nanoseconds(65536, BuilderKind::kBinned, calibration);
   for (const double frames : {4.0, 9.0, 30.0}) {
     const double growth = 2 * rebuild / (frames * frames);
-    UpdateHistory history{.fresh = {10, 4}};
+    UpdateHistory history = fresh_history(10, 4);
     int count = 0;
     for (UpdateDecision decision; decision.action == UpdateAction::kRefit; ++count) {
       UpdateQuestion asked = question(1e6, 1, history);
@@ -70,7 +76,7 @@ TEST(Governor, RebuildsWhereTheMeanCostOfAFrameIsLeast) {
 }
 
 TEST(Governor, ATreeThatIsNoWorseIsKeptForEver) {
-  UpdateHistory history{.fresh = {10, 4}};
+  UpdateHistory history = fresh_history(10, 4);
   for (int frame = 0; frame < 1000; ++frame) {
     const UpdateDecision decision = decide_update(question(1e9, 1, history), machine());
     ASSERT_EQ(decision.action, UpdateAction::kRefit);
@@ -116,7 +122,7 @@ TEST(Governor, MendsWhatCanBeMended) {
 
 TEST(Governor, ATreeWithoutExtentIsRebuilt) {
   for (const bool knows_rays : {false, true}) {
-    UpdateQuestion asked = question(1, 1, {.fresh = {0, 0}});
+    UpdateQuestion asked = question(1, 1, fresh_history(0, 0));
     if (!knows_rays) asked.rays.reset();
     EXPECT_EQ(decide(asked), UpdateAction::kRebuild);
   }

@@ -1,0 +1,59 @@
+"""The classes of the example scenes' meshes: what the scene tells at once, and what their motion shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+bpy: Any = pytest.importorskip("bpy")
+
+from perfect_bvh_addon import SceneSync  # noqa: E402
+
+
+def classes_of(path: Path, frames: int) -> list[dict[str, tuple[str, str, int]]]:
+    """(class, reason, triangles) of each mesh by name, frame by frame; the largest where names are equal."""
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    scene = bpy.context.scene
+    sync = SceneSync()
+    found = []
+    for frame in range(scene.frame_start, scene.frame_start + frames):
+        scene.frame_set(frame)
+        report = sync.update(bpy.context.evaluated_depsgraph_get(), expected_rays=100_000)
+        rows = sorted(report.meshes, key=lambda mesh: mesh.triangle_count)
+        found.append({mesh.name: (mesh.usage, mesh.usage_reason, mesh.triangle_count) for mesh in rows})
+        assert all(mesh.usage_reason for mesh in report.meshes)
+        assert {row["class"] for row in report.ledger} <= {"static", "rigid", "deforming", "changing"}
+        assert len(report.ledger) == len(report.commit.meshes)
+    sync.close()
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "usage", "word"),
+    [
+        ("tree_in_wind", "deforming", "modifier"),
+        ("cloth", "deforming", "shape keys"),
+        ("ocean", "changing", ""),
+        ("gears", "rigid", "animated"),
+    ],
+)
+def test_the_largest_moving_mesh_has_its_class_from_the_first_frame(
+    repository: Path, name: str, usage: str, word: str
+) -> None:
+    first, _, third = classes_of(repository / "blend_scenes" / f"{name}.blend", 3)
+    of_class = [row for row in first.values() if row[0] == usage]
+    assert of_class, first
+    assert any(word in reason for _, reason, _ in of_class)
+    # What was seen afterwards did not take it back.
+    for mesh, row in first.items():
+        if row[0] == usage and mesh in third:
+            assert third[mesh][0] == usage
+
+
+def test_flags_deform_and_spectators_do_not(repository: Path) -> None:
+    first, second = classes_of(repository / "blend_scenes" / "crowd.blend", 2)
+    usages = {row[0] for row in second.values()}
+    assert "deforming" in usages and usages & {"static", "rigid"}
+    assert set(first) == set(second)
