@@ -28,9 +28,9 @@ void fetch_triangles(const LeafBlock& shape, const TriangleIndices* triangles) n
   for (const std::uint32_t primitive : shape.primitives) fetch(&triangles[primitive]);
 }
 
-// The numbers of a leaf's vertices, place by place.
-VertexNumbers vertices_of(const LeafBlock& shape, const TriangleIndices* triangles) noexcept {
-  VertexNumbers numbers;
+// The numbers of a leaf's vertices, place by place. Written where they are to stay: read back at once as a whole,
+// single stores would stall.
+void list_vertices(const LeafBlock& shape, const TriangleIndices* triangles, VertexNumbers& numbers) noexcept {
   numbers.fill(~0u);
   for (std::uint32_t i = 0; i < 8; ++i) {
     const TriangleIndices corners = triangles[shape.primitives[i]];
@@ -41,7 +41,6 @@ VertexNumbers vertices_of(const LeafBlock& shape, const TriangleIndices* triangl
   }
   // Places to spare repeat the last vertex.
   for (std::uint32_t i = 1; i < 8; ++i) numbers[i] = numbers[i] == ~0u ? numbers[i - 1] : numbers[i];
-  return numbers;
 }
 
 Box4 write_block(const LeafBlock& shape, const VertexNumbers& numbers, const Vec3f* positions, Float4 scale,
@@ -83,7 +82,7 @@ void refit_blocks(const WideBvh& from, const TriangleMesh& mesh, std::span<const
     }
     if (gathered < rows.size()) {
       VertexNumbers& numbers = ring[gathered % kVerticesAhead];
-      numbers = vertices_of(from.blocks[rows[gathered]], triangles);
+      list_vertices(from.blocks[rows[gathered]], triangles, numbers);
       for (const std::uint32_t number : numbers) fetch(&positions[number]);
     }
   }
