@@ -1,8 +1,9 @@
-// Trees put together, and parts of trees rebuilt: sound, and every ray meets what it met before.
+// Trees put together: sound, and every ray meets what it met before.
 #include <gtest/gtest.h>
 
 #include <cstring>
 
+#include "build/builder.h"
 #include "build/combine.h"
 #include "core/errors.h"
 #include "scene/cover.h"
@@ -12,7 +13,6 @@
 #include "scene/trace_view.h"
 #include "tests/box_sets.h"
 #include "tests/reference_trace.h"
-#include "update/partial_rebuild.h"
 #include "update/quality.h"
 #include "wide/collapse.h"
 
@@ -26,12 +26,6 @@ Bvh2 build(const std::vector<PrimRef>& refs, BuilderKind kind = BuilderKind::kBi
   config.builder = kind;
   config.max_leaf_size = leaf_size;
   return build_bvh2(refs, config, pool, cancel);
-}
-
-std::vector<Aabb> boxes_of(const std::vector<PrimRef>& refs) {
-  std::vector<Aabb> boxes;
-  for (const PrimRef& ref : refs) boxes.push_back(ref.box());
-  return boxes;
 }
 
 TriangleMesh soup(std::size_t count, std::uint32_t seed) {
@@ -159,119 +153,6 @@ TEST(Combine, RefusesTreesThatBecomeTooDeep) {
   }
   EXPECT_EQ(find_fault(tree, tree.prim_indices.size()), "");
   EXPECT_THROW((void)combine(tree, build(scattered(1)), 1000), InvalidArgument);
-}
-
-bool rebuild(Bvh2& tree, std::uint32_t node, const std::vector<PrimRef>& refs, const BuildConfig& config = {}) {
-  ThreadPool pool(1);
-  CancelToken cancel;
-  return rebuild_below(tree, node, boxes_of(refs), config, pool, cancel);
-}
-
-TEST(PartialRebuild, KeepsHitsAndTheRest) {
-  const TriangleMesh mesh = soup(800, 3);
-  const auto refs = refs_of(mesh, 0, 800);
-  const Bvh2 before = build(refs, BuilderKind::kMedian, 4);
-  for (const std::uint32_t side : {0u, 1u}) {
-    Bvh2 tree = before;
-    const std::uint32_t child = before.nodes[0].first + side, node = before.nodes[child].first + side;
-    ASSERT_TRUE(rebuild(tree, node, refs));
-    EXPECT_EQ(find_fault(tree, 800), "");
-    EXPECT_LT(measure_quality(tree).sah, measure_quality(before).sah);
-    const std::uint32_t kept = before.nodes[0].first + 1 - side;
-    EXPECT_EQ(prims_below(tree, tree.nodes[0].first + 1 - side), prims_below(before, kept));
-    EXPECT_EQ(tree.nodes[0].lower, before.nodes[0].lower);
-    EXPECT_EQ(tree.nodes[0].upper, before.nodes[0].upper);
-    expect_right_hits(mesh, tree);
-  }
-}
-
-TEST(PartialRebuild, TakesTheRootAndLeaves) {
-  const auto refs = scattered(300);
-  BuildConfig config;
-  config.max_leaf_size = 1;
-  Bvh2 tree = build(refs, BuilderKind::kMedian);
-  const auto leaf = static_cast<std::uint32_t>(tree.nodes.size() - 1);
-  ASSERT_TRUE(rebuild(tree, leaf, refs, config));
-  EXPECT_EQ(find_fault(tree, 300), "");
-  ASSERT_TRUE(rebuild(tree, 0, refs, config));
-  EXPECT_EQ(find_fault(tree, 300), "");
-  EXPECT_EQ(measure_quality(tree).max_leaf_size, 1u);
-}
-
-TEST(PartialRebuild, LetsTheNodesAboveFitMovedBoxes) {
-  auto refs = scattered(400);
-  Bvh2 tree = build(refs);
-  const std::uint32_t node = tree.nodes[tree.nodes[0].first + 1].first;
-  for (const std::uint32_t prim : prims_below(tree, node)) {
-    refs[prim].lower = refs[prim].lower + Vec3f{5, 5, 5};
-    refs[prim].upper = refs[prim].upper + Vec3f{5, 5, 5};
-  }
-  ASSERT_TRUE(rebuild(tree, node, refs));
-  EXPECT_EQ(find_fault(tree, 400), "");
-  Aabb all;
-  for (const PrimRef& ref : refs) all.grow(ref.box());
-  EXPECT_EQ(tree.nodes[0].lower, all.lower);
-  EXPECT_EQ(tree.nodes[0].upper, all.upper);
-}
-
-// Part of a mesh has moved: the tree is right again once that part is rebuilt over the new boxes.
-TEST(PartialRebuild, MeetsMovedTriangles) {
-  TriangleMesh mesh = soup(800, 5);
-  const Bvh2 before = build(refs_of(mesh, 0, 800));
-  const std::uint32_t node = before.nodes[before.nodes[0].first].first + 1;
-  for (const std::uint32_t prim : prims_below(before, node)) {
-    const TriangleIndices corners = mesh.triangles[prim];  // a soup: no vertex is shared
-    for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) {
-      mesh.positions[vertex] = mesh.positions[vertex] * 0.5f + Vec3f{0.3f, -0.4f, 0.2f};
-    }
-  }
-  const auto refs = refs_of(mesh, 0, 800);
-  for (const BuilderKind kind : {BuilderKind::kBinned, BuilderKind::kSweep, BuilderKind::kMedian, BuilderKind::kFast}) {
-    BuildConfig config;
-    config.builder = kind;
-    Bvh2 tree = before;
-    ASSERT_TRUE(rebuild(tree, node, refs, config));
-    EXPECT_EQ(find_fault(tree, 800), "");
-    expect_right_hits(mesh, tree);
-  }
-}
-
-TEST(PartialRebuild, LeavesTheTreeAloneWhereItCannot) {
-  const auto refs = cornered(2000);
-  Bvh2 chain = build(repeated(2, {0, 0, 0}, {1, 1, 1}), BuilderKind::kMedian, 2);
-  const Bvh2 single = build(repeated(1, {0, 0, 0}, {1, 1, 1}));
-  while (chain.depth + 1 < kMaxTreeDepth) {
-    chain = combine(single, chain, 1);
-    for (std::uint32_t i = 0; i < chain.prim_indices.size(); ++i) chain.prim_indices[i] = i;
-  }
-  std::vector<PrimRef> boxes = repeated(chain.prim_indices.size(), {0, 0, 0}, {1, 1, 1});
-  BuildConfig deep;
-  deep.max_leaf_size = 1;
-  // The lowest leaf holds two: one more level is just possible, and then the chain is full.
-  ASSERT_TRUE(rebuild(chain, static_cast<std::uint32_t>(chain.nodes.size() - 1), boxes, deep));
-  EXPECT_EQ(find_fault(chain, boxes.size()), "");
-  Bvh2 clipped = build(refs);
-  clipped.refittable = false;
-  EXPECT_THROW((void)rebuild(clipped, 2, refs), InvalidArgument);
-  Bvh2 tree = build(refs);
-  EXPECT_THROW((void)rebuild(tree, 1, refs), InvalidArgument);
-  EXPECT_THROW((void)rebuild(tree, static_cast<std::uint32_t>(tree.nodes.size()), refs), InvalidArgument);
-}
-
-TEST(PartialRebuild, RefusesWhatWouldBecomeTooDeep) {
-  const Bvh2 single = build(repeated(1, {0, 0, 0}, {1, 1, 1}));
-  Bvh2 chain = build(repeated(8, {0, 0, 0}, {1, 1, 1}));  // one leaf of 8
-  while (chain.depth < kMaxTreeDepth - 2) chain = combine(single, chain, 1);
-  const auto refs = repeated(chain.prim_indices.size(), {0, 0, 0}, {1, 1, 1});
-  const Bvh2 before = chain;
-  BuildConfig config;
-  config.max_leaf_size = 1;  // 8 boxes need three levels
-  std::uint32_t leaf = 0;
-  while (!chain.nodes[leaf].is_leaf()) leaf = chain.nodes[leaf].first + 1;
-  ASSERT_EQ(chain.nodes[leaf].count, 8u);
-  EXPECT_FALSE(rebuild(chain, leaf, refs, config));
-  ASSERT_EQ(chain.nodes.size(), before.nodes.size());
-  EXPECT_EQ(std::memcmp(chain.nodes.data(), before.nodes.data(), before.nodes.size() * sizeof(Bvh2Node)), 0);
 }
 
 }  // namespace
