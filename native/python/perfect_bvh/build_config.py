@@ -41,10 +41,11 @@ class BuildConfig:
             McAllister 2011). The least time of all that look at cost, for a slightly worse tree: for a topology
             that changes every frame.
     layout: what the tree that rays are traced through keeps of the triangles.
-        "default": its leaves hold their vertices, each once: the fastest, at about 57 bytes a triangle, the mesh
-            included.
+        "default": its leaves hold their vertices, each once: the fastest, at 50 to 70 bytes a triangle, positions and
+            indices included.
         "compact": its leaves hold triangles' numbers, and vertices are read from the mesh at each visit: at most 36
-            bytes a triangle, for rays about four fifths as fast. For meshes that would not fit into memory otherwise.
+            bytes a triangle where triangles share vertices as on closed surfaces ("spatial" adds what it duplicates),
+            for rays slower by a fifth as a rule and by a third at worst. For what would not fit into memory otherwise.
     optimize: passes of reinsertion after the build, 0 to 1000: nodes are taken out and put where they cost less
         (Bittner, Hapala and Havran 2013; Meister and Bittner 2018). Each pass looks at twice as many nodes as the one
         before; it stops by itself where nothing is left to gain. Lowers the cost of any builder's tree, most of all
