@@ -21,7 +21,7 @@ from benchmarks.rays import Rays
 from oracles import meshes
 from oracles.brute_force import WorldTriangles, judge
 
-TREES = ["auto", "median", "sweep", "binned", "binned+optimize", "spatial", "fast"]
+TREES = ["auto", "compact", "median", "sweep", "binned", "binned+optimize", "spatial", "fast"]
 
 
 @pytest.fixture

@@ -9,9 +9,9 @@
 #include <fstream>
 #include <limits>
 #include <memory>
-#include <sstream>
 #include <stdexcept>
 
+#include "arguments.h"
 #include "embree_peer.h"
 #include "json.h"
 #include "ray_race.h"
@@ -27,31 +27,21 @@ struct Options {
   std::string mesh, rays, answers, json;
 };
 
-std::vector<std::string> split(const std::string& text) {
-  std::vector<std::string> parts;
-  std::istringstream stream(text);
-  for (std::string part; std::getline(stream, part, ',');) parts.push_back(part);
-  return parts;
-}
-
 Options parse(int count, char** values) {
   Options options;
-  for (int i = 1; i < count; ++i) {
-    const std::string name = values[i];
-    const auto value = [&] {
-      if (++i >= count) throw std::runtime_error(name + " needs a value");
-      return std::string(values[i]);
-    };
+  Arguments arguments(count, values);
+  while (arguments.next()) {
+    const std::string& name = arguments.name();
     if (name == "--peers") {
-      options.peers = split(value());
+      options.peers = arguments.list();
     } else if (name == "--strategies") {
-      options.strategies = split(value());
+      options.strategies = arguments.list();
     } else if (name == "--rays") {
-      options.rays = value();
+      options.rays = arguments.value();
     } else if (name == "--answers") {
-      options.answers = value();
+      options.answers = arguments.value();
     } else if (name == "--json") {
-      options.json = value();
+      options.json = arguments.value();
     } else {
       options.mesh = name;
     }
@@ -79,10 +69,7 @@ RaySet read_rays(const std::string& path) {
 }
 
 RayCompetitor embree_competitor(const std::string& name, const TriangleMesh& mesh) {
-  EmbreePeer::Options options;
-  options.is_robust = name.find("robust") != std::string::npos;
-  if (name.find("avx2") != std::string::npos) options.device += ",isa=avx2";
-  const auto peer = std::make_shared<EmbreePeer>(mesh, options);
+  const auto peer = std::make_shared<EmbreePeer>(mesh, EmbreePeer::named(name));
   const bool packets = name.find("packets") != std::string::npos;
   return {name,
           [peer, packets](std::span<const Ray> rays, Hit* hits) {

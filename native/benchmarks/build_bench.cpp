@@ -14,9 +14,10 @@
 #include <fstream>
 #include <memory>
 #include <optional>
-#include <sstream>
 #include <stdexcept>
+#include <tuple>
 
+#include "arguments.h"
 #include "embree_build.h"
 #include "embree_peer.h"
 #include "json.h"
@@ -41,43 +42,29 @@ struct Options {
   std::string json, mesh;
 };
 
-std::vector<std::string> split(const std::string& text, char separator) {
-  std::vector<std::string> parts;
-  std::istringstream stream(text);
-  for (std::string part; std::getline(stream, part, separator);) {
-    if (part != "none") parts.push_back(part);
-  }
-  return parts;
-}
-
 Options parse(int count, char** values) {
   Options options;
-  for (int i = 1; i < count; ++i) {
-    const std::string name = values[i];
-    const auto value = [&] {
-      if (++i >= count) throw std::runtime_error(name + " needs a value");
-      return std::string(values[i]);
-    };
+  Arguments arguments(count, values);
+  while (arguments.next()) {
+    const std::string& name = arguments.name();
     if (name == "--tree") {
-      options.trees.push_back(parse_tree(value()));
+      options.trees.push_back(parse_tree(arguments.value()));
     } else if (name == "--peers") {
-      options.peers = split(value(), ',');
+      options.peers = arguments.list();
     } else if (name == "--threads") {
-      options.threads = std::stoi(value());
+      options.threads = std::stoi(arguments.value());
     } else if (name == "--rounds") {
-      options.rounds = std::stoi(value());
+      options.rounds = std::stoi(arguments.value());
     } else if (name == "--ray-rounds") {
-      options.ray_rounds = std::stoi(value());
+      options.ray_rounds = std::stoi(arguments.value());
     } else if (name == "--seconds") {
-      options.seconds = std::stod(value());
+      options.seconds = std::stod(arguments.value());
     } else if (name == "--size") {
-      const auto parts = split(value(), 'x');
-      options.width = static_cast<std::uint32_t>(std::stoul(parts.at(0)));
-      options.height = static_cast<std::uint32_t>(std::stoul(parts.at(1)));
+      std::tie(options.width, options.height) = arguments.size();
     } else if (name == "--inside") {
       options.view = View::kInside;
     } else if (name == "--json") {
-      options.json = value();
+      options.json = arguments.value();
     } else {
       options.mesh = name;
     }

@@ -57,6 +57,16 @@ void occlude_one_by_one(RTCScene scene, std::span<const Ray> rays, std::uint8_t*
   }
 }
 
+EmbreePeer::Options EmbreePeer::named(const std::string& name) {
+  const auto has = [&](const char* word) { return name.find(word) != std::string::npos; };
+  Options options;
+  options.is_robust = has("robust");
+  options.is_compact = has("compact");
+  if (has("avx2")) options.device += ",isa=avx2";
+  if (has("high")) options.quality = RTC_BUILD_QUALITY_HIGH;
+  return options;
+}
+
 EmbreePeer::EmbreePeer(const TriangleMesh& mesh, const Options& options)
     : device_(rtcNewDevice(options.device.c_str())), scene_(rtcNewScene(device_)) {
   rtcSetDeviceMemoryMonitorFunction(device_, &EmbreePeer::count_bytes, this);

@@ -33,6 +33,9 @@ class EmbreePeer {
     bool is_compact = false;
   };
 
+  // By what a peer's name contains: avx2, robust, compact, high.
+  [[nodiscard]] static Options named(const std::string& name);
+
   EmbreePeer(const TriangleMesh& mesh, const Options& options);
   ~EmbreePeer();
   EmbreePeer(const EmbreePeer&) = delete;

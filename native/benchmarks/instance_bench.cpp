@@ -20,8 +20,8 @@
 #include <functional>
 #include <memory>
 #include <random>
-#include <sstream>
 
+#include "arguments.h"
 #include "embree_instances.h"
 #include "instance_layouts.h"
 #include "ray_sets.h"
@@ -43,36 +43,26 @@ struct Options {
   }
 };
 
-std::vector<std::string> split(const std::string& text) {
-  std::vector<std::string> parts;
-  std::istringstream stream(text);
-  for (std::string part; std::getline(stream, part, ',');) parts.push_back(part);
-  return parts;
-}
-
 Options parse(int count, char** values) {
   Options options;
-  for (int i = 1; i < count; ++i) {
-    const std::string name = values[i];
-    const auto value = [&] {
-      if (++i >= count) throw std::runtime_error(name + " needs a value");
-      return std::string(values[i]);
-    };
+  Arguments arguments(count, values);
+  while (arguments.next()) {
+    const std::string& name = arguments.name();
     if (name == "--counts") {
       options.counts.clear();
-      for (const std::string& part : split(value())) options.counts.push_back(std::stoul(part));
+      for (const std::string& part : arguments.list()) options.counts.push_back(std::stoul(part));
     } else if (name == "--layouts") {
-      options.layouts = split(value());
+      options.layouts = arguments.list();
     } else if (name == "--kinds") {
-      options.kinds = split(value());
+      options.kinds = arguments.list();
     } else if (name == "--peers") {
-      options.peers = split(value());
+      options.peers = arguments.list();
     } else if (name == "--threads") {
-      options.threads = std::stoi(value());
+      options.threads = std::stoi(arguments.value());
     } else if (name == "--rounds") {
-      options.rounds = std::stoi(value());
+      options.rounds = std::stoi(arguments.value());
     } else if (name == "--json") {
-      options.json = value();
+      options.json = arguments.value();
     } else {
       options.mesh = name;
     }

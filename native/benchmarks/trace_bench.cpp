@@ -24,12 +24,14 @@
 #include <memory>
 #include <numeric>
 #include <random>
-#include <sstream>
+#include <tuple>
 
+#include "arguments.h"
 #include "build/builder.h"
 #include "embree_peer.h"
 #include "ray_sets.h"
 #include "traverse/dispatch.h"
+#include "tree_choice.h"
 #include "wide/collapse.h"
 
 namespace perfect_bvh::bench {
@@ -44,47 +46,35 @@ struct Options {
   bool inside = false;
 };
 
-std::vector<std::string> split(const std::string& text, char separator) {
-  std::vector<std::string> parts;
-  std::istringstream stream(text);
-  for (std::string part; std::getline(stream, part, separator);) parts.push_back(part);
-  return parts;
-}
-
 Options parse(int count, char** values) {
   Options options;
-  for (int i = 1; i < count; ++i) {
-    const std::string name = values[i];
-    const auto value = [&] {
-      if (++i >= count) throw std::runtime_error(name + " needs a value");
-      return std::string(values[i]);
-    };
+  Arguments arguments(count, values);
+  while (arguments.next()) {
+    const std::string& name = arguments.name();
     if (name == "--rounds") {
-      options.rounds = std::stoi(value());
+      options.rounds = std::stoi(arguments.value());
     } else if (name == "--kinds") {
-      options.kinds = split(value(), ',');
+      options.kinds = arguments.list();
     } else if (name == "--isas") {
-      options.isas = split(value(), ',');
+      options.isas = arguments.list();
     } else if (name == "--in-flight") {
-      options.in_flight = split(value(), ',');
+      options.in_flight = arguments.list();
     } else if (name == "--strategies") {
-      options.strategies = split(value(), ',');
+      options.strategies = arguments.list();
     } else if (name == "--layouts") {
-      options.layouts = split(value(), ',');
+      options.layouts = arguments.list();
     } else if (name == "--peers") {
-      options.peers = split(value(), ',');
+      options.peers = arguments.list();
     } else if (name == "--reinsert") {
-      options.reinsert = static_cast<std::uint32_t>(std::stoul(value()));
+      options.reinsert = static_cast<std::uint32_t>(std::stoul(arguments.value()));
     } else if (name == "--leaks") {
-      options.leaks = std::stoul(value());
+      options.leaks = std::stoul(arguments.value());
     } else if (name == "--json") {
-      options.json = value();
+      options.json = arguments.value();
     } else if (name == "--inside") {
       options.inside = true;
     } else if (name == "--size") {
-      const auto parts = split(value(), 'x');
-      options.width = static_cast<std::uint32_t>(std::stoul(parts.at(0)));
-      options.height = static_cast<std::uint32_t>(std::stoul(parts.at(1)));
+      std::tie(options.width, options.height) = arguments.size();
     } else {
       options.meshes.push_back(name);
     }
@@ -98,10 +88,8 @@ double cpu_seconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-TreeLayout parse_layout(const std::string& name) {
-  if (name == layout_name(TreeLayout::kDefault)) return TreeLayout::kDefault;
-  if (name == layout_name(TreeLayout::kCompact)) return TreeLayout::kCompact;
-  throw std::runtime_error("no layout named " + name);
+double bytes_a_triangle(std::size_t bytes, const TriangleMesh& mesh) {
+  return static_cast<double>(bytes) / static_cast<double>(mesh.triangle_count());
 }
 
 // A scene of one mesh in its own place.
@@ -109,6 +97,7 @@ struct SingleMesh {
   Bvh2 binary;
   WideBvh wide;
   IndexedLeaves indexed_leaves;
+  double bytes_a_triangle;
   InstanceView instance{};
   SceneView view;
 
@@ -126,6 +115,7 @@ struct SingleMesh {
     binary = build_bvh2(prims, config, pool, cancel);
     wide = collapse_mesh(binary, mesh, layout, pool, cancel);
     for (int i = 0; i < 3; ++i) instance.world_to_local[i][i] = static_cast<double>(wide.scale);
+    bytes_a_triangle = bench::bytes_a_triangle(wide.byte_count() + mesh.byte_count(), mesh);
     instance.nodes = wide.nodes.data();
     indexed_leaves = {wide.indexed_leaves.data(), mesh.triangles.data(), mesh.positions.data(), wide.scale};
     instance.is_compact = layout == TreeLayout::kCompact;
@@ -145,6 +135,7 @@ struct Competitor {
   std::string name;
   std::function<void(std::span<const Ray>, Hit*)> closest;
   std::function<void(std::span<const Ray>, std::uint8_t*)> any;
+  double bytes_a_triangle = 0;             // with the mesh
   std::vector<std::vector<double>> times;  // by chunk
   std::size_t different = 0;
 };
@@ -171,6 +162,7 @@ Competitor make_ours(const SingleMesh& ours, const std::string& isa, const std::
             set_active_kernels(isa);
             trace_any(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, nullptr, occluded}, trace_options);
           },
+          ours.bytes_a_triangle,
           {},
           0};
 }
@@ -179,14 +171,9 @@ std::vector<Competitor> make_competitors(const Options& options, const TriangleM
                                          const std::vector<std::unique_ptr<SingleMesh>>& ours) {
   std::vector<Competitor> list;
   for (const std::string& name : options.peers) {
-    EmbreePeer::Options peer_options;
-    peer_options.is_robust = name.find("robust") != std::string::npos;
-    if (name.find("avx2") != std::string::npos) peer_options.device += ",isa=avx2";
-    if (name.find("high") != std::string::npos) peer_options.quality = RTC_BUILD_QUALITY_HIGH;
-    peer_options.is_compact = name.find("compact") != std::string::npos;
-    const auto peer = std::make_shared<EmbreePeer>(mesh, peer_options);
+    const auto peer = std::make_shared<EmbreePeer>(mesh, EmbreePeer::named(name));
     std::printf("  %s: %.1f bytes a triangle with the mesh\n", name.c_str(),
-                static_cast<double>(peer->byte_count()) / static_cast<double>(mesh.triangle_count()));
+                bytes_a_triangle(peer->byte_count(), mesh));
     const bool packets = name.find("packets") != std::string::npos;
     list.push_back({name,
                     [peer, packets](std::span<const Ray> rays, Hit* hits) {
@@ -197,6 +184,7 @@ std::vector<Competitor> make_competitors(const Options& options, const TriangleM
                       }
                     },
                     [peer](std::span<const Ray> rays, std::uint8_t* occluded) { peer->any(rays, occluded); },
+                    bytes_a_triangle(peer->byte_count(), mesh),
                     {},
                     0});
   }
@@ -286,6 +274,7 @@ void report(const std::string& mesh, const RaySet& set, const std::vector<Compet
             "\", \"competitor\": \"" + competitor.name +
             "\", \"mrays_per_second\": " + std::to_string(rays / seconds * 1e-6) +
             ", \"ratio\": " + std::to_string(base / seconds) +
+            ", \"bytes_a_triangle\": " + std::to_string(competitor.bytes_a_triangle) +
             ", \"different_from_first\": " + std::to_string(competitor.different) +
             ", \"ray_count\": " + std::to_string(set.rays.size()) + "}";
   }
@@ -324,7 +313,6 @@ std::string stem(const std::string& path) {
 void bench_mesh(const std::string& path, const Options& options, std::string& json) {
   const TriangleMesh mesh = read_mesh(path);
   const std::string name = stem(path);
-  const auto triangles = static_cast<double>(mesh.triangle_count());
   std::printf("%s: %zu triangles\n", name.c_str(), mesh.triangle_count());
   std::vector<std::unique_ptr<SingleMesh>> ours;
   for (const std::string& layout : options.layouts) {
@@ -332,12 +320,11 @@ void bench_mesh(const std::string& path, const Options& options, std::string& js
     ours.push_back(std::make_unique<SingleMesh>(mesh, parse_layout(layout), options.reinsert));
     const WideBvh& wide = ours.back()->wide;
     std::printf(
-        "  %s: built in %.1f ms, %zu nodes, %zu leaves (%.2f triangles), depth %u, %.1f bytes a triangle, "
-        "%.1f with the mesh\n",
+        "  %s: built in %.1f ms, %zu nodes, %zu leaves (%.2f triangles), depth %u, %.1f bytes a triangle with the "
+        "mesh\n",
         layout.c_str(), 1e3 * (cpu_seconds() - start), wide.nodes.size(), wide.leaf_count(),
-        triangles / static_cast<double>(wide.leaf_count()), wide.depth,
-        static_cast<double>(wide.byte_count()) / triangles,
-        static_cast<double>(wide.byte_count() + mesh.byte_count()) / triangles);
+        static_cast<double>(mesh.triangle_count()) / static_cast<double>(wide.leaf_count()), wide.depth,
+        ours.back()->bytes_a_triangle);
   }
   const Aabb box = ours.front()->binary.bounds();
   std::vector<Competitor> competitors = make_competitors(options, mesh, ours);

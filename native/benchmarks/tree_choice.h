@@ -15,4 +15,7 @@ struct TreeChoice {
 // "NAME:BUILDER[,SETTING=VALUE...]" with the settings of Python's BuildConfig. Throws std::runtime_error.
 [[nodiscard]] TreeChoice parse_tree(const std::string& text);
 
+// As users write it. Throws std::runtime_error.
+[[nodiscard]] TreeLayout parse_layout(const std::string& name);
+
 }  // namespace perfect_bvh::bench

@@ -28,6 +28,7 @@ from benchmarks.native_answers import ask
 from benchmarks.peers import Answers, Peer
 from benchmarks.rays import Rays, make_rays
 from benchmarks.trace_tables import describe_mesh
+from perfect_bvh.build_config import LAYOUTS
 from tqdm import tqdm
 
 EMBREE = ("embree", "embree_avx2", "embree_robust", "embree_avx2_robust", "embree_packets")
@@ -41,6 +42,7 @@ def main() -> None:
     add("--sample", type=int, default=500, metavar="N", help="rays of each kind whose answers are judged")
     counts = [1000, 10_000, 100_000, 1_000_000]
     add("--instances", type=int, nargs="*", default=counts, metavar="N", help="of the first mesh; no number: none")
+    add("--layouts", nargs="+", choices=LAYOUTS, default=["default"], help="of our native trees")
     chosen = parser.parse_args()
     meshes = options.meshes_of(chosen)
     native, left_out = NativePrograms(chosen.native), list[str]()
@@ -71,7 +73,9 @@ def measure(
     result: dict[str, Any] = {"name": mesh.name, "triangle_count": len(mesh.triangles), "native": [], "instances": []}
     rounds = ["--rounds", str(chosen.rounds)]
     if native.has("trace_bench"):
-        peer_names = ["--peers", ",".join(EMBREE), "--strategies", ",".join(STRATEGIES)]
+        embree = [*EMBREE, *(["embree_compact"] if "compact" in chosen.layouts else [])]
+        peer_names = ["--peers", ",".join(embree), "--strategies", ",".join(STRATEGIES)]
+        peer_names += ["--layouts", ",".join(chosen.layouts)]
         inside = ["--inside"] if mesh.is_inside else []
         result["native"] = native.run("trace_bench", mesh, [*rounds, *peer_names, "--size", chosen.size, *inside])
     else:

@@ -27,12 +27,15 @@ def describe_mesh(result: dict[str, Any]) -> str:
 def _native(rows: list[dict[str, Any]], wrong: dict[str, float]) -> str:
     kinds = list(dict.fromkeys(row["rays"] for row in rows))
     cells = {}
+    sizes = {row["competitor"]: row["bytes_a_triangle"] for row in rows if "bytes_a_triangle" in row}
     for row in rows:
         cells[row["competitor"], row["rays"]] = f"{row['mrays_per_second']:.2f} ({row['ratio']:.2f})"
     lines: list[list[Cell]] = []
     for name in dict.fromkeys(row["competitor"] for row in rows):
-        lines.append([name, *(cells.get((name, kind)) for kind in kinds), *([wrong.get(name)] if wrong else [])])
-    return format_table(["competitor", *kinds, *(["wrong"] if wrong else [])], lines)
+        size, wrongs = [sizes.get(name)] if sizes else [], [wrong.get(name)] if wrong else []
+        lines.append([name, *(cells.get((name, kind)) for kind in kinds), *size, *wrongs])
+    heads = [*kinds, *(["bytes a triangle"] if sizes else []), *(["wrong"] if wrong else [])]
+    return format_table(["competitor", *heads], lines)
 
 
 def _wrong_by_competitor(kinds: list[dict[str, Any]]) -> dict[str, float]:

@@ -9,6 +9,7 @@ from perfect_bvh import BuildConfig
 # What the engine chooses; then no heuristic at all, fewer axes, planes that do not grow in number with the triangles.
 TREES: dict[str, dict[str, Any]] = {
     "auto": {},
+    "compact": {"layout": "compact"},
     "median": {"builder": "median"},
     "sweep": {"builder": "sweep"},
     "binned": {"builder": "binned"},

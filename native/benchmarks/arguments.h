@@ -1,0 +1,52 @@
+// A program's command line, argument by argument.
+#pragma once
+
+#include <cstdint>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace perfect_bvh::bench {
+
+[[nodiscard]] inline std::vector<std::string> split(const std::string& text, char separator = ',') {
+  std::vector<std::string> parts;
+  std::istringstream stream(text);
+  for (std::string part; std::getline(stream, part, separator);) parts.push_back(part);
+  return parts;
+}
+
+class Arguments {
+ public:
+  Arguments(int count, char** values) : count_(count), values_(values) {}
+
+  // On to the next option, or to a mesh's path; false at the end.
+  bool next() {
+    if (++at_ >= count_) return false;
+    name_ = values_[at_];
+    return true;
+  }
+  [[nodiscard]] const std::string& name() const noexcept { return name_; }
+
+  // Of the option: the argument behind it. Throws std::runtime_error if there is none.
+  [[nodiscard]] std::string value() {
+    if (++at_ >= count_) throw std::runtime_error(name_ + " needs a value");
+    return values_[at_];
+  }
+  [[nodiscard]] std::vector<std::string> list() { return split(value()); }
+  // WxH.
+  [[nodiscard]] std::pair<std::uint32_t, std::uint32_t> size() {
+    const std::vector<std::string> parts = split(value(), 'x');
+    if (parts.size() != 2) throw std::runtime_error(name_ + " wants WxH");
+    return {static_cast<std::uint32_t>(std::stoul(parts[0])), static_cast<std::uint32_t>(std::stoul(parts[1]))};
+  }
+
+ private:
+  const int count_;
+  char** const values_;
+  int at_ = 0;
+  std::string name_;
+};
+
+}  // namespace perfect_bvh::bench
