@@ -106,7 +106,7 @@ def test_edited_meshes(usage):
             report = scene.commit()
             assert [row.layout for row in report.meshes] == [report_of[mesh].layout]
             if usage == "deforming" and edit < 2:
-                assert report.meshes[0].action == "refitted"
+                assert report.meshes[0].action in ("refitted", "rotated")  # the governor's choice; never built again
         assert_same(answers(scenes[1]), answers(scenes[0]))
 
 
