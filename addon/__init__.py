@@ -11,14 +11,31 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .scanning import CameraGrid, PointCloud, SpinningLidar, scan
     from .session import SceneSync
     from .sync.records import AttributeRequest
 
-__all__ = ["AttributeRequest", "SceneSync", "register", "unregister"]
+__all__ = [
+    "AttributeRequest",
+    "CameraGrid",
+    "PointCloud",
+    "SceneSync",
+    "SpinningLidar",
+    "register",
+    "scan",
+    "unregister",
+]
 
-_EXPORTS = {"SceneSync": ".session", "AttributeRequest": ".sync.records"}
+_EXPORTS = {
+    "AttributeRequest": ".sync.records",
+    "CameraGrid": ".scanning",
+    "PointCloud": ".scanning",
+    "SceneSync": ".session",
+    "SpinningLidar": ".scanning",
+    "scan": ".scanning",
+}
 # In the order of registration. Those that load the native engine are left out where it cannot be loaded.
-_MODULES = (".preferences", ".properties", ".display", ".engine", ".operators", ".panels")
+_MODULES = (".preferences", ".properties", ".display", ".engine", ".operators", ".overlay", ".panels")
 _NATIVE_MODULES: tuple[str, ...] = (".handlers",)
 _LANDMARK = "PERFECT_BVH_PT_render"
 
@@ -36,7 +53,7 @@ def _other_copy() -> str | None:
     import bpy
 
     panel = getattr(bpy.types, _LANDMARK, None)
-    return None if panel is None else panel.__module__.rpartition(".")[0]
+    return None if panel is None else panel.__module__.partition(".panels")[0]
 
 
 def register() -> None:

@@ -28,21 +28,43 @@ def native_summary() -> str:
     return f"Engine {perfect_bvh.__version__}, {perfect_bvh.thread_count()} threads"
 
 
+def _set_threads(preferences: PERFECT_BVH_AP_preferences, context: bpy.types.Context | None) -> None:
+    if native_error() is None:
+        import perfect_bvh
+
+        perfect_bvh.set_thread_count(preferences.threads)
+
+
 class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
-    """Shows the engine's state; everything that can be set belongs to a scene."""
+    """The engine's state, and what belongs to the machine; everything else belongs to a scene."""
 
     bl_idname = __package__
 
+    threads: bpy.props.IntProperty(
+        name="Threads",
+        description="How many threads build trees and cast rays; 0 for every core. No result depends on it",
+        default=0,
+        min=0,
+        max=1024,
+        update=_set_threads,
+    )
+
     def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
         error = native_error()
-        if error is None:
-            self.layout.label(text=native_summary(), icon="CHECKMARK")
-        else:
-            self.layout.label(text=error, icon="ERROR")
+        if error is not None:
+            layout.label(text=error, icon="ERROR")
+            return
+        layout.label(text=native_summary(), icon="CHECKMARK")
+        layout.use_property_split = True
+        layout.prop(self, "threads")
 
 
 def register() -> None:
     bpy.utils.register_class(PERFECT_BVH_AP_preferences)
+    addon = bpy.context.preferences.addons.get(__package__)
+    if addon is not None and addon.preferences is not None and addon.preferences.threads:
+        _set_threads(addon.preferences, None)
 
 
 def unregister() -> None:

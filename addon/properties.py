@@ -10,6 +10,9 @@ from .modes import DEFAULT_MODE, MODES
 
 ENGINE_NAME = "PERFECT_BVH"
 MODE_ITEMS = [(mode.name.upper(), mode.label, mode.description, index) for index, mode in enumerate(MODES)]
+# Blender warns of paths that begin with // where a property does not say that it takes them; older ones do not ask.
+_KNOWS_RELATIVE_PATHS = "is_path_supports_blend_relative" in bpy.types.Property.bl_rna.properties
+PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if _KNOWS_RELATIVE_PATHS else set()
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,8 +26,104 @@ class RenderSettings:
     threads: int
 
 
+class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
+    """What the Scan button casts, from where, and what it makes of it."""
+
+    pattern: bpy.props.EnumProperty(
+        name="Pattern",
+        description="Which rays the sensor casts",
+        items=[
+            ("CAMERA", "Camera Grid", "One ray through the center of each pixel of the camera's picture", 0),
+            ("LIDAR", "Spinning LiDAR", "Several lines, one above the other, that turn about the sensor's axis", 1),
+        ],
+        default="CAMERA",
+    )
+    sensor: bpy.props.PointerProperty(
+        name="Sensor",
+        description=(
+            "Object that casts the rays; the active camera if empty. A camera looks along its own -Z with +Y up, "
+            "anything else along +Y with +Z up"
+        ),
+        type=bpy.types.Object,
+    )
+    width: bpy.props.IntProperty(
+        name="Resolution X", description="Rays in a row", default=640, min=1, max=65536, subtype="PIXEL"
+    )
+    height: bpy.props.IntProperty(
+        name="Resolution Y", description="Rows of rays", default=360, min=1, max=65536, subtype="PIXEL"
+    )
+    elevations: bpy.props.StringProperty(
+        name="Elevations",
+        description="Degrees above the horizon of each line, with commas between; LOWEST:HIGHEST:COUNT for even steps",
+        default="-15:15:16",
+    )
+    columns: bpy.props.IntProperty(
+        name="Columns", description="Shots of all lines in one turn", default=1800, min=1, max=1 << 20
+    )
+    rate: bpy.props.FloatProperty(
+        name="Rate", description="Turns a second", default=10.0, min=0.01, soft_max=100.0, max=10000.0
+    )
+    max_distance: bpy.props.FloatProperty(
+        name="Range", description="How far the LiDAR can measure", default=100.0, min=0.001, subtype="DISTANCE"
+    )
+    use_frame_range: bpy.props.BoolProperty(
+        name="Frame Range", description="Scan the scene's frame range instead of the current frame", default=False
+    )
+    steps_per_frame: bpy.props.IntProperty(
+        name="Steps per Frame",
+        description="How often the scene is evaluated in each frame, for things that move while they are scanned",
+        default=1,
+        min=1,
+        max=1000,
+    )
+    filepath: bpy.props.StringProperty(
+        name="File",
+        description="Also write the points into this .npz file; none if empty",
+        subtype="FILE_PATH",
+        options=PATH_OPTIONS,
+    )
+
+
+class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
+    """Which boxes of the trees are drawn in 3D viewports."""
+
+    show_top_level: bpy.props.BoolProperty(
+        name="Top Level", description="Draw the tree over all instances", default=False
+    )
+    show_active: bpy.props.BoolProperty(
+        name="Active Object", description="Draw the tree over the active object's triangles", default=False
+    )
+    level: bpy.props.IntProperty(
+        name="Level",
+        description="Depth in the tree; 0 is the box around everything, and each box holds up to eight others",
+        default=2,
+        min=0,
+        soft_max=12,
+        max=64,
+    )
+    use_all_to_level: bpy.props.BoolProperty(
+        name="All to Level", description="Draw the levels above as well", default=False
+    )
+    color_by: bpy.props.EnumProperty(
+        name="Color",
+        description="What the colors of the boxes tell",
+        items=[
+            ("LEVEL", "Level", "How deep in the tree a box is", 0),
+            ("OVERLAP", "Overlap", "How much of a box its siblings cover as well: blue none, red all of it", 1),
+            ("COST", "Cost", "What a random ray spends on a box: blue least, red most", 2),
+        ],
+        default="LEVEL",
+    )
+    use_in_front: bpy.props.BoolProperty(
+        name="In Front", description="Draw boxes through what stands before them", default=False
+    )
+
+
 class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     """Saved in the .blend file, animatable like any other setting."""
+
+    scan: bpy.props.PointerProperty(type=PERFECT_BVH_PG_scan)
+    overlay: bpy.props.PointerProperty(type=PERFECT_BVH_PG_overlay)
 
     mode: bpy.props.EnumProperty(
         name="Mode", description="What the image shows", items=MODE_ITEMS, default=DEFAULT_MODE.upper()
@@ -57,11 +156,16 @@ def read_settings(scene: bpy.types.Scene) -> RenderSettings:
     )
 
 
+CLASSES = (PERFECT_BVH_PG_scan, PERFECT_BVH_PG_overlay, PERFECT_BVH_PG_settings)
+
+
 def register() -> None:
-    bpy.utils.register_class(PERFECT_BVH_PG_settings)
+    for group in CLASSES:
+        bpy.utils.register_class(group)
     bpy.types.Scene.perfect_bvh = bpy.props.PointerProperty(name="Perfect BVH", type=PERFECT_BVH_PG_settings)
 
 
 def unregister() -> None:
     del bpy.types.Scene.perfect_bvh
-    bpy.utils.unregister_class(PERFECT_BVH_PG_settings)
+    for group in reversed(CLASSES):
+        bpy.utils.unregister_class(group)

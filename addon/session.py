@@ -151,6 +151,11 @@ class SceneSync:
         return self.record.size
 
     @property
+    def mesh_ids(self) -> npt.NDArray[np.int32]:
+        """(M,) int32: the engine's id of each mesh of `record`."""
+        return self._state.mesh_ids
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """What the last update could not read, as sentences for the user."""
         return self.record.warnings

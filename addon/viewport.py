@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from .extract.camera import Window
     from .session import SceneSync
+    from .sync.report import SyncReport
 
 # What a redraw may take: little while the view moves, somewhat more while it stands still and is refined.
 MOVING_SECONDS = 0.03
@@ -181,6 +182,18 @@ def picture_of(image: Image, mode: str) -> Image:
     return np.stack([greys, greys, greys, image[..., 3]], axis=-1)
 
 
+def bring_in_step(depsgraph: bpy.types.Depsgraph) -> SceneSync:
+    """The session's sync of what a viewport depsgraph shows, brought in step for whoever needs nothing but its trees.
+
+    Raises what the engine raises.
+    """
+    from .session import session_of
+
+    sync = session_of(depsgraph)
+    _note_changes(sync, sync.update(depsgraph))
+    return sync
+
+
 def _bring_in_step(
     sync: SceneSync,
     depsgraph: bpy.types.Depsgraph,
@@ -191,7 +204,10 @@ def _bring_in_step(
     """space, region: None for the camera's view in the size of a render."""
     sync.request(needed_attributes(settings, ()))
     pixel_count = count_pixels(depsgraph) if region is None else region.width * region.height
-    report = sync.update(depsgraph, expected_rays(settings, pixel_count), space=space)
+    _note_changes(sync, sync.update(depsgraph, expected_rays(settings, pixel_count), space=space))
+
+
+def _note_changes(sync: SceneSync, report: SyncReport) -> None:
     if report.has_changes or sync not in _revisions:
         _revisions[sync] = _revisions.get(sync, 0) + 1
 

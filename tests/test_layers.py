@@ -25,13 +25,14 @@ NATIVE_IGNORANCE = {
 
 # Modules in one group may import one another; a group may import the groups above it in this list.
 ADDON_LAYERS = (
-    ("modes", "refinement", "failure_cases"),
+    ("modes", "refinement", "box_lines", "failure_cases"),
     ("sync",),
     ("extract",),
     ("session",),
     ("properties", "preferences"),
-    ("frame", "display", "overlay", "failure_scenes"),
+    ("frame", "display", "scanning", "failure_scenes"),
     ("viewport", "summary"),
+    ("overlay",),
     ("engine", "handlers", "operators"),
     ("panels",),
     ("__init__", "cli"),

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from . import failure_case, preview
+from . import failure_case, preview, scan
 
-_MODULES = (preview, failure_case)
+_MODULES = (preview, scan, failure_case)
 
 
 def register() -> None:

@@ -56,7 +56,8 @@ Array<T> to_column(const std::vector<T>& values) {
 py::dict to_dict(const TreeBoxes& boxes) {
   return py::dict(py::arg("boxes") = to_column(boxes.corners).reshape({-1, 2, 3}),
                   py::arg("levels") = to_column(boxes.levels), py::arg("leaf_sizes") = to_column(boxes.leaf_sizes),
-                  py::arg("costs") = to_column(boxes.costs), py::arg("overlaps") = to_column(boxes.overlaps));
+                  py::arg("costs") = to_column(boxes.costs), py::arg("overlaps") = to_column(boxes.overlaps),
+                  py::arg("depth") = boxes.depth);
 }
 
 }  // namespace

@@ -44,7 +44,7 @@ def test_registering_leaves_nothing_behind() -> None:
         assert not hasattr(bpy.types, "PERFECT_BVH_PT_render")
         assert not hasattr(bpy.types.Scene, "perfect_bvh")
         assert handler_counts() == counts
-        assert not any("PERFECT_BVH" in panel.COMPAT_ENGINES for panel in panels._shared_panels())
+        assert not any("PERFECT_BVH" in panel.COMPAT_ENGINES for panel in panels.borrowed.shared_panels())
 
 
 def test_a_failed_registration_is_undone(monkeypatch) -> None:
@@ -83,7 +83,7 @@ def test_a_second_copy_is_refused() -> None:
         assert bpy.types.PERFECT_BVH_PT_render.is_registered
         perfect_bvh_addon.unregister()
         copy.register()
-        assert bpy.types.PERFECT_BVH_PT_render.__module__ == f"{name}.panels"
+        assert bpy.types.PERFECT_BVH_PT_render.__module__ == f"{name}.panels.render"
         copy.unregister()
     finally:
         for module in [module for module in sys.modules if module == name or module.startswith(f"{name}.")]:

@@ -10,7 +10,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
-from perfect_bvh_addon import engine, panels, preferences, summary  # noqa: E402
+from perfect_bvh_addon import engine, overlay, panels, preferences, summary  # noqa: E402
+from perfect_bvh_addon.panels import render, reports  # noqa: E402
 
 
 class RecordingLayout:
@@ -22,7 +23,7 @@ class RecordingLayout:
     def _inner(self, **_: Any) -> RecordingLayout:
         return RecordingLayout(self.texts)
 
-    box = column = row = split = _inner
+    box = column = row = split = grid_flow = column_flow = _inner
 
     def label(self, text: str = "", icon: str = "NONE") -> None:
         self.texts.append(text)
@@ -66,6 +67,8 @@ def drawn(panel: type) -> list[str]:
         layout = RecordingLayout()
 
     assert panel.poll(Context)
+    if "draw_header" in vars(panel):
+        panel.draw_header(Stand, Context)
     panel.draw(Stand, Context)
     return Stand.layout.texts
 
@@ -76,7 +79,7 @@ def test_a_panel_can_be_drawn_after_a_render(panel: type) -> None:
 
 
 def test_the_plan_names_the_mesh_and_what_was_done() -> None:
-    texts = " ".join(drawn(panels.PERFECT_BVH_PT_plan))
+    texts = " ".join(drawn(reports.PERFECT_BVH_PT_plan))
     assert "12 triangles" in texts
     assert "built" in texts
     (row,) = summary.plan_rows(engine.last_statistics(bpy.context.scene).report)
@@ -91,8 +94,8 @@ def test_the_second_render_keeps_the_tree() -> None:
 
 def test_a_missing_engine_is_explained_in_the_panel(monkeypatch) -> None:
     reason = "The native engine could not be loaded: undefined symbol"
-    monkeypatch.setattr(panels, "native_error", lambda: reason)
-    texts = drawn(panels.PERFECT_BVH_PT_render)
+    monkeypatch.setattr(render, "native_error", lambda: reason)
+    texts = drawn(render.PERFECT_BVH_PT_render)
     assert texts[0] == "The engine cannot run"
     assert " ".join(texts[1:]) == reason
     assert preferences.native_error() is None
@@ -103,3 +106,40 @@ def test_a_missing_engine_is_explained_in_the_panel(monkeypatch) -> None:
 )
 def test_bytes_are_readable(count: int, text: str) -> None:
     assert summary.format_bytes(count) == text
+
+
+def test_the_rays_panel_shows_what_belongs_to_the_pattern() -> None:
+    settings = bpy.context.scene.perfect_bvh.scan
+    (panel,) = panels.rays.CLASSES
+    assert {"width", "height"} <= set(drawn(panel)) and "rate" not in drawn(panel)
+    settings.pattern, settings.use_frame_range = "LIDAR", True
+    assert {"elevations", "columns", "rate", "steps_per_frame"} <= set(drawn(panel)) and "width" not in drawn(panel)
+
+
+@pytest.mark.parametrize(
+    ("shown", "text"),
+    [
+        (overlay.Shown(level=3, count=200, total=200, depth=5), "level 3 of 5, 200 boxes"),
+        (overlay.Shown(level=5, count=100_000, total=262_144, depth=5), "level 5 of 5, 100,000 of 262,144 boxes"),
+    ],
+)
+def test_the_overlay_panel_tells_what_is_drawn(shown: overlay.Shown, text: str) -> None:
+    assert panels.overlay.describe(shown) == text
+
+
+def test_panels_for_materials_lights_and_the_world_stay_usable() -> None:
+    names = {
+        panel.__name__
+        for panel in panels.borrowed.shared_panels()
+        if "PERFECT_BVH" in panel.COMPAT_ENGINES and panel.__name__ in dir(bpy.types)
+    }
+    assert names >= {
+        "EEVEE_MATERIAL_PT_context_material",
+        "EEVEE_MATERIAL_PT_surface",
+        "EEVEE_WORLD_PT_surface",
+        "DATA_PT_EEVEE_light",
+        "DATA_PT_lens",
+        "RENDER_PT_color_management",
+        "WORLD_PT_context_world",
+    }
+    assert "RENDER_PT_simplify" not in names

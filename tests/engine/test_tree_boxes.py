@@ -11,6 +11,7 @@ import pytest
 from oracles import meshes
 from perfect_bvh import BuildConfig, TreeBoxes
 
+COLUMNS = ("boxes", "levels", "leaf_sizes", "costs", "overlaps")
 FAR = np.array([1e6, -2e6, 3e6])
 
 
@@ -77,13 +78,16 @@ def test_levels_are_slices_of_the_whole() -> None:
     snapshot = snapshot_of(meshes.soup(2000, 5, 0.1))
     whole = snapshot.tree_boxes(0)
     deepest = int(whole.levels.max())
-    assert deepest == snapshot.statistics().meshes[0].wide_depth
+    assert whole.depth == deepest == snapshot.statistics().meshes[0].wide_depth
     for first, last in ((0, 0), (1, 1), (1, 2), (deepest, None), (0, deepest + 5)):
         part = snapshot.tree_boxes(0, first_level=first, last_level=last)
         rows = (whole.levels >= first) & (whole.levels <= (deepest if last is None else last))
-        for name in TreeBoxes.__slots__:
+        assert part.depth == deepest
+        for name in COLUMNS:
             np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[rows])
     assert len(snapshot.tree_boxes(0, first_level=deepest + 1)) == 0
+    for name in COLUMNS:
+        np.testing.assert_array_equal(getattr(whole.head(3), name), getattr(whole, name)[:3])
 
 
 def test_meshes_far_away_keep_their_detail() -> None:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from . import _core
 
 _LAST_LEVEL = 0xFFFFFFFF
+_COLUMNS = ("boxes", "levels", "leaf_sizes", "costs", "overlaps")
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +24,7 @@ class TreeBoxes:
         each tested triangle or instance (MacDonald and Booth 1990). Over a whole tree they add up to its SAH.
     overlaps: (N,) float32: the surface area that the box shares with its siblings, as a share of its own; 0 is
         best, and more than 1 is possible where several siblings cover it.
+    depth: the deepest level of the whole tree, whichever were listed.
     """
 
     boxes: npt.NDArray[np.float64]
@@ -30,9 +32,15 @@ class TreeBoxes:
     leaf_sizes: npt.NDArray[np.int32]
     costs: npt.NDArray[np.float32]
     overlaps: npt.NDArray[np.float32]
+    depth: int
 
     def __len__(self) -> int:
         return len(self.levels)
+
+    def head(self, count: int) -> TreeBoxes:
+        """The first `count` boxes: those nearest to the root."""
+        columns = {name: getattr(self, name)[:count] for name in _COLUMNS}
+        return TreeBoxes(**columns, depth=self.depth)
 
 
 def list_tree_boxes(

@@ -51,6 +51,7 @@ class BoxLister {
 
   TreeBoxes list(LevelRange levels, CancelToken& cancel) {
     if (tree_.is_empty) return {};
+    boxes_.depth = tree_.depth;
     std::vector<Entry> entries{{tree_.root, bounds_, 0.0f}}, below;
     for (std::uint32_t level = 0; !entries.empty() && level <= levels.last; ++level) {
       cancel.checkpoint();

@@ -1,0 +1,230 @@
+"""The Scan button: casts the rays that the panel describes and makes a point cloud of what they meet.
+
+In a window it works in steps of a timer while Blender goes on, and Esc gives it up; nothing is made before the end.
+Without one, or when a script calls it, it does the same in one go.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import bpy
+import numpy as np
+
+from ..preferences import native_error
+
+if TYPE_CHECKING:
+    from ..scanning import Pattern, PointCloud
+
+TIMER_SECONDS = 0.01
+STEP_SECONDS = 0.1
+NAME = "Scan"
+
+
+class PERFECT_BVH_OT_scan(bpy.types.Operator):
+    """Steps through a scan in a timer."""
+
+    bl_idname = "perfect_bvh.scan"
+    bl_label = "Scan"
+    bl_description = "Cast rays from the sensor and make a point cloud of what they meet"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    # Blender evaluates these annotations, and the scanner's module needs the native engine.
+    _timer: bpy.types.Timer | None = None
+    _scanner: Any
+    _steps: Iterator[float]
+    _started: float
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        complaint = native_error() or _find_complaint(context)
+        if complaint is not None:
+            cls.poll_message_set(complaint)
+        return complaint is None
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if not self._begin(context):
+            return {"CANCELLED"}
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(TIMER_SECONDS, window=context.window)
+        manager.progress_begin(0, 100)
+        manager.modal_handler_add(self)
+        context.workspace.status_text_set("Scanning: Esc stops it")
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC":
+            self._end(context)
+            self.report({"INFO"}, "The scan was stopped: nothing was made")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        done = self._step(STEP_SECONDS)
+        if done is None:
+            self._end(context)
+            return {"CANCELLED"}
+        context.window_manager.progress_update(100 * done)
+        if done < 1.0:
+            return {"RUNNING_MODAL"}
+        self._end(context)
+        return self._finish(context)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Blender ends or opens another file."""
+        self._end(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if not self._begin(context):
+            return {"CANCELLED"}
+        done: float | None = 0.0
+        while done is not None and done < 1.0:
+            done = self._step(STEP_SECONDS)
+        return {"CANCELLED"} if done is None else self._finish(context)
+
+    # The parts -------------------------------------------------------------------------------------------------------
+
+    def _begin(self, context: bpy.types.Context) -> bool:
+        from ..scanning import Scanner
+        from ..scanning.point_cloud import check_writable
+
+        scene = context.scene
+        settings = scene.perfect_bvh.scan
+        frames = (scene.frame_start, scene.frame_end) if settings.use_frame_range else None
+        self._started = time.perf_counter()
+        try:
+            path = _path_of(settings)
+            if path is not None:
+                check_writable(path)
+            self._scanner = Scanner(
+                pattern_of(settings),
+                settings.sensor,
+                frames=frames,
+                steps_per_frame=settings.steps_per_frame,
+                threads=scene.render.threads if scene.render.threads_mode == "FIXED" else 0,
+            )
+        except (ValueError, OSError) as problem:
+            self.report({"ERROR"}, _sentence(problem))
+            return False
+        self._steps = self._scanner.steps()
+        return True
+
+    def _step(self, seconds: float) -> float | None:
+        """Work for about `seconds`; the share done, None if the scan has failed, with the reason reported."""
+        import perfect_bvh
+
+        deadline = time.perf_counter() + seconds
+        try:
+            for done in self._steps:
+                if time.perf_counter() >= deadline:
+                    # The last step is over when the iterator is: it sets the frame back.
+                    return min(done, 0.999)
+        except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
+            self.report({"ERROR"}, _sentence(problem))
+            return None
+        return 1.0
+
+    def _end(self, context: bpy.types.Context) -> None:
+        self._steps.close()
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            context.window_manager.progress_end()
+            context.workspace.status_text_set(None)
+            self._timer = None
+
+    def _finish(self, context: bpy.types.Context) -> set[str]:
+        cloud = self._scanner.result()
+        for warning in cloud.warnings:
+            self.report({"WARNING"}, warning)
+        if not len(cloud):
+            self.report({"WARNING"}, f"None of {cloud.ray_count:,} rays met anything: no points were made")
+            return {"CANCELLED"}
+        _add_object(context, cloud)
+        seconds = time.perf_counter() - self._started
+        found = f"{len(cloud):,} points on {len(cloud.object_names):,} objects, {cloud.ray_count:,} rays"
+        path = _path_of(context.scene.perfect_bvh.scan)
+        try:
+            where = "" if path is None else f", written to {cloud.save(path)}"
+        except OSError as problem:
+            # The points are kept: only the file is missing.
+            self.report({"ERROR"}, f"{found}, but {problem.strerror or problem}")
+            return {"FINISHED"}
+        self.report({"INFO"}, f"{found}, {seconds:.1f} s{where}")
+        return {"FINISHED"}
+
+
+def pattern_of(settings: bpy.types.PropertyGroup) -> Pattern:
+    """The rays that the panel describes. Raises ValueError for elevations that cannot be read."""
+    from ..scanning import CameraGrid, SpinningLidar
+
+    if settings.pattern == "CAMERA":
+        return CameraGrid(settings.width, settings.height)
+    return SpinningLidar(
+        elevations=parse_elevations(settings.elevations),
+        columns=settings.columns,
+        rate=settings.rate,
+        max_distance=settings.max_distance,
+    )
+
+
+def parse_elevations(text: str) -> tuple[float, ...]:
+    """Degrees from "-30.67, -29.33, ..." or from "LOWEST:HIGHEST:COUNT". Raises ValueError if it is neither."""
+    try:
+        if ":" in text:
+            lowest, highest, count = text.split(":")
+            return tuple(float(angle) for angle in np.linspace(float(lowest), float(highest), int(count)))
+        return tuple(float(part) for part in text.split(",") if part.strip())
+    except ValueError as problem:
+        raise ValueError(
+            f"Elevations must be degrees with commas between, or LOWEST:HIGHEST:COUNT, got {text!r}"
+        ) from problem
+
+
+def _find_complaint(context: bpy.types.Context) -> str | None:
+    """Why no scan is possible here."""
+    scene = context.scene
+    if context.mode != "OBJECT":
+        return "Points are added as an object: leave the mode of the active one first"
+    if scene.perfect_bvh.scan.sensor is None and scene.camera is None:
+        return "There is neither a sensor nor an active camera"
+    if scene.library is not None:
+        return "The scene is linked from another file: nothing can be added to it"
+    return None
+
+
+def _path_of(settings: bpy.types.PropertyGroup) -> Path | None:
+    if not settings.filepath.strip():
+        return None
+    if settings.filepath.startswith("//") and not bpy.data.filepath:
+        raise ValueError(f"{settings.filepath!r} is relative to the .blend file: save that first")
+    path = Path(bpy.path.abspath(settings.filepath))
+    return path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
+
+
+def _add_object(context: bpy.types.Context, cloud: PointCloud) -> None:
+    """The points as an object in the active collection, selected and active."""
+    from ..scanning import make_point_mesh
+
+    made = bpy.data.objects.new(NAME, make_point_mesh(cloud, NAME))
+    context.collection.objects.link(made)
+    for selected in context.selected_objects:
+        selected.select_set(False)
+    if made.name in context.view_layer.objects:
+        made.select_set(True)
+        context.view_layer.objects.active = made
+
+
+def _sentence(problem: Exception) -> str:
+    text = problem.strerror if isinstance(problem, OSError) and problem.strerror else str(problem)
+    text = text.removeprefix("scan: ") or type(problem).__name__
+    return text[0].upper() + text[1:]
+
+
+def register() -> None:
+    bpy.utils.register_class(PERFECT_BVH_OT_scan)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(PERFECT_BVH_OT_scan)

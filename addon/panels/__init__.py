@@ -1,0 +1,32 @@
+"""The panels in the Render and View Layer properties, in the order in which they are shown."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..properties import ENGINE_NAME
+from . import borrowed, failure_cases, overlay, rays, render, reports
+
+CLASSES = (
+    *render.CLASSES,
+    *rays.CLASSES,
+    *overlay.CLASSES,
+    *reports.CLASSES,
+    *failure_cases.CLASSES,
+    *render.LAST_CLASSES,
+    *borrowed.CLASSES,
+)
+
+
+def register() -> None:
+    for panel in CLASSES:
+        bpy.utils.register_class(panel)
+    for panel in borrowed.shared_panels():
+        panel.COMPAT_ENGINES.add(ENGINE_NAME)
+
+
+def unregister() -> None:
+    for panel in borrowed.shared_panels():
+        panel.COMPAT_ENGINES.discard(ENGINE_NAME)
+    for panel in reversed(CLASSES):
+        bpy.utils.unregister_class(panel)

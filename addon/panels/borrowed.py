@@ -1,0 +1,70 @@
+"""Blender's own panels that stay of use with this engine, and the passes that it writes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+
+from ..properties import ENGINE_NAME
+
+# Panels that Blender offers every engine, without those of features that this engine does not have; Simplify it shows
+# in a place of its own.
+UNSUPPORTED_PANELS = ("freestyle", "grease_pencil", "gpencil", "stereoscopy", "output_views", "render_pt_simplify")
+# Panels of Blender's own engines whose settings this engine honours, or that a user wants to change all the same, so
+# that materials, lights and the world can be worked on without going to another engine and back.
+BORROWED_PANELS = (
+    "DATA_PT_EEVEE_light",
+    "EEVEE_MATERIAL_PT_context_material",
+    "EEVEE_MATERIAL_PT_surface",
+    "EEVEE_WORLD_PT_surface",
+    "VIEWLAYER_PT_layer_passes",
+    "VIEWLAYER_PT_override",
+)
+
+
+class PERFECT_BVH_PT_passes(bpy.types.Panel):
+    """The passes that the engine writes beside Combined."""
+
+    bl_label = "Data"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "view_layer"
+    bl_parent_id = "VIEWLAYER_PT_layer_passes"
+    COMPAT_ENGINES = frozenset({ENGINE_NAME})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.engine in cls.COMPAT_ENGINES
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        view_layer = context.view_layer
+        column = layout.column(heading="Include", align=True)
+        column.prop(view_layer, "use_pass_z")
+        column.prop(view_layer, "use_pass_normal")
+        column = layout.column(heading="Indexes", align=True)
+        column.prop(view_layer, "use_pass_object_index")
+        column.prop(view_layer, "use_pass_material_index")
+
+
+def shared_panels() -> Iterator[type[bpy.types.Panel]]:
+    """The panels of Blender that are shown with this engine."""
+    for panel in _all_panels(bpy.types.Panel):
+        engines = getattr(panel, "COMPAT_ENGINES", None)
+        if not isinstance(engines, set):
+            continue
+        is_unsupported = any(word in panel.__name__.lower() for word in UNSUPPORTED_PANELS)
+        if panel.__name__ in BORROWED_PANELS or ("BLENDER_RENDER" in engines and not is_unsupported):
+            yield panel
+
+
+def _all_panels(base: type) -> Iterator[type[bpy.types.Panel]]:
+    for panel in base.__subclasses__():
+        yield panel
+        yield from _all_panels(panel)
+
+
+CLASSES = (PERFECT_BVH_PT_passes,)

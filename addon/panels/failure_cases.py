@@ -1,0 +1,24 @@
+"""Scenes to learn from."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import bpy
+
+from .common import RenderPanel
+
+
+class PERFECT_BVH_PT_failure_cases(RenderPanel, bpy.types.Panel):
+    """Scenes to learn from."""
+
+    bl_label = "Failure Cases"
+    bl_parent_id = "PERFECT_BVH_PT_render"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.label(text="Scenes on which usual methods fail:")
+        self.layout.operator_menu_enum("perfect_bvh.add_failure_case", "case", icon="SCENE_DATA")
+
+
+CLASSES = (PERFECT_BVH_PT_failure_cases,)

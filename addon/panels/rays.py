@@ -1,0 +1,42 @@
+"""Rays as a tool: what the Scan button casts, and the button."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import bpy
+
+from .common import RenderPanel
+
+
+class PERFECT_BVH_PT_rays(RenderPanel, bpy.types.Panel):
+    """From where which rays are cast, and what becomes of the points."""
+
+    bl_label = "Rays"
+    bl_parent_id = "PERFECT_BVH_PT_render"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        settings = context.scene.perfect_bvh.scan
+        layout.prop(settings, "pattern")
+        layout.prop(settings, "sensor")
+        column = layout.column(align=True)
+        if settings.pattern == "CAMERA":
+            column.prop(settings, "width")
+            column.prop(settings, "height", text="Y")
+        else:
+            column.prop(settings, "elevations")
+            column.prop(settings, "columns")
+            column.prop(settings, "rate")
+            column.prop(settings, "max_distance")
+        layout.prop(settings, "use_frame_range")
+        if settings.use_frame_range:
+            layout.prop(settings, "steps_per_frame")
+        layout.prop(settings, "filepath")
+        layout.operator("perfect_bvh.scan", icon="OUTLINER_OB_POINTCLOUD")
+
+
+CLASSES = (PERFECT_BVH_PT_rays,)

@@ -1,0 +1,112 @@
+"""What the image shows, how it is computed, and Blender's own Simplify settings."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import bpy
+
+from ..modes import find_mode
+from ..preferences import native_error
+from .common import RenderPanel, wrapped
+
+
+class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
+    """What the image shows and how many samples it takes."""
+
+    bl_label = "Perfect BVH"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        error = native_error()
+        if error is not None:
+            box = layout.box()
+            box.alert = True
+            box.label(text="The engine cannot run", icon="ERROR")
+            for line in wrapped(error):
+                box.label(text=line)
+            return
+        scene = context.scene
+        settings = scene.perfect_bvh
+        layout.operator("perfect_bvh.preview", icon="IMAGE_DATA")
+        layout.prop(settings, "mode")
+        layout.prop(settings, "samples")
+        if settings.mode in {"CLAY", "WIREFRAME"}:
+            layout.prop(settings, "use_material_colors")
+            layout.prop(settings, "ao_distance")
+        _draw_view_hint(layout, scene)
+
+
+class PERFECT_BVH_PT_film(RenderPanel, bpy.types.Panel):
+    """The background's alpha."""
+
+    bl_label = "Film"
+    bl_parent_id = "PERFECT_BVH_PT_render"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.use_property_split = True
+        self.layout.prop(context.scene.render, "film_transparent", text="Transparent")
+
+
+class PERFECT_BVH_PT_performance(RenderPanel, bpy.types.Panel):
+    """Threads, and whether Blender keeps its evaluated scene from frame to frame."""
+
+    bl_label = "Performance"
+    bl_parent_id = "PERFECT_BVH_PT_render"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        render = context.scene.render
+        layout.prop(render, "threads_mode")
+        column = layout.column()
+        column.enabled = render.threads_mode == "FIXED"
+        column.prop(render, "threads")
+        layout.prop(render, "use_persistent_data", text="Persistent Data")
+
+
+class PERFECT_BVH_PT_simplify(RenderPanel, bpy.types.Panel):
+    """Blender's own Simplify settings. Its panel would stand above this engine's, which come first everywhere else."""
+
+    bl_label = "Simplify"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    draw_header = bpy.types.RENDER_PT_simplify.draw_header
+    draw = bpy.types.RENDER_PT_simplify.draw
+
+
+class PERFECT_BVH_PT_simplify_viewport(RenderPanel, bpy.types.Panel):
+    """Simplify in viewports."""
+
+    bl_label = "Viewport"
+    bl_parent_id = "PERFECT_BVH_PT_simplify"
+
+    draw = bpy.types.RENDER_PT_simplify_viewport.draw
+
+
+class PERFECT_BVH_PT_simplify_render(RenderPanel, bpy.types.Panel):
+    """Simplify in renders."""
+
+    bl_label = "Render"
+    bl_parent_id = "PERFECT_BVH_PT_simplify"
+
+    draw = bpy.types.RENDER_PT_simplify_render.draw
+
+
+def _draw_view_hint(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    """Files of data modes bypass the scene's view transform; what the Image Editor shows does not."""
+    view_transform = find_mode(scene.perfect_bvh.mode.lower()).view
+    if view_transform is not None and scene.view_settings.view_transform != view_transform:
+        column = layout.column(align=True)
+        column.label(text=f"Files use {view_transform}. To see it here as well:", icon="INFO")
+        column.prop(scene.view_settings, "view_transform", text="View Transform")
+
+
+CLASSES = (PERFECT_BVH_PT_render, PERFECT_BVH_PT_film, PERFECT_BVH_PT_performance)
+# After everything that belongs into the panel above.
+LAST_CLASSES = (PERFECT_BVH_PT_simplify, PERFECT_BVH_PT_simplify_viewport, PERFECT_BVH_PT_simplify_render)

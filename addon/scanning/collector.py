@@ -1,0 +1,96 @@
+"""Gathers the hits of many batches into one point cloud, in which ids mean the same throughout."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .point_cloud import COLUMNS, PointCloud
+
+if TYPE_CHECKING:
+    from perfect_bvh import Hits
+
+    from ..session import SceneSync
+
+EMPTY = {
+    "positions": np.empty((0, 3)),
+    "distances": np.empty(0),
+    "normals": np.empty((0, 3), np.float32),
+    "object_ids": np.empty(0, np.int32),
+    "instance_ids": np.empty(0, np.int32),
+    "material_ids": np.empty(0, np.int32),
+    "times": np.empty(0),
+    "ray_ids": np.empty(0, np.int64),
+}
+
+
+class _Names:
+    """Numbers things by their session uid, in the order in which they are first met, and keeps their names."""
+
+    def __init__(self) -> None:
+        self._rows: dict[int, int] = {}
+        self.names: list[str] = []
+
+    def row_of(self, uid: int, name: str) -> int:
+        row = self._rows.setdefault(uid, len(self.names))
+        if row == len(self.names):
+            self.names.append(name)
+        return row
+
+
+class Collector:
+    """Takes batches, one after the other, and makes the point cloud of them all."""
+
+    def __init__(self) -> None:
+        self._pieces: list[dict[str, npt.NDArray[Any]]] = []
+        self._objects = _Names()
+        self._materials = _Names()
+        self._ray_count = 0
+
+    def add(self, hits: Hits, times: npt.NDArray[np.float64], sync: SceneSync) -> None:
+        """Keeps the hits of a batch. sync: what was traced, not updated since; its material slots were read."""
+        rows = np.flatnonzero(hits.instance_ids >= 0)
+        if len(rows):
+            self._pieces.append(
+                {
+                    "positions": hits.positions[rows],
+                    "distances": hits.distances[rows],
+                    "normals": hits.geometric_normals[rows],
+                    "object_ids": self._object_ids(hits.instance_ids[rows], sync),
+                    "instance_ids": hits.instance_ids[rows],
+                    "material_ids": self._material_ids(sync.material_ids(hits)[rows], sync),
+                    "times": times[rows],
+                    "ray_ids": self._ray_count + rows.astype(np.int64),
+                }
+            )
+        self._ray_count += len(times)
+
+    def point_cloud(self, warnings: tuple[str, ...]) -> PointCloud:
+        """Everything that was added."""
+        columns = {name: np.concatenate([EMPTY[name], *(piece[name] for piece in self._pieces)]) for name in COLUMNS}
+        return PointCloud(
+            **columns,
+            object_names=tuple(self._objects.names),
+            material_names=tuple(self._materials.names),
+            ray_count=self._ray_count,
+            warnings=warnings,
+        )
+
+    def _object_ids(self, instance_ids: npt.NDArray[np.int32], sync: SceneSync) -> npt.NDArray[np.int32]:
+        instances, inverse = np.unique(instance_ids, return_inverse=True)
+        found = sync.describe(instances)
+        rows = [
+            self._objects.row_of(int(uid), str(name)) for uid, name in zip(found.session_uids, found.names, strict=True)
+        ]
+        return np.array(rows, np.int32)[inverse]
+
+    def _material_ids(self, material_ids: npt.NDArray[np.int32], sync: SceneSync) -> npt.NDArray[np.int32]:
+        present, inverse = np.unique(material_ids, return_inverse=True)
+        materials = sync.record.materials
+        rows = [
+            -1 if row < 0 else self._materials.row_of(materials[row].session_uid, materials[row].name)
+            for row in present
+        ]
+        return np.array(rows, np.int32)[inverse]

@@ -1,0 +1,184 @@
+"""Which rays a sensor casts, in its own space and time. Knows no Blender and no scene.
+
+A pattern is asked for the rays of a stretch of time, during which the sensor stands still: a camera exposes once in it,
+a LiDAR goes on spinning from one stretch to the next.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Float64Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Rays:
+    """R rays in the sensor's space: it looks along -Z with +Y up, as a camera does.
+
+    origins, directions: (R, 3) float64; directions need not be unit vectors. times: (R,) float64, seconds since the
+    scan began. t_min, t_max: the range, in multiples of the directions' lengths.
+    """
+
+    origins: Float64Array
+    directions: Float64Array
+    times: Float64Array
+    t_min: float
+    t_max: float
+
+    def __len__(self) -> int:
+        return len(self.directions)
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What a camera grid needs to know of the camera; the fields of `perfect_bvh.Camera` of the same names."""
+
+    window: tuple[float, float, float, float]
+    projection: str
+    clip_start: float
+    clip_end: float
+
+
+class Pattern(Protocol):
+    """Whatever makes rays for `scan`."""
+
+    @property
+    def needs_camera(self) -> bool:
+        """Whether only a camera will do as the sensor."""
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        """(width, height) of the picture that the camera's view is fitted to, None where there is no picture."""
+
+    @property
+    def duration(self) -> float:
+        """Seconds that one whole pass takes: what a scan of a single frame covers."""
+
+    def cast(self, start: float, end: float, view: View | None) -> Rays:
+        """The rays of the seconds from `start` to before `end` of the scan."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraGrid:
+    """One ray through the centre of each pixel of a camera's picture, row after row from the top; all at one time.
+
+    width, height: of the picture in pixels. Rays begin and end at the camera's clipping planes.
+    """
+
+    width: int = 640
+    height: int = 360
+
+    def __post_init__(self) -> None:
+        _check_at_least("CameraGrid", "width", self.width, 1)
+        _check_at_least("CameraGrid", "height", self.height, 1)
+
+    @property
+    def needs_camera(self) -> bool:
+        return True
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        return self.width, self.height
+
+    @property
+    def duration(self) -> float:
+        return 0.0
+
+    def cast(self, start: float, end: float, view: View | None) -> Rays:
+        assert view is not None
+        left, right, bottom, top = view.window
+        x = left + (np.arange(self.width) + 0.5) * ((right - left) / self.width)
+        y = top - (np.arange(self.height) + 0.5) * ((top - bottom) / self.height)
+        plane = np.zeros((self.height, self.width, 3))
+        plane[..., 0], plane[..., 1] = x, y[:, None]
+        plane = plane.reshape(-1, 3)
+        forward = np.broadcast_to((0.0, 0.0, -1.0), plane.shape)
+        is_perspective = view.projection == "perspective"
+        return Rays(
+            origins=np.zeros_like(plane) if is_perspective else plane,
+            directions=plane + forward if is_perspective else np.ascontiguousarray(forward),
+            times=np.full(len(plane), start),
+            t_min=view.clip_start,
+            t_max=view.clip_end,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class SpinningLidar:
+    """A head of several lines, one above the other, that turns to the left about the sensor's upward axis.
+
+    elevations: degrees above the horizon of each line: the table that the maker of the device gives.
+    columns: shots of all lines in one turn. rate: turns a second. sweep: degrees that a turn covers, in whose middle
+    the sensor looks forward. min_distance, max_distance: what it can measure, in world units.
+
+    The rays of a column are cast at once, the lines in the order of `elevations`; the next column follows
+    1 / (columns * rate) seconds later.
+    """
+
+    elevations: tuple[float, ...] = tuple(float(angle) for angle in np.linspace(-15.0, 15.0, 16))
+    columns: int = 1800
+    rate: float = 10.0
+    sweep: float = 360.0
+    min_distance: float = 0.0
+    max_distance: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not self.elevations or not all(-90.0 <= angle <= 90.0 for angle in self.elevations):
+            raise ValueError(
+                f"SpinningLidar: elevations must be degrees from -90 to 90, at least one, got {self.elevations}"
+            )
+        _check_at_least("SpinningLidar", "columns", self.columns, 1)
+        if not (math.isfinite(self.rate) and self.rate > 0.0):
+            raise ValueError(f"SpinningLidar: rate must be turns a second above 0, got {self.rate}")
+        if not 0.0 < self.sweep <= 360.0:
+            raise ValueError(f"SpinningLidar: sweep must be degrees above 0 and up to 360, got {self.sweep}")
+        if not 0.0 <= self.min_distance < self.max_distance:
+            raise ValueError(
+                "SpinningLidar: min_distance must be at least 0 and below max_distance, "
+                f"got {self.min_distance} and {self.max_distance}"
+            )
+
+    @property
+    def needs_camera(self) -> bool:
+        return False
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        return None
+
+    @property
+    def duration(self) -> float:
+        return 1.0 / self.rate
+
+    def cast(self, start: float, end: float, view: View | None) -> Rays:
+        a_second = self.columns * self.rate
+        # Rounded, so that stretches that meet neither share a column nor lose one.
+        columns = np.arange(_first_column(start * a_second), _first_column(end * a_second))
+        azimuths = np.radians(((columns % self.columns + 0.5) / self.columns - 0.5) * self.sweep)
+        elevations = np.radians(np.array(self.elevations))
+        directions = np.empty((len(columns), len(elevations), 3))
+        directions[..., 0] = -np.sin(azimuths)[:, None] * np.cos(elevations)
+        directions[..., 1] = np.sin(elevations)
+        directions[..., 2] = -np.cos(azimuths)[:, None] * np.cos(elevations)
+        directions = directions.reshape(-1, 3)
+        return Rays(
+            origins=np.zeros_like(directions),
+            directions=directions,
+            times=np.repeat(columns / a_second, len(elevations)),
+            t_min=self.min_distance,
+            t_max=self.max_distance,
+        )
+
+
+def _first_column(place: float) -> int:
+    return math.ceil(place - 1e-6)
+
+
+def _check_at_least(pattern: str, name: str, value: int, least: int) -> None:
+    if value < least:
+        raise ValueError(f"{pattern}: {name} must be at least {least}, got {value}")

@@ -1,0 +1,118 @@
+"""What a scan has measured, as columns, and as a file. Knows no Blender."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+# In the order of the file; each holds one row a point.
+COLUMNS = (
+    "positions",
+    "distances",
+    "normals",
+    "object_ids",
+    "instance_ids",
+    "material_ids",
+    "times",
+    "ray_ids",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PointCloud:
+    """N points where rays met something, in the order in which the rays were cast; misses are left out.
+
+    positions: (N, 3) float64, world space. distances: (N,) float64 from the sensor, in world units.
+    normals: (N, 3) float32, unit, of the triangle's plane, by its winding.
+    object_ids: (N,) int32, rows of object_names. material_ids: (N,) int32, rows of material_names, -1 for none.
+    instance_ids: (N,) int32: what is shown several times has a number for each; it lasts through a scan, no longer.
+    times: (N,) float64, seconds since the scan began. ray_ids: (N,) int64: which ray, counted over the whole scan.
+    ray_count: how many were cast. warnings: what could not be read, as sentences.
+    """
+
+    positions: npt.NDArray[np.float64]
+    distances: npt.NDArray[np.float64]
+    normals: npt.NDArray[np.float32]
+    object_ids: npt.NDArray[np.int32]
+    instance_ids: npt.NDArray[np.int32]
+    material_ids: npt.NDArray[np.int32]
+    times: npt.NDArray[np.float64]
+    ray_ids: npt.NDArray[np.int64]
+    object_names: tuple[str, ...]
+    material_names: tuple[str, ...]
+    ray_count: int
+    warnings: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Writes everything into an .npz file (the ending is added if it is missing) and returns its path.
+
+        A file of that name is replaced once the new one is complete: a failure leaves it as it was. Raises OSError with
+        the reason if it cannot be written.
+        """
+        path = Path(path)
+        if path.suffix != ".npz":
+            path = path.with_name(path.name + ".npz")
+        arrays = {name: getattr(self, name) for name in COLUMNS} | {
+            "object_names": np.array(self.object_names, dtype=np.str_),
+            "material_names": np.array(self.material_names, dtype=np.str_),
+            "ray_count": np.array(self.ray_count, np.int64),
+        }
+        # What np.savez does; but that leaves its archive open when the disk is full.
+        with _replacing(path) as file, zipfile.ZipFile(file, "w") as archive:
+            for name, array in arrays.items():
+                with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                    np.lib.format.write_array(entry, array, allow_pickle=False)
+        return path
+
+
+def check_writable(path: Path) -> None:
+    """Raises OSError with the reason if no file could be made beside `path`: to know it before the work."""
+    with _explained(path):
+        if path.is_dir():
+            raise IsADirectoryError("it is a folder")
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[BinaryIO]:
+    """A new file beside `path`, that takes its place once it is complete."""
+    with _explained(path):
+        descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        try:
+            with open(descriptor, "wb") as file:
+                yield file
+                file.flush()
+                os.fsync(descriptor)
+            os.chmod(name, 0o666 & ~_umask())
+            os.replace(name, path)
+        except BaseException:
+            os.unlink(name)
+            raise
+
+
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise OSError(error.errno, f"cannot write {path}: {error.strerror or error}") from error
+
+
+def _umask() -> int:
+    """Temporary files are private; what a user asks for is not."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask

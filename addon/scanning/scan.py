@@ -1,0 +1,219 @@
+"""Places a sensor frame by frame, casts its pattern of rays and collects what they meet.
+
+    cloud = perfect_bvh_addon.scan(SpinningLidar(), bpy.data.objects["Empty"], frames=(1, 24))
+
+A frame, or a part of one, is a *stretch*: the scene and the sensor stand still in it. Between stretches the engine's
+scene is brought in step like any other, so that a long scan of a scene in which little moves builds little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..extract.camera import without_scale
+from ..session import SceneSync
+from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
+from .collector import Collector
+from .patterns import Float64Array, Pattern, View
+from .point_cloud import PointCloud
+
+Progress = Callable[[float], object]
+
+# So many rays are cast in one go: a quarter of a million take a fraction of a second.
+RAYS_IN_A_STEP = 1 << 18
+FIELDS = ("instance_ids", "mesh_ids", "primitive_ids", "geometric_normals", "positions", "distances")
+
+# A camera looks along -Z with +Y up; anything else along +Y with +Z up, as Blender's front view has it.
+FROM_SENSOR_TO_OBJECT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """A part of the scan. frame: None for the current one, as it is. start, end: seconds since the scan began."""
+
+    frame: int | None
+    subframe: float
+    start: float
+    end: float
+
+
+def scan(
+    pattern: Pattern,
+    sensor: bpy.types.Object | None = None,
+    *,
+    frames: tuple[int, int] | None = None,
+    steps_per_frame: int = 1,
+    threads: int = 0,
+    progress: Progress | None = None,
+) -> PointCloud:
+    """Casts a pattern of rays in the current scene and returns the points that they meet, as a `PointCloud`.
+
+    pattern: a `CameraGrid` or a `SpinningLidar`.
+    sensor: the object that casts them; by default the scene's active camera. A camera looks along its own -Z with +Y
+        up; any other object along +Y with +Z up. A camera grid needs a camera. Scale is ignored.
+    frames: (first, last), both included; the frame that was current is set again at the end. A LiDAR spins on through
+        all of them. By default the current frame alone, of which a LiDAR makes one whole turn.
+    steps_per_frame: in how many places of a frame the scene is evaluated, for things that move while they are scanned.
+    threads: at most so many; 0 for all. progress: called with 0 to 1; returning False raises `perfect_bvh.Cancelled`.
+
+    What is seen is what the viewport shows, as far as cameras may see it (Object > Visibility > Ray Visibility).
+    Raises ValueError for a sensor that cannot scan, or that is deleted meanwhile, and what the engine raises.
+    """
+    scanner = Scanner(pattern, sensor, frames=frames, steps_per_frame=steps_per_frame, threads=threads)
+    for done in scanner.steps():
+        if progress is not None and progress(done) is False:
+            raise _cancelled()
+    return scanner.result()
+
+
+class Scanner:
+    """A scan that can be done in steps, so that Blender goes on meanwhile. The arguments are those of `scan`.
+
+    Run through `steps()`, then ask for the `result()`. Closing the iterator of the steps early gives the scan up; the
+    current frame is set again either way. Raises ValueError for arguments with which no scan is possible.
+    """
+
+    def __init__(
+        self,
+        pattern: Pattern,
+        sensor: bpy.types.Object | None = None,
+        *,
+        frames: tuple[int, int] | None = None,
+        steps_per_frame: int = 1,
+        threads: int = 0,
+    ) -> None:
+        scene = bpy.context.scene
+        sensor = scene.camera if sensor is None else sensor
+        _check_sensor(pattern, sensor, scene)
+        self._pattern = pattern
+        self._scene_uid = scene.session_uid
+        self._layer_name = bpy.context.view_layer.name
+        self._sensor_name, self._sensor_uid = sensor.name, sensor.session_uid
+        self._stretches = tuple(_stretches(pattern, scene, frames, steps_per_frame))
+        self._threads = threads
+        self._collector = Collector()
+        self._warnings: dict[str, None] = {}
+
+    def result(self) -> PointCloud:
+        """What the finished scan has found."""
+        return self._collector.point_cloud(tuple(self._warnings))
+
+    def steps(self) -> Iterator[float]:
+        """Does the scan; yields the share done, 0 to 1, every few tenths of a second."""
+        sync = SceneSync(AttributeRequest(material_slots=True))
+        scene = self._scene()
+        before = scene.frame_current, scene.frame_subframe
+        try:
+            for number, stretch in enumerate(self._stretches):
+                for done in self._scan_stretch(sync, stretch):
+                    yield (number + done) / len(self._stretches)
+        finally:
+            sync.close()
+            if self._stretches[0].frame is not None:
+                self._set_back(*before)
+
+    def _scan_stretch(self, sync: SceneSync, stretch: Stretch) -> Iterator[float]:
+        scene = self._scene()
+        if stretch.frame is not None:
+            scene.frame_set(stretch.frame, subframe=stretch.subframe)
+        sensor = self._find_sensor(scene)
+        with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[self._layer_name]):
+            depsgraph = bpy.context.evaluated_depsgraph_get()
+        is_camera = self._pattern.needs_camera
+        report = sync.update(depsgraph, camera=sensor if is_camera else None, size=self._pattern.size)
+        self._warnings |= dict.fromkeys(report.warnings) if is_camera else {}
+        view, matrix = _place(sync, sensor, depsgraph, is_camera)
+        rays = self._pattern.cast(stretch.start, stretch.end, view)
+        origins = rays.origins @ matrix[:3, :3].T + matrix[:3, 3]
+        directions = rays.directions @ matrix[:3, :3].T
+        snapshot = sync.scene.snapshot()
+        for first in range(0, len(rays), RAYS_IN_A_STEP):
+            rows = slice(first, first + RAYS_IN_A_STEP)
+            hits = snapshot.cast_rays(
+                origins[rows],
+                directions[rows],
+                rays.t_min,
+                rays.t_max,
+                mask=VISIBLE_TO_CAMERA,
+                fields=FIELDS,
+                threads=self._threads,
+            )
+            self._collector.add(hits, rays.times[rows], sync)
+            yield min(1.0, (first + RAYS_IN_A_STEP) / len(rays))
+
+    # Blender's things may go or be made anew (undo) between any two steps, so each step looks for them.
+
+    def _scene(self) -> bpy.types.Scene:
+        for scene in bpy.data.scenes:
+            if scene.session_uid == self._scene_uid:
+                if self._layer_name not in scene.view_layers:
+                    raise ValueError(f"scan: the view layer {self._layer_name!r} was removed during the scan")
+                return scene
+        raise ValueError("scan: the scene was removed during the scan")
+
+    def _find_sensor(self, scene: bpy.types.Scene) -> bpy.types.Object:
+        found = scene.objects.get(self._sensor_name)
+        if found is None or found.session_uid != self._sensor_uid:
+            found = next((obj for obj in scene.objects if obj.session_uid == self._sensor_uid), None)
+        if found is None:
+            raise ValueError(f"scan: the sensor {self._sensor_name!r} was deleted during the scan")
+        return found
+
+    def _set_back(self, frame: int, subframe: float) -> None:
+        for scene in bpy.data.scenes:
+            if scene.session_uid == self._scene_uid:
+                scene.frame_set(frame, subframe=subframe)
+
+
+def _check_sensor(pattern: Pattern, sensor: bpy.types.Object | None, scene: bpy.types.Scene) -> None:
+    if sensor is None:
+        raise ValueError(f"scan: scene {scene.name!r} has no active camera: name a sensor")
+    if pattern.needs_camera and sensor.type != "CAMERA":
+        raise ValueError(f"scan: a camera grid needs a camera as its sensor, got {sensor.name!r}, a {sensor.type}")
+    if sensor.name not in scene.objects:
+        raise ValueError(f"scan: the sensor {sensor.name!r} is not in scene {scene.name!r}")
+
+
+def _stretches(
+    pattern: Pattern, scene: bpy.types.Scene, frames: tuple[int, int] | None, steps_per_frame: int
+) -> Iterator[Stretch]:
+    if frames is None:
+        yield Stretch(None, 0.0, 0.0, pattern.duration)
+        return
+    first, last = frames
+    if last < first:
+        raise ValueError(f"scan: frames must be (first, last) with first <= last, got {frames}")
+    if steps_per_frame < 1:
+        raise ValueError(f"scan: steps_per_frame must be at least 1, got {steps_per_frame}")
+    seconds = scene.render.fps_base / scene.render.fps / steps_per_frame
+    for number in range((last - first + 1) * steps_per_frame):
+        frame, step = divmod(number, steps_per_frame)
+        yield Stretch(first + frame, step / steps_per_frame, number * seconds, (number + 1) * seconds)
+
+
+def _place(
+    sync: SceneSync, sensor: bpy.types.Object, depsgraph: Any, is_camera_view: bool
+) -> tuple[View | None, Float64Array]:
+    """The view of a camera grid, and the (4, 4) matrix from the pattern's space to the world."""
+    if is_camera_view:
+        camera = sync.camera
+        if camera is None:
+            raise ValueError(f"scan: {' '.join(sync.warnings)}")
+        return View(camera.window, camera.projection, camera.clip_start, camera.clip_end), camera.matrix
+    matrix = without_scale(np.array(sensor.evaluated_get(depsgraph).matrix_world, dtype=np.float64))
+    if matrix is None:
+        raise ValueError(f"scan: the sensor {sensor.name!r} has no usable matrix: an axis is scaled to zero")
+    if sensor.type != "CAMERA":
+        matrix[:3, :3] = matrix[:3, :3] @ FROM_SENSOR_TO_OBJECT
+    return None, matrix
+
+
+def _cancelled() -> Exception:
+    import perfect_bvh
+
+    return perfect_bvh.Cancelled("the scan was cancelled")

@@ -1,0 +1,165 @@
+"""The tree overlay without a screen: which boxes it takes from which tree, where it puts them, how it colours them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import perfect_bvh  # noqa: E402
+import perfect_bvh_addon  # noqa: E402
+from perfect_bvh_addon import overlay  # noqa: E402
+from perfect_bvh_addon.box_lines import RAMP, box_lines, shares  # noqa: E402
+from perfect_bvh_addon.extract.changes import listen, stop_listening  # noqa: E402
+from perfect_bvh_addon.viewport import bring_in_step  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def registered(scene: bpy.types.Scene) -> Iterator[None]:
+    perfect_bvh_addon.register()
+    yield
+    perfect_bvh_addon.unregister()
+
+
+@pytest.fixture
+def drawn_batches(monkeypatch) -> list:
+    """What would be drawn: no graphics card is needed to follow a scene."""
+    made: list = []
+
+    def keep(lines):
+        made.append(lines)
+        return object()
+
+    monkeypatch.setattr(overlay, "_make_batch", keep)
+    return made
+
+
+def synced():
+    return bring_in_step(bpy.context.evaluated_depsgraph_get())
+
+
+def boxes_of(snapshot: perfect_bvh.Snapshot, **options) -> perfect_bvh.TreeBoxes:
+    return snapshot.tree_boxes(**options)
+
+
+def test_lines_join_the_corners_of_each_box() -> None:
+    bpy.ops.mesh.primitive_uv_sphere_add()
+    snapshot = synced().scene.snapshot()
+    boxes = boxes_of(snapshot, mesh=0)
+    lines = box_lines(boxes, "LEVEL")
+    assert (len(lines.positions), len(lines.colors), len(lines.lines)) == (
+        8 * len(boxes),
+        8 * len(boxes),
+        12 * len(boxes),
+    )
+    corners = lines.positions.reshape(-1, 8, 3)
+    np.testing.assert_array_equal(corners.min(axis=1), boxes.boxes[:, 0].astype(np.float32))
+    np.testing.assert_array_equal(corners.max(axis=1), boxes.boxes[:, 1].astype(np.float32))
+    ends = lines.positions[lines.lines]
+    assert ((ends[:, 0] != ends[:, 1]).sum(axis=1) <= 1).all()  # along one axis each
+    np.testing.assert_array_equal(lines.lines // 8, np.repeat(np.arange(len(boxes)), 12)[:, None].repeat(2, axis=1))
+    sizes = boxes.boxes[:, 1] - boxes.boxes[:, 0]
+    lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).reshape(-1, 12).sum(axis=1)
+    np.testing.assert_allclose(lengths, 4.0 * sizes.sum(axis=1), rtol=1e-5)
+
+
+def test_colours_run_from_least_to_most() -> None:
+    bpy.ops.mesh.primitive_monkey_add()
+    boxes = boxes_of(synced().scene.snapshot(), mesh=0)
+    for color_by, values in (("LEVEL", boxes.levels), ("OVERLAP", boxes.overlaps), ("COST", boxes.costs)):
+        places = shares(boxes, color_by)
+        assert places.min() >= 0.0 and places.max() <= 1.0
+        assert (np.diff(places[np.argsort(values, kind="stable")]) >= 0.0).all()
+    first = box_lines(boxes, "LEVEL").colors[0]
+    np.testing.assert_allclose(first[:3], RAMP[0])
+    np.testing.assert_allclose(box_lines(boxes, "COST").colors[8 * int(boxes.costs.argmax())][:3], RAMP[-1])
+
+
+def test_a_level_beyond_the_deepest_is_the_deepest() -> None:
+    bpy.ops.mesh.primitive_uv_sphere_add()
+    snapshot = synced().scene.snapshot()
+    boxes, level = overlay.list_levels(snapshot, 0, 40, False)
+    assert level == boxes.depth and set(boxes.levels) == {boxes.depth}
+    boxes, level = overlay.list_levels(snapshot, 0, 1, True)
+    assert (level, set(boxes.levels)) == (1, {0, 1})
+
+
+def test_lines_are_made_again_only_when_the_boxes_change(scene, drawn_batches) -> None:
+    bpy.ops.mesh.primitive_monkey_add()
+    obj = bpy.context.object
+    settings = scene.perfect_bvh.overlay
+    lines = overlay.TreeLines()
+
+    def follow() -> int:
+        sync = synced()
+        lines.follow(sync.scene.snapshot(), overlay.find_object(sync, obj)[0], settings)
+        return len(drawn_batches)
+
+    assert follow() == follow() == 1
+    obj.location.x = 3.0  # the object moves, its own tree does not change
+    assert follow() == 1
+    obj.data.vertices[0].co.x += 0.5
+    obj.data.update()
+    assert follow() == 2
+    settings.color_by = "COST"
+    assert follow() == 3
+    settings.level = 0
+    assert follow() == 4
+    assert lines.shown == overlay.Shown(0, 1, 1, lines.shown.depth)
+
+
+def test_it_shows_no_more_boxes_than_can_be_seen(scene, drawn_batches, monkeypatch) -> None:
+    monkeypatch.setattr(overlay, "MOST_BOXES", 5)
+    bpy.ops.mesh.primitive_monkey_add()
+    scene.perfect_bvh.overlay.level, scene.perfect_bvh.overlay.use_all_to_level = 64, True
+    lines = overlay.TreeLines()
+    lines.follow(synced().scene.snapshot(), 0, scene.perfect_bvh.overlay)
+    assert lines.shown.count == 5 < lines.shown.total
+    assert len(drawn_batches[0].positions) == 5 * 8
+
+
+def test_the_active_object_is_found_where_it_stands(scene) -> None:
+    bpy.ops.mesh.primitive_cube_add(location=(1.0, 2.0, 3.0), rotation=(0.3, 0.2, 0.1))
+    cube = bpy.context.object
+    cube.scale = (1.0, 2.0, -1.0)
+    bpy.ops.mesh.primitive_monkey_add()
+    bpy.context.view_layer.update()
+    sync = synced()
+    mesh, matrix = overlay.find_object(sync, cube)
+    np.testing.assert_allclose(matrix, np.array(cube.matrix_world), atol=1e-6)
+    np.testing.assert_allclose(boxes_of(sync.scene.snapshot(), mesh=mesh).boxes[0], [[-1.0] * 3, [1.0] * 3])
+    empty = bpy.data.objects.new("Empty", None)
+    scene.collection.objects.link(empty)
+    assert overlay.find_object(synced(), empty) is None
+    assert overlay.find_object(synced(), None) is None
+
+
+def test_it_follows_frames_and_forgets_files(scene, drawn_batches) -> None:
+    bpy.ops.mesh.primitive_cube_add()
+    cube = bpy.context.object
+    for frame, x in ((1, 0.0), (10, 9.0)):
+        cube.location.x = x
+        cube.keyframe_insert("location", frame=frame)
+    settings = scene.perfect_bvh.overlay
+    settings.show_top_level = settings.show_active = True
+    settings.level = 0
+    shown = overlay.SceneOverlay()
+    listen(shown)
+    for frame, x in ((1, 0.0), (10, 9.0)):
+        scene.frame_set(frame)
+        shown._follow(bpy.context, settings)
+        top = shown.top_level._boxes.boxes[0]
+        np.testing.assert_allclose(top, [[x - 1.0, -1.0, -1.0], [x + 1.0, 1.0, 1.0]], atol=1e-3)
+        assert shown._matrix[0, 3] == pytest.approx(x)
+    count = len(drawn_batches)
+    shown._follow(bpy.context, settings)
+    assert len(drawn_batches) == count
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    settings = bpy.context.scene.perfect_bvh.overlay
+    settings.show_top_level = settings.show_active = True
+    shown._follow(bpy.context, settings)
+    assert shown.active is None and shown.top_level.shown.count == 0
+    stop_listening(shown)
