@@ -4,6 +4,7 @@
 //   --kinds a,b      of commit,primary,diffuse (all)     --json OUT.json
 //   --peers a,b      of embree,low,array,array_low (embree,low,array): Embree's instances as geometries, with quality
 //                    LOW and the dynamic flag, as one array, and that with both; rays are cast at the first alone
+//   --strategies a,b of auto,packets,stream,single (auto): how our rays are traced
 //
 // Commits: every instance gets another transform, then the scene is committed; all competitors in turn, the median of
 // the rounds. "set" is the time of handing over the transforms (Embree computes inverses there, ours in the commit).
@@ -33,7 +34,7 @@ namespace {
 
 struct Options {
   std::vector<std::string> layouts{"grid", "heap"}, kinds{"commit", "primary", "diffuse"};
-  std::vector<std::string> peers{"embree", "low", "array"};
+  std::vector<std::string> peers{"embree", "low", "array"}, strategies{"auto"};
   std::vector<std::size_t> counts{1000, 10000, 100000};
   int threads = 1, rounds = 5;
   std::string json, mesh;
@@ -57,6 +58,8 @@ Options parse(int count, char** values) {
       options.kinds = arguments.list();
     } else if (name == "--peers") {
       options.peers = arguments.list();
+    } else if (name == "--strategies") {
+      options.strategies = arguments.list();
     } else if (name == "--threads") {
       options.threads = std::stoi(arguments.value());
     } else if (name == "--rounds") {
@@ -289,6 +292,24 @@ Competitor embree_competitor(const std::string& name, const TriangleMesh& mesh, 
           0};
 }
 
+Strategy parse_strategy(const std::string& name) {
+  if (name == "auto") return Strategy::kAuto;
+  if (name == "packets") return Strategy::kPackets;
+  if (name == "stream") return Strategy::kStream;
+  if (name == "single") return Strategy::kSingle;
+  throw std::runtime_error("no strategy named " + name);
+}
+
+Competitor tracing_competitor(const Ours& ours, const std::string& name) {
+  const Strategy strategy = parse_strategy(name);
+  Competitor competitor;
+  competitor.name = name == "auto" ? "ours" : "ours/" + name;
+  competitor.closest = [&ours, strategy](std::span<const Ray> rays, Hit* hits) {
+    trace_closest(ours.snapshot(), rays, std::span(hits, rays.size()), Cull::kNone, {}, Precision::kRobust, strategy);
+  };
+  return competitor;
+}
+
 void bench(const Options& options, const TriangleMesh& mesh, const std::string& layout, std::size_t count,
            Report& json) {
   Aabb box;
@@ -304,9 +325,7 @@ void bench(const Options& options, const TriangleMesh& mesh, const std::string& 
   competitors.push_back({"ours",
                          [&](std::span<const Affine> maps) { ours.set_transforms(maps); },
                          [&] { ours.commit(); },
-                         [&](std::span<const Ray> rays, Hit* hits) {
-                           trace_closest(ours.snapshot(), rays, std::span(hits, rays.size()));
-                         },
+                         {},
                          {},
                          {},
                          {},
@@ -317,8 +336,9 @@ void bench(const Options& options, const TriangleMesh& mesh, const std::string& 
     report_commits(layout, count, competitors, options.threads, json);
     report_stages(ours.report().top_level, json, layout, count);
   }
-  // Rays are cast with the first and the last alone.
-  if (competitors.size() > 2) competitors.erase(competitors.begin() + 1, competitors.end() - 1);
+  // Rays are cast with the first and ours alone.
+  competitors.resize(1);
+  for (const std::string& strategy : options.strategies) competitors.push_back(tracing_competitor(ours, strategy));
   const Aabb world = ours.snapshot().tlas.bounds();
   const std::vector<Ray> primary = primary_rays(world, View::kOutside, 640, 400);
   for (const std::string kind : {"primary", "diffuse"}) {

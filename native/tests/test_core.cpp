@@ -357,7 +357,7 @@ TEST(Cancel, CallsBackOnItsOwnersThreadOnly) {
 }
 
 TEST(Aligned, StartsOnACacheLineAndKeepsItsContents) {
-  for (const std::size_t count : {1u, 3u, 1000u}) {
+  for (const std::size_t count : {1u, 3u, 1000u, 300'000u, 1'048'576u}) {  // the last ones reach huge pages
     AlignedVector<std::uint32_t> values(count);
     EXPECT_EQ(reinterpret_cast<std::uintptr_t>(values.data()) % kCacheLine, 0u);
     std::iota(values.begin(), values.end(), 0u);

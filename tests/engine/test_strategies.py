@@ -104,6 +104,23 @@ def test_coherence_is_found(isa):
     assert counted.packet_ray_count == 0 and counted.nodes_visited.min() > 0
 
 
+def test_the_order_of_rays_does_not_matter(isa):
+    """Rows of an image, its columns, and its pixels in any order are traced as tiles: each ray keeps its hit."""
+    scene, random = crowd(), np.random.default_rng(9)
+    eye, directions = camera_rays(193, 101)
+    masks = random.integers(0, 8, directions.shape[:2])
+    usual = scene.cast_rays(eye, directions, mask=masks, strategy="single")
+    count = masks.size
+    for order in (np.arange(count), np.arange(count).reshape(masks.shape).T.ravel(), random.permutation(count)):
+        rays = {"directions": directions.reshape(-1, 3)[order], "mask": masks.ravel()[order]}
+        hits = scene.cast_rays(eye, **rays)
+        for name in FIELDS:
+            expected = getattr(usual, name).reshape(count, *getattr(hits, name).shape[1:])[order]
+            assert getattr(hits, name).tobytes() == expected.tobytes()
+        assert np.array_equal(scene.test_occlusions(eye, **rays), hits.is_hit)
+        assert hits.packet_ray_count > 0 or isa == "scalar"
+
+
 @pytest.mark.skipif("avx2" not in perfect_bvh.available_isas(), reason="needs vectors of rays")
 def test_packets_whose_rays_part_are_left_to_the_stream():
     perfect_bvh.set_active_isa("avx2")

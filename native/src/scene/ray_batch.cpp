@@ -1,23 +1,28 @@
 #include "scene/ray_batch.h"
 
-#include <array>
 #include <atomic>
 
 #include "scene/trace.h"
 
 namespace perfect_bvh {
+namespace {
+
+std::size_t block_rays(const RayColumns& columns) {
+  return columns.strategy == Strategy::kAuto ? large_block_rays(columns.count) : kBlockRays;
+}
+
+}  // namespace
 
 BatchSummary cast_rays(const Snapshot& snapshot, const RayColumns& columns, const HitColumns& out, ThreadPool& pool,
                        int max_threads, CancelToken& cancel) {
   const bool counted = out.nodes_visited || out.primitives_tested;
   std::atomic<std::size_t> packet_count{0};
   const auto trace = [&](std::span<const Ray> rays, std::size_t first) {
-    std::array<Hit, kBlockRays> hits;
-    std::array<RayCounts, kBlockRays> counts;
-    packet_count.fetch_add(trace_closest(snapshot, rays, std::span(hits.data(), rays.size()), columns.cull,
-                                         counted ? std::span(counts.data(), rays.size()) : std::span<RayCounts>(),
-                                         columns.precision, columns.strategy),
-                           std::memory_order_relaxed);
+    AlignedVector<Hit> hits(rays.size());
+    AlignedVector<RayCounts> counts(counted ? rays.size() : 0);
+    packet_count.fetch_add(
+        trace_closest(snapshot, rays, hits, columns.cull, counts, columns.precision, columns.strategy),
+        std::memory_order_relaxed);
     for (std::size_t i = 0; i < rays.size(); ++i) {
       store_hit(out, first + i, snapshot, hits[i], rays[i]);
       if (out.nodes_visited) out.nodes_visited[first + i] = static_cast<std::int32_t>(counts[i].nodes_visited);
@@ -25,16 +30,17 @@ BatchSummary cast_rays(const Snapshot& snapshot, const RayColumns& columns, cons
         out.primitives_tested[first + i] = static_cast<std::int32_t>(counts[i].primitives_tested);
     }
   };
-  const std::size_t invalid_count = for_each_block(columns, pool, max_threads, cancel, trace);
+  const std::size_t invalid_count = for_each_block(columns, pool, max_threads, cancel, trace, block_rays(columns));
   return {invalid_count, packet_count.load()};
 }
 
 std::size_t test_occlusions(const Snapshot& snapshot, const RayColumns& columns, std::uint8_t* occluded,
                             ThreadPool& pool, int max_threads, CancelToken& cancel) {
-  return for_each_block(columns, pool, max_threads, cancel, [&](std::span<const Ray> rays, std::size_t first) {
+  const auto trace = [&](std::span<const Ray> rays, std::size_t first) {
     trace_occluded(snapshot, rays, std::span(occluded + first, rays.size()), columns.cull, {}, columns.precision,
                    columns.strategy);
-  });
+  };
+  return for_each_block(columns, pool, max_threads, cancel, trace, block_rays(columns));
 }
 
 }  // namespace perfect_bvh

@@ -2,15 +2,16 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 
+#include "core/aligned.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "traverse/ray.h"
+#include "traverse/ray_reordering.h"
 #include "traverse/strategy.h"
 
 namespace perfect_bvh {
@@ -44,39 +45,49 @@ struct RayColumns {
 
 // Rays a task takes at a time: enough to repay the hand-over, few enough to stop soon and to share out evenly.
 inline constexpr std::size_t kTaskRays = 4096;
-// Rays traced at a time: enough to keep many under way to the end, few enough for the second level cache.
+// Rays loaded at a time: enough to keep many under way to the end, few enough for the second level cache.
 inline constexpr std::size_t kBlockRays = 1024;
+// Where coherent rays are looked for, large batches are traced as many rays at a time as can be put in order: several
+// rows of an image. By the number of rays alone, so that all answers are.
+[[nodiscard]] inline std::size_t large_block_rays(std::size_t count) noexcept {
+  return std::clamp(count / 16 / kPacketRays * kPacketRays, kBlockRays, kReorderedRays);
+}
 
 // Calls run(begin, end) for every task's rows of a batch, over the pool.
 template <class Run>
-void for_each_task(std::size_t count, ThreadPool& pool, int max_threads, CancelToken& cancel, Run&& run) {
+void for_each_task(std::size_t count, ThreadPool& pool, int max_threads, CancelToken& cancel, Run&& run,
+                   std::size_t task_rays = kTaskRays) {
   cancel.expect(count);
   const auto task = [&](std::size_t begin, std::size_t end) {
     cancel.throw_if_stopped();
     run(begin, end);
     cancel.advance(end - begin);
   };
-  parallel_for(pool, count, kTaskRays, task, max_threads, [&] { cancel.checkpoint(); });
+  parallel_for(pool, count, task_rays, task, max_threads, [&] { cancel.checkpoint(); });
 }
 
-// Calls block(rays, first row) for every block of loaded rays, over the pool; returns how many rays were invalid.
+// Calls block(rays, first row) for every block of `block_rays` loaded rays, over the pool; returns how many rays were
+// invalid.
 template <class Block>
 std::size_t for_each_block(const RayColumns& columns, ThreadPool& pool, int max_threads, CancelToken& cancel,
-                           Block&& block) {
+                           Block&& block, std::size_t block_rays = kBlockRays) {
   std::atomic<std::size_t> invalid_count{0};
-  for_each_task(columns.count, pool, max_threads, cancel, [&](std::size_t begin, std::size_t end) {
-    std::array<Ray, kBlockRays> rays;
+  const auto trace_task = [&](std::size_t begin, std::size_t end) {
+    AlignedVector<Ray> rays;
+    rays.reserve(std::min(block_rays, end - begin));
     std::size_t invalid = 0;
-    for (std::size_t first = begin; first < end; first += kBlockRays) {
-      const std::size_t count = std::min(kBlockRays, end - first);
+    for (std::size_t first = begin; first < end; first += block_rays) {
+      const std::size_t count = std::min(block_rays, end - first);
+      rays.clear();
       for (std::size_t i = 0; i < count; ++i) {
-        rays[i] = load_ray(columns, first + i);
-        invalid += is_valid(rays[i]) ? 0 : 1;
+        rays.push_back(load_ray(columns, first + i));
+        invalid += is_valid(rays.back()) ? 0 : 1;
       }
-      block(std::span<const Ray>(rays.data(), count), first);
+      block(std::span<const Ray>(rays), first);
     }
     invalid_count.fetch_add(invalid, std::memory_order_relaxed);
-  });
+  };
+  for_each_task(columns.count, pool, max_threads, cancel, trace_task, std::max(kTaskRays, block_rays));
   return invalid_count.load();
 }
 

@@ -59,7 +59,9 @@ void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) 
   std::uint32_t deepest = 0;
   SceneView& view = snapshot.view;
   view.repeats_triangles = false;
+  std::size_t bytes = snapshot.top_level.byte_count() + snapshot.instance_views.size() * sizeof(InstanceView);
   for (const auto& blas : snapshot.blases) {
+    bytes += blas->wide.byte_count();
     deepest = std::max(deepest, blas->wide.depth);
     view.repeats_triangles = view.repeats_triangles || blas->wide.repeats_triangles;
   }
@@ -73,6 +75,7 @@ void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) 
   view.scale = top.scale;
   view.root = top.root;
   view.is_empty = top.is_empty;
+  view.exceeds_cache = bytes > kCachedBytes;
   constexpr std::uint32_t kMarks = 2;  // the end of the ray, and the way back from an instance
   view.stack_entries = entries_for(top.depth) + entries_for(deepest) + kMarks;
 }

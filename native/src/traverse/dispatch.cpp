@@ -4,6 +4,7 @@
 #include <array>
 #include <atomic>
 #include <cstdlib>
+#include <memory>
 #include <string>
 
 #if defined(__x86_64__)
@@ -13,6 +14,7 @@
 #include "core/aligned.h"
 #include "core/errors.h"
 #include "traverse/cpu_features.h"
+#include "traverse/ray_reordering.h"
 
 namespace perfect_bvh {
 namespace {
@@ -85,7 +87,12 @@ void* workspace_of(std::size_t bytes) {
   return workspace.data();
 }
 
-// A batch's rows from `first` on.
+ReorderingSpace& reordering_space() {
+  thread_local const auto space = std::make_unique<ReorderingSpace>();
+  return *space;
+}
+
+// A batch's rows from `first` on. In no order yet.
 RayBatch part_of(const RayBatch& batch, std::size_t first, std::size_t count) {
   RayBatch part = batch;
   part.rays += first, part.count = count;
@@ -108,24 +115,34 @@ struct Kernels {
   void trace_packets(const SceneView& scene, const RayBatch& batch, bool* left) const {
     packets(scene, batch, workspace_of(table.packet_workspace_bytes(scene)), left);
   }
-  // Coherent packets first, then what is left, in runs.
+  // Rays in an order that makes good packets, the coherent packets of these, then what is left.
   std::size_t trace_by_coherence(const SceneView& scene, const RayBatch& batch, std::size_t in_flight) const {
-    constexpr std::size_t kPackets = 64;
+    ReorderingSpace& space = reordering_space();
+    const double reach = static_cast<double>(scene.extent.reach) / static_cast<double>(scene.scale);
     std::size_t in_packets = batch.count;
-    for (std::size_t begin = 0; begin < batch.count; begin += kPackets * kPacketRays) {
-      const RayBatch block = part_of(batch, begin, std::min(kPackets * kPacketRays, batch.count - begin));
-      std::array<bool, kPackets + 1> left{};
-      trace_packets(scene, block, left.data());
-      for (auto run = left.begin(); (run = std::find(run, left.end(), true)) != left.end();) {
-        const auto end = std::find(run, left.end(), false);
-        const auto first = static_cast<std::size_t>(run - left.begin()) * kPacketRays;
-        const auto last = std::min(static_cast<std::size_t>(end - left.begin()) * kPacketRays, block.count);
-        trace_stream(scene, part_of(block, first, last - first), in_flight);
-        in_packets -= last - first;
-        run = end;
-      }
+    for (std::size_t begin = 0; begin < batch.count; begin += kReorderedRays) {
+      RayBatch slab = part_of(batch, begin, std::min(kReorderedRays, batch.count - begin));
+      if (reorder_rays({slab.rays, slab.count}, reach, space)) slab.order = space.order;
+      std::array<bool, kReorderedRays / kPacketRays> is_left{};
+      trace_packets(scene, slab, is_left.data());
+      const std::size_t left = gather_left(slab, is_left, space.order);
+      in_packets -= left;
+      if (left == 0) continue;
+      if (left < slab.count) slab.order = space.order, slab.count = left;
+      trace_stream(scene, slab, in_flight);
     }
     return in_packets;
+  }
+
+  // The rows of the packets that were left go to `rows`, which may be the batch's own order; returns how many.
+  template <std::size_t kPackets>
+  static std::size_t gather_left(const RayBatch& batch, const std::array<bool, kPackets>& is_left,
+                                 std::uint32_t* rows) {
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      if (is_left[i / kPacketRays]) rows[count++] = static_cast<std::uint32_t>(row_of(batch, i));
+    }
+    return count;
   }
 };
 

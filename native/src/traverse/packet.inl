@@ -54,12 +54,13 @@ struct alignas(64) PacketRays {
 };
 
 struct Packet {
-  const Ray* rays;
+  const Ray* rays[kPacketRays];
+  std::uint32_t rows[kPacketRays];  // in the batch
   const SceneView* scene;
   Cull cull;
   unsigned count;  // rays
   unsigned lanes;  // the same, rounded up to whole vectors
-  unsigned alone;  // walks that one ray went by itself
+  unsigned alone;  // ways that one ray went by itself, or into an instance with few others
   PacketStack stack;
   alignas(64) float t_min[kPacketRays], t_max[kPacketRays];  // of the rays themselves
   PacketRays world_rays, local_rays;

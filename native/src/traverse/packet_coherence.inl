@@ -16,11 +16,12 @@ PERFECT_BVH_INLINE bool are_alike(const Vec3d& a, const Vec3d& b) noexcept {
 }
 
 // A glance at the directions of a few rays, which tells most incoherent packets before they are loaded.
-PERFECT_BVH_INLINE bool may_be_coherent(const Ray* rays, unsigned count) noexcept {
+PERFECT_BVH_INLINE bool may_be_coherent(const RayBatch& batch, std::size_t begin, unsigned count) noexcept {
   if (count < kLeastRays) return false;
-  const Vec3d& first = rays[0].direction;
-  return are_alike(first, rays[count - 1].direction) && are_alike(first, rays[count / 2].direction) &&
-         are_alike(first, rays[count / 3].direction);
+  const auto direction = [&](unsigned i) -> const Vec3d& { return batch.rays[row_of(batch, begin + i)].direction; };
+  const Vec3d& first = direction(0);
+  return are_alike(first, direction(count - 1)) && are_alike(first, direction(count / 2)) &&
+         are_alike(first, direction(count / 3));
 }
 
 // All of `valid`, as the top level sees them.

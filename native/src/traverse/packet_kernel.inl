@@ -151,9 +151,10 @@ struct PacketWalk {
     const std::uint32_t index = child - kInstanceChild;
     const InstanceView& instance = scene.instances[index];
     for (RaySet left = rays; left != 0; left &= left - 1) {
-      if ((instance.mask & packet.rays[first_ray(left)].mask) == 0) rays &= ~(left & -left);
+      if ((instance.mask & packet.rays[first_ray(left)]->mask) == 0) rays &= ~(left & -left);
     }
     if (rays == 0) return;
+    if (count_rays(rays) < kLeastRays) packet.alone += count_rays(rays);  // the packet is not worth its constants
     rays = map_packet(packet, rays, instance);
     PacketLevel level;
     level.nodes = instance.nodes, level.blocks = blocks_of(instance), level.boxes = &packet.local;
@@ -218,14 +219,14 @@ inline void divide_weights(Packet& packet) noexcept {
 }
 
 template <bool kAny>
-void write_results(const Packet& packet, const RayBatch& batch, std::size_t row) noexcept {
+void write_results(const Packet& packet, const RayBatch& batch) noexcept {
   const PacketHits& hits = packet.hits;
   for (unsigned i = 0; i < packet.count; ++i) {
     const bool found = hits.instance[i] != kNoHit;
     if constexpr (kAny) {
-      batch.occluded[row + i] = found ? 1 : 0;
+      batch.occluded[packet.rows[i]] = found ? 1 : 0;
     } else {
-      Hit& hit = batch.hits[row + i];
+      Hit& hit = batch.hits[packet.rows[i]];
       hit.t = found ? static_cast<float>(hits.t[i]) + 0.0f : kInfiniteDistance;  // no -0
       hit.u = hits.weight_v1[i], hit.v = hits.weight_v2[i];
       hit.instance_index = hits.instance[i], hit.primitive_index = hits.primitive[i];
@@ -234,8 +235,9 @@ void write_results(const Packet& packet, const RayBatch& batch, std::size_t row)
 }
 
 // Where triangles are smaller than the distance between rays, a packet's rays part long before they reach a leaf, and
-// the stream is faster. After a packet where one ray in two went a way by itself, so many are left to the stream.
-constexpr unsigned kPassedOver = 7;
+// the stream is faster. After a packet where one ray in two went a way by itself, so many are left to the stream; after
+// each further one, twice as many and one, as what is ahead is probably alike.
+constexpr unsigned kPassedOver = 7, kMostPassedOver = 63;
 
 template <bool kAny, bool kFast>
 void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) noexcept {
@@ -245,25 +247,30 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
   packet.stack = {stack, reinterpret_cast<float*>(stack + entries), stack + 2 * entries, stack + 3 * entries};
   packet.scene = &scene;
   packet.cull = batch.cull;
-  unsigned passed_over = 0;
-  for (std::size_t row = 0; row < batch.count; row += kPacketRays) {
-    packet.rays = batch.rays + row;
-    packet.count = static_cast<unsigned>(batch.count - row < kPacketRays ? batch.count - row : kPacketRays);
+  unsigned passed_over = 0, next_passed_over = kPassedOver;
+  for (std::size_t begin = 0; begin < batch.count; begin += kPacketRays) {
+    packet.count = static_cast<unsigned>(batch.count - begin < kPacketRays ? batch.count - begin : kPacketRays);
     packet.lanes = (packet.count + kRayLanes - 1) / kRayLanes * kRayLanes;
-    bool* const is_left = left != nullptr ? left + row / kPacketRays : nullptr;
-    if (is_left != nullptr && (*is_left = passed_over != 0 || !may_be_coherent(packet.rays, packet.count))) {
+    bool* const is_left = left != nullptr ? left + begin / kPacketRays : nullptr;
+    if (is_left != nullptr && (*is_left = passed_over != 0 || !may_be_coherent(batch, begin, packet.count))) {
       if (passed_over != 0) --passed_over;
       continue;
     }
-    const RaySet valid = load_packet(packet, scene);
+    const RaySet valid = load_packet(packet, scene, batch, begin);
     if (is_left != nullptr && (*is_left = !are_coherent(packet.world_rays, valid, packet.lanes, scene.extent.reach))) {
       continue;
     }
     packet.alone = 0;
     PacketWalk<kAny, kFast>{packet, scene}.trace(valid);
-    if (is_left != nullptr && 2 * packet.alone > packet.count) passed_over = kPassedOver;
+    if (is_left != nullptr) {
+      const bool parted = 2 * packet.alone > packet.count;
+      passed_over = parted ? next_passed_over : 0;
+      next_passed_over = !parted                              ? kPassedOver
+                         : next_passed_over < kMostPassedOver ? 2 * next_passed_over + 1
+                                                              : kMostPassedOver;
+    }
     if constexpr (!kAny) divide_weights(packet);
-    write_results<kAny>(packet, batch, row);
+    write_results<kAny>(packet, batch);
   }
 }
 

@@ -51,7 +51,7 @@ struct Weights {
 PERFECT_BVH_INLINE bool take_packet_hit(Packet& packet, const PacketLevel& level, unsigned i, std::uint32_t primitive,
                                         double t, const Weights& weights) noexcept {
   PacketHits& hits = packet.hits;
-  if (!(is_in_range(t, packet.rays[i]) && t <= hits.t[i])) return false;
+  if (!(is_in_range(t, *packet.rays[i]) && t <= hits.t[i])) return false;
   if (t == hits.t[i] && hits.instance[i] != kNoHit &&
       !wins_tie(packet.scene->instances, level.instance_index, primitive, hits.instance[i], hits.primitive[i])) {
     return false;

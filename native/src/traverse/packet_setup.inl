@@ -66,14 +66,17 @@ inline RaySet prepare_rays(PacketRays& rays, RaySet candidates, unsigned lanes, 
   return candidates;
 }
 
-// The rays as the batch has them. Those that cannot hit anything are left out.
-inline RaySet load_packet(Packet& packet, const SceneView& scene) noexcept {
+// Rays `begin` and on, `packet.count` of them. Those that cannot hit anything are left out.
+inline RaySet load_packet(Packet& packet, const SceneView& scene, const RayBatch& batch, std::size_t begin) noexcept {
   PacketRays& rays = packet.world_rays;
   const double scale = static_cast<double>(scene.scale);
   RaySet valid = 0;
   for (unsigned i = 0; i < packet.lanes; ++i) {
-    const Ray& ray = packet.rays[i < packet.count ? i : packet.count - 1];
-    __builtin_prefetch(&ray + kPacketRays);  // of the next packet, or nothing's
+    const std::size_t place = begin + (i < packet.count ? i : packet.count - 1);
+    const std::size_t row = row_of(batch, place), next = place + kPacketRays;
+    const Ray& ray = batch.rays[row];
+    if (next < batch.count) __builtin_prefetch(&batch.rays[row_of(batch, next)]);
+    packet.rays[i] = &ray, packet.rows[i] = static_cast<std::uint32_t>(row);
     rays.origin[0][i] = ray.origin.x * scale, rays.direction[0][i] = ray.direction.x * scale;
     rays.origin[1][i] = ray.origin.y * scale, rays.direction[1][i] = ray.direction.y * scale;
     rays.origin[2][i] = ray.origin.z * scale, rays.direction[2][i] = ray.direction.z * scale;

@@ -40,6 +40,10 @@ struct alignas(64) InstanceView {
 };
 static_assert(sizeof(InstanceView) == 192);  // every ray that enters an instance reads all of it
 
+// Where rays may visit more bytes than this, what they visit next is fetched ahead. Measured with diffuse rays and a
+// second level cache of 2 MB: through 164 MB they are twice as fast, through 9.5 MB 1.2 times, through 3.4 MB .96.
+inline constexpr std::size_t kCachedBytes = std::size_t{8} << 20;
+
 struct SceneView {
   const WideNode* nodes = nullptr;
   const InstanceView* instances = nullptr;
@@ -47,6 +51,7 @@ struct SceneView {
   float scale = 1.0f;             // boxes are stored times this power of two
   std::uint32_t root = kNoChild;  // of the top level
   bool is_empty = true;
+  bool exceeds_cache = false;       // rays may visit more than kCachedBytes
   bool repeats_triangles = false;   // some tree holds a triangle in several leaves
   std::uint32_t stack_entries = 0;  // the most that any ray can need
   // The first instance's map to the world (columns x, y, z, translation), and how many bytes to the next one's.
@@ -62,7 +67,12 @@ struct RayBatch {
   Hit* hits = nullptr;               // closest hit: one a ray
   std::uint8_t* occluded = nullptr;  // any hit: one a ray
   Precision precision = Precision::kRobust;
+  // Null, or the rows to trace, in this order, `count` of them; the others are left alone. Not for find_all_hits().
+  const std::uint32_t* order = nullptr;
 };
+static inline std::size_t row_of(const RayBatch& batch, std::size_t i) noexcept {
+  return batch.order != nullptr ? batch.order[i] : i;
+}
 
 // Finds nothing if the point is not finite or the distance negative or NaN.
 struct PointQuery {

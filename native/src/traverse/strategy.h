@@ -7,7 +7,7 @@
 namespace perfect_bvh {
 
 enum class Strategy : std::uint8_t {
-  kAuto,     // packets where the rays are coherent (packet_coherence.inl), the stream elsewhere
+  kAuto,     // packets where the rays are coherent, put in order first (ray_reordering.h), the stream elsewhere
   kPackets,  // up to 64 consecutive rays share a traversal; the stream where the machine has no kernel for that
   kStream,   // many rays under way in turn
   kSingle,   // one ray after the other

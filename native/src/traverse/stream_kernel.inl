@@ -36,11 +36,34 @@ struct Stream {
   std::size_t next_ray = 0;
 };
 
+// Begins to fetch the node or leaf that a slot will visit next, while others take their steps. Without a branch: which
+// of them it is cannot be predicted. For marks, and leaves of compact trees, it is the root.
+PERFECT_BVH_INLINE void fetch_next(const Slot& slot, std::uint32_t next) noexcept {
+  const bool is_node = next < kBlockChild, is_block = !is_node & (next < kInstanceChild) & (slot.blocks != nullptr);
+  const char* const base =
+      is_block ? reinterpret_cast<const char*>(slot.blocks) : reinterpret_cast<const char*>(slot.nodes);
+  const std::size_t row = is_node | is_block ? next & ~kBlockChild : 0;
+  const char* const lines = base + row * (is_block ? sizeof(LeafBlock) : sizeof(WideNode));
+  for (int line = 0; line < 4; ++line) __builtin_prefetch(lines + 64 * line);
+}
+
+// The same for instances that slots will enter, before the leaves are tested.
+inline void fetch_instances(Stream& stream) noexcept {
+  for (std::size_t i = 0; i < stream.mark_count; ++i) {
+    Slot& slot = *stream.at_mark[i];
+    const std::uint32_t mark = stack_of(slot)[slot.top];
+    if (mark >= kFirstMark) continue;
+    const char* const lines = reinterpret_cast<const char*>(stream.scene.instances + (mark - kInstanceChild));
+    for (std::size_t line = 0; line < sizeof(InstanceView); line += 64) __builtin_prefetch(lines + line);
+  }
+}
+
 template <bool kAny, bool kCounts>
 PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
   Slot** const at_node = stream.at_node;
   Slot** const at_other = stream.at_other + stream.other_count;
   const std::size_t count = stream.node_count, nears_offset = stream.nears_offset;
+  const bool fetches = stream.scene.exceeds_cache;
   std::size_t others = 0;
   for (std::size_t i = 0; i < count; ++i) {
     Slot& slot = *at_node[i];
@@ -59,7 +82,9 @@ PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
     slot.top = top;
     at_node[i - others] = &slot;
     at_other[others] = &slot;
-    others += stack[top] >> 31;
+    const std::uint32_t next = stack[top];
+    if (fetches) fetch_next(slot, next);
+    others += next >> 31;
   }
   stream.node_count = count - others;
   stream.other_count += others;
@@ -155,6 +180,7 @@ PERFECT_BVH_INLINE void visit_leaves(Stream& stream) noexcept {
     }
     stream.at_node[nodes] = &slot;
     stream.at_other[others] = &slot;
+    if (stream.scene.exceeds_cache) fetch_next(slot, stack[slot.top]);
     const std::uint32_t is_other = stack[slot.top] >> 31;
     others += is_other;
     nodes += 1 - is_other;
@@ -183,7 +209,7 @@ inline void write_result(const RayBatch& batch, std::size_t row, const Slot* slo
 template <bool kAny, bool kCounts>
 inline bool take_next_ray(Stream& stream, Slot& slot) noexcept {
   while (stream.next_ray < stream.batch.count) {
-    const std::size_t row = stream.next_ray++;
+    const std::size_t row = row_of(stream.batch, stream.next_ray++);
     if constexpr (kCounts) stream.batch.counts[row].nodes_visited = stream.batch.counts[row].primitives_tested = 0;
     slot.ray = static_cast<std::uint32_t>(row);
     if (!stream.scene.is_empty && start_ray(slot, stream.scene, stream.batch.rays[row])) return true;
@@ -212,6 +238,7 @@ void follow_marks(Stream& stream) noexcept {
       }
     }
     if (!is_active) continue;
+    if (stream.scene.exceeds_cache) fetch_next(slot, stack[slot.top]);
     if (stack[slot.top] >= kBlockChild) {
       stream.at_leaf[stream.leaf_count++] = &slot;
     } else {
@@ -267,6 +294,7 @@ void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace
       visit_nodes<kAny, kCounts>(stream);
     }
     sort_others(stream);
+    if (scene.exceeds_cache) fetch_instances(stream);
     visit_leaves<kAny, kCounts, kFast>(stream);
     follow_marks<kAny, kCounts>(stream);
   }
