@@ -213,3 +213,7 @@ def shown_names(record: SceneRecord) -> set[str]:
         name = record.objects[instances.object_indices[row]].name
         names.add(f"{record.objects[parent].name}/{name}" if parent >= 0 else name)
     return names
+
+
+def layer_of(name: str) -> Any:
+    return bpy.context.view_layer.layer_collection.children[name]
