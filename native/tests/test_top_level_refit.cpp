@@ -68,9 +68,11 @@ class Field {
     scene_.set_transforms(ids_, maps);
     return commit();
   }
-  TopLevelReport commit() {
+  TopLevelReport commit(std::optional<double> expected_rays = std::nullopt) {
     CancelToken cancel;
-    return scene_.commit(pool_, cancel).top_level;
+    CommitOptions options;
+    options.expected_rays = expected_rays;
+    return scene_.commit(pool_, cancel, options).top_level;
   }
   [[nodiscard]] Scene& scene() { return scene_; }
   [[nodiscard]] std::shared_ptr<const Snapshot> snapshot() const { return scene_.snapshot(); }
@@ -155,6 +157,16 @@ TEST(TopLevelRefit, IsRejectedWhereTheyAreShuffled) {
   EXPECT_FALSE(report.is_refitted) << report.reason;
   EXPECT_GT(report.build_milliseconds, 0.0);
   EXPECT_TRUE(same_trees(*field.snapshot(), *Field(maps).snapshot()));
+}
+
+// What a worse tree loses depends on how many rays are about to meet it.
+TEST(TopLevelRefit, IsDecidedByTheRaysToCome) {
+  const Maps maps = grid_of(4000, 3.0, 1), next = grid_of(4000, 3.0, 2);
+  for (const double rays : {0.0, 1e9}) {
+    Field field(maps);
+    field.scene().set_transforms(field.ids(), next);
+    EXPECT_EQ(field.commit(rays).is_refitted, rays == 0.0) << rays;
+  }
 }
 
 // Built while all stand at one place, a tree knows nothing of what is near what.

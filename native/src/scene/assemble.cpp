@@ -45,8 +45,8 @@ class BakedCopies {
 };
 
 // Instances that stayed who they are and only moved: their trees get new boxes.
-bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, TopLevelReport& report, ThreadPool& pool,
-               CancelToken& cancel) {
+bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, std::optional<double> expected_rays,
+               TopLevelReport& report, ThreadPool& pool, CancelToken& cancel) {
   if (snapshot.tlas.empty()) {
     report.reason = "there was no tree";
     return false;
@@ -59,7 +59,7 @@ bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, TopLevelRepor
   refit_top_level(snapshot.tlas, snapshot.top_level, boxes, pool, cancel);
   const TopLevelCost cost = measure_cost(snapshot.top_level, pool, cancel);
   report.refit_milliseconds = watch.milliseconds();
-  const bool is_kept = is_worth_keeping(cost, snapshot.built_cost, boxes.size());
+  const bool is_kept = is_worth_keeping(cost, snapshot.built_cost, boxes.size(), expected_rays);
   report.reason = describe(cost, snapshot.built_cost) + (is_kept ? "" : ", so a new tree pays");
   return is_kept;
 }
@@ -114,8 +114,8 @@ AlignedVector<PrimRef> Scene::place_instances(Snapshot& snapshot, const BlasMap&
   return boxes;
 }
 
-void Scene::assemble(Snapshot& snapshot, const BlasMap& blases, ThreadPool& pool, CancelToken& cancel,
-                     TopLevelReport& report) const {
+void Scene::assemble(Snapshot& snapshot, const BlasMap& blases, const CommitOptions& options, ThreadPool& pool,
+                     CancelToken& cancel, TopLevelReport& report) const {
   Stopwatch watch;
   snapshot.blases.clear(), snapshot.meshes.clear();
   AlignedVector<PrimRef> boxes = place_instances(snapshot, blases, pool, cancel);
@@ -124,7 +124,7 @@ void Scene::assemble(Snapshot& snapshot, const BlasMap& blases, ThreadPool& pool
     snapshot.meshes.emplace_back(mesh_id, blas.get());
   }
   report.placing_milliseconds = watch.milliseconds();
-  report.is_refitted = try_refit(snapshot, boxes, report, pool, cancel);
+  report.is_refitted = try_refit(snapshot, boxes, options.expected_rays, report, pool, cancel);
   if (!report.is_refitted) build(snapshot, boxes, report, pool, cancel);
   make_trace_view(snapshot, pool, cancel);
 }

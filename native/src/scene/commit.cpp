@@ -114,7 +114,7 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOp
     for (const BlasResult& result : results) blases[result.report.mesh_id] = result.blas;
     snapshot.reset();
     auto assembled = take_last_snapshot();
-    assemble(*assembled, blases, pool, cancel, report.top_level);
+    assemble(*assembled, blases, options, pool, cancel, report.top_level);
     assembled->generation = generation_ + 1;
     assembled->scene_id = id_;
     snapshot = std::move(assembled);

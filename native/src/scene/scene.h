@@ -118,8 +118,8 @@ class Scene {
   AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const BlasMap& blases, ThreadPool& pool,
                                          CancelToken& cancel) const;
   std::shared_ptr<Snapshot> take_last_snapshot();
-  void assemble(Snapshot& snapshot, const BlasMap& blases, ThreadPool& pool, CancelToken& cancel,
-                TopLevelReport& report) const;
+  void assemble(Snapshot& snapshot, const BlasMap& blases, const CommitOptions& options, ThreadPool& pool,
+                CancelToken& cancel, TopLevelReport& report) const;
   void publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const CommitReport& report,
                std::uint64_t stale_count) noexcept;
 

@@ -129,10 +129,12 @@ void refit_top_level(Bvh2& tree, WideBvh& wide, std::span<const PrimRef> boxes, 
   refit_wide(wide, boxes, pool, cancel);
 }
 
-bool is_worth_keeping(const TopLevelCost& now, const TopLevelCost& built, std::size_t instance_count) {
+bool is_worth_keeping(const TopLevelCost& now, const TopLevelCost& built, std::size_t instance_count,
+                      std::optional<double> expected_rays) {
   if (!(built.node_visits > 0) || !(now.node_visits > 0)) return false;
   const double thinned = built.instance_entries > 0 ? now.instance_entries / built.instance_entries : 1.0;
-  const double lost = kExpectedRays * kVisit * (now.node_visits - built.node_visits * std::min(1.0, thinned));
+  const double lost =
+      expected_rays.value_or(kExpectedRays) * kVisit * (now.node_visits - built.node_visits * std::min(1.0, thinned));
   const auto count = static_cast<double>(instance_count);
   return lost <= kBuild * count + kJoin * std::min(count, static_cast<double>(kMostClusters));
 }
