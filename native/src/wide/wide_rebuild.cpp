@@ -147,6 +147,7 @@ std::vector<std::uint32_t> find_spoilt_parts(const WideBvh& tree, const WideCost
 
 WideCosts rebuild_parts(WideBvh& tree, WideCosts& fresh, std::span<const std::uint32_t> parts,
                         const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
+  if (parts.empty()) return measure_wide_costs(tree, pool, cancel);
   std::vector<AlignedVector<WideNode>> built(parts.size());
   parallel_for(pool, parts.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) built[i] = build_over_leaves(tree, parts[i], config, pool, cancel);
