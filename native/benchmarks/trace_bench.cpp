@@ -126,7 +126,8 @@ struct SingleMesh {
     }
     instance.extent = wide.extent, instance.root = wide.root, instance.mask = ~0u;
     view.instances = &instance;
-    view.extent = wide.extent, view.root = kInstanceChild, view.is_empty = wide.is_empty;
+    view.extent = wide.extent, view.reach = wide.extent.reach;
+    view.root = kInstanceChild, view.is_empty = wide.is_empty;
     view.exceeds_cache = wide.byte_count() > kCachedBytes;
     view.stack_entries = 7 * wide.depth + 4;
   }

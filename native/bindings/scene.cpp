@@ -78,6 +78,8 @@ const char* action_name(MeshAction action) {
       return "partly_rebuilt";
     case MeshAction::kRebuilt:
       return "rebuilt";
+    case MeshAction::kDeferred:
+      return "deferred";
   }
   return "kept";
 }
@@ -168,12 +170,12 @@ TriangleMesh read_mesh(const Array<T>& positions, const Array<std::int32_t>& tri
 
 template <class T>
 std::int32_t add_mesh(Scene& scene, const Array<T>& positions, const Array<std::int32_t>& triangles,
-                      const py::dict& settings, const std::string& usage) {
+                      const py::dict& settings, const std::string& usage, bool lazy) {
   const BuildConfig config = parse_config(settings);
   const Usage expected = parse_usage(usage);
   TriangleMesh mesh = read_mesh(positions, triangles, "add_mesh");
   const py::gil_scoped_release release;
-  return scene.add_mesh(std::move(mesh), config, expected);
+  return scene.add_mesh(std::move(mesh), config, expected, lazy);
 }
 
 template <class T>
@@ -223,7 +225,7 @@ void bind_instance_edits(py::class_<Scene>& scene) {
 template <class T>
 void bind_mesh_edits(py::class_<Scene>& scene) {
   scene.def("add_mesh", &add_mesh<T>, py::arg("positions").noconvert(), py::arg("triangles").noconvert(),
-            py::arg("settings"), py::arg("usage"));
+            py::arg("settings"), py::arg("usage"), py::arg("lazy"));
   scene.def("update_mesh", &update_mesh<T>, py::arg("mesh_id"), py::arg("positions").noconvert());
   scene.def("replace_mesh", &replace_mesh<T>, py::arg("mesh_id"), py::arg("positions").noconvert(),
             py::arg("triangles").noconvert());

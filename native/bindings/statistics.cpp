@@ -18,6 +18,7 @@ py::dict to_dict(const TreeStatistics& tree) {
   row["primitive_count"] = tree.primitive_count;
   row["vertex_count"] = tree.vertex_count;
   row["user_count"] = tree.user_count;
+  row["is_built"] = tree.is_built;
   row["is_refittable"] = tree.is_refittable;
   row["node_count"] = tree.node_count;
   row["leaf_count"] = tree.leaf_count;

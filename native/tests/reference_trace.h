@@ -30,7 +30,7 @@ inline std::vector<ReferenceHit> reference_hits(const Snapshot& snapshot, const 
     world.origin[axis] *= static_cast<double>(snapshot.view.scale);
     world.direction[axis] *= static_cast<double>(snapshot.view.scale);
   }
-  if (!bring_near(world, static_cast<double>(snapshot.view.extent.reach))) return found;
+  if (!bring_near(world, static_cast<double>(snapshot.view.reach))) return found;
   for (std::size_t index = 0; index < snapshot.instances.size(); ++index) {
     const Instance& instance = snapshot.instances[index];
     const InstanceView& view = snapshot.instance_views[index];

@@ -143,14 +143,15 @@ scales = st.sampled_from([1e-20, 1e-6, 1.0, 1e5, 1e12])
     rays=hnp.arrays(np.float32, (2, 40, 3), elements=coordinates.map(np.float32)),
     scale=scales,
     builder=st.sampled_from(["auto", "median", "spatial", "fast"]),
+    lazy=st.booleans(),
 )
-def test_meshes_of_any_kind_against_the_oracle(corners, triangles, rays, scale, builder):
+def test_meshes_of_any_kind_against_the_oracle(corners, triangles, rays, scale, builder, lazy):
     """Coincident, degenerate, flat and thin triangles, rays on their planes, edges and corners, at any size."""
     positions, (origins, targets) = (array * np.float32(scale) for array in (corners, rays))
     directions = targets - origins
     made = perfect_bvh.Scene()
     build = builder if builder == "auto" else perfect_bvh.BuildConfig(builder=builder)
-    ident = made.add_instance(made.add_mesh(positions, triangles, build=build))
+    ident = made.add_instance(made.add_mesh(positions, triangles, build=build, lazy=lazy))
     made.commit()
     world = WorldTriangles.of([(ident, positions, triangles, np.eye(4), 0xFFFFFFFF)])
     hits = made.cast_rays(origins, directions)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
+# deferred: a lazy mesh that no ray has reached: its tree is not built; `statistics()` tells when it is.
 # refitted: new boxes, the same tree. rotated, partly_rebuilt: refitted, then mended where motion had loosened it.
-MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt"]
+MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt", "deferred"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +32,8 @@ class MeshReport:
     where there was no choice. expected_rays: how many were expected to meet the mesh's box, None if nobody said.
     node_visits, leaf_visits: what a random ray that meets the box is expected to visit of the tree that is traced now.
 
-    builder: what made the tree (now, or before it was refitted), layout: of its leaves; both as in `BuildConfig`.
+    builder: what made the tree (now, or before it was refitted; or will make it), layout: of its leaves; both as in
+    `BuildConfig`.
     milliseconds: of one mesh, on however many threads; then of its stages, 0 for those that did not run: building the
     binary tree, improving it by reinsertion, collapsing it into the wide tree that rays are traced through; or
     refitting that (also where it was then found too slow to trace) and mending it by rotations or by building parts
@@ -143,6 +145,8 @@ class CommitReport:
 class TreeStatistics:
     """One tree. mesh_id: -1 for the top level. builder: what made it, layout: of its leaves; both as in `BuildConfig`.
 
+    is_built: False for a lazy mesh as long as no ray has reached it; everything about its trees is then 0 or None.
+
     primitive_count, vertex_count: of the mesh; of the top level, instances and 0. user_count: instances of the mesh.
 
     Of the binary tree that the wide one was made from; of a mesh whose tree was built straight into the one that rays
@@ -171,6 +175,7 @@ class TreeStatistics:
     primitive_count: int
     vertex_count: int
     user_count: int
+    is_built: bool
     is_refittable: bool
     node_count: int
     leaf_count: int

@@ -55,6 +55,7 @@ class Scene(Queries):
         triangles: npt.ArrayLike,
         build: Literal["auto"] | BuildConfig = "auto",
         usage: Usage = "static",
+        lazy: bool = False,
     ) -> int:
         """Adds a mesh and returns its id. It is seen only through instances.
 
@@ -63,14 +64,17 @@ class Scene(Queries):
         build: "auto" or a `BuildConfig`. usage: what will happen to the mesh: "static" (nothing, or rigid motion),
             "deforming" (its positions) or "changing" (its topology). "auto" builds a mesh of the last kind with the
             "fast" builder, others with "binned".
+        lazy: the tree is built when the first ray, or the first search for a closest point, reaches a box of one of the
+            mesh's instances, and never if none does. Answers are the same; commits are shorter, and the first query
+            that reaches the mesh takes as much longer, on all of the engine's threads, whatever its own number. If it
+            is stopped meanwhile (`progress`, Ctrl-C, memory), nothing is built, and the next query tries again. Once
+            built, the mesh is treated like any other by later commits.
 
         Raises ValueError for non-finite positions and for indices out of range.
         """
         _check_usage("add_mesh", usage)
-        settings = _as_config(build).as_settings()
-        return self._scene.add_mesh(
-            as_rows("add_mesh", "positions", positions), as_triangles("add_mesh", triangles), settings, usage
-        )
+        rows, corners = as_rows("add_mesh", "positions", positions), as_triangles("add_mesh", triangles)
+        return self._scene.add_mesh(rows, corners, _as_config(build).as_settings(), usage, bool(lazy))
 
     def update_mesh(self, mesh: int, positions: npt.ArrayLike) -> None:
         """Moves a mesh's vertices: (V, 3) with as many rows as before.

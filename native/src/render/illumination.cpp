@@ -28,8 +28,10 @@ bool is_black(Vec3f color) noexcept { return !(color.x > 0.0f || color.y > 0.0f 
 
 }  // namespace
 
-Illumination::Illumination(const Snapshot& snapshot, const Appearance& appearance, std::uint32_t seed, int light_rays)
+Illumination::Illumination(const Snapshot& snapshot, const Appearance& appearance, std::uint32_t seed, int light_rays,
+                           CancelToken& cancel)
     : snapshot_(snapshot),
+      cancel_(cancel),
       appearance_(appearance),
       seed_(seed),
       light_rays_(light_rays),
@@ -143,7 +145,7 @@ void Illumination::aim(const Points& at, std::uint32_t row, const Light& light, 
 void Illumination::block(Scratch& scratch) const {
   if (appearance_.any_transparent()) return block_partly(scratch);
   scratch.blocked.resize(scratch.rays.size());
-  trace_occluded(snapshot_, scratch.rays, scratch.blocked);
+  trace_occluded(snapshot_, cancel_, scratch.rays, scratch.blocked);
   for (std::size_t i = 0; i < scratch.rays.size(); ++i) {
     if (scratch.blocked[i] != 0) scratch.carried[i] = {0, 0, 0};
   }
@@ -153,7 +155,7 @@ void Illumination::block(Scratch& scratch) const {
 void Illumination::block_partly(Scratch& scratch) const {
   for (int layer = 0; layer < kMostLayers; ++layer) {
     scratch.hits.resize(scratch.rays.size());
-    trace_closest(snapshot_, scratch.rays, scratch.hits);
+    trace_closest(snapshot_, cancel_, scratch.rays, scratch.hits);
     bool goes_on = false;
     for (std::size_t i = 0; i < scratch.rays.size(); ++i) {
       const Hit& hit = scratch.hits[i];
@@ -187,7 +189,7 @@ void Illumination::add_surroundings(const Points& at, std::uint32_t index, Scrat
     scratch.rays.push_back(ray_from(point, direction, kInfiniteDistance, appearance_.shadow_mask));
   }
   scratch.hits.resize(scratch.rays.size());
-  trace_closest(snapshot_, scratch.rays, scratch.hits);
+  trace_closest(snapshot_, cancel_, scratch.rays, scratch.hits);
   scratch.bounce_points.clear(), scratch.bounce_places.clear();
   constexpr SurfaceNeeds kAll{.normals = true, .origins = true, .materials = true};
   find_surfaces(snapshot_, appearance_, kAll, scratch.rays, scratch.hits, scratch.bounce_points);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/aligned.h"
+#include "core/cancel.h"
 #include "render/appearance.h"
 #include "render/material.h"
 #include "render/surface.h"
@@ -33,7 +34,8 @@ class Illumination {
   };
 
   // All of it outlives this. light_rays: towards each source of light, for each point and sample.
-  Illumination(const Snapshot& snapshot, const Appearance& appearance, std::uint32_t seed, int light_rays);
+  Illumination(const Snapshot& snapshot, const Appearance& appearance, std::uint32_t seed, int light_rays,
+               CancelToken& cancel);
 
   // places: a number for each point by which its samples differ from its neighbours' (sampling::z_order).
   void gather(std::span<const SurfacePoint> points, std::span<const std::uint32_t> places, std::uint32_t sample,
@@ -61,6 +63,7 @@ class Illumination {
   void block_partly(Scratch& scratch) const;
 
   const Snapshot& snapshot_;
+  CancelToken& cancel_;
   const Appearance& appearance_;
   std::uint32_t seed_;
   int light_rays_;

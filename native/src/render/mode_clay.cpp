@@ -16,14 +16,15 @@ constexpr float kKeyReach = 2.5f;       // of the key light's shadows, in reache
 constexpr float kBounce = 0.32f;
 
 float default_distance(const Snapshot& snapshot) noexcept {
-  const Aabb bounds = snapshot.tlas.bounds();
-  return bounds.is_empty() ? 1.0f : std::max(length(bounds.extent()) * kDefaultReach, 1e-30f);
+  const Aabb& box = snapshot.bounds;
+  return box.is_empty() ? 1.0f : std::max(length(box.extent()) * kDefaultReach, 1e-30f);
 }
 
 class ClayMode final : public ShadingMode {
  public:
   explicit ClayMode(const ModeInputs& inputs)
       : snapshot_(inputs.snapshot),
+        cancel_(inputs.cancel),
         appearance_(inputs.appearance),
         settings_(inputs.settings.clay),
         studio_(inputs.camera),
@@ -128,7 +129,7 @@ class ClayMode final : public ShadingMode {
 
   void trace(ShadeScratch& scratch) const {
     scratch.hits.resize(scratch.rays.size());
-    trace_closest(snapshot_, scratch.rays, scratch.hits);
+    trace_closest(snapshot_, cancel_, scratch.rays, scratch.hits);
   }
 
   [[nodiscard]] static std::uint32_t place_of(const ShadeTask& task, const SurfacePoint& point) noexcept {
@@ -149,6 +150,7 @@ class ClayMode final : public ShadingMode {
   }
 
   const Snapshot& snapshot_;
+  CancelToken& cancel_;
   const Appearance& appearance_;
   ClaySettings settings_;
   Studio studio_;

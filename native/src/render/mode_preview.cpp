@@ -15,8 +15,10 @@ class PreviewMode final : public ShadingMode {
  public:
   explicit PreviewMode(const ModeInputs& inputs)
       : snapshot_(inputs.snapshot),
+        cancel_(inputs.cancel),
         appearance_(inputs.appearance),
-        illumination_(inputs.snapshot, inputs.appearance, inputs.settings.seed, inputs.settings.preview.light_rays) {}
+        illumination_(inputs.snapshot, inputs.appearance, inputs.settings.seed, inputs.settings.preview.light_rays,
+                      inputs.cancel) {}
 
   [[nodiscard]] SurfaceNeeds needs() const noexcept override {
     return {.normals = true, .origins = true, .materials = true};
@@ -93,7 +95,7 @@ class PreviewMode final : public ShadingMode {
       go_on(seen, layer, next);
       if (next.rays.empty()) return;
       next.hits.resize(next.rays.size());
-      trace_closest(snapshot_, next.rays, next.hits);
+      trace_closest(snapshot_, cancel_, next.rays, next.hits);
       add_backdrop(task, next);
       next.points.clear();
       find_surfaces(snapshot_, appearance_, needs(), next.rays, next.hits, next.points);
@@ -129,6 +131,7 @@ class PreviewMode final : public ShadingMode {
   }
 
   const Snapshot& snapshot_;
+  CancelToken& cancel_;
   const Appearance& appearance_;
   Illumination illumination_;
 };

@@ -62,7 +62,7 @@ void render(const Snapshot& snapshot, const Camera& camera, const Appearance& ap
   check(settings);
   const RayMaker rays(camera, settings.width, settings.height);
   const PixelRect border = border_pixels(camera, settings.width, settings.height);
-  const TileRenderer renderer({snapshot, appearance, rays, settings}, border, targets);
+  const TileRenderer renderer({snapshot, appearance, rays, settings, cancel}, border, targets);
   const PixelRect area = renderer.area();
   const std::size_t count = tile_count(area);
   cancel.expect(count);

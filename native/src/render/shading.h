@@ -7,6 +7,7 @@
 #include <memory>
 #include <span>
 
+#include "core/cancel.h"
 #include "render/appearance.h"
 #include "render/camera.h"
 #include "render/illumination.h"
@@ -66,6 +67,7 @@ struct ModeInputs {
   const Appearance& appearance;
   const RayMaker& camera;
   const RenderSettings& settings;
+  CancelToken& cancel;
 };
 
 [[nodiscard]] std::unique_ptr<ShadingMode> make_preview_mode(const ModeInputs& inputs);

@@ -52,7 +52,7 @@ void TileRenderer::place_pixels(PixelRect tile, TileScratch& scratch) const {
 
 void TileRenderer::trace(TileScratch& scratch, bool with_counts) const {
   scratch.counts.assign(with_counts ? scratch.rays.size() : 0, RayCounts{});
-  trace_closest(inputs_.snapshot, scratch.rays, scratch.hits, Cull::kNone, scratch.counts);
+  trace_closest(inputs_.snapshot, inputs_.cancel, scratch.rays, scratch.hits, Cull::kNone, scratch.counts);
 }
 
 void TileRenderer::trace_centres(TileScratch& scratch) const {

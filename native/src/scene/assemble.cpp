@@ -7,6 +7,7 @@
 #include "core/stopwatch.h"
 #include "scene/blas_build.h"
 #include "scene/instance_placing.h"
+#include "scene/lazy_trees.h"
 #include "scene/scene.h"
 #include "scene/top_level.h"
 #include "scene/top_level_refit.h"
@@ -117,7 +118,7 @@ AlignedVector<PrimRef> Scene::place_instances(Snapshot& snapshot, const BlasMap&
 void Scene::assemble(Snapshot& snapshot, const BlasMap& blases, const CommitOptions& options, ThreadPool& pool,
                      CancelToken& cancel, TopLevelReport& report) const {
   Stopwatch watch;
-  snapshot.blases.clear(), snapshot.meshes.clear();
+  snapshot.blases.clear(), snapshot.meshes.clear(), snapshot.lazy_trees.reset();
   AlignedVector<PrimRef> boxes = place_instances(snapshot, blases, pool, cancel);
   for (const auto& [mesh_id, blas] : blases) {
     snapshot.blases.push_back(blas);
@@ -127,6 +128,7 @@ void Scene::assemble(Snapshot& snapshot, const BlasMap& blases, const CommitOpti
   report.is_refitted = try_refit(snapshot, boxes, options.expected_rays, report, pool, cancel);
   if (!report.is_refitted) build(snapshot, boxes, report, pool, cancel);
   make_trace_view(snapshot, pool, cancel);
+  snapshot.lazy_trees = LazyTrees::of(snapshot);
 }
 
 }  // namespace perfect_bvh

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 
+#include "scene/lazy_trees.h"
 #include "scene/ray_columns.h"
 #include "scene/trace.h"
 #include "traverse/dispatch.h"
@@ -59,7 +60,9 @@ std::size_t compute_closest_points(const Snapshot& snapshot, const PointColumns&
         queries[i] = load_query(columns, first + i);
         invalid += is_valid(queries[i]) ? 0 : 1;
       }
-      find_closest_points(snapshot.view, std::span(queries.data(), count), std::span(nearest.data(), count));
+      with_trees(snapshot, cancel, [&](const SceneView& view) {
+        find_closest_points(view, std::span(queries.data(), count), std::span(nearest.data(), count));
+      });
       for (std::size_t i = 0; i < count; ++i) store(out, first + i, snapshot, nearest[i]);
     }
     invalid_count.fetch_add(invalid, std::memory_order_relaxed);

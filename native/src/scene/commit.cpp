@@ -68,7 +68,8 @@ std::vector<Scene::BlasResult> Scene::make_changed_blases(const CommitOptions& o
   const auto make = [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       cancel.throw_if_stopped();
-      results[i] = make_blas(changed[i], options, pool, cancel);
+      results[i] = is_deferred(*changed[i].slot) ? defer_blas(changed[i], options)
+                                                 : make_blas(changed[i], options, pool, cancel);
     }
   };
   parallel_for(pool, changed.size(), 1, make, 0, [&] {
@@ -103,6 +104,7 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOp
     const std::lock_guard lock(state_mutex_);
     return stale_count_;
   }();
+  adopt_built_trees();
   auto results = make_changed_blases(options, pool, cancel);
   report.kept_count = meshes_.size() - results.size();
   report.mesh_milliseconds = watch.milliseconds();

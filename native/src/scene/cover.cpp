@@ -108,10 +108,21 @@ std::vector<Aabb> cover_boxes(const WideBvh& tree, const TriangleMesh& mesh, std
   return opening.kept();
 }
 
+std::vector<Aabb> cover_boxes(const TriangleMesh& mesh, std::size_t limit) {
+  const std::size_t count = mesh.triangle_count(), run_count = std::min(limit, count);
+  std::vector<Aabb> boxes(run_count);
+  for (std::size_t run = 0; run < run_count; ++run) {
+    const std::size_t end = count * (run + 1) / run_count;
+    for (std::size_t i = count * run / run_count; i < end; ++i) boxes[run].grow(mesh.triangle_box(i));
+  }
+  return boxes;
+}
+
 Cover make_cover(const std::vector<Aabb>& boxes) {
   Cover cover;
   for (std::size_t first = 0; first < boxes.size(); first += 4) cover.groups.push_back(make_group(boxes, first));
   for (const Aabb& box : boxes) {
+    cover.box.grow(box);
     for (int axis = 0; axis < 3; ++axis) {
       cover.reach = std::max({cover.reach, static_cast<double>(std::abs(box.lower[axis])),
                               static_cast<double>(std::abs(box.upper[axis]))});
@@ -146,6 +157,23 @@ Aabb transformed_bounds(const Cover& cover, const Affine& map) {
   for (int axis = 0; axis < 3; ++axis) {
     set_range(result, axis, map.translation[axis], static_cast<double>(least_of(lower[axis])),
               static_cast<double>(greatest_of(upper[axis])), cover.reach, {map.x[axis], map.y[axis], map.z[axis]});
+  }
+  return result;
+}
+
+Aabb transformed_box(const Aabb& box, const Affine& map) {
+  if (box.is_empty()) return {};
+  Aabb result;
+  const Vec3d lower = to_double(box.lower), upper = to_double(box.upper);
+  for (int axis = 0; axis < 3; ++axis) {
+    const Vec3d row{map.x[axis], map.y[axis], map.z[axis]};
+    double least = map.translation[axis], greatest = least;
+    for (int i = 0; i < 3; ++i) {
+      least += std::min(row[i] * lower[i], row[i] * upper[i]);
+      greatest += std::max(row[i] * lower[i], row[i] * upper[i]);
+    }
+    result.lower[axis] = static_cast<float>(least);
+    result.upper[axis] = static_cast<float>(greatest);
   }
   return result;
 }

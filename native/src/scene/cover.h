@@ -23,6 +23,7 @@ struct alignas(16) CoverGroup {
 struct Cover {
   AlignedVector<CoverGroup> groups;  // places to spare repeat the first box; empty over an empty mesh
   double reach = 0;                  // the largest magnitude of a coordinate
+  Aabb box;                          // around all of them: that of the triangles, whatever the tree
 };
 
 // Past some dozens of boxes the bounds hardly tighten.
@@ -31,6 +32,8 @@ inline constexpr std::size_t kCoverBoxes = 32;
 // At most `limit` boxes that hold every primitive of the tree; empty for an empty tree.
 [[nodiscard]] std::vector<Aabb> cover_boxes(const Bvh2& tree, std::size_t limit);
 [[nodiscard]] std::vector<Aabb> cover_boxes(const WideBvh& tree, const TriangleMesh& mesh, std::size_t limit);
+// Of a mesh without a tree: boxes around runs of consecutive triangles, which mostly lie near each other.
+[[nodiscard]] std::vector<Aabb> cover_boxes(const TriangleMesh& mesh, std::size_t limit);
 [[nodiscard]] Cover make_cover(const std::vector<Aabb>& boxes);
 [[nodiscard]] inline Cover make_cover(const Bvh2& tree, std::size_t limit = kCoverBoxes) {
   return make_cover(cover_boxes(tree, limit));
@@ -50,5 +53,8 @@ inline void set_range(Aabb& box, int axis, double place, double least, double gr
 
 // The world box of what is covered, rounded outward and with a margin: every hit in the mesh lies inside it.
 [[nodiscard]] Aabb transformed_bounds(const Cover& cover, const Affine& map);
+
+// The world box of a box, to the nearest float; empty for an empty one.
+[[nodiscard]] Aabb transformed_box(const Aabb& box, const Affine& map);
 
 }  // namespace perfect_bvh

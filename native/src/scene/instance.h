@@ -19,6 +19,7 @@
 
 namespace perfect_bvh {
 
+class DeferredTree;
 struct WideCosts;
 
 // The tree of one distinct mesh, with its geometry. Immutable once a snapshot refers to it.
@@ -41,6 +42,8 @@ struct Blas {
   std::shared_ptr<SpareTree> spare;              // where `wide` goes at the end; null: nowhere
   LazySupport support;                           // of `wide`, where many instances ask for it
   Cover cover;                                   // a few boxes that hold the whole mesh
+  // Of a mesh that is built when the first ray reaches it, else null. There is then no tree here, only the one to come.
+  std::shared_ptr<DeferredTree> deferred;
 };
 
 struct Instance {

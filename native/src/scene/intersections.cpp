@@ -6,6 +6,7 @@
 
 #include "core/aligned.h"
 #include "core/errors.h"
+#include "scene/lazy_trees.h"
 #include "traverse/dispatch.h"
 
 namespace perfect_bvh {
@@ -17,11 +18,13 @@ constexpr std::size_t kUsualHits = 4 * kBlockRays;
 // ray needs.
 template <class Take>
 void for_each_ray(const Snapshot& snapshot, std::span<const Ray> rays, Cull cull, AlignedVector<FoundHit>& room,
-                  Take&& take) {
+                  CancelToken& cancel, Take&& take) {
   std::array<std::size_t, kBlockRays> counts;
   for (std::size_t done = 0; done < rays.size();) {
     const RayBatch batch{rays.data() + done, rays.size() - done, cull};
-    const std::size_t finished = find_all_hits(snapshot.view, batch, {room.data(), room.size(), counts.data()});
+    const std::size_t finished = with_trees(snapshot, cancel, [&](const SceneView& view) {
+      return find_all_hits(view, batch, {room.data(), room.size(), counts.data()});
+    });
     if (finished == 0) room.resize(std::max(counts[0], kUsualHits));
     std::size_t first = 0;
     for (std::size_t i = 0; i < finished; ++i) {
@@ -60,16 +63,19 @@ std::int32_t to_count(std::size_t count) {
 std::size_t count_intersections(const Snapshot& snapshot, const RayColumns& columns, std::int32_t* counts,
                                 ThreadPool& pool, int max_threads, CancelToken& cancel) {
   return for_each_block(columns, pool, max_threads, cancel, [&](std::span<const Ray> rays, std::size_t first) {
-    if (snapshot.view.repeats_triangles) {
+    std::array<std::size_t, kBlockRays> found;
+    const bool repeats = with_trees(snapshot, cancel, [&](const SceneView& view) {
+      if (view.repeats_triangles) return true;
+      static_cast<void>(find_all_hits(view, {rays.data(), rays.size(), columns.cull}, {nullptr, 0, found.data()}));
+      return false;
+    });
+    if (repeats) {
       AlignedVector<FoundHit> room(kUsualHits);
-      for_each_ray(snapshot, rays, columns.cull, room, [&](std::size_t row, std::span<FoundHit> hits) {
+      for_each_ray(snapshot, rays, columns.cull, room, cancel, [&](std::size_t row, std::span<FoundHit> hits) {
         counts[first + row] = to_count(sort_once_each(hits, snapshot).size());
       });
       return;
     }
-    std::array<std::size_t, kBlockRays> found;
-    static_cast<void>(
-        find_all_hits(snapshot.view, {rays.data(), rays.size(), columns.cull}, {nullptr, 0, found.data()}));
     std::transform(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(rays.size()), counts + first, to_count);
   });
 }
@@ -79,7 +85,7 @@ std::size_t list_intersections(const Snapshot& snapshot, const RayColumns& colum
                                int max_threads, CancelToken& cancel) {
   return for_each_block(columns, pool, max_threads, cancel, [&](std::span<const Ray> rays, std::size_t first) {
     AlignedVector<FoundHit> room(kUsualHits);
-    for_each_ray(snapshot, rays, columns.cull, room, [&](std::size_t row, std::span<FoundHit> found) {
+    for_each_ray(snapshot, rays, columns.cull, room, cancel, [&](std::size_t row, std::span<FoundHit> found) {
       const std::span<FoundHit> sorted = sort_once_each(found, snapshot);
       const auto begin = static_cast<std::size_t>(splits[first + row]);
       const std::size_t wanted = static_cast<std::size_t>(splits[first + row + 1]) - begin;

@@ -21,7 +21,7 @@ BatchSummary cast_rays(const Snapshot& snapshot, const RayColumns& columns, cons
     AlignedVector<Hit> hits(rays.size());
     AlignedVector<RayCounts> counts(counted ? rays.size() : 0);
     packet_count.fetch_add(
-        trace_closest(snapshot, rays, hits, columns.cull, counts, columns.precision, columns.strategy),
+        trace_closest(snapshot, cancel, rays, hits, columns.cull, counts, columns.precision, columns.strategy),
         std::memory_order_relaxed);
     for (std::size_t i = 0; i < rays.size(); ++i) {
       store_hit(out, first + i, snapshot, hits[i], rays[i]);
@@ -37,8 +37,8 @@ BatchSummary cast_rays(const Snapshot& snapshot, const RayColumns& columns, cons
 std::size_t test_occlusions(const Snapshot& snapshot, const RayColumns& columns, std::uint8_t* occluded,
                             ThreadPool& pool, int max_threads, CancelToken& cancel) {
   const auto trace = [&](std::span<const Ray> rays, std::size_t first) {
-    trace_occluded(snapshot, rays, std::span(occluded + first, rays.size()), columns.cull, {}, columns.precision,
-                   columns.strategy);
+    trace_occluded(snapshot, cancel, rays, std::span(occluded + first, rays.size()), columns.cull, {},
+                   columns.precision, columns.strategy);
   };
   return for_each_block(columns, pool, max_threads, cancel, trace, block_rays(columns));
 }

@@ -78,11 +78,12 @@ void Scene::mark_edited() {
   ++edit_count_;
 }
 
-std::int32_t Scene::add_mesh(TriangleMesh mesh, const BuildConfig& config, Usage usage) {
+std::int32_t Scene::add_mesh(TriangleMesh mesh, const BuildConfig& config, Usage usage, bool is_lazy) {
   const std::lock_guard lock(edit_mutex_);
   MeshSlot slot;
   slot.config = config;
   slot.usage = usage;
+  slot.is_lazy = is_lazy;
   slot.edited = std::make_shared<const TriangleMesh>(std::move(mesh));
   meshes_.emplace(next_mesh_id_, std::move(slot));
   mark_edited();

@@ -39,7 +39,8 @@ class Scene {
   Scene& operator=(const Scene&) = delete;
 
   // Every edit checks all of its input before it changes anything; ids are never reused.
-  std::int32_t add_mesh(TriangleMesh mesh, const BuildConfig& config, Usage usage);
+  // is_lazy: its tree is built when the first ray reaches it.
+  std::int32_t add_mesh(TriangleMesh mesh, const BuildConfig& config, Usage usage, bool is_lazy = false);
   template <class T>
   void update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions);  // same topology
   void replace_mesh(std::int32_t mesh_id, TriangleMesh mesh);
@@ -71,6 +72,7 @@ class Scene {
   struct MeshSlot {
     BuildConfig config;
     Usage usage = Usage::kStatic;
+    bool is_lazy = false;
     std::shared_ptr<const Blas> blas;            // committed; null before the first commit
     std::shared_ptr<const TriangleMesh> edited;  // waiting; null if nothing is
     bool same_topology = false;                  // of `edited` and `blas`
@@ -114,6 +116,9 @@ class Scene {
                               CancelToken& cancel);
   std::vector<BlasResult> make_changed_blases(const CommitOptions& options, ThreadPool& pool,
                                               CancelToken& cancel) const;
+  static bool is_deferred(const MeshSlot& slot) noexcept;
+  static BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options);
+  void adopt_built_trees();  // that rays were the first to need
   // The result has a row for each instance, empty where its mesh is.
   AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const BlasMap& blases, ThreadPool& pool,
                                          CancelToken& cancel) const;

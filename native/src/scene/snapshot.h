@@ -15,6 +15,8 @@
 
 namespace perfect_bvh {
 
+class LazyTrees;
+
 struct Snapshot {
   std::vector<std::shared_ptr<const Blas>> blases;           // keeps alive what the instances point to
   std::vector<std::pair<std::int32_t, const Blas*>> meshes;  // by mesh id; baked copies are not among them
@@ -23,6 +25,8 @@ struct Snapshot {
   WideBvh top_level;                                         // the same, as rays are traced through it
   AlignedVector<InstanceView> instance_views;                // what kernels see of `instances`, row by row
   SceneView view;                                            // points into this snapshot
+  Aabb bounds;                                               // around the meshes' own boxes, placed: whatever the trees
+  std::shared_ptr<LazyTrees> lazy_trees;                     // null if every tree was built by the commit
   const char* top_level_builder = "";                        // that made `tlas`
   TopLevelCost built_cost;                                   // of the top level when it was built
   std::uint64_t generation = 0;

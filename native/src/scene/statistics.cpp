@@ -3,6 +3,7 @@
 #include <map>
 
 #include "scene/blas_build.h"
+#include "scene/deferred_tree.h"
 #include "update/epo.h"
 #include "update/quality.h"
 #include "wide/wide_quality.h"
@@ -37,6 +38,17 @@ void add_bytes(TreeStatistics& row, std::size_t geometry, const Bvh2& binary, co
 }
 
 TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const StatisticsOptions& options) {
+  if (blas.deferred) {
+    TreeStatistics row;
+    row.mesh_id = mesh_id;
+    row.builder = builder_name(blas.config.builder);
+    row.layout = layout_name(blas.config.layout);
+    row.is_built = false;
+    row.primitive_count = blas.mesh.triangle_count();
+    row.vertex_count = blas.mesh.positions.size();
+    row.geometry_byte_count = row.byte_count = blas.mesh.byte_count();
+    return row;
+  }
   const bool was_binary = blas.quality.node_count > 0;
   TreeStatistics row = describe(was_binary ? blas.quality : measure_wide_quality(blas.wide, blas.mesh), options);
   row.mesh_id = mesh_id;
@@ -62,7 +74,7 @@ TreeStatistics describe_top_level(const Snapshot& snapshot, const StatisticsOpti
 // Builders are deterministic: built again, a tree is the one that it was.
 void add_details(TreeStatistics& row, const Blas& blas, const StatisticsOptions& options, ThreadPool& pool,
                  CancelToken& cancel) {
-  if (blas.quality.node_count == 0 && !blas.wide.is_empty) {  // there is no binary tree to tell of
+  if (blas.deferred || (blas.quality.node_count == 0 && !blas.wide.is_empty)) {  // there is no binary tree to tell of
     cancel.advance(2 * blas.mesh.triangle_count());
     return;
   }
@@ -78,16 +90,18 @@ SceneStatistics measure(const Snapshot& snapshot, const StatisticsOptions& optio
                         CancelToken& cancel) {
   SceneStatistics result;
   std::map<std::int32_t, std::size_t> rows;
+  std::vector<const Blas*> newest;  // rays may build more of them meanwhile
   for (const auto& [mesh_id, blas] : snapshot.meshes) {
     rows[mesh_id] = result.meshes.size();
-    result.meshes.push_back(describe_mesh(mesh_id, *blas, options));
+    newest.push_back(&newest_of(*blas));
+    result.meshes.push_back(describe_mesh(mesh_id, *newest.back(), options));
     result.triangle_count += blas->mesh.triangle_count();
   }
   result.top_level = describe_top_level(snapshot, options);
   if (options.is_detailed) {
     cancel.expect(2 * result.triangle_count);
-    for (const auto& [mesh_id, blas] : snapshot.meshes) {
-      add_details(result.meshes[rows[mesh_id]], *blas, options, pool, cancel);
+    for (std::size_t i = 0; i < newest.size(); ++i) {
+      add_details(result.meshes[i], *newest[i], options, pool, cancel);
     }
     result.top_level.leaf_count_variability = measure_leaf_count_variability(snapshot.tlas, kLineCount, pool, cancel);
   }
@@ -99,7 +113,8 @@ SceneStatistics measure(const Snapshot& snapshot, const StatisticsOptions& optio
   result.generation = snapshot.generation;
   result.byte_count = result.top_level.byte_count;
   for (const auto& blas : snapshot.blases) {
-    result.byte_count += blas->mesh.byte_count() + blas->wide.byte_count();
+    const Blas& held = newest_of(*blas);
+    result.byte_count += held.mesh.byte_count() + held.wide.byte_count();
   }
   return result;
 }

@@ -1,21 +1,25 @@
 #include "scene/trace.h"
 
+#include "scene/lazy_trees.h"
 #include "traverse/dispatch.h"
 
 namespace perfect_bvh {
 
-std::size_t trace_closest(const Snapshot& snapshot, std::span<const Ray> rays, std::span<Hit> hits, Cull cull,
-                          std::span<RayCounts> counts, Precision precision, Strategy strategy) {
+std::size_t trace_closest(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays, std::span<Hit> hits,
+                          Cull cull, std::span<RayCounts> counts, Precision precision, Strategy strategy) {
   const RayBatch batch{rays.data(), rays.size(), cull,     counts.empty() ? nullptr : counts.data(),
                        hits.data(), nullptr,     precision};
-  return trace_closest(snapshot.view, batch, TraceOptions{strategy});
+  return with_trees(snapshot, cancel,
+                    [&](const SceneView& view) { return trace_closest(view, batch, TraceOptions{strategy}); });
 }
 
-std::size_t trace_occluded(const Snapshot& snapshot, std::span<const Ray> rays, std::span<std::uint8_t> occluded,
-                           Cull cull, std::span<RayCounts> counts, Precision precision, Strategy strategy) {
+std::size_t trace_occluded(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays,
+                           std::span<std::uint8_t> occluded, Cull cull, std::span<RayCounts> counts,
+                           Precision precision, Strategy strategy) {
   const RayBatch batch{rays.data(), rays.size(),     cull,     counts.empty() ? nullptr : counts.data(),
                        nullptr,     occluded.data(), precision};
-  return trace_any(snapshot.view, batch, TraceOptions{strategy});
+  return with_trees(snapshot, cancel,
+                    [&](const SceneView& view) { return trace_any(view, batch, TraceOptions{strategy}); });
 }
 
 WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit) noexcept {

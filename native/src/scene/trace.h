@@ -5,6 +5,7 @@
 
 #include <span>
 
+#include "core/cancel.h"
 #include "math/vec3.h"
 #include "scene/snapshot.h"
 #include "stats/ray_counts.h"
@@ -14,13 +15,29 @@
 namespace perfect_bvh {
 
 // `counts` is empty, or has a row a ray. Both return how many rays went in packets.
-std::size_t trace_closest(const Snapshot& snapshot, std::span<const Ray> rays, std::span<Hit> hits,
+// `cancel` is heeded while a tree is built that these rays are the first to reach; whatever is thrown then comes from
+// here: Cancelled, bad_alloc.
+std::size_t trace_closest(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays, std::span<Hit> hits,
                           Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
                           Precision precision = Precision::kRobust, Strategy strategy = Strategy::kAuto);
 // occluded[i] = 1 if anything lies within the ray's range.
-std::size_t trace_occluded(const Snapshot& snapshot, std::span<const Ray> rays, std::span<std::uint8_t> occluded,
-                           Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
+std::size_t trace_occluded(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays,
+                           std::span<std::uint8_t> occluded, Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
                            Precision precision = Precision::kRobust, Strategy strategy = Strategy::kAuto);
+
+// The same for whoever does not want to stop.
+inline std::size_t trace_closest(const Snapshot& snapshot, std::span<const Ray> rays, std::span<Hit> hits,
+                                 Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
+                                 Precision precision = Precision::kRobust, Strategy strategy = Strategy::kAuto) {
+  CancelToken never;
+  return trace_closest(snapshot, never, rays, hits, cull, counts, precision, strategy);
+}
+inline std::size_t trace_occluded(const Snapshot& snapshot, std::span<const Ray> rays, std::span<std::uint8_t> occluded,
+                                  Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
+                                  Precision precision = Precision::kRobust, Strategy strategy = Strategy::kAuto) {
+  CancelToken never;
+  return trace_occluded(snapshot, never, rays, occluded, cull, counts, precision, strategy);
+}
 
 // The hit triangle's corners in world space, in winding order.
 struct WorldTriangle {

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "scene/deferred_tree.h"
 #include "wide/wide_boxes.h"
 
 namespace perfect_bvh {
@@ -96,7 +97,7 @@ class BoxLister {
 
 const Blas& find_mesh(const Snapshot& snapshot, std::int32_t mesh_id) {
   for (const auto& [id, blas] : snapshot.meshes) {
-    if (id == mesh_id) return *blas;
+    if (id == mesh_id) return newest_of(*blas);
   }
   throw InvalidArgument("tree_boxes: mesh_id " + std::to_string(mesh_id) + " is not in this snapshot");
 }

@@ -16,6 +16,7 @@ enum class MeshAction : std::uint8_t {
   kRotated,        // refitted, then mended by rotations
   kPartlyRebuilt,  // refitted, then built anew where motion had spoilt it
   kRebuilt,
+  kDeferred,  // not built before a ray reaches it
 };
 
 // What could have been done about a mesh, and what that was expected to cost on one thread.
@@ -35,7 +36,7 @@ struct MeshReport {
   std::vector<AlternativeReport> alternatives;  // empty where there was no choice
   std::optional<double> expected_rays;          // of the mesh; unknown unless told
   double node_visits = 0, leaf_visits = 0;      // expected of such a ray in the tree that is traced now
-  std::string builder;                          // that made the tree, now or before a refit
+  std::string builder;                          // that made the tree, now or before a refit; or will make it
   std::string layout;                           // of the tree's leaves
   double milliseconds = 0;                      // of all stages; those that follow are 0 where a stage did not run
   double build_milliseconds = 0;

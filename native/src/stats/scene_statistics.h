@@ -16,6 +16,7 @@ struct TreeStatistics {
   std::size_t primitive_count = 0;
   std::size_t vertex_count = 0;
   std::size_t user_count = 0;  // instances
+  bool is_built = true;        // false while no ray has reached a lazy mesh: what follows is then of no tree
 
   // The binary tree, whether or not it is still kept; of a tree that was never binary the wide one, with its leaf
   // blocks for leaves. Details are of binary trees alone.

@@ -177,6 +177,11 @@ void visit_triangles(PointSearch& search, const PointFrame& frame, const Leaf& l
 inline void search_instance(PointSearch& search, std::uint32_t index, std::size_t stride) noexcept {
   const InstanceView& instance = search.scene.instances[index];
   if ((instance.mask & search.query.mask) == 0) return;
+  if (instance.root == kUnbuiltRoot) {
+    report_unbuilt(search.scene, index);
+    search.top = 0;
+    return;
+  }
   const char* const places = reinterpret_cast<const char*>(search.scene.places);
   PointFrame frame;
   make_frame(frame, reinterpret_cast<const double*>(places + index * stride), static_cast<double>(instance.scale),

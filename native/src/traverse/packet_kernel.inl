@@ -147,6 +147,15 @@ struct PacketWalk {
     }
   }
 
+  // Rays that reached an instance without a tree go no further.
+  void stop_unbuilt(PacketLevel& top_level, RaySet rays, std::uint32_t index) noexcept {
+    report_unbuilt(scene, index);
+    if (top_level.boxes == nullptr) return;
+    top_level.members &= ~rays;
+    set_ranges<kAny>(packet.world, packet, packet.world_rays, top_level.members);
+    top_level.bounds.t_limit = highest_limit(packet, packet.world);
+  }
+
   void enter_instance(PacketLevel& top_level, RaySet rays, std::uint32_t child, unsigned base) noexcept {
     const std::uint32_t index = child - kInstanceChild;
     const InstanceView& instance = scene.instances[index];
@@ -154,6 +163,7 @@ struct PacketWalk {
       if ((instance.mask & packet.rays[first_ray(left)]->mask) == 0) rays &= ~(left & -left);
     }
     if (rays == 0) return;
+    if (instance.root == kUnbuiltRoot) return stop_unbuilt(top_level, rays, index);
     if (count_rays(rays) < kLeastRays) packet.alone += count_rays(rays);  // the packet is not worth its constants
     rays = map_packet(packet, rays, instance);
     PacketLevel level;

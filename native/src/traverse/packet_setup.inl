@@ -85,7 +85,7 @@ inline RaySet load_packet(Packet& packet, const SceneView& scene, const RayBatch
     valid |= RaySet{ray.t_min <= ray.t_max && i < packet.count} << i;
   }
   rays.moved = 0;
-  return prepare_rays(rays, valid, packet.lanes, static_cast<double>(scene.extent.reach));
+  return prepare_rays(rays, valid, packet.lanes, static_cast<double>(scene.reach));
 }
 
 // Those of `rays` that may hit something of the instance, as its tree sees them.

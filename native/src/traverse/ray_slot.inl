@@ -49,7 +49,7 @@ inline const LeafBlock* blocks_of(const InstanceView& instance) noexcept {
 inline bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexcept {
   if (!(ray.t_min <= ray.t_max)) return false;
   if (!load_ray(slot.world, ray, static_cast<double>(scene.scale))) return false;
-  const double reach = static_cast<double>(scene.extent.reach);
+  const double reach = static_cast<double>(scene.reach);
   if (!stands_near(slot.world, reach) && !bring_near(slot.world, reach)) return false;
   slot.best_t = last_t(ray.t_max);
   slot.u = slot.v = 0.0f;
@@ -69,12 +69,20 @@ inline bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexce
   return true;
 }
 
-// The instance on top of the stack gives way to the root of its tree. False if the ray does not see it.
+// The ray's next step is its last: its tree is wanted first.
+inline void stop_unbuilt(Slot& slot, const SceneView& scene) noexcept {
+  report_unbuilt(scene, slot.instance);
+  slot.top = 1;
+}
+
+// The instance on top of the stack gives way to the root of its tree. False if the ray does not see it: the entry is
+// then to be dropped.
 inline bool enter_instance(Slot& slot, const SceneView& scene, const Ray& ray) noexcept {
   std::uint32_t* const stack = stack_of(slot);
   slot.instance = stack[slot.top] - kInstanceChild;
   const InstanceView& instance = scene.instances[slot.instance];
   if ((instance.mask & ray.mask) == 0) return false;
+  if (instance.root == kUnbuiltRoot) return stop_unbuilt(slot, scene), false;
   ObjectRay local;
   map_to_local(local, slot.world, instance.world_to_local);
   const double reach = static_cast<double>(instance.extent.reach);

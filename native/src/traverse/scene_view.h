@@ -30,7 +30,7 @@ struct alignas(64) InstanceView {
     const IndexedLeaves* indexed_leaves;  // of the compact one
   };
   TreeExtent extent;
-  std::uint32_t root;
+  std::uint32_t root;  // or kUnbuiltRoot
   std::uint32_t mask;  // 0 for an instance over nothing
   std::uint16_t mirrored;
   std::uint16_t is_compact;
@@ -44,20 +44,43 @@ static_assert(sizeof(InstanceView) == 192);  // every ray that enters an instanc
 // second level cache of 2 MB: through 164 MB they are twice as fast, through 9.5 MB 1.2 times, through 3.4 MB .96.
 inline constexpr std::size_t kCachedBytes = std::size_t{8} << 20;
 
+// As an instance's root: its tree is not built yet (scene/lazy_trees.h).
+inline constexpr std::uint32_t kUnbuiltRoot = 0xFFFFFFFFu;
+
+// Instances that rays or points reached before their tree was built. Whoever reaches one stops: the answers of that
+// batch mean nothing.
+struct UnbuiltInstances {
+  static constexpr std::uint32_t kMost = 64;  // more are found when the batch is traced again
+  std::uint32_t count = 0;
+  std::uint32_t rows[kMost];
+};
+
 struct SceneView {
   const WideNode* nodes = nullptr;
   const InstanceView* instances = nullptr;
   TreeExtent extent{};
+  // Rays that begin much further away are moved. Of the meshes' own boxes: t must not depend on trees.
+  float reach = 0.0f;
   float scale = 1.0f;             // boxes are stored times this power of two
   std::uint32_t root = kNoChild;  // of the top level
   bool is_empty = true;
-  bool exceeds_cache = false;       // rays may visit more than kCachedBytes
+  std::size_t tree_bytes = 0;       // that rays may visit
+  bool exceeds_cache = false;       // those are more than kCachedBytes
   bool repeats_triangles = false;   // some tree holds a triangle in several leaves
   std::uint32_t stack_entries = 0;  // the most that any ray can need
   // The first instance's map to the world (columns x, y, z, translation), and how many bytes to the next one's.
   const double* places = nullptr;
   std::size_t place_stride = 0;
+  UnbuiltInstances* unbuilt = nullptr;  // only where some tree may not be built
 };
+
+static inline void report_unbuilt(const SceneView& scene, std::uint32_t instance) noexcept {
+  UnbuiltInstances& reached = *scene.unbuilt;
+  for (std::uint32_t i = 0; i < reached.count; ++i) {
+    if (reached.rows[i] == instance) return;
+  }
+  if (reached.count < UnbuiltInstances::kMost) reached.rows[reached.count++] = instance;
+}
 
 struct RayBatch {
   const Ray* rays = nullptr;

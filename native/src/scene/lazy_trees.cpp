@@ -1,0 +1,46 @@
+#include "scene/lazy_trees.h"
+
+#include <algorithm>
+
+#include "core/thread_pool.h"
+#include "scene/deferred_tree.h"
+#include "scene/trace_view.h"
+
+namespace perfect_bvh {
+
+std::shared_ptr<LazyTrees> LazyTrees::of(Snapshot& snapshot) {
+  std::shared_ptr<LazyTrees> trees(new LazyTrees(snapshot));
+  for (std::size_t row = 0; row < snapshot.instances.size(); ++row) {
+    const Blas* const blas = snapshot.instances[row].blas;
+    if (blas->deferred) trees->rows_[blas].push_back(static_cast<std::uint32_t>(row));
+  }
+  trees->missing_count_ = trees->rows_.size();
+  return trees->rows_.empty() ? nullptr : trees;
+}
+
+void LazyTrees::build(const UnbuiltInstances& reached, CancelToken& cancel) {
+  std::vector<const Blas*> meshes;
+  for (std::uint32_t i = 0; i < reached.count; ++i) meshes.push_back(snapshot_.instances[reached.rows[i]].blas);
+  std::sort(meshes.begin(), meshes.end());
+  meshes.erase(std::unique(meshes.begin(), meshes.end()), meshes.end());
+  ThreadPool& pool = ThreadPool::shared();
+  const auto make = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) show(*meshes[i], meshes[i]->deferred->get(pool, cancel));
+  };
+  parallel_for(pool, meshes.size(), 1, make, 0, [&] { cancel.checkpoint(); });
+}
+
+void LazyTrees::show(const Blas& mesh, const Blas& built) {
+  const std::lock_guard turn(turn_);
+  const std::lock_guard views(views_mutex_);
+  const auto found = rows_.find(&mesh);
+  if (found == rows_.end()) return;  // somebody else did
+  admit_tree(snapshot_.view, snapshot_.top_level, built.wide);
+  for (const std::uint32_t row : found->second) {
+    snapshot_.instance_views[row] = view_of_built(snapshot_.instances[row], built, snapshot_.top_level.scale);
+  }
+  rows_.erase(found);
+  missing_count_.fetch_sub(1, std::memory_order_release);
+}
+
+}  // namespace perfect_bvh
