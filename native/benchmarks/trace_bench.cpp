@@ -1,9 +1,9 @@
 // trace_bench [options] MESH.bin...
-//   --rounds N       interleaved rounds (7)             --kinds a,b        of
-//   primary,tiled,shadow,diffuse,shuffled,occlusion
+//   --rounds N       interleaved rounds (7)
+//   --kinds a,b      of primary,tiled,shadow,diffuse,shuffled,occlusion (all)
 //   --isas a,b       kernels (all)                       --in-flight a,b    rays under way (0: the default)
 //   --strategies a,b of auto,packets,stream,single (auto)
-//   --layouts a,b    of default,compact (default)
+//   --layouts a,b    of default,compact (default)       --precisions a,b   of robust,fast (robust)
 //   --peers a,b      embree, embree_avx2, embree_robust, embree_compact, embree_packets (embree)
 //   --size WxH       of the image (640x400)              --json OUT.json
 //   --leaks N        instead: N rays at random vertices and N at random edge points of closed, star-shaped meshes
@@ -27,9 +27,9 @@
 #include <tuple>
 
 #include "arguments.h"
-#include "build/builder.h"
 #include "embree_peer.h"
 #include "ray_sets.h"
+#include "scene/blas_build.h"
 #include "traverse/dispatch.h"
 #include "tree_choice.h"
 #include "wide/collapse.h"
@@ -39,7 +39,8 @@ namespace {
 
 struct Options {
   int rounds = 7;
-  std::vector<std::string> kinds, isas, in_flight{"0"}, strategies{"auto"}, layouts{"default"}, peers{"embree"}, meshes;
+  std::vector<std::string> kinds, isas, in_flight{"0"}, strategies{"auto"}, layouts{"default"}, precisions{"robust"},
+      peers{"embree"}, meshes;
   std::uint32_t width = 640, height = 400, reinsert = 0;
   std::size_t leaks = 0;
   std::string json;
@@ -63,6 +64,8 @@ Options parse(int count, char** values) {
       options.strategies = arguments.list();
     } else if (name == "--layouts") {
       options.layouts = arguments.list();
+    } else if (name == "--precisions") {
+      options.precisions = arguments.list();
     } else if (name == "--peers") {
       options.peers = arguments.list();
     } else if (name == "--reinsert") {
@@ -92,7 +95,7 @@ double bytes_a_triangle(std::size_t bytes, const TriangleMesh& mesh) {
   return static_cast<double>(bytes) / static_cast<double>(mesh.triangle_count());
 }
 
-// A scene of one mesh in its own place.
+// A scene of one mesh in its own place, with the tree that meshes get by default.
 struct SingleMesh {
   Bvh2 binary;
   WideBvh wide;
@@ -104,15 +107,10 @@ struct SingleMesh {
   SingleMesh(const TriangleMesh& mesh, TreeLayout layout, std::uint32_t reinsertion_passes) {
     ThreadPool pool(1);
     CancelToken cancel;
-    AlignedVector<PrimRef> prims(mesh.triangle_count());
-    for (std::size_t i = 0; i < prims.size(); ++i) {
-      const Aabb box = mesh.triangle_box(i);
-      prims[i] = {box.lower, static_cast<std::uint32_t>(i), box.upper, 0};
-    }
     BuildConfig config;
+    config.layout = layout;
     config.optimize_passes = reinsertion_passes;
-    config.max_leaf_size = 2;
-    binary = build_bvh2(prims, config, pool, cancel);
+    binary = build_tree(mesh, choose_builder(config, Usage::kStatic), pool, cancel);
     wide = collapse_mesh(binary, mesh, layout, pool, cancel);
     for (int i = 0; i < 3; ++i) instance.world_to_local[i][i] = static_cast<double>(wide.scale);
     bytes_a_triangle = bench::bytes_a_triangle(wide.byte_count() + mesh.byte_count(), mesh);
@@ -150,19 +148,28 @@ Strategy parse_strategy(const std::string& name) {
   throw std::runtime_error("no strategy named " + name);
 }
 
+Precision parse_precision(const std::string& name) {
+  if (name == "robust") return Precision::kRobust;
+  if (name == "fast") return Precision::kFast;
+  throw std::runtime_error("no precision named " + name);
+}
+
 Competitor make_ours(const SingleMesh& ours, const std::string& isa, const std::string& strategy,
-                     const std::string& in_flight) {
+                     const std::string& in_flight, Precision precision) {
   const TraceOptions trace_options{parse_strategy(strategy), std::stoul(in_flight)};
   const std::string name = isa + "/" + strategy + (in_flight == "0" ? "" : "/" + in_flight) +
-                           (ours.wide.layout == TreeLayout::kCompact ? "/compact" : "");
+                           (ours.wide.layout == TreeLayout::kCompact ? "/compact" : "") +
+                           (precision == Precision::kFast ? "/fast" : "");
   return {name,
-          [&ours, isa, trace_options](std::span<const Ray> rays, Hit* hits) {
+          [&ours, isa, trace_options, precision](std::span<const Ray> rays, Hit* hits) {
             set_active_kernels(isa);
-            trace_closest(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, hits, nullptr}, trace_options);
+            trace_closest(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, hits, nullptr, precision},
+                          trace_options);
           },
-          [&ours, isa, trace_options](std::span<const Ray> rays, std::uint8_t* occluded) {
+          [&ours, isa, trace_options, precision](std::span<const Ray> rays, std::uint8_t* occluded) {
             set_active_kernels(isa);
-            trace_any(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, nullptr, occluded}, trace_options);
+            trace_any(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, nullptr, occluded, precision},
+                      trace_options);
           },
           ours.bytes_a_triangle,
           {},
@@ -199,7 +206,11 @@ std::vector<Competitor> make_competitors(const Options& options, const TriangleM
   for (const std::string& isa : isas) {
     for (const std::string& strategy : options.strategies) {
       for (const std::string& in_flight : options.in_flight) {
-        for (const auto& tree : ours) list.push_back(make_ours(*tree, isa, strategy, in_flight));
+        for (const auto& tree : ours) {
+          for (const std::string& precision : options.precisions) {
+            list.push_back(make_ours(*tree, isa, strategy, in_flight, parse_precision(precision)));
+          }
+        }
       }
     }
   }

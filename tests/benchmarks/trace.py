@@ -32,6 +32,7 @@ from perfect_bvh.build_config import LAYOUTS
 from tqdm import tqdm
 
 EMBREE = ("embree", "embree_avx2", "embree_robust", "embree_avx2_robust", "embree_packets")
+PRECISIONS = ("robust", "fast")
 STRATEGIES = ("auto", "packets", "stream", "single")
 
 
@@ -43,6 +44,7 @@ def main() -> None:
     counts = [1000, 10_000, 100_000, 1_000_000]
     add("--instances", type=int, nargs="*", default=counts, metavar="N", help="of the first mesh; no number: none")
     add("--layouts", nargs="+", choices=LAYOUTS, default=["default"], help="of our native trees")
+    add("--precisions", nargs="+", choices=PRECISIONS, default=["robust"], help="of our native kernels")
     chosen = parser.parse_args()
     meshes = options.meshes_of(chosen)
     native, left_out = NativePrograms(chosen.native), list[str]()
@@ -75,7 +77,7 @@ def measure(
     if native.has("trace_bench"):
         embree = [*EMBREE, *(["embree_compact"] if "compact" in chosen.layouts else [])]
         peer_names = ["--peers", ",".join(embree), "--strategies", ",".join(STRATEGIES)]
-        peer_names += ["--layouts", ",".join(chosen.layouts)]
+        peer_names += ["--layouts", ",".join(chosen.layouts), "--precisions", ",".join(chosen.precisions)]
         inside = ["--inside"] if mesh.is_inside else []
         result["native"] = native.run("trace_bench", mesh, [*rounds, *peer_names, "--size", chosen.size, *inside])
     else:
