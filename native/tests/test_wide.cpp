@@ -290,7 +290,7 @@ TEST(FillingLeaves, IsNotForThoseWhoSetCosts) {
 
 template <class Row>
 bool same_rows(const AlignedVector<Row>& a, const AlignedVector<Row>& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Row)) == 0;
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Row)) == 0);
 }
 
 TEST(WideBvh, IsTheSameForAnyNumberOfThreads) {
