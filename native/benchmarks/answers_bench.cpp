@@ -1,4 +1,5 @@
-// answers_bench --rays RAYS.bin --answers OUT.bin --json OUT.json [--peers a,b] [--strategies a,b] MESH.bin
+// answers_bench --rays RAYS.bin --answers OUT.bin --json OUT.json [--peers a,b] [--strategies a,b] [--layouts a,b]
+//   [--precisions a,b] MESH.bin
 //
 // Not for times but for truth: what every competitor answers, for a judge elsewhere. Competitors are named as by
 // trace_bench. RAYS.bin: uint32 count, uint32 1 for any hit, float32 t_max; float32 origins and directions, 3 a ray.
@@ -18,12 +19,14 @@
 #include "ray_sets.h"
 #include "scene/scene.h"
 #include "traverse/dispatch.h"
+#include "tree_choice.h"
+#include "ways.h"
 
 namespace perfect_bvh::bench {
 namespace {
 
 struct Options {
-  std::vector<std::string> peers, strategies{"auto"};
+  std::vector<std::string> peers, strategies{"auto"}, layouts{"default"}, precisions{"robust"};
   std::string mesh, rays, answers, json;
 };
 
@@ -36,6 +39,10 @@ Options parse(int count, char** values) {
       options.peers = arguments.list();
     } else if (name == "--strategies") {
       options.strategies = arguments.list();
+    } else if (name == "--layouts") {
+      options.layouts = arguments.list();
+    } else if (name == "--precisions") {
+      options.precisions = arguments.list();
     } else if (name == "--rays") {
       options.rays = arguments.value();
     } else if (name == "--answers") {
@@ -81,33 +88,30 @@ RayCompetitor embree_competitor(const std::string& name, const TriangleMesh& mes
           [peer](std::span<const Ray> rays, std::uint8_t* occluded) { peer->any(rays, occluded); }};
 }
 
-Strategy parse_strategy(const std::string& name) {
-  if (name == "auto") return Strategy::kAuto;
-  if (name == "packets") return Strategy::kPackets;
-  if (name == "stream") return Strategy::kStream;
-  if (name == "single") return Strategy::kSingle;
-  throw std::runtime_error("no strategy is called " + name);
-}
-
-RayCompetitor our_competitor(const Snapshot& snapshot, const std::string& isa, const std::string& strategy) {
+RayCompetitor our_competitor(const Snapshot& snapshot, const std::string& isa, const std::string& strategy,
+                             Precision precision) {
   const TraceOptions options{parse_strategy(strategy), 0};
-  return {isa + "/" + strategy,
-          [&snapshot, isa, options](std::span<const Ray> rays, Hit* hits) {
+  return {way_name(isa, strategy, snapshot.meshes.front().second->config.layout, precision),
+          [&snapshot, isa, options, precision](std::span<const Ray> rays, Hit* hits) {
             set_active_kernels(isa);
-            trace_closest(snapshot.view, {rays.data(), rays.size(), Cull::kNone, nullptr, hits, nullptr}, options);
+            trace_closest(snapshot.view, {rays.data(), rays.size(), Cull::kNone, nullptr, hits, nullptr, precision},
+                          options);
           },
-          [&snapshot, isa, options](std::span<const Ray> rays, std::uint8_t* occluded) {
+          [&snapshot, isa, options, precision](std::span<const Ray> rays, std::uint8_t* occluded) {
             set_active_kernels(isa);
-            trace_any(snapshot.view, {rays.data(), rays.size(), Cull::kNone, nullptr, nullptr, occluded}, options);
+            trace_any(snapshot.view, {rays.data(), rays.size(), Cull::kNone, nullptr, nullptr, occluded, precision},
+                      options);
           }};
 }
 
-std::shared_ptr<const Snapshot> make_snapshot(const TriangleMesh& mesh) {
+std::shared_ptr<const Snapshot> make_snapshot(const TriangleMesh& mesh, TreeLayout layout) {
   ThreadPool pool(1);
   CancelToken cancel;
   Scene scene;
+  BuildConfig config;
+  config.layout = layout;
   scene.add_instances(
-      std::vector<InstanceInput>{{scene.add_mesh(mesh, BuildConfig{}, Usage::kStatic), Affine{}, ~0u, std::nullopt}});
+      std::vector<InstanceInput>{{scene.add_mesh(mesh, config, Usage::kStatic), Affine{}, ~0u, std::nullopt}});
   scene.commit(pool, cancel);
   return scene.snapshot();
 }
@@ -135,12 +139,17 @@ void write_answers(std::ofstream& file, const RayCompetitor& competitor, const R
 void answer(const Options& options) {
   const TriangleMesh mesh = read_mesh(options.mesh);
   const RaySet set = read_rays(options.rays);
-  const auto snapshot = make_snapshot(mesh);
+  std::vector<std::shared_ptr<const Snapshot>> snapshots;
+  for (const std::string& layout : options.layouts) snapshots.push_back(make_snapshot(mesh, parse_layout(layout)));
   std::vector<RayCompetitor> competitors;
   for (const std::string& peer : options.peers) competitors.push_back(embree_competitor(peer, mesh));
   for (const KernelTable* table : available_kernels()) {
     for (const std::string& strategy : options.strategies) {
-      competitors.push_back(our_competitor(*snapshot, table->name, strategy));
+      for (const auto& snapshot : snapshots) {
+        for (const std::string& precision : options.precisions) {
+          competitors.push_back(our_competitor(*snapshot, table->name, strategy, parse_precision(precision)));
+        }
+      }
     }
   }
   std::ofstream file(options.answers, std::ios::binary);

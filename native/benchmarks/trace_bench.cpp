@@ -32,6 +32,7 @@
 #include "scene/blas_build.h"
 #include "traverse/dispatch.h"
 #include "tree_choice.h"
+#include "ways.h"
 #include "wide/collapse.h"
 
 namespace perfect_bvh::bench {
@@ -140,26 +141,11 @@ struct Competitor {
   std::size_t different = 0;
 };
 
-Strategy parse_strategy(const std::string& name) {
-  if (name == "auto") return Strategy::kAuto;
-  if (name == "packets") return Strategy::kPackets;
-  if (name == "stream") return Strategy::kStream;
-  if (name == "single") return Strategy::kSingle;
-  throw std::runtime_error("no strategy named " + name);
-}
-
-Precision parse_precision(const std::string& name) {
-  if (name == "robust") return Precision::kRobust;
-  if (name == "fast") return Precision::kFast;
-  throw std::runtime_error("no precision named " + name);
-}
-
 Competitor make_ours(const SingleMesh& ours, const std::string& isa, const std::string& strategy,
                      const std::string& in_flight, Precision precision) {
   const TraceOptions trace_options{parse_strategy(strategy), std::stoul(in_flight)};
-  const std::string name = isa + "/" + strategy + (in_flight == "0" ? "" : "/" + in_flight) +
-                           (ours.wide.layout == TreeLayout::kCompact ? "/compact" : "") +
-                           (precision == Precision::kFast ? "/fast" : "");
+  const std::string name =
+      way_name(isa, strategy, ours.wide.layout, precision) + (in_flight == "0" ? "" : "/" + in_flight);
   return {name,
           [&ours, isa, trace_options, precision](std::span<const Ray> rays, Hit* hits) {
             set_active_kernels(isa);

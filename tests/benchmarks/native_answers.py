@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,16 +17,21 @@ PROGRAM = "answers_bench"
 
 
 def ask(
-    native: NativePrograms, mesh: BenchMesh, rays: Rays, peers: Sequence[str], strategies: Sequence[str]
+    native: NativePrograms, mesh: BenchMesh, rays: Rays, peers: Sequence[str], ways: Mapping[str, Sequence[str]]
 ) -> dict[str, Answers]:
-    """By competitor, named as by trace_bench. Where any hit was asked for, primitive_ids is 0 where there is one."""
+    """By competitor, named as by trace_bench. Where any hit was asked for, primitive_ids is 0 where there is one.
+
+    ways: in which ours trace, values by option: "strategies", "layouts", "precisions".
+    """
     with tempfile.TemporaryDirectory() as folder:
         rays_file, answers_file = Path(folder) / "rays.bin", Path(folder) / "answers.bin"
         header = np.array([len(rays), rays.is_any_hit], "<u4").tobytes() + np.array([rays.t_max], "<f4").tobytes()
         columns = (rays.origins.astype("<f4"), rays.directions.astype("<f4"))
         rays_file.write_bytes(b"".join([header, *(column.tobytes() for column in columns)]))
         words = ["--rays", str(rays_file), "--answers", str(answers_file)]
-        words += ["--peers", ",".join(peers), "--strategies", ",".join(strategies)]
+        words += ["--peers", ",".join(peers)]
+        for option, values in ways.items():
+            words += [f"--{option}", ",".join(values)]
         names = native.run(PROGRAM, mesh, words)
         data: npt.NDArray[np.float32] = np.fromfile(answers_file, "<f4").reshape(len(names), 2, len(rays))
     ids = np.ascontiguousarray(data[:, 1]).view("<i4").astype(np.int64)

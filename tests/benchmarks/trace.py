@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -75,9 +75,9 @@ def measure(
     result: dict[str, Any] = {"name": mesh.name, "triangle_count": len(mesh.triangles), "native": [], "instances": []}
     rounds = ["--rounds", str(chosen.rounds)]
     if native.has("trace_bench"):
-        embree = [*EMBREE, *(["embree_compact"] if "compact" in chosen.layouts else [])]
-        peer_names = ["--peers", ",".join(embree), "--strategies", ",".join(STRATEGIES)]
-        peer_names += ["--layouts", ",".join(chosen.layouts), "--precisions", ",".join(chosen.precisions)]
+        peer_names = ["--peers", ",".join(embree_of(chosen))]
+        for option, values in ways_of(chosen).items():
+            peer_names += [f"--{option}", ",".join(values)]
         inside = ["--inside"] if mesh.is_inside else []
         result["native"] = native.run("trace_bench", mesh, [*rounds, *peer_names, "--size", chosen.size, *inside])
     else:
@@ -93,6 +93,16 @@ def measure(
         result["from_python"].append(row)
         bar.update()
     return result
+
+
+def embree_of(chosen: argparse.Namespace) -> list[str]:
+    """Embree's variants to compare with, its compact one where ours is asked for."""
+    return [*EMBREE, *(["embree_compact"] if "compact" in chosen.layouts else [])]
+
+
+def ways_of(chosen: argparse.Namespace) -> dict[str, Sequence[str]]:
+    """In which ways our native kernels trace, by option of the programs."""
+    return {"strategies": STRATEGIES, "layouts": chosen.layouts, "precisions": chosen.precisions}
 
 
 def _one_mesh(
@@ -112,7 +122,7 @@ def _one_mesh(
     judge = Judge(mesh)
     for rays in make_rays(mesh, *options.size_of(chosen)):
         sample = pick_sample(rays, chosen.sample)
-        natively = ask(native, mesh, sample, EMBREE, STRATEGIES) if native.has("answers_bench") else {}
+        natively = ask(native, mesh, sample, embree_of(chosen), ways_of(chosen)) if native.has("answers_bench") else {}
         yield _race(tracers, rays, judge, natively, chosen)
 
 

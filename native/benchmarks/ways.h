@@ -1,0 +1,34 @@
+// The ways in which our kernels trace, by the names that the programs here take and print.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+#include "build/build_config.h"
+#include "traverse/ray.h"
+#include "traverse/strategy.h"
+
+namespace perfect_bvh::bench {
+
+inline Strategy parse_strategy(const std::string& name) {
+  if (name == "auto") return Strategy::kAuto;
+  if (name == "packets") return Strategy::kPackets;
+  if (name == "stream") return Strategy::kStream;
+  if (name == "single") return Strategy::kSingle;
+  throw std::runtime_error("no strategy is called " + name + "; there are auto, packets, stream, single");
+}
+
+inline Precision parse_precision(const std::string& name) {
+  if (name == "robust") return Precision::kRobust;
+  if (name == "fast") return Precision::kFast;
+  throw std::runtime_error("no precision is called " + name + "; there are robust, fast");
+}
+
+// "avx2/auto", and what is not the default after it.
+inline std::string way_name(const std::string& isa, const std::string& strategy, TreeLayout layout,
+                            Precision precision) {
+  return isa + "/" + strategy + (layout == TreeLayout::kCompact ? "/compact" : "") +
+         (precision == Precision::kFast ? "/fast" : "");
+}
+
+}  // namespace perfect_bvh::bench
