@@ -35,7 +35,9 @@ def describe() -> dict[str, Any]:
             "embreex": version_of("embreex"),
             "bpy": version_of("bpy"),
         },
-        "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
+        "command": [
+            Path(word).name if Path(word).is_absolute() else word for word in (Path(sys.argv[0]).name, *sys.argv[1:])
+        ],
     }
 
 
