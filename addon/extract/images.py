@@ -1,7 +1,8 @@
 """Images that materials and the world show, as arrays: read once, and again when Blender's image is another.
 
-An image is taken as unchanged if its file, its size, its place in time and its settings are as before and nobody has
-painted on it. One with unsaved strokes is read at every sync: nothing tells when the next one came.
+An image is taken as unchanged if its file, its size and its settings are as before and nobody has painted on it. One
+with unsaved strokes is read at every sync, as are movies and sequences: nothing tells when the next stroke came, or the
+next frame.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.float32]
 # Blender's own colour for an image that cannot be loaded.
 _MISSING = np.array([[(255, 0, 255, 255)]], np.uint8)
 _EXTENSIONS: dict[str, Extension] = {"REPEAT": "repeat", "EXTEND": "extend", "CLIP": "clip", "MIRROR": "repeat"}
+_MOVING = {"MOVIE", "SEQUENCE"}
 _LINEAR_SPACES = {"Non-Color", "Linear", "Linear Rec.709", "scene_linear", "Raw"}
 
 
@@ -54,7 +56,7 @@ class ImageReader:
     def _pixels(self, image: Any, uid: int) -> Pixels:
         look = _look_of(image)
         held = self.cache.held.get(uid) or self._before.get(uid)
-        if held is None or held[0] != look or image.is_dirty:
+        if held is None or held[0] != look or image.is_dirty or image.source in _MOVING:
             pixels = _read_pixels(image)
             if pixels is None:
                 self.warnings.append(f"image {image.name!r} could not be loaded from {image.filepath!r}")
@@ -79,7 +81,6 @@ def _look_of(image: Any) -> tuple[Any, ...]:
         *(image.source, image.type, path, file, packed, tuple(image.size), image.is_float),
         *(image.colorspace_settings.name, image.alpha_mode, image.has_data),
         *(image.generated_type, tuple(image.generated_color)),
-        bpy.context.scene.frame_current if image.source in {"MOVIE", "SEQUENCE"} else 0,
     )
 
 

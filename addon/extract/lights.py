@@ -19,8 +19,10 @@ _SKY: Color = (0.3, 0.45, 0.7)  # stands for what a sky texture works out
 
 
 def read_lights(depsgraph: Any, visibility: VisibilityReader) -> LightRecords:
-    """Every light that shows, instanced ones included, as columns."""
-    rows = [_read_light(light, matrix) for light, matrix in _list_lights(depsgraph, visibility)]
+    """Every light that shows and has a place, instanced ones included, as columns."""
+    rows = [
+        _read_light(light, matrix) for light, matrix in _list_lights(depsgraph, visibility) if np.isfinite(matrix).all()
+    ]
     if not rows:
         return LightRecords()
     kinds, positions, axes, powers, sizes, cones, shadows = zip(*rows, strict=True)

@@ -12,7 +12,9 @@ from typing import Any
 Color = tuple[float, float, float]
 
 BLACK: Color = (0.0, 0.0, 0.0)
-_DEEPEST = 32  # nodes one behind another: trees with a loop end, too
+# How many nodes are looked at, shared out between the branches of mixes: so trees with loops end, too, and so do those
+# whose branches meet again and again.
+_MOST_NODES = 256
 
 # The input of a node that its colour comes from, of nodes that change a colour but little.
 _PASSED_ON = {
@@ -52,16 +54,16 @@ def read_surface(material: Any) -> Surface:
     output = None if tree is None else tree.get_output_node("CYCLES")
     if output is None:
         return Surface(plain)
-    return _follow_shader(_source(output.inputs["Surface"]), plain, _DEEPEST)
+    return _follow_shader(_source(output.inputs["Surface"]), plain, _MOST_NODES)
 
 
-def read_color(socket: Any, fallback: ColorSource, depth: int = _DEEPEST) -> ColorSource:
-    """What a colour socket gets."""
+def read_color(socket: Any, fallback: ColorSource, left: int = _MOST_NODES) -> ColorSource:
+    """What a colour socket gets. left: how many nodes may still be looked at."""
     node = _source(socket)
     if node is None:
         value = socket.default_value
         return ColorSource((value[0], value[1], value[2])) if hasattr(value, "__len__") else ColorSource((value,) * 3)
-    if depth == 0:
+    if left == 0:
         return fallback
     if node.type in {"TEX_IMAGE", "TEX_ENVIRONMENT"}:
         return ColorSource(fallback.color, node) if node.image is not None else fallback
@@ -71,22 +73,22 @@ def read_color(socket: Any, fallback: ColorSource, depth: int = _DEEPEST) -> Col
     if node.type == "VALTORGB":
         return ColorSource(_mean([tuple(node.color_ramp.evaluate(step / 8)[:3]) for step in range(9)]))
     if node.type in {"MIX", "MIX_RGB", "TEX_CHECKER", "TEX_BRICK"}:
-        return _mix_colors(node, fallback, depth - 1)
+        return _mix_colors(node, fallback, left // 2)
     if node.type in _PASSED_ON:
-        return read_color(node.inputs[_PASSED_ON[node.type]], fallback, depth - 1)
+        return read_color(node.inputs[_PASSED_ON[node.type]], fallback, left - 1)
     return fallback
 
 
-def _follow_shader(node: Any, plain: ColorSource, depth: int) -> Surface:
-    if node is None or depth == 0:
+def _follow_shader(node: Any, plain: ColorSource, left: int) -> Surface:
+    if node is None or left == 0:
         return Surface(ColorSource(BLACK))
     if node.type == "REROUTE":
-        return _follow_shader(_source(node.inputs[0]), plain, depth - 1)
+        return _follow_shader(_source(node.inputs[0]), plain, left - 1)
     if node.type == "MIX_SHADER":
-        first, second = (_follow_shader(_source(node.inputs[index]), plain, depth - 1) for index in (1, 2))
+        first, second = (_follow_shader(_source(node.inputs[index]), plain, left // 2) for index in (1, 2))
         return _mix_surfaces(first, second, _number(node.inputs[0], 0.5))
     if node.type == "ADD_SHADER":
-        first, second = (_follow_shader(_source(socket), plain, depth - 1) for socket in node.inputs)
+        first, second = (_follow_shader(_source(socket), plain, left // 2) for socket in node.inputs)
         brightest = max((first, second), key=lambda surface: sum(surface.base.color))
         return replace(brightest, emission=_add(first.emission, second.emission))
     if node.type == "BSDF_TRANSPARENT":
@@ -111,7 +113,7 @@ def _read_principled(node: Any, plain: ColorSource) -> Surface:
     return Surface(read_color(inputs["Base Color"], plain), emission, _number(inputs["Alpha"], 1.0), alpha_node)
 
 
-def _mix_colors(node: Any, fallback: ColorSource, depth: int) -> ColorSource:
+def _mix_colors(node: Any, fallback: ColorSource, left: int) -> ColorSource:
     """Two colours in the middle, or as its factor has it; of two images the one that counts for more."""
     wanted = "RGBA" if node.type in {"MIX", "MIX_RGB"} else None
     sockets = [socket for socket in node.inputs if socket.enabled and socket.type == (wanted or "RGBA")][:2]
@@ -120,7 +122,7 @@ def _mix_colors(node: Any, fallback: ColorSource, depth: int) -> ColorSource:
     factor = 0.5
     if wanted is not None:
         factor = _number(next(socket for socket in node.inputs if socket.enabled and socket.type == "VALUE"), 0.5)
-    first, second = (read_color(socket, fallback, depth) for socket in sockets)
+    first, second = (read_color(socket, fallback, left) for socket in sockets)
     if first.image_node is not None or second.image_node is not None:
         major, minor = (second, first) if factor >= 0.5 else (first, second)
         return major if major.image_node is not None else minor

@@ -152,6 +152,19 @@ def test_a_loop_of_nodes_ends() -> None:
     assert len(only_material().base_color) == 3
 
 
+def test_branches_that_meet_again_and_again_take_no_time() -> None:
+    """60 mixes of the one before with itself: 2 to the power of 60 ways through them."""
+    material = new_material()
+    last = add_node(material, "ShaderNodeRGB")
+    for _ in range(60):
+        mix = add_node(material, "ShaderNodeMixRGB")
+        for name in ("Color1", "Color2"):
+            link(material, last.outputs[0], mix.inputs[name])
+        last = mix
+    link(material, last.outputs[0], principled(material).inputs["Base Color"])
+    assert len(only_material().base_color) == 3
+
+
 def test_nothing_is_read_that_was_not_asked_for() -> None:
     material = new_material()
     principled(material).inputs["Base Color"].default_value = (1.0, 0.0, 0.0, 1.0)

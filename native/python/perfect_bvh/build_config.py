@@ -45,7 +45,8 @@ class BuildConfig:
             indices included.
         "compact": its leaves hold triangles' numbers, and vertices are read from the mesh at each visit: at most 36
             bytes a triangle where triangles share vertices as on closed surfaces ("spatial" adds what it duplicates),
-            for rays slower by a fifth as a rule and by a third at worst. For what would not fit into memory otherwise.
+            for rays slower by a fifth to a third, and at less than half of the speed where trees exceed the cache by
+            far. For what would not fit into memory otherwise.
     optimize: passes of reinsertion after the build, 0 to 1000: nodes are taken out and put where they cost less
         (Bittner, Hapala and Havran 2013; Meister and Bittner 2018). Each pass looks at twice as many nodes as the one
         before; it stops by itself where nothing is left to gain. Lowers the cost of any builder's tree, most of all
