@@ -26,6 +26,7 @@ TraceWork work_of(const WideCosts& costs, const WideBvh& tree) {
 }
 
 void mend(Blas& blas, UpdateAction action, WideCosts& costs, ThreadPool& pool, CancelToken& cancel) {
+  blas.shape = new_tree_shape();  // first: stopped half-way, its memory must not pass for the old shape's
   if (action == UpdateAction::kRotate) {
     static_cast<void>(rotate_wide(blas.wide, costs, pool, cancel));
   } else {
@@ -35,7 +36,6 @@ void mend(Blas& blas, UpdateAction action, WideCosts& costs, ThreadPool& pool, C
     costs = rebuild_parts(blas.wide, fresh, parts, blas.config, pool, cancel);
     blas.fresh_costs = std::make_shared<const WideCosts>(std::move(fresh));
   }
-  blas.shape = new_tree_shape();
 }
 
 }  // namespace
