@@ -21,6 +21,7 @@ RUFF = "ruff==0.17.5"
 MYPY = "mypy==2.4.1"
 CLANG_FORMAT = "clang-format==23.1.5"
 EMBREEX = "embreex>=4.4"  # holds the library of Embree 4.4
+MATPLOTLIB = "matplotlib>=3.8"
 BUILD_TOOLS = ("cmake>=3.25", "ninja>=1.11")
 # One compiler for the wheels of all Pythons, and the Blender whose tools make the zip of them.
 WHEEL_TOOLS = ("pybind11==3.1.0", "scikit-build-core==1.1.2", "ziglang==0.17.1")
@@ -77,6 +78,18 @@ def tests(session: nox.Session) -> None:
     """Install the wheel with Blender's module and run the Python tests; arguments after `--` go to pytest."""
     session.install(".[blender,test]")
     session.run("pytest", *session.posargs)
+
+
+@nox.session(default=False)
+def charts(session: nox.Session) -> None:
+    """Draw tests/charts/pictures from tests/charts/data; with `-- --measure [NAME ...]` measure anew before that."""
+    if session.posargs[:1] == ["--measure"]:
+        session.install(".[blender,bench]")
+        session.run("python", "tests/charts/measure.py", *session.posargs[1:])
+        session.run("python", "tests/charts/make.py")
+    else:
+        session.install(MATPLOTLIB)
+        session.run("python", "tests/charts/make.py", *session.posargs)
 
 
 @nox.session(default=False)

@@ -30,7 +30,7 @@ ADDON_LAYERS = (
     ("extract",),
     ("session",),
     ("properties", "preferences"),
-    ("frame", "display", "scanning", "failure_scenes"),
+    ("frame", "display", "scanning", "failure_scenes", "bench"),
     ("viewport", "summary"),
     ("overlay",),
     ("engine", "handlers", "operators"),

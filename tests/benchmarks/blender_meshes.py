@@ -23,6 +23,12 @@ def import_file(path: Path, operator: str) -> BenchMesh:
     return _evaluated(path.stem)
 
 
+def open_scene(path: Path) -> BenchMesh:
+    """All that a .blend file's scene shows in its current frame as one mesh."""
+    bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
+    return _evaluated(path.stem)
+
+
 def displaced(detail: float) -> BenchMesh:
     """A ball, subdivided and displaced by clouds: evenly tessellated, as sculpted and scanned things are."""
     _clear()

@@ -31,6 +31,7 @@ def main() -> None:
     parser = options.parser(__doc__ or "")
     parser.add_argument("--trees", nargs="+", choices=TREES, default=list(TREES), metavar="TREE", help="which to build")
     parser.add_argument("--seconds", type=float, default=60.0, help="start no native round of builds after that many")
+    parser.add_argument("--threads", nargs="+", type=int, default=thread_counts(), metavar="N", help="that build")
     chosen = parser.parse_args()
     meshes = options.meshes_of(chosen)
     native, left_out = NativePrograms(chosen.native), list[str]()
@@ -64,6 +65,7 @@ def measure(
         "measured": "native" if native.has(PROGRAM) else "python",
         "trees": trees,
         "from_python": peers,
+        "planner": build_python.planner_choices(mesh),
     }
 
 
@@ -76,8 +78,8 @@ def _native(mesh: BenchMesh, chosen: argparse.Namespace, native: NativePrograms,
     """Rows of the native program, of its runs with one and with all threads together."""
     rows: dict[str, dict[str, Any]] = {}
     trees = [word for name in chosen.trees for word in ("--tree", as_argument(name))]
-    for threads in thread_counts():
-        share.next_part(0.9 / len(thread_counts()), 1.0)
+    for threads in chosen.threads:
+        share.next_part(0.9 / len(chosen.threads), 1.0)
         rays = ["--size", chosen.size, "--ray-rounds", str(chosen.rounds if threads == 1 else 0)]
         times = ["--threads", str(threads), "--rounds", str(chosen.rounds), "--seconds", str(chosen.seconds)]
         inside = ["--inside"] if mesh.is_inside else []
@@ -96,8 +98,8 @@ def _python(mesh: BenchMesh, chosen: argparse.Namespace, share: _Share) -> list[
     rows = build_python.measure_trees(mesh, chosen.trees, size, chosen.rounds, share.step)
     for row in rows.values():
         row |= {key: {} for key in TIMES}
-    for threads in thread_counts():
-        share.next_part(0.5 / len(thread_counts()), count)
+    for threads in chosen.threads:
+        share.next_part(0.5 / len(chosen.threads), count)
         builds = build_python.measure_builds(mesh, chosen.trees, chosen.rounds, threads, share.step)
         for name, times in builds.items():
             for key in times:

@@ -14,6 +14,7 @@ from benchmarks.rounds import Spread, run_rounds, thread_seconds, wall_seconds
 from benchmarks.trees import config_of
 
 Tell = Callable[[], object]
+RAY_COUNTS = tuple(10**power for power in range(3, 11))  # that the planner is told
 
 
 def milliseconds(seconds: list[float]) -> dict[str, float]:
@@ -81,6 +82,19 @@ def measure_rays(tracers: list[peers.Peer], rays: Rays, rounds: int, tell: Tell)
             "mrays_per_second": spread.median,
             "rounds": spread.as_json(),
         }
+    return rows
+
+
+def planner_choices(mesh: BenchMesh) -> list[dict[str, Any]]:
+    """Which builder the engine takes when it is told how many rays will follow, for each of many numbers of rays."""
+    scene = perfect_bvh.Scene()
+    mesh_id = scene.add_mesh(mesh.positions, mesh.triangles)
+    scene.add_instance(mesh_id)
+    rows = []
+    for rays in RAY_COUNTS:
+        scene.replace_mesh(mesh_id, mesh.positions, mesh.triangles)
+        (report,) = scene.commit(expected_rays=rays).meshes
+        rows.append({"rays": rays, "builder": report.builder, "reason": report.reason})
     return rows
 
 

@@ -16,7 +16,14 @@ def parser(description: str) -> argparse.ArgumentParser:
     """Meshes, output, how long and how often."""
     result = argparse.ArgumentParser(description=description, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     add = result.add_argument
-    add("--mesh", nargs="+", action="extend", type=Path, metavar="FILE", help=".npz (positions, triangles), .ply, .obj")
+    add(
+        "--mesh",
+        nargs="+",
+        action="extend",
+        type=Path,
+        metavar="FILE",
+        help=".npz (positions, triangles), .ply, .obj, .blend",
+    )
     add("--default-meshes", action="store_true", help="those that Blender makes, too (without --mesh they are all)")
     add("--detail", type=float, default=1.0, metavar="X", help="triangles of the default meshes, times this")
     add("--json", type=Path, required=True, metavar="OUT.json", help="where the figures go")

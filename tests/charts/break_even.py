@@ -1,0 +1,106 @@
+"""(b) Build and rays together, against how many rays there are: from when on a better tree pays."""
+
+from __future__ import annotations
+
+import math
+
+from charts.figures import Figures, count, footer, load, named
+
+from addon.bench.chart import Axis, Chart, Key, Panel, Series
+
+DATA = "builders"
+MESHES = ("sponza", "dragon", "hair", "sticks")
+KIND = "diffuse"
+TREES = {  # name in the figures: colour, dashed
+    "fast": ("sky", False),
+    "auto": ("blue", False),
+    "sweep": ("purple", False),
+    "spatial": ("green", False),
+    "embree_low": ("orange", True),
+    "embree_medium": ("vermilion", True),
+    "embree_high": ("black", True),
+}
+LABELS = {"embree_low": "Embree LOW", "embree_medium": "Embree MEDIUM", "embree_high": "Embree HIGH"}
+COUNTS = [10.0 ** (3.0 + i / 12.0) for i in range(12 * 6 + 1)]
+BUILT_AS = {"fast": "fast", "binned": "auto", "spatial": "spatial"}  # what the planner's builder makes of a mesh
+
+HIGHEST = 3.0  # times the least, that is shown
+
+
+def chart(figures: Figures | None = None) -> Chart:
+    """The picture's description; figures: of build.py."""
+    figures = figures or load(DATA)
+    return Chart(
+        "A dearer tree pays once there are rays enough, and the planner guesses when",
+        "Time to build and to cast so many diffuse rays, on one thread, as a multiple of the least of ours at that "
+        "number: 1 is the best choice. Rings: what the planner takes when it is told the number. It knows what "
+        "builders cost on two meshes of its calibration, not on this one.",
+        [_panel(mesh) for mesh in figures["meshes"] if mesh["name"] in MESHES],
+        footer(figures),
+        panel_height=285,
+        legend=(
+            *(Key(LABELS.get(name, name), color, "", True, dash) for name, (color, dash) in TREES.items()),
+            Key("the planner's choice", "black", "ring"),
+        ),
+    )
+
+
+def _panel(mesh: Figures) -> Panel:
+    trees = {name: tree for name, tree in named(mesh["trees"]).items() if name in TREES}
+    best = [min(_milliseconds(t, rays) for n, t in trees.items() if not n.startswith("embree")) for rays in COUNTS]
+    series = []
+    for name, tree in trees.items():
+        color, dashed = TREES[name]
+        share = [_seen(_milliseconds(tree, rays) / least) for rays, least in zip(COUNTS, best, strict=True)]
+        series.append(Series(LABELS.get(name, name), COUNTS, share, color, "", line=True, dashed=dashed))
+    chosen = [(row["rays"], trees[BUILT_AS[row["builder"]]]) for row in mesh["planner"] if row["rays"] <= COUNTS[-1]]
+    least = [min(_milliseconds(t, n) for k, t in trees.items() if not k.startswith("embree")) for n, _ in chosen]
+    paid = [_milliseconds(tree, rays) / low for (rays, tree), low in zip(chosen, least, strict=True)]
+    series.append(Series("the planner's choice", [rays for rays, _ in chosen], paid, "black", "ring", size=10.0))
+    crossings = list(_crossings(trees))
+    series.append(
+        Series(
+            "break-even",
+            [rays for rays, _ in crossings],
+            [1.0] * len(crossings),
+            "black",
+            "diamond",
+            labels="points",
+            names=[f"{name} from {_rays(rays)}" for rays, name in crossings],
+        )
+    )
+    return Panel(
+        f"{mesh['name']}: {count(mesh['triangle_count'])} triangles",
+        Axis("diffuse rays cast at the tree", log=True, low=COUNTS[0], high=COUNTS[-1]),
+        Axis("build + rays, times the least", low=0.75, high=HIGHEST),
+        series,
+    )
+
+
+def _seen(share: float) -> float:
+    return share if share <= HIGHEST else math.nan
+
+
+def _milliseconds(tree: Figures, rays: float) -> float:
+    speed = tree["rays"][KIND]["mrays_per_second"]
+    return float(tree["ready_ms"]["1"]["median"] + rays / (1e3 * speed))
+
+
+def _crossings(trees: dict[str, Figures]) -> list[tuple[float, str]]:
+    """From how many rays on which of our builders is the best; not the one that is so from the beginning."""
+    ours = [name for name in trees if not name.startswith("embree")]
+    found: list[tuple[float, str]] = []
+    before = None
+    for i in range(6 * 60 + 1):
+        rays = 10.0 ** (3.0 + i / 60.0)
+        best = min(ours, key=lambda name: _milliseconds(trees[name], rays))
+        if before is not None and best != before:
+            found.append((rays, best))
+        before = best
+    return found
+
+
+def _rays(number: float) -> str:
+    power = 10.0 ** math.floor(math.log10(number) - 1.0)
+    rounded = round(number / power) * power
+    return f"{rounded / 1e6:.3g}M" if rounded >= 1e6 else f"{rounded / 1e3:.3g}k"

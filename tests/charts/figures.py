@@ -1,0 +1,54 @@
+"""What benchmarks wrote for the charts, and the words about where it was measured."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+FOLDER = Path(__file__).resolve().parent
+DATA, PICTURES = FOLDER / "data", FOLDER / "pictures"
+Figures = dict[str, Any]
+
+
+def load(name: str, folder: Path = DATA) -> Figures:
+    """The figures of data/NAME.json."""
+    figures: Figures = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+    return figures
+
+
+def footer(figures: Figures) -> str:
+    """On what it was measured, and by which command."""
+    machine = figures["machine"]
+    versions = ", ".join(
+        f"{label} {machine['versions'][key]}"
+        for key, label in (("embreex", "embreex"), ("bpy", "Blender"))
+        if machine["versions"].get(key)
+    )
+    processor = re.sub(r"\s+|\(R\)|\(TM\)", " ", machine["processor"])
+    return (
+        f"{' '.join(processor.split())}, {machine['threads']} cores, {machine['isa']}; commit {machine['commit']}; "
+        f"{versions}. Measured by: {' '.join(machine['command'])}"
+    )
+
+
+def only(rows: list[Figures], name: str) -> Figures:
+    """The row of that name."""
+    return next(row for row in rows if row["name"] == name)
+
+
+def named(rows: list[Figures]) -> dict[str, Figures]:
+    return {row["name"]: row for row in rows}
+
+
+def geometric_mean(values: list[float]) -> float:
+    return math.exp(sum(math.log(value) for value in values) / len(values))
+
+
+def count(number: float) -> str:
+    """262 thousand, 1.1 million."""
+    if number >= 1e6:
+        return f"{number / 1e6:.2g} million"
+    return f"{number / 1e3:.0f} thousand" if number >= 1e4 else f"{number:,.0f}"

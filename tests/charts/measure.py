@@ -1,0 +1,85 @@
+"""Measures what the charts are drawn from, into data/: python tests/charts/measure.py [NAME ...] [--mesh FILE ...].
+
+Everything takes about ten minutes on two quiet cores. Charts of single meshes show the meshes that are named by
+--mesh beside those that Blender makes; the native programs are looked for in --native.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(REPOSITORY / "tests"))
+
+from charts.figures import DATA
+
+BENCHMARKS = Path("tests") / "benchmarks"
+SCENES = ("blend_scenes/courtyard.blend",)  # that are measured as one mesh
+
+# NAME.json: the benchmark and its arguments. Those in the second table measure meshes.
+WHOLE: dict[str, str] = {}
+OF_MESHES: dict[str, str] = {
+    "builders": "build.py --default-meshes --trees auto median sweep binned spatial fast --threads 1 --rounds 3 "
+    "--size 320x200 --ray-limit 5000 --seconds 6",
+    "layouts": "layouts.py --rounds 3 --size 320x200",
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    names = [*OF_MESHES, *WHOLE]
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(names)}; without any: all")
+    parser.add_argument(
+        "--mesh", nargs="+", default=[], metavar="FILE", help="to measure besides: .npz, .ply, .obj, .blend"
+    )
+    parser.add_argument("--native", default="build/benchmarks", metavar="DIR", help="holds the built native benchmarks")
+    chosen = parser.parse_args()
+    for name in chosen.names:
+        if name not in names:
+            parser.error(f"nothing is called {name}; there are {', '.join(names)}")
+    for name in chosen.names or names:
+        started = time.perf_counter()
+        measure(name, chosen)
+        print(f"{name}: {time.perf_counter() - started:.0f} s", flush=True)
+
+
+def measure(name: str, chosen: argparse.Namespace) -> None:
+    """Runs one benchmark and keeps its figures."""
+    script, *words = (OF_MESHES.get(name) or WHOLE[name]).split()
+    if name in OF_MESHES:
+        words += ["--native", chosen.native, "--mesh", *SCENES, *chosen.mesh]
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / f"{name}.json"
+        command = [sys.executable, str(BENCHMARKS / script), *words, "--json", str(out)]
+        done = subprocess.run(command, cwd=REPOSITORY, stdout=subprocess.DEVNULL, check=False)
+        if done.returncode != 0:
+            raise SystemExit(f"{name}: {script} failed")
+        keep(name, json.loads(out.read_text(encoding="utf-8")))
+
+
+def keep(name: str, figures: dict[str, object]) -> None:
+    """Writes data/NAME.json, without what differs from run to run and is no measurement: the date."""
+    machine = figures["machine"]
+    assert isinstance(machine, dict)
+    machine.pop("time", None)
+    DATA.mkdir(exist_ok=True)
+    (DATA / f"{name}.json").write_text(json.dumps(rounded(figures), indent=1) + "\n", encoding="utf-8")
+
+
+def rounded(value: object) -> object:
+    """Five digits are more than any of this is exact to."""
+    if isinstance(value, float):
+        return float(f"{value:.5g}")
+    if isinstance(value, dict):
+        return {key: rounded(each) for key, each in value.items()}
+    return [rounded(each) for each in value] if isinstance(value, list) else value
+
+
+if __name__ == "__main__":
+    main()
