@@ -1,6 +1,6 @@
 """Tells whoever listens that Blender has evaluated something, changed the frame, undone a step or loaded a file.
 
-Also keeps the log of what geometry was evaluated, for as long as anybody listens: see `geometry_log.py`.
+Also keeps the log of what was evaluated, for as long as anybody listens: see `evaluation_log.py`.
 
 Blender's handlers are installed with the first listener and removed when the last one stops listening. Listeners are
 held weakly: a forgotten one costs nothing but handlers that tell nobody. A handler does no more: what to do about
@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import bpy
 from bpy.app.handlers import persistent
 
-from .geometry_log import GeometryLog
+from .evaluation_log import EvaluationLog
 
 
 class ChangeListener(Protocol):
@@ -30,7 +30,7 @@ class ChangeListener(Protocol):
 
 
 _listeners: weakref.WeakSet[Any] = weakref.WeakSet()
-_log = GeometryLog()
+_log = EvaluationLog()
 
 
 def listen(listener: ChangeListener) -> None:
@@ -46,8 +46,8 @@ def stop_listening(listener: ChangeListener) -> None:
         _remove()
 
 
-def watched_geometry(depsgraph: Any) -> GeometryLog | None:
-    """The log of evaluated geometry, None if nobody listens: then nothing is known.
+def watched_evaluations(depsgraph: Any) -> EvaluationLog | None:
+    """The log of what was evaluated, None if nobody listens: then nothing is known.
 
     depsgraph: what is about to be read. Within a handler it may name changes that the log has yet to be told.
     """

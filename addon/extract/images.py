@@ -32,6 +32,15 @@ class ImageCache:
 
     held: dict[int, tuple[tuple[Any, ...], Pixels]] = field(default_factory=dict)
 
+    def is_current(self) -> bool:
+        """Whether reading the same images again would give the same."""
+        if not self.held:
+            return True
+        import bpy
+
+        images = {image.session_uid: image for image in bpy.data.images}
+        return all(uid in images and _has_look(images[uid], look) for uid, (look, _) in self.held.items())
+
 
 class ImageReader:
     """Gives each image that is met a row, in the order they are met. The cache then holds those, and no others."""
@@ -54,16 +63,19 @@ class ImageReader:
         return row
 
     def _pixels(self, image: Any, uid: int) -> Pixels:
-        look = _look_of(image)
         held = self.cache.held.get(uid) or self._before.get(uid)
-        if held is None or held[0] != look or image.is_dirty or image.source in _MOVING:
+        if held is None or not _has_look(image, held[0]):
             pixels = _read_pixels(image)
             if pixels is None:
                 self.warnings.append(f"image {image.name!r} could not be loaded from {image.filepath!r}")
                 pixels = _MISSING
-            held = look, pixels
+            held = _look_of(image), pixels
         self.cache.held[uid] = held
         return held[1]
+
+
+def _has_look(image: Any, look: tuple[Any, ...]) -> bool:
+    return not image.is_dirty and image.source not in _MOVING and _look_of(image) == look
 
 
 def _look_of(image: Any) -> tuple[Any, ...]:

@@ -18,12 +18,16 @@ from .pointer_views import ArrayReader
 
 @dataclass(slots=True)
 class InstanceCache:
-    """What the last reading found, so that the next can tell that only transforms are new."""
+    """What the last reading found, so that the next can tell that only transforms are new.
+
+    shown: (N,) bool, which of the evaluated objects the instances are; None if there are other instances.
+    """
 
     groups: npt.NDArray[np.int64] | None = None
     group_ids: Int32Array | None = None
     ids: Int32Array | None = None
     records: InstanceRecords | None = None
+    shown: npt.NDArray[np.bool_] | None = None
 
 
 def read_instances(
@@ -33,7 +37,9 @@ def read_instances(
     listing = list_geometry_instances(depsgraph, groups, reader) if reader.use_views else None
     if listing is None:
         listing = list_instances(depsgraph, groups)
-    listing = _without_hidden(listing, groups, warnings)
+    shown = _find_shown(listing, groups, warnings)
+    cache.shown = shown if listing.is_plain else None
+    listing = _only(listing, shown)
     rows = np.array(groups.rows, np.int64).reshape(-1, 5)
     if cache.records is not None and _is_same(cache, rows, listing):
         cache.records = replace(cache.records, transforms=listing.transforms)
@@ -57,8 +63,8 @@ def _is_same(cache: InstanceCache, rows: npt.NDArray[np.int64], listing: Listing
     return all(old is not None and are_equal(old, new) for old, new in pairs)
 
 
-def _without_hidden(listing: Listing, groups: GroupTable, warnings: list[str]) -> Listing:
-    """Leaves out what is not shown and what has a useless matrix."""
+def _find_shown(listing: Listing, groups: GroupTable, warnings: list[str]) -> npt.NDArray[np.bool_]:
+    """(N,) bool: what is shown and has a matrix that is of use."""
     shown = listing.group_ids != NOT_SHOWN
     bad = listing.bad_rows[shown[listing.bad_rows]]
     for group, count in zip(*np.unique(listing.group_ids[bad], return_counts=True), strict=True):
@@ -66,6 +72,10 @@ def _without_hidden(listing: Listing, groups: GroupTable, warnings: list[str]) -
             f"{groups.name(group)}: {count} instances with a matrix that is not finite or beyond 1e18 were left out"
         )
     shown[bad] = False
+    return shown
+
+
+def _only(listing: Listing, shown: npt.NDArray[np.bool_]) -> Listing:
     if shown.all():
         return listing
     return replace(

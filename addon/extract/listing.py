@@ -24,7 +24,8 @@ class Listing:
 
     group_ids: (N,) int32, rows of the groups, or NOT_SHOWN. transforms: (N, 3, 4) float32. bad_rows: (B,) int32, those
     whose transform is useless. ids: (N, ...) int32, what tells instances of one group apart.
-    expand_ids: makes (N, 8) persistent ids from group_ids and ids.
+    expand_ids: makes (N, 8) persistent ids from group_ids and ids. is_plain: nothing stands there but the evaluated
+    objects themselves, in their order.
     """
 
     group_ids: Int32Array
@@ -32,12 +33,14 @@ class Listing:
     bad_rows: Int32Array
     ids: Int32Array
     expand_ids: Callable[[Int32Array, Int32Array], Int32Array]
+    is_plain: bool = False
 
 
 def list_instances(depsgraph: Any, groups: GroupTable) -> Listing:
     """Blender's list: every kind of instance, at a Python object for each."""
     instances = depsgraph.object_instances
-    group_ids = _assign_groups(instances, groups)
+    finder = GroupFinder(groups)
+    group_ids = np.array([finder.find(instance) for instance in instances], np.int32)
     count = len(group_ids)
     matrices = np.empty((count, 4, 4), np.float32)
     persistent_ids = np.empty((count, 8), np.int32)
@@ -45,13 +48,7 @@ def list_instances(depsgraph: Any, groups: GroupTable) -> Listing:
     instances.foreach_get("persistent_id", persistent_ids.reshape(-1))
     transforms = np.empty((count, 3, 4), np.float32)
     bad_rows = place_instances(None, matrices, transforms, LARGEST_COORDINATE)
-    return Listing(group_ids, transforms, bad_rows, persistent_ids, lambda _, ids: ids)
-
-
-def _assign_groups(instances: Any, groups: GroupTable) -> Int32Array:
-    """(N,) int32: each listed instance's group, or NOT_SHOWN."""
-    finder = GroupFinder(groups)
-    return np.array([finder.find(instance) for instance in instances], np.int32)
+    return Listing(group_ids, transforms, bad_rows, persistent_ids, lambda _, ids: ids, finder.saw_only_objects)
 
 
 class GroupFinder:
@@ -65,10 +62,13 @@ class GroupFinder:
     def __init__(self, groups: GroupTable) -> None:
         self._groups = groups
         self._known: dict[Any, int] = {}
+        self.saw_only_objects = True  # none of the instances was made by another object
 
     def find(self, instance: Any, numbering: int = 0) -> int:
         """Its row, or NOT_SHOWN; the numbering is that of a group that is new."""
         source = instance.instance_object
+        if source is not None:
+            self.saw_only_objects = False
         obj = instance.object
         data = obj.data
         if data is None or not instance.show_self:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..sync.records import AttributeRequest, MeshRecord
-from .geometry_log import GeometryLog
+from .evaluation_log import EvaluationLog
 
 Place = tuple[int, ...]
 
@@ -23,7 +23,7 @@ class CachedMesh:
 
 @dataclass(slots=True)
 class MeshCache:
-    """One reading's meshes by token, and what the log of evaluated geometry said then.
+    """One reading's meshes by token, and what the log of evaluations said then.
 
     A token names a mesh before it is read: what it comes from, and a number among others from there.
     """
@@ -34,7 +34,7 @@ class MeshCache:
     since: int = -1  # the log's time, -1 if there was no log
 
     def find_untouched(
-        self, token: Hashable, mesh: Any, uids: tuple[int, ...], reading: MeshCache, log: GeometryLog | None
+        self, token: Hashable, mesh: Any, uids: tuple[int, ...], reading: MeshCache, log: EvaluationLog | None
     ) -> CachedMesh | None:
         """The cached mesh if it is sure to be what a reading would give. reading: the cache that is being made.
 

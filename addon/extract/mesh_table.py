@@ -24,7 +24,7 @@ import numpy.typing as npt
 from perfect_bvh.bulk import are_equal
 
 from ..sync.records import MESH_COLUMNS, AttributeRequest, MeshRecord
-from .geometry_log import GeometryLog
+from .evaluation_log import EvaluationLog
 from .mesh_cache import CachedMesh, MeshCache, place_of
 from .meshes import read_mesh
 from .pointer_views import ArrayReader
@@ -45,7 +45,7 @@ class MeshTable:
         attributes: AttributeRequest,
         reader: ArrayReader,
         cache: MeshCache | None = None,
-        log: GeometryLog | None = None,
+        log: EvaluationLog | None = None,
     ) -> None:
         self._depsgraph = depsgraph
         self._reader = reader

@@ -7,7 +7,8 @@ from typing import Any
 
 from ..sync.records import AttributeRequest, CameraRecord, LightRecords, SceneRecord
 from .camera import read_camera, read_frame
-from .changes import watched_geometry
+from .changes import watched_evaluations
+from .evaluation_log import EvaluationLog
 from .groups import GroupTable
 from .images import ImageCache, ImageReader
 from .instances import InstanceCache, read_instances
@@ -16,6 +17,7 @@ from .materials import MaterialReader
 from .mesh_cache import MeshCache
 from .mesh_table import MeshTable
 from .pointer_views import ArrayReader
+from .read_again import PlainReading, SceneParts, read_again, remember
 from .visibility import VisibilityReader
 
 # Layouts that were proven or refuted hold for the whole process.
@@ -29,6 +31,7 @@ class ReadCache:
     meshes: MeshCache = field(default_factory=MeshCache)
     instances: InstanceCache = field(default_factory=InstanceCache)
     images: ImageCache = field(default_factory=ImageCache)
+    plain: PlainReading | None = None
 
 
 def read_scene(
@@ -57,42 +60,60 @@ def read_scene(
     An empty scene is an empty record. What cannot be read is left out and named in the record's warnings.
     """
     scene = depsgraph.scene_eval
-    view_layer = depsgraph.view_layer_eval
     if for_viewport is None:
         for_viewport = depsgraph.mode == "VIEWPORT"
-    log = None if cache is None else watched_geometry(depsgraph)
+    log = None if cache is None else watched_evaluations(depsgraph)
     cache = cache or ReadCache()
-    reader = reader or _shared_reader
     attributes = attributes or AttributeRequest()
-    meshes = MeshTable(depsgraph, attributes, reader, cache.meshes, log)
-    images = ImageReader(cache.images)
-    materials = MaterialReader(view_layer.material_override, images if attributes.shading else None)
     visibility = VisibilityReader(depsgraph, for_viewport, space)
-    groups = GroupTable(meshes, materials, visibility)
-    warnings: list[str] = []
-    instances = read_instances(depsgraph, groups, reader, cache.instances, warnings)
-    lights = read_lights(depsgraph, visibility) if attributes.shading else LightRecords()
-    world = read_world(scene, images) if attributes.shading else None
-    cache.meshes = meshes.cache
-    cache.images = images.cache
+    parts = read_again(cache.plain, depsgraph, attributes, visibility, log, cache.images)
+    if parts is None:
+        parts = _read_parts(depsgraph, attributes, visibility, reader or _shared_reader, cache, log)
+        cache.plain = remember(parts, cache.instances.shown, depsgraph, attributes, visibility, log)
 
     frame = read_frame(scene, size)
     camera_record, complaint = _read_any_camera(depsgraph, scene.camera if camera is None else camera, frame)
-    warnings = [*meshes.warnings, *groups.warnings, *images.warnings, *warnings, *([complaint] if complaint else [])]
     return SceneRecord(
         name=scene.name,
         frame=scene.frame_current_final,
-        meshes=tuple(meshes.records),
-        objects=tuple(groups.objects.records),
-        materials=tuple(materials.records),
-        instances=instances,
+        meshes=parts.meshes,
+        objects=parts.objects,
+        materials=parts.materials,
+        instances=parts.instances,
         camera=camera_record,
         size=(frame.width, frame.height),
         film_transparent=scene.render.film_transparent,
+        images=parts.images,
+        lights=read_lights(depsgraph, visibility) if attributes.shading else LightRecords(),
+        world=parts.world,
+        warnings=(*parts.warnings, *([complaint] if complaint else [])),
+    )
+
+
+def _read_parts(
+    depsgraph: Any,
+    attributes: AttributeRequest,
+    visibility: VisibilityReader,
+    reader: ArrayReader,
+    cache: ReadCache,
+    log: EvaluationLog | None,
+) -> SceneParts:
+    meshes = MeshTable(depsgraph, attributes, reader, cache.meshes, log)
+    images = ImageReader(cache.images)
+    materials = MaterialReader(depsgraph.view_layer_eval.material_override, images if attributes.shading else None)
+    groups = GroupTable(meshes, materials, visibility)
+    warnings: list[str] = []
+    instances = read_instances(depsgraph, groups, reader, cache.instances, warnings)
+    world = read_world(depsgraph.scene_eval, images) if attributes.shading else None
+    cache.meshes, cache.images = meshes.cache, images.cache
+    return SceneParts(
+        meshes=tuple(meshes.records),
+        objects=tuple(groups.objects.records),
+        materials=tuple(materials.records),
         images=tuple(images.records),
-        lights=lights,
+        instances=instances,
         world=world,
-        warnings=tuple(warnings),
+        warnings=(*meshes.warnings, *groups.warnings, *images.warnings, *warnings),
     )
 
 

@@ -68,6 +68,18 @@ class VisibilityReader:
         if not for_viewport and depsgraph.mode == "VIEWPORT":
             self._render_filter = RenderFilter(depsgraph)
 
+    @property
+    def look(self) -> tuple[Any, ...] | None:
+        """What decides, beside the objects' own settings, who is seen; None where each object has to be asked anew."""
+        if self._view_layer.material_override is not None or self._render_filter is not None:
+            return None
+        space = self._space
+        if space is None:
+            return (self._for_viewport,)
+        if space.local_view is not None or space.use_local_collections:
+            return None
+        return (self._for_viewport, *(getattr(space, switch) for switch in _TYPE_SWITCHES.values()))
+
     def mask(self, obj: Any, parent: Any) -> int:
         """VISIBLE_TO_* bits of an evaluated object seen as itself (parent None) or as an instance of parent's."""
         mask = _ray_mask(obj) if parent is None else _ray_mask(obj) & _ray_mask(parent)

@@ -5,7 +5,7 @@ Arrays are compared as they are, not by hash: that is as fast as reading them on
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Container, Hashable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -14,7 +14,7 @@ import numpy.typing as npt
 from perfect_bvh.bulk import are_equal, find_moved
 
 from .keys import Int64Array, Uint64Array, match_keys
-from .records import InstanceRecords, Int32Array, MeshRecord, SceneRecord
+from .records import InstanceRecords, Int32Array, MeshRecord, ObjectRecord, SceneRecord
 
 MeshAction = Literal["added", "removed", "replaced", "deformed", "kept"]
 BoolArray = npt.NDArray[np.bool_]
@@ -25,15 +25,15 @@ class HeldInstances:
     """The instances that the engine holds, as columns, in the order of the record they came from.
 
     columns: the record's own. keys: (I,) uint64. ids: (I,) int32, the engine's. orders: (I,) int64, as given to the
-    engine. mesh_keys: for each mesh row, the key of that mesh. object_uids: for each object row, its session uid.
+    engine. meshes, objects: what the columns' rows stand for.
     """
 
     columns: InstanceRecords = field(default_factory=InstanceRecords)
     keys: Uint64Array = field(default_factory=lambda: np.empty(0, np.uint64))
     ids: Int32Array = field(default_factory=lambda: np.empty(0, np.int32))
     orders: Int64Array = field(default_factory=lambda: np.empty(0, np.int64))
-    mesh_keys: tuple[Hashable, ...] = ()
-    object_uids: tuple[int, ...] = ()
+    meshes: tuple[MeshRecord, ...] = ()
+    objects: tuple[ObjectRecord, ...] = ()
 
     def are_those_of(self, record: SceneRecord) -> bool:
         """Whether the record's instances are the same ones in the same order, as its sharing of arrays shows.
@@ -43,14 +43,16 @@ class HeldInstances:
         names = ("object_indices", "parent_indices", "persistent_ids")
         if not all(getattr(self.columns, name) is getattr(record.instances, name) for name in names):
             return False
-        return self.object_uids == object_uids(record)
+        return self.objects is record.objects or uids_of(self.objects) == uids_of(record.objects)
 
-    def shows_meshes_of(self, record: SceneRecord, held_meshes: Mapping[Hashable, Any]) -> bool:
+    def shows_meshes_of(self, record: SceneRecord, held_meshes: Container[Hashable]) -> bool:
         """Whether each instance shows the mesh that it shows in the record, if they are the same instances."""
         if self.columns.mesh_indices is not record.instances.mesh_indices:
             return False
-        keys = tuple([mesh.key for mesh in record.meshes])
-        return keys == self.mesh_keys and all(key in held_meshes for key in keys)
+        if self.meshes is record.meshes:
+            return True
+        keys = [mesh.key for mesh in record.meshes]
+        return keys == [mesh.key for mesh in self.meshes] and all(key in held_meshes for key in keys)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +62,10 @@ class MeshDifference:
     action: MeshAction
     reason: str
     attributes_changed: bool = False
+
+
+# Of a mesh that is the very record that is held.
+UNCHANGED = MeshDifference("kept", "Blender did not evaluate it again")
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +96,8 @@ class InstanceDifference:
 
 def compare_mesh(old: MeshRecord | None, new: MeshRecord) -> MeshDifference:
     """Compares a mesh with the one held under the same key, None if there is none."""
+    if old is new:
+        return UNCHANGED
     if old is None:
         return MeshDifference("added", "seen for the first time")
     attributes_changed = not _have_same(old, new, "polygon_ids", "material_slots", "corner_normals", "corner_uvs")
@@ -98,7 +106,7 @@ def compare_mesh(old: MeshRecord | None, new: MeshRecord) -> MeshDifference:
         return MeshDifference("replaced", reason, attributes_changed)
     if not _are_equal(old.positions, new.positions):
         return MeshDifference("deformed", "vertices moved, triangles stayed", attributes_changed)
-    reason = "same triangles, same positions" if new.was_read else "Blender did not evaluate it again"
+    reason = "same triangles, same positions" if new.was_read else UNCHANGED.reason
     return MeshDifference("kept", reason, attributes_changed)
 
 
@@ -123,7 +131,7 @@ def _are_equal(old: npt.NDArray[Any] | None, new: npt.NDArray[Any] | None) -> bo
 
 
 def compare_instances(
-    held: HeldInstances, record: SceneRecord, keys: Uint64Array, orders: Int64Array, held_meshes: Mapping[Hashable, Any]
+    held: HeldInstances, record: SceneRecord, keys: Uint64Array, orders: Int64Array, held_meshes: Container[Hashable]
 ) -> InstanceDifference:
     """Compares instances; held_meshes: the keys of the meshes that the engine holds now."""
     instances = record.instances
@@ -159,18 +167,18 @@ def _compare_same(held: HeldInstances, instances: InstanceRecords, rows: Int32Ar
 
 
 def _shows_same_mesh(
-    held: HeldInstances, record: SceneRecord, rows: Int32Array, held_meshes: Mapping[Hashable, Any]
+    held: HeldInstances, record: SceneRecord, rows: Int32Array, held_meshes: Container[Hashable]
 ) -> BoolArray:
     """(I,) bool: the instance is held and shows the mesh with the same key as before."""
     if not len(held.keys):
         return np.zeros(len(rows), np.bool_)
-    old_index_of_key = {key: index for index, key in enumerate(held.mesh_keys) if key in held_meshes}
+    old_index_of_key = {mesh.key: index for index, mesh in enumerate(held.meshes) if mesh.key in held_meshes}
     old_indices = np.array([old_index_of_key.get(mesh.key, -1) for mesh in record.meshes], np.int32)
     wanted = old_indices[record.instances.mesh_indices] if len(record.meshes) else np.empty(0, np.int32)
     shows_same: BoolArray = (rows >= 0) & (wanted >= 0) & (held.columns.mesh_indices[rows] == wanted)
     return shows_same
 
 
-def object_uids(record: SceneRecord) -> tuple[int, ...]:
-    """The session uid of each row of the record's objects."""
-    return tuple([obj.session_uid for obj in record.objects])
+def uids_of(objects: tuple[ObjectRecord, ...]) -> list[int]:
+    """The session uid of each."""
+    return [obj.session_uid for obj in objects]

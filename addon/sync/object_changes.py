@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .compare import HeldInstances, InstanceDifference, MeshAction, object_uids
-from .records import Int32Array, SceneRecord
+from .compare import HeldInstances, InstanceDifference, MeshAction, uids_of
+from .records import Int32Array, ObjectRecord, SceneRecord
 from .report import OBJECT_ACTIONS, ObjectColumns
 
 Int64Array = npt.NDArray[np.int64]
@@ -17,20 +17,19 @@ _ADDED, _RECOUNTED = _RANK["added"], _RANK["recounted"]
 
 def summarise_objects(
     held: HeldInstances,
-    held_names: dict[int, str],
     record: SceneRecord,
     difference: InstanceDifference,
     mesh_actions: list[MeshAction],
 ) -> ObjectColumns:
     """One row an object that has instances, or had.
 
-    held_names: session uid -> name, of the objects before. mesh_actions: of each of the record's meshes.
+    mesh_actions: of each of the record's meshes.
     """
     rows = record.instances.object_indices
-    new = _Places(object_uids(record), rows)
+    new = _Places(record.objects, rows)
     was_same = held.are_those_of(record)
-    old = new if was_same else _Places(held.object_uids, held.columns.object_indices)
-    gone = _Places(held.object_uids, held.columns.object_indices[difference.removed])
+    old = new if was_same else _Places(held.objects, held.columns.object_indices)
+    gone = _Places(held.objects, held.columns.object_indices[difference.removed])
     uids = np.union1d(new.uids, gone.uids)
 
     # How often each thing happened to each object. One that was there before is not new, whatever its instances.
@@ -41,13 +40,13 @@ def summarise_objects(
     counts[was_there, _ADDED] = 0
 
     instance_counts = counts.sum(axis=1)
-    gone_counts = gone.sum(uids) - _Places(object_uids(record), rows[difference.is_swapped]).sum(uids)
+    gone_counts = gone.sum(uids) - _Places(record.objects, rows[difference.is_swapped]).sum(uids)
     gone_counts = np.maximum(gone_counts, 0)  # a swapped one was removed only to be added again
     strongest = len(OBJECT_ACTIONS) - 1 - np.argmax(counts[:, ::-1] > 0, axis=1)
     actions = np.maximum(strongest, np.where(gone_counts > 0, _RECOUNTED, 0)).astype(np.int8)
     actions[instance_counts == 0] = _RANK["removed"]
 
-    names = {**held_names, **{obj.session_uid: obj.name for obj in record.objects}}
+    names = {obj.session_uid: obj.name for obj in (*held.objects, *record.objects)}
     return ObjectColumns(
         names=np.array([names[int(uid)] for uid in uids], dtype=object),
         session_uids=uids,
@@ -60,9 +59,9 @@ def summarise_objects(
 class _Places:
     """Instances counted by their object's row, to be summed up by its session uid: an object may have several rows."""
 
-    def __init__(self, row_uids: tuple[int, ...], rows: Int32Array) -> None:
-        self._row_uids = np.array(row_uids, np.int64)
-        self._counts = np.bincount(rows, minlength=len(row_uids)).astype(np.int64)
+    def __init__(self, objects: tuple[ObjectRecord, ...], rows: Int32Array) -> None:
+        self._row_uids = np.array(uids_of(objects), np.int64)
+        self._counts = np.bincount(rows, minlength=len(objects)).astype(np.int64)
         self.uids: Int64Array = np.unique(self._row_uids[self._counts > 0])
 
     def sum(self, uids: Int64Array) -> Int64Array:

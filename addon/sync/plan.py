@@ -6,6 +6,7 @@ for a while, and it changes slowly: what a mesh did once it is expected to do ag
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, field
 
@@ -30,45 +31,59 @@ class MeshUsage:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class Expectation(MeshUsage):
+    """until: the first update for which something else is to be expected although the mesh does nothing."""
+
+    until: float
+
+
 @dataclass(slots=True)
 class _Past:
-    """Updates a mesh was in, and in which of them, counted from 1, it last did what; 0 for never."""
+    """The update in which a mesh was first watched, and those in which it last did something, counted from 1."""
 
-    update_count: int = 0
-    last: dict[Usage, int] = field(default_factory=lambda: dict.fromkeys(USAGES, 0))
+    first: int
+    last: dict[Usage, int] = field(default_factory=dict)
 
 
 class UsageTracker:
     """Remembers what meshes did, by key, and tells what to expect. A mesh that went away is remembered for a while."""
 
     def __init__(self) -> None:
+        self._now = 0
         self._pasts: dict[Hashable, _Past] = {}
 
-    def observe(self, key: Hashable, did: Usage) -> None:
-        """Takes in what a mesh did in one update."""
-        past = self._pasts.setdefault(key, _Past())
-        past.update_count += 1
-        past.last[did] = past.update_count
+    def begin_update(self) -> int:
+        """The update's number. A mesh of which nothing is observed in it did nothing."""
+        self._now += 1
+        return self._now
 
-    def expect(self, mesh: MeshRecord) -> MeshUsage:
+    def observe(self, key: Hashable, did: Usage) -> None:
+        """Takes in what a mesh did in this update."""
+        past = self._pasts.get(key)
+        if past is None:
+            past = self._pasts[key] = _Past(self._now)
+        if did != USAGES[0]:
+            past.last[did] = self._now
+
+    def expect(self, mesh: MeshRecord) -> Expectation:
         """The most that the mesh did in its last updates; before those are many, what its object tells if it is more.
 
         A guess that nothing bore out for MEMORY updates is dropped.
         """
         past = self._pasts.get(mesh.key)
-        guess = MeshUsage(mesh.usage, mesh.usage_reason)
         if past is None:
-            return guess
-        seen = max(
-            (usage for usage in USAGES if past.last[usage] and past.update_count - past.last[usage] < MEMORY),
-            key=USAGES.index,
-            default=USAGES[0],
-        )
-        if past.update_count <= MEMORY and USAGES.index(guess.usage) > USAGES.index(seen):
-            return guess
-        if seen == guess.usage:
-            return guess
-        return MeshUsage(seen, _OBSERVED.get(seen, f"it did nothing for {MEMORY} updates"))
+            return Expectation(mesh.usage, mesh.usage_reason, 0)
+        ends = {did: last + MEMORY for did, last in past.last.items() if self._now < last + MEMORY}
+        until: float = min(ends.values(), default=math.inf)
+        seen = max(ends, key=USAGES.index, default=USAGES[0])
+        if self._now < past.first + MEMORY:
+            until = min(until, past.first + MEMORY)
+            if USAGES.index(mesh.usage) > USAGES.index(seen):
+                return Expectation(mesh.usage, mesh.usage_reason, until)
+        if seen == mesh.usage:
+            return Expectation(mesh.usage, mesh.usage_reason, until)
+        return Expectation(seen, _OBSERVED.get(seen, f"it did nothing for {MEMORY} updates"), until)
 
     def forget_all_but(self, keys: Iterable[Hashable], limit: int) -> None:
         """Forgets meshes that are gone once there are more than `limit`: nothing may grow with the number of edits."""

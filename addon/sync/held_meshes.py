@@ -1,0 +1,182 @@
+"""The meshes that an engine scene holds: what differs in a new record, the edits for that, and what to expect of each.
+
+A mesh of which nothing is new costs no more than a look: a scene may have ten thousand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from .compare import UNCHANGED, MeshDifference, compare_mesh
+from .keys import Int64Array
+from .plan import Expectation, UsageTracker
+from .records import Int32Array, MeshRecord
+from .report import MeshChange
+
+if TYPE_CHECKING:
+    from perfect_bvh import CommitReport
+
+# Later than any hit: the commit that brought the triangles has not succeeded.
+_NEVER = np.iinfo(np.int64).max
+# Meshes that are gone of which it is still known what they did.
+_MOST_REMEMBERED = 256
+
+
+class MeshScene(Protocol):
+    """The part of `perfect_bvh.Scene` that edits meshes."""
+
+    def add_mesh(self, positions: npt.ArrayLike, triangles: npt.ArrayLike, *, usage: str) -> int: ...
+    def update_mesh(self, mesh: int, positions: npt.ArrayLike) -> None: ...
+    def replace_mesh(self, mesh: int, positions: npt.ArrayLike, triangles: npt.ArrayLike) -> None: ...
+    def set_usage(self, mesh: int, usage: str) -> None: ...
+    def remove_mesh(self, mesh: int) -> None: ...
+
+
+@dataclass(slots=True)
+class _HeldMesh:
+    """A mesh in the engine: its id and usage there, the record it was last given, and since when it has its triangles.
+
+    generation: of the scene's commit that brought the triangles; None until it has succeeded. change: of the last
+    update. expected_until: until which update of the tracker that says what is to be expected if it does nothing.
+    """
+
+    mesh_id: int
+    record: MeshRecord
+    usage: str
+    generation: int | None = None
+    change: MeshChange | None = None
+    expected_until: float = 0.0
+
+
+class HeldMeshes:
+    """Meshes by key."""
+
+    def __init__(self) -> None:
+        self._meshes: dict[Hashable, _HeldMesh] = {}
+        self._last: tuple[MeshRecord, ...] | None = None
+        self._ids: Int32Array | None = None  # of the last record's
+        self._fresh: list[_HeldMesh] = []  # whose triangles wait for a commit
+        self._usages = UsageTracker()
+
+    def __contains__(self, key: Hashable) -> bool:
+        return key in self._meshes
+
+    def __iter__(self) -> Iterator[Hashable]:
+        return iter(self._meshes)
+
+    def clear(self) -> None:
+        """Nothing is held any more; what meshes did is remembered."""
+        self._meshes.clear()
+        self._fresh.clear()
+        self._last = self._ids = None
+
+    @property
+    def ids(self) -> Int32Array:
+        """(M,) int32: the engine's ids of the meshes that were applied last, in their order."""
+        if self._ids is None:
+            self._ids = np.array([self._meshes[mesh.key].mesh_id for mesh in self._last or ()], np.int32)
+        return self._ids
+
+    @property
+    def generations(self) -> Int64Array:
+        """(M,) int64: the commit since which each of them has its triangles."""
+        found = (self._meshes[mesh.key].generation for mesh in self._last or ())
+        return np.array([_NEVER if generation is None else generation for generation in found], np.int64)
+
+    def compare(self, meshes: tuple[MeshRecord, ...]) -> tuple[Sequence[MeshDifference], list[Hashable]]:
+        """What differs of each mesh, and the keys of those that are gone."""
+        if meshes is self._last:
+            return (UNCHANGED,) * len(meshes), []
+        wanted = {mesh.key for mesh in meshes}
+        if len(wanted) != len(meshes):
+            raise ValueError("update: two meshes of the record have the same key")
+        differences = [compare_mesh(self._record_of(mesh.key), mesh) for mesh in meshes]
+        return differences, [key for key in self._meshes if key not in wanted]
+
+    def _record_of(self, key: Hashable) -> MeshRecord | None:
+        held = self._meshes.get(key)
+        return None if held is None else held.record
+
+    def remove(self, scene: MeshScene, key: Hashable) -> MeshChange:
+        """No instance may show it any more."""
+        held = self._meshes.pop(key)
+        self._last = self._ids = None
+        scene.remove_mesh(held.mesh_id)
+        reason = "nothing shows it any more"
+        return MeshChange(key, held.record.name, held.mesh_id, "removed", reason, len(held.record.triangles))
+
+    def apply(
+        self,
+        scene: MeshScene,
+        meshes: tuple[MeshRecord, ...],
+        differences: Sequence[MeshDifference],
+        moved: set[int],
+    ) -> list[MeshChange]:
+        """Makes the engine's meshes these. moved: rows of those of which an instance moved."""
+        now = self._usages.begin_update()
+        changes = []
+        for row, (mesh, difference) in enumerate(zip(meshes, differences, strict=True)):
+            held = self._meshes.get(mesh.key)
+            if difference is UNCHANGED and row not in moved and held is not None and now < held.expected_until:
+                assert held.change is not None
+                changes.append(held.change)
+            else:
+                changes.append(self._apply(scene, mesh, held, difference, row in moved))
+        if meshes is not self._last:
+            self._usages.forget_all_but(self._meshes, 2 * len(self._meshes) + _MOST_REMEMBERED)
+            self._last, self._ids = meshes, None
+        return changes
+
+    def note_commit(self, commit: CommitReport) -> None:
+        """The edits have reached the engine's snapshot."""
+        for fresh in self._fresh:
+            fresh.generation = commit.generation
+        self._fresh.clear()
+
+    def _expect(self, mesh: MeshRecord, difference: MeshDifference, has_moved: bool) -> Expectation:
+        """Takes in what the mesh did, and tells what to expect of it."""
+        if difference.action == "replaced":
+            self._usages.observe(mesh.key, "changing")
+        elif difference.action == "deformed":
+            self._usages.observe(mesh.key, "deforming")
+        elif difference.action == "kept":
+            self._usages.observe(mesh.key, "rigid" if has_moved else "static")
+        return self._usages.expect(mesh)
+
+    def _apply(
+        self, scene: MeshScene, mesh: MeshRecord, held: _HeldMesh | None, difference: MeshDifference, has_moved: bool
+    ) -> MeshChange:
+        expected = self._expect(mesh, difference, has_moved)
+        usage = "static" if expected.usage == "rigid" else expected.usage  # the engine builds the same tree for both
+        if held is not None and held.usage != usage:
+            scene.set_usage(held.mesh_id, usage)
+            held.usage = usage
+        if held is None:
+            held = _HeldMesh(scene.add_mesh(mesh.positions, mesh.triangles, usage=usage), mesh, usage)
+            self._meshes[mesh.key] = held
+            self._fresh.append(held)
+        elif difference.action == "deformed":
+            scene.update_mesh(held.mesh_id, mesh.positions)
+        elif difference.action == "replaced":
+            scene.replace_mesh(held.mesh_id, mesh.positions, mesh.triangles)
+            held.generation = None
+            self._fresh.append(held)
+        held.record = mesh
+        change = MeshChange(
+            key=mesh.key,
+            name=mesh.name,
+            mesh_id=held.mesh_id,
+            action=difference.action,
+            reason=difference.reason,
+            triangle_count=len(mesh.triangles),
+            usage=expected.usage,
+            usage_reason=expected.reason,
+        )
+        # Only what stayed the very same record may be told again in the same words.
+        held.change, held.expected_until = change, expected.until if difference is UNCHANGED else 0.0
+        return change
