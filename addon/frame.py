@@ -16,6 +16,7 @@ from .sync.records import AttributeRequest
 
 if TYPE_CHECKING:
     import bpy
+    from perfect_bvh import Audit
 
     from .session import SceneSync
     from .sync.report import SyncReport
@@ -23,13 +24,17 @@ if TYPE_CHECKING:
 Progress = Callable[[float], bool]
 Images = dict[str, npt.NDArray[Any]]
 
-CLAY_LIKE = frozenset({"clay", "wireframe"})
+CLAY_LIKE = frozenset({"clay", "matcap", "wireframe"})
 CLAY_GREY = (0.8, 0.8, 0.8)
 
 
 @dataclass(frozen=True, slots=True)
 class FrameStatistics:
-    """What one frame cost. size: (width, height). camera_rays: pixels in the border times samples, 0 if untraced."""
+    """What one frame cost.
+
+    size: (width, height). camera_rays: pixels in the border times samples, 0 if untraced. trace_milliseconds: without
+    those of the audit. audit: what checking a share of the camera rays has shown, None if nobody asked.
+    """
 
     frame: float
     size: tuple[int, int]
@@ -37,6 +42,8 @@ class FrameStatistics:
     report: SyncReport
     trace_milliseconds: float
     camera_rays: int
+    audit: Audit | None = None
+    audit_milliseconds: float = 0.0
 
     @property
     def rays_per_second(self) -> float:
@@ -59,7 +66,7 @@ def needed_attributes(settings: RenderSettings, passes: tuple[str, ...]) -> Attr
         or (settings.mode in CLAY_LIKE and settings.use_material_colors)
         or "material_index" in passes,
         corner_normals=settings.mode in {*CLAY_LIKE, "preview", "normal"} or "normal" in passes,
-        corner_uvs=settings.mode == "preview",
+        corner_uvs=settings.mode in {"preview", "uv"},
         shading=settings.mode == "preview",
     )
 
@@ -120,6 +127,7 @@ def render_frame(
 
     start = time.perf_counter()
     images: Images = {}
+    audit = perfect_bvh.RenderAudit(settings.audit_share) if settings.audit_share else None
     samples = 1 if find_mode(settings.mode).has_range else settings.samples
     for done, images in perfect_bvh.render_progressively(
         sync.scene,
@@ -133,14 +141,23 @@ def render_frame(
         threads=settings.threads,
         ao_distance=settings.ao_distance or None,
         clay_color=None if settings.use_material_colors else CLAY_GREY,
+        audit=audit,
     ):
         if show is not None:
             show(images)
         # The renderer asks at intervals of time; a quick round would not be asked about at all.
         if progress is not None and not progress(done / samples) and done < samples:
             raise perfect_bvh.Cancelled("the render was cancelled")
-    elapsed = (time.perf_counter() - start) * 1e3
+    elapsed = time.perf_counter() - start
     left, right, bottom, top = border_pixels(sync.camera.border, sync.size)
-    rays = (right - left) * (top - bottom) * samples
-    statistics = FrameStatistics(depsgraph.scene.frame_current_final, sync.size, settings, report, elapsed, rays)
+    statistics = FrameStatistics(
+        frame=depsgraph.scene.frame_current_final,
+        size=sync.size,
+        settings=settings,
+        report=report,
+        trace_milliseconds=(elapsed - (audit.seconds if audit else 0.0)) * 1e3,
+        camera_rays=(right - left) * (top - bottom) * samples,
+        audit=audit.result if audit else None,
+        audit_milliseconds=audit.seconds * 1e3 if audit else 0.0,
+    )
     return Frame(images, statistics)

@@ -16,12 +16,14 @@ from dataclasses import dataclass
 class Mode:
     """A shading mode.
 
-    name: as `perfect_bvh.render` and the command line take it. view: the view transform that shows it, None for
-    the scene's own. has_range: its values are distances, which an image file of bytes cannot hold as they are.
-    rays_per_sample: how many rays a sample of a pixel casts at most.
+    name: as `perfect_bvh.render` and the command line take it. number: what a .blend file keeps of the choice, so it
+    never changes. view: the view transform that shows it, None for the scene's own. has_range: its values are
+    distances, which an image file of bytes cannot hold as they are. rays_per_sample: how many rays a sample of a pixel
+    casts at most.
     """
 
     name: str
+    number: int
     label: str
     description: str
     view: str | None = None
@@ -38,23 +40,27 @@ MODES: tuple[Mode, ...] = (
     # Beside the camera's, a ray to the surroundings and one to a light.
     Mode(
         "preview",
+        0,
         "Preview",
         "The scene under its own lights and world, with matt surfaces: a quick look",
         rays_per_sample=3,
     ),
     Mode(
         "clay",
+        1,
         "Clay",
         "Soft sky light with ambient occlusion, in the viewport colors of the materials",
         rays_per_sample=3,
     ),
-    Mode("wireframe", "Wireframe", "Clay with the edges of the triangles drawn over it", rays_per_sample=3),
-    Mode("normal", "Normal", "World-space shading normals, their -1..1 as 0..1", "Raw"),
-    Mode("depth", "Depth", "Distance along the view axis in world units", "Raw", has_range=True),
-    Mode("distance", "Distance", "Distance along the ray in world units", "Raw", has_range=True),
-    Mode("instance", "Instance", "One color for each instance", "Standard"),
-    Mode("material", "Material", "One color for each material", "Standard"),
-    Mode("cost", "Cost", "Nodes and triangles visited for each pixel, on one fixed color scale", "Standard"),
+    Mode("matcap", 9, "MatCap", "Form at a glance: shading that follows from the normals as the viewer sees them"),
+    Mode("wireframe", 2, "Wireframe", "The edges of the triangles over softly lit surfaces"),
+    Mode("normal", 3, "Normal", "World-space shading normals, their -1..1 as 0..1", "Raw"),
+    Mode("uv", 10, "UV", "Where each point lies in the UV map of its mesh, as red and green", "Raw"),
+    Mode("depth", 4, "Depth", "Distance along the view axis in world units", "Raw", has_range=True),
+    Mode("distance", 5, "Distance", "Distance along the ray in world units", "Raw", has_range=True),
+    Mode("instance", 6, "Instance", "One color for each instance", "Standard"),
+    Mode("material", 7, "Material", "One color for each material", "Standard"),
+    Mode("cost", 8, "Cost", "Nodes and triangles visited for each pixel, on one fixed color scale", "Standard"),
 )
 MODE_NAMES: tuple[str, ...] = tuple(mode.name for mode in MODES)
 DEFAULT_MODE = "preview"

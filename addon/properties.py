@@ -9,7 +9,7 @@ import bpy
 from .modes import DEFAULT_MODE, MODES
 
 ENGINE_NAME = "PERFECT_BVH"
-MODE_ITEMS = [(mode.name.upper(), mode.label, mode.description, index) for index, mode in enumerate(MODES)]
+MODE_ITEMS = [(mode.name.upper(), mode.label, mode.description, mode.number) for mode in MODES]
 # Blender warns of paths that begin with // where a property does not say that it takes them; older ones do not ask.
 _KNOWS_RELATIVE_PATHS = "is_path_supports_blend_relative" in bpy.types.Property.bl_rna.properties
 PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if _KNOWS_RELATIVE_PATHS else set()
@@ -17,13 +17,17 @@ PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if _KNOWS_RELATIVE_PATHS else se
 
 @dataclass(frozen=True, slots=True)
 class RenderSettings:
-    """What one render uses, read from a scene's properties. threads: 0 for every core."""
+    """What one render uses, read from a scene's properties.
+
+    threads: 0 for every core. audit_share: of the camera rays to check again, 0 for none.
+    """
 
     mode: str
     samples: int
     ao_distance: float
     use_material_colors: bool
     threads: int
+    audit_share: float = 0.0
 
 
 class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
@@ -140,7 +144,20 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
         subtype="DISTANCE",
     )
     use_material_colors: bpy.props.BoolProperty(
-        name="Material Colors", description="Clay in the viewport colours of the materials, not in grey", default=True
+        name="Material Colors", description="The viewport colors of the materials instead of grey", default=True
+    )
+    use_audit: bpy.props.BoolProperty(
+        name="Audit",
+        description="Check a share of a render's camera rays again, in double precision and without a tree",
+        default=False,
+    )
+    audit_share: bpy.props.FloatProperty(
+        name="Share",
+        description="How many of the camera rays are checked: each is tried against every triangle of the scene",
+        default=0.001,
+        min=1e-6,
+        max=1.0,
+        precision=6,
     )
 
 
@@ -153,6 +170,7 @@ def read_settings(scene: bpy.types.Scene) -> RenderSettings:
         ao_distance=settings.ao_distance,
         use_material_colors=settings.use_material_colors,
         threads=scene.render.threads if scene.render.threads_mode == "FIXED" else 0,
+        audit_share=settings.audit_share if settings.use_audit else 0.0,
     )
 
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from perfect_bvh import Audit
+
     from .frame import FrameStatistics
     from .sync.report import SyncReport
 
@@ -36,8 +38,8 @@ def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
     width, height = statistics.size
     rows = [
         ("Frame", f"{statistics.frame:g}, {width} x {height}"),
-        ("Read", f"{report.read_milliseconds + report.compare_milliseconds + report.apply_milliseconds:.1f} ms"),
-        ("Trees", f"{report.commit_milliseconds:.1f} ms"),
+        ("Sync", f"{report.read_milliseconds + report.compare_milliseconds + report.apply_milliseconds:.1f} ms"),
+        ("Build", f"{report.commit_milliseconds:.1f} ms"),
         ("Trace", f"{statistics.trace_milliseconds:.1f} ms"),
         ("Camera Rays", f"{statistics.rays_per_second / 1e6:.2f} M/s"),
         ("Instances", f"{report.commit.instance_count:,}"),
@@ -47,7 +49,16 @@ def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
         count = sum(mesh.action == action for mesh in report.commit.meshes)
         if count:
             rows.append((action.replace("_", " ").title(), f"{count:,} of {count_meshes(report):,} trees"))
-    return rows
+    return rows + (_audit_rows(statistics.audit, statistics.audit_milliseconds) if statistics.audit else [])
+
+
+def _audit_rows(audit: Audit, milliseconds: float) -> list[tuple[str, str]]:
+    low, high = audit.interval
+    return [
+        ("Audit", f"{audit.checked_count:,} rays, {milliseconds:.1f} ms"),
+        ("Wrong", f"{len(audit.wrong_rows):,}, {audit.doubtful_count:,} in doubt"),
+        ("Per Million", f"{low:,.0f} to {high:,.0f} (95 %)"),
+    ]
 
 
 def plan_rows(report: SyncReport, limit: int = SHOWN_MESHES) -> list[PlanRow]:

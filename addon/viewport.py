@@ -114,11 +114,9 @@ class Viewport:
 
     def _follow_view(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
         """Begin anew if what is seen is not what it was; whether it was so."""
-        from .extract.camera import read_region_view
-
         assert self._sync is not None
         scene, region = depsgraph.scene, context.region
-        camera = read_region_view(context.region_data, _border_of(context.region_data, context.space_data, scene))
+        camera = _camera_of(context.region_data, context.space_data, depsgraph)
         if camera is None:
             self._key = self._refinement = None
             return True
@@ -153,7 +151,6 @@ def refine_view(context: bpy.types.Context, settings: RenderSettings, pace: Pace
 
     Raises ValueError if there is neither, and what the engine raises.
     """
-    from .extract.camera import read_region_view
     from .session import SceneSync, session_of
 
     depsgraph = context.evaluated_depsgraph_get()
@@ -166,7 +163,7 @@ def refine_view(context: bpy.types.Context, settings: RenderSettings, pace: Pace
             raise ValueError(f"scene {depsgraph.scene.name!r} has no camera that can be rendered")
         return Refinement(_view_of(sync, sync.camera, sync.size, settings), pace)
     space, region = found
-    camera = read_region_view(space.region_3d, _border_of(space.region_3d, space, depsgraph.scene))
+    camera = _camera_of(space.region_3d, space, depsgraph)
     if camera is None:
         raise ValueError("the 3D viewport has no usable view: its matrix is not finite")
     return Refinement(_view_of(sync, as_camera(camera), (region.width, region.height), settings), pace)
@@ -256,6 +253,23 @@ def _view_of(sync: SceneSync, camera: Camera, size: tuple[int, int], settings: R
             "clay_color": None if settings.use_material_colors else CLAY_GREY,
         },
     )
+
+
+def _camera_of(
+    view: bpy.types.RegionView3D, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph
+) -> CameraRecord | None:
+    """What a region looks through; None if nothing can be seen through it."""
+    from .extract.camera import read_camera, read_frame, read_region_view, spread_over_region
+
+    scene = depsgraph.scene
+    border = _border_of(view, space, scene)
+    camera = space.camera
+    through_camera = view.view_perspective == "CAMERA" and camera is not None and camera.type == "CAMERA"
+    if not through_camera or camera.data.type != "PANO":
+        return read_region_view(view, border)
+    # Blender itself draws a panorama as a perspective view.
+    record, _ = read_camera(camera.evaluated_get(depsgraph), read_frame(scene))
+    return None if record is None else spread_over_region(record, _camera_frame(view, camera, scene), border)
 
 
 def _border_of(view: bpy.types.RegionView3D, space: bpy.types.SpaceView3D, scene: bpy.types.Scene) -> Window:

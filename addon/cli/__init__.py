@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from ..modes import MODES
 from .arguments import CommandError, parse_frames, parse_size
 
+DEFAULT_AUDIT = 1e-3
 EXIT_ERROR = 2
 EXIT_INTERRUPTED = 130
 EXIT_PIPE = 141  # as a shell reports a program that SIGPIPE ended
@@ -26,6 +27,16 @@ def _positive(text: str) -> int:
 
 
 _positive.__name__ = "number"
+
+
+def _share(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value <= 1.0:
+        raise argparse.ArgumentTypeError(f"must be above 0 and at most 1, got {text}")
+    return value
+
+
+_share.__name__ = "share"
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -73,6 +84,15 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--mode", metavar="M", help="what the image shows, see below (default: as the file says)")
     parser.add_argument("--size", type=parse_size, metavar="WxH", help="pixels (default: as the file says)")
     parser.add_argument("--samples", type=_positive, metavar="N", help="rays a pixel (default: as the file says)")
+    parser.add_argument(
+        "--audit",
+        type=_share,
+        nargs="?",
+        const=DEFAULT_AUDIT,
+        metavar="SHARE",
+        help="check a share of the camera rays again, in double precision and without a tree, and say how many are "
+        f"wrong (default share: {DEFAULT_AUDIT:g})",
+    )
     parser.add_argument("--stats", action="store_true", help="print what each frame did to the trees, and the times")
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress bar and no summary")
 

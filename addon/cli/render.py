@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import functools
+import operator
 import sys
 import time
 from pathlib import Path
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     import bpy
     import numpy as np
     import numpy.typing as npt
+    from perfect_bvh import Audit
     from tqdm import tqdm
 
     from ..frame import Frame
@@ -61,6 +64,7 @@ class RenderSession:
         self._times: list[FrameTimes] = []
         self._reports: list[SyncReport] = []
         self._warned: set[str] = set()
+        self._audits: list[Audit] = []
 
     def run(self, frames: tuple[int, ...]) -> int:
         """Render them all; the exit status."""
@@ -103,6 +107,8 @@ class RenderSession:
         times = FrameTimes.of(job.frame.statistics, total=end - start, save=end - rendered)
         self._times.append(times)
         self._reports.append(job.frame.statistics.report)
+        if job.frame.statistics.audit is not None:
+            self._audits.append(job.frame.statistics.audit)
         self._warn(job.frame)
         if self._wants_stats:
             self._say(format_frame(number, job.frame.statistics, times))
@@ -159,6 +165,8 @@ class RenderSession:
 
     def _summary(self, frames: tuple[int, ...]) -> str:
         lines = [format_summary(self._reports, self._times, self._output.describe(frames[: len(self._times)]))]
+        if self._audits:
+            lines.append(f"audit: {functools.reduce(operator.add, self._audits)}")
         if self._range is not None:
             lines.append(f"grey scale: white at {self._range[0]:g}, black at {self._range[1]:g}")
         return "\n".join(lines)

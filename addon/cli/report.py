@@ -38,6 +38,7 @@ class FrameTimes:
 
     blender: Blender's own evaluation of the scene, and its render pipeline. read: the depsgraph into arrays.
     compare: with the frame before. update: edits of the engine's scene. build: trees built and refitted.
+    An audit counts in `total` alone.
     """
 
     blender: float
@@ -53,7 +54,7 @@ class FrameTimes:
     def of(cls, statistics: FrameStatistics, *, total: float, save: float) -> FrameTimes:
         """From a frame's statistics and what the caller measured, in seconds, around it."""
         report = statistics.report
-        known = report.milliseconds + statistics.trace_milliseconds + save * 1e3
+        known = report.milliseconds + statistics.trace_milliseconds + statistics.audit_milliseconds + save * 1e3
         return cls(
             blender=max(0.0, total * 1e3 - known),
             read=report.read_milliseconds,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,8 @@ import numpy as np
 from ..sync.records import CameraRecord, Float64Array
 
 Window = tuple[float, float, float, float]
+
+_PROJECTIONS = {"PERSP": "perspective", "ORTHO": "orthographic", "PANO": "equirectangular"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,23 +48,55 @@ def read_camera(camera: Any, frame: Frame) -> tuple[CameraRecord | None, str | N
     if camera.type != "CAMERA":
         return None, f"The active camera {camera.name!r} is a {camera.type.lower()} object: its view cannot be read"
     data = camera.data
-    if data.type not in {"PERSP", "ORTHO"}:
-        return None, f"Camera {camera.name!r} is of type {data.type}: only perspective and orthographic can be rendered"
+    complaint = _find_complaint(data)
+    if complaint is not None:
+        return None, f"Camera {camera.name!r} {complaint}"
     matrix = without_scale(np.array(camera.matrix_world, dtype=np.float64))
     if matrix is None:
         return None, f"Camera {camera.name!r} has no usable matrix: an axis is scaled to zero or not finite"
-    if not data.clip_start < data.clip_end:
-        return None, f"Camera {camera.name!r} clips everything: its start {data.clip_start:g} is not below its end"
     is_perspective = data.type == "PERSP"
     record = CameraRecord(
         matrix=matrix,
-        window=_view_window(data, frame, is_perspective),
-        projection="perspective" if is_perspective else "orthographic",
+        window=_panorama_window(data) if data.type == "PANO" else _view_window(data, frame, is_perspective),
+        projection=_PROJECTIONS[data.type],
         clip_start=data.clip_start,
         clip_end=data.clip_end,
         border=frame.border,
     )
     return record, None
+
+
+def panorama_settings(data: Any) -> Any:
+    """What holds a camera's panorama settings: itself since Blender 5.0, before it what Cycles adds; None without."""
+    return data if hasattr(data, "panorama_type") else getattr(data, "cycles", None)
+
+
+def _find_complaint(data: Any) -> str | None:
+    """Why a camera of these settings cannot be rendered, as a sentence without its subject."""
+    if data.type not in _PROJECTIONS:
+        return f"is of type {data.type.title()}: only perspective, orthographic and panoramic ones can be rendered"
+    if data.type == "PANO":
+        settings = panorama_settings(data)
+        if settings is None:
+            return "is panoramic: this Blender keeps its settings in Cycles, which is disabled in the preferences"
+        if settings.panorama_type != "EQUIRECTANGULAR":
+            kind = settings.panorama_type.replace("_", " ").title()
+            return f"is a {kind} panorama: of panoramas only equirectangular ones can be rendered"
+        if not (settings.longitude_min < settings.longitude_max and settings.latitude_min < settings.latitude_max):
+            return "sees nothing: the least longitude and latitude must be below the greatest"
+    if not data.clip_start < data.clip_end:
+        return f"clips everything: its start {data.clip_start:g} is not below its end"
+    return None
+
+
+def _panorama_window(data: Any) -> Window:
+    """(left, right, bottom, top) in radians; the shift counts in widths and heights of the frame, as in Cycles."""
+    settings = panorama_settings(data)
+    left, right, bottom, top = (
+        getattr(settings, name) for name in ("longitude_min", "longitude_max", "latitude_min", "latitude_max")
+    )
+    x, y = data.shift_x * (right - left), data.shift_y * (top - bottom)
+    return left + x, right + x, bottom + y, top + y
 
 
 def _view_window(data: Any, frame: Frame, is_perspective: bool) -> Window:
@@ -89,6 +123,28 @@ def read_region_view(view: Any, border: Window = (0.0, 1.0, 0.0, 1.0)) -> Camera
     projection = np.array(view.window_matrix, dtype=np.float64)
     matrix = without_scale(np.linalg.inv(np.array(view.view_matrix, dtype=np.float64)))
     return None if matrix is None else camera_from_projection(matrix, projection, border)
+
+
+def spread_over_region(camera: CameraRecord, frame: Window, border: Window) -> CameraRecord:
+    """A panorama as a viewport shows it that looks through its camera.
+
+    frame: where the camera's picture lies in the region, (left, right, bottom, top) as fractions of it, and border: the
+    part of the region to trace. Nothing is seen outside the picture.
+    """
+    left, right, bottom, top = frame
+    west, east, south, north = camera.window
+    across, up = (east - west) / (right - left), (north - south) / (top - bottom)
+    low_x, high_x, low_y, high_y = border
+    return replace(
+        camera,
+        window=(west - left * across, west + (1 - left) * across, south - bottom * up, south + (1 - bottom) * up),
+        border=(
+            max(left, low_x),
+            max(left, low_x, min(right, high_x)),
+            max(bottom, low_y),
+            max(bottom, low_y, min(top, high_y)),
+        ),
+    )
 
 
 def camera_from_projection(matrix: Float64Array, projection: Float64Array, border: Window) -> CameraRecord:

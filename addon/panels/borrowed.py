@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import bpy
 
+from ..extract.camera import panorama_settings
 from ..properties import ENGINE_NAME
 
 # Panels that Blender offers every engine, without those of features that this engine does not have; Simplify it shows
@@ -50,6 +51,40 @@ class PERFECT_BVH_PT_passes(bpy.types.Panel):
         column.prop(view_layer, "use_pass_material_index")
 
 
+class PERFECT_BVH_PT_panorama(bpy.types.Panel):
+    """The part of the sphere that a panoramic camera sees. Blender shows these settings with Cycles only."""
+
+    bl_label = "Panorama"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "data"
+    bl_parent_id = "DATA_PT_lens"
+    COMPAT_ENGINES = frozenset({ENGINE_NAME})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        camera = context.camera
+        return context.engine in cls.COMPAT_ENGINES and camera is not None and camera.type == "PANO"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        settings = panorama_settings(context.camera)
+        if settings is None:
+            layout.label(text="Enable the add-on Cycles: it keeps these settings", icon="ERROR")
+            return
+        layout.prop(settings, "panorama_type")
+        if settings.panorama_type != "EQUIRECTANGULAR":
+            layout.label(text="Only equirectangular can be rendered", icon="ERROR")
+            return
+        column = layout.column(align=True)
+        column.prop(settings, "latitude_min", text="Latitude Min")
+        column.prop(settings, "latitude_max", text="Max")
+        column = layout.column(align=True)
+        column.prop(settings, "longitude_min", text="Longitude Min")
+        column.prop(settings, "longitude_max", text="Max")
+
+
 def shared_panels() -> Iterator[type[bpy.types.Panel]]:
     """The panels of Blender that are shown with this engine."""
     for panel in _all_panels(bpy.types.Panel):
@@ -67,4 +102,4 @@ def _all_panels(base: type) -> Iterator[type[bpy.types.Panel]]:
         yield from _all_panels(panel)
 
 
-CLASSES = (PERFECT_BVH_PT_passes,)
+CLASSES = (PERFECT_BVH_PT_passes, PERFECT_BVH_PT_panorama)

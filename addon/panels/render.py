@@ -33,8 +33,9 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
         layout.operator("perfect_bvh.preview", icon="IMAGE_DATA")
         layout.prop(settings, "mode")
         layout.prop(settings, "samples")
-        if settings.mode in {"CLAY", "WIREFRAME"}:
+        if settings.mode in {"CLAY", "MATCAP", "WIREFRAME"}:
             layout.prop(settings, "use_material_colors")
+        if settings.mode == "CLAY":
             layout.prop(settings, "ao_distance")
         _draw_view_hint(layout, scene)
 
@@ -68,6 +69,25 @@ class PERFECT_BVH_PT_performance(RenderPanel, bpy.types.Panel):
         column.enabled = render.threads_mode == "FIXED"
         column.prop(render, "threads")
         layout.prop(render, "use_persistent_data", text="Persistent Data")
+
+
+class PERFECT_BVH_PT_audit(RenderPanel, bpy.types.Panel):
+    """Whether a share of a render's rays is checked again. The result stands under Statistics."""
+
+    bl_label = "Audit"
+    bl_parent_id = "PERFECT_BVH_PT_render"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        self.layout.prop(context.scene.perfect_bvh, "use_audit", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        settings = context.scene.perfect_bvh
+        layout.active = settings.use_audit
+        layout.prop(settings, "audit_share")
 
 
 class PERFECT_BVH_PT_simplify(RenderPanel, bpy.types.Panel):
@@ -107,6 +127,6 @@ def _draw_view_hint(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         column.prop(scene.view_settings, "view_transform", text="View Transform")
 
 
-CLASSES = (PERFECT_BVH_PT_render, PERFECT_BVH_PT_film, PERFECT_BVH_PT_performance)
+CLASSES = (PERFECT_BVH_PT_render, PERFECT_BVH_PT_film, PERFECT_BVH_PT_performance, PERFECT_BVH_PT_audit)
 # After everything that belongs into the panel above.
 LAST_CLASSES = (PERFECT_BVH_PT_simplify, PERFECT_BVH_PT_simplify_viewport, PERFECT_BVH_PT_simplify_render)

@@ -67,7 +67,7 @@ class Pattern(Protocol):
 class CameraGrid:
     """One ray through the centre of each pixel of a camera's picture, row after row from the top; all at one time.
 
-    width, height: of the picture in pixels. Rays begin and end at the camera's clipping planes.
+    width, height: of the picture in pixels. Rays begin and end where the camera clips.
     """
 
     width: int = 640
@@ -97,11 +97,16 @@ class CameraGrid:
         plane = np.zeros((self.height, self.width, 3))
         plane[..., 0], plane[..., 1] = x, y[:, None]
         plane = plane.reshape(-1, 3)
-        forward = np.broadcast_to((0.0, 0.0, -1.0), plane.shape)
-        is_perspective = view.projection == "perspective"
+        nowhere, forward = np.zeros_like(plane), np.zeros_like(plane)
+        forward[:, 2] = -1.0
+        origins, directions = {
+            "perspective": (nowhere, plane + forward),
+            "orthographic": (plane, forward),
+            "equirectangular": (nowhere, _directions(-plane[:, 0], plane[:, 1])),
+        }[view.projection]
         return Rays(
-            origins=np.zeros_like(plane) if is_perspective else plane,
-            directions=plane + forward if is_perspective else np.ascontiguousarray(forward),
+            origins=origins,
+            directions=directions,
             times=np.full(len(plane), start),
             t_min=view.clip_start,
             t_max=view.clip_end,
@@ -161,11 +166,7 @@ class SpinningLidar:
         columns = np.arange(_first_column(start * a_second), _first_column(end * a_second))
         azimuths = np.radians(((columns % self.columns + 0.5) / self.columns - 0.5) * self.sweep)
         elevations = np.radians(np.array(self.elevations))
-        directions = np.empty((len(columns), len(elevations), 3))
-        directions[..., 0] = -np.sin(azimuths)[:, None] * np.cos(elevations)
-        directions[..., 1] = np.sin(elevations)
-        directions[..., 2] = -np.cos(azimuths)[:, None] * np.cos(elevations)
-        directions = directions.reshape(-1, 3)
+        directions = _directions(np.repeat(azimuths, len(elevations)), np.tile(elevations, len(columns)))
         return Rays(
             origins=np.zeros_like(directions),
             directions=directions,
@@ -173,6 +174,12 @@ class SpinningLidar:
             t_min=self.min_distance,
             t_max=self.max_distance,
         )
+
+
+def _directions(azimuths: Float64Array, elevations: Float64Array) -> Float64Array:
+    """(R, 3) unit vectors from (R,) angles in radians: to the left of forward, and above the horizon."""
+    flat = np.cos(elevations)
+    return np.stack([-np.sin(azimuths) * flat, np.sin(elevations), -np.cos(azimuths) * flat], axis=1)
 
 
 def _first_column(place: float) -> int:

@@ -14,7 +14,7 @@ from perfect_bvh.appearance import (
     World,
 )
 
-from .records import VISIBLE_TO_CAMERA, VISIBLE_TO_SHADOW, Int32Array, SceneRecord
+from .records import VISIBLE_TO_CAMERA, VISIBLE_TO_DIFFUSE, VISIBLE_TO_SHADOW, Int32Array, SceneRecord
 
 
 def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int32Array) -> Appearance:
@@ -29,6 +29,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
         materials=_material_table(record),
         camera_mask=VISIBLE_TO_CAMERA,
         shadow_mask=VISIBLE_TO_SHADOW,
+        diffuse_mask=VISIBLE_TO_DIFFUSE,
         film_transparent=record.film_transparent,
         images=tuple([ImageTexture(image.pixels, image.extension) for image in record.images]),
         lights=_light_table(record),

@@ -16,10 +16,15 @@ namespace perfect_bvh::bindings {
 namespace {
 
 const std::map<std::string, Mode> kModes{
-    {"preview", Mode::kPreview},   {"clay", Mode::kClay},           {"normal", Mode::kNormal},
-    {"depth", Mode::kDepth},       {"distance", Mode::kDistance},   {"instance", Mode::kInstance},
-    {"material", Mode::kMaterial}, {"wireframe", Mode::kWireframe}, {"cost", Mode::kCost},
+    {"preview", Mode::kPreview},     {"clay", Mode::kClay},         {"matcap", Mode::kMatcap},
+    {"wireframe", Mode::kWireframe}, {"normal", Mode::kNormal},     {"uv", Mode::kUv},
+    {"depth", Mode::kDepth},         {"distance", Mode::kDistance}, {"instance", Mode::kInstance},
+    {"material", Mode::kMaterial},   {"cost", Mode::kCost},
 };
+
+const std::map<std::string, Projection> kProjections{{"perspective", Projection::kPerspective},
+                                                     {"orthographic", Projection::kOrthographic},
+                                                     {"equirectangular", Projection::kEquirectangular}};
 
 const std::map<std::string, Extension> kExtensions{
     {"repeat", Extension::kRepeat}, {"extend", Extension::kExtend}, {"clip", Extension::kClip}};
@@ -45,6 +50,7 @@ RenderSettings read_settings(const py::dict& values) {
   settings.smooth = get<bool>(values, "smooth");
   settings.seed = get<std::uint32_t>(values, "seed");
   settings.threads = get<int>(values, "threads");
+  settings.kept_share = get<float>(values, "kept_share");
   settings.clay.ao_distance = get<float>(values, "ao_distance");
   settings.clay.light_rays = settings.preview.light_rays = get<int>(values, "light_rays");
   if (!values["clay_color"].is_none()) settings.clay.color = as_color(values["clay_color"]);
@@ -60,8 +66,7 @@ Camera read_camera(const py::dict& values) {
   camera.camera_to_world = {{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}, {m[3], m[7], m[11]}};
   using Four = std::tuple<double, double, double, double>;
   std::tie(camera.left, camera.right, camera.bottom, camera.top) = get<Four>(values, "window");
-  const bool orthographic = get<std::string>(values, "projection") == "orthographic";
-  camera.projection = orthographic ? Projection::kOrthographic : Projection::kPerspective;
+  camera.projection = kProjections.at(get<std::string>(values, "projection"));
   camera.clip_start = get<float>(values, "clip_start");
   camera.clip_end = get<float>(values, "clip_end");
   using FourFloats = std::tuple<float, float, float, float>;
@@ -144,6 +149,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.holdout = rows_of<std::uint8_t>(view<bool>(values, "holdout"));
   appearance.camera_mask = get<std::uint32_t>(values, "camera_mask");
   appearance.shadow_mask = get<std::uint32_t>(values, "shadow_mask");
+  appearance.diffuse_mask = get<std::uint32_t>(values, "diffuse_mask");
   appearance.film_transparent = get<bool>(values, "film_transparent");
   for (const auto& [key, value] : values["meshes"].cast<py::dict>()) {
     const auto mesh = value.cast<py::dict>();
@@ -186,16 +192,43 @@ PassTargets read_targets(const py::dict& arrays, std::size_t pixel_count) {
   return targets;
 }
 
-void render_passes(const Snapshot& snapshot, const py::dict& camera_values, const py::dict& appearance_values,
-                   const py::dict& settings_values, const py::dict& arrays, const py::object& progress) {
+// Columns that Snapshot.audit_answers takes, and where in the image each ray belongs.
+py::dict columns_of(const std::vector<KeptRay>& kept, int width) {
+  const auto count = static_cast<py::ssize_t>(kept.size());
+  py::array_t<std::int64_t> pixels(count);
+  py::array_t<double> origins({count, py::ssize_t{3}}), directions({count, py::ssize_t{3}});
+  py::array_t<float> t_min(count), t_max(count), t_hit(count);
+  py::array_t<std::uint32_t> masks(count);
+  py::array_t<std::int32_t> instance_ids(count), primitive_ids(count);
+  for (py::ssize_t row = 0; row < count; ++row) {
+    const KeptRay& item = kept[static_cast<std::size_t>(row)];
+    pixels.mutable_at(row) = std::int64_t{item.pixel.y} * width + item.pixel.x;
+    for (int axis = 0; axis < 3; ++axis) {
+      origins.mutable_at(row, axis) = item.ray.origin[axis];
+      directions.mutable_at(row, axis) = item.ray.direction[axis];
+    }
+    t_min.mutable_at(row) = item.ray.t_min, t_max.mutable_at(row) = item.ray.t_max;
+    masks.mutable_at(row) = item.ray.mask, t_hit.mutable_at(row) = item.t;
+    instance_ids.mutable_at(row) = item.instance_id, primitive_ids.mutable_at(row) = item.primitive_id;
+  }
+  py::dict columns;
+  columns["pixels"] = pixels, columns["origins"] = origins, columns["directions"] = directions;
+  columns["t_min"] = t_min, columns["t_max"] = t_max, columns["masks"] = masks, columns["t_hit"] = t_hit;
+  columns["instance_ids"] = instance_ids, columns["primitive_ids"] = primitive_ids;
+  return columns;
+}
+
+py::dict render_passes(const Snapshot& snapshot, const py::dict& camera_values, const py::dict& appearance_values,
+                       const py::dict& settings_values, const py::dict& arrays, const py::object& progress) {
   const RenderSettings settings = read_settings(settings_values);
   const Camera camera = read_camera(camera_values);
   Appearance appearance;
   read_appearance(appearance_values, appearance);
   const auto pixel_count = static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height);
   const PassTargets targets = read_targets(arrays, pixel_count);
-  with_progress(progress,
-                [&](CancelToken& cancel) { render(snapshot, camera, appearance, settings, targets, cancel); });
+  const std::vector<KeptRay> kept = with_progress(
+      progress, [&](CancelToken& cancel) { return render(snapshot, camera, appearance, settings, targets, cancel); });
+  return columns_of(kept, settings.width);
 }
 
 }  // namespace

@@ -97,6 +97,23 @@ TEST(Camera, DirectionsAdvanceByOneAlongTheViewAxis) {
   EXPECT_EQ(RayMaker(camera, 64, 36).through(3, 5, 1).direction, (Vec3d{-1, 0, 0}));
 }
 
+TEST(Camera, PanoramasAreEvenInLongitudeAndLatitude) {
+  Camera camera;
+  camera.projection = Projection::kEquirectangular;
+  camera.left = -1.5, camera.right = 1.5, camera.bottom = -1.0, camera.top = 1.0;
+  const RayMaker rays(camera, 30, 20);
+  const Ray ray = rays.through(21.0, 4.0, 1);  // 0.6 to the right, 0.6 upwards
+  EXPECT_NEAR(ray.direction.x, std::sin(0.6) * std::cos(0.6), 1e-12);
+  EXPECT_NEAR(ray.direction.y, std::sin(0.6), 1e-12);
+  EXPECT_NEAR(ray.direction.z, -std::cos(0.6) * std::cos(0.6), 1e-12);
+  const RayMaker::Steps steps = rays.steps_at(ray);
+  constexpr double kPart = 1e-6;
+  const Vec3d right = (rays.through(21.0 + kPart, 4.0, 1).direction - ray.direction) * (1.0 / kPart);
+  const Vec3d down = (rays.through(21.0, 4.0 + kPart, 1).direction - ray.direction) * (1.0 / kPart);
+  EXPECT_LT(length(steps.right - right), 1e-5);
+  EXPECT_LT(length(steps.down - down), 1e-5);
+}
+
 TEST(Camera, AnAxisWithoutLengthIsRefused) {
   Camera camera;
   camera.camera_to_world.y = {0, 0, 0};

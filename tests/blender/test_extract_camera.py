@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -11,7 +12,7 @@ import numpy.typing as npt
 import pytest
 from blender.builders import camera_object, evaluated, in_render, mesh_object
 from perfect_bvh_addon.extract import read_scene
-from perfect_bvh_addon.extract.camera import camera_from_projection, read_frame
+from perfect_bvh_addon.extract.camera import Frame, camera_from_projection, panorama_settings, read_camera, read_frame
 from perfect_bvh_addon.sync.records import CameraRecord
 
 
@@ -161,9 +162,15 @@ def test_markers_switch_cameras(scene: Any) -> None:
 
 def test_cameras_that_cannot_be_read_are_named(scene: Any) -> None:
     obj = camera_object("eye", type="PANO")
+    settings = panorama_settings(obj.data)
+    settings.panorama_type = "MIRRORBALL"
     record = read_scene(evaluated())
     assert record.camera is None
-    assert "'eye' is of type PANO" in record.warnings[0]
+    assert "'eye' is a Mirrorball panorama: of panoramas only equirectangular" in record.warnings[0]
+
+    settings.panorama_type = "EQUIRECTANGULAR"
+    settings.latitude_min, settings.latitude_max = 0.3, 0.2
+    assert "sees nothing" in read_scene(evaluated()).warnings[0]
 
     obj.data.type = "PERSP"
     obj.scale.x = 0.0
@@ -175,6 +182,25 @@ def test_cameras_that_cannot_be_read_are_named(scene: Any) -> None:
 
     scene.camera = mesh_object("box")
     assert "'box' is a mesh object" in read_scene(evaluated()).warnings[0]
+
+
+@pytest.mark.parametrize("keeper", ["itself", "Cycles"])
+def test_a_panorama_is_read_wherever_blender_keeps_it(keeper: str) -> None:
+    """Since Blender 5.0 on the camera itself, before that on what Cycles adds to it, and nowhere without Cycles."""
+    angles = {"longitude_min": -1.0, "longitude_max": 2.0, "latitude_min": -0.5, "latitude_max": 1.5}
+    settings = {"panorama_type": "EQUIRECTANGULAR", **angles}
+    common = {"type": "PANO", "shift_x": 0.1, "shift_y": -0.2, "clip_start": 0.2, "clip_end": 9.0}
+    own = settings if keeper == "itself" else {"cycles": SimpleNamespace(**settings)}
+    obj = SimpleNamespace(name="eye", type="CAMERA", matrix_world=np.eye(4), data=SimpleNamespace(**common, **own))
+    record, complaint = read_camera(obj, Frame(100, 50))
+    assert complaint is None
+    assert (record.projection, record.clip_start, record.clip_end) == ("equirectangular", 0.2, 9.0)
+    assert record.window == pytest.approx((-0.7, 2.3, -0.9, 1.1))
+    obj.data = SimpleNamespace(**common)
+    assert read_camera(obj, Frame(100, 50)) == (
+        None,
+        "Camera 'eye' is panoramic: this Blender keeps its settings in Cycles, which is disabled in the preferences",
+    )
 
 
 def test_a_scene_without_a_camera_has_none_and_no_complaint(scene: Any) -> None:

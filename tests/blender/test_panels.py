@@ -11,6 +11,7 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
 from perfect_bvh_addon import engine, overlay, panels, preferences, summary  # noqa: E402
+from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.panels import render, reports  # noqa: E402
 
 
@@ -62,6 +63,7 @@ def rendered() -> Iterator[None]:
 def drawn(panel: type) -> list[str]:
     class Context:
         engine, scene, view_layer = "PERFECT_BVH", bpy.context.scene, bpy.context.view_layer
+        camera = bpy.context.scene.camera.data
 
     class Stand:
         layout = RecordingLayout()
@@ -75,7 +77,35 @@ def drawn(panel: type) -> list[str]:
 
 @pytest.mark.parametrize("panel", panels.CLASSES, ids=lambda panel: panel.__name__)
 def test_a_panel_can_be_drawn_after_a_render(panel: type) -> None:
+    bpy.context.scene.camera.data.type = "PANO"
     assert drawn(panel)
+
+
+def test_a_panorama_can_be_set_up_without_cycles() -> None:
+    camera = bpy.context.scene.camera.data
+    camera.type = "PANO"
+    settings = panorama_settings(camera)
+    settings.panorama_type = "FISHEYE_EQUISOLID"
+    assert "Only equirectangular can be rendered" in drawn(panels.borrowed.PERFECT_BVH_PT_panorama)
+    settings.panorama_type = "EQUIRECTANGULAR"
+    names = {"panorama_type", "latitude_min", "latitude_max", "longitude_min", "longitude_max"}
+    assert names == set(drawn(panels.borrowed.PERFECT_BVH_PT_panorama))
+    camera.type = "ORTHO"
+    with pytest.raises(AssertionError):
+        drawn(panels.borrowed.PERFECT_BVH_PT_panorama)
+
+
+def test_an_audit_shows_in_the_statistics() -> None:
+    scene = bpy.context.scene
+    scene.perfect_bvh.use_audit, scene.perfect_bvh.audit_share, scene.perfect_bvh.samples = True, 0.5, 4
+    assert not {"Audit", "Wrong"} & set(drawn(reports.PERFECT_BVH_PT_statistics))
+    bpy.ops.render.render()
+    rows = dict(summary.statistics_rows(engine.last_statistics(scene)))
+    count = int(rows["Audit"].partition(" ")[0].replace(",", ""))
+    assert 0.4 * 4 * 32 * 18 < count < 0.6 * 4 * 32 * 18
+    assert rows["Wrong"].startswith("0, ")
+    assert rows["Per Million"].endswith("(95 %)")
+    assert {"Audit", "Wrong", "Per Million"} <= set(drawn(reports.PERFECT_BVH_PT_statistics))
 
 
 def test_the_plan_names_the_mesh_and_what_was_done() -> None:

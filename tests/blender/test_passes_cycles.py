@@ -25,7 +25,15 @@ import perfect_bvh  # noqa: E402
 import perfect_bvh_addon  # noqa: E402
 from mathutils import Matrix  # noqa: E402
 from oracles.brute_force import WorldTriangles, judge  # noqa: E402
-from oracles.cycles import FILTER_WIDTH, Passes, index_edges, render_cycles, render_passes  # noqa: E402
+from oracles.cycles import (  # noqa: E402
+    FILTER_WIDTH,
+    Passes,
+    index_edges,
+    render_cycles,
+    render_cycles_uvs,
+    render_passes,
+)
+from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.session import clear_sessions, sessions_of  # noqa: E402
 
 SCENES = sorted(path.stem for path in (Path(__file__).resolve().parents[2] / "blend_scenes").glob("*.blend"))
@@ -107,11 +115,13 @@ def surely_right(sync: perfect_bvh_addon.SceneSync, pixels: list[tuple[int, int]
     left, right, bottom, top = camera.window
     places = np.array(pixels, np.float64).reshape(-1, 2) + 0.5
     on_plane = np.stack([left + places[:, 0] / width * (right - left), top - places[:, 1] / height * (top - bottom)], 1)
-    if camera.projection == "perspective":
-        local_origins, local_directions = np.zeros((len(places), 3)), np.insert(on_plane, 2, -1.0, axis=1)
-    else:
+    local_origins, local_directions = np.zeros((len(places), 3)), np.insert(on_plane, 2, -1.0, axis=1)
+    if camera.projection == "orthographic":
         local_origins = np.insert(on_plane, 2, 0.0, axis=1)
         local_directions = np.broadcast_to([0.0, 0.0, -1.0], local_origins.shape)
+    elif camera.projection == "equirectangular":
+        (longitude, latitude), flat = on_plane.T, np.cos(on_plane[:, 1])
+        local_directions = np.stack([flat * np.sin(longitude), np.sin(latitude), -flat * np.cos(longitude)], axis=1)
     rotation = camera.matrix[:3, :3].T
     rays = (local_origins @ rotation + camera.matrix[:3, 3], local_directions @ rotation)
     limits = {"t_min": camera.clip_start, "t_max": camera.clip_end, "mask": sync.appearance.camera_mask}
@@ -197,6 +207,57 @@ def test_cameras(scene, projection: str, fit: str, size: tuple[int, int]) -> Non
     add("Ball", bpy.ops.mesh.primitive_uv_sphere_add, radius=2.0, location=(0.0, 0.0, 1.0))
     result = check(scene, objects=2, size=size)
     assert (result.theirs.depth[result.theirs.depth < BACKGROUND] >= 11.0).all()
+
+
+@pytest.mark.parametrize("mode", ["PREVIEW", "MATCAP"])
+@pytest.mark.parametrize(
+    ("part", "shift", "size"),
+    [
+        ((-np.pi, np.pi, -np.pi / 2, np.pi / 2), (0.0, 0.0), (192, 96)),
+        ((-1.9, 2.4, -0.9, 1.2), (0.1, -0.2), (120, 160)),
+    ],
+    ids=["whole", "part"],
+)
+def test_panoramas(
+    scene, mode: str, part: tuple[float, ...], shift: tuple[float, float], size: tuple[int, int]
+) -> None:
+    camera = scene.camera.data
+    camera.type = "PANO"
+    settings = panorama_settings(camera)
+    settings.panorama_type = "EQUIRECTANGULAR"
+    settings.longitude_min, settings.longitude_max, settings.latitude_min, settings.latitude_max = part
+    camera.shift_x, camera.shift_y = shift
+    camera.clip_start, camera.clip_end = 1.5, 17.0
+    scene.camera.scale, scene.camera.rotation_euler = (2.0, 0.5, 3.0), (1.3, 0.2, 0.4)
+    scene.perfect_bvh.mode = mode
+    add("Floor", bpy.ops.mesh.primitive_plane_add, size=60.0)
+    for x, y, z in ((0.0, 0.0, 1.0), (2.0, -16.0, 4.0), (8.0, -12.0, 7.0), (-5.0, -11.0, 6.0), (2.0, -11.0, 9.5)):
+        ball = add("Ball", bpy.ops.mesh.primitive_uv_sphere_add, radius=1.8, location=(x, y, z))
+        ball.data.shade_smooth()
+    result = check(scene, objects=4, size=size)
+    nearest, farthest = result.theirs.depth.min(), result.theirs.depth[result.theirs.depth < BACKGROUND].max()
+    assert nearest >= 1.5
+    assert farthest <= 17.0
+    assert (result.theirs.object_index == 0).any()
+
+
+def test_uvs_are_those_of_cycles(scene) -> None:
+    """The mode's picture beside the pass UV of Cycles: a map, one that leaves 0 to 1, none."""
+    floor = add("Floor", bpy.ops.mesh.primitive_grid_add, x_subdivisions=9, y_subdivisions=7, size=12.0)
+    for corner in floor.data.uv_layers.active.data:
+        corner.uv = corner.uv * 3.0 - corner.uv.yx
+    add("Ball", bpy.ops.mesh.primitive_uv_sphere_add, radius=1.5, location=(1.5, -1.0, 1.6))
+    bare = add("Bare", bpy.ops.mesh.primitive_cube_add, size=2.0, location=(-2.5, 0.0, 1.0))
+    bare.data.uv_layers.remove(bare.data.uv_layers.active)
+    scene.perfect_bvh.mode = "UV"
+    result = check(scene, objects=3)
+    theirs = render_cycles_uvs(scene)
+    inside = ~index_edges(result.theirs.object_index)
+    assert theirs[inside].max() > 1.5
+    assert theirs[inside].min() < -0.5
+    # Seams run across the ball where no index changes.
+    differs = np.abs(result.ours.combined[..., :3] - theirs).max(axis=-1) > 2e-3
+    assert (differs & inside).sum() <= 0.002 * inside.sum()
 
 
 def test_smooth_flat_mirrored_and_sheared_objects(scene) -> None:

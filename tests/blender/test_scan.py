@@ -15,6 +15,7 @@ bpy = pytest.importorskip("bpy")
 import perfect_bvh  # noqa: E402
 import perfect_bvh_addon  # noqa: E402
 from perfect_bvh_addon import CameraGrid, SpinningLidar, scan  # noqa: E402
+from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.operators.scan import parse_elevations  # noqa: E402
 from perfect_bvh_addon.scanning import Scanner  # noqa: E402
 
@@ -100,6 +101,25 @@ def test_a_camera_grid_sees_what_blenders_rays_see(room, kind: str) -> None:
     assert sorted(cloud.ray_ids) == [ray for ray, place in enumerate(hits) if place is not None]
     np.testing.assert_allclose(cloud.positions, [hits[ray] for ray in cloud.ray_ids], atol=2e-4)
     assert 20 < len(cloud) < cloud.ray_count == 24 * 14
+
+
+def test_a_panoramas_grid_sees_what_blenders_rays_see(room) -> None:
+    camera = room.camera
+    camera.data.type = "PANO"
+    settings = panorama_settings(camera.data)
+    settings.panorama_type = "EQUIRECTANGULAR"
+    settings.longitude_min, settings.longitude_max, settings.latitude_min, settings.latitude_max = -2.5, 1.0, -1.5, 0.5
+    camera.data.clip_start, camera.data.clip_end = 0.5, 14.0
+    cloud = scan(CameraGrid(24, 14))
+    turn = np.array(camera.matrix_world.normalized())
+    rays = []
+    for row in range(14):
+        up = 0.5 - (row + 0.5) / 14 * 2.0
+        for column in range(24):
+            right = -2.5 + (column + 0.5) / 24 * 3.5
+            local = (math.sin(right) * math.cos(up), math.sin(up), -math.cos(right) * math.cos(up))
+            rays.append((turn[:3, 3], turn[:3, :3] @ local, 14.0))
+    assert 20 < compare_with_blender(room, cloud, rays) < cloud.ray_count == 24 * 14
 
 
 def lidar_rays(head, pattern: SpinningLidar, columns: range):
@@ -375,7 +395,8 @@ def test_scan_names_what_is_wrong(room) -> None:
     with pytest.raises(ValueError, match="the sensor 'Head' is not in scene"):
         scan(LIDAR, head)
     room.camera.data.type = "PANO"
-    with pytest.raises(ValueError, match="only perspective and orthographic"):
+    panorama_settings(room.camera.data).panorama_type = "FISHEYE_EQUISOLID"
+    with pytest.raises(ValueError, match="of panoramas only equirectangular"):
         scan(CameraGrid(4, 4))
     room.camera = None
     with pytest.raises(ValueError, match="has no active camera: name a sensor"):

@@ -11,6 +11,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from perfect_bvh_addon import viewport  # noqa: E402
+from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 
 
 @pytest.fixture
@@ -46,6 +47,27 @@ def test_a_camera_border_lies_within_the_cameras_frame(scene: Any, camera: Any, 
     np.testing.assert_allclose(viewport._border_of(zoomed, space(camera), scene), (0.375, 0.5, 0.25, 0.625), atol=1e-6)
     near = region_view(camera, scene.render.resolution_x, scene.render.resolution_y, zoom=4.0)
     np.testing.assert_allclose(viewport._border_of(near, space(camera), scene), (0.0, 0.5, 0.0, 1.0), atol=1e-6)
+
+
+def test_a_panorama_fills_its_cameras_frame_and_no_more(scene: Any, camera: Any) -> None:
+    camera.data.type = "PANO"
+    settings = panorama_settings(camera.data)
+    settings.panorama_type = "EQUIRECTANGULAR"
+    settings.longitude_min, settings.longitude_max, settings.latitude_min, settings.latitude_max = -1.0, 2.0, -0.5, 1.0
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    zoomed = region_view(camera, scene.render.resolution_x, scene.render.resolution_y, zoom=0.5)  # 0.25 to 0.75
+    scene.render.use_border = False
+    whole = viewport._camera_of(zoomed, space(camera), depsgraph)
+    assert whole.projection == "equirectangular"
+    assert whole.border == pytest.approx((0.25, 0.75, 0.25, 0.75), abs=1e-6)
+    assert whole.window == pytest.approx((-2.5, 3.5, -1.25, 1.75), abs=1e-5)
+    scene.render.use_border = True
+    assert viewport._camera_of(zoomed, space(camera), depsgraph).border == pytest.approx(
+        (0.375, 0.5, 0.25, 0.625), abs=1e-6
+    )
+    settings.panorama_type = "MIRRORBALL"
+    depsgraph.update()
+    assert viewport._camera_of(zoomed, space(camera), depsgraph) is None
 
 
 def test_without_a_border_all_is_traced(scene: Any, camera: Any) -> None:

@@ -137,3 +137,66 @@ def test_progress_and_cancel(scene_and_triangles):
     rays = meshes.random_rays(20000, 12)
     with pytest.raises(perfect_bvh.Cancelled):
         scene.cast_rays(*rays, audit=1.0, progress=lambda done: done < 0.5)
+
+
+# Of renders ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def camera() -> perfect_bvh.Camera:
+    return perfect_bvh.Camera.look_at((0.0, -3.0, 1.0), (0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("mode", ["clay", "normal", "depth"])
+@pytest.mark.parametrize("samples", [1, 5])
+def test_a_render_can_be_audited(scene_and_triangles, camera, mode, samples):
+    scene, _ = scene_and_triangles
+    audit = perfect_bvh.RenderAudit(0.1)
+    image = perfect_bvh.render(scene, camera, mode, (80, 45), samples, smooth=False, audit=audit)
+    ray_count = 80 * 45 * (1 if mode == "depth" else samples)
+    assert 0.07 * ray_count < audit.result.checked_count < 0.13 * ray_count
+    assert audit.result.wrong_rows.size == 0
+    assert audit.seconds > 0.0
+    np.testing.assert_array_equal(image, perfect_bvh.render(scene, camera, mode, (80, 45), samples, smooth=False))
+
+
+def test_the_rays_of_an_audit_do_not_depend_on_threads_or_rounds(scene_and_triangles, camera):
+    scene, _ = scene_and_triangles
+    audits = [perfect_bvh.RenderAudit(0.2) for _ in range(3)]
+    for threads, audit in enumerate(audits[:2], 1):
+        perfect_bvh.render(scene, camera, "normal", (80, 45), 4, threads=threads, audit=audit)
+    for _ in perfect_bvh.render_progressively(scene, camera, mode="normal", size=(80, 45), samples=4, audit=audits[2]):
+        pass
+    assert audits[0].result.checked_count == audits[1].result.checked_count
+    # Of several rounds the first one stands at the pixels' centres: the same rows, though not quite the same rays.
+    assert audits[0].result.checked_count == audits[2].result.checked_count
+
+
+def test_an_audit_of_a_render_finds_what_is_wrong(scene_and_triangles, camera, monkeypatch):
+    """Every answer that a render keeps is taken away or moved before it is checked."""
+    scene, _ = scene_and_triangles
+    honest = perfect_bvh._core.render
+    truth = {}
+
+    def lie(*arguments):
+        kept = honest(*arguments)
+        truth["hit"] = kept["instance_ids"] >= 0
+        truth["pixels"] = kept["pixels"]
+        kept["t_hit"][::2] *= np.float32(1.01)
+        kept["t_hit"][1::2] = np.inf
+        kept["instance_ids"][1::2] = kept["primitive_ids"][1::2] = -1
+        return kept
+
+    monkeypatch.setattr(perfect_bvh._core, "render", lie)
+    audit = perfect_bvh.RenderAudit(1.0)
+    perfect_bvh.render(scene, camera, "normal", (60, 40), audit=audit)
+    sure = truth["hit"].sum() - audit.result.doubtful_count
+    assert sure > 100
+    assert sure <= len(audit.result.wrong_rows) <= truth["hit"].sum()
+    assert set(audit.result.wrong_rows) <= set(truth["pixels"][truth["hit"]])
+
+
+@pytest.mark.parametrize("share", [0.0, -1.0, 1.5, float("nan")])
+def test_an_impossible_share_is_refused(share):
+    with pytest.raises(ValueError, match="RenderAudit: share must be above 0 and at most 1"):
+        perfect_bvh.RenderAudit(share)

@@ -45,9 +45,11 @@ def scene() -> Scene:
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("samples", [1, 3])
 def test_images_are_equal_for_any_number_of_threads(scene: Scene, mode: Any, samples: int) -> None:
+    uvs = np.random.default_rng(8).random((200, 3, 2), np.float32)
+    look = Appearance(meshes={0: MeshAppearance(corner_uvs=uvs)})
     images = [
-        render_passes(scene, CAMERA, mode=mode, size=SIZE, samples=samples, passes=PASSES, threads=threads)
-        for threads in (1, 2, 3)
+        render_passes(scene, CAMERA, mode=mode, size=SIZE, samples=samples, passes=PASSES, appearance=look, threads=n)
+        for n in (1, 2, 3)
     ]
     for name in PASSES:
         np.testing.assert_array_equal(images[0][name], images[1][name], err_msg=name)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
+from oracles import meshes
 from perfect_bvh import (
+    MODES,
     Appearance,
     Camera,
     InstanceTable,
@@ -98,6 +101,91 @@ def test_clipping_is_along_the_view_axis(projection: str) -> None:
     assert seen(3.001, 100.0).tolist() == [2]
     assert seen(2.001, 2.999).tolist() == [-1]
     assert seen(0.1, 1.999).tolist() == [-1]
+
+
+def test_panoramas_see_by_longitude_and_latitude() -> None:
+    """Beside rays cast one by one, from a camera that is turned; depth is the distance."""
+    scene = quad_scene(
+        *(placed(x, y, z, 1.5) for x, y, z in [(0, 0, -4), (5, 1, 0), (-5, 0, 3), (0, 4, 2), (1, -4, 1)])
+    )
+    turn = np.eye(4)
+    turn[:3, :3] = [[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]]
+    turn[:3, 3] = 0.1, -0.2, 0.3
+    west, east, south, north = window = (-2.5, 3.0, -1.4, 1.5)
+    camera = Camera(turn, window, "equirectangular", clip_start=0.5, clip_end=7.0)
+    passes = render_passes(scene, camera, size=SIZE, passes=("depth", "distance", "instance", "normal"))
+    longitude = west + (np.arange(WIDTH) + 0.5) * (east - west) / WIDTH
+    latitude = (north - (np.arange(HEIGHT) + 0.5) * (north - south) / HEIGHT)[:, None]
+    flat = np.cos(latitude)
+    local = np.stack(
+        [flat * np.sin(longitude), np.broadcast_to(np.sin(latitude), SIZE[::-1]), -flat * np.cos(longitude)], axis=-1
+    )
+    hits = scene.cast_rays(turn[:3, 3], local @ turn[:3, :3].T, 0.5, 7.0)
+    assert set(np.unique(hits.instance_ids)) == {-1, 0, 1, 2, 3, 4}
+    np.testing.assert_array_equal(passes["instance"], hits.instance_ids)
+    np.testing.assert_allclose(passes["depth"], np.where(hits.is_hit, hits.t_hit, 1e10), rtol=1e-6)
+    np.testing.assert_array_equal(passes["depth"], passes["distance"])
+
+
+def test_a_panoramas_wires_are_as_wide_as_asked() -> None:
+    """A wall whose middle edge runs upwards, at the equator: the dark line across it is as many pixels wide."""
+    wall = np.array([(-2, -2, -3), (0, -2, -3), (0, 2, -3), (2, -2, -3), (2, 2, -3)], np.float32)
+    scene = Scene()
+    scene.add_instance(scene.add_mesh(wall, np.array([(0, 1, 2), (1, 3, 4), (1, 4, 2)], np.int32)))
+    scene.commit()
+    camera = Camera(window=(-0.4, 0.4, -0.05, 0.05), projection="equirectangular")
+    for width in (2.0, 5.0):
+        image = render(scene, camera, "wireframe", (160, 20), wire_width=width, wire_color=(0, 0, 0))
+        row = image[10, 60:100, 0]
+        assert (1.0 - row / row.max()).sum() == pytest.approx(width, rel=0.1)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_every_mode_shows_a_panorama(mode: Any) -> None:
+    scene = quad_scene(placed(0, 0, -4), placed(0, 0, 4))
+    camera = Camera(window=(-math.pi, math.pi, -1.5, 1.5), projection="equirectangular")
+    image = render(scene, camera, mode, SIZE, 2)
+    assert np.isfinite(image).all()
+    assert np.ptp(image) > 0.0
+
+
+def test_uvs_are_those_of_the_map_and_black_without_one() -> None:
+    scene = quad_scene(placed(-1.5, 0, -3.0), placed(1.5, 0, -3.0))
+    other = scene.add_mesh(QUAD, QUAD_TRIANGLES)
+    scene.add_instance(other, placed(0.0, 1.2, -3.5, 0.3))
+    scene.commit()
+    corners = QUAD[QUAD_TRIANGLES][..., :2].astype(np.float32) * 3.0 - 1.0  # leaves 0..1
+    look = Appearance(meshes={0: MeshAppearance(corner_uvs=corners)})
+    passes = render_passes(
+        scene, Camera(window=WINDOW), mode="uv", size=SIZE, appearance=look, passes=("combined", "instance", "depth")
+    )
+    seen, (x, y) = passes["instance"], pixel_centres()
+    for instance, middle in ((0, -1.5), (1, 1.5)):
+        inside = seen == instance
+        assert inside.any()
+        u, v = (3.0 * x - middle) * 3.0 - 1.0, ((3.0 * y) * 3.0 - 1.0)[:, None]
+        np.testing.assert_allclose(passes["combined"][inside, 0], np.broadcast_to(u, inside.shape)[inside], atol=1e-4)
+        np.testing.assert_allclose(passes["combined"][inside, 1], np.broadcast_to(v, inside.shape)[inside], atol=1e-4)
+        assert (passes["combined"][inside, 2:] == 1.0).all()
+    assert (seen == 2).any()
+    assert (passes["combined"][seen == 2] == (0.0, 0.0, 0.0, 1.0)).all()
+    assert (passes["combined"][seen == -1] == 0.0).all()
+
+
+def test_a_matcap_shows_the_same_ball_from_everywhere() -> None:
+    """Its shade follows from the normal as it is seen: turning camera and ball together changes nothing."""
+    scene = Scene()
+    ball = scene.add_mesh(*meshes.sphere(64, 128, 1.0))
+    scene.add_instance(ball)
+    scene.commit()
+    images = []
+    for place in ((0.0, -4.0, 0.0), (3.0, 2.0, 1.7), (-1.0, 0.5, -3.8)):
+        camera = Camera.look_at(np.array(place) / np.linalg.norm(place) * 4.0, (0, 0, 0), aspect=1.0, angle=0.45)
+        images.append(render(scene, camera, "matcap", (60, 60), 4, clay_color=(0.5, 0.5, 0.5))[..., 1])
+    for image in images[1:]:
+        assert np.abs(image - images[0]).mean() < 0.01
+    left, right = images[0][20:40, 8:14].mean(), images[0][20:40, 46:52].mean()
+    assert left > 1.2 * right > 0.0
 
 
 def test_a_shifted_window_is_a_cut_of_a_larger_one() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -135,6 +136,33 @@ def test_transparent_surfaces_let_light_and_looks_through(alpha, through):
     )
     above = brightness(scene, look)  # the floor's light comes through the pane, and is seen through it again
     assert above == pytest.approx(PLAIN * through * through, abs=0.03)
+
+
+def test_light_bounces_off_what_is_held_out_of_the_image():
+    """A red wall beside a floor colours it whether the wall itself is seen or is a hole."""
+    wall = np.array([(1, -50, 0), (1, 50, 0), (1, 50, 50), (1, -50, 50)], np.float64)
+    scene = floor(wall)
+    look = materials(base_colors=np.array([(1.0, 0.0, 0.0)], np.float32))
+    table = one_material(2)
+    plain, held_out = (
+        Appearance(
+            instances=replace(table, holdout=np.array([False, is_held_out])), materials=look, world=World((1, 1, 1))
+        )
+        for is_held_out in (False, True)
+    )
+    images = [render(scene, ABOVE, "preview", SIZE, 8, look) for look in (plain, held_out)]
+    np.testing.assert_array_equal(images[0], images[1])  # the camera looks past the wall
+
+
+@pytest.mark.parametrize(("mask", "is_open"), [(0b01, False), (0b10, True)])
+def test_what_rays_for_the_sky_pass_by_keeps_no_light_away(mask, is_open):
+    scene = Scene()
+    scene.add_instance(scene.add_mesh(FLOOR, QUAD))
+    scene.add_instance(scene.add_mesh(FLOOR + (0, 0, 9), QUAD), mask=mask)
+    scene.commit()
+    look = Appearance(world=World((1, 1, 1)), diffuse_mask=0b01, shadow_mask=0b10, camera_mask=0b01)
+    seen = brightness(scene, look)
+    assert seen == pytest.approx(PLAIN, rel=1e-3) if is_open else seen < 0.5 * PLAIN
 
 
 def test_emission_is_seen_and_gives_light():

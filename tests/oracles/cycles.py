@@ -75,6 +75,27 @@ def write_multilayer(path: Path, scene: bpy.types.Scene, engine: str) -> None:
         bpy.ops.render.render(write_still=True, scene=scene.name)
 
 
+def render_cycles_uvs(scene: bpy.types.Scene) -> npt.NDArray[np.float32]:
+    """(H, W, 3): Cycles' pass UV through the pixels' centres; (u, v, 1), zero where there is no map or no surface."""
+    view_layer, cycles = scene.view_layers[0], scene.cycles
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        preserved(
+            (view_layer, "use_pass_uv", True),
+            (cycles, "samples", 1),
+            (cycles, "use_adaptive_sampling", False),
+            (cycles, "use_denoising", False),
+            (cycles, "filter_width", FILTER_WIDTH),
+            (cycles, "max_bounces", 0),
+        ),
+    ):
+        path = Path(folder) / "uvs.exr"
+        write_multilayer(path, scene, "CYCLES")
+        planes = read_exr(path)
+        names = [f"{view_layer.name}.UV.{channel}" for channel in "UVA"]
+        return np.stack([planes[name] for name in names], axis=-1)
+
+
 def read_passes(path: Path, layer: str) -> Passes:
     """The passes of one view layer from a file that `write_multilayer` wrote."""
     planes = read_exr(path)

@@ -11,7 +11,7 @@
 
 from ._core import __version__, set_thread_count, shutdown_threads, thread_count
 from .appearance import Appearance, ImageTexture, InstanceTable, LightTable, MaterialTable, MeshAppearance, World
-from .audit import Audit
+from .audit import Audit, RenderAudit
 from .build_config import BuildConfig
 from .calibration import Calibration
 from .camera import Camera
@@ -48,6 +48,7 @@ __all__ = [
     "MeshAppearance",
     "MeshReport",
     "Queries",
+    "RenderAudit",
     "RenderOptions",
     "Scene",
     "SceneStatistics",

@@ -36,7 +36,7 @@ def render(
     settings: dict[str, Any],
     targets: dict[str, npt.NDArray[Any]],
     progress: _Progress,
-) -> None: ...
+) -> dict[str, npt.NDArray[Any]]: ...
 
 class Snapshot:
     @property

@@ -108,8 +108,10 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
         "slot_materials": column("instances.slot_materials", table.slot_materials, np.int32),
         "object_indices": column("instances.object_indices", table.object_indices, np.int32),
         "holdout": column("instances.holdout", table.holdout, np.bool_),
-        "camera_mask": check_count(function, "appearance.camera_mask", appearance.camera_mask, 0, _LARGEST_MASK),
-        "shadow_mask": check_count(function, "appearance.shadow_mask", appearance.shadow_mask, 0, _LARGEST_MASK),
+        **{
+            name: check_count(function, f"appearance.{name}", getattr(appearance, name), 0, _LARGEST_MASK)
+            for name in ("camera_mask", "shadow_mask", "diffuse_mask")
+        },
         "film_transparent": bool(appearance.film_transparent),
         "meshes": {int(mesh): _mesh_arrays(function, mesh, value) for mesh, value in appearance.meshes.items()},
     }

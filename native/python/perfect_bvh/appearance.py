@@ -129,7 +129,8 @@ class Appearance:
     """Materials, attributes and visibility of a scene's meshes (by mesh id) and instances.
 
     camera_mask: the bits of an instance's mask that camera rays see. shadow_mask: those that
-    ambient-occlusion and shadow rays see.
+    ambient-occlusion and shadow rays see. diffuse_mask: those that rays see which look for the light that comes from
+    all around a surface in "preview".
     film_transparent: the background has alpha 0 instead of showing the sky.
     images, lights, world: for the mode "preview". Without a world the studio's soft sky stands for it.
     """
@@ -139,6 +140,7 @@ class Appearance:
     materials: MaterialTable = field(default_factory=MaterialTable)
     camera_mask: int = 0xFFFFFFFF
     shadow_mask: int = 0xFFFFFFFF
+    diffuse_mask: int = 0xFFFFFFFF
     film_transparent: bool = False
     images: tuple[ImageTexture, ...] = ()
     lights: LightTable = field(default_factory=LightTable)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-Projection = Literal["perspective", "orthographic"]
+Projection = Literal["perspective", "orthographic", "equirectangular"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,8 +21,10 @@ class Camera:
 
     matrix: (4, 4) float64, camera to world; any scale in it is removed, as Blender does.
     window: (left, right, bottom, top) of the whole frame: on the plane one unit in front of a perspective
-        camera (so tangents), or in world units for an orthographic one.
-    clip_start, clip_end: distances along the view axis (not along the ray), in world units.
+        camera (so tangents), in world units for an orthographic one, or in radians for an equirectangular one:
+        longitudes to the right of the view axis, latitudes above it.
+    clip_start, clip_end: distances along the view axis (not along the ray), in world units. A panorama has no such
+        axis: there they are distances from the camera, and so is its depth.
     border: (left, right, bottom, top) as fractions of the frame, 0 to 1. Pixels outside it are not traced
         and stay zero; the image keeps the size of the whole frame.
     """
@@ -42,8 +44,10 @@ class Camera:
         left, right, bottom, top = self.window
         if not (left < right and bottom < top and all(map(math.isfinite, self.window))):
             raise ValueError(f"Camera: window must be finite (left < right, bottom < top), got {self.window}")
-        if self.projection not in ("perspective", "orthographic"):
-            raise ValueError(f"Camera: projection must be 'perspective' or 'orthographic', got {self.projection!r}")
+        if self.projection not in get_args(Projection):
+            raise ValueError(
+                f"Camera: projection must be one of {', '.join(get_args(Projection))}; got {self.projection!r}"
+            )
         if not 0.0 <= self.clip_start < self.clip_end:
             raise ValueError(
                 f"Camera: clip_start must be at least 0 and below clip_end, got {self.clip_start} and {self.clip_end}"

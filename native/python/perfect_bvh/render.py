@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._batches import Progress
+from ._batches import Progress, share_of
 from ._render_arguments import (
     appearance_arguments,
     camera_arguments,
@@ -20,11 +20,14 @@ from ._render_arguments import (
     check_size,
 )
 from .appearance import Appearance
+from .audit import RenderAudit
 from .camera import Camera
 from .scene import Scene
 from .snapshot import Snapshot
 
-Mode = Literal["preview", "clay", "wireframe", "normal", "depth", "distance", "instance", "material", "cost"]
+Mode = Literal[
+    "preview", "clay", "matcap", "wireframe", "normal", "uv", "depth", "distance", "instance", "material", "cost"
+]
 Color = tuple[float, float, float]
 Passes = dict[str, npt.NDArray[Any]]
 
@@ -64,9 +67,11 @@ class RenderOptions(TypedDict, total=False):
     ao_distance: clay: how far away a surface still keeps light from another, in world units; its effect fades to
         nothing over that distance. None, the default: 0.35 of the diagonal of the scene's bounding box.
     light_rays: preview, clay: rays to the sky and to each light for each sample; default 1.
-    clay_color: clay: one scene-linear colour for everything instead of the materials' viewport colours.
+    clay_color: clay, matcap, wireframe: one scene-linear colour for everything instead of the materials' viewport
+        colours.
     wire_width: wireframe: the width of the lines in pixels; default 1.
     wire_color: wireframe: their scene-linear colour.
+    audit: a `RenderAudit`, which says what share of the camera rays to check again and takes what that shows.
     """
 
     threads: int
@@ -79,6 +84,7 @@ class RenderOptions(TypedDict, total=False):
     clay_color: Color | None
     wire_width: float
     wire_color: Color
+    audit: RenderAudit | None
 
 
 def render(
@@ -118,8 +124,10 @@ def render_passes(
         "preview": the scene under its own lights and world: base colours and images, emission, transparency, soft
             shadows, one bounce of light; all surfaces are matt. Without a world in the appearance the studio's sky.
         "clay": matt surfaces in a photographer's studio: soft sky, ambient occlusion, one soft key light.
+        "matcap": form from the normals as the viewer sees them, without shadows: a ball in a studio.
         "wireframe": the edges of the triangles over softly lit surfaces.
         "normal": the shading normal in world space, -1..1 as 0..1.
+        "uv": the place in the mesh's uv map as red and green, blue 1; black where there is no map.
         "depth", "distance": along the view axis, along the ray, in world units, in all of R, G and B; 1e10 where
             there is nothing. Not blended: whatever `samples` says, one ray through the pixel's centre.
         "instance", "material": one colour for each, always the same for the same id or row of the material table.
@@ -132,7 +140,8 @@ def render_passes(
     passes: which arrays to make. All but "combined" hold what the ray through the pixel's centre hits: they are
         exact, and never blended where an edge crosses the pixel.
         "combined" (H, W, 4) float32: the image, see `render`.
-        "depth", "distance" (H, W) float32: along the view axis, along the ray; 1e10 where nothing was hit.
+        "depth", "distance" (H, W) float32: along the view axis, along the ray; 1e10 where nothing was hit. They are
+            equal in panoramas.
         "normal" (H, W, 3) float32: shading normal, world space, unit length, towards the viewer; zero on a miss.
         "object_index", "material_index" (H, W) int32: pass indices; 0 on a miss.
         "instance", "primitive" (H, W) int32: instance id, triangle of its mesh; -1 on a miss.
@@ -175,7 +184,7 @@ def render_progressively(
     while done < total:
         count = min(max(done, 1), total - done)
         options["first_sample"] = start + done
-        share = _share_of(progress, done / total, count / total)
+        share = share_of(progress, done / total, count / total)
         wanted = names if done == 0 else [name for name in names if name == "combined"]
         made = _render("render_progressively", snapshot, camera, mode, size, count, appearance, wanted, share, options)
         if done == 0:
@@ -231,14 +240,17 @@ def _render(
     for name in _check_passes(function, passes):
         shape, dtype, nothing = _PASSES[name]
         arrays[name] = np.full((height, width, *shape), nothing, dtype)
-    _core.render(
+    audit = options.get("audit")
+    kept = _core.render(
         snapshot._snapshot,
         camera_arguments(function, camera),
         appearance_arguments(function, appearance or Appearance()),
         settings,
         arrays,
-        progress,
+        progress if audit is None else share_of(progress, 0.0, 0.5),
     )
+    if audit is not None:
+        audit.check(snapshot._snapshot, kept, settings["threads"], share_of(progress, 0.5, 0.5))
     return arrays
 
 
@@ -266,7 +278,9 @@ def _settings(function: str, options: RenderOptions) -> dict[str, Any]:
         raise TypeError(
             f"{function}: unknown option {sorted(unknown)[0]!r}; there are {', '.join(RenderOptions.__annotations__)}"
         )
-    distance, color = options.get("ao_distance"), options.get("clay_color")
+    distance, color, audit = options.get("ao_distance"), options.get("clay_color"), options.get("audit")
+    if not isinstance(audit, RenderAudit | None):
+        raise ValueError(f"{function}: audit must be a perfect_bvh.RenderAudit, got {type(audit).__name__}")
     return {
         "threads": check_count(function, "threads", options.get("threads", 0), 0),
         "seed": check_count(function, "seed", options.get("seed", 0), 0),
@@ -278,10 +292,5 @@ def _settings(function: str, options: RenderOptions) -> dict[str, Any]:
         "clay_color": None if color is None else check_color(function, "clay_color", color),
         "wire_width": check_number(function, "wire_width", options.get("wire_width", 1.0), 0.01, 1000.0),
         "wire_color": check_color(function, "wire_color", options.get("wire_color", (0.02, 0.02, 0.025))),
+        "kept_share": 0.0 if audit is None else audit.share,
     }
-
-
-def _share_of(progress: Progress | None, start: float, length: float) -> Progress | None:
-    if progress is None:
-        return None
-    return lambda fraction: progress(start + fraction * length)

@@ -57,6 +57,7 @@ struct Appearance {
 
   std::uint32_t camera_mask = 0xFFFFFFFFu;
   std::uint32_t shadow_mask = 0xFFFFFFFFu;
+  std::uint32_t diffuse_mask = 0xFFFFFFFFu;  // of rays that look for light all around a surface
   bool film_transparent = false;
 
   void set_mesh(std::int32_t mesh_id, const MeshAttributes& attributes);

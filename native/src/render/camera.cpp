@@ -41,12 +41,28 @@ RayMaker::RayMaker(const Camera& camera, int width, int height)
       axis_(-unit_axis(camera.camera_to_world.z, "z")),
       t_min_(camera.clip_start),
       t_max_(camera.clip_end),
-      orthographic_(camera.projection == Projection::kOrthographic) {
-  step_x_ = right_ * ((camera.right - camera.left) / width);
-  step_y_ = up_ * ((camera.bottom - camera.top) / height);
+      left_(camera.left),
+      top_(camera.top),
+      angle_x_((camera.right - camera.left) / width),
+      angle_y_((camera.top - camera.bottom) / height),
+      projection_(camera.projection) {
+  step_x_ = right_ * angle_x_;
+  step_y_ = up_ * -angle_y_;
   const Vec3d corner = right_ * camera.left + up_ * camera.top;
-  pixel_size_ = static_cast<float>(std::max(length(step_x_), length(step_y_)));
-  corner_ = corner + (orthographic_ ? origin_ : axis_);
+  pixel_size_ = static_cast<float>(std::max(angle_x_, angle_y_));
+  corner_ = corner + (orthographic() ? origin_ : axis_);
+}
+
+Vec3d RayMaker::towards(double longitude, double latitude) const noexcept {
+  const double flat = std::cos(latitude);
+  return right_ * (flat * std::sin(longitude)) + up_ * std::sin(latitude) + axis_ * (flat * std::cos(longitude));
+}
+
+RayMaker::Steps RayMaker::steps_at(const Ray& ray) const noexcept {
+  if (projection_ != Projection::kEquirectangular) return {step_x_, step_y_};
+  // The derivatives by longitude and latitude; the second has no direction over the poles.
+  const Vec3d right = cross(ray.direction, up_);
+  return {right * angle_x_, cross(normalized(right), ray.direction) * -angle_y_};
 }
 
 }  // namespace perfect_bvh

@@ -1,8 +1,9 @@
 // From a pixel to a ray, in world space.
 // In: a camera that looks along its own -Z with +Y up, whose every lens setting is folded into a window.
 // Out: rays whose direction has unit length along the view axis, so that t IS the depth along that axis: the clipping
-// range needs no work a pixel and the depth pass no square root. Pixel (0, 0) is the top left one; its centre is at
-// (0.5, 0.5), so that the pixels divide the window evenly.
+// range needs no work a pixel and the depth pass no square root. A panorama has no such axis: there t is the distance,
+// which is what Cycles clips by and calls depth, too. Pixel (0, 0) is the top left one; its centre is at (0.5, 0.5), so
+// that the pixels divide the window evenly.
 #pragma once
 
 #include <algorithm>
@@ -13,14 +14,15 @@
 
 namespace perfect_bvh {
 
-enum class Projection : std::uint8_t { kPerspective, kOrthographic };
+enum class Projection : std::uint8_t { kPerspective, kOrthographic, kEquirectangular };
 
 struct Camera {
   Affine camera_to_world;  // axes of any length: only their directions count
-  // The frame: on the plane one unit in front of a perspective camera, or in world units for an orthographic one.
+  // The frame: on the plane one unit in front of a perspective camera, in world units for an orthographic one, in
+  // radians of longitude (to the right) and latitude (upwards) for an equirectangular one.
   double left = -0.36, right = 0.36, bottom = -0.2025, top = 0.2025;
   Projection projection = Projection::kPerspective;
-  float clip_start = 0.1f, clip_end = 1000.0f;  // along the view axis
+  float clip_start = 0.1f, clip_end = 1000.0f;  // along the view axis, or the ray of a panorama
   // The part of the frame that is traced, as fractions of it from the lower left corner.
   float border_left = 0.0f, border_right = 1.0f, border_bottom = 0.0f, border_top = 1.0f;
 };
@@ -57,10 +59,15 @@ class RayMaker {
 
   // Through the image point (x, y), in pixels from the top left corner.
   [[nodiscard]] Ray through(double x, double y, std::uint32_t mask) const noexcept {
-    const Vec3d offset = step_x_ * x + step_y_ * y;
     Ray ray;
-    ray.origin = orthographic_ ? corner_ + offset : origin_;
-    ray.direction = orthographic_ ? axis_ : corner_ + offset;
+    if (projection_ == Projection::kEquirectangular) {
+      ray.origin = origin_;
+      ray.direction = towards(left_ + angle_x_ * x, top_ - angle_y_ * y);
+    } else {
+      const Vec3d offset = step_x_ * x + step_y_ * y;
+      ray.origin = orthographic() ? corner_ + offset : origin_;
+      ray.direction = orthographic() ? axis_ : corner_ + offset;
+    }
     ray.t_min = t_min_;
     ray.t_max = t_max_;
     ray.mask = mask;
@@ -73,23 +80,28 @@ class RayMaker {
   }
   // The size of a pixel at a depth, in world units.
   [[nodiscard]] float footprint(float depth) const noexcept {
-    return orthographic_ ? pixel_size_ : pixel_size_ * depth;
+    return orthographic() ? pixel_size_ : pixel_size_ * depth;
   }
 
   [[nodiscard]] Vec3d right() const noexcept { return right_; }
   [[nodiscard]] Vec3d up() const noexcept { return up_; }
   [[nodiscard]] Vec3d axis() const noexcept { return axis_; }  // the way it looks
   // What one pixel to the right or down adds to a ray: to its direction, or to its origin if orthographic.
-  [[nodiscard]] Vec3d step_x() const noexcept { return step_x_; }
-  [[nodiscard]] Vec3d step_y() const noexcept { return step_y_; }
-  [[nodiscard]] bool orthographic() const noexcept { return orthographic_; }
+  struct Steps {
+    Vec3d right, down;
+  };
+  [[nodiscard]] Steps steps_at(const Ray& ray) const noexcept;
+  [[nodiscard]] bool orthographic() const noexcept { return projection_ == Projection::kOrthographic; }
 
  private:
+  [[nodiscard]] Vec3d towards(double longitude, double latitude) const noexcept;
+
   Vec3d origin_, right_, up_, axis_;
   Vec3d corner_, step_x_, step_y_;  // directions, or origins if orthographic
   float t_min_, t_max_;
-  float pixel_size_;  // on the window's plane, the longer side
-  bool orthographic_;
+  double left_, top_, angle_x_, angle_y_;  // of a panorama: where it begins, and the size of a pixel
+  float pixel_size_;                       // on the window's plane, or in radians; the longer side
+  Projection projection_;
 };
 
 }  // namespace perfect_bvh

@@ -186,12 +186,12 @@ void Illumination::add_surroundings(const Points& at, std::uint32_t index, Scrat
     const SurfacePoint& point = at.points[row];
     const Point2 random = (shared ^ dimension.offset(at.places[row])).to_unit();
     const Vec3f direction = above(point, cosine_direction(point.light_normal, random));
-    scratch.rays.push_back(ray_from(point, direction, kInfiniteDistance, appearance_.shadow_mask));
+    scratch.rays.push_back(ray_from(point, direction, kInfiniteDistance, appearance_.diffuse_mask));
   }
   scratch.hits.resize(scratch.rays.size());
   trace_closest(snapshot_, cancel_, scratch.rays, scratch.hits);
   scratch.bounce_points.clear(), scratch.bounce_places.clear();
-  constexpr SurfaceNeeds kAll{.normals = true, .origins = true, .materials = true};
+  constexpr SurfaceNeeds kAll{.normals = true, .origins = true, .materials = true, .holdouts = true};
   find_surfaces(snapshot_, appearance_, kAll, scratch.rays, scratch.hits, scratch.bounce_points);
   AlignedVector<Vec3f>& arriving = scratch.arriving;
   arriving.assign(at.points.size(), Vec3f{0, 0, 0});

@@ -5,20 +5,16 @@
 #include "render/surface.h"
 
 namespace perfect_bvh {
-namespace {
 
-// Without a uv map everything shows the image's corner, as in Blender.
-Point2 uv_at(const Appearance& appearance, const Instance& instance, const Hit& hit) {
+std::optional<Point2> uv_at(const Appearance& appearance, const Instance& instance, const Hit& hit) {
   const MeshAttributes* const attributes = appearance.attributes_of(instance);
-  if (attributes == nullptr || attributes->corner_uvs.empty()) return {0.0f, 0.0f};
+  if (attributes == nullptr || attributes->corner_uvs.empty()) return std::nullopt;
   appearance.check_fits(instance, *attributes);
   const auto corners = attributes->corner_uvs.subspan(std::size_t{3} * hit.primitive_index).first<3>();
   const float w = 1.0f - hit.u - hit.v;
-  return {corners[0].x * w + corners[1].x * hit.u + corners[2].x * hit.v,
-          corners[0].y * w + corners[1].y * hit.u + corners[2].y * hit.v};
+  return Point2{corners[0].x * w + corners[1].x * hit.u + corners[2].x * hit.v,
+                corners[0].y * w + corners[1].y * hit.u + corners[2].y * hit.v};
 }
-
-}  // namespace
 
 Material material_at(const Appearance& appearance, const Instance& instance, const Hit& hit, std::int32_t row) {
   Material material{material_color(appearance, row), {0, 0, 0}, 1.0f};
@@ -30,7 +26,8 @@ Material material_at(const Appearance& appearance, const Instance& instance, con
   const auto image_in = [&](std::span<const std::int32_t> images) { return images.empty() ? kNoImage : images[index]; };
   const std::int32_t color_image = image_in(appearance.color_images), alpha_image = image_in(appearance.alpha_images);
   if (color_image == kNoImage && alpha_image == kNoImage) return material;
-  const Point2 uv = uv_at(appearance, instance, hit);
+  // Without a uv map everything shows the image's corner, as in Blender.
+  const Point2 uv = uv_at(appearance, instance, hit).value_or(Point2{0.0f, 0.0f});
   Rgba color;
   if (color_image != kNoImage) {
     color = look_up(appearance.images[static_cast<std::size_t>(color_image)], uv.x, uv.y);

@@ -23,7 +23,11 @@ float smooth_step(double low, double high, double value) noexcept {
 class WireframeMode final : public ShadingMode {
  public:
   explicit WireframeMode(const ModeInputs& inputs)
-      : snapshot_(inputs.snapshot), camera_(inputs.camera), settings_(inputs.settings.wireframe), studio_(camera_) {}
+      : snapshot_(inputs.snapshot),
+        camera_(inputs.camera),
+        settings_(inputs.settings.wireframe),
+        color_(inputs.settings.clay.color),
+        studio_(camera_) {}
 
   [[nodiscard]] SurfaceNeeds needs() const noexcept override { return {.normals = true, .materials = true}; }
   [[nodiscard]] bool has_backdrop() const noexcept override { return true; }
@@ -34,7 +38,7 @@ class WireframeMode final : public ShadingMode {
       const float key = studio_.key_cosine(point.light_normal);
       const Vec3f light = Studio::dome_mean(point.light_normal.z) + Studio::kKey * key;
       const float line = line_coverage(task.rays[point.ray], task.hits[point.ray]);
-      const Vec3f color = point.color * light * (1.0f - line) + settings_.color * line;
+      const Vec3f color = color_.value_or(point.color) * light * (1.0f - line) + settings_.color * line;
       task.colors[point.ray] = {color.x, color.y, color.z, 1.0f};
     }
   }
@@ -76,13 +80,15 @@ class WireframeMode final : public ShadingMode {
       }
       return {-(du + dv) * scale, du * scale, dv * scale};
     };
-    const auto right = change(camera_.step_x()), down = change(camera_.step_y());
+    const RayMaker::Steps steps = camera_.steps_at(ray);
+    const auto right = change(steps.right), down = change(steps.down);
     return {Slope{right[0], down[0]}, Slope{right[1], down[1]}, Slope{right[2], down[2]}};
   }
 
   const Snapshot& snapshot_;
   const RayMaker& camera_;
   WireframeSettings settings_;
+  std::optional<Vec3f> color_;  // of everything
   Studio studio_;
 };
 

@@ -57,12 +57,13 @@ std::size_t tile_count(PixelRect area) {
 
 }  // namespace
 
-void render(const Snapshot& snapshot, const Camera& camera, const Appearance& appearance,
-            const RenderSettings& settings, const PassTargets& targets, CancelToken& cancel) {
+std::vector<KeptRay> render(const Snapshot& snapshot, const Camera& camera, const Appearance& appearance,
+                            const RenderSettings& settings, const PassTargets& targets, CancelToken& cancel) {
   check(settings);
   const RayMaker rays(camera, settings.width, settings.height);
   const PixelRect border = border_pixels(camera, settings.width, settings.height);
-  const TileRenderer renderer({snapshot, appearance, rays, settings, cancel}, border, targets);
+  KeptRays kept(settings.kept_share, settings.seed);
+  const TileRenderer renderer({snapshot, appearance, rays, settings, cancel}, border, targets, kept);
   const PixelRect area = renderer.area();
   const std::size_t count = tile_count(area);
   cancel.expect(count);
@@ -91,6 +92,7 @@ void render(const Snapshot& snapshot, const Camera& camera, const Appearance& ap
     for_tiles([&](PixelRect tile, TileScratch& scratch) { renderer.finish(tile, scratch); });
   }
   cancel.throw_if_stopped();
+  return kept.take();
 }
 
 }  // namespace perfect_bvh

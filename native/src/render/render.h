@@ -6,6 +6,7 @@
 #include "core/cancel.h"
 #include "render/appearance.h"
 #include "render/camera.h"
+#include "render/kept_rays.h"
 #include "render/passes.h"
 #include "render/settings.h"
 #include "scene/snapshot.h"
@@ -13,8 +14,8 @@
 namespace perfect_bvh {
 
 // Throws InvalidArgument for settings out of range, and Cancelled when the token asks to stop; the arrays are then
-// filled in part.
-void render(const Snapshot& snapshot, const Camera& camera, const Appearance& appearance,
-            const RenderSettings& settings, const PassTargets& targets, CancelToken& cancel);
+// filled in part. Returns the share of camera rays that the settings ask for, the same for any number of threads.
+std::vector<KeptRay> render(const Snapshot& snapshot, const Camera& camera, const Appearance& appearance,
+                            const RenderSettings& settings, const PassTargets& targets, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -9,12 +9,24 @@
 
 namespace perfect_bvh {
 
-enum class Mode : std::uint8_t { kPreview, kClay, kNormal, kDepth, kDistance, kInstance, kMaterial, kWireframe, kCost };
+enum class Mode : std::uint8_t {
+  kPreview,
+  kClay,
+  kMatcap,
+  kWireframe,
+  kNormal,
+  kUv,
+  kDepth,
+  kDistance,
+  kInstance,
+  kMaterial,
+  kCost,
+};
 
 struct ClaySettings {
   float ao_distance = 0.0f;    // world units; 0: from the size of the scene
   int light_rays = 1;          // towards the sky and towards the key light, for each camera sample
-  std::optional<Vec3f> color;  // instead of the materials' colours
+  std::optional<Vec3f> color;  // instead of the materials' colours; matcap and wireframe take it, too
 };
 
 struct PreviewSettings {
@@ -33,7 +45,8 @@ struct RenderSettings {
   float filter_width = 1.5f;  // pixels to each side; a single sample stands at the pixel's centre
   bool smooth = true;         // average the light of few samples with that of neighbours on the same surface
   std::uint32_t seed = 0;
-  int threads = 0;  // 0: all
+  int threads = 0;          // 0: all
+  float kept_share = 0.0f;  // of the camera rays, for whoever checks them: see KeptRays
   PreviewSettings preview;
   ClaySettings clay;
   WireframeSettings wireframe;

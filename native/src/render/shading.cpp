@@ -10,6 +10,10 @@ std::unique_ptr<ShadingMode> make_mode(const ModeInputs& inputs) {
       return make_preview_mode(inputs);
     case Mode::kClay:
       return make_clay_mode(inputs);
+    case Mode::kMatcap:
+      return make_matcap_mode(inputs);
+    case Mode::kUv:
+      return make_uv_mode(inputs);
     case Mode::kNormal:
       return make_normal_mode();
     case Mode::kDepth:

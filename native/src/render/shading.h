@@ -72,7 +72,9 @@ struct ModeInputs {
 
 [[nodiscard]] std::unique_ptr<ShadingMode> make_preview_mode(const ModeInputs& inputs);
 [[nodiscard]] std::unique_ptr<ShadingMode> make_clay_mode(const ModeInputs& inputs);
+[[nodiscard]] std::unique_ptr<ShadingMode> make_matcap_mode(const ModeInputs& inputs);
 [[nodiscard]] std::unique_ptr<ShadingMode> make_normal_mode();
+[[nodiscard]] std::unique_ptr<ShadingMode> make_uv_mode(const ModeInputs& inputs);
 [[nodiscard]] std::unique_ptr<ShadingMode> make_depth_mode();
 [[nodiscard]] std::unique_ptr<ShadingMode> make_distance_mode();
 [[nodiscard]] std::unique_ptr<ShadingMode> make_instance_mode(const ModeInputs& inputs);

@@ -16,9 +16,10 @@ struct SurfaceNeeds {
   bool normals = false;    // both normals
   bool origins = false;    // where secondary rays start; needs the normals
   bool materials = false;  // the material's row and colour
+  bool holdouts = false;   // points on holdouts, too: light knows nothing of them
 
   friend constexpr SurfaceNeeds operator|(SurfaceNeeds a, SurfaceNeeds b) noexcept {
-    return {a.normals || b.normals, a.origins || b.origins, a.materials || b.materials};
+    return {a.normals || b.normals, a.origins || b.origins, a.materials || b.materials, a.holdouts || b.holdouts};
   }
 };
 
@@ -41,7 +42,7 @@ inline constexpr Vec3f kPlainColor{0.8f, 0.8f, 0.8f};  // where there is no mate
 // The colour of a row of the material table, or kPlainColor for kNoMaterial.
 [[nodiscard]] Vec3f material_color(const Appearance& appearance, std::int32_t material) noexcept;
 
-// Appends a point for each hit that is not a holdout.
+// Appends a point for each hit, on holdouts only if they are needed.
 void find_surfaces(const Snapshot& snapshot, const Appearance& appearance, SurfaceNeeds needs,
                    std::span<const Ray> rays, std::span<const Hit> hits, AlignedVector<SurfacePoint>& points);
 

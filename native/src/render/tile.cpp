@@ -14,9 +14,10 @@ int smoothing_radius(const RenderSettings& settings) noexcept {
 
 }  // namespace
 
-TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets)
+TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets, KeptRays& kept)
     : inputs_(inputs),
       targets_(targets),
+      kept_(kept),
       mode_(make_mode(inputs)),
       filter_(inputs.settings.filter_width),
       filter_dimension_(inputs.settings.seed, 0),
@@ -50,9 +51,10 @@ void TileRenderer::place_pixels(PixelRect tile, TileScratch& scratch) const {
   scratch.hits.resize(scratch.pixels.size());
 }
 
-void TileRenderer::trace(TileScratch& scratch, bool with_counts) const {
+void TileRenderer::trace(TileScratch& scratch, std::uint32_t sample, bool with_counts) const {
   scratch.counts.assign(with_counts ? scratch.rays.size() : 0, RayCounts{});
   trace_closest(inputs_.snapshot, inputs_.cancel, scratch.rays, scratch.hits, Cull::kNone, scratch.counts);
+  kept_.offer(inputs_.snapshot, sample, scratch.pixels, scratch.rays, scratch.hits);
 }
 
 void TileRenderer::trace_centres(TileScratch& scratch) const {
@@ -61,7 +63,7 @@ void TileRenderer::trace_centres(TileScratch& scratch) const {
     scratch.rays[i] = inputs_.camera.through(pixel.x + 0.5, pixel.y + 0.5, inputs_.appearance.camera_mask);
   }
   const bool shaded_too = centred_ && !targets_.combined.empty();  // the one sample then uses the same hits
-  trace(scratch, targets_.any_counts() || (shaded_too && mode_->wants_counts()));
+  trace(scratch, inputs_.settings.first_sample, targets_.any_counts() || (shaded_too && mode_->wants_counts()));
   scratch.points.clear();
   const SurfaceNeeds needs = shaded_too ? pass_needs_ | mode_->needs() : pass_needs_;
   find_surfaces(inputs_.snapshot, inputs_.appearance, needs, scratch.rays, scratch.hits, scratch.points);
@@ -88,7 +90,7 @@ void TileRenderer::add_sample(std::uint32_t sample, TileScratch& scratch) const 
   const std::uint32_t number = inputs_.settings.first_sample + sample;
   if (!(centred_ && wants_centres_)) {
     make_rays(number, scratch);
-    trace(scratch, mode_->wants_counts());
+    trace(scratch, number, mode_->wants_counts());
     scratch.points.clear();
     find_surfaces(inputs_.snapshot, inputs_.appearance, mode_->needs(), scratch.rays, scratch.hits, scratch.points);
   }

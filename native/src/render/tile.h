@@ -4,6 +4,7 @@
 
 #include "core/cancel.h"
 #include "render/film.h"
+#include "render/kept_rays.h"
 #include "render/light_gather.h"
 #include "render/passes.h"
 #include "render/shading.h"
@@ -28,7 +29,8 @@ struct TileScratch {
 
 class TileRenderer {
  public:
-  TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets);
+  // Camera rays are offered to `kept`, which outlives this.
+  TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets, KeptRays& kept);
 
   // The pixels to render: those in the border, and as many around it as smoothing looks at.
   [[nodiscard]] PixelRect area() const noexcept { return area_; }
@@ -56,7 +58,7 @@ class TileRenderer {
  private:
   void place_pixels(PixelRect tile, TileScratch& scratch) const;
   void trace_centres(TileScratch& scratch) const;
-  void trace(TileScratch& scratch, bool with_counts) const;
+  void trace(TileScratch& scratch, std::uint32_t sample, bool with_counts) const;
   void add_sample(std::uint32_t sample, TileScratch& scratch) const;
   void make_rays(std::uint32_t sample, TileScratch& scratch) const;
   void fill_background(TileScratch& scratch) const;
@@ -69,6 +71,7 @@ class TileRenderer {
 
   ModeInputs inputs_;
   PassTargets targets_;
+  KeptRays& kept_;
   std::unique_ptr<ShadingMode> mode_;
   PixelFilter filter_;
   Dimension filter_dimension_;

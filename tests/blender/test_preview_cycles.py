@@ -1,0 +1,169 @@
+"""Who is seen and who keeps light away in the mode "preview", beside Cycles' picture of the same scene.
+
+Alpha follows from what the camera sees alone, so it is compared pixel by pixel. Colour is compared as the mean of small
+patches: Cycles' light bounces more often, and every patch that differs by more than that must not be there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import perfect_bvh_addon  # noqa: E402
+from oracles.cycles import preserved, render_passes  # noqa: E402
+from perfect_bvh_addon.session import clear_sessions  # noqa: E402
+
+SIZE = (96, 64)
+PATCH = 8
+SAMPLES = 64
+
+
+@pytest.fixture
+def scene() -> Iterator[bpy.types.Scene]:
+    """Two cubes on a floor, one behind the other, under a low sun and a grey sky; the camera looks down on them."""
+    perfect_bvh_addon.register()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_plane_add(size=60.0)
+    paint(bpy.context.object, (0.6, 0.6, 0.6))
+    for name, y, color in (("Front", -1.5, (0.7, 0.1, 0.1)), ("Back", 1.8, (0.1, 0.2, 0.7))):
+        bpy.ops.mesh.primitive_cube_add(size=2.0, location=(0.0, y, 1.0), rotation=(0.0, 0.0, 0.3))
+        bpy.context.object.name = name
+        paint(bpy.context.object, color)
+    bpy.ops.object.light_add(type="SUN", rotation=(0.2, -0.9, 0.0))
+    bpy.context.object.data.energy = 3.0
+    bpy.ops.object.camera_add(location=(0.0, -11.0, 7.0), rotation=(1.2, 0.0, 0.0))
+    scene.camera = bpy.context.object
+    scene.world = bpy.data.worlds.new("World")
+    scene.world.color = (0.3, 0.3, 0.3)
+    scene.world.use_nodes = False
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.perfect_bvh.samples = SAMPLES
+    yield scene
+    clear_sessions()
+    perfect_bvh_addon.unregister()
+
+
+def paint(obj: bpy.types.Object, color: tuple[float, float, float]) -> None:
+    """Matt, so that Cycles' picture has no highlights either."""
+    material = bpy.data.materials.new(obj.name)
+    material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    diffuse, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
+    diffuse.inputs["Color"].default_value = (*color, 1.0)
+    material.node_tree.links.new(diffuse.outputs["BSDF"], output.inputs["Surface"])
+    obj.data.materials.append(material)
+
+
+def render_both(scene: bpy.types.Scene) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """(H, W, 4), ours and that of Cycles."""
+    cycles = scene.cycles
+    with preserved(
+        (cycles, "samples", SAMPLES),
+        (cycles, "use_denoising", False),
+        (cycles, "use_adaptive_sampling", False),
+        (cycles, "max_bounces", 2),
+    ):
+        theirs = render_passes(scene, "CYCLES").combined
+    return render_passes(scene, "PERFECT_BVH").combined, theirs
+
+
+def patches(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """(H / PATCH, W / PATCH, 3): the mean colour of each patch."""
+    height, width = image.shape[0] // PATCH, image.shape[1] // PATCH
+    return image[..., :3].reshape(height, PATCH, width, PATCH, 3).mean(axis=(1, 3))
+
+
+def check(scene: bpy.types.Scene) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    ours, theirs = render_both(scene)
+    # Both filters are as wide, but the samples are others: a pixel that an edge crosses differs a little.
+    assert np.abs(ours[..., 3] - theirs[..., 3]).max() < 0.1
+    assert np.abs(ours[..., 3] - theirs[..., 3]).mean() < 0.002
+    difference = np.abs(patches(ours) - patches(theirs))
+    assert difference.max() < 0.06
+    assert difference.mean() < 0.006
+    return ours, theirs
+
+
+def front(scene: bpy.types.Scene) -> bpy.types.Object:
+    return scene.objects["Front"]
+
+
+def hide_from_cameras(scene: bpy.types.Scene) -> None:
+    front(scene).visible_camera = False
+
+
+def hide_from_shadows(scene: bpy.types.Scene) -> None:
+    front(scene).visible_shadow = False
+
+
+def hide_from_diffuse(scene: bpy.types.Scene) -> None:
+    front(scene).visible_diffuse = False
+
+
+def hold_out(scene: bpy.types.Scene) -> None:
+    front(scene).is_holdout = True
+
+
+def move_to_collection(scene: bpy.types.Scene) -> bpy.types.LayerCollection:
+    collection = bpy.data.collections.new("Apart")
+    scene.collection.children.link(collection)
+    collection.objects.link(front(scene))
+    scene.collection.objects.unlink(front(scene))
+    return scene.view_layers[0].layer_collection.children["Apart"]
+
+
+def hold_out_collection(scene: bpy.types.Scene) -> None:
+    move_to_collection(scene).holdout = True
+
+
+def show_collection_indirectly(scene: bpy.types.Scene) -> None:
+    move_to_collection(scene).indirect_only = True
+
+
+CASES = [
+    hide_from_cameras,
+    hide_from_shadows,
+    hide_from_diffuse,
+    hold_out,
+    hold_out_collection,
+    show_collection_indirectly,
+]
+
+
+@pytest.mark.parametrize(
+    ("change", "film_transparent"),
+    [*((case, False) for case in CASES), (hide_from_cameras, True), (hold_out, True)],
+)
+def test_what_is_hidden_or_held_out_looks_as_in_cycles(scene, change, film_transparent: bool) -> None:
+    scene.render.film_transparent = film_transparent
+    plain, _ = check(scene)
+    change(scene)
+    changed, _ = check(scene)
+    assert np.abs(changed - plain).max() > 0.02, "the change shows"
+    if change in (hold_out, hold_out_collection):
+        assert 0.05 < (changed[..., 3] < 0.01).mean() < 0.5
+    elif not film_transparent:
+        assert (changed[..., 3] > 0.999).all()
+
+
+def test_a_holdout_behind_glass_stays_a_hole(scene) -> None:
+    """Half of a transparent pane is there, and nothing of what it is held before."""
+    bpy.ops.mesh.primitive_plane_add(size=9.0, location=(0.0, -4.0, 2.0), rotation=(1.2, 0.0, 0.0))
+    paint(bpy.context.object, (0.2, 0.6, 0.2))
+    tree = bpy.context.object.active_material.node_tree
+    mix, clear = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfTransparent")
+    output = tree.nodes["Material Output"]
+    tree.links.new(output.inputs["Surface"].links[0].from_socket, mix.inputs[1])
+    tree.links.new(clear.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    hold_out(scene)
+    ours, _ = check(scene)
+    half = np.abs(ours[..., 3] - 0.5) < 0.02
+    assert half.mean() > 0.05
