@@ -2,74 +2,17 @@
 // stays as it was, the edits go on waiting, and the next attempt succeeds.
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
 #include <new>
 #include <vector>
 
 #include "core/errors.h"
 #include "scene/ray_batch.h"
 #include "scene/trace.h"
+#include "tests/failing_memory.h"
 #include "tests/scenes_to_trace.h"
-
-namespace {
-
-// How many allocations still succeed, of all threads; far from 0 unless a test counts.
-std::atomic<long> allocations_left{1L << 60};
-// Whether all fail after the first one that did, or that one alone.
-std::atomic<bool> stays_exhausted{false};
-
-bool is_refused() noexcept {
-  const long left = allocations_left.fetch_sub(1, std::memory_order_relaxed);
-  return left == 0 || (left < 0 && stays_exhausted.load(std::memory_order_relaxed));
-}
-
-void* allocate(std::size_t size, std::size_t alignment) {
-  if (is_refused()) throw std::bad_alloc();
-  void* const memory = std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
-  if (memory == nullptr) throw std::bad_alloc();
-  return memory;
-}
-
-}  // namespace
-
-// Stand for those of the whole test program.
-void* operator new(std::size_t size) { return allocate(size == 0 ? 1 : size, alignof(std::max_align_t)); }
-void* operator new(std::size_t size, std::align_val_t alignment) {
-  return allocate(size == 0 ? 1 : size, static_cast<std::size_t>(alignment));
-}
-void* operator new(std::size_t size, const std::nothrow_t& /*unused*/) noexcept {
-  try {
-    return allocate(size == 0 ? 1 : size, alignof(std::max_align_t));
-  } catch (const std::bad_alloc&) {
-    return nullptr;
-  }
-}
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, const std::nothrow_t& /*unused*/) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
-void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
 
 namespace perfect_bvh::test {
 namespace {
-
-class MemoryRunsOut {
- public:
-  MemoryRunsOut(long after, bool stays) {
-    stays_exhausted = stays;
-    allocations_left = after;
-  }
-  ~MemoryRunsOut() { end(); }
-  MemoryRunsOut(const MemoryRunsOut&) = delete;
-  MemoryRunsOut& operator=(const MemoryRunsOut&) = delete;
-  // Whether it ever did.
-  bool end() {
-    const bool ran_out = allocations_left.exchange(1L << 60) < 0;
-    stays_exhausted = false;
-    return ran_out;
-  }
-};
 
 struct EditedScene {
   explicit EditedScene(ThreadPool& the_pool) : pool(the_pool) {

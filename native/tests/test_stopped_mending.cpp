@@ -1,0 +1,117 @@
+// A commit that is interrupted while it mends a tree, at every single place where it can be: its memory, whatever state
+// it is in, is used again by the next commit, whose tree must not differ from that of a scene nobody interrupted.
+#include <gtest/gtest.h>
+
+#include <new>
+
+#include "scene/scene.h"
+#include "tests/failing_memory.h"
+#include "tests/mesh_sets.h"
+#include "tests/wide_trees.h"
+#include "wide/wide_quality.h"
+
+namespace perfect_bvh::test {
+namespace {
+
+enum class Interruption { kStop, kOneAllocationFails, kMemoryRunsOut };
+
+struct Case {
+  const char* name;
+  Policy policy;
+  MeshAction action;
+  Interruption interruption;
+};
+
+std::ostream& operator<<(std::ostream& out, const Case& each) { return out << each.name; }
+
+class StoppedMending : public testing::TestWithParam<Case> {
+ protected:
+  StoppedMending() : still_(bumpy_sheet(40)), mesh_(moved(still_, {"", [](Positions& p) { twist(p, 25.0f); }})) {}
+
+  // A scene that is about to see the mesh move; `mesh_id` of it is 0.
+  void begin(Scene& scene) {
+    static_cast<void>(scene.add_mesh(TriangleMesh(still_), {}, Usage::kDeforming));
+    static_cast<void>(commit(scene, Policy::kRefit));
+    scene.update_mesh<float>(0, still_.positions);  // from the first refit on memory is handed on
+    static_cast<void>(commit(scene, Policy::kRefit));
+    scene.update_mesh<float>(0, mesh_.positions);
+  }
+
+  CommitReport commit(Scene& scene, Policy policy) {
+    CancelToken cancel;
+    return commit(scene, policy, cancel);
+  }
+
+  CommitReport commit(Scene& scene, Policy policy, CancelToken& cancel) {
+    CommitOptions options;
+    options.policy = policy;
+    return scene.commit(pool_, cancel, options);
+  }
+
+  struct Attempt {
+    bool is_disturbed = true, is_done = false;
+  };
+  Attempt attempt(Scene& scene, long after) {
+    CancelToken cancel;
+    Attempt result;
+    try {
+      if (GetParam().interruption == Interruption::kStop) {
+        StopComes stop(after, cancel);
+        static_cast<void>(commit(scene, GetParam().policy, cancel));
+        result.is_disturbed = stop.end();
+      } else {
+        MemoryRunsOut fault(after, GetParam().interruption == Interruption::kMemoryRunsOut);
+        static_cast<void>(commit(scene, GetParam().policy, cancel));
+        result.is_disturbed = fault.end();
+      }
+      result.is_done = true;
+    } catch (const std::bad_alloc&) {
+      result.is_done = false;
+    } catch (const Cancelled&) {
+      result.is_done = false;
+    }
+    return result;
+  }
+
+  const TriangleMesh still_, mesh_;
+  ThreadPool pool_{1};
+};
+
+TEST_P(StoppedMending, LeavesNothingBehind) {
+  Scene undisturbed;
+  begin(undisturbed);
+  ASSERT_EQ(commit(undisturbed, Policy::kRefit).meshes[0].action, MeshAction::kRefitted);
+  const auto expected = undisturbed.snapshot();
+  Scene mended;
+  begin(mended);
+  ASSERT_EQ(commit(mended, GetParam().policy).meshes[0].action, GetParam().action);
+  ASSERT_FALSE(same_bytes(mended.snapshot()->blases[0]->wide, expected->blases[0]->wide));
+
+  int interruptions = 0;
+  for (long after = 0;; ++after) {
+    Scene scene;
+    begin(scene);
+    const Attempt tried = attempt(scene, after);
+    if (!tried.is_disturbed) break;
+    if (tried.is_done) continue;  // a stop that came after the last question, memory that was only a wish
+    ++interruptions;
+    ASSERT_EQ(commit(scene, Policy::kRefit).meshes[0].action, MeshAction::kRefitted);
+    const WideBvh& tree = scene.snapshot()->blases[0]->wide;
+    ASSERT_EQ(find_wide_fault(tree, mesh_, true), "") << after;
+    ASSERT_TRUE(same_bytes(tree, expected->blases[0]->wide)) << after;
+  }
+  EXPECT_GT(interruptions, 50);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Places, StoppedMending,
+    testing::Values(Case{"rotated_stop", Policy::kRotate, MeshAction::kRotated, Interruption::kStop},
+                    Case{"rotated_once", Policy::kRotate, MeshAction::kRotated, Interruption::kOneAllocationFails},
+                    Case{"rotated_for_good", Policy::kRotate, MeshAction::kRotated, Interruption::kMemoryRunsOut},
+                    Case{"rebuilt_stop", Policy::kRebuildParts, MeshAction::kPartlyRebuilt, Interruption::kStop},
+                    Case{"rebuilt_once", Policy::kRebuildParts, MeshAction::kPartlyRebuilt,
+                         Interruption::kOneAllocationFails}),
+    [](const auto& test) { return test.param.name; });
+
+}  // namespace
+}  // namespace perfect_bvh::test
