@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "math/float4.h"
+
 namespace perfect_bvh {
 namespace {
 
@@ -12,14 +14,22 @@ double half_area(const Aabb& box) noexcept {
   return e.x * e.y + e.y * e.z + e.z * e.x;
 }
 
+Aabb box_of(const AlignedVector<Vec3f>& positions) noexcept {
+  Box4 box = Box4::empty();
+  for (const Vec3f& position : positions) box.grow(Float4::load_unaligned(&position));  // fourth lanes mean nothing
+  alignas(16) float corners[8];
+  box.lower.store(&corners[0]);
+  box.upper.store(&corners[4]);
+  return {{corners[0], corners[1], corners[2]}, {corners[4], corners[5], corners[6]}};
+}
+
 }  // namespace
 
 double measure_density(const TriangleMesh& mesh) noexcept {
   const std::size_t step = std::max<std::size_t>(1, mesh.triangle_count() / kSamples);
   double sum = 0;
   for (std::size_t i = 0; i < mesh.triangle_count(); i += step) sum += half_area(mesh.triangle_box(i));
-  Aabb whole;
-  for (const Vec3f& position : mesh.positions) whole.grow(position);
+  const Aabb whole = box_of(mesh.positions);
   const double area = whole.is_empty() ? 0 : half_area(whole);
   return area > 0 ? sum * static_cast<double>(step) / area : 0;
 }
