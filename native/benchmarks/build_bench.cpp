@@ -11,7 +11,6 @@
 // to trace; of ours also the binary tree alone. With one thread the time is the thread's own CPU time, otherwise that
 // of the wall clock. Rays: see ray_race.h; always on one thread. Prints "progress SHARE" lines.
 #include <cstdio>
-#include <fstream>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -21,6 +20,7 @@
 #include "embree_build.h"
 #include "embree_peer.h"
 #include "json.h"
+#include "program.h"
 #include "ray_race.h"
 #include "ray_sets.h"
 #include "scene/blas_build.h"
@@ -277,17 +277,6 @@ std::string bench(const Options& options, const TriangleMesh& mesh) {
 
 int main(int count, char** values) {
   using namespace perfect_bvh::bench;
-  try {
-    const Options options = parse(count, values);
-    const std::string json = bench(options, read_mesh(options.mesh));
-    if (options.json.empty()) {
-      std::printf("%s\n", json.c_str());
-    } else if (!(std::ofstream(options.json) << json << "\n")) {
-      throw std::runtime_error("cannot write " + options.json);
-    }
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 1;
-  }
-  return 0;
+  return run_program(count, values, parse,
+                     [](const Options& options) { return bench(options, read_mesh(options.mesh)); });
 }

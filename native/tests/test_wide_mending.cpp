@@ -30,7 +30,7 @@ class WideMending : public testing::TestWithParam<Way> {
     const WideBvh tree = build(still, GetParam());
     result.mesh = moved(still, motion);
     result.fresh = measure_wide_costs(tree, pool_, cancel_);
-    result.costs = refit_wide(tree, result.mesh, result.tree, false, pool_, cancel_);
+    result.costs = refit_wide(tree, plan_of(tree, result.mesh), result.mesh, result.tree, false, pool_, cancel_);
     return result;
   }
   void expect_sound(const Moved& now, const std::string& name) {
@@ -123,7 +123,7 @@ TEST(WideMending, RebuildsOnlyWhatIsSpoilt) {
     if (p.x < 5.0f) p.y = std::abs(std::fmod(4.0f * p.y, 2.0f) - 1.0f), p.z *= 0.1f;  // folded four times
   }
   WideBvh tree;
-  const WideCosts costs = refit_wide(still, mesh, tree, false, pool, cancel);
+  const WideCosts costs = refit_wide(still, plan_of(still, mesh), mesh, tree, false, pool, cancel);
   const auto parts = find_spoilt_parts(tree, costs, fresh, 1.1);
   ASSERT_FALSE(parts.empty());
   for (const std::uint32_t part : parts) {

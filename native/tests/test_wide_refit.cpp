@@ -54,10 +54,10 @@ TEST_P(WideRefit, GivesTheSameBytesForAnyThreadCountAndWhateverWasInTheMemory) {
     ThreadPool pool(2);
     CancelToken cancel;
     WideBvh reused = refitted(tree, moved(still, motions()[2]));
-    const WideCosts costs = refit_wide(tree, mesh, reused, true, pool, cancel);
+    const WideCosts costs = refit_wide(tree, plan_of(tree, mesh), mesh, reused, true, pool, cancel);
     EXPECT_TRUE(same_bytes(alone, reused));
     WideBvh foreign = build(bumpy_sheet(17), GetParam());
-    static_cast<void>(refit_wide(tree, mesh, foreign, false, pool, cancel));
+    static_cast<void>(refit_wide(tree, plan_of(tree, mesh), mesh, foreign, false, pool, cancel));
     EXPECT_TRUE(same_bytes(alone, foreign));
     EXPECT_EQ(costs.nodes, measure_wide_costs(alone, pool, cancel).nodes);
   }
@@ -164,7 +164,7 @@ TEST(WideRefit, RefusesTreesWithSpatialSplits) {
   const WideBvh tree = collapse_mesh(build_tree(mesh, config, pool, cancel), mesh, config.layout, pool, cancel);
   WideBvh result;
   EXPECT_FALSE(is_refittable(tree));
-  EXPECT_THROW(static_cast<void>(refit_wide(tree, mesh, result, false, pool, cancel)), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(refit_wide(tree, {}, mesh, result, false, pool, cancel)), InvalidArgument);
 }
 
 TEST(WideRefit, CancelledLeavesTheOldTree) {

@@ -50,11 +50,19 @@ inline WideBvh build(const TriangleMesh& mesh, const Way& way) {
   return collapse_mesh(tree, mesh, way.config.layout, pool, cancel);
 }
 
+inline RefitPlan plan_of(const WideBvh& tree, const TriangleMesh& mesh) {
+  ThreadPool pool(1);
+  CancelToken cancel;
+  RefitPlan plan;
+  complete_plan(plan, tree, mesh, pool, cancel);
+  return plan;
+}
+
 inline WideBvh refitted(const WideBvh& tree, const TriangleMesh& mesh, int thread_count = 1) {
   ThreadPool pool(thread_count);
   CancelToken cancel;
   WideBvh result;
-  static_cast<void>(refit_wide(tree, mesh, result, false, pool, cancel));
+  static_cast<void>(refit_wide(tree, plan_of(tree, mesh), mesh, result, false, pool, cancel));
   return result;
 }
 

@@ -15,6 +15,7 @@
 #include "scene/support.h"
 #include "traverse/scene_view.h"
 #include "update/quality.h"
+#include "wide/refit_plan.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
@@ -39,6 +40,7 @@ struct Blas {
   IndexedLeaves indexed_leaves;  // of `wide`, in the compact layout
   std::uint64_t shape = 0;
   std::shared_ptr<const WideCosts> fresh_costs;  // of each part of `wide` when it was built; null before it is refitted
+  RefitPlan refit_plan;                          // of `wide`; likewise
   std::shared_ptr<SpareTree> spare;              // where `wide` goes at the end; null: nowhere
   LazySupport support;                           // of `wide`, where many instances ask for it
   Cover cover;                                   // a few boxes that hold the whole mesh

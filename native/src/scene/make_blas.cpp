@@ -122,6 +122,7 @@ Scene::BlasResult Scene::make_blas(const ChangedMesh& changed, const CommitOptio
   if (!deforms || !refit_blas(*blas, changed, options, result, pool, cancel)) {
     report.action = slot.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
     blas->fresh_costs.reset();
+    blas->refit_plan = {};
     build_blas(*blas, changed, options, result, pool, cancel);
   }
   report.cost = kWideNodeCost * report.node_visits + kWideLeafCost * report.leaf_visits;

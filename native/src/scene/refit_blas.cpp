@@ -26,6 +26,7 @@ TraceWork work_of(const WideCosts& costs, const WideBvh& tree) {
 }
 
 void mend(Blas& blas, UpdateAction action, WideCosts& costs, ThreadPool& pool, CancelToken& cancel) {
+  blas.refit_plan.order.reset();
   blas.shape = new_tree_shape();  // first: stopped half-way, its memory must not pass for the old shape's
   if (action == UpdateAction::kRotate) {
     static_cast<void>(rotate_wide(blas.wide, costs, pool, cancel));
@@ -63,7 +64,10 @@ bool Scene::refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptio
   blas.config = before.config;
   SpareTree::Tree spare = blas.spare->take();
   blas.wide = std::move(spare.wide);
-  WideCosts costs = refit_wide(before.wide, blas.mesh, blas.wide, spare.shape == before.shape, pool, cancel);
+  blas.refit_plan = before.refit_plan;
+  complete_plan(blas.refit_plan, before.wide, blas.mesh, pool, cancel);
+  const bool has_shape = spare.shape == before.shape;
+  WideCosts costs = refit_wide(before.wide, blas.refit_plan, blas.mesh, blas.wide, has_shape, pool, cancel);
   blas.shape = before.shape;
   report.refit_milliseconds = watch.lap_milliseconds();
   report.refitted_cost = costs.whole(blas.wide);

@@ -12,50 +12,30 @@
 
 namespace perfect_bvh {
 
-// The rows of the nodes below `root` and its own, each parent before its children.
-inline void list_subtree(const WideBvh& tree, std::uint32_t root, std::vector<std::uint32_t>& rows) {
-  std::vector<std::uint32_t> waiting{root};
-  while (!waiting.empty()) {
-    const std::uint32_t row = waiting.back();
-    waiting.pop_back();
-    rows.push_back(row);
-    for (std::uint32_t lane = kWideWidth; lane-- > 0;) {
-      const std::uint32_t child = tree.nodes[row].child[lane];
-      if (child == kNoChild || child >= kBlockChild) continue;
-      __builtin_prefetch(&tree.nodes[child].child);
-      waiting.push_back(child);
-    }
-  }
-}
+// Lists of nodes in which parents come first: one is to go through them from the last to the first. Every node is in
+// one list. The same lists for any number of threads.
+struct BottomUpOrder {
+  std::vector<std::vector<std::uint32_t>> subtrees;  // none below another
+  std::vector<std::uint32_t> upper;                  // all that is above them
+};
 
-// Calls visit(rows) with lists of nodes in which parents come first: it is to go through them from the last to the
-// first. Every node is in one list; those below it come before it or in a list that was visited earlier. Lists do not
-// depend on the number of threads.
+[[nodiscard]] BottomUpOrder order_bottom_up(const WideBvh& tree, ThreadPool& pool, CancelToken& cancel);
+
+// Calls visit(rows) with each list, the upper one last and all others in no order, on any thread.
 template <class Visit>
-void visit_bottom_up(const WideBvh& tree, ThreadPool& pool, CancelToken& cancel, const Visit& visit) {
-  if (tree.nodes.empty()) return;
-  constexpr std::size_t kManySubtrees = 32;
-  std::vector<std::uint32_t> upper, subtrees{tree.root}, below;
-  while (!subtrees.empty() && subtrees.size() < kManySubtrees) {
-    below.clear();
-    for (const std::uint32_t row : subtrees) {
-      for (const std::uint32_t child : tree.nodes[row].child) {
-        if (child != kNoChild && child < kBlockChild) below.push_back(child);
-      }
-    }
-    upper.insert(upper.end(), subtrees.begin(), subtrees.end());
-    subtrees.swap(below);
-  }
-  parallel_for(pool, subtrees.size(), 1, [&](std::size_t begin, std::size_t end) {
-    std::vector<std::uint32_t> rows;
+void visit_bottom_up(const BottomUpOrder& order, ThreadPool& pool, CancelToken& cancel, const Visit& visit) {
+  parallel_for(pool, order.subtrees.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       cancel.checkpoint();
-      rows.clear();
-      list_subtree(tree, subtrees[i], rows);
-      visit(std::span<const std::uint32_t>(rows));
+      visit(std::span<const std::uint32_t>(order.subtrees[i]));
     }
   });
-  visit(std::span<const std::uint32_t>(upper));
+  visit(std::span<const std::uint32_t>(order.upper));
+}
+
+template <class Visit>
+void visit_bottom_up(const WideBvh& tree, ThreadPool& pool, CancelToken& cancel, const Visit& visit) {
+  visit_bottom_up(order_bottom_up(tree, pool, cancel), pool, cancel, visit);
 }
 
 }  // namespace perfect_bvh

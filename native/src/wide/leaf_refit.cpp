@@ -1,59 +1,32 @@
 #include "wide/leaf_refit.h"
 
 #include <algorithm>
-#include <array>
 
 namespace perfect_bvh {
 namespace {
 
-using VertexNumbers = std::array<std::uint32_t, 8>;
-
-// From a leaf to its vertices are three steps through memory, each of which knows where the next one goes. They are
-// taken so many leaves ahead of time that each finds in the cache what it needs.
-constexpr std::size_t kBlocksAhead = 24, kTrianglesAhead = 16, kVerticesAhead = 8;
-
 void fetch(const void* place) noexcept { __builtin_prefetch(place); }
 void fetch_to_write(const void* place) noexcept { __builtin_prefetch(place, 1); }
 
-void fetch_block(const LeafBlock& shape, const LeafBlock& block) noexcept {
-  fetch(&shape.corners[0]);
-  fetch(&shape.primitives[7]);
+// Leaves of the default layout ------------------------------------------------------------------------------------
+
+// What a leaf reads is asked for so many leaves ahead of time that it is in the cache when its turn comes: its numbers,
+// which are at hand where leaves stand in order, then what these refer to.
+constexpr std::size_t kNumbersAhead = 24, kVerticesAhead = 8;
+
+void fetch_vertices(const VertexNumbers& numbers, const Vec3f* positions, const LeafBlock& block) noexcept {
+  for (const std::uint32_t number : numbers.at) fetch(&positions[number]);
   fetch_to_write(&block.vertices[0][0]);
-  fetch_to_write(&block.vertices[2][0]);
-  if (&block == &shape) return;
-  fetch_to_write(&block.primitives[7]);
+  fetch_to_write(&block.vertices[2][7]);
 }
 
-void fetch_triangles(const LeafBlock& shape, const TriangleIndices* triangles) noexcept {
-  for (const std::uint32_t primitive : shape.primitives) fetch(&triangles[primitive]);
-}
-
-// The numbers of a leaf's vertices, place by place. Written where they are to stay: read back at once as a whole,
-// single stores would stall.
-void list_vertices(const LeafBlock& shape, const TriangleIndices* triangles, VertexNumbers& numbers) noexcept {
-  numbers.fill(~0u);
-  for (std::uint32_t i = 0; i < 8; ++i) {
-    const TriangleIndices corners = triangles[shape.primitives[i]];
-    const std::uint32_t places = shape.corners[i];
-    numbers[places & 7u] = corners.x;
-    numbers[(places >> 4) & 7u] = corners.y;
-    numbers[(places >> 8) & 7u] = corners.z;
-  }
-  // Places to spare repeat the last vertex.
-  for (std::uint32_t i = 1; i < 8; ++i) numbers[i] = numbers[i] == ~0u ? numbers[i - 1] : numbers[i];
-}
-
-Box4 write_block(const LeafBlock& shape, const VertexNumbers& numbers, const Vec3f* positions, Float4 scale,
-                 LeafBlock& block) noexcept {
-  if (&block != &shape) {
-    std::copy_n(shape.corners, 8, block.corners);
-    std::copy_n(shape.primitives, 8, block.primitives);
-  }
+// Positions are read as registers of four: what follows a vertex stands in a lane that means nothing.
+Box4 write_vertices(const VertexNumbers& numbers, const Vec3f* positions, Float4 scale, LeafBlock& block) noexcept {
   Box4 box = Box4::empty();
   for (std::uint32_t first = 0; first < 8; first += 4) {
     Float4 vertices[4];
     for (std::uint32_t i = 0; i < 4; ++i) {
-      vertices[i] = load_xyz(&positions[numbers[first + i]]) * scale;
+      vertices[i] = Float4::load_unaligned(&positions[numbers.at[first + i]]) * scale;
       box.grow(vertices[i]);
     }
     transpose(vertices[0], vertices[1], vertices[2], vertices[3]);
@@ -63,32 +36,32 @@ Box4 write_block(const LeafBlock& shape, const VertexNumbers& numbers, const Vec
   return {box.lower + zero, box.upper + zero};
 }
 
-void refit_blocks(const WideBvh& from, const TriangleMesh& mesh, std::span<const std::uint32_t> rows, WideBvh& to,
-                  Box4* boxes) noexcept {
-  const TriangleIndices* const triangles = mesh.triangles.data();
+void refit_blocks(const WideBvh& from, const LeafVertices& vertices, const TriangleMesh& mesh,
+                  std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept {
   const Vec3f* const positions = mesh.positions.data();
   const Float4 scale(to.scale);
-  std::array<VertexNumbers, kVerticesAhead> ring;
-  // Leaf i is written in round i; what is fetched for it is fetched in earlier rounds, the first of them below zero.
-  for (std::size_t round = 0; round < rows.size() + kBlocksAhead; ++round) {
-    if (round < rows.size()) fetch_block(from.blocks[rows[round]], to.blocks[rows[round]]);
-    const std::size_t indexed = round - (kBlocksAhead - kTrianglesAhead);  // huge before its turn
-    if (indexed < rows.size()) fetch_triangles(from.blocks[rows[indexed]], triangles);
-    const std::size_t gathered = round - (kBlocksAhead - kVerticesAhead);
-    const std::size_t written = round - kBlocksAhead;
-    if (written < rows.size()) {
-      boxes[written] = write_block(from.blocks[rows[written]], ring[written % kVerticesAhead], positions, scale,
-                                   to.blocks[rows[written]]);
+  const bool is_copy = &from != &to;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (i + kNumbersAhead < rows.size()) fetch(&vertices[rows[i + kNumbersAhead]]);
+    if (i + kVerticesAhead < rows.size()) {
+      const std::uint32_t row = rows[i + kVerticesAhead];
+      fetch_vertices(vertices[row], positions, to.blocks[row]);
     }
-    if (gathered < rows.size()) {
-      VertexNumbers& numbers = ring[gathered % kVerticesAhead];
-      list_vertices(from.blocks[rows[gathered]], triangles, numbers);
-      for (const std::uint32_t number : numbers) fetch(&positions[number]);
+    LeafBlock& block = to.blocks[rows[i]];
+    if (is_copy) {
+      std::copy_n(from.blocks[rows[i]].corners, 8, block.corners);
+      std::copy_n(from.blocks[rows[i]].primitives, 8, block.primitives);
     }
+    boxes[i] = write_vertices(vertices[rows[i]], positions, scale, block);
   }
 }
 
-void fetch_vertices(const IndexedLeaf& leaf, const TriangleMesh& mesh) noexcept {
+// Leaves of the compact layout --------------------------------------------------------------------------------------
+
+// From a leaf to its vertices are three steps through memory, each of which knows where the next one goes.
+constexpr std::size_t kLeafAhead = 24, kTrianglesAhead = 16, kCornersAhead = 8;
+
+void fetch_corners(const IndexedLeaf& leaf, const TriangleMesh& mesh) noexcept {
   for (const std::uint32_t primitive : leaf.primitives) {
     const TriangleIndices corners = mesh.triangles[primitive];
     fetch(&mesh.positions[corners.x]), fetch(&mesh.positions[corners.y]), fetch(&mesh.positions[corners.z]);
@@ -99,23 +72,25 @@ Box4 box_of(const IndexedLeaf& leaf, const TriangleMesh& mesh, Float4 scale) noe
   Box4 box = Box4::empty();
   for (const std::uint32_t primitive : leaf.primitives) {
     const TriangleIndices corners = mesh.triangles[primitive];
-    for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) box.grow(load_xyz(&mesh.positions[vertex]));
+    for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) {
+      box.grow(Float4::load_unaligned(&mesh.positions[vertex]));
+    }
   }
   const Float4 zero(0.0f);
   return {box.lower * scale + zero, box.upper * scale + zero};
 }
 
-// Leaves of the compact layout do not change: only their boxes do.
+// They do not change: only their boxes do.
 void refit_indexed_leaves(const WideBvh& from, const TriangleMesh& mesh, std::span<const std::uint32_t> rows,
                           WideBvh& to, Box4* boxes) noexcept {
   const Float4 scale(to.scale);
   const auto leaf_at = [&](std::size_t i) -> const IndexedLeaf& { return from.indexed_leaves[rows[i]]; };
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (i + kBlocksAhead < rows.size()) fetch(&leaf_at(i + kBlocksAhead));
+    if (i + kLeafAhead < rows.size()) fetch(&leaf_at(i + kLeafAhead));
     if (i + kTrianglesAhead < rows.size()) {
       for (const std::uint32_t primitive : leaf_at(i + kTrianglesAhead).primitives) fetch(&mesh.triangles[primitive]);
     }
-    if (i + kVerticesAhead < rows.size()) fetch_vertices(leaf_at(i + kVerticesAhead), mesh);
+    if (i + kCornersAhead < rows.size()) fetch_corners(leaf_at(i + kCornersAhead), mesh);
     boxes[i] = box_of(leaf_at(i), mesh, scale);
     if (&from != &to) to.indexed_leaves[rows[i]] = leaf_at(i);
   }
@@ -123,9 +98,13 @@ void refit_indexed_leaves(const WideBvh& from, const TriangleMesh& mesh, std::sp
 
 }  // namespace
 
-void refit_leaves(const WideBvh& from, const TriangleMesh& mesh, std::span<const std::uint32_t> rows, WideBvh& to,
-                  Box4* boxes) noexcept {
-  (from.layout == TreeLayout::kCompact ? refit_indexed_leaves : refit_blocks)(from, mesh, rows, to, boxes);
+void refit_leaves(const WideBvh& from, const LeafVertices& vertices, const TriangleMesh& mesh,
+                  std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept {
+  if (from.layout == TreeLayout::kCompact) {
+    refit_indexed_leaves(from, mesh, rows, to, boxes);
+  } else {
+    refit_blocks(from, vertices, mesh, rows, to, boxes);
+  }
 }
 
 }  // namespace perfect_bvh

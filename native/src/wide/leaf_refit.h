@@ -6,13 +6,15 @@
 
 #include "math/float4.h"
 #include "mesh/triangle_mesh.h"
+#include "wide/leaf_vertices.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
 
 // Writes to `to` what the leaves in these rows of `from` (it may be the same tree) become over the mesh's positions, in
 // the scale of `to`, and to `boxes` the box of each: with positive zeros, and fourth lanes that mean nothing.
-void refit_leaves(const WideBvh& from, const TriangleMesh& mesh, std::span<const std::uint32_t> rows, WideBvh& to,
-                  Box4* boxes) noexcept;
+// `vertices` are those of `from`.
+void refit_leaves(const WideBvh& from, const LeafVertices& vertices, const TriangleMesh& mesh,
+                  std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept;
 
 }  // namespace perfect_bvh

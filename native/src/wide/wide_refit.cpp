@@ -2,10 +2,8 @@
 
 #include <algorithm>
 #include <array>
-#include <vector>
 
 #include "core/errors.h"
-#include "wide/bottom_up.h"
 #include "wide/leaf_refit.h"
 #include "wide/tree_scale.h"
 #include "wide/visit_order.h"
@@ -17,18 +15,25 @@ namespace {
 // One pass over a tree, with the scale that `to` has.
 class Refitter {
  public:
-  Refitter(const WideBvh& from, const TriangleMesh& mesh, WideBvh& to)
-      : from_(from), mesh_(mesh), to_(to), node_boxes_(from.nodes.size()) {
+  Refitter(const WideBvh& from, const RefitPlan& plan, const TriangleMesh& mesh, WideBvh& to)
+      : from_(from), order_(*plan.order), vertices_(*plan.vertices), mesh_(mesh), to_(to) {
+    node_boxes_.resize(from.nodes.size());
     costs_.resize(from.nodes.size());
   }
 
   void run(ThreadPool& pool, CancelToken& cancel) {
     if (from_.root >= kBlockChild) {
       const std::uint32_t row = from_.root - kBlockChild;
-      refit_leaves(from_, mesh_, {&row, 1}, to_, &bounds_);
+      refit_leaves(from_, vertices_, mesh_, {&row, 1}, to_, &bounds_);
       return;
     }
-    visit_bottom_up(from_, pool, cancel, [&](std::span<const std::uint32_t> rows) { refit_nodes(rows); });
+    parallel_for(pool, order_.leaves.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        cancel.checkpoint();
+        refit_nodes(order_.nodes.subtrees[i], order_.leaves[i]);
+      }
+    });
+    refit_nodes(order_.nodes.upper, order_.upper_leaves);
     bounds_ = node_boxes_[from_.root];
   }
 
@@ -37,16 +42,9 @@ class Refitter {
 
  private:
   // First all leaves of these nodes, then the nodes, parents last.
-  void refit_nodes(std::span<const std::uint32_t> rows) {
-    std::vector<std::uint32_t> leaves;
-    leaves.reserve(4 * rows.size());
-    for (std::size_t i = rows.size(); i-- > 0;) {
-      for (const std::uint32_t child : from_.nodes[rows[i]].child) {
-        if (child >= kBlockChild) leaves.push_back(child - kBlockChild);
-      }
-    }
+  void refit_nodes(std::span<const std::uint32_t> rows, std::span<const std::uint32_t> leaves) {
     AlignedVector<Box4> leaf_boxes(leaves.size());
-    refit_leaves(from_, mesh_, leaves, to_, leaf_boxes.data());
+    refit_leaves(from_, vertices_, mesh_, leaves, to_, leaf_boxes.data());
     const Box4* next_leaf = leaf_boxes.data();
     constexpr std::size_t kAhead = 4;
     for (std::size_t i = rows.size(); i-- > 0;) {
@@ -80,6 +78,8 @@ class Refitter {
   }
 
   const WideBvh& from_;
+  const RefitOrder& order_;
+  const LeafVertices& vertices_;
   const TriangleMesh& mesh_;
   WideBvh& to_;
   AlignedVector<Box4> node_boxes_;  // by row
@@ -101,8 +101,8 @@ float scale_of(const TriangleMesh& mesh) noexcept {
 
 }  // namespace
 
-WideCosts refit_wide(const WideBvh& from, const TriangleMesh& mesh, WideBvh& to, bool has_shape, ThreadPool& pool,
-                     CancelToken& cancel) {
+WideCosts refit_wide(const WideBvh& from, const RefitPlan& plan, const TriangleMesh& mesh, WideBvh& to, bool has_shape,
+                     ThreadPool& pool, CancelToken& cancel) {
   if (!is_refittable(from)) {
     throw InvalidArgument("refit_wide: the tree's boxes are clipped (spatial splits), so it must be rebuilt instead");
   }
@@ -116,7 +116,7 @@ WideCosts refit_wide(const WideBvh& from, const TriangleMesh& mesh, WideBvh& to,
   if (from.is_empty) return {};
   // What `to` itself has of the shape is nearer: it is about to be written.
   const WideBvh& shape = has_shape ? to : from;
-  Refitter refitter(shape, mesh, to);
+  Refitter refitter(shape, plan, mesh, to);
   refitter.run(pool, cancel);
   if (tree_scale(in_mesh(refitter.bounds(), to.scale)) != to.scale) {
     to.scale = scale_of(mesh);

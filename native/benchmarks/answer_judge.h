@@ -1,0 +1,44 @@
+// How many of a competitor's closest hits are wrong, by every triangle tried in double precision (scene/audit.h).
+// In: a scene that holds the mesh, rays. Out: counts. Answers that were judged before are not judged again.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "ray_race.h"
+#include "scene/snapshot.h"
+
+namespace perfect_bvh::bench {
+
+struct Answers {
+  std::vector<float> t;                            // infinity on a miss
+  std::vector<std::int32_t> triangles, instances;  // -1 on a miss
+
+  friend bool operator==(const Answers&, const Answers&) = default;
+};
+
+[[nodiscard]] Answers answers_of(const RayCompetitor& competitor, const std::vector<Ray>& rays);
+
+class AnswerJudge {
+ public:
+  // Judges about every so-many-th of the rays that keeps the work bounded.
+  AnswerJudge(std::shared_ptr<const Snapshot> scene, const std::vector<Ray>& rays);
+
+  [[nodiscard]] std::size_t ray_count() const noexcept { return rays_.size(); }
+  [[nodiscard]] std::size_t count_wrong(const RayCompetitor& competitor);
+
+ private:
+  struct Verdict {
+    Answers answers;
+    std::size_t wrong;
+  };
+  [[nodiscard]] std::size_t judge(const Answers& answers) const;
+
+  const std::shared_ptr<const Snapshot> scene_;
+  std::vector<Ray> rays_;
+  std::vector<Verdict> known_;
+};
+
+}  // namespace perfect_bvh::bench

@@ -1,0 +1,35 @@
+#include "tree_scene.h"
+
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "scene/instance_placing.h"
+#include "scene/top_level.h"
+#include "scene/trace_view.h"
+#include "wide/collapse.h"
+
+namespace perfect_bvh::bench {
+
+std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const TriangleMesh> mesh, WideBvh wide) {
+  ThreadPool pool(1);
+  CancelToken cancel;
+  auto blas = std::make_shared<Blas>(std::move(mesh));
+  blas->wide = std::move(wide);
+  blas->indexed_leaves = view_leaves(blas->wide, blas->mesh);
+  blas->cover = make_cover(cover_boxes(blas->wide, blas->mesh, kCoverBoxes));
+  auto snapshot = std::make_shared<Snapshot>();
+  snapshot->blases.push_back(blas);
+  Instance& instance = snapshot->instances.emplace_back();
+  instance.id = 0, instance.mesh_id = 0, instance.blas = blas.get();
+  Placing placing;
+  if (!place_instance(instance, placing, *blas, Affine{})) throw std::runtime_error("the mesh has no place in a scene");
+  const Aabb& box = placing.world_bounds;
+  snapshot->instance_views.push_back(view_of(instance, placing.world_to_object));
+  snapshot->tlas = build_top_level(std::vector<PrimRef>{{box.lower, 0, box.upper, 0}}, pool, cancel).tree;
+  snapshot->top_level = collapse_top_level(snapshot->tlas, pool, cancel);
+  make_trace_view(*snapshot, pool, cancel);
+  return snapshot;
+}
+
+}  // namespace perfect_bvh::bench

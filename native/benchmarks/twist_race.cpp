@@ -1,0 +1,219 @@
+#include "twist_race.h"
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "answer_judge.h"
+#include "embree_peer.h"
+#include "embree_refit.h"
+#include "json.h"
+#include "mesh_motions.h"
+#include "ray_race.h"
+#include "scene/blas_build.h"
+#include "scene/trace.h"
+#include "tree_scene.h"
+#include "wide/collapse.h"
+#include "wide/wide_cost.h"
+#include "wide/wide_rebuild.h"
+#include "wide/wide_refit.h"
+#include "wide/wide_rotation.h"
+
+namespace perfect_bvh::bench {
+namespace {
+
+// A way of bringing the tree of the mesh at rest to the mesh of now, done.
+struct Update {
+  std::string method, layout;  // no layout: Embree's
+  double ns_per_triangle = 0;
+  std::optional<double> cost;
+  RayCompetitor traced;
+  std::size_t rebuilt = 0;  // place of what it is compared with among all
+};
+
+RayCompetitor traced_by_us(const std::string& name, std::shared_ptr<const Snapshot> snapshot) {
+  return {name,
+          [snapshot](std::span<const Ray> rays, Hit* hits) {
+            trace_closest(*snapshot, rays, std::span(hits, rays.size()));
+          },
+          [snapshot](std::span<const Ray> rays, std::uint8_t* occluded) {
+            trace_occluded(*snapshot, rays, std::span(occluded, rays.size()));
+          }};
+}
+
+template <class Peer>
+RayCompetitor traced_by(const std::string& name, std::shared_ptr<const Peer> peer) {
+  return {name, [peer](std::span<const Ray> rays, Hit* hits) { peer->closest(rays, hits); },
+          [peer](std::span<const Ray> rays, std::uint8_t* occluded) { peer->any(rays, occluded); }};
+}
+
+class Twist {
+ public:
+  Twist(const TriangleMesh& rest, std::shared_ptr<const TriangleMesh> mesh, const RefitOptions& options)
+      : rest_(rest), mesh_(std::move(mesh)), threads_(options.threads), pool_(options.threads) {}
+
+  // Of one layout: first the new tree.
+  void add_ours(TreeLayout layout) {
+    BuildConfig config;
+    config.layout = layout;
+    config = choose_builder(config, Usage::kDeforming);
+    rebuilt_ = updates_.size();
+    add("rebuild", layout, {}, [&](WideBvh& wide, WideCosts& costs) {
+      wide = collapse_mesh(build_tree(*mesh_, config, pool_, cancel_), *mesh_, layout, pool_, cancel_);
+      costs = measure_wide_costs(wide, pool_, cancel_);
+    });
+    const WideBvh still = collapse_mesh(build_tree(rest_, config, pool_, cancel_), rest_, layout, pool_, cancel_);
+    const WideCosts fresh = measure_wide_costs(still, pool_, cancel_);
+    RefitPlan plan;
+    complete_plan(plan, still, rest_, pool_, cancel_);
+    const auto refit = [&](WideBvh& wide, WideCosts& costs) {
+      costs = refit_wide(still, plan, *mesh_, wide, true, pool_, cancel_);
+    };
+    const auto rebuild_spoilt = [&](double tolerance) {
+      return [&, tolerance](WideBvh& wide, WideCosts& costs) {
+        refit(wide, costs);
+        WideCosts compared = fresh;
+        const auto parts = find_spoilt_parts(wide, costs, compared, tolerance);
+        costs = rebuild_parts(wide, compared, parts, config, pool_, cancel_);
+      };
+    };
+    add("refit", layout, still, refit);
+    add("rotations", layout, still, [&](WideBvh& wide, WideCosts& costs) {
+      refit(wide, costs);
+      static_cast<void>(rotate_wide(wide, costs, pool_, cancel_));
+    });
+    add("partial rebuild", layout, still, rebuild_spoilt(1.1));
+    add("rebuild over its leaves", layout, still, rebuild_spoilt(0.0));
+  }
+
+  void add_embree() {
+    rebuilt_ = updates_.size();
+    const double start = seconds(threads_);
+    EmbreePeer::Options options;
+    options.device = "threads=" + std::to_string(threads_);
+    const auto rebuilt = std::make_shared<const EmbreePeer>(*mesh_, options);
+    const double taken = seconds(threads_) - start;
+    updates_.push_back({"embree rebuild", "", per_triangle(taken), {}, traced_by("embree rebuild", rebuilt), rebuilt_});
+    const auto refitted = std::make_shared<EmbreeRefit>(rest_, threads_);
+    const double moved = refitted->move(mesh_->positions);
+    updates_.push_back({"embree refit",
+                        "",
+                        per_triangle(moved),
+                        {},
+                        traced_by("embree refit", std::shared_ptr<const EmbreeRefit>(refitted)),
+                        rebuilt_});
+  }
+
+  [[nodiscard]] const std::vector<Update>& updates() const noexcept { return updates_; }
+  [[nodiscard]] const std::shared_ptr<const Snapshot>& scene() const noexcept { return first_; }
+
+ private:
+  // make(wide, costs) finds a copy of `still` in `wide`. Done several times: the middle one counts.
+  void add(const std::string& method, TreeLayout layout, const WideBvh& still,
+           const std::function<void(WideBvh&, WideCosts&)>& make) {
+    const std::size_t repeats = mesh_->triangle_count() > 1'000'000 ? 1 : 3;
+    std::vector<double> times;
+    WideBvh wide;
+    WideCosts costs;
+    for (std::size_t i = 0; i < repeats; ++i) {
+      wide = still;
+      const double start = seconds(threads_);
+      make(wide, costs);
+      times.push_back(per_triangle(seconds(threads_) - start));
+    }
+    const double cost = costs.whole(wide);
+    const auto snapshot = snapshot_over(mesh_, std::move(wide));
+    if (!first_) first_ = snapshot;
+    updates_.push_back(
+        {method, layout_name(layout), Spread::of(times).median, cost, traced_by_us(method, snapshot), rebuilt_});
+  }
+
+  [[nodiscard]] double per_triangle(double taken) const {
+    return 1e9 * taken / static_cast<double>(mesh_->triangle_count());
+  }
+
+  const TriangleMesh& rest_;
+  const std::shared_ptr<const TriangleMesh> mesh_;
+  const int threads_;
+  ThreadPool pool_;
+  CancelToken cancel_;
+  std::vector<Update> updates_;
+  std::size_t rebuilt_ = 0;
+  std::shared_ptr<const Snapshot> first_;
+};
+
+// Of one update, over the kinds of rays.
+struct Traced {
+  double seconds = 0;  // of all rays together
+  std::vector<std::pair<std::string, double>> mrays_per_second;
+  std::size_t judged = 0, wrong = 0, different = 0;
+};
+
+std::size_t count_different(const Answers& answers, const Answers& expected) {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < answers.t.size(); ++i) {
+    count += answers.t[i] != expected.t[i] || answers.triangles[i] != expected.triangles[i] ? 1 : 0;
+  }
+  return count;
+}
+
+void trace_set(const RaySet& set, const Twist& twist, int rounds, std::vector<Traced>& traced) {
+  std::vector<RayCompetitor> competitors;
+  for (const Update& update : twist.updates()) competitors.push_back(update.traced);
+  const std::vector<RaceResult> results = race(set, competitors, rounds);
+  AnswerJudge judge(twist.scene(), set.rays);
+  const Answers expected = answers_of(competitors.front(), set.rays);
+  for (std::size_t i = 0; i < competitors.size(); ++i) {
+    Traced& each = traced[i];
+    each.mrays_per_second.emplace_back(set.name, results[i].mrays_per_second);
+    each.seconds += 1e-6 * static_cast<double>(set.rays.size()) / results[i].mrays_per_second;
+    each.judged += judge.ray_count();
+    each.wrong += judge.count_wrong(competitors[i]);
+    each.different += count_different(answers_of(competitors[i], set.rays), expected);
+  }
+}
+
+std::string row_of(const Update& update, const Traced& traced, const Traced& rebuilt, float radians) {
+  JsonObject row;
+  if (update.layout.empty())
+    row.add_raw("layout", "null");
+  else
+    row.add("layout", update.layout);
+  row.add("twist", static_cast<double>(radians)).add("method", update.method);
+  row.add("ns_per_triangle", update.ns_per_triangle).add("cost", update.cost);
+  row.add("rays_per_second_ratio", rebuilt.seconds / traced.seconds);
+  for (std::size_t i = 0; i < traced.mrays_per_second.size(); ++i) {
+    const auto& [kind, rate] = traced.mrays_per_second[i];
+    row.add((kind + "_ratio").c_str(), rate / rebuilt.mrays_per_second[i].second);
+  }
+  row.add("judged", traced.judged).add("wrong", traced.wrong);
+  if (!update.layout.empty()) row.add("different", traced.different);
+  return row.text();
+}
+
+}  // namespace
+
+std::vector<std::string> race_twist(const TriangleMesh& rest, float radians, const RefitOptions& options) {
+  const auto mesh = std::make_shared<const TriangleMesh>(with(rest, twisted(rest.positions, radians)));
+  Twist twist(rest, mesh, options);
+  for (const TreeLayout layout : options.layouts) twist.add_ours(layout);
+  twist.add_embree();
+  const std::vector<Update>& updates = twist.updates();
+  std::vector<Traced> traced(updates.size());
+  const Aabb box = bounds_of_positions(mesh->positions);
+  const std::vector<Ray> primary = primary_rays(box, View::kOutside, options.width, options.height);
+  std::vector<Hit> hits(primary.size());
+  updates.front().traced.closest(primary, hits.data());
+  for (const RaySet& set : make_ray_sets(*mesh, box, View::kOutside, primary, hits)) {
+    if ((set.name != "primary" && set.name != "diffuse") || set.rays.empty()) continue;
+    trace_set(set, twist, options.ray_rounds, traced);
+  }
+  std::vector<std::string> rows;
+  for (std::size_t i = 0; i < updates.size(); ++i) {
+    rows.push_back(row_of(updates[i], traced[i], traced[updates[i].rebuilt], radians));
+  }
+  return rows;
+}
+
+}  // namespace perfect_bvh::bench
