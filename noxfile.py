@@ -1,7 +1,7 @@
 """Checks that run apart from one another: `nox` runs them, `nox -s lint` one of them, `nox -s soak` the long one.
 
 `tests` wants the system packages that the README names; `native_tests` and `sanitize` want g++ and libgtest-dev;
-`extension` wants Debian and its binutils; `windows` wants root or sudo as well.
+`extension` wants Debian and its binutils; `windows` wants root or sudo as well. `blenders` wants Python 3.11.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ BUILD_TOOLS = ("cmake>=3.25", "ninja>=1.11")
 # One compiler for the wheels of all Pythons, and the Blender whose tools make the zip of them.
 WHEEL_TOOLS = ("pybind11==3.1.0", "scikit-build-core==1.1.2", "ziglang==0.17.1")
 BLENDER = "bpy==5.0.1"
+OLDER_BLENDERS = ("bpy==4.2.23", "bpy==4.5.15")
 
 NATIVE_FOLDERS = ("native/src", "native/bindings", "native/tests", "native/benchmarks")
 NATIVE_SUFFIXES = (".h", ".inl", ".cpp")
@@ -120,6 +121,15 @@ def extension(session: nox.Session) -> None:
     Path("dist").mkdir(exist_ok=True)
     session.run("python", tool, "build", "--source-dir", str(folder), "--output-dir", "dist")
     session.run("python", tool, "validate", str(extension_zip()))
+
+
+@nox.session(default=False)
+def blenders(session: nox.Session) -> None:
+    """Install older modules of Blender into .cache/blenders, for tests/extension to try the zip in."""
+    for release in OLDER_BLENDERS:
+        folder = Path(".cache/blenders", release.partition("==")[2])
+        session.run("python", "-m", "venv", "--clear", str(folder))
+        session.run(str(folder / "bin" / "pip"), "install", "--quiet", release, external=True)
 
 
 @nox.session(default=False)

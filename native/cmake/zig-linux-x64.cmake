@@ -8,5 +8,7 @@ set(CMAKE_CXX_COMPILER_TARGET x86_64-linux-gnu.2.28)
 
 # Without this CMake's test programs fail, and the message says that no threads library was found.
 set(CMAKE_CXX_SCAN_FOR_MODULES OFF)
+# All alike, or the compiler builds its C++ library once for each kind.
+set(CMAKE_EXE_LINKER_FLAGS_INIT -s)
 set(CMAKE_SHARED_LINKER_FLAGS_INIT -s)
 set(CMAKE_MODULE_LINKER_FLAGS_INIT -s)

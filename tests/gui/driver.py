@@ -15,16 +15,14 @@ from collections.abc import Callable, Generator, Iterable
 from pathlib import Path
 
 import bpy
+import numpy as np
+import numpy.typing as npt
 
 Step = Generator[float, None, None]
 
 OUTPUT = Path(os.environ["WINDOWS_OUTPUT"])
 CONSOLE = OUTPUT / "console.log"
 ALARMS = ("Traceback (most recent call last)", "Error: Python:", "Segmentation fault")
-
-
-# In pixels, at the resolution scale that a new user has.
-BUTTON_HEIGHT, ROW_HEIGHT = 20, 26
 
 
 class StepError(AssertionError):
@@ -69,13 +67,25 @@ def press_key(key: str) -> Step:
     yield 0.3
 
 
+def press_here() -> Step:
+    """The left button, where the mouse is."""
+    x_tool("mousedown", 1)
+    yield 0.1
+    x_tool("mouseup", 1)
+    yield 0.3
+
+
 def click(x: float, y: float) -> Step:
     hover(x, y)
     yield 0.15
     x_tool("mousemove_relative", "--", 1, 0)
     yield 0.15
-    x_tool("click", 1)
-    yield 0.4
+    yield from press_here()
+
+
+def type_text(text: str) -> Step:
+    x_tool("type", "--delay", 20, text)
+    yield 0.2
 
 
 def drag(button: int, start: tuple[float, float], end: tuple[float, float], steps: int = 8) -> Step:
@@ -89,9 +99,6 @@ def drag(button: int, start: tuple[float, float], end: tuple[float, float], step
     x_tool("mouseup", button)
     yield 0.2
 
-
-# Where the button of a property was last found: nearly always it is there again.
-_last_rows: dict[str, int] = {}
 
 # Places --------------------------------------------------------------------------------------------------------------
 
@@ -117,51 +124,32 @@ def context_of(area: bpy.types.Area) -> dict[str, object]:
     return {"window": bpy.context.window_manager.windows[0], "area": area, "region": region_of(area)}
 
 
-def _find_property(area: bpy.types.Area, path: str, column: float = 0.75) -> Step:
-    """Move the mouse down a column of a region until it is over the button of a property whose data path ends so."""
-    region = region_of(area)
-
-    def is_found() -> bool:
-        with bpy.context.temp_override(**context_of(area)):
-            found = bpy.context.property
-        return found is not None and found[1].endswith(path)
-
-    hover(*middle_of(area_of("VIEW_3D")))  # the last button stays active until the mouse has left the region
-    yield 0.4
-    rows = list(range(region.y + region.height - 6, region.y + 4, -BUTTON_HEIGHT + 4))
-    if path in _last_rows:
-        rows.insert(0, _last_rows[path])
-    for y in rows:
-        hover(region.x + region.width * column, y)
-        yield 0.05
-        if is_found():
-            yield 0.2
-            if is_found():
-                _last_rows[path] = y
-                return
-    raise StepError(f"no button of {path} in the panel")
+def set_window_size(width: int, height: int) -> None:
+    """Of the only window that is open."""
+    found = subprocess.run(
+        ["xdotool", "search", "--onlyvisible", "--class", "blender"], check=True, capture_output=True, text=True
+    )
+    x_tool("windowsize", found.stdout.split()[-1], width, height)
 
 
-def _press() -> Step:
-    x_tool("mousedown", 1)
-    yield 0.15
-    x_tool("mouseup", 1)
-    yield 0.5
-
-
-def click_property(area: bpy.types.Area, path: str) -> Step:
-    """Click the button of a property by the end of its data path."""
-    yield from _find_property(area, path)
-    yield from _press()
-
-
-def click_above(area: bpy.types.Area, path: str, rows: int = 1) -> Step:
-    """Click the button so many rows above a property's: of an operator's button nothing says where it is."""
-    yield from _find_property(area, path)
-    for _ in range(rows):
-        x_tool("mousemove_relative", "--", 0, -ROW_HEIGHT)
-        yield 0.1
-    yield from _press()
+def set_viewport_size(width: int, height: int) -> Step:
+    """Move the edge beside the 3D viewport and resize the window until the viewport has this size."""
+    for _ in range(4):
+        area = area_of("VIEW_3D")
+        missing = width - region_of(area).width
+        if missing:
+            start = area.x + area.width + 1, area.y + area.height / 2
+            hover(*start)
+            yield 0.3
+            yield from drag(1, start, (start[0] + missing, start[1]))
+            yield 0.5
+        window = bpy.context.window_manager.windows[0]
+        set_window_size(window.width, window.height + height - region_of(area_of("VIEW_3D")).height)
+        yield 0.7
+        region = region_of(area_of("VIEW_3D"))
+        if (region.width, region.height) == (width, height):
+            return
+    raise StepError(f"the viewport has {region.width} x {region.height} pixels, not {width} x {height}")
 
 
 # Eyes ----------------------------------------------------------------------------------------------------------------
@@ -170,6 +158,17 @@ def click_above(area: bpy.types.Area, path: str, rows: int = 1) -> Step:
 def screenshot(name: str) -> None:
     """The whole screen as a PNG file."""
     subprocess.run(["import", "-window", "root", str(OUTPUT / f"{name}.png")], check=True, timeout=20)
+
+
+def screen_pixels() -> npt.NDArray[np.uint8]:
+    """The whole screen, flat."""
+    made = subprocess.run(["import", "-window", "root", "-depth", "8", "rgb:-"], check=True, capture_output=True)
+    return np.frombuffer(made.stdout, np.uint8)
+
+
+def redraw() -> None:
+    """Draw everything and wait until it is on the screen."""
+    bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)
 
 
 def alarms_on_console() -> list[str]:

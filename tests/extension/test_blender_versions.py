@@ -1,0 +1,109 @@
+"""The same zip in every Blender that can be had here, and the installed package, render the same image.
+
+`nox -s blenders` puts older modules of Blender into .cache/blenders, `nox -s windows` a chroot beside them that has
+Blender 5.2 as Debian ships it (CPython 3.14) and as a module (3.13).
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("bpy")
+
+# Blender and its Python, as `.cache/blenders` and the chroot have them.
+MODULES = {"4.2": "3.11", "4.5": "3.11"}
+IN_CHROOT = {
+    "5.2 as a module": ("3.13", ("/opt/bpy-5.2/bin/python",)),
+    "5.2 of Debian": ("3.14", ("blender", "--background", "--python-exit-code", "1", "--python")),
+}
+SCRIPT = "tests/extension/render_scene.py"
+MODES = ("preview", "clay", "normal", "depth", "instance")
+
+Render = dict[str, Any]
+
+
+def render(command: list[str | Path], output: Path, environment: dict[str, str]) -> Render:
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0 and output.is_file(), done.stdout + done.stderr
+    with np.load(output) as file:
+        return dict(file)
+
+
+def render_here(interpreter: Path, repository: Path, folder: Path, blend: Path, extension: Path | None) -> Render:
+    user = folder / "user"
+    user.mkdir()
+    output = folder / "image.npz"
+    places = {"BLEND": blend, "OUTPUT": output, "EXTENSION": extension or "", "BLENDER_USER_RESOURCES": user}
+    environment = os.environ | {name: str(place) for name, place in places.items()}
+    return render([interpreter, repository / SCRIPT], output, environment)
+
+
+@pytest.fixture(scope="module")
+def expected(repository: Path, blend_file, tmp_path_factory) -> Render:
+    """What the package renders that this Python has."""
+    folder = tmp_path_factory.mktemp("package")
+    return render_here(Path(sys.executable), repository, folder, blend_file("courtyard"), None)
+
+
+def check_same(rendered: Render, expected: Render) -> None:
+    assert list(rendered["isas"]) == list(expected["isas"])
+    for mode in MODES:
+        assert np.ptp(expected[mode][..., :3]) > 0.1
+        np.testing.assert_array_equal(rendered[mode], expected[mode], err_msg=mode)
+
+
+def test_the_zip_renders_what_the_package_renders(
+    extension: Path, expected: Render, repository: Path, tmp_path: Path, blend_file
+) -> None:
+    rendered = render_here(Path(sys.executable), repository, tmp_path, blend_file("courtyard"), extension)
+    assert rendered["blender"] == expected["blender"]
+    check_same(rendered, expected)
+
+
+@pytest.mark.parametrize("version", MODULES)
+def test_an_older_blender_renders_the_same(
+    version: str, extension: Path, expected: Render, repository: Path, tmp_path: Path, blend_file
+) -> None:
+    interpreters = sorted((repository / ".cache" / "blenders").glob(f"{version}.*/bin/python"))
+    if not interpreters:
+        pytest.skip(f"no Blender {version} in .cache/blenders: `nox -s blenders` installs it")
+    rendered = render_here(interpreters[-1], repository, tmp_path, blend_file("courtyard"), extension)
+    assert str(rendered["blender"]).startswith(f"{version}.")
+    assert str(rendered["python"]).startswith(f"{MODULES[version]}.")
+    check_same(rendered, expected)
+
+
+@pytest.mark.parametrize("name", IN_CHROOT)
+def test_a_newer_blender_renders_the_same(name: str, extension: Path, expected: Render, repository: Path) -> None:
+    if not list((repository / ".cache" / "blender-gui").glob(".ready-*")):
+        pytest.skip("no Blender 5.2 in .cache/blender-gui: `nox -s windows` installs it")
+    python, interpreter = IN_CHROOT[name]
+    places = {
+        "BLEND": "/host/blend_scenes/courtyard.blend",
+        "OUTPUT": "/tmp/image.npz",
+        "EXTENSION": f"/host/{extension.relative_to(repository)}",
+        "BLENDER_USER_RESOURCES": "/tmp/user",
+    }
+    variables = [f"{name}={place}" for name, place in places.items()]
+    output = repository / ".cache" / "image-5.2.npz"
+    output.unlink(missing_ok=True)
+    chroot = repository / "tests" / "gui" / "blender_chroot.sh"
+    script = " && ".join(
+        (
+            "rm -rf /tmp/user /tmp/image.npz",
+            "mkdir /tmp/user",
+            " ".join(("env", *variables, *interpreter, f"/host/{SCRIPT}")),
+            f"cp /tmp/image.npz /host/{output.relative_to(repository)}",
+        )
+    )
+    rendered = render([chroot, "run", "sh", "-c", script], output, dict(os.environ))
+    assert str(rendered["blender"]).startswith("5.2.")
+    assert str(rendered["python"]).startswith(f"{python}.")
+    check_same(rendered, expected)

@@ -1,0 +1,79 @@
+"""What the add-on and Blender know, for steps to check: images of viewports, the overlay, what was reported."""
+
+from __future__ import annotations
+
+import gc
+import sys
+from typing import Any
+
+import bpy
+from driver import CONSOLE, Step, area_of, check, context_of, wait_until
+
+MODULE = "bl_ext.user_default.perfect_bvh"
+
+events: list[str] = []
+measured: dict[str, float] = {}
+
+
+def _note(name: str) -> Any:
+    def handler(*_: object) -> None:
+        events.append(name)
+
+    return bpy.app.handlers.persistent(handler)
+
+
+for _name in ("render_complete", "render_cancel", "frame_change_post"):
+    getattr(bpy.app.handlers, _name).append(_note(_name))
+
+
+def module(name: str) -> Any:
+    return sys.modules[f"{MODULE}.{name}"]
+
+
+def settings() -> Any:
+    return bpy.context.scene.perfect_bvh
+
+
+def viewports() -> list[Any]:
+    """The renderers of the regions that are shown in Rendered shading."""
+    return [found for found in gc.get_objects() if type(found).__name__ == "Viewport" and found._refinement is not None]
+
+
+def all_finished() -> bool:
+    found = viewports()
+    return bool(found) and all(viewport._refinement.is_finished for viewport in found)
+
+
+def finished(what: str) -> Step:
+    yield 0.3
+    yield from wait_until(all_finished, f"{what}: the viewport is not finished", 180)
+
+
+def image() -> Any:
+    """(H, W, 4) float32 of the only viewport."""
+    (viewport,) = viewports()
+    return viewport._refinement.image.copy()
+
+
+def space() -> bpy.types.SpaceView3D:
+    return area_of("VIEW_3D").spaces.active
+
+
+def overlay() -> Any:
+    """What is drawn of the trees, None if nothing is."""
+    with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
+        return module("overlay").overlay_of(bpy.context)
+
+
+def reported(text: str) -> bool:
+    """Whether Blender has reported something with this text in it: it prints what it reports."""
+    return text in CONSOLE.read_text(encoding="utf-8", errors="replace")
+
+
+def wait_for_report(text: str, seconds: float = 30.0) -> Step:
+    yield from wait_until(lambda: reported(text), f"no report of {text!r}", seconds)
+
+
+def check_shows_something(pixels: Any, what: str) -> None:
+    check(pixels[..., 3].max() > 0.0, f"{what}: the image is empty")
+    check(pixels[..., :3].std() > 0.01, f"{what}: the image is of one color")

@@ -1,0 +1,161 @@
+"""The buttons of a Properties editor: which there are is found with the mouse, and each is pressed as its kind asks.
+
+A property's button tells its data path, an operator's button its call, once the mouse is over it. Of a closed panel's
+header nothing tells where it is but the height of those above.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import bpy
+from driver import (
+    Step,
+    area_of,
+    check,
+    context_of,
+    hover,
+    middle_of,
+    press_here,
+    press_key,
+    region_of,
+    type_text,
+    wait_until,
+)
+
+# In pixels, at the resolution scale that a new user has.
+STEP = 6
+HEADER_HEIGHT = 26
+FIRST_HEADER = 32  # below the middle of the last button of the panel above
+COLUMN = 0.75  # of the region's width: labels stand left of it
+
+
+@dataclass(frozen=True, slots=True)
+class Button:
+    """what: the end of a property's data path from its scene or view layer, or an operator's call. y: in the window."""
+
+    what: str
+    y: float
+
+
+def button_under_mouse(area: bpy.types.Area) -> str | None:
+    with bpy.context.temp_override(**context_of(area)):
+        found = bpy.context.property
+        if found is not None:
+            return found[1]
+        if not bpy.ops.ui.copy_python_command_button.poll():
+            return None
+        bpy.ops.ui.copy_python_command_button()
+    return bpy.context.window_manager.clipboard
+
+
+def list_buttons(area: bpy.types.Area, top: float | None = None, bottom: float | None = None) -> Step:
+    """Returns the buttons between two heights, in their order; the whole region's without them."""
+    region = region_of(area)
+    x = region.x + region.width * COLUMN
+    y = region.y + region.height - STEP if top is None else top
+    end = region.y + STEP if bottom is None else bottom
+    rows: dict[str, list[float]] = {}
+    hover(*middle_of(area_of("VIEW_3D")))  # the last button stays active until the mouse has left the region
+    yield 0.3
+    while y > end:
+        hover(x, y)
+        yield 0.04
+        found = button_under_mouse(area)
+        if found is not None:
+            rows.setdefault(found, []).append(y)
+        y -= STEP
+    return [Button(what, sum(heights) / len(heights)) for what, heights in rows.items()]
+
+
+def find_button(area: bpy.types.Area, what: str) -> Step:
+    """Returns the button of a property or an operator, by the end of its data path or a part of its call."""
+    buttons = yield from list_buttons(area)
+    for button in buttons:
+        if button.what.endswith(what) or f"{what}(" in button.what:
+            return button
+    raise AssertionError(f"no button of {what} among {[button.what for button in buttons]}")
+
+
+def point_at(area: bpy.types.Area, button: Button) -> Step:
+    region = region_of(area)
+    hover(*middle_of(area_of("VIEW_3D")))
+    yield 0.2
+    hover(region.x + region.width * COLUMN, button.y)
+    yield 0.2
+    found = button_under_mouse(area)
+    check(found == button.what, f"the mouse is over {found}, not {button.what}")
+
+
+def press(area: bpy.types.Area, button: Button) -> Step:
+    yield from point_at(area, button)
+    yield from press_here()
+
+
+def find_and_press(area: bpy.types.Area, what: str) -> Step:
+    button = yield from find_button(area, what)
+    yield from press(area, button)
+
+
+# Properties ----------------------------------------------------------------------------------------------------------
+
+
+def change(area: bpy.types.Area, button: Button, owner: object, text: str | None = None) -> Step:
+    """Change a property of `owner` by its button, see that it has changed, and put the old value back.
+
+    text: what is typed into a field; numbers get one more than they have without it.
+    """
+    name = button.what.rpartition(".")[2]
+    kind = owner.bl_rna.properties[name].type
+    before = getattr(owner, name)
+    is_changed = lambda: getattr(owner, name) != before  # noqa: E731
+    if kind == "BOOLEAN":
+        yield from press(area, button)
+        yield from wait_until(is_changed, f"{name} does not switch", 5)
+        yield from press(area, button)
+        yield from wait_until(lambda: not is_changed(), f"{name} does not switch back", 5)
+        return
+    yield from point_at(area, button)
+    if kind in {"INT", "FLOAT"}:
+        yield from press_key("Return")
+        yield from type_text(text or f"{before + 1:g}")
+    elif kind == "STRING":
+        yield from press_here()
+        yield from press_key("ctrl+a")
+        yield from type_text(text or "x")
+    else:  # a menu, or a search
+        items = getattr(owner.bl_rna.properties[name], "enum_items", ())
+        is_last = bool(items) and items[-1].identifier == before
+        yield from press_here()
+        yield from press_key("Up" if is_last else "Down")
+    yield from press_key("Return")
+    yield from wait_until(is_changed, f"{name} stays {before!r}", 5)
+    setattr(owner, name, before)
+    yield 0.2
+
+
+# Panels --------------------------------------------------------------------------------------------------------------
+
+
+def header_height(last_above: Button, number: int) -> float:
+    """Where a closed panel's header is: the number-th below the last button of the panel above, from 0."""
+    return last_above.y - FIRST_HEADER - HEADER_HEIGHT * number
+
+
+def toggle_panel(area: bpy.types.Area, y: float) -> Step:
+    region = region_of(area)
+    hover(region.x + region.width * 0.4, y)
+    yield 0.2
+    yield from press_here()
+    yield 0.3
+
+
+def with_panel_open(area: bpy.types.Area, y: float, work: Callable[[list[Button]], Step]) -> Step:
+    """Open the panel whose header is at `y`, do something with the buttons below it, and close it."""
+    yield from toggle_panel(area, y)
+    buttons = yield from list_buttons(area, top=y - HEADER_HEIGHT / 2)
+    yield from work(buttons)
+    hover(*middle_of(area_of("VIEW_3D")))
+    yield 0.2
+    yield from toggle_panel(area, y)

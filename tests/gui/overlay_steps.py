@@ -1,0 +1,110 @@
+"""The tree overlay: each tree, each level, each color; it follows an animation, and stays usable with 100,000 boxes."""
+
+from __future__ import annotations
+
+import time
+
+import bpy
+import numpy as np
+from addon_state import measured, overlay, settings, space
+from buttons import Button, change, press
+from driver import Step, area_of, check, hover, middle_of, press_key, redraw, screen_pixels, screenshot, wait_until
+from panel_steps import open_sub_panel
+
+
+def shown() -> object | None:
+    """What is drawn of the top level."""
+    found = overlay()
+    return None if found is None or found.top_level is None else found.top_level.shown
+
+
+def show_the_top_level() -> Step:
+    area, chosen = area_of("PROPERTIES"), settings().overlay
+
+    def work(buttons: list[Button]) -> Step:
+        found = {button.what.rpartition(".")[2]: button for button in buttons}
+        check(overlay() is None, "boxes are drawn before anybody asked for them")
+        before = screen_pixels()
+        yield from press(area, found["show_top_level"])
+        yield from wait_until(shown, "no box of the top level is drawn", 30)
+        yield 0.5
+        check((screen_pixels() != before).mean() > 0.005, "the screen does not show the boxes")
+        screenshot("overlay_level_2")
+        for name, text in (("level", "4"), ("use_all_to_level", None), ("color_by", None), ("use_in_front", None)):
+            yield from change(area, found[name], chosen, text)
+        for level in (0, 1, 3):
+            chosen.level = level
+            yield from wait_until(lambda level=level: shown().level == level, f"level {level} is not shown", 10)
+        chosen.use_all_to_level = True
+        yield from wait_until(lambda: shown().count > 60, "the levels above are not shown", 10)
+        for color in ("LEVEL", "OVERLAP", "COST"):
+            chosen.color_by = color
+            yield 0.7
+            screenshot(f"overlay_{color.lower()}")
+
+    yield from open_sub_panel("Tree Overlay", work)
+
+
+def show_the_active_object() -> Step:
+    chosen = settings().overlay
+    chosen.show_top_level, chosen.color_by, chosen.use_all_to_level, chosen.level = False, "LEVEL", False, 3
+    for name in ("Hill", "Grass"):
+        bpy.context.view_layer.objects.active = bpy.data.objects[name]
+        chosen.show_active = True
+        yield from wait_until(lambda: overlay() is not None and overlay().active is not None, f"no box of {name}", 30)
+        yield 0.5
+        check(overlay().active.shown.count > 0, f"no box of {name} is drawn")
+        screenshot(f"overlay_of_{name.lower()}")
+    bpy.context.view_layer.objects.active = bpy.context.scene.camera
+    yield from wait_until(lambda: overlay().active is None, "a camera's boxes are shown", 10)
+    yield 0.5
+    chosen.show_active = False
+    yield from wait_until(lambda: overlay() is None, "the overlay is still there", 10)
+
+
+def follow_an_animation() -> Step:
+    chosen = settings().overlay
+    chosen.show_top_level, chosen.level = True, 3
+    yield from wait_until(shown, "no box is drawn", 30)
+    frame, boxes = bpy.context.scene.frame_current, overlay().top_level._boxes.boxes.copy()
+    hover(*middle_of(area_of("VIEW_3D")))
+    yield from press_key("space")
+    yield from wait_until(lambda: bpy.context.scene.frame_current >= frame + 3, "the animation does not play", 60)
+    yield from press_key("space")
+    yield 0.5
+    later = overlay().top_level._boxes.boxes
+    check(later.shape != boxes.shape or np.any(later != boxes), "the boxes do not follow the animation")
+    bpy.context.scene.frame_set(frame)
+    yield 0.5
+
+
+def draw_100000_boxes() -> Step:
+    """The deepest levels of a large mesh's tree: what a redraw takes, and that Blender still listens."""
+    chosen = settings().overlay
+    chosen.show_top_level = False
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700, size=12.0, location=(0.0, 0.0, 6.0))
+    grid = bpy.context.object
+    yield 0.5
+    chosen.show_active, chosen.level, chosen.use_all_to_level = True, 12, True
+    yield from wait_until(lambda: overlay() is not None and overlay().active is not None, "no box is drawn", 60)
+    yield 1.0
+    check(overlay().active.shown.count == 100_000, f"{overlay().active.shown.count} boxes are drawn")
+    screenshot("overlay_100000")
+    times = []
+    for _ in range(3):
+        started = time.perf_counter()
+        redraw()
+        times.append(time.perf_counter() - started)
+        yield 0.1
+    measured["redraw with 100,000 boxes, ms"] = sorted(times)[1] * 1e3
+    chosen.show_active = False
+    for _ in range(3):
+        started = time.perf_counter()
+        redraw()
+        times.append(time.perf_counter() - started)
+        yield 0.1
+    measured["the same redraw without them, ms"] = sorted(times[3:])[1] * 1e3
+    bpy.data.objects.remove(grid)
+    chosen.use_all_to_level, chosen.level = False, 2
+    space().overlay.show_overlays = True
+    yield 0.5

@@ -1,0 +1,177 @@
+"""Every button of every panel, pressed with the mouse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+from addon_state import MODULE, module, settings
+from buttons import Button, change, find_and_press, header_height, list_buttons, press, toggle_panel, with_panel_open
+from driver import (
+    Step,
+    area_of,
+    check,
+    hover,
+    middle_of,
+    press_key,
+    screenshot,
+    set_viewport_size,
+    wait_until,
+    x_tool,
+)
+
+# In the order of the panel, while nothing was rendered yet.
+SUB_PANELS = ("Film", "Performance", "Audit", "Rays", "Tree Overlay", "Failure Cases")
+MAIN_BUTTONS = ["render.engine", "perfect_bvh.preview", "perfect_bvh.mode", "perfect_bvh.samples"]
+
+
+def enable() -> Step:
+    check(not hasattr(bpy.types.Scene, "perfect_bvh"), "the add-on is enabled already")
+    bpy.ops.preferences.addon_enable(module=MODULE)
+    yield 0.5
+    check(hasattr(bpy.types.Scene, "perfect_bvh"), "the add-on is not enabled")
+    check(module("preferences").native_error() is None, module("preferences").native_error())
+    scene = bpy.context.scene
+    scene.render.engine = "PERFECT_BVH"
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 480, 270, 100
+    check(settings().mode == "PREVIEW", f"the default mode is {settings().mode}")
+    settings().samples = 2
+    area_of("PROPERTIES").spaces.active.context = "RENDER"
+    yield from set_viewport_size(960, 860)
+    hover(*middle_of(area_of("VIEW_3D")))
+    x_tool("click", 1)  # Blender swallows the first click
+    yield 0.3
+    bpy.ops.ed.undo_push(message="start")
+
+
+def main_buttons() -> Step:
+    """Returns those of the panel itself, while all below it are closed."""
+    found = yield from list_buttons(area_of("PROPERTIES"))
+    names = [button.what.removeprefix("bpy.ops.").partition("(")[0] for button in found]
+    return dict(zip(names, found, strict=True))
+
+
+def open_sub_panel(title: str, work: Callable[[list[Button]], Step]) -> Step:
+    """Do something with the buttons of a sub-panel. The mode must be Preview, which has the fewest settings."""
+    check(settings().mode == "PREVIEW", "panels are where they are in the mode Preview only")
+    buttons = yield from main_buttons()
+    y = header_height(buttons["perfect_bvh.samples"], SUB_PANELS.index(title))
+    yield from with_panel_open(area_of("PROPERTIES"), y, work)
+
+
+def press_the_main_panels_buttons() -> Step:
+    area = area_of("PROPERTIES")
+    buttons = yield from main_buttons()
+    check(list(buttons)[: len(MAIN_BUTTONS)] == MAIN_BUTTONS, f"the panel's buttons are {list(buttons)}")
+    yield from change(area, buttons["perfect_bvh.samples"], settings())
+    yield from press(area, buttons["perfect_bvh.mode"])
+    screenshot("menu_of_modes")
+    yield from press_key("Escape")
+    yield from change(area, buttons["perfect_bvh.mode"], settings())
+    settings().mode = "CLAY"
+    yield 0.5
+    buttons = yield from main_buttons()
+    screenshot("clay")
+    yield from change(area, buttons["perfect_bvh.use_material_colors"], settings())
+    yield from change(area, buttons["perfect_bvh.ao_distance"], settings())
+    settings().mode = "NORMAL"
+    yield 0.5
+    screenshot("hint_about_the_view")
+    yield from find_and_press(area, "view_settings.view_transform")
+    yield from press_key("Escape")
+    settings().mode = "PREVIEW"
+    yield 0.3
+
+
+def change_all(owner: object, names: dict[str, str | None]) -> Callable[[list[Button]], Step]:
+    """Change these properties, by what is typed into each."""
+
+    def work(buttons: list[Button]) -> Step:
+        found = {button.what.rpartition(".")[2]: button for button in buttons}
+        for name, text in names.items():
+            check(name in found, f"no button of {name} among {list(found)}")
+            yield from change(area_of("PROPERTIES"), found[name], owner, text)
+
+    return work
+
+
+def press_film_and_performance() -> Step:
+    render = bpy.context.scene.render
+    yield from open_sub_panel("Film", change_all(render, {"film_transparent": None}))
+    yield from open_sub_panel("Performance", change_all(render, {"threads_mode": None, "use_persistent_data": None}))
+    render.threads_mode = "FIXED"
+    yield from open_sub_panel("Performance", change_all(render, {"threads": None}))
+    render.threads_mode = "AUTO"
+
+
+def audit() -> Step:
+    yield from open_sub_panel("Audit", change_all(settings(), {"use_audit": None}))
+    settings().use_audit = True
+    yield from open_sub_panel("Audit", change_all(settings(), {"audit_share": "0.02"}))
+    settings().use_audit = False
+
+
+def fill_in_the_rays_panel() -> Step:
+    scan = settings().scan
+    camera_fields = {"pattern": None, "sensor": None, "width": "64", "height": "48", "use_frame_range": None}
+    yield from open_sub_panel("Rays", change_all(scan, camera_fields | {"filepath": "/tmp/points.npz"}))
+    scan.pattern, scan.use_frame_range = "LIDAR", True
+    lidar_fields = {"elevations": "-10:10:5", "columns": "100", "rate": "5", "max_distance": "20"}
+    yield from open_sub_panel("Rays", change_all(scan, lidar_fields | {"steps_per_frame": "3"}))
+    scan.pattern, scan.use_frame_range = "CAMERA", False
+
+
+def make_a_failure_case() -> Step:
+    before = bpy.context.scene
+
+    def work(buttons: list[Button]) -> Step:
+        (button,) = [button for button in buttons if "add_failure_case" in button.what]
+        yield from press(area_of("PROPERTIES"), button)
+        screenshot("menu_of_failure_cases")
+        yield from press_key("Down")
+        yield from press_key("Return")
+        yield from wait_until(lambda: bpy.context.scene != before, "no scene of a failure case is shown", 60)
+        yield 0.5
+        check(bpy.context.scene.perfect_bvh.mode == "COST", "the case does not show costs")
+        screenshot("failure_case")
+        made = bpy.context.scene
+        bpy.context.window_manager.windows[0].scene = before
+        bpy.data.scenes.remove(made)
+        yield 0.5
+
+    yield from open_sub_panel("Failure Cases", work)
+
+
+def choose_passes() -> Step:
+    area, layer = area_of("PROPERTIES"), bpy.context.view_layer
+    area.spaces.active.context = "VIEW_LAYER"
+    yield 0.5
+    buttons = yield from list_buttons(area)
+    if not any("use_pass_z" in button.what for button in buttons):
+        (last,) = [button for button in buttons if button.what.endswith("use")] or buttons[-1:]
+        yield from toggle_panel(area, header_height(last, 0))
+        buttons = yield from list_buttons(area)
+    names = ("use_pass_z", "use_pass_normal", "use_pass_object_index", "use_pass_material_index")
+    yield from change_all(layer, dict.fromkeys(names))(buttons)
+    screenshot("passes")
+    area.spaces.active.context = "RENDER"
+    yield 0.5
+
+
+def show_the_preferences() -> Step:
+    """Those of the add-on, in the window that Blender opens for them."""
+    bpy.ops.preferences.addon_show(module=MODULE)
+    yield 1.5
+    screenshot("preferences")
+    preferences = bpy.context.preferences.addons[MODULE].preferences
+    import perfect_bvh
+
+    count = perfect_bvh.thread_count()
+    preferences.threads = 1
+    check(perfect_bvh.thread_count() == 1, "the preference of threads does nothing")
+    preferences.threads = 0
+    check(perfect_bvh.thread_count() == count, "the threads do not come back")
+    for window in list(bpy.context.window_manager.windows)[1:]:
+        with bpy.context.temp_override(window=window):
+            bpy.ops.wm.window_close()
+    yield 0.5

@@ -1,0 +1,208 @@
+"""Rendered shading of 3D viewports: modes, views, playback, edits, several at once."""
+
+from __future__ import annotations
+
+import gc
+import math
+import time
+
+import bpy
+import numpy as np
+from addon_state import (
+    check_shows_something,
+    events,
+    finished,
+    image,
+    measured,
+    settings,
+    space,
+    viewports,
+)
+from driver import (
+    Step,
+    StepError,
+    area_of,
+    check,
+    context_of,
+    drag,
+    hover,
+    middle_of,
+    press_key,
+    screenshot,
+    set_viewport_size,
+)
+
+
+def region_view() -> bpy.types.RegionView3D:
+    return space().region_3d
+
+
+def switch_to_rendered() -> Step:
+    yield from set_viewport_size(960, 540)
+    space().overlay.show_overlays = False
+    space().shading.type = "RENDERED"
+    yield from finished("first view")
+    check_shows_something(image(), "the viewport")
+
+
+def show_each_mode() -> Step:
+    names = [item.identifier for item in settings().bl_rna.properties["mode"].enum_items]
+    images = {}
+    for name in names:
+        settings().mode = name
+        yield from finished(f"mode {name}")
+        images[name] = image()
+        check_shows_something(images[name], name)
+        screenshot(f"mode_{name.lower()}")
+    for name in names[1:]:
+        check(np.any(images[name] != images["PREVIEW"]), f"{name} shows what Preview shows")
+    settings().mode = "PREVIEW"
+    yield from finished("mode Preview again")
+    check(np.array_equal(image(), images["PREVIEW"]), "Preview shows something else the second time")
+
+
+def orbit() -> Step:
+    before = region_view().view_rotation.copy()
+    x, y = middle_of(area_of("VIEW_3D"))
+    yield from drag(2, (x, y), (x + 120, y + 30))
+    angle = before.rotation_difference(region_view().view_rotation).angle
+    check(angle > math.radians(5.0), "dragging with the middle button does not orbit")
+    yield from finished("after the orbit")
+
+
+def look_orthographically() -> Step:
+    hover(*middle_of(area_of("VIEW_3D")))
+    yield from press_key("KP_5")
+    yield 0.5
+    check(region_view().view_perspective == "ORTHO", "numpad 5 does nothing")
+    yield from finished("orthographic view")
+
+
+def look_through_the_camera() -> Step:
+    yield from press_key("KP_0")
+    yield 0.8
+    check(region_view().view_perspective == "CAMERA", "numpad 0 does nothing")
+    yield from finished("camera view")
+
+
+def restrict_to_a_border() -> Step:
+    whole = image()
+    render_settings = bpy.context.scene.render
+    render_settings.use_border = True
+    render_settings.border_min_x, render_settings.border_max_x = 0.25, 0.75
+    render_settings.border_min_y, render_settings.border_max_y = 0.25, 0.75
+    yield from finished("border")
+    part = image()
+    covered = part[..., 3] > 0.0
+    check(0.05 < covered.mean() < 0.4, f"the border covers {covered.mean():.2f} of the region")
+    difference = abs(part - whole)[covered].max()
+    check(difference < 1e-6, f"the image within a border differs by {difference}")
+    screenshot("camera_border")
+    render_settings.use_border = False
+    yield from finished("border taken away")
+
+
+def play() -> Step:
+    events.clear()
+    started = time.monotonic()
+    yield from press_key("space")
+    yield 4.0
+    frames = events.count("frame_change_post")
+    measured["frames per second, tree_in_wind at 960x540"] = frames / (time.monotonic() - started)
+    yield from press_key("space")
+    yield 0.5
+    check(not bpy.context.window_manager.windows[0].screen.is_animation_playing, "the animation still plays")
+    check(frames >= 4, f"only {frames} frames were shown in 4 s")
+    bpy.context.scene.frame_set(1)
+    yield from finished("after playing")
+
+
+def edit_and_undo() -> Step:
+    before = image()
+    obj = next(obj for obj in bpy.context.view_layer.objects if obj.type == "MESH" and not obj.modifiers)
+    area = area_of("VIEW_3D")
+    bpy.context.view_layer.objects.active = obj
+    obj.select_set(True)
+    bpy.ops.ed.undo_push(message="before the edit")
+    yield 0.3
+    with bpy.context.temp_override(**context_of(area)):
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.ops.mesh.select_all(action="SELECT")
+        bpy.ops.transform.translate(value=(0.0, 0.0, 1.5))
+        bpy.ops.object.mode_set(mode="OBJECT")
+        bpy.ops.ed.undo_push(message="edit")
+    yield from finished("edit")
+    check(abs(image() - before).max() > 0.05, "an edit does not show")
+    screenshot("edited")
+    hover(*middle_of(area))
+    for _ in range(6):
+        yield from press_key("ctrl+z")
+        yield from finished("undo")
+        if abs(image() - before).max() < 1e-6:
+            break
+    else:
+        raise StepError("undoing does not bring the old image back")
+
+
+def edit_lights_and_materials() -> Step:
+    """What the depsgraph names otherwise than objects and meshes: each edit must show, and show no more once undone."""
+    before = image()
+    light = next(obj.data for obj in bpy.context.scene.objects if obj.type == "LIGHT")
+    material = bpy.data.objects["Hill"].active_material
+    base_color = next(node for node in material.node_tree.nodes if "Base Color" in node.inputs).inputs["Base Color"]
+    edits = ((light, "energy", light.energy * 3.0), (base_color, "default_value", (0.9, 0.1, 0.6, 1.0)))
+    for owner, name, value in edits:
+        old = getattr(owner, name)
+        old = old[:] if hasattr(old, "__len__") else old
+        setattr(owner, name, value)
+        yield from finished(f"edited {name}")
+        check(abs(image() - before).max() > 0.05, f"an edited {name} of {owner} does not show")
+        screenshot(f"edited_{name}")
+        setattr(owner, name, old)
+        yield from finished(f"{name} as before")
+        check(np.array_equal(image(), before), f"{name} as before, but the image is another")
+
+
+def show_four_views() -> Step:
+    with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
+        bpy.ops.screen.region_quadview()
+    yield from finished("quad view")
+    count = len([found for found in viewports() if found._refinement.is_finished])
+    check(count >= 4, f"four views, but {count} renderers")
+    screenshot("quad_view")
+    with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
+        bpy.ops.screen.region_quadview()
+    yield from finished("single view")
+
+
+def show_two_viewports_and_two_scenes() -> Step:
+    """A second viewport beside the first, and a second window with another scene; each draws its own."""
+    with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.5)
+    yield from finished("two viewports")
+    check(len(viewports()) == 2, f"two viewports, but {len(viewports())} renderers")
+    scene = bpy.data.scenes.new("Other")
+    scene.render.engine = "PERFECT_BVH"
+    scene.perfect_bvh.samples = 2
+    cube = bpy.data.meshes.new("Cube")
+    cube.from_pydata([(0, 0, 0), (4, 0, 0), (4, 4, 0), (0, 4, 0), (2, 2, 3)], [], [(0, 1, 2, 3), (0, 1, 4), (1, 2, 4)])
+    scene.collection.objects.link(bpy.data.objects.new("Cube", cube))
+    with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
+        bpy.ops.screen.area_dupli("INVOKE_DEFAULT")
+    yield 0.5
+    window = bpy.context.window_manager.windows[-1]
+    window.scene = scene
+    yield from finished("another scene in a window of its own")
+    screenshot("two_viewports_and_two_scenes")
+    found = viewports()
+    check(len(found) == 3, f"three viewports, but {len(found)} renderers")
+    check(len({viewport._key.sync_id for viewport in found}) == 2, "the two scenes do not have trees of their own")
+    with bpy.context.temp_override(window=window):
+        bpy.ops.wm.window_close()
+    bpy.data.scenes.remove(scene)
+    yield 0.5
+    with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
+        bpy.ops.screen.area_close()
+    yield from finished("one viewport again")
+    gc.collect()
+    check(len(viewports()) == 1, f"one viewport, but {len(viewports())} renderers")
