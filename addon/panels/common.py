@@ -8,8 +8,9 @@ import bpy
 
 from ..properties import ENGINE_NAME
 
-# Panels are narrow, and labels do not wrap.
-LINE_LENGTH = 48
+# Labels do not wrap, and a panel is as wide as its region. Pixels at the usual resolution scale, and no line shorter.
+MARGIN, CHARACTER_WIDTH = 60, 6.2
+SHORTEST_LINE = 20
 
 
 class RenderPanel:
@@ -25,13 +26,14 @@ class RenderPanel:
         return context.engine in cls.COMPAT_ENGINES
 
 
-def wrapped(text: str) -> list[str]:
-    """The lines of `text` as a panel shows them."""
-    return textwrap.wrap(text, LINE_LENGTH)
+def wrapped(context: bpy.types.Context, text: str) -> list[str]:
+    """The lines of `text` as the panel that is being drawn has room for."""
+    width = context.region.width / context.preferences.system.ui_scale - MARGIN
+    return textwrap.wrap(text, max(SHORTEST_LINE, int(width / CHARACTER_WIDTH)))
 
 
-def draw_lines(layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
+def draw_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
     """A text of several lines, the first with an icon."""
     column = layout.column(align=True)
-    for number, line in enumerate(wrapped(text)):
+    for number, line in enumerate(wrapped(context, text)):
         column.label(text=line, icon=icon if number == 0 else "NONE")

@@ -35,12 +35,12 @@ class PERFECT_BVH_PT_overlay(RenderPanel, bpy.types.Panel):
         if overlay is None:
             return
         if overlay.message:
-            draw_lines(layout, overlay.message, icon="ERROR")
+            draw_lines(context, layout, overlay.message, icon="ERROR")
         for name, lines in (("Top level", overlay.top_level), ("Active object", overlay.active)):
             if lines is not None and lines.shown is not None:
-                draw_lines(layout, f"{name}: {describe(lines.shown)}", icon="INFO")
+                draw_lines(context, layout, f"{name}: {describe(lines.shown)}", icon="INFO")
         if settings.show_active and overlay.active is None:
-            draw_lines(layout, "The active object has no triangles that rays could meet", icon="INFO")
+            draw_lines(context, layout, "The active object has no triangles that rays could meet", icon="INFO")
 
 
 def describe(shown: Shown) -> str:

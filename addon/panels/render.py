@@ -8,7 +8,7 @@ import bpy
 
 from ..modes import find_mode
 from ..preferences import native_error
-from .common import RenderPanel, wrapped
+from .common import RenderPanel, draw_lines
 
 
 class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
@@ -25,8 +25,7 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
             box = layout.box()
             box.alert = True
             box.label(text="The engine cannot run", icon="ERROR")
-            for line in wrapped(error):
-                box.label(text=line)
+            draw_lines(context, box, error)
             return
         scene = context.scene
         settings = scene.perfect_bvh

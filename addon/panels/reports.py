@@ -8,7 +8,7 @@ import bpy
 
 from ..engine import last_statistics
 from ..summary import count_meshes, plan_rows, statistics_rows
-from .common import RenderPanel, wrapped
+from .common import RenderPanel, draw_lines
 
 
 class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
@@ -49,9 +49,8 @@ class PERFECT_BVH_PT_plan(RenderPanel, bpy.types.Panel):
             column = self.layout.box().column(align=True)
             column.label(text=f"{row.name}: {row.triangle_count:,} triangles", icon="MESH_DATA")
             done = f"{row.action}, {row.builder}, {row.milliseconds:.1f} ms" if row.builder else row.action
-            column.label(text=f"{row.usage}: {row.usage_reason}")
-            for line in wrapped(f"{done}: {row.reason}"):
-                column.label(text=line)
+            draw_lines(context, column, f"{row.usage}: {row.usage_reason}")
+            draw_lines(context, column, f"{done}: {row.reason}")
         more = count_meshes(report) - len(rows)
         if more > 0:
             self.layout.label(text=f"and {more:,} more meshes")

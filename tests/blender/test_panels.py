@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,7 +13,7 @@ bpy = pytest.importorskip("bpy")
 import perfect_bvh_addon  # noqa: E402
 from perfect_bvh_addon import engine, overlay, panels, preferences, summary  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
-from perfect_bvh_addon.panels import render, reports  # noqa: E402
+from perfect_bvh_addon.panels import common, render, reports  # noqa: E402
 
 
 class RecordingLayout:
@@ -64,6 +65,8 @@ def drawn(panel: type) -> list[str]:
     class Context:
         engine, scene, view_layer = "PERFECT_BVH", bpy.context.scene, bpy.context.view_layer
         camera = bpy.context.scene.camera.data
+        preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))  # 0 without a window
+        region = SimpleNamespace(width=280)
 
     class Stand:
         layout = RecordingLayout()
@@ -129,6 +132,15 @@ def test_a_missing_engine_is_explained_in_the_panel(monkeypatch) -> None:
     assert texts[0] == "The engine cannot run"
     assert " ".join(texts[1:]) == reason
     assert preferences.native_error() is None
+
+
+@pytest.mark.parametrize(("width", "scale", "count"), [(1000, 1.0, 1), (280, 1.0, 2), (280, 2.0, 3), (20, 1.0, 3)])
+def test_long_texts_are_broken_where_the_panel_ends(width: int, scale: float, count: int) -> None:
+    text = "The native engine could not be loaded: a file"
+    preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=scale))
+    lines = common.wrapped(SimpleNamespace(region=SimpleNamespace(width=width), preferences=preferences), text)
+    assert len(lines) == count
+    assert " ".join(lines) == text
 
 
 @pytest.mark.parametrize(
