@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -45,6 +46,12 @@ def test_it_has_a_wheel_for_each_python_of_blender(modules: dict[str, Path]) -> 
     assert set(modules) == PYTHON_TAGS
     for tag, module in modules.items():
         assert module.name == f"_core.cpython-{tag.removeprefix('cp')}-x86_64-linux-gnu.so"
+
+
+def test_releases_are_built_for_the_same_pythons(repository: Path) -> None:
+    settings = tomllib.loads((repository / "native" / "pyproject.toml").read_text(encoding="utf-8"))
+    builds = settings["tool"]["cibuildwheel"]["build"]
+    assert set(builds) == {f"{tag}-manylinux_x86_64" for tag in PYTHON_TAGS}
 
 
 def test_its_wheels_hold_the_engine_alone(modules: dict[str, Path]) -> None:
