@@ -19,10 +19,13 @@ class PlanRow:
     """One mesh.
 
     usage: its class, and usage_reason why. action: what the last frame did to its tree. reason: a sentence.
-    milliseconds: 0 where it was kept.
+    milliseconds, byte_count: of the tree that was made, 0 where it was kept. source, session_uid: what the mesh comes
+    from, as the Select Objects button takes it.
     """
 
     name: str
+    source: str
+    session_uid: int
     triangle_count: int
     usage: str
     usage_reason: str
@@ -30,6 +33,7 @@ class PlanRow:
     builder: str
     reason: str
     milliseconds: float
+    byte_count: int
 
 
 def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
@@ -69,9 +73,12 @@ def plan_rows(report: SyncReport, limit: int = SHOWN_MESHES) -> list[PlanRow]:
         if change.action == "removed":
             continue
         commit = commits.get(change.mesh_id)
+        source, session_uid = change.key[:2]
         rows.append(
             PlanRow(
                 name=change.name,
+                source=source,
+                session_uid=session_uid,
                 triangle_count=change.triangle_count,
                 usage=change.usage,
                 usage_reason=change.usage_reason,
@@ -79,6 +86,7 @@ def plan_rows(report: SyncReport, limit: int = SHOWN_MESHES) -> list[PlanRow]:
                 builder=commit.builder if commit else "",
                 reason=commit.reason if commit else change.reason,
                 milliseconds=commit.milliseconds if commit else 0.0,
+                byte_count=commit.byte_count if commit else 0,
             )
         )
     rows.sort(key=lambda row: (-row.milliseconds, -row.triangle_count, row.name))

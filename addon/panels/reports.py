@@ -7,7 +7,7 @@ from typing import ClassVar
 import bpy
 
 from ..engine import last_statistics
-from ..summary import count_meshes, plan_rows, statistics_rows
+from ..summary import PlanRow, count_meshes, format_bytes, plan_rows, statistics_rows
 from .common import RenderPanel, draw_lines
 
 
@@ -46,14 +46,21 @@ class PERFECT_BVH_PT_plan(RenderPanel, bpy.types.Panel):
         report = last_statistics(context.scene).report
         rows = plan_rows(report)
         for row in rows:
-            column = self.layout.box().column(align=True)
-            column.label(text=f"{row.name}: {row.triangle_count:,} triangles", icon="MESH_DATA")
-            done = f"{row.action}, {row.builder}, {row.milliseconds:.1f} ms" if row.builder else row.action
-            draw_lines(context, column, f"{row.usage}: {row.usage_reason}")
-            draw_lines(context, column, f"{done}: {row.reason}")
+            _draw_row(context, self.layout, row)
         more = count_meshes(report) - len(rows)
         if more > 0:
             self.layout.label(text=f"and {more:,} more meshes")
+
+
+def _draw_row(context: bpy.types.Context, layout: bpy.types.UILayout, row: PlanRow) -> None:
+    column = layout.box().column(align=True)
+    button = column.operator("perfect_bvh.select_mesh", text=row.name, icon="RESTRICT_SELECT_OFF")
+    button.source, button.session_uid = row.source, row.session_uid
+    size = f", {format_bytes(row.byte_count)}" if row.byte_count else ""
+    column.label(text=f"{row.triangle_count:,} triangles{size}")
+    draw_lines(context, column, f"{row.usage}: {row.usage_reason}")
+    done = f"{row.action}, {row.builder}, {row.milliseconds:.1f} ms" if row.builder else row.action
+    draw_lines(context, column, f"{done}: {row.reason}")
 
 
 CLASSES = (PERFECT_BVH_PT_statistics, PERFECT_BVH_PT_plan)

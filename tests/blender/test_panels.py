@@ -34,10 +34,11 @@ class RecordingLayout:
         assert name in owner.bl_rna.properties, name
         self.texts.append(name)
 
-    def operator(self, name: str, **_: Any) -> None:
+    def operator(self, name: str, text: str = "", **_: Any) -> SimpleNamespace:
         module, _, function = name.partition(".")
         assert function in dir(getattr(bpy.ops, module)), name
-        self.texts.append(name)
+        self.texts.append(text or name)
+        return SimpleNamespace()
 
     def operator_menu_enum(self, name: str, choice: str, **_: Any) -> None:
         self.operator(f"{name}")
@@ -123,6 +124,24 @@ def test_the_second_render_keeps_the_tree() -> None:
     bpy.ops.render.render()
     (row,) = summary.plan_rows(engine.last_statistics(bpy.context.scene).report)
     assert (row.action, row.builder, row.milliseconds) == ("kept", "", 0.0)
+
+
+def test_a_row_of_the_plan_selects_the_objects_that_show_its_mesh() -> None:
+    cube = bpy.data.objects["Cube"]
+    twin = bpy.data.objects.new("Twin", cube.data)
+    bent = bpy.data.objects.new("Bent", cube.data.copy())
+    bent.modifiers.new("Bend", "SIMPLE_DEFORM")
+    for obj in (twin, bent):
+        bpy.context.scene.collection.objects.link(obj)
+    bpy.ops.render.render()
+    rows = summary.plan_rows(engine.last_statistics(bpy.context.scene).report)
+    selected = []
+    for row in rows:
+        bpy.ops.perfect_bvh.select_mesh(source=row.source, session_uid=row.session_uid)
+        selected.append({obj.name for obj in bpy.context.view_layer.objects if obj.select_get()})
+    assert sorted(selected, key=len) == [{"Bent"}, {"Cube", "Twin"}]
+    assert bpy.ops.perfect_bvh.select_mesh(source="object", session_uid=-1) == {"CANCELLED"}
+    assert len(bpy.context.selected_objects) > 0
 
 
 def test_a_missing_engine_is_explained_in_the_panel(monkeypatch) -> None:
