@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from ..extract.camera import panorama_settings
+from ..preferences import native_error
 from ..properties import ENGINE_NAME
 
 # Panels that Blender offers every engine, without those of features that this engine does not have; Simplify it shows
@@ -64,9 +64,12 @@ class PERFECT_BVH_PT_panorama(bpy.types.Panel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         camera = context.camera
-        return context.engine in cls.COMPAT_ENGINES and camera is not None and camera.type == "PANO"
+        is_panoramic = camera is not None and camera.type == "PANO"
+        return context.engine in cls.COMPAT_ENGINES and is_panoramic and native_error() is None
 
     def draw(self, context: bpy.types.Context) -> None:
+        from ..extract.camera import panorama_settings  # needs the native engine, registering must not
+
         layout = self.layout
         layout.use_property_split = True
         settings = panorama_settings(context.camera)

@@ -21,12 +21,10 @@ MODES = ("PREVIEW", "CLAY", "NORMAL", "DEPTH", "INSTANCE")
 
 def install(extension: str) -> str:
     """Install and enable the zip; its package."""
-    if not hasattr(bpy.types.Scene, "perfect_bvh"):
-        bpy.ops.extensions.package_install_files(filepath=extension, repo="user_default", enable_on_install=False)
-    # Before the package that a test may have beside it.
+    bpy.ops.extensions.package_install_files(filepath=extension, repo="user_default", enable_on_install=False)
+    # Where Blender unpacks wheels when it enables the extension: before the package that a test may have beside it.
     user = Path(os.environ["BLENDER_USER_RESOURCES"])
-    (unpacked,) = user.rglob("site-packages/perfect_bvh")
-    sys.path.insert(0, str(unpacked.parent))
+    sys.path.insert(0, str(user / "extensions/.local/lib/python{}.{}/site-packages".format(*sys.version_info)))
     bpy.ops.preferences.addon_enable(module=MODULE)
     import perfect_bvh
 
