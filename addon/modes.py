@@ -37,12 +37,12 @@ class Mode:
 
 
 MODES: tuple[Mode, ...] = (
-    # Beside the camera's, a ray to the surroundings and one to a light.
+    # Beside the camera's, a ray to the surroundings and one to a light; a mirrored one where something shines.
     Mode(
         "preview",
         0,
         "Preview",
-        "The scene under its own lights and world, with matt surfaces: a quick look",
+        "The scene under its own lights and world, with one bounce of light: a quick look",
         rays_per_sample=3,
     ),
     Mode(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -49,6 +50,10 @@ class MaterialReader:
         return tuple([self.row(material) for material in materials])
 
 
+def _share(value: float) -> float:
+    return min(max(value, 0.0), 1.0) if math.isfinite(value) else 0.0
+
+
 def _read_material(material: Any, images: ImageReader | None) -> MaterialRecord:
     red, green, blue, alpha = material.diffuse_color
     record = MaterialRecord(
@@ -67,7 +72,11 @@ def _read_material(material: Any, images: ImageReader | None) -> MaterialRecord:
         record,
         base_color=surface.base.color,
         emission=surface.emission,
-        alpha=min(max(surface.alpha, 0.0), 1.0),
+        alpha=_share(surface.alpha),
+        metallic=_share(surface.metallic),
+        roughness=_share(surface.roughness),
+        reflectance=_share(surface.reflectance),
+        transmission=_share(surface.transmission),
         color_image=image,
         alpha_image=alpha_image,
     )

@@ -1,7 +1,7 @@
 """What a material's nodes come to, roughly: a base colour or an image, its own light, how much of it is there.
 
-Only what a preview shows is followed: the shader's colour, emission and alpha through the nodes that pass a colour
-on. What a procedural texture would give is taken from the material's viewport colour.
+Only what a preview shows is followed: the shader's colour, gloss, emission and alpha through the nodes that pass a
+colour on. What a procedural texture would give is taken from the material's viewport colour.
 """
 
 from __future__ import annotations
@@ -38,12 +38,19 @@ class ColorSource:
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """base, emission: see `ColorSource`; emission is radiance. alpha: 0 to 1; alpha_node: whose image multiplies it."""
+    """base, emission: see `ColorSource`; emission is radiance. alpha: 0 to 1; alpha_node: whose image multiplies it.
+
+    metallic, roughness, reflectance, transmission: see `perfect_bvh.MaterialTable`.
+    """
 
     base: ColorSource
     emission: Color = BLACK
     alpha: float = 1.0
     alpha_node: Any = None
+    metallic: float = 0.0
+    roughness: float = 1.0
+    reflectance: float = 0.0
+    transmission: float = 0.0
 
 
 def read_surface(material: Any) -> Surface:
@@ -99,7 +106,7 @@ def _follow_shader(node: Any, plain: ColorSource, left: int) -> Surface:
     if node.type == "BSDF_PRINCIPLED":
         return _read_principled(node, plain)
     socket = next((node.inputs[name] for name in _COLOR_INPUTS if name in node.inputs), None)
-    return Surface(plain if socket is None else read_color(socket, plain))
+    return Surface(plain if socket is None else read_color(socket, plain), **_read_gloss(node))
 
 
 def _read_principled(node: Any, plain: ColorSource) -> Surface:
@@ -110,7 +117,32 @@ def _read_principled(node: Any, plain: ColorSource) -> Surface:
     alpha_node = alpha_source if alpha_source is not None and alpha_source.type == "TEX_IMAGE" else None
     if alpha_node is not None and alpha_node.image is None:
         alpha_node = None
-    return Surface(read_color(inputs["Base Color"], plain), emission, _number(inputs["Alpha"], 1.0), alpha_node)
+    return Surface(
+        read_color(inputs["Base Color"], plain),
+        emission,
+        _number(inputs["Alpha"], 1.0),
+        alpha_node,
+        metallic=_number(inputs["Metallic"], 0.0),
+        roughness=_number(inputs["Roughness"], 0.5),
+        reflectance=_reflectance(inputs["IOR"]) * 2.0 * _number(inputs["Specular IOR Level"], 0.5),
+        transmission=_number(inputs["Transmission Weight"], 0.0),
+    )
+
+
+def _read_gloss(node: Any) -> dict[str, float]:
+    """What of a `Surface` a simple shader node adds to its colour."""
+    if node.type in {"BSDF_GLOSSY", "BSDF_METALLIC"}:
+        return {"metallic": 1.0, "roughness": _number(node.inputs["Roughness"], 0.5)}
+    if node.type == "BSDF_GLASS":
+        roughness, reflectance = _number(node.inputs["Roughness"], 0.0), _reflectance(node.inputs["IOR"])
+        return {"roughness": roughness, "reflectance": reflectance, "transmission": 1.0}
+    return {"transmission": 1.0} if node.type == "BSDF_REFRACTION" else {}
+
+
+def _reflectance(ior_socket: Any) -> float:
+    """What a surface of this index of refraction mirrors of what comes from straight above."""
+    ior = _number(ior_socket, 1.5)
+    return ((ior - 1.0) / (ior + 1.0)) ** 2
 
 
 def _mix_colors(node: Any, fallback: ColorSource, left: int) -> ColorSource:
@@ -137,7 +169,12 @@ def _mix_surfaces(first: Surface, second: Surface, factor: float) -> Surface:
     if major.base.image_node is not None or not alpha:
         return replace(major, emission=emission, alpha=alpha)
     share = second.alpha * factor / alpha
-    return Surface(ColorSource(_lerp(first.base.color, second.base.color, share)), emission, alpha, major.alpha_node)
+    gloss = {
+        name: getattr(first, name) * (1.0 - share) + getattr(second, name) * share
+        for name in ("metallic", "roughness", "reflectance", "transmission")
+    }
+    base = ColorSource(_lerp(first.base.color, second.base.color, share))
+    return Surface(base, emission, alpha, major.alpha_node, **gloss)
 
 
 def _source(socket: Any) -> Any:

@@ -14,7 +14,14 @@ from perfect_bvh.appearance import (
     World,
 )
 
-from .records import VISIBLE_TO_CAMERA, VISIBLE_TO_DIFFUSE, VISIBLE_TO_SHADOW, Int32Array, SceneRecord
+from .records import (
+    VISIBLE_TO_CAMERA,
+    VISIBLE_TO_DIFFUSE,
+    VISIBLE_TO_GLOSSY,
+    VISIBLE_TO_SHADOW,
+    Int32Array,
+    SceneRecord,
+)
 
 
 def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int32Array) -> Appearance:
@@ -30,6 +37,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
         camera_mask=VISIBLE_TO_CAMERA,
         shadow_mask=VISIBLE_TO_SHADOW,
         diffuse_mask=VISIBLE_TO_DIFFUSE,
+        glossy_mask=VISIBLE_TO_GLOSSY,
         film_transparent=record.film_transparent,
         images=tuple([ImageTexture(image.pixels, image.extension) for image in record.images]),
         lights=_light_table(record),
@@ -50,6 +58,10 @@ def _material_table(record: SceneRecord) -> MaterialTable:
         base_colors=np.array([material.base_color for material in materials], np.float32).reshape(-1, 3),
         emissions=np.array([material.emission for material in materials], np.float32).reshape(-1, 3),
         alphas=np.array([material.alpha for material in materials], np.float32),
+        metallics=np.array([material.metallic for material in materials], np.float32),
+        roughnesses=np.array([material.roughness for material in materials], np.float32),
+        reflectances=np.array([material.reflectance for material in materials], np.float32),
+        transmissions=np.array([material.transmission for material in materials], np.float32),
         color_images=np.array([material.color_image for material in materials], np.int32),
         alpha_images=np.array([material.alpha_image for material in materials], np.int32),
     )

@@ -101,6 +101,10 @@ class MaterialRecord:
     base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     alpha: float = 1.0
+    metallic: float = 0.0
+    roughness: float = 1.0
+    reflectance: float = 0.0
+    transmission: float = 0.0
     color_image: int = -1
     alpha_image: int = -1
 

@@ -137,6 +137,10 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.base_colors = rows_of<Vec3f>(view<float>(values, "base_colors"));
   appearance.emissions = rows_of<Vec3f>(view<float>(values, "emissions"));
   appearance.alphas = view<float>(values, "alphas");
+  appearance.metallics = view<float>(values, "metallics");
+  appearance.roughnesses = view<float>(values, "roughnesses");
+  appearance.reflectances = view<float>(values, "reflectances");
+  appearance.transmissions = view<float>(values, "transmissions");
   appearance.color_images = view<std::int32_t>(values, "color_images");
   appearance.alpha_images = view<std::int32_t>(values, "alpha_images");
   read_scene_light(values, appearance);
@@ -150,6 +154,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.camera_mask = get<std::uint32_t>(values, "camera_mask");
   appearance.shadow_mask = get<std::uint32_t>(values, "shadow_mask");
   appearance.diffuse_mask = get<std::uint32_t>(values, "diffuse_mask");
+  appearance.glossy_mask = get<std::uint32_t>(values, "glossy_mask");
   appearance.film_transparent = get<bool>(values, "film_transparent");
   for (const auto& [key, value] : values["meshes"].cast<py::dict>()) {
     const auto mesh = value.cast<py::dict>();

@@ -77,6 +77,44 @@ def test_principled_values() -> None:
     assert material.emission == pytest.approx((4.0, 2.0, 0.0))
     assert material.alpha == pytest.approx(0.25)
     assert (material.color_image, material.alpha_image) == (-1, -1)
+    assert gloss_of(material) == pytest.approx((0.0, 0.5, 0.04, 0.0))
+    for name, value in {"Metallic": 0.3, "Roughness": 0.2, "IOR": 2.0, "Transmission Weight": 0.6}.items():
+        node.inputs[name].default_value = value
+    node.inputs["Specular IOR Level"].default_value = 0.25
+    assert gloss_of(only_material()) == pytest.approx((0.3, 0.2, 0.5 / 9.0, 0.6))
+
+
+def gloss_of(material: MaterialRecord) -> tuple[float, float, float, float]:
+    return material.metallic, material.roughness, material.reflectance, material.transmission
+
+
+@pytest.mark.parametrize(
+    ("kind", "inputs", "expected"),
+    [
+        ("ShaderNodeBsdfDiffuse", {"Roughness": 0.3}, (0.0, 1.0, 0.0, 0.0)),
+        ("ShaderNodeBsdfAnisotropic", {"Roughness": 0.3}, (1.0, 0.3, 0.0, 0.0)),
+        ("ShaderNodeBsdfGlass", {"Roughness": 0.1, "IOR": 2.0}, (0.0, 0.1, 1.0 / 9.0, 1.0)),
+        ("ShaderNodeBsdfRefraction", {"Roughness": 0.1}, (0.0, 1.0, 0.0, 1.0)),
+        ("ShaderNodeBsdfTranslucent", {}, (0.0, 1.0, 0.0, 0.0)),
+    ],
+)
+def test_simple_shaders_shine_as_their_names_say(kind: str, inputs: dict[str, float], expected) -> None:
+    material = new_material()
+    shader = add_node(material, kind, Color=(0.2, 0.4, 0.6, 1.0), **inputs)
+    link(material, shader.outputs[0], material.node_tree.get_output_node("ALL").inputs["Surface"])
+    record = only_material()
+    assert gloss_of(record) == pytest.approx(expected)
+    assert record.base_color == pytest.approx((0.2, 0.4, 0.6))
+
+
+def test_a_mix_of_two_shaders_shines_in_between() -> None:
+    material = new_material()
+    mix = add_node(material, "ShaderNodeMixShader")
+    mix.inputs[0].default_value = 0.25
+    link(material, add_node(material, "ShaderNodeBsdfDiffuse").outputs[0], mix.inputs[1])
+    link(material, add_node(material, "ShaderNodeBsdfAnisotropic", Roughness=0.2).outputs[0], mix.inputs[2])
+    link(material, mix.outputs[0], material.node_tree.get_output_node("ALL").inputs["Surface"])
+    assert gloss_of(only_material()) == pytest.approx((0.25, 0.8, 0.0, 0.0))
 
 
 def test_an_image_behind_a_reroute_and_a_correction() -> None:

@@ -15,6 +15,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
+from bpy_extras.object_utils import world_to_camera_view  # noqa: E402
+from mathutils import Vector  # noqa: E402
 from oracles.cycles import preserved, render_passes  # noqa: E402
 from perfect_bvh_addon.session import clear_sessions  # noqa: E402
 
@@ -151,6 +153,28 @@ def test_what_is_hidden_or_held_out_looks_as_in_cycles(scene, change, film_trans
         assert 0.05 < (changed[..., 3] < 0.01).mean() < 0.5
     elif not film_transparent:
         assert (changed[..., 3] > 0.999).all()
+
+
+@pytest.mark.parametrize(("metallic", "roughness"), [(1.0, 0.05), (1.0, 0.3), (1.0, 0.6), (0.0, 0.1), (0.0, 0.5)])
+def test_shiny_things_shine_as_in_cycles(scene, metallic: float, roughness: float) -> None:
+    """A ball before cubes, under an area light: highlights, and what it mirrors."""
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=1.3, location=(3.2, 0.5, 1.3), segments=48, ring_count=24)
+    bpy.ops.object.shade_smooth()
+    material = bpy.data.materials.new("Shiny")
+    material.use_nodes = True
+    inputs = material.node_tree.nodes["Principled BSDF"].inputs
+    inputs["Base Color"].default_value = (0.8, 0.55, 0.2, 1.0)
+    inputs["Metallic"].default_value, inputs["Roughness"].default_value = metallic, roughness
+    bpy.context.object.data.materials.append(material)
+    bpy.ops.object.light_add(type="AREA", location=(-2.0, -6.0, 5.0), rotation=(0.9, 0.0, -0.6))
+    bpy.context.object.data.energy, bpy.context.object.data.size = 300.0, 2.0
+    bpy.context.view_layer.update()
+    place = world_to_camera_view(scene, scene.camera, Vector((3.2, 0.5, 1.3)))
+    column, row = int(place.x * SIZE[0] / PATCH), int((1.0 - place.y) * SIZE[1] / PATCH)
+    ours, theirs = (patches(np.minimum(image, 2.0)) for image in render_both(scene))
+    ball = np.s_[row - 1 : row + 2, column - 1 : column + 2]
+    assert np.abs(ours - theirs).mean() < 0.01
+    assert np.abs(ours - theirs)[ball].mean() < 0.1 * theirs[ball].mean()
 
 
 def test_a_holdout_behind_glass_stays_a_hole(scene) -> None:

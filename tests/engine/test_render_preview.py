@@ -25,6 +25,7 @@ FLOOR = np.array([(-50, -50, 0), (50, -50, 0), (50, 50, 0), (-50, 50, 0)], np.fl
 QUAD = np.array([(0, 1, 2), (0, 2, 3)], np.int32)
 DOWN = np.eye(3, dtype=np.float32)  # shines along -z
 BLACK = World()
+ASIDE = Camera.look_at((0, -30, 3), (0, 0, 0), angle=0.05, aspect=1.0)
 ABOVE = Camera.look_at((0, 0, 5), (0, 0, 0), up=(0, 1, 0), angle=math.radians(5), aspect=1.0)
 
 
@@ -136,6 +137,96 @@ def test_transparent_surfaces_let_light_and_looks_through(alpha, through):
     )
     above = brightness(scene, look)  # the floor's light comes through the pane, and is seen through it again
     assert above == pytest.approx(PLAIN * through * through, abs=0.03)
+
+
+def shiny(count: int, **columns) -> dict:
+    rows = {name: np.array([value], np.float32) for name, value in columns.items()}
+    return {"instances": one_material(count), "materials": materials(**rows)}
+
+
+def test_a_smooth_metal_is_a_coloured_mirror():
+    """A floor of gold below a glowing ceiling, which the camera sees in it alone."""
+    gold = (0.9, 0.6, 0.2)
+    look = shiny(1, base_colors=gold, metallics=1.0, roughnesses=0.0)
+    world = World((0.3, 0.5, 0.7))
+    image = render(floor(), ABOVE, "preview", SIZE, 8, Appearance(**look, world=world))
+    np.testing.assert_allclose(image[8:24, 8:24, :3].mean(axis=(0, 1)), np.multiply(gold, world.color), rtol=0.02)
+
+
+@pytest.mark.parametrize(("roughness", "least"), [(0.0, 0.995), (0.3, 0.98), (0.6, 0.95), (1.0, 0.5)])
+def test_a_white_metal_gives_back_no_more_than_it_gets(roughness, least):
+    """In a white furnace, from above and aside. A very rough one is too dark: it loses what bounces inside."""
+    look = shiny(1, base_colors=(1.0, 1.0, 1.0), metallics=1.0, roughnesses=roughness)
+    for camera, lost in ((ABOVE, 0.0), (ASIDE, 0.12)):
+        seen = brightness(floor(), Appearance(**look, world=World((1.0, 1.0, 1.0))), camera, samples=64)
+        assert least - lost <= seen <= 1.03
+
+
+@pytest.mark.parametrize("roughness", [0.05, 0.3, 0.9])
+@pytest.mark.parametrize("transmission", [0.0, 1.0])
+def test_plastic_and_glass_give_back_no_more_than_they_get(roughness, transmission):
+    look = shiny(1, base_colors=(1.0, 1.0, 1.0), reflectances=0.04, roughnesses=roughness, transmissions=transmission)
+    white = World((1.0, 1.0, 1.0))
+    for camera in (ABOVE, ASIDE):
+        seen = brightness(floor(), Appearance(**look, world=white), camera, samples=64)
+        assert 0.9 <= seen <= 1.001
+
+
+@pytest.mark.parametrize("roughness", [0.3, 0.6])
+def test_highlights_are_what_a_mirror_would_show_of_the_light(roughness):
+    """A square light, and a glowing square of the same radiance, seen in a metal floor: two ways to one number."""
+    camera = Camera.look_at((0, -4, 3), (0, 0, 0), angle=math.radians(8), aspect=1.0)
+    square = np.array([(-1, 3, 3), (1, 3, 3), (1, 5, 3), (-1, 5, 3)], np.float64)
+    power = 200.0
+    light = lights(3, position=(0, 4, 3), power=power, size=(2.0, 2.0))
+    metal = shiny(1, base_colors=(1.0, 1.0, 1.0), metallics=1.0, roughnesses=roughness)
+    by_light = brightness(floor(), Appearance(**metal, lights=light, world=BLACK), camera, samples=256)
+
+    table = replace(one_material(2), slot_materials=np.array([0, 1], np.int32))
+    glowing = MaterialTable(
+        np.ones((2, 4), np.float32),
+        np.zeros(2, np.int32),
+        base_colors=np.array([(1, 1, 1), (0, 0, 0)], np.float32),
+        emissions=np.array([(0, 0, 0), (power / math.pi / 4,) * 3], np.float32),
+        metallics=np.array([1, 0], np.float32),
+        roughnesses=np.array([roughness, 1], np.float32),
+    )
+    look = Appearance(instances=table, materials=glowing, world=BLACK)
+    by_mirror = brightness(floor(square), look, camera, samples=1024)
+    assert by_light > 0.5
+    assert by_mirror == pytest.approx(by_light, rel=0.05)
+
+
+def test_glass_is_seen_through_and_throws_a_light_shadow():
+    pane = np.array([(-3, -3, 1), (3, -3, 1), (3, 3, 1), (-3, 3, 1)], np.float64)
+    sun = Appearance(lights=lights(1, power=math.pi), world=BLACK)
+    table = replace(one_material(2), slot_offsets=np.array([0, 0, 1], np.int32))  # the floor has none
+    clear = materials(
+        base_colors=np.ones((1, 3), np.float32),
+        reflectances=np.array([0.04], np.float32),
+        roughnesses=np.zeros(1, np.float32),
+        transmissions=np.ones(1, np.float32),
+    )
+    aside = Camera.look_at((0, -5, 5), (0, 0, 0), angle=math.radians(5), aspect=1.0)  # no highlight comes here
+    seen = brightness(floor(pane), replace(sun, instances=table, materials=clear), aside)
+    assert seen == pytest.approx(PLAIN * 0.6 * 0.96, rel=0.03)
+    alone = Scene()
+    alone.add_instance(alone.add_mesh(pane, QUAD))
+    alone.commit()
+    look = Appearance(instances=one_material(1), materials=clear, world=World((1, 1, 1)), film_transparent=True)
+    image = render(alone, ABOVE, "preview", SIZE, 4, look)
+    np.testing.assert_allclose(image[10:20, 10:20], 0.04, atol=0.015)  # what it mirrors, and that much of it is there
+
+
+def test_mirrored_rays_pass_by_what_they_must_not_see():
+    scene = Scene()
+    scene.add_instance(scene.add_mesh(FLOOR, QUAD))
+    scene.add_instance(scene.add_mesh(FLOOR + (0, 0, 9), QUAD), mask=0b10)
+    scene.commit()
+    mirror = shiny(1, base_colors=(1.0, 1.0, 1.0), metallics=1.0, roughnesses=0.0)
+    look = Appearance(**mirror, world=World((1, 1, 1)), camera_mask=0b01, glossy_mask=0b01)
+    assert brightness(scene, look) == pytest.approx(1.0, rel=5e-3)
+    assert brightness(scene, replace(look, glossy_mask=0b10)) < 0.6
 
 
 def test_light_bounces_off_what_is_held_out_of_the_image():

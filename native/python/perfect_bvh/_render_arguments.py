@@ -16,6 +16,7 @@ from .appearance import LIGHT_KINDS, Appearance, ImageTexture, LightTable, MeshA
 from .camera import Camera
 
 _LARGEST_SIZE = 65536
+_MATERIAL_SHARES = ("alphas", "metallics", "roughnesses", "reflectances", "transmissions")
 _LARGEST_COUNT = 2**31 - 1
 _LARGEST_MASK = 2**32 - 1
 
@@ -95,7 +96,7 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
     return {
         "base_colors": optional("base_colors", np.float32, 3),
         "emissions": optional("emissions", np.float32, 3),
-        "alphas": optional("alphas", np.float32),
+        **{name: optional(name, np.float32) for name in _MATERIAL_SHARES},
         "color_images": optional("color_images", np.int32),
         "alpha_images": optional("alpha_images", np.int32),
         "images": [_image_arguments(function, row, image) for row, image in enumerate(appearance.images)],
@@ -110,7 +111,7 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
         "holdout": column("instances.holdout", table.holdout, np.bool_),
         **{
             name: check_count(function, f"appearance.{name}", getattr(appearance, name), 0, _LARGEST_MASK)
-            for name in ("camera_mask", "shadow_mask", "diffuse_mask")
+            for name in ("camera_mask", "shadow_mask", "diffuse_mask", "glossy_mask")
         },
         "film_transparent": bool(appearance.film_transparent),
         "meshes": {int(mesh): _mesh_arrays(function, mesh, value) for mesh, value in appearance.meshes.items()},

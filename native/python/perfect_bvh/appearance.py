@@ -40,6 +40,10 @@ class MaterialTable:
     base_colors: (M, 3) float32, scene-linear, the share of light that comes back. None: the viewport colours.
     emissions: (M, 3) float32, radiance. None: none shines.
     alphas: (M,) float32, 0 to 1. None: all are opaque.
+    metallics, roughnesses: (M,) float32, 0 to 1, as in Blender's Principled BSDF. None: no metal, and all is rough.
+    reflectances: (M,) float32, what a surface that is no metal mirrors when seen from straight above; 0.04 for most.
+        None: all is matt.
+    transmissions: (M,) float32, 0 to 1: how clear it is. Glass mirrors and is seen through straight. None: none is.
     color_images: (M,) int32, rows of the appearance's images, which stand for the base colours; -1 for none.
     alpha_images: (M,) int32, images whose alpha multiplies the material's; -1 for none.
     """
@@ -49,6 +53,10 @@ class MaterialTable:
     base_colors: Float32Array | None = None
     emissions: Float32Array | None = None
     alphas: Float32Array | None = None
+    metallics: Float32Array | None = None
+    roughnesses: Float32Array | None = None
+    reflectances: Float32Array | None = None
+    transmissions: Float32Array | None = None
     color_images: Int32Array | None = None
     alpha_images: Int32Array | None = None
 
@@ -129,8 +137,8 @@ class Appearance:
     """Materials, attributes and visibility of a scene's meshes (by mesh id) and instances.
 
     camera_mask: the bits of an instance's mask that camera rays see. shadow_mask: those that
-    ambient-occlusion and shadow rays see. diffuse_mask: those that rays see which look for the light that comes from
-    all around a surface in "preview".
+    ambient-occlusion and shadow rays see. diffuse_mask, glossy_mask: in "preview" those that rays see which look for
+    the light from all around a surface, and mirrored rays.
     film_transparent: the background has alpha 0 instead of showing the sky.
     images, lights, world: for the mode "preview". Without a world the studio's soft sky stands for it.
     """
@@ -141,6 +149,7 @@ class Appearance:
     camera_mask: int = 0xFFFFFFFF
     shadow_mask: int = 0xFFFFFFFF
     diffuse_mask: int = 0xFFFFFFFF
+    glossy_mask: int = 0xFFFFFFFF
     film_transparent: bool = False
     images: tuple[ImageTexture, ...] = ()
     lights: LightTable = field(default_factory=LightTable)

@@ -36,8 +36,12 @@ void Appearance::finish() {
     instance_rows_[static_cast<std::size_t>(instance_ids[row])] = static_cast<std::int32_t>(row);
   }
   const auto is_below_one = [](float alpha) { return alpha < 1.0f; };
+  const auto is_above_zero = [](float share) { return share > 0.0f; };
   any_transparent_ = std::any_of(alphas.begin(), alphas.end(), is_below_one) ||
-                     std::any_of(alpha_images.begin(), alpha_images.end(), [](auto image) { return image >= 0; });
+                     std::any_of(alpha_images.begin(), alpha_images.end(), [](auto image) { return image >= 0; }) ||
+                     std::any_of(transmissions.begin(), transmissions.end(), is_above_zero);
+  any_glossy_ = std::any_of(metallics.begin(), metallics.end(), is_above_zero) ||
+                std::any_of(reflectances.begin(), reflectances.end(), is_above_zero);
   any_holdout_ = std::any_of(holdout.begin(), holdout.end(), [](std::uint8_t flag) { return flag != 0; });
 }
 
@@ -80,6 +84,10 @@ void Appearance::check_materials() const {
   check("base_colors", base_colors.size());
   check("emissions", emissions.size());
   check("alphas", alphas.size());
+  check("metallics", metallics.size());
+  check("roughnesses", roughnesses.size());
+  check("reflectances", reflectances.size());
+  check("transmissions", transmissions.size());
   const auto check_images = [&](const char* name, std::span<const std::int32_t> rows) {
     check(name, rows.size());
     for (const std::int32_t row : rows) {

@@ -43,8 +43,11 @@ struct Appearance {
   std::span<const Vec3f> base_colors;  // empty: as material_colors
   std::span<const Vec3f> emissions;    // radiance
   std::span<const float> alphas;
-  std::span<const std::int32_t> color_images;  // instead of the base colours
-  std::span<const std::int32_t> alpha_images;  // their alpha multiplies
+  std::span<const float> metallics, roughnesses;  // empty: 0 and 1
+  std::span<const float> reflectances;            // of what is not metal, seen from straight above; empty: 0
+  std::span<const float> transmissions;           // empty: 0
+  std::span<const std::int32_t> color_images;     // instead of the base colours
+  std::span<const std::int32_t> alpha_images;     // their alpha multiplies
   std::span<const std::int32_t> instance_ids;
   std::span<const std::int32_t> slot_offsets;  // one more than instances
   std::span<const std::int32_t> slot_materials;
@@ -58,6 +61,7 @@ struct Appearance {
   std::uint32_t camera_mask = 0xFFFFFFFFu;
   std::uint32_t shadow_mask = 0xFFFFFFFFu;
   std::uint32_t diffuse_mask = 0xFFFFFFFFu;  // of rays that look for light all around a surface
+  std::uint32_t glossy_mask = 0xFFFFFFFFu;   // of mirrored rays
   bool film_transparent = false;
 
   void set_mesh(std::int32_t mesh_id, const MeshAttributes& attributes);
@@ -79,6 +83,8 @@ struct Appearance {
   }
   // Whether some material lets anything through.
   [[nodiscard]] bool any_transparent() const noexcept { return any_transparent_; }
+  // Whether some material mirrors anything.
+  [[nodiscard]] bool any_glossy() const noexcept { return any_glossy_; }
   // The row in the material table.
   [[nodiscard]] std::int32_t material_of(const Instance& instance, std::uint32_t primitive) const;
 
@@ -96,7 +102,7 @@ struct Appearance {
   std::vector<MeshAttributes> meshes_;
   std::vector<std::int32_t> mesh_rows_;      // by mesh id: ids are small and never reused
   std::vector<std::int32_t> instance_rows_;  // by instance id
-  bool any_holdout_ = false, any_transparent_ = false;
+  bool any_holdout_ = false, any_transparent_ = false, any_glossy_ = false;
 };
 
 }  // namespace perfect_bvh

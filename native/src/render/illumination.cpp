@@ -17,7 +17,7 @@ constexpr int kMostLayers = 8;  // of transparent surfaces that a shadow ray pas
 // Of the light from all around, what reaches the surface that a ray bounced off: nobody looks whether it is open.
 constexpr float kOpenness = 0.3f;
 // Numbers of sampling dimensions, apart from the camera's and clay's.
-constexpr std::uint32_t kSkyDimension = 8, kLightDimension = 16, kBounceDimension = 32;
+constexpr std::uint32_t kSkyDimension = 8, kMirrorDimension = 9, kLightDimension = 16, kBounceDimension = 32;
 
 Vec3f turned(Vec3f direction, float angle) noexcept {
   const float c = std::cos(angle), s = std::sin(angle);
@@ -57,21 +57,22 @@ Vec3f Illumination::mean_surroundings() const noexcept {
   return sum * (1.0f / static_cast<float>(kDirections));
 }
 
-void Illumination::gather(std::span<const SurfacePoint> points, std::span<const std::uint32_t> places,
-                          std::uint32_t sample, Scratch& scratch, std::span<Vec3f> light) const {
-  std::fill(light.begin(), light.end(), Vec3f{0, 0, 0});
-  const Points at{points, places, light, 1.0f / static_cast<float>(light_rays_)};
+void Illumination::gather(Points at, std::uint32_t sample, Scratch& scratch) const {
+  std::fill(at.light.begin(), at.light.end(), Vec3f{0, 0, 0});
+  std::fill(at.shine.begin(), at.shine.end(), Vec3f{0, 0, 0});
+  at.share = 1.0f / static_cast<float>(light_rays_);
   for (int i = 0; i < light_rays_; ++i) {
     const std::uint32_t index = sample * static_cast<std::uint32_t>(light_rays_) + static_cast<std::uint32_t>(i);
     add_lights(at, index, kLightDimension, scratch);
     add_surroundings(at, index, scratch);
+    if (!at.glosses.empty()) add_mirrored(at, index, scratch);
   }
 }
 
 void Illumination::add_lights(const Points& at, std::uint32_t index, std::uint32_t first_dimension,
                               Scratch& scratch) const {
   if (appearance_.lights.empty()) return;
-  scratch.rays.clear(), scratch.targets.clear(), scratch.carried.clear();
+  scratch.rays.clear(), scratch.targets.clear(), scratch.carried.clear(), scratch.shine.clear();
   if (appearance_.lights.size() <= kFewLights) {
     aim_at_each(at, index, first_dimension, scratch);
   } else {
@@ -80,7 +81,10 @@ void Illumination::add_lights(const Points& at, std::uint32_t index, std::uint32
   block(scratch);
   for (std::size_t i = 0; i < scratch.rays.size(); ++i) {
     Vec3f& light = at.light[scratch.targets[i]];
-    light = light + scratch.carried[i];
+    light = light + scratch.carried[i] * scratch.passed[i];
+    if (at.glosses.empty()) continue;
+    Vec3f& shine = at.shine[scratch.targets[i]];
+    shine = shine + scratch.shine[i] * scratch.passed[i];
   }
 }
 
@@ -130,8 +134,14 @@ void Illumination::aim(const Points& at, std::uint32_t row, const Light& light, 
   const LightRay to_light = look_at_light(light, point.origin, point.light_normal, random);
   const Vec3f carried = to_light.light * weight;
   if (is_black(carried)) return;
+  const Gloss* const gloss = at.glosses.empty() ? nullptr : &at.glosses[row];
+  Vec3f shine{0, 0, 0};
+  if (gloss != nullptr && gloss->shines()) {
+    shine = carried * highlight(*gloss, point.light_normal, to_light.direction);
+  }
   if (!light.casts_shadow) {
     at.light[row] = at.light[row] + carried;
+    if (gloss != nullptr) at.shine[row] = at.shine[row] + shine;
     return;
   }
   // Short of the light: what it hangs on should not put it out.
@@ -139,15 +149,16 @@ void Illumination::aim(const Points& at, std::uint32_t row, const Light& light, 
   const Vec3f direction = above(point, to_light.direction);
   scratch.rays.push_back(ray_from(point, direction, to_light.length * kShort, appearance_.shadow_mask));
   scratch.targets.push_back(row);
-  scratch.carried.push_back(carried);
+  scratch.carried.push_back(carried), scratch.shine.push_back(shine);
 }
 
 void Illumination::block(Scratch& scratch) const {
+  scratch.passed.assign(scratch.rays.size(), 1.0f);
   if (appearance_.any_transparent()) return block_partly(scratch);
   scratch.blocked.resize(scratch.rays.size());
   trace_occluded(snapshot_, cancel_, scratch.rays, scratch.blocked);
   for (std::size_t i = 0; i < scratch.rays.size(); ++i) {
-    if (scratch.blocked[i] != 0) scratch.carried[i] = {0, 0, 0};
+    if (scratch.blocked[i] != 0) scratch.passed[i] = 0.0f;
   }
 }
 
@@ -167,10 +178,10 @@ void Illumination::block_partly(Scratch& scratch) const {
       const Instance& instance = snapshot_.instances[hit.instance_index];
       const std::int32_t material = appearance_.material_of(instance, hit.primitive_index);
       const bool is_last = layer + 1 == kMostLayers;
-      const float passes = is_last ? 0.0f : 1.0f - material_at(appearance_, instance, hit, material).alpha;
-      scratch.carried[i] = scratch.carried[i] * std::max(passes, 0.0f);
+      const float passes = is_last ? 0.0f : material_at(appearance_, instance, hit, material).lets_light_through();
+      scratch.passed[i] *= std::max(passes, 0.0f);
       ray.t_min = std::nextafter(hit.t, kInfiniteDistance);
-      if (is_black(scratch.carried[i])) ray.t_max = -1.0f;
+      if (!(scratch.passed[i] > 0.0f)) ray.t_max = -1.0f;
       goes_on = true;
     }
     if (!goes_on) return;
@@ -188,35 +199,61 @@ void Illumination::add_surroundings(const Points& at, std::uint32_t index, Scrat
     const Vec3f direction = above(point, cosine_direction(point.light_normal, random));
     scratch.rays.push_back(ray_from(point, direction, kInfiniteDistance, appearance_.diffuse_mask));
   }
+  look_along_rays(at.places, index, scratch);
+  for (std::size_t row = 0; row < at.points.size(); ++row) {
+    at.light[row] = at.light[row] + scratch.arriving[row] * at.share;
+  }
+}
+
+void Illumination::add_mirrored(const Points& at, std::uint32_t index, Scratch& scratch) const {
+  const Dimension dimension(seed_, kMirrorDimension);
+  const FixedPoint2 shared = dimension.sample(index);
+  scratch.rays.clear(), scratch.mirrors.clear(), scratch.mirror_places.clear(), scratch.mirror_weights.clear();
+  for (std::uint32_t row = 0; row < at.points.size(); ++row) {
+    if (!at.glosses[row].mirrors()) continue;
+    const SurfacePoint& point = at.points[row];
+    const Point2 random = (shared ^ dimension.offset(at.places[row])).to_unit();
+    const Mirrored way = mirrored(at.glosses[row], point.light_normal, random);
+    if (is_black(way.weight)) continue;
+    scratch.rays.push_back(ray_from(point, above(point, way.direction), kInfiniteDistance, appearance_.glossy_mask));
+    scratch.mirrors.push_back(row), scratch.mirror_places.push_back(at.places[row]);
+    scratch.mirror_weights.push_back(way.weight * at.share);
+  }
+  if (scratch.rays.empty()) return;
+  look_along_rays(scratch.mirror_places, index, scratch);
+  for (std::size_t i = 0; i < scratch.mirrors.size(); ++i) {
+    Vec3f& shine = at.shine[scratch.mirrors[i]];
+    shine = shine + scratch.arriving[i] * scratch.mirror_weights[i];
+  }
+}
+
+void Illumination::look_along_rays(std::span<const std::uint32_t> places, std::uint32_t index, Scratch& scratch) const {
   scratch.hits.resize(scratch.rays.size());
   trace_closest(snapshot_, cancel_, scratch.rays, scratch.hits);
   scratch.bounce_points.clear(), scratch.bounce_places.clear();
   constexpr SurfaceNeeds kAll{.normals = true, .origins = true, .materials = true, .holdouts = true};
   find_surfaces(snapshot_, appearance_, kAll, scratch.rays, scratch.hits, scratch.bounce_points);
   AlignedVector<Vec3f>& arriving = scratch.arriving;
-  arriving.assign(at.points.size(), Vec3f{0, 0, 0});
-  for (std::size_t row = 0; row < at.points.size(); ++row) {
-    if (!scratch.hits[row].found()) arriving[row] = surroundings(to_float(scratch.rays[row].direction));
+  arriving.assign(scratch.rays.size(), Vec3f{0, 0, 0});
+  for (std::size_t i = 0; i < scratch.rays.size(); ++i) {
+    if (!scratch.hits[i].found()) arriving[i] = surroundings(to_float(scratch.rays[i].direction));
   }
   scratch.bounce_materials.clear();
   for (const SurfacePoint& point : scratch.bounce_points) {
     const Hit& hit = scratch.hits[point.ray];
     const Instance& instance = snapshot_.instances[hit.instance_index];
     const Material material = material_at(appearance_, instance, hit, point.material);
-    arriving[point.ray] = surroundings(to_float(scratch.rays[point.ray].direction)) * (1.0f - material.alpha);
+    arriving[point.ray] = surroundings(to_float(scratch.rays[point.ray].direction)) * material.through();
     scratch.bounce_materials.push_back(material);
-    scratch.bounce_places.push_back(at.places[point.ray]);
+    scratch.bounce_places.push_back(places[point.ray]);
   }
   scratch.bounce_light.assign(scratch.bounce_points.size(), sky_of_bounces_);
-  const Points bounces{scratch.bounce_points, scratch.bounce_places, scratch.bounce_light, 1.0f};
-  add_lights(bounces, index, kBounceDimension, scratch);
+  add_lights({scratch.bounce_points, scratch.bounce_places, {}, scratch.bounce_light, {}}, index, kBounceDimension,
+             scratch);
   for (std::size_t i = 0; i < scratch.bounce_points.size(); ++i) {
     const Material& material = scratch.bounce_materials[i];
     Vec3f& sum = arriving[scratch.bounce_points[i].ray];
-    sum = sum + (material.emission + material.color * scratch.bounce_light[i]) * material.alpha;
-  }
-  for (std::size_t row = 0; row < at.points.size(); ++row) {
-    at.light[row] = at.light[row] + arriving[row] * at.share;
+    sum = sum + (material.emission + material.matt_color() * scratch.bounce_light[i]) * material.alpha;
   }
 }
 

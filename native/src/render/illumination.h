@@ -1,6 +1,7 @@
 // The light that arrives at surfaces: from a scene's lights, from all around it, and from other surfaces, which are lit
 // in their turn by lights alone. No more bounces: a preview should be recognised, not measured.
-// In: points of surfaces, the number of the sample. Out: irradiance over pi: what a white matt surface gives back.
+// In: points of surfaces, the number of the sample. Out: irradiance over pi: what a white matt surface gives back; and
+// what a glossy one adds to that: highlights and what it mirrors, itself shown matt.
 // Of few lights each is asked; of many, two a sample are chosen by how much they may give (importance sampling).
 #pragma once
 
@@ -11,6 +12,7 @@
 #include "core/aligned.h"
 #include "core/cancel.h"
 #include "render/appearance.h"
+#include "render/gloss.h"
 #include "render/material.h"
 #include "render/surface.h"
 
@@ -24,41 +26,50 @@ class Illumination {
     AlignedVector<Hit> hits;
     AlignedVector<std::uint8_t> blocked;
     AlignedVector<std::uint32_t> targets;  // the row of the point that a ray belongs to
-    AlignedVector<Vec3f> carried;          // what a ray brings if nothing is in its way
+    AlignedVector<Vec3f> carried, shine;   // what a ray brings if nothing is in its way: light, and a highlight
+    AlignedVector<float> passed;           // how much gets through what is
     AlignedVector<SurfacePoint> bounce_points;
     AlignedVector<std::uint32_t> bounce_places;
     AlignedVector<Vec3f> bounce_light;
     AlignedVector<Material> bounce_materials;
-    AlignedVector<Vec3f> arriving;  // a row a point
-    std::vector<float> guesses;     // of each light, added up
+    AlignedVector<Vec3f> arriving;         // a row a ray
+    AlignedVector<std::uint32_t> mirrors;  // the rows of points that mirror something
+    AlignedVector<std::uint32_t> mirror_places;
+    AlignedVector<Vec3f> mirror_weights;
+    std::vector<float> guesses;  // of each light, added up
   };
 
   // All of it outlives this. light_rays: towards each source of light, for each point and sample.
   Illumination(const Snapshot& snapshot, const Appearance& appearance, std::uint32_t seed, int light_rays,
                CancelToken& cancel);
 
-  // places: a number for each point by which its samples differ from its neighbours' (sampling::z_order).
-  void gather(std::span<const SurfacePoint> points, std::span<const std::uint32_t> places, std::uint32_t sample,
-              Scratch& scratch, std::span<Vec3f> light) const;
+  // A row a point. places: a number by which its samples differ from its neighbours' (sampling::z_order). glosses,
+  // shine: empty where nothing is glossy.
+  struct Points {
+    std::span<const SurfacePoint> points;
+    std::span<const std::uint32_t> places;
+    std::span<const Gloss> glosses;
+    std::span<Vec3f> light, shine;
+    float share = 1.0f;  // of a single ray
+  };
+  // Replaces `light` and `shine`.
+  void gather(Points at, std::uint32_t sample, Scratch& scratch) const;
 
   // What comes from a direction in which there is nothing.
   [[nodiscard]] Vec3f surroundings(Vec3f direction) const noexcept;
 
  private:
-  struct Points {
-    std::span<const SurfacePoint> points;
-    std::span<const std::uint32_t> places;
-    std::span<Vec3f> light;
-    float share;
-  };
   void add_lights(const Points& at, std::uint32_t index, std::uint32_t first_dimension, Scratch& scratch) const;
   void aim_at_each(const Points& at, std::uint32_t index, std::uint32_t first_dimension, Scratch& scratch) const;
   void aim_at_some(const Points& at, std::uint32_t index, std::uint32_t first_dimension, Scratch& scratch) const;
   void aim(const Points& at, std::uint32_t row, const Light& light, Point2 random, float weight,
            Scratch& scratch) const;
   void add_surroundings(const Points& at, std::uint32_t index, Scratch& scratch) const;
+  void add_mirrored(const Points& at, std::uint32_t index, Scratch& scratch) const;
+  // Fills `arriving` with what comes along the rays of `scratch`, whose sampling places these are.
+  void look_along_rays(std::span<const std::uint32_t> places, std::uint32_t index, Scratch& scratch) const;
   [[nodiscard]] Vec3f mean_surroundings() const noexcept;
-  // Takes what is in the way from `carried`.
+  // Works out how much passes what is in the way.
   void block(Scratch& scratch) const;
   void block_partly(Scratch& scratch) const;
 

@@ -16,29 +16,50 @@ std::optional<Point2> uv_at(const Appearance& appearance, const Instance& instan
                 corners[0].y * w + corners[1].y * hit.u + corners[2].y * hit.v};
 }
 
+namespace {
+
+// A metal mirrors its colour and is not matt at all; what is clear is not matt either.
+void set_gloss(const Appearance& appearance, std::size_t index, Material& material) {
+  if (!appearance.roughnesses.empty()) material.roughness = appearance.roughnesses[index];
+  if (!appearance.reflectances.empty()) {
+    const float reflectance = appearance.reflectances[index];
+    material.reflectance = {reflectance, reflectance, reflectance};
+  }
+  const float metallic = appearance.metallics.empty() ? 0.0f : appearance.metallics[index];
+  if (metallic > 0.0f) material.reflectance = material.reflectance * (1.0f - metallic) + material.color * metallic;
+  material.transmission *= 1.0f - metallic;
+  material.color = material.color * ((1.0f - metallic) * (1.0f - material.transmission));
+}
+
+}  // namespace
+
 Material material_at(const Appearance& appearance, const Instance& instance, const Hit& hit, std::int32_t row) {
-  Material material{material_color(appearance, row), {0, 0, 0}, 1.0f};
+  Material material;
+  material.color = material_color(appearance, row);
   if (row == kNoMaterial) return material;
   const auto index = static_cast<std::size_t>(row);
   if (!appearance.base_colors.empty()) material.color = appearance.base_colors[index];
   if (!appearance.emissions.empty()) material.emission = appearance.emissions[index];
   if (!appearance.alphas.empty()) material.alpha = appearance.alphas[index];
+  if (!appearance.transmissions.empty()) material.transmission = appearance.transmissions[index];
   const auto image_in = [&](std::span<const std::int32_t> images) { return images.empty() ? kNoImage : images[index]; };
   const std::int32_t color_image = image_in(appearance.color_images), alpha_image = image_in(appearance.alpha_images);
-  if (color_image == kNoImage && alpha_image == kNoImage) return material;
-  // Without a uv map everything shows the image's corner, as in Blender.
-  const Point2 uv = uv_at(appearance, instance, hit).value_or(Point2{0.0f, 0.0f});
-  Rgba color;
-  if (color_image != kNoImage) {
-    color = look_up(appearance.images[static_cast<std::size_t>(color_image)], uv.x, uv.y);
-    material.color = {color.r, color.g, color.b};
-  }
-  if (alpha_image != kNoImage) {
-    if (alpha_image != color_image) {
-      color = look_up(appearance.images[static_cast<std::size_t>(alpha_image)], uv.x, uv.y);
+  if (color_image != kNoImage || alpha_image != kNoImage) {
+    // Without a uv map everything shows the image's corner, as in Blender.
+    const Point2 uv = uv_at(appearance, instance, hit).value_or(Point2{0.0f, 0.0f});
+    Rgba color;
+    if (color_image != kNoImage) {
+      color = look_up(appearance.images[static_cast<std::size_t>(color_image)], uv.x, uv.y);
+      material.color = {color.r, color.g, color.b};
     }
-    material.alpha *= std::clamp(color.a, 0.0f, 1.0f);
+    if (alpha_image != kNoImage) {
+      if (alpha_image != color_image) {
+        color = look_up(appearance.images[static_cast<std::size_t>(alpha_image)], uv.x, uv.y);
+      }
+      material.alpha *= std::clamp(color.a, 0.0f, 1.0f);
+    }
   }
+  set_gloss(appearance, index, material);
   return material;
 }
 

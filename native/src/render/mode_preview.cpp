@@ -1,5 +1,5 @@
-// The scene as it will look, roughly: its materials' base colours, own light and transparency under its own lights and
-// world, everything matt, with one bounce of light (see illumination.h).
+// The scene as it will look, roughly: its materials' base colours, gloss, own light and transparency under its own
+// lights and world, with one bounce of light (see illumination.h). Glass is seen through straight.
 #include "render/material.h"
 #include "render/sampler.h"
 #include "render/shading.h"
@@ -78,12 +78,31 @@ class PreviewMode final : public ShadingMode {
       layer.places.push_back(sampling::z_order(pixel.x, pixel.y));
       layer.materials.push_back(material_at(appearance_, snapshot_.instances[hit.instance_index], hit, point.material));
     }
-    layer.light.resize(seen.points.size());
-    illumination_.gather(seen.points, layer.places, task.sample, task.scratch.illumination, layer.light);
+    find_glosses(seen, layer);
+    layer.light.resize(seen.points.size()), layer.shine.resize(layer.glosses.size());
+    illumination_.gather({seen.points, layer.places, layer.glosses, layer.light, layer.shine}, task.sample,
+                         task.scratch.illumination);
     for (std::size_t row = 0; row < seen.points.size(); ++row) {
       const Material& material = layer.materials[row];
-      const float weight = layer.weights[row] * material.alpha;
-      add(task.colors[layer.owners[row]], (material.emission + material.color * layer.light[row]) * weight, weight);
+      Vec3f color = material.emission + material.color * layer.light[row];
+      if (!layer.shine.empty()) color = color + layer.shine[row];
+      const float weight = layer.weights[row];
+      add(task.colors[layer.owners[row]], color * (weight * material.alpha), weight * (1.0f - material.through()));
+    }
+  }
+
+  // What is mirrored is neither given back matt nor let through.
+  void find_glosses(const Seen& seen, SurfaceLayer& layer) const {
+    layer.glosses.clear();
+    if (!appearance_.any_glossy()) return;
+    for (std::size_t row = 0; row < seen.points.size(); ++row) {
+      const SurfacePoint& point = seen.points[row];
+      Material& material = layer.materials[row];
+      const Vec3f view = to_float(-normalized(seen.rays[point.ray].direction));
+      const Gloss& gloss = layer.glosses.emplace_back(Gloss{material.reflectance, material.roughness, view});
+      if (!gloss.mirrors()) continue;
+      const float rest = unreflected_share(gloss, dot(point.light_normal, view));
+      material.color = material.color * rest, material.transmission *= rest;
     }
   }
 
@@ -113,7 +132,7 @@ class PreviewMode final : public ShadingMode {
   static void go_on(const Seen& seen, const SurfaceLayer& layer, SurfaceLayer& next) {
     next.rays.clear(), next.owners.clear(), next.weights.clear();
     for (std::size_t row = 0; row < seen.points.size(); ++row) {
-      const float weight = layer.weights[row] * (1.0f - layer.materials[row].alpha);
+      const float weight = layer.weights[row] * layer.materials[row].through();
       if (!(weight > kLeastThrough)) continue;
       Ray ray = seen.rays[seen.points[row].ray];
       ray.t_min = std::nextafter(seen.hits[seen.points[row].ray].t, kInfiniteDistance);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "core/aligned.h"
+#include "render/gloss.h"
 #include "render/material.h"
 #include "render/surface.h"
 
@@ -16,7 +17,8 @@ struct SurfaceLayer {
   AlignedVector<float> weights;         // what the layers before let through
   AlignedVector<std::uint32_t> places;
   AlignedVector<Material> materials;
-  AlignedVector<Vec3f> light;
+  AlignedVector<Gloss> glosses;  // empty if nothing is glossy
+  AlignedVector<Vec3f> light, shine;
 };
 
 }  // namespace perfect_bvh
