@@ -16,6 +16,8 @@ constexpr int kPicks = 2;
 constexpr int kMostLayers = 8;  // of transparent surfaces that a shadow ray passes
 // Of the light from all around, what reaches the surface that a ray bounced off: nobody looks whether it is open.
 constexpr float kOpenness = 0.3f;
+// The same where it is seen in a mirror: what is below the horizon sends nothing, and little is more closed than that.
+constexpr float kMirroredOpenness = 0.6f;
 // Numbers of sampling dimensions, apart from the camera's and clay's.
 constexpr std::uint32_t kSkyDimension = 8, kMirrorDimension = 9, kLightDimension = 16, kBounceDimension = 32;
 
@@ -35,7 +37,7 @@ Illumination::Illumination(const Snapshot& snapshot, const Appearance& appearanc
       appearance_(appearance),
       seed_(seed),
       light_rays_(light_rays),
-      sky_of_bounces_(mean_surroundings() * kOpenness) {}
+      mean_surroundings_(find_mean_surroundings()) {}
 
 Vec3f Illumination::surroundings(Vec3f direction) const noexcept {
   if (!appearance_.world) return Studio::dome(direction.z);
@@ -45,7 +47,7 @@ Vec3f Illumination::surroundings(Vec3f direction) const noexcept {
   return look_up_around(image, turned(direction, world.rotation)) * world.color;
 }
 
-Vec3f Illumination::mean_surroundings() const noexcept {
+Vec3f Illumination::find_mean_surroundings() const noexcept {
   constexpr std::uint32_t kDirections = 64;
   Vec3f sum{0, 0, 0};
   for (std::uint32_t i = 0; i < kDirections; ++i) {
@@ -199,7 +201,7 @@ void Illumination::add_surroundings(const Points& at, std::uint32_t index, Scrat
     const Vec3f direction = above(point, cosine_direction(point.light_normal, random));
     scratch.rays.push_back(ray_from(point, direction, kInfiniteDistance, appearance_.diffuse_mask));
   }
-  look_along_rays(at.places, index, scratch);
+  look_along_rays(at.places, index, kOpenness, scratch);
   for (std::size_t row = 0; row < at.points.size(); ++row) {
     at.light[row] = at.light[row] + scratch.arriving[row] * at.share;
   }
@@ -220,14 +222,15 @@ void Illumination::add_mirrored(const Points& at, std::uint32_t index, Scratch& 
     scratch.mirror_weights.push_back(way.weight * at.share);
   }
   if (scratch.rays.empty()) return;
-  look_along_rays(scratch.mirror_places, index, scratch);
+  look_along_rays(scratch.mirror_places, index, kMirroredOpenness, scratch);
   for (std::size_t i = 0; i < scratch.mirrors.size(); ++i) {
     Vec3f& shine = at.shine[scratch.mirrors[i]];
     shine = shine + scratch.arriving[i] * scratch.mirror_weights[i];
   }
 }
 
-void Illumination::look_along_rays(std::span<const std::uint32_t> places, std::uint32_t index, Scratch& scratch) const {
+void Illumination::look_along_rays(std::span<const std::uint32_t> places, std::uint32_t index, float openness,
+                                   Scratch& scratch) const {
   scratch.hits.resize(scratch.rays.size());
   trace_closest(snapshot_, cancel_, scratch.rays, scratch.hits);
   scratch.bounce_points.clear(), scratch.bounce_places.clear();
@@ -247,7 +250,7 @@ void Illumination::look_along_rays(std::span<const std::uint32_t> places, std::u
     scratch.bounce_materials.push_back(material);
     scratch.bounce_places.push_back(places[point.ray]);
   }
-  scratch.bounce_light.assign(scratch.bounce_points.size(), sky_of_bounces_);
+  scratch.bounce_light.assign(scratch.bounce_points.size(), mean_surroundings_ * openness);
   add_lights({scratch.bounce_points, scratch.bounce_places, {}, scratch.bounce_light, {}}, index, kBounceDimension,
              scratch);
   for (std::size_t i = 0; i < scratch.bounce_points.size(); ++i) {

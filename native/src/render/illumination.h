@@ -66,9 +66,11 @@ class Illumination {
            Scratch& scratch) const;
   void add_surroundings(const Points& at, std::uint32_t index, Scratch& scratch) const;
   void add_mirrored(const Points& at, std::uint32_t index, Scratch& scratch) const;
-  // Fills `arriving` with what comes along the rays of `scratch`, whose sampling places these are.
-  void look_along_rays(std::span<const std::uint32_t> places, std::uint32_t index, Scratch& scratch) const;
-  [[nodiscard]] Vec3f mean_surroundings() const noexcept;
+  // Fills `arriving` with what comes along the rays of `scratch`, whose sampling places these are. openness: what part
+  // of the light from all around reaches the surfaces that they meet.
+  void look_along_rays(std::span<const std::uint32_t> places, std::uint32_t index, float openness,
+                       Scratch& scratch) const;
+  [[nodiscard]] Vec3f find_mean_surroundings() const noexcept;
   // Works out how much passes what is in the way.
   void block(Scratch& scratch) const;
   void block_partly(Scratch& scratch) const;
@@ -78,7 +80,7 @@ class Illumination {
   const Appearance& appearance_;
   std::uint32_t seed_;
   int light_rays_;
-  Vec3f sky_of_bounces_;
+  Vec3f mean_surroundings_;
 };
 
 }  // namespace perfect_bvh
