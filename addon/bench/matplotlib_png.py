@@ -32,8 +32,9 @@ def write(picture: Picture, path: Path, zoom: float) -> None:
     for text in picture.texts:
         _write_words(axes, text)
     canvas.draw()
-    # A few dozen colours are all that is in it: a quarter of the bytes, and Pillow writes no date.
-    image = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]).quantize(96, dither=Image.Dither.NONE)
+    pixels = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    # Few colours are in it: a fifth of the bytes. Pillow writes no date.
+    image = pixels.quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     path.parent.mkdir(parents=True, exist_ok=True)
     image.save(path, optimize=True)
 

@@ -1,4 +1,4 @@
-"""The command `perfect-bvh`: render a .blend file, say what its trees are made of, or measure the machine.
+"""The command `perfect-bvh`: render a .blend file, say what its trees are made of, or measure it or the machine.
 
 Blender and numpy are imported only once a command needs them, so that `--help` answers at once.
 """
@@ -47,6 +47,7 @@ def build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_render(commands)
     _add_info(commands)
+    _add_bench(commands)
     _add_calibrate(commands)
     return parser
 
@@ -108,6 +109,19 @@ def _add_info(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--frame", type=int, metavar="N", help="the frame to read (default: the file's current one)")
 
 
+def _add_bench(commands: argparse._SubParsersAction) -> None:
+    parser = commands.add_parser(
+        "bench",
+        help="measure a scene and draw charts of it",
+        description="Measure for about a minute what builders, layouts, precisions and, over an animation, policies "
+        "cost and gain on this scene; write a chart of each with a sentence of advice, and all figures as JSON. "
+        "Ctrl-C ends it with what has been measured so far.",
+    )
+    _add_file(parser)
+    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="the folder for pictures and bench.json")
+    parser.add_argument("--seconds", type=_positive, default=60, metavar="N", help="how long (default: %(default)s)")
+
+
 def _add_calibrate(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "calibrate",
@@ -126,6 +140,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             from .render import run_render
 
             return run_render(arguments)
+        if arguments.command == "bench":
+            from .bench import run_bench
+
+            return run_bench(arguments)
         if arguments.command == "calibrate":
             from .calibrate import run_calibrate
 

@@ -47,7 +47,7 @@ class PERFECT_BVH_OT_preview(bpy.types.Operator):
             return {"CANCELLED"}
         self._refinement.step(REFINING_SECONDS)
         image = _store(self._refinement.image, context.scene)
-        _show(context, image)
+        show_in_editor(context, image)
         manager = context.window_manager
         self._timer = manager.event_timer_add(TIMER_SECONDS, window=context.window)
         manager.progress_begin(0, 100)
@@ -110,7 +110,7 @@ def _store(pixels: Image | None, scene: bpy.types.Scene) -> bpy.types.Image:
     return image
 
 
-def _show(context: bpy.types.Context, image: bpy.types.Image) -> None:
+def show_in_editor(context: bpy.types.Context, image: bpy.types.Image) -> None:
     """In an Image Editor that is open, or where the user wants renders to appear."""
     if not _set_in_editors(context, image):
         bpy.ops.render.view_show("INVOKE_DEFAULT")

@@ -5,13 +5,14 @@ from __future__ import annotations
 import bpy
 
 from ..properties import ENGINE_NAME
-from . import borrowed, failure_cases, overlay, rays, render, reports
+from . import bench, borrowed, failure_cases, overlay, rays, render, reports
 
 CLASSES = (
     *render.CLASSES,
     *rays.CLASSES,
     *overlay.CLASSES,
     *reports.CLASSES,
+    *bench.CLASSES,
     *failure_cases.CLASSES,
     *render.LAST_CLASSES,
     *borrowed.CLASSES,

@@ -21,6 +21,9 @@ CHARTS = (
     "build_and_speed",
     "break_even",
     "memory_and_speed",
+    "predicted_cost",
+    "wrong_answers",
+    "image_error",
 )
 
 

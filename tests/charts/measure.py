@@ -23,11 +23,14 @@ BENCHMARKS = Path("tests") / "benchmarks"
 SCENES = ("blend_scenes/courtyard.blend",)  # that are measured as one mesh
 
 # NAME.json: the benchmark and its arguments. Those in the second table measure meshes.
-WHOLE: dict[str, str] = {}
+WHOLE: dict[str, str] = {
+    "image_error": "image_error.py --size 64 --most 64 --seeds 3",
+}
 OF_MESHES: dict[str, str] = {
     "builders": "build.py --default-meshes --trees auto median sweep binned spatial fast --threads 1 --rounds 3 "
     "--size 320x200 --ray-limit 5000 --seconds 6",
     "layouts": "layouts.py --rounds 3 --size 320x200",
+    "accuracy": "accuracy.py --rounds 3 --size 160x120 --ray-limit 5000",
 }
 
 

@@ -1,0 +1,199 @@
+"""What is measured of a user's scene, step by step, each part within its share of the time; what is there stays."""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import perfect_bvh
+from perfect_bvh import BuildConfig
+
+from ..sync.state import SceneState
+from .subject import Subject, bounced_rays, make_scene
+
+Figures = dict[str, Any]
+Step = tuple[float, str]  # the share of the time that is over, and what comes next
+
+BUILDERS = ("fast", "auto", "sweep", "spatial")
+LARGE = 5_000_000  # triangles above which the slow builders are left out
+POLICIES = ("refit", "rebuild", "governed")
+RAY_COUNTS = tuple(10**power for power in range(4, 11))
+MOST_ROUNDS, MOST_FRAMES = 7, 48
+# Of all the time, until when each part may start something new.
+PARTS = {"builders": 0.4, "layouts": 0.55, "answers": 0.7, "planner": 0.78, "frames": 0.97}
+NANOSECONDS_PER_CHECK = 8.0  # of a ray with a triangle in an audit, with room to spare
+
+
+class SceneBench:
+    """figures: what has been measured so far, ready for JSON."""
+
+    def __init__(self, subject: Subject, seconds: float = 60.0, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._subject, self._seconds, self._clock = subject, seconds, clock
+        self._started = clock()
+        self.figures: Figures = {
+            "machine": describe_machine(),
+            "scene": subject.name,
+            "frame": subject.record.frame,
+            "meshes": len(subject.record.meshes),
+            "instances": len(subject.record.instances),
+            "triangles": subject.triangle_count,
+        }
+
+    def steps(self) -> Iterator[Step]:
+        """Measure; may be closed at any step. Raises ValueError for a scene without triangles."""
+        if not self._subject.triangle_count:
+            raise ValueError(f"bench: scene {self._subject.name!r} has no triangles")
+        yield 0.0, "rays"
+        first = make_scene(self._subject.record)
+        first.commit()
+        self._rays = bounced_rays(self._subject.record, first)
+        self.figures["rays"] = len(self._rays[0])
+        yield from self._builders()
+        yield from self._layouts()
+        yield from self._answers(first)
+        yield from self._planner()
+        yield from self._frames()
+
+    # Parts ----------------------------------------------------------------------------------------------------------
+
+    def _builders(self) -> Iterator[Step]:
+        names = BUILDERS if self._subject.triangle_count <= LARGE else BUILDERS[:2]
+        rows = {name: _Row() for name in names}
+        for round_number in range(MOST_ROUNDS):
+            for name in names:
+                if round_number and self._is_over("builders"):
+                    return
+                yield self._share(), f"builder {name}"
+                scene = make_scene(self._subject.record, BuildConfig(builder=name))  # type: ignore[arg-type]
+                rows[name].build.append(self._timed(scene.commit))
+                rows[name].trace += [self._cast(scene) for _ in range(2)]
+                rows[name].byte_count = scene.statistics().byte_count
+                self.figures["builders"] = [{"name": key, **row.as_json()} for key, row in rows.items() if row.build]
+
+    def _layouts(self) -> Iterator[Step]:
+        scenes, rows = {}, {layout: _Row() for layout in ("default", "compact")}
+        for layout, row in rows.items():
+            if self._is_over("layouts"):
+                return
+            yield self._share(), f"layout {layout}"
+            scenes[layout] = make_scene(self._subject.record, BuildConfig(layout=layout))  # type: ignore[arg-type]
+            row.build.append(self._timed(scenes[layout].commit))
+            row.byte_count = scenes[layout].statistics().byte_count
+        for _ in range(MOST_ROUNDS):
+            for layout, row in rows.items():
+                row.trace.append(self._cast(scenes[layout]))
+            self.figures["layouts"] = [{"name": key, **row.as_json()} for key, row in rows.items()]
+            yield self._share(), "layouts"
+            if self._is_over("layouts"):
+                return
+
+    def _answers(self, scene: perfect_bvh.Scene) -> Iterator[Step]:
+        """Speed of both precisions, and how many answers of a random share are wrong."""
+        records = self._subject.record
+        sizes = np.array([len(mesh.triangles) for mesh in records.meshes])
+        triangles = int(sizes[records.instances.mesh_indices].sum())
+        budget = 1e9 * max(0.1, PARTS["answers"] * self._seconds - self._passed()) / 3.0
+        threads = perfect_bvh.thread_count()
+        share = min(1.0, budget * threads / (NANOSECONDS_PER_CHECK * triangles * len(self._rays[0])))
+        for precision in ("robust", "fast"):
+            yield self._share(), f"precision {precision}"
+            row = _Row(trace=[self._cast(scene, precision=precision) for _ in range(5)])
+            yield self._share(), f"audit of {precision}"
+            audit = scene.cast_rays(*self._rays, precision=precision, audit=share).audit  # type: ignore[arg-type]
+            found = {
+                "checked": audit.checked_count,
+                "wrong": len(audit.wrong_rows),
+                "wrong_per_million": audit.wrong_per_million,
+                "interval": list(audit.interval),
+            }
+            self.figures.setdefault("answers", []).append({"name": precision, **row.as_json(), **found})
+
+    def _planner(self) -> Iterator[Step]:
+        """What each number of expected rays makes of the meshes: triangles by builder."""
+        for rays in RAY_COUNTS:
+            if self._is_over("planner"):
+                return
+            yield self._share(), "planner"
+            report = make_scene(self._subject.record).commit
+            counts: dict[str, int] = {}
+            for mesh in report(expected_rays=rays).meshes:
+                counts[mesh.builder] = counts.get(mesh.builder, 0) + mesh.triangle_count
+            self.figures.setdefault("planner", []).append({"rays": rays, "triangles": counts})
+
+    def _frames(self) -> Iterator[Step]:
+        """Each policy over the animation: what updates take, and a million rays after each."""
+        if self._subject.read is None or len(self._subject.frames) < 2:
+            return
+        states = {policy: SceneState(lambda policy=policy: perfect_bvh.Scene(policy)) for policy in POLICIES}
+        rows: list[Figures] = []
+        for number in self._subject.frames[:MOST_FRAMES]:
+            if self._is_over("frames"):
+                break
+            yield self._share(), f"frame {number}"
+            record = self._subject.read(number)
+            row: Figures = {"frame": number, "rays": 1_000_000, "policies": {}}
+            for policy, state in states.items():
+                report = state.update(record, expected_rays=row["rays"])
+                cast = min(self._cast(state.scene) for _ in range(2))  # type: ignore[arg-type]
+                row["policies"][policy] = {
+                    "update_ms": report.commit.milliseconds,
+                    "trace_ms": cast * row["rays"] / len(self._rays[0]),
+                    "actions": sorted({mesh.action for mesh in report.commit.meshes}),
+                    "moved": report.moved_count,
+                }
+            rows.append(row)
+            self.figures["frames"] = rows
+
+    # Time -----------------------------------------------------------------------------------------------------------
+
+    def _cast(self, scene: perfect_bvh.Scene, **keywords: Any) -> float:
+        """Milliseconds of all the rays on all threads."""
+        return self._timed(lambda: scene.cast_rays(*self._rays, fields=("t_hit",), **keywords))
+
+    def _timed(self, work: Callable[[], object]) -> float:
+        started = self._clock()
+        work()
+        return (self._clock() - started) * 1e3
+
+    def _passed(self) -> float:
+        return self._clock() - self._started
+
+    def _is_over(self, part: str) -> bool:
+        return self._passed() >= PARTS[part] * self._seconds
+
+    def _share(self) -> float:
+        return min(self._passed() / self._seconds, 0.99)
+
+
+class _Row:
+    """Milliseconds of builds and of casts."""
+
+    def __init__(self, trace: list[float] | None = None) -> None:
+        self.build: list[float] = []
+        self.trace: list[float] = trace or []
+        self.byte_count = 0
+
+    def as_json(self) -> Figures:
+        found: Figures = {"trace_ms": _spread(self.trace)}
+        if self.build:
+            found |= {"build_ms": _spread(self.build), "byte_count": self.byte_count}
+        return found
+
+
+def _spread(values: list[float]) -> Figures:
+    """typical: the lower third, since whatever else the machine does only adds time; and the quartiles."""
+    low, typical, high = np.quantile(values, [0.25, 1.0 / 3.0, 0.75], method="nearest")
+    return {"typical": float(typical), "low": float(low), "high": float(high), "count": len(values)}
+
+
+def describe_machine() -> Figures:
+    """What the figures depend on beside the scene."""
+    return {
+        "processor": platform.processor() or platform.machine(),
+        "threads": perfect_bvh.thread_count(),
+        "isa": perfect_bvh.active_isa(),
+        "perfect_bvh": perfect_bvh.__version__,
+    }

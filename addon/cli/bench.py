@@ -1,0 +1,67 @@
+"""`perfect-bvh bench`: what builders, layouts, precisions and policies cost and gain on a scene, as charts."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+from .arguments import CommandError, check_blend_file
+from .blender import StopRequest, open_scene, stop_on_interrupt
+from .console import quiet_blender
+
+if TYPE_CHECKING:
+    import bpy
+
+EXIT_STOPPED = 130
+
+
+def run_bench(arguments: argparse.Namespace) -> int:
+    """Measure, write the files and print the advice; the exit status, 130 if it was stopped and wrote what it had."""
+    path = check_blend_file(arguments.file)
+    folder = Path(arguments.output).expanduser().absolute()
+    if folder.exists() and not folder.is_dir():
+        raise CommandError(f"-o {arguments.output}: expected a folder, it is a file")
+    with quiet_blender() as out, stop_on_interrupt() as stop:
+        scene = open_scene(path, arguments)
+        return _measure(scene, folder, arguments, stop, out)
+
+
+def _measure(
+    scene: bpy.types.Scene, folder: Path, arguments: argparse.Namespace, stop: StopRequest, out: TextIO
+) -> int:
+    import perfect_bvh
+    from tqdm import tqdm
+
+    from ..bench.from_blender import subject_of
+    from ..bench.measurements import SceneBench
+    from ..bench.picture import DrawingError
+    from ..bench.results import JSON_NAME, write
+
+    if arguments.threads is not None:
+        perfect_bvh.set_thread_count(min(arguments.threads, 1024))
+    bench = SceneBench(subject_of(scene), arguments.seconds)
+    bar_format = "{l_bar}{bar}| {elapsed}"
+    with tqdm(total=1.0, bar_format=bar_format, disable=None, leave=False, file=sys.stderr) as bar:
+        try:
+            for share, what in bench.steps():
+                bar.set_description(what)
+                bar.update(share - bar.n)
+                if stop.is_set:
+                    break
+        except ValueError as error:
+            raise CommandError(str(error)) from error
+    try:
+        results = write(bench.figures, folder)
+    except DrawingError as error:
+        raise CommandError(f"{folder / JSON_NAME} is written, but {error}") from error
+    except OSError as error:
+        raise CommandError(f"cannot write into {folder} ({error.strerror})") from error
+    for name, sentence in results.advice.items():
+        out.write(f"{name}.png: {sentence}\n")
+    out.write(f"{results.json}\n")
+    if stop.is_set:
+        sys.stderr.write("perfect-bvh: stopped; what had been measured is written\n")
+        return EXIT_STOPPED
+    return 0

@@ -1,0 +1,153 @@
+"""The Bench button: measures the scene for a bounded time and shows the charts in the Image Editor.
+
+In a window it works in steps of a timer; a step is one build or a few casts, so that Blender answers between them. Esc
+ends it with what has been measured so far. Without a window, or when a script calls it, it does the same in one go.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, ClassVar
+
+import bpy
+
+from ..preferences import native_error
+from .preview import show_in_editor
+
+IMAGE_NAME = "Perfect BVH Bench"
+TIMER_SECONDS = 0.01
+
+
+class PERFECT_BVH_OT_bench(bpy.types.Operator):
+    """Steps through the measurements in a timer."""
+
+    bl_idname = "perfect_bvh.bench"
+    bl_label = "Bench This Scene"
+    bl_description = (
+        "Measure what builders, layouts, precisions and policies cost and gain on this scene, "
+        "and show the charts in the Image Editor"
+    )
+    bl_options: ClassVar = {"REGISTER"}
+
+    seconds: bpy.props.FloatProperty(
+        name="Seconds", description="How long to measure at most, about", default=60.0, min=1.0, max=3600.0
+    )
+    folder: bpy.props.StringProperty(
+        name="Folder",
+        description="Where the pictures and the figures go; empty: Blender's temporary folder",
+        subtype="DIR_PATH",
+    )
+
+    _timer: bpy.types.Timer | None = None
+    _bench: Any
+    _steps: Iterator[tuple[float, str]]
+    _frame: int
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        error = native_error()
+        if error is not None:
+            cls.poll_message_set(error)
+        return error is None
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self._begin(context)
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(TIMER_SECONDS, window=context.window)
+        manager.progress_begin(0, 100)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC":
+            return self._finish(context)
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        step = self._step()
+        if step is not None:
+            context.window_manager.progress_update(100 * step[0])
+            context.workspace.status_text_set(f"Measuring: {step[1]}. Esc ends it and shows what there is")
+            return {"RUNNING_MODAL"}
+        return self._finish(context)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Blender ends or opens another file."""
+        self._end(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        self._begin(context)
+        while self._step() is not None:
+            pass
+        return self._finish(context)
+
+    # The parts -------------------------------------------------------------------------------------------------------
+
+    def _begin(self, context: bpy.types.Context) -> None:
+        from ..bench.from_blender import subject_of
+        from ..bench.measurements import SceneBench
+
+        self._frame = context.scene.frame_current
+        self._bench = SceneBench(subject_of(context.scene), self.seconds)
+        self._steps = self._bench.steps()
+
+    def _step(self) -> tuple[float, str] | None:
+        """None at the end, and where it failed, with the reason reported."""
+        import perfect_bvh
+
+        try:
+            return next(self._steps, None)
+        except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
+            self.report({"ERROR"}, (str(problem) or type(problem).__name__).removeprefix("bench: "))
+            return None
+
+    def _end(self, context: bpy.types.Context) -> None:
+        self._steps.close()  # type: ignore[attr-defined]
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            context.window_manager.progress_end()
+            context.workspace.status_text_set(None)
+            self._timer = None
+        if context.scene.frame_current != self._frame:
+            context.scene.frame_set(self._frame)
+
+    def _finish(self, context: bpy.types.Context) -> set[str]:
+        from ..bench.picture import DrawingError
+        from ..bench.results import JSON_NAME, write
+
+        self._end(context)
+        folder = self._where()
+        try:
+            results = write(self._bench.figures, folder)
+        except DrawingError as problem:
+            self.report({"ERROR"}, f"{folder / JSON_NAME} is written, but {problem}")
+            return {"CANCELLED"}
+        except OSError as problem:
+            self.report({"ERROR"}, f"Cannot write into {folder}: {problem.strerror or problem}")
+            return {"CANCELLED"}
+        if results.overview is None:
+            return {"CANCELLED"}
+        image = bpy.data.images.get(IMAGE_NAME)
+        if image is not None:
+            bpy.data.images.remove(image)
+        image = bpy.data.images.load(str(results.overview))
+        image.name = IMAGE_NAME
+        if not bpy.app.background:
+            show_in_editor(context, image)
+        for sentence in results.advice.values():
+            self.report({"INFO"}, sentence)
+        return {"FINISHED"}
+
+    def _where(self) -> Path:
+        if self.folder.strip():
+            return Path(bpy.path.abspath(self.folder))
+        return Path(tempfile.mkdtemp(prefix="bench_", dir=bpy.app.tempdir))
+
+
+def register() -> None:
+    bpy.utils.register_class(PERFECT_BVH_OT_bench)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(PERFECT_BVH_OT_bench)

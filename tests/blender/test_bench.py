@@ -1,0 +1,139 @@
+"""Measuring the user's scene: what is written, what stopping leaves, what the charts advise, and both ways to draw."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import bpy
+import pytest
+from perfect_bvh_addon import register
+from perfect_bvh_addon.bench import blender_png
+from perfect_bvh_addon.bench.from_blender import subject_of
+from perfect_bvh_addon.bench.measurements import SceneBench
+from perfect_bvh_addon.bench.picture import DrawingError
+from perfect_bvh_addon.bench.results import write
+from perfect_bvh_addon.bench.scene_charts import make_charts
+
+PARTS = {"builders", "total_time", "layouts", "answers", "frames"}
+
+
+@pytest.fixture
+def moving_ball() -> bpy.types.Scene:
+    """A ball that deforms by a shape key, over a plane."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.mesh.primitive_plane_add(size=8.0, location=(0, 0, -1.2))
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=3)
+    ball = bpy.context.object
+    ball.shape_key_add(name="rest")
+    tall = ball.shape_key_add(name="tall")
+    for point in tall.data:
+        point.co.z *= 2.0
+    for frame, value in ((1, 0.0), (4, 1.0)):
+        tall.value = value
+        tall.keyframe_insert("value", frame=frame)
+    bpy.ops.object.camera_add(location=(0, -8, 2), rotation=(1.3, 0, 0))
+    scene = bpy.context.scene
+    scene.camera = bpy.context.object
+    scene.frame_start, scene.frame_end = 1, 4
+    scene.frame_set(2)
+    return scene
+
+
+def measured(scene: bpy.types.Scene, seconds: float = 4.0) -> dict[str, Any]:
+    bench = SceneBench(subject_of(scene), seconds)
+    shares = [share for share, _ in bench.steps()]
+    assert shares == sorted(shares) and shares[0] == 0.0 and shares[-1] < 1.0
+    return bench.figures
+
+
+def test_every_part_is_measured_and_written(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
+    figures = measured(moving_ball)
+    assert {row["name"] for row in figures["builders"]} == {"fast", "auto", "sweep", "spatial"}
+    assert figures["triangles"] == 320 + 2
+    assert all(row["checked"] > 0 and row["wrong"] == 0 for row in figures["answers"] if row["name"] == "robust")
+    assert [row["frame"] for row in figures["frames"]] == [1, 2, 3, 4]
+    assert figures["frames"][0]["policies"]["governed"]["actions"] == ["built"]
+    assert figures["frames"][2]["policies"]["rebuild"]["actions"] == ["rebuilt"]
+    results = write(figures, tmp_path / "new")
+    assert set(results.advice) == PARTS
+    assert {path.stem for path in results.pictures} == PARTS
+    written = json.loads(results.json.read_text())
+    assert written["advice"] == results.advice
+    assert results.overview is not None
+    image = bpy.data.images.load(str(results.overview))
+    assert image.size[0] == 1600 and image.size[1] > 2000
+    assert all(sentence.endswith(".") for sentence in results.advice.values())
+
+
+def test_stopping_keeps_what_there_is(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
+    bench = SceneBench(subject_of(moving_ball), 60.0)
+    steps = bench.steps()
+    list(islice(steps, 3))
+    assert [row["name"] for row in bench.figures["builders"]] == ["fast"]
+    assert make_charts(bench.figures) == {}
+    list(islice(steps, 3))
+    steps.close()
+    assert set(make_charts(bench.figures)) == {"builders", "total_time"}
+    assert write(bench.figures, tmp_path).json.is_file()
+
+
+def test_an_empty_scene_is_refused() -> None:
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with pytest.raises(ValueError, match="no triangles"):
+        next(islice(SceneBench(subject_of(bpy.context.scene)).steps(), 1, None))
+
+
+def test_the_button_makes_an_image_and_sets_the_frame_back(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
+    register()
+    assert bpy.ops.perfect_bvh.bench(seconds=2.0, folder=str(tmp_path)) == {"FINISHED"}
+    assert moving_ball.frame_current == 2
+    assert bpy.data.images["Perfect BVH Bench"].size[0] == 1600
+    assert (tmp_path / "bench.json").is_file()
+
+
+def test_blender_draws_pictures_without_matplotlib(
+    moving_ball: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "perfect_bvh_addon.bench.matplotlib_png", None)  # as if it could not be imported
+    figures = measured(moving_ball, 1.0)
+    if not hasattr(__import__("blf"), "bind_imbuf"):
+        with pytest.raises(DrawingError, match="perfect-bvh bench"):
+            write(figures, tmp_path)
+        assert (tmp_path / "bench.json").is_file()
+        return
+    results = write(figures, tmp_path)
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in results.pictures)
+    assert results.pictures[0].stat().st_size > 5000
+
+
+def test_the_way_out_is_named_where_nothing_can_draw(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    import blf
+
+    monkeypatch.delattr(blf, "bind_imbuf", raising=False)
+    from perfect_bvh_addon.bench.picture import Picture
+
+    with pytest.raises(DrawingError, match=r"JSON.*pip install"):
+        blender_png.write(Picture(10, 10), tmp_path / "a.png", 1.0)
+
+
+def test_the_command(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
+    file = tmp_path / "ball.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(file), copy=True)
+    out = tmp_path / "charts"
+    words = ["bench", str(file), "-o", str(out), "--seconds", "3"]
+    code = f"import sys; from perfect_bvh_addon.cli import main; sys.exit(main({words!r}))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    assert "builders.png: " in done.stdout and done.stdout.rstrip().endswith("bench.json")
+    assert {path.name for path in out.iterdir()} >= {"bench.json", "builders.png", "overview.png"}
+    file_in_the_way = tmp_path / "file"
+    file_in_the_way.write_text("")
+    words[3] = str(file_in_the_way)
+    code = f"import sys; from perfect_bvh_addon.cli import main; sys.exit(main({words!r}))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=240)
+    assert done.returncode == 2 and "expected a folder" in done.stderr

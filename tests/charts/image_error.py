@@ -1,0 +1,96 @@
+"""(g) How far a picture is from its converged self, against time: the preview, clay, and Cycles beside them."""
+
+from __future__ import annotations
+
+from charts.figures import Figures, footer, load
+
+from addon.bench.chart import Axis, Chart, Panel, Series
+
+DATA = "image_error"
+COLORS = {"preview": "blue", "preview, smoothed": "sky", "Cycles": "vermilion", "clay": "green"}
+
+
+def chart(figures: Figures | None = None) -> Chart:
+    """The picture's description; figures: of image_error.py."""
+    figures = figures or load(DATA)
+    runs = {run["name"]: run for run in figures["runs"]}
+    first = [runs[name] for name in COLORS]
+    radii = [run for name, run in runs.items() if name == "clay" or "radius" in name]
+    widths = sorted(
+        (run for name, run in runs.items() if name == "clay" or "wide" in name), key=lambda run: run["width"]
+    )
+    faster = _times_faster(runs["preview"], runs["Cycles"])
+    return Chart(
+        f"At equal error the preview is {faster:.1f} times as fast as Cycles, once the scene is read",
+        f"{figures['scene']}, one matt material under a white sky, one bounce, {runs['preview']['width']} pixels wide; "
+        "1, 4 ... 64 samples a pixel. Error: root mean square difference from the renderer's own image of 4,096 "
+        "samples, over its mean. The preview's converged image and Cycles' differ by "
+        f"{100 * figures['preview_from_cycles']:.1f} %. Same threads, no denoiser; bands: quartiles.",
+        [
+            Panel("Rays alone", _time("milliseconds of rendering"), _error(), [_series(run, 0.0) for run in first]),
+            Panel(
+                "With reading the scene and building its trees",
+                _time("milliseconds in all"),
+                _error(),
+                [_series(run, run["sync_ms"]) for run in first],
+            ),
+            Panel(
+                "Clay: radius of the occlusion", _time("milliseconds of rendering"), _error(), _shades(radii, _radius)
+            ),
+            Panel(
+                "Clay: width of the picture",
+                _time("milliseconds of rendering"),
+                _error(),
+                _shades(widths, lambda run: f"{run['width']} pixels"),
+            ),
+        ],
+        footer(figures),
+        panel_height=270,
+    )
+
+
+def _time(label: str) -> Axis:
+    return Axis(label, log=True)
+
+
+def _error() -> Axis:
+    return Axis("relative error, %", log=True)
+
+
+def _series(run: Figures, sync_ms: float, name: str = "", color: str = "") -> Series:
+    points = run["points"]
+    return Series(
+        name or run["name"],
+        [point["ms"]["median"] + sync_ms for point in points],
+        [100.0 * point["error"]["median"] for point in points],
+        color or COLORS[run["name"]],
+        "circle",
+        low=[100.0 * point["error"]["low"] for point in points],
+        high=[100.0 * point["error"]["high"] for point in points],
+        line=True,
+        labels="end",
+    )
+
+
+def _shades(runs: list[Figures], label: object) -> list[Series]:
+    colors = ("sky", "blue", "black")
+    return [_series(run, 0.0, label(run), color) for run, color in zip(runs, colors, strict=True)]  # type: ignore[operator]
+
+
+def _radius(run: Figures) -> str:
+    return (
+        "all of it"
+        if run["name"] == "clay"
+        else run["name"].removeprefix("clay, ").removesuffix(" of the radius") + " of it"
+    )
+
+
+def _times_faster(run: Figures, other: Figures) -> float:
+    """By how much less time, at the least error of the other; errors fall as 1 / sqrt(samples)."""
+
+    def milliseconds_at(which: Figures, error: float) -> float:
+        last = which["points"][-1]
+        return float(last["ms"]["median"] * (last["error"]["median"] / error) ** 2)
+
+    error = other["points"][-1]["error"]["median"]
+    return milliseconds_at(other, error) / milliseconds_at(run, error)

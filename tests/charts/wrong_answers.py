@@ -1,0 +1,97 @@
+"""(d) Answers lost where coordinates are hard, and what it costs in speed not to lose them."""
+
+from __future__ import annotations
+
+from charts.figures import Figures, count, footer, load
+
+from addon.bench.chart import Axis, Chart, Key, Mark, Panel, Series
+
+DATA = "accuracy"
+LOOKS: dict[str, tuple[str, str, Mark]] = {  # label, colour, mark
+    "perfect_bvh, robust": ("Perfect BVH, robust (the default)", "blue", "circle"),
+    "perfect_bvh, fast": ("Perfect BVH, fast", "sky", "triangle"),
+    "perfect_bvh, placed by its matrix": ("Perfect BVH, robust, placed by a matrix", "green", "ring"),
+    "embree": ("Embree 4.4", "vermilion", "diamond"),
+    "embree_robust": ("Embree ROBUST", "orange", "diamond"),
+    "BVHTree": ("Blender's BVHTree", "grey", "square"),
+    "scene.ray_cast": ("scene.ray_cast", "black", "square"),
+}
+SWEEPS = {
+    "offset": ("Away from the origin", "distance from the origin, in radii"),
+    "scale": ("Scaled", "radius"),
+    "aspect": ("Stretched: slivers", "length of triangles over width"),
+}
+
+
+def chart(figures: Figures | None = None) -> Chart:
+    """The picture's description; figures: of accuracy.py."""
+    figures = figures or load(DATA)
+    answers = figures["sweeps"]["offset"][0]["vertices"]
+    rays, few = answers["perfect_bvh, robust"]["rays"], answers.get("BVHTree", {}).get("rays", 0)
+    return Chart(
+        "Robust kernels lose no ray, and are as fast as those that do",
+        "Rays from within a closed sphere, at its vertices: where none may get through, some do. Of "
+        f"{count(rays)} rays at each sphere ({count(few)} for Blender's); 0 is none of them. Dashed: rays at random "
+        "points of the surface, where any of those are lost. Bands: 95 % confidence.",
+        [*(_panel(figures, sweep) for sweep in SWEEPS), _frontier(figures)],
+        footer(figures),
+        panel_height=275,
+        legend=tuple(Key(label, color, mark) for label, color, mark in LOOKS.values()),
+    )
+
+
+def _panel(figures: Figures, sweep: str) -> Panel:
+    rows = figures["sweeps"][sweep]
+    title, label = SWEEPS[sweep]
+    series = []
+    for name, (words, color, mark) in reversed(LOOKS.items()):
+        if name not in rows[0]["vertices"]:
+            continue
+        lost = [row["vertices"][name] for row in rows]
+        values = [row["value"] for row in rows]
+        low, high = [row["low"] for row in lost], [row["high"] if row["missed_per_million"] else 0.0 for row in lost]
+        ys = [row["missed_per_million"] for row in lost]
+        series.append(Series(words, values, ys, color, mark, low=low, high=high, line=True))
+        natural = [row["surface"][name]["missed_per_million"] for row in rows]
+        if any(natural):
+            series.append(Series(words, values, natural, color, "", line=True, dashed=True))
+    has_zero = rows[0]["value"] == 0.0
+    return Panel(
+        title,
+        Axis(label, log=True, has_zero=has_zero, powers=True),
+        Axis("rays lost per million", log=True, has_zero=True, low=10.0, high=1e6, powers=True),
+        series,
+    )
+
+
+def _frontier(figures: Figures) -> Panel:
+    """At the sphere as it is."""
+    lost = next(row for row in figures["sweeps"]["scale"] if row["value"] == 1.0)["vertices"]
+    series = []
+    for name, (words, color, mark) in LOOKS.items():
+        if name not in figures["speeds"] or name not in lost:
+            continue
+        speed, row = figures["speeds"][name], lost[name]
+        high = row["high"] if row["missed_per_million"] else 0.0
+        series.append(
+            Series(
+                words,
+                [speed["median"]],
+                [row["missed_per_million"]],
+                color,
+                mark,
+                low=[row["low"]],
+                high=[high],
+                x_low=[speed["low"]],
+                x_high=[speed["high"]],
+                size=10.0,
+                labels="points",
+                names=[words.replace("Perfect BVH, ", "").replace("Blender's ", "").replace(" (the default)", "")],
+            )
+        )
+    return Panel(
+        "Speed against losses, radius 1",
+        Axis("million rays a second; Blender's from Python"),
+        Axis("rays lost per million", log=True, has_zero=True, low=10.0, high=1e6, powers=True),
+        series,
+    )
