@@ -15,6 +15,7 @@
 #include "scene/trace.h"
 #include "tree_scene.h"
 #include "wide/collapse.h"
+#include "wide/fast_wide.h"
 #include "wide/wide_cost.h"
 #include "wide/wide_rebuild.h"
 #include "wide/wide_refit.h"
@@ -61,6 +62,10 @@ class Twist {
     rebuilt_ = updates_.size();
     add("rebuild", layout, {}, [&](WideBvh& wide, WideCosts& costs) {
       wide = collapse_mesh(build_tree(*mesh_, config, pool_, cancel_), *mesh_, layout, pool_, cancel_);
+      costs = measure_wide_costs(wide, pool_, cancel_);
+    });
+    add("fast rebuild", layout, {}, [&](WideBvh& wide, WideCosts& costs) {
+      wide = build_fast_wide(*mesh_, layout, pool_, cancel_);
       costs = measure_wide_costs(wide, pool_, cancel_);
     });
     const WideBvh still = collapse_mesh(build_tree(rest_, config, pool_, cancel_), rest_, layout, pool_, cancel_);

