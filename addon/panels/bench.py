@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import bpy
 
-from .common import RenderPanel, wrapped
+from .common import RenderPanel, draw_lines
 
 
 class PERFECT_BVH_PT_bench(RenderPanel, bpy.types.Panel):
@@ -17,10 +17,9 @@ class PERFECT_BVH_PT_bench(RenderPanel, bpy.types.Panel):
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        column = self.layout.column()
-        for line in wrapped("Measures builders, layouts, precisions and policies on this scene for about a minute"):
-            column.label(text=line)
-        column.operator("perfect_bvh.bench", icon="TIME")
+        text = "Measures builders, layouts, precisions and policies on this scene for about a minute"
+        draw_lines(context, self.layout, text)
+        self.layout.operator("perfect_bvh.bench", icon="TIME")
 
 
 CLASSES = (PERFECT_BVH_PT_bench,)
