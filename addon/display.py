@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
+from .files import replacing
 from .modes import Mode, find_mode
 from .properties import ENGINE_NAME
 
@@ -84,7 +85,8 @@ def save_image(path: Path, pixels: Image, scene: bpy.types.Scene, mode: Mode) ->
     """Write an (H, W, 4) float32 scene-linear image, row 0 on top, with associated alpha.
 
     mode: says how the values are shown; a file of bytes holds what lies between 0 and 1. The format follows the
-    file name (`FILE_FORMATS`); OpenEXR keeps the values as they are. Errors: OSError if the file cannot be written.
+    file name (`FILE_FORMATS`); OpenEXR keeps the values as they are. An older file is replaced once the new one is
+    complete. Errors: OSError if the file cannot be written.
     """
     height, width = pixels.shape[:2]
     image = bpy.data.images.new("Perfect BVH output", width, height, alpha=True, float_buffer=True)
@@ -94,10 +96,11 @@ def save_image(path: Path, pixels: Image, scene: bpy.types.Scene, mode: Mode) ->
             stack.enter_context(_file_format(scene, path.suffix))
             if mode.view is not None:
                 stack.enter_context(fixed_output(scene, mode.view))
-            try:
-                image.save_render(str(path), scene=scene)
-            except RuntimeError as error:
-                raise OSError(f"cannot write {path}: {str(error).strip()}") from error
+            with replacing(path) as name:
+                try:
+                    image.save_render(str(name), scene=scene)
+                except RuntimeError as error:
+                    raise OSError(" ".join(str(error).replace(str(name), path.name).split())) from error
     finally:
         bpy.data.images.remove(image)
 

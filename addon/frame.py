@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from .memory import check_fits
 from .modes import find_mode
 from .properties import RenderSettings
 from .sync.records import AttributeRequest
@@ -26,6 +27,10 @@ Images = dict[str, npt.NDArray[Any]]
 
 CLAY_LIKE = frozenset({"clay", "matcap", "wireframe"})
 CLAY_GREY = (0.8, 0.8, 0.8)
+# Of a render at its greatest: two images, the light that is smoothed, passes, Blender's copies of them.
+BYTES_A_PIXEL = 192
+# What tells which meshes the camera rays spent their work on.
+COST_PASSES = ("instance", "nodes_visited", "primitives_tested")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +38,8 @@ class FrameStatistics:
     """What one frame cost.
 
     size: (width, height). camera_rays: pixels in the border times samples, 0 if untraced. trace_milliseconds: without
-    those of the audit. audit: what checking a share of the camera rays has shown, None if nobody asked.
+    those of the audit. audit: what checking a share of the camera rays has shown, None if nobody asked. mesh_costs: by
+    mesh id, the share of the camera rays' work that went into rays that end on the mesh.
     """
 
     frame: float
@@ -44,6 +50,7 @@ class FrameStatistics:
     camera_rays: int
     audit: Audit | None = None
     audit_milliseconds: float = 0.0
+    mesh_costs: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def rays_per_second(self) -> float:
@@ -123,6 +130,8 @@ def render_frame(
         return Frame({}, FrameStatistics(depsgraph.scene.frame_current_final, sync.size, settings, report, 0.0, 0))
     if sync.camera is None:
         raise ValueError(f"scene {depsgraph.scene.name!r} has no camera that can be rendered")
+    width, height = sync.size
+    check_fits(f"an image of {width:,} x {height:,} pixels", width * height * BYTES_A_PIXEL, "choose a smaller size")
     import perfect_bvh
 
     start = time.perf_counter()
@@ -136,7 +145,7 @@ def render_frame(
         size=sync.size,
         samples=samples,
         appearance=sync.appearance,
-        passes=("combined", *passes),
+        passes=("combined", *passes, *COST_PASSES),
         progress=progress,
         threads=settings.threads,
         ao_distance=settings.ao_distance or None,
@@ -159,5 +168,19 @@ def render_frame(
         camera_rays=(right - left) * (top - bottom) * samples,
         audit=audit.result if audit else None,
         audit_milliseconds=audit.seconds * 1e3 if audit else 0.0,
+        mesh_costs=_mesh_costs(sync, images),
     )
-    return Frame(images, statistics)
+    return Frame({name: image for name, image in images.items() if name not in COST_PASSES}, statistics)
+
+
+def _mesh_costs(sync: SceneSync, images: Images) -> dict[int, float]:
+    """The share of the work of all rays through pixel centres that went into those that end on each mesh, by its id."""
+    seen = images["instance"].ravel()
+    work = (images["nodes_visited"] + images["primitives_tested"]).ravel()
+    ids, hit = sync.appearance.instances.ids, seen >= 0
+    if not hit.any():
+        return {}
+    by_instance = np.bincount(seen[hit], weights=work[hit], minlength=int(ids.max()) + 1)[ids]
+    by_mesh = np.bincount(sync.record.instances.mesh_indices, weights=by_instance)
+    total = float(work.sum())
+    return {int(sync.mesh_ids[row]): float(by_mesh[row]) / total for row in np.flatnonzero(by_mesh)}

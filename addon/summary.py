@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from perfect_bvh import Audit
 
     from .frame import FrameStatistics
@@ -19,7 +21,8 @@ class PlanRow:
     """One mesh.
 
     usage: its class, and usage_reason why. action: what the last frame did to its tree. reason: a sentence.
-    milliseconds, byte_count: of the tree that was made, 0 where it was kept. source, session_uid: what the mesh comes
+    ray_share: of the camera rays' work, 0 to 1, what went into rays that end on it. milliseconds, byte_count: of the
+    tree that was made, 0 where it was kept. source, session_uid: what the mesh comes
     from, as the Select Objects button takes it.
     """
 
@@ -34,6 +37,7 @@ class PlanRow:
     reason: str
     milliseconds: float
     byte_count: int
+    ray_share: float
 
 
 def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
@@ -65,9 +69,12 @@ def _audit_rows(audit: Audit, milliseconds: float) -> list[tuple[str, str]]:
     ]
 
 
-def plan_rows(report: SyncReport, limit: int = SHOWN_MESHES) -> list[PlanRow]:
-    """The meshes that took longest, and after them the largest."""
+def plan_rows(
+    report: SyncReport, mesh_costs: Mapping[int, float] | None = None, limit: int = SHOWN_MESHES
+) -> list[PlanRow]:
+    """The meshes that cost camera rays most (see `FrameStatistics`), then those that took longest, then the largest."""
     commits = {mesh.mesh_id: mesh for mesh in report.commit.meshes}
+    costs = mesh_costs or {}
     rows = []
     for change in report.meshes:
         if change.action == "removed":
@@ -87,9 +94,10 @@ def plan_rows(report: SyncReport, limit: int = SHOWN_MESHES) -> list[PlanRow]:
                 reason=commit.reason if commit else change.reason,
                 milliseconds=commit.milliseconds if commit else 0.0,
                 byte_count=commit.byte_count if commit else 0,
+                ray_share=costs.get(change.mesh_id, 0.0),
             )
         )
-    rows.sort(key=lambda row: (-row.milliseconds, -row.triangle_count, row.name))
+    rows.sort(key=lambda row: (-row.ray_share, -row.milliseconds, -row.triangle_count, row.name))
     return rows[:limit]
 
 

@@ -6,7 +6,7 @@ import argparse
 import importlib.util
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -32,6 +32,12 @@ def open_scene(path: Path, arguments: argparse.Namespace) -> bpy.types.Scene:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=arguments.autoexec)
     except RuntimeError as error:
         raise CommandError(f"{arguments.file}: Blender cannot open it ({_reason(error)})") from error
+    saved_by, own = tuple(bpy.data.version[:2]), bpy.app.version[:2]
+    if saved_by > own:
+        sys.stderr.write(
+            f"perfect-bvh: this file was saved by Blender {_dotted(saved_by)}, which is newer than this one, "
+            f"{_dotted(own)}: some of it may be missing\n"
+        )
     if bpy.app.autoexec_fail:
         sys.stderr.write("perfect-bvh: scripts or drivers in this file were not run; --autoexec runs them\n")
     return bpy.context.scene
@@ -47,6 +53,10 @@ def _require_modules() -> None:
     error = native_error()
     if error is not None:
         raise CommandError(error)
+
+
+def _dotted(version: Sequence[int]) -> str:
+    return ".".join(map(str, version))
 
 
 def _reason(error: RuntimeError) -> str:

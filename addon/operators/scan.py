@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 import numpy as np
 
+from ..files import check_writable
 from ..preferences import native_error
 
 if TYPE_CHECKING:
@@ -88,7 +89,6 @@ class PERFECT_BVH_OT_scan(bpy.types.Operator):
 
     def _begin(self, context: bpy.types.Context) -> bool:
         from ..scanning import Scanner
-        from ..scanning.point_cloud import check_writable
 
         scene = context.scene
         settings = scene.perfect_bvh.scan
@@ -204,11 +204,12 @@ def _path_of(settings: bpy.types.PropertyGroup) -> Path | None:
 
 
 def _add_object(context: bpy.types.Context, cloud: PointCloud) -> None:
-    """The points as an object in the active collection, selected and active."""
+    """The points as an object in the active collection, or the scene's if that is linked; selected and active."""
     from ..scanning import make_point_mesh
 
     made = bpy.data.objects.new(NAME, make_point_mesh(cloud, NAME))
-    context.collection.objects.link(made)
+    is_linked = context.collection.library is not None
+    (context.scene.collection if is_linked else context.collection).objects.link(made)
     for selected in context.selected_objects:
         selected.select_set(False)
     if made.name in context.view_layer.objects:

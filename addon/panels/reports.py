@@ -32,7 +32,7 @@ class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_plan(RenderPanel, bpy.types.Panel):
-    """What the last render did with each mesh's tree, and why."""
+    """What the last render did with each mesh's tree, and why; first those that cost its camera rays most."""
 
     bl_label = "Plan"
     bl_parent_id = "PERFECT_BVH_PT_render"
@@ -43,8 +43,9 @@ class PERFECT_BVH_PT_plan(RenderPanel, bpy.types.Panel):
         return super().poll(context) and last_statistics(context.scene) is not None
 
     def draw(self, context: bpy.types.Context) -> None:
-        report = last_statistics(context.scene).report
-        rows = plan_rows(report)
+        statistics = last_statistics(context.scene)
+        report = statistics.report
+        rows = plan_rows(report, statistics.mesh_costs)
         for row in rows:
             _draw_row(context, self.layout, row)
         more = count_meshes(report) - len(rows)
@@ -58,6 +59,8 @@ def _draw_row(context: bpy.types.Context, layout: bpy.types.UILayout, row: PlanR
     button.source, button.session_uid = row.source, row.session_uid
     size = f", {format_bytes(row.byte_count)}" if row.byte_count else ""
     column.label(text=f"{row.triangle_count:,} triangles{size}")
+    if row.ray_share > 0.0:
+        column.label(text=f"{row.ray_share:.1%} of the camera rays' work")
     draw_lines(context, column, f"{row.usage}: {row.usage_reason}")
     done = f"{row.action}, {row.builder}, {row.milliseconds:.1f} ms" if row.builder else row.action
     draw_lines(context, column, f"{done}: {row.reason}")

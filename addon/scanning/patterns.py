@@ -59,8 +59,11 @@ class Pattern(Protocol):
     def duration(self) -> float:
         """Seconds that one whole pass takes: what a scan of a single frame covers."""
 
+    def count(self, start: float, end: float) -> int:
+        """How many rays are cast in the seconds from `start` to before `end` of the scan."""
+
     def cast(self, start: float, end: float, view: View | None) -> Rays:
-        """The rays of the seconds from `start` to before `end` of the scan."""
+        """Those rays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +91,9 @@ class CameraGrid:
     @property
     def duration(self) -> float:
         return 0.0
+
+    def count(self, start: float, end: float) -> int:
+        return self.width * self.height
 
     def cast(self, start: float, end: float, view: View | None) -> Rays:
         assert view is not None
@@ -160,10 +166,17 @@ class SpinningLidar:
     def duration(self) -> float:
         return 1.0 / self.rate
 
-    def cast(self, start: float, end: float, view: View | None) -> Rays:
+    def count(self, start: float, end: float) -> int:
+        return len(self._columns_of(start, end)) * len(self.elevations)
+
+    def _columns_of(self, start: float, end: float) -> range:
         a_second = self.columns * self.rate
         # Rounded, so that stretches that meet neither share a column nor lose one.
-        columns = np.arange(_first_column(start * a_second), _first_column(end * a_second))
+        return range(_first_column(start * a_second), _first_column(end * a_second))
+
+    def cast(self, start: float, end: float, view: View | None) -> Rays:
+        a_second = self.columns * self.rate
+        columns = np.array(self._columns_of(start, end), np.int64)
         azimuths = np.radians(((columns % self.columns + 0.5) / self.columns - 0.5) * self.sweep)
         elevations = np.radians(np.array(self.elevations))
         directions = _directions(np.repeat(azimuths, len(elevations)), np.tile(elevations, len(columns)))

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
+
+from ..files import replacing
 
 # In the order of the file; each holds one row a point.
 COLUMNS = (
@@ -70,49 +68,8 @@ class PointCloud:
             "ray_count": np.array(self.ray_count, np.int64),
         }
         # What np.savez does; but that leaves its archive open when the disk is full.
-        with _replacing(path) as file, zipfile.ZipFile(file, "w") as archive:
+        with replacing(path) as name, open(name, "wb") as file, zipfile.ZipFile(file, "w") as archive:
             for name, array in arrays.items():
                 with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
                     np.lib.format.write_array(entry, array, allow_pickle=False)
         return path
-
-
-def check_writable(path: Path) -> None:
-    """Raises OSError with the reason if no file could be made beside `path`: to know it before the work."""
-    with _explained(path):
-        if path.is_dir():
-            raise IsADirectoryError("it is a folder")
-        with tempfile.TemporaryFile(dir=path.parent):
-            pass
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[BinaryIO]:
-    """A new file beside `path`, that takes its place once it is complete."""
-    with _explained(path):
-        descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with open(descriptor, "wb") as file:
-                yield file
-                file.flush()
-                os.fsync(descriptor)
-            os.chmod(name, 0o666 & ~_umask())
-            os.replace(name, path)
-        except BaseException:
-            os.unlink(name)
-            raise
-
-
-@contextmanager
-def _explained(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise OSError(error.errno, f"cannot write {path}: {error.strerror or error}") from error
-
-
-def _umask() -> int:
-    """Temporary files are private; what a user asks for is not."""
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask

@@ -16,6 +16,7 @@ import bpy
 import numpy as np
 
 from ..extract.camera import without_scale
+from ..memory import check_fits
 from ..session import SceneSync
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
 from .collector import Collector
@@ -26,6 +27,8 @@ Progress = Callable[[float], object]
 
 # So many rays are cast in one go: a quarter of a million take a fraction of a second.
 RAYS_IN_A_STEP = 1 << 18
+# Of the rays of a stretch, and of the points if all of them hit.
+BYTES_A_RAY = 300
 FIELDS = ("instance_ids", "mesh_ids", "primitive_ids", "geometric_normals", "positions", "distances")
 
 # A camera looks along -Z with +Y up; anything else along +Y with +Z up, as Blender's front view has it.
@@ -128,6 +131,8 @@ class Scanner:
         report = sync.update(depsgraph, camera=sensor if is_camera else None, size=self._pattern.size)
         self._warnings |= dict.fromkeys(report.warnings) if is_camera else {}
         view, matrix = _place(sync, sensor, depsgraph, is_camera)
+        count = self._pattern.count(stretch.start, stretch.end)
+        check_fits(f"scan: a stretch of {count:,} rays", count * BYTES_A_RAY, "cast fewer, or more steps per frame")
         rays = self._pattern.cast(stretch.start, stretch.end, view)
         origins = rays.origins @ matrix[:3, :3].T + matrix[:3, 3]
         directions = rays.directions @ matrix[:3, :3].T

@@ -120,6 +120,25 @@ def test_the_plan_names_the_mesh_and_what_was_done() -> None:
     assert (row.triangle_count, row.action) == (12, "built")
 
 
+def test_the_plan_begins_with_what_costs_camera_rays_most() -> None:
+    """Few triangles that fill the picture, and many in a corner: the first are those that rays work on."""
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=60, y_subdivisions=60, size=0.5, location=(1.5, 0.8, 3.0))
+    grid = bpy.context.object
+    bpy.ops.mesh.primitive_plane_add(size=50.0, location=(0.0, 0.0, -2.0))
+    plane = bpy.context.object
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=8, location=(0.0, 0.0, 30.0))  # behind the camera
+    bpy.ops.render.render()
+    statistics = engine.last_statistics(scene)
+    rows = {row.name: row for row in summary.plan_rows(statistics.report, statistics.mesh_costs)}
+    names = list(rows)
+    assert names[-1] == "Sphere"
+    assert rows["Sphere"].ray_share == 0.0
+    assert sum(row.ray_share for row in rows.values()) == pytest.approx(1.0)
+    assert rows[plane.data.name].ray_share > rows[grid.data.name].ray_share > 0.0
+    assert "of the camera rays' work" in " ".join(drawn(reports.PERFECT_BVH_PT_plan))
+
+
 def test_the_second_render_keeps_the_tree() -> None:
     bpy.ops.render.render()
     (row,) = summary.plan_rows(engine.last_statistics(bpy.context.scene).report)
