@@ -15,7 +15,7 @@ import numpy as np
 import perfect_bvh
 import pytest
 from benchmarks.judging import Judge, pick_sample
-from benchmarks.meshes import BenchMesh, load
+from benchmarks.meshes import BenchMesh, load, subdivided
 from benchmarks.peers import Answers
 from benchmarks.rays import Rays
 from oracles import meshes
@@ -90,6 +90,57 @@ def test_the_benchmark_of_rays(repository, mesh_file):
         robust = [row for key, row in rows.items() if key.startswith("perfect_bvh") and "fast" not in key]
         assert all(row["wrong"]["wrong"] == 0 for row in robust), name
         assert name in table
+
+
+def figures_of(repository: Path, tmp_path: Path, script: str, *arguments: str) -> dict[str, Any]:
+    """The JSON of a benchmark that makes its own meshes."""
+    out = tmp_path / "out.json"
+    command = [sys.executable, str(repository / "tests" / "benchmarks" / script), "--json", str(out), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    figures = json.loads(out.read_text())
+    assert figures["machine"]["threads"] >= 1
+    return figures
+
+
+def test_the_benchmark_of_stability(repository, tmp_path):
+    figures = figures_of(repository, tmp_path, "stability.py", "--rows", "8", "--rays", "200", "--rounds", "1")
+    assert set(figures["motions"]) == {"twist", "explosion", "scale", "shear"}
+    for points in figures["motions"].values():
+        for row in (row for point in points for row in point["policies"].values()):
+            check_spread(row["speed"])
+            assert (row["different"], row["wrong"]) == (0, 0)
+            assert row["audited"] > 0
+
+
+def test_the_benchmark_of_accuracy(repository, tmp_path):
+    words = ["--rays", "400", "--ray-limit", "50", "--sample", "5", "--rounds", "1", "--size", "24x16"]
+    figures = figures_of(repository, tmp_path, "accuracy.py", *words, "--native", str(tmp_path))
+    assert [len(figures["sweeps"][name]) for name in ("offset", "scale", "aspect")] == [7, 8, 6]
+    for point in (point for points in figures["sweeps"].values() for point in points):
+        for aim in ("surface", "vertices"):
+            robust = point[aim]["perfect_bvh, robust"]
+            assert (robust["missed_per_million"], robust["rays"]) == (0.0, 400), (point["value"], aim)
+            assert robust.get("judged_wrong", 0) == 0
+
+
+def test_the_benchmark_of_frames(repository, tmp_path):
+    pytest.importorskip("bpy", reason="Blender's module is not installed")
+    words = ["--only", "exploding", "--frames", "3", "--rounds", "1"]
+    (animation,) = figures_of(repository, tmp_path, "frames.py", *words)["animations"]
+    assert [row["frame"] for row in animation["frames"]] == [0.0, 1.0, 2.0]
+    assert animation["frames"][1]["policies"]["rebuild"]["actions"] == ["rebuilt"]
+    for row in (row for frame in animation["frames"] for row in frame["policies"].values()):
+        check_spread(row["all_ms"])
+        assert row["all_ms"]["median"] > row["update_ms"]["median"]
+
+
+def test_subdividing_keeps_a_mesh_whole():
+    positions, triangles = meshes.sphere(6, 8)
+    mesh = subdivided(BenchMesh("ball", positions.astype(np.float32), triangles), 2, jitter=0.0)
+    assert len(mesh.triangles) == 16 * len(triangles)
+    sides = np.sort(mesh.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    assert (np.unique(sides, axis=0, return_counts=True)[1] == 2).all()  # closed, as before
 
 
 def test_a_missing_mesh_is_named(repository, mesh_file):

@@ -29,7 +29,7 @@ def footer(figures: Figures) -> str:
     )
     processor = re.sub(r"\s+|\(R\)|\(TM\)", " ", machine["processor"])
     return (
-        f"{' '.join(processor.split())}, {machine['threads']} cores, {machine['isa']}; commit {machine['commit']}; "
+        f"{' '.join(processor.split())}, {machine['threads']} threads, {machine['isa']}; commit {machine['commit']}; "
         f"{versions}. Measured by: {' '.join(machine['command'])}"
     )
 

@@ -24,6 +24,8 @@ CHARTS = (
     "predicted_cost",
     "wrong_answers",
     "image_error",
+    "stability",
+    "policies_by_frame",
 )
 
 

@@ -25,6 +25,8 @@ SCENES = ("blend_scenes/courtyard.blend",)  # that are measured as one mesh
 # NAME.json: the benchmark and its arguments. Those in the second table measure meshes.
 WHOLE: dict[str, str] = {
     "image_error": "image_error.py --size 64 --most 64 --seeds 3",
+    "stability": "stability.py",
+    "frames": "frames.py",
 }
 OF_MESHES: dict[str, str] = {
     "builders": "build.py --default-meshes --trees auto median sweep binned spatial fast --threads 1 --rounds 3 "

@@ -1,0 +1,65 @@
+"""(h) Where each way of following a deformation fails: speed of rays against how large the deformation was."""
+
+from __future__ import annotations
+
+from charts.figures import Figures, count, footer, load
+
+from addon.bench.chart import Axis, Chart, Key, Panel, Series
+
+DATA = "stability"
+LOOKS = {  # label, colour, dashed
+    "refit": ("refit", "orange", False),
+    "rotate": ("refit and rotations", "purple", False),
+    "rebuild_parts": ("refit and spoilt parts rebuilt", "green", False),
+    "governed": ("governed: the default", "blue", False),
+}
+MOTIONS = {
+    "twist": ("Twisted", "radians from end to end"),
+    "explosion": ("Burst: each triangle flies off", "radii that the fastest flies"),
+    "scale": ("Flattened along a diagonal", "times"),
+    "shear": ("Sheared", "times as far sideways as high"),
+}
+
+
+def chart(figures: Figures | None = None) -> Chart:
+    """The picture's description; figures: of stability.py."""
+    figures = figures or load(DATA)
+    rows = [row for motion in figures["motions"].values() for point in motion for row in point["policies"].values()]
+    different, wrong = sum(row["different"] for row in rows), sum(row["wrong"] for row in rows)
+    asked, audited = len(rows) * figures["rays"], sum(row["audited"] for row in rows)
+    return Chart(
+        "Refitted trees fail at a knee; where the governor sees it, it builds anew",
+        f"A mesh of {count(figures['triangles'])} triangles deforms in one step, ever more, and its tree follows. "
+        "Speed of rays from all around, as a share of that through a new tree, on one thread; bands: quartiles. Of "
+        f"{count(asked)} answers {different or 'none'} differ from the new tree's, of {count(audited)} audited ones "
+        f"{wrong or 'none'} are wrong.",
+        [_panel(figures, motion) for motion in MOTIONS],
+        footer(figures),
+        panel_height=265,
+        legend=tuple(Key(label, color, "circle", True, dashed) for label, color, dashed in LOOKS.values()),
+    )
+
+
+def _panel(figures: Figures, motion: str) -> Panel:
+    points = figures["motions"][motion]
+    title, label = MOTIONS[motion]
+    amounts = [point["amount"] for point in points]
+    series = [Series("a new tree", [amounts[0], amounts[-1]], [1.0, 1.0], "pale", "", line=True, width=3.0)]
+    for policy, (words, color, dashed) in LOOKS.items():
+        speeds = [point["policies"][policy]["speed"] for point in points]
+        series.append(
+            Series(
+                words,
+                amounts,
+                [speed["median"] for speed in speeds],
+                color,
+                "circle",
+                low=[speed["low"] for speed in speeds],
+                high=[speed["high"] for speed in speeds],
+                line=True,
+                dashed=dashed,
+                size=6.0,
+            )
+        )
+    top = max(1.15, *(row["policies"][policy]["speed"]["high"] for row in points for policy in LOOKS))
+    return Panel(title, Axis(label, log=True), Axis("speed, of a new tree's", high=top * 1.05), series)
