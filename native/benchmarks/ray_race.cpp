@@ -1,6 +1,8 @@
 #include "ray_race.h"
 
 #include <algorithm>
+#include <numeric>
+#include <random>
 
 namespace perfect_bvh::bench {
 namespace {
@@ -35,13 +37,16 @@ std::vector<RaceResult> race(const RaySet& set, std::span<const RayCompetitor> c
   const std::size_t chunk_count = (set.rays.size() + kChunk - 1) / kChunk;
   std::vector<Hit> hits(kChunk);
   std::vector<std::uint8_t> occluded(kChunk);
+  std::vector<std::size_t> order(competitors.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::mt19937 random(1);
   std::vector<Times> times(competitors.size(), Times(chunk_count));
   for (int round = 0; round < rounds; ++round) {
     for (std::size_t chunk = 0; chunk < chunk_count; ++chunk) {
       const std::size_t begin = chunk * kChunk;
       const std::span rays = std::span(set.rays).subspan(begin, std::min(kChunk, set.rays.size() - begin));
-      for (std::size_t turn = 0; turn < competitors.size(); ++turn) {
-        const std::size_t who = (turn + chunk + static_cast<std::size_t>(round)) % competitors.size();
+      std::shuffle(order.begin(), order.end(), random);
+      for (const std::size_t who : order) {
         const double start = seconds(1);
         if (set.is_any_hit)
           competitors[who].any(rays, occluded.data());
