@@ -247,3 +247,20 @@ def test_blenders_meshes_are_the_same_in_every_run():
         assert np.array_equal(one.triangles, other.triangles), one.name
         assert np.isfinite(one.positions).all(), one.name
         assert 0 <= one.triangles.min() <= one.triangles.max() < len(one.positions), one.name
+
+
+def test_scans_are_measured_beside_blenders_own_rays(repository: Path, tmp_path: Path) -> None:
+    pytest.importorskip("bpy")
+    out = tmp_path / "scan.json"
+    command = [sys.executable, str(repository / "tests" / "benchmarks" / "scan.py"), "--json", str(out)]
+    command += ["--scene", "gears", "--rounds", "1", "--ray-limit", "50"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(out.read_text())["rows"]
+    assert [row["pattern"] for row in rows] == ["camera", "lidar"]
+    for row in rows:
+        assert row["rays"] >= row["points"] > 1000
+        assert row["blender_rays"] == 50
+        assert row["ours_wrong"] == 0
+        assert row["scan_mrays"] > 0.0
+        assert row["times_as_fast"] > 0.0

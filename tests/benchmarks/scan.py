@@ -201,7 +201,7 @@ def print_table(rows: list[dict[str, Any]]) -> None:
     for row in rows:
         cells = [row["scene"], row["pattern"], f"{row['rays']:,}", f"{row['points']:,}"]
         cells.append(f"{row['scan_ms']['median']:.0f}")
-        cells += [f"{row[name]:.3f}" for name in ("scan_mrays", "cast_mrays", "blender_mrays")]
+        cells += [f"{row[name]:.3g}" for name in ("scan_mrays", "cast_mrays", "blender_mrays")]
         cells += [f"{row['times_as_fast']:.0f}", f"{row['disputed']}/{row['blender_rays']}", str(row["ours_wrong"])]
         print(" ".join(cell.rjust(12) for cell in cells))
 
