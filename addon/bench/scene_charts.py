@@ -98,9 +98,11 @@ def _total_time(figures: Figures) -> Chart:
 
 
 def _advise_on_counts(figures: Figures, rows: dict[str, Figures]) -> str:
-    few, many = (min(rows, key=lambda name: _total(figures, rows[name], rays)) for rays in (1e5, 1e9))
+    few, many = (_reliably_best(figures, rows, rays) for rays in (1e5, 1e9))
+    if few == many == "auto":
+        return "Leave the builder to the engine, however many rays are cast: no other is noticeably less work."
     if few == many:
-        return f"For any number of rays '{few}' is the least work here."
+        return f"However many rays are cast, '{few}' trees are the least work here."
     step = 10.0**0.02
     rays = 1e5
     while rays < 1e9 and _total(figures, rows[many], rays) > _total(figures, rows[few], rays):
@@ -111,14 +113,19 @@ def _advise_on_counts(figures: Figures, rows: dict[str, Figures]) -> str:
     )
 
 
+def _reliably_best(figures: Figures, rows: dict[str, Figures], rays: float) -> str:
+    """The builder with the least work, unless what is chosen anyway does not take noticeably more."""
+    best = min(rows, key=lambda name: _total(figures, rows[name], rays))
+    is_noticeable = _total(figures, rows["auto"], rays) > NOTICEABLE * _total(figures, rows[best], rays)
+    return best if is_noticeable else "auto"
+
+
 def _layouts(figures: Figures) -> Chart:
     rows = {row["name"]: row for row in figures["layouts"]}
     saved = 1.0 - rows["compact"]["byte_count"] / rows["default"]["byte_count"]
     slower = rows["compact"]["trace_ms"]["typical"] / rows["default"]["trace_ms"]["typical"] - 1.0
-    title = (
-        f"BuildConfig(layout='compact') would take {100 * saved:.0f} % less memory and make rays "
-        f"{100 * max(slower, 0.0):.0f} % slower: {_megabytes(rows['default'])} become {_megabytes(rows['compact'])}."
-    )
+    cost = f"make rays {100 * slower:.0f} % slower" if slower >= 0.01 else "make rays no slower"
+    title = f"BuildConfig(layout='compact') would take {100 * saved:.0f} % less memory and {cost}: {_megabytes(rows['default'])} become {_megabytes(rows['compact'])}."
     series = [
         Series(
             name,

@@ -4,24 +4,25 @@ from __future__ import annotations
 
 from charts.figures import Figures, count, footer, load
 
-from addon.bench.chart import EMBREE, OURS, Axis, Chart, Key, Panel, Series
+from addon.bench.chart import EMBREE, OURS, Axis, Chart, Key, Labels, Mark, Panel, Series
 
 DATA = "layouts"
-KINDS = {"primary": "primary rays of a camera", "diffuse": "diffuse bounces"}
-MARKS = {"default": "circle", "compact": "ring", "embree": "diamond", "embree_compact": "triangle"}
-NAMES = {"default": "default", "compact": "compact", "embree": "Embree", "embree_compact": "Embree COMPACT"}
+MESHES = ("courtyard", "sponza", "dragon", "dragon x16")  # or whatever was measured
+KINDS = ("primary", "diffuse")
+MARKS: dict[str, Mark] = {"default": "circle", "compact": "ring", "embree": "diamond", "embree_compact": "triangle"}
 
 
 def chart(figures: Figures | None = None) -> Chart:
     """The picture's description; figures: of layouts.py."""
     figures = figures or load(DATA)
+    chosen = [mesh for mesh in figures["meshes"] if mesh["name"] in MESHES] or figures["meshes"]
     return Chart(
         "The compact layout takes about half of the memory, and costs the more speed the larger the mesh",
-        "All that is needed to trace, positions and triangles included, against speed on one thread: up and to the "
-        "left is better. A thin line joins the two layouts of one mesh. Bars: quartiles of the rounds.",
-        [_panel(figures, kind, title) for kind, title in KINDS.items()],
+        "All that is needed to trace, positions and triangles included, against speed on one thread, of primary rays of a "
+        "camera and of diffuse bounces: up and to the left is better. Lines join the two layouts. Bars: quartiles.",
+        [_panel(mesh) for mesh in chosen],
         footer(figures),
-        panel_height=360,
+        panel_height=270,
         legend=(
             Key("Perfect BVH, default layout", OURS, "circle"),
             Key("compact layout", OURS, "ring"),
@@ -31,31 +32,25 @@ def chart(figures: Figures | None = None) -> Chart:
     )
 
 
-def _panel(figures: Figures, kind: str, title: str) -> Panel:
+def _panel(mesh: Figures) -> Panel:
+    rows = {row["name"]: row for row in mesh["layouts"]}
     series = []
-    for mesh in figures["meshes"]:
-        rows = {row["name"]: row for row in mesh["layouts"]}
-        for pair, color in ((("default", "compact"), OURS), (("embree", "embree_compact"), EMBREE)):
+    for pair, color in ((("default", "compact"), OURS), (("embree", "embree_compact"), EMBREE)):
+        for kind in KINDS:
             both = [rows[name] for name in pair]
             xs = [row["bytes_per_triangle"] for row in both]
-            ys = [row["rays"][kind]["median"] for row in both]
-            series.append(Series(mesh["name"], xs, ys, color, "", line=True, width=0.8))
+            series.append(
+                Series(kind, xs, [row["rays"][kind]["median"] for row in both], color, "", line=True, width=1.0)
+            )
             for name, row in zip(pair, both, strict=True):
-                speed = row["rays"][kind]
-                series.append(
-                    Series(
-                        mesh["name"],
-                        [row["bytes_per_triangle"]],
-                        [speed["median"]],
-                        color,
-                        MARKS[name],  # type: ignore[arg-type]
-                        low=[speed["low"]],
-                        high=[speed["high"]],
-                        labels="points" if name in ("compact", "embree") else "",
-                        names=[
-                            f"{mesh['name']} {count(mesh['triangle_count'])}" if name == "compact" else mesh["name"]
-                        ],
-                        size=9.0,
-                    )
-                )
+                series.append(_point(kind, row, color, MARKS[name], is_named=name in ("default", "embree")))
+    title = f"{mesh['name']}: {count(mesh['triangle_count'])} triangles"
     return Panel(title, Axis("bytes a triangle"), Axis("million rays a second"), series)
+
+
+def _point(kind: str, row: Figures, color: str, mark: Mark, *, is_named: bool) -> Series:
+    speed = row["rays"][kind]
+    low, high = [speed["low"]], [speed["high"]]
+    labels: Labels = "first" if is_named else ""
+    xs = [row["bytes_per_triangle"]]
+    return Series(kind, xs, [speed["median"]], color, mark, low=low, high=high, labels=labels, size=9.0)
