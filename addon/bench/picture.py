@@ -83,7 +83,8 @@ class Picture:
 def width_of(words: str, size: float, *, bold: bool = False) -> float:
     """About so many pixels."""
     narrow = sum(letter in " .,:;'|!ijlIft()[]" for letter in words)
-    return (len(words) - 0.45 * narrow) * size * LETTER_WIDTH * (1.08 if bold else 1.0) * 1.04
+    wide = sum(letter.isupper() or letter in "mw" for letter in words)
+    return (len(words) - 0.45 * narrow + 0.22 * wide) * size * LETTER_WIDTH * (1.08 if bold else 1.0) * 1.04
 
 
 def wrap(words: str, size: float, room: float) -> list[str]:

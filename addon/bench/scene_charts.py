@@ -125,7 +125,8 @@ def _layouts(figures: Figures) -> Chart:
     saved = 1.0 - rows["compact"]["byte_count"] / rows["default"]["byte_count"]
     slower = rows["compact"]["trace_ms"]["typical"] / rows["default"]["trace_ms"]["typical"] - 1.0
     cost = f"make rays {100 * slower:.0f} % slower" if slower >= 0.01 else "make rays no slower"
-    title = f"BuildConfig(layout='compact') would take {100 * saved:.0f} % less memory and {cost}: {_megabytes(rows['default'])} become {_megabytes(rows['compact'])}."
+    sizes = " become ".join(f"{rows[name]['byte_count'] / 2**20:,.1f} MiB" for name in ("default", "compact"))
+    title = f"BuildConfig(layout='compact') would take {100 * saved:.0f} % less memory and {cost}: {sizes}."
     series = [
         Series(
             name,
@@ -237,7 +238,3 @@ def _rays(number: float) -> str:
     unit = 10.0 ** math.floor(math.log10(number) - 1.0)
     rounded = round(number / unit) * unit
     return f"{rounded / 1e6:,.3g} million" if rounded >= 1e6 else f"{rounded:,.0f}"
-
-
-def _megabytes(row: Figures) -> str:
-    return f"{row['byte_count'] / 2**20:,.1f} MiB"

@@ -41,6 +41,7 @@ def chart(figures: Figures | None = None) -> Chart:
         legend=(
             *(Key(LABELS.get(name, name), color, "", True, dash) for name, (color, dash) in TREES.items()),
             Key("the planner's choice", "black", "ring"),
+            Key("break-even", "black", "diamond"),
         ),
     )
 

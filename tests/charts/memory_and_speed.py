@@ -18,8 +18,8 @@ def chart(figures: Figures | None = None) -> Chart:
     chosen = [mesh for mesh in figures["meshes"] if mesh["name"] in MESHES] or figures["meshes"]
     return Chart(
         "The compact layout takes about half of the memory, and costs the more speed the larger the mesh",
-        "All that is needed to trace, positions and triangles included, against speed on one thread, of primary rays of a "
-        "camera and of diffuse bounces: up and to the left is better. Lines join the two layouts. Bars: quartiles.",
+        "All that is needed to trace, positions and triangles included, against speed on one thread, of primary rays "
+        "and diffuse bounces: up and to the left is better. Lines join the two layouts. Bars: quartiles.",
         [_panel(mesh) for mesh in chosen],
         footer(figures),
         panel_height=270,

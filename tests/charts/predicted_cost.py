@@ -31,7 +31,8 @@ def chart(figures: Figures | None = None) -> Chart:
     return Chart(
         "Predicted cost tells trees of one mesh apart; between meshes it tells less",
         f"{len(rows)} trees: {len(meshes)} meshes, each built by {', '.join(TREES)}. Nanoseconds of a diffuse ray on "
-        "one thread, against a linear function of the predictors whose weights come from the other seven or so meshes: "
+        "one thread, against a linear function of the predictors whose weights come from the other "
+        f"{len(meshes) - 1} meshes: "
         "each mesh's points are predicted without having seen it. On the line the prediction is exact.",
         [
             _panel("SAH alone", sah, time, names, looks),
