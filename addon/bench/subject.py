@@ -16,7 +16,6 @@ from ..sync.records import CameraRecord, SceneRecord
 
 Float64Array = npt.NDArray[np.float64]
 PIXELS = (400, 225)  # of the picture whose rays are cast
-EVERYTHING = 0xFFFFFFFF
 
 
 @dataclass(frozen=True, slots=True)
