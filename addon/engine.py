@@ -213,6 +213,8 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             self._fail(str(problem) or type(problem).__name__)
         else:
             _last_statistics[scene.original.session_uid] = job.frame.statistics
+            megabytes = job.frame.statistics.report.byte_count / 2**20
+            self.update_memory_stats(memory_used=megabytes, memory_peak=megabytes)
             for warning in job.frame.statistics.report.warnings:
                 self.report({"WARNING"}, warning)
         return job.frame

@@ -10,6 +10,8 @@ import functools
 
 import bpy
 
+DEFAULT_CACHE_SIZE = 8192  # megabytes
+
 
 @functools.cache
 def native_error() -> str | None:
@@ -35,6 +37,13 @@ def _set_threads(preferences: PERFECT_BVH_AP_preferences, context: bpy.types.Con
         perfect_bvh.set_thread_count(preferences.threads)
 
 
+def _set_cache_size(preferences: PERFECT_BVH_AP_preferences, context: bpy.types.Context | None) -> None:
+    if native_error() is None:
+        from .session import limit_sessions
+
+        limit_sessions(preferences.cache_size << 20 if preferences.cache_size else None)
+
+
 class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
     """The engine's state, and what belongs to the machine; everything else belongs to a scene."""
 
@@ -49,6 +58,19 @@ class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
         update=_set_threads,
     )
 
+    cache_size: bpy.props.IntProperty(
+        name="Cache",
+        description=(
+            "Megabytes for the trees and images of all scenes and view layers together; 0 for no limit. Beyond that "
+            "those used longest ago are dropped, and read anew when they are shown again"
+        ),
+        default=DEFAULT_CACHE_SIZE,
+        min=0,
+        soft_max=1 << 16,
+        max=1 << 24,
+        update=_set_cache_size,
+    )
+
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         error = native_error()
@@ -58,15 +80,23 @@ class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
         layout.label(text=native_summary(), icon="CHECKMARK")
         layout.use_property_split = True
         layout.prop(self, "threads")
+        layout.prop(self, "cache_size")
 
 
 def register() -> None:
     bpy.utils.register_class(PERFECT_BVH_AP_preferences)
     addon = bpy.context.preferences.addons.get(__package__)
-    if addon is not None and addon.preferences is not None and addon.preferences.threads:
+    if addon is None or addon.preferences is None:
+        return
+    _set_cache_size(addon.preferences, None)
+    if addon.preferences.threads:
         _set_threads(addon.preferences, None)
 
 
 def unregister() -> None:
     bpy.utils.unregister_class(PERFECT_BVH_AP_preferences)
+    if native_error() is None:
+        from .session import limit_sessions
+
+        limit_sessions(None)
     native_error.cache_clear()

@@ -146,6 +146,14 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     use_material_colors: bpy.props.BoolProperty(
         name="Material Colors", description="The viewport colors of the materials instead of grey", default=True
     )
+    preview_percentage: bpy.props.IntProperty(
+        name="Preview Size",
+        description="How large the image of the Preview button is beside the viewport, or the render if there is none",
+        default=100,
+        min=1,
+        max=100,
+        subtype="PERCENTAGE",
+    )
     use_audit: bpy.props.BoolProperty(
         name="Audit",
         description="Check a share of a render's camera rays again, in double precision and without a tree",

@@ -63,6 +63,7 @@ class SceneSync:
         self._cache = ReadCache()
         self._lookup: SceneLookup | None = None
         self._appearance: Appearance | None = None
+        self._tree_byte_count = 0
         self._state.scene.mark_stale("nothing was synced yet: call update()")
         if watch:
             listen(self)
@@ -108,6 +109,8 @@ class SceneSync:
         report = self._state.update(
             record, expected_rays=expected_rays, progress=progress, read_milliseconds=read_milliseconds
         )
+        self._tree_byte_count = report.byte_count
+        _forget_beyond_limit(self)
         if verify:
             certain = read_scene(depsgraph, self._attributes, reader=ArrayReader(use_views=False), **options)
             report = replace(report, mismatches=find_mismatches(record, certain))
@@ -149,6 +152,12 @@ class SceneSync:
     def size(self) -> tuple[int, int]:
         """(width, height) of a render in pixels."""
         return self.record.size
+
+    @property
+    def byte_count(self) -> int:
+        """Bytes of the trees with their geometry, and of the images, all of which are kept for the next update."""
+        record = self._state.record
+        return self._tree_byte_count + sum(image.pixels.nbytes for image in (record.images if record else ()))
 
     @property
     def mesh_ids(self) -> npt.NDArray[np.int32]:
@@ -225,7 +234,8 @@ class SceneSync:
 
 # The add-on's own syncs ----------------------------------------------------------------------------------------------
 
-_sessions: dict[tuple[int, str, str], SceneSync] = {}
+_sessions: dict[tuple[int, str, str], SceneSync] = {}  # the one used last is the last
+_byte_limit: int | None = None
 
 
 def session_of(depsgraph: Any) -> SceneSync:
@@ -236,14 +246,38 @@ def session_of(depsgraph: Any) -> SceneSync:
     """
     scene = depsgraph.scene.original
     key = (scene.session_uid, depsgraph.view_layer.name, depsgraph.mode)
-    sync = _sessions.get(key)
+    sync = _sessions.pop(key, None)
     if sync is None:
-        sync = _sessions[key] = SceneSync(watch=False)
+        sync = SceneSync(watch=False)
+    _sessions[key] = sync
     return sync
 
 
+def limit_sessions(byte_count: int | None) -> None:
+    """Lets the add-on's own syncs hold so many bytes together, heeded whenever one is updated; None: any number.
+
+    Those used longest ago are forgotten first: their scenes are read and built anew when they are shown again. The one
+    that is updated stays, however large it is.
+    """
+    global _byte_limit
+    _byte_limit = byte_count
+
+
+def _forget_beyond_limit(used: SceneSync) -> None:
+    if _byte_limit is None or len(_sessions) < 2 or used not in _sessions.values():
+        return
+    total = sum(sync.byte_count for sync in _sessions.values())
+    for key, sync in list(_sessions.items()):
+        if total <= _byte_limit:
+            return
+        if sync is not used:
+            # Not closed: whoever is tracing it keeps it for so long.
+            del _sessions[key]
+            total -= sync.byte_count
+
+
 def sessions_of(scene: Any) -> tuple[SceneSync, ...]:
-    """The add-on's syncs of a `bpy.types.Scene` that exist, most recently made last."""
+    """The add-on's syncs of a `bpy.types.Scene` that exist, most recently used last."""
     return tuple(sync for key, sync in _sessions.items() if key[0] == scene.session_uid)
 
 

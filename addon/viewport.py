@@ -161,12 +161,20 @@ def refine_view(context: bpy.types.Context, settings: RenderSettings, pace: Pace
     if found is None:
         if sync.camera is None:
             raise ValueError(f"scene {depsgraph.scene.name!r} has no camera that can be rendered")
-        return Refinement(_view_of(sync, sync.camera, sync.size, settings), pace)
+        return Refinement(_view_of(sync, sync.camera, _scaled(sync.size, context.scene), settings), pace)
     space, region = found
     camera = _camera_of(space.region_3d, space, depsgraph)
     if camera is None:
         raise ValueError("the 3D viewport has no usable view: its matrix is not finite")
-    return Refinement(_view_of(sync, as_camera(camera), (region.width, region.height), settings), pace)
+    size = _scaled((region.width, region.height), context.scene)
+    return Refinement(_view_of(sync, as_camera(camera), size, settings), pace)
+
+
+def _scaled(size: tuple[int, int], scene: bpy.types.Scene) -> tuple[int, int]:
+    """What the Preview button makes of a size."""
+    percentage = scene.perfect_bvh.preview_percentage
+    width, height = (max(1, round(length * percentage / 100)) for length in size)
+    return width, height
 
 
 def picture_of(image: Image, mode: str) -> Image:

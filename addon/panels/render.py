@@ -29,7 +29,9 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
             return
         scene = context.scene
         settings = scene.perfect_bvh
-        layout.operator("perfect_bvh.preview", icon="IMAGE_DATA")
+        column = layout.column(align=True)
+        column.operator("perfect_bvh.preview", icon="IMAGE_DATA")
+        column.prop(settings, "preview_percentage", text="Size")
         layout.prop(settings, "mode")
         layout.prop(settings, "samples")
         if settings.mode in {"CLAY", "MATCAP", "WIREFRAME"}:

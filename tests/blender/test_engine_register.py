@@ -119,3 +119,31 @@ def test_importing_the_package_loads_neither_blender_nor_numpy() -> None:
     code = "import sys, perfect_bvh_addon.cli; print(sorted({'bpy', 'numpy', 'perfect_bvh'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout.strip() == "[]", done.stderr
+
+
+PREFERENCES = """
+import bpy
+import addon_utils
+from perfect_bvh_addon import session
+assert addon_utils.enable("perfect_bvh_addon", default_set=True) is not None
+preferences = bpy.context.preferences.addons["perfect_bvh_addon"].preferences
+assert session._byte_limit == preferences.cache_size << 20 > 0
+preferences.cache_size = 3
+assert session._byte_limit == 3 << 20
+preferences.cache_size = 0
+assert session._byte_limit is None
+preferences.cache_size = 5
+import perfect_bvh
+preferences.threads = 1
+assert perfect_bvh.thread_count() == 1
+addon_utils.disable("perfect_bvh_addon")
+assert session._byte_limit is None
+print("fine")
+"""
+
+
+def test_preferences_reach_the_engine() -> None:
+    """Enabled as Blender enables an add-on, so that it has preferences; in a process of its own."""
+    done = subprocess.run([sys.executable, "-c", PREFERENCES], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert "fine" in done.stdout

@@ -208,6 +208,43 @@ def test_sessions_go_with_their_scenes_and_layers(scene: Any, registered: None) 
     assert sessions_of(scene) == (kept,)
 
 
+def test_sessions_used_longest_ago_go_beyond_the_limit(scene: Any, registered: None) -> None:
+    from perfect_bvh_addon.session import limit_sessions
+
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=40, y_subdivisions=40)
+    other = scene.view_layers.new("other")
+    third = scene.view_layers.new("third")
+    first = scene.view_layers[0]
+
+    def update(layer: Any) -> SceneSync:
+        bpy.context.window.view_layer = layer
+        session_of(evaluated()).update(evaluated())
+        return session_of(evaluated())
+
+    def cast(sync: SceneSync) -> bool:
+        return bool(sync.scene.cast_rays([(0.01, 0.02, 5)], [(0, 0, -1)]).is_hit[0])
+
+    one, two = update(first), update(other)
+    assert one.byte_count == two.byte_count > 40 * 40 * 2 * 12
+    try:
+        limit_sessions(2 * one.byte_count)
+        assert update(first) is one
+        three = update(third)  # `two` was used longest ago
+        assert sessions_of(scene) == (one, three)
+        assert cast(two), "whoever holds it may go on"
+        limit_sessions(1)
+        assert update(first) is one
+        assert sessions_of(scene) == (one,)
+        assert cast(one)
+        limit_sessions(None)
+        again = update(other)
+        assert again is not two
+        assert cast(again)
+        assert sessions_of(scene) == (one, again)
+    finally:
+        limit_sessions(None)
+
+
 def test_linked_objects_and_overrides(scene: Any, registered: None, tmp_path: Path) -> None:
     """Another file's objects, reloaded from a changed file as well."""
     path = str(tmp_path / "library.blend")

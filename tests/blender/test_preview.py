@@ -66,6 +66,15 @@ def test_it_follows_edits_and_sizes_in_one_image(scene, cube) -> None:
     assert [image.name for image in bpy.data.images] == [NAME]
 
 
+def test_its_size_can_be_less(scene, cube) -> None:
+    scene.perfect_bvh.preview_percentage = 50
+    bpy.ops.perfect_bvh.preview()
+    assert pixels().shape == (9, 16, 4)
+    scene.perfect_bvh.preview_percentage = 1
+    bpy.ops.perfect_bvh.preview()
+    assert pixels().shape == (1, 1, 4)
+
+
 def test_an_image_of_the_same_name_is_left_alone(scene, cube) -> None:
     mine = bpy.data.images.new(NAME, 4, 4)
     bpy.ops.perfect_bvh.preview()
