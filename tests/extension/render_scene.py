@@ -22,9 +22,12 @@ MODES = ("PREVIEW", "CLAY", "NORMAL", "DEPTH", "INSTANCE")
 def install(extension: str) -> str:
     """Install and enable the zip; its package."""
     bpy.ops.extensions.package_install_files(filepath=extension, repo="user_default", enable_on_install=False)
-    # Where Blender unpacks wheels when it enables the extension: before the package that a test may have beside it.
+    # Where Blender unpacks wheels when it enables the extension: before the package that a test may have beside it. It
+    # must be there from the start, or Python remembers that it was not.
     user = Path(os.environ["BLENDER_USER_RESOURCES"])
-    sys.path.insert(0, str(user / "extensions/.local/lib/python{}.{}/site-packages".format(*sys.version_info)))
+    packages = user / "extensions/.local/lib/python{}.{}/site-packages".format(*sys.version_info)
+    packages.mkdir(parents=True, exist_ok=True)
+    sys.path.insert(0, str(packages))
     bpy.ops.preferences.addon_enable(module=MODULE)
     import perfect_bvh
 

@@ -7,7 +7,7 @@ import sys
 from typing import Any
 
 import bpy
-from driver import CONSOLE, Step, area_of, check, context_of, wait_until
+from driver import Step, area_of, check, context_of, wait_until
 
 MODULE = "bl_ext.user_default.perfect_bvh"
 
@@ -66,11 +66,19 @@ def overlay() -> Any:
 
 
 def reported(text: str) -> bool:
-    """Whether Blender has reported something with this text in it: it prints what it reports."""
-    return text in CONSOLE.read_text(encoding="utf-8", errors="replace")
+    """Whether Blender has reported something with this text in it, as the Info editor lists it."""
+    area = min(bpy.context.window_manager.windows[0].screen.areas, key=lambda area: area.width * area.height)
+    before, area.type = area.type, "INFO"
+    try:
+        with bpy.context.temp_override(**context_of(area)):
+            bpy.ops.info.select_all(action="SELECT")
+            bpy.ops.info.report_copy()
+    finally:
+        area.type = before
+    return text in bpy.context.window_manager.clipboard
 
 
-def wait_for_report(text: str, seconds: float = 30.0) -> Step:
+def wait_for_report(text: str, seconds: float = 5.0) -> Step:
     yield from wait_until(lambda: reported(text), f"no report of {text!r}", seconds)
 
 

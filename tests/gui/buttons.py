@@ -12,11 +12,9 @@ from dataclasses import dataclass
 import bpy
 from driver import (
     Step,
-    area_of,
     check,
     context_of,
     hover,
-    middle_of,
     press_here,
     press_key,
     region_of,
@@ -25,7 +23,7 @@ from driver import (
 )
 
 # In pixels, at the resolution scale that a new user has.
-STEP = 6
+STEP = 9  # less than half of a button
 HEADER_HEIGHT = 26
 FIRST_HEADER = 32  # below the middle of the last button of the panel above
 COLUMN = 0.75  # of the region's width: labels stand left of it
@@ -33,10 +31,14 @@ COLUMN = 0.75  # of the region's width: labels stand left of it
 
 @dataclass(frozen=True, slots=True)
 class Button:
-    """what: the end of a property's data path from its scene or view layer, or an operator's call. y: in the window."""
+    """what: the end of a property's data path from its scene or view layer, or an operator's call. y: in the window.
+
+    column: where it is in the width of its region.
+    """
 
     what: str
     y: float
+    column: float = COLUMN
 
 
 def button_under_mouse(area: bpy.types.Area) -> str | None:
@@ -50,6 +52,12 @@ def button_under_mouse(area: bpy.types.Area) -> str | None:
     return bpy.context.window_manager.clipboard
 
 
+def leave(area: bpy.types.Area) -> Step:
+    """Up into the area's header: the last button stays active until the mouse has left its region."""
+    hover(area.x + area.width / 2, area.y + area.height - 4)
+    yield 0.2
+
+
 def list_buttons(area: bpy.types.Area, top: float | None = None, bottom: float | None = None) -> Step:
     """Returns the buttons between two heights, in their order; the whole region's without them."""
     region = region_of(area)
@@ -57,11 +65,10 @@ def list_buttons(area: bpy.types.Area, top: float | None = None, bottom: float |
     y = region.y + region.height - STEP if top is None else top
     end = region.y + STEP if bottom is None else bottom
     rows: dict[str, list[float]] = {}
-    hover(*middle_of(area_of("VIEW_3D")))  # the last button stays active until the mouse has left the region
-    yield 0.3
+    yield from leave(area)
     while y > end:
         hover(x, y)
-        yield 0.04
+        yield 0.03
         found = button_under_mouse(area)
         if found is not None:
             rows.setdefault(found, []).append(y)
@@ -80,9 +87,8 @@ def find_button(area: bpy.types.Area, what: str) -> Step:
 
 def point_at(area: bpy.types.Area, button: Button) -> Step:
     region = region_of(area)
-    hover(*middle_of(area_of("VIEW_3D")))
-    yield 0.2
-    hover(region.x + region.width * COLUMN, button.y)
+    yield from leave(area)
+    hover(region.x + region.width * button.column, button.y)
     yield 0.2
     found = button_under_mouse(area)
     check(found == button.what, f"the mouse is over {found}, not {button.what}")
@@ -116,23 +122,34 @@ def change(area: bpy.types.Area, button: Button, owner: object, text: str | None
         yield from press(area, button)
         yield from wait_until(lambda: not is_changed(), f"{name} does not switch back", 5)
         return
-    yield from point_at(area, button)
     if kind in {"INT", "FLOAT"}:
+        yield from point_at(area, button)
         yield from press_key("Return")
         yield from type_text(text or f"{before + 1:g}")
+        yield from press_key("Return")
     elif kind == "STRING":
-        yield from press_here()
+        yield from press(area, button)
         yield from press_key("ctrl+a")
         yield from type_text(text or "x")
-    else:  # a menu, or a search
-        items = getattr(owner.bl_rna.properties[name], "enum_items", ())
-        is_last = bool(items) and items[-1].identifier == before
-        yield from press_here()
-        yield from press_key("Up" if is_last else "Down")
-    yield from press_key("Return")
+        yield from press_key("Return")
+    else:
+        yield from choose_another(area, button, is_changed)
     yield from wait_until(is_changed, f"{name} stays {before!r}", 5)
     setattr(owner, name, before)
     yield 0.2
+
+
+def choose_another(area: bpy.types.Area, button: Button, is_changed: Callable[[], bool]) -> Step:
+    """From a menu or a list to search in. A key may move within it, or first show where it is."""
+    for keys in (["Down"], ["Down", "Down"], ["Up"]):
+        yield from press(area, button)
+        yield 0.4
+        for key in keys:
+            yield from press_key(key)
+        yield from press_key("Return")
+        yield 0.3
+        if is_changed():
+            return
 
 
 # Panels --------------------------------------------------------------------------------------------------------------
@@ -156,6 +173,5 @@ def with_panel_open(area: bpy.types.Area, y: float, work: Callable[[list[Button]
     yield from toggle_panel(area, y)
     buttons = yield from list_buttons(area, top=y - HEADER_HEIGHT / 2)
     yield from work(buttons)
-    hover(*middle_of(area_of("VIEW_3D")))
-    yield 0.2
+    yield from leave(area)
     yield from toggle_panel(area, y)

@@ -47,9 +47,13 @@ def wait_until(condition: Callable[[], object], what: str, seconds: float = 30.0
 # Hands ---------------------------------------------------------------------------------------------------------------
 
 
+_hand = subprocess.Popen(["xdotool", "-"], stdin=subprocess.PIPE, text=True)
+
+
 def x_tool(*arguments: object) -> None:
-    """One xdotool command."""
-    subprocess.run(["xdotool", *map(str, arguments)], check=True, timeout=20)
+    """One xdotool command, by a process that goes on: the mouse moves thousands of times."""
+    assert _hand.stdin is not None and _hand.poll() is None
+    print(*arguments, file=_hand.stdin, flush=True)
 
 
 def screen_point(x: float, y: float) -> tuple[int, int]:
@@ -91,13 +95,14 @@ def type_text(text: str) -> Step:
 def drag(button: int, start: tuple[float, float], end: tuple[float, float], steps: int = 8) -> Step:
     """Press a mouse button at one point, move, release it at another."""
     hover(*start)
-    yield 0.1
+    yield 0.3
     x_tool("mousedown", button)
+    yield 0.3
     for step in range(1, steps + 1):
         hover(*(a + (b - a) * step / steps for a, b in zip(start, end, strict=True)))
-        yield 0.05
+        yield 0.1
     x_tool("mouseup", button)
-    yield 0.2
+    yield 0.5
 
 
 # Places --------------------------------------------------------------------------------------------------------------
@@ -108,6 +113,11 @@ def area_of(kind: str) -> bpy.types.Area:
     areas = [area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == kind]
     check(areas, f"no area of type {kind}")
     return max(areas, key=lambda area: area.width * area.height)
+
+
+def main_area() -> bpy.types.Area:
+    """The largest, in which the 3D viewport is wont to be."""
+    return max(bpy.context.window_manager.windows[0].screen.areas, key=lambda area: area.width * area.height)
 
 
 def region_of(area: bpy.types.Area, kind: str = "WINDOW") -> bpy.types.Region:
@@ -133,21 +143,19 @@ def set_window_size(width: int, height: int) -> None:
 
 
 def set_viewport_size(width: int, height: int) -> Step:
-    """Move the edge beside the 3D viewport and resize the window until the viewport has this size."""
-    for _ in range(4):
-        area = area_of("VIEW_3D")
+    """Move the edge beside the 3D viewport and resize the window until the viewport has this size, nearly."""
+    for _ in range(12):
+        area = main_area()
         missing = width - region_of(area).width
         if missing:
             start = area.x + area.width + 1, area.y + area.height / 2
-            hover(*start)
-            yield 0.3
             yield from drag(1, start, (start[0] + missing, start[1]))
-            yield 0.5
         window = bpy.context.window_manager.windows[0]
-        set_window_size(window.width, window.height + height - region_of(area_of("VIEW_3D")).height)
+        set_window_size(window.width, window.height + height - region_of(main_area()).height)
         yield 0.7
-        region = region_of(area_of("VIEW_3D"))
-        if (region.width, region.height) == (width, height):
+        region = region_of(main_area())
+        # Areas share what a window gains or loses, and round it: not every height can be had.
+        if abs(region.width - width) <= 2 and abs(region.height - height) <= 8:
             return
     raise StepError(f"the viewport has {region.width} x {region.height} pixels, not {width} x {height}")
 
