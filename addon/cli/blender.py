@@ -60,8 +60,9 @@ def _dotted(version: Sequence[int]) -> str:
 
 
 def _reason(error: RuntimeError) -> str:
-    """What an operator's error says, in one line."""
-    return " ".join(str(error).removeprefix("Error:").split())
+    """What an operator's error says, in one line. Blender gives each report a line, and some twice."""
+    lines = (" ".join(line.removeprefix("Error:").split()) for line in str(error).splitlines())
+    return " ".join(dict.fromkeys(line for line in lines if line))
 
 
 def apply_settings(scene: bpy.types.Scene, arguments: argparse.Namespace) -> None:

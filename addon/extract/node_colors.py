@@ -131,7 +131,7 @@ def _read_principled(node: Any, plain: ColorSource) -> Surface:
 
 def _read_gloss(node: Any) -> dict[str, float]:
     """What of a `Surface` a simple shader node adds to its colour."""
-    if node.type in {"BSDF_GLOSSY", "BSDF_METALLIC"}:
+    if node.type in {"BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"}:
         return {"metallic": 1.0, "roughness": _number(node.inputs["Roughness"], 0.5)}
     if node.type == "BSDF_GLASS":
         roughness, reflectance = _number(node.inputs["Roughness"], 0.0), _reflectance(node.inputs["IOR"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -209,6 +210,22 @@ def test_an_animation_refits_and_says_so(small_file: Path, tmp_path: Path, capsy
     assert "refitted tree: Sheet (800): positions changed" in text
     assert "moved: Cube" in text
     assert "2 built, 1 refits, 0 rebuilt; instances moved: 1" in text
+
+
+def test_an_audit_says_how_many_rays_were_wrong(small_file: Path, tmp_path: Path, capsys) -> None:
+    assert run("render", small_file, "-o", tmp_path, "--frames", "1-2", "--samples", "4", "--audit", "0.5") == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("audit: ")]
+    match = re.fullmatch(
+        r"audit: ([\d,]+) rays checked, 0 wrong, \d+ in doubt: 0 wrong per million \(0 to [\d,]+ at 95 %\)", line
+    )
+    assert match is not None, line
+    rays = 2 * 4 * 64 * 36
+    assert 0.45 * rays < int(match[1].replace(",", "")) < 0.55 * rays
+    assert run("render", small_file, "-o", tmp_path / "a.png", "--audit") == 0
+    assert "audit: " in capsys.readouterr().out
+    for share in ("0", "2", "much"):
+        assert run("render", small_file, "-o", tmp_path / "a.png", "--audit", share) == 2
+        assert "--audit" in capsys.readouterr().err
 
 
 def test_quiet_runs_print_nothing(small_file: Path, tmp_path: Path, capfd) -> None:
