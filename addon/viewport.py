@@ -19,20 +19,19 @@ from .frame import CLAY_GREY, count_pixels, expected_rays, needed_attributes
 from .modes import find_mode
 from .properties import RenderSettings, read_settings
 from .refinement import Image, Pace, Refinement, View
+from .region_camera import camera_of
 from .sync.records import CameraRecord
 
 if TYPE_CHECKING:
     import gpu
     from perfect_bvh import Camera
 
-    from .extract.camera import Window
     from .session import SceneSync
     from .sync.report import SyncReport
 
 # What a redraw may take: little while the view moves, somewhat more while it stands still and is refined.
 MOVING_SECONDS = 0.03
 REFINING_SECONDS = 0.1
-WHOLE: Window = (0.0, 1.0, 0.0, 1.0)
 TYPE_FILTERS = (
     "show_object_viewport_mesh",
     "show_object_viewport_curve",
@@ -116,7 +115,7 @@ class Viewport:
         """Begin anew if what is seen is not what it was; whether it was so."""
         assert self._sync is not None
         scene, region = depsgraph.scene, context.region
-        camera = _camera_of(context.region_data, context.space_data, depsgraph)
+        camera = camera_of(context.region_data, context.space_data, depsgraph)
         if camera is None:
             self._key = self._refinement = None
             return True
@@ -163,7 +162,7 @@ def refine_view(context: bpy.types.Context, settings: RenderSettings, pace: Pace
             raise ValueError(f"scene {depsgraph.scene.name!r} has no camera that can be rendered")
         return Refinement(_view_of(sync, sync.camera, _scaled(sync.size, context.scene), settings), pace)
     space, region = found
-    camera = _camera_of(space.region_3d, space, depsgraph)
+    camera = camera_of(space.region_3d, space, depsgraph)
     if camera is None:
         raise ValueError("the 3D viewport has no usable view: its matrix is not finite")
     size = _scaled((region.width, region.height), context.scene)
@@ -261,58 +260,6 @@ def _view_of(sync: SceneSync, camera: Camera, size: tuple[int, int], settings: R
             "clay_color": None if settings.use_material_colors else CLAY_GREY,
         },
     )
-
-
-def _camera_of(
-    view: bpy.types.RegionView3D, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph
-) -> CameraRecord | None:
-    """What a region looks through; None if nothing can be seen through it."""
-    from .extract.camera import read_camera, read_frame, read_region_view, spread_over_region
-
-    scene = depsgraph.scene
-    border = _border_of(view, space, scene)
-    camera = space.camera
-    through_camera = view.view_perspective == "CAMERA" and camera is not None and camera.type == "CAMERA"
-    if not through_camera or camera.data.type != "PANO":
-        return read_region_view(view, border)
-    # Blender itself draws a panorama as a perspective view.
-    record, _ = read_camera(camera.evaluated_get(depsgraph), read_frame(scene))
-    return None if record is None else spread_over_region(record, _camera_frame(view, camera, scene), border)
-
-
-def _border_of(view: bpy.types.RegionView3D, space: bpy.types.SpaceView3D, scene: bpy.types.Scene) -> Window:
-    """The part of the region to trace, as fractions: the render border of a camera view, or the viewport's own."""
-    if view.view_perspective == "CAMERA":
-        if not scene.render.use_border or space.camera is None or space.camera.type != "CAMERA":
-            return WHOLE
-        left, right, bottom, top = _camera_frame(view, space.camera, scene)
-        border = scene.render
-        return _clipped(
-            left + border.border_min_x * (right - left),
-            left + border.border_max_x * (right - left),
-            bottom + border.border_min_y * (top - bottom),
-            bottom + border.border_max_y * (top - bottom),
-        )
-    if not space.use_render_border:
-        return WHOLE
-    return _clipped(
-        space.render_border_min_x, space.render_border_max_x, space.render_border_min_y, space.render_border_max_y
-    )
-
-
-def _clipped(left: float, right: float, bottom: float, top: float) -> Window:
-    left, right, bottom, top = (min(max(edge, 0.0), 1.0) for edge in (left, right, bottom, top))
-    return left, max(left, right), bottom, max(bottom, top)
-
-
-def _camera_frame(view: bpy.types.RegionView3D, camera: bpy.types.Object, scene: bpy.types.Scene) -> Window:
-    """Where a camera's frame lies in a region that looks through it, as fractions."""
-    corners = np.ones((4, 4))
-    corners[:, :3] = [corner[:] for corner in camera.data.view_frame(scene=scene)]
-    clip = corners @ np.array(view.window_matrix).T
-    edges = clip[:, :2] / clip[:, 3:] * 0.5 + 0.5
-    (left, bottom), (right, top) = edges.min(axis=0), edges.max(axis=0)
-    return float(left), float(right), float(bottom), float(top)
 
 
 # The screen ----------------------------------------------------------------------------------------------------------

@@ -30,7 +30,7 @@ ADDON_LAYERS = (
     ("extract",),
     ("session",),
     ("properties", "preferences"),
-    ("frame", "display", "scanning", "failure_scenes", "bench"),
+    ("frame", "display", "scanning", "failure_scenes", "bench", "region_camera"),
     ("viewport", "summary"),
     ("overlay",),
     ("engine", "handlers", "operators"),

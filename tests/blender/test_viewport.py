@@ -12,6 +12,7 @@ bpy = pytest.importorskip("bpy")
 
 from perfect_bvh_addon import viewport  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
+from perfect_bvh_addon.region_camera import WHOLE, border_of, camera_of  # noqa: E402
 
 
 @pytest.fixture
@@ -42,11 +43,11 @@ def space(camera: Any = None, **settings: Any) -> SimpleNamespace:
 def test_a_camera_border_lies_within_the_cameras_frame(scene: Any, camera: Any, kind: str) -> None:
     camera.data.type = kind
     view = region_view(camera, scene.render.resolution_x, scene.render.resolution_y)
-    np.testing.assert_allclose(viewport._border_of(view, space(camera), scene), (0.25, 0.5, 0.0, 0.75), atol=1e-6)
+    np.testing.assert_allclose(border_of(view, space(camera), scene), (0.25, 0.5, 0.0, 0.75), atol=1e-6)
     zoomed = region_view(camera, scene.render.resolution_x, scene.render.resolution_y, zoom=0.5)
-    np.testing.assert_allclose(viewport._border_of(zoomed, space(camera), scene), (0.375, 0.5, 0.25, 0.625), atol=1e-6)
+    np.testing.assert_allclose(border_of(zoomed, space(camera), scene), (0.375, 0.5, 0.25, 0.625), atol=1e-6)
     near = region_view(camera, scene.render.resolution_x, scene.render.resolution_y, zoom=4.0)
-    np.testing.assert_allclose(viewport._border_of(near, space(camera), scene), (0.0, 0.5, 0.0, 1.0), atol=1e-6)
+    np.testing.assert_allclose(border_of(near, space(camera), scene), (0.0, 0.5, 0.0, 1.0), atol=1e-6)
 
 
 def test_a_panorama_fills_its_cameras_frame_and_no_more(scene: Any, camera: Any) -> None:
@@ -57,31 +58,29 @@ def test_a_panorama_fills_its_cameras_frame_and_no_more(scene: Any, camera: Any)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     zoomed = region_view(camera, scene.render.resolution_x, scene.render.resolution_y, zoom=0.5)  # 0.25 to 0.75
     scene.render.use_border = False
-    whole = viewport._camera_of(zoomed, space(camera), depsgraph)
+    whole = camera_of(zoomed, space(camera), depsgraph)
     assert whole.projection == "equirectangular"
     assert whole.border == pytest.approx((0.25, 0.75, 0.25, 0.75), abs=1e-6)
     assert whole.window == pytest.approx((-2.5, 3.5, -1.25, 1.75), abs=1e-5)
     scene.render.use_border = True
-    assert viewport._camera_of(zoomed, space(camera), depsgraph).border == pytest.approx(
-        (0.375, 0.5, 0.25, 0.625), abs=1e-6
-    )
+    assert camera_of(zoomed, space(camera), depsgraph).border == pytest.approx((0.375, 0.5, 0.25, 0.625), abs=1e-6)
     settings.panorama_type = "MIRRORBALL"
     depsgraph.update()
-    assert viewport._camera_of(zoomed, space(camera), depsgraph) is None
+    assert camera_of(zoomed, space(camera), depsgraph) is None
 
 
 def test_without_a_border_all_is_traced(scene: Any, camera: Any) -> None:
     scene.render.use_border = False
-    assert viewport._border_of(region_view(camera, 32, 18), space(camera), scene) == viewport.WHOLE
+    assert border_of(region_view(camera, 32, 18), space(camera), scene) == WHOLE
 
 
 def test_a_free_view_has_a_border_of_its_own(scene: Any, camera: Any) -> None:
     view = SimpleNamespace(view_perspective="PERSP")
-    assert viewport._border_of(view, space(camera), scene) == viewport.WHOLE
+    assert border_of(view, space(camera), scene) == WHOLE
     edges = {"render_border_min_x": 0.1, "render_border_max_x": 0.6}
     edges |= {"render_border_min_y": 0.2, "render_border_max_y": 0.9}
     bordered = space(camera, use_render_border=True, **edges)
-    assert viewport._border_of(view, bordered, scene) == (0.1, 0.6, 0.2, 0.9)
+    assert border_of(view, bordered, scene) == (0.1, 0.6, 0.2, 0.9)
 
 
 def test_views_that_hide_objects_are_told_apart() -> None:
