@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from blender.builders import camera_object, evaluated, in_render, mesh_object
+from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.extract.camera import Frame, camera_from_projection, panorama_settings, read_camera, read_frame
 from perfect_bvh_addon.sync.records import CameraRecord
@@ -201,6 +202,21 @@ def test_a_panorama_is_read_wherever_blender_keeps_it(keeper: str) -> None:
         None,
         "Camera 'eye' is panoramic: this Blender keeps its settings in Cycles, which is disabled in the preferences",
     )
+
+
+def test_an_edit_of_a_panorama_shows_in_the_next_update(scene: Any) -> None:
+    obj = camera_object("eye", type="PANO")
+    settings = panorama_settings(obj.data)
+    settings.panorama_type = "EQUIRECTANGULAR"
+    sync = SceneSync(watch=False)
+    sync.update(evaluated())
+    assert not sync.update(evaluated()).camera_changed
+    settings.longitude_max = 1.0
+    assert sync.update(evaluated()).camera_changed
+    assert sync.camera.window[1] == pytest.approx(1.0)
+    settings.panorama_type = "MIRRORBALL"
+    assert sync.update(evaluated()).camera_changed
+    assert sync.camera is None
 
 
 def test_a_scene_without_a_camera_has_none_and_no_complaint(scene: Any) -> None:

@@ -254,7 +254,13 @@ def test_an_edit_of_looks_shows_in_the_next_update() -> None:
         else:
             tree.nodes["Background"].inputs["Color"].default_value = (0.1, 0.2, 0.9, 1.0)
 
-    for edit in (set_color, set_energy, set_world):
+    def set_metallic() -> None:
+        node.inputs["Metallic"].default_value = 0.75
+
+    def set_roughness() -> None:
+        node.inputs["Roughness"].default_value = 0.125
+
+    for edit in (set_color, set_energy, set_world, set_metallic, set_roughness):
         edit()
         assert sync.update(evaluated()).materials_changed, edit.__name__
     look = sync.appearance
@@ -262,6 +268,7 @@ def test_an_edit_of_looks_shows_in_the_next_update() -> None:
     assert look.lights.powers[0] == pytest.approx((123.0,) * 3)
     assert look.world is not None
     assert look.world.color == pytest.approx((0.1, 0.2, 0.9))
+    assert (look.materials.metallics[0], look.materials.roughnesses[0]) == (0.75, 0.125)
 
 
 # Lights --------------------------------------------------------------------------------------------------------------
