@@ -148,7 +148,9 @@ def _layouts(figures: Figures) -> Chart:
 def _answers(figures: Figures) -> Chart:
     rows = {row["name"]: row for row in figures["answers"]}
     robust = rows["robust"]
-    if robust["wrong"]:
+    if not robust["checked"]:
+        title = "The scene is too large to check an answer without a tree in this time: give --seconds more."
+    elif robust["wrong"]:
         title = f"{robust['wrong']} of {robust['checked']:,} checked answers are wrong: please report this scene."
     else:
         title = (

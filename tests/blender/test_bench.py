@@ -82,6 +82,15 @@ def test_stopping_keeps_what_there_is(moving_ball: bpy.types.Scene, tmp_path: Pa
     assert write(bench.figures, tmp_path).json.is_file()
 
 
+def test_no_audit_is_not_called_a_good_one() -> None:
+    spread = {"typical": 1.0, "low": 1.0, "high": 1.0, "count": 1}
+    row = {"name": "robust", "trace_ms": spread, "checked": 0, "wrong": 0, "wrong_per_million": 0.0}
+    machine = {"processor": "one", "threads": 1, "isa": "scalar", "perfect_bvh": "0"}
+    scene = {"scene": "s", "triangles": 1, "meshes": 1, "instances": 1, "rays": 10, "machine": machine}
+    chart = make_charts({**scene, "answers": [{**row, "interval": [0.0, 1e6]}]})["answers"]
+    assert "too large" in chart.title
+
+
 def test_an_empty_scene_is_refused() -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     with pytest.raises(ValueError, match="no triangles"):
