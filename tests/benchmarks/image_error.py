@@ -184,7 +184,8 @@ def error(image: Image, reference: Image) -> float:
 
 def split_sync(run: dict[str, Any]) -> dict[str, Any]:
     """Of a renderer that reads the scene in each render: what of the time does not grow with the samples."""
-    if run["sync_ms"] is None:
+    run["reads_each_time"] = run["sync_ms"] is None
+    if run["reads_each_time"]:
         samples = np.array([CONVERGED, *(point["samples"] for point in run["points"])], float)
         times = np.array([run["converged_ms"], *(point["ms"]["median"] for point in run["points"])])
         slope = np.polyfit(samples, times, 1)[0]

@@ -86,11 +86,14 @@ def _radius(run: Figures) -> str:
 
 
 def _times_faster(run: Figures, other: Figures) -> float:
-    """By how much less time, at the least error of the other; errors fall as 1 / sqrt(samples)."""
+    """By how much less time at equal error: errors fall as 1 / sqrt(samples), so time times squared error is fixed.
 
-    def milliseconds_at(which: Figures, error: float) -> float:
+    The time of a sample is that of the longest render, which whatever else the machine does disturbs least.
+    """
+
+    def work(which: Figures) -> float:
         last = which["points"][-1]
-        return float(last["ms"]["median"] * (last["error"]["median"] / error) ** 2)
+        sync_ms = which["sync_ms"] if which["reads_each_time"] else 0.0
+        return float((which["converged_ms"] - sync_ms) * last["samples"] * last["error"]["median"] ** 2)
 
-    error = other["points"][-1]["error"]["median"]
-    return milliseconds_at(other, error) / milliseconds_at(run, error)
+    return work(other) / work(run)

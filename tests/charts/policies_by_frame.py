@@ -53,7 +53,7 @@ def _panel(animation: Figures) -> Panel:
         ys = [rows[i]["all_ms"]["median"] for i in places]
         series.append(Series(words, [numbers[i] for i in places], ys, "black", mark, size=7.0))
     ratio = _governed_to_better(frames)
-    title = f"{animation['name']}: {count(animation['triangles'])} triangles, {ratio:.2f}"
+    title = f"{animation['name']}: {count(animation['triangles'])} triangles; governed {ratio:.2f}"
     return Panel(title, Axis("frame", low=numbers[0] - 1.0), Axis("milliseconds: update and rays"), series)
 
 
