@@ -29,9 +29,10 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
             return
         scene = context.scene
         settings = scene.perfect_bvh
-        column = layout.column(align=True)
-        column.operator("perfect_bvh.preview", icon="IMAGE_DATA")
-        column.prop(settings, "preview_percentage", text="Size")
+        row = layout.split(factor=0.82, align=True)
+        row.use_property_split = False
+        row.operator("perfect_bvh.preview", icon="IMAGE_DATA")
+        row.prop(settings, "preview_percentage", text="")
         layout.prop(settings, "mode")
         layout.prop(settings, "samples")
         if settings.mode in {"CLAY", "MATCAP", "WIREFRAME"}:
