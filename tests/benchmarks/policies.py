@@ -25,6 +25,7 @@ from perfect_bvh_addon.sync.state import SceneState
 
 POLICIES = ("refit", "rebuild", "governed")
 SAMPLE = 50_000
+_DECISION = ("mesh", "class", "action", "builder", "reason")
 Floats = npt.NDArray[np.float32]
 
 
@@ -42,11 +43,11 @@ class TimedScene(perfect_bvh.Scene):
 
 @dataclass(slots=True)
 class Run:
-    """One policy's frames: milliseconds of each repeat, (repeats, frames), and what was done."""
+    """One policy's frames: milliseconds of each repeat, (repeats, frames); the ledger's decisions, alike in each."""
 
     update: list[list[float]] = field(default_factory=list)
     trace: list[list[float]] = field(default_factory=list)
-    actions: Counter[str] = field(default_factory=Counter)
+    decisions: list[list[dict[str, str]]] = field(default_factory=list)  # frame by frame
 
     def as_json(self) -> dict[str, Any]:
         update, trace = np.array(self.update), np.array(self.trace)
@@ -56,7 +57,13 @@ class Run:
             "trace_ms": float(np.median(trace, axis=0).sum()),
             "sum_ms": float(both),
             "repeats": Spread.of([float(total) for total in (update + trace).sum(axis=1)]).as_json(),
-            "actions": dict(self.actions),
+            "actions": dict(Counter(row["action"] for rows in self.decisions for row in rows)),
+            "frames": [
+                {"update_ms": spent, "trace_ms": traced, "decisions": rows}
+                for spent, traced, rows in zip(
+                    np.median(update, axis=0).tolist(), np.median(trace, axis=0).tolist(), self.decisions, strict=True
+                )
+            ],
         }
 
 
@@ -69,14 +76,14 @@ def compare(name: str, records: list[SceneRecord], rays: int, repeats: int) -> d
         for run in runs.values():
             run.update.append([])
             run.trace.append([])
-            run.actions = Counter()
+            run.decisions = []
         for number, (record, batch) in enumerate(zip(records, batches, strict=True)):
             for turn in range(len(POLICIES)):
                 policy = POLICIES[(turn + number) % len(POLICIES)]
                 run, state = runs[policy], states[policy]
                 report = state.update(record, expected_rays=rays)
                 run.update[-1].append(state.scene.milliseconds)  # type: ignore[attr-defined]
-                run.actions.update(row.action for row in report.commit.meshes)
+                run.decisions.append([{key: row[key] for key in _DECISION} for row in report.ledger])
             times = _time_rays({policy: state.scene for policy, state in states.items()}, batch)
             for policy, milliseconds in times.items():
                 runs[policy].trace[-1].append(milliseconds * rays / SAMPLE)

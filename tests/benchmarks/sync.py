@@ -128,6 +128,7 @@ def cases(largest: int, only: str) -> Iterator[Case]:
         if count <= largest:
             makers[f"{count:,} instances moved"] = partial(moved_instances, count)
     makers["one object moved among 10,000"] = one_object
+    makers["one object moved among 10,000 meshes"] = one_mesh
     makers["edit beside 3M triangles"] = unrelated_edit
     for name, make in makers.items():
         if only in name:
@@ -181,10 +182,20 @@ def moved_instances(count: int) -> Case:
 def one_object() -> Case:
     _clear()
     data = mesh_data("shared")
+    return _one_moves("one object moved among 10,000", lambda index: data)
+
+
+def one_mesh() -> Case:
+    """Each object has a mesh of its own."""
+    _clear()
+    return _one_moves("one object moved among 10,000 meshes", lambda index: mesh_data(f"mesh {index}"))
+
+
+def _one_moves(name: str, data_of: Callable[[int], Any]) -> Case:
     for index in range(10_000):
-        mesh_object(f"object {index}", data, location=(index % 100 * 3, index // 100 * 3, 0))
+        mesh_object(f"object {index}", data_of(index), location=(index % 100 * 3, index // 100 * 3, 0))
     obj = bpy.data.objects["object 5050"]
-    return Case("one object moved among 10,000", lambda number: setattr(obj.location, "z", number))
+    return Case(name, lambda number: setattr(obj.location, "z", number))
 
 
 def unrelated_edit() -> Case:
@@ -201,6 +212,8 @@ _GOALS = {
     "deforming 1M triangles": 25,
     "100,000 instances moved": 30,
     "1,000,000 instances moved": 300,
+    "one object moved among 10,000": 100,
+    "one object moved among 10,000 meshes": 100,
     "edit beside 3M triangles": 1,
 }
 
