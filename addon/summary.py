@@ -97,6 +97,23 @@ def plan_rows(
                 ray_share=costs.get(change.mesh_id, 0.0),
             )
         )
+    for mesh in report.unseen:
+        rows.append(
+            PlanRow(
+                name=mesh.name,
+                source=mesh.source,
+                session_uid=mesh.session_uid,
+                triangle_count=0,
+                usage="unseen",
+                usage_reason=mesh.reason,
+                action="left out",
+                builder="",
+                reason="no ray can meet it, so nothing is read or built",
+                milliseconds=0.0,
+                byte_count=0,
+                ray_share=0.0,
+            )
+        )
     rows.sort(key=lambda row: (-row.ray_share, -row.milliseconds, -row.triangle_count, row.name))
     return rows[:limit]
 

@@ -65,16 +65,17 @@ def _write(out: TextIO, scene: bpy.types.Scene, sync: SceneSync, report: SyncRep
     out.write(format_table(HEADER, rows, LEFT_COLUMNS) + "\n")
     top = statistics.top_level
     out.write(
-        f"{len(rows):,} meshes, {statistics.triangle_count:,} triangles; {statistics.instance_count:,} instances show "
-        f"{statistics.instanced_triangle_count:,}; top level {top.node_count:,} nodes, depth {top.depth}, "
-        f"{format_bytes(top.byte_count)}; all {format_bytes(statistics.byte_count)}\n"
+        f"{len(statistics.meshes):,} meshes, {statistics.triangle_count:,} triangles; "
+        f"{statistics.instance_count:,} instances show {statistics.instanced_triangle_count:,}; "
+        f"top level {top.node_count:,} nodes, depth {top.depth}, {format_bytes(top.byte_count)}; "
+        f"all {format_bytes(statistics.byte_count)}\n"
     )
     for warning in sync.warnings:
         out.write(f"warning: {warning}\n")
 
 
 def _mesh_rows(sync: SceneSync, report: SyncReport, statistics: SceneStatistics) -> list[tuple[str, ...]]:
-    """A line for each mesh, the most bytes first."""
+    """A line for each mesh, the most bytes first; at the end those of which nothing is built."""
     changes = {change.mesh_id: change for change in report.meshes}
     decisions = {row.mesh_id: row for row in report.commit.meshes}
     return [
@@ -92,7 +93,7 @@ def _mesh_rows(sync: SceneSync, report: SyncReport, statistics: SceneStatistics)
             changes[tree.mesh_id].usage_reason,
         )
         for tree in sorted(statistics.meshes, key=lambda tree: -tree.byte_count)
-    ]
+    ] + [(mesh.name, "unseen", *[""] * (len(HEADER) - 3), mesh.reason) for mesh in report.unseen]
 
 
 def _expected_costs(decision: MeshReport | None) -> tuple[str, str, str]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 
+from ..sync.records import UnseenMesh
 from .materials import MaterialReader
 from .mesh_table import NO_MESH, MeshTable
 from .objects import ObjectTable
@@ -38,6 +39,7 @@ class GroupTable:
     warnings: list[str] = field(default_factory=list)
     rows: list[tuple[int, int, int, int, int]] = field(default_factory=list)
     _warned: set[int] = field(default_factory=set)
+    _left_out: dict[tuple[str, int], UnseenMesh] = field(default_factory=dict)
 
     def add(
         self, obj: Any, data: Any, *, parent: Any, is_own: bool, shows_particles: bool = False, numbering: int = 0
@@ -49,10 +51,10 @@ class GroupTable:
         lists instances numbers those of this group.
         """
         if self.visibility.is_hidden(obj, parent):
-            return NOT_SHOWN
+            return self._leave_out(obj, data, is_own, "what shows it is hidden")
         mask = self.visibility.mask(obj, parent)
         if mask == 0:
-            return NOT_SHOWN
+            return self._leave_out(obj, data, is_own, "what shows it is visible to no kind of ray")
         self._warn_of_unreadable(obj, data, shows_particles)
         if not isinstance(data, _Mesh):
             return NOT_SHOWN
@@ -67,6 +69,18 @@ class GroupTable:
     def name(self, group: int) -> str:
         """The name of a group's object."""
         return self.objects.records[self.rows[group][1]].name
+
+    @property
+    def unseen(self) -> tuple[UnseenMesh, ...]:
+        """Meshes that objects have and none shows."""
+        seen = {record.key[:2] for record in self.meshes.records}  # type: ignore[index]
+        return tuple([mesh for key, mesh in self._left_out.items() if key not in seen])
+
+    def _leave_out(self, obj: Any, data: Any, is_own: bool, reason: str) -> int:
+        if is_own and isinstance(data, _Mesh) and len(data.polygons):
+            key = self.meshes.own_key(obj.original)
+            self._left_out.setdefault(key, UnseenMesh(data.name, *key, reason))
+        return NOT_SHOWN
 
     def _warn_of_unreadable(self, obj: Any, data: Any, shows_particles: bool) -> None:
         reason = None

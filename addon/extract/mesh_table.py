@@ -115,9 +115,14 @@ class MeshTable:
             is_own = not self._counts["object", uid]
         if not is_own:
             return ("made", uid)
+        return self.own_key(original)
+
+    @staticmethod
+    def own_key(original: Any) -> tuple[str, int]:
+        """Of an original object's own mesh, evaluated: the first two parts of its key."""
         if original.type == "MESH" and not len(original.modifiers):
             return ("mesh", original.data.session_uid)
-        return ("object", uid)
+        return ("object", original.session_uid)
 
     def _lasting_key(self, origin: tuple[Any, ...], record: MeshRecord) -> Hashable:
         if origin[0] == "made":

@@ -23,6 +23,7 @@ from ..sync.records import (
     MaterialRecord,
     MeshRecord,
     ObjectRecord,
+    UnseenMesh,
     WorldRecord,
 )
 from .evaluation_log import EvaluationLog
@@ -44,6 +45,7 @@ class SceneParts:
     images: tuple[ImageRecord, ...]
     instances: InstanceRecords
     world: WorldRecord | None
+    unseen: tuple[UnseenMesh, ...]
     warnings: tuple[str, ...]
 
 

@@ -86,6 +86,7 @@ def read_scene(
         images=parts.images,
         lights=read_lights(depsgraph, visibility) if attributes.shading else LightRecords(),
         world=parts.world,
+        unseen=parts.unseen,
         warnings=(*parts.warnings, *([complaint] if complaint else [])),
     )
 
@@ -113,6 +114,7 @@ def _read_parts(
         images=tuple(images.records),
         instances=instances,
         world=world,
+        unseen=groups.unseen,
         warnings=(*meshes.warnings, *groups.warnings, *images.warnings, *warnings),
     )
 

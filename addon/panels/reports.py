@@ -48,7 +48,7 @@ class PERFECT_BVH_PT_plan(RenderPanel, bpy.types.Panel):
         rows = plan_rows(report, statistics.mesh_costs)
         for row in rows:
             _draw_row(context, self.layout, row)
-        more = count_meshes(report) - len(rows)
+        more = count_meshes(report) + len(report.unseen) - len(rows)
         if more > 0:
             self.layout.label(text=f"and {more:,} more meshes")
 
@@ -58,7 +58,8 @@ def _draw_row(context: bpy.types.Context, layout: bpy.types.UILayout, row: PlanR
     button = column.operator("perfect_bvh.select_mesh", text=row.name, icon="RESTRICT_SELECT_OFF")
     button.source, button.session_uid = row.source, row.session_uid
     size = f", {format_bytes(row.byte_count)}" if row.byte_count else ""
-    column.label(text=f"{row.triangle_count:,} triangles{size}")
+    if row.triangle_count:
+        column.label(text=f"{row.triangle_count:,} triangles{size}")
     if row.ray_share > 0.0:
         column.label(text=f"{row.ray_share:.1%} of the camera rays' work")
     draw_lines(context, column, f"{row.usage}: {row.usage_reason}")

@@ -76,6 +76,19 @@ INSTANCE_COLUMNS = ("mesh_indices", "object_indices", "parent_indices", "transfo
 
 
 @dataclass(frozen=True, slots=True)
+class UnseenMesh:
+    """A mesh that is in the scene and that no ray can meet: it is neither read nor built.
+
+    source, session_uid: what it would come from, as the first two parts of a `MeshRecord`'s key. reason: a sentence.
+    """
+
+    name: str
+    source: str
+    session_uid: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class ObjectRecord:
     """One object that instances come from. material_slots: rows of the scene's materials, -1 if empty."""
 
@@ -199,7 +212,8 @@ class SceneRecord:
 
     camera: None if the scene has none. size: (width, height) of a render in pixels, percentage applied.
     images, lights, world: only if shading was asked for; without it there is no world.
-    warnings: sentences for the user (dropped triangles, objects that could not be read).
+    unseen: what was left out because nothing could show it. warnings: sentences for the user (dropped triangles,
+    objects that could not be read).
     """
 
     name: str
@@ -214,4 +228,5 @@ class SceneRecord:
     images: tuple[ImageRecord, ...] = ()
     lights: LightRecords = field(default_factory=LightRecords)
     world: WorldRecord | None = None
+    unseen: tuple[UnseenMesh, ...] = ()
     warnings: tuple[str, ...] = ()

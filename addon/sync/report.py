@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .compare import MeshAction
-from .records import Usage
+from .records import UnseenMesh, Usage
 
 if TYPE_CHECKING:
     from perfect_bvh import CommitReport
@@ -95,7 +95,8 @@ class SyncReport:
     finishes_earlier_update: an earlier update's commit failed or was cancelled, and its edits were committed now.
     commit: the engine's own report: what was built and what was refitted.
     mismatches: only with verify=True: differences between the engine's copy and Blender's own data.
-    warnings: what could not be read. byte_count: of the committed scene.
+    unseen: meshes that no ray can meet, of which nothing was made. warnings: what could not be read.
+    byte_count: of the committed scene.
     """
 
     frame: float
@@ -111,6 +112,7 @@ class SyncReport:
     attributes_changed: bool
     finishes_earlier_update: bool
     commit: CommitReport
+    unseen: tuple[UnseenMesh, ...] = ()
     warnings: tuple[str, ...] = ()
     mismatches: tuple[str, ...] = ()
     read_milliseconds: float = 0.0

@@ -135,6 +135,7 @@ class SceneState:
             attributes_changed=last is None or any(mesh.attributes_changed for mesh in plan.meshes),
             finishes_earlier_update=was_waiting,
             commit=commit,
+            unseen=record.unseen,
             warnings=record.warnings,
             read_milliseconds=read_milliseconds,
             compare_milliseconds=(compared - started) * 1e3,

@@ -9,7 +9,9 @@ import pytest
 
 bpy: Any = pytest.importorskip("bpy")
 
+from blender.builders import collection, evaluated, mesh_data, mesh_object  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
+from perfect_bvh_addon.summary import plan_rows  # noqa: E402
 
 
 def classes_of(path: Path, frames: int) -> list[dict[str, tuple[str, str, int]]]:
@@ -57,3 +59,41 @@ def test_flags_deform_and_spectators_do_not(repository: Path) -> None:
     usages = {row[0] for row in second.values()}
     assert "deforming" in usages and usages & {"static", "rigid"}
     assert set(first) == set(second)
+
+
+def test_what_no_ray_can_meet_is_unseen_and_not_read(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It says why; a mesh that anything else shows is seen; what is shown again is built."""
+    from perfect_bvh_addon.extract import mesh_table
+
+    read: list[str] = []
+    original = mesh_table.read_mesh
+    monkeypatch.setattr(mesh_table, "read_mesh", lambda mesh, *rest: read.append(mesh.name) or original(mesh, *rest))
+    shared = mesh_data("shared")
+    for name, data in (("shown", shared), ("hidden", shared), ("rays", mesh_data("rays"))):
+        mesh_object(name, data)
+    mesh_object("eye", mesh_data("eye"), collection=collection("eyed"))
+    objects = bpy.data.objects
+    evaluated()
+    objects["hidden"].hide_set(True)
+    eye = bpy.context.view_layer.layer_collection.children["eyed"]
+    eye.hide_viewport = True
+    for switch in ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
+        setattr(objects["rays"], f"visible_{switch}", False)
+    sync = SceneSync()
+    report = sync.update(evaluated())
+    assert read == ["shared"]
+    reasons = {mesh.name: mesh.reason for mesh in report.unseen}
+    assert reasons == {
+        "eye": "what shows it is hidden",
+        "rays": "what shows it is visible to no kind of ray",
+    }
+    rows = {row.name: row for row in plan_rows(report)}
+    assert {name: row.usage for name, row in rows.items()} == {"shared": "static", "eye": "unseen", "rays": "unseen"}
+    assert all(row.usage_reason and row.reason for row in rows.values())
+    objects["shown"].location.x = 1.0
+    assert sync.update(evaluated()).unseen == report.unseen
+    objects["rays"].visible_shadow = True
+    eye.hide_viewport = False
+    report = sync.update(evaluated(), verify=True)
+    assert (report.unseen, report.mismatches, report.commit.count("built")) == ((), (), 2)
+    sync.close()
