@@ -48,14 +48,18 @@ def main() -> None:
     for name in chosen.names:
         if name not in names:
             parser.error(f"nothing is called {name}; there are {', '.join(names)}")
+    failed = []
     for name in chosen.names or names:
         started = time.perf_counter()
-        measure(name, chosen)
+        if not measure(name, chosen):
+            failed.append(name)
         print(f"{name}: {time.perf_counter() - started:.0f} s", flush=True)
+    if failed:
+        raise SystemExit(f"not measured, and left as they were: {', '.join(failed)}")
 
 
-def measure(name: str, chosen: argparse.Namespace) -> None:
-    """Runs one benchmark and keeps its figures."""
+def measure(name: str, chosen: argparse.Namespace) -> bool:
+    """Runs one benchmark and keeps its figures; False if it failed, after it has said why."""
     script, *words = (OF_MESHES.get(name) or WHOLE[name]).split()
     if name in OF_MESHES:
         words += ["--native", chosen.native, "--mesh", *SCENES, *chosen.mesh]
@@ -63,9 +67,9 @@ def measure(name: str, chosen: argparse.Namespace) -> None:
         out = Path(folder) / f"{name}.json"
         command = [sys.executable, str(BENCHMARKS / script), *words, "--json", str(out)]
         done = subprocess.run(command, cwd=REPOSITORY, stdout=subprocess.DEVNULL, check=False)
-        if done.returncode != 0:
-            raise SystemExit(f"{name}: {script} failed")
-        keep(name, json.loads(out.read_text(encoding="utf-8")))
+        if done.returncode == 0:
+            keep(name, json.loads(out.read_text(encoding="utf-8")))
+    return done.returncode == 0
 
 
 def keep(name: str, figures: dict[str, object]) -> None:
