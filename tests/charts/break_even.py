@@ -73,7 +73,7 @@ def _panel(mesh: Figures) -> Panel:
     return Panel(
         f"{mesh['name']}: {count(mesh['triangle_count'])} triangles",
         Axis("diffuse rays cast at the tree", log=True, low=COUNTS[0], high=COUNTS[-1]),
-        Axis("build + rays, times the least", low=0.75, high=HIGHEST),
+        Axis("build + rays, times the least", low=0.4, high=HIGHEST),
         series,
     )
 

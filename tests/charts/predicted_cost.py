@@ -60,6 +60,7 @@ def _panel(
         (0.04, 0.93, f"R² {score:.2f} with each mesh left out"),
         (0.04, 0.86, f"R² {own:.2f} if it is fitted to all"),
         (0.04, 0.79, f"R² {float(np.median(slopes)):.2f} within a mesh (median)"),
+        (0.04, 0.72, f"wrong by {100.0 * float(np.median(np.abs(predicted / time - 1.0))):.0f} % (median)"),
     ]
     axes = (Axis("predicted: nanoseconds a ray", log=True), Axis("measured: nanoseconds a ray", log=True))
     return Panel(title, *axes, series, notes)
