@@ -34,7 +34,7 @@ def chart(figures: Figures | None = None) -> Chart:
         "A dearer tree pays once there are rays enough, and the planner guesses when",
         "Time to build and to cast so many diffuse rays, on one thread, as a multiple of the least of ours at that "
         "number: 1 is the best choice. Rings: what the planner takes when it is told the number. It knows what "
-        "builders cost on two meshes of its calibration, not on this one.",
+        "builders cost on two meshes of its calibration, not on this one. Bands: quartiles.",
         [_panel(mesh) for mesh in figures["meshes"] if mesh["name"] in MESHES],
         footer(figures),
         panel_height=285,
@@ -53,7 +53,12 @@ def _panel(mesh: Figures) -> Panel:
     for name, tree in trees.items():
         color, dashed = TREES[name]
         share = [_seen(_milliseconds(tree, rays) / least) for rays, least in zip(COUNTS, best, strict=True)]
-        series.append(Series(LABELS.get(name, name), COUNTS, share, color, "", line=True, dashed=dashed))
+        low, high = (
+            [_seen(_milliseconds(tree, rays, quartile) / least) for rays, least in zip(COUNTS, best, strict=True)]
+            for quartile in ("low", "high")
+        )
+        label = LABELS.get(name, name)
+        series.append(Series(label, COUNTS, share, color, "", low=low, high=high, line=True, dashed=dashed))
     chosen = [(row["rays"], trees[BUILT_AS[row["builder"]]]) for row in mesh["planner"] if row["rays"] <= COUNTS[-1]]
     least = [min(_milliseconds(t, n) for k, t in trees.items() if not k.startswith("embree")) for n, _ in chosen]
     paid = [_milliseconds(tree, rays) / low for (rays, tree), low in zip(chosen, least, strict=True)]
@@ -82,9 +87,15 @@ def _seen(share: float) -> float:
     return share if share <= HIGHEST else math.nan
 
 
-def _milliseconds(tree: Figures, rays: float) -> float:
-    speed = tree["rays"][KIND]["mrays_per_second"]
-    return float(tree["ready_ms"]["1"]["median"] + rays / (1e3 * speed))
+def _milliseconds(tree: Figures, rays: float, quartile: str = "median") -> float:
+    """quartile: of times, "low" or "high", for the spread."""
+    kind = tree["rays"][KIND]
+    speed = kind["mrays_per_second"]
+    if quartile != "median":
+        # Of a time the low quartile is that of a speed's high one.
+        ends = [kind["rounds"]["low"], kind["rounds"]["high"], speed]
+        speed = max(ends) if quartile == "low" else min(ends)
+    return float(tree["ready_ms"]["1"][quartile] + rays / (1e3 * speed))
 
 
 def _crossings(trees: dict[str, Figures]) -> list[tuple[float, str]]:

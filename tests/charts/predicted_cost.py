@@ -27,16 +27,18 @@ def chart(figures: Figures | None = None) -> Chart:
     sah = np.array([[tree["sah"]] for _, tree in rows])
     both = np.array([[tree["sah"], tree["epo"]] for _, tree in rows])
     time = np.array([1e3 / tree["rays"][KIND]["mrays_per_second"] for _, tree in rows])
+    rounds = [tree["rays"][KIND]["rounds"] for _, tree in rows]
+    spread = np.array([[1e3 / each["high"], 1e3 / each["low"]] for each in rounds])
     names = np.array([name for name, _ in rows])
     return Chart(
         "Predicted cost tells trees of one mesh apart; between meshes it tells less",
         f"{len(rows)} trees: {len(meshes)} meshes, each built by {', '.join(TREES)}. Nanoseconds of a diffuse ray on "
         "one thread, against a linear function of the predictors whose weights come from the other "
-        f"{len(meshes) - 1} meshes: "
-        "each mesh's points are predicted without having seen it. On the line the prediction is exact.",
+        f"{len(meshes) - 1} meshes: each mesh's points are predicted without having seen it. On the line this is "
+        "exact. Bars: quartiles.",
         [
-            _panel("SAH alone", sah, time, names, looks),
-            _panel("SAH and end-point overlap", both, time, names, looks),
+            _panel("SAH alone", sah, time, spread, names, looks),
+            _panel("SAH and end-point overlap", both, time, spread, names, looks),
         ],
         footer(figures),
         panel_height=380,
@@ -45,14 +47,22 @@ def chart(figures: Figures | None = None) -> Chart:
 
 
 def _panel(
-    title: str, predictors: Floats, time: Floats, names: npt.NDArray[np.str_], looks: dict[str, tuple[str, Mark]]
+    title: str,
+    predictors: Floats,
+    time: Floats,
+    spread: Floats,
+    names: npt.NDArray[np.str_],
+    looks: dict[str, tuple[str, Mark]],
 ) -> Panel:
     predicted = predict_each_without_its_mesh(predictors, time, names)
     ends = [float(min(time.min(), predicted[predicted > 0].min())), float(max(time.max(), predicted.max()))]
     series = [Series("exact", ends, ends, "pale", "", line=True, width=3.0)]
     for name, (color, mark) in looks.items():
         rows = names == name
-        series.append(Series(name, predicted[rows].tolist(), time[rows].tolist(), color, mark, size=8.0))
+        low = np.minimum(spread[rows, 0], time[rows]).tolist()
+        high = np.maximum(spread[rows, 1], time[rows]).tolist()
+        xs, ys = predicted[rows].tolist(), time[rows].tolist()
+        series.append(Series(name, xs, ys, color, mark, low=low, high=high, size=8.0))
     own = determination(time, _fit(predictors, time, predictors))
     score = determination(time, predicted)
     slopes = [_slope_within(predictors[names == name], time[names == name]) for name in looks]
