@@ -7,9 +7,11 @@ import weakref
 from typing import Any
 
 import bpy
+import pytest
 from blender.builders import (
     SQUARE,
     camera_object,
+    collection,
     evaluated,
     in_render,
     mesh_data,
@@ -166,4 +168,40 @@ def test_switching_scenes_shows_each_its_own(scene: Any) -> None:
                 assert height(sync) == z
     assert own[other].update(evaluated()).kept_count == 1
     for sync in (follower, *own.values()):
+        sync.close()
+
+
+def test_scenes_and_view_layers_side_by_side(scene: Any) -> None:
+    """Edits of one between updates of the other; each goes by its own evaluations, and both share a mesh."""
+    shared = mesh_data("shared", *SQUARE)
+    mesh_object("a", shared)
+    layered = mesh_object("layered", mesh_data("layered", *SQUARE), collection=collection("only"))
+    layered.location.x = 5.0
+    other = bpy.data.scenes.new("other")
+    other.collection.objects.link(bpy.data.objects.new("b", shared))
+    second = scene.view_layers.new("second")
+    second.layer_collection.children["only"].exclude = True
+    window, places = bpy.context.window, ((scene, 0), (scene, 1), (other, 0))
+    syncs = [SceneSync(), SceneSync(), SceneSync()]
+
+    def show(place: int) -> Any:
+        window.scene, layer = places[place]
+        window.view_layer = window.scene.view_layers[layer]
+        return evaluated()
+
+    for step in range(1, 4):
+        bpy.data.objects["a"].location.z = 1.0 * step
+        bpy.data.objects["b"].location.z = 2.0 * step
+        if step == 2:  # the mesh of both
+            for vertex in shared.vertices:
+                vertex.co.z = 0.5
+            shared.update()
+        lift = 0.5 if step >= 2 else 0.0
+        for place in (0, 2, 1) if step % 2 else (1, 0, 2):
+            report = syncs[place].update(show(place), verify=True)
+            assert report.mismatches == ()
+            expected = (2.0 if places[place][0] is other else 1.0) * step + lift
+            assert height(syncs[place]) == pytest.approx(expected)
+            assert syncs[place].scene.cast_rays([(5.2, 0.2, 10)], [(0, 0, -1)]).is_hit[0] == (place == 0)
+    for sync in syncs:
         sync.close()

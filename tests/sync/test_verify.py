@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfect_bvh_addon.sync.records import SceneRecord
+from perfect_bvh_addon.sync.records import ImageRecord, LightRecords, MaterialRecord, SceneRecord, WorldRecord
 from perfect_bvh_addon.sync.verify import find_mismatches
 from sync.fakes import Shown, mesh, record
 
@@ -23,6 +23,10 @@ def with_mesh(**columns: object) -> SceneRecord:
     return replace(made, meshes=(replace(made.meshes[0], **columns), made.meshes[1]))
 
 
+def with_instances(**columns: object) -> SceneRecord:
+    return replace(base(), instances=replace(base().instances, **columns))
+
+
 DIFFERENCES: dict[str, Callable[[], SceneRecord]] = {
     "mesh a: positions differ": lambda: with_mesh(positions=base().meshes[0].positions + 1),
     "mesh a: triangles differ": lambda: with_mesh(triangles=base().meshes[0].triangles[:, ::-1]),
@@ -31,6 +35,13 @@ DIFFERENCES: dict[str, Callable[[], SceneRecord]] = {
     "instances: transforms differ": lambda: record(base().meshes, [Shown("a", 1, x=2.0), SHOWN[1]]),
     "instances: masks differ": lambda: record(base().meshes, [Shown("a", 1, mask=1), SHOWN[1]]),
     "camera or image size differ": lambda: replace(base(), size=(17, 9)),
+    "materials differ": lambda: replace(base(), materials=(MaterialRecord("m", 9, 0, (1.0, 0.0, 0.0, 1.0)),)),
+    "world differ": lambda: replace(base(), world=WorldRecord((1.0, 0.0, 0.0))),
+    "lights differ": lambda: replace(base(), lights=LightRecords(kinds=("sun",))),
+    "images differ": lambda: replace(base(), images=(ImageRecord("i", 9, np.zeros((1, 1, 4), np.uint8), "clip"),)),
+    "instances: persistent_ids differ": lambda: with_instances(persistent_ids=np.ones((2, 8), np.int32)),
+    "instances: object_indices differ": lambda: with_instances(object_indices=np.array([1, 0], np.int32)),
+    "instances: mesh_indices differ": lambda: with_instances(mesh_indices=np.array([1, 0], np.int32)),
     "film differ": lambda: replace(base(), film_transparent=True),
     "objects differ": lambda: record(base().meshes, SHOWN, names={1: "renamed"}),
     "mesh c: not synced": lambda: replace(base(), meshes=(*base().meshes, mesh("c"))),
