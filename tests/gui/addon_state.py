@@ -68,13 +68,13 @@ def overlay() -> Any:
 def reported(text: str) -> bool:
     """Whether Blender has reported something with this text in it, as the Info editor lists it."""
     area = min(bpy.context.window_manager.windows[0].screen.areas, key=lambda area: area.width * area.height)
-    before, area.type = area.type, "INFO"
+    before, area.ui_type = area.ui_type, "INFO"
     try:
         with bpy.context.temp_override(**context_of(area)):
             bpy.ops.info.select_all(action="SELECT")
             bpy.ops.info.report_copy()
     finally:
-        area.type = before
+        area.ui_type = before
     return text in bpy.context.window_manager.clipboard
 
 

@@ -18,6 +18,14 @@ def shown() -> object | None:
     return None if found is None or found.top_level is None else found.top_level.shown
 
 
+def set_overlay(**values: object) -> Step:
+    """As a script does it, which then has to ask for a redraw itself."""
+    for name, value in values.items():
+        setattr(settings().overlay, name, value)
+    area_of("VIEW_3D").tag_redraw()
+    yield 0.2
+
+
 def show_the_top_level() -> Step:
     area, chosen = area_of("PROPERTIES"), settings().overlay
 
@@ -33,12 +41,12 @@ def show_the_top_level() -> Step:
         for name, text in (("level", "4"), ("use_all_to_level", None), ("color_by", None), ("use_in_front", None)):
             yield from change(area, found[name], chosen, text)
         for level in (0, 1, 3):
-            chosen.level = level
+            yield from set_overlay(level=level)
             yield from wait_until(lambda level=level: shown().level == level, f"level {level} is not shown", 10)
-        chosen.use_all_to_level = True
+        yield from set_overlay(use_all_to_level=True)
         yield from wait_until(lambda: shown().count > 60, "the levels above are not shown", 10)
         for color in ("LEVEL", "OVERLAP", "COST"):
-            chosen.color_by = color
+            yield from set_overlay(color_by=color)
             yield 0.7
             screenshot(f"overlay_{color.lower()}")
 
@@ -46,25 +54,24 @@ def show_the_top_level() -> Step:
 
 
 def show_the_active_object() -> Step:
-    chosen = settings().overlay
-    chosen.show_top_level, chosen.color_by, chosen.use_all_to_level, chosen.level = False, "LEVEL", False, 3
-    for name in ("Hill", "Grass"):
+    yield from set_overlay(show_top_level=False, color_by="LEVEL", use_all_to_level=False, level=3)
+    for name in ("Hill", "Tree"):
         bpy.context.view_layer.objects.active = bpy.data.objects[name]
-        chosen.show_active = True
+        yield from set_overlay(show_active=True)
         yield from wait_until(lambda: overlay() is not None and overlay().active is not None, f"no box of {name}", 30)
         yield 0.5
         check(overlay().active.shown.count > 0, f"no box of {name} is drawn")
         screenshot(f"overlay_of_{name.lower()}")
     bpy.context.view_layer.objects.active = bpy.context.scene.camera
+    area_of("VIEW_3D").tag_redraw()
     yield from wait_until(lambda: overlay().active is None, "a camera's boxes are shown", 10)
     yield 0.5
-    chosen.show_active = False
+    yield from set_overlay(show_active=False)
     yield from wait_until(lambda: overlay() is None, "the overlay is still there", 10)
 
 
 def follow_an_animation() -> Step:
-    chosen = settings().overlay
-    chosen.show_top_level, chosen.level = True, 3
+    yield from set_overlay(show_top_level=True, level=3)
     yield from wait_until(shown, "no box is drawn", 30)
     frame, boxes = bpy.context.scene.frame_current, overlay().top_level._boxes.boxes.copy()
     hover(*middle_of(area_of("VIEW_3D")))
@@ -80,12 +87,11 @@ def follow_an_animation() -> Step:
 
 def draw_100000_boxes() -> Step:
     """The deepest levels of a large mesh's tree: what a redraw takes, and that Blender still listens."""
-    chosen = settings().overlay
-    chosen.show_top_level = False
+    yield from set_overlay(show_top_level=False)
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700, size=12.0, location=(0.0, 0.0, 6.0))
     grid = bpy.context.object
     yield 0.5
-    chosen.show_active, chosen.level, chosen.use_all_to_level = True, 12, True
+    yield from set_overlay(show_active=True, level=12, use_all_to_level=True)
     yield from wait_until(lambda: overlay() is not None and overlay().active is not None, "no box is drawn", 60)
     yield 1.0
     check(overlay().active.shown.count == 100_000, f"{overlay().active.shown.count} boxes are drawn")
@@ -97,7 +103,7 @@ def draw_100000_boxes() -> Step:
         times.append(time.perf_counter() - started)
         yield 0.1
     measured["redraw with 100,000 boxes, ms"] = sorted(times)[1] * 1e3
-    chosen.show_active = False
+    yield from set_overlay(show_active=False)
     for _ in range(3):
         started = time.perf_counter()
         redraw()
@@ -105,6 +111,6 @@ def draw_100000_boxes() -> Step:
         yield 0.1
     measured["the same redraw without them, ms"] = sorted(times[3:])[1] * 1e3
     bpy.data.objects.remove(grid)
-    chosen.use_all_to_level, chosen.level = False, 2
+    yield from set_overlay(use_all_to_level=False, level=2)
     space().overlay.show_overlays = True
     yield 0.5

@@ -51,7 +51,6 @@ STEPS = (
     viewport_steps.edit_and_undo,
     viewport_steps.edit_lights_and_materials,
     viewport_steps.show_four_views,
-    viewport_steps.show_two_viewports_and_two_scenes,
     file_steps.open_another_file,
     file_steps.first_image_after_an_edit,
     file_steps.lose_the_engine,
