@@ -33,9 +33,10 @@ from driver import (
 )
 
 # In the order of the panel, while nothing was rendered yet.
-SUB_PANELS = ("Film", "Performance", "Audit", "Rays", "Tree Overlay", "Failure Cases")
+SUB_PANELS = ("Film", "Performance", "Audit", "Rays", "Tree Overlay", "Bench", "Failure Cases")
 MAIN_BUTTONS = ["render.engine", "perfect_bvh.preview", "perfect_bvh.mode", "perfect_bvh.samples"]
 
+BESIDE_PREVIEW = 0.92
 HEADER_CHECKBOX = 0.18  # where it stands in the width of the region
 MENU_BELOW_HEADER = 57  # with a line of text between
 # As long as the window keeps its size, the panel's last button stays where it is.
@@ -84,6 +85,8 @@ def press_the_main_panels_buttons() -> Step:
     buttons = yield from main_buttons()
     check(list(buttons)[: len(MAIN_BUTTONS)] == MAIN_BUTTONS, f"the panel's buttons are {list(buttons)}")
     yield from change(area, buttons["perfect_bvh.samples"], settings())
+    size = Button("perfect_bvh.preview_percentage", buttons["perfect_bvh.preview"].y, BESIDE_PREVIEW)
+    yield from change(area, size, settings(), "50")
     yield from press(area, buttons["perfect_bvh.mode"])
     screenshot("menu_of_modes")
     yield from press_key("Escape")
