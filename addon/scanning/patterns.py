@@ -15,6 +15,9 @@ import numpy.typing as npt
 
 Float64Array = npt.NDArray[np.float64]
 
+# At once, with some 100 bytes each: more fill the memory of usual machines, and the system ends Blender.
+MOST_RAYS = 1 << 25
+
 
 @dataclass(frozen=True, slots=True)
 class Rays:
@@ -79,6 +82,7 @@ class CameraGrid:
     def __post_init__(self) -> None:
         _check_at_least("CameraGrid", "width", self.width, 1)
         _check_at_least("CameraGrid", "height", self.height, 1)
+        _check_ray_count("CameraGrid", "width * height", self.width * self.height)
 
     @property
     def needs_camera(self) -> bool:
@@ -144,6 +148,7 @@ class SpinningLidar:
                 f"SpinningLidar: elevations must be degrees from -90 to 90, at least one, got {self.elevations}"
             )
         _check_at_least("SpinningLidar", "columns", self.columns, 1)
+        _check_ray_count("SpinningLidar", "elevations * columns", len(self.elevations) * self.columns)
         if not (math.isfinite(self.rate) and self.rate > 0.0):
             raise ValueError(f"SpinningLidar: rate must be turns a second above 0, got {self.rate}")
         if not 0.0 < self.sweep <= 360.0:
@@ -202,3 +207,8 @@ def _first_column(place: float) -> int:
 def _check_at_least(pattern: str, name: str, value: int, least: int) -> None:
     if value < least:
         raise ValueError(f"{pattern}: {name} must be at least {least}, got {value}")
+
+
+def _check_ray_count(pattern: str, name: str, count: int) -> None:
+    if count > MOST_RAYS:
+        raise ValueError(f"{pattern}: {name} must be at most {MOST_RAYS:,} rays, got {count:,}: scan in parts")

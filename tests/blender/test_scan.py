@@ -370,6 +370,8 @@ def test_large_scans_are_cast_in_pieces(room, monkeypatch) -> None:
     ("make", "message"),
     [
         (lambda: CameraGrid(0, 9), "CameraGrid: width must be at least 1, got 0"),
+        (lambda: CameraGrid(20000, 20000), r"at most 33,554,432 rays, got 400,000,000: scan in parts"),
+        (lambda: SpinningLidar(columns=1 << 24), r"elevations \* columns must be at most 33,554,432 rays"),
         (lambda: SpinningLidar(columns=0), "SpinningLidar: columns must be at least 1, got 0"),
         (lambda: SpinningLidar(rate=0.0), "rate must be turns a second above 0, got 0.0"),
         (lambda: SpinningLidar(elevations=()), "elevations must be degrees"),
