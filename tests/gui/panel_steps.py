@@ -172,6 +172,7 @@ def make_a_failure_case() -> Step:
         made = bpy.context.scene
         bpy.context.window_manager.windows[0].scene = before
         bpy.data.scenes.remove(made)
+        bpy.ops.ed.undo_push(message="the case is gone")
         yield 0.5
 
     yield from open_sub_panel("Failure Cases", work)

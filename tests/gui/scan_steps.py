@@ -69,3 +69,4 @@ def scan() -> Step:
     yield from wait_until(scans, "redo does not bring the points back", 10)
     yield from press_key("ctrl+z")
     yield from wait_until(lambda: not scans(), "the second undo leaves the points", 10)
+    check(settings().mode == "PREVIEW", "undoing the scan has undone more than that")
