@@ -90,20 +90,20 @@ def test_a_newer_blender_renders_the_same(name: str, extension: Path, expected: 
     python, interpreter = IN_CHROOT[name]
     places = {
         "BLEND": "/host/blend_scenes/courtyard.blend",
-        "OUTPUT": "/tmp/image.npz",
+        "OUTPUT": f"/tmp/image-{python}.npz",
         "EXTENSION": f"/host/{extension.relative_to(repository)}",
-        "BLENDER_USER_RESOURCES": "/tmp/user",
+        "BLENDER_USER_RESOURCES": f"/tmp/user-{python}",
     }
     variables = [f"{name}={place}" for name, place in places.items()]
-    output = repository / ".cache" / "image-5.2.npz"
+    output = repository / ".cache" / f"image-{python}.npz"
     output.unlink(missing_ok=True)
     chroot = repository / "tests" / "gui" / "blender_chroot.sh"
     script = " && ".join(
         (
-            "rm -rf /tmp/user /tmp/image.npz",
-            "mkdir /tmp/user",
+            f"rm -rf /tmp/user-{python} /tmp/image-{python}.npz",
+            f"mkdir /tmp/user-{python}",
             " ".join(("env", *variables, *interpreter, f"/host/{SCRIPT}")),
-            f"cp /tmp/image.npz /host/{output.relative_to(repository)}",
+            f"cp /tmp/image-{python}.npz /host/{output.relative_to(repository)}",
         )
     )
     rendered = render([chroot, "run", "sh", "-c", script], output, dict(os.environ))
