@@ -26,7 +26,8 @@ IN_CHROOT = {
 SCRIPT = "tests/extension/render_scene.py"
 MODES = ("preview", "clay", "normal", "depth", "instance")
 
-# Blender's versions round colors and matrices differently: a fortieth of what a byte of an image can tell.
+# Blender's versions round colors and matrices differently: a fortieth of what a byte of an image can tell, and where a
+# value is above one (a highlight), a thousandth of it.
 BLENDERS_ROUNDING = 1e-4
 
 Render = dict[str, Any]
@@ -59,7 +60,7 @@ def check_same(rendered: Render, expected: Render, tolerance: float = BLENDERS_R
     assert list(rendered["isas"]) == list(expected["isas"])
     for mode in MODES:
         assert np.ptp(expected[mode][..., :3]) > 0.1
-        np.testing.assert_allclose(rendered[mode], expected[mode], rtol=0.0, atol=tolerance, err_msg=mode)
+        np.testing.assert_allclose(rendered[mode], expected[mode], rtol=10 * tolerance, atol=tolerance, err_msg=mode)
 
 
 def test_the_zip_renders_what_the_package_renders(
