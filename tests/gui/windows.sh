@@ -1,6 +1,7 @@
 #!/bin/bash
 # windows.sh EXTENSION.zip: install the extension into a real Blender from the command line, and try it in windows.
 #
+# (--kill-after: unshare, which the chroot runs under, does not listen to a gentler signal.)
 # WINDOWS_STEPS: names of steps, with commas, instead of all. WINDOWS_SECONDS: when to give up.
 # Screenshots and the console go to .cache/windows. Fails if a step does, or if anything alarming is on the console.
 set -euo pipefail
@@ -25,7 +26,7 @@ preferences.system.viewport_aa = 'OFF'
 bpy.ops.wm.save_userpref()" >/dev/null
 
 status=0
-timeout "${WINDOWS_SECONDS:-1200}" "$chroot" run "$user" WINDOWS_OUTPUT=/host/$output "WINDOWS_STEPS=$steps" \
+timeout --kill-after=10 "${WINDOWS_SECONDS:-1200}" "$chroot" run "$user" WINDOWS_OUTPUT=/host/$output "WINDOWS_STEPS=$steps" \
   xvfb-run -a -s "-screen 0 1280x1000x24" \
   blender --gpu-backend opengl --window-geometry 0 0 1280 1000 /host/blend_scenes/tree_in_wind.blend \
   -P /host/tests/gui/steps.py >"$console" 2>&1 || status=$?
