@@ -2,18 +2,21 @@
 
 A `Soak` edits a small scene that holds every kind of thing: plain, linked and modified meshes, text, curves, nodes,
 collection instances, keyframes. `step()` edits, syncs, and compares with a reading that uses no cache, no view and no
-bulk path, and every ray with a scene that has never seen anything else. The same seed makes the same edits.
+bulk path, and every ray with a scene that has never seen anything else. Now and then the file is saved and opened, and
+the add-on's engine renders, is stopped and renders again. The same seed makes the same edits.
 `soak_run.py` goes on with it for as long as one likes.
 """
 
 from __future__ import annotations
 
+import tempfile
 from collections import Counter
-from typing import Any
+from typing import Any, Literal
 
 import bpy
 import numpy as np
 import perfect_bvh
+import perfect_bvh_addon
 from blender.builders import (
     SQUARE,
     camera_object,
@@ -27,15 +30,19 @@ from blender.builders import (
     object_info,
 )
 from blender.soak_edits import EDITS, NothingToEditError
+from blender.soak_renders import find_different_passes
 from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.extract import instancer_survey, read_scene
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
 from perfect_bvh_addon.sync.lookup import SceneLookup
-from perfect_bvh_addon.sync.records import AttributeRequest, SceneRecord
+from perfect_bvh_addon.sync.records import AttributeRequest, ObjectRecord, SceneRecord
 from perfect_bvh_addon.sync.state import SceneState
 from perfect_bvh_addon.sync.verify import find_mismatches
 
 ALL_ATTRIBUTES = AttributeRequest(corner_normals=True, corner_uvs=True, shading=True)
+# What the scene holds: objects alone; and instances that can be read from their geometry; and any others.
+Kind = Literal["objects", "geometry", "mixed"]
+KINDS: tuple[Kind, ...] = ("objects", "geometry", "mixed")
 FIELDS = ("t_hit", "instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs", "geometric_normals")
 
 
@@ -47,26 +54,34 @@ class Soak:
     """One scene, one sync of its viewport and one of its renders.
 
     watches: whether Blender's handlers tell what was evaluated; without them everything is read at every update.
-    is_plain: only with such instances as can be read from their geometry, so that they are.
+    The add-on must not be registered: with handlers it is until `close()`, otherwise while it renders.
     """
 
-    def __init__(self, seed: int, *, watches: bool, is_plain: bool = False) -> None:
+    def __init__(self, seed: int, *, watches: bool, kind: Kind = "mixed") -> None:
         self.seed = seed
-        self.is_plain = is_plain
+        self.kind: Kind = kind
+        self._watches = watches
         self.done: list[str] = []
         self.counts: Counter[str] = Counter()
         self._random = np.random.default_rng(seed)
         self._made = 0
+        self._folder = tempfile.TemporaryDirectory()
+        self.path = f"{self._folder.name}/soak.blend"
         bpy.ops.wm.read_factory_settings(use_empty=True)
-        _fill(is_plain)
+        if watches:
+            perfect_bvh_addon.register()
+        _fill(kind)
         bpy.ops.ed.undo_push(message="start")
         self.sync = SceneSync(ALL_ATTRIBUTES, watch=watches)
         self.render_sync = SceneSync(ALL_ATTRIBUTES, watch=False)
+        self._objects: dict[SceneSync, tuple[ObjectRecord, ...]] = {}  # of each sync's last reading
         self._rays = _rays(self._random)
 
     def close(self) -> None:
         self.sync.close()
         self.render_sync.close()
+        perfect_bvh_addon.unregister()
+        self._folder.cleanup()
 
     def step(self) -> None:
         """One edit or a few, then the proof. Raises DifferenceError."""
@@ -77,6 +92,17 @@ class Soak:
         if self._random.random() < 0.04:
             self.counts["render"] += 1
             in_render(lambda made: self._check(self.render_sync, made))
+        if self._random.random() < 0.02:
+            self.counts["render of the engine"] += 1
+            self._render()
+
+    def _render(self) -> None:
+        perfect_bvh_addon.register()
+        try:
+            self._raise_if(find_different_passes(is_stopped_first=self.number() > 0))
+        finally:
+            if not self._watches:
+                perfect_bvh_addon.unregister()
 
     def _edit(self) -> None:
         name = str(self._random.choice(tuple(EDITS)))
@@ -94,11 +120,16 @@ class Soak:
 
     def _check(self, sync: SceneSync, depsgraph: Any) -> None:
         report = sync.update(depsgraph)
+        objects = sync.record.objects
+        self.counts["read again"] += objects is self._objects.get(sync)
+        self._objects[sync] = objects
         self.counts["meshes passed over"] += sum(mesh.reason.startswith("Blender did not") for mesh in report.meshes)
         self.counts["meshes"] += len(report.meshes)
         self._count_ways_of_reading(depsgraph)
         certain = read_scene(depsgraph, ALL_ATTRIBUTES, reader=ArrayReader(use_views=False))
-        found = [*find_mismatches(sync.record, certain), *_different_answers(sync, certain, self._rays)]
+        self._raise_if([*find_mismatches(sync.record, certain), *_different_answers(sync, certain, self._rays)])
+
+    def _raise_if(self, found: list[str]) -> None:
         if found:
             raise DifferenceError(f"seed {self.seed}, after {len(self.done)} edits: {found}; last: {self.done[-8:]}")
 
@@ -131,7 +162,7 @@ class Soak:
         return f"{kind} {self._made}"
 
 
-def _fill(is_plain: bool) -> None:
+def _fill(kind: Kind) -> None:
     camera_object().location.z = 20.0
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 4
     mesh_object("box")
@@ -139,14 +170,15 @@ def _fill(is_plain: bool) -> None:
     mesh_object("left", shared, location=(-3, 0, 0))
     mesh_object("right", shared, location=(3, 0, 0))
     mesh_object("smooth", location=(0, 3, 0)).modifiers.new("subsurf", "SUBSURF")
-    instances_on_grid("field", made_cube, 3).location = (0, -8, 0)
-    instances_on_grid("herd", object_info(bpy.data.objects["box"]), 3).location = (0, 8, 1)
-    inner = collection("inner", linked=is_plain)
+    if kind != "objects":
+        instances_on_grid("field", made_cube, 3).location = (0, -8, 0)
+        instances_on_grid("herd", object_info(bpy.data.objects["box"]), 3).location = (0, 8, 1)
+    inner = collection("inner", linked=kind != "mixed")
     mesh_object("leaf", collection=inner)
-    if not is_plain:
+    if kind == "mixed":
         collection_instance("tree", inner, location=(6, 6, 0))
-    collection("drawer")
-    bpy.data.materials.new("red")
+    for kept in (inner, collection("drawer"), bpy.data.materials.new("red")):
+        kept.use_fake_user = True  # edits look for them in files that were saved, too
     moving = mesh_object("moving", location=(-6, 5, 0))
     for frame, x in ((1, -6.0), (20, 6.0)):
         moving.location.x = x

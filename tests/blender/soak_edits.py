@@ -23,14 +23,18 @@ if TYPE_CHECKING:
     from blender.soak import Soak
 
 MOST_OBJECTS = 14
+ADDITIONS = {  # Blender lists text and curves among instances
+    "objects": ("mesh", "linked", "member"),
+    "geometry": ("mesh", "linked", "member", "field", "herd"),
+    "mixed": ("mesh", "linked", "member", "field", "herd", "text", "curve", "tree"),
+}
 MODIFIERS = ("SUBSURF", "ARRAY", "MIRROR", "WAVE", "SOLIDIFY", "TRIANGULATE", "DECIMATE")
 
 
 def add(soak: Soak) -> None:
     if len(bpy.data.objects) > MOST_OBJECTS:
         raise NothingToEditError
-    kinds = ("mesh", "linked", "field", "herd", "member")
-    kind = soak.pick(kinds if soak.is_plain else (*kinds, "text", "curve", "tree"))
+    kind = soak.pick(ADDITIONS[soak.kind])
     name, place = soak.name(kind), soak.vector()
     if kind == "mesh":
         mesh_object(name, mesh_data(name, *soak.pick((SQUARE, TETRAHEDRON))), location=place)
@@ -152,7 +156,7 @@ def hide_with_the_eye(soak: Soak) -> None:
 
 
 def hide_an_instancer(soak: Soak) -> None:
-    if soak.is_plain:
+    if soak.kind != "mixed":
         raise NothingToEditError
     obj = soak.an_object()
     obj.show_instancer_for_viewport = not obj.show_instancer_for_viewport
@@ -232,6 +236,11 @@ def redo(soak: Soak) -> None:
     bpy.ops.ed.redo()
 
 
+def reopen(soak: Soak) -> None:
+    bpy.ops.wm.save_as_mainfile(filepath=soak.path, check_existing=False)
+    bpy.ops.wm.open_mainfile(filepath=soak.path)
+
+
 def nothing(_: Soak) -> None:
     pass
 
@@ -266,6 +275,7 @@ EDITS: dict[str, Callable[[Soak], None]] = {
         change_frame,
         undo,
         redo,
+        reopen,
         nothing,
         *LOOK_EDITS,
     )

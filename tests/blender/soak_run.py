@@ -35,10 +35,10 @@ SEEDS_A_PROCESS = 8  # what one leaves behind must not pile up: memory is told a
 
 def run_seed(seed: int, steps: int) -> dict[str, Any]:
     """The steps of one seed; it ends at the first difference. Handlers are on for every other seed."""
-    from blender.soak import DifferenceError, Soak
+    from blender.soak import KINDS, DifferenceError, Soak
 
     started = time.perf_counter()
-    soak = Soak(seed, watches=seed % 2 == 0, is_plain=seed // 2 % 2 == 0)
+    soak = Soak(seed, watches=seed % 2 == 0, kind=KINDS[seed // 2 % 3])
     differences: list[str] = []
     done = 0
     try:
@@ -173,7 +173,13 @@ def summarise(results: dict[int, dict[str, Any]], wanted: int, wall_seconds: flo
             memory.setdefault(result["seed_of_the_process"], []).append(result["resident_megabytes"])
     seconds = sum(result["seconds"] for result in results.values())
     steps = sum(result["steps"] for result in results.values())
-    special = ("meshes", "meshes passed over", "instances read from geometry", "objects looked up in the list")
+    special = (
+        "meshes",
+        "meshes passed over",
+        "read again",
+        "instances read from geometry",
+        "objects looked up in the list",
+    )
     return {
         "machine": describe(),
         "steps": steps,
@@ -184,6 +190,7 @@ def summarise(results: dict[int, dict[str, Any]], wanted: int, wall_seconds: flo
         "edits": {name: counts[name] for name in sorted(counts) if name not in special},
         "meshes_compared": counts["meshes"],
         "meshes_passed_over": counts["meshes passed over"],
+        "read_again": counts["read again"],
         "instances_read_from_geometry": counts["instances read from geometry"],
         "objects_looked_up_in_the_list": counts["objects looked up in the list"],
         # The middle and the most over the processes, after their first seed, their second, and so on.
