@@ -66,39 +66,6 @@ TEST(Scene, EveryRayMeetsTheSheet) {
   }
 }
 
-TEST(Scene, SnapshotsAreTracedWhileTheSceneIsEdited) {
-  ThreadPool pool(3);
-  Scene scene;
-  const auto mesh = scene.add_mesh(sheet(20, 0.0f), {}, Usage::kDeforming);
-  const auto instance = scene.add_instances(std::vector<InstanceInput>{{mesh, Affine{}, 1, {}}});
-  commit(scene, pool);
-  const auto first = scene.snapshot();
-  const auto rays = downward_rays(400, 2);
-  std::vector<Hit> expected(rays.size());
-  trace_closest(*first, rays, expected);
-
-  std::atomic<int> differences{0};
-  const auto trace = [&] {
-    std::vector<Hit> hits(rays.size());
-    for (int round = 0; round < 20; ++round) {
-      trace_closest(*first, rays, hits);
-      for (std::size_t i = 0; i < hits.size(); ++i) differences += hits[i].t == expected[i].t ? 0 : 1;
-    }
-  };
-  std::thread one(trace), other(trace);
-  for (int step = 1; step <= 10; ++step) {
-    const TriangleMesh moved = sheet(20, 0.02f * static_cast<float>(step));
-    scene.update_mesh<float>(mesh, moved.positions);
-    const Affine transform{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 0.01 * step}};
-    scene.set_transforms(std::vector{instance}, std::vector{transform});
-    commit(scene, pool);
-  }
-  one.join();
-  other.join();
-  EXPECT_EQ(differences.load(), 0);
-  EXPECT_EQ(scene.snapshot()->generation, 11u);
-}
-
 TEST(Scene, ACancelledCommitLeavesEditsWaiting) {
   ThreadPool pool(2);
   Scene scene;
