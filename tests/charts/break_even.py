@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from charts.figures import Figures, count, footer, load, named
+from charts.figures import Figures, count, footer, load, named, rounds_of
 
 from addon.bench.chart import Axis, Chart, Key, Panel, Series
 
@@ -30,18 +30,20 @@ HIGHEST = 3.0  # times the least, that is shown
 def chart(figures: Figures | None = None) -> Chart:
     """The picture's description; figures: of build.py."""
     figures = figures or load(DATA)
+    meshes = [mesh for mesh in figures["meshes"] if mesh["name"] in MESHES]
     return Chart(
-        "A dearer tree pays once there are rays enough, and the planner guesses when",
+        "A dearer tree pays with rays enough; the planner guesses from when on",
         "Time to build and to cast so many diffuse rays, on one thread, as a multiple of the least of ours at that "
         "number: 1 is the best choice. Rings: what the planner takes when it is told the number. It knows what "
-        "builders cost on two meshes of its calibration, not on this one. Bands: quartiles.",
-        [_panel(mesh) for mesh in figures["meshes"] if mesh["name"] in MESHES],
+        "builders cost on two meshes of its calibration, not on this one, and it never takes sweep. Bands: "
+        f"quartiles of {rounds_of(meshes)}.",
+        [_panel(mesh) for mesh in meshes],
         footer(figures),
         panel_height=285,
         legend=(
             *(Key(LABELS.get(name, name), color, "", True, dash) for name, (color, dash) in TREES.items()),
             Key("the planner's choice", "black", "ring"),
-            Key("break-even", "black", "diamond"),
+            Key("break-even: the best of ours from so many rays on", "black", "diamond"),
         ),
     )
 
@@ -72,7 +74,7 @@ def _panel(mesh: Figures) -> Panel:
             "black",
             "diamond",
             labels="points",
-            names=[f"{name} from {_rays(rays)}" for rays, name in crossings],
+            names=[f"{name} {_rays(rays)}" for rays, name in crossings],
         )
     )
     return Panel(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from charts.figures import Figures, count, footer, load, only
+from charts.figures import Figures, count, footer, load, only, rounds_of
 
 from addon.bench.chart import BLENDER, EMBREE, OURS, Axis, Chart, Key, Panel, Series
 
@@ -17,12 +17,13 @@ NAMES = {"embree_low": "LOW", "embree_medium": "MEDIUM", "embree_high": "HIGH"}
 def chart(figures: Figures | None = None) -> Chart:
     """The picture's description; figures: of build.py."""
     figures = figures or load(DATA)
-    panels = [_panel(mesh) for mesh in figures["meshes"] if mesh["name"] in MESHES]
+    meshes = [mesh for mesh in figures["meshes"] if mesh["name"] in MESHES]
     return Chart(
         "Cheap trees cost rays, dear trees cost time: what each builder buys",
         "Time from a mesh in memory until rays can be cast, and speed of diffuse bounce rays, both on one thread: up "
-        "and to the left is better. On the grey line nothing is better in both. Bars: quartiles of the rounds.",
-        panels,
+        "and to the left is better. On the grey line nothing is better in both. Bars: quartiles "
+        f"of {rounds_of(meshes)}.",
+        [_panel(mesh) for mesh in meshes],
         footer(figures),
         panel_height=285,
         legend=(

@@ -28,10 +28,18 @@ def footer(figures: Figures) -> str:
         if machine["versions"].get(key)
     )
     processor = re.sub(r"\s+|\(R\)|\(TM\)", " ", machine["processor"])
+    threads = f"{machine['threads']} thread{'s' if machine['threads'] > 1 else ''}"
+    load = ", ".join(f"{average:.1f}" for average in machine["load_average"])
     return (
-        f"{' '.join(processor.split())}, {machine['threads']} threads, {machine['isa']}; commit {machine['commit']}; "
-        f"{versions}. Measured by: {' '.join(machine['command'])}"
+        f"{' '.join(processor.split())}, {threads}, {machine['isa']}; commit {machine['commit']}; {versions}. "
+        f"Load averages at the end, of 1, 5 and 15 minutes: {load}. Measured by: {' '.join(machine['command'])}"
     )
+
+
+def rounds_of(meshes: list[Figures]) -> str:
+    """How many rounds stand behind quartiles: "2 to 3 rounds"."""
+    counts = sorted({tree["round_count"] for mesh in meshes for tree in mesh["trees"]})
+    return f"{counts[0]} to {counts[-1]} rounds" if len(counts) > 1 else f"{counts[0]} rounds"
 
 
 def only(rows: list[Figures], name: str) -> Figures:
