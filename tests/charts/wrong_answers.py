@@ -99,7 +99,7 @@ def _frontier(figures: Figures) -> Panel:
         )
     return Panel(
         "Speed against losses, radius 1",
-        Axis("million rays a second; Blender's from Python"),
+        Axis("million diffuse rays a second; Blender's from Python"),
         Axis("rays lost per million", log=True, has_zero=True, low=10.0, high=1e6, powers=True),
         series,
     )
