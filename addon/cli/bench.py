@@ -7,14 +7,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
+from . import EXIT_INTERRUPTED
 from .arguments import CommandError, check_blend_file
 from .blender import StopRequest, open_scene, stop_on_interrupt
 from .console import quiet_blender
 
 if TYPE_CHECKING:
     import bpy
-
-EXIT_STOPPED = 130
 
 
 def run_bench(arguments: argparse.Namespace) -> int:
@@ -63,5 +62,5 @@ def _measure(
     out.write(f"{results.json}\n")
     if stop.is_set:
         sys.stderr.write("perfect-bvh: stopped; what had been measured is written\n")
-        return EXIT_STOPPED
+        return EXIT_INTERRUPTED
     return 0

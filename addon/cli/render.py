@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
+from . import EXIT_INTERRUPTED
 from .arguments import CommandError, Output, check_blend_file, check_mode
 from .blender import StopRequest, apply_settings, go_to_frame, open_scene, render_job, stop_on_interrupt
 from .console import quiet_blender
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from ..frame import Frame
     from ..modes import Mode
     from ..sync.report import SyncReport
-
-EXIT_STOPPED = 130
 
 
 def run_render(arguments: argparse.Namespace) -> int:
@@ -160,7 +159,7 @@ class RenderSession:
             self._say(self._summary(frames))
         if len(self._times) < len(frames):
             sys.stderr.write(f"perfect-bvh: stopped; {len(self._times)} of {len(frames)} frames are written\n")
-            return EXIT_STOPPED
+            return EXIT_INTERRUPTED
         return 0
 
     def _summary(self, frames: tuple[int, ...]) -> str:

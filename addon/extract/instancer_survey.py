@@ -17,7 +17,7 @@ import numpy as np
 from ..sync.records import Float32Array
 
 # Objects that are no surface and show nothing.
-_SILENT_TYPES = frozenset({"ARMATURE", "CAMERA", "EMPTY", "LATTICE", "LIGHT", "LIGHT_PROBE", "SPEAKER"})
+SILENT_TYPES = frozenset({"ARMATURE", "CAMERA", "EMPTY", "LATTICE", "LIGHT", "LIGHT_PROBE", "SPEAKER"})
 # Objects whose surface Blender lists as an instance of their own.
 _SURFACE_TYPES = frozenset({"CURVE", "FONT", "META", "SURFACE"})
 _INSTANCER_SWITCHES = ("show_instancer_for_viewport", "show_instancer_for_render")
@@ -147,7 +147,7 @@ def _survey(obj: Any) -> Instancer | None:
     if obj.type in _SURFACE_TYPES:
         return _survey_surface(obj)
     if obj.type != "MESH":
-        if obj.type not in _SILENT_TYPES and len(obj.modifiers):
+        if obj.type not in SILENT_TYPES and len(obj.modifiers):
             raise _UnsupportedError
         return None
     if len(obj.particle_systems):

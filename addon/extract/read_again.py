@@ -28,11 +28,10 @@ from ..sync.records import (
 )
 from .evaluation_log import EvaluationLog
 from .images import ImageCache
+from .instancer_survey import SILENT_TYPES
 from .visibility import VisibilityReader
 
 _NOT_SHOWN = -1
-# Objects that are no surface: only what they show beside themselves could be.
-_SILENT_TYPES = frozenset({"ARMATURE", "CAMERA", "EMPTY", "LATTICE", "LIGHT", "LIGHT_PROBE", "SPEAKER"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +123,7 @@ def _is_as_before(obj: Any, row: int, parts: SceneParts, visibility: VisibilityR
     if obj.original.mode != "OBJECT" or obj.is_instancer:
         return False
     if row == _NOT_SHOWN:
-        return obj.type in _SILENT_TYPES
+        return obj.type in SILENT_TYPES
     record = parts.objects[parts.instances.object_indices[row]]
     slots = tuple(
         [None if slot.material is None else slot.material.original.session_uid for slot in obj.material_slots]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import bpy
 
 from ..preferences import native_error
-from ..properties import ENGINE_NAME
+from .common import RenderPanel
 
 # Panels that Blender offers every engine, without those of features that this engine does not have; Simplify it shows
 # in a place of its own.
@@ -24,19 +24,12 @@ BORROWED_PANELS = (
 )
 
 
-class PERFECT_BVH_PT_passes(bpy.types.Panel):
+class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
     """The passes that the engine writes beside Combined."""
 
     bl_label = "Data"
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
     bl_context = "view_layer"
     bl_parent_id = "VIEWLAYER_PT_layer_passes"
-    COMPAT_ENGINES = frozenset({ENGINE_NAME})
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return context.engine in cls.COMPAT_ENGINES
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -51,21 +44,18 @@ class PERFECT_BVH_PT_passes(bpy.types.Panel):
         column.prop(view_layer, "use_pass_material_index")
 
 
-class PERFECT_BVH_PT_panorama(bpy.types.Panel):
+class PERFECT_BVH_PT_panorama(RenderPanel, bpy.types.Panel):
     """The part of the sphere that a panoramic camera sees. Blender shows these settings with Cycles only."""
 
     bl_label = "Panorama"
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
     bl_context = "data"
     bl_parent_id = "DATA_PT_lens"
-    COMPAT_ENGINES = frozenset({ENGINE_NAME})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         camera = context.camera
         is_panoramic = camera is not None and camera.type == "PANO"
-        return context.engine in cls.COMPAT_ENGINES and is_panoramic and native_error() is None
+        return super().poll(context) and is_panoramic and native_error() is None
 
     def draw(self, context: bpy.types.Context) -> None:
         from ..extract.camera import panorama_settings  # needs the native engine, registering must not

@@ -14,7 +14,7 @@ SHORTEST_LINE = 20
 
 
 class RenderPanel:
-    """A panel of the Render properties that is shown with this engine."""
+    """A panel that is shown with this engine, in the Render properties unless it says otherwise."""
 
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
