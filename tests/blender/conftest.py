@@ -9,6 +9,15 @@ import pytest
 bpy: Any = pytest.importorskip("bpy")
 
 
+@pytest.fixture(autouse=True, scope="module")
+def factory_settings() -> None:
+    """Files of tests share a process in any order: none finds what another has left in Blender."""
+    import perfect_bvh_addon
+
+    perfect_bvh_addon.unregister()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+
+
 @pytest.fixture
 def scene() -> Any:
     """An empty scene in a file of its own, with a small render size."""
