@@ -124,13 +124,14 @@ def test_the_benchmark_of_accuracy(repository, tmp_path):
             assert robust.get("judged_wrong", 0) == 0
 
 
-def test_the_benchmark_of_frames(repository, tmp_path):
+def test_the_benchmark_of_policies(repository, tmp_path):
     pytest.importorskip("bpy", reason="Blender's module is not installed")
-    words = ["--only", "exploding", "--frames", "3", "--rounds", "1"]
-    (animation,) = figures_of(repository, tmp_path, "frames.py", *words)["animations"]
-    assert [row["frame"] for row in animation["frames"]] == [0.0, 1.0, 2.0]
-    assert animation["frames"][1]["policies"]["rebuild"]["actions"] == ["rebuilt"]
-    for row in (row for frame in animation["frames"] for row in frame["policies"].values()):
+    words = ["--policies", "--only", "exploding", "--frames", "3", "--rounds", "1"]
+    (animation,) = figures_of(repository, tmp_path, "sync.py", *words)["policies"]
+    assert animation["frames"] == [0.0, 1.0, 2.0]
+    second = animation["policies"]["rebuild"]["frames"][1]
+    assert [row["action"] for row in second["decisions"]] == ["rebuilt"]
+    for row in (row for policy in animation["policies"].values() for row in policy["frames"]):
         check_spread(row["all_ms"])
         assert row["all_ms"]["median"] > row["update_ms"]["median"]
 

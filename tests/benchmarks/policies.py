@@ -51,18 +51,19 @@ class Run:
 
     def as_json(self) -> dict[str, Any]:
         update, trace = np.array(self.update), np.array(self.trace)
-        both = np.median(update + trace, axis=0).sum()
         return {
             "update_ms": float(np.median(update, axis=0).sum()),
             "trace_ms": float(np.median(trace, axis=0).sum()),
-            "sum_ms": float(both),
+            "sum_ms": float(np.median(update + trace, axis=0).sum()),
             "repeats": Spread.of([float(total) for total in (update + trace).sum(axis=1)]).as_json(),
             "actions": dict(Counter(row["action"] for rows in self.decisions for row in rows)),
             "frames": [
-                {"update_ms": spent, "trace_ms": traced, "decisions": rows}
-                for spent, traced, rows in zip(
-                    np.median(update, axis=0).tolist(), np.median(trace, axis=0).tolist(), self.decisions, strict=True
-                )
+                {
+                    "update_ms": Spread.of(spent.tolist()).as_json(),
+                    "all_ms": Spread.of(both.tolist()).as_json(),
+                    "decisions": rows,
+                }
+                for spent, both, rows in zip(update.T, (update + trace).T, self.decisions, strict=True)
             ],
         }
 
@@ -91,9 +92,10 @@ def compare(name: str, records: list[SceneRecord], rays: int, repeats: int) -> d
     best = min(figures["refit"]["sum_ms"], figures["rebuild"]["sum_ms"])
     return {
         "name": name,
-        "frames": len(records),
+        "frames": [record.frame for record in records],
         "triangles": sum(len(mesh.triangles) for mesh in records[0].meshes),
         "rays": rays,
+        "timed_rays": SAMPLE,
         "policies": figures,
         "governed_to_better": figures["governed"]["sum_ms"] / best,
     }

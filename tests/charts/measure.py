@@ -26,7 +26,7 @@ SCENES = ("blend_scenes/courtyard.blend",)  # that are measured as one mesh
 WHOLE: dict[str, str] = {
     "image_error": "image_error.py --size 64 --most 64 --seeds 3",
     "stability": "stability.py",
-    "frames": "frames.py",
+    "policies": "sync.py --policies --rounds 3 --frames 24",
 }
 OF_MESHES: dict[str, str] = {
     "builders": "build.py --default-meshes --trees auto median sweep binned spatial fast --threads 1 --rounds 3 "
