@@ -61,7 +61,7 @@ def bounced_rays(record: SceneRecord, scene: perfect_bvh.Scene) -> tuple[Float64
             reach = float(np.abs(starts).max() + hits.t_hit[rows].max())
             bounced = _unit(random.normal(size=normals.shape)) + 1.0001 * normals
             return starts + 1e-5 * reach * normals, _unit(bounced)
-    return _rays_from_around(record, random)
+    return rays_from_around(record, random, PIXELS[0] * PIXELS[1])
 
 
 def _camera_rays(camera: CameraRecord) -> tuple[Float64Array, Float64Array, float, float]:
@@ -72,7 +72,8 @@ def _camera_rays(camera: CameraRecord) -> tuple[Float64Array, Float64Array, floa
     return rays.origins @ matrix[:3, :3].T + matrix[:3, 3], directions, rays.t_min, rays.t_max
 
 
-def _rays_from_around(record: SceneRecord, random: np.random.Generator) -> tuple[Float64Array, Float64Array]:
+def rays_from_around(record: SceneRecord, random: np.random.Generator, count: int) -> tuple[Float64Array, Float64Array]:
+    """Origins and directions (count, 3): from all around towards random places in the scene's box."""
     transforms = record.instances.transforms.astype(np.float64)
     lower, upper = np.full(3, np.inf), np.full(3, -np.inf)
     for row, transform in zip(record.instances.mesh_indices, transforms, strict=True):
@@ -81,7 +82,6 @@ def _rays_from_around(record: SceneRecord, random: np.random.Generator) -> tuple
         middle = transform[:, :3] @ corners.mean(axis=0) + transform[:, 3]
         half = np.abs(transform[:, :3]) @ (np.ptp(corners, axis=0) / 2)
         lower, upper = np.minimum(lower, middle - half), np.maximum(upper, middle + half)
-    count = PIXELS[0] * PIXELS[1]
     origins = (lower + upper) / 2 + _unit(random.normal(size=(count, 3))) * np.linalg.norm(upper - lower)
     return origins, random.uniform(lower, upper, (count, 3)) - origins
 

@@ -20,6 +20,7 @@ import numpy.typing as npt
 import perfect_bvh
 from benchmarks.moving_meshes import MovingMesh, exploding
 from benchmarks.rounds import Spread
+from perfect_bvh_addon.bench.subject import rays_from_around
 from perfect_bvh_addon.sync.records import InstanceRecords, MeshRecord, ObjectRecord, SceneRecord
 from perfect_bvh_addon.sync.state import SceneState
 
@@ -126,19 +127,7 @@ def _time_rays(scenes: dict[str, Any], batch: tuple[Floats, Floats], rounds: int
 
 def _rays_at(record: SceneRecord) -> tuple[Floats, Floats]:
     """From all around towards random places in the scene's box: what an expected ray is."""
-    lower, upper = np.full(3, np.inf), np.full(3, -np.inf)
-    instances = record.instances
-    for row, transform in zip(instances.mesh_indices, instances.transforms, strict=True):
-        positions = record.meshes[row].positions
-        corners = np.stack([positions.min(axis=0), positions.max(axis=0)]).astype(np.float64)
-        middle = transform[:, :3] @ corners.mean(axis=0) + transform[:, 3]
-        half = np.abs(transform[:, :3]) @ (np.ptp(corners, axis=0) / 2)
-        lower, upper = np.minimum(lower, middle - half), np.maximum(upper, middle + half)
-    random = np.random.default_rng(3)
-    outward = random.normal(size=(SAMPLE, 3))
-    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    origins = (lower + upper) / 2 + outward * np.linalg.norm(upper - lower)
-    directions = random.uniform(lower, upper, (SAMPLE, 3)) - origins
+    origins, directions = rays_from_around(record, np.random.default_rng(3), SAMPLE)
     return origins.astype(np.float32), directions.astype(np.float32)
 
 
