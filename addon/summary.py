@@ -22,7 +22,7 @@ class PlanRow:
 
     usage: its class, and usage_reason why. action: what the last frame did to its tree. reason: a sentence.
     ray_share: of the camera rays' work, 0 to 1, what went into rays that end on it. milliseconds, byte_count: of the
-    tree that was made, 0 where it was kept. source, session_uid: what the mesh comes
+    tree that was made or weighed, else 0. source, session_uid: what the mesh comes
     from, as the Select Objects button takes it.
     """
 
@@ -73,7 +73,7 @@ def plan_rows(
     report: SyncReport, mesh_costs: Mapping[int, float] | None = None, limit: int = SHOWN_MESHES
 ) -> list[PlanRow]:
     """The meshes that cost camera rays most (see `FrameStatistics`), then those that took longest, then the largest."""
-    commits = {mesh.mesh_id: mesh for mesh in report.commit.meshes}
+    commits = {mesh.mesh_id: mesh for mesh in (*report.commit.meshes, *report.commit.resting)}
     costs = mesh_costs or {}
     rows = []
     for change in report.meshes:

@@ -159,14 +159,14 @@ class SyncReport:
 
     @property
     def ledger(self) -> list[dict[str, Any]]:
-        """A row for each decision of the engine about a mesh, of plain values that JSON takes.
+        """A row for each decision of the engine about a mesh, of plain values that JSON takes; also to keep it.
 
         What a mesh was called, its class and why, what was done and why, what each alternative was expected to cost,
         and how good the tree was when it was built, when it was refitted, and is now.
         """
         changes = {mesh.mesh_id: mesh for mesh in self.meshes}
         rows = []
-        for row in self.commit.meshes:
+        for row in (*self.commit.meshes, *self.commit.resting):
             change = changes.get(row.mesh_id)
             rows.append(
                 {

@@ -137,9 +137,9 @@ py::dict to_dict(const TopLevelReport& top) {
                   py::arg("collapse_milliseconds") = top.collapse_milliseconds);
 }
 
-py::dict to_dict(const CommitReport& report) {
+py::list to_list(const std::vector<MeshReport>& reports) {
   py::list meshes;
-  for (const MeshReport& mesh : report.meshes) {
+  for (const MeshReport& mesh : reports) {
     meshes.append(py::dict(
         py::arg("mesh_id") = mesh.mesh_id, py::arg("usage") = mesh.usage, py::arg("action") = action_name(mesh.action),
         py::arg("reason") = mesh.reason, py::arg("alternatives") = to_list(mesh.alternatives),
@@ -152,9 +152,13 @@ py::dict to_dict(const CommitReport& report) {
         py::arg("cost") = mesh.cost, py::arg("collapse_milliseconds") = mesh.collapse_milliseconds,
         py::arg("triangle_count") = mesh.triangle_count, py::arg("byte_count") = mesh.byte_count));
   }
-  return py::dict(py::arg("meshes") = meshes, py::arg("kept_count") = report.kept_count,
-                  py::arg("instance_count") = report.instance_count, py::arg("baked_count") = report.baked_count,
-                  py::arg("mesh_milliseconds") = report.mesh_milliseconds,
+  return meshes;
+}
+
+py::dict to_dict(const CommitReport& report) {
+  return py::dict(py::arg("meshes") = to_list(report.meshes), py::arg("resting") = to_list(report.resting),
+                  py::arg("kept_count") = report.kept_count, py::arg("instance_count") = report.instance_count,
+                  py::arg("baked_count") = report.baked_count, py::arg("mesh_milliseconds") = report.mesh_milliseconds,
                   py::arg("top_level_milliseconds") = report.top_level_milliseconds,
                   py::arg("top_level") = to_dict(report.top_level), py::arg("milliseconds") = report.milliseconds,
                   py::arg("byte_count") = report.byte_count, py::arg("generation") = report.generation);

@@ -35,6 +35,7 @@ py::dict to_dict(const TreeStatistics& tree) {
   row["geometry_byte_count"] = tree.geometry_byte_count;
   row["binary_byte_count"] = tree.binary_byte_count;
   row["wide_byte_count"] = tree.wide_byte_count;
+  row["plan_byte_count"] = tree.plan_byte_count;
   row["byte_count"] = tree.byte_count;
   return row;
 }

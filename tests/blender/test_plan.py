@@ -27,7 +27,7 @@ def classes_of(path: Path, frames: int) -> list[dict[str, tuple[str, str, int]]]
         found.append({mesh.name: (mesh.usage, mesh.usage_reason, mesh.triangle_count) for mesh in rows})
         assert all(mesh.usage_reason for mesh in report.meshes)
         assert {row["class"] for row in report.ledger} <= {"static", "rigid", "deforming", "changing"}
-        assert len(report.ledger) == len(report.commit.meshes)
+        assert len(report.ledger) == len(report.commit.meshes) + len(report.commit.resting)
     sync.close()
     return found
 

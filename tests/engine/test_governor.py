@@ -182,3 +182,35 @@ def test_the_usage_can_be_said_anew():
         scene.set_usage(mesh, "still")
     with pytest.raises(ValueError, match="set_usage: there is no mesh with id 7"):
         scene.set_usage(7, "static")
+
+
+def test_a_mesh_at_rest_is_built_anew_once():
+    positions, triangles = meshes.sphere(40, 60)
+    x, y, z = positions.T
+    turn = 2 * np.pi * (z - z.min()) / np.ptp(z)
+    twisted = np.stack([np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y, z], axis=1)
+    scene = perfect_bvh.Scene(calibration=MACHINE)
+    mesh = scene.add_mesh(positions, triangles, usage="deforming")
+    scene.add_instance(mesh)
+    other = scene.add_instance(scene.add_mesh(*meshes.sphere(4, 6)))
+    scene.commit()
+    scene.update_mesh(mesh, twisted)
+    assert scene.commit(0).meshes[0].action == "refitted"
+    (row,) = scene.commit().resting
+    assert row.action == "kept" and "nobody said" in row.reason
+    actions = []
+    for _ in range(80):
+        scene.set_transforms([other], np.eye(4)[None])
+        report = scene.commit(2_000)
+        rows = report.meshes + report.resting
+        actions += [row.action for row in rows]
+        assert all(row.mesh_id == mesh and "the triangles rest" in row.reason for row in rows)
+        assert report.kept_count == 2 - len(report.meshes)
+    assert actions == ["kept"] * (len(actions) - 1) + ["rebuilt"] and 1 < len(actions) < 80
+    rays = meshes.random_rays(2000, 1)
+    fresh = perfect_bvh.Scene()
+    fresh.add_instance(fresh.add_mesh(twisted, triangles))
+    fresh.commit()
+    scene.remove_instances([other])
+    scene.commit()
+    assert np.array_equal(scene.cast_rays(*rays).t_hit, fresh.cast_rays(*rays).t_hit)

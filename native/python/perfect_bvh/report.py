@@ -7,7 +7,8 @@ from typing import Any, Literal
 
 # deferred: a lazy mesh that no ray has reached: its tree is not built; `statistics()` tells when it is.
 # refitted: new boxes, the same tree. rotated, partly_rebuilt: refitted, then mended where motion had loosened it.
-MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt", "deferred"]
+# kept: nothing was done, though a new tree was weighed.
+MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt", "deferred", "kept"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +41,8 @@ class MeshReport:
     of it anew.
     fresh_cost, refitted_cost, cost: visits to nodes that a ray through the mesh's box is expected to make: in the tree
     when it was built, in that tree refitted (both 0 where no refit was tried), and in the one that the mesh has now.
-    byte_count: of the geometry and its tree. Besides, as long as a mesh deforms in every commit, the memory of its last
-    tree but one is kept for the next.
+    byte_count: of the geometry, its tree and what refits go by. Besides, as long as a mesh deforms in every commit, the
+    memory of its last tree but one is kept for the next.
     """
 
     mesh_id: int
@@ -103,12 +104,15 @@ class TopLevelReport:
 
 @dataclass(frozen=True, slots=True)
 class CommitReport:
-    """meshes: those that were not kept. baked_count: instances whose transform has no usable inverse.
+    """meshes: those that were not kept. resting: those kept in trees that motion had spoilt ("governed" only), and why.
 
+    kept_count: all that were kept, resting or not.
+    baked_count: instances whose transform has no usable inverse.
     byte_count: of the whole committed scene. generation: of the snapshot, counted from 1.
     """
 
     meshes: tuple[MeshReport, ...]
+    resting: tuple[MeshReport, ...]
     kept_count: int
     instance_count: int
     baked_count: int
@@ -122,9 +126,11 @@ class CommitReport:
     @classmethod
     def from_core(cls, values: dict[str, Any]) -> CommitReport:
         """From the native module's dictionary."""
-        meshes = tuple(MeshReport.from_core(row) for row in values.pop("meshes"))
+        meshes, resting = (
+            tuple(MeshReport.from_core(row) for row in values.pop(name)) for name in ("meshes", "resting")
+        )
         top_level = TopLevelReport(**values.pop("top_level"))
-        return cls(meshes=meshes, top_level=top_level, **values)
+        return cls(meshes=meshes, resting=resting, top_level=top_level, **values)
 
     @property
     def mesh_stages(self) -> dict[str, float]:
@@ -166,7 +172,8 @@ class TreeStatistics:
     Of the tree that rays are traced through: wide_node_count, wide_leaf_count, wide_depth.
 
     Bytes: geometry_byte_count of positions and triangles (of the top level: of the instances), binary_byte_count (0
-    where that tree is no longer kept), wide_byte_count; byte_count is the three together.
+    where that tree is no longer kept), wide_byte_count, plan_byte_count of what refits go by (0 before the first one);
+    byte_count is the four together.
     """
 
     mesh_id: int
@@ -192,6 +199,7 @@ class TreeStatistics:
     geometry_byte_count: int
     binary_byte_count: int
     wide_byte_count: int
+    plan_byte_count: int
     byte_count: int
 
     @property

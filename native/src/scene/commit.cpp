@@ -8,6 +8,7 @@
 #include "scene/blas_build.h"
 #include "scene/ray_shares.h"
 #include "scene/scene.h"
+#include "scene/tree_bytes.h"
 
 namespace perfect_bvh {
 namespace {
@@ -15,7 +16,7 @@ namespace {
 std::size_t byte_count(const Snapshot& snapshot) {
   std::size_t count = snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView)) +
                       snapshot.tlas.byte_count() + snapshot.top_level.byte_count();
-  for (const auto& blas : snapshot.blases) count += blas->mesh.byte_count() + blas->wide.byte_count();
+  for (const auto& blas : snapshot.blases) count += byte_count(*blas);
   return count;
 }
 
@@ -30,7 +31,7 @@ Aabb bounds_of(const TriangleMesh& mesh) noexcept {
 std::vector<Scene::ChangedMesh> Scene::find_changed(const CommitOptions& options) const {
   std::vector<ChangedMesh> changed;
   for (const auto& [mesh_id, slot] : meshes_) {
-    if (slot.edited) changed.push_back({mesh_id, &slot, std::nullopt});
+    if (needs_decision(slot, options)) changed.push_back({mesh_id, &slot, std::nullopt});
   }
   if (!options.expected_rays || changed.empty()) return changed;
 
@@ -44,7 +45,7 @@ std::vector<Scene::ChangedMesh> Scene::find_changed(const CommitOptions& options
   for (const auto& [mesh_id, slot] : meshes_) {
     const Aabb box = slot.edited ? bounds_of(*slot.edited) : bounds_of(slot.blas->cover);
     const Vec3d centre = slot.edited ? slot.edited->centre : slot.blas->mesh.centre;
-    places[mesh_id] = {box, centre, slot.edited ? row++ : RayShares::kOther};
+    places[mesh_id] = {box, centre, needs_decision(slot, options) ? row++ : RayShares::kOther};
   }
   RayShares shares(changed.size());
   auto found = places.end();
@@ -62,7 +63,7 @@ std::vector<Scene::BlasResult> Scene::make_changed_blases(const CommitOptions& o
                                                           CancelToken& cancel) const {
   const std::vector<ChangedMesh> changed = find_changed(options);
   std::size_t triangle_count = 0;
-  for (const ChangedMesh& mesh : changed) triangle_count += mesh.slot->edited->triangle_count();
+  for (const ChangedMesh& mesh : changed) triangle_count += mesh.slot->edited ? mesh.slot->edited->triangle_count() : 0;
   cancel.expect(triangle_count);
   std::vector<BlasResult> results(changed.size());
   const auto make = [&](std::size_t begin, std::size_t end) {
@@ -106,14 +107,19 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOp
   }();
   adopt_built_trees();
   auto results = make_changed_blases(options, pool, cancel);
-  report.kept_count = meshes_.size() - results.size();
+  const auto made = static_cast<std::size_t>(
+      std::count_if(results.begin(), results.end(), [](const BlasResult& result) { return result.blas != nullptr; }));
+  report.kept_count = meshes_.size() - made;
   report.mesh_milliseconds = watch.milliseconds();
 
   std::shared_ptr<const Snapshot> snapshot = snapshot_;
-  if (!snapshot || edit_count_ != committed_edit_count_) {  // else what is committed is what there is: keep it
+  // Else what is committed is what there is: keep it.
+  if (!snapshot || edit_count_ != committed_edit_count_ || made > 0) {
     BlasMap blases;
     for (const auto& [mesh_id, slot] : meshes_) blases[mesh_id] = slot.blas;
-    for (const BlasResult& result : results) blases[result.report.mesh_id] = result.blas;
+    for (const BlasResult& result : results) {
+      if (result.blas) blases[result.report.mesh_id] = result.blas;
+    }
     snapshot.reset();
     auto assembled = take_last_snapshot();
     assemble(*assembled, blases, options, pool, cancel, report.top_level);
@@ -129,23 +135,25 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOp
   report.generation = snapshot->generation;
   report.milliseconds = watch.milliseconds();
   report.top_level_milliseconds = report.milliseconds - report.mesh_milliseconds;
-  report.meshes.reserve(results.size());
-  for (BlasResult& result : results) report.meshes.push_back(std::move(result.report));
-  publish(std::move(snapshot), results, report, stale_count);
+  report.meshes.reserve(made);
+  report.resting.reserve(results.size() - made);
+  for (const BlasResult& result : results) (result.blas ? report.meshes : report.resting).push_back(result.report);
+  publish(std::move(snapshot), results, stale_count);
   return report;
 }
 
 // Nothing here throws: a commit that came so far happens as a whole.
-void Scene::publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const CommitReport& report,
+void Scene::publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results,
                     std::uint64_t stale_count) noexcept {
   for (auto& [mesh_id, slot] : meshes_) {
     if (!slot.edited && slot.spare) static_cast<void>(slot.spare->take());  // it stopped moving
   }
-  for (std::size_t i = 0; i < results.size(); ++i) {
-    MeshSlot& slot = meshes_.find(report.meshes[i].mesh_id)->second;
-    slot.blas = std::move(results[i].blas);
+  for (BlasResult& result : results) {
+    MeshSlot& slot = meshes_.find(result.report.mesh_id)->second;
+    slot.history = result.history;
+    if (!result.blas) continue;
+    slot.blas = std::move(result.blas);
     slot.spare = slot.blas->spare;
-    slot.history = results[i].history;
     slot.edited.reset();
     slot.same_topology = false;
   }

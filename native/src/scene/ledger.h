@@ -19,6 +19,8 @@ namespace perfect_bvh {
       return MeshAction::kPartlyRebuilt;
     case UpdateAction::kRebuild:
       return MeshAction::kRebuilt;
+    case UpdateAction::kKeep:
+      return MeshAction::kKept;
   }
   return MeshAction::kRebuilt;
 }

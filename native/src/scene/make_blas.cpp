@@ -1,5 +1,6 @@
 // Scene::make_blas: from a mesh that is new or was edited to what rays are traced through. Where only positions changed
-// the tree is refitted and perhaps mended (refit_blas.cpp); otherwise, or where the governor wants another one, a
+// the tree is refitted and perhaps mended (refit_blas.cpp); where they came to rest in a tree that motion spoilt, that
+// is kept or built anew (rest_blas.cpp); otherwise, or where the governor wants another one, a
 // binary tree is built and collapsed. The fast builder's tree is built wide at once.
 
 #include <limits>
@@ -12,6 +13,7 @@
 #include "scene/ledger.h"
 #include "scene/scene.h"
 #include "scene/trace_view.h"
+#include "scene/tree_bytes.h"
 #include "update/quality.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
@@ -75,7 +77,7 @@ void Scene::build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptio
   const MeshSlot& slot = *changed.slot;
   MeshReport& report = result.report;
   const double density = measure_density(blas.mesh);
-  const bool deforms = slot.blas && slot.same_topology;
+  const bool deforms = is_resting(slot) || (slot.blas && slot.same_topology);
   const Usage usage = usage_of(slot.usage, deforms);
   BuildConfig config = choose_builder(slot.config, usage);
   if (slot.config.builder == BuilderKind::kAuto && changed.rays && options.policy == Policy::kGoverned) {
@@ -110,13 +112,14 @@ Scene::BlasResult Scene::make_blas(const ChangedMesh& changed, const CommitOptio
   const Stopwatch watch;
   const MeshSlot& slot = *changed.slot;
   BlasResult result;
-  auto blas = std::make_shared<Blas>(slot.edited);
   MeshReport& report = result.report;
   report.mesh_id = changed.mesh_id;
   report.usage = usage_name(slot.usage);
   report.expected_rays = changed.rays;
   report.action = slot.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
   report.reason = slot.blas ? "the triangles were replaced" : "new mesh";
+  if (is_resting(slot) && keeps_at_rest(changed, options, result)) return result;
+  auto blas = std::make_shared<Blas>(is_resting(slot) ? slot.blas->owned_mesh : slot.edited);
   const bool deforms = slot.blas && slot.same_topology;
   if (deforms) blas->spare = slot.spare ? slot.spare : std::make_shared<SpareTree>();
   if (!deforms || !refit_blas(*blas, changed, options, result, pool, cancel)) {
@@ -130,7 +133,7 @@ Scene::BlasResult Scene::make_blas(const ChangedMesh& changed, const CommitOptio
   report.layout = layout_name(blas->config.layout);
   report.triangle_count = blas->mesh.triangle_count();
   blas->indexed_leaves = view_leaves(blas->wide, blas->mesh);
-  report.byte_count = blas->mesh.byte_count() + blas->wide.byte_count();
+  report.byte_count = byte_count(*blas);
   report.milliseconds = watch.milliseconds();
   result.blas = std::move(blas);
   return result;

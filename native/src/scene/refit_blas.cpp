@@ -98,6 +98,7 @@ bool Scene::refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptio
   report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
   blas.cover = make_cover(cover_boxes(blas.wide, blas.mesh, kCoverBoxes));
   result.history = decision.history;
+  result.history.now = work, result.history.density_now = question.density, result.history.at_rest = {};
   return true;
 }
 

@@ -88,7 +88,7 @@ class Scene {
   };
   using BlasMap = std::map<std::int32_t, std::shared_ptr<const Blas>>;  // by mesh id
   struct BlasResult {
-    std::shared_ptr<const Blas> blas;
+    std::shared_ptr<const Blas> blas;  // null: the mesh keeps what it has
     UpdateHistory history;
     MeshReport report;
   };
@@ -101,13 +101,16 @@ class Scene {
   std::vector<std::size_t> find_instances(std::span<const std::int32_t> ids, const char* function) const;
   void mark_edited();
 
-  // A mesh that was edited, and how many rays it may expect.
+  // A mesh that was edited, or rests in a spoilt tree, and how many rays it may expect.
   struct ChangedMesh {
     std::int32_t mesh_id;
     const MeshSlot* slot;
     std::optional<double> rays;
   };
   std::vector<ChangedMesh> find_changed(const CommitOptions& options) const;
+  static bool is_resting(const MeshSlot& slot) noexcept;
+  static bool needs_decision(const MeshSlot& slot, const CommitOptions& options) noexcept;
+  static bool keeps_at_rest(const ChangedMesh& resting, const CommitOptions& options, BlasResult& result);
   static bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
                          ThreadPool& pool, CancelToken& cancel);
   static void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
@@ -125,7 +128,7 @@ class Scene {
   std::shared_ptr<Snapshot> take_last_snapshot();
   void assemble(Snapshot& snapshot, const BlasMap& blases, const CommitOptions& options, ThreadPool& pool,
                 CancelToken& cancel, TopLevelReport& report) const;
-  void publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const CommitReport& report,
+  void publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results,
                std::uint64_t stale_count) noexcept;
 
   const std::uint64_t id_ = next_id();  // in this process

@@ -4,6 +4,7 @@
 
 #include "scene/blas_build.h"
 #include "scene/deferred_tree.h"
+#include "scene/tree_bytes.h"
 #include "update/epo.h"
 #include "update/quality.h"
 #include "wide/wide_quality.h"
@@ -57,6 +58,8 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
   row.primitive_count = blas.mesh.triangle_count();
   row.vertex_count = blas.mesh.positions.size();
   add_bytes(row, blas.mesh.byte_count(), {}, blas.wide);
+  row.plan_byte_count = plan_byte_count(blas);
+  row.byte_count += row.plan_byte_count;
   return row;
 }
 
@@ -114,7 +117,7 @@ SceneStatistics measure(const Snapshot& snapshot, const StatisticsOptions& optio
   result.byte_count = result.top_level.byte_count;
   for (const auto& blas : snapshot.blases) {
     const Blas& held = newest_of(*blas);
-    result.byte_count += held.mesh.byte_count() + held.wide.byte_count();
+    result.byte_count += byte_count(held);
   }
   return result;
 }

@@ -64,7 +64,8 @@ struct TopLevelReport {
 };
 
 struct CommitReport {
-  std::vector<MeshReport> meshes;  // those that were not kept, in the order of their ids
+  std::vector<MeshReport> meshes;   // those that were not kept, in the order of their ids
+  std::vector<MeshReport> resting;  // those that were kept although motion had spoilt their trees, and why
   std::size_t kept_count = 0;
   std::size_t instance_count = 0;
   std::size_t baked_count = 0;  // instances without a usable inverse, traced as world-space copies

@@ -38,7 +38,8 @@ struct TreeStatistics {
   std::size_t geometry_byte_count = 0;  // positions and triangles; of the top level the instances
   std::size_t binary_byte_count = 0;    // 0 where the binary tree is no longer kept
   std::size_t wide_byte_count = 0;
-  std::size_t byte_count = 0;  // of the three together
+  std::size_t plan_byte_count = 0;  // of what refits go by; 0 before the first one
+  std::size_t byte_count = 0;       // of the four together
 };
 
 struct SceneStatistics {

@@ -5,21 +5,10 @@
 #include <cmath>
 #include <limits>
 
+#include "update/wording.h"
+
 namespace perfect_bvh {
 namespace {
-
-// "1.3"; what is beyond all measure is cut off.
-std::string with_tenths(double value) {
-  const auto tenths = static_cast<long long>(std::clamp(value, 0.0, 1e12) * 10.0 + 0.5);
-  return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10);
-}
-
-std::string as_milliseconds(double nanoseconds) { return with_tenths(nanoseconds * 1e-6) + " ms"; }
-
-const char* verb_of(UpdateAction action) {
-  constexpr std::array<const char*, 4> kVerbs{"refit", "rotate", "rebuild parts", "rebuild"};
-  return kVerbs[static_cast<std::size_t>(action)];
-}
 
 // Levels of a tree, in those of the meshes that were measured.
 double growth(std::size_t triangle_count) {
@@ -32,20 +21,6 @@ struct Forecast {
   std::array<double, 4> ray;
 };
 
-// Of a tree that would be built now. Before the first rebuild tells, the guess is what makes one come sooner: that a
-// fresh tree gains from fewer boxes in full, and loses by more of them less. What a rebuild told is trusted the less,
-// the further the mesh has gone from there: who believes too little in fresh trees never builds one, and never learns.
-double fresh_nanoseconds(const UpdateQuestion& question, const Calibration& calibration) {
-  const UpdateHistory& history = question.history;
-  const double then = ray_nanoseconds(history.fresh, calibration);
-  if (!(question.density > 0 && history.density > 0)) return then;
-  const double change = std::log(question.density / history.density);
-  const double known = history.exponent.value_or(change > 0 ? 0.5 : 1.0);
-  const double doubt = 0.5 * std::min(1.0, std::abs(change) / std::log(8.0));
-  const double exponent = change > 0 ? known * (1.0 - doubt) : known + (1.0 - known) * doubt;
-  return then * std::exp(change * exponent);
-}
-
 Forecast forecast(const UpdateQuestion& question, const Calibration& calibration) {
   const auto count = static_cast<double>(question.triangle_count);
   const double now = ray_nanoseconds(question.now, calibration);
@@ -55,7 +30,8 @@ Forecast forecast(const UpdateQuestion& question, const Calibration& calibration
   const double refit = count * calibration.refit_nanoseconds;
   return {{refit, refit + count * calibration.rotate_nanoseconds, refit + count * calibration.rebuild_parts_nanoseconds,
            build_nanoseconds(question.triangle_count, question.builder, calibration)},
-          {now, now - calibration.rotation_gain * (now - mended), mended, fresh_nanoseconds(question, calibration)}};
+          {now, now - calibration.rotation_gain * (now - mended), mended,
+           fresh_nanoseconds(question.history, question.density, calibration)}};
 }
 
 // What doing away with `excess` in this commit saves in the mean of the commits since it was done last:
@@ -125,6 +101,19 @@ double ray_nanoseconds(const TraceWork& work, const Calibration& calibration) no
   return work.node_visits * calibration.node_nanoseconds + work.leaf_visits * calibration.leaf_nanoseconds;
 }
 
+// Before the first rebuild tells, the guess is what makes one come sooner: that a
+// fresh tree gains from fewer boxes in full, and loses by more of them less. What a rebuild told is trusted the less,
+// the further the mesh has gone from there: who believes too little in fresh trees never builds one, and never learns.
+double fresh_nanoseconds(const UpdateHistory& history, double density, const Calibration& calibration) noexcept {
+  const double then = ray_nanoseconds(history.fresh, calibration);
+  if (!(density > 0 && history.density > 0)) return then;
+  const double change = std::log(density / history.density);
+  const double known = history.exponent.value_or(change > 0 ? 0.5 : 1.0);
+  const double doubt = 0.5 * std::min(1.0, std::abs(change) / std::log(8.0));
+  const double exponent = change > 0 ? known * (1.0 - doubt) : known + (1.0 - known) * doubt;
+  return then * std::exp(change * exponent);
+}
+
 double build_nanoseconds(std::size_t triangle_count, BuilderKind builder, const Calibration& calibration) noexcept {
   return static_cast<double>(triangle_count) * calibration.of(builder).build_nanoseconds * growth(triangle_count);
 }
@@ -132,7 +121,8 @@ double build_nanoseconds(std::size_t triangle_count, BuilderKind builder, const 
 UpdateHistory begin_history(const UpdateHistory& last, const TraceWork& fresh, double density,
                             const Calibration& calibration) noexcept {
   UpdateHistory history;
-  history.fresh = fresh, history.density = density, history.exponent = last.exponent;
+  history.fresh = history.now = fresh, history.density = history.density_now = density;
+  history.exponent = last.exponent;
   const double then = ray_nanoseconds(last.fresh, calibration), now = ray_nanoseconds(fresh, calibration);
   if (!(then > 0 && now > 0 && last.density > 0 && density > 0)) return history;
   constexpr double kLeastChange = 0.02;  // below it the exponent would be made of noise

@@ -38,7 +38,8 @@ struct TraceWork {
   double leaf_visits = 0;
 };
 
-enum class UpdateAction : std::uint8_t { kRefit, kRotate, kRebuildParts, kRebuild };
+// kKeep: of triangles that did not move.
+enum class UpdateAction : std::uint8_t { kRefit, kRotate, kRebuildParts, kRebuild, kKeep };
 
 // What rays have paid beyond what they would have, had something been done in each commit.
 struct Excess {
@@ -53,6 +54,9 @@ struct UpdateHistory {
   std::optional<double> exponent;  // of the density, in what a fresh tree costs; unknown before the first rebuild
   Excess since_build;              // beyond a fresh tree
   Excess since_mending;            // beyond a mended one
+  Excess at_rest;                  // beyond a fresh tree, since the triangles moved last
+  TraceWork now;                   // of the tree that is traced ...
+  double density_now = 0;          // ... and of the mesh in it
 };
 
 struct UpdateQuestion {
@@ -93,6 +97,9 @@ inline constexpr double kRefitLimit = 1.05, kRotateLimit = 1.2, kMendLimit = 1.3
 [[nodiscard]] UpdateHistory begin_history(const UpdateHistory& last, const TraceWork& fresh, double density,
                                           const Calibration& calibration) noexcept;
 
+// What a ray is expected to cost in a tree that would be built now, of a mesh of this density.
+[[nodiscard]] double fresh_nanoseconds(const UpdateHistory& history, double density,
+                                       const Calibration& calibration) noexcept;
 [[nodiscard]] double ray_nanoseconds(const TraceWork& work, const Calibration& calibration) noexcept;
 [[nodiscard]] double build_nanoseconds(std::size_t triangle_count, BuilderKind builder,
                                        const Calibration& calibration) noexcept;

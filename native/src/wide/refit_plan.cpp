@@ -1,6 +1,5 @@
 #include "wide/refit_plan.h"
 
-#include <cstddef>
 #include <span>
 
 namespace perfect_bvh {
@@ -29,7 +28,20 @@ RefitOrder order_refit(const WideBvh& tree, ThreadPool& pool, CancelToken& cance
   return order;
 }
 
+std::size_t count_rows(const std::vector<std::vector<std::uint32_t>>& lists) noexcept {
+  std::size_t count = 0;
+  for (const auto& list : lists) count += list.size();
+  return count;
+}
+
 }  // namespace
+
+std::size_t RefitPlan::byte_count() const noexcept {
+  const std::size_t rows = order ? count_rows(order->nodes.subtrees) + order->nodes.upper.size() +
+                                       count_rows(order->leaves) + order->upper_leaves.size()
+                                 : 0;
+  return rows * sizeof(std::uint32_t) + (vertices ? vertices->size() * sizeof(VertexNumbers) : 0);
+}
 
 void complete_plan(RefitPlan& plan, const WideBvh& tree, const TriangleMesh& mesh, ThreadPool& pool,
                    CancelToken& cancel) {

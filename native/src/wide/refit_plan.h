@@ -2,6 +2,7 @@
 // reads for the leaves.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -25,6 +26,8 @@ struct RefitOrder {
 struct RefitPlan {
   std::shared_ptr<const RefitOrder> order;
   std::shared_ptr<const LeafVertices> vertices;
+
+  [[nodiscard]] std::size_t byte_count() const noexcept;
 };
 
 // Makes the parts that are missing. Throws Cancelled, bad_alloc.

@@ -50,6 +50,8 @@ struct WideCosts {
   }
   [[nodiscard]] double whole(const WideBvh& tree) const noexcept { return tree.is_empty ? 0 : of(tree.root); }
 
+  [[nodiscard]] std::size_t byte_count() const noexcept { return (nodes.size() + leaves.size()) * sizeof(float); }
+
   void resize(std::size_t node_count) { nodes.resize(node_count), leaves.resize(node_count); }
   // Of a node with this half surface whose children's costs are known.
   void set(std::uint32_t row, const WideNode& node, float area) noexcept {
