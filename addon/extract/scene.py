@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,7 +19,7 @@ from .mesh_cache import MeshCache
 from .mesh_table import MeshTable
 from .pointer_views import ArrayReader
 from .read_again import PlainReading, SceneParts, read_again, remember
-from .visibility import VisibilityReader
+from .visibility import VisibilityReader, outside_viewports
 
 # Layouts that were proven or refuted hold for the whole process.
 _shared_reader = ArrayReader()
@@ -66,10 +67,12 @@ def read_scene(
     cache = cache or ReadCache()
     attributes = attributes or AttributeRequest()
     visibility = VisibilityReader(depsgraph, for_viewport, space)
-    parts = read_again(cache.plain, depsgraph, attributes, visibility, log, cache.images)
-    if parts is None:
-        parts = _read_parts(depsgraph, attributes, visibility, reader or _shared_reader, cache, log)
-        cache.plain = remember(parts, cache.instances.shown, depsgraph, attributes, visibility, log)
+    with outside_viewports() if for_viewport else nullcontext():
+        parts = read_again(cache.plain, depsgraph, attributes, visibility, log, cache.images)
+        if parts is None:
+            parts = _read_parts(depsgraph, attributes, visibility, reader or _shared_reader, cache, log)
+            cache.plain = remember(parts, cache.instances.shown, depsgraph, attributes, visibility, log)
+        lights = read_lights(depsgraph, visibility) if attributes.shading else LightRecords()
 
     frame = read_frame(scene, size)
     camera_record, complaint = _read_any_camera(depsgraph, scene.camera if camera is None else camera, frame)
@@ -84,7 +87,7 @@ def read_scene(
         size=(frame.width, frame.height),
         film_transparent=scene.render.film_transparent,
         images=parts.images,
-        lights=read_lights(depsgraph, visibility) if attributes.shading else LightRecords(),
+        lights=lights,
         world=parts.world,
         unseen=parts.unseen,
         warnings=(*parts.warnings, *([complaint] if complaint else [])),

@@ -6,7 +6,10 @@ too: ray visibility and holdouts of an instance are those of the object and of i
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
+
+import bpy
 
 from ..sync.records import (
     VISIBLE_TO_CAMERA,
@@ -49,6 +52,15 @@ def _placed(obj: Any, parent: Any) -> Any:
     original in place of the duplicate, if anybody holds a reference to it, and would get its answer.
     """
     return obj if parent is None else parent
+
+
+def outside_viewports() -> AbstractContextManager[Any]:
+    """Meanwhile `visible_get` answers for no 3D viewport.
+
+    Else it answers for that of the context, which may be any, and in local view: Blender brings all viewports in step
+    while scripts and operators run, and keeps their context.
+    """
+    return nullcontext() if bpy.context.area is None else bpy.context.temp_override(area=None, region=None)
 
 
 class VisibilityReader:
@@ -106,6 +118,8 @@ class VisibilityReader:
         if not getattr(self._space, _TYPE_SWITCHES.get(obj.type, ""), True):
             return True
         if self._space.local_view is not None and not parent.local_view_get(self._space):
+            return True
+        if self._space.use_local_collections and not parent.visible_in_viewport_get(self._space):
             return True
         return self._is_hidden_by_layer(parent)
 

@@ -187,18 +187,40 @@ def viewport(scene: Any) -> Any:
     return next((screen, area) for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D")
 
 
-def test_local_view_shows_only_its_objects(viewport: Any) -> None:
-    screen, area = viewport
-    for obj in bpy.context.view_layer.objects:
-        obj.select_set(obj.name == "a")
+def inside(screen: Any, area: Any) -> Any:
+    """The context of a 3D viewport."""
     region = next(region for region in area.regions if region.type == "WINDOW")
     window = bpy.context.window_manager.windows[0]
-    with bpy.context.temp_override(window=window, screen=screen, area=area, region=region):
+    return bpy.context.temp_override(window=window, screen=screen, area=area, region=region)
+
+
+def enter_local_view(screen: Any, area: Any, name: str) -> None:
+    for obj in bpy.context.view_layer.objects:
+        obj.select_set(obj.name == name)
+    with inside(screen, area):
         bpy.ops.view3d.localview(frame_selected=False)
+
+
+def test_local_view_shows_only_its_objects(viewport: Any) -> None:
+    screen, area = viewport
+    enter_local_view(screen, area, "a")
     space = area.spaces[0]
     assert space.local_view is not None
     assert shown_names(read_scene(evaluated(), space=space)) == {"a"}
     assert shown_names(read_scene(evaluated())) == {"a", "b", "empty/member"}
+
+
+def test_local_view_is_that_of_the_viewport_that_is_asked_and_not_of_the_contexts(viewport: Any) -> None:
+    """Scripts and operators bring all viewports in step in the context of one of them."""
+    screen, area = viewport
+    others = ((one, other) for one in bpy.data.screens for other in one.areas if other.type == "VIEW_3D")
+    _, other = next(pair for pair in others if pair[1] != area)
+    enter_local_view(screen, area, "a")
+    with inside(screen, area):
+        assert shown_names(read_scene(evaluated())) == {"a", "b", "empty/member"}
+        assert shown_names(read_scene(evaluated(), space=other.spaces[0])) == {"a", "b", "empty/member"}
+        assert shown_names(read_scene(evaluated(), space=area.spaces[0])) == {"a"}
+        assert bpy.context.area == area
 
 
 def test_a_viewport_hides_types_of_objects(viewport: Any) -> None:
