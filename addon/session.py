@@ -234,7 +234,8 @@ class SceneSync:
 
 # The add-on's own syncs ----------------------------------------------------------------------------------------------
 
-_sessions: dict[tuple[int, str, str], SceneSync] = {}  # the one used last is the last
+# The one used last is the last. A render's thread changes it as well: who goes through it goes through a copy.
+_sessions: dict[tuple[int, str, str], SceneSync] = {}
 _byte_limit: int | None = None
 
 
@@ -264,21 +265,22 @@ def limit_sessions(byte_count: int | None) -> None:
 
 
 def _forget_beyond_limit(used: SceneSync) -> None:
-    if _byte_limit is None or len(_sessions) < 2 or used not in _sessions.values():
+    held = list(_sessions.items())
+    if _byte_limit is None or not any(sync is used for _, sync in held):
         return
-    total = sum(sync.byte_count for sync in _sessions.values())
-    for key, sync in list(_sessions.items()):
+    total = sum(sync.byte_count for _, sync in held)
+    for key, sync in held:
         if total <= _byte_limit:
             return
         if sync is not used:
             # Not closed: whoever is tracing it keeps it for so long.
-            del _sessions[key]
+            _sessions.pop(key, None)
             total -= sync.byte_count
 
 
 def sessions_of(scene: Any) -> tuple[SceneSync, ...]:
     """The add-on's syncs of a `bpy.types.Scene` that exist, most recently used last."""
-    return tuple(sync for key, sync in _sessions.items() if key[0] == scene.session_uid)
+    return tuple(sync for key, sync in list(_sessions.items()) if key[0] == scene.session_uid)
 
 
 def drop_missing(scenes: Iterable[Any]) -> None:
@@ -286,9 +288,9 @@ def drop_missing(scenes: Iterable[Any]) -> None:
     if not _sessions:
         return
     shown = {(scene.session_uid, layer.name) for scene in scenes for layer in scene.view_layers}
-    for key in [key for key in _sessions if key[:2] not in shown]:
+    for key in [key for key in list(_sessions) if key[:2] not in shown]:
         # Not closed: whoever is tracing it keeps it for so long.
-        del _sessions[key]
+        _sessions.pop(key, None)
 
 
 def clear_sessions() -> None:
