@@ -35,7 +35,7 @@ _EXPORTS = {
     "scan": ".scanning",
 }
 # In the order of registration. Those that load the native engine are left out where it cannot be loaded.
-_MODULES = (".preferences", ".properties", ".display", ".engine", ".operators", ".overlay", ".panels")
+_MODULES = (".preferences", ".properties", ".latest", ".display", ".engine", ".operators", ".overlay", ".panels")
 _NATIVE_MODULES: tuple[str, ...] = (".handlers",)
 _LANDMARK = "PERFECT_BVH_PT_render"
 

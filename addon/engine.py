@@ -14,7 +14,8 @@ from typing import TypeVar
 import bpy
 import numpy as np
 
-from .frame import Frame, FrameStatistics, Images, Progress, border_pixels, render_frame
+from .frame import Frame, Images, Progress, border_pixels, render_frame
+from .latest import remember
 from .preferences import native_error
 from .properties import ENGINE_NAME, read_settings
 from .viewport import Viewport
@@ -68,7 +69,6 @@ class RenderJob:
 
 
 _job: RenderJob | None = None
-_last_statistics: dict[int, FrameStatistics] = {}
 
 
 @contextmanager
@@ -80,11 +80,6 @@ def attend(job: RenderJob) -> Iterator[RenderJob]:
         yield job
     finally:
         _job = previous
-
-
-def last_statistics(scene: bpy.types.Scene) -> FrameStatistics | None:
-    """Of the last frame rendered of `scene`, None if there is none."""
-    return _last_statistics.get(scene.session_uid)
 
 
 class PerfectBVHRenderEngine(bpy.types.RenderEngine):
@@ -212,7 +207,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
             self._fail(str(problem) or type(problem).__name__)
         else:
-            _last_statistics[scene.original.session_uid] = job.frame.statistics
+            remember(scene, job.frame.statistics)
             megabytes = job.frame.statistics.report.byte_count / 2**20
             self.update_memory_stats(memory_used=megabytes, memory_peak=megabytes)
             for warning in job.frame.statistics.report.warnings:
@@ -253,6 +248,5 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take the engine away and forget its statistics."""
+    """Take the engine away."""
     bpy.utils.unregister_class(PerfectBVHRenderEngine)
-    _last_statistics.clear()

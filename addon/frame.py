@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .session import SceneSync
     from .sync.report import SyncReport
 
+Source = Literal["Render", "Preview", "Viewport"]
 Progress = Callable[[float], bool]
 Images = dict[str, npt.NDArray[Any]]
 
@@ -37,9 +38,9 @@ COST_PASSES = ("instance", "nodes_visited", "primitives_tested")
 class FrameStatistics:
     """What one frame cost.
 
-    size: (width, height). camera_rays: pixels in the border times samples, 0 if untraced. trace_milliseconds: without
-    those of the audit. audit: what checking a share of the camera rays has shown, None if nobody asked. mesh_costs: by
-    mesh id, the share of the camera rays' work that went into rays that end on the mesh.
+    source: what it was made for. size: (width, height). camera_rays: pixels in the border times samples, 0 if untraced.
+    trace_milliseconds: without those of the audit. audit: what checking a share of the camera rays has shown, None if
+    nobody asked. mesh_costs: by mesh id, the share of the camera rays' work that went into rays that end on the mesh.
     """
 
     frame: float
@@ -51,6 +52,7 @@ class FrameStatistics:
     audit: Audit | None = None
     audit_milliseconds: float = 0.0
     mesh_costs: Mapping[int, float] = field(default_factory=dict)
+    source: Source = "Render"
 
     @property
     def rays_per_second(self) -> float:
@@ -168,12 +170,12 @@ def render_frame(
         camera_rays=(right - left) * (top - bottom) * samples,
         audit=audit.result if audit else None,
         audit_milliseconds=audit.seconds * 1e3 if audit else 0.0,
-        mesh_costs=_mesh_costs(sync, images),
+        mesh_costs=mesh_costs(sync, images),
     )
     return Frame({name: image for name, image in images.items() if name not in COST_PASSES}, statistics)
 
 
-def _mesh_costs(sync: SceneSync, images: Images) -> dict[int, float]:
+def mesh_costs(sync: SceneSync, images: Images) -> dict[int, float]:
     """The share of the work of all rays through pixel centres that went into those that end on each mesh, by its id."""
     seen = images["instance"].ravel()
     work = (images["nodes_visited"] + images["primitives_tested"]).ravel()

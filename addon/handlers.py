@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import bpy
 
+from . import latest
 from .extract.changes import listen, stop_listening
 from .session import clear_sessions, drop_missing
 
@@ -20,9 +21,11 @@ class _FileWatcher:
 
     def on_change(self, what: str) -> None:
         drop_missing(bpy.data.scenes)
+        latest.drop_missing(bpy.data.scenes)
 
     def on_file_change(self) -> None:
         clear_sessions()
+        latest.forget()
 
 
 _watcher = _FileWatcher()

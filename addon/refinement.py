@@ -63,11 +63,14 @@ class Refinement:
 
     image: (H, W, 4) float32 scene-linear, row 0 on top: the best there is, coarse at first, None before the first step.
     view: what it shows. sample_count: samples that every pixel of it has; 0 while it is coarse.
+    seconds, ray_count: what tracing it has taken so far, and how many camera rays that were.
     """
 
     def __init__(self, view: View, pace: Pace, clock: Callable[[], float] = time.perf_counter) -> None:
         self.image: Image | None = None
         self.sample_count = 0
+        self.seconds = 0.0
+        self.ray_count = 0
         self.view = view
         self._pace = pace
         self._clock = clock
@@ -169,6 +172,8 @@ class Refinement:
             **view.options,
         )
         left, right, bottom, top = camera.border
-        pixels = (right - left) * size[0] * (top - bottom) * size[1]
-        self._pace.learn(self._clock() - started, int(pixels * count))
+        seconds, rays = self._clock() - started, int((right - left) * size[0] * (top - bottom) * size[1] * count)
+        self._pace.learn(seconds, rays)
+        self.seconds += seconds
+        self.ray_count += rays
         return image

@@ -45,7 +45,7 @@ def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
     report = statistics.report
     width, height = statistics.size
     rows = [
-        ("Frame", f"{statistics.frame:g}, {width} x {height}"),
+        (statistics.source, f"Frame {statistics.frame:g}, {width} x {height}"),
         ("Sync", f"{report.read_milliseconds + report.compare_milliseconds + report.apply_milliseconds:.1f} ms"),
         ("Build", f"{report.commit_milliseconds:.1f} ms"),
         ("Trace", f"{statistics.trace_milliseconds:.1f} ms"),

@@ -13,14 +13,16 @@ from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import bpy
-import numpy as np
 
-from .frame import CLAY_GREY, count_pixels, expected_rays, needed_attributes
+from .frame import CLAY_GREY, Source, count_pixels, expected_rays, needed_attributes
+from .latest import remember
 from .modes import find_mode
 from .properties import RenderSettings, read_settings
-from .refinement import Image, Pace, Refinement, View
+from .refinement import Pace, Refinement, View
 from .region_camera import camera_of
+from .screen_image import draw_texture, texture_of
 from .sync.records import CameraRecord
+from .view_statistics import view_statistics
 
 if TYPE_CHECKING:
     import gpu
@@ -40,8 +42,19 @@ TYPE_FILTERS = (
     "show_object_viewport_font",
 )
 
-# How often what a sync shows has changed. Every viewport that shares it compares this with what it has drawn.
-_revisions: WeakKeyDictionary[SceneSync, int] = WeakKeyDictionary()
+
+@dataclass(slots=True)
+class Content:
+    """What a sync shows. Every viewport that shares it compares its revision with that of what it has drawn.
+
+    revision: how often it has changed. report: of the last change.
+    """
+
+    revision: int
+    report: SyncReport
+
+
+_contents: WeakKeyDictionary[SceneSync, Content] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +87,8 @@ class Viewport:
         space = context.space_data
         sync = self._sync_for(space, depsgraph)
         self._sync = None  # a failed update must not leave an old image on the screen
-        _bring_in_step(sync, depsgraph, read_settings(depsgraph.scene), space, context.region)
+        filtering = space if sync is self._own_sync else None
+        _bring_in_step(sync, depsgraph, read_settings(depsgraph.scene), filtering, context.region)
         self._sync = sync
 
     def _sync_for(self, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph) -> SceneSync:
@@ -101,9 +115,12 @@ class Viewport:
         refinement = self._refinement
         if refinement is None:
             return False
+        was_finished = refinement.is_finished
         if refinement.step(MOVING_SECONDS if view_is_new else REFINING_SECONDS) or self._texture is None:
-            self._texture = _texture_of(refinement.image, depsgraph.scene.perfect_bvh.mode.lower())
-        _draw_texture(engine, depsgraph.scene, self._texture, (context.region.width, context.region.height))
+            self._texture = texture_of(refinement.image, depsgraph.scene.perfect_bvh.mode.lower())
+        draw_texture(engine, depsgraph.scene, self._texture, (context.region.width, context.region.height))
+        if refinement.is_finished and not was_finished:
+            remember_view("Viewport", self._sync, refinement, depsgraph.scene)
         return not refinement.is_finished
 
     @property
@@ -121,7 +138,7 @@ class Viewport:
             return True
         settings = read_settings(scene)
         size = (region.width, region.height)
-        key = ViewKey(_revisions[self._sync], id(self._sync), _camera_key(camera), size, settings)
+        key = ViewKey(_contents[self._sync].revision, id(self._sync), _camera_key(camera), size, settings)
         if key == self._key:
             return False
         self._key = key
@@ -145,8 +162,8 @@ def find_view(context: bpy.types.Context) -> tuple[bpy.types.SpaceView3D, bpy.ty
     return area.spaces.active, next(region for region in area.regions if region.type == "WINDOW")
 
 
-def refine_view(context: bpy.types.Context, settings: RenderSettings, pace: Pace) -> Refinement:
-    """The image of what `find_view` finds, or else of what the scene's camera sees, not begun yet.
+def refine_view(context: bpy.types.Context, settings: RenderSettings, pace: Pace) -> tuple[SceneSync, Refinement]:
+    """The image of what `find_view` finds, or else of what the scene's camera sees, not begun yet; and its scene.
 
     Raises ValueError if there is neither, and what the engine raises.
     """
@@ -156,17 +173,24 @@ def refine_view(context: bpy.types.Context, settings: RenderSettings, pace: Pace
     found = find_view(context)
     is_filtered = found is not None and any(_filter_of(found[0]))
     sync = SceneSync(watch=False) if is_filtered else session_of(depsgraph)
-    _bring_in_step(sync, depsgraph, settings, *(found or (None, None)))
+    filtering = found[0] if found is not None and is_filtered else None
+    _bring_in_step(sync, depsgraph, settings, filtering, None if found is None else found[1])
     if found is None:
         if sync.camera is None:
             raise ValueError(f"scene {depsgraph.scene.name!r} has no camera that can be rendered")
-        return Refinement(_view_of(sync, sync.camera, _scaled(sync.size, context.scene), settings), pace)
+        return sync, Refinement(_view_of(sync, sync.camera, _scaled(sync.size, context.scene), settings), pace)
     space, region = found
     camera = camera_of(space.region_3d, space, depsgraph)
     if camera is None:
         raise ValueError("the 3D viewport has no usable view: its matrix is not finite")
     size = _scaled((region.width, region.height), context.scene)
-    return Refinement(_view_of(sync, as_camera(camera), size, settings), pace)
+    return sync, Refinement(_view_of(sync, as_camera(camera), size, settings), pace)
+
+
+def remember_view(source: Source, sync: SceneSync, refinement: Refinement, scene: bpy.types.Scene) -> None:
+    """Leave for the panels what a view's image took, which still shows what `sync` holds."""
+    report = _contents[sync].report
+    remember(scene, view_statistics(source, sync, report, refinement, read_settings(scene), scene.frame_current_final))
 
 
 def _scaled(size: tuple[int, int], scene: bpy.types.Scene) -> tuple[int, int]:
@@ -174,16 +198,6 @@ def _scaled(size: tuple[int, int], scene: bpy.types.Scene) -> tuple[int, int]:
     percentage = scene.perfect_bvh.preview_percentage
     width, height = (max(1, round(length * percentage / 100)) for length in size)
     return width, height
-
-
-def picture_of(image: Image, mode: str) -> Image:
-    """What is shown of an image: distances become greys, white nearby and black far away."""
-    if not find_mode(mode).has_range:
-        return image
-    from perfect_bvh.render import depth_to_grey
-
-    greys = depth_to_grey(image[..., 0])
-    return np.stack([greys, greys, greys, image[..., 3]], axis=-1)
 
 
 def bring_in_step(depsgraph: bpy.types.Depsgraph) -> SceneSync:
@@ -205,20 +219,27 @@ def _bring_in_step(
     space: bpy.types.SpaceView3D | None,
     region: bpy.types.Region | None,
 ) -> None:
-    """space, region: None for the camera's view in the size of a render."""
+    """space: the viewport whose filters count; none do for the trees that all share, whoever has them brought in step.
+
+    region: None for the camera's view in the size of a render.
+    """
     sync.request(needed_attributes(settings, ()))
     pixel_count = count_pixels(depsgraph) if region is None else region.width * region.height
     _note_changes(sync, sync.update(depsgraph, expected_rays(settings, pixel_count), space=space))
 
 
 def _note_changes(sync: SceneSync, report: SyncReport) -> None:
-    if report.has_changes or sync not in _revisions:
-        _revisions[sync] = _revisions.get(sync, 0) + 1
+    if sync not in _contents:
+        _contents[sync] = Content(1, report)
+    elif report.has_changes:
+        _contents[sync].revision += 1
+        _contents[sync].report = report
 
 
 def _filter_of(space: bpy.types.SpaceView3D) -> tuple[bool, ...]:
     """What makes a viewport show other objects than the rest do; all False where nothing does."""
-    return (space.local_view is not None, *(not getattr(space, name) for name in TYPE_FILTERS))
+    hidden_types = (not getattr(space, name) for name in TYPE_FILTERS)
+    return (space.local_view is not None, space.use_local_collections, *hidden_types)
 
 
 def _camera_key(camera: CameraRecord) -> tuple[Any, ...]:
@@ -260,31 +281,3 @@ def _view_of(sync: SceneSync, camera: Camera, size: tuple[int, int], settings: R
             "clay_color": None if settings.use_material_colors else CLAY_GREY,
         },
     )
-
-
-# The screen ----------------------------------------------------------------------------------------------------------
-
-
-def _texture_of(image: Image | None, mode: str) -> gpu.types.GPUTexture:
-    import gpu
-
-    assert image is not None
-    image = picture_of(image, mode)
-    height, width = image.shape[:2]
-    flipped = np.ascontiguousarray(image[::-1], np.float32)  # a texture begins at the bottom
-    buffer = gpu.types.Buffer("FLOAT", flipped.size, flipped.ravel())
-    return gpu.types.GPUTexture((width, height), format="RGBA16F", data=buffer)
-
-
-def _draw_texture(
-    engine: bpy.types.RenderEngine, scene: bpy.types.Scene, texture: gpu.types.GPUTexture, size: tuple[int, int]
-) -> None:
-    """Blender puts the scene's view transform on what is drawn meanwhile."""
-    import gpu
-    from gpu_extras.presets import draw_texture_2d
-
-    gpu.state.blend_set("ALPHA_PREMULT")
-    engine.bind_display_space_shader(scene)
-    draw_texture_2d(texture, (0, 0), *size)
-    engine.unbind_display_space_shader()
-    gpu.state.blend_set("NONE")

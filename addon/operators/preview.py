@@ -6,7 +6,7 @@ with what it has. Without one it does the same in one go, through the scene's ca
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import bpy
 import numpy as np
@@ -14,7 +14,8 @@ import numpy as np
 from ..preferences import native_error
 from ..properties import read_settings
 from ..refinement import Image, Pace, Refinement
-from ..viewport import REFINING_SECONDS, find_view, picture_of, refine_view
+from ..screen_image import picture_of
+from ..viewport import REFINING_SECONDS, find_view, refine_view, remember_view
 
 IMAGE_NAME = "Perfect BVH Preview"
 TIMER_SECONDS = 0.01
@@ -29,6 +30,7 @@ class PERFECT_BVH_OT_preview(bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER"}
 
     _timer: bpy.types.Timer | None = None
+    _sync: Any  # a SceneSync: Blender evaluates these annotations, and its module needs the native engine
     _refinement: Refinement
 
     @classmethod
@@ -75,13 +77,14 @@ class PERFECT_BVH_OT_preview(bpy.types.Operator):
         while not self._refinement.is_finished:
             self._refinement.step(REFINING_SECONDS)
         _store(self._refinement.image, context.scene)
+        remember_view("Preview", self._sync, self._refinement, context.scene)
         return {"FINISHED"}
 
     def _begin(self, context: bpy.types.Context) -> bool:
         import perfect_bvh
 
         try:
-            self._refinement = refine_view(context, read_settings(context.scene), Pace())
+            self._sync, self._refinement = refine_view(context, read_settings(context.scene), Pace())
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
             self.report({"ERROR"}, str(problem) or type(problem).__name__)
             return False

@@ -1,4 +1,4 @@
-"""What the last render did, mesh by mesh, and what it cost."""
+"""What was done last for the scene, mesh by mesh, and what it cost."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from typing import ClassVar
 
 import bpy
 
-from ..engine import last_statistics
+from ..latest import is_outdated, last_statistics
 from ..summary import PlanRow, count_meshes, format_bytes, plan_rows, statistics_rows
 from .common import RenderPanel, draw_lines
 
 
 class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
-    """How long each step of the last render of this scene took, and what it was done to."""
+    """How long each step of the last render, preview or view of this scene took, and what it was done to."""
 
     bl_label = "Statistics"
     bl_parent_id = "PERFECT_BVH_PT_render"
@@ -29,10 +29,12 @@ class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
         for name, value in statistics_rows(statistics):
             names.label(text=name)
             values.label(text=value)
+        if is_outdated(context.scene):
+            draw_lines(context, self.layout, "The scene or its settings have changed since", icon="INFO")
 
 
 class PERFECT_BVH_PT_plan(RenderPanel, bpy.types.Panel):
-    """What the last render did with each mesh's tree, and why; first those that cost its camera rays most."""
+    """What was done last with each mesh's tree, and why; first those that cost the camera rays most."""
 
     bl_label = "Plan"
     bl_parent_id = "PERFECT_BVH_PT_render"

@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 import perfect_bvh_addon  # noqa: E402
 from oracles.cycles import Passes, preserved, render_passes  # noqa: E402
 from oracles.png import read_png  # noqa: E402
-from perfect_bvh_addon import engine  # noqa: E402
+from perfect_bvh_addon import engine, latest  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 
 BACKGROUND_DEPTH = 1e10
@@ -306,9 +306,9 @@ def test_settings_are_saved_in_the_file(scene, tmp_path: Path) -> None:
 
 
 def test_statistics_are_shown_after_a_render(scene) -> None:
-    assert engine.last_statistics(scene) is None
+    assert latest.last_statistics(scene) is None
     render()
-    statistics = engine.last_statistics(scene)
+    statistics = latest.last_statistics(scene)
     assert statistics.size == (96, 54)
     assert statistics.camera_rays == 96 * 54
     assert statistics.rays_per_second > 0.0

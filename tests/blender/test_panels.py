@@ -11,7 +11,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
-from perfect_bvh_addon import engine, overlay, panels, preferences, summary  # noqa: E402
+from perfect_bvh_addon import latest, overlay, panels, preferences, summary  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.panels import common, render, reports  # noqa: E402
 
@@ -104,7 +104,7 @@ def test_an_audit_shows_in_the_statistics() -> None:
     scene.perfect_bvh.use_audit, scene.perfect_bvh.audit_share, scene.perfect_bvh.samples = True, 0.5, 4
     assert not {"Audit", "Wrong"} & set(drawn(reports.PERFECT_BVH_PT_statistics))
     bpy.ops.render.render()
-    rows = dict(summary.statistics_rows(engine.last_statistics(scene)))
+    rows = dict(summary.statistics_rows(latest.last_statistics(scene)))
     count = int(rows["Audit"].partition(" ")[0].replace(",", ""))
     assert 0.4 * 4 * 32 * 18 < count < 0.6 * 4 * 32 * 18
     assert rows["Wrong"].startswith("0, ")
@@ -116,7 +116,7 @@ def test_the_plan_names_the_mesh_and_what_was_done() -> None:
     texts = " ".join(drawn(reports.PERFECT_BVH_PT_plan))
     assert "12 triangles" in texts
     assert "built" in texts
-    (row,) = summary.plan_rows(engine.last_statistics(bpy.context.scene).report)
+    (row,) = summary.plan_rows(latest.last_statistics(bpy.context.scene).report)
     assert (row.triangle_count, row.action) == (12, "built")
 
 
@@ -129,7 +129,7 @@ def test_the_plan_begins_with_what_costs_camera_rays_most() -> None:
     plane = bpy.context.object
     bpy.ops.mesh.primitive_uv_sphere_add(segments=8, location=(0.0, 0.0, 30.0))  # behind the camera
     bpy.ops.render.render()
-    statistics = engine.last_statistics(scene)
+    statistics = latest.last_statistics(scene)
     rows = {row.name: row for row in summary.plan_rows(statistics.report, statistics.mesh_costs)}
     names = list(rows)
     assert names[-1] == "Sphere"
@@ -141,7 +141,7 @@ def test_the_plan_begins_with_what_costs_camera_rays_most() -> None:
 
 def test_the_second_render_keeps_the_tree() -> None:
     bpy.ops.render.render()
-    (row,) = summary.plan_rows(engine.last_statistics(bpy.context.scene).report)
+    (row,) = summary.plan_rows(latest.last_statistics(bpy.context.scene).report)
     assert (row.action, row.builder, row.milliseconds) == ("kept", "", 0.0)
 
 
@@ -153,7 +153,7 @@ def test_a_row_of_the_plan_selects_the_objects_that_show_its_mesh() -> None:
     for obj in (twin, bent):
         bpy.context.scene.collection.objects.link(obj)
     bpy.ops.render.render()
-    rows = summary.plan_rows(engine.last_statistics(bpy.context.scene).report)
+    rows = summary.plan_rows(latest.last_statistics(bpy.context.scene).report)
     selected = []
     for row in rows:
         bpy.ops.perfect_bvh.select_mesh(source=row.source, session_uid=row.session_uid)

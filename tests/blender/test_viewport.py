@@ -35,7 +35,7 @@ def region_view(camera: Any, width: int, height: int, zoom: float = 1.0) -> Simp
 
 
 def space(camera: Any = None, **settings: Any) -> SimpleNamespace:
-    defaults = {"camera": camera, "local_view": None, "use_render_border": False}
+    defaults = {"camera": camera, "local_view": None, "use_local_collections": False, "use_render_border": False}
     return SimpleNamespace(**defaults | dict.fromkeys(viewport.TYPE_FILTERS, True) | settings)
 
 
@@ -86,4 +86,5 @@ def test_a_free_view_has_a_border_of_its_own(scene: Any, camera: Any) -> None:
 def test_views_that_hide_objects_are_told_apart() -> None:
     assert not any(viewport._filter_of(space()))
     assert any(viewport._filter_of(space(local_view=object())))
+    assert any(viewport._filter_of(space(use_local_collections=True)))
     assert any(viewport._filter_of(space(show_object_viewport_curve=False)))

@@ -35,7 +35,7 @@ def render() -> Step:
     start_render()
     yield from wait_until(lambda: "render_complete" in events, "the render does not end", 60)
     yield 0.5
-    check(module("engine").last_statistics(bpy.context.scene) is not None, "no statistics of the render")
+    check(module("latest").last_statistics(bpy.context.scene) is not None, "no statistics of the render")
     screenshot("rendered_window")
     yield from close_image_windows()
 

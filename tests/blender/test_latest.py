@@ -1,0 +1,135 @@
+"""What panels tell of the last work on a scene, and whether it still holds."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from types import SimpleNamespace
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import perfect_bvh_addon  # noqa: E402
+from perfect_bvh_addon import latest, summary  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def rendered() -> Iterator[None]:
+    """A cube in a scene that was rendered."""
+    perfect_bvh_addon.register()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.ops.object.camera_add(location=(0.0, 0.0, 8.0))
+    scene.camera = bpy.context.object
+    scene.render.engine = "PERFECT_BVH"
+    scene.render.resolution_x, scene.render.resolution_y = 32, 18
+    scene.perfect_bvh.samples = 2
+    bpy.ops.render.render()
+    yield
+    perfect_bvh_addon.unregister()
+
+
+def first_row() -> tuple[str, str]:
+    return summary.statistics_rows(latest.last_statistics(bpy.context.scene))[0]
+
+
+def test_a_render_and_a_preview_say_what_they_were_of() -> None:
+    assert first_row() == ("Render", "Frame 1, 32 x 18")
+    bpy.context.scene.perfect_bvh.preview_percentage = 50
+    assert bpy.ops.perfect_bvh.preview() == {"FINISHED"}
+    assert first_row() == ("Preview", "Frame 1, 16 x 9")
+    statistics = latest.last_statistics(bpy.context.scene)
+    assert statistics.camera_rays == 2 * 16 * 9
+    assert statistics.trace_milliseconds > 0.0
+    (row,) = summary.plan_rows(statistics.report, statistics.mesh_costs)
+    assert 0.5 < row.ray_share <= 1.0  # the rest met nothing
+
+
+def edit_object() -> None:
+    bpy.data.objects["Cube"].location.x += 1.0
+    bpy.context.view_layer.update()
+
+
+def edit_mesh() -> None:
+    bpy.data.meshes["Cube"].vertices[0].co.x += 1.0
+    bpy.data.meshes["Cube"].update()
+    bpy.context.view_layer.update()
+
+
+def delete_object() -> None:
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    bpy.context.view_layer.update()
+
+
+def change_frame() -> None:
+    bpy.context.scene.frame_set(2)
+
+
+def change_settings() -> None:
+    bpy.context.scene.perfect_bvh.mode = "COST"
+
+
+@pytest.mark.parametrize("edit", [edit_object, edit_mesh, delete_object, change_frame, change_settings])
+def test_an_edit_outdates_what_was_done_and_a_render_renews_it(edit) -> None:
+    scene = bpy.context.scene
+    assert not latest.is_outdated(scene)
+    edit()
+    assert latest.is_outdated(scene)
+    bpy.ops.render.render()
+    assert not latest.is_outdated(scene)
+
+
+def test_what_only_selects_outdates_nothing() -> None:
+    bpy.data.objects["Cube"].select_set(True)
+    bpy.context.view_layer.objects.active = bpy.data.objects["Cube"]
+    bpy.context.view_layer.update()
+    assert not latest.is_outdated(bpy.context.scene)
+
+
+def test_an_edit_of_another_scene_outdates_nothing() -> None:
+    first = bpy.context.scene
+    other = bpy.data.scenes.new("Other")
+    made = bpy.data.objects.new("Only there", bpy.data.meshes.new("Only there"))
+    other.collection.objects.link(made)
+    other.view_layers[0].update()
+    made.location.x = 3.0
+    other.view_layers[0].update()
+    assert not latest.is_outdated(first)
+
+
+def test_what_was_done_goes_with_its_scene_and_its_file() -> None:
+    scene = bpy.context.scene
+    uid = scene.session_uid
+    other = bpy.data.scenes.new("Other")
+    bpy.data.scenes.remove(scene)
+    other.view_layers[0].update()
+    bpy.context.view_layer.update()
+    assert uid not in latest._latest
+    latest._latest[other.session_uid] = None
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    assert not latest._latest
+
+
+def test_panels_are_drawn_again_by_the_main_thread_alone(monkeypatch) -> None:
+    """A render's thread leaves a note; only who looks for it touches areas."""
+    drawn: list[tuple[str, threading.Thread]] = []
+
+    def area(kind: str) -> SimpleNamespace:
+        return SimpleNamespace(type=kind, tag_redraw=lambda: drawn.append((kind, threading.current_thread())))
+
+    window = SimpleNamespace(screen=SimpleNamespace(areas=[area("PROPERTIES"), area("VIEW_3D")]))
+    context = SimpleNamespace(window_manager=SimpleNamespace(windows=[window, window]))
+    latest._show_news()
+    scene, statistics = bpy.context.scene, latest.last_statistics(bpy.context.scene)
+    monkeypatch.setattr(latest, "bpy", SimpleNamespace(context=context))
+    assert latest._show_news() == latest.TIMER_SECONDS
+    assert not drawn
+    thread = threading.Thread(target=latest.remember, args=(scene, statistics))
+    thread.start()
+    thread.join()
+    assert not drawn
+    latest._show_news()
+    latest._show_news()
+    assert drawn == [("PROPERTIES", threading.main_thread())] * 2
