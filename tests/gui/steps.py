@@ -18,6 +18,7 @@ import overlay_steps
 import panel_steps
 import render_steps
 import scan_steps
+import several_views_steps
 import viewport_steps
 from driver import run
 
@@ -51,6 +52,10 @@ STEPS = (
     viewport_steps.edit_and_undo,
     viewport_steps.edit_lights_and_materials,
     viewport_steps.show_four_views,
+    several_views_steps.show_two_viewports,
+    several_views_steps.edit_beside_two_viewports,
+    several_views_steps.hide_in_one_of_two_viewports,
+    several_views_steps.join_viewports,
     file_steps.open_another_file,
     file_steps.first_image_after_an_edit,
     file_steps.lose_the_engine,
