@@ -55,7 +55,10 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """label: with the unit. has_zero: of a logarithmic axis: 0 has a place of its own at its lower end."""
+    """label: with the unit. has_zero: of a logarithmic axis: 0 has a place of its own at its lower end.
+
+    names: of a vertical axis: those of 0, 1, 2 ..., from the top.
+    """
 
     label: str
     log: bool = False
@@ -63,6 +66,7 @@ class Axis:
     high: float | None = None
     has_zero: bool = False
     powers: bool = False  # ticks as powers of ten rather than 1k, 1M
+    names: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True)

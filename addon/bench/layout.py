@@ -92,7 +92,7 @@ class _PanelLayout:
         head = HEAD * 1.3 if panel.title else 0.0
         ends = [width_of(s.name, LABEL, bold=s.bold) + 12.0 for s in panel.series if s.labels == "end"]
         self._area = Box(
-            place.left + 44.0,
+            place.left + max([44.0, *(width_of(name, TICK) + 10.0 for name in panel.y.names)]),
             place.top + head + LABEL * 1.7,
             place.right - max([10.0, *ends]),
             place.bottom - TICK * 1.4 - LABEL * 2.2,

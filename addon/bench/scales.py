@@ -24,6 +24,8 @@ class Scale:
     @classmethod
     def over(cls, axis: Axis, values: Iterable[float]) -> Scale:
         """Wide enough for the values, with a little air."""
+        if axis.names:
+            return cls(axis, len(axis.names) - 0.4, -0.6)
         finite = [value for value in values if math.isfinite(value) and (value > 0.0 or not axis.log)]
         low, high = (min(finite), max(finite)) if finite else (1.0, 10.0)
         if axis.log:
@@ -49,6 +51,8 @@ class Scale:
 
     def ticks(self, room: float) -> list[tuple[float, str]]:
         """Values and their labels; room: pixels along the axis."""
+        if self.axis.names:
+            return [(float(row), name) for row, name in enumerate(self.axis.names)]
         found = self._log_ticks(room) if self.axis.log else self._linear_ticks(room)
         return ([(0.0, "0")] if self.axis.log and self.axis.has_zero else []) + found
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .case import Body, FailureCase, State, body, rays_around
-from .shapes import ball, moved, turned
+from .shapes import ball, gravel, moved, turned
 
 
 def deleted_objects() -> tuple[State, ...]:
@@ -19,6 +19,18 @@ def deleted_objects() -> tuple[State, ...]:
     ]
     renamed = (*fewer[3:], *again)
     return tuple(balls), fewer, renamed, tuple(balls)
+
+
+def stopped_halfway() -> tuple[State, ...]:
+    """Six balls; then six heaps of gravel in their places."""
+    heaps = [
+        (body(f"Heap {k}", shape, [moved((2.5 * k, 0.0, 0.0))]) for k, shape in enumerate(shapes))
+        for shapes in (
+            [ball(4)] * 6,
+            [gravel(2000, 40 + k, 0.05) for k in range(6)],
+        )
+    ]
+    return tuple(tuple(parts) for parts in heaps)
 
 
 def edited_while_traced() -> tuple[State, ...]:
@@ -54,6 +66,15 @@ EDITED_WHILE_TRACED = FailureCase(
     edited_while_traced,
     rays_around,
 )
+STOPPED_HALFWAY = FailureCase(
+    "stopped_halfway",
+    "A build that is stopped half-way",
+    "Trees are exchanged one by one: after Esc some are of the new scene, some of the old, and nothing says so.",
+    "RPR 276",
+    "A commit replaces everything at its end or nothing: snapshots stay, and queries refuse until one has succeeded.",
+    stopped_halfway,
+    rays_around,
+)
 ONE_FRAME_LATE = FailureCase(
     "one_frame_late",
     "Trees of the frame before",
@@ -63,4 +84,4 @@ ONE_FRAME_LATE = FailureCase(
     one_frame_late,
     rays_around,
 )
-CASES = (DELETED_OBJECTS, EDITED_WHILE_TRACED, ONE_FRAME_LATE)
+CASES = (DELETED_OBJECTS, STOPPED_HALFWAY, EDITED_WHILE_TRACED, ONE_FRAME_LATE)

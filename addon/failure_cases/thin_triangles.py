@@ -21,6 +21,25 @@ def diagonal_sticks() -> tuple[State, ...]:
     return one(loose(np.concatenate([first, second])))
 
 
+def hair_in_wind() -> tuple[State, ...]:
+    """Two thousand hairs on a ball, of four long straight parts each, all blown the same way."""
+    random = np.random.default_rng(8)
+    way = random.normal(size=(2000, 3))
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    points = [way]
+    for _ in range(4):
+        way = way / 2 + (0.4, 0.25, -0.175) + random.normal(0.0, 0.15, (2000, 3))
+        way /= np.linalg.norm(way, axis=1, keepdims=True)
+        points.append(points[-1] + way)
+    one_side = np.stack(points, axis=1)
+    across = np.cross(np.diff(one_side, axis=1), random.normal(size=(2000, 1, 3)))
+    across *= 0.004 / np.linalg.norm(across, axis=-1, keepdims=True)
+    other_side = one_side + np.concatenate([across, across[:, -1:]], axis=1)
+    first = np.stack([one_side[:, :-1], one_side[:, 1:], other_side[:, :-1]], axis=2)
+    second = np.stack([one_side[:, 1:], other_side[:, 1:], other_side[:, :-1]], axis=2)
+    return one(loose(np.concatenate([first, second], axis=1)))
+
+
 def grazed_slivers() -> tuple[State, ...]:
     """Triangles of an aspect up to 1e5."""
     random = np.random.default_rng(7)
@@ -55,6 +74,15 @@ DIAGONAL_STICKS = FailureCase(
     diagonal_sticks,
     rays_around,
 )
+HAIR_IN_WIND = FailureCase(
+    "hair_in_wind",
+    "Hair in the wind",
+    "Object splits: hairs that lie aslant through one another have boxes of mostly air, which all overlap.",
+    "Stich, Friedrich and Dietrich 2009",
+    '`builder="spatial"` cuts the hairs themselves. The planner takes it where the expected rays repay it.',
+    hair_in_wind,
+    rays_around,
+)
 GRAZED_SLIVERS = FailureCase(
     "grazed_slivers",
     "Slivers grazed at half a degree",
@@ -64,4 +92,4 @@ GRAZED_SLIVERS = FailureCase(
     grazed_slivers,
     grazing_rays,
 )
-CASES = (DIAGONAL_STICKS, GRAZED_SLIVERS)
+CASES = (DIAGONAL_STICKS, HAIR_IN_WIND, GRAZED_SLIVERS)

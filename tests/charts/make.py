@@ -26,6 +26,7 @@ CHARTS = (
     "image_error",
     "stability",
     "policies_by_frame",
+    "failure_zoo",
 )
 
 

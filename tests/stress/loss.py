@@ -21,6 +21,11 @@ class Loss:
     nothing: float = 0.0
     other: tuple[str, float] | None = None
 
-    def shown(self, value: float) -> str:
-        """The number as the table has it."""
-        return f"{value:.2f}" if self.unit == WORK else f"{value:,.0f}"
+    def as_json(self) -> dict[str, object]:
+        """Counts as whole numbers, shares of work to three places."""
+        other = None if self.other is None else [self.other[0], self._rounded(self.other[1])]
+        numbers = {name: self._rounded(getattr(self, name)) for name in ("naive", "ours", "nothing")}
+        return {"unit": self.unit, **numbers, "other": other}
+
+    def _rounded(self, value: float) -> float:
+        return round(value, 3) if self.unit == WORK else round(value)

@@ -6,8 +6,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+import perfect_bvh
 from perfect_bvh_addon.failure_cases import Body, FailureCase
 from perfect_bvh_addon.failure_cases.case import Rays
+from perfect_bvh_addon.failure_cases.shapes import ball
 
 from .loss import PER_MILLION, Loss
 from .losses_of_answers import per_million
@@ -73,6 +75,40 @@ def frame_before(case: FailureCase) -> Loss:
         ours.append(_ours(moment, rays))
         before = moment.scene.snapshot()
     return Loss(PER_MILLION, per_million(np.concatenate(naive)), per_million(np.concatenate(ours)))
+
+
+def stopped_halfway(case: FailureCase) -> Loss:
+    """Half of the meshes are new when the build is stopped; ours: the snapshot of before, and the next commit."""
+    first, second = case.states()
+    rays = case.rays(second, RAYS, 1)
+    (whole,) = play((second,))
+    half = (*second[: len(second) // 2], *first[len(second) // 2 :])
+    (mixed,) = play((half,))
+    met = mixed.scene.cast_rays(*rays)
+    naive = _wrong(whole, rays, met.t_hit, met.instance_ids, met.primitive_ids)
+
+    (moment,) = play((first,))
+    scene = moment.scene
+    before, snapshot = scene.cast_rays(*rays), scene.snapshot()
+    for mesh, part in zip(scene.statistics().meshes, second, strict=True):
+        scene.replace_mesh(mesh.mesh_id, part.positions, part.triangles)
+    _commit_and_stop(scene)
+    ours = snapshot.cast_rays(*rays).t_hit != before.t_hit
+    scene.commit()
+    return Loss(PER_MILLION, per_million(naive), per_million(ours | _ours(moment, rays)))
+
+
+def _commit_and_stop(scene: perfect_bvh.Scene) -> None:
+    """Leaves the scene with its edits, uncommitted. Among them is, meanwhile, a mesh that takes long to build."""
+    heavy = scene.add_mesh(*ball(6), build=perfect_bvh.BuildConfig(builder="spatial", optimize=5))
+    instance = scene.add_instance(heavy, mask=0)
+    try:
+        scene.commit(progress=lambda done: False)
+    except perfect_bvh.Cancelled:
+        scene.remove_instances([instance])
+        scene.remove_mesh(heavy)
+    else:
+        raise RuntimeError("the commit was over before it could be stopped")
 
 
 def edited_in_place(case: FailureCase) -> Loss:

@@ -62,13 +62,13 @@ def _areas(lower: Float64Array, upper: Float64Array) -> Float64Array:
     return x * y + y * z + z * x
 
 
-def build(boxes: Float64Array, split: Split, rows: Int64Array | None = None) -> Node:
-    """A tree over boxes (N, 2, 3)."""
+def build(boxes: Float64Array, split: Split, rows: Int64Array | None = None, leaf_size: int = LEAF_SIZE) -> Node:
+    """A tree over boxes (N, 2, 3), or over some rows of them."""
     rows = np.arange(len(boxes)) if rows is None else rows
     lower, upper = boxes[rows, 0].min(axis=0), boxes[rows, 1].max(axis=0)
-    if len(rows) <= LEAF_SIZE:
+    if len(rows) <= leaf_size:
         return Node(rows, (), lower, upper, 0)
-    children = tuple(build(boxes, split, part) for part in split(boxes, rows))
+    children = tuple(build(boxes, split, part, leaf_size) for part in split(boxes, rows))
     return Node(rows[:0], children, lower, upper, 1 + max(child.depth for child in children))
 
 

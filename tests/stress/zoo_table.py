@@ -1,0 +1,60 @@
+"""From the zoo's figures to the table ZOO.md. Needs neither the engine nor Blender."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from charts.figures import Figures, load
+
+from .loss import WORK
+
+DATA = "zoo"
+TABLE = Path(__file__).parent / "ZOO.md"
+
+OPENING = """\
+# The failure zoo
+
+Written by `python tests/stress/zoo.py --write` from figures that it measures into
+[`tests/charts/data/zoo.json`](../charts/data/zoo.json), and drawn as a [chart](../charts/README.md#the-failure-zoo); a
+test measures every figure again. Each of the {count} cases is a small seeded scene on which a usual method fails, made
+by [`addon/failure_cases/`](../../addon/failure_cases/); the panel *Failure Cases* makes it in Blender, and twelve of
+them are files in `blend_scenes/zoo/`. `tests/stress/test_zoo.py` checks the answers on all of them against double
+precision, with every builder in every layout, on every instruction set, in every way of tracing.
+
+What is lost is counted, never timed. *Times the work*: boxes and triangles that the same rays test, relative to the
+best tree known, so that 1.00 is no loss; after an edit, relative to a fresh tree of the same kind. *Wrong per million*:
+answers that the audit in double precision, which knows no tree, finds wrong. The usual methods are those in
+[`tests/stress/naive/`](naive/), or this engine's own `median` and `sweep` builders. Ours is what the engine does unless
+asked otherwise; what it does when asked stands beside it in brackets. All of it is the same on every instruction set.
+
+| case | what breaks | seen in | the usual method | loses | ours loses | how it is held |
+|---|---|---|---|---|---|---|
+"""
+
+
+def shown(value: float, unit: str) -> str:
+    """The number as the table has it."""
+    return f"{value:.2f}" if unit == WORK else f"{value:,.0f}"
+
+
+def line_of(case: Figures) -> str:
+    """One line of the table."""
+    unit = case["unit"]
+    ours = shown(case["ours"], unit)
+    if case["other"] is not None:
+        asked, value = case["other"]
+        ours += f" (`{asked}`: {shown(value, unit)})"
+    loses = f"{shown(case['naive'], unit)} {unit}"
+    cells = (case["title"], case["breaks"], case["source"], case["method"], loses, ours, case["held"])
+    return f"| {' | '.join(cells)} |\n"
+
+
+def table(figures: Figures) -> str:
+    """The whole file."""
+    cases = figures["cases"]
+    return OPENING.format(count=len(cases)) + "".join(map(line_of, cases))
+
+
+def write_table() -> None:
+    """Writes ZOO.md anew from the figures that are kept."""
+    TABLE.write_text(table(load(DATA)), encoding="utf-8")
