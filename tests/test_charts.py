@@ -13,8 +13,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from charts import make, measure
-from charts.figures import DATA, FOLDER, PICTURES
+from charts import make, measure, stability
+from charts.figures import DATA, FOLDER, PICTURES, load
 
 from addon.bench.chart import PALETTE, Axis, Chart, Panel, Series
 from addon.bench.labels import Box, place_beside, spread_out
@@ -38,6 +38,20 @@ def test_a_chart_can_be_drawn_from_its_figures(name: str):
         assert 0.0 <= text.at[0] <= WIDTH
         assert 0.0 <= text.at[1] <= picture.height
     assert any("Measured by" in text.words for text in picture.texts)
+
+
+@pytest.mark.parametrize("name", make.CHARTS)
+def test_a_picture_is_in_step_with_its_figures(name: str):
+    drawn_from = make.fingerprint(make.describe(name))
+    assert drawn_from.encode() in (PICTURES / f"{name}.png").read_bytes(), f"python tests/charts/make.py {name}"
+
+
+def test_a_fingerprint_tells_figures_apart():
+    figures = load("stability")
+    before = make.fingerprint(stability.chart(figures))
+    figures["motions"]["twist"][3]["policies"]["refit"]["speed"]["median"] += 0.001
+    assert make.fingerprint(stability.chart(figures)) != before
+    assert make.fingerprint(stability.chart()) == before
 
 
 def test_each_chart_has_its_module_its_picture_and_its_place_in_the_readme():

@@ -3,9 +3,11 @@
     python tests/benchmarks/image_error.py --json image_error.json
 
 The scene gets one matt material and a white sky and loses its lamps; light bounces once: so the preview and Cycles
-integrate nearly the same; how far their converged images are apart is written, too. Each renderer's error is the root
-of the mean square difference from its own image of 4,096 samples of other random numbers, over that image's mean.
-Same threads, same pixel filter, no denoiser, no adaptive sampling. Times are the wall's, of sync and rays apart.
+integrate nearly the same; how far their converged images are apart is written, too. Times are those of whole images.
+Errors are those of the middle of each, a fifth as wide and high: only that is rendered with 4,096 samples of other
+random numbers to compare with. They are the root of the mean square difference from it, over its mean.
+Same threads, same pixel filter, no denoiser, no adaptive sampling. Times are the wall's. Of ours the sync's and the
+rays' are measured apart. Cycles reads the scene in each render: its totals are measured, its rays' time reckoned.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ import json
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +36,12 @@ from perfect_bvh_addon.sync.records import AttributeRequest
 from tqdm import tqdm
 
 Image = npt.NDArray[np.float32]
-Render = Callable[[int, int], tuple[Image, float]]  # samples, seed -> image, milliseconds
+Border = tuple[float, float, float, float]  # left, right, bottom, top, as shares of the image
+# Samples, seed, border -> image, milliseconds.
+Render = Callable[[int, int, Border], tuple[Image, float]]
 CONVERGED = 4096
+WHOLE: Border = (0.0, 1.0, 0.0, 1.0)
+MIDDLE: Border = (0.4, 0.6, 0.4, 0.6)  # whole pixels, whatever multiple of 80 the width is
 FILTER_WIDTH = 1.5  # of the pixel filter in Cycles: the default, as ours is
 REFERENCE_SEED = 1000
 
@@ -45,21 +52,22 @@ def main() -> None:
     add = parser.add_argument
     add("--json", type=Path, required=True, metavar="OUT.json", help="where the figures go")
     add("--scene", default="courtyard", help="of blend_scenes")
-    add("--size", type=int, default=80, metavar="W", help="of the image, 16:9")
-    add("--most", type=int, default=256, metavar="N", help="samples a pixel at most")
+    add("--size", type=int, default=320, metavar="W", help="of the image, 16:9; a multiple of 80")
+    add("--most", type=int, default=64, metavar="N", help="samples a pixel at most")
     add("--seeds", type=int, default=3, metavar="N", help="images of each number of samples")
     chosen = parser.parse_args()
     bpy.ops.wm.open_mainfile(filepath=str(REPOSITORY / "blend_scenes" / f"{chosen.scene}.blend"))
     scene = bpy.context.scene
     simplify(scene)
-    runs, converged = [], {}
+    runs, converged = [], dict[str, Image]()
     with tqdm(unit="image") as bar:
-        for name, width, render, sync_ms in renderers(scene, chosen.size):
-            bar.set_description(name)
-            row, reference = measure(render, chosen.most, chosen.seeds, bar)
-            runs.append({"name": name, "width": width, "sync_ms": sync_ms, **row})
-            converged[name] = reference
-    runs = [split_sync(run) for run in runs]
+        for which in renderers(scene, chosen.size):
+            bar.set_description(which.name)
+            if which.integrand not in converged:
+                converged[which.integrand] = middle_of(which.render(CONVERGED, REFERENCE_SEED, MIDDLE)[0])
+                bar.update()
+            points = measure(which.render, converged[which.integrand], chosen.most, chosen.seeds, bar)
+            runs.append(row_of(which, points))
     apart = error(converged["preview"], converged["Cycles"])
     figures = {"scene": chosen.scene, "preview_from_cycles": apart, "runs": runs}
     chosen.json.parent.mkdir(parents=True, exist_ok=True)
@@ -88,23 +96,34 @@ def simplify(scene: bpy.types.Scene) -> None:
     scene.camera.data.dof.use_dof = False
 
 
-def renderers(scene: bpy.types.Scene, width: int) -> Any:
-    """Name, width of the image, how to render, milliseconds of the sync (None: part of each render)."""
+@dataclass(frozen=True, slots=True)
+class Renderer:
+    """name, integrand: those of one integrand converge to one image. width: of its images, in pixels.
+
+    sync_ms: to read the scene and build its trees, once; None: that is part of each render.
+    """
+
+    name: str
+    integrand: str
+    width: int
+    render: Render
+    sync_ms: float | None
+
+
+def renderers(scene: bpy.types.Scene, width: int) -> Iterator[Renderer]:
+    """The preview, Cycles, clay; and smaller clay with less of its radius, and smaller still."""
     ours = Ours(scene)
-    reach = ours.reach
-    yield "preview", width, ours.render("preview", width, smooth=False), ours.milliseconds
-    yield "preview, smoothed", width, ours.render("preview", width, smooth=True), ours.milliseconds
-    yield "Cycles", width, in_cycles(scene, width), None
-    for share in (1.0, 0.25, 0.0625):
-        name = "clay" if share == 1.0 else f"clay, {share:g} of the radius"
-        yield name, width, ours.render("clay", width, smooth=False, ao_distance=reach * share), ours.milliseconds
-    for wide in (width // 2, width * 3 // 2):
-        yield (
-            f"clay, {wide} pixels wide",
-            wide,
-            ours.render("clay", wide, smooth=False, ao_distance=reach),
-            ours.milliseconds,
-        )
+    wait = ours.milliseconds
+    preview = ours.render("preview", width, smooth=False)
+    yield Renderer("preview", "preview", width, preview, wait)
+    yield Renderer("preview, smoothed", "preview", width, ours.render("preview", width, smooth=True), wait)
+    yield Renderer("Cycles", "Cycles", width, in_cycles(scene, width), None)
+    half = width // 2
+    clays = (("clay", width, 1.0), ("clay, half as wide", half, 1.0), ("clay, a quarter as wide", width // 4, 1.0))
+    radii = (("clay, 0.25 of the radius", half, 0.25), ("clay, 0.0625 of the radius", half, 0.0625))
+    for name, wide, share in (*clays, *radii):
+        clay = ours.render("clay", wide, smooth=False, ao_distance=ours.reach * share)
+        yield Renderer(name, name, wide, clay, wait)
 
 
 class Ours:
@@ -123,11 +142,11 @@ class Ours:
         self.reach = 0.05 * float(np.linalg.norm(np.ptp(places, axis=0)))
 
     def render(self, mode: str, width: int, **options: Any) -> Render:
-        def run(samples: int, seed: int) -> tuple[Image, float]:
+        def run(samples: int, seed: int, border: Border) -> tuple[Image, float]:
             started = time.perf_counter()
-            size = (width, width * 9 // 16)
+            size, camera = (width, width * 9 // 16), replace(self.camera, border=border)
             keywords = {"appearance": self.appearance, "seed": seed, **options}
-            image = perfect_bvh.render(self.snapshot, self.camera, mode, size, samples, **keywords)
+            image = perfect_bvh.render(self.snapshot, camera, mode, size, samples, **keywords)
             return image, (time.perf_counter() - started) * 1e3
 
         return run
@@ -143,12 +162,15 @@ def in_cycles(scene: bpy.types.Scene, width: int) -> Render:
         (cycles, "pixel_filter_type", "BLACKMAN_HARRIS"), (render, "threads_mode", "FIXED"),
         (render, "threads", perfect_bvh.thread_count()), (render, "resolution_x", width),
         (render, "resolution_y", width * 9 // 16), (render, "use_persistent_data", False),
+        (render, "use_border", True), (render, "use_crop_to_border", False),
     ]  # fmt: skip
 
-    def run(samples: int, seed: int) -> tuple[Image, float]:
+    def run(samples: int, seed: int, border: Border) -> tuple[Image, float]:
+        names = ("border_min_x", "border_max_x", "border_min_y", "border_max_y")
+        places = [(render, name, value) for name, value in zip(names, border, strict=True)]
         with (
             tempfile.TemporaryDirectory() as folder,
-            preserved(*settings, (cycles, "samples", samples), (cycles, "seed", seed)),
+            preserved(*settings, *places, (cycles, "samples", samples), (cycles, "seed", seed)),
         ):
             path = Path(folder) / "image.exr"
             started = time.perf_counter()
@@ -159,42 +181,62 @@ def in_cycles(scene: bpy.types.Scene, width: int) -> Render:
     return run
 
 
-def measure(render: Render, most: int, seeds: int, bar: tqdm[Any]) -> tuple[dict[str, Any], Image]:
-    """Errors and times of 1, 2, 4 ... samples; and the converged image."""
-    reference, milliseconds = render(CONVERGED, REFERENCE_SEED)
+def measure(render: Render, reference: Image, most: int, seeds: int, bar: tqdm[Any]) -> list[dict[str, Any]]:
+    """Errors and milliseconds of 1, 4, 16 ... samples, of whole images."""
     points = []
     samples = 1
     while samples <= most:
         errors, times = [], []
         for seed in range(seeds):
-            image, taken = render(samples, seed)
-            errors.append(error(image, reference))
+            image, taken = render(samples, seed, WHOLE)
+            errors.append(error(middle_of(image), reference))
             times.append(taken)
             bar.update()
         points.append({"samples": samples, "error": Spread.of(errors).as_json(), "ms": Spread.of(times).as_json()})
         samples *= 4
-    return {"converged_ms": milliseconds, "points": points}, reference
+    return points
+
+
+def row_of(which: Renderer, points: list[dict[str, Any]]) -> dict[str, Any]:
+    """What the figures hold of a renderer. total_ms: with reading the scene and all; ms: of the rays alone."""
+    reads_each_time = which.sync_ms is None
+    start = _start_of(points) if which.sync_ms is None else which.sync_ms
+    for point in points:
+        taken = point["ms"]
+        if reads_each_time:
+            point["ms"] = {key: max(value - start, 0.0) for key, value in taken.items()}
+            point["total_ms"] = taken
+        else:
+            point["total_ms"] = {key: value + start for key, value in taken.items()}
+    return {
+        "name": which.name,
+        "width": which.width,
+        "sync_ms": start,
+        "reads_each_time": reads_each_time,
+        "points": points,
+    }
+
+
+def _start_of(points: list[dict[str, Any]]) -> float:
+    """Of a renderer that reads the scene in each render: what of the time does not grow with the samples."""
+    first, last = points[0], points[-1]
+    slope = (last["ms"]["median"] - first["ms"]["median"]) / max(1, last["samples"] - first["samples"])
+    return max(0.0, float(first["ms"]["median"] - slope * first["samples"]))
+
+
+def middle_of(image: Image) -> Image:
+    """The part of it that is compared."""
+    height, width = image.shape[:2]
+    left, right, bottom, top = MIDDLE
+    return image[
+        round((1.0 - top) * height) : round((1.0 - bottom) * height), round(left * width) : round(right * width)
+    ]
 
 
 def error(image: Image, reference: Image) -> float:
     """Root of the mean square difference of the colours, as a share of the reference's mean."""
     wanted = reference[..., :3].astype(np.float64)
     return float(np.sqrt(np.mean((image[..., :3] - wanted) ** 2)) / wanted.mean())
-
-
-def split_sync(run: dict[str, Any]) -> dict[str, Any]:
-    """Of a renderer that reads the scene in each render: what of the time does not grow with the samples."""
-    run["reads_each_time"] = run["sync_ms"] is None
-    if run["reads_each_time"]:
-        samples = np.array([CONVERGED, *(point["samples"] for point in run["points"])], float)
-        times = np.array([run["converged_ms"], *(point["ms"]["median"] for point in run["points"])])
-        slope = np.polyfit(samples, times, 1)[0]
-        run["sync_ms"] = max(0.0, float(np.median(times[1:] - slope * samples[1:])))
-        for point in run["points"]:
-            point["ms"] = {
-                key: max(value - run["sync_ms"], slope * point["samples"]) for key, value in point["ms"].items()
-            }
-    return run
 
 
 if __name__ == "__main__":

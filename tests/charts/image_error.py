@@ -7,6 +7,8 @@ from charts.figures import Figures, footer, load
 from addon.bench.chart import Axis, Chart, Panel, Series
 
 DATA = "image_error"
+RADII = ("clay, half as wide", "clay, 0.25 of the radius", "clay, 0.0625 of the radius")
+WIDTHS = ("clay", "clay, half as wide", "clay, a quarter as wide")
 COLORS = {"preview": "blue", "preview, smoothed": "sky", "Cycles": "vermilion", "clay": "green"}
 
 
@@ -15,37 +17,36 @@ def chart(figures: Figures | None = None) -> Chart:
     figures = figures or load(DATA)
     runs = {run["name"]: run for run in figures["runs"]}
     first = [runs[name] for name in COLORS]
-    radii = [run for name, run in runs.items() if name == "clay" or "radius" in name]
-    widths = sorted(
-        (run for name, run in runs.items() if name == "clay" or "wide" in name), key=lambda run: run["width"]
-    )
-    faster = _times_faster(runs["preview"], runs["Cycles"])
+    faster, faster_in_all = (_times_faster(runs["preview"], runs["Cycles"], which) for which in ("ms", "total_ms"))
+    most = runs["preview"]["points"][-1]["samples"]
     return Chart(
-        f"At equal error the preview's rays are {faster:.1f} times as fast as Cycles'",
+        f"At equal error the preview's rays are {faster:.1f} times as fast as Cycles'; in all, {faster_in_all:.1f}",
         f"{figures['scene']}, one matt material under a white sky, one bounce, {runs['preview']['width']} pixels wide; "
-        "1, 4 ... 64 samples a pixel. Error: root mean square difference from the renderer's own image of 4,096 "
-        "samples, over its mean; the two such images are "
-        f"{100 * figures['preview_from_cycles']:.0f} % apart. {faster:.1f}: from one image of 4,096 samples each. "
-        "Cycles reads the scene and writes a file in each render; its rays alone are the total less a start of "
-        f"{runs['Cycles']['sync_ms']:.0f} ms, estimated from the slope over samples. Hollow: that gave less than the "
-        "slope, to which it was raised; in all, too, it took less than is drawn. "
+        f"1, 4 ... {most} samples a pixel. Error: root mean square difference, in the middle of the image (a "
+        "fifth as wide and high), from the renderer's own 4,096 samples there, over their mean; these two images are "
+        f"{100 * figures['preview_from_cycles']:.0f} % apart. {faster:.1f} and {faster_in_all:.1f}: at {most} samples, "
+        "errors made equal by more of them. Cycles reads the scene and writes a file in each render: its totals are "
+        f"measured; hollow: less a start of {runs['Cycles']['sync_ms']:.0f} ms, which is reckoned from them. "
         f"{_threads(figures)} each, no denoiser; bars: quartiles.",
         [
-            Panel("Rays alone", _time("milliseconds of rendering"), _error(), _drawn(first)),
+            Panel("Rays alone", _time("milliseconds of rendering"), _error(), [_series(run) for run in first]),
             Panel(
                 "With reading the scene and building its trees",
                 _time("milliseconds in all"),
                 _error(),
-                _drawn(first, in_all=True),
+                [_series(run, "total_ms") for run in first],
             ),
             Panel(
-                "Clay: radius of the occlusion", _time("milliseconds of rendering"), _error(), _shades(radii, _radius)
+                f"Clay {runs[RADII[0]]['width']} pixels wide: radius of the occlusion",
+                _time("milliseconds of rendering"),
+                _error(),
+                _shades([runs[name] for name in RADII], ["all of it", "a quarter", "a sixteenth"]),
             ),
             Panel(
                 "Clay: width of the picture",
                 _time("milliseconds of rendering"),
                 _error(),
-                _shades(widths, lambda run: f"{run['width']} pixels"),
+                _shades([runs[name] for name in WIDTHS], [f"{runs[name]['width']} pixels" for name in WIDTHS]),
             ),
         ],
         footer(figures),
@@ -66,64 +67,34 @@ def _error() -> Axis:
     return Axis("relative error, %", log=True)
 
 
-def _drawn(runs: list[Figures], *, in_all: bool = False) -> list[Series]:
-    """The runs, and over them hollow marks where times are no measurement."""
-    waits = [run["sync_ms"] if in_all else 0.0 for run in runs]
-    lines = [_series(run, wait) for run, wait in zip(runs, waits, strict=True)]
-    for run, wait in zip(runs, waits, strict=True):
-        raised = [point for point in run["points"] if _is_raised(run, point)]
-        xs, ys = [point["ms"]["median"] + wait for point in raised], [100.0 * p["error"]["median"] for p in raised]
-        lines.append(Series(run["name"], xs, ys, COLORS[run["name"]], "ring", size=9.0))
-    return lines
-
-
-def _is_raised(run: Figures, point: Figures) -> bool:
-    """image_error.py lets no time that it reckoned fall below the slope times the samples."""
-    if not run["reads_each_time"]:
-        return False
-    slope = min(each["ms"]["low"] / each["samples"] for each in run["points"])
-    return bool(point["ms"]["median"] <= slope * point["samples"] * 1.001)
-
-
-def _series(run: Figures, sync_ms: float, name: str = "", color: str = "") -> Series:
+def _series(run: Figures, which: str = "ms", name: str = "", color: str = "") -> Series:
     points = run["points"]
     return Series(
         name or run["name"],
-        [point["ms"]["median"] + sync_ms for point in points],
+        [point[which]["median"] for point in points],
         [100.0 * point["error"]["median"] for point in points],
         color or COLORS[run["name"]],
-        "circle",
+        "ring" if run["reads_each_time"] and which == "ms" else "circle",
         low=[100.0 * point["error"]["low"] for point in points],
         high=[100.0 * point["error"]["high"] for point in points],
-        x_low=[point["ms"]["low"] + sync_ms for point in points],
-        x_high=[point["ms"]["high"] + sync_ms for point in points],
+        x_low=[point[which]["low"] for point in points],
+        x_high=[point[which]["high"] for point in points],
         line=True,
         labels="end",
     )
 
 
-def _shades(runs: list[Figures], label: object) -> list[Series]:
-    colors = ("sky", "blue", "black")
-    return [_series(run, 0.0, label(run), color) for run, color in zip(runs, colors, strict=True)]  # type: ignore[operator]
+def _shades(runs: list[Figures], labels: list[str]) -> list[Series]:
+    colors = ("black", "blue", "sky")
+    return [_series(run, "ms", label, color) for run, label, color in zip(runs, labels, colors, strict=True)]
 
 
-def _radius(run: Figures) -> str:
-    return (
-        "all of it"
-        if run["name"] == "clay"
-        else run["name"].removeprefix("clay, ").removesuffix(" of the radius") + " of it"
-    )
+def _times_faster(run: Figures, other: Figures, which: str) -> float:
+    """By how much less time at equal error: errors fall as 1 / sqrt(samples), so rays' time times error² stays.
 
-
-def _times_faster(run: Figures, other: Figures) -> float:
-    """By how much less time at equal error: errors fall as 1 / sqrt(samples), so time times squared error is fixed.
-
-    The time of a sample is that of the longest render, which whatever else the machine does disturbs least.
+    In all: the other's total at its most samples, over this one's start and what rays it then takes.
     """
-
-    def work(which: Figures) -> float:
-        last = which["points"][-1]
-        sync_ms = which["sync_ms"] if which["reads_each_time"] else 0.0
-        return float((which["converged_ms"] - sync_ms) * last["samples"] * last["error"]["median"] ** 2)
-
-    return work(other) / work(run)
+    mine, theirs = run["points"][-1], other["points"][-1]
+    rays = mine["ms"]["median"] * (mine["error"]["median"] / theirs["error"]["median"]) ** 2
+    start = mine["total_ms"]["median"] - mine["ms"]["median"] if which == "total_ms" else 0.0
+    return float(theirs[which]["median"] / (start + rays))

@@ -1,18 +1,23 @@
 """Draws the charts from what stands in data/, all or those that are named: python tests/charts/make.py [NAME ...].
 
-Needs matplotlib and numpy, not the engine: `nox -s charts` brings them.
+Needs matplotlib and numpy, not the engine: `nox -s charts` brings them. Each picture carries a fingerprint of all that
+is in it, by which a test sees whether it is in step with the figures. ZOO.md is written anew with the zoo's chart.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import hashlib
 import importlib
 import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(REPOSITORY), str(REPOSITORY / "tests")]
 
 from charts.figures import DATA, PICTURES
+from stress import zoo_table
 
 from addon.bench.chart import Chart
 from addon.bench.layout import lay_out
@@ -36,6 +41,38 @@ def describe(name: str) -> Chart:
     return chart
 
 
+def fingerprint(chart: Chart) -> str:
+    """Of every word and every number of a chart, to six digits, however they are going to be laid out."""
+    return hashlib.sha256("\n".join(_parts(chart)).encode()).hexdigest()
+
+
+def _parts(value: object) -> Iterator[str]:
+    if dataclasses.is_dataclass(value):
+        for each in dataclasses.fields(value):
+            yield f"{each.name}:"
+            yield from _parts(getattr(value, each.name))
+    elif isinstance(value, Sequence) and not isinstance(value, str):
+        yield f"{len(value)}:"
+        for item in value:
+            yield from _parts(item)
+    else:
+        yield f"{float(value):.6g}" if isinstance(value, int | float) else repr(value)
+
+
+def draw(name: str) -> Path:
+    """Draws a chart and writes into the picture what it was drawn from."""
+    from PIL import Image, PngImagePlugin  # matplotlib brings it
+
+    chart, path = describe(name), PICTURES / f"{name}.png"
+    lay_out(chart).save(path)
+    words = PngImagePlugin.PngInfo()
+    words.add_text("drawn from", fingerprint(chart))
+    with Image.open(path) as picture:
+        picture.load()
+        picture.save(path, pnginfo=words, optimize=True)
+    return path
+
+
 def main() -> None:
     names = sys.argv[1:] or CHARTS
     unknown = sorted(set(names) - set(CHARTS))
@@ -45,8 +82,9 @@ def main() -> None:
         needed = importlib.import_module(f"charts.{name}").DATA
         if not (DATA / f"{needed}.json").is_file():
             raise SystemExit(f"{name}: data/{needed}.json is missing; nox -s charts -- --measure {needed} makes it")
-        lay_out(describe(name)).save(PICTURES / f"{name}.png")
-        print(PICTURES / f"{name}.png")
+        print(draw(name))
+        if needed == zoo_table.DATA:
+            zoo_table.write_table()
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ After each commit the answers are audited, and compared bit by bit with those of
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
@@ -16,6 +15,8 @@ from perfect_bvh.build_config import BUILDERS
 from perfect_bvh_addon.failure_cases import CASES, Body
 from perfect_bvh_addon.failure_cases.case import finite, rays_around
 from perfect_bvh_addon.failure_cases.shapes import Mesh, loose
+
+from .bytes import Bytes, kind_of
 
 RAYS = 40
 LARGEST_MESH = 900
@@ -64,27 +65,25 @@ class Play:
     """One scene and the model of it. features: what was seen to happen, for the search for new inputs."""
 
     data: bytes
+    source: Bytes = field(init=False)
     scene: perfect_bvh.Scene = field(default_factory=perfect_bvh.Scene)
     meshes: dict[int, Mesh] = field(default_factory=dict)
     instances: dict[int, Placed] = field(default_factory=dict)
     features: set[tuple[str, ...]] = field(default_factory=set)
-    at: int = 0
 
     def __post_init__(self) -> None:
+        self.source = Bytes(self.data)
         self.random = np.random.default_rng(list(self.data))
 
     def run(self) -> set[tuple[str, ...]]:
         """All edits, and a last commit. Returns the features."""
-        while self.at < len(self.data):
-            EDITS[self.take(len(EDITS))](self)
+        while not self.source.is_over:
+            self.source.pick(EDITS)(self)
         self.commit()
         return self.features
 
     def take(self, count: int) -> int:
-        """A number below count, from the next byte; 0 at the end."""
-        value = self.data[self.at] if self.at < len(self.data) else 0
-        self.at += 1
-        return value % count
+        return self.source.take(count)
 
     def pick(self, ids: dict[int, object]) -> int | None:
         return list(ids)[self.take(len(ids))] if ids else None
@@ -168,7 +167,7 @@ class Play:
         try:
             edit()
         except ValueError as refusal:
-            self.features.add(("refused", _words(str(refusal))))
+            self.features.add(("refused", kind_of(str(refusal))))
             return False
         return True
 
@@ -177,9 +176,9 @@ class Play:
     def commit(self) -> None:
         report = self.scene.commit()
         for mesh in report.meshes:
-            self.features.add((mesh.action, mesh.builder, _words(mesh.reason)))
+            self.features.add((mesh.action, mesh.builder, kind_of(mesh.reason)))
         top = report.top_level
-        self.features.add(("top", top.builder, _words(top.reason), str(report.baked_count > 0)))
+        self.features.add(("top", top.builder, kind_of(top.reason), str(report.baked_count > 0)))
         assert (self.scene.mesh_count, self.scene.instance_count) == (len(self.meshes), len(self.instances))
         self.check()
 
@@ -221,11 +220,6 @@ def _renamed(ids: np.ndarray, rows: dict[int, int]) -> np.ndarray:
     return np.array([rows.get(ident, -1) for ident in ids.tolist()], np.int32)
 
 
-def _words(sentence: str) -> str:
-    """What kind of sentence it is, whatever the numbers in it."""
-    return re.sub(r"\(.*?\)|-?\d[-\d.,e]*", "#", sentence)
-
-
 EDITS: tuple[Callable[[Play], None], ...] = (
     Play.add_mesh,
     Play.commit,
@@ -240,3 +234,8 @@ EDITS: tuple[Callable[[Play], None], ...] = (
     Play.commit,
     Play.deform,
 )
+
+
+def edit_scenes(data: bytes) -> set[tuple[str, ...]]:
+    """One scene, edited and asked. Returns what was seen to happen."""
+    return Play(data).run()
