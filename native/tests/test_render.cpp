@@ -77,6 +77,54 @@ TEST(Film, FilterIsCentredAndAsWideAsAsked) {
   EXPECT_NEAR(squares / kCount, expected, 1e-3);
 }
 
+TEST(Film, SamplesCountInThePixelsThatTheFilterReaches) {
+  for (const float width : {0.5f, 1.5f, 2.2f}) {
+    const PixelFilter filter(width);
+    EXPECT_EQ(filter.reach(), static_cast<int>(std::ceil(width - 0.5f)));
+    PixelFilter::Weights weights;
+    for (const float offset : {-0.5f, 0.0f, 0.3f}) {
+      filter.weigh(offset, weights);
+      for (int step = -filter.reach(); step <= filter.reach(); ++step) {
+        const float weight = weights[static_cast<std::size_t>(step + filter.reach())];
+        const double distance = std::abs(static_cast<double>(step) - static_cast<double>(offset));
+        const double angle = 3.141592653589793 * (1.0 + distance / static_cast<double>(width));
+        const double height =
+            0.35875 - 0.48829 * std::cos(angle) + 0.14128 * std::cos(2 * angle) - 0.01168 * std::cos(3 * angle);
+        EXPECT_NEAR(weight, distance > static_cast<double>(width) ? 0.0 : height, 1e-4);
+      }
+    }
+  }
+}
+
+TEST(Film, EvenColoursStayEvenAcrossTiles) {
+  const PixelFilter filter(1.5f);
+  const TileGrid grid({28, 30, 70, 36});
+  Film film(grid, filter);
+  EXPECT_EQ(grid.count(), 6u);
+  for (std::size_t tile = 0; tile < grid.count(); ++tile) {
+    film.begin(tile);
+    const PixelRect rect = grid.at(tile);
+    for (int y = rect.y0; y < rect.y1; ++y) {
+      for (int x = rect.x0; x < rect.x1; ++x) {
+        const Pixel pixel{static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y)};
+        const Point2 offset{0.4f - static_cast<float>(x % 3) * 0.4f, static_cast<float>(y % 2) * 0.5f - 0.3f};
+        const Rgba color{0.25f, 1.0f, x == 64 && y == 32 ? 1.0f : 0.0f, 0.5f};
+        film.add(tile, {&pixel, 1}, {&offset, 1}, {&color, 1});
+      }
+    }
+  }
+  for (int y = 31; y < 35; ++y) {
+    for (int x = 29; x < 69; ++x) {
+      const Rgba color = film.pixel(x, y);
+      EXPECT_NEAR(color.r, 0.25f, 1e-6f);
+      EXPECT_NEAR(color.g, 1.0f, 1e-6f);
+      EXPECT_NEAR(color.a, 0.5f, 1e-6f);
+      const bool near = std::abs(x - 64) <= 1 && std::abs(y - 32) <= 1;
+      EXPECT_EQ(color.b > 0.0f, near) << x << ' ' << y;
+    }
+  }
+}
+
 TEST(Film, NoWidthIsThePixelsCentre) {
   const Point2 offset = PixelFilter(0.0f).offset({0.1f, 0.9f});
   EXPECT_EQ(offset.x, 0.0f);

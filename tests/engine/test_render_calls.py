@@ -98,9 +98,50 @@ def test_other_seeds_give_other_noise_and_the_same_seed_the_same(scene: Scene) -
 
 
 def test_continued_samples_make_the_same_image(scene: Scene) -> None:
-    whole = render(scene, CAMERA, size=SIZE, samples=8, smooth=False)
-    parts = [render(scene, CAMERA, size=SIZE, samples=4, first_sample=first, smooth=False) for first in (0, 4)]
-    np.testing.assert_allclose((parts[0] + parts[1]) / 2, whole, atol=1e-5)
+    def render_both(filter_width: float) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+        options: dict[str, Any] = {"size": SIZE, "filter_width": filter_width, "smooth": False}
+        whole = render(scene, CAMERA, samples=8, **options)
+        parts = [render(scene, CAMERA, samples=4, first_sample=first, **options) for first in (0, 4)]
+        return whole, (parts[0] + parts[1]) / 2
+
+    whole, continued = render_both(0.5)
+    np.testing.assert_allclose(continued, whole, atol=1e-5)
+    # Samples that pixels share weigh a little more in one part than in the other.
+    whole, continued = render_both(1.5)
+    exact = render(scene, CAMERA, size=SIZE, samples=256, smooth=False)
+    assert np.abs(continued - exact).mean() < 1.05 * np.abs(whole - exact).mean()
+
+
+def test_a_part_of_an_image_is_the_same_as_the_whole_one_there(scene: Scene) -> None:
+    """Bit for bit, though pixels share samples across tiles and across the border."""
+    options: dict[str, Any] = {"size": SIZE, "samples": 8, "smooth": False}
+    whole = render(scene, CAMERA, **options)
+    for border in ((0.13, 0.61, 0.2, 0.77), (0.5, 0.52, 0.0, 1.0)):
+        part = render(scene, replace(CAMERA, border=border), **options)
+        traced = part[..., 3] > 0.0
+        assert 0.01 < traced.mean() < 0.5
+        np.testing.assert_array_equal(part[traced], whole[traced])
+
+
+def test_shared_samples_converge_to_the_image_under_the_filter(scene: Scene) -> None:
+    """The window over finer pixels, whose samples are not shared, is the reference."""
+    width, height = SIZE
+    parts = 5
+    size = (width * parts, height * parts)
+    fine = render(scene, CAMERA, size=size, samples=64, smooth=False, filter_width=0.5)
+    place = (np.arange(-2 * parts, 2 * parts + 1)) / (3.0 * parts) + 0.5
+    angle = 2.0 * np.pi * place
+    window = 0.35875 - 0.48829 * np.cos(angle) + 0.14128 * np.cos(2 * angle) - 0.01168 * np.cos(3 * angle)
+    window = np.where((place >= 0.0) & (place <= 1.0), window, 0.0)
+    window /= window.sum()
+    blurred = fine.astype(np.float64)
+    for axis in (0, 1):
+        blurred = np.apply_along_axis(np.convolve, axis, blurred, window, "same")
+    wanted = blurred[parts // 2 :: parts, parts // 2 :: parts]
+    inside = np.s_[2:-2, 2:-2]
+    shared = render(scene, CAMERA, size=SIZE, samples=256, smooth=False)
+    assert np.abs(shared - wanted)[inside].mean() < 0.002
+    assert np.abs(shared - wanted)[inside].max() < 0.05
 
 
 def test_progressive_rounds_refine_one_image(scene: Scene) -> None:

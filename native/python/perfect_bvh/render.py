@@ -61,12 +61,13 @@ class RenderOptions(TypedDict, total=False):
         to 7, weighted by their counts, is as good as that of 0 to 7. A single sample with first_sample 0 stands at the
         pixel's centre; all others spread over the pixel filter.
     filter_width: how far the pixel filter (a Blackman-Harris window) reaches to each side, in pixels; default 1.5. 0
-        puts every sample at the pixel's centre.
-    smooth: preview, clay: whether the light of few samples (below 32) is averaged with that of neighbouring pixels on
-        the same surface; default True. Colours, normals and edges keep their detail; only fine shadows get softer.
+        puts every sample at the pixel's centre. Neighbouring pixels share samples, but while light is smoothed.
+    smooth: preview, clay: whether the light of few rays (below 8 a pixel) is averaged with that of neighbouring pixels
+        on the same surface; default True. Colours, normals and edges keep their detail; only fine shadows get softer.
     ao_distance: clay: how far away a surface still keeps light from another, in world units; its effect fades to
         nothing over that distance. None, the default: 0.35 of the diagonal of the scene's bounding box.
-    light_rays: preview, clay: rays to the sky and to each light for each sample; default 1.
+    light_rays: preview, clay: rays to the sky and to each light for each sample. None, the default: 1 for a single
+        sample, else 2, which takes less time for an image of the same noise.
     clay_color: clay, matcap, wireframe: one scene-linear colour for everything instead of the materials' viewport
         colours.
     wire_width: wireframe: the width of the lines in pixels; default 1.
@@ -80,7 +81,7 @@ class RenderOptions(TypedDict, total=False):
     filter_width: float
     smooth: bool
     ao_distance: float | None
-    light_rays: int
+    light_rays: int | None
     clay_color: Color | None
     wire_width: float
     wire_color: Color
@@ -230,11 +231,12 @@ def _render(
 ) -> Passes:
     snapshot = _snapshot_of(function, scene)
     width, height = check_size(function, size)
-    settings = _settings(function, options) | {
+    count = check_count(function, "samples", samples, 1)
+    settings = _settings(function, options, count) | {
         "mode": check_choice(function, "mode", mode, MODES),
         "width": width,
         "height": height,
-        "samples": check_count(function, "samples", samples, 1),
+        "samples": count,
     }
     arrays: Passes = {}
     for name in _check_passes(function, passes):
@@ -271,7 +273,7 @@ def _check_passes(function: str, passes: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _settings(function: str, options: RenderOptions) -> dict[str, Any]:
+def _settings(function: str, options: RenderOptions, samples: int) -> dict[str, Any]:
     """The options as the native module takes them, checked; defaults where they are missing."""
     unknown = set(options) - set(RenderOptions.__annotations__)
     if unknown:
@@ -279,6 +281,9 @@ def _settings(function: str, options: RenderOptions) -> dict[str, Any]:
             f"{function}: unknown option {sorted(unknown)[0]!r}; there are {', '.join(RenderOptions.__annotations__)}"
         )
     distance, color, audit = options.get("ao_distance"), options.get("clay_color"), options.get("audit")
+    light_rays = options.get("light_rays")
+    if light_rays is None:
+        light_rays = min(samples, 2)
     if not isinstance(audit, RenderAudit | None):
         raise ValueError(f"{function}: audit must be a perfect_bvh.RenderAudit, got {type(audit).__name__}")
     return {
@@ -288,7 +293,7 @@ def _settings(function: str, options: RenderOptions) -> dict[str, Any]:
         "filter_width": check_number(function, "filter_width", options.get("filter_width", 1.5), 0.0, 16.0),
         "smooth": bool(options.get("smooth", True)),
         "ao_distance": 0.0 if distance is None else check_number(function, "ao_distance", distance, 1e-30, 1e30),
-        "light_rays": check_count(function, "light_rays", options.get("light_rays", 1), 1),
+        "light_rays": check_count(function, "light_rays", light_rays, 1),
         "clay_color": None if color is None else check_color(function, "clay_color", color),
         "wire_width": check_number(function, "wire_width", options.get("wire_width", 1.0), 0.01, 1000.0),
         "wire_color": check_color(function, "wire_color", options.get("wire_color", (0.02, 0.02, 0.025))),

@@ -43,18 +43,6 @@ void check(const RenderSettings& settings) {
   if (settings.clay.light_rays < 1) throw InvalidArgument("render: light_rays must be at least 1");
 }
 
-PixelRect tile_at(PixelRect area, std::size_t index) {
-  const auto columns = static_cast<std::size_t>((area.width() + kTileSize - 1) / kTileSize);
-  const int x = area.x0 + static_cast<int>(index % columns) * kTileSize;
-  const int y = area.y0 + static_cast<int>(index / columns) * kTileSize;
-  return {x, y, std::min(x + kTileSize, area.x1), std::min(y + kTileSize, area.y1)};
-}
-
-std::size_t tile_count(PixelRect area) {
-  const auto along = [](int size) { return static_cast<std::size_t>((size + kTileSize - 1) / kTileSize); };
-  return along(area.width()) * along(area.height());
-}
-
 }  // namespace
 
 std::vector<KeptRay> render(const Snapshot& snapshot, const Camera& camera, const Appearance& appearance,
@@ -64,8 +52,7 @@ std::vector<KeptRay> render(const Snapshot& snapshot, const Camera& camera, cons
   const PixelRect border = border_pixels(camera, settings.width, settings.height);
   KeptRays kept(settings.kept_share, settings.seed);
   const TileRenderer renderer({snapshot, appearance, rays, settings, cancel}, border, targets, kept);
-  const PixelRect area = renderer.area();
-  const std::size_t count = tile_count(area);
+  const std::size_t count = renderer.tiles().count();
   cancel.expect(count);
 
   ScratchPool scratches;
@@ -78,18 +65,18 @@ std::vector<KeptRay> render(const Snapshot& snapshot, const Camera& camera, cons
       auto scratch = scratches.take();
       for (std::size_t index = begin; index < end; ++index) {
         cancel.throw_if_stopped();
-        work(tile_at(area, index), *scratch);
+        work(index, *scratch);
       }
       scratches.give_back(std::move(scratch));
     };
     parallel_for(ThreadPool::shared(), count, 1, run, settings.threads, [&] { cancel.poll(); });
   };
-  for_tiles([&](PixelRect tile, TileScratch& scratch) {
+  for_tiles([&](std::size_t tile, TileScratch& scratch) {
     renderer.render(tile, scratch, cancel, poll);
     cancel.advance(1);
   });
   if (renderer.needs_finish()) {
-    for_tiles([&](PixelRect tile, TileScratch& scratch) { renderer.finish(tile, scratch); });
+    for_tiles([&](std::size_t tile, TileScratch& scratch) { renderer.finish(tile, scratch); });
   }
   cancel.throw_if_stopped();
   return kept.take();

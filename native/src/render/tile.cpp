@@ -1,15 +1,18 @@
 #include "render/tile.h"
 
+#include <algorithm>
+
 namespace perfect_bvh {
 
 namespace {
 
-// How far the light of a pixel is averaged: the less, the more rays the pixel has of its own.
+// How far the light of a pixel is averaged: the less, the more rays the pixel has of its own. From eight on, samples
+// that neighbours share say more.
 int smoothing_radius(const RenderSettings& settings) noexcept {
   if (!settings.smooth) return 0;
   const int light_rays = settings.mode == Mode::kPreview ? settings.preview.light_rays : settings.clay.light_rays;
   const auto rays = settings.samples * static_cast<std::uint32_t>(light_rays);
-  return rays < 2 ? 4 : rays < 4 ? 3 : rays < 16 ? 2 : rays < 32 ? 1 : 0;
+  return rays < 2 ? 4 : rays < 4 ? 3 : rays < 8 ? 2 : 0;
 }
 
 }  // namespace
@@ -23,18 +26,24 @@ TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const Pas
       filter_dimension_(inputs.settings.seed, 0),
       pass_needs_{.normals = !targets.normal.empty()},
       sample_count_(mode_->is_exact() ? 1 : inputs.settings.samples),
-      centred_(sample_count_ == 1 && inputs.settings.first_sample == 0),
+      centred_(mode_->is_exact() || (sample_count_ == 1 && inputs.settings.first_sample == 0)),
       smoothing_radius_(mode_->keeps_light_apart() && !targets.combined.empty() ? smoothing_radius(inputs.settings)
                                                                                 : 0),
       border_(border),
-      area_(border.grown(smoothing_radius_, inputs.settings.width, inputs.settings.height)),
+      tiles_(border.grown(smoothing_radius_ > 0 ? smoothing_radius_ : shared_reach(), inputs.settings.width,
+                          inputs.settings.height)),
       wants_centres_(targets.any_surface() || targets.any_counts()) {
-  if (mode_->is_exact()) centred_ = true;
-  if (smoothing_radius_ > 0) layer_.emplace(area_);
+  if (smoothing_radius_ > 0) {
+    layer_.emplace(tiles_.area());
+  } else if (shared_reach() > 0) {
+    film_.emplace(tiles_, filter_);
+  }
 }
 
-// In Z-order, so that neighbouring rays of a batch are neighbours in the image both ways.
-void TileRenderer::place_pixels(PixelRect tile, TileScratch& scratch) const {
+// In Z-order, so that neighbouring rays of a batch are neighbours in the image both ways. That of the whole tile,
+// whatever part of it is rendered: sums depend on the order.
+void TileRenderer::place_pixels(std::size_t tile, TileScratch& scratch) const {
+  const PixelRect whole = tiles_.whole_at(tile), part = tiles_.at(tile);
   scratch.pixels.clear();
   for (std::uint32_t place = 0; place < kTileSize * kTileSize; ++place) {
     const auto even_bits = [](std::uint32_t bits) {
@@ -42,8 +51,8 @@ void TileRenderer::place_pixels(PixelRect tile, TileScratch& scratch) const {
       for (std::uint32_t i = 0; (1u << i) < kTileSize; ++i) result |= ((bits >> (2 * i)) & 1u) << i;
       return static_cast<int>(result);
     };
-    const int x = tile.x0 + even_bits(place), y = tile.y0 + even_bits(place >> 1);
-    if (x < tile.x1 && y < tile.y1) {
+    const int x = whole.x0 + even_bits(place), y = whole.y0 + even_bits(place >> 1);
+    if (part.contains(x, y)) {
       scratch.pixels.push_back({static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y)});
     }
   }
@@ -73,12 +82,14 @@ void TileRenderer::trace_centres(TileScratch& scratch) const {
 
 void TileRenderer::make_rays(std::uint32_t sample, TileScratch& scratch) const {
   const FixedPoint2 point = filter_dimension_.sample(sample);
+  scratch.offsets.assign(scratch.pixels.size(), Point2{0.0f, 0.0f});
   for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
     const Pixel pixel = scratch.pixels[i];
-    Point2 offset{0.0f, 0.0f};
+    Point2& offset = scratch.offsets[i];
     if (!centred_) {
       const FixedPoint2 shift = filter_dimension_.offset(sampling::z_order(pixel.x, pixel.y));
-      offset = filter_.offset((point ^ shift).to_unit());
+      const Point2 random = (point ^ shift).to_unit();
+      offset = film_ ? Point2{random.x - 0.5f, random.y - 0.5f} : filter_.offset(random);
     }
     scratch.rays[i] =
         inputs_.camera.through(pixel.x + 0.5 + static_cast<double>(offset.x),
@@ -86,7 +97,7 @@ void TileRenderer::make_rays(std::uint32_t sample, TileScratch& scratch) const {
   }
 }
 
-void TileRenderer::add_sample(std::uint32_t sample, TileScratch& scratch) const {
+void TileRenderer::add_sample(std::uint32_t sample, std::size_t tile, TileScratch& scratch) const {
   const std::uint32_t number = inputs_.settings.first_sample + sample;
   if (!(centred_ && wants_centres_)) {
     make_rays(number, scratch);
@@ -100,6 +111,7 @@ void TileRenderer::add_sample(std::uint32_t sample, TileScratch& scratch) const 
   if (layer_) {
     scratch.gather.add(inputs_.camera, scratch.rays, scratch.hits, scratch.points, scratch.shade.lit_points);
   }
+  if (film_) return film_->add(tile, scratch.pixels, scratch.offsets, scratch.colors);
   for (std::size_t i = 0; i < scratch.sums.size(); ++i) {
     Rgba& sum = scratch.sums[i];
     const Rgba& color = scratch.colors[i];
@@ -145,9 +157,26 @@ void TileRenderer::store_light(const TileScratch& scratch) const {
   }
 }
 
-void TileRenderer::finish(PixelRect tile, TileScratch& scratch) const {
-  tile = tile.overlap(border_);
-  if (tile.empty()) return;
+void TileRenderer::finish(std::size_t tile, TileScratch& scratch) const {
+  const PixelRect inside = tiles_.at(tile).overlap(border_);
+  if (inside.empty()) return;
+  if (film_) {
+    develop(inside);
+  } else {
+    smooth(inside, scratch);
+  }
+}
+
+void TileRenderer::develop(PixelRect tile) const {
+  for (int y = tile.y0; y < tile.y1; ++y) {
+    const Pixel first{static_cast<std::uint16_t>(tile.x0), static_cast<std::uint16_t>(y)};
+    for (int x = tile.x0; x < tile.x1; ++x) {
+      targets_.combined[row_of(first) + static_cast<std::size_t>(x - tile.x0)] = film_->pixel(x, y);
+    }
+  }
+}
+
+void TileRenderer::smooth(PixelRect tile, TileScratch& scratch) const {
   const auto width = static_cast<std::size_t>(tile.width());
   scratch.lights.resize(width * static_cast<std::size_t>(tile.height()));
   layer_->smooth(tile, smoothing_radius_, scratch.smoothing, scratch.lights);

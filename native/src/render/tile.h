@@ -11,8 +11,6 @@
 
 namespace perfect_bvh {
 
-inline constexpr int kTileSize = 32;
-
 // Buffers of one thread, kept from tile to tile.
 struct TileScratch {
   AlignedVector<Pixel> pixels;
@@ -21,6 +19,7 @@ struct TileScratch {
   AlignedVector<RayCounts> counts;
   AlignedVector<SurfacePoint> points;
   AlignedVector<Rgba> colors, sums;
+  AlignedVector<Point2> offsets;  // of samples from the centres of their pixels
   ShadeScratch shade;
   LightGather gather;
   SmoothingScratch smoothing;
@@ -32,39 +31,44 @@ class TileRenderer {
   // Camera rays are offered to `kept`, which outlives this.
   TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets, KeptRays& kept);
 
-  // The pixels to render: those in the border, and as many around it as smoothing looks at.
-  [[nodiscard]] PixelRect area() const noexcept { return area_; }
+  // Of the pixels to render: those in the border, and as many around it as smoothing or the pixel filter looks at.
+  [[nodiscard]] const TileGrid& tiles() const noexcept { return tiles_; }
 
   // Throws Cancelled between samples. `between_samples` is called on the same thread.
   template <class Idle>
-  void render(PixelRect tile, TileScratch& scratch, const CancelToken& cancel, const Idle& between_samples) const {
+  void render(std::size_t tile, TileScratch& scratch, const CancelToken& cancel, const Idle& between_samples) const {
     place_pixels(tile, scratch);
     if (wants_centres_) trace_centres(scratch);
     if (targets_.combined.empty()) return;
     scratch.sums.assign(scratch.pixels.size(), Rgba{});
+    if (film_) film_->begin(tile);
     if (layer_) scratch.gather.begin(scratch.pixels.size());
     for (std::uint32_t sample = 0; sample < sample_count_; ++sample) {
       cancel.throw_if_stopped();
-      add_sample(sample, scratch);
+      add_sample(sample, tile, scratch);
       between_samples();
     }
-    store_combined(scratch);
+    if (!film_) store_combined(scratch);
   }
 
   // Whether `finish` has work, once every tile of the image is rendered.
-  [[nodiscard]] bool needs_finish() const noexcept { return layer_.has_value(); }
-  void finish(PixelRect tile, TileScratch& scratch) const;
+  [[nodiscard]] bool needs_finish() const noexcept { return layer_ || film_; }
+  void finish(std::size_t tile, TileScratch& scratch) const;
 
  private:
-  void place_pixels(PixelRect tile, TileScratch& scratch) const;
+  void place_pixels(std::size_t tile, TileScratch& scratch) const;
   void trace_centres(TileScratch& scratch) const;
   void trace(TileScratch& scratch, std::uint32_t sample, bool with_counts) const;
-  void add_sample(std::uint32_t sample, TileScratch& scratch) const;
+  void add_sample(std::uint32_t sample, std::size_t tile, TileScratch& scratch) const;
   void make_rays(std::uint32_t sample, TileScratch& scratch) const;
   void fill_background(TileScratch& scratch) const;
   void store_combined(const TileScratch& scratch) const;
   void store_light(const TileScratch& scratch) const;
+  void develop(PixelRect tile) const;
+  void smooth(PixelRect tile, TileScratch& scratch) const;
 
+  // How far samples count in other pixels, where light is not smoothed.
+  [[nodiscard]] int shared_reach() const noexcept { return centred_ ? 0 : filter_.reach(); }
   [[nodiscard]] std::size_t row_of(Pixel pixel) const noexcept {
     return static_cast<std::size_t>(pixel.y) * static_cast<std::size_t>(inputs_.settings.width) + pixel.x;
   }
@@ -79,9 +83,11 @@ class TileRenderer {
   std::uint32_t sample_count_;
   bool centred_;          // samples stand at pixel centres
   int smoothing_radius_;  // 0: none
-  PixelRect border_, area_;
-  mutable std::optional<LightLayer> layer_;
-  bool wants_centres_;  // rays through pixel centres are needed for the passes
+  PixelRect border_;
+  TileGrid tiles_;
+  mutable std::optional<LightLayer> layer_;  // if light is smoothed
+  mutable std::optional<Film> film_;         // if pixels share samples
+  bool wants_centres_;                       // rays through pixel centres are needed for the passes
 };
 
 }  // namespace perfect_bvh
