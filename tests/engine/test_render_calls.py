@@ -276,3 +276,29 @@ def table(**columns: npt.NDArray[Any]) -> InstanceTable:
 def test_appearances_that_do_not_fit_are_refused(scene: Scene, appearance: Appearance, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         render(scene, CAMERA, size=SIZE, appearance=appearance)
+
+
+def test_precision_is_that_of_the_camera_rays() -> None:
+    """A wavy surface with a vertex on every fourth pixel's ray: most rays meet an edge, and fast loses some of them."""
+    count = 400
+    camera = Camera.look_at((0.3, 0.2, 0.4), (1.0, 7.0, -2.0), aspect=1.0)
+    left, right, bottom, top = camera.window
+    across, up = (0.5 + np.arange(0, count, 2)) / count * (right - left), (0.5 + np.arange(0, count, 2)) / count
+    x, y = np.meshgrid(left + across, bottom + up * (top - bottom))
+    directions = np.stack([x, y, -np.ones_like(x)], axis=-1) @ camera.matrix[:3, :3].T
+    away = 4.0 + 0.3 * np.sin(7.0 * x) * np.cos(5.0 * y)
+    positions = camera.matrix[:3, 3] + directions * away[..., None]
+    rows = np.arange(x.size, dtype=np.int32).reshape(x.shape)
+    a, b, c, d = (part.ravel() for part in (rows[:-1, :-1], rows[:-1, 1:], rows[1:, 1:], rows[1:, :-1]))
+    scene = Scene()
+    triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    scene.add_instance(scene.add_mesh(positions.reshape(-1, 3).astype(np.float32), triangles))
+    scene.commit()
+    missed = {}
+    for precision in ("robust", "fast"):
+        passes = render_passes(scene, camera, size=(count, count), passes=("instance",), precision=precision)
+        missed[precision] = np.count_nonzero(passes["instance"][4:-4, 4:-4] < 0)
+    assert missed["robust"] == 0
+    assert 0 < missed["fast"] < count * count // 1000
+    with pytest.raises(ValueError, match="precision must be one of robust, fast; got 'fastest'"):
+        render(scene, camera, precision="fastest")

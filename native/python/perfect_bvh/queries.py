@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from .report import SceneStatistics
 
 Cull = Literal["none", "back", "front"]
 Precision = Literal["robust", "fast"]
+PRECISIONS: tuple[str, ...] = get_args(Precision)
 Strategy = Literal["auto", "packets", "stream", "single"]
 
 ALL_MASK = 0xFFFFFFFF
@@ -290,7 +291,7 @@ def _count(
 
 
 def _check_way(function: str, precision: str, strategy: str) -> None:
-    if precision not in ("robust", "fast"):
+    if precision not in PRECISIONS:
         raise ValueError(f"{function}: precision must be 'robust' or 'fast', got {precision!r}")
     if strategy not in ("auto", "packets", "stream", "single"):
         raise ValueError(f"{function}: strategy must be 'auto', 'packets', 'stream' or 'single', got {strategy!r}")
