@@ -29,7 +29,7 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
             return
         scene = context.scene
         settings = scene.perfect_bvh
-        row = layout.split(factor=0.82, align=True)
+        row = layout.split(factor=0.74, align=True)
         row.use_property_split = False
         row.operator("perfect_bvh.preview", icon="IMAGE_DATA")
         row.prop(settings, "preview_percentage", text="")
@@ -39,7 +39,7 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
             layout.prop(settings, "use_material_colors")
         if settings.mode == "CLAY":
             layout.prop(settings, "ao_distance")
-        _draw_view_hint(layout, scene)
+        _draw_view_hint(context, layout)
 
 
 class PERFECT_BVH_PT_film(RenderPanel, bpy.types.Panel):
@@ -55,7 +55,7 @@ class PERFECT_BVH_PT_film(RenderPanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_performance(RenderPanel, bpy.types.Panel):
-    """Threads, and whether Blender keeps its evaluated scene from frame to frame."""
+    """Threads, precision, and whether Blender keeps its evaluated scene from frame to frame."""
 
     bl_label = "Performance"
     bl_parent_id = "PERFECT_BVH_PT_render"
@@ -70,6 +70,7 @@ class PERFECT_BVH_PT_performance(RenderPanel, bpy.types.Panel):
         column = layout.column()
         column.enabled = render.threads_mode == "FIXED"
         column.prop(render, "threads")
+        layout.prop(context.scene.perfect_bvh, "precision")
         layout.prop(render, "use_persistent_data", text="Persistent Data")
 
 
@@ -120,12 +121,13 @@ class PERFECT_BVH_PT_simplify_render(RenderPanel, bpy.types.Panel):
     draw = bpy.types.RENDER_PT_simplify_render.draw
 
 
-def _draw_view_hint(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
     """Files of data modes bypass the scene's view transform; what the Image Editor shows does not."""
+    scene = context.scene
     view_transform = find_mode(scene.perfect_bvh.mode.lower()).view
     if view_transform is not None and scene.view_settings.view_transform != view_transform:
         column = layout.column(align=True)
-        column.label(text=f"Files use {view_transform}. To see it here as well:", icon="INFO")
+        draw_lines(context, column, f"Files use {view_transform}. To see it here as well:", icon="INFO")
         column.prop(scene.view_settings, "view_transform", text="View Transform")
 
 

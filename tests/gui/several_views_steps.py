@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 from addon_state import finished, module, viewports
-from driver import Step, area_of, check, context_of, region_of, screenshot, x_tool
+from driver import Step, StepError, area_of, check, context_of, region_of, screenshot, x_tool
 
 HEADERS = 60  # in pixels: what lies over the upper edge of a viewport
 # Below the first window, which is less high while its viewport has 540 lines.
@@ -40,7 +40,7 @@ def expected_image(window: bpy.types.Window, area: bpy.types.Area) -> Any:
         sync = module("session").SceneSync(watch=False)
         sync.request(module("frame").needed_attributes(chosen, ()))
         sync.update(depsgraph, space=space)
-        camera = module("region_camera").camera_of(space.region_3d, space, depsgraph)
+        camera, _ = module("region_camera").camera_of(space.region_3d, space, depsgraph)
     size = (region.width, region.height)
     made = refinement.Refinement(viewport._view_of(sync, viewport.as_camera(camera), size, chosen), refinement.Pace())
     while not made.is_finished:
@@ -197,6 +197,20 @@ def blender_windows() -> list[str]:
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
 
 
+def place_window(window: str, left: int, top: int, width: int, height: int) -> Step:
+    """Blender places a window itself once it is there, so this may take more than one attempt."""
+    wanted = f"X={left}\nY={top}\nWIDTH={width}\nHEIGHT={height}\n"
+    for _ in range(10):
+        x_tool("windowsize", window, width, height)
+        x_tool("windowmove", window, left, top)
+        yield 1.0
+        command = ["xdotool", "getwindowgeometry", "--shell", window]
+        found = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        if wanted in found:
+            return
+    raise StepError(f"the second window is not where it should be: {found}")
+
+
 def open_second_window() -> Step:
     """A main window of its own, where the first one leaves the screen free."""
     before = blender_windows()
@@ -204,9 +218,7 @@ def open_second_window() -> Step:
         bpy.ops.wm.window_new_main()
     yield 1.0
     (made,) = set(blender_windows()) - set(before)
-    x_tool("windowsize", made, SECOND_WINDOW["width"], SECOND_WINDOW["height"])
-    x_tool("windowmove", made, SECOND_WINDOW["left"], SECOND_WINDOW["top"])
-    yield 1.0
+    yield from place_window(made, **SECOND_WINDOW)
 
 
 def make_second_scene() -> bpy.types.Scene:

@@ -56,6 +56,8 @@ STEPS = (
     several_views_steps.edit_beside_two_viewports,
     several_views_steps.hide_in_one_of_two_viewports,
     several_views_steps.join_viewports,
+    several_views_steps.show_two_scenes_in_two_windows,
+    several_views_steps.edit_in_two_scenes,
     file_steps.open_another_file,
     file_steps.first_image_after_an_edit,
     file_steps.lose_the_engine,
