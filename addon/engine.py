@@ -137,7 +137,8 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         if wants_more is None:
             return
         done, wanted = viewport.progress
-        self.update_stats("", f"Sample {done}/{wanted}" if wants_more else f"Finished {done}/{wanted}")
+        state = f"Sample {done}/{wanted}" if wants_more else f"Finished {done}/{wanted}"
+        self.update_stats(viewport.complaint or "", state)
         # An animation's next frame comes by itself.
         if wants_more and not context.screen.is_animation_playing:
             self.tag_redraw()

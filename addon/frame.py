@@ -150,6 +150,7 @@ def render_frame(
         passes=("combined", *passes, *COST_PASSES),
         progress=progress,
         threads=settings.threads,
+        precision=settings.precision,  # type: ignore[arg-type]
         ao_distance=settings.ao_distance or None,
         clay_color=None if settings.use_material_colors else CLAY_GREY,
         audit=audit,

@@ -11,6 +11,10 @@ import functools
 import bpy
 
 DEFAULT_CACHE_SIZE = 8192  # megabytes
+PRECISION_ITEMS = [
+    ("ROBUST", "Robust", "No ray passes between triangles that share an edge or a corner", 1),
+    ("FAST", "Fast", "A ray that meets an edge exactly may pass through it; hardly faster", 2),
+]
 
 
 @functools.cache
@@ -28,6 +32,12 @@ def native_summary() -> str:
     import perfect_bvh
 
     return f"Engine {perfect_bvh.__version__}, {perfect_bvh.thread_count()} threads"
+
+
+def default_precision() -> str:
+    """What scenes use that do not say otherwise, as the engine calls it."""
+    addon = bpy.context.preferences.addons.get(__package__)
+    return "robust" if addon is None or addon.preferences is None else addon.preferences.precision.lower()
 
 
 def _set_threads(preferences: PERFECT_BVH_AP_preferences, context: bpy.types.Context | None) -> None:
@@ -59,7 +69,7 @@ class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
     )
 
     cache_size: bpy.props.IntProperty(
-        name="Cache",
+        name="Cache (MB)",
         description=(
             "Megabytes for the trees and images of all scenes and view layers together; 0 for no limit. Beyond that "
             "those used longest ago are dropped, and read anew when they are shown again"
@@ -69,6 +79,13 @@ class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
         soft_max=1 << 16,
         max=1 << 24,
         update=_set_cache_size,
+    )
+
+    precision: bpy.props.EnumProperty(
+        name="Precision",
+        description="How camera rays and scans are traced in scenes that do not say otherwise",
+        items=PRECISION_ITEMS,
+        default="ROBUST",
     )
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -81,6 +98,7 @@ class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
         layout.use_property_split = True
         layout.prop(self, "threads")
         layout.prop(self, "cache_size")
+        layout.prop(self, "precision")
 
 
 def register() -> None:

@@ -19,8 +19,8 @@ WHOLE: Window = (0.0, 1.0, 0.0, 1.0)
 
 def camera_of(
     view: bpy.types.RegionView3D, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph
-) -> CameraRecord | None:
-    """What a region looks through; None if nothing can be seen through it."""
+) -> tuple[CameraRecord | None, str | None]:
+    """What a region looks through, None if nothing can be seen through it; and why that is not what it should be."""
     from .extract.camera import read_camera, read_frame, read_region_view, spread_over_region
 
     scene = depsgraph.scene
@@ -28,10 +28,12 @@ def camera_of(
     camera = space.camera
     through_camera = view.view_perspective == "CAMERA" and camera is not None and camera.type == "CAMERA"
     if not through_camera or camera.data.type != "PANO":
-        return read_region_view(view, border)
-    # Blender itself draws a panorama as a perspective view.
-    record, _ = read_camera(camera.evaluated_get(depsgraph), read_frame(scene))
-    return None if record is None else spread_over_region(record, _camera_frame(view, camera, scene), border)
+        return read_region_view(view, border), None
+    record, complaint = read_camera(camera.evaluated_get(depsgraph), read_frame(scene))
+    if record is None:
+        # As Blender itself draws panoramas.
+        return read_region_view(view, border), f"{complaint}. It is shown in perspective"
+    return spread_over_region(record, _camera_frame(view, camera, scene), border), None
 
 
 def border_of(view: bpy.types.RegionView3D, space: bpy.types.SpaceView3D, scene: bpy.types.Scene) -> Window:

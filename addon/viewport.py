@@ -79,6 +79,8 @@ class Viewport:
         self._key: ViewKey | None = None
         self._refinement: Refinement | None = None
         self._texture: gpu.types.GPUTexture | None = None
+        self.complaint: str | None = None
+        """Why the view is not what it should be, as a sentence for the user."""
 
     # The scene -------------------------------------------------------------------------------------------------------
 
@@ -132,7 +134,7 @@ class Viewport:
         """Begin anew if what is seen is not what it was; whether it was so."""
         assert self._sync is not None
         scene, region = depsgraph.scene, context.region
-        camera = camera_of(context.region_data, context.space_data, depsgraph)
+        camera, self.complaint = camera_of(context.region_data, context.space_data, depsgraph)
         if camera is None:
             self._key = self._refinement = None
             return True
@@ -180,7 +182,7 @@ def refine_view(context: bpy.types.Context, settings: RenderSettings, pace: Pace
             raise ValueError(f"scene {depsgraph.scene.name!r} has no camera that can be rendered")
         return sync, Refinement(_view_of(sync, sync.camera, _scaled(sync.size, context.scene), settings), pace)
     space, region = found
-    camera = camera_of(space.region_3d, space, depsgraph)
+    camera, _ = camera_of(space.region_3d, space, depsgraph)
     if camera is None:
         raise ValueError("the 3D viewport has no usable view: its matrix is not finite")
     size = _scaled((region.width, region.height), context.scene)
@@ -277,6 +279,7 @@ def _view_of(sync: SceneSync, camera: Camera, size: tuple[int, int], settings: R
         samples=1 if find_mode(settings.mode).has_range else settings.samples,
         options={
             "threads": settings.threads,
+            "precision": settings.precision,
             "ao_distance": settings.ao_distance or None,
             "clay_color": None if settings.use_material_colors else CLAY_GREY,
         },

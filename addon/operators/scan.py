@@ -16,6 +16,7 @@ import numpy as np
 
 from ..files import check_writable
 from ..preferences import native_error
+from ..properties import read_precision
 
 if TYPE_CHECKING:
     from ..scanning import Pattern, PointCloud
@@ -104,6 +105,7 @@ class PERFECT_BVH_OT_scan(bpy.types.Operator):
                 frames=frames,
                 steps_per_frame=settings.steps_per_frame,
                 threads=scene.render.threads if scene.render.threads_mode == "FIXED" else 0,
+                precision=read_precision(scene),
             )
         except (ValueError, OSError) as problem:
             self.report({"ERROR"}, _sentence(problem))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import bpy
 
 from ..preferences import native_error
-from .common import RenderPanel
+from .common import RenderPanel, draw_lines
 
 # Panels that Blender offers every engine, without those of features that this engine does not have; Simplify it shows
 # in a place of its own.
@@ -22,6 +22,7 @@ BORROWED_PANELS = (
     "VIEWLAYER_PT_layer_passes",
     "VIEWLAYER_PT_override",
 )
+ONLY_EQUIRECTANGULAR = "Only Equirectangular can be rendered; viewports show the others in perspective"
 
 
 class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
@@ -64,11 +65,11 @@ class PERFECT_BVH_PT_panorama(RenderPanel, bpy.types.Panel):
         layout.use_property_split = True
         settings = panorama_settings(context.camera)
         if settings is None:
-            layout.label(text="Enable the add-on Cycles: it keeps these settings", icon="ERROR")
+            draw_lines(context, layout, "Enable the add-on Cycles: it keeps these settings", icon="ERROR")
             return
         layout.prop(settings, "panorama_type")
         if settings.panorama_type != "EQUIRECTANGULAR":
-            layout.label(text="Only equirectangular can be rendered", icon="ERROR")
+            draw_lines(context, layout, ONLY_EQUIRECTANGULAR, icon="ERROR")
             return
         column = layout.column(align=True)
         column.prop(settings, "latitude_min", text="Latitude Min")

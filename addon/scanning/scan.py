@@ -14,6 +14,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from perfect_bvh.queries import Precision
 
 from ..extract.camera import without_scale
 from ..memory import check_fits
@@ -52,6 +53,7 @@ def scan(
     frames: tuple[int, int] | None = None,
     steps_per_frame: int = 1,
     threads: int = 0,
+    precision: Precision = "robust",
     progress: Progress | None = None,
 ) -> PointCloud:
     """Casts a pattern of rays in the current scene and returns the points that they meet, as a `PointCloud`.
@@ -62,12 +64,15 @@ def scan(
     frames: (first, last), both included; the frame that was current is set again at the end. A LiDAR spins on through
         all of them. By default the current frame alone, of which a LiDAR makes one whole turn.
     steps_per_frame: in how many places of a frame the scene is evaluated, for things that move while they are scanned.
-    threads: at most so many; 0 for all. progress: called with 0 to 1; returning False raises `perfect_bvh.Cancelled`.
+    threads: at most so many; 0 for all. precision: of `cast_rays`.
+    progress: called with 0 to 1; returning False raises `perfect_bvh.Cancelled`.
 
     What is seen is what the viewport shows, as far as cameras may see it (Object > Visibility > Ray Visibility).
     Raises ValueError for a sensor that cannot scan, or that is deleted meanwhile, and what the engine raises.
     """
-    scanner = Scanner(pattern, sensor, frames=frames, steps_per_frame=steps_per_frame, threads=threads)
+    scanner = Scanner(
+        pattern, sensor, frames=frames, steps_per_frame=steps_per_frame, threads=threads, precision=precision
+    )
     for done in scanner.steps():
         if progress is not None and progress(done) is False:
             raise _cancelled()
@@ -89,6 +94,7 @@ class Scanner:
         frames: tuple[int, int] | None = None,
         steps_per_frame: int = 1,
         threads: int = 0,
+        precision: Precision = "robust",
     ) -> None:
         scene = bpy.context.scene
         sensor = scene.camera if sensor is None else sensor
@@ -98,7 +104,7 @@ class Scanner:
         self._layer_name = bpy.context.view_layer.name
         self._sensor_name, self._sensor_uid = sensor.name, sensor.session_uid
         self._stretches = tuple(_stretches(pattern, scene, frames, steps_per_frame))
-        self._threads = threads
+        self._threads, self._precision = threads, precision
         self._collector = Collector()
         self._warnings: dict[str, None] = {}
 
@@ -131,12 +137,13 @@ class Scanner:
         report = sync.update(depsgraph, camera=sensor if is_camera else None, size=self._pattern.size)
         self._warnings |= dict.fromkeys(report.warnings) if is_camera else {}
         view, matrix = _place(sync, sensor, depsgraph, is_camera)
+        snapshot = sync.scene.snapshot()
+        yield 0.0  # the scene may have taken long: whoever has given up meanwhile waits for no rays
         count = self._pattern.count(stretch.start, stretch.end)
         check_fits(f"scan: a stretch of {count:,} rays", count * BYTES_A_RAY, "cast fewer, or more steps per frame")
         rays = self._pattern.cast(stretch.start, stretch.end, view)
         origins = rays.origins @ matrix[:3, :3].T + matrix[:3, 3]
         directions = rays.directions @ matrix[:3, :3].T
-        snapshot = sync.scene.snapshot()
         for first in range(0, len(rays), RAYS_IN_A_STEP):
             rows = slice(first, first + RAYS_IN_A_STEP)
             hits = snapshot.cast_rays(
@@ -147,6 +154,7 @@ class Scanner:
                 mask=VISIBLE_TO_CAMERA,
                 fields=FIELDS,
                 threads=self._threads,
+                precision=self._precision,
             )
             self._collector.add(hits, rays.times[rows], sync)
             yield min(1.0, (first + RAYS_IN_A_STEP) / len(rays))

@@ -343,6 +343,14 @@ def test_giving_up_sets_the_frame_back(room) -> None:
     assert room.frame_current == 3
 
 
+def test_a_scan_can_be_given_up_before_its_first_ray(room, monkeypatch) -> None:
+    """Once the scene is read, which may take long; the operator heeds Esc between any two steps."""
+    monkeypatch.setattr(CameraGrid, "cast", None)
+    steps = Scanner(CameraGrid(32, 18)).steps()
+    assert next(steps) == 0.0
+    steps.close()
+
+
 def test_progress_can_stop_a_scan(room) -> None:
     seen: list[float] = []
 
@@ -352,7 +360,7 @@ def test_progress_can_stop_a_scan(room) -> None:
 
     with pytest.raises(perfect_bvh.Cancelled):
         scan(LIDAR, bpy.data.objects["Head"], frames=(1, 3), progress=stop_halfway)
-    assert seen == sorted(seen) and len(seen) == 2
+    assert seen == sorted(seen) and len(seen) == 4  # each frame is read, then scanned
 
 
 def test_large_scans_are_cast_in_pieces(room, monkeypatch) -> None:
@@ -360,7 +368,7 @@ def test_large_scans_are_cast_in_pieces(room, monkeypatch) -> None:
     monkeypatch.setitem(scan.__globals__, "RAYS_IN_A_STEP", 100)
     scanner = Scanner(CameraGrid(32, 18))
     done = list(scanner.steps())
-    assert len(done) == 6 and done == sorted(done) and done[-1] == 1.0
+    assert len(done) == 7 and done == sorted(done) and (done[0], done[-1]) == (0.0, 1.0)
     cloud = scanner.result()
     for name in ("positions", "ray_ids", "object_ids", "times"):
         np.testing.assert_array_equal(getattr(cloud, name), getattr(whole, name))
@@ -398,7 +406,7 @@ def test_scan_names_what_is_wrong(room) -> None:
         scan(LIDAR, head)
     room.camera.data.type = "PANO"
     panorama_settings(room.camera.data).panorama_type = "FISHEYE_EQUISOLID"
-    with pytest.raises(ValueError, match="of panoramas only equirectangular"):
+    with pytest.raises(ValueError, match="only equirectangular ones can be rendered"):
         scan(CameraGrid(4, 4))
     room.camera = None
     with pytest.raises(ValueError, match="has no active camera: name a sensor"):

@@ -58,15 +58,29 @@ def test_a_panorama_fills_its_cameras_frame_and_no_more(scene: Any, camera: Any)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     zoomed = region_view(camera, scene.render.resolution_x, scene.render.resolution_y, zoom=0.5)  # 0.25 to 0.75
     scene.render.use_border = False
-    whole = camera_of(zoomed, space(camera), depsgraph)
+    whole, complaint = camera_of(zoomed, space(camera), depsgraph)
+    assert complaint is None
     assert whole.projection == "equirectangular"
     assert whole.border == pytest.approx((0.25, 0.75, 0.25, 0.75), abs=1e-6)
     assert whole.window == pytest.approx((-2.5, 3.5, -1.25, 1.75), abs=1e-5)
     scene.render.use_border = True
-    assert camera_of(zoomed, space(camera), depsgraph).border == pytest.approx((0.375, 0.5, 0.25, 0.625), abs=1e-6)
-    settings.panorama_type = "MIRRORBALL"
+    assert camera_of(zoomed, space(camera), depsgraph)[0].border == pytest.approx((0.375, 0.5, 0.25, 0.625), abs=1e-6)
+
+
+def test_a_panorama_of_another_kind_is_shown_in_perspective_and_said_to_be(scene: Any, camera: Any) -> None:
+    camera.data.type = "PANO"
+    panorama_settings(camera.data).panorama_type = "MIRRORBALL"
+    scene.render.use_border = False
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    camera.data.type = "PERSP"  # what Blender draws a panorama as
+    view = region_view(camera, scene.render.resolution_x, scene.render.resolution_y)
+    camera.data.type = "PANO"
     depsgraph.update()
-    assert camera_of(zoomed, space(camera), depsgraph) is None
+    view.view_matrix = np.eye(4)
+    record, complaint = camera_of(view, space(camera), depsgraph)
+    assert record.projection == "perspective"
+    assert complaint.startswith("Camera 'Camera' is a Mirrorball panorama")
+    assert complaint.endswith("choose that as its Panorama Type. It is shown in perspective")
 
 
 def test_without_a_border_all_is_traced(scene: Any, camera: Any) -> None:
