@@ -82,7 +82,7 @@ TEST(Refit, GivesFreshBoxesAfterAnyMotion) {
     std::mt19937 random(2);
     std::uniform_real_distribution<float> place(-10.0f, 10.0f);
     for (Vec3f& p : mesh.positions) p = {place(random), place(random), place(random)};
-    refit_bvh2(tree, mesh.positions, mesh.triangles, pool, cancel);
+    refit_bvh2(tree, mesh.refs(), pool, cancel);
     EXPECT_EQ(find_fault(tree, mesh.triangles.size()), "");
     expect_fresh(tree, mesh.boxes());
   }
@@ -103,7 +103,6 @@ TEST(Refit, WorksOnTreesOfNoneAndOne) {
   CancelToken cancel;
   Bvh2 nothing;
   refit_bvh2(nothing, std::span<const PrimRef>{}, pool, cancel);
-  refit_bvh2(nothing, {}, {}, pool, cancel);
   EXPECT_TRUE(nothing.empty());
   Bvh2 one = build(scattered(1));
   refit_bvh2(one, repeated(1, {1, 2, 3}, {4, 5, 6}), pool, cancel);

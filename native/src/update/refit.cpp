@@ -18,10 +18,9 @@ void require_refittable(const Bvh2& tree) {
 // A minimum of -0 and +0 may be either; adding +0 makes it +0 always.
 [[nodiscard]] Vec3f positive_zeros(Vec3f v) noexcept { return v + Vec3f{0.0f, 0.0f, 0.0f}; }
 
-template <class PrimBox>
-void refit_leaf(const Bvh2& tree, Bvh2Node& node, const PrimBox& prim_box) noexcept {
+void refit_leaf(const Bvh2& tree, std::span<const PrimRef> boxes, Bvh2Node& node) noexcept {
   Aabb box;
-  for (std::uint32_t i = 0; i < node.count; ++i) box.grow(prim_box(tree.prim_indices[node.first + i]));
+  for (std::uint32_t i = 0; i < node.count; ++i) box.grow(boxes[tree.prim_indices[node.first + i]].box());
   node.lower = positive_zeros(box.lower);
   node.upper = positive_zeros(box.upper);
 }
@@ -47,33 +46,18 @@ void refit_interiors(Bvh2& tree) noexcept {
   }
 }
 
-// The leaves gather boxes from everywhere: worth sharing out. The rest is a short loop over what they left.
-template <class PrimBox>
-void refit(Bvh2& tree, const PrimBox& prim_box, ThreadPool& pool, CancelToken& cancel) {
+}  // namespace
+
+void refit_bvh2(Bvh2& tree, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
   require_refittable(tree);
+  // The leaves gather boxes from everywhere: worth sharing out. The rest is a short loop over what they left.
   parallel_for(pool, tree.nodes.size(), kNodeGrain, [&](std::size_t begin, std::size_t end) {
     cancel.checkpoint();
     for (std::size_t i = begin; i < end; ++i) {
-      if (tree.nodes[i].is_leaf()) refit_leaf(tree, tree.nodes[i], prim_box);
+      if (tree.nodes[i].is_leaf()) refit_leaf(tree, boxes, tree.nodes[i]);
     }
   });
   refit_interiors(tree);
-}
-
-}  // namespace
-
-void refit_bvh2(Bvh2& tree, std::span<const Vec3f> positions, std::span<const Vec3<std::uint32_t>> triangles,
-                ThreadPool& pool, CancelToken& cancel) {
-  const auto triangle_box = [&](std::uint32_t index) noexcept {
-    const Vec3<std::uint32_t> t = triangles[index];
-    return Aabb{min(min(positions[t.x], positions[t.y]), positions[t.z]),
-                max(max(positions[t.x], positions[t.y]), positions[t.z])};
-  };
-  refit(tree, triangle_box, pool, cancel);
-}
-
-void refit_bvh2(Bvh2& tree, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
-  refit(tree, [&](std::uint32_t row) noexcept { return boxes[row].box(); }, pool, cancel);
 }
 
 }  // namespace perfect_bvh

@@ -1,4 +1,5 @@
-// Refitting: new boxes for a tree whose primitives moved (lecture, "Refitting").
+// Refitting: new boxes for a tree whose primitives moved (lecture, "Refitting"); trees over triangles are refitted in
+// their wide form, see wide/wide_refit.h.
 // In: a refittable tree and the primitives' new boxes by number. Out: the same topology, tight boxes.
 #pragma once
 
@@ -12,10 +13,7 @@
 
 namespace perfect_bvh {
 
-// Throws InvalidArgument if the tree is not refittable.
-void refit_bvh2(Bvh2& tree, std::span<const Vec3f> positions, std::span<const Vec3<std::uint32_t>> triangles,
-                ThreadPool& pool, CancelToken& cancel);
-// The same over ready-made boxes (the top level), one for each number that the tree refers to.
+// One box for each number that the tree refers to. Throws InvalidArgument if the tree is not refittable.
 void refit_bvh2(Bvh2& tree, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh
