@@ -120,6 +120,44 @@ TEST(Governor, MendsWhatCanBeMended) {
   EXPECT_EQ(last, UpdateAction::kRebuildParts);
 }
 
+// Where a small part is spoilt, it is mended for fewer rays.
+TEST(Governor, PricesMendingByWhatItWouldBuild) {
+  double last = 0;
+  for (const double share : {0.0, 0.01, 0.3, 1.0}) {
+    UpdateQuestion asked = question(1, 1);
+    asked.now = {15, 4}, asked.reference = {10, 4}, asked.spoilt_share = share;
+    asked.history.fresh = asked.now;  // no rebuild gains anything
+    const double price = decide_update(asked, machine()).alternatives[2].update_nanoseconds;
+    EXPECT_DOUBLE_EQ(price, 65536 * (20 + 60 * share));
+    double rays = 1;
+    while (decide(asked) != UpdateAction::kRebuildParts && rays < 1e9) asked.rays = rays *= 1.01;
+    EXPECT_GT(rays, last) << share;
+    EXPECT_LT(rays, 1e9) << share;
+    EXPECT_TRUE(may_mend(asked, machine()));
+    last = rays;
+  }
+}
+
+// What nobody needs to know is not measured; whatever changes the tree was allowed to.
+TEST(Governor, LooksCloserOnlyWhereItMayMatter) {
+  bool was = false;
+  for (double rays = 1; rays < 1e9; rays *= 1.5) {
+    const UpdateQuestion asked = question(rays, 2);
+    EXPECT_GE(may_rebuild(asked, machine()), was) << rays;
+    was = may_rebuild(asked, machine());
+    if (decide(asked) == UpdateAction::kRebuild) {
+      EXPECT_TRUE(was) << rays;
+    }
+  }
+  EXPECT_TRUE(was);
+  UpdateQuestion asked = question(1e9, 2);
+  asked.policy = Policy::kRefit;
+  EXPECT_FALSE(may_rebuild(asked, machine()) || may_mend(asked, machine()));
+  asked = question(1e9, 2);
+  asked.rays.reset();
+  EXPECT_FALSE(may_rebuild(asked, machine()) || may_mend(asked, machine()));
+}
+
 TEST(Governor, ATreeWithoutExtentIsRebuilt) {
   for (const bool knows_rays : {false, true}) {
     UpdateQuestion asked = question(1, 1, fresh_history(0, 0));
@@ -128,22 +166,22 @@ TEST(Governor, ATreeWithoutExtentIsRebuilt) {
   }
 }
 
-// A fresh tree is expected to cost what the last one did times density^exponent; a rebuild tells the exponent.
+// A fresh tree is expected to cost what the last one did times sample^exponent; a rebuild tells the exponent.
 TEST(Governor, LearnsWhatAFreshTreeWouldCost) {
   const Calibration calibration = machine();
   const UpdateHistory first = begin_history({}, {10, 4}, 2, calibration);
   EXPECT_FALSE(first.exponent);
   UpdateQuestion asked = question(1e6, 0.75, first);
-  asked.density = 1;  // half of what it was: a fresh tree should cost half
+  asked.sample = 1;  // half of what it was: a fresh tree should cost half
   const double trace = *decide_update(asked, calibration).alternatives[3].trace_nanoseconds;
   EXPECT_DOUBLE_EQ(trace, 1e6 * 260 / 2);
   const double root = std::sqrt(0.5);
   const UpdateHistory second = begin_history(first, {10 * root, 4 * root}, 1, calibration);
   EXPECT_NEAR(*second.exponent, 0.5, 1e-12);
   EXPECT_EQ(second.since_build.commit_count, 0u);
-  EXPECT_EQ(begin_history(second, {20, 8}, 0.5, calibration).exponent, 0);                 // dearer although less dense
-  EXPECT_EQ(begin_history(second, {1, 1}, 0.5, calibration).exponent, 1);                  // far cheaper
-  EXPECT_EQ(begin_history(second, {1, 1}, 1.001, calibration).exponent, second.exponent);  // hardly a change
+  EXPECT_EQ(begin_history(second, {20, 8}, 0.5, calibration).exponent, 0.5);  // dearer although the sample is not
+  EXPECT_EQ(begin_history(second, {1, 1}, 0.5, calibration).exponent, 2);     // far cheaper
+  EXPECT_EQ(begin_history(second, {1, 1}, 1.05, calibration).exponent, second.exponent);  // hardly a change
   EXPECT_EQ(begin_history(second, {1, 1}, 0, calibration).exponent, second.exponent);
 }
 
@@ -191,7 +229,7 @@ TEST(Governor, TheLedgerHoldsWhatWasWeighed) {
   EXPECT_DOUBLE_EQ(decision.alternatives[0].update_nanoseconds, 65536 * 10);
   EXPECT_DOUBLE_EQ(*decision.alternatives[0].trace_nanoseconds, 1000 * 2 * 260);
   EXPECT_DOUBLE_EQ(decision.alternatives[1].update_nanoseconds, 65536 * 25);
-  EXPECT_DOUBLE_EQ(decision.alternatives[2].update_nanoseconds, 65536 * 70);
+  EXPECT_DOUBLE_EQ(decision.alternatives[2].update_nanoseconds, 65536 * 80);
   EXPECT_EQ(decision.alternatives[3].action, UpdateAction::kRebuild);
   EXPECT_DOUBLE_EQ(decision.alternatives[3].update_nanoseconds, 65536 * 600);
   EXPECT_DOUBLE_EQ(*decision.alternatives[3].trace_nanoseconds, 1000 * 260);

@@ -36,7 +36,7 @@ TEST(Rest, OnlyWhatMotionLoosenedIsSpoilt) {
   history = question(1).history;
   history.now = history.fresh;
   EXPECT_FALSE(is_spoilt(history, machine()));
-  history.density = 1, history.density_now = 0.5;  // a fresh tree would be better than the last one was
+  history.sample = 1, history.sample_now = 0.5;  // a fresh tree would be better than the last one was
   EXPECT_TRUE(is_spoilt(history, machine()));
   EXPECT_FALSE(is_spoilt({}, machine()));
 }

@@ -214,3 +214,44 @@ def test_a_mesh_at_rest_is_built_anew_once():
     scene.remove_instances([other])
     scene.commit()
     assert np.array_equal(scene.cast_rays(*rays).t_hit, fresh.cast_rays(*rays).t_hit)
+
+
+def test_a_sheared_mesh_gets_a_new_tree():
+    positions, triangles = meshes.sphere(60, 84)
+    positions = positions * (1.0, 0.8, 3.0)
+    sheared = positions + positions[:, 2:3] * np.array([3.0, 0.9, 0.0])
+
+    def follow(policy):
+        scene = perfect_bvh.Scene(policy=policy, calibration=MACHINE)
+        mesh = scene.add_mesh(positions, triangles, usage="deforming")
+        scene.add_instance(mesh)
+        scene.commit(1e7)
+        scene.update_mesh(mesh, sheared)
+        return scene.commit(1e7).meshes[0]
+
+    refitted, rebuilt, governed = (follow(policy) for policy in ("refit", "rebuild", "governed"))
+    # Its rays are cheaper than they were at rest, and still could be far cheaper.
+    assert rebuilt.cost < 0.8 * refitted.cost < 0.8 * refitted.fresh_cost
+    assert (governed.action, governed.cost) == ("rebuilt", rebuilt.cost)
+
+
+def test_mending_is_priced_by_what_it_builds():
+    positions, triangles = meshes.sphere(60, 84)
+    parts = np.concatenate([positions + [3 * place, 0, 0] for place in range(8)])
+    corners = np.concatenate([triangles + place * len(positions) for place in range(8)])
+
+    def price(bent):
+        scene = perfect_bvh.Scene(calibration=MACHINE)
+        mesh = scene.add_mesh(parts, corners, usage="deforming")
+        scene.add_instance(mesh)
+        scene.commit(1e6)
+        moved = parts.reshape(8, -1, 3).copy()
+        turn = 6.0 * moved[:bent, :, 2]
+        x, y = moved[:bent, :, 0] - 3 * np.arange(bent)[:, None], moved[:bent, :, 1].copy()
+        moved[:bent, :, 0] = np.cos(turn) * x - np.sin(turn) * y + 3 * np.arange(bent)[:, None]
+        moved[:bent, :, 1] = np.sin(turn) * x + np.cos(turn) * y
+        scene.update_mesh(mesh, moved.reshape(-1, 3))
+        row = scene.commit(1e6).meshes[0]
+        return next(item.update_milliseconds for item in row.alternatives if item.action == "partly_rebuilt")
+
+    assert 1.5 * price(1) < price(8)

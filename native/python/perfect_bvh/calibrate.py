@@ -77,11 +77,14 @@ def _measure(progress: Progress) -> Calibration:
     meshes = (_wavy_sphere(), _scattered())
     build_times = {name: float("inf") for name in BUILDERS}
     update_times = {policy: float("inf") for policy in _UPDATES}
+    in_parts = 0.0  # triangles: the same in each round
     for number in range(ROUNDS):
         for name in BUILDERS:
             build_times[name] = min(build_times[name], sum(_time_build(mesh, name) for mesh in meshes))
         for policy in _UPDATES:
-            update_times[policy] = min(update_times[policy], sum(_time_update(mesh, policy) for mesh in meshes))
+            updates = [_time_update(mesh, policy) for mesh in meshes]
+            update_times[policy] = min(update_times[policy], sum(nanoseconds for nanoseconds, _ in updates))
+            in_parts = sum(count for _, count in updates)
         advance(0.6 * (number + 1) / ROUNDS)
 
     trees = {name: [_built(mesh, name) for mesh in meshes] for name in (*BUILDERS, "median")}
@@ -102,12 +105,13 @@ def _measure(progress: Progress) -> Calibration:
         for name in BUILDERS
     }
     refit, rotate, rebuild_parts = (update_times[policy] / triangles for policy in _UPDATES)
+    parts = (rebuild_parts - 2 * refit) * triangles / in_parts
     return Calibration(
         node_nanoseconds=node,
         leaf_nanoseconds=leaf,
         refit_nanoseconds=refit,
         rotate_nanoseconds=max(rotate - refit, 0.1 * refit),  # the clock's noise must not make it a gift
-        rebuild_parts_nanoseconds=max(rebuild_parts - refit, 0.1 * refit),
+        rebuild_parts_nanoseconds=max(parts, 0.1 * refit),
         rotation_gain=float(np.mean([_rotation_gain(mesh) for mesh in meshes])),
         builders=builders,
         machine=_machine(),
@@ -176,14 +180,19 @@ def _time_build(mesh: _Mesh, builder: str) -> float:
     return _time_commit(_scene_of(mesh, "changing" if builder == "fast" else "static", builder)[0])
 
 
-def _time_update(mesh: _Mesh, policy: Policy) -> float:
-    """Of a commit that has the memory of the last tree but one, as in an animation."""
+def _time_update(mesh: _Mesh, policy: Policy) -> tuple[float, float]:
+    """Of a commit that has the memory of the last tree but one, as in an animation.
+
+    Returns its nanoseconds, and how many triangles stand in parts that it built anew.
+    """
     scene, number = _scene_of(mesh, "deforming", "binned", policy)
     scene.commit()
     for positions in (_bent(mesh), mesh.positions, _bent(mesh)):
         scene.update_mesh(number, positions)
-        nanoseconds = _time_commit(scene)
-    return nanoseconds
+        started = time.thread_time_ns()
+        report = scene.commit()
+        nanoseconds = time.thread_time_ns() - started
+    return nanoseconds, report.meshes[0].mended_share * len(mesh.triangles)
 
 
 def _rotation_gain(mesh: _Mesh) -> float:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 VARIABLE = "PERFECT_BVH_CALIBRATION"
-VERSION = 1  # of the file: of what the numbers mean
+VERSION = 2  # of the file: of what the numbers mean
 BUILDERS = ("fast", "binned", "spatial")
 NUMBERS = (
     "node_nanoseconds",
@@ -55,8 +55,9 @@ class Calibration:
     """Nanoseconds of one thread.
 
     node_nanoseconds, leaf_nanoseconds: of a ray's visit to a node and to a leaf block. refit_nanoseconds: a triangle;
-    rotate_nanoseconds, rebuild_parts_nanoseconds: besides, for mending the refitted tree. rotation_gain: the share,
-    up to 1, of what new parts are expected to gain that rotations do.
+    rotate_nanoseconds: besides, for mending the refitted tree by rotations; rebuild_parts_nanoseconds: of a triangle in
+    the parts, for building those anew, beyond twice the refit of the whole. rotation_gain: the share, up to 1, of what
+    new parts are expected to gain that rotations do.
     builders: the costs of "fast", "binned" and "spatial". machine: where it was measured, in words.
 
     Raises `CalibrationError` (a ValueError) for numbers that are not positive and finite.

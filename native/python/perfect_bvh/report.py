@@ -38,7 +38,7 @@ class MeshReport:
     milliseconds: of one mesh, on however many threads; then of its stages, 0 for those that did not run: building the
     binary tree, improving it by reinsertion, collapsing it into the wide tree that rays are traced through; or
     refitting that (also where it was then found too slow to trace) and mending it by rotations or by building parts
-    of it anew.
+    of it anew; mended_share: which share of its leaves those parts have.
     fresh_cost, refitted_cost, cost: visits to nodes that a ray through the mesh's box is expected to make: in the tree
     when it was built, in that tree refitted (both 0 where no refit was tried), and in the one that the mesh has now.
     byte_count: of the geometry, its tree and what refits go by. Besides, as long as a mesh deforms in every commit, the
@@ -60,6 +60,7 @@ class MeshReport:
     optimize_milliseconds: float
     refit_milliseconds: float
     mend_milliseconds: float
+    mended_share: float
     fresh_cost: float
     refitted_cost: float
     cost: float

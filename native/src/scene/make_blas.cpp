@@ -104,7 +104,7 @@ void Scene::build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptio
   const UpdateHistory last = deforms ? slot.history : UpdateHistory{};
   const TraceWork work = measure_trace_work(blas.wide, blas.mesh);
   report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
-  result.history = begin_history(last, work, density, options.calibration);
+  result.history = begin_history(last, work, result.history.sample_now, options.calibration);
 }
 
 Scene::BlasResult Scene::make_blas(const ChangedMesh& changed, const CommitOptions& options, ThreadPool& pool,

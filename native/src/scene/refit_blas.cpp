@@ -2,11 +2,11 @@
 // whether rotations or new parts mend it, or whether another tree is built.
 
 #include "core/stopwatch.h"
-#include "mesh/density.h"
 #include "scene/blas_build.h"
 #include "scene/cover.h"
 #include "scene/ledger.h"
 #include "scene/scene.h"
+#include "update/tree_sample.h"
 #include "wide/wide_cost.h"
 #include "wide/wide_rebuild.h"
 #include "wide/wide_refit.h"
@@ -25,18 +25,39 @@ TraceWork work_of(const WideCosts& costs, const WideBvh& tree) {
   return {(costs.of(tree.root) - leaves) / kWideNodeCost, leaves / kWideLeafCost};
 }
 
-void mend(Blas& blas, UpdateAction action, WideCosts& costs, ThreadPool& pool, CancelToken& cancel) {
+// The parts of a refitted tree that its motion spoilt, by their roots.
+std::vector<std::uint32_t> spoilt_parts(const Blas& blas, const WideCosts& costs) {
+  auto parts = find_spoilt_parts(blas.wide, costs, *blas.fresh_costs, kSpoilt);
+  if (parts.empty() && blas.wide.root < kBlockChild) parts.push_back(blas.wide.root);  // a little everywhere
+  return parts;
+}
+
+// Returns which share of the leaves now stands in other parts of the tree.
+double mend(Blas& blas, UpdateAction action, WideCosts& costs, ThreadPool& pool, CancelToken& cancel) {
   blas.refit_plan.order.reset();
   blas.shape = new_tree_shape();  // first: stopped half-way, its memory must not pass for the old shape's
   if (action == UpdateAction::kRotate) {
     static_cast<void>(rotate_wide(blas.wide, costs, pool, cancel));
-  } else {
-    WideCosts fresh = *blas.fresh_costs;
-    auto parts = find_spoilt_parts(blas.wide, costs, fresh, kSpoilt);
-    if (parts.empty() && blas.wide.root < kBlockChild) parts.push_back(blas.wide.root);  // a little everywhere
-    costs = rebuild_parts(blas.wide, fresh, parts, blas.config, pool, cancel);
-    blas.fresh_costs = std::make_shared<const WideCosts>(std::move(fresh));
+    return 0;
   }
+  WideCosts fresh = *blas.fresh_costs;
+  const auto parts = spoilt_parts(blas, costs);
+  const double share = share_of_leaves(blas.wide, parts);
+  costs = rebuild_parts(blas.wide, fresh, parts, blas.config, pool, cancel);
+  blas.fresh_costs = std::make_shared<const WideCosts>(std::move(fresh));
+  return share;
+}
+
+// What the governor wants to know beyond costs, where it can make a difference.
+void look_closer(UpdateQuestion& question, const Blas& before, const Blas& blas, const WideCosts& costs,
+                 const Calibration& calibration, ThreadPool& pool) {
+  const bool knows_rays = question.policy == Policy::kGoverned && question.rays;
+  UpdateHistory& history = question.history;
+  if (knows_rays && history.since_build.commit_count == 0 && !(history.sample > 0)) {
+    history.sample = measure_tree_sample(before.mesh, pool);  // of the shape that the tree was built for
+  }
+  if (may_rebuild(question, calibration)) question.sample = measure_tree_sample(blas.mesh, pool);
+  if (may_mend(question, calibration)) question.spoilt_share = share_of_leaves(blas.wide, spoilt_parts(blas, costs));
 }
 
 }  // namespace
@@ -73,21 +94,23 @@ bool Scene::refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptio
   report.refitted_cost = costs.whole(blas.wide);
 
   const Usage usage = usage_of(changed.slot->usage, true);
-  const UpdateQuestion question{.policy = options.policy,
-                                .triangle_count = blas.mesh.triangle_count(),
-                                .builder = choose_builder(changed.slot->config, usage).builder,
-                                .rays = changed.rays,
-                                .now = work_of(costs, blas.wide),
-                                .reference = work_of(*blas.fresh_costs, before.wide),
-                                .density = measure_density(blas.mesh),
-                                .history = changed.slot->history};
+  UpdateQuestion question{.policy = options.policy,
+                          .triangle_count = blas.mesh.triangle_count(),
+                          .builder = choose_builder(changed.slot->config, usage).builder,
+                          .rays = changed.rays,
+                          .now = work_of(costs, blas.wide),
+                          .reference = work_of(*blas.fresh_costs, before.wide),
+                          .history = changed.slot->history};
+  look_closer(question, before, blas, costs, options.calibration, pool);
   const UpdateDecision decision = decide_update(question, options.calibration);
   report.reason = decision.reason;
   report.action = action_of(decision.action);
   note(report, decision.alternatives);
+  result.history = decision.history;
+  result.history.sample_now = question.sample;
   if (decision.action == UpdateAction::kRebuild) return false;
   if (decision.action != UpdateAction::kRefit) {
-    mend(blas, decision.action, costs, pool, cancel);
+    report.mended_share = mend(blas, decision.action, costs, pool, cancel);
     report.mend_milliseconds = watch.lap_milliseconds();
     if (blas.wide.depth > kMaxTreeDepth || !is_mended(question, work_of(costs, blas.wide))) {
       report.reason += ", and mending did not help";
@@ -97,8 +120,7 @@ bool Scene::refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptio
   const TraceWork work = work_of(costs, blas.wide);
   report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
   blas.cover = make_cover(cover_boxes(blas.wide, blas.mesh, kCoverBoxes));
-  result.history = decision.history;
-  result.history.now = work, result.history.density_now = question.density, result.history.at_rest = {};
+  result.history.now = work, result.history.at_rest = {};
   return true;
 }
 

@@ -30,6 +30,7 @@ bool Scene::keeps_at_rest(const ChangedMesh& resting, const CommitOptions& optio
   report.action = action_of(decision.action);
   report.reason = std::move(decision.reason);
   note(report, decision.alternatives);
+  result.history = decision.history;
   if (decision.action == UpdateAction::kRebuild) return false;
   report.node_visits = slot.history.now.node_visits, report.leaf_visits = slot.history.now.leaf_visits;
   report.cost = kWideNodeCost * report.node_visits + kWideLeafCost * report.leaf_visits;
@@ -37,7 +38,6 @@ bool Scene::keeps_at_rest(const ChangedMesh& resting, const CommitOptions& optio
   report.layout = layout_name(blas.config.layout);
   report.triangle_count = blas.mesh.triangle_count();
   report.byte_count = byte_count(blas);
-  result.history = decision.history;
   return true;
 }
 

@@ -43,6 +43,7 @@ struct MeshReport {
   double optimize_milliseconds = 0;
   double refit_milliseconds = 0;  // also where the refitted tree was then rejected
   double mend_milliseconds = 0;   // of rotations and of building parts anew
+  double mended_share = 0;        // of the tree's leaves: those in parts that were built anew
   double collapse_milliseconds = 0;
   // Of a ray that meets the mesh's box, expected, in visits to nodes: of the tree when it was built, of that tree
   // refitted (both 0 where no refit was tried), and of what the mesh has now.

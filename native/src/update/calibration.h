@@ -18,11 +18,12 @@ struct BuilderCost {
 
 // Without a measurement updates are free, and a node costs what a leaf does.
 struct Calibration {
-  double node_nanoseconds = 1;   // of visiting a wide node ...
-  double leaf_nanoseconds = 1;   // ... and a leaf block of up to 8 triangles
-  double refit_nanoseconds = 0;  // a triangle; so are the next two, beyond the refit
-  double rotate_nanoseconds = 0, rebuild_parts_nanoseconds = 0;
-  double rotation_gain = 0.5;  // the share of what new parts gain that rotations do
+  double node_nanoseconds = 1;           // of visiting a wide node ...
+  double leaf_nanoseconds = 1;           // ... and a leaf block of up to 8 triangles
+  double refit_nanoseconds = 0;          // a triangle
+  double rotate_nanoseconds = 0;         // a triangle, beyond the refit
+  double rebuild_parts_nanoseconds = 0;  // a triangle in the parts, beyond the refit and as much for putting them in
+  double rotation_gain = 0.5;            // the share of what new parts gain that rotations do
   BuilderCost fast, binned, spatial;
 
   [[nodiscard]] const BuilderCost& of(BuilderKind kind) const noexcept {

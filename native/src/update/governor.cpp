@@ -21,17 +21,23 @@ struct Forecast {
   std::array<double, 4> ray;
 };
 
+// Mending leaves the leaves as they are: at best the nodes above them are as good as they were.
+double mended_nanoseconds(const UpdateQuestion& question, const Calibration& calibration) {
+  const TraceWork best{question.reference.node_visits, question.now.leaf_visits};
+  return std::min(ray_nanoseconds(question.now, calibration), ray_nanoseconds(best, calibration));
+}
+
 Forecast forecast(const UpdateQuestion& question, const Calibration& calibration) {
   const auto count = static_cast<double>(question.triangle_count);
   const double now = ray_nanoseconds(question.now, calibration);
-  // Mending leaves the leaves as they are: at best the nodes above them are as good as they were.
-  const TraceWork best{question.reference.node_visits, question.now.leaf_visits};
-  const double mended = std::min(now, ray_nanoseconds(best, calibration));
+  const double mended = mended_nanoseconds(question, calibration);
   const double refit = count * calibration.refit_nanoseconds;
-  return {{refit, refit + count * calibration.rotate_nanoseconds, refit + count * calibration.rebuild_parts_nanoseconds,
+  // New parts are put into a tree that is written anew for them, as by a refit.
+  const double parts = refit + question.spoilt_share * count * calibration.rebuild_parts_nanoseconds;
+  return {{refit, refit + count * calibration.rotate_nanoseconds, refit + parts,
            build_nanoseconds(question.triangle_count, question.builder, calibration)},
           {now, now - calibration.rotation_gain * (now - mended), mended,
-           fresh_nanoseconds(question.history, question.density, calibration)}};
+           fresh_nanoseconds(question.history, question.sample, calibration)}};
 }
 
 // What doing away with `excess` in this commit saves in the mean of the commits since it was done last:
@@ -101,34 +107,45 @@ double ray_nanoseconds(const TraceWork& work, const Calibration& calibration) no
   return work.node_visits * calibration.node_nanoseconds + work.leaf_visits * calibration.leaf_nanoseconds;
 }
 
-// Before the first rebuild tells, the guess is what makes one come sooner: that a
-// fresh tree gains from fewer boxes in full, and loses by more of them less. What a rebuild told is trusted the less,
-// the further the mesh has gone from there: who believes too little in fresh trees never builds one, and never learns.
-double fresh_nanoseconds(const UpdateHistory& history, double density, const Calibration& calibration) noexcept {
+// What a rebuild told is trusted the less, the further the mesh has gone from there.
+double fresh_nanoseconds(const UpdateHistory& history, double sample, const Calibration& calibration) noexcept {
   const double then = ray_nanoseconds(history.fresh, calibration);
-  if (!(density > 0 && history.density > 0)) return then;
-  const double change = std::log(density / history.density);
-  const double known = history.exponent.value_or(change > 0 ? 0.5 : 1.0);
+  if (!(sample > 0 && history.sample > 0)) return then;
+  const double change = std::log(sample / history.sample);
+  const double known = history.exponent.value_or(1.0);
   const double doubt = 0.5 * std::min(1.0, std::abs(change) / std::log(8.0));
-  const double exponent = change > 0 ? known * (1.0 - doubt) : known + (1.0 - known) * doubt;
-  return then * std::exp(change * exponent);
+  return then * std::exp(change * (known + (1.0 - known) * doubt));
 }
 
 double build_nanoseconds(std::size_t triangle_count, BuilderKind builder, const Calibration& calibration) noexcept {
   return static_cast<double>(triangle_count) * calibration.of(builder).build_nanoseconds * growth(triangle_count);
 }
 
-UpdateHistory begin_history(const UpdateHistory& last, const TraceWork& fresh, double density,
+UpdateHistory begin_history(const UpdateHistory& last, const TraceWork& fresh, double sample,
                             const Calibration& calibration) noexcept {
   UpdateHistory history;
-  history.fresh = history.now = fresh, history.density = history.density_now = density;
+  history.fresh = history.now = fresh, history.sample = history.sample_now = sample;
   history.exponent = last.exponent;
   const double then = ray_nanoseconds(last.fresh, calibration), now = ray_nanoseconds(fresh, calibration);
-  if (!(then > 0 && now > 0 && last.density > 0 && density > 0)) return history;
-  constexpr double kLeastChange = 0.02;  // below it the exponent would be made of noise
-  const double change = std::log(density / last.density);
-  if (std::abs(change) >= kLeastChange) history.exponent = std::clamp(std::log(now / then) / change, 0.0, 1.0);
+  if (!(then > 0 && now > 0 && last.sample > 0 && sample > 0)) return history;
+  constexpr double kLeastChange = 0.1;  // below it the exponent would be made of noise
+  const double change = std::log(sample / last.sample);
+  if (std::abs(change) >= kLeastChange) history.exponent = std::clamp(std::log(now / then) / change, 0.5, 2.0);
   return history;
+}
+
+bool may_rebuild(const UpdateQuestion& question, const Calibration& calibration) noexcept {
+  if (question.policy != Policy::kGoverned || !question.rays) return false;
+  const double all = *question.rays * ray_nanoseconds(question.now, calibration);
+  return gain_of(all, question.history.since_build) >
+         build_nanoseconds(question.triangle_count, question.builder, calibration);
+}
+
+bool may_mend(const UpdateQuestion& question, const Calibration& calibration) noexcept {
+  if (question.policy != Policy::kGoverned || !question.rays) return false;
+  const double excess = ray_nanoseconds(question.now, calibration) - mended_nanoseconds(question, calibration);
+  return gain_of(*question.rays * excess, question.history.since_mending) >
+         static_cast<double>(question.triangle_count) * calibration.refit_nanoseconds;
 }
 
 UpdateDecision decide_update(const UpdateQuestion& question, const Calibration& calibration) {

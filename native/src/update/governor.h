@@ -9,12 +9,9 @@
 // least where e(k) comes to exceed that mean: the rule of Silver and Meal 1973 for lot sizes, which needs no forecast.
 // Mending is weighed in the same way, by the excess that it would take away.
 //
-// What a fresh tree would cost today nobody knows before it is built. Where a mesh bends it grows with the triangles'
-// boxes as a share of the mesh's (their density); where it bursts it hardly depends on that. So it is reckoned as
-// density^exponent, and each rebuild tells the exponent of this mesh. On trees in the wind, cloth and bursting balls,
-// refitted or rebuilt, the sum of updates and rays came to 3 percent more in the mean than what all-knowing choices
-// reach, over rays from 1 to 300 a triangle, and to no more than 2 percent above the better of the two done always
-// (10 where both cost next to nothing).
+// What a fresh tree would cost today nobody knows before it is built. So one is built over a sample of the triangles
+// (tree_sample.h): how that changed tells how the cost of the whole did, as sample^exponent, and each rebuild tells the
+// exponent of this mesh. Mending costs by the share of the tree that it would build anew.
 #pragma once
 
 #include <cstddef>
@@ -50,13 +47,13 @@ struct Excess {
 // What is remembered of a tree from commit to commit.
 struct UpdateHistory {
   TraceWork fresh;                 // of the tree when it was built ...
-  double density = 0;              // ... and of the mesh then, see measure_density; 0 if unknown
-  std::optional<double> exponent;  // of the density, in what a fresh tree costs; unknown before the first rebuild
+  double sample = 0;               // ... and of one over a sample then, see measure_tree_sample; 0 if unknown
+  std::optional<double> exponent;  // of the sample, in what a fresh tree costs; unknown before the first rebuild
   Excess since_build;              // beyond a fresh tree
   Excess since_mending;            // beyond a mended one
   Excess at_rest;                  // beyond a fresh tree, since the triangles moved last
   TraceWork now;                   // of the tree that is traced ...
-  double density_now = 0;          // ... and of the mesh in it
+  double sample_now = 0;           // ... and of one over the sample now
 };
 
 struct UpdateQuestion {
@@ -66,7 +63,8 @@ struct UpdateQuestion {
   std::optional<double> rays;                  // expected to meet the mesh's box; unknown: the tree's decay decides
   TraceWork now;                               // of the refitted tree
   TraceWork reference;                         // of the tree when it was built or mended last
-  double density = 0;                          // of the mesh now
+  double sample = 0;                           // of the mesh now; 0 if unknown
+  double spoilt_share = 1;                     // of the tree: what would be built anew if its spoilt parts were
   UpdateHistory history;
 };
 
@@ -90,15 +88,20 @@ struct UpdateDecision {
 // as it is; so that rotations mend it; and after its spoilt parts were built anew, so that it stays.
 inline constexpr double kRefitLimit = 1.05, kRotateLimit = 1.2, kMendLimit = 1.3;
 
+// Whether it is worth finding out what a fresh tree would cost (the sample), or which share of the tree is spoilt: not
+// where even the best that could be learned would leave the tree as it is.
+[[nodiscard]] bool may_rebuild(const UpdateQuestion& question, const Calibration& calibration) noexcept;
+[[nodiscard]] bool may_mend(const UpdateQuestion& question, const Calibration& calibration) noexcept;
+
 // Whether a tree that was mended is good enough to stay.
 [[nodiscard]] bool is_mended(const UpdateQuestion& question, const TraceWork& mended) noexcept;
 
 // Of a tree that was just built; `last`: of the one before it over the same triangles, or an empty one.
-[[nodiscard]] UpdateHistory begin_history(const UpdateHistory& last, const TraceWork& fresh, double density,
+[[nodiscard]] UpdateHistory begin_history(const UpdateHistory& last, const TraceWork& fresh, double sample,
                                           const Calibration& calibration) noexcept;
 
-// What a ray is expected to cost in a tree that would be built now, of a mesh of this density.
-[[nodiscard]] double fresh_nanoseconds(const UpdateHistory& history, double density,
+// What a ray is expected to cost in a tree that would be built now.
+[[nodiscard]] double fresh_nanoseconds(const UpdateHistory& history, double sample,
                                        const Calibration& calibration) noexcept;
 [[nodiscard]] double ray_nanoseconds(const TraceWork& work, const Calibration& calibration) noexcept;
 [[nodiscard]] double build_nanoseconds(std::size_t triangle_count, BuilderKind builder,

@@ -27,14 +27,14 @@ std::string tell(const RestQuestion& question, const Excess& at_rest, double bui
 bool is_spoilt(const UpdateHistory& history, const Calibration& calibration) noexcept {
   return history.since_build.commit_count > 0 &&
          ray_nanoseconds(history.now, calibration) >
-             kNoticeable * fresh_nanoseconds(history, history.density_now, calibration);
+             kNoticeable * fresh_nanoseconds(history, history.sample_now, calibration);
 }
 
 UpdateDecision decide_at_rest(const RestQuestion& question, const Calibration& calibration) {
   UpdateDecision decision;
   UpdateHistory& history = decision.history = question.history;
   const double now = ray_nanoseconds(history.now, calibration);
-  const double fresh = fresh_nanoseconds(history, history.density_now, calibration);
+  const double fresh = fresh_nanoseconds(history, history.sample_now, calibration);
   const double build = build_nanoseconds(question.triangle_count, question.builder, calibration);
   decision.alternatives = {{UpdateAction::kKeep, BuilderKind::kAuto, 0, std::nullopt},
                            {UpdateAction::kRebuild, question.builder, build, std::nullopt}};

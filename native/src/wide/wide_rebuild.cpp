@@ -145,6 +145,20 @@ std::vector<std::uint32_t> find_spoilt_parts(const WideBvh& tree, const WideCost
   return parts;
 }
 
+double share_of_leaves(const WideBvh& tree, std::span<const std::uint32_t> roots) {
+  std::vector<std::uint32_t> waiting(roots.begin(), roots.end());
+  std::size_t count = 0;
+  while (!waiting.empty()) {
+    const WideNode& node = tree.nodes[waiting.back()];
+    waiting.pop_back();
+    for (const std::uint32_t child : node.child) {
+      if (is_node(child)) waiting.push_back(child);
+      count += child >= kBlockChild ? 1 : 0;
+    }
+  }
+  return count == 0 ? 0.0 : static_cast<double>(count) / static_cast<double>(tree.leaf_count());
+}
+
 WideCosts rebuild_parts(WideBvh& tree, WideCosts& fresh, std::span<const std::uint32_t> parts,
                         const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
   if (parts.empty()) return measure_wide_costs(tree, pool, cancel);

@@ -23,6 +23,9 @@ namespace perfect_bvh {
 [[nodiscard]] std::vector<std::uint32_t> find_spoilt_parts(const WideBvh& tree, const WideCosts& costs,
                                                            const WideCosts& fresh, double tolerance);
 
+// How many of a tree's leaves stand below these nodes, none inside another: 0 to 1.
+[[nodiscard]] double share_of_leaves(const WideBvh& tree, std::span<const std::uint32_t> roots);
+
 // Builds what is below each of `parts` (none inside another) anew over its leaves. `config` chooses the builder; what
 // it says of leaves and reinsertion is not heeded. `fresh` becomes what is to be compared with from now on: costs of
 // today for the new parts, but with leaves as good as they were when they were made. Returns the tree's costs of now.

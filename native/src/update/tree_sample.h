@@ -1,0 +1,19 @@
+// How well triangles can be told apart by a tree, from a sample of them: what a fresh tree over all of them costs
+// changes as that of one over every so-many-th triangle does.
+// In: a mesh. Out: the cost (SAH) of the sample's tree, to be compared with that of the same mesh in another shape.
+//
+// Against trees that were built, the logarithm of the change was off by .03 (a tree in the wind) and .02 (cloth) in the
+// mean square, by .16 and .18 for meshes twisted by up to 25 radians and sheared up to a hundredfold, whose trees at
+// rest say nothing, and by .36 for a ball that bursts into all its triangles.
+#pragma once
+
+#include "core/thread_pool.h"
+#include "mesh/triangle_mesh.h"
+
+namespace perfect_bvh {
+
+// 0 for a mesh whose box has no area. A sixteenth of the triangles, but from 64 to 1024 of them: a third of a
+// millisecond. The same number for any number of threads. Throws bad_alloc.
+[[nodiscard]] double measure_tree_sample(const TriangleMesh& mesh, ThreadPool& pool);
+
+}  // namespace perfect_bvh
