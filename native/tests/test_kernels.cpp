@@ -2,6 +2,7 @@
 // slivers, coincident and degenerate triangles, instances of every kind, extreme scales and directions.
 #include <gtest/gtest.h>
 
+#include <cfenv>
 #include <cstring>
 
 #include "core/errors.h"
@@ -49,6 +50,25 @@ TEST_P(Kernels, MatchTheReferenceOnSingleMeshes) {
     expect_reference(*commit({{soup(300, seed), {Affine{}}}}), random_rays(800, seed + 10));
     expect_reference(*commit({{slivers(300, seed), {Affine{}}}}), random_rays(800, seed + 20));
     expect_reference(*commit({{coincident(20, seed), {Affine{}}}}), random_rays(800, seed + 30));
+  }
+}
+
+TEST_P(Kernels, AnswerTheSameWhateverRoundingTheCallerHasSet) {
+  const auto snapshot = commit({{soup(300, 1), {Affine{}}}});
+  const std::vector<Ray> rays = random_rays(800, 2);
+  const auto trace_all = [&](const TraceOptions& options) {
+    std::vector<Hit> hits(rays.size());
+    trace_closest(snapshot->view, {rays.data(), rays.size(), Cull::kNone, nullptr, hits.data(), nullptr}, options);
+    return hits;
+  };
+  for (const TraceOptions& options : kWays) {
+    const std::vector<Hit> expected = trace_all(options);
+    std::fesetround(FE_UPWARD);
+    const std::vector<Hit> hits = trace_all(options);
+    const int rounding = std::fegetround();
+    std::fesetround(FE_TONEAREST);
+    EXPECT_EQ(rounding, FE_UPWARD) << "the caller's setting is gone";
+    for (std::size_t i = 0; i < rays.size(); ++i) ASSERT_EQ(std::memcmp(&hits[i], &expected[i], sizeof(Hit)), 0) << i;
   }
 }
 

@@ -7,13 +7,10 @@
 #include <memory>
 #include <string>
 
-#if defined(__x86_64__)
-#include <immintrin.h>
-#endif
-
 #include "core/aligned.h"
 #include "core/errors.h"
 #include "traverse/cpu_features.h"
+#include "traverse/default_floating_point.h"
 #include "traverse/ray_reordering.h"
 
 namespace perfect_bvh {
@@ -50,23 +47,6 @@ const KernelTable& find_kernels(std::string_view name, const char* asker) {
 }
 
 std::atomic<const KernelTable*> chosen{nullptr};
-
-// Denormals on, round to nearest, no traps: for as long as it lives.
-class DefaultFloatingPoint {
- public:
-#if defined(__x86_64__)
-  DefaultFloatingPoint() noexcept : saved_(_mm_getcsr()) { _mm_setcsr(0x1F80); }
-  ~DefaultFloatingPoint() { _mm_setcsr(saved_); }
-#else
-  DefaultFloatingPoint() noexcept = default;
-  ~DefaultFloatingPoint() = default;
-#endif
-  DefaultFloatingPoint(const DefaultFloatingPoint&) = delete;
-  DefaultFloatingPoint& operator=(const DefaultFloatingPoint&) = delete;
-
- private:
-  [[maybe_unused]] unsigned saved_ = 0;
-};
 
 // Stacks of very deep trees are long: then fewer rays share the memory.
 constexpr std::size_t kWorkspaceLimit = std::size_t{4} << 20;
