@@ -142,10 +142,11 @@ TriangleMesh read_mesh(const std::string& path) {
   TriangleMesh mesh;
   if (file) {
     mesh.positions.resize(counts[0]);
-    mesh.triangles.resize(counts[1]);
+    AlignedVector<TriangleIndices> triangles(counts[1]);
     file.read(reinterpret_cast<char*>(mesh.positions.data()), static_cast<std::streamsize>(counts[0] * sizeof(Vec3f)));
-    file.read(reinterpret_cast<char*>(mesh.triangles.data()),
+    file.read(reinterpret_cast<char*>(triangles.data()),
               static_cast<std::streamsize>(counts[1] * sizeof(TriangleIndices)));
+    mesh.triangles = std::move(triangles);
   }
   if (!file) throw std::runtime_error("cannot read " + path);
   return mesh;

@@ -187,7 +187,7 @@ template <class T>
 void update_mesh(Scene& scene, std::int32_t mesh_id, const Array<T>& positions) {
   const auto vertices = as_vectors(positions);
   const py::gil_scoped_release release;
-  scene.update_mesh(mesh_id, vertices);
+  scene.update_mesh(mesh_id, vertices, ThreadPool::shared());
 }
 
 template <class T>

@@ -14,7 +14,7 @@ namespace perfect_bvh::test {
 inline void add_triangle(TriangleMesh& mesh, Vec3f a, Vec3f b, Vec3f c) {
   const auto first = static_cast<std::uint32_t>(mesh.positions.size());
   mesh.positions.insert(mesh.positions.end(), {a, b, c});
-  mesh.triangles.push_back({first, first + 1, first + 2});
+  mesh.triangles.edit().push_back({first, first + 1, first + 2});
 }
 
 inline TriangleMesh triangle_soup(std::size_t count, float size, std::uint32_t seed = 1, Vec3f centre = {0, 0, 0},
@@ -43,8 +43,8 @@ inline TriangleMesh bumpy_sheet(std::uint32_t side) {
   for (std::uint32_t y = 0; y < side; ++y) {
     for (std::uint32_t x = 0; x < side; ++x) {
       const std::uint32_t a = y * (side + 1) + x, b = a + side + 1;
-      mesh.triangles.push_back({a, a + 1, b});
-      mesh.triangles.push_back({a + 1, b + 1, b});
+      mesh.triangles.edit().push_back({a, a + 1, b});
+      mesh.triangles.edit().push_back({a + 1, b + 1, b});
     }
   }
   return mesh;
@@ -53,7 +53,8 @@ inline TriangleMesh bumpy_sheet(std::uint32_t side) {
 inline void append(TriangleMesh& mesh, const TriangleMesh& other) {
   const auto first = static_cast<std::uint32_t>(mesh.positions.size());
   mesh.positions.insert(mesh.positions.end(), other.positions.begin(), other.positions.end());
-  for (const TriangleIndices& t : other.triangles) mesh.triangles.push_back({first + t.x, first + t.y, first + t.z});
+  for (const TriangleIndices& t : other.triangles)
+    mesh.triangles.edit().push_back({first + t.x, first + t.y, first + t.z});
 }
 
 inline TriangleMesh scaled(TriangleMesh mesh, float factor) {
@@ -64,7 +65,7 @@ inline TriangleMesh scaled(TriangleMesh mesh, float factor) {
 inline TriangleMesh repeated_triangle(std::size_t count) {
   TriangleMesh mesh;
   mesh.positions = {{0.0f, 0.0f, 0.0f}, {1.0f, 0.0f, 0.2f}, {0.0f, 1.0f, 0.4f}};
-  mesh.triangles.assign(count, {0, 1, 2});
+  mesh.triangles.edit().assign(count, {0, 1, 2});
   return mesh;
 }
 
@@ -111,7 +112,7 @@ inline TriangleMesh points_and_lines(std::size_t count) {
 
 inline TriangleMesh quad_among(TriangleMesh mesh) {
   append(mesh, TriangleMesh{{{-100, -100, -0.5f}, {100, -100, -0.4f}, {-100, 100, -0.5f}, {100, 100, -0.6f}},
-                            {{0, 1, 2}, {1, 3, 2}}});
+                            AlignedVector<TriangleIndices>{{0, 1, 2}, {1, 3, 2}}});
   return mesh;
 }
 

@@ -80,7 +80,7 @@ class MeshMaker {
   void add(Vec3f a, Vec3f b, Vec3f c) {
     const auto first = static_cast<std::uint32_t>(mesh_.positions.size());
     for (const Vec3f p : {a, b, c}) mesh_.positions.push_back(p * scale_);
-    mesh_.triangles.push_back({first, first + 1, first + 2});
+    mesh_.triangles.edit().push_back({first, first + 1, first + 2});
   }
   float number(float size) {
     const auto steps = static_cast<std::int32_t>(size * 0x1p20f);

@@ -32,7 +32,7 @@ TriangleMesh soup(std::size_t count, float size, std::uint32_t seed = 1) {
     for (int corner = 0; corner < 3; ++corner) {
       mesh.positions.push_back(at + Vec3f{offset(random), offset(random), offset(random)});
     }
-    mesh.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
+    mesh.triangles.edit().push_back({3 * i, 3 * i + 1, 3 * i + 2});
   }
   return mesh;
 }
@@ -50,8 +50,8 @@ TriangleMesh sheet(std::uint32_t side) {
   for (std::uint32_t y = 0; y < side; ++y) {
     for (std::uint32_t x = 0; x < side; ++x) {
       const std::uint32_t a = y * (side + 1) + x, b = a + side + 1;
-      mesh.triangles.push_back({a, a + 1, b});
-      mesh.triangles.push_back({a + 1, b + 1, b});
+      mesh.triangles.edit().push_back({a, a + 1, b});
+      mesh.triangles.edit().push_back({a + 1, b + 1, b});
     }
   }
   return mesh;
@@ -59,8 +59,7 @@ TriangleMesh sheet(std::uint32_t side) {
 
 TriangleMesh repeated(std::size_t count) {
   TriangleMesh mesh = soup(1, 0.5f);
-  mesh.triangles.resize(count);
-  std::fill(mesh.triangles.begin(), mesh.triangles.end(), TriangleIndices{0, 1, 2});
+  mesh.triangles.edit().assign(count, TriangleIndices{0, 1, 2});
   return mesh;
 }
 
@@ -70,7 +69,7 @@ TriangleMesh nested(std::uint32_t count) {
   for (std::uint32_t i = 0; i < count; ++i) {
     const float size = std::ldexp(1.0f, -static_cast<int>(i % 100));
     mesh.positions.insert(mesh.positions.end(), {{-size, -size, -size}, {size, size, size}, {size, -size, size}});
-    mesh.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
+    mesh.triangles.edit().push_back({3 * i, 3 * i + 1, 3 * i + 2});
   }
   return mesh;
 }

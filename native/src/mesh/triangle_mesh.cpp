@@ -20,17 +20,16 @@ std::string to_text(double value) {
 }
 
 template <class T>
-void check_positions(std::span<const Vec3<T>> positions, const char* function) {
+[[noreturn]] void complain(std::span<const Vec3<T>> positions, const char* function) {
+  T largest = 0;
   for (std::size_t i = 0; i < positions.size(); ++i) {
-    if (is_finite(positions[i])) continue;
+    const Vec3<T>& p = positions[i];
+    largest = std::max({largest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+    if (is_finite(p)) continue;
     throw InvalidArgument(std::string(function) + ": positions[" + std::to_string(i) + "] is not finite, got (" +
-                          to_text(positions[i].x) + ", " + to_text(positions[i].y) + ", " + to_text(positions[i].z) +
+                          to_text(p.x) + ", " + to_text(p.y) + ", " + to_text(p.z) +
                           "); remove the triangles that use it, or mend the vertex");
   }
-}
-
-void check_range(double largest, const char* function) {
-  if (largest <= kLargestCoordinate) return;
   throw InvalidArgument(std::string(function) + ": positions must stay below 1e18 in magnitude, got " +
                         to_text(largest) + "; scale the mesh down and its instances up");
 }
@@ -51,35 +50,17 @@ AlignedVector<TriangleIndices> copy_triangles(std::span<const Vec3<std::int32_t>
   return copies;
 }
 
-// One pass without branches where all is well, which is nearly always.
 template <class T>
-void check_extent(std::span<const Vec3<T>> positions, const char* function) {
-  const T limit = static_cast<T>(kLargestCoordinate);
-  bool good = true;  // NaN is not
-  for (const Vec3<T>& p : positions) {
-    good &= std::abs(p.x) <= limit;
-    good &= std::abs(p.y) <= limit;
-    good &= std::abs(p.z) <= limit;
-  }
-  if (good) return;
+TriangleMesh begin_mesh(std::span<const Vec3<T>> positions, std::span<const Vec3<std::int32_t>> triangles,
+                        const char* function) {
   check_positions(positions, function);
-  T largest = 0;
-  for (const Vec3<T>& p : positions) largest = std::max({largest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
-  check_range(static_cast<double>(largest), function);
+  TriangleMesh mesh;
+  mesh.triangles = copy_triangles(triangles, positions.size(), function);
+  mesh.positions.resize(positions.size());
+  return mesh;
 }
 
-Vec3d box_centre(std::span<const Vec3d> positions) {
-  if (positions.empty()) return {0, 0, 0};
-  Vec3d lower = positions[0], upper = positions[0];
-  for (const Vec3d p : positions) lower = min(lower, p), upper = max(upper, p);
-  return (lower + upper) * 0.5;
-}
-
-AlignedVector<Vec3f> narrow(std::span<const Vec3d> positions, Vec3d centre) {
-  AlignedVector<Vec3f> narrowed(positions.size());
-  for (std::size_t i = 0; i < positions.size(); ++i) narrowed[i] = to_float(positions[i] - centre);
-  return narrowed;
-}
+}  // namespace
 
 void check_count(std::size_t given, std::size_t expected, const char* function) {
   if (given == expected) return;
@@ -87,39 +68,50 @@ void check_count(std::size_t given, std::size_t expected, const char* function) 
                         std::to_string(expected) + " vertices; use replace_mesh for another topology");
 }
 
-}  // namespace
+template <class T>
+void check_positions(std::span<const Vec3<T>> positions, const char* function) {
+  if (!are_good(positions)) complain(positions, function);
+}
+template void check_positions(std::span<const Vec3f>, const char*);
+template void check_positions(std::span<const Vec3d>, const char*);
+
+// Without a branch: many numbers at once.
+template <class T>
+bool are_good(std::span<const Vec3<T>> positions) noexcept {
+  static_assert(sizeof(Vec3<T>) == 3 * sizeof(T));
+  const T* const numbers = reinterpret_cast<const T*>(positions.data());
+  const T limit = static_cast<T>(kLargestCoordinate);
+  std::uint32_t wrong = 0;  // as NaN is
+  for (std::size_t i = 0; i < 3 * positions.size(); ++i) wrong |= std::abs(numbers[i]) <= limit ? 0u : 1u;
+  return wrong == 0;
+}
+template bool are_good(std::span<const Vec3f>) noexcept;
+template bool are_good(std::span<const Vec3d>) noexcept;
+
+Vec3d box_centre(std::span<const Vec3d> positions) noexcept {
+  if (positions.empty()) return {0, 0, 0};
+  Vec3d lower = positions[0], upper = positions[0];
+  for (const Vec3d p : positions) lower = min(lower, p), upper = max(upper, p);
+  return (lower + upper) * 0.5;
+}
+
+void narrow(std::span<const Vec3d> positions, Vec3d centre, Vec3f* narrowed) noexcept {
+  for (std::size_t i = 0; i < positions.size(); ++i) narrowed[i] = to_float(positions[i] - centre);
+}
 
 TriangleMesh make_mesh(std::span<const Vec3f> positions, std::span<const Vec3<std::int32_t>> triangles,
                        const char* function) {
-  check_extent(positions, function);
-  TriangleMesh mesh;
-  mesh.triangles = copy_triangles(triangles, positions.size(), function);
-  mesh.positions.assign(positions.begin(), positions.end());
+  TriangleMesh mesh = begin_mesh(positions, triangles, function);
+  std::copy(positions.begin(), positions.end(), mesh.positions.begin());
   return mesh;
 }
 
 TriangleMesh make_mesh(std::span<const Vec3d> positions, std::span<const Vec3<std::int32_t>> triangles,
                        const char* function) {
-  check_extent(positions, function);
-  TriangleMesh mesh;
-  mesh.triangles = copy_triangles(triangles, positions.size(), function);
+  TriangleMesh mesh = begin_mesh(positions, triangles, function);
   mesh.centre = box_centre(positions);
-  mesh.positions = narrow(positions, mesh.centre);
+  narrow(positions, mesh.centre, mesh.positions.data());
   return mesh;
-}
-
-void set_positions(TriangleMesh& mesh, std::span<const Vec3f> positions, const char* function) {
-  check_count(positions.size(), mesh.positions.size(), function);
-  check_extent(positions, function);
-  mesh.positions.assign(positions.begin(), positions.end());
-  mesh.centre = {0, 0, 0};
-}
-
-void set_positions(TriangleMesh& mesh, std::span<const Vec3d> positions, const char* function) {
-  check_count(positions.size(), mesh.positions.size(), function);
-  check_extent(positions, function);
-  mesh.centre = box_centre(positions);
-  mesh.positions = narrow(positions, mesh.centre);
 }
 
 }  // namespace perfect_bvh

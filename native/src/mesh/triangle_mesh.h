@@ -10,14 +10,13 @@
 #include "core/aligned.h"
 #include "math/aabb.h"
 #include "math/vec3.h"
+#include "mesh/triangle_list.h"
 
 namespace perfect_bvh {
 
-using TriangleIndices = Vec3<std::uint32_t>;
-
 struct TriangleMesh {
   AlignedVector<Vec3f> positions;
-  AlignedVector<TriangleIndices> triangles;
+  TriangleList triangles;
   Vec3d centre{0, 0, 0};  // zero for meshes given in float
 
   [[nodiscard]] std::size_t triangle_count() const noexcept { return triangles.size(); }
@@ -39,8 +38,14 @@ struct TriangleMesh {
 [[nodiscard]] TriangleMesh make_mesh(std::span<const Vec3d> positions, std::span<const Vec3<std::int32_t>> triangles,
                                      const char* function);
 
-// New positions for the same triangles, checked. Changes the mesh only if they are good.
-void set_positions(TriangleMesh& mesh, std::span<const Vec3f> positions, const char* function);
-void set_positions(TriangleMesh& mesh, std::span<const Vec3d> positions, const char* function);
+// Parts of the same, for whoever moves the vertices of a mesh: throws InvalidArgument if there are not `expected`
+// positions, or for the first that is not good.
+void check_count(std::size_t given, std::size_t expected, const char* function);
+template <class T>
+void check_positions(std::span<const Vec3<T>> positions, const char* function);
+template <class T>
+[[nodiscard]] bool are_good(std::span<const Vec3<T>> positions) noexcept;
+[[nodiscard]] Vec3d box_centre(std::span<const Vec3d> positions) noexcept;
+void narrow(std::span<const Vec3d> positions, Vec3d centre, Vec3f* narrowed) noexcept;
 
 }  // namespace perfect_bvh

@@ -146,7 +146,9 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOp
 void Scene::publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results,
                     std::uint64_t stale_count) noexcept {
   for (auto& [mesh_id, slot] : meshes_) {
-    if (!slot.edited && slot.spare) static_cast<void>(slot.spare->take());  // it stopped moving
+    if (slot.edited) continue;  // it still moves
+    if (slot.spare) static_cast<void>(slot.spare->take());
+    if (slot.spare_positions) static_cast<void>(slot.spare_positions->take());
   }
   for (BlasResult& result : results) {
     MeshSlot& slot = meshes_.find(result.report.mesh_id)->second;

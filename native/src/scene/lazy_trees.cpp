@@ -9,6 +9,8 @@
 namespace perfect_bvh {
 
 std::shared_ptr<LazyTrees> LazyTrees::of(Snapshot& snapshot) {
+  const auto is_deferred = [](const auto& blas) { return blas->deferred != nullptr; };
+  if (std::none_of(snapshot.blases.begin(), snapshot.blases.end(), is_deferred)) return nullptr;
   std::shared_ptr<LazyTrees> trees(new LazyTrees(snapshot));
   for (std::size_t row = 0; row < snapshot.instances.size(); ++row) {
     const Blas* const blas = snapshot.instances[row].blas;

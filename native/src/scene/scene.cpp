@@ -24,6 +24,15 @@ void check_same_length(std::size_t ids, std::size_t values, const char* function
 // Beyond this, products with positions (which stay below 1e18, too) would leave the range of float.
 constexpr double kLargestEntry = 1e18;
 
+bool are_consecutive(std::span<const std::int32_t> ids) noexcept {
+  std::uint32_t wrong = 0;  // without a branch: many at once
+  const auto first = static_cast<std::uint32_t>(ids.front());
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    wrong |= static_cast<std::uint32_t>(ids[i]) ^ (first + static_cast<std::uint32_t>(i));
+  }
+  return wrong == 0;
+}
+
 bool is_sound(const Affine& transform) {
   bool sound = true;  // NaN is not
   for (const Vec3d v : {transform.x, transform.y, transform.z, transform.translation}) {
@@ -58,19 +67,28 @@ Scene::MeshSlot& Scene::find_mesh(std::int32_t mesh_id, const char* function) {
   return found->second;
 }
 
-std::vector<std::size_t> Scene::find_instances(std::span<const std::int32_t> ids, const char* function) const {
-  std::vector<std::size_t> rows(ids.size());
-  std::size_t next = 0;  // ids mostly come in the order of the rows
+Scene::InstanceRows Scene::find_instances(std::span<const std::int32_t> ids, const char* function) const {
+  const auto row_of = [&](std::int32_t id) {
+    const auto found = std::lower_bound(instances_.begin(), instances_.end(), id,
+                                        [](const InstanceSlot& slot, std::int32_t other) { return slot.id < other; });
+    if (found == instances_.end() || found->id != id) unknown_id(function, "instance", id);
+    return static_cast<std::size_t>(found - instances_.begin());
+  };
+  InstanceRows found;
+  found.count = ids.size();
+  if (ids.empty()) return found;
+  found.first = row_of(ids.front());
+  // Rows are ordered by id: where ids are consecutive and the last one is so many rows away, so are all between.
+  const std::size_t last = found.first + ids.size() - 1;
+  if (are_consecutive(ids) && last < instances_.size() && instances_[last].id == ids.back()) return found;
+  found.rows.resize(ids.size());
+  std::size_t next = found.first;  // ids mostly come in the order of the rows
   for (std::size_t i = 0; i < ids.size(); ++i) {
-    if (next == instances_.size() || instances_[next].id != ids[i]) {
-      const auto found = std::lower_bound(instances_.begin(), instances_.end(), ids[i],
-                                          [](const InstanceSlot& slot, std::int32_t id) { return slot.id < id; });
-      if (found == instances_.end() || found->id != ids[i]) unknown_id(function, "instance", ids[i]);
-      next = static_cast<std::size_t>(found - instances_.begin());
-    }
-    rows[i] = next++;
+    if (next == instances_.size() || instances_[next].id != ids[i]) next = row_of(ids[i]);
+    found.is_ascending &= i == 0 || next > found.rows[i - 1];
+    found.rows[i] = next++;
   }
-  return rows;
+  return found;
 }
 
 void Scene::mark_edited() {
@@ -91,26 +109,25 @@ std::int32_t Scene::add_mesh(TriangleMesh mesh, const BuildConfig& config, Usage
 }
 
 template <class T>
-void Scene::update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions) {
+void Scene::update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions, ThreadPool& pool) {
   const std::lock_guard lock(edit_mutex_);
   MeshSlot& slot = find_mesh(mesh_id, "update_mesh");
   const TriangleMesh& before = slot.edited ? *slot.edited : slot.blas->mesh;
-  TriangleMesh mesh;
-  mesh.triangles = before.triangles;
-  mesh.positions.resize(before.positions.size());  // nothing is copied that is about to be overwritten
-  set_positions(mesh, positions, "update_mesh");
+  if (!slot.spare_positions) slot.spare_positions = std::make_shared<SparePositions>();
+  auto moved = move_vertices(before, positions, slot.spare_positions, pool, "update_mesh");
   slot.same_topology = slot.edited ? slot.same_topology : true;
-  slot.edited = std::make_shared<const TriangleMesh>(std::move(mesh));
+  slot.edited = std::move(moved);
   mark_edited();
 }
-template void Scene::update_mesh(std::int32_t, std::span<const Vec3f>);
-template void Scene::update_mesh(std::int32_t, std::span<const Vec3d>);
+template void Scene::update_mesh(std::int32_t, std::span<const Vec3f>, ThreadPool&);
+template void Scene::update_mesh(std::int32_t, std::span<const Vec3d>, ThreadPool&);
 
 void Scene::replace_mesh(std::int32_t mesh_id, TriangleMesh mesh) {
   const std::lock_guard lock(edit_mutex_);
   MeshSlot& slot = find_mesh(mesh_id, "replace_mesh");
   slot.edited = std::make_shared<const TriangleMesh>(std::move(mesh));
   slot.same_topology = false;
+  slot.spare_positions.reset();
   mark_edited();
 }
 
@@ -155,15 +172,16 @@ void Scene::move_instances(std::span<const std::int32_t> ids, const Map& map, Th
   constexpr std::size_t kGrain = 8192;
   const std::lock_guard lock(edit_mutex_);
   const auto rows = find_instances(ids, "set_transforms");
-  std::atomic<std::size_t> first_wrong{rows.size()};
-  parallel_for(pool, rows.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+  std::atomic<std::size_t> first_wrong{rows.count};
+  parallel_for(pool, rows.count, kGrain, [&](std::size_t begin, std::size_t end) {
     std::size_t row = begin;
     while (row < end && is_sound(map(row))) ++row;
     std::size_t earliest = first_wrong;
     while (row < end && row < earliest && !first_wrong.compare_exchange_weak(earliest, row)) continue;
   });
-  if (first_wrong < rows.size()) check_transform(map(first_wrong), first_wrong, "set_transforms");
-  parallel_for(pool, rows.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+  if (first_wrong < rows.count) check_transform(map(first_wrong), first_wrong, "set_transforms");
+  const std::size_t grain = rows.is_ascending ? kGrain : rows.count;  // the last one holds
+  parallel_for(pool, rows.count, grain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) instances_[rows[i]].object_to_world = map(i);
   });
   mark_edited();
@@ -192,18 +210,18 @@ void Scene::set_masks(std::span<const std::int32_t> ids, std::span<const std::ui
   const std::lock_guard lock(edit_mutex_);
   check_same_length(ids.size(), masks.size(), "set_masks", "masks");
   const auto rows = find_instances(ids, "set_masks");
-  for (std::size_t i = 0; i < rows.size(); ++i) instances_[rows[i]].mask = masks[i];
+  for (std::size_t i = 0; i < rows.count; ++i) instances_[rows[i]].mask = masks[i];
   mark_edited();
 }
 
 void Scene::remove_instances(std::span<const std::int32_t> ids) {
   const std::lock_guard lock(edit_mutex_);
-  auto rows = find_instances(ids, "remove_instances");
-  std::sort(rows.begin(), rows.end());
-  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
-  for (const std::size_t row : rows) {
-    --meshes_.at(instances_[row].mesh_id).user_count;
-    instances_[row].id = -1;
+  const auto rows = find_instances(ids, "remove_instances");
+  for (std::size_t i = 0; i < rows.count; ++i) {
+    InstanceSlot& slot = instances_[rows[i]];
+    if (slot.id == -1) continue;  // named twice
+    --meshes_.at(slot.mesh_id).user_count;
+    slot.id = -1;
   }
   std::erase_if(instances_, [](const InstanceSlot& slot) { return slot.id == -1; });
   mark_edited();

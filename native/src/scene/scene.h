@@ -19,6 +19,7 @@
 #include "core/thread_pool.h"
 #include "scene/commit_options.h"
 #include "scene/edit_mutex.h"
+#include "scene/moved_mesh.h"
 #include "scene/snapshot.h"
 #include "scene/usage.h"
 #include "stats/commit_report.h"
@@ -42,7 +43,8 @@ class Scene {
   // is_lazy: its tree is built when the first ray reaches it.
   std::int32_t add_mesh(TriangleMesh mesh, const BuildConfig& config, Usage usage, bool is_lazy = false);
   template <class T>
-  void update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions);  // same topology
+  void update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions,
+                   ThreadPool& pool = ThreadPool::shared());  // same topology
   void replace_mesh(std::int32_t mesh_id, TriangleMesh mesh);
   void set_usage(std::int32_t mesh_id, Usage usage);                  // what its next builds are for
   void remove_mesh(std::int32_t mesh_id);                             // InvalidArgument while instances use it
@@ -73,12 +75,13 @@ class Scene {
     BuildConfig config;
     Usage usage = Usage::kStatic;
     bool is_lazy = false;
-    std::shared_ptr<const Blas> blas;            // committed; null before the first commit
-    std::shared_ptr<const TriangleMesh> edited;  // waiting; null if nothing is
-    bool same_topology = false;                  // of `edited` and `blas`
-    std::shared_ptr<SpareTree> spare;            // null until the mesh is deformed
-    UpdateHistory history;                       // of `blas`'s tree
-    std::uint32_t user_count = 0;                // instances
+    std::shared_ptr<const Blas> blas;                 // committed; null before the first commit
+    std::shared_ptr<const TriangleMesh> edited;       // waiting; null if nothing is
+    bool same_topology = false;                       // of `edited` and `blas`
+    std::shared_ptr<SpareTree> spare;                 // null until the mesh is deformed
+    std::shared_ptr<SparePositions> spare_positions;  // likewise
+    UpdateHistory history;                            // of `blas`'s tree
+    std::uint32_t user_count = 0;                     // instances
   };
   struct InstanceSlot {
     std::int32_t id, mesh_id;
@@ -98,7 +101,14 @@ class Scene {
   template <class Map>
   void move_instances(std::span<const std::int32_t> ids, const Map& map, ThreadPool& pool);
   MeshSlot& find_mesh(std::int32_t mesh_id, const char* function);
-  std::vector<std::size_t> find_instances(std::span<const std::int32_t> ids, const char* function) const;
+  // The row of each instance. Where ids and rows both go up by one, as they mostly do, none is written down.
+  struct InstanceRows {
+    std::size_t count = 0, first = 0;
+    std::vector<std::size_t> rows;  // empty: first, first + 1, ...
+    bool is_ascending = true;       // so that none comes twice
+    [[nodiscard]] std::size_t operator[](std::size_t i) const noexcept { return rows.empty() ? first + i : rows[i]; }
+  };
+  InstanceRows find_instances(std::span<const std::int32_t> ids, const char* function) const;
   void mark_edited();
 
   // A mesh that was edited, or rests in a spoilt tree, and how many rays it may expect.
