@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from perfect_bvh.bulk import are_equal, are_triangles
+from perfect_bvh.bulk import are_equal, are_triangles, copy_within
 
 from ..sync.records import LARGEST_COORDINATE, AttributeRequest, Float32Array, Int32Array, MeshRecord
 from .attributes import read_corner_normals, read_corner_uvs, read_material_slots
@@ -42,15 +42,13 @@ def read_mesh(
     else:  # Blender's own indices need no check of their range, which would take half the time
         triangles = np.take(corner_verts, corner_triangles, mode="clip")
 
-    kept = None
-    if not _are_within(positions):
-        positions, kept = _without_infinities(positions.copy(), triangles)
+    positions, kept = _read_positions(positions, triangles, None if last is None else last.positions)
     if kept is not None:
         triangles, corner_triangles, polygon_ids = triangles[kept], corner_triangles[kept], polygon_ids[kept]
     return MeshRecord(
         key=key,
         name=name,
-        positions=_held(positions, last and last.positions),
+        positions=positions,
         triangles=triangles,
         polygon_ids=_held(polygon_ids, last and last.polygon_ids),
         material_slots=read_material_slots(mesh, polygon_ids, reader) if attributes.material_slots else None,
@@ -68,11 +66,20 @@ def _held(values: npt.NDArray[Any], last: npt.NDArray[Any] | None) -> npt.NDArra
     return values if values.flags.owndata else values.copy()
 
 
-def _are_within(positions: Float32Array) -> bool:
-    """Whether the engine takes them all; NaN is not."""
-    if not positions.size:
-        return True
-    return bool(positions.min() >= -LARGEST_COORDINATE and positions.max() <= LARGEST_COORDINATE)
+def _read_positions(
+    view: Float32Array, triangles: Int32Array, last: Float32Array | None
+) -> tuple[Float32Array, Int32Array | None]:
+    """The last positions if they are equal, else a copy that the engine can hold; and which triangles to keep.
+
+    The second value is None if that is all of them. What was read the last time had been looked through.
+    """
+    if last is not None and are_equal(view, last):
+        return last, None
+    positions = np.empty(view.shape, np.float32)
+    if copy_within(view, positions, LARGEST_COORDINATE):
+        return positions, None
+    positions, kept = _without_infinities(positions, triangles)
+    return _held(positions, last), kept
 
 
 def _without_infinities(positions: Float32Array, triangles: Int32Array) -> tuple[Float32Array, Int32Array | None]:

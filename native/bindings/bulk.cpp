@@ -14,6 +14,7 @@
 #include "bindings/arrays.h"
 #include "bindings/bind.h"
 #include "core/thread_pool.h"
+#include "math/float4.h"
 
 namespace perfect_bvh::bindings {
 namespace {
@@ -29,21 +30,22 @@ bool are_transforms(const Array<float>& array) {
   return array.ndim() == 3 && array.shape(1) == kRows && array.shape(2) == kColumns;
 }
 
-// parent * local, local in columns and the product in rows. The order of the sums is Blender's own, so that the last
-// bits are its list's as well.
-void place(const float* parent, const float* local, float* product) {
+// The rows of a matrix that is stored in columns.
+struct MatrixRows {
+  explicit MatrixRows(const float* columns) {
+    for (int i = 0; i < 4; ++i) rows[i] = Float4::load_unaligned(columns + i * 4);
+    transpose(rows[0], rows[1], rows[2], rows[3]);
+  }
+  Float4 rows[4];
+};
+
+// parent * local. The order of the sums is Blender's own, so that the last bits are its list's as well.
+void place(const float* parent, const MatrixRows& local, float* product) {
   for (int row = 0; row < kRows; ++row) {
     const float* p = parent + row * kColumns;
-    for (int column = 0; column < kColumns; ++column) {
-      const float* l = local + column * kColumns;
-      product[row * kColumns + column] = (l[0] * p[0] + l[1] * p[1]) + (l[2] * p[2] + l[3] * p[3]);
-    }
-  }
-}
-
-void transpose(const float* local, float* product) {
-  for (int row = 0; row < kRows; ++row) {
-    for (int column = 0; column < kColumns; ++column) product[row * kColumns + column] = local[column * kColumns + row];
+    const auto& l = local.rows;
+    const Float4 sum = (l[0] * Float4(p[0]) + l[1] * Float4(p[1])) + (l[2] * Float4(p[2]) + l[3] * Float4(p[3]));
+    sum.store_unaligned(product + row * kColumns);
   }
 }
 
@@ -71,10 +73,11 @@ Array<std::int32_t> place_instances(const std::optional<Array<float>>& parent, c
     parallel_for(ThreadPool::shared(), count, kGrain, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         float* product = to + i * kRows * kColumns;
+        const MatrixRows rows(from + i * 16);
         if (matrix == nullptr) {
-          transpose(from + i * 16, product);
+          for (int row = 0; row < kRows; ++row) rows.rows[row].store_unaligned(product + row * kColumns);
         } else {
-          place(matrix, from + i * 16, product);
+          place(matrix, rows, product);
         }
         if (is_within(product, largest)) continue;
         const std::lock_guard lock(mutex);
@@ -121,18 +124,45 @@ bool are_triangles(const Array<std::int32_t>& corner_verts, const Array<std::int
                    const Array<std::int32_t>& triangles) {
   if (corner_triangles.size() != triangles.size()) return false;
   const auto verts = as_span(corner_verts), corners = as_span(corner_triangles), expected = as_span(triangles);
+  const auto count = static_cast<std::uint32_t>(verts.size());
   const py::gil_scoped_release release;
   std::atomic<bool> same{true};
   parallel_for(ThreadPool::shared(), corners.size(), 16 * kGrain, [&](std::size_t begin, std::size_t end) {
     if (!same) return;
-    bool here = true;
-    for (std::size_t i = begin; i < end; ++i) {
-      const auto corner = static_cast<std::size_t>(static_cast<std::uint32_t>(corners[i]));
-      here &= corner < verts.size() && verts[corner] == expected[i];
+    // In blocks that stay in the first level cache: what is in range is seen of many at once, what is there of each.
+    constexpr std::size_t kBlock = 1024;
+    for (; begin < end; begin += kBlock) {
+      const std::size_t stop = std::min(end, begin + kBlock);
+      std::uint32_t outside = 0, other = 0;
+      for (std::size_t i = begin; i < stop; ++i) outside |= static_cast<std::uint32_t>(corners[i]) >= count ? 1u : 0u;
+      if (outside == 0) {
+        for (std::size_t i = begin; i < stop; ++i) {
+          other |= static_cast<std::uint32_t>(verts[static_cast<std::uint32_t>(corners[i])] ^ expected[i]);
+        }
+      }
+      if ((outside | other) != 0) {
+        same = false;
+        return;
+      }
     }
-    if (!here) same = false;
   });
   return same;
+}
+
+// source -> target, as large; returns whether no number is beyond `largest`, which NaN is.
+bool copy_within(const Array<float>& source, Array<float>& target, float largest) {
+  check(source.size() == target.size(), "a target as large as the source");
+  const auto from = as_span(source);
+  float* const to = target.mutable_data();
+  const py::gil_scoped_release release;
+  std::atomic<bool> within{true};
+  parallel_for(ThreadPool::shared(), from.size(), 6 * kGrain, [&](std::size_t begin, std::size_t end) {
+    std::uint32_t beyond = 0;
+    for (std::size_t i = begin; i < end; ++i) beyond |= std::abs(from[i]) <= largest ? 0u : 1u;
+    if (beyond != 0) within = false;
+    std::memcpy(to + begin, &from[begin], (end - begin) * sizeof(float));
+  });
+  return within;
 }
 
 // Whether two arrays hold the same bits, of one type and in one shape. Where they differ that mostly shows at once.
@@ -161,6 +191,8 @@ void bind_bulk(py::module_& module) {
   module.def("find_moved", &find_moved, py::arg("old_transforms").noconvert(), py::arg("new_transforms").noconvert(),
              py::arg("rows").noconvert() = std::nullopt);
   module.def("are_equal", &are_equal, py::arg("first"), py::arg("second"));
+  module.def("copy_within", &copy_within, py::arg("source").noconvert(), py::arg("target").noconvert(),
+             py::arg("largest"));
   module.def("are_triangles", &are_triangles, py::arg("corner_verts").noconvert(),
              py::arg("corner_triangles").noconvert(), py::arg("triangles").noconvert());
 }

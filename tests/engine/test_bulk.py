@@ -59,16 +59,34 @@ def test_moved_instances(rng: np.random.Generator) -> None:
         bulk.find_moved(old[:10], new, rows)
 
 
+@pytest.mark.parametrize("count", [0, 1, 1000, 500_000])
+def test_copies_of_what_is_within_a_limit(rng: np.random.Generator, count: int) -> None:
+    values = rng.normal(size=(count, 3)).astype(np.float32)
+    copy = np.empty_like(values)
+    limit = float(np.abs(values).max(initial=0.0))
+    assert bulk.copy_within(values, copy, limit)
+    np.testing.assert_array_equal(copy, values)
+    for row in {0, count // 2, count - 1} if count else ():
+        for wrong in (np.nan, np.inf, -np.inf, np.nextafter(np.float32(-limit), np.float32(-np.inf))):
+            other = values.copy()
+            other[row, 1] = wrong
+            assert not bulk.copy_within(other, copy, limit)
+            np.testing.assert_array_equal(copy, other)
+    with pytest.raises(ValueError, match="as large as"):
+        bulk.copy_within(values, np.empty((count + 1, 3), np.float32), limit)
+
+
 def test_triangles_by_their_corners(rng: np.random.Generator) -> None:
     corner_verts = rng.integers(0, 9000, 30_000).astype(np.int32)
     corners = rng.integers(0, 30_000, (200_000, 3)).astype(np.int32)
     triangles = corner_verts[corners]
     assert bulk.are_triangles(corner_verts, corners, triangles)
     assert not bulk.are_triangles(corner_verts, corners, triangles[1:])
-    for row in (0, 199_999):
+    for row in (0, 341, 100_000, 199_999):
         other = triangles.copy()
         other[row, 1] += 1
         assert not bulk.are_triangles(corner_verts, corners, other)
-    outside = corners.copy()
-    outside[3, 0] = 30_000
-    assert not bulk.are_triangles(corner_verts, outside, triangles)
+    for row, nothing in ((3, 30_000), (100_000, -1), (199_999, -(2**31))):
+        outside = corners.copy()
+        outside[row, 0] = nothing
+        assert not bulk.are_triangles(corner_verts, outside, triangles)

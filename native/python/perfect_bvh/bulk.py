@@ -42,6 +42,11 @@ def are_equal(first: npt.NDArray[Any], second: npt.NDArray[Any]) -> bool:
     return _core.are_equal(np.ascontiguousarray(first), np.ascontiguousarray(second))
 
 
+def copy_within(source: Float32Array, target: Float32Array, largest: float) -> bool:
+    """Copies one array to another of as many values, both C-contiguous; whether none is beyond `largest`, as NaN is."""
+    return _core.copy_within(source, target, largest)
+
+
 def are_triangles(corner_verts: Int32Array, corner_triangles: Int32Array, triangles: Int32Array) -> bool:
     """Whether corner_verts[corner_triangles], (T, 3), equals `triangles`, without making the array."""
     return _core.are_triangles(corner_verts, corner_triangles, triangles)
