@@ -115,7 +115,7 @@ class _Collector:
             groups[index] = self._add_shown(obj, shown)
             if shown.matrices:
                 block.inner.append((np.flatnonzero(references == index), shown.matrices))
-        block.group_ids = groups[references]
+        block.group_ids = np.take(groups, references)
         self._blocks.append(block)
 
     def _add_shown(self, instancer: Any, shown: Shown) -> int:
@@ -140,10 +140,10 @@ class _Collector:
             first += count
         ids = [self._whole_ids(block) if is_read else block.ids for block in self._blocks]
         return Listing(
-            group_ids=np.concatenate([block.group_ids for block in self._blocks]),
+            group_ids=_joined([block.group_ids for block in self._blocks]),
             transforms=transforms,
             bad_rows=np.concatenate(bad_rows).astype(np.int32),
-            ids=np.concatenate(ids),
+            ids=_joined(ids),
             expand_ids=(lambda _, whole: whole) if is_read else self._expand_ids,
         )
 
@@ -162,6 +162,12 @@ class _Collector:
                 expanded[rows, :count] = 0
                 expanded[rows, count] = ids[rows]
         return expanded
+
+
+def _joined(arrays: list[Int32Array]) -> Int32Array:
+    """One after the other; of arrays that are all empty but one, that one."""
+    filled = [array for array in arrays if len(array)]
+    return filled[0] if len(filled) == 1 else np.concatenate(arrays)
 
 
 def _place_within(outer: Float32Array, matrices: list[Float32Array]) -> Float32Array:

@@ -89,11 +89,18 @@ def _instance_ranks(
 ) -> npt.NDArray[np.int8]:
     """(I,) int8: the strongest thing that happened to each instance, or to its mesh."""
     instances = record.instances
-    ranks = np.zeros(len(instances), np.int8)
-    ranks[difference.masked] = _RANK["masked"]
-    ranks[difference.moved] = _RANK["moved"]
-    ranks[difference.is_swapped] = _RANK["replaced"]
-    ranks[difference.added & ~difference.is_swapped] = _ADDED
+    masked, moved, is_swapped, added = (
+        difference.masked,
+        difference.moved,
+        difference.is_swapped,
+        difference.added,
+    )
+    ranks: npt.NDArray[np.int8] = moved * np.int8(_RANK["moved"])
+    if masked.any():
+        ranks[masked & ~moved] = _RANK["masked"]
+    if added.any():
+        ranks[added] = _ADDED
+        ranks[is_swapped] = _RANK["replaced"]
     if len(instances):
         # A mesh that is new is news of an instance only if the instance is new, or shows another mesh than before.
         mesh_ranks = np.array([0 if action == "added" else _RANK[action] for action in mesh_actions], np.int8)

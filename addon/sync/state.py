@@ -166,8 +166,9 @@ class SceneState:
         """Edits in an order that the engine allows: no mesh goes while an instance shows it."""
         self.scene.remove_instances(self._instances.ids[plan.instances.removed])
         changes = [self._meshes.remove(self.scene, key) for key in plan.removed_meshes]
-        moved = set(np.unique(plan.record.instances.mesh_indices[plan.instances.moved]).tolist())
-        changes += self._meshes.apply(self.scene, plan.record.meshes, plan.meshes, moved)
+        moved = np.zeros(len(plan.record.meshes), np.bool_)
+        moved[plan.record.instances.mesh_indices[plan.instances.moved]] = True
+        changes += self._meshes.apply(self.scene, plan.record.meshes, plan.meshes, set(np.flatnonzero(moved).tolist()))
         self._instances = self._apply_instances(plan)
         self._record = plan.record
         return changes
