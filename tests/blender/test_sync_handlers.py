@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import gc
 import weakref
+from collections.abc import Callable
 from typing import Any
 
 import bpy
+import perfect_bvh
 import pytest
 from blender.builders import (
     SQUARE,
@@ -18,7 +20,7 @@ from blender.builders import (
     mesh_object,
 )
 from blender.syncing import assert_stale, height, installed
-from perfect_bvh_addon import SceneSync, handlers
+from perfect_bvh_addon import SceneSync, handlers, session
 from perfect_bvh_addon.extract import changes
 from perfect_bvh_addon.session import clear_sessions, session_of, sessions_of
 
@@ -64,6 +66,39 @@ def test_handlers_are_installed_once(scene: Any) -> None:
     )
     for sync in syncs:
         sync.close()
+
+
+def test_handlers_only_mark_stale(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever happens: nothing is read, compared or built before somebody asks for it."""
+    obj = mesh_object("a", mesh_data("a", *SQUARE))
+    obj.keyframe_insert("location", frame=1)
+    bpy.ops.ed.undo_push(message="before")
+    handlers.register()
+    sync, own = SceneSync(), session_of(evaluated())
+    try:
+        for one in (sync, own):
+            one.update(evaluated())
+        work: list[str] = []
+        monkeypatch.setattr(session, "read_scene", lambda *_, **__: work.append("read"))
+        for method in ("update_mesh", "set_transforms", "add_mesh", "add_instances", "commit"):
+            monkeypatch.setattr(perfect_bvh.Scene, method, lambda *_, _name=method, **__: work.append(_name))
+        obj.data.vertices[0].co.z = 1.0
+        obj.data.update()
+        changes_of_all_kinds: tuple[Callable[[], object], ...] = (
+            evaluated,
+            lambda: scene.frame_set(7),
+            lambda: bpy.ops.ed.undo_push(message="deformed"),
+            bpy.ops.ed.undo,
+            bpy.ops.ed.redo,
+            lambda: bpy.ops.wm.read_factory_settings(use_empty=True),
+        )
+        for change in changes_of_all_kinds:
+            change()
+            assert work == []
+            assert_stale(sync, r"call update\(\)")
+    finally:
+        sync.close()
+        handlers.unregister()
 
 
 def test_a_closed_sync_answers_nothing_until_it_is_updated(scene: Any) -> None:
