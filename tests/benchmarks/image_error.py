@@ -2,8 +2,9 @@
 
     python tests/benchmarks/image_error.py --json image_error.json
 
-The scene gets one matt material and a white sky and loses its lamps; light bounces once: so the preview and Cycles
-integrate nearly the same; how far their converged images are apart is written, too. Times are those of whole images.
+The scene gets one matt material and a white sky and loses its lamps; light bounces once. What it bounces off gets a
+fixed share of the sky in the preview, and so it does in Cycles: by its fast global illumination, with rays too short to
+meet anything. How far the two converged images are apart is written, too. Times are those of whole images.
 Errors are those of the middle of each, a fifth as wide and high: only that is rendered with 4,096 samples of other
 random numbers to compare with. They are the root of the mean square difference from it, over its mean.
 Same threads, same pixel filter, no denoiser, no adaptive sampling. Times are the wall's. Of ours the sync's and the
@@ -40,6 +41,7 @@ Border = tuple[float, float, float, float]  # left, right, bottom, top, as share
 # Samples, seed, border -> image, milliseconds.
 Render = Callable[[int, int, Border], tuple[Image, float]]
 CONVERGED = 4096
+OPENNESS = 0.3  # the share of the sky that a bounce finds: kOpenness in native/src/render/illumination.cpp
 WHOLE: Border = (0.0, 1.0, 0.0, 1.0)
 MIDDLE: Border = (0.4, 0.6, 0.4, 0.6)  # whole pixels, whatever multiple of 80 the width is
 FILTER_WIDTH = 1.5  # of the pixel filter in Cycles: the default, as ours is
@@ -154,7 +156,7 @@ class Ours:
 
 def in_cycles(scene: bpy.types.Scene, width: int) -> Render:
     """The same integrand by Cycles on as many threads."""
-    cycles, render = scene.cycles, scene.render
+    cycles, render, ambient = scene.cycles, scene.render, scene.world.light_settings
     settings = [
         (cycles, "device", "CPU"), (cycles, "use_adaptive_sampling", False), (cycles, "use_denoising", False),
         (cycles, "max_bounces", 1), (cycles, "diffuse_bounces", 1), (cycles, "sample_clamp_indirect", 0.0),
@@ -162,6 +164,8 @@ def in_cycles(scene: bpy.types.Scene, width: int) -> Render:
         (cycles, "pixel_filter_type", "BLACKMAN_HARRIS"), (render, "threads_mode", "FIXED"),
         (render, "threads", perfect_bvh.thread_count()), (render, "resolution_x", width),
         (render, "resolution_y", width * 9 // 16), (render, "use_persistent_data", False),
+        (cycles, "use_fast_gi", True), (cycles, "fast_gi_method", "REPLACE"), (cycles, "ao_bounces_render", 2),
+        (ambient, "ao_factor", OPENNESS), (ambient, "distance", 1e-4),
         (render, "use_border", True), (render, "use_crop_to_border", False),
     ]  # fmt: skip
 

@@ -34,8 +34,9 @@ def chart(figures: Figures | None = None) -> Chart:
     return Chart(
         "A dearer tree pays with rays enough; the planner guesses from when on",
         "Time to build and to cast so many diffuse rays, on one thread, as a multiple of the least of ours at that "
-        "number: 1 is the best choice. Rings: what the planner takes when it is told the number. It knows what "
-        "builders cost on two meshes of its calibration, not on this one, and it never takes sweep. Bands: "
+        "number: 1 is the best choice. Rings: what the planner takes for so many, of which it is told a "
+        "quarter, because it reckons that a still mesh's tree serves four commits. It knows what builders cost on two "
+        "meshes of its calibration, not on this one, and it never takes sweep. Bands: "
         f"quartiles of {rounds_of(meshes)}.",
         [_panel(mesh) for mesh in meshes],
         footer(figures),
