@@ -4,7 +4,7 @@
 
 A mesh is twisted, burst, flattened or sheared in one step, ever more, and its tree follows by each policy. Speeds are
 shares of the one through a tree built anew, of rays from all around, on one thread. All answers are compared bit by bit
-with the new tree's, and a part of them is audited in double precision.
+with the new tree's, and a part of them is audited in double precision; beside them are those of a tree left behind.
 """
 
 from __future__ import annotations
@@ -86,7 +86,8 @@ def main() -> None:
             start, corners = loose if name == "explosion" else (rest, triangles)
             motions[name] = []
             for amount in amounts:
-                motions[name].append({"amount": amount, "policies": measure(start, corners, move, amount, chosen)})
+                policies, left_behind = measure(start, corners, move, amount, chosen)
+                motions[name].append({"amount": amount, "policies": policies, "left_behind": left_behind})
                 bar.update()
     perfect_bvh.set_thread_count(0)
     chosen.json.parent.mkdir(parents=True, exist_ok=True)
@@ -96,8 +97,11 @@ def main() -> None:
 
 def measure(
     start: F64, triangles: npt.NDArray[np.int32], move: Callable[[F64, float], F64], amount: float, chosen: Any
-) -> dict[str, Any]:
-    """By policy: speed as a share of the new tree's, milliseconds of the update, answers that differ or are wrong."""
+) -> tuple[dict[str, Any], int]:
+    """By policy: speed as a share of the new tree's, milliseconds of the update, answers that differ or are wrong.
+
+    And how many differ if the tree of before is asked.
+    """
     moved = move(start, amount).astype(np.float32)
     origins, directions = _rays(moved, chosen.rays)
     scenes, rows = {}, {}
@@ -106,6 +110,7 @@ def measure(
         mesh = scene.add_mesh(start.astype(np.float32), triangles, usage="deforming")
         scene.add_instance(mesh)
         scene.commit(expected_rays=RAYS)
+        before = scene.snapshot()
         scene.update_mesh(mesh, moved)
         (report,) = scene.commit(expected_rays=RAYS).meshes
         scenes[policy] = scene
@@ -116,17 +121,22 @@ def measure(
     }
     times = {policy: np.array(seconds) for policy, seconds in run_rounds(casts, chosen.rounds).items()}
     wanted = scenes["rebuild"].cast_rays(origins, directions)
+    late = before.cast_rays(origins, directions)
+    left_behind = int((~_same(late, wanted)).sum())
     for policy, scene in scenes.items():
         hits = scene.cast_rays(origins, directions, audit=min(1.0, 300.0 / chosen.rays))
-        same = (hits.t_hit == wanted.t_hit) & (hits.primitive_ids == wanted.primitive_ids)
         assert hits.audit is not None
         rows[policy] |= {
             "speed": Spread.of((times["rebuild"] / times[policy]).tolist()).as_json(),
-            "different": int((~same).sum()),
+            "different": int((~_same(hits, wanted)).sum()),
             "audited": hits.audit.checked_count,
             "wrong": len(hits.audit.wrong_rows),
         }
-    return rows
+    return rows, left_behind
+
+
+def _same(hits: perfect_bvh.Hits, wanted: perfect_bvh.Hits) -> npt.NDArray[np.bool_]:
+    return np.asarray((hits.t_hit == wanted.t_hit) & (hits.primitive_ids == wanted.primitive_ids))
 
 
 def _rays(positions: npt.NDArray[np.float32], count: int) -> tuple[F64, F64]:

@@ -1,4 +1,4 @@
-"""(h) Where each way of following a deformation fails: speed of rays against how large the deformation was."""
+"""(h) Where each way of following a deformation fails: speed of rays, and answers, against how large it was."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ LOOKS = {  # label, colour, dashed
     "rebuild_parts": ("refit and spoilt parts rebuilt", "green", False),
     "governed": ("governed: the default", "blue", False),
 }
+LEFT_BEHIND = "black"
 MOTIONS = {
     "twist": ("Twisted", "radians from end to end"),
-    "explosion": ("Burst: each triangle flies off", "radii that the fastest flies"),
+    "explosion": ("Burst", "radii that the fastest flies"),
     "scale": ("Flattened along a diagonal", "thickness at rest over thickness"),
     "shear": ("Sheared", "sideways over upwards"),
 }
@@ -36,11 +37,15 @@ def chart(figures: Figures | None = None) -> Chart:
         "Speed of rays from all around, as a share of that through a new tree, on one thread; bands: quartiles. Where "
         f"the governor built anew, 1 is expected and {noise[0]:.2f} to {noise[1]:.2f} measured: that is the noise. Of "
         f"{count(asked)} answers through trees that were not rebuilt {different or 'none'} differ from the new tree's, "
-        f"of {count(audited)} audited ones {wrong or 'none'} are wrong.",
-        [_panel(figures, motion) for motion in MOTIONS],
+        f"of {count(audited)} audited ones {wrong or 'none'} are wrong. Black: answers if nothing is updated.",
+        [panel for motion in MOTIONS for panel in (_speeds(figures, motion), _answers(figures, motion))],
         footer(figures),
-        panel_height=265,
-        legend=tuple(Key(label, color, "circle", True, dashed) for label, color, dashed in LOOKS.values()),
+        panel_height=225,
+        legend=(
+            *(Key(label, color, "circle", True, dashed) for label, color, dashed in LOOKS.values()),
+            Key("rebuild: a new tree", "pale", "", True),
+            Key("no update", LEFT_BEHIND, "square", True, True),
+        ),
     )
 
 
@@ -51,7 +56,7 @@ def _noise(figures: Figures) -> tuple[float, float]:
     return min(shares), max(shares)
 
 
-def _panel(figures: Figures, motion: str) -> Panel:
+def _speeds(figures: Figures, motion: str) -> Panel:
     points = figures["motions"][motion]
     title, label = MOTIONS[motion]
     amounts = [point["amount"] for point in points]
@@ -73,4 +78,37 @@ def _panel(figures: Figures, motion: str) -> Panel:
             )
         )
     top = max(1.15, *(row["policies"][policy]["speed"]["high"] for row in points for policy in LOOKS))
-    return Panel(title, Axis(label, log=True), Axis("speed over that through a new tree", high=top * 1.05), series)
+    return Panel(
+        f"{title}: speed",
+        Axis(label, log=True),
+        Axis("speed over that through a new tree", high=top * 1.05),
+        series,
+    )
+
+
+def _answers(figures: Figures, motion: str) -> Panel:
+    """Marks within marks: all that is at 0 can be seen."""
+    points = figures["motions"][motion]
+    title, label = MOTIONS[motion]
+    amounts = [point["amount"] for point in points]
+    share = 1e6 / figures["rays"]
+    series = [
+        Series(
+            words,
+            amounts,
+            [share * point["policies"][policy]["different"] for point in points],
+            color,
+            "ring" if size > 5.0 else "circle",
+            line=True,
+            size=size,
+        )
+        for (policy, (words, color, _)), size in zip(LOOKS.items(), (17.0, 13.0, 9.0, 5.0), strict=True)
+    ]
+    late = [share * point["left_behind"] for point in points]
+    series.append(Series("no update", amounts, late, LEFT_BEHIND, "square", line=True, dashed=True, size=6.0))
+    return Panel(
+        f"{title}: answers",
+        Axis(label, log=True),
+        Axis("unlike a new tree's, rays per million", log=True, has_zero=True, low=100.0, high=1e6, powers=True),
+        series,
+    )
