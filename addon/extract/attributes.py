@@ -8,18 +8,38 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from perfect_bvh.bulk import are_triangles
 
 from ..sync.records import Float32Array, Int32Array
 from .pointer_views import CORNER_NORMALS, CORNER_UVS, FACE_INTEGERS, ArrayReader
 
+_zeros = np.zeros(0, np.int32)
 
-def read_material_slots(mesh: Any, polygon_ids: Int32Array, reader: ArrayReader) -> Int32Array:
-    """(T,) int32: the material slot of each triangle. Zero where the mesh has no slots; never negative."""
+
+def read_material_slots(
+    mesh: Any, polygon_ids: Int32Array, reader: ArrayReader, last: Int32Array | None = None
+) -> Int32Array:
+    """(T,) int32: the material slot of each triangle. Zero where the mesh has no slots; never negative.
+
+    last: what was read the last time, which stands for equal ones.
+    """
     attribute = mesh.attributes.get("material_index")
     if attribute is None or attribute.domain != "FACE" or attribute.data_type != "INT":
-        return np.zeros(len(polygon_ids), np.int32)
-    slots: Int32Array = reader.read(attribute.data, FACE_INTEGERS)[polygon_ids]
+        return _no_slots(len(polygon_ids))
+    face_slots = reader.view(attribute.data, FACE_INTEGERS)
+    if last is not None and are_triangles(face_slots, polygon_ids, last):
+        return last
+    slots: Int32Array = face_slots[polygon_ids]
     return np.maximum(slots, 0, out=slots)
+
+
+def _no_slots(count: int) -> Int32Array:
+    """Zeros, in memory that all meshes without slots share: to compare two of them takes no time."""
+    global _zeros
+    if len(_zeros) < count:
+        _zeros = np.zeros(count, np.int32)
+        _zeros.flags.writeable = False
+    return _zeros[:count]
 
 
 def read_corner_normals(mesh: Any, corner_triangles: Int32Array, reader: ArrayReader) -> Float32Array | None:

@@ -51,12 +51,16 @@ def read_mesh(
         positions=positions,
         triangles=triangles,
         polygon_ids=_held(polygon_ids, last and last.polygon_ids),
-        material_slots=read_material_slots(mesh, polygon_ids, reader) if attributes.material_slots else None,
+        material_slots=_read_slots(mesh, polygon_ids, reader, last) if attributes.material_slots else None,
         corner_normals=read_corner_normals(mesh, corner_triangles, reader) if attributes.corner_normals else None,
         corner_uvs=read_corner_uvs(mesh, corner_triangles, reader) if attributes.corner_uvs else None,
         dropped_triangles=0 if kept is None else triangle_count - len(kept),
         triangle_ids=kept,
     )
+
+
+def _read_slots(mesh: Any, polygon_ids: Int32Array, reader: ArrayReader, last: MeshRecord | None) -> Int32Array:
+    return read_material_slots(mesh, polygon_ids, reader, None if last is None else last.material_slots)
 
 
 def _held(values: npt.NDArray[Any], last: npt.NDArray[Any] | None) -> npt.NDArray[Any]:
