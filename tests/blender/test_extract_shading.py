@@ -260,10 +260,18 @@ def test_an_edit_of_looks_shows_in_the_next_update() -> None:
     def set_roughness() -> None:
         node.inputs["Roughness"].default_value = 0.125
 
-    for edit in (set_color, set_energy, set_world, set_metallic, set_roughness):
+    def move_light() -> None:
+        bpy.data.objects["lamp"].location.x = 2.0
+
+    def soften_light() -> None:
+        light.shadow_soft_size = 0.5
+
+    edits = (set_color, set_energy, set_world, set_metallic, set_roughness, move_light, soften_light)
+    for edit in edits:
         edit()
         assert sync.update(evaluated()).materials_changed, edit.__name__
     look = sync.appearance
+    assert look.lights.positions[0].tolist() == [2.0, 0.0, 0.0]
     assert look.materials.base_colors[0] == pytest.approx((0.9, 0.0, 0.0))
     assert look.lights.powers[0] == pytest.approx((123.0,) * 3)
     assert look.world is not None

@@ -68,6 +68,31 @@ def test_handlers_are_installed_once(scene: Any) -> None:
         sync.close()
 
 
+@pytest.mark.parametrize(
+    ("event", "message"),
+    [
+        ("depsgraph_update_post", "evaluated again"),
+        ("frame_change_post", "the frame was changed"),
+        ("undo_post", "a step was undone"),
+        ("redo_post", "a step was redone"),
+        ("load_pre", "another file was loaded"),
+        ("load_post", "another file was loaded"),
+    ],
+)
+def test_each_event_alone_makes_it_stale(scene: Any, event: str, message: str) -> None:
+    """Mostly several of them come together."""
+    mesh_object("a", mesh_data("a", *SQUARE))
+    sync = SceneSync()
+    sync.update(evaluated())
+    assert height(sync) == 0.0
+    (handler,) = [handler for name, handler in changes._HANDLERS if name == event]
+    assert handler in getattr(bpy.app.handlers, event)
+    handler(scene, bpy.context.evaluated_depsgraph_get())
+    assert_stale(sync, message)
+    assert sync.update(evaluated(), verify=True).mismatches == ()
+    sync.close()
+
+
 def test_handlers_only_mark_stale(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever happens: nothing is read, compared or built before somebody asks for it."""
     obj = mesh_object("a", mesh_data("a", *SQUARE))
