@@ -9,6 +9,7 @@ import bpy
 from ..failure_cases import CASES, find_case
 from ..failure_scenes import add_failure_scene
 from ..properties import ENGINE_NAME
+from ..viewport import find_view
 
 CASE_ITEMS = [(case.name.upper(), case.title, case.breaks, index) for index, case in enumerate(CASES)]
 
@@ -29,6 +30,9 @@ class PERFECT_BVH_OT_add_failure_case(bpy.types.Operator):
         scene.perfect_bvh.mode = "COST"
         if context.window is not None:
             context.window.scene = scene
+            found = find_view(context)
+            if found is not None:
+                found[0].region_3d.view_perspective = "CAMERA"  # from elsewhere little is seen of it
         self.report({"INFO"}, f"Made the scene {scene.name!r}; the text of that name says what to look at")
         return {"FINISHED"}
 

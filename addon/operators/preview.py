@@ -126,9 +126,17 @@ def _set_in_editors(context: bpy.types.Context, image: bpy.types.Image) -> bool:
         for area in window.screen.areas:
             if area.type == "IMAGE_EDITOR" and area.ui_type == "IMAGE_EDITOR":
                 area.spaces.active.image = image
-                area.tag_redraw()
+                _show_whole(window, area)
                 return True
     return False
+
+
+def _show_whole(window: bpy.types.Window, area: bpy.types.Area) -> None:
+    """As large as it is, or smaller, so that all of it can be seen."""
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        bpy.ops.image.view_all()
+    area.tag_redraw()
 
 
 def register() -> None:

@@ -23,14 +23,17 @@ class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         statistics = last_statistics(context.scene)
+        is_old = is_outdated(context.scene)
         split = self.layout.split(factor=0.4)
+        split.active = not is_old
         names, values = split.column(align=True), split.column(align=True)
         names.alignment = "RIGHT"
         for name, value in statistics_rows(statistics):
             names.label(text=name)
             values.label(text=value)
-        if is_outdated(context.scene):
-            draw_lines(context, self.layout, "The scene or its settings have changed since", icon="INFO")
+        # A viewport renews them itself: panels would only jump meanwhile.
+        if is_old and statistics.source != "Viewport":
+            draw_lines(context, self.layout, "The scene has changed since", icon="INFO")
 
 
 class PERFECT_BVH_PT_plan(RenderPanel, bpy.types.Panel):

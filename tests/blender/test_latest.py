@@ -11,7 +11,11 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
+from blender.test_panels import drawn  # noqa: E402
 from perfect_bvh_addon import latest, summary  # noqa: E402
+from perfect_bvh_addon.panels import reports  # noqa: E402
+
+OUTDATED = "The scene has changed since"
 
 
 @pytest.fixture(autouse=True)
@@ -77,7 +81,9 @@ def test_an_edit_outdates_what_was_done_and_a_render_renews_it(edit) -> None:
     assert not latest.is_outdated(scene)
     edit()
     assert latest.is_outdated(scene)
+    assert OUTDATED in " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
     bpy.ops.render.render()
+    assert OUTDATED not in " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
     assert not latest.is_outdated(scene)
 
 
