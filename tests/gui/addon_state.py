@@ -65,6 +65,24 @@ def overlay() -> Any:
         return module("overlay").overlay_of(bpy.context)
 
 
+def is_working() -> bool:
+    """Whether one of the add-on's operators goes on in steps of a timer."""
+    windows = bpy.context.window_manager.windows
+    return any("perfect_bvh" in operator.bl_idname.lower() for window in windows for operator in window.modal_operators)
+
+
+def close_image_windows() -> Step:
+    """Renders open a window of their own, or take the place of an area."""
+    for window in list(bpy.context.window_manager.windows)[1:]:
+        with bpy.context.temp_override(window=window):
+            bpy.ops.wm.window_close()
+    yield 0.5
+    for area in bpy.context.window_manager.windows[0].screen.areas:
+        if area.type == "IMAGE_EDITOR":
+            area.type = "VIEW_3D"
+    yield 0.5
+
+
 def reported(text: str) -> bool:
     """Whether Blender has reported something with this text in it, as the Info editor lists it."""
     area = min(bpy.context.window_manager.windows[0].screen.areas, key=lambda area: area.width * area.height)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import bpy
+from drawn import note_drawn, note_pressed
 from driver import (
     Step,
     check,
@@ -60,6 +61,7 @@ def leave(area: bpy.types.Area) -> Step:
 
 def list_buttons(area: bpy.types.Area, top: float | None = None, bottom: float | None = None) -> Step:
     """Returns the buttons between two heights, in their order; the whole region's without them."""
+    note_drawn()
     region = region_of(area)
     x = region.x + region.width * COLUMN
     y = region.y + region.height - STEP if top is None else top
@@ -92,6 +94,7 @@ def point_at(area: bpy.types.Area, button: Button) -> Step:
     yield 0.2
     found = button_under_mouse(area)
     check(found == button.what, f"the mouse is over {found}, not {button.what}")
+    note_pressed(button.what)
 
 
 def press(area: bpy.types.Area, button: Button) -> Step:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import bpy
-from addon_state import MODULE, module, settings
+from addon_state import MODULE, close_image_windows, is_working, module, settings
 from buttons import (
+    HEADER_HEIGHT,
     Button,
     change,
     find_and_press,
@@ -17,7 +18,9 @@ from buttons import (
     toggle_panel,
     with_panel_open,
 )
+from drawn import drawn, note_pressed, pressed
 from driver import (
+    OUTPUT,
     Step,
     area_of,
     check,
@@ -34,10 +37,12 @@ from driver import (
 
 # In the order of the panel, while nothing was rendered yet.
 SUB_PANELS = ("Film", "Performance", "Audit", "Rays", "Tree Overlay", "Bench", "Failure Cases")
+WITH_REPORTS = (*SUB_PANELS[:5], "Statistics", "Plan", *SUB_PANELS[5:])
 MAIN_BUTTONS = ["render.engine", "perfect_bvh.preview", "perfect_bvh.mode", "perfect_bvh.samples"]
 
 BESIDE_PREVIEW = 0.92
-HEADER_CHECKBOX = 0.18  # where it stands in the width of the region
+HEADER_CHECKBOX_OF_PANEL = 0.13
+HEADER_CHECKBOX = 0.18  # of a sub-panel: where it stands in the width of the region
 MENU_BELOW_HEADER = 57  # with a line of text between
 # As long as the window keeps its size, the panel's last button stays where it is.
 _last_button: dict[str, Button] = {}
@@ -70,14 +75,27 @@ def main_buttons() -> Step:
     return dict(zip(names, found, strict=True))
 
 
-def open_sub_panel(title: str, work: Callable[[list[Button]], Step]) -> Step:
-    """Do something with the buttons of a sub-panel. The mode must be Preview, which has the fewest settings."""
+def header_of(number: int) -> Step:
+    """Returns where the header of the number-th sub-panel is, all being closed."""
     check(settings().mode == "PREVIEW", "panels are where they are in the mode Preview only")
     if "samples" not in _last_button:
         buttons = yield from main_buttons()
         _last_button["samples"] = buttons["perfect_bvh.samples"]
-    y = header_height(_last_button["samples"], SUB_PANELS.index(title))
-    yield from with_panel_open(area_of("PROPERTIES"), y, work)
+    return header_height(_last_button["samples"], number)
+
+
+def open_sub_panel(title: str, work: Callable[[list[Button]], Step]) -> Step:
+    """Do something with the buttons of a sub-panel. The mode must be Preview, which has the fewest settings."""
+    y = yield from header_of(SUB_PANELS.index(title))
+
+    def look_and_work(buttons: list[Button]) -> Step:
+        name = f"panel_{title.lower().replace(' ', '_')}"
+        if not (OUTPUT / f"{name}.png").exists():
+            yield from leave(area_of("PROPERTIES"))
+            screenshot(name)
+        yield from work(buttons)
+
+    yield from with_panel_open(area_of("PROPERTIES"), y, look_and_work)
 
 
 def press_the_main_panels_buttons() -> Step:
@@ -122,6 +140,7 @@ def press_film_and_performance() -> Step:
     render = bpy.context.scene.render
     yield from open_sub_panel("Film", change_all(render, {"film_transparent": None}))
     yield from open_sub_panel("Performance", change_all(render, {"threads_mode": None, "use_persistent_data": None}))
+    yield from open_sub_panel("Performance", change_all(settings(), {"precision": None}))
     render.threads_mode = "FIXED"
     yield from open_sub_panel("Performance", change_all(render, {"threads": None}))
     render.threads_mode = "AUTO"
@@ -129,7 +148,7 @@ def press_film_and_performance() -> Step:
 
 def audit() -> Step:
     area = area_of("PROPERTIES")
-    y = header_height(_last_button["samples"], SUB_PANELS.index("Audit"))
+    y = yield from header_of(SUB_PANELS.index("Audit"))
     yield from change(area, Button("perfect_bvh.use_audit", y, HEADER_CHECKBOX), settings())
     settings().use_audit = True
     yield from open_sub_panel("Audit", change_all(settings(), {"audit_share": "0.02"}))
@@ -144,6 +163,113 @@ def fill_in_the_rays_panel() -> Step:
     lidar_fields = {"elevations": "0:10:5", "columns": "100", "rate": "5", "max_distance": "20"}
     yield from open_sub_panel("Rays", change_all(scan, lidar_fields | {"steps_per_frame": "3"}))
     scan.pattern, scan.use_frame_range = "CAMERA", False
+
+
+def press_simplify() -> Step:
+    """Blender's own settings, in a panel of the add-on's below its main one, which stands off by a little."""
+    area, render = area_of("PROPERTIES"), bpy.context.scene.render
+    y = (yield from header_of(len(SUB_PANELS))) - 2
+    yield from change(area, Button("render.use_simplify", y, HEADER_CHECKBOX_OF_PANEL), render)
+    render.use_simplify = True
+
+    def press_all(buttons: list[Button]) -> Step:
+        names = [button.what.rpartition(".")[2] for button in buttons if "simplify" in button.what]
+        check(len(names) >= 2, f"Simplify has {names}")
+        for name in names:
+            is_share = render.bl_rna.properties[name].type == "FLOAT"
+            yield from change_all(render, {name: "0.5" if is_share else None})(buttons)
+
+    def work(buttons: list[Button]) -> Step:
+        screenshot("panel_simplify")
+        viewport = y - HEADER_HEIGHT
+        yield from press_all(buttons)
+        yield from leave(area)
+        yield from toggle_panel(area, viewport)
+        yield from press_all((yield from list_buttons(area, top=viewport - HEADER_HEIGHT / 2)))
+        yield from leave(area)
+        yield from toggle_panel(area, viewport)
+
+    yield from with_panel_open(area, y, work)
+    render.use_simplify = False
+
+
+def bench() -> Step:
+    """Measured for some seconds, ended with Escape; the charts of what there is open in the Image Editor."""
+
+    def work(buttons: list[Button]) -> Step:
+        (button,) = [button for button in buttons if "perfect_bvh.bench(" in button.what]
+        yield from press(area_of("PROPERTIES"), button)
+        yield 8.0
+        screenshot("benching")
+        yield from press_key("Escape")
+        yield from wait_until(lambda: "Perfect BVH Bench" in bpy.data.images, "Escape shows no chart", 60)
+        yield 2.0
+        screenshot("bench")
+        yield from close_image_windows()
+
+    yield from open_sub_panel("Bench", work)
+    check(not is_working(), "the measurement goes on")
+
+
+def press_the_panorama() -> Step:
+    """The camera's own panel, which Blender shows with Cycles only."""
+    area, scene, layer = area_of("PROPERTIES"), bpy.context.scene, bpy.context.view_layer
+    before, layer.objects.active = layer.objects.active, scene.camera
+    camera = scene.camera.data
+    camera.type = "PANO"
+    area.tag_redraw()
+    yield 0.7
+    area.spaces.active.context = "DATA"
+    yield 0.7
+    camera.panorama_type = "EQUIRECTANGULAR"
+    yield 0.3
+    buttons = yield from list_buttons(area)
+    screenshot("panel_panorama")
+    degrees = {"latitude_min": "10", "latitude_max": "20", "longitude_min": "30", "longitude_max": "40"}
+    yield from change_all(camera, degrees | {"panorama_type": None})(buttons)
+    camera.panorama_type = "FISHEYE_EQUISOLID"
+    area.tag_redraw()
+    yield 0.5
+    screenshot("panel_of_another_panorama")
+    camera.panorama_type, camera.type = "EQUIRECTANGULAR", "PERSP"
+    area.spaces.active.context = "RENDER"
+    layer.objects.active = before
+    yield 0.5
+
+
+def press_rows_of_the_plan() -> Step:
+    """Each row selects the objects that show its mesh. The last render left Statistics, which is open, and Plan."""
+    area, layer = area_of("PROPERTIES"), bpy.context.view_layer
+    buttons = yield from main_buttons()
+    samples = buttons["perfect_bvh.samples"]
+    statistics, plan = (header_height(samples, WITH_REPORTS.index(name)) for name in ("Statistics", "Plan"))
+    screenshot("panel_statistics")
+    yield from toggle_panel(area, statistics)
+
+    def work(found: list[Button]) -> Step:
+        rows = [button for button in found if "select_mesh(" in button.what]
+        check(len(rows) >= 2, f"the plan has {len(rows)} rows")
+        yield from leave(area)
+        screenshot("panel_plan")
+        for row in rows[:3]:
+            for obj in layer.objects:
+                obj.select_set(False)
+            yield from press(area, row)
+            yield from wait_until(lambda: bpy.context.selected_objects, f"{row.what} selects nothing", 5)
+            uid = int(row.what.partition("session_uid=")[2].rstrip(")"))
+            uids = {obj.session_uid for obj in layer.objects if obj.select_get()}
+            uids |= {obj.data.session_uid for obj in layer.objects if obj.select_get() and obj.data}
+            check(uid in uids, f"{row.what} selects {[obj.name for obj in bpy.context.selected_objects]}")
+
+    yield from with_panel_open(area, plan, work)
+    yield from toggle_panel(area, statistics)
+
+
+def every_button_was_pressed() -> Step:
+    """Of all that the add-on's panels have drawn in this run."""
+    yield 0.1
+    check(len(drawn) > 40, f"the panels draw {sorted(drawn)} only")
+    check(drawn <= pressed, f"never pressed: {sorted(drawn - pressed)}")
 
 
 def show_the_viewport() -> Step:
@@ -162,6 +288,7 @@ def make_a_failure_case() -> Step:
         hover(middle_of(area)[0], header_height(_last_button["samples"], index) - MENU_BELOW_HEADER)
         yield 0.2
         yield from press_here()
+        note_pressed("bpy.ops.perfect_bvh.add_failure_case()")
         screenshot("menu_of_failure_cases")
         yield from press_key("Down")
         yield from press_key("Return")
@@ -169,6 +296,9 @@ def make_a_failure_case() -> Step:
         yield 0.5
         check(bpy.context.scene.perfect_bvh.mode == "COST", "the case does not show costs")
         screenshot("failure_case")
+        view = area_of("VIEW_3D").spaces.active.region_3d
+        check(view.view_perspective == "CAMERA", "the case is not looked at through its camera")
+        view.view_perspective = "PERSP"
         made = bpy.context.scene
         bpy.context.window_manager.windows[0].scene = before
         bpy.data.scenes.remove(made)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import subprocess
+
 import bpy
-from addon_state import events, module, settings
+from addon_state import close_image_windows, events, module, settings
 from buttons import find_and_press
-from driver import Step, area_of, check, context_of, press_key, screenshot, wait_until
+from driver import Step, area_of, check, context_of, hover, middle_of, press_key, screenshot, wait_until
 
 
 def press_preview() -> Step:
@@ -38,6 +40,42 @@ def render() -> Step:
     check(module("latest").last_statistics(bpy.context.scene) is not None, "no statistics of the render")
     screenshot("rendered_window")
     yield from close_image_windows()
+
+
+def panel_pixels() -> bytes:
+    """What the screen shows of the Properties editor."""
+    area = area_of("PROPERTIES")
+    window = bpy.context.window_manager.windows[0]
+    shape = f"{area.width}x{area.height}+{area.x}+{window.height - area.y - area.height}"
+    command = ["import", "-window", "root", "-crop", shape, "-depth", "8", "rgb:-"]
+    return subprocess.run(command, check=True, capture_output=True).stdout
+
+
+def let_statistics_come_by_themselves() -> Step:
+    """Nobody moves the mouse: the panels of a render come when it ends, and say when the scene is another."""
+    display, bpy.context.preferences.view.render_display_type = bpy.context.preferences.view.render_display_type, "NONE"
+    hover(*middle_of(area_of("VIEW_3D")))
+    module("latest").forget()
+    area_of("PROPERTIES").tag_redraw()
+    yield 1.0
+    without = panel_pixels()
+    events.clear()
+    start_render()
+    yield from wait_until(lambda: "render_complete" in events, "the render does not end", 60)
+    yield 1.0
+    rendered = panel_pixels()
+    check(rendered != without, "the panels do not come after a render")
+    check(not module("latest").is_outdated(bpy.context.scene), "what was just rendered is called outdated")
+    screenshot("statistics_by_themselves")
+    yield 1.0
+    check(panel_pixels() == rendered, "the panels change without a reason")
+    bpy.data.objects["Hill"].location.z += 0.5
+    yield from wait_until(lambda: panel_pixels() != rendered, "the panels do not say that the scene is another", 5)
+    yield 0.7
+    screenshot("statistics_of_an_edited_scene")
+    bpy.data.objects["Hill"].location.z -= 0.5
+    bpy.context.preferences.view.render_display_type = display
+    yield 0.5
 
 
 def cancel_a_render() -> Step:
@@ -74,15 +112,3 @@ def render_without_a_camera() -> Step:
     scene.camera = camera
     check("render_complete" not in events, "a render without a camera is complete")
     yield from close_image_windows()
-
-
-def close_image_windows() -> Step:
-    """Renders open a window of their own, or take the place of an area."""
-    for window in list(bpy.context.window_manager.windows)[1:]:
-        with bpy.context.temp_override(window=window):
-            bpy.ops.wm.window_close()
-    yield 0.5
-    for area in bpy.context.window_manager.windows[0].screen.areas:
-        if area.type == "IMAGE_EDITOR":
-            area.type = "VIEW_3D"
-    yield 0.5

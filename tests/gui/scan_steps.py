@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import bpy
-from addon_state import settings, wait_for_report
+from addon_state import is_working, settings, wait_for_report
 from buttons import Button, press
 from driver import Step, area_of, check, hover, middle_of, press_key, screenshot, wait_until
 from panel_steps import open_sub_panel
@@ -15,11 +15,6 @@ ATTRIBUTES = {"distance", "normal", "time", "object_id", "instance_id", "materia
 
 def scans() -> list[bpy.types.Object]:
     return [obj for obj in bpy.context.scene.objects if obj.name.startswith("Scan")]
-
-
-def is_scanning() -> bool:
-    windows = bpy.context.window_manager.windows
-    return any("perfect_bvh" in operator.bl_idname.lower() for window in windows for operator in window.modal_operators)
 
 
 def press_scan(after: Callable[[], Step]) -> Step:
@@ -36,16 +31,24 @@ def stop_a_scan() -> Step:
     scan.width, scan.height = 2000, 2000
 
     def stop() -> Step:
-        yield from wait_until(is_scanning, "the scan does not begin", 10)
+        yield from wait_until(is_working, "the scan does not begin", 10)
         yield 0.3
-        check(is_scanning(), "4 million rays were cast in half a second")
+        check(is_working(), "4 million rays were cast in half a second")
         screenshot("scanning")
         yield from press_key("Escape")
-        yield from wait_until(lambda: not is_scanning(), "Escape does not stop the scan", 10)
+        yield from wait_until(lambda: not is_working(), "Escape does not stop the scan", 10)
 
     yield from press_scan(stop)
     yield from wait_for_report("The scan was stopped: nothing was made")
     check(not scans(), "a stopped scan has made an object")
+
+    def stop_at_once() -> Step:
+        yield from press_key("Escape")
+        yield from wait_until(lambda: not is_working(), "Escape does not stop the scan at its start", 20)
+
+    yield from press_scan(stop_at_once)
+    yield 0.5
+    check(not scans(), "a scan stopped at its start has made an object")
     scan.width, scan.height = 640, 360
 
 

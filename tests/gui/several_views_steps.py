@@ -7,8 +7,21 @@ from typing import Any
 
 import bpy
 import numpy as np
-from addon_state import finished, module, viewports
-from driver import Step, StepError, area_of, check, context_of, region_of, screenshot, x_tool
+from addon_state import events, finished, module, viewports
+from driver import (
+    Step,
+    StepError,
+    area_of,
+    check,
+    context_of,
+    hover,
+    middle_of,
+    press_key,
+    region_of,
+    screenshot,
+    wait_until,
+    x_tool,
+)
 
 HEADERS = 60  # in pixels: what lies over the upper edge of a viewport
 # Below the first window, which is less high while its viewport has 540 lines.
@@ -279,3 +292,86 @@ def edit_in_two_scenes() -> Step:
     yield from look("the hill is back")
     for name, image in before.items():
         check(np.array_equal(images[name], image), f"{name} is not as before")
+
+
+# Renders whose scene or window goes ----------------------------------------------------------------------------------
+
+
+def start_render_of(window: bpy.types.Window) -> Step:
+    """With so many samples that it goes on for long."""
+    scene = window.scene
+    if scene.camera is None:
+        scene.camera = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))
+        scene.camera.location = (0.0, 0.0, 30.0)
+        scene.collection.objects.link(scene.camera)
+    scene.perfect_bvh.samples = 4096
+    events.clear()
+    with override(window, view_areas(window)[0]):
+        bpy.ops.render.render("INVOKE_DEFAULT")
+    yield from wait_until(lambda: bpy.app.is_job_running("RENDER"), "the render does not begin")
+    yield 1.5
+    check(bpy.app.is_job_running("RENDER"), "the render is over already")
+
+
+def close_a_window_while_it_renders() -> Step:
+    """The render goes on or ends, as Blender likes it; Escape ends it at the latest."""
+    bpy.context.preferences.view.render_display_type = "NONE"
+    first, second = main_window(), second_window()
+    yield from start_render_of(second)
+    with bpy.context.temp_override(window=second):
+        bpy.ops.wm.window_close()
+    yield 1.0
+    check(len(bpy.context.window_manager.windows) == 1, "the window is still there")
+    if bpy.app.is_job_running("RENDER"):
+        hover(*middle_of(view_areas(first)[0]))
+        yield 0.3
+        yield from press_key("Escape")
+    yield from wait_until(lambda: not bpy.app.is_job_running("RENDER"), "the render goes on")
+    yield from finished("the window that stays")
+    check_shows(first, view_areas(first)[0], "the window that stays")
+
+
+def delete_a_scene_while_it_renders() -> Step:
+    first, other = main_window(), bpy.data.scenes["Other"]
+    kept, uid = first.scene, other.session_uid
+    first.scene = other
+    show_plainly(view_areas(first)[0])
+    yield from finished("the other scene in the window that stays")
+    yield from start_render_of(first)
+    with override(first, view_areas(first)[0]):
+        bpy.ops.scene.delete()
+    yield from wait_until(lambda: not bpy.app.is_job_running("RENDER"), "the render of a deleted scene goes on")
+    check("Other" not in bpy.data.scenes, "the scene is still there")
+    first.scene = kept
+    show_plainly(view_areas(first)[0])
+    yield from finished("the scene that stays")
+    check_shows(first, view_areas(first)[0], "the scene that stays")
+    check(all(key[0] != uid for key in module("session")._sessions), "what was synced of a deleted scene is kept")
+    bpy.context.preferences.view.render_display_type = "WINDOW"
+
+
+def show_another_panorama() -> Step:
+    """A kind that cannot be traced is shown in perspective, and the viewport says why; a render names the way out."""
+    window, scene = main_window(), bpy.context.scene
+    (area,) = view_areas(window)
+    camera = scene.camera.data
+    camera.type, camera.panorama_type = "PANO", "FISHEYE_EQUISOLID"
+    before = area.spaces.active.region_3d.view_perspective
+    area.spaces.active.region_3d.view_perspective = "CAMERA"
+    area.spaces.active.overlay.show_overlays = True
+    yield from finished("another panorama")
+    (shown,) = viewports()
+    check("Fisheye Equisolid panorama" in (shown.complaint or ""), f"the viewport says {shown.complaint!r}")
+    check(shown._refinement.image[..., :3].std() > 0.01, "nothing is shown")
+    screenshot("another_panorama")
+    try:
+        with override(window, area):
+            bpy.ops.render.render()
+    except RuntimeError as problem:
+        check("choose that as its Panorama Type" in str(problem), str(problem))
+    else:
+        check(False, "a fisheye was rendered")
+    camera.type = "PERSP"
+    area.spaces.active.region_3d.view_perspective = before
+    yield from finished("perspective again")
+    check(shown.complaint is None, "the viewport still complains")

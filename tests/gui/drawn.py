@@ -1,0 +1,55 @@
+"""What the add-on's panels draw, and what of it was pressed: at the end nothing must be left."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+from addon_state import module
+from driver import area_of, context_of
+
+drawn: set[str] = set()
+pressed: set[str] = set()
+
+
+class RecordingLayout:
+    """Takes whatever `UILayout` takes, and keeps the names of properties and operators."""
+
+    def prop(self, owner: Any, name: str, **_: Any) -> None:
+        drawn.add(name)
+
+    def operator(self, name: str, **_: Any) -> SimpleNamespace:
+        drawn.add(name)
+        return SimpleNamespace()
+
+    def operator_menu_enum(self, name: str, *_: Any, **__: Any) -> None:
+        drawn.add(name)
+
+    def label(self, **_: Any) -> None:
+        """Nothing to press."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Layouts in the layout, and separators."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return lambda *_, **__: self
+
+
+def note_drawn() -> None:
+    """What every panel of the add-on that is shown now would draw, were it open."""
+    stand = SimpleNamespace(layout=RecordingLayout())
+    with bpy.context.temp_override(**context_of(area_of("PROPERTIES"))):
+        tab = area_of("PROPERTIES").spaces.active.context.lower()
+        for panel in module("panels").CLASSES:
+            if panel.bl_context != tab or not panel.poll(bpy.context):
+                continue
+            if hasattr(panel, "draw_header"):
+                panel.draw_header(stand, bpy.context)
+            panel.draw(stand, bpy.context)
+
+
+def note_pressed(what: str) -> None:
+    """what: of a `Button`: the end of a data path, or an operator's call."""
+    call = what.removeprefix("bpy.ops.")
+    pressed.add(call.partition("(")[0] if call != what else what.rpartition(".")[2])
