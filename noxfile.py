@@ -102,7 +102,7 @@ def soak(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def fuzz(session: nox.Session) -> None:
-    """Look for series of edits that do something new or break something, for ten minutes unless told; keeps both."""
+    """Look for inputs that do something new or break something, for ten minutes unless told; keeps both."""
     session.install(".[test]")
     session.run("python", "tests/stress/fuzz.py", *(session.posargs or ("--seconds", "600")))
 

@@ -6,6 +6,7 @@ Their judge finds the answers that are wrong, and no others.
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -265,3 +266,45 @@ def test_scans_are_measured_beside_blenders_own_rays(repository: Path, tmp_path:
         assert row["ours_wrong"] == 0
         assert row["scan_mrays"] > 0.0
         assert row["times_as_fast"] > 0.0
+
+
+def test_errors_of_images_are_measured_with_raw_totals(repository: Path, tmp_path: Path) -> None:
+    pytest.importorskip("bpy", reason="Blender's module is not installed")
+    out = tmp_path / "image_error.json"
+    command = [sys.executable, str(repository / "tests" / "benchmarks" / "image_error.py"), "--json", str(out)]
+    command += ["--size", "80", "--most", "16", "--seeds", "1", "--converged", "64"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    runs = {run["name"]: run for run in json.loads(out.read_text())["runs"]}
+    assert {"preview", "preview, smoothed", "Cycles", "clay", "clay, 0.25 of the radius"} <= runs.keys()
+    for name, run in runs.items():
+        assert [point["samples"] for point in run["points"]] == [1, 4, 16], name
+        assert run["points"][-1]["error"]["median"] < run["points"][0]["error"]["median"], name
+        for point in run["points"]:
+            assert 0.0 <= point["ms"]["median"] <= point["total_ms"]["median"], name
+    assert [name for name, run in runs.items() if run["reads_each_time"]] == ["Cycles"]
+
+
+@pytest.mark.parametrize(
+    ("script", "constant", "source", "name"),
+    [
+        ("build_python.py", "COMMITS_OF_A_STATIC_TREE", "scene/make_blas.cpp", "kStaticCommits"),
+        ("image_error.py", "OPENNESS", "render/illumination.cpp", "kOpenness"),
+    ],
+)
+def test_what_benchmarks_repeat_of_the_engine_is_the_engines(
+    repository: Path, script: str, constant: str, source: str, name: str
+) -> None:
+    here = (repository / "tests" / "benchmarks" / script).read_text(encoding="utf-8")
+    there = (repository / "native" / "src" / source).read_text(encoding="utf-8")
+    (repeated,) = re.findall(rf"^{constant} = ([\d.]+)", here, re.MULTILINE)
+    (original,) = re.findall(rf"constexpr \w+ {name} = ([\d.]+)", there)
+    assert float(repeated) == float(original)
+
+
+def test_the_soak_that_is_kept_was_long_and_found_nothing(repository: Path) -> None:
+    kept = json.loads((repository / "tests" / "benchmarks" / "results" / "soak.json").read_text(encoding="utf-8"))
+    assert kept["steps"] >= 20_000
+    assert kept["differences"] == []
+    middles = [middle for middle, _ in kept["resident_megabytes"]]
+    assert middles[-1] < 1.01 * middles[len(middles) // 2], "memory was not flat"

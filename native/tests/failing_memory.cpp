@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdlib>
 #include <new>
+#include <thread>
 
 namespace {
 
@@ -12,10 +13,13 @@ constexpr long kFar = 1L << 60;
 std::atomic<long> allocations_left{kFar};
 // Whether all fail after the first one that did, or that one alone.
 std::atomic<bool> stays_exhausted{false};
+// Whose allocations neither count nor fail.
+std::atomic<std::thread::id> spared{};
 // What is stopped instead of an allocation's failing.
 std::atomic<perfect_bvh::CancelToken*> stopped{nullptr};
 
 bool is_refused() noexcept {
+  if (spared.load(std::memory_order_relaxed) == std::this_thread::get_id()) return false;
   const long left = allocations_left.fetch_sub(1, std::memory_order_relaxed);
   if (left > 0) return false;
   if (perfect_bvh::CancelToken* const token = stopped.load(std::memory_order_relaxed)) {
@@ -54,7 +58,8 @@ void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std
 
 namespace perfect_bvh::test {
 
-MemoryRunsOut::MemoryRunsOut(long after, bool stays) noexcept {
+MemoryRunsOut::MemoryRunsOut(long after, bool stays, bool spares_this_thread) noexcept {
+  spared = spares_this_thread ? std::this_thread::get_id() : std::thread::id();
   stays_exhausted = stays;
   allocations_left = after;
 }
@@ -62,6 +67,7 @@ MemoryRunsOut::MemoryRunsOut(long after, bool stays) noexcept {
 bool MemoryRunsOut::end() noexcept {
   const bool ran_out = allocations_left.exchange(kFar) < 0;
   stays_exhausted = false;
+  spared = std::thread::id();
   return ran_out;
 }
 

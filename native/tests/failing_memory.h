@@ -6,10 +6,11 @@
 
 namespace perfect_bvh::test {
 
-// While it lives, of all threads together: so many allocations succeed; then one alone fails, or all.
+// While it lives, of all threads together, or of all but the one that made it: so many allocations succeed; then one
+// alone fails, or all.
 class MemoryRunsOut {
  public:
-  MemoryRunsOut(long after, bool stays) noexcept;
+  MemoryRunsOut(long after, bool stays, bool spares_this_thread = false) noexcept;
   ~MemoryRunsOut() { end(); }
   MemoryRunsOut(const MemoryRunsOut&) = delete;
   MemoryRunsOut& operator=(const MemoryRunsOut&) = delete;

@@ -170,6 +170,42 @@ TEST_P(Memory, RunsOutDuringALazyBuild) {
   EXPECT_TRUE(are_equal(hits, expected));
 }
 
+std::int32_t add_large(Scene& scene, std::uint32_t seed) {
+  const auto id = scene.add_mesh(soup(20'000, seed).mesh(), {}, Usage::kStatic);
+  scene.add_instances(std::vector<InstanceInput>{{id, Affine{}, 1, {}}});
+  return id;
+}
+
+// An exception in a worker of the pool, while the thread that commits has all it needs.
+TEST(FailedWorkers, LeaveTheLastSnapshotWhole) {
+  ThreadPool pool(3);
+  EditedScene edited(pool);
+  const auto large = add_large(edited.scene, 7);
+  edited.commit();
+  const auto before = edited.scene.snapshot();
+  const std::vector<Hit> old_hits = edited.trace(*before);
+  int failures = 0;
+  for (int attempt = 0; failures < 5 && attempt < 300; ++attempt) {
+    edited.scene.replace_mesh(large, soup(20'000, 8).mesh());
+    MemoryRunsOut fault(attempt % 7, false, true);
+    try {
+      edited.commit();
+    } catch (const std::bad_alloc&) {
+      fault.end();
+      ++failures;
+      ASSERT_THROW(static_cast<void>(edited.scene.snapshot()), StaleScene);
+    }
+  }
+  EXPECT_GT(failures, 0);
+  EXPECT_TRUE(are_equal(edited.trace(*before), old_hits));
+
+  edited.commit();
+  EditedScene fresh(pool);
+  add_large(fresh.scene, 8);
+  fresh.commit();
+  EXPECT_TRUE(are_equal(edited.trace(*edited.scene.snapshot()), fresh.trace(*fresh.scene.snapshot())));
+}
+
 INSTANTIATE_TEST_SUITE_P(FailedAllocations, Memory, testing::Values(false, true),
                          [](const auto& test) { return test.param ? "ForGood" : "Once"; });
 

@@ -40,7 +40,6 @@ Image = npt.NDArray[np.float32]
 Border = tuple[float, float, float, float]  # left, right, bottom, top, as shares of the image
 # Samples, seed, border -> image, milliseconds.
 Render = Callable[[int, int, Border], tuple[Image, float]]
-CONVERGED = 4096
 OPENNESS = 0.3  # the share of the sky that a bounce finds: kOpenness in native/src/render/illumination.cpp
 WHOLE: Border = (0.0, 1.0, 0.0, 1.0)
 MIDDLE: Border = (0.4, 0.6, 0.4, 0.6)  # whole pixels, whatever multiple of 80 the width is
@@ -57,6 +56,7 @@ def main() -> None:
     add("--size", type=int, default=320, metavar="W", help="of the image, 16:9; a multiple of 80")
     add("--most", type=int, default=64, metavar="N", help="samples a pixel at most")
     add("--seeds", type=int, default=3, metavar="N", help="images of each number of samples")
+    add("--converged", type=int, default=4096, metavar="N", help="samples a pixel of what the images are compared with")
     chosen = parser.parse_args()
     bpy.ops.wm.open_mainfile(filepath=str(REPOSITORY / "blend_scenes" / f"{chosen.scene}.blend"))
     scene = bpy.context.scene
@@ -66,12 +66,17 @@ def main() -> None:
         for which in renderers(scene, chosen.size):
             bar.set_description(which.name)
             if which.integrand not in converged:
-                converged[which.integrand] = middle_of(which.render(CONVERGED, REFERENCE_SEED, MIDDLE)[0])
+                converged[which.integrand] = middle_of(which.render(chosen.converged, REFERENCE_SEED, MIDDLE)[0])
                 bar.update()
             points = measure(which.render, converged[which.integrand], chosen.most, chosen.seeds, bar)
             runs.append(row_of(which, points))
     apart = error(converged["preview"], converged["Cycles"])
-    figures = {"scene": chosen.scene, "preview_from_cycles": apart, "runs": runs}
+    figures = {
+        "scene": chosen.scene,
+        "converged_samples": chosen.converged,
+        "preview_from_cycles": apart,
+        "runs": runs,
+    }
     chosen.json.parent.mkdir(parents=True, exist_ok=True)
     chosen.json.write_text(json.dumps({"machine": describe(), **figures}, indent=1) + "\n", encoding="utf-8")
 

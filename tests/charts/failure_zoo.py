@@ -49,7 +49,7 @@ def _worst_first(cases: object) -> list[Figures]:
 
 
 def _told(cases: list[Figures]) -> str:
-    return "; ".join(f"{case['title'].lower()} ({case['naive']} {case['unit']})" for case in cases)
+    return "; ".join(f"{case['title'].lower()} ({case['naive']:,} {case['unit']})" for case in cases)
 
 
 def _panel(title: str, cases: list[Figures], x: Axis) -> Panel:

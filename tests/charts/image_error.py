@@ -22,11 +22,11 @@ def chart(figures: Figures | None = None) -> Chart:
     return Chart(
         f"At equal error the preview's rays are {faster:.1f} times as fast as Cycles'; in all, {faster_in_all:.1f}",
         f"{figures['scene']}, one matt material under a white sky, one bounce, {runs['preview']['width']} pixels wide; "
-        f"1, 4 ... {most} samples a pixel. Error: root mean square difference, in the middle of the image (a "
-        "fifth as wide and high), from the renderer's own 4,096 samples there, over their mean; these two images are "
-        f"{100 * figures['preview_from_cycles']:.0f} % apart. {faster:.1f} and {faster_in_all:.1f}: at {most} samples, "
-        "errors made equal by more of them. Cycles reads the scene and writes a file in each render: its totals are "
-        f"measured; hollow: less a start of {runs['Cycles']['sync_ms']:.0f} ms, which is reckoned from them. "
+        f"1, 4 ... {most} samples a pixel. Error: root mean square difference, in the middle of the image (a fifth as "
+        f"wide and high), from the renderer's own {figures['converged_samples']:,} samples there, over their mean; the "
+        f"two are {100 * figures['preview_from_cycles']:.0f} % apart. {faster:.1f} and {faster_in_all:.1f}: at "
+        f"{most} samples, errors made equal by more of them. Cycles reads the scene and writes a file in each render: "
+        f"its totals are measured; hollow: less a start of {runs['Cycles']['sync_ms']:.0f} ms, reckoned from them. "
         f"{_threads(figures)} each, no denoiser; bars: quartiles.",
         [
             Panel("Rays alone", _time("milliseconds of rendering"), _error(), [_series(run) for run in first]),

@@ -10,9 +10,7 @@ import numpy as np
 import perfect_bvh
 
 from .arguments import INTEGERS, anything, array, cull, mask, number
-from .bytes import Bytes, kind_of
-
-Features = set[tuple[str, ...]]
+from .bytes import Bytes, Features, kind_of
 
 
 @cache

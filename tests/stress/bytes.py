@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 Choice = TypeVar("Choice")
+Features = set[tuple[str, ...]]
+"""What was seen to happen while some bytes were played: a search keeps those that show what no others do."""
 
 
 @dataclass

@@ -16,7 +16,7 @@ from perfect_bvh_addon.failure_cases import CASES, Body
 from perfect_bvh_addon.failure_cases.case import finite, rays_around
 from perfect_bvh_addon.failure_cases.shapes import Mesh, loose
 
-from .bytes import Bytes, kind_of
+from .bytes import Bytes, Features, kind_of
 
 RAYS = 40
 LARGEST_MESH = 900
@@ -69,13 +69,13 @@ class Play:
     scene: perfect_bvh.Scene = field(default_factory=perfect_bvh.Scene)
     meshes: dict[int, Mesh] = field(default_factory=dict)
     instances: dict[int, Placed] = field(default_factory=dict)
-    features: set[tuple[str, ...]] = field(default_factory=set)
+    features: Features = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self.source = Bytes(self.data)
         self.random = np.random.default_rng(list(self.data))
 
-    def run(self) -> set[tuple[str, ...]]:
+    def run(self) -> Features:
         """All edits, and a last commit. Returns the features."""
         while not self.source.is_over:
             self.source.pick(EDITS)(self)
@@ -236,6 +236,6 @@ EDITS: tuple[Callable[[Play], None], ...] = (
 )
 
 
-def edit_scenes(data: bytes) -> set[tuple[str, ...]]:
+def edit_scenes(data: bytes) -> Features:
     """One scene, edited and asked. Returns what was seen to happen."""
     return Play(data).run()

@@ -24,13 +24,13 @@ if __name__ == "__main__":
 import numpy as np
 
 from stress.boundary import cast_rays, compute_closest_points, fill_scenes
+from stress.bytes import Features
 from stress.edits import edit_scenes
 from stress.hard_meshes import trace_hard_mesh
 from stress.reached_lines import with_lines
 
 CORPUS = Path(__file__).parent / "corpus"
 LONGEST = 160
-Features = set[tuple[str, ...]]
 TARGETS: dict[str, Callable[[bytes], Features]] = {
     "edits": edit_scenes,
     "hard_mesh": trace_hard_mesh,

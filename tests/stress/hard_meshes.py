@@ -11,12 +11,11 @@ from oracles.brute_force import WorldTriangles, certain_hits, judge
 from oracles.closest_point import distances_to_triangles
 from perfect_bvh.build_config import BUILDERS, LAYOUTS
 
-from .bytes import Bytes
+from .bytes import Bytes, Features
 
 COORDINATES = np.float32([0.0, 1.0, -1.0, 0.5, 0.25, 1.0 + 2.0**-23, 1e-7, -1e-3, 3.0, 0.1])
 SCALES = (1.0, 1e-20, 1e-6, 1e5, 1e12)
 VERTICES, TRIANGLES, RAYS = 12, 10, 40
-Features = set[tuple[str, ...]]
 
 
 def trace_hard_mesh(data: bytes) -> Features:

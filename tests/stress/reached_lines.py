@@ -10,8 +10,9 @@ from typing import Any
 
 import perfect_bvh
 
+from .bytes import Features
+
 FACE = str(Path(perfect_bvh.__file__).parent)
-Features = set[tuple[str, ...]]
 
 
 def with_lines(call: Callable[[bytes], Features], data: bytes) -> Features:

@@ -1,14 +1,22 @@
-"""Threads trace snapshots while others edit, commit and cancel: every answer is right for the snapshot it came from."""
+"""Threads trace snapshots while others edit, commit and cancel: every answer is right for the snapshot it came from.
+
+And edits without end do not need ever more memory.
+"""
 
 from __future__ import annotations
 
+import os
+import signal
 import threading
 import time
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import perfect_bvh
+import pytest
 from oracles import meshes
 
 SECONDS = 5.0
@@ -140,3 +148,44 @@ def test_answers_are_those_of_their_snapshot_whatever_is_edited_meanwhile() -> N
     assert all(scene.commits > 2 for scene in edited)
     assert sum(scene.cancelled for scene in edited) > 0
     assert {scene for scene, _ in witness.answers} == {scene.scene.scene_id for scene in edited}
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+def test_a_forked_process_traces_and_edits_what_it_inherited() -> None:
+    edited, rays = EditedScene(6), meshes.random_rays(RAYS, 3, 3.0)
+    expected = edited.snapshots[0].cast_rays(*rays, threads=2)
+    child = os.fork()
+    if child == 0:
+        _answer_as_child(edited, rays, expected)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert np.array_equal(edited.snapshots[0].cast_rays(*rays, threads=2).t_hit, expected.t_hit)
+
+
+def _answer_as_child(edited: EditedScene, rays: tuple[np.ndarray, np.ndarray], expected: perfect_bvh.Hits) -> NoReturn:
+    """Ends this process: with 0 if it can trace and edit as its parent can."""
+    status = 2
+    try:
+        signal.alarm(120)  # rather than to hang
+        same = np.array_equal(edited.snapshots[0].cast_rays(*rays, threads=2).t_hit, expected.t_hit)
+        edited.edit()
+        audit = edited.snapshots[-1].cast_rays(*rays, threads=2, audit=1.0).audit
+        status = 0 if same and audit.wrong_rows.size == 0 else 1
+    finally:
+        os._exit(status)
+
+
+def test_memory_is_flat_over_edits_and_snapshots() -> None:
+    edited, rays, resident = EditedScene(5), meshes.random_rays(RAYS, 3, 3.0), []
+    for _ in range(6):
+        for _ in range(60):
+            edited.edit()
+            edited.snapshots[0].cast_rays(*rays, threads=1)
+        resident.append(_resident_megabytes())
+    # Of the first laps buffers and thread pools are left.
+    assert resident[-1] < resident[2] + 8.0, resident
+
+
+def _resident_megabytes() -> float:
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
