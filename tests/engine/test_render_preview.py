@@ -265,6 +265,60 @@ def test_emission_is_seen_and_gives_light():
     assert brightness(floor(), look) == pytest.approx(3.0, rel=1e-5)
 
 
+SMALL = np.array([(-0.025, -0.025, 1), (0.025, -0.025, 1), (0.025, 0.025, 1), (-0.025, 0.025, 1)], np.float64)
+
+
+def glowing(radiance: float) -> Appearance:
+    """A floor that gives back everything, and a black square that glows; nothing else shines."""
+    return Appearance(
+        instances=replace(one_material(2), slot_materials=np.array([0, 1], np.int32)),
+        materials=MaterialTable(
+            np.ones((2, 4), np.float32),
+            np.zeros(2, np.int32),
+            base_colors=np.array([(1, 1, 1), (0, 0, 0)], np.float32),
+            emissions=np.array([(0, 0, 0), (radiance,) * 3], np.float32),
+        ),
+        world=BLACK,
+        camera_mask=0b01,
+    )
+
+
+def small_light_over(floor_mask: int = 0b11, light_mask: int = 0b10) -> Scene:
+    scene = Scene()
+    scene.add_instance(scene.add_mesh(FLOOR, QUAD), mask=floor_mask)
+    scene.add_instance(scene.add_mesh(SMALL, QUAD), mask=light_mask)
+    scene.commit()
+    return scene
+
+
+def test_what_glows_gives_light_without_specks_however_small_it_is():
+    """Radiance times the area over the distance squared, over pi; one ray in a thousand would find it by chance."""
+    image = render(small_light_over(), ABOVE, "preview", SIZE, 16, glowing(1000.0), smooth=False)[..., 1]
+    places = 5 * math.tan(math.radians(2.5)) * (np.arange(1, 64, 2) / 32 - 1)
+    expected = 1000.0 * 0.05**2 / math.pi / (1 + places[:, None] ** 2 + places**2) ** 2
+    np.testing.assert_allclose(image, expected, rtol=0.03)
+
+
+@pytest.mark.parametrize("height", [0.003, 0.02, 0.2])
+def test_what_glows_is_as_bright_near_by_as_when_it_is_found_by_chance(height):
+    """A square that glows so near that rays find it by themselves."""
+    scene = Scene()
+    scene.add_instance(scene.add_mesh(FLOOR, QUAD), mask=0b11)
+    scene.add_instance(scene.add_mesh(SMALL * (20, 20, height), QUAD), mask=0b10)
+    scene.commit()
+    camera = Camera.look_at((0, 0, 5), (0, 0, 0), up=(0, 1, 0), angle=math.radians(0.5), aspect=1.0)
+    image = render(scene, camera, "preview", SIZE, 64, glowing(2.0), smooth=False)[..., 1]
+    # The view factor of a square seen from below its middle (four corners' closed form).
+    x = 0.5 / height
+    factor = 4 * x / math.sqrt(1 + x * x) * math.atan(x / math.sqrt(1 + x * x)) / math.pi
+    assert image.mean() == pytest.approx(2.0 * factor, rel=0.01)
+
+
+def test_what_glows_unseen_by_light_gives_none():
+    look = replace(glowing(1000.0), diffuse_mask=0b01, shadow_mask=0b01)
+    assert brightness(small_light_over(), look) == 0.0
+
+
 @pytest.mark.parametrize("smooth", [False, True])
 @pytest.mark.parametrize("linear", [False, True])
 def test_images_show_the_right_way_up(linear, smooth):

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "render/directions.h"
 #include "render/material.h"
@@ -13,17 +14,28 @@ namespace {
 
 constexpr std::size_t kFewLights = 4;
 constexpr int kPicks = 2;
+// Rays end short of the light: what it hangs on should not put it out.
+constexpr float kShort = 1.0f - 1e-5f;
 constexpr int kMostLayers = 8;  // of transparent surfaces that a shadow ray passes
 // Of the light from all around, what reaches the surface that a ray bounced off: nobody looks whether it is open.
 constexpr float kOpenness = 0.3f;
 // The same where it is seen in a mirror: what is below the horizon sends nothing, and little is more closed than that.
 constexpr float kMirroredOpenness = 0.6f;
+// Light that bounced once more than what it lights is seen by is no brighter than this: few paths carry it, and single
+// bright ones would be specks. Cycles' "Clamp Indirect" has the same value.
+constexpr float kMostBounced = 10.0f;
 // Numbers of sampling dimensions, apart from the camera's and clay's.
 constexpr std::uint32_t kSkyDimension = 8, kMirrorDimension = 9, kLightDimension = 16, kBounceDimension = 32;
+constexpr std::uint32_t kGlowDimensions = 8;  // further on than those of the lights
 
 Vec3f turned(Vec3f direction, float angle) noexcept {
   const float c = std::cos(angle), s = std::sin(angle);
   return {direction.x * c - direction.y * s, direction.x * s + direction.y * c, direction.z};
+}
+
+Vec3f at_most(Vec3f color, float most) noexcept {
+  const float brightest = std::max({color.x, color.y, color.z});
+  return brightest > most ? color * (most / brightest) : color;
 }
 
 bool is_black(Vec3f color) noexcept { return !(color.x > 0.0f || color.y > 0.0f || color.z > 0.0f); }
@@ -37,7 +49,8 @@ Illumination::Illumination(const Snapshot& snapshot, const Appearance& appearanc
       appearance_(appearance),
       seed_(seed),
       light_rays_(light_rays),
-      mean_surroundings_(find_mean_surroundings()) {}
+      mean_surroundings_(find_mean_surroundings()),
+      glow_(snapshot, appearance) {}
 
 Vec3f Illumination::surroundings(Vec3f direction) const noexcept {
   if (!appearance_.world) return Studio::dome(direction.z);
@@ -71,15 +84,20 @@ void Illumination::gather(Points at, std::uint32_t sample, Scratch& scratch) con
   }
 }
 
+float Illumination::density_all_around(const SurfacePoint& point, Vec3f direction) noexcept {
+  return std::max(dot(direction, point.light_normal), 0.0f) * std::numbers::inv_pi_v<float>;
+}
+
 void Illumination::add_lights(const Points& at, std::uint32_t index, std::uint32_t first_dimension,
                               Scratch& scratch) const {
-  if (appearance_.lights.empty()) return;
+  if (appearance_.lights.empty() && glow_.empty()) return;
   scratch.rays.clear(), scratch.targets.clear(), scratch.carried.clear(), scratch.shine.clear();
   if (appearance_.lights.size() <= kFewLights) {
     aim_at_each(at, index, first_dimension, scratch);
   } else {
     aim_at_some(at, index, first_dimension, scratch);
   }
+  if (!glow_.empty()) aim_at_glow(at, index, first_dimension + kGlowDimensions, scratch);
   block(scratch);
   for (std::size_t i = 0; i < scratch.rays.size(); ++i) {
     Vec3f& light = at.light[scratch.targets[i]];
@@ -146,12 +164,39 @@ void Illumination::aim(const Points& at, std::uint32_t row, const Light& light, 
     if (gloss != nullptr) at.shine[row] = at.shine[row] + shine;
     return;
   }
-  // Short of the light: what it hangs on should not put it out.
-  constexpr float kShort = 1.0f - 1e-5f;
   const Vec3f direction = above(point, to_light.direction);
   scratch.rays.push_back(ray_from(point, direction, to_light.length * kShort, appearance_.shadow_mask));
   scratch.targets.push_back(row);
   scratch.carried.push_back(carried), scratch.shine.push_back(shine);
+}
+
+// A ray that looks all around may meet the same place: by the balance heuristic (Veach and Guibas 1995) each way counts
+// as much as it is likely to find it, so that neither is far off. See `look_along_rays`.
+void Illumination::aim_at_glow(const Points& at, std::uint32_t index, std::uint32_t first_dimension,
+                               Scratch& scratch) const {
+  const Dimension choice(seed_, first_dimension), place(seed_, first_dimension + 1);
+  for (std::uint32_t row = 0; row < at.points.size(); ++row) {
+    const SurfacePoint& point = at.points[row];
+    const Point2 pick = (choice.sample(index) ^ choice.offset(at.places[row])).to_unit();
+    const GlowPoint glow = glow_.choose(pick.x, (place.sample(index) ^ place.offset(at.places[row])).to_unit());
+    const Vec3f way = to_float(glow.position - point.origin);
+    const float distance = length(way);
+    if (!(distance > 0.0f) || !std::isfinite(distance)) continue;
+    const Vec3f direction = way * (1.0f / distance);
+    if (!point.lifted && !(dot(direction, point.geometric_normal) > 0.0f)) continue;
+    const float around = density_all_around(point, direction);
+    const float aimed = glow.density * distance * distance / std::abs(dot(direction, glow.normal));
+    if (!(around > 0.0f) || !std::isfinite(aimed)) continue;
+    const Vec3f carried = glow.radiance * (at.share * around / (aimed + around));
+    const Gloss* const gloss = at.glosses.empty() ? nullptr : &at.glosses[row];
+    Vec3f shine{0, 0, 0};
+    if (gloss != nullptr && gloss->shines() && !gloss->mirrors()) {
+      shine = carried * highlight(*gloss, point.light_normal, direction);
+    }
+    scratch.rays.push_back(ray_from(point, direction, distance * kShort, appearance_.shadow_mask));
+    scratch.targets.push_back(row);
+    scratch.carried.push_back(carried), scratch.shine.push_back(shine);
+  }
 }
 
 void Illumination::block(Scratch& scratch) const {
@@ -194,12 +239,13 @@ void Illumination::block_partly(Scratch& scratch) const {
 void Illumination::add_surroundings(const Points& at, std::uint32_t index, Scratch& scratch) const {
   const Dimension dimension(seed_, kSkyDimension);
   const FixedPoint2 shared = dimension.sample(index);
-  scratch.rays.clear();
+  scratch.rays.clear(), scratch.densities.clear();
   for (std::size_t row = 0; row < at.points.size(); ++row) {
     const SurfacePoint& point = at.points[row];
     const Point2 random = (shared ^ dimension.offset(at.places[row])).to_unit();
     const Vec3f direction = above(point, cosine_direction(point.light_normal, random));
     scratch.rays.push_back(ray_from(point, direction, kInfiniteDistance, appearance_.diffuse_mask));
+    scratch.densities.push_back(density_all_around(point, direction));
   }
   look_along_rays(at.places, index, kOpenness, scratch);
   for (std::size_t row = 0; row < at.points.size(); ++row) {
@@ -222,6 +268,7 @@ void Illumination::add_mirrored(const Points& at, std::uint32_t index, Scratch& 
     scratch.mirror_weights.push_back(way.weight * at.share);
   }
   if (scratch.rays.empty()) return;
+  scratch.densities.clear();
   look_along_rays(scratch.mirror_places, index, kMirroredOpenness, scratch);
   for (std::size_t i = 0; i < scratch.mirrors.size(); ++i) {
     Vec3f& shine = at.shine[scratch.mirrors[i]];
@@ -246,17 +293,34 @@ void Illumination::look_along_rays(std::span<const std::uint32_t> places, std::u
     const Hit& hit = scratch.hits[point.ray];
     const Instance& instance = snapshot_.instances[hit.instance_index];
     const Material material = material_at(appearance_, instance, hit, point.material);
-    arriving[point.ray] = surroundings(to_float(scratch.rays[point.ray].direction)) * material.through();
+    const Vec3f direction = to_float(scratch.rays[point.ray].direction);
+    const float met = scratch.densities.empty() ? 1.0f : met_by_chance(point, direction, hit.t, scratch);
+    arriving[point.ray] = surroundings(direction) * material.through() + material.emission * (material.alpha * met);
     scratch.bounce_materials.push_back(material);
     scratch.bounce_places.push_back(places[point.ray]);
   }
+  light_bounces(index, openness, scratch);
+}
+
+// How much the glow of a surface counts that a ray met which looked all around.
+float Illumination::met_by_chance(const SurfacePoint& point, Vec3f direction, float distance,
+                                  const Scratch& scratch) const noexcept {
+  const float chosen = glow_.density(point.material);
+  if (!(chosen > 0.0f)) return 1.0f;
+  const float around = scratch.densities[point.ray];
+  const float aimed = chosen * distance * distance / std::abs(dot(direction, point.geometric_normal));
+  return around > 0.0f ? around / (around + aimed) : 0.0f;
+}
+
+// Adds to what arrives along rays what the surfaces that they met give back of the light that they get themselves.
+void Illumination::light_bounces(std::uint32_t index, float openness, Scratch& scratch) const {
   scratch.bounce_light.assign(scratch.bounce_points.size(), mean_surroundings_ * openness);
   add_lights({scratch.bounce_points, scratch.bounce_places, {}, scratch.bounce_light, {}}, index, kBounceDimension,
              scratch);
   for (std::size_t i = 0; i < scratch.bounce_points.size(); ++i) {
     const Material& material = scratch.bounce_materials[i];
-    Vec3f& sum = arriving[scratch.bounce_points[i].ray];
-    sum = sum + (material.emission + material.matt_color() * scratch.bounce_light[i]) * material.alpha;
+    Vec3f& sum = scratch.arriving[scratch.bounce_points[i].ray];
+    sum = sum + at_most(material.matt_color() * scratch.bounce_light[i] * material.alpha, kMostBounced);
   }
 }
 
