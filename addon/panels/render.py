@@ -29,7 +29,7 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
             return
         scene = context.scene
         settings = scene.perfect_bvh
-        row = layout.split(factor=0.74, align=True)
+        row = layout.split(factor=0.8, align=True)
         row.use_property_split = False
         row.operator("perfect_bvh.preview", icon="IMAGE_DATA")
         row.prop(settings, "preview_percentage", text="")

@@ -38,8 +38,8 @@ def show_the_top_level() -> Step:
         yield 0.5
         check((screen_pixels() != before).mean() > 0.005, "the screen does not show the boxes")
         screenshot("overlay_level_2")
-        for name, text in (("level", "4"), ("use_all_to_level", None), ("color_by", None), ("use_in_front", None)):
-            yield from change(area, found[name], chosen, text)
+        for name in ("level", "use_all_to_level", "color_by", "use_in_front", "show_active"):
+            yield from change(area, found[name], chosen, "4" if name == "level" else None)
         for level in (0, 1, 3):
             yield from set_overlay(level=level)
             yield from wait_until(lambda level=level: shown().level == level, f"level {level} is not shown", 10)
