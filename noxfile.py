@@ -1,7 +1,8 @@
 """Checks that run apart from one another: `nox` runs them, `nox -s lint` one of them, `nox -s soak` the long one.
 
 `tests` wants the system packages that the README names; `native_tests` and `sanitize` want g++ and libgtest-dev;
-`extension` wants Debian and its binutils; `windows` wants root or sudo as well. `blenders` wants Python 3.11.
+`extension` wants Debian and its binutils; `windows` wants root or sudo as well. `blenders` wants Python 3.11. `arm64`
+wants Debian's g++-aarch64-linux-gnu, libgtest-dev and qemu-user-static.
 """
 
 from __future__ import annotations
@@ -58,6 +59,19 @@ def sanitize(session: nox.Session) -> None:
     session.install(*BUILD_TOOLS)
     run_native_preset(session, "asan")
     run_native_preset(session, "tsan")
+
+
+@nox.session(default=False)
+def arm64(session: nox.Session) -> None:
+    """Build the C++ tests for 64-bit ARM and run them under an emulator."""
+    session.install(*BUILD_TOOLS)
+    with session.chdir("native"):
+        toolchain = ("--toolchain", str(Path("cmake/debian-linux-arm64.cmake").resolve()))
+        build = Path("../build/arm64-googletest").resolve()
+        places = ("-S", "/usr/src/googletest", "-B", str(build), f"-DCMAKE_INSTALL_PREFIX={build / 'installed'}")
+        session.run("cmake", "-G", "Ninja", *toolchain, *places, "-DBUILD_GMOCK=OFF")
+        session.run("cmake", "--build", str(build), "--target", "install")
+    run_native_preset(session, "arm64")
 
 
 @nox.session(default=False)
