@@ -13,7 +13,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from charts import make, measure, stability
+from charts import make, measure, stability, told
 from charts.figures import DATA, FOLDER, PICTURES, load
 
 from addon.bench.chart import PALETTE, Axis, Chart, Panel, Series
@@ -44,6 +44,12 @@ def test_a_chart_can_be_drawn_from_its_figures(name: str):
 def test_a_picture_is_in_step_with_its_figures(name: str):
     drawn_from = make.fingerprint(make.describe(name))
     assert drawn_from.encode() in (PICTURES / f"{name}.png").read_bytes(), f"python tests/charts/make.py {name}"
+
+
+def test_the_readme_tells_what_the_figures_say():
+    text = told.README.read_text(encoding="utf-8")
+    assert {found[2] for found in told.SECTION.finditer(text)} == told.TOLD.keys()
+    assert told.retold(text) == text, "python tests/charts/make.py"
 
 
 def test_a_fingerprint_tells_figures_apart():

@@ -62,10 +62,9 @@ def _panel(mesh: Figures) -> Panel:
         )
         label = LABELS.get(name, name)
         series.append(Series(label, COUNTS, share, color, "", low=low, high=high, line=True, dashed=dashed))
-    chosen = [(row["rays"], trees[BUILT_AS[row["builder"]]]) for row in mesh["planner"] if row["rays"] <= COUNTS[-1]]
-    least = [min(_milliseconds(t, n) for k, t in trees.items() if not k.startswith("embree")) for n, _ in chosen]
-    paid = [_milliseconds(tree, rays) / low for (rays, tree), low in zip(chosen, least, strict=True)]
-    series.append(Series("the planner's choice", [rays for rays, _ in chosen], paid, "black", "ring", size=10.0))
+    chosen = paid_for_choices(mesh)
+    rays, paid = [rays for rays, _, _ in chosen], [share for _, _, share in chosen]
+    series.append(Series("the planner's choice", rays, paid, "black", "ring", size=10.0))
     crossings = list(_crossings(trees))
     series.append(
         Series(
@@ -84,6 +83,17 @@ def _panel(mesh: Figures) -> Panel:
         Axis("build + rays, times the least", low=0.4, high=HIGHEST),
         series,
     )
+
+
+def paid_for_choices(mesh: Figures) -> list[tuple[float, str, float]]:
+    """For each number of rays: the tree that the planner takes, and its time over that of the best of ours."""
+    trees = {name: tree for name, tree in named(mesh["trees"]).items() if name in TREES}
+    ours = [tree for name, tree in trees.items() if not name.startswith("embree")]
+    chosen = [(row["rays"], BUILT_AS[row["builder"]]) for row in mesh["planner"] if row["rays"] <= COUNTS[-1]]
+    return [
+        (rays, name, _milliseconds(trees[name], rays) / min(_milliseconds(tree, rays) for tree in ours))
+        for rays, name in chosen
+    ]
 
 
 def _seen(share: float) -> float:

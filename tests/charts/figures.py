@@ -56,7 +56,9 @@ def geometric_mean(values: list[float]) -> float:
 
 
 def count(number: float) -> str:
-    """262 thousand, 1.1 million."""
+    """262 thousand, 1.1 million, 1 billion."""
+    if number >= 1e9:
+        return f"{number / 1e9:.2g} billion"
     if number >= 1e6:
         return f"{number / 1e6:.2g} million"
     return f"{number / 1e3:.0f} thousand" if number >= 1e4 else f"{number:,.0f}"

@@ -1,7 +1,8 @@
 """Draws the charts from what stands in data/, all or those that are named: python tests/charts/make.py [NAME ...].
 
 Needs matplotlib and numpy, not the engine: `nox -s charts` brings them. Each picture carries a fingerprint of all that
-is in it, by which a test sees whether it is in step with the figures. ZOO.md is written anew with the zoo's chart.
+is in it, by which a test sees whether it is in step with the figures. ZOO.md is written anew with the zoo's chart,
+and README.md gets the sentences that told.py makes of the figures.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pathlib import Path
 REPOSITORY = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(REPOSITORY), str(REPOSITORY / "tests")]
 
+from charts import told
 from charts.figures import DATA, PICTURES
 from stress import zoo_table
 
@@ -85,6 +87,7 @@ def main() -> None:
         print(draw(name))
         if needed == zoo_table.DATA:
             zoo_table.write_table()
+    told.README.write_text(told.retold(told.README.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -68,8 +68,8 @@ def _panel(
         series.append(Series(name, xs, ys, color, mark, low=low, high=high, size=8.0))
     slowest = names[np.argmax(time)]
     others = names != slowest
-    within = [_correlation(predicted, time, names == name) for name in looks]
-    good = [_correlation(predicted, time, (names == name) & (built_by != "median")) for name in looks]
+    within = [correlation(predicted, time, names == name) for name in looks]
+    good = [correlation(predicted, time, (names == name) & (built_by != "median")) for name in looks]
     notes = [
         (0.03, 0.94, f"R² {determination(time, predicted):.2f}"),
         (0.03, 0.88, f"R² {determination(time[others], predicted[others]):.2f} without {slowest}"),
@@ -102,6 +102,6 @@ def _fit(predictors: Floats, time: Floats, wanted: Floats) -> Floats:
     return np.asarray(np.column_stack([np.ones(len(wanted)), wanted]) @ weights)
 
 
-def _correlation(predicted: Floats, time: Floats, rows: npt.NDArray[np.bool_]) -> float:
+def correlation(predicted: Floats, time: Floats, rows: npt.NDArray[np.bool_]) -> float:
     """Of some trees; with its sign, for a prediction that ranks them the wrong way round is none."""
     return float(np.corrcoef(predicted[rows], time[rows])[0, 1])

@@ -1,0 +1,240 @@
+"""What the charts show, in sentences whose numbers come from the figures: make.py writes them into README.md.
+
+Beside each picture they stand between two marks. What no figure can say is written there by hand.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from charts.break_even import BUILT_AS, paid_for_choices
+from charts.figures import FOLDER, Figures, count, load, named
+from charts.predicted_cost import KIND, TREES, correlation, predict_each_without_its_mesh
+
+README = FOLDER / "README.md"
+SECTION = re.compile(r"(<!-- told: (\w+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+
+
+def listed(words: Iterable[str]) -> str:
+    """a, b and c; "none" for none."""
+    *first, last = [*words] or ["none"]
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def percent(share: float) -> str:
+    return f"{100.0 * share:.0f} %"
+
+
+def between(values: Iterable[float], form: str = ".1f") -> str:
+    low, high = min(found := [*values]), max(found)
+    return f"{low:{form}} to {high:{form}}"
+
+
+def _ready(tree: Figures) -> float:
+    return float(tree["ready_ms"]["1"]["median"])
+
+
+def _speed(tree: Figures) -> float:
+    return float(tree["rays"][KIND]["mrays_per_second"])
+
+
+def build_and_speed(figures: Figures) -> str:
+    trees = {mesh["name"]: named(mesh["trees"]) for mesh in figures["meshes"]}
+    sooner = [name for name, each in trees.items() if _ready(each["auto"]) < _ready(each["embree_medium"])]
+    faster = [name for name, each in trees.items() if _speed(each["auto"]) > _speed(each["embree_medium"])]
+    low = [name for name, each in trees.items() if _speed(each["fast"]) > _speed(each["embree_low"])]
+    early = [1.0 - _ready(each["embree_low"]) / _ready(each["fast"]) for each in trees.values()]
+    early = [share for share in early if share > 0.0]
+    late = [_ready(each["auto"]) / _ready(each["embree_medium"]) for name, each in trees.items() if name not in sooner]
+    alike = [abs(_speed(each["auto"]) / _speed(each["binned"]) - 1.0) for each in trees.values()]
+    dear = {
+        name: ([_ready(t[name]) / _ready(t["auto"]) for t in trees.values()],
+               [_speed(t[name]) / _speed(t["auto"]) - 1.0 for t in trees.values()])
+        for name in ("sweep", "spatial")
+    }  # fmt: skip
+    return (
+        f"Of {len(trees)} meshes four are drawn. `auto` is ready sooner than Embree's MEDIUM on {len(sooner)} "
+        f"of them, and "
+        f"its diffuse rays are faster on {len(faster)}; the rays of `fast` are faster than LOW's on {len(low)}. "
+        f"**Unflattering:** on {listed(name for name in trees if name not in sooner)} `auto` is ready later than MEDIUM"
+        f"{f', after {between(late)} times as long' if late else ''}; its rays are slower on "
+        f"{listed(name for name in trees if name not in faster)}. LOW is ready sooner than `fast` on "
+        f"{len(early)} meshes"
+        f"{f', by {percent(min(early))} to {percent(max(early))} of its time' if early else ''}. `sweep` takes "
+        f"{between(dear['sweep'][0])} times `auto`'s time for at most {percent(max(dear['sweep'][1]))} more speed, "
+        f"`spatial` {between(dear['spatial'][0])} times for at most {percent(max(dear['spatial'][1]))}, and on "
+        f"{sum(gain <= 0.0 for gain in dear['spatial'][1])} of them for none. `auto` and `binned`, whose trees differ "
+        f"little, are up to {percent(max(alike))} apart: so far goes the noise. `median` is there for comparison only."
+    )
+
+
+def break_even(figures: Figures) -> str:
+    parts, low_first = [], []
+    for mesh in figures["meshes"]:
+        trees = named(mesh["trees"])
+        paid = paid_for_choices(mesh)
+        rays, tree, share = max(paid, key=lambda each: each[2])
+        name = next(name for name, built in BUILT_AS.items() if built == tree)
+        parts.append((share, f"{share:.2f} on {mesh['name']} (`{name}` for {count(rays)} rays)"))
+        ready = {name: _ready(each) for name, each in trees.items() if name in {*BUILT_AS.values(), "embree_low"}}
+        low_first += [mesh["name"]] if min(ready, key=lambda each: ready[each]) == "embree_low" else []
+    shares = [share for mesh in figures["meshes"] for _, _, share in paid_for_choices(mesh)]
+    worst = [words for _, words in sorted(parts, reverse=True)[:4]]
+    return (
+        f"Over {len(figures['meshes'])} meshes and {len(shares)} numbers of rays the planner's choice costs "
+        f"{np.mean(shares):.2f} times the best of ours in the mean. **Unflattering:** the most it costs is "
+        f"{listed(worst)}. For few rays Embree's LOW is the soonest on {len(low_first)} of "
+        f"{len(figures['meshes'])} meshes."
+    )
+
+
+def memory_and_speed(figures: Figures) -> str:
+    rows = {mesh["name"]: named(mesh["layouts"]) for mesh in figures["meshes"]}
+    memory = [each["compact"]["bytes_per_triangle"] / each["default"]["bytes_per_triangle"] for each in rows.values()]
+
+    def share(name: str, other: str, kind: str) -> dict[str, float]:
+        return {
+            mesh: each[name]["rays"][kind]["median"] / each[other]["rays"][kind]["median"]
+            for mesh, each in rows.items()
+        }
+
+    primary, diffuse = share("compact", "default", "primary"), share("compact", "default", "diffuse")
+    worst = min(diffuse, key=lambda mesh: diffuse[mesh])
+    behind = sorted(
+        {
+            mesh
+            for kind in ("primary", "diffuse")
+            for mesh, each in share("compact", "embree", kind).items()
+            if each < 1.0
+        }
+    )
+    lost = sorted(
+        {mesh for kind in ("primary", "diffuse") for mesh, each in share("default", "embree", kind).items() if each < 1}
+    )
+    own = min(
+        *share("compact", "embree_compact", "primary").values(), *share("compact", "embree_compact", "diffuse").values()
+    )
+    return (
+        f"The compact layout takes {percent(min(memory))} to {percent(max(memory))} of the default's memory. "
+        f"**Unflattering:** its primary rays reach {percent(min(primary.values()))} to "
+        f"{percent(max(primary.values()))} of "
+        f"the default's speed, its diffuse ones {percent(min(diffuse.values()))} to "
+        f"{percent(max(diffuse.values()))}, least "
+        f"on {worst}. With it some rays are slower than in Embree's default scenes on {listed(behind)}; than in "
+        f"Embree's "
+        f"compact scenes they are {'never slower' if own >= 1.0 else f'at worst {own:.2f} times as fast'}. Our default "
+        f"layout is behind Embree's default on {listed(lost)}."
+    )
+
+
+def wrong_answers(figures: Figures) -> str:
+    lost: dict[str, float] = {}
+    for row in figures["sweeps"]["offset"]:
+        for name, answers in row["surface"].items():
+            if answers["missed_per_million"]:
+                lost[name] = min(lost.get(name, row["value"]), row["value"])
+    speeds = figures["speeds"]
+    named_so = {"embree": "Embree's default", "embree_robust": "Embree ROBUST"}
+    fast = speeds["perfect_bvh, fast"]["median"] / speeds["perfect_bvh, robust"]["median"]
+    spread = speeds["perfect_bvh, robust"]
+    most = max(
+        row["vertices"]["perfect_bvh, fast"]["missed_per_million"]
+        for each in figures["sweeps"].values()
+        for row in each
+    )
+    losers = listed(
+        f"{named_so.get(name, name)} lost some from {away:,.0f} radii away on" for name, away in lost.items()
+    )
+    return (
+        f"Rays at vertices are the hardest there are, and rare in pictures: of rays at random points {losers}. "
+        "**Unflattering:** "
+        f'`precision="fast"` loses up to {most:,.0f} in a million at vertices, for {fast:.2f} times the speed of the '
+        f"robust default, whose own quartiles are {spread['low'] / spread['median']:.2f} and "
+        f"{spread['high'] / spread['median']:.2f} of its median."
+    )
+
+
+def predicted_cost(figures: Figures) -> str:
+    rows = [(mesh["name"], tree) for mesh in figures["meshes"] for tree in mesh["trees"] if tree["name"] in TREES]
+    names, built_by = (np.array(words) for words in zip(*((name, tree["name"]) for name, tree in rows), strict=True))
+    time = np.array([1e3 / _speed(tree) for _, tree in rows])
+    predicted = predict_each_without_its_mesh(np.array([[tree["sah"]] for _, tree in rows]), time, names)
+    meshes = list(dict.fromkeys(names.tolist()))
+    good = {name: correlation(predicted, time, (names == name) & (built_by != "median")) for name in meshes}
+    least = min(good, key=lambda name: good[name])
+    off = {name: float(np.median((time / predicted)[names == name])) for name in meshes}
+    worst = max(off, key=lambda name: abs(np.log(off[name])))
+    rest = [value for name, value in off.items() if name != worst]
+    return (
+        "**Unflattering:** that is most of what it tells. Without `median`'s trees the correlation falls to "
+        f"{np.median(list(good.values())):.2f} in the median, and on {least} to {good[least]:.2f}; R² over all trees "
+        f"is carried by {names[np.argmax(time)]}. A ray through {worst} takes {off[worst]:.1f} times what is predicted "
+        f"(the median of its trees), through the other meshes {between(rest, '.2f')} times."
+    )
+
+
+def failure_zoo(figures: Figures) -> str:
+    cases = figures["cases"]
+    work = sorted((case for case in cases if case["unit"] == "times the work"), key=lambda case: -case["ours"])
+    fast = [case["other"][1] > 0 for case in cases if case["other"] and case["other"][0].startswith("precision")]
+    others = [case for case in cases if case["unit"] != "times the work" and case["ours"] > case["nothing"]]
+    wrong = listed(f"{case['title'].lower()} ({case['ours']:,} {case['unit']})" for case in others)
+    dear = listed(f"{case['title'].lower()} ({case['ours']:.1f})" for case in work if case["ours"] > 1.3)
+    return (
+        f"**Unflattering:** what the engine does by itself takes more than 1.3 times the least work on {dear}. "
+        f"Sticks and "
+        'hair would be cheap with `builder="spatial"`, which a script must name, or say how many rays will '
+        "follow; after a "
+        "long chain of small motions a commit that is told no number of rays mends rather than rebuilds. "
+        f'`precision="fast"` gets answers wrong in {sum(fast)} of {len(fast)} cases where it was asked. By the '
+        f"default some "
+        f"answers differ from double precision's on: {wrong}; there float32 does not say which triangle it is."
+    )
+
+
+def stability(figures: Figures) -> str:
+    twist = min(figures["motions"]["twist"], key=lambda point: abs(point["amount"] - 6.28))["policies"]
+    speeds = {name: twist[name]["speed"]["median"] for name in ("refit", "rotate", "rebuild_parts", "governed")}
+    late = [point["left_behind"] for motion in figures["motions"].values() for point in motion]
+    return (
+        "Every knee is a method that fails: boxes that were made for the mesh at rest no longer fit, and rays "
+        "take longer. "
+        "Answers have no knee: through every tree that followed they are the new tree's, bit by bit, and "
+        "without an update "
+        f"{percent(min(late) / figures['rays'])} to {percent(max(late) / figures['rays'])} are another's. "
+        f"**Unflattering:** "
+        "at a twist of 2 pi the aim was 0.95 of a new tree's speed without building one; measured are "
+        f"{speeds['refit']:.2f} by refits, {speeds['rotate']:.2f} with rotations, {speeds['rebuild_parts']:.2f} "
+        f"with spoilt "
+        f"parts rebuilt, and {speeds['governed']:.2f} as the governor has it, which "
+        f"{'builds anew' if twist['governed']['action'] == 'rebuilt' else 'builds no new tree'}."
+    )
+
+
+TOLD: dict[str, tuple[Callable[[Figures], str], str]] = {
+    "build_and_speed": (build_and_speed, "builders"),
+    "break_even": (break_even, "builders"),
+    "memory_and_speed": (memory_and_speed, "layouts"),
+    "wrong_answers": (wrong_answers, "accuracy"),
+    "predicted_cost": (predicted_cost, "builders"),
+    "failure_zoo": (failure_zoo, "zoo"),
+    "stability": (stability, "stability"),
+}
+
+
+def retold(text: str) -> str:
+    """The README with these sentences as the kept figures have them."""
+
+    def fill(found: re.Match[str]) -> str:
+        tell, data = TOLD[found[2]]
+        return (
+            found[1]
+            + textwrap.fill(tell(load(data)), 120, break_on_hyphens=False, break_long_words=False)
+            + "\n"
+            + found[4]
+        )
+
+    return SECTION.sub(fill, text)
