@@ -106,6 +106,35 @@ TEST(Governor, WithoutExpectedRaysTheDecayDecides) {
   EXPECT_FALSE(is_mended(asked, {15, 4}));
 }
 
+// A mesh that plays on is mended when it has become worse, and not because it did once.
+TEST(Governor, WithoutExpectedRaysWhatWasMendedIsMendedAgainOnlyAfterMoreDecay) {
+  UpdateHistory history = fresh_history(10, 4);
+  int mended = 0, rebuilt = 0;
+  for (int frame = 0; frame < 200; ++frame) {
+    UpdateQuestion asked = question(0, 1, history);
+    asked.rays.reset();
+    const double decay = 1.1 + 0.03 * std::sin(frame);  // rotations take a fifth of it away
+    asked.now = {10 * decay, 4 * decay}, asked.reference = {10, 4};
+    const UpdateDecision decision = decide_update(asked, machine());
+    history = decision.history;
+    if (decision.action == UpdateAction::kRotate) {
+      ++mended;
+      history.mended = {10 + 0.8 * (asked.now.node_visits - 10), asked.now.leaf_visits};
+    }
+    rebuilt += decision.action == UpdateAction::kRebuild ? 1 : 0;
+  }
+  EXPECT_GE(mended, 1);
+  EXPECT_LE(mended, 2);
+  EXPECT_EQ(rebuilt, 0);
+  UpdateQuestion asked = question(0, 1, history);
+  asked.rays.reset();
+  asked.now = {11.8, 4.7}, asked.reference = {10, 4};  // worse again
+  EXPECT_EQ(decide(asked), UpdateAction::kRotate);
+  asked.now = {10, 12}, asked.reference = {10, 4};  // no mending helps, whatever was attained
+  asked.history.mended = asked.now;
+  EXPECT_EQ(decide(asked), UpdateAction::kRebuild);
+}
+
 // Where the nodes are at fault and not the leaves, mending does what a rebuild would, for less.
 TEST(Governor, MendsWhatCanBeMended) {
   UpdateAction last = UpdateAction::kRefit;

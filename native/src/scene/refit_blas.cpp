@@ -121,6 +121,7 @@ bool Scene::refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptio
   report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
   blas.cover = make_cover(cover_boxes(blas.wide, blas.mesh, kCoverBoxes));
   result.history.now = work, result.history.at_rest = {};
+  if (decision.action != UpdateAction::kRefit) result.history.mended = work;
   return true;
 }
 

@@ -70,9 +70,11 @@ double cost_of(const TraceWork& work) { return work.node_visits + 0.5 * work.lea
 
 void decide_by_decay(const UpdateQuestion& question, UpdateDecision& decision) {
   const double now = cost_of(question.now), then = cost_of(question.reference);
-  decision.reason = "positions changed";
-  if (now <= kRefitLimit * then) return;
   const double mended = cost_of({question.reference.node_visits, question.now.leaf_visits});
+  decision.reason = "positions changed";
+  // What mending could not do away with it need not try again in every commit: a mesh that plays on would pay for ever.
+  const double attained = std::max(then, cost_of(question.history.mended));
+  if (now <= kRefitLimit * attained && mended <= kMendLimit * then) return;
   decision.action = mended > kMendLimit * then   ? UpdateAction::kRebuild
                     : now <= kRotateLimit * then ? UpdateAction::kRotate
                                                  : UpdateAction::kRebuildParts;

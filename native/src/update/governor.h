@@ -51,6 +51,7 @@ struct UpdateHistory {
   std::optional<double> exponent;  // of the sample, in what a fresh tree costs; unknown before the first rebuild
   Excess since_build;              // beyond a fresh tree
   Excess since_mending;            // beyond a mended one
+  TraceWork mended;                // of the tree when it was mended last, if it was since it was built
   Excess at_rest;                  // beyond a fresh tree, since the triangles moved last
   TraceWork now;                   // of the tree that is traced ...
   double sample_now = 0;           // ... and of one over the sample now
@@ -84,8 +85,9 @@ struct UpdateDecision {
 
 [[nodiscard]] UpdateDecision decide_update(const UpdateQuestion& question, const Calibration& calibration);
 
-// Where the rays are unknown: what a ray may cost more than when the tree was built, so that the refitted tree is left
-// as it is; so that rotations mend it; and after its spoilt parts were built anew, so that it stays.
+// Where the rays are unknown: what a ray may cost more than when the tree was built (or than mending could make it), so
+// that the refitted tree is left as it is; so that rotations mend it; and after its spoilt parts were built anew, so
+// that it stays.
 inline constexpr double kRefitLimit = 1.05, kRotateLimit = 1.2, kMendLimit = 1.3;
 
 // Whether it is worth finding out what a fresh tree would cost (the sample), or which share of the tree is spoilt: not
