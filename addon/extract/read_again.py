@@ -80,9 +80,11 @@ def remember(
     look = visibility.look
     if shown is None or log is None or look is None:
         return None
-    uids = [obj.original.session_uid for obj in depsgraph.objects]
-    if len(uids) != len(shown):
+    originals = [obj.original for obj in depsgraph.objects]
+    # What is edited or sculpted may change and Blender tell nobody: it is read every time.
+    if len(originals) != len(shown) or any(original.mode != "OBJECT" for original in originals):
         return None
+    uids = [original.session_uid for original in originals]
     rows = np.where(shown, np.cumsum(shown) - 1, _NOT_SHOWN).astype(np.int32)
     return PlainReading(parts, attributes, depsgraph.as_pointer(), look, log.now, uids, rows)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ import numpy as np
 import pytest
 from blender.builders import SQUARE, camera_object, evaluated, in_render, mesh_data, mesh_object
 from perfect_bvh_addon import AttributeRequest, SceneSync, handlers
+from perfect_bvh_addon.extract import changes
+from perfect_bvh_addon.extract.evaluation_log import EvaluationLog
 from perfect_bvh_addon.session import clear_sessions, session_of, sessions_of
 from perfect_bvh_addon.sync.report import SyncReport
 from perfect_bvh_addon.sync.state import SceneState
@@ -107,6 +110,53 @@ def test_a_reason_to_read(sync: SceneSync, name: str) -> None:
     report = sync.update(evaluated(), verify=True)
     assert report.mismatches == ()
     assert PASSED_OVER not in {reasons(report).get(mesh) for mesh in ("plain", "new")}
+
+
+def test_each_doubt_alone_is_a_reason_to_read(sync: SceneSync) -> None:
+    """Mostly several come together."""
+    plain = thing("plain").data
+    token, uids = ("mesh", plain.session_uid, 0), (thing("plain").session_uid, plain.session_uid)
+    mesh, other = (thing(name).evaluated_get(evaluated()).data for name in ("plain", "smooth"))
+    cache, log = sync._cache.meshes, changes._log
+    reading = replace(cache, meshes={})
+    assert cache.find_untouched(token, mesh, uids, reading, log) is cache.meshes[token]
+    ignorant = EvaluationLog()
+    while ignorant.now <= cache.since:
+        ignorant.forget()
+    for doubt in (
+        cache.find_untouched(("mesh", plain.session_uid, 1), mesh, uids, reading, log),
+        cache.find_untouched(token, other, uids, reading, log),
+        cache.find_untouched(token, mesh, uids, replace(reading, graph=cache.graph + 1), log),
+        cache.find_untouched(token, mesh, uids, replace(reading, attributes=AttributeRequest(corner_uvs=True)), log),
+        cache.find_untouched(token, mesh, uids, reading, None),
+        cache.find_untouched(token, mesh, uids, reading, ignorant),
+        replace(cache, since=-1).find_untouched(token, mesh, uids, reading, log),
+    ):
+        assert doubt is None
+
+
+def test_after_undo_and_redo_everything_is_read(sync: SceneSync) -> None:
+    bpy.ops.ed.undo_push(message="one")
+    thing("other").location.x = 1.0
+    bpy.ops.ed.undo_push(message="two")
+    for step in (bpy.ops.ed.undo, bpy.ops.ed.redo):
+        sync.update(evaluated())
+        step()
+        assert PASSED_OVER not in reasons(sync.update(evaluated(), verify=True)).values()
+        assert set(reasons(sync.update(evaluated())).values()) == {PASSED_OVER}
+
+
+def test_what_is_edited_is_read_every_time(sync: SceneSync) -> None:
+    """Some modes change a mesh and tell nobody until they end."""
+    bpy.context.view_layer.objects.active = thing("smooth")
+    bpy.ops.object.mode_set(mode="EDIT")
+    try:
+        for _ in range(2):
+            found = reasons(sync.update(evaluated(), verify=True))
+            assert found["smooth"] != PASSED_OVER
+        assert found["plain"] == PASSED_OVER
+    finally:
+        bpy.ops.object.mode_set(mode="OBJECT")
 
 
 def test_an_update_within_a_handler_that_comes_first(sync: SceneSync) -> None:
