@@ -137,6 +137,18 @@ def test_the_benchmark_of_policies(repository, tmp_path):
         assert row["all_ms"]["median"] > row["update_ms"]["median"]
 
 
+def test_the_benchmark_of_shared_trees(repository, tmp_path):
+    rows = figures_of(repository, tmp_path, "shared_tree.py", "--counts", "20", "--rounds", "1")["rows"]
+    ways = {row["kind"]: {way for way in ("apart", "opened", "together") if way in row} for row in rows}
+    both = {"apart", "together"}
+    assert ways == {"octahedron": both, "box": both | {"opened"}, "ball": both | {"opened"}}
+    for row in rows:
+        for way in ways[row["kind"]]:
+            assert row[way]["visits"] > 1.0
+            for key in ("build_ms", "trace_ms", "edit_ms"):
+                check_spread(row[way][key])
+
+
 def test_subdividing_keeps_a_mesh_whole():
     positions, triangles = meshes.sphere(6, 8)
     mesh = subdivided(BenchMesh("ball", positions.astype(np.float32), triangles), 2, jitter=0.0)

@@ -1,11 +1,14 @@
-"""Small static meshes that are used once: a tree for each, or one tree over all of their triangles.
+"""Small static meshes that are used once: a tree for each, one for each part of them, or one over all triangles.
 
     python tests/benchmarks/shared_tree.py --json shared_tree.json
 
-Boxes of 12 triangles and balls of 200 are spread at random. Apart, each is a mesh and an instance; together, one mesh
-in world space. Both give the same hits, which is checked. Times are the processor's, of one thread, in turns: of adding
-and committing everything, of rays from all around towards places in the scene, and of moving one of them: apart a new
-transform, together new positions of the whole mesh and a refit.
+Octahedra of 8 triangles, boxes of 12 and balls of 200 are spread at random. Apart, each is a mesh and an instance;
+opened, each half of a box and each quarter of a ball is: so the top level stands over what is in the meshes, as if it
+opened its instances (Benthin, Woop, Wald and Afra 2017), but for a row of its own that each part takes. An octahedron
+is one leaf, of which there are no parts. Together, all is one mesh in world space. All give the same hits, which is
+checked. Times are the processor's, of one thread, in turns: of adding and committing everything, of rays from all
+around towards places in the scene, and of moving one of them: apart a new transform (opened: one for each part),
+together new positions of the whole mesh and a refit. Visits are of nodes and instances, of a ray.
 """
 
 from __future__ import annotations
@@ -28,8 +31,10 @@ from benchmarks.rounds import Spread
 from benchmarks.tables import format_table
 
 RAYS = 100_000
+PARTS = {"octahedron": 1, "box": 2, "ball": 4}
 Floats = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int32]
+Mesh = tuple[Floats, Ints]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +46,39 @@ class Shapes:
     places: Floats
 
     @property
-    def merged(self) -> tuple[Floats, Ints]:
+    def whole(self) -> list[Mesh]:
+        """One of them."""
+        return [(self.positions, self.triangles)]
+
+    def parts(self, count: int) -> list[Mesh]:
+        """One of them in so many parts, halved again and again across the longest side."""
+        centres = self.positions[self.triangles].mean(axis=1)
+        groups = [np.arange(len(self.triangles))]
+        while len(groups) < count:
+            rows = groups.pop(int(np.argmax([len(group) for group in groups])))
+            axis = int(np.argmax(np.ptp(centres[rows], axis=0)))
+            groups += np.array_split(rows[np.argsort(centres[rows, axis], kind="stable")], 2)
+        meshes = []
+        for rows in groups:
+            vertices, corners = np.unique(self.triangles[rows].ravel(), return_inverse=True)
+            meshes.append((self.positions[vertices], corners.reshape(-1, 3).astype(np.int32)))
+        return meshes
+
+    @property
+    def merged(self) -> Mesh:
         """All of them in one mesh."""
         positions = (self.positions[None] + self.places[:, None]).reshape(-1, 3)
         firsts = np.arange(len(self.places), dtype=np.int32) * len(self.positions)
         return positions, (self.triangles[None] + firsts[:, None, None]).reshape(-1, 3)
 
 
-def _ball(columns: int, rows: int) -> tuple[Floats, Ints]:
+def _octahedron() -> Mesh:
+    positions = np.concatenate([np.eye(3), -np.eye(3)]).astype(np.float32)
+    upper = np.array([[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2]], np.int32)
+    return positions, np.concatenate([upper, np.where(upper == 2, 5, upper)[:, ::-1]])
+
+
+def _ball(columns: int, rows: int) -> Mesh:
     """2 * columns * rows triangles, those at the poles without area."""
     u, v = np.meshgrid(np.linspace(0, np.pi, rows + 1), np.linspace(0, 2 * np.pi, columns + 1), indexing="ij")
     points = np.stack([np.sin(u) * np.cos(v), np.sin(u) * np.sin(v), np.cos(u)], axis=-1).reshape(-1, 3)
@@ -61,7 +91,8 @@ def _ball(columns: int, rows: int) -> tuple[Floats, Ints]:
 
 
 def _shapes(kind: str, count: int) -> Shapes:
-    positions, triangles = _ball(3, 2) if kind == "box" else _ball(10, 10)
+    makers = {"octahedron": _octahedron, "box": lambda: _ball(3, 2), "ball": lambda: _ball(10, 10)}
+    positions, triangles = makers[kind]()
     side = count ** (1 / 3) * 4.0  # a few of their sizes apart
     places = np.random.default_rng(1).uniform(0, side, (count, 3)).astype(np.float32)
     return Shapes(positions, triangles, places)
@@ -74,17 +105,20 @@ def _matrices(places: Floats) -> Floats:
 
 
 class _Apart:
-    def __init__(self, shapes: Shapes) -> None:
+    def __init__(self, shapes: Shapes, parts: list[Mesh] | None = None) -> None:
+        parts = parts or shapes.whole
         self._places = shapes.places.copy()
         self.scene = perfect_bvh.Scene()
-        meshes = [self.scene.add_mesh(shapes.positions, shapes.triangles) for _ in shapes.places]
-        self._ids = self.scene.add_instances(meshes, _matrices(shapes.places))
+        meshes = [self.scene.add_mesh(*part) for _ in shapes.places for part in parts]
+        ids = self.scene.add_instances(meshes, _matrices(np.repeat(shapes.places, len(parts), axis=0)))
+        self._ids = np.asarray(ids).reshape(-1, len(parts))
         self.scene.commit()
 
     def move_one(self, number: int) -> None:
         row = number % len(self._places)
         self._places[row] += 0.5
-        self.scene.set_transforms(self._ids[row : row + 1], _matrices(self._places[row : row + 1]))
+        ids = self._ids[row]
+        self.scene.set_transforms(ids, _matrices(np.repeat(self._places[row : row + 1], len(ids), axis=0)))
         self.scene.commit()
 
 
@@ -118,11 +152,14 @@ def measure(kind: str, count: int, rounds: int) -> dict[str, Any]:
     """The figures of one kind and number of shapes."""
     shapes = _shapes(kind, count)
     rays = _rays(shapes)
-    makers: dict[str, Any] = {"apart": _Apart, "together": _Together}
+    parts = shapes.parts(PARTS[kind])
+    makers: dict[str, Any] = {"apart": _Apart, "opened": lambda shapes: _Apart(shapes, parts), "together": _Together}
+    if len(parts) == 1:
+        del makers["opened"]
     times: dict[str, dict[str, list[float]]] = {
         name: {"build_ms": [], "trace_ms": [], "edit_ms": []} for name in makers
     }
-    sizes = {}
+    sizes, visits = {}, {}
     for number in range(rounds):
         hits = {}
         for name in list(makers)[:: 1 if number % 2 == 0 else -1]:
@@ -133,13 +170,15 @@ def measure(kind: str, count: int, rounds: int) -> dict[str, Any]:
             started = time.thread_time()
             hits[name] = way.scene.cast_rays(*rays, threads=1)
             row["trace_ms"].append((time.thread_time() - started) * 1e3)
+            visits[name] = float(way.scene.cast_rays(*rays, fields=["nodes_visited"]).nodes_visited.mean())
             started = time.thread_time()
             way.move_one(number)
             row["edit_ms"].append((time.thread_time() - started) * 1e3)
             sizes[name] = way.scene.statistics().byte_count
         _check(hits)
     figures = {
-        name: {key: Spread.of(values).as_json() for key, values in row.items()} | {"byte_count": sizes[name]}
+        name: {key: Spread.of(values).as_json() for key, values in row.items()}
+        | {"byte_count": sizes[name], "visits": visits[name]}
         for name, row in times.items()
     }
     return {"kind": kind, "count": count, "triangles": count * len(shapes.triangles), "rays": RAYS, **figures}
@@ -147,12 +186,13 @@ def measure(kind: str, count: int, rounds: int) -> dict[str, Any]:
 
 def _check(hits: dict[str, Any]) -> None:
     """The same answers but for what placing a box rounds: rays that pass within a hair of an edge."""
-    one, other = hits["apart"], hits["together"]
-    differ = one.is_hit != other.is_hit
-    both = one.is_hit & other.is_hit
-    differ[both] = np.abs(one.t_hit[both] - other.t_hit[both]) > 1e-4
-    if differ.mean() > 1e-4:
-        raise SystemExit(f"{int(differ.sum())} of {len(differ)} rays differ")
+    one = hits["together"]
+    for name, other in hits.items():
+        differ = one.is_hit != other.is_hit
+        both = one.is_hit & other.is_hit
+        differ[both] = np.abs(one.t_hit[both] - other.t_hit[both]) > 1e-4
+        if differ.mean() > 1e-4:
+            raise SystemExit(f"{int(differ.sum())} of {len(differ)} rays differ ({name})")
 
 
 def main() -> None:
@@ -162,16 +202,24 @@ def main() -> None:
     parser.add_argument("--counts", type=int, nargs="+", default=[1_000, 10_000], metavar="N")
     options = parser.parse_args()
     perfect_bvh.set_thread_count(1)
-    rows = [measure(kind, count, options.rounds) for kind in ("box", "ball") for count in options.counts]
+    rows = [measure(kind, count, options.rounds) for kind in PARTS for count in options.counts]
     options.json.parent.mkdir(parents=True, exist_ok=True)
     options.json.write_text(json.dumps({"machine": describe(), "rows": rows}, indent=1) + "\n", encoding="utf-8")
     keys = ("build_ms", "trace_ms", "edit_ms")
     table = [
-        (row["kind"], row["count"], name, *(row[name][key]["median"] for key in keys), row[name]["byte_count"] / 2**20)
+        (
+            row["kind"],
+            row["count"],
+            name,
+            *(row[name][key]["median"] for key in keys),
+            row[name]["visits"],
+            row[name]["byte_count"] / 2**20,
+        )
         for row in rows
-        for name in ("apart", "together")
+        for name in ("apart", "opened", "together")
+        if name in row
     ]
-    sys.stdout.write(format_table(("shapes", "count", "trees", *keys, "MiB"), table) + "\n")
+    sys.stdout.write(format_table(("shapes", "count", "trees", *keys, "visits", "MiB"), table) + "\n")
 
 
 if __name__ == "__main__":
