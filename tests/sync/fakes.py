@@ -82,8 +82,7 @@ def record(
         materials=materials,
         instances=instances,
         camera=camera,
-        size=(16, 9),
-        **settings,
+        **{"size": (16, 9), **settings},
     )
 
 

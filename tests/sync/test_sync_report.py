@@ -105,6 +105,7 @@ RED = MaterialRecord("red", 50, 0, (1.0, 0.0, 0.0, 1.0))
         ({"camera": replace(CAMERA, clip_end=50.0), "materials": (RED,)}, "camera_changed"),
         ({"camera": replace(CAMERA, matrix=np.diag([1.0, 1, 1, 1]) + 1e-9), "materials": (RED,)}, "camera_changed"),
         ({"camera": None, "materials": (RED,)}, "camera_changed"),
+        ({"camera": CAMERA, "materials": (RED,), "size": (32, 18)}, "camera_changed"),
         ({"camera": CAMERA, "materials": (replace(RED, color=(0.0, 1.0, 0.0, 1.0)),)}, "materials_changed"),
         ({"camera": CAMERA, "materials": (RED,), "slots": {1: (0,)}}, "materials_changed"),
         ({"camera": CAMERA, "materials": (RED,), "film_transparent": True}, "materials_changed"),
