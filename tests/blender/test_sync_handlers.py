@@ -93,6 +93,17 @@ def test_each_event_alone_makes_it_stale(scene: Any, event: str, message: str) -
     sync.close()
 
 
+@pytest.mark.parametrize("event", [name for name, _ in changes._HANDLERS])
+def test_what_came_before_an_undo_or_a_file_is_not_known(scene: Any, event: str) -> None:
+    sync = SceneSync()
+    sync.update(evaluated())
+    since = changes._log.now
+    dict(changes._HANDLERS)[event](scene, bpy.context.evaluated_depsgraph_get())
+    is_known = changes._log.is_untouched(0, (), since)
+    assert is_known == (event in {"depsgraph_update_post", "frame_change_post"})
+    sync.close()
+
+
 def test_handlers_only_mark_stale(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever happens: nothing is read, compared or built before somebody asks for it."""
     obj = mesh_object("a", mesh_data("a", *SQUARE))
