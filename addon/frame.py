@@ -131,7 +131,9 @@ def render_frame(
     if not trace:
         return Frame({}, FrameStatistics(depsgraph.scene.frame_current_final, sync.size, settings, report, 0.0, 0))
     if sync.camera is None:
-        raise ValueError(f"scene {depsgraph.scene.name!r} has no camera that can be rendered")
+        # What is wrong with the one that it has is the last of what could not be read.
+        reason = "" if depsgraph.scene.camera is None else f". {sync.warnings[-1]}"
+        raise ValueError(f"scene {depsgraph.scene.name!r} has no camera that can be rendered{reason}")
     width, height = sync.size
     check_fits(f"an image of {width:,} x {height:,} pixels", width * height * BYTES_A_PIXEL, "choose a smaller size")
     import perfect_bvh

@@ -34,6 +34,15 @@ def remember(scene: bpy.types.Scene, statistics: FrameStatistics) -> None:
     _is_news = True
 
 
+def confirm_view(scene: bpy.types.Scene) -> None:
+    """A viewport has read `scene` again and found nothing else: what was done last for one still holds."""
+    global _is_news
+    uid = scene.original.session_uid
+    if uid in _edited and _latest[uid].source == "Viewport":
+        _edited.discard(uid)
+        _is_news = True
+
+
 def last_statistics(scene: bpy.types.Scene) -> FrameStatistics | None:
     """Of what was done last for `scene`, None if nothing was."""
     return _latest.get(scene.session_uid)

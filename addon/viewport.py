@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 import bpy
 
 from .frame import CLAY_GREY, Source, count_pixels, expected_rays, needed_attributes
-from .latest import remember
+from .latest import confirm_view, remember
 from .modes import find_mode
 from .properties import RenderSettings, read_settings
 from .refinement import Pace, Refinement, View
@@ -90,7 +90,9 @@ class Viewport:
         sync = self._sync_for(space, depsgraph)
         self._sync = None  # a failed update must not leave an old image on the screen
         filtering = space if sync is self._own_sync else None
-        _bring_in_step(sync, depsgraph, read_settings(depsgraph.scene), filtering, context.region)
+        report = _bring_in_step(sync, depsgraph, read_settings(depsgraph.scene), filtering, context.region)
+        if not report.has_changes:
+            confirm_view(depsgraph.scene)
         self._sync = sync
 
     def _sync_for(self, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph) -> SceneSync:
@@ -220,14 +222,16 @@ def _bring_in_step(
     settings: RenderSettings,
     space: bpy.types.SpaceView3D | None,
     region: bpy.types.Region | None,
-) -> None:
+) -> SyncReport:
     """space: the viewport whose filters count; none do for the trees that all share, whoever has them brought in step.
 
     region: None for the camera's view in the size of a render.
     """
     sync.request(needed_attributes(settings, ()))
     pixel_count = count_pixels(depsgraph) if region is None else region.width * region.height
-    _note_changes(sync, sync.update(depsgraph, expected_rays(settings, pixel_count), space=space))
+    report = sync.update(depsgraph, expected_rays(settings, pixel_count), space=space)
+    _note_changes(sync, report)
+    return report
 
 
 def _note_changes(sync: SceneSync, report: SyncReport) -> None:

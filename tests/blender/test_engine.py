@@ -16,6 +16,7 @@ from oracles.cycles import Passes, preserved, render_passes  # noqa: E402
 from oracles.png import read_png  # noqa: E402
 from perfect_bvh_addon import engine, latest  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
+from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 
 BACKGROUND_DEPTH = 1e10
 
@@ -284,6 +285,16 @@ def test_an_error_reaches_the_script_and_blender_survives(scene, tmp_path: Path,
 def test_a_scene_without_a_camera_is_refused_by_blender(scene) -> None:
     scene.camera = None
     with pytest.raises(RuntimeError, match="no camera"):
+        bpy.ops.render.render()
+
+
+def test_a_camera_that_cannot_be_rendered_is_named_with_the_way_out(scene) -> None:
+    camera = scene.camera.data
+    camera.type = "PANO"
+    panorama_settings(camera).panorama_type = "FISHEYE_EQUISOLID"
+    with pytest.raises(
+        RuntimeError, match=r"'Camera.*' is a Fisheye Equisolid panorama.* choose that as its Panorama Type"
+    ):
         bpy.ops.render.render()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -139,3 +140,15 @@ def test_panels_are_drawn_again_by_the_main_thread_alone(monkeypatch) -> None:
     latest._show_news()
     latest._show_news()
     assert drawn == [("PROPERTIES", threading.main_thread())] * 2
+
+
+def test_a_viewport_that_finds_nothing_changed_confirms_what_a_viewport_did() -> None:
+    scene = bpy.context.scene
+    edit_object()
+    latest.confirm_view(scene)
+    assert latest.is_outdated(scene)  # a render: what viewports show says nothing of it
+    latest.remember(scene, replace(latest.last_statistics(scene), source="Viewport"))
+    edit_object()
+    assert latest.is_outdated(scene)
+    latest.confirm_view(scene)
+    assert not latest.is_outdated(scene)

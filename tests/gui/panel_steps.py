@@ -116,7 +116,8 @@ def press_the_main_panels_buttons() -> Step:
     yield from change(area, buttons["perfect_bvh.use_material_colors"], settings())
     yield from change(area, buttons["perfect_bvh.ao_distance"], settings())
     settings().mode = "NORMAL"
-    yield 0.5
+    area.tag_redraw()
+    yield 1.0
     screenshot("hint_about_the_view")
     yield from find_and_press(area, "view_settings.view_transform")
     yield from press_key("Escape")
@@ -293,7 +294,7 @@ def make_a_failure_case() -> Step:
         yield from press_key("Down")
         yield from press_key("Return")
         yield from wait_until(lambda: bpy.context.scene != before, "no scene of a failure case is shown", 60)
-        yield 0.5
+        yield 1.2  # panels glide to their places
         check(bpy.context.scene.perfect_bvh.mode == "COST", "the case does not show costs")
         screenshot("failure_case")
         view = area_of("VIEW_3D").spaces.active.region_3d
