@@ -66,6 +66,7 @@ STEPS = (
     several_views_steps.edit_in_two_scenes,
     several_views_steps.close_a_window_while_it_renders,
     several_views_steps.delete_a_scene_while_it_renders,
+    several_views_steps.show_another_panorama,
     file_steps.open_another_file,
     file_steps.first_image_after_an_edit,
     file_steps.lose_the_engine,
