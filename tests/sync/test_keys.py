@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from perfect_bvh_addon.sync.keys import instance_keys, instance_orders, match_keys
 from sync.fakes import Shown, mesh, record
@@ -63,6 +63,8 @@ def test_orders_are_relative_to_the_session() -> None:
     np.testing.assert_array_equal(np.argsort(first), np.argsort(second))
 
 
+# However busy the machine is.
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.integers(0, 60), unique=True), st.lists(st.integers(0, 60), unique=True))
 def test_matching_finds_each_key_where_it_is(old: list[int], new: list[int]) -> None:
     rows = match_keys(np.array(old, np.uint64), np.array(new, np.uint64))
