@@ -299,19 +299,20 @@ def test_what_glows_gives_light_without_specks_however_small_it_is():
     np.testing.assert_allclose(image, expected, rtol=0.03)
 
 
+@pytest.mark.parametrize("radiance", [2.0, 20.0], ids=["met by chance", "aimed at"])
 @pytest.mark.parametrize("height", [0.003, 0.02, 0.2])
-def test_what_glows_is_as_bright_near_by_as_when_it_is_found_by_chance(height):
+def test_what_glows_is_as_bright_near_by_as_when_it_is_found_by_chance(height, radiance):
     """A square that glows so near that rays find it by themselves."""
     scene = Scene()
     scene.add_instance(scene.add_mesh(FLOOR, QUAD), mask=0b11)
     scene.add_instance(scene.add_mesh(SMALL * (20, 20, height), QUAD), mask=0b10)
     scene.commit()
     camera = Camera.look_at((0, 0, 5), (0, 0, 0), up=(0, 1, 0), angle=math.radians(0.5), aspect=1.0)
-    image = render(scene, camera, "preview", SIZE, 64, glowing(2.0), smooth=False)[..., 1]
+    image = render(scene, camera, "preview", SIZE, 64, glowing(radiance), smooth=False)[..., 1]
     # The view factor of a square seen from below its middle (four corners' closed form).
     x = 0.5 / height
     factor = 4 * x / math.sqrt(1 + x * x) * math.atan(x / math.sqrt(1 + x * x)) / math.pi
-    assert image.mean() == pytest.approx(2.0 * factor, rel=0.01)
+    assert image.mean() == pytest.approx(radiance * factor, rel=0.01)
 
 
 def test_what_glows_unseen_by_light_gives_none():

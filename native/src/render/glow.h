@@ -1,5 +1,5 @@
-// Surfaces that glow, as lights: their triangles, so that rays can be aimed at them instead of finding them by chance.
-// In: a snapshot and what its surfaces look like. Out: places on them, the brighter the more of them.
+// Surfaces that glow brightly, as lights: their triangles, so that rays can be aimed at them instead of finding them by
+// chance. In: a snapshot and what its surfaces look like. Out: places on them, the brighter the more of them.
 #pragma once
 
 #include <vector>
@@ -35,6 +35,7 @@ class Glow {
   struct Triangle {
     std::uint32_t instance, primitive;
   };
+  // 0 of what is not worth aiming at.
   [[nodiscard]] float brightness(std::int32_t material) const noexcept;
   [[nodiscard]] bool may_glow(const Instance& instance) const noexcept;
   // False if there is no room for more.
