@@ -175,12 +175,17 @@ TEST_P(Pools, FinishTheTasksWhenIdleThrows) {
 TEST_P(Pools, CallIdleOnTheCallingThreadOnly) {
   const auto caller = std::this_thread::get_id();
   std::atomic<int> calls{0};
-  parallel_for(
-      pool, 64, 1, [](std::size_t, std::size_t) { std::this_thread::sleep_for(std::chrono::microseconds(200)); }, 0,
-      [&] {
-        EXPECT_EQ(std::this_thread::get_id(), caller);
-        ++calls;
-      });
+  // Workers wait for the first call, so that they cannot take all the chunks before the caller has one.
+  const auto last = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+  const auto work = [&](std::size_t, std::size_t) {
+    while (std::this_thread::get_id() != caller && calls == 0 && std::chrono::steady_clock::now() < last) {
+      std::this_thread::yield();
+    }
+  };
+  parallel_for(pool, 64, 1, work, 0, [&] {
+    EXPECT_EQ(std::this_thread::get_id(), caller);
+    ++calls;
+  });
   EXPECT_GT(calls, 0);
 }
 
