@@ -64,6 +64,31 @@ def test_materials_of_hits(scene: Any) -> None:
     assert sync.polygon_ids(hits).tolist() == [0, 1, -1]
 
 
+def test_other_slots_and_polygons_of_the_same_triangles_are_read(scene: Any) -> None:
+    """Nothing moves: what the last reading left may stand for neither."""
+    corners = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
+    data = mesh_data("square", corners, [(0, 1, 2), (0, 2, 3)])
+    for name in ("red", "green"):
+        data.materials.append(bpy.data.materials.new(name))
+    mesh_object("square", data)
+    sync = SceneSync()
+    sync.update(evaluated())
+    rays = [(0.5, -0.5, 5), (-0.5, 0.5, 5)], [DOWN]
+    for slots in ((0, 1), (1, 1), (1, 0), (0, 0)):
+        data.polygons.foreach_set("material_index", slots)
+        data.update()
+        report = sync.update(evaluated(), verify=True)
+        assert (report.mismatches, report.attributes_changed) == ((), True)
+        assert sync.material_ids(sync.scene.cast_rays(*rays)).tolist() == list(slots)
+    for faces, polygons in (([(0, 1, 2, 3)], [0, 0]), ([(0, 1, 2), (0, 2, 3)], [0, 1])):
+        data.clear_geometry()
+        data.from_pydata(corners, [], faces)
+        report = sync.update(evaluated(), verify=True)
+        assert (report.mismatches, report.attributes_changed, report.count_meshes("kept")) == ((), True, 1)
+        assert sync.polygon_ids(sync.scene.cast_rays(*rays)).tolist() == polygons
+    sync.close()
+
+
 def test_dropped_triangles_leave_the_others_their_ids(scene: Any) -> None:
     mesh_object(
         "broken", mesh_data("broken", [(0, 0, np.nan), (0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2), (1, 2, 3)])
