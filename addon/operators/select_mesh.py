@@ -37,9 +37,15 @@ class PERFECT_BVH_OT_select_mesh(bpy.types.Operator):
         if not found:
             self.report({"WARNING"}, "No object that is visible here shows this mesh")
             return {"CANCELLED"}
+        for obj in found:
+            obj.select_set(True)
+        selected = [obj for obj in found if obj.select_get()]
+        if not selected:
+            self.report({"WARNING"}, "The Outliner disables selection of the objects that show this mesh")
+            return {"CANCELLED"}
         for obj in layer.objects:
-            obj.select_set(obj in found)
-        layer.objects.active = found[0]
+            obj.select_set(obj in selected)
+        layer.objects.active = selected[0]
         return {"FINISHED"}
 
     def _shows(self, obj: Any) -> bool:

@@ -221,6 +221,24 @@ def test_linked_data_is_rendered_and_scanned_and_not_touched(scene, tmp_path: Pa
     assert bpy.ops.perfect_bvh.preview() == {"FINISHED"}
 
 
+def test_what_is_locked_is_rendered_and_scanned_and_stays_as_it_is(scene):
+    cube, camera = bpy.data.objects["Cube"], scene.camera
+    cube.lock_location = cube.lock_rotation = cube.lock_scale = (True, True, True)
+    cube.hide_select = scene.render.use_lock_interface = True
+    scene.perfect_bvh.scan.width, scene.perfect_bvh.scan.height = 16, 9
+    place = cube.matrix_world.copy()
+    uid = cube.data.session_uid
+    assert bpy.ops.perfect_bvh.select_mesh(source="mesh", session_uid=uid) == {"CANCELLED"}
+    assert bpy.context.selected_objects == [camera] and bpy.context.view_layer.objects.active == camera
+    assert bpy.ops.render.render() == {"FINISHED"}
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    assert bpy.ops.perfect_bvh.preview() == {"FINISHED"}
+    assert all(cube.lock_location) and cube.hide_select and cube.matrix_world == place
+    cube.hide_select = False
+    assert bpy.ops.perfect_bvh.select_mesh(source="mesh", session_uid=uid) == {"FINISHED"}
+    assert bpy.context.selected_objects == [cube]
+
+
 # Sizes ---------------------------------------------------------------------------------------------------------------
 
 
