@@ -89,7 +89,9 @@ def check_shows(window: bpy.types.Window, area: bpy.types.Area, what: str) -> An
 
 
 def show_plainly(area: bpy.types.Area) -> None:
+    """Nothing over the image, neither what Blender draws beside a camera's frame."""
     space = area.spaces.active
+    space.region_3d.view_perspective = "PERSP"
     space.overlay.show_overlays = space.show_gizmo = False
     space.show_region_toolbar = space.show_region_ui = False
     space.shading.type = "RENDERED"
@@ -112,7 +114,6 @@ def show_two_viewports() -> Step:
     left, right = view_areas(window)
     show_plainly(left)  # Blender splits a Rendered one into a Rendered and a Solid one
     show_plainly(right)
-    right.spaces.active.region_3d.view_perspective = "PERSP"
     with override(window, right):
         bpy.ops.view3d.view_axis(type="TOP")
         bpy.ops.view3d.view_all()
