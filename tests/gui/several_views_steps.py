@@ -21,7 +21,6 @@ from driver import (
     region_of,
     screenshot,
     wait_until,
-    x_tool,
 )
 
 HEADERS = 60  # in pixels: what lies over the upper edge of a viewport
@@ -216,8 +215,9 @@ def place_window(window: str, left: int, top: int, width: int, height: int) -> S
     """Blender places a window itself once it is there, so this may take more than one attempt."""
     wanted = f"X={left}\nY={top}\nWIDTH={width}\nHEIGHT={height}\n"
     for _ in range(10):
-        x_tool("windowsize", window, width, height)
-        x_tool("windowmove", window, left, top)
+        place = ["windowsize", window, str(width), str(height), "windowmove", window, str(left), str(top)]
+        # Not by `x_tool`, which may send the last word only with its next one, when the window is gone.
+        subprocess.run(["xdotool", *place], check=True)
         yield 1.0
         command = ["xdotool", "getwindowgeometry", "--shell", window]
         found = subprocess.run(command, check=True, capture_output=True, text=True).stdout
