@@ -131,9 +131,7 @@ def render_frame(
     if not trace:
         return Frame({}, FrameStatistics(depsgraph.scene.frame_current_final, sync.size, settings, report, 0.0, 0))
     if sync.camera is None:
-        # What is wrong with the one that it has is the last of what could not be read.
-        reason = "" if depsgraph.scene.camera is None else f". {sync.warnings[-1]}"
-        raise ValueError(f"scene {depsgraph.scene.name!r} has no camera that can be rendered{reason}")
+        raise ValueError(missing_camera(depsgraph.scene, sync))
     width, height = sync.size
     check_fits(f"an image of {width:,} x {height:,} pixels", width * height * BYTES_A_PIXEL, "choose a smaller size")
     import perfect_bvh
@@ -176,6 +174,13 @@ def render_frame(
         mesh_costs=mesh_costs(sync, images),
     )
     return Frame({name: image for name, image in images.items() if name not in COST_PASSES}, statistics)
+
+
+def missing_camera(scene: bpy.types.Scene, sync: SceneSync) -> str:
+    """Why a scene whose sync has no camera cannot be rendered through one, as a sentence for the user."""
+    # What is wrong with the camera that it has is the last of what could not be read.
+    reason = f". {sync.warnings[-1]}" if scene.camera is not None and sync.warnings else ""
+    return f"scene {scene.name!r} has no camera that can be rendered{reason}"
 
 
 def mesh_costs(sync: SceneSync, images: Images) -> dict[int, float]:

@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 
 import bpy
 
-from .frame import CLAY_GREY, Source, count_pixels, expected_rays, needed_attributes
+from .frame import CLAY_GREY, Source, count_pixels, expected_rays, missing_camera, needed_attributes
 from .latest import confirm_view, remember
 from .modes import find_mode
 from .properties import RenderSettings, read_settings
@@ -181,7 +181,7 @@ def refine_view(context: bpy.types.Context, settings: RenderSettings, pace: Pace
     _bring_in_step(sync, depsgraph, settings, filtering, None if found is None else found[1])
     if found is None:
         if sync.camera is None:
-            raise ValueError(f"scene {depsgraph.scene.name!r} has no camera that can be rendered")
+            raise ValueError(missing_camera(depsgraph.scene, sync))
         return sync, Refinement(_view_of(sync, sync.camera, _scaled(sync.size, context.scene), settings), pace)
     space, region = found
     camera, _ = camera_of(space.region_3d, space, depsgraph)
