@@ -6,17 +6,15 @@ And edits without end do not need ever more memory.
 from __future__ import annotations
 
 import os
-import signal
 import threading
 import time
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 import perfect_bvh
-import pytest
+from forks import needs_fork, run_in_child
 from oracles import meshes
 
 SECONDS = 5.0
@@ -150,29 +148,19 @@ def test_answers_are_those_of_their_snapshot_whatever_is_edited_meanwhile() -> N
     assert {scene for scene, _ in witness.answers} == {scene.scene.scene_id for scene in edited}
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
-@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+@needs_fork
 def test_a_forked_process_traces_and_edits_what_it_inherited() -> None:
     edited, rays = EditedScene(6), meshes.random_rays(RAYS, 3, 3.0)
     expected = edited.snapshots[0].cast_rays(*rays, threads=2)
-    child = os.fork()
-    if child == 0:
-        _answer_as_child(edited, rays, expected)
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-    assert np.array_equal(edited.snapshots[0].cast_rays(*rays, threads=2).t_hit, expected.t_hit)
 
-
-def _answer_as_child(edited: EditedScene, rays: tuple[np.ndarray, np.ndarray], expected: perfect_bvh.Hits) -> NoReturn:
-    """Ends this process: with 0 if it can trace and edit as its parent can."""
-    status = 2
-    try:
-        signal.alarm(120)  # rather than to hang
+    def work() -> bool:
         same = np.array_equal(edited.snapshots[0].cast_rays(*rays, threads=2).t_hit, expected.t_hit)
         edited.edit()
         audit = edited.snapshots[-1].cast_rays(*rays, threads=2, audit=1.0).audit
-        status = 0 if same and audit.wrong_rows.size == 0 else 1
-    finally:
-        os._exit(status)
+        return same and audit.wrong_rows.size == 0
+
+    assert run_in_child(work) == 0
+    assert np.array_equal(edited.snapshots[0].cast_rays(*rays, threads=2).t_hit, expected.t_hit)
 
 
 def test_memory_is_flat_over_edits_and_snapshots() -> None:
