@@ -77,14 +77,14 @@ def _measure(progress: Progress) -> Calibration:
     meshes = (_wavy_sphere(), _scattered())
     build_times = {name: float("inf") for name in BUILDERS}
     update_times = {policy: float("inf") for policy in _UPDATES}
-    in_parts = 0.0  # triangles: the same in each round
+    in_parts = dict.fromkeys(_UPDATES, 0.0)  # triangles: the same in each round
     for number in range(ROUNDS):
         for name in BUILDERS:
             build_times[name] = min(build_times[name], sum(_time_build(mesh, name) for mesh in meshes))
         for policy in _UPDATES:
             updates = [_time_update(mesh, policy) for mesh in meshes]
             update_times[policy] = min(update_times[policy], sum(nanoseconds for nanoseconds, _ in updates))
-            in_parts = sum(count for _, count in updates)
+            in_parts[policy] = sum(count for _, count in updates)
         advance(0.6 * (number + 1) / ROUNDS)
 
     trees = {name: [_built(mesh, name) for mesh in meshes] for name in (*BUILDERS, "median")}
@@ -105,7 +105,7 @@ def _measure(progress: Progress) -> Calibration:
         for name in BUILDERS
     }
     refit, rotate, rebuild_parts = (update_times[policy] / triangles for policy in _UPDATES)
-    parts = (rebuild_parts - 2 * refit) * triangles / in_parts
+    parts = (rebuild_parts - 2 * refit) * triangles / in_parts["rebuild_parts"]
     return Calibration(
         node_nanoseconds=node,
         leaf_nanoseconds=leaf,
