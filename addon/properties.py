@@ -54,10 +54,15 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         type=bpy.types.Object,
     )
     width: bpy.props.IntProperty(
-        name="Resolution X", description="Rays in a row", default=640, min=1, max=65536, subtype="PIXEL"
+        name="Resolution X", description="How many rays are in a row", default=640, min=1, max=65536, subtype="PIXEL"
     )
     height: bpy.props.IntProperty(
-        name="Resolution Y", description="Rows of rays", default=360, min=1, max=65536, subtype="PIXEL"
+        name="Resolution Y",
+        description="How many rows of rays there are",
+        default=360,
+        min=1,
+        max=65536,
+        subtype="PIXEL",
     )
     elevations: bpy.props.StringProperty(
         name="Elevations",
@@ -68,10 +73,15 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         name="Columns", description="Shots of all lines in one turn", default=1800, min=1, max=1 << 20
     )
     rate: bpy.props.FloatProperty(
-        name="Rate", description="Turns a second", default=10.0, min=0.01, soft_max=100.0, max=10000.0
+        name="Rate",
+        description="How often the sensor turns in a second",
+        default=10.0,
+        min=0.01,
+        soft_max=100.0,
+        max=10000.0,
     )
     max_distance: bpy.props.FloatProperty(
-        name="Range", description="How far the LiDAR can measure", default=100.0, min=0.001, subtype="DISTANCE"
+        name="Range", description="How far the sensor can measure", default=100.0, min=0.001, subtype="DISTANCE"
     )
     use_frame_range: bpy.props.BoolProperty(
         name="Frame Range", description="Scan the scene's frame range instead of the current frame", default=False
@@ -129,8 +139,12 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
 class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     """Saved in the .blend file, animatable like any other setting."""
 
-    scan: bpy.props.PointerProperty(type=PERFECT_BVH_PG_scan)
-    overlay: bpy.props.PointerProperty(type=PERFECT_BVH_PG_overlay)
+    scan: bpy.props.PointerProperty(
+        name="Scan", description="What the Scan button casts, and what it makes of it", type=PERFECT_BVH_PG_scan
+    )
+    overlay: bpy.props.PointerProperty(
+        name="Overlay", description="Which boxes of the trees 3D viewports show", type=PERFECT_BVH_PG_overlay
+    )
 
     mode: bpy.props.EnumProperty(
         name="Mode", description="What the image shows", items=MODE_ITEMS, default=DEFAULT_MODE.upper()
@@ -204,7 +218,9 @@ CLASSES = (PERFECT_BVH_PG_scan, PERFECT_BVH_PG_overlay, PERFECT_BVH_PG_settings)
 def register() -> None:
     for group in CLASSES:
         bpy.utils.register_class(group)
-    bpy.types.Scene.perfect_bvh = bpy.props.PointerProperty(name="Perfect BVH", type=PERFECT_BVH_PG_settings)
+    bpy.types.Scene.perfect_bvh = bpy.props.PointerProperty(
+        name="Perfect BVH", description="How Perfect BVH renders and scans the scene", type=PERFECT_BVH_PG_settings
+    )
 
 
 def unregister() -> None:

@@ -11,7 +11,7 @@ from ..failure_scenes import add_failure_scene
 from ..properties import ENGINE_NAME
 from ..viewport import find_view
 
-CASE_ITEMS = [(case.name.upper(), case.title, case.breaks, index) for index, case in enumerate(CASES)]
+CASE_ITEMS = [(case.name.upper(), case.title, case.breaks.removesuffix("."), i) for i, case in enumerate(CASES)]
 
 
 class PERFECT_BVH_OT_add_failure_case(bpy.types.Operator):
@@ -22,7 +22,7 @@ class PERFECT_BVH_OT_add_failure_case(bpy.types.Operator):
     bl_description = "Make a scene on which a usual method fails, set to show what each pixel's ray costs"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
-    case: bpy.props.EnumProperty(name="Case", description="What fails", items=CASE_ITEMS)
+    case: bpy.props.EnumProperty(name="Case", description="The scene to make", items=CASE_ITEMS)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene = add_failure_scene(find_case(self.case.lower()))

@@ -21,8 +21,12 @@ class PERFECT_BVH_OT_select_mesh(bpy.types.Operator):
     bl_description = "Select the objects that show this mesh"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
-    source: bpy.props.EnumProperty(name="Source", description="What the mesh comes from", items=SOURCES)
-    session_uid: bpy.props.IntProperty(name="Session UID", description="Of the mesh or of the object")
+    source: bpy.props.EnumProperty(
+        name="Source", description="What the mesh comes from", items=SOURCES, options={"HIDDEN"}
+    )
+    session_uid: bpy.props.IntProperty(
+        name="Session UID", description="Number that Blender gave the mesh or the object", options={"HIDDEN"}
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -1,0 +1,131 @@
+"""Tooltips everywhere: what is registered tells what it is, in Blender's style, and what is grey tells why."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import perfect_bvh_addon  # noqa: E402
+from perfect_bvh_addon import operators, preferences, properties  # noqa: E402
+
+OPERATORS = [
+    found
+    for module in (operators.preview, operators.scan, operators.bench, operators.failure_case, operators.select_mesh)
+    for found in vars(module).values()
+    if isinstance(found, type) and issubclass(found, bpy.types.Operator)
+]
+OWNERS = [*properties.CLASSES, preferences.PERFECT_BVH_AP_preferences, *OPERATORS]
+
+
+@pytest.fixture(autouse=True)
+def registered() -> Iterator[None]:
+    perfect_bvh_addon.register()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    yield
+    perfect_bvh_addon.unregister()
+
+
+def rna_of(owner: Any) -> Any:
+    """What Blender knows of a class; of an operator's class itself it tells nothing."""
+    is_operator = issubclass(owner, bpy.types.Operator)
+    return call_of(owner).get_rna_type() if is_operator else owner.bl_rna
+
+
+def call_of(operator: Any) -> Any:
+    return getattr(bpy.ops.perfect_bvh, operator.bl_idname.partition(".")[2])
+
+
+def own_properties() -> Iterator[tuple[str, Any]]:
+    """Of everything that the add-on registers, with a name for messages."""
+    yield "Scene.perfect_bvh", bpy.types.Scene.bl_rna.properties["perfect_bvh"]
+    for owner in OWNERS:
+        for found in rna_of(owner).properties:
+            if found.is_runtime:  # not what Blender itself gives every class
+                yield f"{owner.__name__}.{found.identifier}", found
+
+
+def find_fault(text: str, name: str) -> str | None:
+    """Why `text` is no tooltip of something called `name`."""
+    if len(text.split()) < 3:
+        return "says too little"
+    if text.strip() != text or not (text[0].isupper() or not text[0].isalpha()):
+        return "does not begin as a sentence"
+    if text.endswith("."):
+        return "ends with a full stop, which Blender's do not"
+    if text.lower().startswith(name.lower() + " ") and len(text.split()) < 5:
+        return "says the name again"
+    return None
+
+
+def test_every_class_of_operators_is_looked_at() -> None:
+    """A new operator does not get past these tests."""
+    known = {name for name in dir(bpy.types) if name.startswith("PERFECT_BVH_OT_")}
+    assert known == {operator.__name__ for operator in OPERATORS}
+
+
+def test_every_property_has_a_tooltip() -> None:
+    faults = {where: find_fault(found.description, found.name) for where, found in own_properties()}
+    assert {where: fault for where, fault in faults.items() if fault} == {}
+
+
+def test_no_two_properties_say_the_same() -> None:
+    counts = Counter(found.description for _, found in own_properties())
+    assert [text for text, count in counts.items() if count > 1] == []
+
+
+def test_every_choice_of_a_menu_has_a_tooltip() -> None:
+    faults = {
+        f"{where}={item.identifier}": find_fault(item.description, item.name)
+        for where, found in own_properties()
+        if found.type == "ENUM"
+        for item in found.enum_items
+    }
+    assert len(faults) > 30
+    assert {where: fault for where, fault in faults.items() if fault} == {}
+
+
+@pytest.mark.parametrize("operator", OPERATORS, ids=lambda operator: operator.__name__)
+def test_every_operator_has_a_tooltip(operator: Any) -> None:
+    assert find_fault(rna_of(operator).description, operator.bl_label) is None
+
+
+def edit_a_mesh() -> None:
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.ops.object.mode_set(mode="EDIT")
+
+
+def nothing_is_there() -> None:
+    """The scene is empty as it is."""
+
+
+@pytest.mark.parametrize(
+    ("call", "spoil", "reason"),
+    [
+        ("preview", nothing_is_there, "neither a 3D viewport nor a camera"),
+        ("scan", nothing_is_there, "neither a sensor nor an active camera"),
+        ("scan", edit_a_mesh, "leave the mode"),
+        ("select_mesh", edit_a_mesh, "in Object Mode only"),
+    ],
+)
+def test_a_grey_button_says_why(call: str, spoil: Callable[[], None], reason: str) -> None:
+    spoil()
+    operator = getattr(bpy.ops.perfect_bvh, call)
+    assert not operator.poll()
+    with pytest.raises(RuntimeError, match=reason):
+        operator()
+
+
+@pytest.mark.parametrize(
+    "module", [operators.preview, operators.scan, operators.bench], ids=lambda module: module.__name__
+)
+def test_without_the_engine_what_needs_it_is_grey_and_says_so(module: Any, monkeypatch) -> None:
+    reason = "The native engine could not be loaded: a damaged file"
+    monkeypatch.setattr(module, "native_error", lambda: reason)
+    (operator,) = [found for found in OPERATORS if found.__module__ == module.__name__]
+    with pytest.raises(RuntimeError, match=reason):
+        call_of(operator)()
