@@ -22,6 +22,7 @@ import perfect_bvh
 from perfect_bvh import Appearance, Camera, Scene
 from perfect_bvh.scene import Policy
 
+from .background_commit import BackgroundCommit
 from .extract import ReadCache, read_scene
 from .extract.changes import listen, stop_listening
 from .extract.pointer_views import ArrayReader
@@ -29,10 +30,11 @@ from .sync.appearance import make_appearance
 from .sync.lookup import HitIds, InstanceDescription, SceneLookup
 from .sync.records import AttributeRequest, Int32Array, SceneRecord
 from .sync.report import SyncReport
-from .sync.state import SceneState
+from .sync.state import SceneState, TimedCommit
 from .sync.verify import find_mismatches
 
 Progress = Callable[[float], object]
+UpdateCommit = BackgroundCommit[TimedCommit, SyncReport]
 
 
 class SceneSync:
@@ -63,7 +65,13 @@ class SceneSync:
         self._cache = ReadCache()
         self._lookup: SceneLookup | None = None
         self._appearance: Appearance | None = None
+        self._building: UpdateCommit | None = None
+        self._watches = watch
         self._tree_byte_count = 0
+        self.revision = 0
+        """How often an update has changed anything that an image could show, so far."""
+        self.last_change: SyncReport | None = None
+        """The report of the last update that did."""
         self._state.scene.mark_stale("nothing was synced yet: call update()")
         if watch:
             listen(self)
@@ -100,20 +108,86 @@ class SceneSync:
 
         Raises what the engine raises. Until an update succeeds, queries then raise `perfect_bvh.StaleSceneError`.
         """
+        self.stop_building()
         self._state.scene.mark_stale("the last update did not succeed: call update() again")
         started = time.perf_counter()
         options: dict[str, Any] = {"camera": camera, "size": size, "space": space, "for_viewport": self._for_viewport}
         record = read_scene(depsgraph, self._attributes, cache=self._cache, **options)
         read_milliseconds = (time.perf_counter() - started) * 1e3
         self._lookup = self._appearance = None
-        report = self._state.update(
-            record, expected_rays=expected_rays, progress=progress, read_milliseconds=read_milliseconds
+        report = self._take_in(
+            self._state.update(
+                record, expected_rays=expected_rays, progress=progress, read_milliseconds=read_milliseconds
+            )
         )
-        self._tree_byte_count = report.byte_count
-        _forget_beyond_limit(self)
         if verify:
             certain = read_scene(depsgraph, self._attributes, reader=ArrayReader(use_views=False), **options)
             report = replace(report, mismatches=find_mismatches(record, certain))
+        return report
+
+    def begin_update(
+        self,
+        depsgraph: Any,
+        expected_rays: int | None = None,
+        *,
+        camera: Any = None,
+        size: tuple[int, int] | None = None,
+        space: Any = None,
+    ) -> UpdateCommit:
+        """The half of `update` that needs Blender; returns the other one, which goes on by itself: see `building`.
+
+        What was read (`record`, `camera`, `warnings`) is there at once. All that asks the engine raises
+        `perfect_bvh.StaleSceneError` until the commit has succeeded; its `result` is the report. Only one goes on at
+        a time: where an earlier one builds what was read now, that is returned; any other is stopped, by `update`, too.
+
+        Raises RuntimeError for a sync that watches Blender: a change between the two halves would be forgotten when the
+        commit begins, and old answers be taken for new ones. Whoever updates in halves looks for changes by itself.
+        """
+        if self._watches:
+            raise RuntimeError("begin_update: the sync watches Blender; make it with watch=False")
+        started = time.perf_counter()
+        options: dict[str, Any] = {"camera": camera, "size": size, "space": space, "for_viewport": self._for_viewport}
+        try:
+            record = read_scene(depsgraph, self._attributes, cache=self._cache, **options)
+            difference = self._state.compare(record)
+        except BaseException:
+            self.stop_building()
+            self._state.scene.mark_stale("the last update did not succeed: call update() again")
+            raise
+        if self.building is not None and difference.is_none:
+            return self.building
+        self.stop_building()
+        read_milliseconds = (time.perf_counter() - started) * 1e3 - difference.milliseconds
+        self._lookup = self._appearance = None
+        state = self._state
+        applied = state.apply(difference)
+        self._building = BackgroundCommit(
+            lambda progress: state.commit(expected_rays, progress),
+            lambda commit: self._take_in(state.finish(applied, commit, read_milliseconds)),
+        )
+        return self._building
+
+    @property
+    def building(self) -> UpdateCommit | None:
+        """The commit that is under way, None if there is none."""
+        if self._building is not None and not self._building.is_running:
+            self._building.settle()
+            self._building = None
+        return self._building
+
+    def stop_building(self) -> None:
+        """Stops the commit that is under way, if there is one; its edits then wait for the next update."""
+        if self._building is not None:
+            self._building.stop()
+            self._building = None
+
+    def _take_in(self, report: SyncReport) -> SyncReport:
+        """What is to be known of every update that has succeeded."""
+        self._tree_byte_count = report.byte_count
+        if report.has_changes or self.last_change is None:
+            self.revision += 1
+            self.last_change = report
+        _forget_beyond_limit(self)
         return report
 
     # What was synced -------------------------------------------------------------------------------------------------
@@ -226,6 +300,8 @@ class SceneSync:
     def close(self) -> None:
         """Forgets the scene and stops watching; queries raise from now on. Updating again is allowed."""
         stop_listening(self)
+        self.stop_building()
+        self.last_change = None
         self._state = SceneState(self._make_scene)
         self._cache = ReadCache()
         self._lookup = self._appearance = None
@@ -290,7 +366,9 @@ def drop_missing(scenes: Iterable[Any]) -> None:
     shown = {(scene.session_uid, layer.name) for scene in scenes for layer in scene.view_layers}
     for key in [key for key in list(_sessions) if key[:2] not in shown]:
         # Not closed: whoever is tracing it keeps it for so long.
-        _sessions.pop(key, None)
+        sync = _sessions.pop(key, None)
+        if sync is not None and sync.building is not None:
+            sync.building.ask_to_stop()  # this may be a render's thread: it waits for nothing
 
 
 def clear_sessions() -> None:

@@ -1,13 +1,14 @@
 """The Scan button: casts the rays that the panel describes and makes a point cloud of what they meet.
 
-In a window it works in steps of a timer while Blender goes on, and Esc gives it up; nothing is made before the end.
+In a window it works in steps of a timer while Blender goes on, builds trees beside it, and Esc gives it up at any time;
+nothing is made before the end.
 Without one, or when a script calls it, it does the same in one go.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -37,7 +38,7 @@ class PERFECT_BVH_OT_scan(bpy.types.Operator):
     # Blender evaluates these annotations, and the scanner's module needs the native engine.
     _timer: bpy.types.Timer | None = None
     _scanner: Any
-    _steps: Iterator[float]
+    _steps: Generator[float, None, None]
     _started: float
 
     @classmethod
@@ -54,7 +55,7 @@ class PERFECT_BVH_OT_scan(bpy.types.Operator):
         self._timer = manager.event_timer_add(TIMER_SECONDS, window=context.window)
         manager.progress_begin(0, 100)
         manager.modal_handler_add(self)
-        context.workspace.status_text_set("Scanning: Esc stops it")
+        self._show_state(context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -69,6 +70,7 @@ class PERFECT_BVH_OT_scan(bpy.types.Operator):
             self._end(context)
             return {"CANCELLED"}
         context.window_manager.progress_update(100 * done)
+        self._show_state(context)
         if done < 1.0:
             return {"RUNNING_MODAL"}
         self._end(context)
@@ -120,13 +122,19 @@ class PERFECT_BVH_OT_scan(bpy.types.Operator):
         deadline = time.perf_counter() + seconds
         try:
             for done in self._steps:
-                if time.perf_counter() >= deadline:
+                # While trees are built there is nothing to do but let Blender go on.
+                if time.perf_counter() >= deadline or self._scanner.built_share is not None:
                     # The last step is over when the iterator is: it sets the frame back.
                     return min(done, 0.999)
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
             self.report({"ERROR"}, _sentence(problem))
             return None
         return 1.0
+
+    def _show_state(self, context: bpy.types.Context) -> None:
+        built = self._scanner.built_share
+        state = "Scanning" if built is None else f"Building trees {built:.0%}"
+        context.workspace.status_text_set(f"{state}: Esc stops it")
 
     def _end(self, context: bpy.types.Context) -> None:
         self._steps.close()

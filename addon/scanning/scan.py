@@ -8,7 +8,8 @@ scene is brought in step like any other, so that a long scan of a scene in which
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,8 +18,9 @@ import numpy as np
 from perfect_bvh.queries import Precision
 
 from ..extract.camera import without_scale
+from ..extract.changes import listen, stop_listening
 from ..memory import check_fits
-from ..session import SceneSync
+from ..session import SceneSync, UpdateCommit
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
 from .collector import Collector
 from .patterns import Float64Array, Pattern, View
@@ -28,6 +30,9 @@ Progress = Callable[[float], object]
 
 # So many rays are cast in one go: a quarter of a million take a fraction of a second.
 RAYS_IN_A_STEP = 1 << 18
+# How long a step of a build is, and which share of a stretch a build may come to in the end.
+BUILD_STEP_SECONDS = 0.02
+BUILD_SHARE = 0.5
 # Of the rays of a stretch, and of the points if all of them hit.
 BYTES_A_RAY = 300
 FIELDS = ("instance_ids", "mesh_ids", "primitive_ids", "geometric_normals", "positions", "distances")
@@ -65,7 +70,8 @@ def scan(
         all of them. By default the current frame alone, of which a LiDAR makes one whole turn.
     steps_per_frame: in how many places of a frame the scene is evaluated, for things that move while they are scanned.
     threads: at most so many; 0 for all. precision: of `cast_rays`.
-    progress: called with 0 to 1; returning False raises `perfect_bvh.Cancelled`.
+    progress: called with 0 to 1, also while trees are built; returning False raises `perfect_bvh.Cancelled`, within
+        about a tenth of a second, as Ctrl-C raises KeyboardInterrupt. The frame is set back either way.
 
     What is seen is what the viewport shows, as far as cameras may see it (Object > Visibility > Ray Visibility).
     Raises ValueError for a sensor that cannot scan, or that is deleted meanwhile, and what the engine raises.
@@ -73,17 +79,19 @@ def scan(
     scanner = Scanner(
         pattern, sensor, frames=frames, steps_per_frame=steps_per_frame, threads=threads, precision=precision
     )
-    for done in scanner.steps():
-        if progress is not None and progress(done) is False:
-            raise _cancelled()
+    with closing(scanner.steps()) as steps:
+        for done in steps:
+            if progress is not None and progress(done) is False:
+                raise _cancelled()
     return scanner.result()
 
 
 class Scanner:
     """A scan that can be done in steps, so that Blender goes on meanwhile. The arguments are those of `scan`.
 
-    Run through `steps()`, then ask for the `result()`. Closing the iterator of the steps early gives the scan up; the
-    current frame is set again either way. Raises ValueError for arguments with which no scan is possible.
+    Run through `steps()`, then ask for the `result()`. Closing the iterator of the steps early gives the scan up, in
+    the middle of a build, too; the current frame is set again either way. Each stretch shows the scene as it was when
+    its first step began. Raises ValueError for arguments with which no scan is possible.
     """
 
     def __init__(
@@ -107,26 +115,37 @@ class Scanner:
         self._threads, self._precision = threads, precision
         self._collector = Collector()
         self._warnings: dict[str, None] = {}
+        self.built_share: float | None = None
+        """How much of the trees of this stretch is built, 0 to 1, as long as they are."""
 
     def result(self) -> PointCloud:
         """What the finished scan has found."""
         return self._collector.point_cloud(tuple(self._warnings))
 
-    def steps(self) -> Iterator[float]:
-        """Does the scan; yields the share done, 0 to 1, every few tenths of a second."""
-        sync = SceneSync(AttributeRequest(material_slots=True))
+    def steps(self) -> Generator[float, None, None]:
+        """Does the scan; yields the share done, 0 to 1, every few tenths of a second, oftener while trees are built.
+
+        To be run through, or closed, on Blender's main thread.
+        """
         scene = self._scene()
         before = scene.frame_current, scene.frame_subframe
+        # A stretch is about the moment when it was read, whatever the user does while its trees are built and its rays
+        # cast: its snapshot must not go stale by that, and the next one reads again. Hence watch=False; but of what is
+        # listened to here the next reading knows which meshes it may keep.
+        sync = SceneSync(AttributeRequest(material_slots=True), watch=False)
+        listen(self)
         try:
             for number, stretch in enumerate(self._stretches):
                 for done in self._scan_stretch(sync, stretch):
                     yield (number + done) / len(self._stretches)
         finally:
+            self.built_share = None
+            stop_listening(self)
             sync.close()
             if self._stretches[0].frame is not None:
                 self._set_back(*before)
 
-    def _scan_stretch(self, sync: SceneSync, stretch: Stretch) -> Iterator[float]:
+    def _scan_stretch(self, sync: SceneSync, stretch: Stretch) -> Generator[float, None, None]:
         scene = self._scene()
         if stretch.frame is not None:
             scene.frame_set(stretch.frame, subframe=stretch.subframe)
@@ -134,11 +153,13 @@ class Scanner:
         with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[self._layer_name]):
             depsgraph = bpy.context.evaluated_depsgraph_get()
         is_camera = self._pattern.needs_camera
-        report = sync.update(depsgraph, camera=sensor if is_camera else None, size=self._pattern.size)
-        self._warnings |= dict.fromkeys(report.warnings) if is_camera else {}
+        building = sync.begin_update(depsgraph, camera=sensor if is_camera else None, size=self._pattern.size)
+        self._warnings |= dict.fromkeys(sync.warnings) if is_camera else {}
         view, matrix = _place(sync, sensor, depsgraph, is_camera)
+        # From here on Blender may do anything between two steps, and is asked for nothing any more.
+        before_rays = yield from self._build(building)
         snapshot = sync.scene.snapshot()
-        yield 0.0  # the scene may have taken long: whoever has given up meanwhile waits for no rays
+        yield before_rays  # whoever has given up meanwhile waits for no rays
         count = self._pattern.count(stretch.start, stretch.end)
         check_fits(f"scan: a stretch of {count:,} rays", count * BYTES_A_RAY, "cast fewer, or more steps per frame")
         rays = self._pattern.cast(stretch.start, stretch.end, view)
@@ -157,7 +178,27 @@ class Scanner:
                 precision=self._precision,
             )
             self._collector.add(hits, rays.times[rows], sync)
-            yield min(1.0, (first + RAYS_IN_A_STEP) / len(rays))
+            cast = min(1.0, (first + RAYS_IN_A_STEP) / len(rays))
+            yield before_rays + (1.0 - before_rays) * cast
+
+    def _build(self, building: UpdateCommit) -> Generator[float, None, float]:
+        """Waits for the trees; yields the share of the stretch done, and returns it. Raises what the engine raises."""
+        share = 0.0
+        while not building.wait(BUILD_STEP_SECONDS):
+            self.built_share = building.share
+            share = BUILD_SHARE * building.share
+            yield share
+        self.built_share = None
+        building.result()
+        return share
+
+    # Blender's changes concern a scan only in that it reads less where there were none, see `steps`.
+
+    def on_change(self, what: str) -> None:
+        """The stretch goes on: it is about what was read."""
+
+    def on_file_change(self) -> None:
+        """The next stretch finds no scene, and says so."""
 
     # Blender's things may go or be made anew (undo) between any two steps, so each step looks for them.
 

@@ -8,20 +8,18 @@ that scene is given up and the next update fills a fresh one: dear, rare and nev
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from .compare import HeldInstances, InstanceDifference, MeshDifference, compare_instances
+from .compare import HeldInstances, compare_instances
 from .held_meshes import HeldMeshes, MeshScene
-from .keys import Int64Array, Uint64Array, instance_keys, instance_orders
-from .looks import find_look_differences
-from .object_changes import summarise_objects
+from .keys import Int64Array, instance_keys, instance_orders
 from .records import Int32Array, SceneRecord
 from .report import MeshChange, SyncReport
+from .scene_difference import AppliedDifference, SceneDifference
 
 if TYPE_CHECKING:
     from perfect_bvh import CommitReport
@@ -44,16 +42,11 @@ class EngineScene(MeshScene, Protocol):
     def mark_stale(self, why: str) -> None: ...
 
 
-@dataclass(frozen=True, slots=True)
-class _Plan:
-    """The difference between what is held and a new record."""
+class TimedCommit(NamedTuple):
+    """The engine's report, and how long whoever committed has waited for it."""
 
-    record: SceneRecord
-    keys: Uint64Array
-    orders: Int64Array
-    meshes: Sequence[MeshDifference]  # one for each mesh of the record
-    removed_meshes: list[Hashable]
-    instances: InstanceDifference
+    report: CommitReport
+    milliseconds: float
 
 
 class SceneState:
@@ -98,83 +91,81 @@ class SceneState:
         progress: Progress | None = None,
         read_milliseconds: float = 0.0,
     ) -> SyncReport:
-        """Makes the engine's scene equal to a record, and commits it.
+        """Makes the engine's scene equal to a record, and commits it: the four steps below, one after the other.
 
         Raises what the engine raises; the scene's queries then raise too, until an update succeeds.
         """
         self.scene.mark_stale("the last update did not succeed: call update() again")
+        applied = self.apply(self.compare(record))
+        return self.finish(applied, self.commit(expected_rays, progress), read_milliseconds)
+
+    # The steps of an update ------------------------------------------------------------------------------------------
+
+    def compare(self, record: SceneRecord) -> SceneDifference:
+        """What a record asks for. Nothing is changed, and the engine's scene not used: a commit may be under way."""
         started = time.perf_counter()
-        plan = self._compare(record)
-        compared = time.perf_counter()
-        held, last = self._instances, self._record
-        try:
-            changes = self._apply(plan)
-        except BaseException:
-            self._give_up()
-            raise
-        applied = time.perf_counter()
-        was_waiting, self._has_waiting_edits = self._has_waiting_edits, True
-        keywords = {"progress": progress, "expected_rays": expected_rays}
-        commit = self.scene.commit(**{key: value for key, value in keywords.items() if value is not None})
-        self._has_waiting_edits = False
-        self._meshes.note_commit(commit)
-        finished = time.perf_counter()
-
-        difference = plan.instances
-        return SyncReport(
-            frame=record.frame,
-            meshes=tuple(changes),
-            object_columns=summarise_objects(held, record, difference, [mesh.action for mesh in plan.meshes]),
-            added_count=int(difference.added.sum()),
-            removed_count=int(difference.removed.sum()),
-            moved_count=int(difference.moved.sum()),
-            masked_count=int(difference.masked.sum()),
-            kept_count=int(difference.kept.sum()),
-            camera_changed=last is None or not _have_same_camera(last, record),
-            materials_changed=last is None or not _have_same_looks(last, record),
-            attributes_changed=last is None or any(mesh.attributes_changed for mesh in plan.meshes),
-            finishes_earlier_update=was_waiting,
-            commit=commit,
-            unseen=record.unseen,
-            warnings=record.warnings,
-            read_milliseconds=read_milliseconds,
-            compare_milliseconds=(compared - started) * 1e3,
-            apply_milliseconds=(applied - compared) * 1e3,
-            commit_milliseconds=(finished - applied) * 1e3,
-        )
-
-    # Comparing -------------------------------------------------------------------------------------------------------
-
-    def _compare(self, record: SceneRecord) -> _Plan:
         if self._instances.are_those_of(record):
             keys, orders = self._instances.keys, self._instances.orders
         else:
             keys, orders = instance_keys(record), instance_orders(record)
         meshes, removed = self._meshes.compare(record.meshes)
-        return _Plan(
+        instances = compare_instances(self._instances, record, keys, orders, self._meshes)
+        return SceneDifference(
             record=record,
+            held=self._instances,
+            last=self._record,
             keys=keys,
             orders=orders,
             meshes=meshes,
             removed_meshes=removed,
-            instances=compare_instances(self._instances, record, keys, orders, self._meshes),
+            instances=instances,
+            milliseconds=(time.perf_counter() - started) * 1e3,
         )
+
+    def apply(self, difference: SceneDifference) -> AppliedDifference:
+        """Edits the engine's scene, which waits for a commit from then on. No commit may be under way."""
+        self.scene.mark_stale("the last update did not succeed: call update() again")
+        started = time.perf_counter()
+        try:
+            changes = self._apply(difference)
+        except BaseException:
+            self._give_up()
+            raise
+        was_waiting, self._has_waiting_edits = self._has_waiting_edits, True
+        return AppliedDifference(difference, tuple(changes), was_waiting, (time.perf_counter() - started) * 1e3)
+
+    def commit(self, expected_rays: int | None = None, progress: Progress | None = None) -> TimedCommit:
+        """Commits the edits, on any thread, while no other edits or commits.
+
+        Uses nothing but the engine's scene: whether it succeeds or not, what is held is the same.
+        """
+        started = time.perf_counter()
+        keywords = {"progress": progress, "expected_rays": expected_rays}
+        report = self.scene.commit(**{key: value for key, value in keywords.items() if value is not None})
+        return TimedCommit(report, (time.perf_counter() - started) * 1e3)
+
+    def finish(self, applied: AppliedDifference, commit: TimedCommit, read_milliseconds: float = 0.0) -> SyncReport:
+        """Takes in that the commit has succeeded; to be called for each that has, before the next edits."""
+        self._has_waiting_edits = False
+        self._meshes.note_commit(commit.report)
+        return applied.report(commit.report, read_milliseconds, commit.milliseconds)
 
     # Applying --------------------------------------------------------------------------------------------------------
 
-    def _apply(self, plan: _Plan) -> list[MeshChange]:
+    def _apply(self, wanted: SceneDifference) -> list[MeshChange]:
         """Edits in an order that the engine allows: no mesh goes while an instance shows it."""
-        self.scene.remove_instances(self._instances.ids[plan.instances.removed])
-        changes = [self._meshes.remove(self.scene, key) for key in plan.removed_meshes]
-        moved = np.zeros(len(plan.record.meshes), np.bool_)
-        moved[plan.record.instances.mesh_indices[plan.instances.moved]] = True
-        changes += self._meshes.apply(self.scene, plan.record.meshes, plan.meshes, set(np.flatnonzero(moved).tolist()))
-        self._instances = self._apply_instances(plan)
-        self._record = plan.record
+        record, difference = wanted.record, wanted.instances
+        self.scene.remove_instances(self._instances.ids[difference.removed])
+        changes = [self._meshes.remove(self.scene, key) for key in wanted.removed_meshes]
+        moved = np.zeros(len(record.meshes), np.bool_)
+        moved[record.instances.mesh_indices[difference.moved]] = True
+        changes += self._meshes.apply(self.scene, record.meshes, wanted.meshes, set(np.flatnonzero(moved).tolist()))
+        self._instances = self._apply_instances(wanted)
+        self._record = record
         return changes
 
-    def _apply_instances(self, plan: _Plan) -> HeldInstances:
-        instances, difference = plan.record.instances, plan.instances
+    def _apply_instances(self, wanted: SceneDifference) -> HeldInstances:
+        instances, difference = wanted.record.instances, wanted.instances
         added, rows = difference.added, difference.held_rows
         ids = self._instances.ids[rows] if len(self._instances.ids) else np.empty(len(rows), np.int32)
         if added.any():
@@ -182,7 +173,7 @@ class SceneState:
                 self._meshes.ids[instances.mesh_indices[added]],
                 instances.transforms[added],
                 instances.masks[added],
-                plan.orders[added],
+                wanted.orders[added],
             )
         moved, masked = difference.moved, difference.masked
         if moved.all() and len(moved):
@@ -193,11 +184,11 @@ class SceneState:
             self.scene.set_masks(ids[masked], instances.masks[masked])
         return HeldInstances(
             columns=instances,
-            keys=plan.keys,
+            keys=wanted.keys,
             ids=ids,
-            orders=plan.orders,
-            meshes=plan.record.meshes,
-            objects=plan.record.objects,
+            orders=wanted.orders,
+            meshes=wanted.record.meshes,
+            objects=wanted.record.objects,
         )
 
     def _give_up(self) -> None:
@@ -209,17 +200,3 @@ class SceneState:
         self._instances = HeldInstances()
         self._record = None
         self._has_waiting_edits = False
-
-
-def _have_same_camera(old: SceneRecord, new: SceneRecord) -> bool:
-    if old.size != new.size:
-        return False
-    if old.camera is None or new.camera is None:
-        return old.camera is new.camera
-    names = ("window", "projection", "clip_start", "clip_end", "border")
-    same_settings = all(getattr(old.camera, name) == getattr(new.camera, name) for name in names)
-    return same_settings and bool(np.array_equal(old.camera.matrix, new.camera.matrix))
-
-
-def _have_same_looks(old: SceneRecord, new: SceneRecord) -> bool:
-    return not find_look_differences(old, new)

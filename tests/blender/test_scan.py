@@ -360,12 +360,13 @@ def test_progress_can_stop_a_scan(room) -> None:
 
     with pytest.raises(perfect_bvh.Cancelled):
         scan(LIDAR, bpy.data.objects["Head"], frames=(1, 3), progress=stop_halfway)
-    assert seen == sorted(seen) and len(seen) == 4  # each frame is read, then scanned
+    assert seen == sorted(seen) and seen[0] == 0.0 and 0.5 <= seen[-1] < 1.0
 
 
 def test_large_scans_are_cast_in_pieces(room, monkeypatch) -> None:
     whole = scan(CameraGrid(32, 18))
     monkeypatch.setitem(scan.__globals__, "RAYS_IN_A_STEP", 100)
+    monkeypatch.setitem(scan.__globals__, "BUILD_STEP_SECONDS", 60.0)  # the trees are no step, however slow the machine
     scanner = Scanner(CameraGrid(32, 18))
     done = list(scanner.steps())
     assert len(done) == 7 and done == sorted(done) and (done[0], done[-1]) == (0.0, 1.0)

@@ -1,0 +1,114 @@
+"""What tests of long builds share: commits that last as long as a test wants, and operators without windows."""
+
+from __future__ import annotations
+
+import threading
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import numpy as np
+import perfect_bvh
+import pytest
+
+HALF = 0.5
+TIMER, ESCAPE, MOUSE = (SimpleNamespace(type=kind) for kind in ("TIMER", "ESC", "MOUSEMOVE"))
+
+
+class Gate:
+    """Holds each commit that can be cancelled at its half, until it is opened. held: how many it has held."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._is_open = threading.Event()
+        self.held = 0
+        commit = perfect_bvh.Scene.commit
+
+        def hold(scene: perfect_bvh.Scene, expected_rays: int | None = None, *, progress: Any = None) -> Any:
+            if progress is not None and not self._is_open.is_set():
+                self.held += 1
+                while not self._is_open.wait(0.002):
+                    if progress(HALF) is False:
+                        raise perfect_bvh.Cancelled("the commit was cancelled")
+            return commit(scene, expected_rays, progress=progress)
+
+        monkeypatch.setattr(perfect_bvh.Scene, "commit", hold)
+
+    def open(self) -> None:
+        self._is_open.set()
+
+    def close(self) -> None:
+        self._is_open.clear()
+
+
+def building_threads() -> int:
+    """How many commits are under way."""
+    return sum(thread.name == "Perfect BVH commit" for thread in threading.enumerate())
+
+
+class FakeOperator:
+    """An operator's methods without Blender's half: `reports` is what the user would read."""
+
+    def __init__(self, operator: type) -> None:
+        self._operator = operator
+        self.reports: list[tuple[str, str]] = []
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._operator, name)
+        return partial(found, self) if callable(found) else found
+
+    def report(self, kinds: set[str], text: str) -> None:
+        self.reports.append((*kinds, text))
+
+
+class FakeWindow:
+    """A context with a window: `status` is the text of its status bar, `timers` how many run."""
+
+    def __init__(self) -> None:
+        self.status: str | None = None
+        self.timers = 0
+        self.handlers: list[Any] = []
+        self.progress: list[float] = []
+        manager = SimpleNamespace(
+            event_timer_add=self._add_timer,
+            event_timer_remove=self._remove_timer,
+            progress_begin=lambda low, high: None,
+            progress_update=self.progress.append,
+            progress_end=lambda: None,
+            modal_handler_add=self.handlers.append,
+            windows=(),
+        )
+        self._known = {"window_manager": manager, "workspace": SimpleNamespace(status_text_set=self._show)}
+
+    def _show(self, text: str | None) -> None:
+        self.status = text
+
+    def _add_timer(self, seconds: float, window: Any) -> str:
+        self.timers += 1
+        return "timer"
+
+    def _remove_timer(self, timer: str) -> None:
+        assert timer == "timer"
+        self.timers -= 1
+
+    def __getattr__(self, name: str) -> Any:
+        return self._known[name] if name in self._known else getattr(bpy.context, name)
+
+
+def add_cloud(triangle_count: int, seed: int = 0) -> Any:
+    """An object of small triangles anywhere in a cube of side 20; most rays from its middle hit one."""
+    random = np.random.default_rng(seed)
+    centres = random.uniform(-10.0, 10.0, (triangle_count, 1, 3))
+    corners = centres + random.normal(scale=0.1, size=(triangle_count, 3, 3))
+    mesh = bpy.data.meshes.new("Cloud")
+    mesh.vertices.add(3 * triangle_count)
+    mesh.loops.add(3 * triangle_count)
+    mesh.polygons.add(triangle_count)
+    mesh.vertices.foreach_set("co", corners.astype(np.float32).ravel())
+    mesh.loops.foreach_set("vertex_index", np.arange(3 * triangle_count, dtype=np.int32))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * triangle_count, 3, dtype=np.int32))
+    mesh.update()
+    made = bpy.data.objects.new("Cloud", mesh)
+    bpy.context.scene.collection.objects.link(made)
+    bpy.context.view_layer.update()
+    return made

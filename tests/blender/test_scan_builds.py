@@ -1,0 +1,356 @@
+"""Scans whose trees take long: Blender goes on meanwhile, Esc ends them, and nothing of that changes an answer."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import perfect_bvh  # noqa: E402
+import perfect_bvh_addon  # noqa: E402
+from blender.long_builds import (  # noqa: E402
+    ESCAPE,
+    HALF,
+    MOUSE,
+    TIMER,
+    FakeOperator,
+    FakeWindow,
+    Gate,
+    add_cloud,
+    building_threads,
+)
+from oracles.brute_force import WorldTriangles, certain_hits  # noqa: E402
+from perfect_bvh_addon import CameraGrid, PointCloud, SpinningLidar, scan  # noqa: E402
+from perfect_bvh_addon.operators.scan import PERFECT_BVH_OT_scan  # noqa: E402
+from perfect_bvh_addon.scanning import Scanner  # noqa: E402
+
+LIDAR = SpinningLidar(elevations=(-30.0, -10.0, 0.0, 20.0), columns=36, rate=10.0)
+COLUMNS = ("positions", "distances", "normals", "object_ids", "instance_ids", "times", "ray_ids")
+
+
+@pytest.fixture(autouse=True)
+def registered() -> Iterator[None]:
+    perfect_bvh_addon.register()
+    yield
+    perfect_bvh_addon.unregister()
+    assert not building_threads()
+
+
+@pytest.fixture
+def room(scene: bpy.types.Scene) -> bpy.types.Scene:
+    """A ground and a cube, a camera that sees both and an empty between them."""
+    bpy.ops.mesh.primitive_plane_add(size=40.0)
+    bpy.ops.mesh.primitive_cube_add(location=(4.0, 0.0, 1.0))
+    bpy.context.object.name = "Box"
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location, camera.rotation_euler = (-6.0, 0.0, 4.0), (1.1, 0.0, -1.57)
+    head = bpy.data.objects.new("Head", None)
+    head.location.z = 1.5
+    for obj in (camera, head):
+        scene.collection.objects.link(obj)
+    scene.camera = camera
+    scene.frame_end = 3
+    bpy.context.view_layer.update()
+    return scene
+
+
+@pytest.fixture
+def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
+    made = Gate(monkeypatch)
+    yield made
+    made.open()
+
+
+def assert_same(cloud: PointCloud, expected: PointCloud) -> None:
+    assert len(cloud) == len(expected) > 20
+    assert (cloud.object_names, cloud.ray_count) == (expected.object_names, expected.ray_count)
+    for name in COLUMNS:
+        np.testing.assert_array_equal(getattr(cloud, name), getattr(expected, name), err_msg=name)
+
+
+def undisturbed(gate: Gate, **options: object) -> PointCloud:
+    gate.open()
+    made = scan(LIDAR, bpy.data.objects["Head"], **options)
+    gate.close()
+    return made
+
+
+def begin(gate: Gate, **options: object) -> tuple[Scanner, Iterator[float]]:
+    """A scan that is building its first trees."""
+    scanner = Scanner(LIDAR, bpy.data.objects["Head"], **options)
+    steps = scanner.steps()
+    while scanner.built_share != HALF:
+        assert next(steps) <= HALF / 2
+    return scanner, steps
+
+
+# In steps ------------------------------------------------------------------------------------------------------------
+
+
+def test_steps_go_on_while_trees_are_built_and_the_share_only_grows(room, gate: Gate) -> None:
+    expected = undisturbed(gate)
+    scanner, steps = begin(gate)
+    seen = [next(steps) for _ in range(3)]
+    assert seen == [HALF / 2] * 3
+    gate.open()
+    seen += list(steps)
+    assert scanner.built_share is None
+    assert seen == sorted(seen) and seen[-1] == 1.0
+    assert_same(scanner.result(), expected)
+
+
+def test_closing_stops_the_build_and_sets_the_frame_back(room, gate: Gate) -> None:
+    expected = undisturbed(gate, frames=(1, 3))
+    room.frame_set(2)
+    scanner, steps = begin(gate, frames=(1, 3))
+    assert room.frame_current == 1
+    steps.close()
+    assert (room.frame_current, scanner.built_share, building_threads()) == (2, None, 0)
+    assert_same(undisturbed(gate, frames=(1, 3)), expected)
+
+
+def test_a_build_of_a_later_frame_can_be_stopped_as_well(room, gate: Gate) -> None:
+    box = bpy.data.objects["Box"]
+    for frame, x in ((1, 4.0), (3, 7.0)):
+        box.location.x = x
+        box.keyframe_insert("location", frame=frame)
+    room.frame_set(3)
+    gate.open()
+    scanner = Scanner(LIDAR, bpy.data.objects["Head"], frames=(1, 3))
+    steps = scanner.steps()
+    while next(steps) < 0.33:
+        pass
+    gate.close()
+    while scanner.built_share != HALF:
+        assert next(steps) < 0.6
+    steps.close()
+    assert (room.frame_current, building_threads()) == (3, 0)
+
+
+def move_everything() -> None:
+    for name in ("Box", "Head", "Plane"):
+        bpy.data.objects[name].location.z += 0.7
+    bpy.context.view_layer.update()
+
+
+def delete_the_sensor() -> None:
+    bpy.data.objects.remove(bpy.data.objects["Head"])
+
+
+def delete_the_box() -> None:
+    bpy.data.objects.remove(bpy.data.objects["Box"])
+
+
+def change_the_frame() -> None:
+    bpy.context.scene.frame_set(7)
+
+
+def load_a_file() -> None:
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+
+
+def undo() -> None:
+    bpy.ops.ed.undo_push(message="before")
+    bpy.data.objects["Head"].location.z += 5.0
+    bpy.data.objects["Box"].location.z += 5.0
+    bpy.ops.ed.undo_push(message="moved")
+    bpy.ops.ed.undo()
+    assert bpy.data.objects["Box"].location.z == 1.0
+
+
+DISTURBANCES = (move_everything, delete_the_sensor, delete_the_box, change_the_frame, load_a_file, undo)
+
+
+@pytest.mark.parametrize("disturb", DISTURBANCES)
+def test_a_scan_is_about_what_was_read_whatever_happens_during_the_build(room, gate: Gate, disturb) -> None:
+    expected = undisturbed(gate)
+    scanner, steps = begin(gate)
+    disturb()
+    next(steps)
+    gate.open()
+    list(steps)
+    assert_same(scanner.result(), expected)
+
+
+@pytest.mark.parametrize(
+    ("disturb", "message"),
+    [
+        (delete_the_sensor, "the sensor 'Head' was deleted during the scan"),
+        (load_a_file, "the scene was removed during the scan"),
+    ],
+)
+def test_the_next_frame_finds_out_what_is_missing(room, gate: Gate, disturb, message: str) -> None:
+    _, steps = begin(gate, frames=(1, 3))
+    disturb()
+    gate.open()
+    with pytest.raises(ValueError, match=message):
+        list(steps)
+
+
+def test_the_next_frame_shows_what_was_edited_during_the_build_of_the_last(room, gate: Gate) -> None:
+    scanner, steps = begin(gate, frames=(1, 2))
+    bpy.data.objects.remove(bpy.data.objects["Box"])
+    gate.open()
+    list(steps)
+    cloud = scanner.result()
+    on_box = cloud.object_ids == cloud.object_names.index("Box")
+    assert on_box.any() and cloud.times[on_box].max() < 1 / 24 < cloud.times.max()
+
+
+# In scripts ----------------------------------------------------------------------------------------------------------
+
+
+def test_scripts_hear_of_the_build_and_can_stop_it(room, gate: Gate) -> None:
+    seen: list[float] = []
+
+    def stop(done: float) -> bool:
+        seen.append(done)
+        return len(seen) < 5
+
+    room.frame_set(2)
+    with pytest.raises(perfect_bvh.Cancelled, match="the scan was cancelled"):
+        scan(LIDAR, bpy.data.objects["Head"], frames=(1, 3), progress=stop)
+    assert seen == sorted(seen) and seen[-1] == HALF / 2 / 3
+    assert (room.frame_current, building_threads()) == (2, 0)
+
+
+def test_ctrl_c_ends_a_build(room, gate: Gate) -> None:
+    previous = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    signal.setitimer(signal.ITIMER_REAL, 0.3)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            scan(LIDAR, bpy.data.objects["Head"], frames=(1, 3))
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, previous)
+    assert (gate.held, building_threads()) == (1, 0)
+
+
+def test_what_the_engine_raises_in_a_build_ends_the_scan(room, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(self: object, *_: object, **__: object) -> None:
+        raise MemoryError("no room for trees")
+
+    monkeypatch.setattr(perfect_bvh.Scene, "commit", fail)
+    room.frame_set(3)
+    with pytest.raises(MemoryError, match="no room for trees"):
+        scan(LIDAR, bpy.data.objects["Head"], frames=(1, 2))
+    assert room.frame_current == 3
+
+
+# The button ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def pressed(room) -> tuple[FakeOperator, FakeWindow]:
+    """The button in a window, pressed."""
+    operator, window = FakeOperator(PERFECT_BVH_OT_scan), FakeWindow()
+    room.perfect_bvh.scan.width, room.perfect_bvh.scan.height = 32, 18
+    assert operator.invoke(window, MOUSE) == {"RUNNING_MODAL"}
+    return operator, window
+
+
+def tick_until_built_by_half(operator: FakeOperator, window: FakeWindow) -> None:
+    for _ in range(100):
+        assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
+        if window.status == "Building trees 50%: Esc stops it":
+            return
+    pytest.fail(f"status {window.status!r}")
+
+
+def test_escape_stops_a_build_and_makes_nothing(gate: Gate, room, pressed) -> None:
+    operator, window = pressed
+    tick_until_built_by_half(operator, window)
+    assert operator.modal(window, MOUSE) == {"PASS_THROUGH"}
+    count = len(bpy.data.objects)
+    assert operator.modal(window, ESCAPE) == {"CANCELLED"}
+    assert operator.reports == [("INFO", "The scan was stopped: nothing was made")]
+    assert (len(bpy.data.objects), window.status, window.timers, building_threads()) == (count, None, 0, 0)
+
+
+def test_the_button_scans_when_the_trees_are_built(gate: Gate, room, pressed) -> None:
+    operator, window = pressed
+    tick_until_built_by_half(operator, window)
+    gate.open()
+    states = set()
+    while (answer := operator.modal(window, TIMER)) == {"RUNNING_MODAL"}:
+        states.add(window.status)
+    assert answer == {"FINISHED"}
+    assert window.progress == sorted(window.progress)
+    assert (window.status, window.timers) == (None, 0)
+    made = bpy.context.view_layer.objects.active
+    places = np.empty(3 * len(made.data.vertices), np.float32)
+    made.data.vertices.foreach_get("co", places)
+    np.testing.assert_array_equal(places.reshape(-1, 3), scan(CameraGrid(32, 18)).positions.astype(np.float32))
+
+
+def test_blender_ends_or_opens_a_file_while_the_button_builds(gate: Gate, room, pressed) -> None:
+    operator, window = pressed
+    tick_until_built_by_half(operator, window)
+    operator.cancel(window)
+    assert (window.status, window.timers, building_threads()) == (None, 0, 0)
+
+
+# A large mesh --------------------------------------------------------------------------------------------------------
+
+
+def test_a_build_of_a_million_triangles_is_stopped_and_repeated(scene) -> None:
+    made = add_cloud(1_000_000)
+    head = bpy.data.objects.new("Head", None)
+    scene.collection.objects.link(head)
+    pattern = SpinningLidar(elevations=(-20.0, 10.0, 40.0), columns=4)
+    scanner = Scanner(pattern, head)
+    steps = scanner.steps()
+    next(steps)
+    assert scanner.built_share is not None, "a million triangles were built in a moment: make the mesh larger"
+    steps.close()
+    cloud = scan(pattern, head)
+    corners = np.empty(9_000_000, np.float32)
+    made.data.vertices.foreach_get("co", corners)
+    world = WorldTriangles.of([(0, corners.reshape(-1, 3), np.arange(3_000_000), np.eye(4), 1)])
+    local = pattern.cast(0.0, pattern.duration, None).directions
+    directions = np.stack([local[:, 0], -local[:, 2], local[:, 1]], axis=1)  # forward is the object's +Y
+    distances = dict(zip(cloud.ray_ids.tolist(), cloud.distances.tolist(), strict=True))
+    assert cloud.ray_count == 12 and len(distances) > 8
+    for ray, direction in enumerate(directions):
+        sure, possible, t, bound = (found[0] for found in certain_hits(world, np.zeros((1, 3)), direction[None]))
+        nearest = np.where(sure, t + bound, np.inf).min()
+        if ray in distances:
+            assert distances[ray] <= nearest
+            assert (np.abs(t - distances[ray])[possible] <= bound[possible]).any()
+        else:
+            assert not np.isfinite(nearest)
+
+
+def test_a_process_that_ends_during_a_build_ends_well(repository: Path) -> None:
+    script = """
+import bpy, perfect_bvh_addon
+from blender.long_builds import add_cloud
+from perfect_bvh_addon.scanning import Scanner, SpinningLidar
+bpy.ops.wm.read_factory_settings(use_empty=True)
+perfect_bvh_addon.register()
+add_cloud(400_000)
+head = bpy.data.objects.new("Head", None)
+bpy.context.scene.collection.objects.link(head)
+scanner = Scanner(SpinningLidar(), head)
+steps = scanner.steps()
+next(steps)
+print("at work", scanner.built_share is not None, flush=True)
+"""
+    paths = os.pathsep.join([str(repository / "tests"), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        env={**os.environ, "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "at work True\n" in done.stdout

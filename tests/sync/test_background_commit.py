@@ -1,0 +1,133 @@
+"""Commits on a thread of their own: they tell how far they are, stop when asked, and hand on all that happens."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import perfect_bvh
+import pytest
+from perfect_bvh_addon.background_commit import BackgroundCommit
+
+Advance = Callable[[float], bool]
+
+
+def work_until_stopped(advance: Advance) -> int:
+    for step in range(10_000):
+        if not advance(step / 10_000):
+            raise perfect_bvh.Cancelled("stopped")
+        time.sleep(0.002)
+    pytest.fail("nobody has stopped the work")
+
+
+def test_it_works_on_another_thread_and_finishes_on_the_callers() -> None:
+    threads = []
+
+    def commit(advance: Advance) -> str:
+        threads.append(threading.current_thread())
+        assert advance(0.5)
+        return "trees"
+
+    def finish(committed: str) -> str:
+        threads.append(threading.current_thread())
+        return f"report on {committed}"
+
+    made = BackgroundCommit(commit, finish)
+    assert made.wait(10.0)
+    assert len(threads) == 1, "finished by nobody's wish"
+    assert made.result() == made.result() == "report on trees"
+    assert made.share == 0.5
+    assert not made.is_running
+    assert threads[0] is not threads[1] is threading.current_thread()
+    assert len(threads) == 2
+
+
+def test_it_stops_when_asked_and_is_not_finished() -> None:
+    finished: list[object] = []
+    made = BackgroundCommit(work_until_stopped, finished.append)
+    assert not made.wait(0.01)
+    assert made.is_running
+    made.stop()
+    assert not made.is_running
+    with pytest.raises(perfect_bvh.Cancelled, match="stopped"):
+        made.result()
+    assert not finished
+
+
+def test_one_that_is_too_far_to_be_stopped_counts_as_done() -> None:
+    may_end = threading.Event()
+    finished: list[str] = []
+    made = BackgroundCommit(lambda _: "trees" if may_end.wait(10.0) else "", finished.append)
+    made.ask_to_stop()
+    may_end.set()
+    made.stop()
+    assert finished == ["trees"]
+    assert made.result() is None
+
+
+@pytest.mark.parametrize("problem", [perfect_bvh.EngineError("no"), MemoryError(), KeyboardInterrupt()])
+def test_what_the_commit_raises_reaches_whoever_asks_for_the_result(problem: BaseException) -> None:
+    def commit(advance: Advance) -> None:
+        raise problem
+
+    made = BackgroundCommit(commit, pytest.fail)
+    made.settle()
+    with pytest.raises(type(problem)) as caught:
+        made.result()
+    assert caught.value is problem
+
+
+def test_without_a_thread_to_spare_it_is_done_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(self: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    made = BackgroundCommit(lambda advance: advance(1.0), lambda committed: committed)
+    assert not made.is_running
+    assert made.result() is True
+
+
+def test_a_process_that_ends_stops_what_is_at_work() -> None:
+    script = """
+import numpy as np, perfect_bvh
+from perfect_bvh_addon.background_commit import BackgroundCommit
+scene = perfect_bvh.Scene()
+corners = np.random.default_rng(0).normal(size=(3_000_000, 3)).astype(np.float32)
+mesh = scene.add_mesh(corners, np.arange(len(corners)).reshape(-1, 3))
+scene.add_instance(mesh)
+made = BackgroundCommit(lambda progress: scene.commit(progress=progress), print)
+print("at work", made.is_running, flush=True)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "at work True\n", "")
+
+
+def test_the_engine_answers_as_if_nothing_had_been_stopped() -> None:
+    random = np.random.default_rng(4)
+    corners = random.normal(size=(300_000, 3)).astype(np.float32)
+    triangles = np.arange(len(corners)).reshape(-1, 3)
+    rays: Any = (random.normal(size=(2000, 3)), random.normal(size=(2000, 3)))
+
+    def make() -> perfect_bvh.Scene:
+        scene = perfect_bvh.Scene()
+        scene.add_instance(scene.add_mesh(corners, triangles))
+        return scene
+
+    expected = make()
+    expected.commit()
+    scene = make()
+    stopped = BackgroundCommit(lambda progress: scene.commit(progress=progress), lambda report: report)
+    stopped.stop()
+    with pytest.raises(perfect_bvh.Cancelled):
+        stopped.result()
+    with pytest.raises(perfect_bvh.StaleSceneError):
+        scene.snapshot()
+    BackgroundCommit(lambda progress: scene.commit(progress=progress), lambda report: report).result()
+    hits, wanted = scene.cast_rays(*rays), expected.cast_rays(*rays)
+    for name in ("t_hit", "instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs"):
+        np.testing.assert_array_equal(getattr(hits, name), getattr(wanted, name))
