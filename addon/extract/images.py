@@ -2,35 +2,38 @@
 
 An image is taken as unchanged if its file, its size and its settings are as before and nobody has painted on it. One
 with unsaved strokes is read at every sync, as are movies and sequences: nothing tells when the next stroke came, or the
-next frame.
+next frame. What nodes make of an image's pixels is worked out once, too.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ..sync.records import ImageRecord
+from .node_values import OWN_ALPHA, Value
 
-Extension = Literal["repeat", "extend", "clip"]
 Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.float32]
+Floats = npt.NDArray[np.float32]
 
 # Blender's own colour for an image that cannot be loaded.
 _MISSING = np.array([[(255, 0, 255, 255)]], np.uint8)
-_EXTENSIONS: dict[str, Extension] = {"REPEAT": "repeat", "EXTEND": "extend", "CLIP": "clip", "MIRROR": "repeat"}
 _MOVING = {"MOVIE", "SEQUENCE"}
 _LINEAR_SPACES = {"Non-Color", "Linear", "Linear Rec.709", "scene_linear", "Raw"}
+# What nodes change is worked out for no more pixels a side, some rows at a time; a mean is taken of fewer.
+_MOST_CHANGED, _ROWS, _SAMPLED = 2048, 64, 64
 
 
 @dataclass(slots=True)
 class ImageCache:
-    """What was read last, by image: what it looked like from outside, and its pixels."""
+    """What was read last, by image and what was made of it: what it looked like from outside, and the pixels."""
 
-    held: dict[int, tuple[tuple[Any, ...], Pixels]] = field(default_factory=dict)
+    held: dict[tuple[int, Hashable], tuple[tuple[Any, ...], Pixels]] = field(default_factory=dict)
 
     def is_current(self) -> bool:
         """Whether reading the same images again would give the same."""
@@ -39,7 +42,7 @@ class ImageCache:
         import bpy
 
         images = {image.session_uid: image for image in bpy.data.images}
-        return all(uid in images and _has_look(images[uid], look) for uid, (look, _) in self.held.items())
+        return all(uid in images and _has_look(images[uid], look) for (uid, _), (look, _) in self.held.items())
 
 
 class ImageReader:
@@ -48,30 +51,100 @@ class ImageReader:
     def __init__(self, cache: ImageCache) -> None:
         self._before = cache.held
         self.cache = ImageCache()
-        self._rows: dict[tuple[int, str], int] = {}
+        self._rows: dict[tuple[Hashable, ...], int] = {}
         self.records: list[ImageRecord] = []
         self.warnings: list[str] = []
 
-    def row(self, node: Any) -> int:
-        """The row of the image of an evaluated image or environment texture node."""
-        image, extension = node.image, _EXTENSIONS.get(getattr(node, "extension", "REPEAT"), "repeat")
-        uid = image.original.session_uid
-        row = self._rows.get((uid, extension))
+    def row(self, color: Value | None, alpha: Value | None = None) -> int:
+        """The row of an image with the colour of one value and the alpha of another; None for what nobody looks at.
+
+        Both have the same texture. Alpha may be the texture's own, which is what it is without a value.
+        """
+        given = [value for value in (color, alpha) if value is not None]
+        texture = next(value.texture for value in given if value.texture is not None)
+        uid = texture.image.original.session_uid
+        key = (None if color is None else color.key, None if alpha is None or alpha.key == OWN_ALPHA else alpha.key)
+        place = (uid, key, texture.extension, texture.uv_transform)
+        row = self._rows.get(place)
         if row is None:
-            row = self._rows[uid, extension] = len(self.records)
-            self.records.append(ImageRecord(image.name, uid, self._pixels(image, uid), extension))
+            row = self._rows[place] = len(self.records)
+            image = texture.image
+            if key == (None, None):
+                pixels = self._held(image, uid, None, lambda: self._original(image, uid))
+            else:
+                pixels = self._held(image, uid, key, lambda: _change(self._original(image, uid), color, alpha))
+            self.records.append(ImageRecord(image.name, uid, pixels, texture.extension, texture.uv_transform))
         return row
 
-    def _pixels(self, image: Any, uid: int) -> Pixels:
-        held = self.cache.held.get(uid) or self._before.get(uid)
-        if held is None or not _has_look(image, held[0]):
-            pixels = _read_pixels(image)
-            if pixels is None:
-                self.warnings.append(f"image {image.name!r} could not be loaded from {image.filepath!r}")
-                pixels = _MISSING
+    def mean(self, value: Value) -> Floats:
+        """(4,): the mean of a value that has a texture."""
+        assert value.texture is not None
+        image = value.texture.image
+        uid = image.original.session_uid
+
+        def sample() -> Pixels:
+            pixels = self._original(image, uid)
+            height, width = pixels.shape[:2]
+            return pixels[:: -(-height // _SAMPLED), :: -(-width // _SAMPLED)].copy()
+
+        sampled = _as_floats(self._held(image, uid, "sample", sample))
+        return np.asarray(value.of(sampled).reshape(-1, 4).mean(axis=0), np.float32)
+
+    def _original(self, image: Any, uid: int) -> Pixels:
+        """As Blender has it, without a place in the cache."""
+        held = self.cache.held.get((uid, None)) or self._before.get((uid, None))
+        if held is not None and _has_look(image, held[0]):
+            return held[1]
+        pixels = _read_pixels(image)
+        if pixels is None:
+            warning = f"image {image.name!r} could not be loaded from {image.filepath!r}"
+            if warning not in self.warnings:
+                self.warnings.append(warning)
+            return _MISSING
+        return pixels
+
+    def _held(self, image: Any, uid: int, key: Hashable, make: Callable[[], Pixels]) -> Pixels:
+        held = self.cache.held.get((uid, key)) or self._before.get((uid, key))
+        if held is None or not image.has_data or not _has_look(image, held[0]):
+            pixels = make()  # loads the image, which changes its look
             held = _look_of(image), pixels
-        self.cache.held[uid] = held
+        self.cache.held[uid, key] = held
         return held[1]
+
+
+def _change(pixels: Pixels, color: Value | None, alpha: Value | None) -> Pixels:
+    """What values make of an image; bytes of sRGB again if it was of such and nothing is too bright for them."""
+    step = max(1, -(-max(pixels.shape[:2]) // _MOST_CHANGED))
+    pixels = pixels[::step, ::step]
+    made = np.empty(pixels.shape, np.float32)
+    for first in range(0, len(pixels), _ROWS):
+        part = _as_floats(pixels[first : first + _ROWS])
+        target = made[first : first + _ROWS]
+        target[...] = part
+        if color is not None:
+            target[..., :3] = color.of(part)[..., :3]
+        if alpha is not None:
+            target[..., 3] = alpha.of(part)[..., 0]
+    np.nan_to_num(made, copy=False, nan=0.0, posinf=65504.0, neginf=0.0)
+    np.maximum(made, 0.0, out=made)
+    if pixels.dtype != np.uint8 or made.max() > 1.0:
+        return made
+    rgb = made[..., :3]
+    rgb[...] = np.where(rgb <= 0.0031308, rgb * 12.92, 1.055 * rgb ** (1 / 2.4) - 0.055)
+    return np.rint(made * 255.0).astype(np.uint8)
+
+
+def _as_floats(pixels: Pixels) -> Floats:
+    """Scene-linear."""
+    if pixels.dtype != np.uint8:
+        return pixels  # type: ignore[return-value]
+    floats = np.empty(pixels.shape, np.float32)
+    floats[..., :3], floats[..., 3] = _LINEAR[pixels[..., :3]], pixels[..., 3] / 255.0
+    return floats
+
+
+_STEPS = np.arange(256) / 255.0
+_LINEAR = np.where(_STEPS <= 0.04045, _STEPS / 12.92, ((_STEPS + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
 def _has_look(image: Any, look: tuple[Any, ...]) -> bool:

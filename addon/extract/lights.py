@@ -10,19 +10,22 @@ import numpy as np
 import numpy.typing as npt
 
 from ..sync.records import LightRecords, WorldRecord
+from .color_math import BLENDS
 from .images import ImageReader
-from .node_colors import Color, ColorSource, read_color
+from .node_graph import Scope, trace_back
+from .node_values import Value, ValueReader, constant
 from .visibility import VisibilityReader
 
 _KINDS = {"POINT": "point", "SUN": "sun", "SPOT": "spot"}
-_SKY: Color = (0.3, 0.45, 0.7)  # stands for what a sky texture works out
+_DEEPEST = 64
+
+Color = tuple[float, float, float]
 
 
-def read_lights(depsgraph: Any, visibility: VisibilityReader) -> LightRecords:
+def read_lights(depsgraph: Any, visibility: VisibilityReader, images: ImageReader) -> LightRecords:
     """Every light that shows and has a place, instanced ones included, as columns."""
-    rows = [
-        _read_light(light, matrix) for light, matrix in _list_lights(depsgraph, visibility) if np.isfinite(matrix).all()
-    ]
+    placed = [(light, matrix) for light, matrix in _list_lights(depsgraph, visibility) if np.isfinite(matrix).all()]
+    rows = [_read_light(light, matrix, images) for light, matrix in placed]
     if not rows:
         return LightRecords()
     kinds, positions, axes, powers, sizes, cones, shadows = zip(*rows, strict=True)
@@ -48,17 +51,41 @@ def read_world(scene: Any, images: ImageReader) -> WorldRecord:
     output = None if tree is None else tree.get_output_node("CYCLES")
     if output is None:
         return plain if tree is None else WorldRecord()
-    links = output.inputs["Surface"].links
-    node = links[0].from_node if links else None
-    if node is None:
-        return WorldRecord()
-    if node.type not in {"BACKGROUND", "EMISSION"}:
-        return plain
-    strength = 1.0 if node.inputs["Strength"].is_linked else node.inputs["Strength"].default_value
-    source = read_color(node.inputs["Color"], ColorSource(_SKY if _has_sky(node) else plain.color))
-    if source.image_node is None:
-        return WorldRecord(_times(source.color, strength))
-    return WorldRecord((strength,) * 3, images.row(source.image_node), _rotation_of(source.image_node))
+    # Light matters more than what the camera alone sees behind everything.
+    reader = ValueReader(images, constant(*plain.color), is_camera=False)
+    return _record(_follow_world(output.inputs["Surface"], None, reader, 0), images)
+
+
+def _follow_world(socket: Any, scope: Scope | None, reader: ValueReader, depth: int) -> Value:
+    """The radiance that a world's shader socket gets."""
+    output, scope = trace_back(socket, scope)
+    if not output.is_output or depth > _DEEPEST:
+        return constant(0.0, 0.0, 0.0)
+    node = output.node
+    if node.type in {"BACKGROUND", "EMISSION"}:
+        color, strength = (reader.read(node.inputs[name], scope) for name in ("Color", "Strength"))
+        if strength.is_guess:
+            return color
+        return reader.combine(lambda one, other: one * other, [color, strength], "strength")
+    if node.type in {"MIX_SHADER", "ADD_SHADER"}:
+        shaders = [socket for socket in node.inputs if socket.type == "SHADER"]
+        first, second = (_follow_world(socket, scope, reader, depth + 1) for socket in shaders)
+        if node.type == "ADD_SHADER":
+            return reader.combine(lambda one, other: one + other, [first, second], "add")
+        factor = reader.read(node.inputs[0], scope)
+        if factor.texture is None and not factor.is_guess and factor.color[0] in (0.0, 1.0):
+            return second if factor.color[0] else first
+        return reader.combine(BLENDS["MIX"], [constant(0.5) if factor.is_guess else factor, first, second], "mix")
+    return reader.fallback
+
+
+def _record(value: Value, images: ImageReader) -> WorldRecord:
+    texture = value.texture
+    if texture is None:
+        red, green, blue, _ = value.color.tolist()
+        return WorldRecord((red, green, blue))
+    (across, _, _), (up, _, _) = texture.uv_transform
+    return WorldRecord((1.0, 1.0, 1.0), images.row(value), math.atan2(up, across))
 
 
 def _list_lights(depsgraph: Any, visibility: VisibilityReader) -> Iterator[tuple[Any, npt.NDArray[np.float64]]]:
@@ -79,49 +106,46 @@ def _list_lights(depsgraph: Any, visibility: VisibilityReader) -> Iterator[tuple
             yield instance.object.data, np.array(instance.matrix_world, np.float64)
 
 
-def _read_light(light: Any, matrix: npt.NDArray[np.float64]) -> tuple[Any, ...]:
+def _read_light(light: Any, matrix: npt.NDArray[np.float64], images: ImageReader) -> tuple[Any, ...]:
     """A row of the columns of `LightRecords`."""
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
     axes = (matrix[:3, :3] / np.where(lengths > 0.0, lengths, 1.0)).T
     kind, cone = _KINDS.get(light.type, ""), (math.pi, 0.0)
     if kind == "sun":
         size = (light.angle, 0.0)
+        area = math.pi * math.tan(0.5 * min(light.angle, 3.0)) ** 2
     elif kind:
         size = (light.shadow_soft_size, 0.0)
+        area = 4.0 * math.pi * light.shadow_soft_size**2
         cone = (light.spot_size, light.spot_blend) if kind == "spot" else cone
     else:
         kind = "ellipse" if light.shape in {"DISK", "ELLIPSE"} else "rectangle"
         height = light.size_y if light.shape in {"RECTANGLE", "ELLIPSE"} else light.size
         size = (light.size * lengths[0], height * lengths[1])
-    return kind, matrix[:3, 3], axes, _power_of(light), size, cone, light.use_shadow
+        area = size[0] * size[1] * (math.pi / 4.0 if kind == "ellipse" else 1.0)
+        cone = (light.spread, 0.0)
+    power = _power_of(light, images)
+    if not getattr(light, "normalize", True) and area > 0.0:  # its strength is that of each square metre
+        power = _times(power, area)
+    return kind, matrix[:3, 3], axes, power, size, cone, light.use_shadow
 
 
-def _power_of(light: Any) -> Color:
+def _power_of(light: Any, images: ImageReader) -> Color:
     """Watts of each channel: energy, exposure, colour, temperature, and what the light's own emission node says."""
     power = light.energy * 2.0 ** getattr(light, "exposure", 0.0)
     color = _times(tuple(light.color), power)
     if getattr(light, "use_temperature", False):
         color = _by(color, tuple(light.temperature_color))
     tree = light.node_tree if light.use_nodes else None
-    node = None if tree is None else next((node for node in tree.nodes if node.type == "EMISSION"), None)
-    if node is None:
+    output = None if tree is None else tree.get_output_node("CYCLES")
+    if output is None:
         return color
-    strength = 1.0 if node.inputs["Strength"].is_linked else node.inputs["Strength"].default_value
-    return _times(_by(color, read_color(node.inputs["Color"], ColorSource((1.0, 1.0, 1.0))).color), strength)
-
-
-def _has_sky(node: Any) -> bool:
-    links = node.inputs["Color"].links
-    return bool(links) and links[0].from_node.type == "TEX_SKY"
-
-
-def _rotation_of(image_node: Any) -> float:
-    """About z, of a mapping node before the image; 0 without one."""
-    links = image_node.inputs["Vector"].links
-    node = links[0].from_node if links else None
-    if node is None or node.type != "MAPPING" or node.inputs["Rotation"].is_linked:
-        return 0.0
-    return float(node.inputs["Rotation"].default_value[2])
+    source, scope = trace_back(output.inputs["Surface"], None)
+    if not source.is_output or source.node.type != "EMISSION":
+        return color if source.is_output else (0.0, 0.0, 0.0)
+    reader = ValueReader(images, constant(1.0, 1.0, 1.0))
+    strength = reader.number(source.node.inputs["Strength"], 1.0, scope)
+    return _times(_by(color, reader.mean(reader.read(source.node.inputs["Color"], scope)).tolist()), strength)
 
 
 def _times(color: Any, factor: float) -> Color:

@@ -8,7 +8,8 @@ from typing import Any
 
 from ..sync.records import MaterialRecord
 from .images import ImageReader
-from .node_colors import read_surface
+from .node_colors import Surface, read_surface
+from .node_values import Value, constant
 
 
 class MaterialReader:
@@ -64,19 +65,30 @@ def _read_material(material: Any, images: ImageReader | None) -> MaterialRecord:
     )
     if images is None:
         return record
-    surface = read_surface(material)
-    image, alpha_image = (
-        -1 if node is None else images.row(node) for node in (surface.base.image_node, surface.alpha_node)
-    )
+    surface = read_surface(material, images)
+    color_image, alpha_image = _image_rows(surface, images)
+    glow = surface.emission
     return replace(
         record,
-        base_color=surface.base.color,
-        emission=surface.emission,
-        alpha=_share(surface.alpha),
-        metallic=_share(surface.metallic),
-        roughness=_share(surface.roughness),
-        reflectance=_share(surface.reflectance),
-        transmission=_share(surface.transmission),
-        color_image=image,
+        base_color=_rgb(surface.base),
+        emission=_rgb(constant(1.0) if glow.texture else glow, surface.brightness),
+        alpha=_share(float(surface.alpha.color[0])) if surface.alpha.texture is None else 1.0,
+        **{name: _share(value) for name, value in surface.gloss.items()},
+        color_image=color_image,
         alpha_image=alpha_image,
+        emission_image=images.row(glow) if glow.texture else -1,
     )
+
+
+def _image_rows(surface: Surface, images: ImageReader) -> tuple[int, int]:
+    """Of the base colour and of alpha: the same where one texture has both."""
+    base, alpha = surface.base, surface.alpha
+    if base.texture is not None and base.texture == alpha.texture:
+        row = images.row(base, alpha)
+        return row, row
+    return -1 if base.texture is None else images.row(base), -1 if alpha.texture is None else images.row(None, alpha)
+
+
+def _rgb(value: Value, factor: float = 1.0) -> tuple[float, float, float]:
+    red, green, blue = (max(channel * factor, 0.0) for channel in value.color[:3].tolist())
+    return red, green, blue

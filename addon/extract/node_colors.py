@@ -1,208 +1,161 @@
-"""What a material's nodes come to, roughly: a base colour or an image, its own light, how much of it is there.
+"""What a material's nodes come to, roughly: a base colour, its own light, how much of it is there, how shiny it is.
 
-Only what a preview shows is followed: the shader's colour, gloss, emission and alpha through the nodes that pass a
-colour on. What a procedural texture would give is taken from the material's viewport colour.
+Only what a preview shows is followed. What a procedural texture would give is taken from the material's viewport
+colour.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-Color = tuple[float, float, float]
+import numpy as np
 
-BLACK: Color = (0.0, 0.0, 0.0)
-# How many nodes are looked at, shared out between the branches of mixes: so trees with loops end, too, and so do those
-# whose branches meet again and again.
-_MOST_NODES = 256
+from .node_graph import Scope, trace_back
+from .node_values import ImageMeans, Pixels, Value, ValueReader, constant
 
-# The input of a node that its colour comes from, of nodes that change a colour but little.
-_PASSED_ON = {
-    "REROUTE": 0,
-    "HUE_SAT": "Color",
-    "BRIGHTCONTRAST": "Color",
-    "GAMMA": "Color",
-    "CURVE_RGB": "Color",
-    "SEPARATE_COLOR": 0,
-}
+BLACK = constant(0.0, 0.0, 0.0)
+WHOLE = constant(1.0)
+NOTHING = constant(0.0)
+MATT: Mapping[str, float] = {"metallic": 0.0, "roughness": 1.0, "reflectance": 0.0, "transmission": 0.0}
+
+_DEEPEST = 64
 _COLOR_INPUTS = ("Base Color", "Color")
 
 
 @dataclass(frozen=True, slots=True)
-class ColorSource:
-    """color: scene-linear. image_node: the image texture node that stands for it, None if there is none."""
-
-    color: Color
-    image_node: Any = None
-
-
-@dataclass(frozen=True, slots=True)
 class Surface:
-    """base, emission: see `ColorSource`; emission is radiance. alpha: 0 to 1; alpha_node: whose image multiplies it.
+    """base, emission: colours; emission is radiance, of `brightness` times as much. alpha: 0 to 1.
 
-    metallic, roughness, reflectance, transmission: see `perfect_bvh.MaterialTable`.
+    gloss: metallic, roughness, reflectance, transmission, see `perfect_bvh.MaterialTable`.
     """
 
-    base: ColorSource
-    emission: Color = BLACK
-    alpha: float = 1.0
-    alpha_node: Any = None
-    metallic: float = 0.0
-    roughness: float = 1.0
-    reflectance: float = 0.0
-    transmission: float = 0.0
+    base: Value
+    emission: Value = BLACK
+    brightness: float = 1.0
+    alpha: Value = WHOLE
+    gloss: Mapping[str, float] = field(default_factory=lambda: MATT)
 
 
-def read_surface(material: Any) -> Surface:
+def read_surface(material: Any, images: ImageMeans) -> Surface:
     """The surface of an evaluated `bpy.types.Material`."""
     red, green, blue, _ = material.diffuse_color
-    plain = ColorSource((red, green, blue))
+    plain = constant(red, green, blue)
     tree = material.node_tree if material.use_nodes else None
     output = None if tree is None else tree.get_output_node("CYCLES")
     if output is None:
         return Surface(plain)
-    return _follow_shader(_source(output.inputs["Surface"]), plain, _MOST_NODES)
+    if not output.inputs["Surface"].is_linked and output.inputs["Volume"].is_linked:
+        return Surface(BLACK, alpha=NOTHING)  # fog has no surface
+    return _SurfaceReader(plain, images).follow(output.inputs["Surface"], None, 0)
 
 
-def read_color(socket: Any, fallback: ColorSource, left: int = _MOST_NODES) -> ColorSource:
-    """What a colour socket gets. left: how many nodes may still be looked at."""
-    node = _source(socket)
-    if node is None:
-        value = socket.default_value
-        return ColorSource((value[0], value[1], value[2])) if hasattr(value, "__len__") else ColorSource((value,) * 3)
-    if left == 0:
-        return fallback
-    if node.type in {"TEX_IMAGE", "TEX_ENVIRONMENT"}:
-        return ColorSource(fallback.color, node) if node.image is not None else fallback
-    if node.type == "RGB":
-        red, green, blue, _ = node.outputs[0].default_value
-        return ColorSource((red, green, blue))
-    if node.type == "VALTORGB":
-        return ColorSource(_mean([tuple(node.color_ramp.evaluate(step / 8)[:3]) for step in range(9)]))
-    if node.type in {"MIX", "MIX_RGB", "TEX_CHECKER", "TEX_BRICK"}:
-        return _mix_colors(node, fallback, left // 2)
-    if node.type in _PASSED_ON:
-        return read_color(node.inputs[_PASSED_ON[node.type]], fallback, left - 1)
-    return fallback
+class _SurfaceReader:
+    def __init__(self, plain: Value, images: ImageMeans) -> None:
+        self._plain = plain
+        self._values = ValueReader(images, plain)
+
+    def follow(self, socket: Any, scope: Scope | None, depth: int) -> Surface:
+        """What a shader socket gets."""
+        output, scope = trace_back(socket, scope)
+        if not output.is_output or output.node.type == "GROUP" or depth > _DEEPEST:  # an empty group
+            return Surface(BLACK)
+        node = output.node
+        if node.type == "MIX_SHADER":
+            first, second = (self.follow(node.inputs[index], scope, depth + 1) for index in (1, 2))
+            return self._mix(first, second, self._values.read(node.inputs[0], scope))
+        if node.type == "ADD_SHADER":
+            return self._add(*(self.follow(socket, scope, depth + 1) for socket in node.inputs))
+        if node.type == "BSDF_TRANSPARENT":
+            return Surface(BLACK, alpha=NOTHING)
+        if node.type == "EMISSION":
+            return self._glow(Surface(BLACK), node.inputs["Color"], node.inputs["Strength"], scope)
+        if node.type == "BSDF_PRINCIPLED":
+            return self._principled(node, scope)
+        color = next((node.inputs[name] for name in _COLOR_INPUTS if name in node.inputs), None)
+        base = self._plain if color is None else self._values.read(color, scope)
+        return Surface(base, gloss={**MATT, **self._gloss_by_name(node, scope)})
+
+    def _principled(self, node: Any, scope: Scope | None) -> Surface:
+        inputs, values = node.inputs, self._values
+        alpha = values.read(inputs["Alpha"], scope)
+        surface = Surface(
+            values.read(inputs["Base Color"], scope),
+            alpha=WHOLE if alpha.is_guess else alpha,
+            gloss={
+                "metallic": values.number(inputs["Metallic"], 0.0, scope),
+                "roughness": values.number(inputs["Roughness"], 0.5, scope),
+                "reflectance": self._reflectance(inputs["IOR"], scope)
+                * (2.0 * values.number(inputs["Specular IOR Level"], 0.5, scope)),
+                "transmission": values.number(inputs["Transmission Weight"], 0.0, scope),
+            },
+        )
+        return self._glow(surface, inputs["Emission Color"], inputs["Emission Strength"], scope)
+
+    def _glow(self, surface: Surface, color: Any, strength: Any, scope: Scope | None) -> Surface:
+        """The surface with light of its own; a strength that cannot be known is none."""
+        bright = self._values.read(strength, scope)
+        if bright.is_guess or (bright.texture is None and not bright.color[0]):
+            return surface
+        glow = self._values.read(color, scope)
+        if bright.texture is None:
+            return replace(surface, emission=glow, brightness=float(bright.color[0]))
+        return replace(surface, emission=self._values.combine(lambda one, other: one * other, [glow, bright], "glow"))
+
+    def _gloss_by_name(self, node: Any, scope: Scope | None) -> dict[str, float]:
+        """What of a surface a simple shader node adds to its colour."""
+        number = self._values.number
+        if node.type in {"BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"}:
+            return {"metallic": 1.0, "roughness": number(node.inputs["Roughness"], 0.5, scope)}
+        if node.type == "BSDF_GLASS":
+            roughness = number(node.inputs["Roughness"], 0.0, scope)
+            reflectance = self._reflectance(node.inputs["IOR"], scope)
+            return {"roughness": roughness, "reflectance": reflectance, "transmission": 1.0}
+        return {"transmission": 1.0} if node.type == "BSDF_REFRACTION" else {}
+
+    def _reflectance(self, ior_socket: Any, scope: Scope | None) -> float:
+        """What a surface of this index of refraction mirrors of what comes from straight above."""
+        ior = self._values.number(ior_socket, 1.5, scope)
+        return ((ior - 1.0) / (ior + 1.0)) ** 2 if ior > -1.0 else 0.0
+
+    def _radiance(self, surface: Surface) -> Value:
+        if surface.brightness == 1.0:
+            return surface.emission
+        scale = np.float32(surface.brightness)
+        return self._values.combine(lambda color: color * scale, [surface.emission], ("times", surface.brightness))
+
+    def _mix(self, first: Surface, second: Surface, factor: Value) -> Surface:
+        """By alpha the colours count: a transparent share adds nothing but its transparency."""
+        values = self._values
+        if factor.is_guess:
+            factor = constant(0.5)
+        share = float(np.clip(values.mean(factor)[0], 0.0, 1.0))
+        alpha = values.combine(_lerp, [factor, first.alpha, second.alpha], "mix")
+        weights = (1.0 - share) * values.mean(first.alpha)[0], share * values.mean(second.alpha)[0]
+        emission = self._lerp_glow(first, second, factor)
+        if not weights[0] or not weights[1]:
+            # Its colour counts wherever it is: not what alpha's mask would leave of it.
+            only = second if weights[1] else first
+            return replace(only, emission=emission, brightness=1.0, alpha=alpha)
+        second_share = float(weights[1] / (weights[0] + weights[1]))
+        by = factor if first.alpha is WHOLE and second.alpha is WHOLE else constant(second_share)
+        gloss = {name: first.gloss[name] * (1.0 - second_share) + second.gloss[name] * second_share for name in MATT}
+        return Surface(values.combine(_lerp, [by, first.base, second.base], "mix"), emission, 1.0, alpha, gloss)
+
+    def _lerp_glow(self, first: Surface, second: Surface, factor: Value) -> Value:
+        glows = self._radiance(first), self._radiance(second)
+        if all(glow.texture is None and not glow.color[:3].any() for glow in glows):
+            return BLACK
+        return self._values.combine(_lerp, [factor, *glows], "mix")
+
+    def _add(self, first: Surface, second: Surface) -> Surface:
+        glows = self._radiance(first), self._radiance(second)
+        emission = self._values.combine(lambda one, other: one + other, glows, "add")
+        brightest = max((first, second), key=lambda surface: float(self._values.mean(surface.base)[:3].sum()))
+        return replace(brightest, emission=emission, brightness=1.0)
 
 
-def _follow_shader(node: Any, plain: ColorSource, left: int) -> Surface:
-    if node is None or left == 0:
-        return Surface(ColorSource(BLACK))
-    if node.type == "REROUTE":
-        return _follow_shader(_source(node.inputs[0]), plain, left - 1)
-    if node.type == "MIX_SHADER":
-        first, second = (_follow_shader(_source(node.inputs[index]), plain, left // 2) for index in (1, 2))
-        return _mix_surfaces(first, second, _number(node.inputs[0], 0.5))
-    if node.type == "ADD_SHADER":
-        first, second = (_follow_shader(_source(socket), plain, left // 2) for socket in node.inputs)
-        brightest = max((first, second), key=lambda surface: sum(surface.base.color))
-        return replace(brightest, emission=_add(first.emission, second.emission))
-    if node.type == "BSDF_TRANSPARENT":
-        return Surface(ColorSource(BLACK), alpha=0.0)
-    if node.type == "EMISSION":
-        color = read_color(node.inputs["Color"], plain).color
-        return Surface(ColorSource(BLACK), _scale(color, _number(node.inputs["Strength"], 1.0)))
-    if node.type == "BSDF_PRINCIPLED":
-        return _read_principled(node, plain)
-    socket = next((node.inputs[name] for name in _COLOR_INPUTS if name in node.inputs), None)
-    return Surface(plain if socket is None else read_color(socket, plain), **_read_gloss(node))
-
-
-def _read_principled(node: Any, plain: ColorSource) -> Surface:
-    inputs = node.inputs
-    glow = read_color(inputs["Emission Color"], ColorSource(BLACK)).color
-    emission = _scale(glow, _number(inputs["Emission Strength"], 0.0))
-    alpha_source = _source(inputs["Alpha"])
-    alpha_node = alpha_source if alpha_source is not None and alpha_source.type == "TEX_IMAGE" else None
-    if alpha_node is not None and alpha_node.image is None:
-        alpha_node = None
-    return Surface(
-        read_color(inputs["Base Color"], plain),
-        emission,
-        _number(inputs["Alpha"], 1.0),
-        alpha_node,
-        metallic=_number(inputs["Metallic"], 0.0),
-        roughness=_number(inputs["Roughness"], 0.5),
-        reflectance=_reflectance(inputs["IOR"]) * 2.0 * _number(inputs["Specular IOR Level"], 0.5),
-        transmission=_number(inputs["Transmission Weight"], 0.0),
-    )
-
-
-def _read_gloss(node: Any) -> dict[str, float]:
-    """What of a `Surface` a simple shader node adds to its colour."""
-    if node.type in {"BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"}:
-        return {"metallic": 1.0, "roughness": _number(node.inputs["Roughness"], 0.5)}
-    if node.type == "BSDF_GLASS":
-        roughness, reflectance = _number(node.inputs["Roughness"], 0.0), _reflectance(node.inputs["IOR"])
-        return {"roughness": roughness, "reflectance": reflectance, "transmission": 1.0}
-    return {"transmission": 1.0} if node.type == "BSDF_REFRACTION" else {}
-
-
-def _reflectance(ior_socket: Any) -> float:
-    """What a surface of this index of refraction mirrors of what comes from straight above."""
-    ior = _number(ior_socket, 1.5)
-    return ((ior - 1.0) / (ior + 1.0)) ** 2
-
-
-def _mix_colors(node: Any, fallback: ColorSource, left: int) -> ColorSource:
-    """Two colours in the middle, or as its factor has it; of two images the one that counts for more."""
-    wanted = "RGBA" if node.type in {"MIX", "MIX_RGB"} else None
-    sockets = [socket for socket in node.inputs if socket.enabled and socket.type == (wanted or "RGBA")][:2]
-    if len(sockets) < 2:
-        return fallback
-    factor = 0.5
-    if wanted is not None:
-        factor = _number(next(socket for socket in node.inputs if socket.enabled and socket.type == "VALUE"), 0.5)
-    first, second = (read_color(socket, fallback, left) for socket in sockets)
-    if first.image_node is not None or second.image_node is not None:
-        major, minor = (second, first) if factor >= 0.5 else (first, second)
-        return major if major.image_node is not None else minor
-    return ColorSource(_lerp(first.color, second.color, factor))
-
-
-def _mix_surfaces(first: Surface, second: Surface, factor: float) -> Surface:
-    """By alpha the colours count: a transparent share adds nothing but its transparency."""
-    major = second if factor * second.alpha >= (1.0 - factor) * first.alpha else first
-    emission = _lerp(first.emission, second.emission, factor)
-    alpha = first.alpha * (1.0 - factor) + second.alpha * factor
-    if major.base.image_node is not None or not alpha:
-        return replace(major, emission=emission, alpha=alpha)
-    share = second.alpha * factor / alpha
-    gloss = {
-        name: getattr(first, name) * (1.0 - share) + getattr(second, name) * share
-        for name in ("metallic", "roughness", "reflectance", "transmission")
-    }
-    base = ColorSource(_lerp(first.base.color, second.base.color, share))
-    return Surface(base, emission, alpha, major.alpha_node, **gloss)
-
-
-def _source(socket: Any) -> Any:
-    """The node that a socket's value comes from; None if it is the socket's own."""
-    links = socket.links
-    return links[0].from_node if links and not links[0].is_muted else None
-
-
-def _number(socket: Any, linked: float) -> float:
-    """The socket's own value, or `linked` where a node would give it."""
-    return linked if _source(socket) is not None else float(socket.default_value)
-
-
-def _scale(color: Color, factor: float) -> Color:
-    return (color[0] * factor, color[1] * factor, color[2] * factor)
-
-
-def _add(a: Color, b: Color) -> Color:
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
-
-
-def _lerp(a: Color, b: Color, share: float) -> Color:
-    return _add(_scale(a, 1.0 - share), _scale(b, share))
-
-
-def _mean(colors: list[Any]) -> Color:
-    return (
-        sum(color[0] for color in colors) / len(colors),
-        sum(color[1] for color in colors) / len(colors),
-        sum(color[2] for color in colors) / len(colors),
-    )
+def _lerp(share: Pixels, one: Pixels, other: Pixels) -> Pixels:
+    part = np.clip(share, 0.0, 1.0)
+    return one * (1.0 - part) + other * part

@@ -72,7 +72,7 @@ def read_scene(
         if parts is None:
             parts = _read_parts(depsgraph, attributes, visibility, reader or _shared_reader, cache, log)
             cache.plain = remember(parts, cache.instances.shown, depsgraph, attributes, visibility, log)
-        lights = read_lights(depsgraph, visibility) if attributes.shading else LightRecords()
+        lights = read_lights(depsgraph, visibility, ImageReader(cache.images)) if attributes.shading else LightRecords()
 
     frame = read_frame(scene, size)
     camera_record, complaint = _read_any_camera(depsgraph, scene.camera if camera is None else camera, frame)

@@ -39,7 +39,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
         diffuse_mask=VISIBLE_TO_DIFFUSE,
         glossy_mask=VISIBLE_TO_GLOSSY,
         film_transparent=record.film_transparent,
-        images=tuple([ImageTexture(image.pixels, image.extension) for image in record.images]),
+        images=tuple([ImageTexture(image.pixels, image.extension, image.uv_transform) for image in record.images]),
         lights=_light_table(record),
         world=_world(record),
     )
@@ -64,6 +64,7 @@ def _material_table(record: SceneRecord) -> MaterialTable:
         transmissions=np.array([material.transmission for material in materials], np.float32),
         color_images=np.array([material.color_image for material in materials], np.int32),
         alpha_images=np.array([material.alpha_image for material in materials], np.int32),
+        emission_images=np.array([material.emission_image for material in materials], np.int32),
     )
 
 

@@ -11,11 +11,13 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
+from perfect_bvh.appearance import UNMAPPED, UvTransform
 
 Int32Array = npt.NDArray[np.int32]
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
 Usage = Literal["static", "rigid", "deforming", "changing"]
+Extension = Literal["repeat", "extend", "clip"]
 
 # Bits of an instance's mask: which kinds of ray see it. They follow Blender's ray visibility.
 VISIBLE_TO_CAMERA = 1 << 0
@@ -120,20 +122,22 @@ class MaterialRecord:
     transmission: float = 0.0
     color_image: int = -1
     alpha_image: int = -1
+    emission_image: int = -1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageRecord:
     """pixels: (H, W, 4), row 0 at the bottom: uint8 sRGB or float32 scene-linear.
 
-    extension: what lies beyond its border, see `perfect_bvh.ImageTexture`. An image that is known to be unchanged since
-    the record before has the very same array.
+    extension: what lies beyond its border; uv_transform: where it is looked up; see `perfect_bvh.ImageTexture`. An
+    image that is known to be unchanged since the record before has the very same array.
     """
 
     name: str
     session_uid: int
     pixels: npt.NDArray[np.uint8] | Float32Array
-    extension: Literal["repeat", "extend", "clip"]
+    extension: Extension
+    uv_transform: UvTransform = UNMAPPED
 
 
 @dataclass(frozen=True, slots=True, eq=False)

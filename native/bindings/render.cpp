@@ -97,6 +97,8 @@ Texture read_image(const py::handle& value) {
   Texture texture;
   texture.height = static_cast<int>(pixels.shape(0)), texture.width = static_cast<int>(pixels.shape(1));
   texture.extension = kExtensions.at(get<std::string>(values, "extension"));
+  const auto rows = rows_of<Vec3f>(view<float>(values, "uv_transform"));
+  texture.across = rows[0], texture.up = rows[1];
   if (py::isinstance<Array<std::uint8_t>>(pixels)) {
     texture.bytes = static_cast<const std::uint8_t*>(pixels.data());
   } else {
@@ -123,6 +125,7 @@ void read_lights(const py::dict& values, std::vector<Light>& lights) {
     light.power = powers[i];
     light.size_x = sizes[i].x, light.size_y = sizes[i].y;
     light.cone_cosine = std::cos(0.5f * cones[i].x), light.cone_blend = cones[i].y;
+    light.spread = 0.5f * cones[i].x;
   }
 }
 
@@ -144,6 +147,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.transmissions = view<float>(values, "transmissions");
   appearance.color_images = view<std::int32_t>(values, "color_images");
   appearance.alpha_images = view<std::int32_t>(values, "alpha_images");
+  appearance.emission_images = view<std::int32_t>(values, "emission_images");
   read_scene_light(values, appearance);
   appearance.material_colors = rows_of<Rgba>(view<float>(values, "material_colors"));
   appearance.material_pass_indices = view<std::int32_t>(values, "material_indices");

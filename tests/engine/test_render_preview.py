@@ -344,6 +344,60 @@ def test_images_show_the_right_way_up(linear, smooth):
         assert picture[row, column, :3] == pytest.approx(color, abs=0.05)
 
 
+def test_a_uv_transform_says_where_an_image_is_looked_up():
+    """Turned by a quarter, shrunk and moved: of four pixels the second is seen on all of the floor."""
+    pixels = np.zeros((2, 2, 4), np.uint8)
+    pixels[0, 0], pixels[0, 1], pixels[1, 0], pixels[1, 1] = (255, 0, 0, 255), (0, 255, 0, 255), (0, 0, 255, 255), 255
+    image = ImageTexture(pixels, "extend", ((0.0, -0.1, 0.95), (0.1, 0.0, 0.05)))
+    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
+    look = Appearance(
+        meshes={0: MeshAppearance(corner_uvs=corners[QUAD])},
+        instances=one_material(1),
+        materials=materials(color_images=np.zeros(1, np.int32)),
+        images=(image,),
+        world=World((1.0, 1.0, 1.0)),
+    )
+    picture = render(floor(), ABOVE, "preview", SIZE, 4, look)[16, 16, :3]
+    assert picture == pytest.approx((0, 1, 0), abs=0.02)
+
+
+def test_an_image_may_glow():
+    """Its colours multiply the emission, and nothing else does."""
+    pixels = np.tile(np.float32((0.25, 0.5, 2.0, 1.0)), (2, 2, 1))
+    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
+    look = Appearance(
+        meshes={0: MeshAppearance(corner_uvs=corners[QUAD])},
+        instances=one_material(1),
+        materials=materials(
+            base_colors=np.zeros((1, 3), np.float32),
+            emissions=np.full((1, 3), 3.0, np.float32),
+            emission_images=np.zeros(1, np.int32),
+        ),
+        images=(ImageTexture(pixels),),
+        world=BLACK,
+    )
+    seen = render(floor(), ABOVE, "preview", SIZE, 4, look)[16, 16, :3]
+    assert seen == pytest.approx((0.75, 1.5, 6.0), rel=1e-5)
+
+
+@pytest.mark.parametrize("kind", [3, 4], ids=["rectangle", "ellipse"])
+@pytest.mark.parametrize("spread", [0.02, 0.4, 1.5, 3.0])
+def test_a_grid_before_an_area_light_gathers_its_light_and_keeps_its_watts(kind, spread):
+    """All light of a small lamp falls on the floor below it: the same sum whatever the spread, on a smaller spot."""
+
+    def lit(angle: float) -> np.ndarray:
+        lamp = replace(lights(kind, power=1.0, size=(0.001, 0.001)), cones=np.array([(angle, 0.0)], np.float32))
+        wide = Camera.look_at((0, 0, 50), (0, 0, 0), up=(0, 1, 0), angle=2 * math.atan(reach / 50), aspect=1.0)
+        look = Appearance(lights=lamp, world=BLACK)
+        return render(floor(), wide, "preview", (128, 128), 16, look, smooth=False)[..., 1]
+
+    reach = 2.0 * math.tan(spread / 2) * 1.1  # the lamp is two above the floor
+    image = lit(spread)
+    area = (2 * reach / 128) ** 2
+    assert image.sum() * area * math.pi == pytest.approx(PLAIN, rel=0.03)
+    assert image[0, 0] == 0.0
+
+
 def test_the_worlds_image_lies_round_the_scene_as_in_blender():
     """U runs from -X over -Y ... to -X again: (0.5, 0.5) is +X, 0.25 is +Y."""
     pixels = np.zeros((16, 32, 4), np.float32)
@@ -382,6 +436,14 @@ def test_pixels_do_not_depend_on_threads():
     [
         (Appearance(images=(ImageTexture(np.zeros((2, 2, 3), np.uint8)),)), r"images\[0\].pixels must have shape"),
         (Appearance(images=(ImageTexture(np.zeros((2, 2, 4))),)), r"images\[0\].pixels must be uint8 .* got float64"),
+        (
+            Appearance(images=(ImageTexture(np.zeros((2, 2, 4), np.uint8), uv_transform=((1, 0), (0, 1))),)),
+            r"images\[0\].uv_transform must be two rows of three numbers",
+        ),
+        (
+            Appearance(materials=materials(emission_images=np.array([3], np.int32))),
+            "materials.emission_images refers to",
+        ),
         (Appearance(world=World(image=0)), "world.image is 0 but there are 0 images"),
         (Appearance(world=World((math.nan, 0, 0))), "world.color must be three numbers"),
         (

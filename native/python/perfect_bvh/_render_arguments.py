@@ -99,6 +99,7 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
         **{name: optional(name, np.float32) for name in _MATERIAL_SHARES},
         "color_images": optional("color_images", np.int32),
         "alpha_images": optional("alpha_images", np.int32),
+        "emission_images": optional("emission_images", np.int32),
         "images": [_image_arguments(function, row, image) for row, image in enumerate(appearance.images)],
         "lights": _light_arguments(function, appearance.lights),
         "world": _world_arguments(function, appearance.world),
@@ -128,7 +129,12 @@ def _image_arguments(function: str, row: int, image: ImageTexture) -> dict[str, 
     if pixels.dtype not in (np.uint8, np.float32):
         raise ValueError(f"{function}: {name}.pixels must be uint8 (sRGB) or float32 (linear), got {pixels.dtype}")
     extension = check_choice(function, f"{name}.extension", image.extension, ("repeat", "extend", "clip"))
-    return {"pixels": np.ascontiguousarray(pixels), "extension": extension}
+    transform = np.asarray(image.uv_transform, np.float32)
+    if transform.shape != (2, 3) or not np.isfinite(transform).all():
+        raise ValueError(
+            f"{function}: {name}.uv_transform must be two rows of three numbers, got {image.uv_transform!r}"
+        )
+    return {"pixels": np.ascontiguousarray(pixels), "extension": extension, "uv_transform": transform}
 
 
 def _light_arguments(function: str, lights: LightTable) -> dict[str, npt.NDArray[Any]]:

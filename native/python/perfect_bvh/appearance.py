@@ -15,6 +15,9 @@ import numpy.typing as npt
 
 Int32Array = npt.NDArray[np.int32]
 Float32Array = npt.NDArray[np.float32]
+UvTransform = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+UNMAPPED: UvTransform = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +49,7 @@ class MaterialTable:
     transmissions: (M,) float32, 0 to 1: how clear it is. Glass mirrors and is seen through straight. None: none is.
     color_images: (M,) int32, rows of the appearance's images, which stand for the base colours; -1 for none.
     alpha_images: (M,) int32, images whose alpha multiplies the material's; -1 for none.
+    emission_images: (M,) int32, images whose colours multiply the emissions; -1 for none.
     """
 
     colors: Float32Array = field(default_factory=lambda: np.empty((0, 4), np.float32))
@@ -59,6 +63,7 @@ class MaterialTable:
     transmissions: Float32Array | None = None
     color_images: Int32Array | None = None
     alpha_images: Int32Array | None = None
+    emission_images: Int32Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,10 +72,12 @@ class ImageTexture:
 
     pixels: (H, W, 4), straight alpha, row 0 at the lower border (v = 0); uint8 is sRGB, float32 scene-linear.
     extension: what lies outside 0..1: "repeat", "extend" (the border's colour) or "clip" (nothing).
+    uv_transform: two rows, what (u, v, 1) of a surface's uv map is multiplied with to find the place in the image.
     """
 
     pixels: npt.NDArray[np.uint8] | Float32Array
     extension: Literal["repeat", "extend", "clip"] = "repeat"
+    uv_transform: UvTransform = UNMAPPED
 
 
 LIGHT_KINDS = ("point", "sun", "spot", "rectangle", "ellipse")
@@ -86,7 +93,8 @@ class LightTable:
         P / (pi area), as in Blender.
     sizes: (L, 2) float32: the radius of points and spots, the angle of suns in radians (both in the first column), the
         two sides or diameters of rectangles and ellipses.
-    cones: (L, 2) float32: of spots, the whole angle in radians and how much of it the soft border takes, 0 to 1.
+    cones: (L, 2) float32: of spots, the whole angle in radians and how much of it the soft border takes, 0 to 1; of
+        rectangles and ellipses, the whole angle that a grid before them leaves to their light, pi without one, and 0.
     casts_shadow: (L,) bool.
     """
 

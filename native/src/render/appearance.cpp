@@ -98,6 +98,7 @@ void Appearance::check_materials() const {
   };
   check_images("color_images", color_images);
   check_images("alpha_images", alpha_images);
+  check_images("emission_images", emission_images);
   if (!world) return;
   require(
       world->image >= kNoImage && world->image < static_cast<std::int32_t>(images.size()),

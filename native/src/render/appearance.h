@@ -48,6 +48,7 @@ struct Appearance {
   std::span<const float> transmissions;           // empty: 0
   std::span<const std::int32_t> color_images;     // instead of the base colours
   std::span<const std::int32_t> alpha_images;     // their alpha multiplies
+  std::span<const std::int32_t> emission_images;  // their colour multiplies
   std::span<const std::int32_t> instance_ids;
   std::span<const std::int32_t> slot_offsets;  // one more than instances
   std::span<const std::int32_t> slot_materials;

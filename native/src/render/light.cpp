@@ -23,6 +23,18 @@ float cone_share(const Light& light, float cosine) noexcept {
   return part * part * (3.0f - 2.0f * part);
 }
 
+// How much brighter than one that shines all over its side an area light is along a direction of this cosine with its
+// axis. Between the slats of a grid before it one sees the less of it the more aslant one looks, up to the spread, and
+// its watts stay what they are: the integral of this over the cosine is that without a grid.
+float grid_share(const Light& light, float cosine) noexcept {
+  if (!(light.spread < 0.5f * kPi - 1e-4f)) return 1.0f;
+  const float farthest = std::tan(light.spread);
+  const float aslant = std::sqrt(std::max(1.0f - cosine * cosine, 0.0f)) / std::max(cosine, 1e-6f);
+  // tan x - x loses its digits where x is small.
+  const float rest = light.spread < 0.05f ? farthest * farthest * farthest / 3.0f : farthest - light.spread;
+  return std::max(farthest - aslant, 0.0f) / std::max(rest, 1e-12f);
+}
+
 bool is_area(const Light& light) noexcept {
   return light.kind == LightKind::kRectangle || light.kind == LightKind::kEllipse;
 }
@@ -47,7 +59,7 @@ LightRay look_at_area(const Light& light, Vec3d point, Vec3f normal, Point2 rand
   const Vec3f direction = way * (1.0f / distance);
   const float cosine = std::max(dot(direction, normal), 0.0f), light_cosine = std::max(dot(direction, light.z), 0.0f);
   // Radiance P / (pi A), seen from an area A: A cancels.
-  const float share = cosine * light_cosine / (kPi * kPi * distance * distance);
+  const float share = cosine * light_cosine * grid_share(light, light_cosine) / (kPi * kPi * distance * distance);
   return {direction, distance, light.power * share};
 }
 
@@ -83,7 +95,10 @@ float guess_light(const Light& light, Vec3d point, Vec3f normal) noexcept {
   const float cosine = std::clamp(dot(way, normal) / distance + spread, 0.0f, 1.0f);
   const float nearest = std::max(distance - reach, 0.5f * std::max(distance, reach));
   float share = 1.0f / (4.0f * kPi * kPi * nearest * nearest);
-  if (is_area(light)) share *= 4.0f * std::clamp(dot(way, light.z) / distance + spread, 0.0f, 1.0f);
+  if (is_area(light)) {
+    const float light_cosine = std::clamp(dot(way, light.z) / distance + spread, 0.0f, 1.0f);
+    share *= 4.0f * light_cosine * grid_share(light, std::min(light_cosine + spread, 1.0f));
+  }
   return power * cosine * share * cone_share(light, dot(way, light.z) / distance);
 }
 

@@ -25,6 +25,7 @@ struct Light {
   float size_x = 0.0f, size_y = 0.0f;
   float cone_cosine = -1.0f;  // spot: of half its angle
   float cone_blend = 0.0f;    // spot: how much of the cone's width its soft border takes
+  float spread = 1.5707964f;  // rectangle and ellipse: how far from its axis it shines, in radians; a quarter turn: all
 };
 
 struct LightRay {

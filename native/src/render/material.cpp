@@ -31,6 +31,32 @@ void set_gloss(const Appearance& appearance, std::size_t index, Material& materi
   material.color = material.color * ((1.0f - metallic) * (1.0f - material.transmission));
 }
 
+void look_up_images(const Appearance& appearance, const Instance& instance, const Hit& hit, std::size_t index,
+                    Material& material) {
+  const auto image_in = [&](std::span<const std::int32_t> images) { return images.empty() ? kNoImage : images[index]; };
+  const std::int32_t color_image = image_in(appearance.color_images), alpha_image = image_in(appearance.alpha_images);
+  const std::int32_t emission_image = image_in(appearance.emission_images);
+  if (color_image == kNoImage && alpha_image == kNoImage && emission_image == kNoImage) return;
+  // Without a uv map everything shows the image's corner, as in Blender.
+  const Point2 uv = uv_at(appearance, instance, hit).value_or(Point2{0.0f, 0.0f});
+  const auto look = [&](std::int32_t image) {
+    return look_up_mapped(appearance.images[static_cast<std::size_t>(image)], uv.x, uv.y);
+  };
+  Rgba color;
+  if (color_image != kNoImage) {
+    color = look(color_image);
+    material.color = {color.r, color.g, color.b};
+  }
+  if (alpha_image != kNoImage) {
+    if (alpha_image != color_image) color = look(alpha_image);
+    material.alpha *= std::clamp(color.a, 0.0f, 1.0f);
+  }
+  if (emission_image != kNoImage) {
+    color = look(emission_image);
+    material.emission = material.emission * Vec3f{color.r, color.g, color.b};
+  }
+}
+
 }  // namespace
 
 Material material_at(const Appearance& appearance, const Instance& instance, const Hit& hit, std::int32_t row) {
@@ -42,23 +68,7 @@ Material material_at(const Appearance& appearance, const Instance& instance, con
   if (!appearance.emissions.empty()) material.emission = appearance.emissions[index];
   if (!appearance.alphas.empty()) material.alpha = appearance.alphas[index];
   if (!appearance.transmissions.empty()) material.transmission = appearance.transmissions[index];
-  const auto image_in = [&](std::span<const std::int32_t> images) { return images.empty() ? kNoImage : images[index]; };
-  const std::int32_t color_image = image_in(appearance.color_images), alpha_image = image_in(appearance.alpha_images);
-  if (color_image != kNoImage || alpha_image != kNoImage) {
-    // Without a uv map everything shows the image's corner, as in Blender.
-    const Point2 uv = uv_at(appearance, instance, hit).value_or(Point2{0.0f, 0.0f});
-    Rgba color;
-    if (color_image != kNoImage) {
-      color = look_up(appearance.images[static_cast<std::size_t>(color_image)], uv.x, uv.y);
-      material.color = {color.r, color.g, color.b};
-    }
-    if (alpha_image != kNoImage) {
-      if (alpha_image != color_image) {
-        color = look_up(appearance.images[static_cast<std::size_t>(alpha_image)], uv.x, uv.y);
-      }
-      material.alpha *= std::clamp(color.a, 0.0f, 1.0f);
-    }
-  }
+  look_up_images(appearance, instance, hit, index, material);
   set_gloss(appearance, index, material);
   return material;
 }

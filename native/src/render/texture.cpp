@@ -71,6 +71,11 @@ Rgba look_up(const Texture& texture, float u, float v) noexcept {
   return mixed(lower, upper, y - below);
 }
 
+Rgba look_up_mapped(const Texture& texture, float u, float v) noexcept {
+  const Vec3f place{u, v, 1.0f};
+  return look_up(texture, dot(texture.across, place), dot(texture.up, place));
+}
+
 Vec3f look_up_around(const Texture& texture, Vec3f direction) noexcept {
   constexpr float kPi = std::numbers::pi_v<float>;
   const float u = -std::atan2(direction.y, direction.x) / (2.0f * kPi) + 0.5f;

@@ -18,10 +18,15 @@ struct Texture {
   const float* floats = nullptr;        // four a pixel: scene-linear
   int width = 0, height = 0;
   Extension extension = Extension::kRepeat;
+  // Where a place (u, v, 1) of a uv map lies in the image.
+  Vec3f across{1, 0, 0}, up{0, 1, 0};
 };
 
 // Alpha is straight: it does not darken the colour. Without colour and alpha where a clipped image ends.
 [[nodiscard]] Rgba look_up(const Texture& texture, float u, float v) noexcept;
+
+// The same, of a surface's place in its uv map.
+[[nodiscard]] Rgba look_up_mapped(const Texture& texture, float u, float v) noexcept;
 
 // The colour that comes from a direction of unit length, of an equirectangular image as Blender lays it round a scene.
 [[nodiscard]] Vec3f look_up_around(const Texture& texture, Vec3f direction) noexcept;

@@ -1,0 +1,139 @@
+"""Materials as people build them, and lights with all their settings, in the mode "preview" beside Cycles' picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import perfect_bvh_addon  # noqa: E402
+from blender.node_setups import SETUPS, new_red, tiled  # noqa: E402
+from oracles.cycles import preserved, render_passes  # noqa: E402
+from perfect_bvh_addon.session import clear_sessions  # noqa: E402
+
+SIZE, PATCH, SAMPLES = (96, 64), 8, 32
+
+
+@pytest.fixture
+def scene() -> Iterator[bpy.types.Scene]:
+    """A cube just above a floor, under a sun and a grey sky, seen from the front."""
+    perfect_bvh_addon.register()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_plane_add(size=60.0)
+    bpy.context.object.data.materials.append(new_red("Floor"))
+    bpy.ops.mesh.primitive_cube_add(size=2.4, location=(0.0, 0.0, 1.21), rotation=(0.0, 0.0, 0.4))
+    bpy.context.object.name = "Cube"
+    bpy.ops.object.light_add(type="SUN", rotation=(0.4, -0.7, 0.0))
+    bpy.context.object.name, bpy.context.object.data.energy = "Sun", 2.5
+    bpy.ops.object.camera_add(location=(0.0, -7.0, 5.0), rotation=(1.0, 0.0, 0.0))
+    scene.camera = bpy.context.object
+    scene.world = bpy.data.worlds.new("World")
+    scene.world.color, scene.world.use_nodes = (0.3, 0.3, 0.3), False
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.perfect_bvh.samples = SAMPLES
+    yield scene
+    clear_sessions()
+    perfect_bvh_addon.unregister()
+
+
+def patches(image: np.ndarray) -> np.ndarray:
+    """(H / PATCH, W / PATCH, 3): the mean colour of each patch."""
+    parts = np.clip(image[..., :3], 0.0, 2.0).reshape(SIZE[1] // PATCH, PATCH, SIZE[0] // PATCH, PATCH, 3)
+    return parts.mean(axis=(1, 3))
+
+
+def check(scene: bpy.types.Scene) -> np.ndarray:
+    """Cycles lets light bounce a second time, which makes dark sides a little brighter."""
+    cycles = scene.cycles
+    with preserved(
+        (cycles, "samples", SAMPLES),
+        (cycles, "use_denoising", False),
+        (cycles, "use_adaptive_sampling", False),
+        (cycles, "max_bounces", 1),
+        (cycles, "transparent_max_bounces", 8),
+    ):
+        theirs = patches(render_passes(scene, "CYCLES").combined)
+    ours = patches(render_passes(scene, "PERFECT_BVH").combined)
+    assert np.abs(ours - theirs).max() < 0.13
+    assert np.abs(ours - theirs).mean() < 0.02
+    return ours
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+def test_materials_look_as_in_cycles(scene, setup: Callable[[Any], None]) -> None:
+    material = new_red()
+    scene.objects["Cube"].data.materials.append(material)
+    setup(material)
+    check(scene)
+
+
+def test_a_cube_of_fog_is_not_a_black_box(scene) -> None:
+    """Fog itself is not shown; what is in it and behind it is."""
+    plain = check(scene)
+    material = new_red()
+    tree = material.node_tree
+    output = tree.get_output_node("ALL")
+    tree.links.remove(output.inputs["Surface"].links[0])
+    tree.links.new(tree.nodes.new("ShaderNodeVolumePrincipled").outputs[0], output.inputs["Volume"])
+    bpy.ops.mesh.primitive_cube_add(size=50.0)
+    bpy.context.object.data.materials.append(material)
+    assert patches(render_passes(scene, "PERFECT_BVH").combined) == pytest.approx(plain, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [
+        ("AREA", {"energy": 20.0, "size": 1.0, "spread": 0.7}),
+        ("AREA", {"energy": 20.0, "shape": "DISK", "size": 1.5, "spread": 1.6}),
+        ("AREA", {"energy": 40.0, "shape": "ELLIPSE", "size": 2.0, "size_y": 0.5, "normalize": False}),
+        ("POINT", {"energy": 300.0, "shadow_soft_size": 0.3, "normalize": False}),
+        ("SUN", {"energy": 30.0, "angle": 0.3, "normalize": False}),
+    ],
+)
+def test_lights_look_as_in_cycles(scene, kind: str, values: dict[str, Any]) -> None:
+    bpy.data.objects.remove(scene.objects["Sun"])
+    scene.world.color = (0.0, 0.0, 0.0)
+    bpy.ops.object.light_add(type=kind, location=(1.0, -2.0, 4.0), rotation=(0.4, 0.2, 0.0))
+    light = bpy.context.object.data
+    if not all(hasattr(light, name) for name in values):
+        pytest.skip(f"Blender {bpy.app.version_string} has no such setting")
+    for name, value in values.items():
+        setattr(light, name, value)
+    assert check(scene).max() > 0.2
+
+
+@pytest.mark.parametrize(
+    ("kind", "inputs"),
+    [("ShaderNodeBlackbody", {"Temperature": 2500.0}), ("ShaderNodeLightFalloff", {"Strength": 3.0})],
+)
+def test_a_lights_own_nodes_count(scene, kind: str, inputs: dict[str, float]) -> None:
+    bpy.data.objects.remove(scene.objects["Sun"])
+    scene.world.color = (0.0, 0.0, 0.0)
+    bpy.ops.object.light_add(type="POINT", location=(1.0, -2.0, 4.0))
+    light = bpy.context.object.data
+    light.energy, light.use_nodes = 100.0, True
+    tree = light.node_tree
+    emission = tree.nodes["Emission"]
+    node = tree.nodes.new(kind)
+    for name, value in inputs.items():
+        node.inputs[name].default_value = value
+    tree.links.new(node.outputs[0], emission.inputs["Color" if kind == "ShaderNodeBlackbody" else "Strength"])
+    unused = tree.nodes.new("ShaderNodeEmission")  # of which nothing goes anywhere
+    unused.inputs["Strength"].default_value = 50.0
+    assert check(scene).max() > 0.2
+
+
+def test_an_edit_inside_a_group_and_of_a_mapping_shows_in_the_next_render(scene) -> None:
+    material = new_red()
+    scene.objects["Cube"].data.materials.append(material)
+    tiled(material)
+    first = check(scene)
+    mapping = next(node for node in material.node_tree.nodes if node.type == "MAPPING")
+    mapping.inputs["Scale"].default_value = (2.0, 2.0, 1.0)
+    second = check(scene)
+    assert np.abs(first - second).max() > 0.1
