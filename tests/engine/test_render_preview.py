@@ -315,6 +315,47 @@ def test_what_glows_is_as_bright_near_by_as_when_it_is_found_by_chance(height, r
     assert image.mean() == pytest.approx(radiance * factor, rel=0.01)
 
 
+@pytest.mark.parametrize(("metallic", "roughness"), [(1.0, 0.3), (1.0, 0.6), (0.0, 0.15), (0.0, 0.6)])
+def test_what_glows_shines_in_gloss_without_specks_however_small_it_is(metallic, roughness):
+    """By the sum of all of it, and pixel by pixel: one ray in hundreds would find it by chance."""
+    look = glowing(1000.0)
+    glossy = replace(
+        look.materials,
+        metallics=np.array([metallic, 0.0], np.float32),
+        roughnesses=np.array([roughness, 1.0], np.float32),
+        reflectances=np.array([0.04, 0.0], np.float32),
+    )
+    look = replace(look, materials=glossy)
+    camera = Camera.look_at((0, -4, 3), (0, -0.5, 0), angle=math.radians(16), aspect=1.0)
+    image, converged = (
+        render(small_light_over(), camera, "preview", SIZE, samples, look, smooth=False, seed=seed)[..., 1]
+        for samples, seed in ((16, 1), (512, 2))
+    )
+    np.testing.assert_allclose(image, converged, rtol=0.25, atol=0.05 * converged.mean())
+    assert image.mean() == pytest.approx(converged.mean(), rel=0.01)
+
+
+def test_what_glows_unseen_by_mirrors_leaves_no_highlight():
+    look = glowing(1000.0)
+    metal = replace(look.materials, metallics=np.ones(2, np.float32), roughnesses=np.full(2, 0.3, np.float32))
+    assert brightness(small_light_over(), replace(look, materials=metal, glossy_mask=0b01)) == 0.0
+
+
+@pytest.mark.parametrize(("kind", "size"), [(0, (0.5, 0.0)), (3, (1.5, 1.0)), (4, (1.5, 1.0))])
+@pytest.mark.parametrize("count", [1, 6], ids=["each is asked", "some are picked"])
+def test_large_lights_shine_in_smooth_metal_without_specks(kind, size, count):
+    camera = Camera.look_at((0, -4, 3), (0, -0.5, 0), angle=math.radians(16), aspect=1.0)
+    metal = shiny(1, base_colors=(0.9, 0.9, 0.9), metallics=1.0, roughnesses=0.2)
+    look = Appearance(**metal, lights=lights(kind, position=(0, 1, 2), size=size, count=count), world=BLACK)
+    image, converged = (
+        render(floor(), camera, "preview", SIZE, samples, look, smooth=False, seed=seed)[..., 1]
+        for samples, seed in ((16, 1), (512, 2))
+    )
+    assert np.abs(image - converged).max() < 0.35 * converged.max()
+    assert math.sqrt(((image - converged) ** 2).mean()) < 0.12 * converged.mean()
+    assert image.mean() == pytest.approx(converged.mean(), rel=0.01)
+
+
 def test_what_glows_unseen_by_light_gives_none():
     look = replace(glowing(1000.0), diffuse_mask=0b01, shadow_mask=0b01)
     assert brightness(small_light_over(), look) == 0.0

@@ -23,6 +23,14 @@ float seen_share(float cosine, float square) noexcept {
   return 2.0f * cosine / (cosine + std::sqrt(square + (1.0f - square) * cosine * cosine));
 }
 
+// Over solid angle, of directions that visible facets mirror: those of the GGX distribution whose normal has a cosine
+// of `upwards` with the surface's, seen by a viewer at the other cosine.
+float density_about(float upwards, float towards_viewer, float square) noexcept {
+  const float spread = upwards * upwards * (square - 1.0f) + 1.0f;
+  const float facets = square / (kPi * spread * spread);
+  return facets * seen_share(towards_viewer, square) / (4.0f * towards_viewer);
+}
+
 // What the facets of a rough metal throw at each other reaches the viewer in the end (Turquin 2019). The fit is to the
 // direction in which least is missing, so that nothing shines brighter than what it mirrors.
 Vec3f with_what_bounces(const Gloss& gloss, float width) noexcept {
@@ -49,17 +57,13 @@ float unreflected_share(const Gloss& gloss, float cosine) noexcept {
   return 1.0f - (least + (most - least) * part);
 }
 
-Vec3f highlight(const Gloss& gloss, Vec3f normal, Vec3f to_light) noexcept {
+Highlight highlight(const Gloss& gloss, Vec3f normal, Vec3f to_light) noexcept {
   const Vec3f half = normalized(gloss.view + to_light);
   const float width = width_of(gloss), square = width * width;
   const float towards_light = std::max(dot(normal, to_light), kLeastCosine);
-  const float towards_viewer = std::max(dot(normal, gloss.view), kLeastCosine);
-  const float upwards = dot(normal, half);
-  const float spread = upwards * upwards * (square - 1.0f) + 1.0f;
-  const float facets = square / (kPi * spread * spread);
-  const float seen = seen_share(towards_light, square) * seen_share(towards_viewer, square);
+  const float density = density_about(dot(normal, half), std::max(dot(normal, gloss.view), kLeastCosine), square);
   const Vec3f share = reflected_share(gloss, dot(gloss.view, half)) * with_what_bounces(gloss, width);
-  return share * (kPi * facets * seen / (4.0f * towards_light * towards_viewer));
+  return {share * (kPi * density * seen_share(towards_light, square) / towards_light), density};
 }
 
 Mirrored mirrored(const Gloss& gloss, Vec3f normal, Point2 random) noexcept {
@@ -77,7 +81,8 @@ Mirrored mirrored(const Gloss& gloss, Vec3f normal, Point2 random) noexcept {
   const Vec3f direction = facet * (2.0f * cosine) - view;
   if (!(direction.z > 0.0f)) return {};
   const Vec3f share = reflected_share(gloss, cosine) * with_what_bounces(gloss, width);
-  return {frame.world(direction), share * seen_share(direction.z, width * width)};
+  return {frame.world(direction), share * seen_share(direction.z, width * width),
+          density_about(facet.z, view.z, width * width)};
 }
 
 }  // namespace perfect_bvh

@@ -13,7 +13,8 @@ namespace perfect_bvh {
 struct Gloss {
   Vec3f reflectance{0, 0, 0};  // of a surface that is seen from straight above
   float roughness = 1.0f;
-  Vec3f view{0, 0, 1};  // towards the viewer, unit length
+  Vec3f view{0, 0, 1};    // towards the viewer, unit length
+  bool over_matt = true;  // whether it lies on anything that gives light back matt: on metals it does not
 
   [[nodiscard]] bool shines() const noexcept {
     return reflectance.x > 0.0f || reflectance.y > 0.0f || reflectance.z > 0.0f;
@@ -29,12 +30,16 @@ struct Gloss {
 // seen at all angles.
 [[nodiscard]] float unreflected_share(const Gloss& gloss, float cosine) noexcept;
 
-// What a light adds to a surface's colour, in parts of LightRay::light.
-[[nodiscard]] Vec3f highlight(const Gloss& gloss, Vec3f normal, Vec3f to_light) noexcept;
+struct Highlight {
+  Vec3f share{0, 0, 0};  // what a light adds to a surface's colour, in parts of LightRay::light
+  float density = 0.0f;  // with which `mirrored` chooses the direction of the light, over solid angle
+};
+[[nodiscard]] Highlight highlight(const Gloss& gloss, Vec3f normal, Vec3f to_light) noexcept;
 
 struct Mirrored {
   Vec3f direction{0, 0, 1};
   Vec3f weight{0, 0, 0};  // of what comes from there
+  float density = 0.0f;   // of such directions, over solid angle
 };
 [[nodiscard]] Mirrored mirrored(const Gloss& gloss, Vec3f normal, Point2 random) noexcept;
 

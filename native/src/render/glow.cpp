@@ -79,7 +79,7 @@ GlowPoint Glow::choose(float pick, Point2 place) const {
   const std::int32_t row = appearance_.material_of(instance, triangle.primitive);
   const Material material = material_at(appearance_, instance, hit, row);
   return {hit_position(snapshot_, hit), to_float(geometric_normal(snapshot_, hit)), material.emission * material.alpha,
-          density(row)};
+          density(instance, row), instance.mask};
 }
 
 }  // namespace perfect_bvh

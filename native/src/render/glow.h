@@ -2,6 +2,7 @@
 // chance. In: a snapshot and what its surfaces look like. Out: places on them, the brighter the more of them.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "render/appearance.h"
@@ -15,6 +16,7 @@ struct GlowPoint {
   Vec3f normal{0, 0, 0};    // unit length; it glows to both sides
   Vec3f radiance{0, 0, 0};  // towards everywhere
   float density = 0.0f;     // with which such places are chosen, for each unit of area
+  std::uint32_t mask = 0;   // by which rays see it
 };
 
 class Glow {
@@ -26,9 +28,10 @@ class Glow {
   [[nodiscard]] bool empty() const noexcept { return triangles_.empty(); }
   // Not to be asked if it is empty.
   [[nodiscard]] GlowPoint choose(float pick, Point2 place) const;
-  // As in a GlowPoint on a surface of this row of the material table: 0 where none is chosen.
-  [[nodiscard]] float density(std::int32_t material) const noexcept {
-    return empty() || material == kNoMaterial ? 0.0f : brightness(material) / static_cast<float>(power());
+  // As in a GlowPoint on a surface of this instance and row of the material table: 0 where none is chosen.
+  [[nodiscard]] float density(const Instance& instance, std::int32_t material) const noexcept {
+    const bool listed = !empty() && material != kNoMaterial && (instance.mask & appearance_.diffuse_mask) != 0;
+    return listed ? brightness(material) / static_cast<float>(power()) : 0.0f;
   }
 
  private:

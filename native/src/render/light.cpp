@@ -39,11 +39,31 @@ bool is_area(const Light& light) noexcept {
   return light.kind == LightKind::kRectangle || light.kind == LightKind::kEllipse;
 }
 
+float square(float value) noexcept { return value * value; }
+
+// The disk that a sun shows, one unit away, and how directions spread over it.
+float sun_density(const Light& light, float cosine) noexcept {
+  return 1.0f / (kPi * square(light.size_x) * cosine * cosine * cosine);
+}
+
 LightRay look_at_sun(const Light& light, Vec3f normal, Point2 random) noexcept {
   const Point2 flat = uniform_disk(random);
   const Vec3f direction = normalized(light.z + (light.x * flat.x + light.y * flat.y) * light.size_x);
   const float cosine = std::max(dot(direction, normal), 0.0f);
-  return {direction, std::numeric_limits<float>::infinity(), light.power * (cosine / kPi)};
+  return {direction, std::numeric_limits<float>::infinity(), light.power * (cosine / kPi),
+          sun_density(light, dot(direction, light.z))};
+}
+
+std::optional<LightMet> meet_sun(const Light& light, Vec3f direction) noexcept {
+  const float cosine = dot(direction, light.z);
+  const bool inside = 1.0f - square(cosine) <= square(light.size_x * cosine);
+  if (!(cosine > 0.0f) || !(light.size_x > 0.0f) || !inside) return std::nullopt;
+  const float density = sun_density(light, cosine);
+  return LightMet{std::numeric_limits<float>::infinity(), light.power * density, density};
+}
+
+float area_of(const Light& light) noexcept {
+  return (light.kind == LightKind::kEllipse ? 0.25f * kPi : 1.0f) * light.size_x * light.size_y;
 }
 
 LightRay look_at_area(const Light& light, Vec3d point, Vec3f normal, Point2 random) noexcept {
@@ -60,7 +80,28 @@ LightRay look_at_area(const Light& light, Vec3d point, Vec3f normal, Point2 rand
   const float cosine = std::max(dot(direction, normal), 0.0f), light_cosine = std::max(dot(direction, light.z), 0.0f);
   // Radiance P / (pi A), seen from an area A: A cancels.
   const float share = cosine * light_cosine * grid_share(light, light_cosine) / (kPi * kPi * distance * distance);
-  return {direction, distance, light.power * share};
+  return {direction, distance, light.power * share, square(distance) / (light_cosine * area_of(light))};
+}
+
+std::optional<LightMet> meet_area(const Light& light, Vec3d point, Vec3f direction) noexcept {
+  const float cosine = dot(direction, light.z), area = area_of(light);
+  if (!(cosine > 0.0f) || !(area > 0.0f)) return std::nullopt;
+  const Vec3f to_centre = to_float(light.position - point);
+  const float distance = dot(to_centre, light.z) / cosine;
+  if (!(distance > 0.0f) || !std::isfinite(distance)) return std::nullopt;
+  const Vec3f offset = direction * distance - to_centre;
+  const float x = 2.0f * dot(offset, light.x) / light.size_x, y = 2.0f * dot(offset, light.y) / light.size_y;
+  const bool inside =
+      light.kind == LightKind::kEllipse ? x * x + y * y <= 1.0f : std::abs(x) <= 1.0f && std::abs(y) <= 1.0f;
+  if (!inside) return std::nullopt;
+  const float radiance = grid_share(light, cosine) / (kPi * area);
+  return LightMet{distance, light.power * radiance, square(distance) / (cosine * area)};
+}
+
+// A ball is a disk through its centre that faces the point. This is what it gives there, for one watt, straight on.
+float ball_share(const Light& light, Vec3f to_ball, float distance) noexcept {
+  const float nearest = std::max(distance, light.size_x);  // inside of the ball it gets no brighter
+  return cone_share(light, dot(to_ball, light.z)) / (4.0f * kPi * nearest * nearest);
 }
 
 LightRay look_at_ball(const Light& light, Vec3d point, Vec3f normal, Point2 random) noexcept {
@@ -72,10 +113,23 @@ LightRay look_at_ball(const Light& light, Vec3d point, Vec3f normal, Point2 rand
   const Vec3f way = to_centre + (frame.x * flat.x + frame.y * flat.y) * light.size_x;
   const float way_length = length(way);
   const Vec3f direction = way * (1.0f / way_length);
-  const float nearest = std::max(distance, light.size_x);  // inside of the ball it gets no brighter
   const float cosine = std::max(dot(direction, normal), 0.0f);
-  const float share = cone_share(light, dot(frame.z, light.z)) * cosine / (4.0f * kPi * kPi * nearest * nearest);
-  return {direction, way_length, light.power * share};
+  const float share = ball_share(light, frame.z, distance) * cosine / kPi;
+  const float density = square(way_length) / (kPi * square(light.size_x) * dot(direction, frame.z));
+  return {direction, way_length, light.power * share, density};
+}
+
+std::optional<LightMet> meet_ball(const Light& light, Vec3d point, Vec3f direction) noexcept {
+  const Vec3f to_centre = to_float(light.position - point);
+  const float distance = length(to_centre);
+  if (!(distance > 0.0f) || !(light.size_x > 0.0f)) return std::nullopt;
+  const Vec3f axis = to_centre * (1.0f / distance);
+  const float cosine = dot(direction, axis);
+  if (!(cosine > 0.0f)) return std::nullopt;
+  const float way_length = distance / cosine;
+  if (!(length(direction * way_length - to_centre) <= light.size_x)) return std::nullopt;
+  const float density = square(way_length) / (kPi * square(light.size_x) * cosine);
+  return LightMet{way_length, light.power * (ball_share(light, axis, distance) * density), density};
 }
 
 }  // namespace
@@ -83,6 +137,11 @@ LightRay look_at_ball(const Light& light, Vec3d point, Vec3f normal, Point2 rand
 LightRay look_at_light(const Light& light, Vec3d point, Vec3f normal, Point2 random) noexcept {
   if (light.kind == LightKind::kSun) return look_at_sun(light, normal, random);
   return is_area(light) ? look_at_area(light, point, normal, random) : look_at_ball(light, point, normal, random);
+}
+
+std::optional<LightMet> meet_light(const Light& light, Vec3d point, Vec3f direction) noexcept {
+  if (light.kind == LightKind::kSun) return meet_sun(light, direction);
+  return is_area(light) ? meet_area(light, point, direction) : meet_ball(light, point, direction);
 }
 
 float guess_light(const Light& light, Vec3d point, Vec3f normal) noexcept {

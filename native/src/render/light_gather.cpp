@@ -8,6 +8,7 @@ void LightGather::add(const RayMaker& camera, std::span<const Ray> rays, std::sp
                       std::span<const SurfacePoint> points, std::span<const LitPoint> lit_points) {
   for (std::size_t row = 0; row < points.size(); ++row) {
     const SurfacePoint& point = points[row];
+    if (!lit_points[row].known) continue;
     const float depth = hits[point.ray].t;
     Entry& entry = entries_[point.ray];
     const Vec3f position = camera.from_camera(rays[point.ray], depth);

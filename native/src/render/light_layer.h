@@ -32,6 +32,7 @@ struct LitPoint {
   LightSample light;
   Vec3f color{0, 0, 0};  // what the light is multiplied with
   Vec3f lit{0, 0, 0};    // what that gives: the point's colour, or a part of it
+  bool known = true;     // whether anybody has looked for that light
 };
 
 struct LightPixel {

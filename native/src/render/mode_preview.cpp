@@ -44,6 +44,7 @@ class PreviewMode final : public ShadingMode {
       lit_point.light.sky = layer.light[row];
       lit_point.color = material.color * material.alpha;
       lit_point.lit = lit_point.color * layer.light[row];
+      lit_point.known = layer.glosses.empty() || layer.glosses[row].over_matt;
     }
     if (appearance_.any_transparent()) shade_behind(task, first, layer);
   }
@@ -99,7 +100,8 @@ class PreviewMode final : public ShadingMode {
       const SurfacePoint& point = seen.points[row];
       Material& material = layer.materials[row];
       const Vec3f view = to_float(-normalized(seen.rays[point.ray].direction));
-      const Gloss& gloss = layer.glosses.emplace_back(Gloss{material.reflectance, material.roughness, view});
+      Gloss& gloss = layer.glosses.emplace_back(Gloss{material.reflectance, material.roughness, view});
+      gloss.over_matt = !is_black(material.color);
       if (!gloss.mirrors()) continue;
       const float rest = unreflected_share(gloss, dot(point.light_normal, view));
       material.color = material.color * rest, material.transmission *= rest;
