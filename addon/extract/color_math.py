@@ -96,24 +96,35 @@ def adjust_hsv(hue: Pixels, saturation: Pixels, value: Pixels, share: Pixels, co
     return np.maximum(color + (changed - color) * share, 0.0)
 
 
-@lru_cache(maxsize=64)
-def blackbody(kelvin: float) -> tuple[float, float, float]:
-    """The colour of a glowing black body, of luminance one; by Planck's law and fits of the eye's three curves.
+def tristimulus_curves(waves: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """(3, N): how the eye's three curves (CIE 1931) weigh light of these wavelengths, in nanometres.
 
     The fits are those of Wyman, Sloan and Shirley, "Simple analytic approximations to the CIE XYZ color matching
     functions" (2013).
     """
-    waves = np.arange(380.0, 781.0, 5.0)
-    spectrum = waves**-5.0 / np.expm1(1.4388e7 / (waves * max(kelvin, 800.0)))
 
     def bell(middle: float, below: float, above: float) -> Any:
         return np.exp(-0.5 * ((waves - middle) / np.where(waves < middle, below, above)) ** 2)
 
-    curves = (
-        1.056 * bell(599.8, 37.9, 31.0) + 0.362 * bell(442.0, 16.0, 26.7) - 0.065 * bell(501.1, 20.4, 26.2),
-        0.821 * bell(568.8, 46.9, 40.5) + 0.286 * bell(530.9, 16.3, 31.1),
-        1.217 * bell(437.0, 11.8, 36.0) + 0.681 * bell(459.0, 26.0, 13.8),
+    return np.stack(
+        [
+            1.056 * bell(599.8, 37.9, 31.0) + 0.362 * bell(442.0, 16.0, 26.7) - 0.065 * bell(501.1, 20.4, 26.2),
+            0.821 * bell(568.8, 46.9, 40.5) + 0.286 * bell(530.9, 16.3, 31.1),
+            1.217 * bell(437.0, 11.8, 36.0) + 0.681 * bell(459.0, 26.0, 13.8),
+        ]
     )
-    tristimulus = np.array([(spectrum * curve).sum() for curve in curves])
-    red, green, blue = np.maximum(_XYZ_TO_REC709 @ (tristimulus / tristimulus[1]), 0.0).tolist()
+
+
+def xyz_to_rgb(xyz: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """(..., 3): scene-linear Rec.709; negative outside of it."""
+    return xyz @ _XYZ_TO_REC709.T
+
+
+@lru_cache(maxsize=64)
+def blackbody(kelvin: float) -> tuple[float, float, float]:
+    """The colour of a glowing black body, of luminance one, by Planck's law."""
+    waves = np.arange(380.0, 781.0, 5.0)
+    spectrum = waves**-5.0 / np.expm1(1.4388e7 / (waves * max(kelvin, 800.0)))
+    tristimulus = tristimulus_curves(waves) @ spectrum
+    red, green, blue = np.maximum(xyz_to_rgb(tristimulus / tristimulus[1]), 0.0).tolist()
     return red, green, blue

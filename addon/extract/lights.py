@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from mathutils import Euler
 
-from ..sync.records import LightRecords, WorldRecord
+from ..sync.records import ImageRecord, LightRecords, WorldRecord
 from .color_math import BLENDS
 from .images import ImageReader
 from .node_graph import Scope, trace_back
 from .node_values import Value, ValueReader, constant
+from .sky import read_sky
 from .visibility import VisibilityReader
 
 _KINDS = {"POINT": "point", "SUN": "sun", "SPOT": "spot"}
@@ -26,6 +28,7 @@ def read_lights(depsgraph: Any, visibility: VisibilityReader, images: ImageReade
     """Every light that shows and has a place, instanced ones included, as columns."""
     placed = [(light, matrix) for light, matrix in _list_lights(depsgraph, visibility) if np.isfinite(matrix).all()]
     rows = [_read_light(light, matrix, images) for light, matrix in placed]
+    rows += _read_sky_sun(depsgraph.scene_eval.world, images)
     if not rows:
         return LightRecords()
     kinds, positions, axes, powers, sizes, cones, shadows = zip(*rows, strict=True)
@@ -51,9 +54,40 @@ def read_world(scene: Any, images: ImageReader) -> WorldRecord:
     output = None if tree is None else tree.get_output_node("CYCLES")
     if output is None:
         return plain if tree is None else WorldRecord()
+    sky = _find_sky(world, images)
+    if sky is not None:
+        node, strength = sky
+        shown, rotation = read_sky(node)
+        images.records.append(ImageRecord(node.name, 0, shown.pixels, "repeat"))
+        return WorldRecord((strength,) * 3, len(images.records) - 1, rotation)
     # Light matters more than what the camera alone sees behind everything.
     reader = ValueReader(images, constant(*plain.color), is_camera=False)
     return _record(_follow_world(output.inputs["Surface"], None, reader, 0), images)
+
+
+def _find_sky(world: Any, images: ImageReader) -> tuple[Any, float] | None:
+    """The Sky Texture node that a world's background shows, and how brightly; None if it shows anything else."""
+    tree = world.node_tree if world is not None and world.use_nodes else None
+    output = None if tree is None else tree.get_output_node("CYCLES")
+    source, scope = (None, None) if output is None else trace_back(output.inputs["Surface"], None)
+    if source is None or not source.is_output or source.node.type != "BACKGROUND":
+        return None
+    strength = ValueReader(images, constant(1.0)).number(source.node.inputs["Strength"], 1.0, scope)
+    color, _ = trace_back(source.node.inputs["Color"], scope)
+    return (color.node, max(strength, 0.0)) if color.is_output and color.node.type == "TEX_SKY" else None
+
+
+def _read_sky_sun(world: Any, images: ImageReader) -> list[tuple[Any, ...]]:
+    """A row as of a light for the sun of a sky, if it shows one."""
+    sky = _find_sky(world, images)
+    if sky is None:
+        return []
+    shown, rotation = read_sky(sky[0])
+    if shown.sun is None:
+        return []
+    turn = Euler((math.pi / 2.0 - shown.sun.elevation, 0.0, math.pi - rotation)).to_matrix()
+    axes, nowhere = np.array(turn, np.float32).T, np.zeros(3)
+    return [("sun", nowhere, axes, _times(shown.sun.irradiance, sky[1]), (shown.sun.angle, 0.0), (math.pi, 0.0), True)]
 
 
 def _follow_world(socket: Any, scope: Scope | None, reader: ValueReader, depth: int) -> Value:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from ..sync.records import Extension, UvTransform
 from .color_math import BLENDS, MATHS, adjust_hsv, blackbody, clamp, grey
 from .node_graph import Scope, trace_back
+from .sky import read_sky
 from .uv_mapping import find_uv_transform
 
 Pixels = npt.NDArray[np.float32]  # (..., 4)
@@ -245,6 +246,11 @@ class ValueReader:
         colors = [self.read(socket, scope) for socket in node.inputs if socket.type == "RGBA"][:2]
         return self.combine(lambda one, other: (one + other) / 2, colors, "middle")
 
+    def _sky(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        """Its mean above the horizon, where it does not stand round the scene as it is."""
+        pixels = read_sky(node)[0].pixels
+        return Value(pixels[len(pixels) // 2 :].mean(axis=(0, 1)))
+
     def _geometry(self, node: Any, output: Any, scope: Scope | None) -> Value:
         """Fronts are what one looks at."""
         return constant(0.0) if output.identifier == "Backfacing" else self.fallback
@@ -286,6 +292,7 @@ _READERS: dict[str, Callable[..., Value]] = {
     "LIGHT_PATH": ValueReader._light_path,
     "TEX_CHECKER": ValueReader._middle,
     "TEX_BRICK": ValueReader._middle,
+    "TEX_SKY": ValueReader._sky,
     "NEW_GEOMETRY": ValueReader._geometry,
     "FRESNEL": ValueReader._mirrored_share,
     "LAYER_WEIGHT": ValueReader._mirrored_share,

@@ -47,8 +47,8 @@ def patches(image: np.ndarray) -> np.ndarray:
     return parts.mean(axis=(1, 3))
 
 
-def check(scene: bpy.types.Scene) -> np.ndarray:
-    """Cycles lets light bounce a second time, which makes dark sides a little brighter."""
+def render_both(scene: bpy.types.Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Patches, ours and those of Cycles."""
     cycles = scene.cycles
     with preserved(
         (cycles, "samples", SAMPLES),
@@ -58,7 +58,11 @@ def check(scene: bpy.types.Scene) -> np.ndarray:
         (cycles, "transparent_max_bounces", 8),
     ):
         theirs = patches(render_passes(scene, "CYCLES").combined)
-    ours = patches(render_passes(scene, "PERFECT_BVH").combined)
+    return patches(render_passes(scene, "PERFECT_BVH").combined), theirs
+
+
+def check(scene: bpy.types.Scene) -> np.ndarray:
+    ours, theirs = render_both(scene)
     assert np.abs(ours - theirs).max() < 0.13
     assert np.abs(ours - theirs).mean() < 0.02
     return ours
@@ -137,3 +141,36 @@ def test_an_edit_inside_a_group_and_of_a_mapping_shows_in_the_next_render(scene)
     mapping.inputs["Scale"].default_value = (2.0, 2.0, 1.0)
     second = check(scene)
     assert np.abs(first - second).max() > 0.1
+
+
+MULTIPLE = bpy.app.version >= (5, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("strength", "settings"),
+    [
+        (0.03, {"sun_elevation": 0.6, "sun_rotation": 0.8}),
+        (0.03, {"sun_elevation": 0.5, "sun_rotation": -2.0, "altitude": 3000.0, "air_density": 2.0}),
+        (0.08, {"sun_elevation": 0.15, "sun_rotation": 2.0}),
+        (0.08, {"sun_elevation": 0.5, "sun_disc": False}),
+    ],
+)
+@pytest.mark.parametrize("model", ["SINGLE_SCATTERING", "MULTIPLE_SCATTERING"] if MULTIPLE else ["NISHITA"])
+def test_a_sky_lights_as_in_cycles(scene, model: str, strength: float, settings: dict[str, Any]) -> None:
+    """Its sun, how bright and of what colour it is, where it stands; looser where light is scattered more than once."""
+    bpy.data.objects.remove(scene.objects["Sun"])
+    scene.camera.rotation_euler.x = 1.45
+    tree = scene.world.node_tree
+    if tree is None:
+        scene.world.use_nodes = True
+        tree = scene.world.node_tree
+    sky, background = tree.nodes.new("ShaderNodeTexSky"), tree.nodes["Background"]
+    sky.sky_type, background.inputs["Strength"].default_value = model, strength
+    for name, value in settings.items():
+        setattr(sky, name, value)
+    tree.links.new(sky.outputs[0], background.inputs["Color"])
+    ours, theirs = render_both(scene)
+    ground, heaven = np.s_[-3:], np.s_[:2]
+    for part in (ground, heaven):
+        assert ours[part].mean(axis=(0, 1)) == pytest.approx(theirs[part].mean(axis=(0, 1)), rel=0.3)
+    assert np.abs(ours - theirs)[ground].mean() < 0.05
