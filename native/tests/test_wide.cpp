@@ -309,6 +309,25 @@ TEST(WideBvh, IsTheSameForAnyNumberOfThreads) {
   }
 }
 
+// A commit shows how far it is: for each triangle one piece of work for a binary tree, and as much for a wide one.
+TEST(WideBvh, CountsItsWork) {
+  const TriangleMesh mesh = sheet(200);
+  const Bvh2 tree = build(mesh, 2);
+  for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) {
+    for (const int thread_count : {1, 3}) {
+      ThreadPool pool(thread_count);
+      CancelToken cancel;
+      cancel.expect(2 * mesh.triangle_count());
+      (void)collapse_mesh(tree, mesh, layout, pool, cancel);
+      EXPECT_GT(cancel.fraction(), 0.49f);
+      EXPECT_LE(cancel.fraction(), 0.5f);
+      cancel.expect(4 * mesh.triangle_count());
+      (void)build_fast_wide(mesh, layout, pool, cancel);
+      EXPECT_EQ(cancel.fraction(), 0.5f);
+    }
+  }
+}
+
 TEST(WideBvh, RefusesTreesInAnotherOrder) {
   const TriangleMesh mesh = soup(4, 0.1f);
   const Aabb box = build(mesh, 4).bounds();

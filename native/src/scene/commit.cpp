@@ -64,7 +64,7 @@ std::vector<Scene::BlasResult> Scene::make_changed_blases(const CommitOptions& o
   const std::vector<ChangedMesh> changed = find_changed(options);
   std::size_t triangle_count = 0;
   for (const ChangedMesh& mesh : changed) triangle_count += mesh.slot->edited ? mesh.slot->edited->triangle_count() : 0;
-  cancel.expect(triangle_count);
+  cancel.expect(2 * triangle_count);  // first for a binary tree, then for a wide one
   std::vector<BlasResult> results(changed.size());
   const auto make = [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {

@@ -210,6 +210,7 @@ AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const TriangleIn
       if (!parts[i].is_subtree) continue;
       cancel.checkpoint();
       planned[i] = planner.plan_below(parts[i].begin, parts[i].end);
+      cancel.advance(tree.prim_indices.size() * (parts[i].end - parts[i].begin) / (2 * tree.nodes.size()));
     }
   });
   Planner planner(tree, triangles, layout, costs, decisions.data());

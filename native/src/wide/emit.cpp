@@ -249,7 +249,10 @@ void emit_wide(const Bvh2& tree, const TriangleMesh* mesh, std::span<const Colla
   wide.nodes.resize(totals.nodes);
   if (mesh != nullptr && wide.layout == TreeLayout::kCompact) wide.indexed_leaves.resize(totals.leaves);
   if (mesh != nullptr && wide.layout == TreeLayout::kDefault) wide.blocks.resize(totals.leaves);
-  for_parts([](Emitter& emitter, Part& part) { emitter.write(part); });
+  for_parts([&](Emitter& emitter, Part& part) {
+    emitter.write(part);
+    cancel.advance(tree.prim_indices.size() * part.totals.leaves / (2 * totals.leaves));
+  });
   const Emitter emitter(plan, mesh, wide);
   wide.root = emitter.child_of(parts[0]);
   for (std::size_t i = 1; i < parts.size(); ++i) {

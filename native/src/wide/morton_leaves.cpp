@@ -161,7 +161,7 @@ MortonLeaves make_morton_leaves(const TriangleMesh& mesh, TreeLayout layout, Thr
       fill_blocks(order, begin, chunk, row, leaves);
     }
     chunk = {};
-    cancel.advance(end - begin);
+    cancel.advance(2 * (end - begin));  // what is left takes little: there is no binary tree
   });
   return leaves;
 }
