@@ -136,9 +136,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         wants_more = self._attempt(lambda: viewport.draw(self, context, depsgraph))
         if wants_more is None:
             return
-        done, wanted = viewport.progress
-        state = f"Sample {done}/{wanted}" if wants_more else f"Finished {done}/{wanted}"
-        self.update_stats(viewport.complaint or "", state)
+        self.update_stats(viewport.complaint or "", viewport.state)
         # An animation's next frame comes by itself.
         if wants_more and not context.screen.is_animation_playing:
             self.tag_redraw()

@@ -106,22 +106,28 @@ class SceneOverlay:
         import perfect_bvh
 
         try:
-            self._follow(context, settings)
+            is_there = self._follow(context, settings)
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
             self.message = str(problem) or type(problem).__name__
             return
-        self.message = ""
+        self.message = "" if is_there else "The trees are being built"
+        if not is_there:
+            return
         with _drawing_state(settings.use_in_front):
             if self.top_level is not None:
                 self.top_level.draw()
             if self.active is not None:
                 self.active.draw(self._matrix)
 
-    def _follow(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
-        if self._is_stale or self._sync is None:
+    def _follow(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> bool:
+        """Whether there are trees to draw."""
+        # Another view may have begun to read and build what Blender has told nothing of.
+        if self._is_stale or self._sync is None or not self._sync.scene.is_current:
             self._is_stale = False
             self._sync = None
             self._sync = bring_in_step(context.evaluated_depsgraph_get())
+            if self._sync is None:
+                return False
         snapshot = self._sync.scene.snapshot()
         self.top_level = (self.top_level or TreeLines()) if settings.show_top_level else None
         if self.top_level is not None:
@@ -131,6 +137,7 @@ class SceneOverlay:
         if self.active is not None:
             mesh, self._matrix = found
             self.active.follow(snapshot, mesh, settings)
+        return True
 
 
 def list_levels(snapshot: Snapshot, mesh: int | None, level: int, use_all: bool) -> tuple[TreeBoxes, int]:

@@ -22,7 +22,7 @@ import perfect_bvh
 from perfect_bvh import Appearance, Camera, Scene
 from perfect_bvh.scene import Policy
 
-from .background_commit import BackgroundCommit
+from .background_work import BackgroundWork
 from .extract import ReadCache, read_scene
 from .extract.changes import listen, stop_listening
 from .extract.pointer_views import ArrayReader
@@ -34,7 +34,7 @@ from .sync.state import SceneState, TimedCommit
 from .sync.verify import find_mismatches
 
 Progress = Callable[[float], object]
-UpdateCommit = BackgroundCommit[TimedCommit, SyncReport]
+UpdateCommit = BackgroundWork[TimedCommit, SyncReport]
 
 
 class SceneSync:
@@ -161,7 +161,7 @@ class SceneSync:
         self._lookup = self._appearance = None
         state = self._state
         applied = state.apply(difference)
-        self._building = BackgroundCommit(
+        self._building = BackgroundWork(
             lambda progress: state.commit(expected_rays, progress),
             lambda commit: self._take_in(state.finish(applied, commit, read_milliseconds)),
         )

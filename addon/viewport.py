@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 import bpy
 
@@ -28,12 +27,15 @@ if TYPE_CHECKING:
     import gpu
     from perfect_bvh import Camera
 
-    from .session import SceneSync
-    from .sync.report import SyncReport
+    from .session import SceneSync, UpdateCommit
 
 # What a redraw may take: little while the view moves, somewhat more while it stands still and is refined.
 MOVING_SECONDS = 0.03
 REFINING_SECONDS = 0.1
+# Trees that take no longer are waited for: their image comes in the redraw in which the scene was edited. Others are
+# built while Blender goes on, and every redraw looks for so long whether they are there.
+BUILDING_SECONDS = 0.25
+LOOKING_SECONDS = 0.03
 TYPE_FILTERS = (
     "show_object_viewport_mesh",
     "show_object_viewport_curve",
@@ -43,23 +45,9 @@ TYPE_FILTERS = (
 )
 
 
-@dataclass(slots=True)
-class Content:
-    """What a sync shows. Every viewport that shares it compares its revision with that of what it has drawn.
-
-    revision: how often it has changed. report: of the last change.
-    """
-
-    revision: int
-    report: SyncReport
-
-
-_contents: WeakKeyDictionary[SceneSync, Content] = WeakKeyDictionary()
-
-
 @dataclass(frozen=True, slots=True)
 class ViewKey:
-    """All that a view's image depends on beside the scene's content: as long as it is equal, the image is refined."""
+    """All that a view's image depends on: as long as it is equal, the image is refined. revision: of the sync."""
 
     revision: int
     sync_id: int
@@ -74,6 +62,7 @@ class Viewport:
     def __init__(self) -> None:
         self._sync: SceneSync | None = None
         self._own_sync: SceneSync | None = None
+        self._building: UpdateCommit | None = None
         self._shown_filter: tuple[bool, ...] = ()
         self._pace = Pace()
         self._key: ViewKey | None = None
@@ -85,15 +74,42 @@ class Viewport:
     # The scene -------------------------------------------------------------------------------------------------------
 
     def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """Bring the scene's trees in step with an evaluated depsgraph. Raises what the engine raises."""
+        """Read an evaluated depsgraph and have the trees brought in step with it. Raises what the engine raises."""
         space = context.space_data
         sync = self._sync_for(space, depsgraph)
         self._sync = None  # a failed update must not leave an old image on the screen
         filtering = space if sync is self._own_sync else None
-        report = _bring_in_step(sync, depsgraph, read_settings(depsgraph.scene), filtering, context.region)
-        if not report.has_changes:
+        building = _begin_update(sync, depsgraph, read_settings(depsgraph.scene), filtering, context.region)
+        # An animation's next frame would stop what this one has begun: it waits, so that each is shown.
+        has_ended = context.screen.is_animation_playing or building.wait(BUILDING_SECONDS)
+        if has_ended and not building.result().has_changes:
             confirm_view(depsgraph.scene)
-        self._sync = sync
+        self._sync, self._building = sync, None if has_ended else building
+
+    def _is_in_step(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
+        """Whether there are trees of what was read last; if not, they are being built. Raises what the engine raises.
+
+        Several views look at the same trees, and the Preview button has them built as well: all wait for what anybody
+        has begun last, and what somebody has given up is begun anew.
+        """
+        import perfect_bvh
+
+        assert self._sync is not None
+        building, self._building = self._building or self._sync.building, None
+        if building is not None:
+            if not building.wait(LOOKING_SECONDS):
+                self._building = building
+                return False
+            try:
+                building.result()
+            except perfect_bvh.Cancelled:
+                self._building = self._sync.building
+            except BaseException:
+                self._sync = None  # as after an update that fails at once
+                raise
+        if self._building is None and not self._sync.scene.is_current:
+            self.update(context, depsgraph)
+        return self._building is None
 
     def _sync_for(self, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph) -> SceneSync:
         from .session import SceneSync, session_of
@@ -115,6 +131,10 @@ class Viewport:
         """
         if self._sync is None or self._shown_filter != _filter_of(context.space_data):
             self.update(context, depsgraph)
+        if not self._is_in_step(context, depsgraph):
+            if self._texture is not None:
+                draw_texture(engine, depsgraph.scene, self._texture, (context.region.width, context.region.height))
+            return True
         view_is_new = self._follow_view(context, depsgraph)
         refinement = self._refinement
         if refinement is None:
@@ -128,9 +148,14 @@ class Viewport:
         return not refinement.is_finished
 
     @property
-    def progress(self) -> tuple[int, int]:
-        """(samples done, samples wanted)."""
-        return (self._refinement.sample_count, self._refinement.view.samples) if self._refinement else (0, 0)
+    def state(self) -> str:
+        """How far the view is, as words for the user."""
+        if self._building is not None and self._building.is_running:
+            return f"Building trees {self._building.share:.0%}"
+        if self._refinement is None:
+            return ""
+        done, wanted = self._refinement.sample_count, self._refinement.view.samples
+        return f"{'Finished' if self._refinement.is_finished else 'Sample'} {done}/{wanted}"
 
     def _follow_view(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
         """Begin anew if what is seen is not what it was; whether it was so."""
@@ -142,7 +167,7 @@ class Viewport:
             return True
         settings = read_settings(scene)
         size = (region.width, region.height)
-        key = ViewKey(_contents[self._sync].revision, id(self._sync), _camera_key(camera), size, settings)
+        key = ViewKey(self._sync.revision, id(self._sync), _camera_key(camera), size, settings)
         if key == self._key:
             return False
         self._key = key
@@ -166,8 +191,30 @@ def find_view(context: bpy.types.Context) -> tuple[bpy.types.SpaceView3D, bpy.ty
     return area.spaces.active, next(region for region in area.regions if region.type == "WINDOW")
 
 
-def refine_view(context: bpy.types.Context, settings: RenderSettings, pace: Pace) -> tuple[SceneSync, Refinement]:
-    """The image of what `find_view` finds, or else of what the scene's camera sees, not begun yet; and its scene.
+@dataclass(frozen=True, slots=True)
+class AwaitedView:
+    """One view of a scene that was read, and whose trees are being built. camera: None for the scene's."""
+
+    sync: SceneSync
+    building: UpdateCommit
+    camera: Camera | None
+    size: tuple[int, int]
+    settings: RenderSettings
+
+    def refine(self, pace: Pace) -> Refinement:
+        """The image, not begun yet. Waits for the trees; raises what the engine raises, `Cancelled` without any."""
+        import perfect_bvh
+
+        self.building.result()
+        if not self.sync.scene.is_current:
+            raise perfect_bvh.Cancelled("somebody else has other trees built")
+        camera = self.camera or self.sync.camera
+        assert camera is not None
+        return Refinement(_view_of(self.sync, camera, self.size, self.settings), pace)
+
+
+def await_view(context: bpy.types.Context, settings: RenderSettings) -> AwaitedView:
+    """Of what `find_view` finds, or else of what the scene's camera sees: read now, built while Blender goes on.
 
     Raises ValueError if there is neither, and what the engine raises.
     """
@@ -178,23 +225,28 @@ def refine_view(context: bpy.types.Context, settings: RenderSettings, pace: Pace
     is_filtered = found is not None and any(_filter_of(found[0]))
     sync = SceneSync(watch=False) if is_filtered else session_of(depsgraph)
     filtering = found[0] if found is not None and is_filtered else None
-    _bring_in_step(sync, depsgraph, settings, filtering, None if found is None else found[1])
+    building = _begin_update(sync, depsgraph, settings, filtering, None if found is None else found[1])
     if found is None:
         if sync.camera is None:
+            building.stop()
             raise ValueError(missing_camera(depsgraph.scene, sync))
-        return sync, Refinement(_view_of(sync, sync.camera, _scaled(sync.size, context.scene), settings), pace)
+        return AwaitedView(sync, building, None, _scaled(sync.size, context.scene), settings)
     space, region = found
     camera, _ = camera_of(space.region_3d, space, depsgraph)
     if camera is None:
+        building.stop()
         raise ValueError("the 3D viewport has no usable view: its matrix is not finite")
     size = _scaled((region.width, region.height), context.scene)
-    return sync, Refinement(_view_of(sync, as_camera(camera), size, settings), pace)
+    return AwaitedView(sync, building, as_camera(camera), size, settings)
 
 
 def remember_view(source: Source, sync: SceneSync, refinement: Refinement, scene: bpy.types.Scene) -> None:
     """Leave for the panels what a view's image took, which still shows what `sync` holds."""
-    report = _contents[sync].report
-    remember(scene, view_statistics(source, sync, report, refinement, read_settings(scene), scene.frame_current_final))
+    assert sync.last_change is not None
+    remember(
+        scene,
+        view_statistics(source, sync, sync.last_change, refinement, read_settings(scene), scene.frame_current_final),
+    )
 
 
 def _scaled(size: tuple[int, int], scene: bpy.types.Scene) -> tuple[int, int]:
@@ -204,42 +256,34 @@ def _scaled(size: tuple[int, int], scene: bpy.types.Scene) -> tuple[int, int]:
     return width, height
 
 
-def bring_in_step(depsgraph: bpy.types.Depsgraph) -> SceneSync:
+def bring_in_step(depsgraph: bpy.types.Depsgraph) -> SceneSync | None:
     """The session's sync of what a viewport depsgraph shows, brought in step for whoever needs nothing but its trees.
 
-    Raises what the engine raises.
+    None while a viewport or a preview has them built: it redraws when they are there. Raises what the engine raises.
     """
     from .session import session_of
 
     sync = session_of(depsgraph)
-    _note_changes(sync, sync.update(depsgraph))
+    if sync.building is not None:
+        return None
+    sync.update(depsgraph)
     return sync
 
 
-def _bring_in_step(
+def _begin_update(
     sync: SceneSync,
     depsgraph: bpy.types.Depsgraph,
     settings: RenderSettings,
     space: bpy.types.SpaceView3D | None,
     region: bpy.types.Region | None,
-) -> SyncReport:
+) -> UpdateCommit:
     """space: the viewport whose filters count; none do for the trees that all share, whoever has them brought in step.
 
     region: None for the camera's view in the size of a render.
     """
     sync.request(needed_attributes(settings, ()))
     pixel_count = count_pixels(depsgraph) if region is None else region.width * region.height
-    report = sync.update(depsgraph, expected_rays(settings, pixel_count), space=space)
-    _note_changes(sync, report)
-    return report
-
-
-def _note_changes(sync: SceneSync, report: SyncReport) -> None:
-    if sync not in _contents:
-        _contents[sync] = Content(1, report)
-    elif report.has_changes:
-        _contents[sync].revision += 1
-        _contents[sync].report = report
+    return sync.begin_update(depsgraph, expected_rays(settings, pixel_count), space=space)
 
 
 def _filter_of(space: bpy.types.SpaceView3D) -> tuple[bool, ...]:

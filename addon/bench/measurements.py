@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Generator
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 import perfect_bvh
 from perfect_bvh import BuildConfig
 
+from ..background_work import BackgroundWork
+from ..sync.records import SceneRecord
+from ..sync.report import SyncReport
 from ..sync.state import SceneState
 from .subject import Subject, bounced_rays, make_scene
 
 Figures = dict[str, Any]
 Step = tuple[float, str]  # the share of the time that is over, and what comes next
+Made = TypeVar("Made")
+Progress = Callable[[float], bool]
 
 BUILDERS = ("fast", "auto", "sweep", "spatial")
 LARGE = 5_000_000  # triangles above which the slow builders are left out
@@ -24,6 +30,7 @@ RAY_COUNTS = tuple(10**power for power in range(4, 11))
 MOST_ROUNDS, MOST_FRAMES = 7, 48
 # Of all the time, until when each part may start something new.
 PARTS = {"builders": 0.4, "layouts": 0.55, "answers": 0.7, "planner": 0.78, "frames": 0.97}
+STEP_SECONDS = 0.05  # of work that takes longer than a step
 NANOSECONDS_PER_CHECK = 8.0  # of a ray with a triangle in an audit, with room to spare
 
 
@@ -42,13 +49,13 @@ class SceneBench:
             "triangles": subject.triangle_count,
         }
 
-    def steps(self) -> Iterator[Step]:
-        """Measure; may be closed at any step. Raises ValueError for a scene without triangles."""
+    def steps(self) -> Generator[Step, None, None]:
+        """Measure; may be closed at any step, in the middle of a build too. Raises ValueError without triangles."""
         if not self._subject.triangle_count:
             raise ValueError(f"bench: scene {self._subject.name!r} has no triangles")
         yield 0.0, "rays"
         first = make_scene(self._subject.record)
-        first.commit()
+        yield from self._commit(first, "rays")
         self._rays = bounced_rays(self._subject.record, first)
         self.figures["rays"] = len(self._rays[0])
         yield from self._builders()
@@ -59,7 +66,7 @@ class SceneBench:
 
     # Parts ----------------------------------------------------------------------------------------------------------
 
-    def _builders(self) -> Iterator[Step]:
+    def _builders(self) -> Generator[Step, None, None]:
         names = BUILDERS if self._subject.triangle_count <= LARGE else BUILDERS[:2]
         rows = {name: _Row() for name in names}
         for round_number in range(MOST_ROUNDS):
@@ -68,19 +75,21 @@ class SceneBench:
                     return
                 yield self._share(), f"builder {name}"
                 scene = make_scene(self._subject.record, BuildConfig(builder=name))  # type: ignore[arg-type]
-                rows[name].build.append(self._timed(scene.commit))
+                milliseconds = yield from self._commit(scene, f"builder {name}")
+                rows[name].build.append(milliseconds)
                 rows[name].trace += [self._cast(scene) for _ in range(2)]
                 rows[name].byte_count = scene.statistics().byte_count
                 self.figures["builders"] = [{"name": key, **row.as_json()} for key, row in rows.items() if row.build]
 
-    def _layouts(self) -> Iterator[Step]:
+    def _layouts(self) -> Generator[Step, None, None]:
         scenes, rows = {}, {layout: _Row() for layout in ("default", "compact")}
         for layout, row in rows.items():
             if self._is_over("layouts"):
                 return
             yield self._share(), f"layout {layout}"
             scenes[layout] = make_scene(self._subject.record, BuildConfig(layout=layout))  # type: ignore[arg-type]
-            row.build.append(self._timed(scenes[layout].commit))
+            milliseconds = yield from self._commit(scenes[layout], f"layout {layout}")
+            row.build.append(milliseconds)
             row.byte_count = scenes[layout].statistics().byte_count
         for _ in range(MOST_ROUNDS):
             for layout, row in rows.items():
@@ -90,7 +99,7 @@ class SceneBench:
             if self._is_over("layouts"):
                 return
 
-    def _answers(self, scene: perfect_bvh.Scene) -> Iterator[Step]:
+    def _answers(self, scene: perfect_bvh.Scene) -> Generator[Step, None, None]:
         """Speed of both precisions, and how many answers of a random share are wrong."""
         records = self._subject.record
         sizes = np.array([len(mesh.triangles) for mesh in records.meshes])
@@ -101,8 +110,9 @@ class SceneBench:
         for precision in ("robust", "fast"):
             yield self._share(), f"precision {precision}"
             row = _Row(trace=[self._cast(scene, precision=precision) for _ in range(5)])
-            yield self._share(), f"audit of {precision}"
-            audit = scene.cast_rays(*self._rays, precision=precision, audit=share).audit  # type: ignore[arg-type]
+            what = f"audit of {precision}"
+            yield self._share(), what
+            audit = yield from self._aside(partial(self._audit, scene, precision, share), what)
             found = {
                 "checked": audit.checked_count,
                 "wrong": len(audit.wrong_rows),
@@ -111,19 +121,20 @@ class SceneBench:
             }
             self.figures.setdefault("answers", []).append({"name": precision, **row.as_json(), **found})
 
-    def _planner(self) -> Iterator[Step]:
+    def _planner(self) -> Generator[Step, None, None]:
         """What each number of expected rays makes of the meshes: triangles by builder."""
         for rays in RAY_COUNTS:
             if self._is_over("planner"):
                 return
             yield self._share(), "planner"
-            report = make_scene(self._subject.record).commit
+            scene = make_scene(self._subject.record)
+            report = yield from self._aside(partial(_commit, scene, rays), "planner")
             counts: dict[str, int] = {}
-            for mesh in report(expected_rays=rays).meshes:
+            for mesh in report.meshes:
                 counts[mesh.builder] = counts.get(mesh.builder, 0) + mesh.triangle_count
             self.figures.setdefault("planner", []).append({"rays": rays, "triangles": counts})
 
-    def _frames(self) -> Iterator[Step]:
+    def _frames(self) -> Generator[Step, None, None]:
         """Each policy over the animation: what updates take, and a million rays after each."""
         if self._subject.read is None or len(self._subject.frames) < 2:
             return
@@ -136,7 +147,8 @@ class SceneBench:
             record = self._subject.read(number)
             row: Figures = {"frame": number, "rays": 1_000_000, "policies": {}}
             for policy, state in states.items():
-                report = state.update(record, expected_rays=row["rays"])
+                update = partial(_update, state, record, row["rays"])
+                report = yield from self._aside(update, f"frame {number}")
                 cast = min(self._cast(state.scene) for _ in range(2))  # type: ignore[arg-type]
                 row["policies"][policy] = {
                     "update_ms": report.commit.milliseconds,
@@ -146,6 +158,26 @@ class SceneBench:
                 }
             rows.append(row)
             self.figures["frames"] = rows
+
+    # Long work ------------------------------------------------------------------------------------------------------
+
+    def _commit(self, scene: perfect_bvh.Scene, what: str) -> Generator[Step, None, float]:
+        """Its milliseconds."""
+        return self._aside(lambda progress: self._timed(lambda: scene.commit(progress=progress)), what)
+
+    def _audit(self, scene: perfect_bvh.Scene, precision: str, share: float, progress: Progress) -> Any:
+        hits = scene.cast_rays(*self._rays, precision=precision, audit=share, progress=progress)  # type: ignore[arg-type]
+        return hits.audit
+
+    def _aside(self, work: Callable[[Progress], Made], what: str) -> Generator[Step, None, Made]:
+        """What the work returns; meanwhile there are more steps, and closing their iterator stops it."""
+        running = BackgroundWork(work, lambda made: made)
+        try:
+            while not running.wait(STEP_SECONDS):
+                yield self._share(), what
+            return running.result()
+        finally:
+            running.stop()
 
     # Time -----------------------------------------------------------------------------------------------------------
 
@@ -166,6 +198,14 @@ class SceneBench:
 
     def _share(self) -> float:
         return min(self._passed() / self._seconds, 0.99)
+
+
+def _commit(scene: perfect_bvh.Scene, rays: int, progress: Progress) -> perfect_bvh.CommitReport:
+    return scene.commit(expected_rays=rays, progress=progress)
+
+
+def _update(state: SceneState, record: SceneRecord, rays: int, progress: Progress) -> SyncReport:
+    return state.update(record, expected_rays=rays, progress=progress)
 
 
 class _Row:

@@ -1,13 +1,13 @@
 """The Bench button: measures the scene for a bounded time and shows the charts in the Image Editor.
 
-In a window it works in steps of a timer; a step is one build or a few casts, so that Blender answers between them. Esc
-ends it with what has been measured so far. Without a window, or when a script calls it, it does the same in one go.
+In a window it works in steps of a timer; what takes longer than a step goes on beside Blender. Esc ends it at any time,
+with what has been measured so far. Without a window, or when a script calls it, it does the same in one go.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -42,7 +42,7 @@ class PERFECT_BVH_OT_bench(bpy.types.Operator):
 
     _timer: bpy.types.Timer | None = None
     _bench: Any
-    _steps: Iterator[tuple[float, str]]
+    _steps: Generator[tuple[float, str], None, None]
     _frame: int
 
     @classmethod
@@ -103,7 +103,7 @@ class PERFECT_BVH_OT_bench(bpy.types.Operator):
             return None
 
     def _end(self, context: bpy.types.Context) -> None:
-        self._steps.close()  # type: ignore[attr-defined]
+        self._steps.close()
         if self._timer is not None:
             context.window_manager.event_timer_remove(self._timer)
             context.window_manager.progress_end()

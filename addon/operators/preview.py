@@ -1,21 +1,22 @@
 """The Preview button: the view of a 3D viewport as an image in the Image Editor, whatever the render engine is.
 
-In a window it works while Blender goes on: it refines the image in steps of a timer, shows each round, and stops at Esc
-with what it has. Without one it does the same in one go, through the scene's camera.
+In a window it works while Blender goes on: trees are built beside it, the image is refined in steps of a timer, each
+round is shown, and Esc stops it with what it has. Without one it does the same in one go, through the scene's camera.
 """
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from collections.abc import Callable
+from typing import ClassVar
 
 import bpy
 import numpy as np
 
 from ..preferences import native_error
 from ..properties import read_settings
-from ..refinement import Image, Pace, Refinement
+from ..refinement import Pace, Refinement
 from ..screen_image import picture_of
-from ..viewport import REFINING_SECONDS, find_view, refine_view, remember_view
+from ..viewport import LOOKING_SECONDS, REFINING_SECONDS, AwaitedView, await_view, find_view, remember_view
 
 IMAGE_NAME = "Perfect BVH Preview"
 TIMER_SECONDS = 0.01
@@ -30,8 +31,9 @@ class PERFECT_BVH_OT_preview(bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER"}
 
     _timer: bpy.types.Timer | None = None
-    _sync: Any  # a SceneSync: Blender evaluates these annotations, and its module needs the native engine
-    _refinement: Refinement
+    _scene_uid: int
+    _view: AwaitedView
+    _refinement: Refinement | None = None
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -45,60 +47,113 @@ class PERFECT_BVH_OT_preview(bpy.types.Operator):
         return True
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if not self._begin(context):
+        if not self._attempt(lambda: self._read(context)):
             return {"CANCELLED"}
-        self._refinement.step(REFINING_SECONDS)
-        image = _store(self._refinement.image, context.scene)
-        show_in_editor(context, image)
         manager = context.window_manager
         self._timer = manager.event_timer_add(TIMER_SECONDS, window=context.window)
         manager.progress_begin(0, 100)
         manager.modal_handler_add(self)
+        self._show_state(context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC":
             self._end(context)
-            self.report({"INFO"}, f"Stopped after {self._refinement.sample_count} samples")
+            count = None if self._refinement is None else self._refinement.sample_count
+            when = "before there was an image" if count is None else f"after {count} samples"
+            self.report({"INFO"}, f"The preview was stopped {when}")
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        if self._refinement.step(REFINING_SECONDS):
-            _store(self._refinement.image, context.scene)
-            context.window_manager.progress_update(100 * self._refinement.progress)
-        if not self._refinement.is_finished:
+        if not self._attempt(lambda: self._build(context) if self._refinement is None else self._refine(context)):
+            self._end(context)
+            return {"CANCELLED"}
+        self._show_state(context)
+        if self._refinement is None or not self._refinement.is_finished:
             return {"RUNNING_MODAL"}
         self._end(context)
         return {"FINISHED"}
 
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Blender ends or opens another file."""
+        self._end(context)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
-        if not self._begin(context):
+        if not self._attempt(lambda: self._read(context)) or not self._attempt(self._begin_image):
             return {"CANCELLED"}
-        while not self._refinement.is_finished:
-            self._refinement.step(REFINING_SECONDS)
-        _store(self._refinement.image, context.scene)
-        remember_view("Preview", self._sync, self._refinement, context.scene)
+        refinement = self._refinement
+        assert refinement is not None
+        while not refinement.is_finished:
+            refinement.step(REFINING_SECONDS)
+        _store(refinement)
+        remember_view("Preview", self._view.sync, refinement, context.scene)
         return {"FINISHED"}
 
-    def _begin(self, context: bpy.types.Context) -> bool:
+    # The parts -------------------------------------------------------------------------------------------------------
+
+    def _attempt(self, work: Callable[[], None]) -> bool:
+        """Whether it has succeeded; the reason is reported if not."""
         import perfect_bvh
 
         try:
-            self._sync, self._refinement = refine_view(context, read_settings(context.scene), Pace())
+            work()
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
             self.report({"ERROR"}, str(problem) or type(problem).__name__)
             return False
         return True
 
+    def _read(self, context: bpy.types.Context) -> None:
+        """What is shown is the scene as it is now, and its trees begin to be built."""
+        self._scene_uid = context.scene.session_uid
+        self._view = await_view(context, read_settings(context.scene))
+
+    def _begin_image(self) -> None:
+        self._refinement = self._view.refine(Pace())
+
+    def _build(self, context: bpy.types.Context) -> None:
+        """Look whether the trees are there; if they are, show the first image."""
+        import perfect_bvh
+
+        if not self._view.building.wait(LOOKING_SECONDS):
+            return
+        try:
+            self._begin_image()
+        except perfect_bvh.Cancelled:
+            # A viewport, which shares the trees, has found the scene changed and has others built: wait for those.
+            if context.scene.session_uid != self._scene_uid:
+                raise ValueError("the scene is no longer shown: there is no preview of it") from None
+            self._read(context)
+            return
+        assert self._refinement is not None
+        _redraw_viewports(context)  # their overlays have waited for the trees, too
+        self._refinement.step(REFINING_SECONDS)
+        show_in_editor(context, _store(self._refinement))
+
+    def _refine(self, context: bpy.types.Context) -> None:
+        assert self._refinement is not None
+        if self._refinement.step(REFINING_SECONDS):
+            _store(self._refinement)
+            context.window_manager.progress_update(100 * self._refinement.progress)
+
+    def _show_state(self, context: bpy.types.Context) -> None:
+        if self._refinement is None:
+            state = f"Building trees {self._view.building.share:.0%}"
+        else:
+            state = f"Preview: sample {self._refinement.sample_count}/{self._refinement.view.samples}"
+        context.workspace.status_text_set(f"{state}: Esc stops it")
+
     def _end(self, context: bpy.types.Context) -> None:
+        if self._refinement is None:
+            self._view.building.stop()
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
+        context.workspace.status_text_set(None)
 
 
-def _store(pixels: Image | None, scene: bpy.types.Scene) -> bpy.types.Image:
+def _store(refinement: Refinement) -> bpy.types.Image:
     """Put an image into the data-block of previews, which is made when it is missing or has been given away."""
-    assert pixels is not None
-    pixels = picture_of(pixels, scene.perfect_bvh.mode.lower())
+    assert refinement.image is not None
+    pixels = picture_of(refinement.image, refinement.view.mode)
     height, width = pixels.shape[:2]
     image = bpy.data.images.get(IMAGE_NAME)
     if image is not None and (image.source != "GENERATED" or not image.is_float or image.library is not None):
@@ -118,6 +173,13 @@ def show_in_editor(context: bpy.types.Context, image: bpy.types.Image) -> None:
     if not _set_in_editors(context, image):
         bpy.ops.render.view_show("INVOKE_DEFAULT")
         _set_in_editors(context, image)
+
+
+def _redraw_viewports(context: bpy.types.Context) -> None:
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
 
 
 def _set_in_editors(context: bpy.types.Context, image: bpy.types.Image) -> bool:

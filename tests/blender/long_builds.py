@@ -8,9 +8,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import bpy
-import numpy as np
 import perfect_bvh
 import pytest
+from perfect_bvh_addon.background_work import THREAD_NAME
 
 HALF = 0.5
 TIMER, ESCAPE, MOUSE = (SimpleNamespace(type=kind) for kind in ("TIMER", "ESC", "MOUSEMOVE"))
@@ -43,7 +43,7 @@ class Gate:
 
 def building_threads() -> int:
     """How many commits are under way."""
-    return sum(thread.name == "Perfect BVH commit" for thread in threading.enumerate())
+    return sum(thread.name == THREAD_NAME for thread in threading.enumerate())
 
 
 class FakeOperator:
@@ -93,22 +93,3 @@ class FakeWindow:
 
     def __getattr__(self, name: str) -> Any:
         return self._known[name] if name in self._known else getattr(bpy.context, name)
-
-
-def add_cloud(triangle_count: int, seed: int = 0) -> Any:
-    """An object of small triangles anywhere in a cube of side 20; most rays from its middle hit one."""
-    random = np.random.default_rng(seed)
-    centres = random.uniform(-10.0, 10.0, (triangle_count, 1, 3))
-    corners = centres + random.normal(scale=0.1, size=(triangle_count, 3, 3))
-    mesh = bpy.data.meshes.new("Cloud")
-    mesh.vertices.add(3 * triangle_count)
-    mesh.loops.add(3 * triangle_count)
-    mesh.polygons.add(triangle_count)
-    mesh.vertices.foreach_set("co", corners.astype(np.float32).ravel())
-    mesh.loops.foreach_set("vertex_index", np.arange(3 * triangle_count, dtype=np.int32))
-    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * triangle_count, 3, dtype=np.int32))
-    mesh.update()
-    made = bpy.data.objects.new("Cloud", mesh)
-    bpy.context.scene.collection.objects.link(made)
-    bpy.context.view_layer.update()
-    return made

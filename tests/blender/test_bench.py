@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from itertools import count, islice
 from pathlib import Path
 from typing import Any
 
 import bpy
 import pytest
+from blender.long_builds import Gate, building_threads
 from perfect_bvh_addon import register
 from perfect_bvh_addon.bench import blender_png
 from perfect_bvh_addon.bench.from_blender import subject_of
@@ -74,13 +76,51 @@ def test_every_part_is_measured_and_written(moving_ball: bpy.types.Scene, tmp_pa
 def test_stopping_keeps_what_there_is(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
     bench = SceneBench(subject_of(moving_ball), 60.0)
     steps = bench.steps()
-    list(islice(steps, 3))
+    begin(steps, "builder auto")
     assert [row["name"] for row in bench.figures["builders"]] == ["fast"]
     assert make_charts(bench.figures) == {}
-    list(islice(steps, 3))
+    begin(steps, "builder fast")
     steps.close()
     assert set(make_charts(bench.figures)) == {"builders", "total_time"}
     assert write(bench.figures, tmp_path).json.is_file()
+
+
+def begin(steps: Iterator[tuple[float, str]], part: str) -> None:
+    """Go on until this part is the next; what takes long has several steps."""
+    assert any(what == part for _, what in steps)
+
+
+PARTS_THAT_BUILD = ("rays", "builder spatial", "layout compact", "planner", "frame 1")
+
+
+@pytest.mark.parametrize("part", PARTS_THAT_BUILD)
+def test_it_goes_on_while_it_builds_and_stops_in_the_middle(
+    moving_ball: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch, part: str
+) -> None:
+    gate = Gate(monkeypatch)
+    gate.open()
+    bench = SceneBench(subject_of(moving_ball), 60.0, count(0.0, 1e-3).__next__)
+    steps = bench.steps()
+    begin(steps, part)
+    gate.close()
+    assert [next(steps)[1] for _ in range(3)] == [part] * 3
+    assert building_threads() == 1
+    steps.close()
+    assert building_threads() == 0
+
+
+def test_it_goes_on_while_it_audits_and_hands_on_what_is_wrong(
+    moving_ball: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps = SceneBench(subject_of(moving_ball), 60.0, count(0.0, 1e-3).__next__).steps()
+    begin(steps, "audit of robust")
+
+    def fail(*_: object, **__: object) -> None:
+        raise MemoryError("no room for an audit")
+
+    monkeypatch.setattr(SceneBench, "_audit", fail)
+    with pytest.raises(MemoryError, match="no room for an audit"):
+        next(steps)
 
 
 def test_no_audit_is_not_called_a_good_one() -> None:

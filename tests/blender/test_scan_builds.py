@@ -16,6 +16,7 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
 import perfect_bvh_addon  # noqa: E402
+from blender.clouds import add_cloud  # noqa: E402
 from blender.long_builds import (  # noqa: E402
     ESCAPE,
     HALF,
@@ -24,7 +25,6 @@ from blender.long_builds import (  # noqa: E402
     FakeOperator,
     FakeWindow,
     Gate,
-    add_cloud,
     building_threads,
 )
 from oracles.brute_force import WorldTriangles, certain_hits  # noqa: E402
@@ -332,7 +332,7 @@ def test_a_build_of_a_million_triangles_is_stopped_and_repeated(scene) -> None:
 def test_a_process_that_ends_during_a_build_ends_well(repository: Path) -> None:
     script = """
 import bpy, perfect_bvh_addon
-from blender.long_builds import add_cloud
+from blender.clouds import add_cloud
 from perfect_bvh_addon.scanning import Scanner, SpinningLidar
 bpy.ops.wm.read_factory_settings(use_empty=True)
 perfect_bvh_addon.register()

@@ -41,7 +41,7 @@ def viewports() -> list[Any]:
 
 def all_finished() -> bool:
     found = viewports()
-    return bool(found) and all(viewport._refinement.is_finished for viewport in found)
+    return bool(found) and all(viewport.state.startswith("Finished") for viewport in found)
 
 
 def finished(what: str) -> Step:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import subprocess
 
 import bpy
-from addon_state import close_image_windows, events, module, settings
+from addon_state import close_image_windows, events, is_working, module, settings, wait_for_report
+from builds import is_building, watch_a_build, with_cloud
 from buttons import find_and_press
 from driver import Step, area_of, check, context_of, hover, middle_of, press_key, screenshot, wait_until
 
@@ -24,6 +25,29 @@ def press_preview() -> Step:
     shown = [area.spaces.active.image.name for area in editors if area.type == "IMAGE_EDITOR"]
     check(shown == ["Perfect BVH Preview"], f"Image Editors show {shown}")
     yield from close_image_windows()
+
+
+def stop_a_preview_while_it_builds() -> Step:
+    """Escape before there is an image; the next one is built and shown."""
+    name = "Perfect BVH Preview"
+    if name in bpy.data.images:
+        bpy.data.images.remove(bpy.data.images[name])
+
+    def press() -> Step:
+        yield from find_and_press(area_of("PROPERTIES"), "perfect_bvh.preview")
+        yield from watch_a_build("preview")
+        yield from press_key("Escape")
+        yield from wait_until(lambda: not is_working(), "Escape does not stop the build of a preview", 10)
+        check(not is_building(), "the build goes on after Escape")
+        check(name not in bpy.data.images, "a preview that was stopped while it built has made an image")
+        yield from wait_for_report("The preview was stopped before there was an image")
+        yield from find_and_press(area_of("PROPERTIES"), "perfect_bvh.preview")
+        yield from wait_until(lambda: name in bpy.data.images, "no image of the preview after its build", 60)
+        yield from wait_until(lambda: not is_working(), "the preview does not end", 60)
+        screenshot("preview_after_its_build")
+        yield from close_image_windows()
+
+    yield from with_cloud(press)
 
 
 def start_render() -> None:

@@ -1,4 +1,4 @@
-"""The Scan button: stopped by Escape, run to its end, undone."""
+"""The Scan button: stopped by Escape, also while it builds trees, run to its end, undone."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import bpy
 from addon_state import is_working, settings, wait_for_report
+from builds import is_building, watch_a_build, with_cloud
 from buttons import Button, press
 from driver import Step, area_of, check, hover, middle_of, press_key, screenshot, wait_until
 from panel_steps import open_sub_panel
@@ -50,6 +51,18 @@ def stop_a_scan() -> Step:
     yield 0.5
     check(not scans(), "a scan stopped at its start has made an object")
     scan.width, scan.height = 640, 360
+
+
+def stop_a_scan_while_it_builds() -> Step:
+    def stop() -> Step:
+        yield from watch_a_build("scan")
+        yield from press_key("Escape")
+        yield from wait_until(lambda: not is_working(), "Escape does not stop the build of a scan", 10)
+        check(not is_building(), "the build goes on after Escape")
+
+    yield from with_cloud(lambda: press_scan(stop))
+    yield from wait_for_report("The scan was stopped: nothing was made")
+    check(not scans(), "a scan that was stopped while it built has made an object")
 
 
 def scan() -> Step:

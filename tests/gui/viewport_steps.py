@@ -17,6 +17,7 @@ from addon_state import (
     space,
     viewports,
 )
+from builds import is_building, watch_a_build, with_cloud
 from driver import (
     Step,
     StepError,
@@ -164,6 +165,24 @@ def edit_lights_and_materials() -> Step:
         setattr(owner, name, old)
         yield from finished(f"{name} as before")
         check(np.array_equal(image(), before), f"{name} as before, but the image is another")
+
+
+def build_beside_the_viewport() -> Step:
+    """A mesh whose tree takes seconds: the last image stays meanwhile, and edits of the view are heeded."""
+    before = image()
+
+    def show() -> Step:
+        yield from watch_a_build("viewport")
+        (shown,) = viewports()
+        check(shown.state.startswith("Building trees"), f"the viewport says {shown.state!r}")
+        check(np.array_equal(image(), before), "the last image is gone before there is another")
+        yield from finished("a mesh that takes long")
+        check(not is_building(), "a build goes on behind a finished view")
+        check(np.any(image() != before), "the mesh is not shown")
+
+    yield from with_cloud(show)
+    yield from finished("the mesh is gone")
+    check(np.array_equal(image(), before), "the view is not what it was before the mesh")
 
 
 def show_four_views() -> Step:

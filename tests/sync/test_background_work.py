@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import perfect_bvh
 import pytest
-from perfect_bvh_addon.background_commit import BackgroundCommit
+from perfect_bvh_addon.background_work import BackgroundWork
 
 Advance = Callable[[float], bool]
 
@@ -37,7 +37,7 @@ def test_it_works_on_another_thread_and_finishes_on_the_callers() -> None:
         threads.append(threading.current_thread())
         return f"report on {committed}"
 
-    made = BackgroundCommit(commit, finish)
+    made = BackgroundWork(commit, finish)
     assert made.wait(10.0)
     assert len(threads) == 1, "finished by nobody's wish"
     assert made.result() == made.result() == "report on trees"
@@ -49,7 +49,7 @@ def test_it_works_on_another_thread_and_finishes_on_the_callers() -> None:
 
 def test_it_stops_when_asked_and_is_not_finished() -> None:
     finished: list[object] = []
-    made = BackgroundCommit(work_until_stopped, finished.append)
+    made = BackgroundWork(work_until_stopped, finished.append)
     assert not made.wait(0.01)
     assert made.is_running
     made.stop()
@@ -62,7 +62,7 @@ def test_it_stops_when_asked_and_is_not_finished() -> None:
 def test_one_that_is_too_far_to_be_stopped_counts_as_done() -> None:
     may_end = threading.Event()
     finished: list[str] = []
-    made = BackgroundCommit(lambda _: "trees" if may_end.wait(10.0) else "", finished.append)
+    made = BackgroundWork(lambda _: "trees" if may_end.wait(10.0) else "", finished.append)
     made.ask_to_stop()
     may_end.set()
     made.stop()
@@ -75,7 +75,7 @@ def test_what_the_commit_raises_reaches_whoever_asks_for_the_result(problem: Bas
     def commit(advance: Advance) -> None:
         raise problem
 
-    made = BackgroundCommit(commit, pytest.fail)
+    made = BackgroundWork(commit, pytest.fail)
     made.settle()
     with pytest.raises(type(problem)) as caught:
         made.result()
@@ -87,7 +87,7 @@ def test_without_a_thread_to_spare_it_is_done_at_once(monkeypatch: pytest.Monkey
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr(threading.Thread, "start", refuse)
-    made = BackgroundCommit(lambda advance: advance(1.0), lambda committed: committed)
+    made = BackgroundWork(lambda advance: advance(1.0), lambda committed: committed)
     assert not made.is_running
     assert made.result() is True
 
@@ -95,12 +95,12 @@ def test_without_a_thread_to_spare_it_is_done_at_once(monkeypatch: pytest.Monkey
 def test_a_process_that_ends_stops_what_is_at_work() -> None:
     script = """
 import numpy as np, perfect_bvh
-from perfect_bvh_addon.background_commit import BackgroundCommit
+from perfect_bvh_addon.background_work import BackgroundWork
 scene = perfect_bvh.Scene()
 corners = np.random.default_rng(0).normal(size=(3_000_000, 3)).astype(np.float32)
 mesh = scene.add_mesh(corners, np.arange(len(corners)).reshape(-1, 3))
 scene.add_instance(mesh)
-made = BackgroundCommit(lambda progress: scene.commit(progress=progress), print)
+made = BackgroundWork(lambda progress: scene.commit(progress=progress), print)
 print("at work", made.is_running, flush=True)
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
@@ -121,13 +121,13 @@ def test_the_engine_answers_as_if_nothing_had_been_stopped() -> None:
     expected = make()
     expected.commit()
     scene = make()
-    stopped = BackgroundCommit(lambda progress: scene.commit(progress=progress), lambda report: report)
+    stopped = BackgroundWork(lambda progress: scene.commit(progress=progress), lambda report: report)
     stopped.stop()
     with pytest.raises(perfect_bvh.Cancelled):
         stopped.result()
     with pytest.raises(perfect_bvh.StaleSceneError):
         scene.snapshot()
-    BackgroundCommit(lambda progress: scene.commit(progress=progress), lambda report: report).result()
+    BackgroundWork(lambda progress: scene.commit(progress=progress), lambda report: report).result()
     hits, wanted = scene.cast_rays(*rays), expected.cast_rays(*rays)
     for name in ("t_hit", "instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs"):
         np.testing.assert_array_equal(getattr(hits, name), getattr(wanted, name))

@@ -1,0 +1,242 @@
+"""Previews whose trees take long: Blender goes on, Esc ends them, and viewports that share the trees do no harm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import perfect_bvh  # noqa: E402
+import perfect_bvh_addon  # noqa: E402
+from blender.clouds import add_cloud  # noqa: E402
+from blender.long_builds import (  # noqa: E402
+    ESCAPE,
+    MOUSE,
+    TIMER,
+    FakeOperator,
+    FakeWindow,
+    Gate,
+    building_threads,
+)
+from perfect_bvh_addon.operators import preview  # noqa: E402
+from perfect_bvh_addon.session import SceneSync, session_of  # noqa: E402
+
+NAME = "Perfect BVH Preview"
+
+
+@pytest.fixture(autouse=True)
+def registered(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    perfect_bvh_addon.register()
+    monkeypatch.setattr(preview, "show_in_editor", lambda context, image: None)  # there is no window
+    yield
+    perfect_bvh_addon.unregister()
+    assert not building_threads()
+
+
+@pytest.fixture
+def cube(scene: bpy.types.Scene) -> bpy.types.Object:
+    bpy.ops.mesh.primitive_cube_add()
+    made = bpy.context.object
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location = (0.0, 0.0, 8.0)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.perfect_bvh.samples = 4
+    bpy.context.view_layer.update()
+    return made
+
+
+@pytest.fixture
+def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
+    made = Gate(monkeypatch)
+    yield made
+    made.open()
+
+
+def pixels() -> np.ndarray:
+    image = bpy.data.images[NAME]
+    values = np.empty(image.size[0] * image.size[1] * 4, np.float32)
+    image.pixels.foreach_get(values)
+    return values
+
+
+def undisturbed() -> np.ndarray:
+    """What the same scene shows without windows and from nothing."""
+    perfect_bvh_addon.unregister()
+    perfect_bvh_addon.register()
+    assert bpy.ops.perfect_bvh.preview() == {"FINISHED"}
+    made = pixels()
+    bpy.data.images.remove(bpy.data.images[NAME])
+    return made
+
+
+def press() -> tuple[FakeOperator, FakeWindow]:
+    operator, window = FakeOperator(preview.PERFECT_BVH_OT_preview), FakeWindow()
+    assert operator.invoke(window, MOUSE) == {"RUNNING_MODAL"}
+    return operator, window
+
+
+def tick_until_half(operator: FakeOperator, window: FakeWindow) -> None:
+    for _ in range(100):
+        assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
+        if window.status == "Building trees 50%: Esc stops it":
+            return
+    pytest.fail(f"status {window.status!r}")
+
+
+def tick_to_the_end(operator: FakeOperator, window: FakeWindow) -> None:
+    for _ in range(1000):
+        answer = operator.modal(window, TIMER)
+        if answer != {"RUNNING_MODAL"}:
+            assert (answer, operator.reports) == ({"FINISHED"}, [])
+            assert (window.status, window.timers) == (None, 0)
+            return
+    pytest.fail("the preview does not end")
+
+
+def session() -> SceneSync:
+    return session_of(bpy.context.evaluated_depsgraph_get())
+
+
+def edit(cube: bpy.types.Object) -> None:
+    cube.location.x = 1.0
+    bpy.context.view_layer.update()
+
+
+def test_it_builds_and_refines_while_blender_goes_on(gate: Gate, cube) -> None:
+    operator, window = press()
+    tick_until_half(operator, window)
+    assert operator.modal(window, MOUSE) == {"PASS_THROUGH"}
+    assert NAME not in bpy.data.images
+    gate.open()
+    tick_to_the_end(operator, window)
+    assert window.progress == sorted(window.progress) and window.progress[-1] == 100.0
+    np.testing.assert_array_equal(pixels(), undisturbed())
+
+
+def test_escape_before_there_is_an_image_says_so(gate: Gate, cube) -> None:
+    operator, window = press()
+    tick_until_half(operator, window)
+    assert operator.modal(window, ESCAPE) == {"CANCELLED"}
+    assert operator.reports == [("INFO", "The preview was stopped before there was an image")]
+    assert (window.status, window.timers, building_threads()) == (None, 0, 0)
+    assert NAME not in bpy.data.images
+    gate.open()
+    operator, window = press()
+    tick_to_the_end(operator, window)
+    np.testing.assert_array_equal(pixels(), undisturbed())
+
+
+def test_escape_while_it_is_refined_keeps_what_there_is(cube, scene) -> None:
+    scene.perfect_bvh.samples = 4096
+    operator, window = press()
+    while NAME not in bpy.data.images or operator._refinement.sample_count < 2:
+        assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
+    assert operator.modal(window, ESCAPE) == {"CANCELLED"}
+    count = operator._refinement.sample_count
+    assert operator.reports == [("INFO", f"The preview was stopped after {count} samples")]
+    assert pixels().any()
+
+
+def test_it_shows_what_was_read_whatever_is_edited_meanwhile(gate: Gate, cube) -> None:
+    expected = undisturbed_behind(gate)
+    operator, window = press()
+    tick_until_half(operator, window)
+    edit(cube)
+    gate.open()
+    tick_to_the_end(operator, window)
+    np.testing.assert_array_equal(pixels(), expected)
+
+
+def undisturbed_behind(gate: Gate) -> np.ndarray:
+    gate.open()
+    made = undisturbed()
+    perfect_bvh_addon.unregister()
+    perfect_bvh_addon.register()
+    gate.close()
+    return made
+
+
+@pytest.mark.parametrize("when", ["while it builds", "when it has built"])
+def test_a_viewport_that_has_other_trees_built_is_waited_for(gate: Gate, cube, when: str) -> None:
+    operator, window = press()
+    tick_until_half(operator, window)
+    mine = session().building
+    if when == "when it has built":
+        gate.open()
+        assert mine.wait(10.0)
+        gate.close()
+    edit(cube)
+    viewports = session().begin_update(bpy.context.evaluated_depsgraph_get())
+    assert viewports is not mine
+    for _ in range(5):
+        assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
+    assert session().building is viewports, "the preview has stopped the viewport's trees"
+    gate.open()
+    tick_to_the_end(operator, window)
+    np.testing.assert_array_equal(pixels(), undisturbed())
+
+
+def test_two_previews_share_their_trees(gate: Gate, cube) -> None:
+    first, second = press(), press()
+    assert gate.held == building_threads() == 1
+    for operator, window in (first, second):
+        tick_until_half(operator, window)
+    gate.open()
+    for operator, window in (first, second):
+        tick_to_the_end(operator, window)
+    np.testing.assert_array_equal(pixels(), undisturbed())
+
+
+def test_what_one_gives_up_another_begins_anew(gate: Gate, cube) -> None:
+    (first, first_window), (second, second_window) = press(), press()
+    tick_until_half(second, second_window)
+    assert first.modal(first_window, ESCAPE) == {"CANCELLED"}
+    assert second.modal(second_window, TIMER) == {"RUNNING_MODAL"}
+    tick_until_half(second, second_window)
+    gate.open()
+    tick_to_the_end(second, second_window)
+    np.testing.assert_array_equal(pixels(), undisturbed())
+
+
+def test_another_file_or_scene_ends_it_with_a_reason(gate: Gate, cube) -> None:
+    operator, window = press()
+    tick_until_half(operator, window)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    assert not building_threads()
+    assert operator.modal(window, TIMER) == {"CANCELLED"}
+    assert operator.reports == [("ERROR", "the scene is no longer shown: there is no preview of it")]
+    assert (window.status, window.timers) == (None, 0)
+
+
+def test_blender_ends_or_opens_a_file(gate: Gate, cube) -> None:
+    operator, window = press()
+    tick_until_half(operator, window)
+    operator.cancel(window)
+    assert (window.status, window.timers, building_threads()) == (None, 0, 0)
+
+
+def test_what_fails_in_a_build_is_reported(cube, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(self: object, *_: object, **__: object) -> None:
+        raise MemoryError("no room for trees")
+
+    monkeypatch.setattr(perfect_bvh.Scene, "commit", fail)
+    operator, window = press()
+    while (answer := operator.modal(window, TIMER)) == {"RUNNING_MODAL"}:
+        pass
+    assert (answer, operator.reports) == ({"CANCELLED"}, [("ERROR", "no room for trees")])
+    assert (window.status, window.timers) == (None, 0)
+
+
+def test_a_large_mesh_is_given_up_and_shown_the_next_time(scene, cube) -> None:
+    add_cloud(400_000).location.z = -12.0
+    operator, window = press()
+    assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
+    assert window.status.startswith("Building trees")
+    assert operator.modal(window, ESCAPE) == {"CANCELLED"}
+    operator, window = press()
+    tick_to_the_end(operator, window)
+    np.testing.assert_array_equal(pixels(), undisturbed())

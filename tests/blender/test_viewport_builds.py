@@ -1,0 +1,260 @@
+"""Rendered viewports whose trees take long: they keep their image, say how far it is, and show what was read last."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import perfect_bvh  # noqa: E402
+import perfect_bvh_addon  # noqa: E402
+from blender.long_builds import Gate, building_threads  # noqa: E402
+from perfect_bvh_addon import viewport  # noqa: E402
+from perfect_bvh_addon.refinement import Pace, Refinement  # noqa: E402
+from perfect_bvh_addon.session import clear_sessions, session_of  # noqa: E402
+from perfect_bvh_addon.sync.records import CameraRecord  # noqa: E402
+
+SIZE = (32, 18)
+
+
+@pytest.fixture(autouse=True)
+def without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Textures are the images themselves, and each view is looked at from above."""
+    matrix = np.eye(4)
+    matrix[2, 3] = 8.0
+    camera = CameraRecord(matrix, (-1.0, 1.0, -0.5625, 0.5625), "perspective", 0.1, 100.0)
+    monkeypatch.setattr(viewport, "texture_of", lambda image, mode: image.copy())
+    monkeypatch.setattr(viewport, "draw_texture", lambda screen, scene, texture, size: screen.append(texture))
+    monkeypatch.setattr(viewport, "camera_of", lambda *_: (camera, None))
+    monkeypatch.setattr(viewport, "BUILDING_SECONDS", 0.05)
+    perfect_bvh_addon.register()
+    yield
+    perfect_bvh_addon.unregister()
+    assert not building_threads()
+
+
+@pytest.fixture
+def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
+    made = Gate(monkeypatch)
+    made.open()
+    yield made
+    made.open()
+
+
+@pytest.fixture
+def cube(scene: bpy.types.Scene) -> bpy.types.Object:
+    bpy.ops.mesh.primitive_cube_add()
+    scene.perfect_bvh.samples = 2
+    return bpy.context.object
+
+
+class Shown:
+    """A region in Rendered shading. screen: what was drawn, in order. redraw: whether more is to come."""
+
+    def __init__(self) -> None:
+        self.viewport = viewport.Viewport()
+        self.screen: list[Any] = []
+        filters = dict.fromkeys(viewport.TYPE_FILTERS, True)
+        self.context = SimpleNamespace(
+            space_data=SimpleNamespace(local_view=None, use_local_collections=False, **filters),
+            region=SimpleNamespace(width=SIZE[0], height=SIZE[1]),
+            region_data=None,
+            screen=SimpleNamespace(is_animation_playing=False),
+        )
+
+    def update(self) -> None:
+        self.viewport.update(self.context, bpy.context.evaluated_depsgraph_get())
+
+    def redraw(self) -> bool:
+        return self.viewport.draw(self.screen, self.context, bpy.context.evaluated_depsgraph_get())
+
+    def finish(self) -> np.ndarray:
+        for _ in range(200):
+            if not self.redraw():
+                return self.screen[-1]
+        raise AssertionError(f"never finished: {self.viewport.state}")
+
+
+def fresh() -> np.ndarray:
+    """The finished image of the scene as it is, by trees of its own."""
+    sync = perfect_bvh_addon.SceneSync(watch=False)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    settings = viewport.read_settings(depsgraph.scene)
+    sync.request(viewport.needed_attributes(settings, ()))
+    sync.update(depsgraph)
+    camera = viewport.as_camera(viewport.camera_of()[0])
+    refinement = Refinement(viewport._view_of(sync, camera, SIZE, settings), Pace())
+    while not refinement.is_finished:
+        refinement.step(10.0)
+    return refinement.image
+
+
+def move(cube: bpy.types.Object, x: float) -> None:
+    cube.location.x = x
+    bpy.context.view_layer.update()
+
+
+def test_an_image_of_quick_trees_comes_in_the_redraw_of_the_edit(cube, gate: Gate, monkeypatch) -> None:
+    monkeypatch.setattr(viewport, "BUILDING_SECONDS", 60.0)  # however slow this machine is
+    shown = Shown()
+    for x in (0.0, 1.0):
+        move(cube, x)
+        shown.update()
+        shown.redraw()
+        assert len(shown.screen) == 1, "nothing was drawn at once"
+        np.testing.assert_array_equal(shown.finish(), fresh())
+        shown.screen.clear()
+
+
+def test_trees_that_take_long_are_built_beside_it(cube, gate: Gate) -> None:
+    shown = Shown()
+    gate.close()
+    shown.update()
+    for _ in range(5):
+        assert shown.redraw()
+        assert shown.viewport.state == "Building trees 50%"
+    assert shown.screen == []
+    gate.open()
+    np.testing.assert_array_equal(shown.finish(), fresh())
+    assert shown.viewport.state == "Finished 2/2"
+
+
+def test_the_last_image_stays_until_the_next_is_there(cube, gate: Gate) -> None:
+    shown = Shown()
+    shown.update()
+    before = shown.finish()
+    gate.close()
+    move(cube, 1.5)
+    shown.update()
+    shown.screen.clear()
+    assert all(shown.redraw() for _ in range(3))
+    assert all(drawn is before for drawn in shown.screen) and len(shown.screen) == 3
+    gate.open()
+    after = shown.finish()
+    assert abs(after - before).max() > 0.01
+    np.testing.assert_array_equal(after, fresh())
+
+
+def test_further_edits_stop_it_and_begin_anew(cube, gate: Gate) -> None:
+    shown = Shown()
+    gate.close()
+    builds = []
+    for x in (0.0, 0.5, 1.0):
+        move(cube, x)
+        shown.update()
+        shown.redraw()
+        builds.append(session_of(bpy.context.evaluated_depsgraph_get()).building)
+    assert [build.is_running for build in builds] == [False, False, True]
+    shown.update()
+    assert builds[-1].is_running, "nothing was edited, and yet it began anew"
+    gate.open()
+    np.testing.assert_array_equal(shown.finish(), fresh())
+
+
+def test_viewports_that_share_the_trees_wait_for_the_same(cube, gate: Gate) -> None:
+    first, second = Shown(), Shown()
+    gate.close()
+    for shown in (first, second):
+        shown.update()
+    assert gate.held == building_threads() == 1
+    move(cube, 1.0)
+    second.update()
+    for shown in (first, second):
+        assert shown.redraw()
+        assert shown.viewport.state == "Building trees 50%"
+    assert building_threads() == 1
+    gate.open()
+    expected = fresh()
+    for shown in (first, second):
+        np.testing.assert_array_equal(shown.finish(), expected)
+
+
+def test_a_view_that_nobody_updates_waits_for_what_another_has_begun(cube, gate: Gate) -> None:
+    """The Preview button, for one, may ask for attributes that take the scene out of step."""
+    first, second = Shown(), Shown()
+    first.update()
+    before = first.finish()
+    gate.close()
+    move(cube, 1.0)
+    second.update()
+    assert first.redraw()
+    assert first.viewport.state == "Building trees 50%"
+    assert first.screen[-1] is before
+    gate.open()
+    np.testing.assert_array_equal(first.finish(), fresh())
+
+
+def test_what_somebody_gives_up_is_begun_anew(cube, gate: Gate) -> None:
+    shown = Shown()
+    gate.close()
+    shown.update()
+    assert shown.redraw()
+    session_of(bpy.context.evaluated_depsgraph_get()).stop_building()
+    assert shown.redraw()
+    assert shown.viewport.state.startswith("Building trees")
+    gate.open()
+    np.testing.assert_array_equal(shown.finish(), fresh())
+
+
+def test_a_sync_that_was_closed_is_replaced(cube, gate: Gate) -> None:
+    shown = Shown()
+    shown.update()
+    shown.finish()
+    gate.close()
+    move(cube, 1.0)
+    shown.update()
+    clear_sessions()
+    assert not building_threads()
+    gate.open()
+    np.testing.assert_array_equal(shown.finish(), fresh())
+
+
+def test_playback_shows_each_frame_that_it_reads(cube, gate: Gate) -> None:
+    shown = Shown()
+    shown.context.screen.is_animation_playing = True
+    for frame, x in ((1, 0.0), (2, 1.5)):
+        cube.location.x = x
+        cube.keyframe_insert("location", frame=frame)
+    for frame in (1, 2, 1):
+        bpy.context.scene.frame_set(frame)
+        gate.close()
+        opening = threading.Timer(0.4, gate.open)
+        opening.start()
+        shown.update()
+        opening.join()
+        assert shown.redraw() in (True, False)
+        assert "Building" not in shown.viewport.state
+        np.testing.assert_array_equal(shown.finish(), fresh())
+
+
+def test_what_fails_beside_it_is_told_and_leaves_no_old_image(cube, gate: Gate, monkeypatch) -> None:
+    shown = Shown()
+    shown.update()
+    shown.finish()
+    move(cube, 1.0)
+    may_fail = threading.Event()
+    commit = perfect_bvh.Scene.commit
+
+    def fail(self: Any, *_: object, **__: object) -> None:
+        assert may_fail.wait(10.0)
+        raise MemoryError("no room for trees")
+
+    monkeypatch.setattr(perfect_bvh.Scene, "commit", fail)
+    shown.update()
+    assert shown.redraw()
+    may_fail.set()
+    building = session_of(bpy.context.evaluated_depsgraph_get()).building
+    assert building is None or building.wait(10.0)
+    shown.screen.clear()
+    for _ in range(2):
+        with pytest.raises(MemoryError, match="no room for trees"):
+            shown.redraw()
+    assert shown.screen == []
+    monkeypatch.setattr(perfect_bvh.Scene, "commit", commit)
+    np.testing.assert_array_equal(shown.finish(), fresh())

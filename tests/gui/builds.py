@@ -1,0 +1,54 @@
+"""Trees that take long, in the Blender that is tried: a mesh for them, and whether Blender answers meanwhile."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+from addon_state import measured, module
+from driver import Step, check, screenshot, wait_until
+
+sys.path.append(str(Path(__file__).parents[1] / "blender"))
+
+from clouds import add_cloud
+
+TRIANGLES = 1_000_000
+ANSWERS = 5
+
+
+def is_building() -> bool:
+    return any(thread.name == module("background_work").THREAD_NAME for thread in threading.enumerate())
+
+
+def with_cloud(work: Callable[[], Step]) -> Step:
+    """Do something in the scene with a mesh whose tree takes seconds; it is gone afterwards."""
+    active = bpy.context.view_layer.objects.active
+    made = add_cloud(TRIANGLES)
+    made.display_type = "BOUNDS"  # without a graphics card Blender's own drawing of it would be what is waited for
+    yield 0.5
+    yield from work()
+    mesh = made.data
+    bpy.data.objects.remove(made)
+    bpy.data.meshes.remove(mesh)
+    bpy.context.view_layer.objects.active = active
+    yield 0.5
+
+
+def watch_a_build(name: str) -> Step:
+    """Wait for a build to begin, and see that Blender answers a few times before it ends."""
+    bpy.context.window_manager.windows[0].screen.show_statusbar = True
+    yield from wait_until(is_building, f"{name}: no tree is built", 30)
+    longest, last = 0.0, time.monotonic()
+    for answer in range(ANSWERS):
+        yield 0.02
+        now = time.monotonic()
+        longest, last = max(longest, now - last), now
+        check(is_building(), f"{name}: the build was over after {answer} answers: make the mesh larger")
+    measured[f"longest silence during a build, {name}, ms"] = 1e3 * longest
+    print(f"{name}: {ANSWERS} answers during a build, the last after {1e3 * longest:.0f} ms at most", flush=True)
+    screenshot(f"building_{name}")
+    check(is_building(), f"{name}: the build was over before the screenshot: make the mesh larger")
