@@ -11,13 +11,15 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from perfect_bvh.appearance import UNMAPPED, UvTransform
 
 Int32Array = npt.NDArray[np.int32]
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
 Usage = Literal["static", "rigid", "deforming", "changing"]
 Extension = Literal["repeat", "extend", "clip"]
+# Of an image, see `perfect_bvh.ImageTexture`; spelled out here because this is imported where the engine cannot be.
+UvTransform = tuple[tuple[float, float, float], tuple[float, float, float]]
+UNMAPPED: UvTransform = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 # Bits of an instance's mask: which kinds of ray see it. They follow Blender's ray visibility.
 VISIBLE_TO_CAMERA = 1 << 0
