@@ -14,7 +14,7 @@ from typing import TypeVar
 import bpy
 import numpy as np
 
-from .frame import Frame, Images, Progress, border_pixels, render_frame
+from .frame import Frame, Images, Progress, border_pixels, check_size, render_frame
 from .latest import remember
 from .preferences import native_error
 from .properties import ENGINE_NAME, read_settings
@@ -102,6 +102,8 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Render one view layer of one frame."""
+        if not self._has_room(depsgraph):
+            return
         specs = enabled_passes(depsgraph.view_layer)
         layer_name = depsgraph.view_layer.name
         for spec in specs:
@@ -165,6 +167,17 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
 
     # The parts of a render -------------------------------------------------------------------------------------------
 
+    def _has_room(self, depsgraph: bpy.types.Depsgraph) -> bool:
+        """Whether the image fits into memory, asked before Blender allocates it; if not, an error is reported."""
+        if native_error() is not None or (_job is not None and not _job.trace):
+            return True
+        try:
+            check_size(depsgraph)
+        except ValueError as problem:
+            self._fail(str(problem))
+            return False
+        return True
+
     def _window(self, scene: bpy.types.Scene) -> tuple[int, int, int, int]:
         render = scene.render
         size = (self.resolution_x, self.resolution_y)
@@ -202,7 +215,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             job.is_cancelled = True
         except KeyboardInterrupt:
             job.is_cancelled = True
-            self._fail("the render was interrupted")
+            self._fail("The render was interrupted")
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
             self._fail(str(problem) or type(problem).__name__)
         else:

@@ -96,6 +96,15 @@ def count_pixels(depsgraph: bpy.types.Depsgraph) -> int:
     return (right - left) * (top - bottom)
 
 
+def check_size(depsgraph: bpy.types.Depsgraph) -> None:
+    """Raises ValueError if there is no memory for a render of the scene."""
+    from .extract.camera import read_frame
+
+    frame = read_frame(depsgraph.scene)
+    what = f"An image of {frame.width:,} x {frame.height:,} pixels"
+    check_fits(what, frame.width * frame.height * BYTES_A_PIXEL, "choose a smaller size")
+
+
 def border_pixels(border: tuple[float, float, float, float], size: tuple[int, int]) -> tuple[int, int, int, int]:
     """(left, right, bottom, top) of a border given as fractions, in pixels from the lower left, as Blender rounds."""
     width, height = np.float32(size[0]), np.float32(size[1])
@@ -132,8 +141,6 @@ def render_frame(
         return Frame({}, FrameStatistics(depsgraph.scene.frame_current_final, sync.size, settings, report, 0.0, 0))
     if sync.camera is None:
         raise ValueError(missing_camera(depsgraph.scene, sync))
-    width, height = sync.size
-    check_fits(f"an image of {width:,} x {height:,} pixels", width * height * BYTES_A_PIXEL, "choose a smaller size")
     import perfect_bvh
 
     start = time.perf_counter()

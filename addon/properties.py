@@ -171,7 +171,7 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     )
     preview_percentage: bpy.props.IntProperty(
         name="Preview Size",
-        description="How large the image of the Preview button is beside the viewport, or the render if there is none",
+        description="Size of the preview, compared with the viewport, or with the render where there is no viewport",
         default=100,
         min=1,
         max=100,

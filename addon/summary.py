@@ -45,7 +45,8 @@ def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
     report = statistics.report
     width, height = statistics.size
     rows = [
-        (statistics.source, f"Frame {statistics.frame:g}, {width} x {height}"),
+        (statistics.source, f"Frame {statistics.frame:g}"),
+        ("Resolution", f"{width} x {height} px"),
         ("Sync", f"{report.read_milliseconds + report.compare_milliseconds + report.apply_milliseconds:.1f} ms"),
         ("Build", f"{report.commit_milliseconds:.1f} ms"),
         ("Trace", f"{statistics.trace_milliseconds:.1f} ms"),

@@ -69,7 +69,8 @@ def _find_shown(listing: Listing, groups: GroupTable, warnings: list[str]) -> np
     bad = listing.bad_rows[shown[listing.bad_rows]]
     for group, count in zip(*np.unique(listing.group_ids[bad], return_counts=True), strict=True):
         warnings.append(
-            f"{groups.name(group)}: {count} instances with a matrix that is not finite or beyond 1e18 were left out"
+            f"{groups.name(group)}: left out {count:,} instance{'s' * int(count > 1)} with a matrix that is not finite "
+            "or beyond 1e18"
         )
     shown[bad] = False
     return shown

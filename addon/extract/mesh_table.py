@@ -79,9 +79,10 @@ class MeshTable:
         if record is None:
             return NO_MESH
         if record.dropped_triangles:
+            count = record.dropped_triangles
             self.warnings.append(
-                f"{original.name}: {record.dropped_triangles} triangles with a vertex that is not finite or beyond "
-                "1e18 were left out"
+                f"{original.name}: left out {count:,} triangle{'s' * (count > 1)} with a vertex that is not finite "
+                "or beyond 1e18"
             )
         twin = self._twins.find(original.data, record, self.records)
         if twin is None:
@@ -103,9 +104,10 @@ class MeshTable:
         if original.mode == "OBJECT":
             cached = self._last.find_untouched(token, mesh, _uids_of(original), self.cache, self._log)
             if cached is not None:
-                return replace(cached.record, name=mesh.name, was_read=False)
+                return replace(cached.record, name=_name_of(original, mesh), was_read=False)
         last = self._last.meshes.get(token)
-        return read_mesh(mesh, None, mesh.name, self._attributes, self._reader, None if last is None else last.record)
+        known = None if last is None else last.record
+        return read_mesh(mesh, None, _name_of(original, mesh), self._attributes, self._reader, known)
 
     def _origin(self, original: Any, is_own: bool) -> tuple[Any, ...]:
         """What a mesh comes from: all of its key but the last numbers."""
@@ -130,6 +132,11 @@ class MeshTable:
         number = self._key_counts[origin]
         self._key_counts[origin] += 1
         return (*origin, number)
+
+
+def _name_of(original: Any, mesh: Any) -> str:
+    """What users know a mesh by: Blender calls one that it makes for an evaluation "Mesh"."""
+    return original.name if mesh.name == "Mesh" else mesh.name
 
 
 def _uids_of(original: Any) -> tuple[int, ...]:

@@ -33,7 +33,7 @@ def wrapped(context: bpy.types.Context, text: str) -> list[str]:
 
 
 def draw_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
-    """A text of several lines, the first with an icon."""
+    """A text of several lines, the first with an icon and the others flush with it."""
     column = layout.column(align=True)
     for number, line in enumerate(wrapped(context, text)):
-        column.label(text=line, icon=icon if number == 0 else "NONE")
+        column.label(text=line, icon="BLANK1" if number and icon != "NONE" else icon)

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import bpy
 
-from .common import RenderPanel
+from .common import RenderPanel, draw_lines
 
 
 class PERFECT_BVH_PT_failure_cases(RenderPanel, bpy.types.Panel):
@@ -17,7 +17,7 @@ class PERFECT_BVH_PT_failure_cases(RenderPanel, bpy.types.Panel):
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        self.layout.label(text="Scenes on which usual methods fail:")
+        draw_lines(context, self.layout, "Scenes on which usual methods fail")
         self.layout.operator_menu_enum("perfect_bvh.add_failure_case", "case", icon="SCENE_DATA")
 
 

@@ -29,10 +29,10 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
             return
         scene = context.scene
         settings = scene.perfect_bvh
-        row = layout.split(factor=0.8, align=True)
-        row.use_property_split = False
-        row.operator("perfect_bvh.preview", icon="IMAGE_DATA")
-        row.prop(settings, "preview_percentage", text="")
+        column = layout.column(align=True)
+        column.use_property_split = False
+        column.operator("perfect_bvh.preview", icon="IMAGE_DATA")
+        column.prop(settings, "preview_percentage", text="Size")
         layout.prop(settings, "mode")
         layout.prop(settings, "samples")
         if settings.mode in {"CLAY", "MATCAP", "WIREFRAME"}:
@@ -50,8 +50,10 @@ class PERFECT_BVH_PT_film(RenderPanel, bpy.types.Panel):
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        self.layout.use_property_split = True
-        self.layout.prop(context.scene.render, "film_transparent", text="Transparent")
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(context.scene.render, "film_transparent", text="Transparent")
 
 
 class PERFECT_BVH_PT_performance(RenderPanel, bpy.types.Panel):

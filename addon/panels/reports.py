@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import bpy
@@ -9,6 +10,8 @@ import bpy
 from ..latest import is_outdated, last_statistics
 from ..summary import PlanRow, count_meshes, format_bytes, plan_rows, statistics_rows
 from .common import RenderPanel, draw_lines
+
+SHOWN_WARNINGS = 3
 
 
 class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
@@ -31,6 +34,7 @@ class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
         for name, value in statistics_rows(statistics):
             names.label(text=name)
             values.label(text=value)
+        _draw_warnings(context, self.layout, statistics.report.warnings)
         # A viewport renews them itself: panels would only jump meanwhile.
         if is_old and statistics.source != "Viewport":
             draw_lines(context, self.layout, "The scene has changed since", icon="INFO")
@@ -58,18 +62,27 @@ class PERFECT_BVH_PT_plan(RenderPanel, bpy.types.Panel):
             self.layout.label(text=f"and {more:,} more meshes")
 
 
+def _draw_warnings(context: bpy.types.Context, layout: bpy.types.UILayout, warnings: Sequence[str]) -> None:
+    """What could not be read: reports of it are seen for a few seconds only."""
+    for warning in warnings[:SHOWN_WARNINGS]:
+        draw_lines(context, layout, warning, icon="ERROR")
+    more = len(warnings) - SHOWN_WARNINGS
+    if more > 0:
+        draw_lines(context, layout, f"and {more:,} more: see the Info editor", icon="BLANK1")
+
+
 def _draw_row(context: bpy.types.Context, layout: bpy.types.UILayout, row: PlanRow) -> None:
     column = layout.box().column(align=True)
     button = column.operator("perfect_bvh.select_mesh", text=row.name, icon="RESTRICT_SELECT_OFF")
     button.source, button.session_uid = row.source, row.session_uid
     size = f", {format_bytes(row.byte_count)}" if row.byte_count else ""
     if row.triangle_count:
-        column.label(text=f"{row.triangle_count:,} triangles{size}")
+        draw_lines(context, column, f"{row.triangle_count:,} triangles{size}")
     if row.ray_share > 0.0:
-        column.label(text=f"{row.ray_share:.1%} of the camera rays' work")
-    draw_lines(context, column, f"{row.usage}: {row.usage_reason}")
+        draw_lines(context, column, f"{row.ray_share:.1%} of the camera rays' work")
+    draw_lines(context, column, f"{row.usage.capitalize()}: {row.usage_reason}")
     done = f"{row.action}, {row.builder}, {row.milliseconds:.1f} ms" if row.builder else row.action
-    draw_lines(context, column, f"{done}: {row.reason}")
+    draw_lines(context, column, f"{done[0].upper()}{done[1:]}: {row.reason}")
 
 
 CLASSES = (PERFECT_BVH_PT_statistics, PERFECT_BVH_PT_plan)

@@ -251,7 +251,7 @@ def test_an_image_that_does_not_fit_is_refused(scene, tmp_path: Path, capsys, mo
     monkeypatch.setattr(memory, "free_bytes", lambda: 64 << 20)
     assert render(save(tmp_path), tmp_path / "a.png", "--size", "1280x720") == 2
     printed = capsys.readouterr().err
-    assert printed.count("an image of 1,280 x 720 pixels needs about 0.2 GiB of memory, and 0.1 GiB are free") == 1
+    assert printed.count("An image of 1,280 x 720 pixels needs about 0.2 GiB of memory, and 0.1 GiB are free") == 1
     assert not (tmp_path / "a.png").exists()
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = 1280, 720
@@ -259,6 +259,22 @@ def test_an_image_that_does_not_fit_is_refused(scene, tmp_path: Path, capsys, mo
         bpy.ops.render.render()
     scene.render.resolution_percentage = 10
     assert bpy.ops.render.render() == {"FINISHED"}
+
+
+def test_a_render_that_does_not_fit_leaves_the_older_file(scene, tmp_path: Path, monkeypatch):
+    """Blender itself crashes when a file of many layers is written of a render that was begun and has failed."""
+    settings, path = scene.render.image_settings, tmp_path / "layers.exr"
+    if hasattr(settings, "media_type"):
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format, scene.render.filepath = "OPEN_EXR_MULTILAYER", str(path)
+    bpy.ops.render.render(write_still=True)
+    older = path.read_bytes()
+    monkeypatch.setattr(memory, "free_bytes", lambda: 64 << 10)
+    with pytest.raises(RuntimeError, match="An image of 64 x 36 pixels needs about"):
+        bpy.ops.render.render(write_still=True)
+    assert path.read_bytes() == older
+    monkeypatch.undo()
+    bpy.ops.render.render(write_still=True)
 
 
 def test_a_scan_that_does_not_fit_is_refused(scene, monkeypatch):

@@ -279,7 +279,7 @@ def test_matrices_that_cannot_be_traced_are_left_out_with_a_warning(scene: Any, 
     mesh_object("broken").location.x = place
     record = read_scene(evaluated())
     assert counts_of(record) == {"fine": 1}
-    assert record.warnings == ("broken: 1 instances with a matrix that is not finite or beyond 1e18 were left out",)
+    assert record.warnings == ("broken: left out 1 instance with a matrix that is not finite or beyond 1e18",)
 
 
 def test_what_has_no_triangles_is_named(scene: Any) -> None:

@@ -116,7 +116,7 @@ def test_triangles_that_are_not_finite_are_dropped_and_the_others_keep_their_ids
     assert mesh.corner_uvs.shape == (2, 3, 2)
     assert np.isfinite(mesh.positions).all()
     assert len(mesh.positions) == len(vertices)
-    assert record.warnings == ("broken: 1 triangles with a vertex that is not finite or beyond 1e18 were left out",)
+    assert record.warnings == ("broken: left out 1 triangle with a vertex that is not finite or beyond 1e18",)
 
 
 def test_a_loose_vertex_that_is_not_finite_costs_no_triangle(scene: Any) -> None:

@@ -36,15 +36,15 @@ def rendered() -> Iterator[None]:
     perfect_bvh_addon.unregister()
 
 
-def first_row() -> tuple[str, str]:
-    return summary.statistics_rows(latest.last_statistics(bpy.context.scene))[0]
+def first_rows() -> list[tuple[str, str]]:
+    return summary.statistics_rows(latest.last_statistics(bpy.context.scene))[:2]
 
 
 def test_a_render_and_a_preview_say_what_they_were_of() -> None:
-    assert first_row() == ("Render", "Frame 1, 32 x 18")
+    assert first_rows() == [("Render", "Frame 1"), ("Resolution", "32 x 18 px")]
     bpy.context.scene.perfect_bvh.preview_percentage = 50
     assert bpy.ops.perfect_bvh.preview() == {"FINISHED"}
-    assert first_row() == ("Preview", "Frame 1, 16 x 9")
+    assert first_rows() == [("Preview", "Frame 1"), ("Resolution", "16 x 9 px")]
     statistics = latest.last_statistics(bpy.context.scene)
     assert statistics.camera_rays == 2 * 16 * 9
     assert statistics.trace_milliseconds > 0.0

@@ -112,10 +112,22 @@ def test_an_audit_shows_in_the_statistics() -> None:
     assert {"Audit", "Wrong", "Per Million"} <= set(drawn(reports.PERFECT_BVH_PT_statistics))
 
 
+def test_what_could_not_be_read_stays_in_the_statistics() -> None:
+    for number in range(5):
+        mesh = bpy.data.meshes.new(f"broken {number}")
+        mesh.from_pydata([(0, 0, 0), (1, 0, 0), (float("nan"), 1, 0)], [], [(0, 1, 2)])
+        bpy.context.scene.collection.objects.link(bpy.data.objects.new(f"Broken {number}", mesh))
+    assert "not finite" not in " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
+    bpy.ops.render.render()
+    texts = " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
+    assert texts.count("not finite") == reports.SHOWN_WARNINGS
+    assert "and 2 more" in texts
+
+
 def test_the_plan_names_the_mesh_and_what_was_done() -> None:
     texts = " ".join(drawn(reports.PERFECT_BVH_PT_plan))
     assert "12 triangles" in texts
-    assert "built" in texts
+    assert "Built" in texts
     (row,) = summary.plan_rows(latest.last_statistics(bpy.context.scene).report)
     assert (row.triangle_count, row.action) == (12, "built")
 

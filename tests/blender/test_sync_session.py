@@ -101,7 +101,7 @@ def test_dropped_triangles_leave_the_others_their_ids(scene: Any) -> None:
     assert (
         report.warnings
         == sync.warnings
-        == ("broken: 1 triangles with a vertex that is not finite or beyond 1e18 were left out",)
+        == ("broken: left out 1 triangle with a vertex that is not finite or beyond 1e18",)
     )
 
 
