@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import bpy
-from drawn import note_drawn, note_pressed
+from drawn import OF_PREFERENCES, note_drawn, note_pressed
 from driver import (
     Step,
     check,
@@ -46,7 +46,8 @@ def button_under_mouse(area: bpy.types.Area) -> str | None:
     with bpy.context.temp_override(**context_of(area)):
         found = bpy.context.property
         if found is not None:
-            return found[1]
+            is_preference = isinstance(found[0], bpy.types.AddonPreferences)
+            return f"{OF_PREFERENCES}{found[1]}" if is_preference else found[1]
         if not bpy.ops.ui.copy_python_command_button.poll():
             return None
         bpy.ops.ui.copy_python_command_button()
@@ -59,11 +60,13 @@ def leave(area: bpy.types.Area) -> Step:
     yield 0.2
 
 
-def list_buttons(area: bpy.types.Area, top: float | None = None, bottom: float | None = None) -> Step:
+def list_buttons(
+    area: bpy.types.Area, top: float | None = None, bottom: float | None = None, column: float = COLUMN
+) -> Step:
     """Returns the buttons between two heights, in their order; the whole region's without them."""
     note_drawn()
     region = region_of(area)
-    x = region.x + region.width * COLUMN
+    x = region.x + region.width * column
     y = region.y + region.height - STEP if top is None else top
     end = region.y + STEP if bottom is None else bottom
     rows: dict[str, list[float]] = {}
@@ -75,7 +78,7 @@ def list_buttons(area: bpy.types.Area, top: float | None = None, bottom: float |
         if found is not None:
             rows.setdefault(found, []).append(y)
         y -= STEP
-    return [Button(what, sum(heights) / len(heights)) for what, heights in rows.items()]
+    return [Button(what, sum(heights) / len(heights), column) for what, heights in rows.items()]
 
 
 def find_button(area: bpy.types.Area, what: str) -> Step:
@@ -110,10 +113,17 @@ def find_and_press(area: bpy.types.Area, what: str) -> Step:
 # Properties ----------------------------------------------------------------------------------------------------------
 
 
-def change(area: bpy.types.Area, button: Button, owner: object, text: str | None = None) -> Step:
+def change(
+    area: bpy.types.Area,
+    button: Button,
+    owner: object,
+    text: str | None = None,
+    look: Callable[[], object] = lambda: None,
+) -> Step:
     """Change a property of `owner` by its button, see that it has changed, and put the old value back.
 
-    text: what is typed into a field; numbers get one more than they have without it.
+    text: what is typed into a field; numbers get one more than they have without it. look: called before the old value
+    comes back, for what follows from the new one.
     """
     name = button.what.rpartition(".")[2]
     kind = owner.bl_rna.properties[name].type
@@ -138,6 +148,7 @@ def change(area: bpy.types.Area, button: Button, owner: object, text: str | None
     else:
         yield from choose_another(area, button, is_changed)
     yield from wait_until(is_changed, f"{name} stays {before!r}", 5)
+    look()
     setattr(owner, name, before)
     yield 0.2
 

@@ -7,7 +7,10 @@ from typing import Any
 
 import bpy
 from addon_state import module
-from driver import area_of, context_of
+from driver import area_of, context_of, front_window
+
+# Before the names of the add-on's preferences, which scenes have settings of the same names for.
+OF_PREFERENCES = "preferences."
 
 drawn: set[str] = set()
 pressed: set[str] = set()
@@ -16,8 +19,11 @@ pressed: set[str] = set()
 class RecordingLayout:
     """Takes whatever `UILayout` takes, and keeps the names of properties and operators."""
 
+    def __init__(self, prefix: str = "") -> None:
+        self._prefix = prefix
+
     def prop(self, owner: Any, name: str, **_: Any) -> None:
-        drawn.add(name)
+        drawn.add(f"{self._prefix}{name}")
 
     def operator(self, name: str, **_: Any) -> SimpleNamespace:
         drawn.add(name)
@@ -37,7 +43,11 @@ class RecordingLayout:
 
 
 def note_drawn() -> None:
-    """What every panel of the add-on that is shown now would draw, were it open."""
+    """What the preferences and every panel of the add-on that is shown now would draw, were it open."""
+    preferences = SimpleNamespace(layout=RecordingLayout(OF_PREFERENCES))
+    module("preferences").PERFECT_BVH_AP_preferences.draw(preferences, bpy.context)
+    if not any(area.type == "PROPERTIES" for area in front_window().screen.areas):
+        return
     stand = SimpleNamespace(layout=RecordingLayout())
     with bpy.context.temp_override(**context_of(area_of("PROPERTIES"))):
         tab = area_of("PROPERTIES").spaces.active.context.lower()
@@ -52,4 +62,7 @@ def note_drawn() -> None:
 def note_pressed(what: str) -> None:
     """what: of a `Button`: the end of a data path, or an operator's call."""
     call = what.removeprefix("bpy.ops.")
-    pressed.add(call.partition("(")[0] if call != what else what.rpartition(".")[2])
+    if call != what:
+        pressed.add(call.partition("(")[0])
+    else:
+        pressed.add(what if what.startswith(OF_PREFERENCES) else what.rpartition(".")[2])

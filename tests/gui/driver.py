@@ -22,6 +22,7 @@ Step = Generator[float, None, None]
 
 OUTPUT = Path(os.environ["WINDOWS_OUTPUT"])
 CONSOLE = OUTPUT / "console.log"
+SCREEN_HEIGHT = int(subprocess.check_output(["xdotool", "getdisplaygeometry"], text=True).split()[1])
 ALARMS = ("Traceback (most recent call last)", "Error: Python:", "Segmentation fault")
 
 
@@ -57,9 +58,11 @@ def x_tool(*arguments: object) -> None:
 
 
 def screen_point(x: float, y: float) -> tuple[int, int]:
-    """The X server's coordinates, from the top, of Blender's, from the bottom."""
-    window = bpy.context.window_manager.windows[0]
-    return int(x), int(window.height - 1 - y)
+    """The X server's coordinates, from the top, of Blender's in the window in front, from the bottom."""
+    window = front_window()
+    # The first one begins in the corner of the screen, whatever height it has been given.
+    left, top = (0, 0) if _front == 0 else (window.x, SCREEN_HEIGHT - window.y - window.height)
+    return int(left + x), int(top + window.height - 1 - y)
 
 
 def hover(x: float, y: float) -> None:
@@ -105,12 +108,28 @@ def drag(button: int, start: tuple[float, float], end: tuple[float, float], step
     yield 0.5
 
 
+# Windows -------------------------------------------------------------------------------------------------------------
+
+_front = 0
+
+
+def front_window() -> bpy.types.Window:
+    """The one that the mouse is in and areas are looked for in."""
+    return bpy.context.window_manager.windows[_front]
+
+
+def work_in_window(number: int) -> None:
+    """From now on the mouse is in this window, counted as they were opened."""
+    global _front
+    _front = number
+
+
 # Places --------------------------------------------------------------------------------------------------------------
 
 
 def area_of(kind: str) -> bpy.types.Area:
     """The largest area of a type."""
-    areas = [area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == kind]
+    areas = [area for area in front_window().screen.areas if area.type == kind]
     check(areas, f"no area of type {kind}")
     return max(areas, key=lambda area: area.width * area.height)
 
@@ -131,7 +150,7 @@ def middle_of(area: bpy.types.Area) -> tuple[float, float]:
 
 def context_of(area: bpy.types.Area) -> dict[str, object]:
     """What `temp_override` wants to be in an area."""
-    return {"window": bpy.context.window_manager.windows[0], "area": area, "region": region_of(area)}
+    return {"window": front_window(), "area": area, "region": region_of(area)}
 
 
 def set_window_size(width: int, height: int) -> None:

@@ -38,9 +38,14 @@ from driver import (
 # In the order of the panel, while nothing was rendered yet.
 SUB_PANELS = ("Film", "Performance", "Audit", "Rays", "Tree Overlay", "Bench", "Failure Cases")
 WITH_REPORTS = (*SUB_PANELS[:5], "Statistics", "Plan", *SUB_PANELS[5:])
-MAIN_BUTTONS = ["render.engine", "perfect_bvh.preview", "perfect_bvh.mode", "perfect_bvh.samples"]
+MAIN_BUTTONS = [
+    "render.engine",
+    "perfect_bvh.preview",
+    "perfect_bvh.preview_percentage",
+    "perfect_bvh.mode",
+    "perfect_bvh.samples",
+]
 
-BESIDE_PREVIEW = 0.92
 HEADER_CHECKBOX_OF_PANEL = 0.13
 HEADER_CHECKBOX = 0.18  # of a sub-panel: where it stands in the width of the region
 MENU_BELOW_HEADER = 57  # with a line of text between
@@ -103,8 +108,7 @@ def press_the_main_panels_buttons() -> Step:
     buttons = yield from main_buttons()
     check(list(buttons)[: len(MAIN_BUTTONS)] == MAIN_BUTTONS, f"the panel's buttons are {list(buttons)}")
     yield from change(area, buttons["perfect_bvh.samples"], settings())
-    size = Button("perfect_bvh.preview_percentage", buttons["perfect_bvh.preview"].y, BESIDE_PREVIEW)
-    yield from change(area, size, settings(), "50")
+    yield from change(area, buttons["perfect_bvh.preview_percentage"], settings(), "50")
     yield from press(area, buttons["perfect_bvh.mode"])
     screenshot("menu_of_modes")
     yield from press_key("Escape")
@@ -322,23 +326,4 @@ def choose_passes() -> Step:
     yield from change_all(layer, dict.fromkeys(names))(buttons)
     screenshot("passes")
     area.spaces.active.context = "RENDER"
-    yield 0.5
-
-
-def show_the_preferences() -> Step:
-    """Those of the add-on, in the window that Blender opens for them."""
-    bpy.ops.preferences.addon_show(module=MODULE)
-    yield 1.5
-    screenshot("preferences")
-    preferences = bpy.context.preferences.addons[MODULE].preferences
-    import perfect_bvh
-
-    count = perfect_bvh.thread_count()
-    preferences.threads = 1
-    check(perfect_bvh.thread_count() == 1, "the preference of threads does nothing")
-    preferences.threads = 0
-    check(perfect_bvh.thread_count() == count, "the threads do not come back")
-    for window in list(bpy.context.window_manager.windows)[1:]:
-        with bpy.context.temp_override(window=window):
-            bpy.ops.wm.window_close()
     yield 0.5

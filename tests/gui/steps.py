@@ -13,12 +13,15 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import bad_use_steps
 import file_steps
 import overlay_steps
 import panel_steps
+import preferences_steps
 import render_steps
 import scan_steps
 import several_views_steps
+import tooltip_steps
 import viewport_steps
 from driver import run
 
@@ -32,12 +35,20 @@ STEPS = (
     panel_steps.press_the_panorama,
     panel_steps.bench,
     panel_steps.choose_passes,
-    panel_steps.show_the_preferences,
+    preferences_steps.press_the_preferences,
+    tooltip_steps.show_tooltips,
+    tooltip_steps.show_why_scan_is_grey,
+    bad_use_steps.type_zeros,
+    bad_use_steps.render_what_does_not_fit,
+    bad_use_steps.render_what_is_broken,
+    bad_use_steps.render_into_nowhere,
     panel_steps.show_the_viewport,
     panel_steps.make_a_failure_case,
     scan_steps.stop_a_scan,
     scan_steps.stop_a_scan_while_it_builds,
     scan_steps.scan,
+    bad_use_steps.scan_onto_bad_disks,
+    bad_use_steps.delete_and_undo_while_scanning,
     overlay_steps.show_the_top_level,
     overlay_steps.show_the_active_object,
     overlay_steps.follow_an_animation,
