@@ -29,13 +29,13 @@ endfunction()
 function(perfect_bvh_add_isa_unit engine isa)
   set(units perfect_bvh_${isa})
   add_library(${units} OBJECT ${perfect_bvh_sources_${isa}})
-  target_include_directories(${units} PRIVATE src)
+  target_include_directories(${units} PRIVATE .)
   # Kernels throw nothing; without exceptions no terminate handler (a weak symbol) is emitted either.
   target_compile_options(${units} PRIVATE ${perfect_bvh_flags_${isa}} -fno-exceptions)
   target_link_libraries(${units} PRIVATE perfect_bvh_compile_options Threads::Threads)
 
   set(checked "${CMAKE_CURRENT_BINARY_DIR}/${units}.checked")
-  set(script "${CMAKE_CURRENT_SOURCE_DIR}/cmake/check_weak_symbols.cmake")
+  set(script "${CMAKE_CURRENT_FUNCTION_LIST_DIR}/check_weak_symbols.cmake")
   add_custom_command(
     OUTPUT "${checked}"
     COMMAND ${CMAKE_COMMAND} "-DNM=${CMAKE_NM}" "-DSTAMP=${checked}" "-DOBJECTS=$<TARGET_OBJECTS:${units}>"
