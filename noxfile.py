@@ -1,8 +1,8 @@
 """Checks that run apart from one another: `nox` runs them, `nox -s lint` one of them, `nox -s soak` the long one.
 
 `tests` wants the system packages that the README names; `native_tests` and `sanitize` want g++ and libgtest-dev;
-`extension` wants Debian and its binutils; `windows` wants root or sudo as well. `blenders` wants Python 3.11. `arm64`
-wants Debian's g++-aarch64-linux-gnu, libgtest-dev and qemu-user-static.
+`extension` wants Debian and its binutils; `windows` and `blenders` want root or sudo as well, the latter Python
+3.11. `arm64` wants Debian's g++-aarch64-linux-gnu, libgtest-dev and qemu-user-static.
 """
 
 from __future__ import annotations
@@ -139,11 +139,12 @@ def extension(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def blenders(session: nox.Session) -> None:
-    """Install older modules of Blender into .cache/blenders, for tests/extension to try the zip in."""
+    """Install what the zip is tried in: older modules of Blender into .cache/blenders, and a Blender with windows."""
     for release in OLDER_BLENDERS:
         folder = Path(".cache/blenders", release.partition("==")[2])
         session.run("python", "-m", "venv", "--clear", str(folder))
         session.run(str(folder / "bin" / "pip"), "install", "--quiet", release, external=True)
+    session.run("tests/gui/blender_chroot.sh", "install", external=True)
 
 
 @nox.session(default=False)
