@@ -4,6 +4,8 @@
 #include <array>
 #include <limits>
 
+#include "math/sorting_network.h"
+
 namespace perfect_bvh {
 namespace {
 
@@ -91,17 +93,6 @@ void order(Float4& a, Float4& b) noexcept {
   a = smaller;
 }
 
-// A sorting network of 19 comparisons (Knuth, TAOCP 3, 5.3.4), each for three axes at once.
-void sort_eight(std::array<Float4, 8>& v) noexcept {
-  order(v[0], v[1]), order(v[2], v[3]), order(v[4], v[5]), order(v[6], v[7]);
-  order(v[0], v[2]), order(v[1], v[3]), order(v[4], v[6]), order(v[5], v[7]);
-  order(v[1], v[2]), order(v[5], v[6]), order(v[0], v[4]), order(v[3], v[7]);
-  order(v[1], v[5]), order(v[2], v[6]);
-  order(v[1], v[4]), order(v[3], v[6]);
-  order(v[2], v[4]), order(v[3], v[5]);
-  order(v[3], v[4]);
-}
-
 using AxisBoxes = std::array<GridBox, 3>;
 
 // Boxes in the order of their centroids along each axis.
@@ -116,7 +107,7 @@ struct Sorted {
       keys[i] = i < count ? lanes_to_float(doubled_centroid(all[i])) * Float4(8.0f) + Float4(static_cast<float>(i))
                           : Float4(std::numeric_limits<float>::max());
     }
-    sort_eight(keys);
+    sort_eight(keys, order);  // three axes at once
     for (std::uint32_t rank = 0; rank < count; ++rank) truncate(keys[rank]).store(ranks[rank].data());
   }
   [[nodiscard]] std::uint32_t number(std::uint32_t rank, std::size_t axis) const noexcept {

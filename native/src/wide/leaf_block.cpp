@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "math/sorting_network.h"
 #include "wide/small_set.h"
 
 namespace perfect_bvh {
@@ -14,18 +15,12 @@ void order(std::uint32_t& a, std::uint32_t& b) noexcept {
   a = smaller;
 }
 
-// By ascending number: then the first of several equal hits in a leaf is the one that wins ties. A sorting network of
-// 19 comparisons (Knuth, TAOCP 3, 5.3.4): no branch to be guessed. The places past count repeat the last number.
+// By ascending number: then the first of several equal hits in a leaf is the one that wins ties. The places past count
+// repeat the last number.
 void write_sorted(const std::uint32_t* numbers, std::uint32_t count, std::uint32_t* sorted) noexcept {
   std::array<std::uint32_t, 8> v;
   for (std::uint32_t i = 0; i < 8; ++i) v[i] = i < count ? numbers[i] : ~0u;
-  order(v[0], v[1]), order(v[2], v[3]), order(v[4], v[5]), order(v[6], v[7]);
-  order(v[0], v[2]), order(v[1], v[3]), order(v[4], v[6]), order(v[5], v[7]);
-  order(v[1], v[2]), order(v[5], v[6]), order(v[0], v[4]), order(v[3], v[7]);
-  order(v[1], v[5]), order(v[2], v[6]);
-  order(v[1], v[4]), order(v[3], v[6]);
-  order(v[2], v[4]), order(v[3], v[5]);
-  order(v[3], v[4]);
+  sort_eight(v, order);
   std::copy(v.begin(), v.end(), sorted);
   std::fill(sorted + count, sorted + 8, sorted[count - 1]);
 }

@@ -1,0 +1,21 @@
+// Sorting eight values without a branch to be guessed: a network of 19 comparisons (Knuth, TAOCP 3, 5.3.4).
+// In: values, and what puts two of them into order, lane by lane where they are vectors. Out: the same, ascending.
+#pragma once
+
+#include <array>
+
+namespace perfect_bvh {
+
+// `order(a, b)` leaves the smaller in a.
+template <class Value, class Order>
+void sort_eight(std::array<Value, 8>& v, const Order& order) noexcept {
+  order(v[0], v[1]), order(v[2], v[3]), order(v[4], v[5]), order(v[6], v[7]);
+  order(v[0], v[2]), order(v[1], v[3]), order(v[4], v[6]), order(v[5], v[7]);
+  order(v[1], v[2]), order(v[5], v[6]), order(v[0], v[4]), order(v[3], v[7]);
+  order(v[1], v[5]), order(v[2], v[6]);
+  order(v[1], v[4]), order(v[3], v[6]);
+  order(v[2], v[4]), order(v[3], v[5]);
+  order(v[3], v[4]);
+}
+
+}  // namespace perfect_bvh
