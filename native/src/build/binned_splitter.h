@@ -60,7 +60,6 @@ class BinnedSplitter {
   bool split(Range& range, Range& left, Range& right, ThreadPool* pool = nullptr) {
     if (range.count == 1 || fills_leaf(range)) return false;
     if (pool != nullptr && range.count < kParallelSize) pool = nullptr;
-    left.depth = right.depth = range.depth + 1;
     const bool is_few = range.count <= (config_.axes == 3 ? kFewBoxes : kFewestBoxes);
     const GridBounds bounds = measure_finely(range, pool);
     const auto area = static_cast<float>(half_area(bounds.box));
@@ -141,10 +140,7 @@ class BinnedSplitter {
 
   static void set_rows(const Range& range, std::uint32_t left_count, bool in_scratch, Range& left,
                        Range& right) noexcept {
-    left.begin = range.begin;
-    left.count = left_count;
-    right.begin = range.begin + left_count;
-    right.count = range.count - left_count;
+    divide_rows(range, left_count, left, right);
     left.in_scratch = right.in_scratch = in_scratch;
   }
 

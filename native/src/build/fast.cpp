@@ -94,11 +94,7 @@ class FastSplitter {
   }
 
   static void set_rows(const Range& range, std::uint32_t left_count, Range& left, Range& right) noexcept {
-    left.begin = range.begin;
-    left.count = left_count;
-    right.begin = range.begin + left_count;
-    right.count = range.count - left_count;
-    left.depth = right.depth = range.depth + 1;
+    divide_rows(range, left_count, left, right);
     left.is_single = right.is_single = range.is_single;
   }
 

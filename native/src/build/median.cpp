@@ -32,8 +32,7 @@ class MedianSplitter {
     };
     std::nth_element(refs, refs + half, refs + range.count,
                      [&](const PrimRef& a, const PrimRef& b) { return key(a) < key(b); });
-    left = {range.begin, half, range.depth + 1};
-    right = {range.begin + half, range.count - half, range.depth + 1};
+    divide_rows(range, half, left, right);
     return true;
   }
 

@@ -82,11 +82,7 @@ class SweepSplitter {
     }
     divide(range, axis, left_count, pool);
     left.frame = right.frame = range.frame;
-    left.depth = right.depth = range.depth + 1;
-    left.begin = range.begin;
-    left.count = left_count;
-    right.begin = range.begin + left_count;
-    right.count = range.count - left_count;
+    divide_rows(range, left_count, left, right);
   }
 
  private:

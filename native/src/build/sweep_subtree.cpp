@@ -50,11 +50,7 @@ bool SweepSubtree::split(SweepRange& range, SweepRange& left, SweepRange& right)
     left_count = divide_in_halves(range);
   }
   left.frame = right.frame = range.frame;
-  left.depth = right.depth = range.depth + 1;
-  left.begin = range.begin;
-  left.count = left_count;
-  right.begin = range.begin + left_count;
-  right.count = range.count - left_count;
+  divide_rows(range, left_count, left, right);
   return true;
 }
 

@@ -42,6 +42,16 @@ struct BuildRange {
   std::uint32_t depth = 0;
 };
 
+// Gives the first `left_count` references to `left`, the others to `right`.
+inline void divide_rows(const BuildRange& range, std::uint32_t left_count, BuildRange& left,
+                        BuildRange& right) noexcept {
+  left.begin = range.begin;
+  left.count = left_count;
+  right.begin = range.begin + left_count;
+  right.count = range.count - left_count;
+  left.depth = right.depth = range.depth + 1;
+}
+
 // Rows that belong to a range: more than it has references if it may still get some (spatial splits).
 template <class Range>
 [[nodiscard]] std::uint32_t capacity_of(const Range& range) noexcept {
