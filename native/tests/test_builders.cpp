@@ -3,13 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstring>
 
 #include "build/builder.h"
 #include "build/morton.h"
 #include "build/morton_clusters.h"
 #include "core/errors.h"
 #include "tests/box_sets.h"
+#include "tests/same_bytes.h"
+#include "tests/thread_counts.h"
 #include "update/quality.h"
 
 namespace perfect_bvh::test {
@@ -19,11 +20,6 @@ Bvh2 build(const std::vector<PrimRef>& refs, const BuildConfig& config, int thre
   ThreadPool pool(thread_count);
   CancelToken cancel;
   return build_bvh2(refs, config, pool, cancel);
-}
-
-bool same_bytes(const Bvh2& a, const Bvh2& b) {
-  return a.nodes.size() == b.nodes.size() && a.prim_indices == b.prim_indices && a.depth == b.depth &&
-         std::memcmp(a.nodes.data(), b.nodes.data(), a.nodes.size() * sizeof(Bvh2Node)) == 0;
 }
 
 struct Case {
@@ -99,7 +95,7 @@ TEST_P(Builders, GiveTheSameBytesForAnyThreadCount) {
                                    {"zeros of both signs", with_zeros_of_both_signs(20000)}};
   for (const NamedSet& set : sets) {
     const Bvh2 alone = build(set.refs, GetParam().config, 1);
-    for (int thread_count : {2, 4}) {
+    for (int thread_count : thread_counts()) {
       EXPECT_TRUE(same_bytes(alone, build(set.refs, GetParam().config, thread_count)))
           << set.name << " " << thread_count;
     }

@@ -2,7 +2,6 @@
 // trying all triangles, the bytes are the same for any number of threads, and large ones take bounded time and memory.
 #include <gtest/gtest.h>
 
-#include <cstring>
 #include <tuple>
 
 #include "build/builder.h"
@@ -11,6 +10,8 @@
 #include "scene/trace.h"
 #include "tests/mesh_sets.h"
 #include "tests/reference_trace.h"
+#include "tests/same_bytes.h"
+#include "tests/thread_counts.h"
 #include "update/quality.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
@@ -100,22 +101,13 @@ TEST_P(HardInput, GivesTheHitsOfEveryTriangleTriedInTurn) {
   }
 }
 
-template <class Row>
-bool same_rows(const AlignedVector<Row>& a, const AlignedVector<Row>& b) {
-  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Row)) == 0);
-}
-
-bool same_bytes(const WideBvh& a, const WideBvh& b) {
-  return same_rows(a.nodes, b.nodes) && same_rows(a.blocks, b.blocks) &&
-         same_rows(a.indexed_leaves, b.indexed_leaves) && a.root == b.root && a.depth == b.depth && a.scale == b.scale;
-}
-
 TEST_P(HardInput, GivesTheSameBytesForAnyThreadCount) {
   // The first is large enough that threads share every stage.
   for (const TriangleMesh& mesh : {bumpy_sheet(200), repeated_triangle(70000), quad_among(triangle_soup(20000, 0.01f)),
                                    shrinking_triangles(10000)}) {
     const WideBvh alone = build(mesh, GetParam(), 1);
-    for (const int thread_count : {2, 4}) EXPECT_TRUE(same_bytes(alone, build(mesh, GetParam(), thread_count)));
+    for (const int thread_count : thread_counts())
+      EXPECT_TRUE(same_bytes(alone, build(mesh, GetParam(), thread_count)));
   }
 }
 

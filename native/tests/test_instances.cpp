@@ -15,6 +15,7 @@
 #include "scene/statistics.h"
 #include "scene/trace.h"
 #include "tests/reference_trace.h"
+#include "tests/thread_counts.h"
 #include "wide/collapse.h"
 
 namespace perfect_bvh::test {
@@ -227,7 +228,7 @@ TEST(Instances, HaveTheSameRowsForAnyThreadCount) {
   for (std::size_t i = 0; i < inputs.size(); i += 700) inputs[i].object_to_world.x = {0, 0, 0};  // these are baked
   scene.add_instances(inputs);
   const auto alone = commit(scene);
-  for (const int thread_count : {2, 4}) {
+  for (const int thread_count : thread_counts()) {
     scene.set_masks(std::vector<std::int32_t>{0}, std::vector<std::uint32_t>{0xFFFFFFFFu});  // else it would be kept
     const auto other = commit(scene, thread_count);
     ASSERT_EQ(alone->top_level.nodes.size(), other->top_level.nodes.size());

@@ -19,6 +19,7 @@
 #include "tests/failing_memory.h"
 #include "tests/mesh_sets.h"
 #include "tests/motions.h"
+#include "tests/same_bytes.h"
 
 namespace perfect_bvh::test {
 namespace {
@@ -60,11 +61,6 @@ bool holds(const Snapshot& snapshot, const Positions& positions) {
   const auto& held = mesh_of(snapshot).positions;
   return held.size() == positions.size() &&
          std::memcmp(held.data(), positions.data(), positions.size() * sizeof(Vec3f)) == 0;
-}
-
-template <class T>
-bool have_same_bytes(const AlignedVector<T>& a, const AlignedVector<T>& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
 }
 
 TEST(MovedMesh, SharesTheTrianglesAndUsesMemoryAgain) {
@@ -115,8 +111,8 @@ TEST(MovedMesh, WhatASnapshotHoldsIsNeverOverwritten) {
     // Who holds what changes no byte of any tree.
     alone.show(frame);
     const WideBvh &tree = snapshot->blases.front()->wide, &other = alone.scene.snapshot()->blases.front()->wide;
-    ASSERT_TRUE(have_same_bytes(tree.nodes, other.nodes)) << frame;
-    ASSERT_TRUE(have_same_bytes(tree.blocks, other.blocks)) << frame;
+    ASSERT_TRUE(same_bytes(tree.nodes, other.nodes)) << frame;
+    ASSERT_TRUE(same_bytes(tree.blocks, other.blocks)) << frame;
   }
 }
 

@@ -8,6 +8,7 @@
 
 #include "build/builder.h"
 #include "tests/box_sets.h"
+#include "tests/thread_counts.h"
 #include "update/epo.h"
 #include "update/quality.h"
 
@@ -124,7 +125,8 @@ TEST(Epo, AgreesWithCountingPointsInBoxes) {
 TEST(Epo, IsTheSameForAnyThreadCount) {
   const Soup soup(5000, 0.1f);
   const double alone = epo(soup.tree, soup.positions, soup.triangles, 1);
-  for (int thread_count : {2, 4}) EXPECT_EQ(epo(soup.tree, soup.positions, soup.triangles, thread_count), alone);
+  for (int thread_count : thread_counts())
+    EXPECT_EQ(epo(soup.tree, soup.positions, soup.triangles, thread_count), alone);
 }
 
 TEST(LeafCountVariability, IsZeroWhereEveryLineMeetsAllLeaves) {
@@ -142,7 +144,7 @@ TEST(LeafCountVariability, IsTheSameForAnyThreadCount) {
   const Soup soup(2000, 0.1f);
   const double alone = variability(soup.tree, 5000, 1);
   EXPECT_GT(alone, 0.0);
-  for (int thread_count : {2, 4}) EXPECT_EQ(variability(soup.tree, 5000, thread_count), alone);
+  for (int thread_count : thread_counts()) EXPECT_EQ(variability(soup.tree, 5000, thread_count), alone);
 }
 
 TEST(Quality, MeasuresOverlapAndDuplication) {

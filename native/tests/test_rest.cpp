@@ -2,21 +2,15 @@
 #include <gtest/gtest.h>
 
 #include "scene/scene.h"
+#include "tests/calibrations.h"
 #include "tests/mesh_sets.h"
+#include "tests/same_bytes.h"
 #include "tests/wide_trees.h"
 #include "update/rest.h"
 #include "wide/wide_quality.h"
 
 namespace perfect_bvh::test {
 namespace {
-
-Calibration machine() {
-  Calibration calibration;
-  calibration.node_nanoseconds = 20, calibration.leaf_nanoseconds = 15, calibration.refit_nanoseconds = 10;
-  calibration.rotate_nanoseconds = 15, calibration.rebuild_parts_nanoseconds = 60, calibration.rotation_gain = 0.4;
-  calibration.fast = {150, 220}, calibration.binned = {600, 200}, calibration.spatial = {3000, 180};
-  return calibration;
-}
 
 // A ray loses 100 ns in this tree.
 RestQuestion question(std::optional<double> rays) {

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstring>
 #include <random>
 
 #include "build/builder.h"
@@ -12,6 +11,8 @@
 #include "mesh/triangle_clip.h"
 #include "scene/blas_build.h"
 #include "tests/box_sets.h"
+#include "tests/same_bytes.h"
+#include "tests/thread_counts.h"
 #include "update/quality.h"
 #include "update/refit.h"
 
@@ -61,11 +62,6 @@ std::string fault_of(const Bvh2& tree, std::size_t count, const BuildConfig& con
     if (std::adjacent_find(prims.begin(), prims.end()) != prims.end()) return "a primitive twice in one leaf";
   }
   return rows == tree.prim_indices.size() ? "" : "rows that no leaf refers to";
-}
-
-bool same_bytes(const Bvh2& a, const Bvh2& b) {
-  return a.nodes.size() == b.nodes.size() && a.prim_indices == b.prim_indices && a.depth == b.depth &&
-         std::memcmp(a.nodes.data(), b.nodes.data(), a.nodes.size() * sizeof(Bvh2Node)) == 0;
 }
 
 // Meshes ------------------------------------------------------------------------------------------------------------
@@ -310,7 +306,7 @@ TEST(Spatial, GivesTheSameBytesForAnyThreadCount) {
   const TriangleMesh mesh = slivers(12000, 1);
   for (const float budget : {0.3f, 2.0f}) {
     const Bvh2 alone = build(mesh, spatial(budget));
-    for (const int thread_count : {2, 4}) {
+    for (const int thread_count : thread_counts()) {
       EXPECT_TRUE(same_bytes(alone, build(mesh, spatial(budget), thread_count))) << thread_count;
     }
   }

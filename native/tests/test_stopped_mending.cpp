@@ -7,6 +7,7 @@
 #include "scene/scene.h"
 #include "tests/failing_memory.h"
 #include "tests/mesh_sets.h"
+#include "tests/same_bytes.h"
 #include "tests/wide_trees.h"
 #include "wide/wide_quality.h"
 

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstring>
 #include <tuple>
 
 #include "build/agglomerative.h"
@@ -10,6 +9,8 @@
 #include "core/errors.h"
 #include "scene/top_level.h"
 #include "tests/box_sets.h"
+#include "tests/same_bytes.h"
+#include "tests/thread_counts.h"
 #include "update/quality.h"
 
 namespace perfect_bvh::test {
@@ -37,11 +38,6 @@ Bvh2 top_level(const std::vector<PrimRef>& refs, int thread_count = 1, std::uint
   ThreadPool pool(thread_count);
   CancelToken cancel;
   return build_top_level(refs, pool, cancel, most_clusters).tree;
-}
-
-bool same_bytes(const Bvh2& a, const Bvh2& b) {
-  return a.nodes.size() == b.nodes.size() && a.prim_indices == b.prim_indices && a.depth == b.depth &&
-         std::memcmp(a.nodes.data(), b.nodes.data(), a.nodes.size() * sizeof(Bvh2Node)) == 0;
 }
 
 double area_of(const Aabb& box) {
@@ -207,7 +203,7 @@ TEST(TopLevel, HasTheSameBytesForAnyThreadCount) {
   for (const auto& refs : {ground_and_pebbles(500), ground_and_pebbles(30000), mixed_sizes(100000, 3)}) {
     const Bvh2 alone = top_level(refs);
     EXPECT_EQ(find_fault(alone, refs.size()), "");
-    for (const int thread_count : {2, 4}) EXPECT_TRUE(same_bytes(alone, top_level(refs, thread_count)));
+    for (const int thread_count : thread_counts()) EXPECT_TRUE(same_bytes(alone, top_level(refs, thread_count)));
   }
 }
 

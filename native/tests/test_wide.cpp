@@ -2,13 +2,15 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstring>
 #include <random>
 #include <set>
 
 #include "build/builder.h"
 #include "core/errors.h"
 #include "scene/blas_build.h"
+#include "tests/mesh_sets.h"
+#include "tests/same_bytes.h"
+#include "tests/thread_counts.h"
 #include "update/quality.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
@@ -17,51 +19,6 @@
 
 namespace perfect_bvh::test {
 namespace {
-
-struct Input {
-  std::string name;
-  TriangleMesh mesh;
-};
-
-TriangleMesh soup(std::size_t count, float size, std::uint32_t seed = 1) {
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<float> place(-1.0f, 1.0f), offset(-size, size);
-  TriangleMesh mesh;
-  for (std::uint32_t i = 0; i < count; ++i) {
-    const Vec3f at{place(random), place(random), place(random)};
-    for (int corner = 0; corner < 3; ++corner) {
-      mesh.positions.push_back(at + Vec3f{offset(random), offset(random), offset(random)});
-    }
-    mesh.triangles.edit().push_back({3 * i, 3 * i + 1, 3 * i + 2});
-  }
-  return mesh;
-}
-
-// Triangles that share vertices, as surfaces do.
-TriangleMesh sheet(std::uint32_t side) {
-  TriangleMesh mesh;
-  for (std::uint32_t y = 0; y <= side; ++y) {
-    for (std::uint32_t x = 0; x <= side; ++x) {
-      const float u = static_cast<float>(x) / static_cast<float>(side),
-                  v = static_cast<float>(y) / static_cast<float>(side);
-      mesh.positions.push_back({u, v, 0.1f * std::sin(9.0f * u) * std::cos(7.0f * v)});
-    }
-  }
-  for (std::uint32_t y = 0; y < side; ++y) {
-    for (std::uint32_t x = 0; x < side; ++x) {
-      const std::uint32_t a = y * (side + 1) + x, b = a + side + 1;
-      mesh.triangles.edit().push_back({a, a + 1, b});
-      mesh.triangles.edit().push_back({a + 1, b + 1, b});
-    }
-  }
-  return mesh;
-}
-
-TriangleMesh repeated(std::size_t count) {
-  TriangleMesh mesh = soup(1, 0.5f);
-  mesh.triangles.edit().assign(count, TriangleIndices{0, 1, 2});
-  return mesh;
-}
 
 // Boxes inside boxes: as deep as a builder lets it become.
 TriangleMesh nested(std::uint32_t count) {
@@ -74,22 +31,17 @@ TriangleMesh nested(std::uint32_t count) {
   return mesh;
 }
 
-TriangleMesh scaled(TriangleMesh mesh, float factor) {
-  for (Vec3f& position : mesh.positions) position = position * factor;
-  return mesh;
-}
-
-std::vector<Input> inputs() {
-  return {{"one", soup(1, 0.1f)},
-          {"two", soup(2, 0.1f)},
-          {"nine", soup(9, 0.1f)},
-          {"soup", soup(3000, 0.05f)},
-          {"large_triangles", soup(500, 2.0f)},
-          {"sheet", sheet(60)},
-          {"repeated", repeated(1000)},
+std::vector<NamedMesh> inputs() {
+  return {{"one", triangle_soup(1, 0.1f)},
+          {"two", triangle_soup(2, 0.1f)},
+          {"nine", triangle_soup(9, 0.1f)},
+          {"soup", triangle_soup(3000, 0.05f)},
+          {"large_triangles", triangle_soup(500, 2.0f)},
+          {"sheet", bumpy_sheet(60)},
+          {"repeated", repeated_triangle(1000)},
           {"nested", nested(400)},
-          {"tiny", scaled(soup(300, 0.1f), 1e-30f)},
-          {"huge", scaled(soup(300, 0.1f), 1e17f)}};
+          {"tiny", scaled(triangle_soup(300, 0.1f), 1e-30f)},
+          {"huge", scaled(triangle_soup(300, 0.1f), 1e17f)}};
 }
 
 Bvh2 build(const TriangleMesh& mesh, std::uint32_t max_leaf_size) {
@@ -201,7 +153,7 @@ class Wide : public testing::TestWithParam<std::uint32_t> {};
 INSTANTIATE_TEST_SUITE_P(LeafSizes, Wide, testing::Values(1u, 2u, 8u, 200u));
 
 TEST_P(Wide, HoldsEveryTriangleOnceInsideItsBoxes) {
-  for (const Input& input : inputs()) {
+  for (const NamedMesh& input : inputs()) {
     SCOPED_TRACE(input.name);
     const Bvh2 tree = build(input.mesh, GetParam());
     for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) {
@@ -237,7 +189,7 @@ INSTANTIATE_TEST_SUITE_P(Layouts, FilledLeaves, testing::Values(TreeLayout::kDef
 
 TEST_P(FilledLeaves, HoldWhatFitsAndNoNodeAboveThemWould) {
   const bool is_compact = GetParam() == TreeLayout::kCompact;
-  for (const Input& input : inputs()) {
+  for (const NamedMesh& input : inputs()) {
     SCOPED_TRACE(input.name);
     const Bvh2 tree = build_filled(input.mesh, 1, GetParam());
     EXPECT_EQ(find_fault(tree, input.mesh.triangle_count()), "");
@@ -258,18 +210,16 @@ TEST_P(FilledLeaves, HoldWhatFitsAndNoNodeAboveThemWould) {
 }
 
 TEST_P(FilledLeaves, AreTheSameForAnyNumberOfThreads) {
-  const TriangleMesh mesh = sheet(180);
+  const TriangleMesh mesh = bumpy_sheet(180);
   const Bvh2 one = build_filled(mesh, 1, GetParam());
-  for (const int thread_count : {2, 4}) {
+  for (const int thread_count : thread_counts()) {
     const Bvh2 more = build_filled(mesh, thread_count, GetParam());
-    ASSERT_EQ(one.nodes.size(), more.nodes.size());
-    EXPECT_EQ(std::memcmp(one.nodes.data(), more.nodes.data(), one.nodes.size() * sizeof(Bvh2Node)), 0);
-    EXPECT_EQ(one.prim_indices, more.prim_indices);
+    EXPECT_TRUE(same_bytes(one, more));
   }
 }
 
 TEST_P(FilledLeaves, AreFullerThanThoseByCost) {
-  const TriangleMesh mesh = sheet(100);
+  const TriangleMesh mesh = bumpy_sheet(100);
   const WideBvh filled = collapse(build_filled(mesh, 1, GetParam()), mesh, 1, GetParam());
   EXPECT_LE(filled.leaf_count(), collapse(build(mesh, 8), mesh, 1, GetParam()).leaf_count());
   EXPECT_GT(static_cast<double>(mesh.triangle_count()) / static_cast<double>(filled.leaf_count()), 5.0);
@@ -287,23 +237,13 @@ TEST(FillingLeaves, IsNotForThoseWhoSetCosts) {
   EXPECT_FALSE(choose_builder(config, Usage::kStatic).fills_leaves);
 }
 
-template <class Row>
-bool same_rows(const AlignedVector<Row>& a, const AlignedVector<Row>& b) {
-  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Row)) == 0);
-}
-
 TEST(WideBvh, IsTheSameForAnyNumberOfThreads) {
-  for (const TriangleMesh& mesh : {sheet(150), soup(40000, 0.02f), nested(30000)}) {
+  for (const TriangleMesh& mesh : {bumpy_sheet(150), triangle_soup(40000, 0.02f), nested(30000)}) {
     const Bvh2 tree = build(mesh, 4);
     for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) {
       const WideBvh one = collapse(tree, mesh, 1, layout);
-      for (const int thread_count : {2, 4}) {
-        const WideBvh more = collapse(tree, mesh, thread_count, layout);
-        EXPECT_EQ(one.root, more.root);
-        EXPECT_EQ(one.depth, more.depth);
-        EXPECT_TRUE(same_rows(one.nodes, more.nodes));
-        EXPECT_TRUE(same_rows(one.blocks, more.blocks));
-        EXPECT_TRUE(same_rows(one.indexed_leaves, more.indexed_leaves));
+      for (const int thread_count : thread_counts()) {
+        EXPECT_TRUE(same_bytes(one, collapse(tree, mesh, thread_count, layout)));
       }
     }
   }
@@ -329,7 +269,7 @@ TEST(WideBvh, CountsItsWork) {
 }
 
 TEST(WideBvh, RefusesTreesInAnotherOrder) {
-  const TriangleMesh mesh = soup(4, 0.1f);
+  const TriangleMesh mesh = triangle_soup(4, 0.1f);
   const Aabb box = build(mesh, 4).bounds();
   Bvh2 tree;
   tree.prim_indices = {0, 1, 2, 3};
@@ -381,7 +321,7 @@ TEST(SmallSet, TakesThreeAtOnceAsOneByOne) {
 
 TEST(WideBvh, KeepsOrdinaryCoordinatesAndScalesExtremeOnes) {
   const auto scale_of = [](float factor) {
-    const TriangleMesh mesh = scaled(soup(20, 0.1f), factor);
+    const TriangleMesh mesh = scaled(triangle_soup(20, 0.1f), factor);
     const WideBvh wide = collapse(build(mesh, 2), mesh);
     EXPECT_TRUE(wide.scale == 1.0f || (wide.extent.reach >= 1.0f && wide.extent.reach < 2.0f));
     return wide.scale;
@@ -394,14 +334,14 @@ TEST(WideBvh, KeepsOrdinaryCoordinatesAndScalesExtremeOnes) {
 }
 
 TEST(WideBvh, FillsItsLeavesOnSurfaces) {
-  const TriangleMesh mesh = sheet(100);
+  const TriangleMesh mesh = bumpy_sheet(100);
   const WideBvh wide = collapse(build(mesh, 2), mesh);
   EXPECT_LT(static_cast<double>(wide.byte_count()) / static_cast<double>(mesh.triangle_count()), 60.0);
 }
 
 // With positions and indices, whatever made the tree.
 TEST(WideBvh, TakesAtMost36BytesATriangleIfCompact) {
-  const TriangleMesh mesh = sheet(150);
+  const TriangleMesh mesh = bumpy_sheet(150);
   ThreadPool pool(1);
   CancelToken cancel;
   const auto expect_small = [&](const WideBvh& wide, const char* how) {
@@ -427,7 +367,7 @@ TEST(WideBvh, IsEmptyOverNothing) {
 // A chain: each node's left child is a leaf, its right child the rest.
 TEST(WideBvh, TakesTreesOfAnyDepth) {
   const std::uint32_t count = 100'000;
-  const TriangleMesh mesh = soup(count, 0.01f);
+  const TriangleMesh mesh = triangle_soup(count, 0.01f);
   Bvh2 tree;
   tree.nodes.resize(2 * count);
   tree.prim_indices.resize(count);

@@ -8,6 +8,8 @@
 #include "scene/trace.h"
 #include "tests/mesh_sets.h"
 #include "tests/reference_trace.h"
+#include "tests/same_bytes.h"
+#include "tests/thread_counts.h"
 #include "tests/wide_trees.h"
 #include "wide/wide_quality.h"
 #include "wide/wide_rebuild.h"
@@ -95,7 +97,7 @@ TEST_P(WideMending, GivesTheSameBytesForAnyThreadCount) {
   static_cast<void>(rotate_wide(alone.tree, alone.costs, pool_, cancel_));
   const auto parts = find_spoilt_parts(alone.tree, alone.costs, alone.fresh, 1.02);
   alone.costs = rebuild_parts(alone.tree, alone.fresh, parts, {}, pool_, cancel_);
-  for (const int thread_count : {2, 4}) {
+  for (const int thread_count : thread_counts()) {
     ThreadPool pool(thread_count);
     Moved shared = twisted;
     static_cast<void>(rotate_wide(shared.tree, shared.costs, pool, cancel_));

@@ -8,6 +8,8 @@
 #include "tests/mesh_sets.h"
 #include "tests/motions.h"
 #include "tests/reference_trace.h"
+#include "tests/same_bytes.h"
+#include "tests/thread_counts.h"
 #include "tests/wide_trees.h"
 #include "wide/wide_quality.h"
 #include "wide/wide_refit.h"
@@ -50,7 +52,7 @@ TEST_P(WideRefit, GivesTheSameBytesForAnyThreadCountAndWhateverWasInTheMemory) {
     const WideBvh tree = build(still, GetParam());
     const TriangleMesh mesh = moved(still, motions()[1]);
     const WideBvh alone = refitted(tree, mesh);
-    for (const int thread_count : {2, 4}) EXPECT_TRUE(same_bytes(alone, refitted(tree, mesh, thread_count)));
+    for (const int thread_count : thread_counts()) EXPECT_TRUE(same_bytes(alone, refitted(tree, mesh, thread_count)));
     ThreadPool pool(2);
     CancelToken cancel;
     WideBvh reused = refitted(tree, moved(still, motions()[2]));

@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cstring>
 #include <string>
 #include <vector>
 
@@ -69,17 +68,6 @@ inline WideBvh refitted(const WideBvh& tree, const TriangleMesh& mesh, int threa
 inline TriangleMesh moved(TriangleMesh mesh, const Motion& motion) {
   motion.apply(mesh.positions);
   return mesh;
-}
-
-inline bool same_bytes(const WideBvh& a, const WideBvh& b) {
-  return a.nodes.size() == b.nodes.size() && a.blocks.size() == b.blocks.size() && a.root == b.root &&
-         a.depth == b.depth && a.scale == b.scale && a.is_empty == b.is_empty &&
-         std::memcmp(&a.extent, &b.extent, sizeof(TreeExtent)) == 0 &&
-         (a.nodes.empty() || std::memcmp(a.nodes.data(), b.nodes.data(), a.nodes.size() * sizeof(WideNode)) == 0) &&
-         a.layout == b.layout && a.leaf_count() == b.leaf_count() &&
-         (a.indexed_leaves.empty() || std::memcmp(a.indexed_leaves.data(), b.indexed_leaves.data(),
-                                                  a.indexed_leaves.size() * sizeof(IndexedLeaf)) == 0) &&
-         (a.blocks.empty() || std::memcmp(a.blocks.data(), b.blocks.data(), a.blocks.size() * sizeof(LeafBlock)) == 0);
 }
 
 inline Aabb triangle_bounds(const TriangleMesh& mesh) {
