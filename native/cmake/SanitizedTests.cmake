@@ -1,29 +1,55 @@
 # What sanitizers leave out of the C++ tests: they are what a check of the whole takes longest for.
 
 # ThreadSanitizer makes a test twenty times as slow, and sees nothing in one that starts no thread: most of those, that
-# is more than half of the time, are left to the other builds, which run every test. So are three that do start threads
-# but only to make large trees or many; the same stages run under threads in ...GivesTheSameBytesForAnyThreadCount...
+# is more than half of the time, are left to the other builds, which run every test. Files that hold nothing else:
+set(PERFECT_BVH_TESTS_WITHOUT_THREADS
+  composition
+  governor
+  grid
+  intersections
+  kernels
+  ray_reordering
+  render
+  visit_order
+)
+
+# Of the other files: tests without threads that take long, and four that do start threads, but only to make large trees
+# or many; the same stages run under threads in ...GivesTheSameBytesForAnyThreadCount...
 set(PERFECT_BVH_NOT_FOR_THREAD_SANITIZER
   *HardInput.GivesTheHits*
   *HardInput.MakesSoundTrees*
   *Builders.MakeSoundTrees*
-  *Kernels.Match*
-  *Intersections.*
-  *ReorderedRays.*
   *WideMending.RebuiltParts*
   *WideMending.RotationsGive*
   *WideMending.MendsATwist*
   *WideRefit.GivesSoundTightTrees*
-  *StoppedMending.*
   Agglomerative.MakesSoundTrees*
   Instances.MeetTheSame*
   Spatial.DigestsHardInput
   TopLevel.IsSoundOverHardInput
 
   *HardInput.IsBuiltInBoundedMemory*
+  *StoppedMending.*
   *WideRefit.GivesTheHitsOfAFreshTree*
   *WideRefit.HoldsOverAHundredFrames*
 )
+
+# Takes the files without threads out of the list named by `sources_variable`.
+function(perfect_bvh_choose_test_files sources_variable)
+  if(NOT PERFECT_BVH_SANITIZE STREQUAL "thread")
+    return()
+  endif()
+  set(sources ${${sources_variable}})
+  foreach(name IN LISTS PERFECT_BVH_TESTS_WITHOUT_THREADS)
+    set(source "${CMAKE_CURRENT_SOURCE_DIR}/tests/test_${name}.cpp")
+    file(STRINGS "${source}" threads REGEX "std::thread|thread_count|ThreadPool [a-z_]+[({][^1]")
+    if(threads)
+      message(FATAL_ERROR "${source} starts threads: take it off the list PERFECT_BVH_TESTS_WITHOUT_THREADS")
+    endif()
+    list(REMOVE_ITEM sources "${source}")
+  endforeach()
+  set(${sources_variable} ${sources} PARENT_SCOPE)
+endfunction()
 
 # Sets the variable named by `filter_variable` to a filter of GoogleTest's. To be called once the engine is linked.
 function(perfect_bvh_sanitize_tests target filter_variable)
