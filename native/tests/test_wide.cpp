@@ -251,7 +251,7 @@ TEST(WideBvh, IsTheSameForAnyNumberOfThreads) {
 
 // A commit shows how far it is: for each triangle one piece of work for a binary tree, and as much for a wide one.
 TEST(WideBvh, CountsItsWork) {
-  const TriangleMesh mesh = sheet(200);
+  const TriangleMesh mesh = bumpy_sheet(200);
   const Bvh2 tree = build(mesh, 2);
   for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) {
     for (const int thread_count : {1, 3}) {
