@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 TIMER_SECONDS = 0.01
 STEP_SECONDS = 0.1
 NAME = "Scan"
+MOST_LINES = 4096  # of a LiDAR: so many that a digit too much costs no minutes and no memory
 
 
 class PERFECT_BVH_OT_scan(bpy.types.Operator):
@@ -184,11 +185,14 @@ def parse_elevations(text: str) -> tuple[float, ...]:
     try:
         if ":" in text:
             lowest, highest, count = text.split(":")
+            if int(count) > MOST_LINES:
+                raise ValueError(f"{count} lines")
             return tuple(float(angle) for angle in np.linspace(float(lowest), float(highest), int(count)))
         return tuple(float(part) for part in text.split(",") if part.strip())
     except ValueError as problem:
         raise ValueError(
-            f"Elevations must be degrees with commas between, or LOWEST:HIGHEST:COUNT, got {text!r}"
+            f"Elevations must be degrees with commas between, or LOWEST:HIGHEST:COUNT with a count of at most "
+            f"{MOST_LINES:,}, got {text!r}"
         ) from problem
 
 
@@ -210,6 +214,8 @@ def _path_of(settings: bpy.types.PropertyGroup) -> Path | None:
     if settings.filepath.startswith("//") and not bpy.data.filepath:
         raise ValueError(f"{settings.filepath!r} is relative to the .blend file: save that first")
     path = Path(bpy.path.abspath(settings.filepath))
+    if path.is_dir():
+        raise ValueError(f"{path} is a folder: name a file in it")
     return path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
 
 

@@ -263,6 +263,8 @@ def test_elevations_can_be_written_in_two_ways(text: str, angles: tuple[float, .
         ({"filepath": "/proc/points"}, "Cannot write /proc/points.npz"),
         ({"filepath": "//points"}, "is relative to the .blend file: save that first"),
         ({"pattern": "LIDAR", "elevations": "up"}, "Elevations must be degrees .* got 'up'"),
+        ({"pattern": "LIDAR", "elevations": "0:9:1000000000"}, "with a count of at most 4,096, got '0:9:1000000000'"),
+        ({"filepath": "/tmp/"}, "/tmp is a folder: name a file in it"),
         ({"pattern": "LIDAR", "elevations": ""}, "elevations must be degrees from -90 to 90, at least one"),
         ({"pattern": "LIDAR", "elevations": "0:100:3"}, "elevations must be degrees from -90 to 90"),
         ({"use_frame_range": True, "sensor": "Red"}, "camera grid needs a camera as its sensor, got 'Red', a MESH"),
