@@ -19,7 +19,7 @@ import numpy as np
 from .box_lines import BoxLines, box_lines
 from .preferences import native_error
 from .properties import ENGINE_NAME
-from .viewport import bring_in_step
+from .shared_trees import SharedTrees
 
 if TYPE_CHECKING:
     import gpu
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 # More can no longer be told apart, and every viewport that is drawn would wait for them.
 MOST_BOXES = 100_000
+# Between two looks whether the trees are there.
+REDRAW_SECONDS = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +92,7 @@ class SceneOverlay:
         self.top_level: TreeLines | None = None
         self.active: TreeLines | None = None
         self._is_stale = True
-        self._sync: SceneSync | None = None
+        self._trees = SharedTrees()
         self._matrix: Any = None
 
     def on_change(self, what: str) -> None:
@@ -99,7 +101,7 @@ class SceneOverlay:
 
     def on_file_change(self) -> None:
         """All data is about to go, or has just come."""
-        self._is_stale, self._sync = True, None
+        self._is_stale, self._trees = True, SharedTrees()
 
     def draw(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
         """Bring the trees in step and draw what the settings ask for."""
@@ -110,8 +112,9 @@ class SceneOverlay:
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
             self.message = str(problem) or type(problem).__name__
             return
-        self.message = "" if is_there else "The trees are being built"
+        self.message = self._trees.state or ""
         if not is_there:
+            _redraw_soon()
             return
         with _drawing_state(settings.use_in_front):
             if self.top_level is not None:
@@ -121,23 +124,31 @@ class SceneOverlay:
 
     def _follow(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> bool:
         """Whether there are trees to draw."""
-        # Another view may have begun to read and build what Blender has told nothing of.
-        if self._is_stale or self._sync is None or not self._sync.scene.is_current:
+        if self._is_stale or self._trees.sync is None:
             self._is_stale = False
-            self._sync = None
-            self._sync = bring_in_step(context.evaluated_depsgraph_get())
-            if self._sync is None:
-                return False
-        snapshot = self._sync.scene.snapshot()
+            self._begin(context)
+        if not self._trees.are_there(lambda: self._begin(context)):
+            return False
+        sync = self._trees.sync
+        assert sync is not None
+        snapshot = sync.scene.snapshot()
         self.top_level = (self.top_level or TreeLines()) if settings.show_top_level else None
         if self.top_level is not None:
             self.top_level.follow(snapshot, None, settings)
-        found = find_object(self._sync, context.active_object) if settings.show_active else None
+        found = find_object(sync, context.active_object) if settings.show_active else None
         self.active = (self.active or TreeLines()) if found is not None else None
         if self.active is not None:
             mesh, self._matrix = found
             self.active.follow(snapshot, mesh, settings)
         return True
+
+    def _begin(self, context: bpy.types.Context) -> None:
+        from .session import session_of
+
+        depsgraph = context.evaluated_depsgraph_get()
+        sync = session_of(depsgraph)
+        is_playing = context.screen.is_animation_playing  # the next frame would stop what this one has begun
+        self._trees.begin(sync, lambda: sync.begin_update(depsgraph), to_the_end=is_playing)
 
 
 def list_levels(snapshot: Snapshot, mesh: int | None, level: int, use_all: bool) -> tuple[TreeBoxes, int]:
@@ -203,6 +214,19 @@ def _draw() -> None:
     _overlays[key].draw(context, settings)
 
 
+def _redraw_soon() -> None:
+    """Whoever is being drawn cannot ask for it at once."""
+    if not bpy.app.timers.is_registered(_redraw):
+        bpy.app.timers.register(_redraw, first_interval=REDRAW_SECONDS)
+
+
+def _redraw() -> None:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
 def _drop(key: tuple[int, str]) -> None:
     overlay = _overlays.pop(key, None)
     if overlay is not None:
@@ -249,5 +273,7 @@ def unregister() -> None:
     global _handle
     bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
     _handle = None
+    if bpy.app.timers.is_registered(_redraw):
+        bpy.app.timers.unregister(_redraw)
     for key in list(_overlays):
         _drop(key)

@@ -20,6 +20,7 @@ from .properties import RenderSettings, read_settings
 from .refinement import Pace, Refinement, View
 from .region_camera import camera_of
 from .screen_image import draw_texture, texture_of
+from .shared_trees import SharedTrees
 from .sync.records import CameraRecord
 from .view_statistics import view_statistics
 
@@ -32,10 +33,6 @@ if TYPE_CHECKING:
 # What a redraw may take: little while the view moves, somewhat more while it stands still and is refined.
 MOVING_SECONDS = 0.03
 REFINING_SECONDS = 0.1
-# Trees that take no longer are waited for: their image comes in the redraw in which the scene was edited. Others are
-# built while Blender goes on, and every redraw looks for so long whether they are there.
-BUILDING_SECONDS = 0.25
-LOOKING_SECONDS = 0.03
 TYPE_FILTERS = (
     "show_object_viewport_mesh",
     "show_object_viewport_curve",
@@ -60,9 +57,8 @@ class Viewport:
     """One region's renderer; lives as long as Blender's engine for the region does."""
 
     def __init__(self) -> None:
-        self._sync: SceneSync | None = None
+        self._trees = SharedTrees()
         self._own_sync: SceneSync | None = None
-        self._building: UpdateCommit | None = None
         self._shown_filter: tuple[bool, ...] = ()
         self._pace = Pace()
         self._key: ViewKey | None = None
@@ -77,39 +73,16 @@ class Viewport:
         """Read an evaluated depsgraph and have the trees brought in step with it. Raises what the engine raises."""
         space = context.space_data
         sync = self._sync_for(space, depsgraph)
-        self._sync = None  # a failed update must not leave an old image on the screen
         filtering = space if sync is self._own_sync else None
-        building = _begin_update(sync, depsgraph, read_settings(depsgraph.scene), filtering, context.region)
-        # An animation's next frame would stop what this one has begun: it waits, so that each is shown.
-        has_ended = context.screen.is_animation_playing or building.wait(BUILDING_SECONDS)
-        if has_ended and not building.result().has_changes:
+        settings = read_settings(depsgraph.scene)
+        report = self._trees.begin(
+            sync,
+            lambda: begin_update(sync, depsgraph, settings, filtering, context.region),
+            # An animation's next frame would stop what this one has begun: it waits, so that each is shown.
+            to_the_end=context.screen.is_animation_playing,
+        )
+        if report is not None and not report.has_changes:
             confirm_view(depsgraph.scene)
-        self._sync, self._building = sync, None if has_ended else building
-
-    def _is_in_step(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
-        """Whether there are trees of what was read last; if not, they are being built. Raises what the engine raises.
-
-        Several views look at the same trees, and the Preview button has them built as well: all wait for what anybody
-        has begun last, and what somebody has given up is begun anew.
-        """
-        import perfect_bvh
-
-        assert self._sync is not None
-        building, self._building = self._building or self._sync.building, None
-        if building is not None:
-            if not building.wait(LOOKING_SECONDS):
-                self._building = building
-                return False
-            try:
-                building.result()
-            except perfect_bvh.Cancelled:
-                self._building = self._sync.building
-            except BaseException:
-                self._sync = None  # as after an update that fails at once
-                raise
-        if self._building is None and not self._sync.scene.is_current:
-            self.update(context, depsgraph)
-        return self._building is None
 
     def _sync_for(self, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph) -> SceneSync:
         from .session import SceneSync, session_of
@@ -129,13 +102,15 @@ class Viewport:
 
         Raises what the engine raises.
         """
-        if self._sync is None or self._shown_filter != _filter_of(context.space_data):
+        if self._trees.sync is None or self._shown_filter != _filter_of(context.space_data):
             self.update(context, depsgraph)
-        if not self._is_in_step(context, depsgraph):
+        if not self._trees.are_there(lambda: self.update(context, depsgraph)):
             if self._texture is not None:
                 draw_texture(engine, depsgraph.scene, self._texture, (context.region.width, context.region.height))
             return True
-        view_is_new = self._follow_view(context, depsgraph)
+        sync = self._trees.sync
+        assert sync is not None
+        view_is_new = self._follow_view(sync, context, depsgraph)
         refinement = self._refinement
         if refinement is None:
             return False
@@ -144,22 +119,19 @@ class Viewport:
             self._texture = texture_of(refinement.image, depsgraph.scene.perfect_bvh.mode.lower())
         draw_texture(engine, depsgraph.scene, self._texture, (context.region.width, context.region.height))
         if refinement.is_finished and not was_finished:
-            remember_view("Viewport", self._sync, refinement, depsgraph.scene)
+            remember_view("Viewport", sync, refinement, depsgraph.scene)
         return not refinement.is_finished
 
     @property
     def state(self) -> str:
         """How far the view is, as words for the user."""
-        if self._building is not None and self._building.is_running:
-            return f"Building trees {self._building.share:.0%}"
-        if self._refinement is None:
-            return ""
+        if self._trees.state is not None or self._refinement is None:
+            return self._trees.state or ""
         done, wanted = self._refinement.sample_count, self._refinement.view.samples
         return f"{'Finished' if self._refinement.is_finished else 'Sample'} {done}/{wanted}"
 
-    def _follow_view(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
+    def _follow_view(self, sync: SceneSync, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
         """Begin anew if what is seen is not what it was; whether it was so."""
-        assert self._sync is not None
         scene, region = depsgraph.scene, context.region
         camera, self.complaint = camera_of(context.region_data, context.space_data, depsgraph)
         if camera is None:
@@ -167,11 +139,11 @@ class Viewport:
             return True
         settings = read_settings(scene)
         size = (region.width, region.height)
-        key = ViewKey(self._sync.revision, id(self._sync), _camera_key(camera), size, settings)
+        key = ViewKey(sync.revision, id(sync), _camera_key(camera), size, settings)
         if key == self._key:
             return False
         self._key = key
-        self._refinement = Refinement(_view_of(self._sync, as_camera(camera), size, settings), self._pace)
+        self._refinement = Refinement(_view_of(sync, as_camera(camera), size, settings), self._pace)
         return True
 
 
@@ -225,7 +197,7 @@ def await_view(context: bpy.types.Context, settings: RenderSettings) -> AwaitedV
     is_filtered = found is not None and any(_filter_of(found[0]))
     sync = SceneSync(watch=False) if is_filtered else session_of(depsgraph)
     filtering = found[0] if found is not None and is_filtered else None
-    building = _begin_update(sync, depsgraph, settings, filtering, None if found is None else found[1])
+    building = begin_update(sync, depsgraph, settings, filtering, None if found is None else found[1])
     if found is None:
         if sync.camera is None:
             building.stop()
@@ -256,29 +228,16 @@ def _scaled(size: tuple[int, int], scene: bpy.types.Scene) -> tuple[int, int]:
     return width, height
 
 
-def bring_in_step(depsgraph: bpy.types.Depsgraph) -> SceneSync | None:
-    """The session's sync of what a viewport depsgraph shows, brought in step for whoever needs nothing but its trees.
-
-    None while a viewport or a preview has them built: it redraws when they are there. Raises what the engine raises.
-    """
-    from .session import session_of
-
-    sync = session_of(depsgraph)
-    if sync.building is not None:
-        return None
-    sync.update(depsgraph)
-    return sync
-
-
-def _begin_update(
+def begin_update(
     sync: SceneSync,
     depsgraph: bpy.types.Depsgraph,
     settings: RenderSettings,
     space: bpy.types.SpaceView3D | None,
     region: bpy.types.Region | None,
 ) -> UpdateCommit:
-    """space: the viewport whose filters count; none do for the trees that all share, whoever has them brought in step.
+    """Has a scene read with what its settings need, and its trees built.
 
+    space: the viewport whose filters count; none do for the trees that all share, whoever has them brought in step.
     region: None for the camera's view in the size of a render.
     """
     sync.request(needed_attributes(settings, ()))

@@ -30,7 +30,7 @@ ADDON_LAYERS = (
     ("extract",),
     ("session",),
     ("properties", "preferences"),
-    ("frame", "display", "scanning", "failure_scenes", "bench", "region_camera", "screen_image"),
+    ("frame", "display", "scanning", "failure_scenes", "bench", "region_camera", "screen_image", "shared_trees"),
     ("latest", "view_statistics"),
     ("viewport", "summary"),
     ("overlay",),

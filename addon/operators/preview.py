@@ -16,7 +16,8 @@ from ..preferences import native_error
 from ..properties import read_settings
 from ..refinement import Pace, Refinement
 from ..screen_image import picture_of
-from ..viewport import LOOKING_SECONDS, REFINING_SECONDS, AwaitedView, await_view, find_view, remember_view
+from ..shared_trees import LOOKING_SECONDS
+from ..viewport import REFINING_SECONDS, AwaitedView, await_view, find_view, remember_view
 
 IMAGE_NAME = "Perfect BVH Preview"
 TIMER_SECONDS = 0.01

@@ -11,10 +11,11 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
 import perfect_bvh_addon  # noqa: E402
-from perfect_bvh_addon import overlay  # noqa: E402
+from blender.long_builds import Gate, building_threads  # noqa: E402
+from perfect_bvh_addon import overlay, shared_trees  # noqa: E402
 from perfect_bvh_addon.box_lines import RAMP, box_lines, shares  # noqa: E402
 from perfect_bvh_addon.extract.changes import listen, stop_listening  # noqa: E402
-from perfect_bvh_addon.viewport import bring_in_step  # noqa: E402
+from perfect_bvh_addon.session import session_of  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -34,11 +35,14 @@ def drawn_batches(monkeypatch) -> list:
         return object()
 
     monkeypatch.setattr(overlay, "_make_batch", keep)
+    monkeypatch.setattr(shared_trees, "BUILDING_SECONDS", 60.0)  # however slow this machine is
     return made
 
 
 def synced():
-    return bring_in_step(bpy.context.evaluated_depsgraph_get())
+    sync = session_of(bpy.context.evaluated_depsgraph_get())
+    sync.update(bpy.context.evaluated_depsgraph_get())
+    return sync
 
 
 def boxes_of(snapshot: perfect_bvh.Snapshot, **options) -> perfect_bvh.TreeBoxes:
@@ -163,3 +167,24 @@ def test_it_follows_frames_and_forgets_files(scene, drawn_batches) -> None:
     shown._follow(bpy.context, settings)
     assert shown.active is None and shown.top_level.shown.count == 0
     stop_listening(shown)
+
+
+def test_boxes_wait_for_trees_that_take_long_and_blender_for_neither(drawn_batches, monkeypatch) -> None:
+    monkeypatch.setattr(shared_trees, "BUILDING_SECONDS", 0.05)
+    gate = Gate(monkeypatch)
+    bpy.ops.mesh.primitive_uv_sphere_add()
+    settings = bpy.context.scene.perfect_bvh.overlay
+    settings.show_top_level = True
+    shown = overlay.SceneOverlay()
+    shown.draw(bpy.context, settings)
+    assert shown.message == "Building trees 50%"
+    assert bpy.app.timers.is_registered(overlay._redraw)
+    assert not drawn_batches
+    assert building_threads() == 1
+    gate.open()
+    while not shown._follow(bpy.context, settings):
+        pass
+    assert len(drawn_batches) == 1
+    np.testing.assert_array_equal(
+        drawn_batches[0].positions, box_lines(boxes_of(synced().scene.snapshot(), last_level=0), "LEVEL").positions
+    )

@@ -15,7 +15,7 @@ bpy = pytest.importorskip("bpy")
 import perfect_bvh  # noqa: E402
 import perfect_bvh_addon  # noqa: E402
 from blender.long_builds import Gate, building_threads  # noqa: E402
-from perfect_bvh_addon import viewport  # noqa: E402
+from perfect_bvh_addon import shared_trees, viewport  # noqa: E402
 from perfect_bvh_addon.refinement import Pace, Refinement  # noqa: E402
 from perfect_bvh_addon.session import clear_sessions, session_of  # noqa: E402
 from perfect_bvh_addon.sync.records import CameraRecord  # noqa: E402
@@ -32,7 +32,7 @@ def without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(viewport, "texture_of", lambda image, mode: image.copy())
     monkeypatch.setattr(viewport, "draw_texture", lambda screen, scene, texture, size: screen.append(texture))
     monkeypatch.setattr(viewport, "camera_of", lambda *_: (camera, None))
-    monkeypatch.setattr(viewport, "BUILDING_SECONDS", 0.05)
+    monkeypatch.setattr(shared_trees, "BUILDING_SECONDS", 0.05)
     perfect_bvh_addon.register()
     yield
     perfect_bvh_addon.unregister()
@@ -101,7 +101,7 @@ def move(cube: bpy.types.Object, x: float) -> None:
 
 
 def test_an_image_of_quick_trees_comes_in_the_redraw_of_the_edit(cube, gate: Gate, monkeypatch) -> None:
-    monkeypatch.setattr(viewport, "BUILDING_SECONDS", 60.0)  # however slow this machine is
+    monkeypatch.setattr(shared_trees, "BUILDING_SECONDS", 60.0)  # however slow this machine is
     shown = Shown()
     for x in (0.0, 1.0):
         move(cube, x)

@@ -40,7 +40,6 @@ def with_cloud(work: Callable[[], Step]) -> Step:
 
 def watch_a_build(name: str) -> Step:
     """Wait for a build to begin, and see that Blender answers a few times before it ends."""
-    bpy.context.window_manager.windows[0].screen.show_statusbar = True
     yield from wait_until(is_building, f"{name}: no tree is built", 30)
     longest, last = 0.0, time.monotonic()
     for answer in range(ANSWERS):

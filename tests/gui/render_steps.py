@@ -11,12 +11,17 @@ from buttons import find_and_press
 from driver import Step, area_of, check, context_of, hover, middle_of, press_key, screenshot, wait_until
 
 
-def press_preview() -> Step:
-    """Its image takes the place of the 3D viewport, or a window of its own, until that is closed."""
+def find_and_press_preview() -> Step:
     bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
     yield 0.5
     bpy.context.scene.render.engine = "PERFECT_BVH"
+    yield 0.5
     yield from find_and_press(area_of("PROPERTIES"), "perfect_bvh.preview")
+
+
+def press_preview() -> Step:
+    """Its image takes the place of the 3D viewport, or a window of its own, until that is closed."""
+    yield from find_and_press_preview()
     yield from wait_until(lambda: "Perfect BVH Preview" in bpy.data.images, "no image of the preview")
     yield 3.0
     screenshot("preview")
@@ -34,14 +39,14 @@ def stop_a_preview_while_it_builds() -> Step:
         bpy.data.images.remove(bpy.data.images[name])
 
     def press() -> Step:
-        yield from find_and_press(area_of("PROPERTIES"), "perfect_bvh.preview")
+        yield from find_and_press_preview()
         yield from watch_a_build("preview")
         yield from press_key("Escape")
         yield from wait_until(lambda: not is_working(), "Escape does not stop the build of a preview", 10)
         check(not is_building(), "the build goes on after Escape")
         check(name not in bpy.data.images, "a preview that was stopped while it built has made an image")
         yield from wait_for_report("The preview was stopped before there was an image")
-        yield from find_and_press(area_of("PROPERTIES"), "perfect_bvh.preview")
+        yield from find_and_press_preview()
         yield from wait_until(lambda: name in bpy.data.images, "no image of the preview after its build", 60)
         yield from wait_until(lambda: not is_working(), "the preview does not end", 60)
         screenshot("preview_after_its_build")

@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any
 
+import numpy as np
 import pytest
+from perfect_bvh_addon.sync.records import (
+    CameraRecord,
+    ImageRecord,
+    LightRecords,
+    MaterialRecord,
+    SceneRecord,
+    UnseenMesh,
+    WorldRecord,
+)
 from sync.fakes import FailureError, StaleError
 from sync.targets import TARGETS, assert_ids_are_right, base, fresh, state
 
@@ -19,13 +30,37 @@ def test_only_a_record_of_the_same_is_no_difference(target: str) -> None:
     assert not made.compare(TARGETS[target]()).is_none or same
 
 
-@pytest.mark.parametrize(
-    "change", [{"frame": 2.0}, {"name": "other"}, {"warnings": ("something",)}, {"size": (3, 4)}, {"materials": ("m",)}]
-)
-def test_what_no_ray_could_tell_is_a_difference_too(change: dict[str, object]) -> None:
+CHANGES: dict[str, Any] = {
+    "name": "other",
+    "frame": 2.0,
+    "objects": tuple(replace(obj, name="renamed") for obj in base().objects),
+    "materials": (MaterialRecord("m", 1, 0, (1.0, 0.0, 0.0, 1.0)),),
+    "camera": CameraRecord(np.eye(4), (-1.0, 1.0, -1.0, 1.0), "perspective", 0.1, 100.0),
+    "size": (3, 4),
+    "film_transparent": True,
+    "images": (ImageRecord("i", 1, np.zeros((1, 1, 4), np.float32), "repeat"),),
+    "lights": LightRecords(kinds=("point",)),
+    "world": WorldRecord(),
+    "unseen": (UnseenMesh("a", "mesh", 2, "hidden"),),
+    "warnings": ("something",),
+}
+
+
+def test_every_field_of_a_record_is_compared() -> None:
+    """One that is forgotten here would let a view wait for trees that were built for another scene."""
+    assert {field.name for field in fields(SceneRecord)} == {*CHANGES, "meshes", "instances"}
+
+
+@pytest.mark.parametrize("name", sorted(CHANGES))
+def test_what_no_ray_could_tell_is_a_difference_too(name: str) -> None:
     made, _ = state()
     made.update(base())
-    assert not made.compare(replace(base(), **change)).is_none
+    assert not made.compare(replace(base(), **{name: CHANGES[name]})).is_none
+
+
+def test_another_name_of_a_mesh_is_a_difference() -> None:
+    made, _ = state()
+    made.update(base())
     renamed = replace(base(), meshes=(replace(base().meshes[0], name="other"), base().meshes[1]))
     assert not made.compare(renamed).is_none
 
