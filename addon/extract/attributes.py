@@ -66,3 +66,17 @@ def read_corner_uvs(mesh: Any, corner_triangles: Int32Array, reader: ArrayReader
     layer = next((layer for layer in layers if layer.active_render), layers[0])
     gathered: Float32Array = reader.read(layer.uv, CORNER_UVS)[corner_triangles]
     return gathered
+
+
+def read_corner_colors(mesh: Any, corner_triangles: Int32Array, triangles: Int32Array) -> Float32Array | None:
+    """(T, 3, 3) float32, scene-linear: the colour attribute that renders use. None if there is none."""
+    colors = mesh.color_attributes
+    if not len(colors) or not 0 <= colors.render_color_index < len(colors):
+        return None
+    attribute = colors[colors.render_color_index]
+    values = np.empty(len(attribute.data) * 4, np.float32)
+    attribute.data.foreach_get("color", values)
+    np.nan_to_num(values, copy=False, nan=0.0, posinf=65504.0, neginf=0.0)
+    rows = values.reshape(-1, 4)[:, :3]
+    gathered: Float32Array = rows[triangles if attribute.domain == "POINT" else corner_triangles]
+    return gathered

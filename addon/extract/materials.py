@@ -51,6 +51,9 @@ class MaterialReader:
         return tuple([self.row(material) for material in materials])
 
 
+WHITE = constant(1.0)
+
+
 def _share(value: float) -> float:
     return min(max(value, 0.0), 1.0) if math.isfinite(value) else 0.0
 
@@ -70,12 +73,13 @@ def _read_material(material: Any, images: ImageReader | None) -> MaterialRecord:
     glow = surface.emission
     return replace(
         record,
-        base_color=_rgb(surface.base),
-        emission=_rgb(constant(1.0) if glow.texture else glow, surface.brightness),
+        base_color=_rgb(WHITE if surface.base.is_tinted and surface.base.is_guess else surface.base),
+        emission=_rgb(WHITE if glow.texture else glow, surface.brightness),
         alpha=_share(float(surface.alpha.color[0])) if surface.alpha.texture is None else 1.0,
         **{name: _share(value) for name, value in surface.gloss.items()},
         color_image=color_image,
         alpha_image=alpha_image,
+        tinted=surface.base.is_tinted,
         emission_image=images.row(glow) if glow.texture else -1,
     )
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from perfect_bvh.bulk import are_equal, are_triangles, copy_within
 
 from ..sync.records import LARGEST_COORDINATE, AttributeRequest, Float32Array, Int32Array, MeshRecord
-from .attributes import read_corner_normals, read_corner_uvs, read_material_slots
+from .attributes import read_corner_colors, read_corner_normals, read_corner_uvs, read_material_slots
 from .pointer_views import CORNER_TRIANGLES, CORNER_VERTS, POSITIONS, TRIANGLE_POLYGONS, ArrayReader
 
 
@@ -54,6 +54,7 @@ def read_mesh(
         material_slots=_read_slots(mesh, polygon_ids, reader, last) if attributes.material_slots else None,
         corner_normals=read_corner_normals(mesh, corner_triangles, reader) if attributes.corner_normals else None,
         corner_uvs=read_corner_uvs(mesh, corner_triangles, reader) if attributes.corner_uvs else None,
+        corner_colors=read_corner_colors(mesh, corner_triangles, triangles) if attributes.shading else None,
         dropped_triangles=0 if kept is None else triangle_count - len(kept),
         triangle_ids=kept,
     )

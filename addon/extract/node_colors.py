@@ -95,6 +95,8 @@ class _SurfaceReader:
 
     def _glow(self, surface: Surface, color: Any, strength: Any, scope: Scope | None) -> Surface:
         """The surface with light of its own; a strength that cannot be known is none."""
+        if not strength.is_linked and not strength.default_value:
+            return surface
         bright = self._values.read(strength, scope)
         if bright.is_guess or (bright.texture is None and not bright.color[0]):
             return surface

@@ -8,7 +8,7 @@ its mean.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -43,6 +43,7 @@ class Value:
     """color: (4,), of a number the same in each channel; counts where there is no texture.
 
     change: what becomes of the texture's pixels, None if they stay as they are. key: which change that is.
+    is_tinted: whether the colours that the mesh has itself multiply it.
     """
 
     color: Pixels
@@ -50,6 +51,7 @@ class Value:
     change: Callable[[Pixels], Pixels] | None = None
     key: Hashable = None
     is_guess: bool = False
+    is_tinted: bool = False
 
     def of(self, pixels: Pixels) -> Pixels:
         """(..., 4): the value where the texture has these pixels."""
@@ -66,9 +68,7 @@ class ImageMeans(Protocol):
 
 def constant(*channels: float) -> Value:
     """Of one number, or of three or four channels."""
-    if len(channels) == 1:
-        channels = channels * 4
-    return Value(np.array([*channels, 1.0][:4], np.float32))
+    return Value(np.array(channels * 4 if len(channels) == 1 else [*channels, 1.0][:4], np.float32))
 
 
 def guess(color: Pixels) -> Value:
@@ -90,6 +90,8 @@ class ValueReader:
 
     def read(self, socket: Any, scope: Scope | None = None) -> Value:
         """What an input socket gets."""
+        if not socket.is_linked:  # most are not
+            return _own_value(socket)
         output, scope = trace_back(socket, scope)
         if not output.is_output:
             return _own_value(output)
@@ -100,6 +102,8 @@ class ValueReader:
 
     def number(self, socket: Any, unknown: float, scope: Scope | None = None) -> float:
         """A number for all of the surface: the mean of an image, `unknown` for a guess."""
+        if not socket.is_linked and socket.type == "VALUE":
+            return float(socket.default_value)
         value = self.read(socket, scope)
         return unknown if value.is_guess else float(self.mean(value)[0])
 
@@ -170,6 +174,9 @@ class ValueReader:
         blend = node.blend_type if wanted == "RGBA" else "MIX"
         is_clamped = bool(getattr(node, "use_clamp", False) or getattr(node, "clamp_result", False))
         blending = BLENDS.get(blend, BLENDS["MIX"])
+
+        if blend == "MULTIPLY" and first.is_tinted != second.is_tinted and factor.color[0] == 1.0:
+            return replace(second if first.is_tinted else first, is_tinted=True)
 
         def work(share: Pixels, one: Pixels, other: Pixels) -> Pixels:
             mixed = blending(clamp(share), one, other)
@@ -246,6 +253,11 @@ class ValueReader:
         colors = [self.read(socket, scope) for socket in node.inputs if socket.type == "RGBA"][:2]
         return self.combine(lambda one, other: (one + other) / 2, colors, "middle")
 
+    def _attribute(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        """What a mesh was painted with; any other attribute is a guess."""
+        is_mesh = getattr(node, "attribute_type", "GEOMETRY") == "GEOMETRY"
+        return replace(self.fallback, is_tinted=is_mesh and output.identifier == "Color")
+
     def _sky(self, node: Any, output: Any, scope: Scope | None) -> Value:
         """Its mean above the horizon, where it does not stand round the scene as it is."""
         pixels = read_sky(node)[0].pixels
@@ -292,6 +304,8 @@ _READERS: dict[str, Callable[..., Value]] = {
     "LIGHT_PATH": ValueReader._light_path,
     "TEX_CHECKER": ValueReader._middle,
     "TEX_BRICK": ValueReader._middle,
+    "ATTRIBUTE": ValueReader._attribute,
+    "VERTEX_COLOR": ValueReader._attribute,
     "TEX_SKY": ValueReader._sky,
     "NEW_GEOMETRY": ValueReader._geometry,
     "FRESNEL": ValueReader._mirrored_share,

@@ -27,7 +27,7 @@ from .records import (
 def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int32Array) -> Appearance:
     """instance_ids: (I,) and mesh_ids: (M,), the engine's ids of the record's instances and meshes."""
     meshes = {
-        int(mesh_id): MeshAppearance(mesh.material_slots, mesh.corner_normals, mesh.corner_uvs)
+        int(mesh_id): MeshAppearance(mesh.material_slots, mesh.corner_normals, mesh.corner_uvs, mesh.corner_colors)
         for mesh_id, mesh in zip(mesh_ids, record.meshes, strict=True)
     }
     return Appearance(
@@ -65,6 +65,7 @@ def _material_table(record: SceneRecord) -> MaterialTable:
         color_images=np.array([material.color_image for material in materials], np.int32),
         alpha_images=np.array([material.alpha_image for material in materials], np.int32),
         emission_images=np.array([material.emission_image for material in materials], np.int32),
+        tinted=np.array([material.tinted for material in materials], np.bool_),
     )
 
 

@@ -100,7 +100,8 @@ def compare_mesh(old: MeshRecord | None, new: MeshRecord) -> MeshDifference:
         return UNCHANGED
     if old is None:
         return MeshDifference("added", "seen for the first time")
-    attributes_changed = not _have_same(old, new, "polygon_ids", "material_slots", "corner_normals", "corner_uvs")
+    corners = ("corner_normals", "corner_uvs", "corner_colors")
+    attributes_changed = not _have_same(old, new, "polygon_ids", "material_slots", *corners)
     reason = _topology_change(old, new)
     if reason:
         return MeshDifference("replaced", reason, attributes_changed)

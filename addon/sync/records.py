@@ -42,7 +42,7 @@ class MeshRecord:
         scene never share it.
     positions: (V, 3) float32, object space. triangles: (T, 3) int32, rows of positions; Blender's own
         triangulation and order. polygon_ids: (T,) int32, the polygon each triangle came from.
-    material_slots, corner_normals, corner_uvs: only if they were asked for, see `AttributeRequest`.
+    material_slots, corner_normals, corner_uvs, corner_colors: only if they were asked for, see `AttributeRequest`.
     dropped_triangles: how many triangles were left out because a vertex was not finite; `triangle_ids`
         then holds the original index of each kept triangle, and is None when all were kept.
     was_read: False if Blender is known not to have evaluated the mesh since the record before, whose arrays these are.
@@ -59,6 +59,7 @@ class MeshRecord:
     material_slots: Int32Array | None = None
     corner_normals: Float32Array | None = None
     corner_uvs: Float32Array | None = None
+    corner_colors: Float32Array | None = None
     dropped_triangles: int = 0
     triangle_ids: Int32Array | None = None
     usage: Usage = "static"
@@ -74,6 +75,7 @@ MESH_COLUMNS = (
     "material_slots",
     "corner_normals",
     "corner_uvs",
+    "corner_colors",
     "triangle_ids",
 )
 INSTANCE_COLUMNS = ("mesh_indices", "object_indices", "parent_indices", "transforms", "masks", "persistent_ids")
@@ -125,6 +127,7 @@ class MaterialRecord:
     color_image: int = -1
     alpha_image: int = -1
     emission_image: int = -1
+    tinted: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -203,7 +206,8 @@ class CameraRecord:
 class AttributeRequest:
     """Which attributes the coming rays will use; nothing else is read.
 
-    shading: what materials are made of beside their viewport colour, their images, the lights and the world.
+    shading: what materials are made of beside their viewport colour, their images, meshes' own colours, the lights and
+    the world.
     """
 
     material_slots: bool = True

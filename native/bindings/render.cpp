@@ -148,6 +148,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.color_images = view<std::int32_t>(values, "color_images");
   appearance.alpha_images = view<std::int32_t>(values, "alpha_images");
   appearance.emission_images = view<std::int32_t>(values, "emission_images");
+  appearance.tinted = rows_of<std::uint8_t>(view<bool>(values, "tinted"));
   read_scene_light(values, appearance);
   appearance.material_colors = rows_of<Rgba>(view<float>(values, "material_colors"));
   appearance.material_pass_indices = view<std::int32_t>(values, "material_indices");
@@ -168,6 +169,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
     if (mesh.contains("corner_normals"))
       attributes.corner_normals = rows_of<Vec3f>(view<float>(mesh, "corner_normals"));
     if (mesh.contains("corner_uvs")) attributes.corner_uvs = rows_of<Point2>(view<float>(mesh, "corner_uvs"));
+    if (mesh.contains("corner_colors")) attributes.corner_colors = rows_of<Vec3f>(view<float>(mesh, "corner_colors"));
     appearance.set_mesh(key.cast<std::int32_t>(), attributes);
   }
   appearance.finish();

@@ -170,6 +170,31 @@ def one_sided(material: Any) -> None:
     tree.links.new(mix.outputs[0], surface(material))
 
 
+def painted(material: Any) -> None:
+    """A picture multiplied with the mesh's own colours; whoever has no colours is grey."""
+    tree = material.node_tree
+    attribute = add(tree, "VertexColor")
+    attribute.layer_name = "Paint"
+    mix = add(tree, "MixRGB", (attribute.outputs[0], 1), (image_node(tree).outputs[0], 2), Fac=1.0)
+    mix.blend_type = "MULTIPLY"
+    tree.links.new(mix.outputs[0], shader(material).inputs["Base Color"])
+
+
+def painted_plainly(material: Any) -> None:
+    tree = material.node_tree
+    attribute = add(tree, "Attribute")
+    attribute.attribute_name = "Paint"
+    tree.links.new(attribute.outputs["Color"], shader(material).inputs["Base Color"])
+
+
+def paint(mesh: Any, domain: str = "CORNER", kind: str = "FLOAT_COLOR") -> Any:
+    """A colour attribute of which each element has a colour of its own."""
+    attribute = mesh.color_attributes.new("Paint", kind, domain)
+    for index, item in enumerate(attribute.data):
+        item.color = (index % 3 / 2, index % 5 / 4, index % 4 / 3, 1.0)
+    return attribute
+
+
 SETUPS: tuple[Callable[[Any], None], ...] = (
     tiled,
     shadeless,
@@ -182,4 +207,6 @@ SETUPS: tuple[Callable[[Any], None], ...] = (
     grouped,
     muted,
     one_sided,
+    painted,
+    painted_plainly,
 )

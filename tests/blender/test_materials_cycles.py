@@ -11,7 +11,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
-from blender.node_setups import SETUPS, new_red, tiled  # noqa: E402
+from blender.node_setups import SETUPS, new_red, paint, painted_plainly, tiled  # noqa: E402
 from oracles.cycles import preserved, render_passes  # noqa: E402
 from perfect_bvh_addon.session import clear_sessions  # noqa: E402
 
@@ -71,9 +71,26 @@ def check(scene: bpy.types.Scene) -> np.ndarray:
 @pytest.mark.parametrize("setup", SETUPS)
 def test_materials_look_as_in_cycles(scene, setup: Callable[[Any], None]) -> None:
     material = new_red()
-    scene.objects["Cube"].data.materials.append(material)
+    mesh = scene.objects["Cube"].data
+    mesh.materials.append(material)
+    paint(mesh)
     setup(material)
     check(scene)
+
+
+@pytest.mark.parametrize("domain", ["POINT", "CORNER"])
+@pytest.mark.parametrize("kind", ["FLOAT_COLOR", "BYTE_COLOR"])
+def test_painted_meshes_look_as_in_cycles(scene, domain: str, kind: str) -> None:
+    material = new_red()
+    mesh = scene.objects["Cube"].data
+    mesh.materials.append(material)
+    painted_plainly(material)
+    attribute = paint(mesh, domain, kind)
+    first = check(scene)
+    for item in attribute.data:
+        item.color = (0.1, 0.2, 0.9, 1.0)
+    mesh.update()
+    assert np.abs(check(scene) - first).max() > 0.2
 
 
 def test_a_cube_of_fog_is_not_a_black_box(scene) -> None:

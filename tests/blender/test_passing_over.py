@@ -200,7 +200,7 @@ def test_an_update_that_failed_after_reading_hides_nothing(sync: SceneSync, monk
     """What was read then is known to the reader, and not to the engine."""
     deform("plain")
     with monkeypatch.context() as patch:
-        patch.setattr(SceneState, "_compare", interrupted)
+        patch.setattr(SceneState, "compare", interrupted)
         with pytest.raises(KeyboardInterrupt):
             sync.update(evaluated())
     report = sync.update(evaluated())

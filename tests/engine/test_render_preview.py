@@ -421,6 +421,23 @@ def test_an_image_may_glow():
     assert seen == pytest.approx((0.75, 1.5, 6.0), rel=1e-5)
 
 
+def test_a_meshs_own_colors_tint_it():
+    colors = np.array([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)], np.float32)
+    look = Appearance(
+        meshes={0: MeshAppearance(corner_colors=colors[QUAD])},
+        instances=one_material(1),
+        materials=materials(base_colors=np.array([(1.0, 0.5, 1.0)], np.float32), tinted=np.ones(1, np.bool_)),
+        world=World((1.0, 1.0, 1.0)),
+    )
+    # The middle lies halfway between the first corner and the third.
+    assert render(floor(), ABOVE, "preview", SIZE, 8, look)[16, 16, :3] == pytest.approx((0.5, 0, 0.5), abs=0.02)
+    bare = replace(look, meshes={})
+    assert render(floor(), ABOVE, "preview", SIZE, 8, bare)[16, 16, :3] == pytest.approx((0.8, 0.4, 0.8), abs=0.02)
+    wrong = replace(look, meshes={0: MeshAppearance(corner_colors=colors[QUAD][:1])})
+    with pytest.raises(ValueError, match="corner_colors has 1 rows but the mesh has 2 triangles"):
+        render(floor(), ABOVE, "preview", SIZE, 1, wrong)
+
+
 @pytest.mark.parametrize("kind", [3, 4], ids=["rectangle", "ellipse"])
 @pytest.mark.parametrize("spread", [0.02, 0.4, 1.5, 3.0])
 def test_a_grid_before_an_area_light_gathers_its_light_and_keeps_its_watts(kind, spread):

@@ -100,6 +100,7 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
         "color_images": optional("color_images", np.int32),
         "alpha_images": optional("alpha_images", np.int32),
         "emission_images": optional("emission_images", np.int32),
+        "tinted": optional("tinted", np.bool_),
         "images": [_image_arguments(function, row, image) for row, image in enumerate(appearance.images)],
         "lights": _light_arguments(function, appearance.lights),
         "world": _world_arguments(function, appearance.world),
@@ -191,6 +192,8 @@ def _mesh_arrays(function: str, mesh: int, value: MeshAppearance) -> dict[str, n
         arrays["corner_normals"] = _column(function, f"{name}.corner_normals", value.corner_normals, np.float32, (3, 3))
     if value.corner_uvs is not None:
         arrays["corner_uvs"] = _column(function, f"{name}.corner_uvs", value.corner_uvs, np.float32, (3, 2))
+    if value.corner_colors is not None:
+        arrays["corner_colors"] = _column(function, f"{name}.corner_colors", value.corner_colors, np.float32, (3, 3))
     return arrays
 
 

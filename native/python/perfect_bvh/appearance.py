@@ -27,11 +27,13 @@ class MeshAppearance:
     material_slots: (T,) int32, the slot of the instance's object that each triangle uses. None: all slot 0.
     corner_normals: (T, 3, 3) float32, object space. None: flat shading.
     corner_uvs: (T, 3, 2) float32. None: no uv map.
+    corner_colors: (T, 3, 3) float32, scene-linear, for materials that are `tinted`. None: grey.
     """
 
     material_slots: Int32Array | None = None
     corner_normals: Float32Array | None = None
     corner_uvs: Float32Array | None = None
+    corner_colors: Float32Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +52,7 @@ class MaterialTable:
     color_images: (M,) int32, rows of the appearance's images, which stand for the base colours; -1 for none.
     alpha_images: (M,) int32, images whose alpha multiplies the material's; -1 for none.
     emission_images: (M,) int32, images whose colours multiply the emissions; -1 for none.
+    tinted: (M,) bool: the mesh's own colours multiply the base colours. None: none is.
     """
 
     colors: Float32Array = field(default_factory=lambda: np.empty((0, 4), np.float32))
@@ -64,6 +67,7 @@ class MaterialTable:
     color_images: Int32Array | None = None
     alpha_images: Int32Array | None = None
     emission_images: Int32Array | None = None
+    tinted: npt.NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,7 @@ struct MeshAttributes {
   std::span<const std::int32_t> material_slots;
   std::span<const Vec3f> corner_normals;  // three a triangle, object space
   std::span<const Point2> corner_uvs;     // three a triangle
+  std::span<const Vec3f> corner_colors;   // three a triangle, scene-linear
 };
 
 inline constexpr std::int32_t kNoImage = -1;
@@ -49,6 +50,7 @@ struct Appearance {
   std::span<const std::int32_t> color_images;     // instead of the base colours
   std::span<const std::int32_t> alpha_images;     // their alpha multiplies
   std::span<const std::int32_t> emission_images;  // their colour multiplies
+  std::span<const std::uint8_t> tinted;           // not 0: the mesh's own colours multiply the base colour
   std::span<const std::int32_t> instance_ids;
   std::span<const std::int32_t> slot_offsets;  // one more than instances
   std::span<const std::int32_t> slot_materials;

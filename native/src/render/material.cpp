@@ -18,6 +18,17 @@ std::optional<Point2> uv_at(const Appearance& appearance, const Instance& instan
 
 namespace {
 
+// As grey as what has no colours of its own shows.
+constexpr Vec3f kUntinted{0.8f, 0.8f, 0.8f};
+
+Vec3f tint_at(const Appearance& appearance, const Instance& instance, const Hit& hit) {
+  const MeshAttributes* const attributes = appearance.attributes_of(instance);
+  if (attributes == nullptr || attributes->corner_colors.empty()) return kUntinted;
+  appearance.check_fits(instance, *attributes);
+  const auto corners = attributes->corner_colors.subspan(std::size_t{3} * hit.primitive_index).first<3>();
+  return corners[0] * (1.0f - hit.u - hit.v) + corners[1] * hit.u + corners[2] * hit.v;
+}
+
 // A metal mirrors its colour and is not matt at all; what is clear is not matt either.
 void set_gloss(const Appearance& appearance, std::size_t index, Material& material) {
   if (!appearance.roughnesses.empty()) material.roughness = appearance.roughnesses[index];
@@ -69,6 +80,9 @@ Material material_at(const Appearance& appearance, const Instance& instance, con
   if (!appearance.alphas.empty()) material.alpha = appearance.alphas[index];
   if (!appearance.transmissions.empty()) material.transmission = appearance.transmissions[index];
   look_up_images(appearance, instance, hit, index, material);
+  if (!appearance.tinted.empty() && appearance.tinted[index] != 0) {
+    material.color = material.color * tint_at(appearance, instance, hit);
+  }
   set_gloss(appearance, index, material);
   return material;
 }
