@@ -367,8 +367,9 @@ def drop_missing(scenes: Iterable[Any]) -> None:
     for key in [key for key in list(_sessions) if key[:2] not in shown]:
         # Not closed: whoever is tracing it keeps it for so long.
         sync = _sessions.pop(key, None)
-        if sync is not None and sync.building is not None:
-            sync.building.ask_to_stop()  # this may be a render's thread: it waits for nothing
+        building = None if sync is None else sync._building
+        if building is not None:
+            building.ask_to_stop()  # this may be a render's thread: it waits for nothing, and leaves the rest to others
 
 
 def clear_sessions() -> None:

@@ -14,10 +14,12 @@ import numpy.typing as npt
 from perfect_bvh.bulk import are_equal, find_moved
 
 from .keys import Int64Array, Uint64Array, match_keys
-from .records import InstanceRecords, Int32Array, MeshRecord, ObjectRecord, SceneRecord
+from .records import MESH_COLUMNS, InstanceRecords, Int32Array, MeshRecord, ObjectRecord, SceneRecord
 
 MeshAction = Literal["added", "removed", "replaced", "deformed", "kept"]
 BoolArray = npt.NDArray[np.bool_]
+# What a mesh has for each of its triangles and corners beside the geometry.
+ATTRIBUTES = tuple(name for name in MESH_COLUMNS if name not in {"positions", "triangles"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +102,7 @@ def compare_mesh(old: MeshRecord | None, new: MeshRecord) -> MeshDifference:
         return UNCHANGED
     if old is None:
         return MeshDifference("added", "seen for the first time")
-    corners = ("corner_normals", "corner_uvs", "corner_colors")
-    attributes_changed = not _have_same(old, new, "polygon_ids", "material_slots", *corners)
+    attributes_changed = not _have_same(old, new, *ATTRIBUTES)
     reason = _topology_change(old, new)
     if reason:
         return MeshDifference("replaced", reason, attributes_changed)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from perfect_bvh_addon.sync.compare import ATTRIBUTES
 from perfect_bvh_addon.sync.records import (
     CameraRecord,
     ImageRecord,
@@ -58,11 +59,13 @@ def test_what_no_ray_could_tell_is_a_difference_too(name: str) -> None:
     assert not made.compare(replace(base(), **{name: CHANGES[name]})).is_none
 
 
-def test_another_name_of_a_mesh_is_a_difference() -> None:
+@pytest.mark.parametrize("name", ["name", *ATTRIBUTES])
+def test_what_no_tree_could_tell_of_a_mesh_is_a_difference_too(name: str) -> None:
     made, _ = state()
     made.update(base())
-    renamed = replace(base(), meshes=(replace(base().meshes[0], name="other"), base().meshes[1]))
-    assert not made.compare(renamed).is_none
+    first, second = base().meshes
+    value: Any = "other" if name == "name" else np.full((2, 3), 7, np.int32)
+    assert not made.compare(replace(base(), meshes=(replace(first, **{name: value}), second))).is_none
 
 
 @pytest.mark.parametrize("target", sorted(TARGETS))
