@@ -470,6 +470,58 @@ def test_the_worlds_image_lies_round_the_scene_as_in_blender():
         assert seen == pytest.approx(pixels[8, int(u * 32), :3])
 
 
+def sun_in_the_sky(rotation: float) -> tuple[Appearance, Appearance]:
+    """A sun in a dim sky's image, and the same sun as a light under a sky as dim."""
+    wide, high, radiance, sky = 256, 128, 5000.0, 0.05
+    pixels = np.full((high, wide, 4), sky, np.float32)
+    rows, columns = np.s_[90:93], np.s_[40:43]
+    pixels[rows, columns, :3] = radiance
+    azimuth = (0.5 - 41.5 / wide) * 2 * math.pi - rotation
+    height = (91.5 / high - 0.5) * math.pi
+    towards = np.array(
+        (math.cos(height) * math.cos(azimuth), math.cos(height) * math.sin(azimuth), math.sin(height)), np.float32
+    )
+    side = np.array((-math.sin(azimuth), math.cos(azimuth), 0.0), np.float32)
+    angle = 3 * 2 * math.pi / wide * math.cos(height) * 3 * math.pi / high
+    sun = replace(
+        lights(1, power=radiance * angle, size=(2 * math.sqrt(angle / math.pi), 0.0)),
+        axes=np.stack([side, np.cross(towards, side), towards])[None].astype(np.float32),
+    )
+    around = Appearance(images=(ImageTexture(pixels),), world=World((1, 1, 1), image=0, rotation=rotation))
+    return around, Appearance(lights=sun, world=World((sky,) * 3))
+
+
+@pytest.mark.parametrize("rotation", [0.0, 1.0, -2.5])
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {"base_colors": (0.8, 0.8, 0.8)},
+        {"base_colors": (0.8, 0.8, 0.8), "metallics": 1.0, "roughnesses": 0.5},
+        {"base_colors": (0.3, 0.3, 0.3), "reflectances": 0.04, "roughnesses": 0.6},
+    ],
+    ids=["matt", "metal", "plastic"],
+)
+def test_a_sun_in_the_worlds_image_shines_as_a_light_would(rotation, columns):
+    """With its shadow and its highlight, and without specks: a ray in ten thousand would find it by chance."""
+    roof = np.array([(-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)], np.float64)
+    camera = Camera.look_at((0, -9, 7), (0, 0, 0), angle=math.radians(40), aspect=1.0)
+    look = shiny(2, **columns)
+    by_image, by_light = (
+        render(floor(roof), camera, "preview", SIZE, 64, replace(lit, **look), smooth=False)[..., 1]
+        for lit in sun_in_the_sky(rotation)
+    )
+    assert np.abs(by_image - by_light).mean() < 0.03 * by_light.mean()
+    assert np.abs(by_image - by_light).max() < 0.3 * by_light.max()
+
+
+def test_a_sun_in_the_worlds_image_lights_what_light_bounces_off():
+    """A ceiling over a floor in the sun: all its light has bounced, and none of it where the floor is in shadow."""
+    roof = np.array([(-3, -3, 2), (3, -3, 2), (3, 3, 2), (-3, 3, 2)], np.float64)
+    camera = Camera.look_at((0, -6, 0.5), (0, 0, 2), angle=math.radians(8), aspect=1.0)
+    by_image, by_light = (brightness(floor(roof), lit, camera, samples=64) for lit in sun_in_the_sky(0.5))
+    assert by_image == pytest.approx(by_light, rel=0.05)
+
+
 def test_without_lights_and_world_the_studio_shines():
     assert 0.1 < brightness(floor(), Appearance()) < 1.0
 
@@ -484,9 +536,11 @@ def test_the_film_may_be_transparent():
 def test_pixels_do_not_depend_on_threads():
     roof = np.array([(-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)], np.float64)
     look = Appearance(lights=lights(3, size=(1.0, 2.0), count=6), world=World((0.1, 0.2, 0.3)))
-    images = [render(floor(roof), ABOVE, "preview", (70, 50), 2, look, threads=threads) for threads in (1, 2, 3)]
-    assert np.array_equal(images[0], images[1])
-    assert np.array_equal(images[0], images[2])
+    sunny = replace(sun_in_the_sky(0.5)[0], **shiny(2, base_colors=(0.8, 0.7, 0.6), metallics=1.0, roughnesses=0.3))
+    for lit in (look, sunny):
+        images = [render(floor(roof), ABOVE, "preview", (70, 50), 2, lit, threads=threads) for threads in (1, 2, 3)]
+        assert np.array_equal(images[0], images[1])
+        assert np.array_equal(images[0], images[2])
 
 
 @pytest.mark.parametrize(

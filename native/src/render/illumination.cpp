@@ -6,7 +6,6 @@
 #include "render/directions.h"
 #include "render/multiple_importance.h"
 #include "render/secondary_ray.h"
-#include "render/studio.h"
 
 namespace perfect_bvh {
 namespace {
@@ -20,11 +19,6 @@ constexpr float kMirroredOpenness = 0.6f;
 constexpr float kMostBounced = 10.0f;
 // Numbers of sampling dimensions, apart from the camera's and clay's.
 constexpr std::uint32_t kSkyDimension = 8, kMirrorDimension = 9, kLightDimension = 16, kBounceDimension = 32;
-
-Vec3f turned(Vec3f direction, float angle) noexcept {
-  const float c = std::cos(angle), s = std::sin(angle);
-  return {direction.x * c - direction.y * s, direction.x * s + direction.y * c, direction.z};
-}
 
 Vec3f at_most(Vec3f color, float most) noexcept {
   const float brightest = std::max({color.x, color.y, color.z});
@@ -40,28 +34,8 @@ Illumination::Illumination(const Snapshot& snapshot, const Appearance& appearanc
       appearance_(appearance),
       seed_(seed),
       light_rays_(light_rays),
-      mean_surroundings_(find_mean_surroundings()),
-      next_event_(snapshot, appearance, seed) {}
-
-Vec3f Illumination::surroundings(Vec3f direction) const noexcept {
-  if (!appearance_.world) return Studio::dome(direction.z);
-  const World& world = *appearance_.world;
-  if (world.image == kNoImage) return world.color;
-  const Texture& image = appearance_.images[static_cast<std::size_t>(world.image)];
-  return look_up_around(image, turned(direction, world.rotation)) * world.color;
-}
-
-Vec3f Illumination::find_mean_surroundings() const noexcept {
-  constexpr std::uint32_t kDirections = 64;
-  Vec3f sum{0, 0, 0};
-  for (std::uint32_t i = 0; i < kDirections; ++i) {
-    const Point2 random = sampling::scrambled_sobol(i, 0).to_unit();
-    const float height = 2.0f * random.x - 1.0f, angle = 6.2831853f * random.y;
-    const float radius = std::sqrt(std::max(0.0f, 1.0f - height * height));
-    sum = sum + surroundings({radius * std::cos(angle), radius * std::sin(angle), height});
-  }
-  return sum * (1.0f / static_cast<float>(kDirections));
-}
+      surroundings_(appearance),
+      next_event_(snapshot, appearance, surroundings_, seed) {}
 
 void Illumination::gather(PointsToLight at, std::uint32_t sample, Scratch& scratch) const {
   std::fill(at.light.begin(), at.light.end(), Vec3f{0, 0, 0});
@@ -156,34 +130,45 @@ void Illumination::look_along_rays(std::uint32_t index, float openness, Scratch&
   scratch.arriving.assign(scratch.rays.size(), Vec3f{0, 0, 0});
   scratch.aimed_at.assign(scratch.rays.size(), Vec3f{0, 0, 0});
   for (std::size_t i = 0; i < scratch.rays.size(); ++i) {
-    if (!scratch.hits[i].found()) scratch.arriving[i] = surroundings(to_float(scratch.rays[i].direction));
+    if (!scratch.hits[i].found()) see_surroundings(i, 1.0f, scratch);
   }
   for (const SurfacePoint& point : scratch.bounce_points) see_surface(point, scratch);
   light_bounces(index, openness, scratch);
 }
 
-// What a surface that a ray met sends along it of its own.
+void Illumination::see_surroundings(std::size_t ray, float passing, Scratch& scratch) const {
+  const Vec3f direction = to_float(scratch.rays[ray].direction);
+  auto [plain, bright] = surroundings_.parts(direction);
+  if (!is_black(bright)) {
+    bright = bright * (passing * balance(scratch.densities[ray], surroundings_.density(direction)));
+    scratch.aimed_at[ray] = scratch.aimed_at[ray] + bright;
+  }
+  scratch.arriving[ray] = scratch.arriving[ray] + plain * passing + bright;
+}
+
+// What a surface that a ray met sends along it of its own, and what passes it.
 void Illumination::see_surface(const SurfacePoint& point, Scratch& scratch) const {
   const Hit& hit = scratch.hits[point.ray];
   const Instance& instance = snapshot_.instances[hit.instance_index];
   const Material material = material_at(appearance_, instance, hit, point.material);
-  const Vec3f direction = to_float(scratch.rays[point.ray].direction);
   Vec3f glow = material.emission * material.alpha;
   if (const float chosen = next_event_.glow().density(instance, point.material); chosen > 0.0f) {
-    const float aimed = chosen * hit.t * hit.t / std::abs(dot(direction, point.geometric_normal));
-    glow = glow * balance(scratch.densities[point.ray], aimed);
+    const float slant = std::abs(dot(to_float(scratch.rays[point.ray].direction), point.geometric_normal));
+    glow = glow * balance(scratch.densities[point.ray], chosen * hit.t * hit.t / slant);
     if ((instance.mask & appearance_.glossy_mask) != 0) scratch.aimed_at[point.ray] = glow;
   }
-  scratch.arriving[point.ray] = surroundings(direction) * material.through() + glow;
+  scratch.arriving[point.ray] = glow;
+  if (material.through() > 0.0f) see_surroundings(point.ray, material.through(), scratch);
   scratch.bounce_materials.push_back(material);
   scratch.bounce_places.push_back(scratch.places[point.ray]);
 }
 
 // Adds to what arrives along rays what the surfaces that they met give back of the light that they get themselves.
 void Illumination::light_bounces(std::uint32_t index, float openness, Scratch& scratch) const {
-  scratch.bounce_light.assign(scratch.bounce_points.size(), mean_surroundings_ * openness);
-  add_aimed({scratch.bounce_points, scratch.bounce_places, {}, scratch.bounce_light, {}}, {}, index, kBounceDimension,
-            scratch);
+  scratch.bounce_light.assign(scratch.bounce_points.size(), surroundings_.mean() * openness);
+  PointsToLight at{scratch.bounce_points, scratch.bounce_places, {}, scratch.bounce_light, {}};
+  at.by_chance = false;
+  add_aimed(at, {}, index, kBounceDimension, scratch);
   for (std::size_t i = 0; i < scratch.bounce_points.size(); ++i) {
     const Material& material = scratch.bounce_materials[i];
     Vec3f& sum = scratch.arriving[scratch.bounce_points[i].ray];

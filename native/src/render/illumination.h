@@ -17,6 +17,7 @@
 #include "render/next_event.h"
 #include "render/points_to_light.h"
 #include "render/shadow_rays.h"
+#include "render/surroundings.h"
 
 namespace perfect_bvh {
 
@@ -48,8 +49,7 @@ class Illumination {
   // Replaces `light` and `shine`. What is not matt gets no light from all around.
   void gather(PointsToLight at, std::uint32_t sample, Scratch& scratch) const;
 
-  // What comes from a direction in which there is nothing.
-  [[nodiscard]] Vec3f surroundings(Vec3f direction) const noexcept;
+  [[nodiscard]] const Surroundings& surroundings() const noexcept { return surroundings_; }
 
  private:
   void choose_lobes(const PointsToLight& at, std::uint32_t index, Scratch& scratch) const;
@@ -61,15 +61,16 @@ class Illumination {
   // reaches the surfaces that they meet.
   void look_along_rays(std::uint32_t index, float openness, Scratch& scratch) const;
   void see_surface(const SurfacePoint& point, Scratch& scratch) const;
+  // What comes along a ray from behind all surfaces, so much of it as passes those.
+  void see_surroundings(std::size_t ray, float passing, Scratch& scratch) const;
   void light_bounces(std::uint32_t index, float openness, Scratch& scratch) const;
-  [[nodiscard]] Vec3f find_mean_surroundings() const noexcept;
 
   const Snapshot& snapshot_;
   CancelToken& cancel_;
   const Appearance& appearance_;
   std::uint32_t seed_;
   int light_rays_;
-  Vec3f mean_surroundings_;
+  Surroundings surroundings_;
   NextEvent next_event_;
 };
 

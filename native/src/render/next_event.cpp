@@ -13,12 +13,15 @@ constexpr std::size_t kFewLights = 4;
 constexpr int kPicks = 2;
 // Rays end short of the light: what it hangs on should not put it out.
 constexpr float kShort = 1.0f - 1e-5f;
-constexpr std::uint32_t kGlowDimensions = 8;  // further on than those of the lights
+// Further on than those of the lights.
+constexpr std::uint32_t kGlowDimensions = 8, kSkyDimensions = 10;
 
 }  // namespace
 
-NextEvent::NextEvent(const Snapshot& snapshot, const Appearance& appearance, std::uint32_t seed)
+NextEvent::NextEvent(const Snapshot& snapshot, const Appearance& appearance, const Surroundings& surroundings,
+                     std::uint32_t seed)
     : appearance_(appearance),
+      surroundings_(surroundings),
       seed_(seed),
       glow_(snapshot, appearance),
       any_large_(std::any_of(appearance.lights.begin(), appearance.lights.end(),
@@ -35,6 +38,7 @@ void NextEvent::aim(const PointsToLight& at, std::span<const Mirrored> lobes, st
   }
   if (any_large_ && !lobes.empty()) meet_lights(at, lobes, scratch, shadows);
   if (!glow_.empty()) aim_at_glow(at, index, first_dimension + kGlowDimensions, shadows);
+  if (surroundings_.can_be_aimed_at()) aim_at_sky(at, index, first_dimension + kSkyDimensions, shadows);
 }
 
 // Light by light, so that rays next to each other go the same way.
@@ -151,6 +155,28 @@ void NextEvent::aim_at_glow(const PointsToLight& at, std::uint32_t index, std::u
     }
     const Vec3f light = radiance * (around / (aimed + around));
     shadows.add(ray_from(point, direction, distance * kShort, appearance_.shadow_mask), row, light, shine);
+  }
+}
+
+void NextEvent::aim_at_sky(const PointsToLight& at, std::uint32_t index, std::uint32_t dimension,
+                           ShadowRays& shadows) const {
+  const Dimension place(seed_, dimension);
+  const FixedPoint2 shared = place.sample(index);
+  for (std::uint32_t row = 0; row < at.points.size(); ++row) {
+    const SurfacePoint& point = at.points[row];
+    const BrightSky::Choice sky = surroundings_.aim((shared ^ place.offset(at.places[row])).to_unit());
+    const float around = density_all_around(point, sky.direction);
+    if (!(around > 0.0f)) continue;
+    const Vec3f radiance = surroundings_.parts(sky.direction).bright * at.share;
+    Vec3f shine{0, 0, 0};
+    if (!at.glosses.empty() && at.glosses[row].shines()) {
+      const Highlight seen = highlight(at.glosses[row], point.light_normal, sky.direction);
+      shine = radiance * seen.share * (around / (sky.density + (at.mirrors(row) ? seen.density : around)));
+    }
+    const Vec3f light = radiance * (around / (sky.density + (at.by_chance ? around : 0.0f)));
+    if (is_black(shine) && (!at.matt(row) || is_black(light))) continue;
+    const Ray ray = ray_from(point, above(point, sky.direction), kInfiniteDistance, appearance_.shadow_mask);
+    shadows.add(ray, row, light, shine);
   }
 }
 

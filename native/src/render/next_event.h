@@ -1,4 +1,4 @@
-// Aims at what shines: at the scene's lights and at what glows in it (next-event estimation).
+// Aims at what shines: the scene's lights, what glows in it, what is bright all around it (next-event estimation).
 // In: points, the number of the sample. Out: shadow rays with the light and the highlights that they may bring.
 // Of few lights each is asked; of many, two a sample are chosen by how much they may give (importance sampling).
 // Where rays look for the same light by chance, too, both count by multiple_importance.h.
@@ -12,6 +12,7 @@
 #include "render/glow.h"
 #include "render/points_to_light.h"
 #include "render/shadow_rays.h"
+#include "render/surroundings.h"
 
 namespace perfect_bvh {
 
@@ -24,10 +25,13 @@ class NextEvent {
   };
 
   // All of it outlives this.
-  NextEvent(const Snapshot& snapshot, const Appearance& appearance, std::uint32_t seed);
+  NextEvent(const Snapshot& snapshot, const Appearance& appearance, const Surroundings& surroundings,
+            std::uint32_t seed);
 
   [[nodiscard]] const Glow& glow() const noexcept { return glow_; }
-  [[nodiscard]] bool empty() const noexcept { return appearance_.lights.empty() && glow_.empty(); }
+  [[nodiscard]] bool empty() const noexcept {
+    return appearance_.lights.empty() && glow_.empty() && !surroundings_.can_be_aimed_at();
+  }
 
   // A sample at each point. lobes: a row a point, where rays look that a surface mirrors; black where none does. Light
   // that throws no shadow goes straight to the points.
@@ -41,6 +45,7 @@ class NextEvent {
                    ShadowRays& shadows) const;
   void aim_at_glow(const PointsToLight& at, std::uint32_t index, std::uint32_t first_dimension,
                    ShadowRays& shadows) const;
+  void aim_at_sky(const PointsToLight& at, std::uint32_t index, std::uint32_t dimension, ShadowRays& shadows) const;
   // tries: how many rays a point aims at this light in the mean.
   void aim_at(const PointsToLight& at, std::uint32_t row, const Light& light, Point2 random, float tries,
               ShadowRays& shadows) const;
@@ -49,6 +54,7 @@ class NextEvent {
   [[nodiscard]] bool asks_each() const noexcept;
 
   const Appearance& appearance_;
+  const Surroundings& surroundings_;
   std::uint32_t seed_;
   Glow glow_;
   bool any_large_ = false;  // whether a light may be met by chance

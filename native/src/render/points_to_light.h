@@ -19,7 +19,8 @@ struct PointsToLight {
   std::span<const std::uint32_t> places;
   std::span<const Gloss> glosses;
   std::span<Vec3f> light, shine;
-  float share = 1.0f;  // of a single ray
+  float share = 1.0f;     // of a single ray
+  bool by_chance = true;  // whether rays look for light all around, too
 
   // Whether it adds what it mirrors by rays that look where it mirrors.
   [[nodiscard]] bool mirrors(std::size_t row) const noexcept { return !glosses.empty() && glosses[row].mirrors(); }

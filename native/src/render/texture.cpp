@@ -35,16 +35,7 @@ int place(int number, int count, Extension extension) noexcept {
 
 Rgba pixel_at(const Texture& texture, int x, int y) noexcept {
   x = place(x, texture.width, texture.extension), y = place(y, texture.height, texture.extension);
-  if (x < 0 || y < 0) return {};
-  const std::size_t first =
-      4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(texture.width) + static_cast<std::size_t>(x));
-  if (texture.floats != nullptr) {
-    const float* const pixel = texture.floats + first;
-    return {pixel[0], pixel[1], pixel[2], pixel[3]};
-  }
-  const std::uint8_t* const pixel = texture.bytes + first;
-  const auto& linear = linear_values();
-  return {linear[pixel[0]], linear[pixel[1]], linear[pixel[2]], static_cast<float>(pixel[3]) / 255.0f};
+  return x < 0 || y < 0 ? Rgba{} : pixel_of(texture, x, y);
 }
 
 Rgba mixed(const Rgba& a, const Rgba& b, float share) noexcept {
@@ -59,6 +50,18 @@ float in_pixels(float coordinate, int count, Extension extension) noexcept {
 }
 
 }  // namespace
+
+Rgba pixel_of(const Texture& texture, int x, int y) noexcept {
+  const std::size_t first =
+      4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(texture.width) + static_cast<std::size_t>(x));
+  if (texture.floats != nullptr) {
+    const float* const pixel = texture.floats + first;
+    return {pixel[0], pixel[1], pixel[2], pixel[3]};
+  }
+  const std::uint8_t* const pixel = texture.bytes + first;
+  const auto& linear = linear_values();
+  return {linear[pixel[0]], linear[pixel[1]], linear[pixel[2]], static_cast<float>(pixel[3]) / 255.0f};
+}
 
 Rgba look_up(const Texture& texture, float u, float v) noexcept {
   if (texture.width == 0 || texture.height == 0) return {};
@@ -76,15 +79,19 @@ Rgba look_up_mapped(const Texture& texture, float u, float v) noexcept {
   return look_up(texture, dot(texture.across, place), dot(texture.up, place));
 }
 
-Vec3f look_up_around(const Texture& texture, Vec3f direction) noexcept {
+Point2 place_around(Vec3f direction) noexcept {
   constexpr float kPi = std::numbers::pi_v<float>;
-  const float u = -std::atan2(direction.y, direction.x) / (2.0f * kPi) + 0.5f;
-  const float v = std::atan2(direction.z, std::hypot(direction.x, direction.y)) / kPi + 0.5f;
+  return {-std::atan2(direction.y, direction.x) / (2.0f * kPi) + 0.5f,
+          std::atan2(direction.z, std::hypot(direction.x, direction.y)) / kPi + 0.5f};
+}
+
+Vec3f look_up_around(const Texture& texture, Vec3f direction) noexcept {
+  const Point2 at = place_around(direction);
   Texture around = texture;
   around.extension = Extension::kRepeat;
   // Over the poles the image does not repeat.
   const float border = 0.5f / static_cast<float>(std::max(texture.height, 1));
-  const Rgba color = look_up(around, u, std::clamp(v, border, 1.0f - border));
+  const Rgba color = look_up(around, at.x, std::clamp(at.y, border, 1.0f - border));
   return {color.r, color.g, color.b};
 }
 

@@ -6,6 +6,7 @@
 
 #include "math/vec3.h"
 #include "render/rgba.h"
+#include "render/sampler.h"
 
 namespace perfect_bvh {
 
@@ -28,7 +29,13 @@ struct Texture {
 // The same, of a surface's place in its uv map.
 [[nodiscard]] Rgba look_up_mapped(const Texture& texture, float u, float v) noexcept;
 
-// The colour that comes from a direction of unit length, of an equirectangular image as Blender lays it round a scene.
+// A pixel's own colour; x and y lie in the image.
+[[nodiscard]] Rgba pixel_of(const Texture& texture, int x, int y) noexcept;
+
+// Where an equirectangular image that Blender lays round a scene has a direction: (u, v), 0 to 1.
+[[nodiscard]] Point2 place_around(Vec3f direction) noexcept;
+
+// The colour that comes from there.
 [[nodiscard]] Vec3f look_up_around(const Texture& texture, Vec3f direction) noexcept;
 
 }  // namespace perfect_bvh
