@@ -1,8 +1,8 @@
 """Checks that run apart from one another: `nox` runs them, `nox -s lint` one of them, `nox -s soak` the long one.
 
 `tests` wants the system packages that the README names; `native_tests` and `sanitize` want g++ and libgtest-dev;
-`extension` wants Debian and its binutils; `windows` and `blenders` want root or sudo as well, the latter Python
-3.11. `arm64` wants Debian's g++-aarch64-linux-gnu, libgtest-dev and qemu-user-static.
+`extension` and `arm64_pythons` want Debian, the first its binutils; `windows` and `blenders` want root or sudo as well,
+the latter Python 3.11. `arm64` wants Debian's g++-aarch64-linux-gnu, libgtest-dev and qemu-user-static.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def sanitize(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def arm64(session: nox.Session) -> None:
-    """Build the C++ tests for 64-bit ARM and run them under an emulator."""
+    """Build the C++ tests for 64-bit ARM and run them under an emulator, which takes about half an hour."""
     session.install(*BUILD_TOOLS)
     with session.chdir("native"):
         toolchain = ("--toolchain", str(Path("cmake/debian-linux-arm64.cmake").resolve()))
@@ -123,7 +123,7 @@ def fuzz(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def extension(session: nox.Session) -> None:
-    """Build dist/perfect_bvh-<version>.zip, the extension for Blender 4.2 and later, with wheels for its Pythons."""
+    """Build dist/perfect_bvh-<version>.zip: for Blender 4.2 and later on Linux, with wheels for its Pythons."""
     session.install(*BUILD_TOOLS, *WHEEL_TOOLS, BLENDER)
     folder = stage_extension()
     session.run("python", "native/build_wheels.py", str(folder / "wheels"))
@@ -145,6 +145,12 @@ def blenders(session: nox.Session) -> None:
         session.run("python", "-m", "venv", "--clear", str(folder))
         session.run(str(folder / "bin" / "pip"), "install", "--quiet", release, external=True)
     session.run("tests/gui/blender_chroot.sh", "install", external=True)
+
+
+@nox.session(default=False)
+def arm64_pythons(session: nox.Session) -> None:
+    """Unpack Pythons for 64-bit ARM into .cache/arm64_pythons, for tests/extension to try the zip's wheels in."""
+    session.run("python", "native/arm64_pythons.py")
 
 
 @nox.session(default=False)

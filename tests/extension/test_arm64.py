@@ -1,0 +1,107 @@
+"""The zip's modules for 64-bit ARM, run by an emulator, answer every ray as this machine's engine does, bit for bit.
+
+Images are within a few roundings of this machine's: the sines in samples' directions are those of each C library.
+
+`nox -s arm64_pythons` puts Pythons of that kind into .cache/arm64_pythons; the system must have qemu-user-static.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oracles import meshes
+
+EMULATOR = "qemu-aarch64-static"
+SCRIPT = "tests/extension/trace_scene.py"
+PYTHONS = ("3.11", "3.13", "3.14")
+LIBRARIES_ROUNDING = 1e-6
+Answers = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file with meshes, places for them, and rays."""
+    random = np.random.default_rng(7)
+    positions, triangles = meshes.soup(300, 1)
+    floor_positions, floor_triangles = meshes.grid(12, 4.0)
+    scattered_origins, scattered_directions = meshes.random_rays(1000, 2)
+    across, up = np.meshgrid(np.linspace(-0.4, 0.4, 32), np.linspace(-0.4, 0.4, 32))
+    coherent_directions = np.stack([across, np.ones_like(up), up - 0.3], axis=-1).reshape(-1, 3)
+    file = tmp_path_factory.mktemp("rays") / "inputs.npz"
+    np.savez(
+        file,
+        positions=positions,
+        triangles=triangles,
+        moved_positions=positions + random.normal(0.0, 0.2, positions.shape),
+        floor_positions=floor_positions,
+        floor_triangles=floor_triangles,
+        transforms=random.normal(size=(4, 3, 4)),
+        scattered_origins=scattered_origins,
+        scattered_directions=scattered_directions,
+        coherent_origins=np.broadcast_to([0.0, -5.0, 1.5], coherent_directions.shape),
+        coherent_directions=coherent_directions,
+    )
+    return file
+
+
+def answers_of(command: list[str | Path], inputs: Path, folder: Path, environment: dict[str, str]) -> Answers:
+    output = folder / "answers.npz"
+    done = subprocess.run([*command, inputs, output], env=environment, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stdout + done.stderr
+    with np.load(output) as file:
+        return dict(file)
+
+
+@pytest.fixture(scope="module")
+def expected(repository: Path, inputs: Path, tmp_path_factory: pytest.TempPathFactory) -> Answers:
+    """What the engine answers that this Python has."""
+    folder = tmp_path_factory.mktemp("here")
+    return answers_of([sys.executable, repository / SCRIPT], inputs, folder, dict(os.environ))
+
+
+@pytest.mark.parametrize("python", PYTHONS)
+def test_it_answers_as_this_machine_does(
+    python: str, repository: Path, extension: Path, inputs: Path, expected: Answers, tmp_path: Path
+) -> None:
+    root = repository / ".cache" / "arm64_pythons" / python
+    if not (root / "packages").is_dir():
+        pytest.skip("no Python in .cache/arm64_pythons: `nox -s arm64_pythons` unpacks it")
+    if shutil.which(EMULATOR) is None:
+        pytest.skip(f"no {EMULATOR}: Debian's qemu-user-static has it")
+    with zipfile.ZipFile(extension) as file:
+        tag = "cp" + python.replace(".", "")
+        (name,) = (name for name in file.namelist() if f"-{tag}-" in name and name.endswith("_aarch64.whl"))
+        wheel = file.extract(name, tmp_path)
+    with zipfile.ZipFile(wheel) as file:
+        file.extractall(tmp_path / "engine")
+    packages = os.pathsep.join(str(path) for path in (tmp_path / "engine", root / "packages"))
+    command = [EMULATOR, "-L", root, root / "usr" / "bin" / f"python{python}", repository / SCRIPT]
+    # Compiling numpy's sources takes an emulator longer than all else here: what the first run makes of them is kept.
+    environment = os.environ | {"PYTHONPATH": packages, "PYTHONDONTWRITEBYTECODE": ""}
+    answers = answers_of(command, inputs, tmp_path, environment)
+    assert str(answers.pop("machine")) == "aarch64"
+    assert str(answers.pop("python")) == python
+    assert str(answers.pop("module")).startswith(str(tmp_path))
+    assert list(answers.pop("isas")) == ["scalar"]
+    assert "sse9" in str(answers.pop("refusal"))
+    check_same(answers, expected)
+
+
+def check_same(answers: Answers, expected: Answers) -> None:
+    assert np.isfinite(expected["auto: scattered t_hit"]).sum() > 250
+    assert np.isfinite(expected["auto: coherent t_hit"]).sum() > 500
+    assert np.ptp(expected["image: preview"][..., :3]) > 0.1
+    assert set(answers) == set(expected) - {"machine", "python", "module", "isas", "refusal"}
+    for name, value in answers.items():
+        assert value.dtype == expected[name].dtype
+        if name.startswith("image"):
+            np.testing.assert_allclose(value, expected[name], rtol=0.0, atol=LIBRARIES_ROUNDING, err_msg=name)
+        else:
+            assert value.tobytes() == expected[name].tobytes(), name
