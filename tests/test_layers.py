@@ -40,6 +40,7 @@ ADDON_LAYERS = (
 )
 ADDON_RANKS = {module: rank for rank, modules in enumerate(ADDON_LAYERS) for module in modules}
 
+NATIVE_SUFFIXES = (".h", ".inl", ".cpp")
 INCLUDE = re.compile(r'^\s*#\s*include\s*(?:"([^"]+)"|<([^>]+)>)', re.MULTILINE)
 
 
@@ -54,7 +55,7 @@ def includes_of(path: Path) -> Iterator[str]:
 def native_violations(src: Path) -> list[str]:
     """Includes under `src` that break the order of the layers, as sentences."""
     found = []
-    for path in sorted(path for path in src.rglob("*") if path.is_file()):
+    for path in sorted(path for path in src.rglob("*") if path.suffix in NATIVE_SUFFIXES):
         layer = path.relative_to(src).parts[0]
         if layer not in NATIVE_LAYERS:
             found.append(f"{path.relative_to(src)} belongs to no layer")
