@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .scanning import CameraGrid, PointCloud, SpinningLidar, scan
-    from .session import SceneSync
+    from .scene_sync import SceneSync
     from .sync.records import AttributeRequest
 
 __all__ = [
@@ -30,7 +30,7 @@ _EXPORTS = {
     "AttributeRequest": ".sync.records",
     "CameraGrid": ".scanning",
     "PointCloud": ".scanning",
-    "SceneSync": ".session",
+    "SceneSync": ".scene_sync",
     "SpinningLidar": ".scanning",
     "scan": ".scanning",
 }

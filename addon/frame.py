@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import bpy
     from perfect_bvh import Audit
 
-    from .session import SceneSync
+    from .scene_sync import SceneSync
     from .sync.report import SyncReport
 
 Source = Literal["Render", "Preview", "Viewport"]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import gpu
     from perfect_bvh import Snapshot, TreeBoxes
 
-    from .session import SceneSync
+    from .scene_sync import SceneSync
 
 # More can no longer be told apart, and every viewport that is drawn would wait for them.
 MOST_BOXES = 100_000

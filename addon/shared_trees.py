@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .session import SceneSync, UpdateCommit
+    from .scene_sync import SceneSync, UpdateCommit
     from .sync.report import SyncReport
 
 # Trees that take no longer are waited for: their image comes in the redraw in which the scene was edited. Others are

@@ -9,7 +9,7 @@ from .properties import RenderSettings
 from .refinement import Refinement
 
 if TYPE_CHECKING:
-    from .session import SceneSync
+    from .scene_sync import SceneSync
     from .sync.report import SyncReport
 
 # Which meshes the rays spend their work on is asked of one pixel in so many, each way: nobody waits for it.

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import gpu
     from perfect_bvh import Camera
 
-    from .session import SceneSync, UpdateCommit
+    from .scene_sync import SceneSync, UpdateCommit
 
 # What a redraw may take: little while the view moves, somewhat more while it stands still and is refined.
 MOVING_SECONDS = 0.03
@@ -85,7 +85,8 @@ class Viewport:
             confirm_view(depsgraph.scene)
 
     def _sync_for(self, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph) -> SceneSync:
-        from .session import SceneSync, session_of
+        from .scene_sync import SceneSync
+        from .session import session_of
 
         self._shown_filter = _filter_of(space)
         if not any(self._shown_filter):
@@ -190,7 +191,8 @@ def await_view(context: bpy.types.Context, settings: RenderSettings) -> AwaitedV
 
     Raises ValueError if there is neither, and what the engine raises.
     """
-    from .session import SceneSync, session_of
+    from .scene_sync import SceneSync
+    from .session import session_of
 
     depsgraph = context.evaluated_depsgraph_get()
     found = find_view(context)

@@ -28,6 +28,7 @@ ADDON_LAYERS = (
     ("background_work", "modes", "refinement", "box_lines", "failure_cases", "files", "memory"),
     ("sync",),
     ("extract",),
+    ("scene_sync",),
     ("session",),
     ("properties", "preferences"),
     ("frame", "display", "scanning", "failure_scenes", "bench", "region_camera", "screen_image", "shared_trees"),

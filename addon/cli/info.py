@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import bpy
     from perfect_bvh import MeshReport, SceneStatistics
 
-    from ..session import SceneSync
+    from ..scene_sync import SceneSync
     from ..sync.report import SyncReport
 
 HEADER = (

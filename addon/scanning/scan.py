@@ -20,7 +20,7 @@ from perfect_bvh.queries import Precision
 from ..extract.camera import without_scale
 from ..extract.changes import listen, stop_listening
 from ..memory import check_fits
-from ..session import SceneSync, UpdateCommit
+from ..scene_sync import SceneSync, UpdateCommit
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
 from .collector import Collector
 from .patterns import Float64Array, Pattern, View

@@ -22,7 +22,8 @@ from blender.long_builds import (  # noqa: E402
     building_threads,
 )
 from perfect_bvh_addon.operators import preview  # noqa: E402
-from perfect_bvh_addon.session import SceneSync, session_of  # noqa: E402
+from perfect_bvh_addon.scene_sync import SceneSync  # noqa: E402
+from perfect_bvh_addon.session import session_of  # noqa: E402
 
 NAME = "Perfect BVH Preview"
 

@@ -167,7 +167,7 @@ def test_a_reading_that_fails_stops_what_is_built(box, sync: SceneSync, gate: Ga
     def fail(*_: object, **__: object) -> None:
         raise MemoryError("too large")
 
-    monkeypatch.setattr("perfect_bvh_addon.session.read_scene", fail)
+    monkeypatch.setattr("perfect_bvh_addon.scene_sync.read_scene", fail)
     with pytest.raises(MemoryError, match="too large"):
         sync.begin_update(depsgraph())
     assert not building.is_running

@@ -20,7 +20,7 @@ from blender.builders import (
     mesh_object,
 )
 from blender.syncing import assert_stale, height, installed
-from perfect_bvh_addon import SceneSync, handlers, session
+from perfect_bvh_addon import SceneSync, handlers, scene_sync
 from perfect_bvh_addon.extract import changes
 from perfect_bvh_addon.session import clear_sessions, session_of, sessions_of
 
@@ -115,7 +115,7 @@ def test_handlers_only_mark_stale(scene: Any, monkeypatch: pytest.MonkeyPatch) -
         for one in (sync, own):
             one.update(evaluated())
         work: list[str] = []
-        monkeypatch.setattr(session, "read_scene", lambda *_, **__: work.append("read"))
+        monkeypatch.setattr(scene_sync, "read_scene", lambda *_, **__: work.append("read"))
         for method in ("update_mesh", "set_transforms", "add_mesh", "add_instances", "commit"):
             monkeypatch.setattr(perfect_bvh.Scene, method, lambda *_, _name=method, **__: work.append(_name))
         obj.data.vertices[0].co.z = 1.0

@@ -179,13 +179,13 @@ def test_render_visibility_can_be_asked_for(scene: Any) -> None:
 
 
 def test_verification_finds_what_was_read_wrongly(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    from perfect_bvh_addon import session
+    from perfect_bvh_addon import scene_sync
 
     mesh_object("a")
     sync = SceneSync()
     assert sync.update(evaluated(), verify=True).mismatches == ()
 
-    right = session.read_scene
+    right = scene_sync.read_scene
 
     def wrong(*arguments: Any, **options: Any) -> Any:
         made = right(*arguments, **options)
@@ -193,5 +193,5 @@ def test_verification_finds_what_was_read_wrongly(scene: Any, monkeypatch: pytes
             made.meshes[0].positions[0] += 1.0
         return made
 
-    monkeypatch.setattr(session, "read_scene", wrong)
+    monkeypatch.setattr(scene_sync, "read_scene", wrong)
     assert sync.update(evaluated(), verify=True).mismatches == ("mesh a: positions differ",)

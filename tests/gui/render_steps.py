@@ -46,6 +46,7 @@ def stop_a_preview_while_it_builds() -> Step:
         check(not is_building(), "the build goes on after Escape")
         check(name not in bpy.data.images, "a preview that was stopped while it built has made an image")
         yield from wait_for_report("The preview was stopped before there was an image")
+        settings().samples = 2
         yield from find_and_press_preview()
         yield from wait_until(lambda: name in bpy.data.images, "no image of the preview after its build", 60)
         yield from wait_until(lambda: not is_working(), "the preview does not end", 60)
