@@ -9,7 +9,7 @@ import bpy
 from ..properties import ENGINE_NAME
 
 # Labels do not wrap, and a panel is as wide as its region. Pixels at the usual resolution scale, and no line shorter.
-MARGIN, CHARACTER_WIDTH = 60, 6.2
+MARGIN, CHARACTER_WIDTH = 60, 5.7
 SHORTEST_LINE = 20
 
 

@@ -77,7 +77,7 @@ def _draw_row(context: bpy.types.Context, layout: bpy.types.UILayout, row: PlanR
     button.source, button.session_uid = row.source, row.session_uid
     size = f", {format_bytes(row.byte_count)}" if row.byte_count else ""
     if row.triangle_count:
-        draw_lines(context, column, f"{row.triangle_count:,} triangles{size}")
+        draw_lines(context, column, f"{row.triangle_count:,} triangle{'s' * (row.triangle_count > 1)}{size}")
     if row.ray_share > 0.0:
         draw_lines(context, column, f"{row.ray_share:.1%} of the camera rays' work")
     draw_lines(context, column, f"{row.usage.capitalize()}: {row.usage_reason}")
