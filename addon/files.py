@@ -21,6 +21,16 @@ def check_writable(path: Path) -> None:
             pass
 
 
+def prepare_folder(folder: Path) -> None:
+    """Makes a folder and tries it with a file: to know before the work. Raises OSError with the reason."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise OSError(error.errno, f"cannot write into {folder}: {error.strerror or error}") from error
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """The name of an empty file beside `path` to write into; it takes the place of `path` if that succeeds.

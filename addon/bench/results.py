@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ..files import replacing
 from .layout import lay_out
 from .picture import Disc, Line, Picture, Point, Shape
 from .scene_charts import make_charts
@@ -25,21 +26,27 @@ class Results:
 
 
 def write(figures: dict[str, Any], folder: Path) -> Results:
-    """The JSON first: where no picture can be drawn, DrawingError says so and the figures are kept. Errors: OSError."""
+    """The JSON first: where no picture can be drawn, DrawingError says so and the figures are kept. Errors: OSError.
+
+    Each file is whole, or as it was before.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     charts = make_charts(figures)
     advice = {name: chart.title for name, chart in charts.items()}
     path = folder / JSON_NAME
-    path.write_text(json.dumps({**figures, "advice": advice}, indent=1) + "\n", encoding="utf-8")
+    with replacing(path) as file:
+        file.write_text(json.dumps({**figures, "advice": advice}, indent=1) + "\n", encoding="utf-8")
     pictures = {name: lay_out(chart) for name, chart in charts.items()}
     paths = []
     for name, picture in pictures.items():
         paths.append(folder / f"{name}.png")
-        picture.save(paths[-1])
+        with replacing(paths[-1]) as file:
+            picture.save(file)
     overview = None
     if pictures:
         overview = folder / OVERVIEW_NAME
-        one_above_another(list(pictures.values())).save(overview)
+        with replacing(overview) as file:
+            one_above_another(list(pictures.values())).save(file)
     return Results(path, advice, tuple(paths), overview)
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..files import prepare_folder
 from ..modes import find_mode
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
@@ -119,10 +119,8 @@ class Output:
         """Make the folder, and try it with a file, before the work rather than after. Errors: CommandError."""
         folder = self.pattern.parent
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder):
-                pass
+            prepare_folder(folder)
         except OSError as error:
-            raise CommandError(f"cannot write into {folder} ({error.strerror})") from error
+            raise CommandError(str(error.strerror)) from error
         if self.pattern.is_dir():
             raise CommandError(f"cannot write {self.pattern}: it is a folder")

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
+from ..files import prepare_folder
 from . import EXIT_INTERRUPTED
 from .arguments import CommandError, check_blend_file
 from .blender import StopRequest, open_scene, stop_on_interrupt
@@ -22,6 +23,10 @@ def run_bench(arguments: argparse.Namespace) -> int:
     folder = Path(arguments.output).expanduser().absolute()
     if folder.exists() and not folder.is_dir():
         raise CommandError(f"-o {arguments.output}: expected a folder, it is a file")
+    try:
+        prepare_folder(folder)
+    except OSError as error:
+        raise CommandError(str(error.strerror)) from error
     with quiet_blender() as out, stop_on_interrupt() as stop:
         scene = open_scene(path, arguments)
         return _measure(scene, folder, arguments, stop, out)
@@ -56,7 +61,7 @@ def _measure(
     except DrawingError as error:
         raise CommandError(f"{folder / JSON_NAME} is written, but {error}") from error
     except OSError as error:
-        raise CommandError(f"cannot write into {folder} ({error.strerror})") from error
+        raise CommandError(f"cannot write into {folder}: {error.strerror}") from error
     for name, sentence in results.advice.items():
         out.write(f"{name}.png: {sentence}\n")
     out.write(f"{results.json}\n")

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import bpy
 
+from ..files import prepare_folder
 from ..preferences import native_error
 from .preview import show_in_editor
 
@@ -44,6 +45,7 @@ class PERFECT_BVH_OT_bench(bpy.types.Operator):
     _bench: Any
     _steps: Generator[tuple[float, str], None, None]
     _frame: int
+    _where: Path
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -53,7 +55,8 @@ class PERFECT_BVH_OT_bench(bpy.types.Operator):
         return error is None
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        self._begin(context)
+        if not self._begin(context):
+            return {"CANCELLED"}
         manager = context.window_manager
         self._timer = manager.event_timer_add(TIMER_SECONDS, window=context.window)
         manager.progress_begin(0, 100)
@@ -77,20 +80,30 @@ class PERFECT_BVH_OT_bench(bpy.types.Operator):
         self._end(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        self._begin(context)
+        if not self._begin(context):
+            return {"CANCELLED"}
         while self._step() is not None:
             pass
         return self._finish(context)
 
     # The parts -------------------------------------------------------------------------------------------------------
 
-    def _begin(self, context: bpy.types.Context) -> None:
+    def _begin(self, context: bpy.types.Context) -> bool:
+        """False if nothing could be written, with the reason reported."""
         from ..bench.from_blender import subject_of
         from ..bench.measurements import SceneBench
 
+        self._where = self._find_folder()
+        try:
+            prepare_folder(self._where)
+        except OSError as problem:
+            reason = str(problem.strerror)
+            self.report({"ERROR"}, reason[0].upper() + reason[1:])
+            return False
         self._frame = context.scene.frame_current
         self._bench = SceneBench(subject_of(context.scene), self.seconds)
         self._steps = self._bench.steps()
+        return True
 
     def _step(self) -> tuple[float, str] | None:
         """None at the end, and where it failed, with the reason reported."""
@@ -117,7 +130,7 @@ class PERFECT_BVH_OT_bench(bpy.types.Operator):
         from ..bench.results import JSON_NAME, write
 
         self._end(context)
-        folder = self._where()
+        folder = self._where
         try:
             results = write(self._bench.figures, folder)
         except DrawingError as problem:
@@ -139,7 +152,7 @@ class PERFECT_BVH_OT_bench(bpy.types.Operator):
             self.report({"INFO"}, sentence)
         return {"FINISHED"}
 
-    def _where(self) -> Path:
+    def _find_folder(self) -> Path:
         if self.folder.strip():
             return Path(bpy.path.abspath(self.folder))
         return Path(tempfile.mkdtemp(prefix="bench_", dir=bpy.app.tempdir))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import resource
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -144,6 +145,29 @@ def test_the_button_makes_an_image_and_sets_the_frame_back(moving_ball: bpy.type
     assert moving_ball.frame_current == 2
     assert bpy.data.images["Perfect BVH Bench"].size[0] == 1600
     assert (tmp_path / "bench.json").is_file()
+
+
+def test_a_folder_that_takes_no_files_is_named_before_anything_is_measured(
+    moving_ball: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    register()
+    monkeypatch.setattr(SceneBench, "steps", lambda _: pytest.fail("it has begun"))
+    with pytest.raises(RuntimeError, match="Cannot write into /proc/nowhere: No such file or directory"):
+        bpy.ops.perfect_bvh.bench(folder="/proc/nowhere")
+
+
+def test_a_full_disk_leaves_the_older_figures(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
+    bench = SceneBench(subject_of(moving_ball), 60.0)
+    older = write(bench.figures, tmp_path).json.read_bytes()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (16, hard))
+    try:
+        with pytest.raises(OSError, match=r"cannot write .*bench\.json: File too large"):
+            write(bench.figures, tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert [path.name for path in tmp_path.iterdir()] == ["bench.json"]
+    assert (tmp_path / "bench.json").read_bytes() == older
 
 
 def test_blender_draws_pictures_without_matplotlib(
