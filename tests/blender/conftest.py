@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -16,6 +17,16 @@ def factory_settings() -> None:
 
     perfect_bvh_addon.unregister()
     bpy.ops.wm.read_factory_settings(use_empty=True)
+
+
+@pytest.fixture
+def registered() -> Iterator[None]:
+    """The add-on is registered meanwhile."""
+    import perfect_bvh_addon
+
+    perfect_bvh_addon.register()
+    yield
+    perfect_bvh_addon.unregister()
 
 
 @pytest.fixture

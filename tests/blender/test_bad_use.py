@@ -12,18 +12,14 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-import perfect_bvh_addon  # noqa: E402
 from perfect_bvh_addon import memory  # noqa: E402
 from perfect_bvh_addon.cli import main  # noqa: E402
 from perfect_bvh_addon.files import check_writable, replacing  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
-def registered() -> Iterator[None]:
-    perfect_bvh_addon.register()
+def empty_file(registered: None) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    yield
-    perfect_bvh_addon.unregister()
 
 
 @pytest.fixture
@@ -212,6 +208,7 @@ def test_linked_data_is_rendered_and_scanned_and_not_touched(scene, tmp_path: Pa
     bpy.ops.object.camera_add(location=(0.0, 0.0, 8.0))
     scene.camera = bpy.context.object
     scene.render.engine = "PERFECT_BVH"
+    scene.render.resolution_x, scene.render.resolution_y = 64, 36
     bpy.context.view_layer.active_layer_collection = bpy.context.view_layer.layer_collection.children["Library"]
     assert bpy.context.collection.library is not None
     assert bpy.ops.render.render() == {"FINISHED"}

@@ -11,7 +11,6 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-import perfect_bvh_addon  # noqa: E402
 from oracles.cycles import Passes, preserved, render_passes  # noqa: E402
 from oracles.png import read_png  # noqa: E402
 from perfect_bvh_addon import engine, latest  # noqa: E402
@@ -22,9 +21,8 @@ BACKGROUND_DEPTH = 1e10
 
 
 @pytest.fixture
-def scene() -> Iterator[bpy.types.Scene]:
+def scene(registered: None) -> bpy.types.Scene:
     """A floor of 8 units and a cube of 2 on it, seen obliquely; pass indices 3 and 7, a red material on the cube."""
-    perfect_bvh_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_plane_add(size=8.0)
@@ -42,8 +40,7 @@ def scene() -> Iterator[bpy.types.Scene]:
     scene.render.engine = "PERFECT_BVH"
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 96, 54, 100
     scene.perfect_bvh.samples, scene.perfect_bvh.mode = 1, "CLAY"
-    yield scene
-    perfect_bvh_addon.unregister()
+    return scene
 
 
 def render(job: RenderJob | None = None, **arguments: object) -> RenderJob:

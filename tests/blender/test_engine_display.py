@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ from oracles.exr import read_exr
 
 bpy = pytest.importorskip("bpy")
 
-import perfect_bvh_addon  # noqa: E402
 from oracles.png import read_png  # noqa: E402
 from perfect_bvh_addon.display import fixed_output, save_image  # noqa: E402
 from perfect_bvh_addon.modes import find_mode  # noqa: E402
@@ -21,11 +19,9 @@ PICTURE, PALETTE, VALUES = find_mode("clay"), find_mode("instance"), find_mode("
 
 
 @pytest.fixture
-def scene() -> Iterator[bpy.types.Scene]:
-    perfect_bvh_addon.register()
+def scene(registered: None) -> bpy.types.Scene:
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    yield bpy.context.scene
-    perfect_bvh_addon.unregister()
+    return bpy.context.scene
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -48,13 +48,6 @@ def assert_alike(hits: Any, rays: Any, state: State) -> None:
     expected.commit()
     wanted = expected.cast_rays(*rays).t_hit
     assert np.isclose(hits.t_hit, wanted, rtol=1e-3).mean() > 0.97
-
-
-@pytest.fixture
-def registered() -> Iterator[None]:
-    perfect_bvh_addon.register()
-    yield
-    perfect_bvh_addon.unregister()
 
 
 @every_case

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,7 +10,6 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-import perfect_bvh_addon  # noqa: E402
 from blender.test_panels import drawn  # noqa: E402
 from perfect_bvh_addon import latest, summary  # noqa: E402
 from perfect_bvh_addon.panels import reports  # noqa: E402
@@ -20,9 +18,8 @@ OUTDATED = "The scene has changed since"
 
 
 @pytest.fixture(autouse=True)
-def rendered() -> Iterator[None]:
+def rendered(registered: None) -> None:
     """A cube in a scene that was rendered."""
-    perfect_bvh_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_cube_add()
@@ -32,8 +29,6 @@ def rendered() -> Iterator[None]:
     scene.render.resolution_x, scene.render.resolution_y = 32, 18
     scene.perfect_bvh.samples = 2
     bpy.ops.render.render()
-    yield
-    perfect_bvh_addon.unregister()
 
 
 def first_rows() -> list[tuple[str, str]]:

@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
-import perfect_bvh_addon  # noqa: E402
 from blender.long_builds import Gate, building_threads  # noqa: E402
 from perfect_bvh_addon import overlay, shared_trees  # noqa: E402
 from perfect_bvh_addon.box_lines import RAMP, box_lines, shares  # noqa: E402
 from perfect_bvh_addon.extract.changes import listen, stop_listening  # noqa: E402
 from perfect_bvh_addon.session import session_of  # noqa: E402
 
-
-@pytest.fixture(autouse=True)
-def registered(scene: bpy.types.Scene) -> Iterator[None]:
-    perfect_bvh_addon.register()
-    yield
-    perfect_bvh_addon.unregister()
+pytestmark = pytest.mark.usefixtures("scene", "registered")
 
 
 @pytest.fixture

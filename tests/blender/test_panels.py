@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,7 +9,6 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-import perfect_bvh_addon  # noqa: E402
 from perfect_bvh_addon import latest, overlay, panels, preferences, summary  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.panels import common, render, reports  # noqa: E402
@@ -46,8 +44,7 @@ class RecordingLayout:
 
 
 @pytest.fixture(autouse=True)
-def rendered() -> Iterator[None]:
-    perfect_bvh_addon.register()
+def rendered(registered: None) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_cube_add()
@@ -58,8 +55,6 @@ def rendered() -> Iterator[None]:
     scene.render.engine = "PERFECT_BVH"
     scene.render.resolution_x, scene.render.resolution_y = 32, 18
     bpy.ops.render.render()
-    yield
-    perfect_bvh_addon.unregister()
 
 
 def drawn(panel: type) -> list[str]:

@@ -11,7 +11,7 @@ Where two triangles of one mesh coincide, as in the walls of the sea, both answe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -34,7 +34,7 @@ from oracles.cycles import (  # noqa: E402
     render_passes,
 )
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
-from perfect_bvh_addon.session import clear_sessions, sessions_of  # noqa: E402
+from perfect_bvh_addon.session import sessions_of  # noqa: E402
 
 SCENES = sorted(path.stem for path in (Path(__file__).resolve().parents[2] / "blend_scenes").glob("*.blend"))
 ZOO = sorted(path.stem for path in (Path(__file__).resolve().parents[2] / "blend_scenes" / "zoo").glob("*.blend"))
@@ -46,18 +46,15 @@ PROBES = 41
 
 
 @pytest.fixture
-def scene() -> Iterator[bpy.types.Scene]:
+def scene(registered: None) -> bpy.types.Scene:
     """An empty scene with a camera 12 units away that looks at the origin from the front, somewhat above."""
-    perfect_bvh_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     camera.location, camera.rotation_euler = (2.0, -11.0, 5.0), (1.17, 0.0, 0.18)
     scene.collection.objects.link(camera)
     scene.camera = camera
-    yield scene
-    clear_sessions()
-    perfect_bvh_addon.unregister()
+    return scene
 
 
 # Comparison --------------------------------------------------------------------------------------------------------

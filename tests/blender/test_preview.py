@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
-import perfect_bvh_addon  # noqa: E402
 from perfect_bvh_addon.session import sessions_of  # noqa: E402
 
 NAME = "Perfect BVH Preview"
 
 
-@pytest.fixture(autouse=True)
-def registered() -> Iterator[None]:
-    perfect_bvh_addon.register()
-    yield
-    perfect_bvh_addon.unregister()
+pytestmark = pytest.mark.usefixtures("registered")
 
 
 @pytest.fixture

@@ -6,19 +6,15 @@ patches: Cycles' light bounces more often, and every patch that differs by more 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import numpy.typing as npt
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
-import perfect_bvh_addon  # noqa: E402
 from bpy_extras.object_utils import world_to_camera_view  # noqa: E402
 from mathutils import Vector  # noqa: E402
 from oracles.cycles import preserved, render_passes  # noqa: E402
-from perfect_bvh_addon.session import clear_sessions  # noqa: E402
 
 SIZE = (96, 64)
 PATCH = 8
@@ -26,9 +22,8 @@ SAMPLES = 64
 
 
 @pytest.fixture
-def scene() -> Iterator[bpy.types.Scene]:
+def scene(registered: None) -> bpy.types.Scene:
     """Two cubes on a floor, one behind the other, under a low sun and a grey sky; the camera looks down on them."""
-    perfect_bvh_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_plane_add(size=60.0)
@@ -46,9 +41,7 @@ def scene() -> Iterator[bpy.types.Scene]:
     scene.world.use_nodes = False
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.perfect_bvh.samples = SAMPLES
-    yield scene
-    clear_sessions()
-    perfect_bvh_addon.unregister()
+    return scene
 
 
 def paint(obj: bpy.types.Object, color: tuple[float, float, float]) -> None:

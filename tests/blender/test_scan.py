@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import resource
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,6 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
-import perfect_bvh_addon  # noqa: E402
 from perfect_bvh_addon import CameraGrid, SpinningLidar, scan  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.operators.scan import parse_elevations  # noqa: E402
@@ -22,11 +20,7 @@ from perfect_bvh_addon.scanning import Scanner  # noqa: E402
 LIDAR = SpinningLidar(elevations=(-30.0, -10.0, 0.0, 20.0), columns=36, rate=10.0)
 
 
-@pytest.fixture(autouse=True)
-def registered() -> Iterator[None]:
-    perfect_bvh_addon.register()
-    yield
-    perfect_bvh_addon.unregister()
+pytestmark = pytest.mark.usefixtures("registered")
 
 
 @pytest.fixture
