@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -60,9 +61,11 @@ def read_world(scene: Any, images: ImageReader) -> WorldRecord:
         shown, rotation = read_sky(node)
         images.records.append(ImageRecord(node.name, 0, shown.pixels, "repeat"))
         return WorldRecord((strength,) * 3, len(images.records) - 1, rotation)
-    # Light matters more than what the camera alone sees behind everything.
-    reader = ValueReader(images, constant(*plain.color), is_camera=False)
-    return _record(_follow_world(output.inputs["Surface"], None, reader, 0), images)
+    lit, seen = (ValueReader(images, constant(*plain.color), is_camera) for is_camera in (False, True))
+    record = _record(_follow_world(output.inputs["Surface"], None, lit, 0), images)
+    if not lit.was_asked_for_rays:
+        return record
+    return replace(record, backdrop=_record(_follow_world(output.inputs["Surface"], None, seen, 0), images))
 
 
 def _find_sky(world: Any, images: ImageReader) -> tuple[Any, float] | None:

@@ -85,6 +85,7 @@ class ValueReader:
         self._images = images
         self.fallback = guess(fallback.color)
         self._is_camera = float(is_camera)
+        self.was_asked_for_rays = False
         self._known: dict[tuple[int, ...], Value] = {}
         self._depth = 0
 
@@ -245,6 +246,7 @@ class ValueReader:
         return constant(*blackbody(self.number(node.inputs[0], 6500.0, scope)))
 
     def _light_path(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        self.was_asked_for_rays = True
         is_short = output.identifier in {"Ray Length", "Ray Depth"} or "Depth" in output.identifier
         return constant(0.0 if is_short or output.identifier != "Is Camera Ray" else self._is_camera)
 

@@ -42,6 +42,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
         images=tuple([ImageTexture(image.pixels, image.extension, image.uv_transform) for image in record.images]),
         lights=_light_table(record),
         world=_world(record),
+        backdrop=_backdrop(record),
     )
 
 
@@ -76,6 +77,11 @@ def _world(record: SceneRecord) -> World | None:
         return None
     shines = any(world.color) or record.lights.powers.any() or any(any(item.emission) for item in record.materials)
     return World(world.color, world.image, world.rotation) if shines else None
+
+
+def _backdrop(record: SceneRecord) -> World | None:
+    seen = record.world and record.world.backdrop
+    return World(seen.color, seen.image, seen.rotation) if seen else None
 
 
 def _light_table(record: SceneRecord) -> LightTable:

@@ -160,11 +160,12 @@ class LightRecords:
 
 @dataclass(frozen=True, slots=True)
 class WorldRecord:
-    """The fields of `perfect_bvh.World`."""
+    """The fields of `perfect_bvh.World`. backdrop: what the camera sees instead, None for the same."""
 
     color: tuple[float, float, float] = (0.0, 0.0, 0.0)
     image: int = -1
     rotation: float = 0.0
+    backdrop: WorldRecord | None = None
 
 
 @dataclass(frozen=True, slots=True)

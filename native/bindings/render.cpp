@@ -129,12 +129,17 @@ void read_lights(const py::dict& values, std::vector<Light>& lights) {
   }
 }
 
+std::optional<World> read_world(const py::handle& value) {
+  if (value.is_none()) return std::nullopt;
+  const auto world = value.cast<py::dict>();
+  return World{as_color(world["color"]), get<std::int32_t>(world, "image"), get<float>(world, "rotation")};
+}
+
 void read_scene_light(const py::dict& values, Appearance& appearance) {
   for (const py::handle image : values["images"]) appearance.images.push_back(read_image(image));
   read_lights(values["lights"].cast<py::dict>(), appearance.lights);
-  if (values["world"].is_none()) return;
-  const auto world = values["world"].cast<py::dict>();
-  appearance.world = World{as_color(world["color"]), get<std::int32_t>(world, "image"), get<float>(world, "rotation")};
+  appearance.world = read_world(values["world"]);
+  appearance.backdrop = read_world(values["backdrop"]);
 }
 
 void read_appearance(const py::dict& values, Appearance& appearance) {

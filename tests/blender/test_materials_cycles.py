@@ -191,3 +191,23 @@ def test_a_sky_lights_as_in_cycles(scene, model: str, strength: float, settings:
     for part in (ground, heaven):
         assert ours[part].mean(axis=(0, 1)) == pytest.approx(theirs[part].mean(axis=(0, 1)), rel=0.3)
     assert np.abs(ours - theirs)[ground].mean() < 0.05
+
+
+def test_a_backdrop_for_the_camera_alone_looks_as_in_cycles(scene) -> None:
+    """As studio pictures are made: one background gives the light, another is seen."""
+    scene.camera.rotation_euler.x = 1.45
+    if scene.world.node_tree is None:
+        scene.world.use_nodes = True
+    tree = scene.world.node_tree
+    scene.world.use_nodes = True
+    first, second = tree.nodes["Background"], tree.nodes.new("ShaderNodeBackground")
+    first.inputs["Color"].default_value, second.inputs["Color"].default_value = (
+        (0.2, 0.3, 0.5, 1.0),
+        (0.9, 0.3, 0.1, 1.0),
+    )
+    mix = tree.nodes.new("ShaderNodeMixShader")
+    camera_rays = tree.nodes.new("ShaderNodeLightPath").outputs["Is Camera Ray"]
+    for place, output in enumerate((camera_rays, first.outputs[0], second.outputs[0])):
+        tree.links.new(output, mix.inputs[place])
+    tree.links.new(mix.outputs[0], tree.get_output_node("ALL").inputs["Surface"])
+    assert check(scene)[0, 0] == pytest.approx((0.9, 0.3, 0.1), rel=0.01)

@@ -522,6 +522,17 @@ def test_a_sun_in_the_worlds_image_lights_what_light_bounces_off():
     assert by_image == pytest.approx(by_light, rel=0.05)
 
 
+def test_a_backdrop_is_seen_and_lights_nothing():
+    look = Appearance(world=World((0.5, 0.5, 0.5)), backdrop=World((0.0, 1.0, 0.0)))
+    scene = Scene()
+    scene.add_instance(scene.add_mesh(FLOOR * 0.004, QUAD))
+    scene.commit()
+    camera = Camera.look_at((0, 0, 5), (0, 0, 0), up=(0, 1, 0), angle=math.radians(10), aspect=1.0)
+    image = render(scene, camera, "preview", SIZE, 16, look)
+    assert image[16, 16, :3] == pytest.approx((0.4, 0.4, 0.4), rel=0.01)
+    assert image[1, 1, :3] == pytest.approx((0.0, 1.0, 0.0))
+
+
 def test_without_lights_and_world_the_studio_shines():
     assert 0.1 < brightness(floor(), Appearance()) < 1.0
 
@@ -557,6 +568,7 @@ def test_pixels_do_not_depend_on_threads():
             "materials.emission_images refers to",
         ),
         (Appearance(world=World(image=0)), "world.image is 0 but there are 0 images"),
+        (Appearance(backdrop=World(image=2)), "backdrop.image is 2 but there are 0 images"),
         (Appearance(world=World((math.nan, 0, 0))), "world.color must be three numbers"),
         (
             Appearance(materials=materials(color_images=np.array([3], np.int32))),

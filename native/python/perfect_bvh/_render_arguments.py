@@ -103,7 +103,8 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
         "tinted": optional("tinted", np.bool_),
         "images": [_image_arguments(function, row, image) for row, image in enumerate(appearance.images)],
         "lights": _light_arguments(function, appearance.lights),
-        "world": _world_arguments(function, appearance.world),
+        "world": _world_arguments(function, "world", appearance.world),
+        "backdrop": _world_arguments(function, "backdrop", appearance.backdrop),
         "material_colors": column("materials.colors", materials.colors, np.float32, 4),
         "material_indices": column("materials.indices", materials.indices, np.int32),
         "instance_ids": column("instances.ids", table.ids, np.int32),
@@ -173,13 +174,13 @@ def _light_arguments(function: str, lights: LightTable) -> dict[str, npt.NDArray
     return arrays
 
 
-def _world_arguments(function: str, world: World | None) -> dict[str, Any] | None:
+def _world_arguments(function: str, name: str, world: World | None) -> dict[str, Any] | None:
     if world is None:
         return None
     return {
-        "color": check_color(function, "appearance.world.color", world.color),
-        "image": check_count(function, "appearance.world.image", world.image, -1),
-        "rotation": check_number(function, "appearance.world.rotation", world.rotation, -1e6, 1e6),
+        "color": check_color(function, f"appearance.{name}.color", world.color),
+        "image": check_count(function, f"appearance.{name}.image", world.image, -1),
+        "rotation": check_number(function, f"appearance.{name}.rotation", world.rotation, -1e6, 1e6),
     }
 
 

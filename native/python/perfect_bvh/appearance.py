@@ -153,6 +153,7 @@ class Appearance:
     the light from all around a surface, and mirrored rays.
     film_transparent: the background has alpha 0 instead of showing the sky.
     images, lights, world: for the mode "preview". Without a world the studio's soft sky stands for it.
+    backdrop: what the camera sees instead of the world, and nothing is lit by. None: the world.
     """
 
     meshes: Mapping[int, MeshAppearance] = field(default_factory=dict)
@@ -166,3 +167,4 @@ class Appearance:
     images: tuple[ImageTexture, ...] = ()
     lights: LightTable = field(default_factory=LightTable)
     world: World | None = None
+    backdrop: World | None = None

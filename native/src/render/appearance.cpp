@@ -100,10 +100,13 @@ void Appearance::check_materials() const {
   check_images("color_images", color_images);
   check_images("alpha_images", alpha_images);
   check_images("emission_images", emission_images);
-  if (!world) return;
-  require(
-      world->image >= kNoImage && world->image < static_cast<std::int32_t>(images.size()),
-      "world.image is " + std::to_string(world->image) + " but there are " + std::to_string(images.size()) + " images");
+  const auto check_world = [&](const char* name, const std::optional<World>& shown) {
+    require(!shown || (shown->image >= kNoImage && shown->image < static_cast<std::int32_t>(images.size())),
+            std::string(name) + ".image is " + std::to_string(shown ? shown->image : 0) + " but there are " +
+                std::to_string(images.size()) + " images");
+  };
+  check_world("world", world);
+  check_world("backdrop", backdrop);
 }
 
 void Appearance::check_fits(const Instance& instance, const MeshAttributes& attributes) const {

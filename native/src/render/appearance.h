@@ -59,7 +59,8 @@ struct Appearance {
 
   std::vector<Texture> images;
   std::vector<Light> lights;
-  std::optional<World> world;  // none: the studio's sky and ground
+  std::optional<World> world;     // none: the studio's sky and ground
+  std::optional<World> backdrop;  // what the camera sees instead of the world, and nothing is lit by
 
   std::uint32_t camera_mask = 0xFFFFFFFFu;
   std::uint32_t shadow_mask = 0xFFFFFFFFu;

@@ -27,7 +27,7 @@ class PreviewMode final : public ShadingMode {
   [[nodiscard]] bool keeps_light_apart() const noexcept override { return true; }
   [[nodiscard]] Vec3f backdrop(const Ray& ray, float x, float y) const override {
     if (!appearance_.world) return Studio::backdrop(x, y);
-    return illumination_.surroundings().radiance(to_float(normalized(ray.direction)));
+    return illumination_.surroundings().backdrop(to_float(normalized(ray.direction)));
   }
 
   void shade(const ShadeTask& task) const override {
@@ -146,7 +146,7 @@ class PreviewMode final : public ShadingMode {
     if (appearance_.film_transparent) return;
     for (std::size_t row = 0; row < layer.rays.size(); ++row) {
       if (layer.hits[row].found()) continue;
-      const Vec3f color = illumination_.surroundings().radiance(to_float(normalized(layer.rays[row].direction)));
+      const Vec3f color = illumination_.surroundings().backdrop(to_float(normalized(layer.rays[row].direction)));
       add(task.colors[layer.owners[row]], color * layer.weights[row], layer.weights[row]);
     }
   }

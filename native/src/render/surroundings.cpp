@@ -29,6 +29,14 @@ Vec3f Surroundings::radiance(Vec3f direction) const noexcept {
   return image() ? look_up_around(*image(), turned(direction, world.rotation)) * world.color : world.color;
 }
 
+Vec3f Surroundings::backdrop(Vec3f direction) const noexcept {
+  if (!appearance_.backdrop) return radiance(direction);
+  const World& seen = *appearance_.backdrop;
+  if (seen.image == kNoImage) return seen.color;
+  const Texture& shown = appearance_.images[static_cast<std::size_t>(seen.image)];
+  return look_up_around(shown, turned(direction, seen.rotation)) * seen.color;
+}
+
 BrightSky::Parts Surroundings::parts(Vec3f direction) const noexcept {
   if (!can_be_aimed_at()) return {radiance(direction), {0, 0, 0}};
   const World& world = *appearance_.world;

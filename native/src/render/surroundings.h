@@ -13,6 +13,8 @@ class Surroundings {
   explicit Surroundings(const Appearance& appearance);
 
   [[nodiscard]] Vec3f radiance(Vec3f direction) const noexcept;
+  // What the camera sees there, which need not light anything.
+  [[nodiscard]] Vec3f backdrop(Vec3f direction) const noexcept;
   // Both parts make the radiance.
   [[nodiscard]] BrightSky::Parts parts(Vec3f direction) const noexcept;
   // Of the plain part.
