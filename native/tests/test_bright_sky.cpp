@@ -51,7 +51,7 @@ Point2 random(std::uint32_t index, std::uint32_t seed = 3) { return sampling::sc
 
 TEST(BrightSky, DirectionsHaveTheDensityThatIsTold) {
   for (const Image& image : suns()) {
-    const BrightSky sky(image.texture());
+    const BrightSky sky(image.texture(), 1);
     ASSERT_FALSE(sky.empty());
     int other = 0;
     for (std::uint32_t i = 0; i < 4096; ++i) {
@@ -68,7 +68,7 @@ TEST(BrightSky, DirectionsHaveTheDensityThatIsTold) {
 TEST(BrightSky, DensityIntegratesToOneAndIsNowhereMissing) {
   for (const Image& image : suns()) {
     if (image.width > 128) continue;
-    const BrightSky sky(image.texture());
+    const BrightSky sky(image.texture(), 1);
     double sum = 0.0;
     constexpr int kTimes = 8;  // places a pixel and axis
     const int wide = image.width * kTimes, high = image.height * kTimes;
@@ -93,7 +93,7 @@ TEST(BrightSky, DensityIntegratesToOneAndIsNowhereMissing) {
 // Aiming at the bright part and the mean of the other make the image's own mean.
 TEST(BrightSky, NoLightIsLost) {
   for (const Image& image : suns()) {
-    const BrightSky sky(image.texture());
+    const BrightSky sky(image.texture(), 1);
     Vec3d aimed{0, 0, 0}, whole{0, 0, 0};
     constexpr std::uint32_t kCount = 1u << 16;
     for (std::uint32_t i = 0; i < kCount; ++i) {
@@ -104,8 +104,8 @@ TEST(BrightSky, NoLightIsLost) {
     for (int y = 0; y < image.height; ++y) {
       const double low = std::sin(kPi * (static_cast<double>(y) / image.height - 0.5));
       const double high = std::sin(kPi * (static_cast<double>(y + 1) / image.height - 0.5));
-      for (int x = 0; x < image.width; ++x) {
-        const Rgba color = pixel_of(image.texture(), x, y);
+      std::vector<Rgba> buffer;
+      for (const Rgba& color : row_of_pixels(image.texture(), y, buffer)) {
         whole = whole + to_double(Vec3f{color.r, color.g, color.b}) * (0.5 * (high - low) / image.width);
       }
     }
@@ -116,23 +116,33 @@ TEST(BrightSky, NoLightIsLost) {
   }
 }
 
+TEST(BrightSky, IsTheSameForAnyNumberOfThreads) {
+  const std::vector<Image> images = suns();
+  const BrightSky one(images.front().texture(), 1), many(images.front().texture(), 0);
+  for (std::uint32_t i = 0; i < 64; ++i) {
+    EXPECT_EQ(one.choose(random(i)).direction, many.choose(random(i)).direction);
+    EXPECT_EQ(one.choose(random(i)).density, many.choose(random(i)).density);
+  }
+  EXPECT_EQ(one.mean_plain(), many.mean_plain());
+}
+
 TEST(BrightSky, AnEvenOneIsNotAimedAt) {
-  EXPECT_TRUE(BrightSky(Image(64, 32).texture()).empty());
-  EXPECT_TRUE(BrightSky(Texture{}).empty());
+  EXPECT_TRUE(BrightSky(Image(64, 32).texture(), 1).empty());
+  EXPECT_TRUE(BrightSky(Texture{}, 1).empty());
   Image black(8, 4);
   std::fill(black.pixels.begin(), black.pixels.end(), 0.0f);
-  EXPECT_TRUE(BrightSky(black.texture()).empty());
+  EXPECT_TRUE(BrightSky(black.texture(), 1).empty());
   Image broken(64, 32);
   broken.set(3, 3, {std::numeric_limits<float>::quiet_NaN(), 1, 1});
   broken.set(5, 3, {std::numeric_limits<float>::infinity(), 1, 1});
-  const BrightSky sky(broken.texture());
+  const BrightSky sky(broken.texture(), 1);
   EXPECT_TRUE(sky.empty());
   EXPECT_TRUE(std::isfinite(sky.mean_plain().x));
 }
 
 TEST(BrightSky, ColoursAreSplitWithoutRest) {
   const std::vector<Image> images = suns();
-  const BrightSky sky(images.front().texture());
+  const BrightSky sky(images.front().texture(), 1);
   for (const Vec3f color : {Vec3f{0.3f, 0.2f, 0.1f}, Vec3f{900, 300, 10}, Vec3f{0, 0, 0}}) {
     const auto [plain, bright] = sky.split(color);
     for (int axis = 0; axis < 3; ++axis) {

@@ -5,6 +5,8 @@
 #include <limits>
 #include <numbers>
 
+#include "core/thread_pool.h"
+
 namespace perfect_bvh {
 namespace {
 
@@ -13,9 +15,8 @@ constexpr int kMostColumns = 2048;
 constexpr double kPi = std::numbers::pi;
 
 // A colour that is not finite stands for black: one such pixel would be the mean of all.
-Vec3f color_of(const Texture& image, int x, int y) noexcept {
-  const Rgba color = pixel_of(image, x, y);
-  return std::isfinite(color.r + color.g + color.b) ? Vec3f{color.r, color.g, color.b} : Vec3f{0, 0, 0};
+Vec3f color_of(const Rgba& pixel) noexcept {
+  return std::isfinite(pixel.r + pixel.g + pixel.b) ? Vec3f{pixel.r, pixel.g, pixel.b} : Vec3f{0, 0, 0};
 }
 
 float largest(Vec3f color) noexcept { return std::max({color.x, color.y, color.z}); }
@@ -32,21 +33,18 @@ struct BrightSky::Strip {
   float brightest;
 };
 
-BrightSky::BrightSky(const Texture& image) : width_(image.width), height_(image.height) {
+BrightSky::BrightSky(const Texture& image, int threads) : width_(image.width), height_(image.height) {
   if (width_ < 1 || height_ < 1) return;
   std::vector<Strip> strips(static_cast<std::size_t>(height_));
-  Vec3d mean{0, 0, 0};
-  for (int y = 0; y < height_; ++y) {
-    Strip& strip = strips[static_cast<std::size_t>(y)];
-    strip = {0.5 * (height_at(y + 1) - height_at(y)), {0, 0, 0}, 0.0f};
-    for (int x = 0; x < width_; ++x) {
-      const Vec3f color = color_of(image, x, y);
-      strip.mean = strip.mean + to_double(color);
-      strip.brightest = std::max(strip.brightest, largest(color));
+  const auto sum_rows = [&](std::size_t begin, std::size_t end) {
+    std::vector<Rgba> buffer;
+    for (std::size_t y = begin; y < end; ++y) {
+      strips[y] = sum(row_of_pixels(image, static_cast<int>(y), buffer), static_cast<int>(y));
     }
-    strip.mean = strip.mean * (1.0 / width_);
-    mean = mean + strip.mean * strip.weight;
-  }
+  };
+  parallel_for(ThreadPool::shared(), strips.size(), 16, sum_rows, threads);
+  Vec3d mean{0, 0, 0};
+  for (const Strip& strip : strips) mean = mean + strip.mean * strip.weight;
   mean_plain_ = to_float(mean);
   most_plain_ = kBright * largest(mean_plain_);
   if (!(most_plain_ > 0.0f) || !std::isfinite(most_plain_)) {
@@ -70,25 +68,43 @@ BrightSky::Parts BrightSky::split(Vec3f color) const noexcept {
   return {plain, color - plain};
 }
 
+BrightSky::Strip BrightSky::sum(std::span<const Rgba> pixels, int y) const noexcept {
+  Vec3f total{0, 0, 0}, most{0, 0, 0};
+  for (const Rgba& pixel : pixels) {
+    const Vec3f color{pixel.r, pixel.g, pixel.b};
+    total = total + color, most = max(most, color);
+  }
+  if (!std::isfinite(total.x + total.y + total.z)) {
+    total = most = {0, 0, 0};
+    for (const Rgba& pixel : pixels) total = total + color_of(pixel), most = max(most, color_of(pixel));
+  }
+  return {0.5 * (height_at(y + 1) - height_at(y)), to_double(total) * (1.0 / width_), largest(most)};
+}
+
 // What is bright of the image, over the pixels of each cell. Takes it from the mean of the rest.
 std::vector<float> BrightSky::spread(const Texture& image, const std::vector<Strip>& strips) {
   const int rows = (height_ + cell_ - 1) / cell_;
-  std::vector<float> light(static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns_), 0.0f);
+  const auto columns = static_cast<std::size_t>(columns_);
+  std::vector<float> light(static_cast<std::size_t>(rows) * columns, 0.0f);
+  std::vector<std::size_t> column_of(static_cast<std::size_t>(width_) + 2);  // from the pixel before the first on
+  for (int x = -1; x <= width_; ++x) {
+    column_of[static_cast<std::size_t>(x + 1)] = static_cast<std::size_t>((x + width_) % width_ / cell_);
+  }
+  std::vector<Rgba> buffer;
   Vec3d bright{0, 0, 0};
   for (int y = 0; y < height_; ++y) {
     const Strip& strip = strips[static_cast<std::size_t>(y)];
     if (!(strip.brightest > most_plain_)) continue;
-    for (int x = 0; x < width_; ++x) {
-      const Vec3f part = split(color_of(image, x, y)).bright;
+    const std::span<const Rgba> pixels = row_of_pixels(image, y, buffer);
+    for (std::size_t x = 0; x < pixels.size(); ++x) {
+      if (!(std::max({pixels[x].r, pixels[x].g, pixels[x].b}) > most_plain_)) continue;
+      const Vec3f part = split(color_of(pixels[x])).bright;
       const float excess = largest(part);
-      if (!(excess > 0.0f)) continue;
       bright = bright + to_double(part) * (strip.weight / width_);
       for (int dy = -1; dy <= 1; ++dy) {
-        const int row = std::clamp(y + dy, 0, height_ - 1) / cell_;
+        const std::size_t first = static_cast<std::size_t>(std::clamp(y + dy, 0, height_ - 1) / cell_) * columns;
         for (int dx = -1; dx <= 1; ++dx) {
-          const int column = ((x + dx + width_) % width_) / cell_;
-          light[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
-                static_cast<std::size_t>(column)] += excess * tent(dx) * tent(dy);
+          light[first + column_of[x + static_cast<std::size_t>(dx + 1)]] += excess * tent(dx) * tent(dy);
         }
       }
     }
@@ -102,13 +118,14 @@ void BrightSky::list(const std::vector<float>& light) {
   double sum = 0.0;
   for (std::size_t row = 0; row * columns < light.size(); ++row) {
     const int first = static_cast<int>(row) * cell_, end = std::min(first + cell_, height_);
+    const double height = height_at(end) - height_at(first);
     const auto first_cell = static_cast<std::uint32_t>(cells_.size());
     for (std::size_t column = 0; column < columns; ++column) {
       const float value = light[row * columns + column];
       if (!(value > 0.0f)) continue;
       const int left = static_cast<int>(column) * cell_, wide = std::min(left + cell_, width_) - left;
       const float mean = value / static_cast<float>(wide * (end - first));
-      sum += static_cast<double>(mean) * (2.0 * kPi * wide / width_) * (height_at(end) - height_at(first));
+      sum += static_cast<double>(mean) * (2.0 * kPi * wide / width_) * height;
       cells_.push_back({static_cast<std::uint32_t>(column), mean, sum});
     }
     const auto end_cell = static_cast<std::uint32_t>(cells_.size());

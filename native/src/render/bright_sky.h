@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "math/vec3.h"
@@ -17,8 +18,8 @@ namespace perfect_bvh {
 
 class BrightSky {
  public:
-  BrightSky() = default;  // empty
-  explicit BrightSky(const Texture& image);
+  BrightSky() = default;                         // empty
+  BrightSky(const Texture& image, int threads);  // at most so many; 0: all
 
   // A colour of the image in two: what is met by chance alone, and what is aimed at, too.
   struct Parts {
@@ -49,6 +50,7 @@ class BrightSky {
   };
   struct Strip;  // a row of pixels, summed
 
+  [[nodiscard]] Strip sum(std::span<const Rgba> pixels, int y) const noexcept;
   [[nodiscard]] std::vector<float> spread(const Texture& image, const std::vector<Strip>& strips);
   void list(const std::vector<float>& light);
   [[nodiscard]] double height_at(double row) const noexcept;

@@ -28,13 +28,13 @@ Vec3f at_most(Vec3f color, float most) noexcept {
 }  // namespace
 
 Illumination::Illumination(const Snapshot& snapshot, const Appearance& appearance, std::uint32_t seed, int light_rays,
-                           CancelToken& cancel)
+                           int threads, CancelToken& cancel)
     : snapshot_(snapshot),
       cancel_(cancel),
       appearance_(appearance),
       seed_(seed),
       light_rays_(light_rays),
-      surroundings_(appearance),
+      surroundings_(appearance, threads),
       next_event_(snapshot, appearance, surroundings_, seed) {}
 
 void Illumination::gather(PointsToLight at, std::uint32_t sample, Scratch& scratch) const {

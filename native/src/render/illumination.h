@@ -42,8 +42,9 @@ class Illumination {
     AlignedVector<Material> bounce_materials;
   };
 
-  // All of it outlives this. light_rays: towards each source of light, for each point and sample.
-  Illumination(const Snapshot& snapshot, const Appearance& appearance, std::uint32_t seed, int light_rays,
+  // All of it outlives this. light_rays: towards each source of light, for each point and sample. threads: at most so
+  // many, now.
+  Illumination(const Snapshot& snapshot, const Appearance& appearance, std::uint32_t seed, int light_rays, int threads,
                CancelToken& cancel);
 
   // Replaces `light` and `shine`. What is not matt gets no light from all around.

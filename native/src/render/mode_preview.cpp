@@ -18,7 +18,7 @@ class PreviewMode final : public ShadingMode {
         cancel_(inputs.cancel),
         appearance_(inputs.appearance),
         illumination_(inputs.snapshot, inputs.appearance, inputs.settings.seed, inputs.settings.preview.light_rays,
-                      inputs.cancel) {}
+                      inputs.settings.threads, inputs.cancel) {}
 
   [[nodiscard]] SurfaceNeeds needs() const noexcept override {
     return {.normals = true, .origins = true, .materials = true};

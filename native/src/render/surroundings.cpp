@@ -15,8 +15,8 @@ Vec3f turned(Vec3f direction, float angle) noexcept {
 
 }  // namespace
 
-Surroundings::Surroundings(const Appearance& appearance)
-    : appearance_(appearance), bright_(image() ? BrightSky(*image()) : BrightSky()), mean_(find_mean()) {}
+Surroundings::Surroundings(const Appearance& appearance, int threads)
+    : appearance_(appearance), bright_(image() ? BrightSky(*image(), threads) : BrightSky()), mean_(find_mean()) {}
 
 const Texture* Surroundings::image() const noexcept {
   const bool any = appearance_.world && appearance_.world->image != kNoImage;

@@ -10,7 +10,7 @@ namespace perfect_bvh {
 
 class Surroundings {
  public:
-  explicit Surroundings(const Appearance& appearance);
+  Surroundings(const Appearance& appearance, int threads);
 
   [[nodiscard]] Vec3f radiance(Vec3f direction) const noexcept;
   // What the camera sees there, which need not light anything.

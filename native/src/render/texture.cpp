@@ -33,6 +33,18 @@ int place(int number, int count, Extension extension) noexcept {
   return rest < 0 ? rest + count : rest;
 }
 
+Rgba pixel_of(const Texture& texture, int x, int y) noexcept {
+  const std::size_t first =
+      4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(texture.width) + static_cast<std::size_t>(x));
+  if (texture.floats != nullptr) {
+    const float* const pixel = texture.floats + first;
+    return {pixel[0], pixel[1], pixel[2], pixel[3]};
+  }
+  const std::uint8_t* const pixel = texture.bytes + first;
+  const auto& linear = linear_values();
+  return {linear[pixel[0]], linear[pixel[1]], linear[pixel[2]], static_cast<float>(pixel[3]) / 255.0f};
+}
+
 Rgba pixel_at(const Texture& texture, int x, int y) noexcept {
   x = place(x, texture.width, texture.extension), y = place(y, texture.height, texture.extension);
   return x < 0 || y < 0 ? Rgba{} : pixel_of(texture, x, y);
@@ -51,16 +63,17 @@ float in_pixels(float coordinate, int count, Extension extension) noexcept {
 
 }  // namespace
 
-Rgba pixel_of(const Texture& texture, int x, int y) noexcept {
-  const std::size_t first =
-      4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(texture.width) + static_cast<std::size_t>(x));
-  if (texture.floats != nullptr) {
-    const float* const pixel = texture.floats + first;
-    return {pixel[0], pixel[1], pixel[2], pixel[3]};
-  }
-  const std::uint8_t* const pixel = texture.bytes + first;
+std::span<const Rgba> row_of_pixels(const Texture& texture, int y, std::vector<Rgba>& buffer) {
+  const auto width = static_cast<std::size_t>(texture.width);
+  const std::size_t first = 4 * static_cast<std::size_t>(y) * width;
+  if (texture.floats != nullptr) return {reinterpret_cast<const Rgba*>(texture.floats + first), width};
+  buffer.resize(width);
   const auto& linear = linear_values();
-  return {linear[pixel[0]], linear[pixel[1]], linear[pixel[2]], static_cast<float>(pixel[3]) / 255.0f};
+  for (std::size_t x = 0; x < width; ++x) {
+    const std::uint8_t* const pixel = texture.bytes + first + 4 * x;
+    buffer[x] = {linear[pixel[0]], linear[pixel[1]], linear[pixel[2]], static_cast<float>(pixel[3]) / 255.0f};
+  }
+  return buffer;
 }
 
 Rgba look_up(const Texture& texture, float u, float v) noexcept {

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
+#include <vector>
 
 #include "math/vec3.h"
 #include "render/rgba.h"
@@ -29,8 +31,8 @@ struct Texture {
 // The same, of a surface's place in its uv map.
 [[nodiscard]] Rgba look_up_mapped(const Texture& texture, float u, float v) noexcept;
 
-// A pixel's own colour; x and y lie in the image.
-[[nodiscard]] Rgba pixel_of(const Texture& texture, int x, int y) noexcept;
+// The pixels of a row of the image. Lies in `buffer` where they are not kept as such colours.
+[[nodiscard]] std::span<const Rgba> row_of_pixels(const Texture& texture, int y, std::vector<Rgba>& buffer);
 
 // Where an equirectangular image that Blender lays round a scene has a direction: (u, v), 0 to 1.
 [[nodiscard]] Point2 place_around(Vec3f direction) noexcept;
