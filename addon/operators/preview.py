@@ -35,6 +35,8 @@ class PERFECT_BVH_OT_preview(bpy.types.Operator):
     _scene_uid: int
     _view: AwaitedView
     _refinement: Refinement | None = None
+    _window: int | None = None  # the one that was opened for the image
+    _state = ""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -58,7 +60,7 @@ class PERFECT_BVH_OT_preview(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC":
+        if event.type == "ESC" or self._is_closed(context):
             self._end(context)
             count = None if self._refinement is None else self._refinement.sample_count
             when = "before there was an image" if count is None else f"after {count} samples"
@@ -128,7 +130,9 @@ class PERFECT_BVH_OT_preview(bpy.types.Operator):
         assert self._refinement is not None
         _redraw_viewports(context)  # their overlays have waited for the trees, too
         self._refinement.step(REFINING_SECONDS)
+        before = _windows(context)
         show_in_editor(context, _store(self._refinement))
+        self._window = next(iter(_windows(context) - before), None)
 
     def _refine(self, context: bpy.types.Context) -> None:
         assert self._refinement is not None
@@ -136,12 +140,18 @@ class PERFECT_BVH_OT_preview(bpy.types.Operator):
             _store(self._refinement)
             context.window_manager.progress_update(100 * self._refinement.progress)
 
+    def _is_closed(self, context: bpy.types.Context) -> bool:
+        """Whether the image's window is gone: Esc over it goes to that, not to whoever refines the image."""
+        return self._window is not None and self._window not in _windows(context)
+
     def _show_state(self, context: bpy.types.Context) -> None:
         if self._refinement is None:
             state = f"Building trees {self._view.building.share:.0%}"
         else:
             state = f"Preview: sample {self._refinement.sample_count}/{self._refinement.view.samples}"
-        context.workspace.status_text_set(f"{state}: Esc stops it")
+        if state != self._state:  # each call draws the status bar again
+            self._state = state
+            context.workspace.status_text_set(f"{state}: Esc stops it")
 
     def _end(self, context: bpy.types.Context) -> None:
         if self._refinement is None:
@@ -174,6 +184,10 @@ def show_in_editor(context: bpy.types.Context, image: bpy.types.Image) -> None:
     if not _set_in_editors(context, image):
         bpy.ops.render.view_show("INVOKE_DEFAULT")
         _set_in_editors(context, image)
+
+
+def _windows(context: bpy.types.Context) -> set[int]:
+    return {window.as_pointer() for window in context.window_manager.windows}
 
 
 def _redraw_viewports(context: bpy.types.Context) -> None:

@@ -41,6 +41,7 @@ class PERFECT_BVH_OT_scan(bpy.types.Operator):
     _scanner: Any
     _steps: Generator[float, None, None]
     _started: float
+    _state = ""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -135,7 +136,9 @@ class PERFECT_BVH_OT_scan(bpy.types.Operator):
     def _show_state(self, context: bpy.types.Context) -> None:
         built = self._scanner.built_share
         state = "Scanning" if built is None else f"Building trees {built:.0%}"
-        context.workspace.status_text_set(f"{state}: Esc stops it")
+        if state != self._state:  # each call draws the status bar again
+            self._state = state
+            context.workspace.status_text_set(f"{state}: Esc stops it")
 
     def _end(self, context: bpy.types.Context) -> None:
         self._steps.close()

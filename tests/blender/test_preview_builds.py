@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -140,6 +141,22 @@ def test_escape_while_it_is_refined_keeps_what_there_is(cube, scene) -> None:
     count = operator._refinement.sample_count
     assert operator.reports == [("INFO", f"The preview was stopped after {count} samples")]
     assert pixels().any()
+
+
+def test_closing_the_window_of_the_image_stops_it(cube, scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Esc over that window closes it, and no one else hears of it."""
+    scene.perfect_bvh.samples = 4096
+    operator, window = press()
+    main, opened = (SimpleNamespace(screen=SimpleNamespace(areas=()), as_pointer=lambda at=at: at) for at in (1, 2))
+    windows = window.window_manager.windows = [main]
+    monkeypatch.setattr(preview, "show_in_editor", lambda context, image: windows.append(opened))
+    while NAME not in bpy.data.images:
+        assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
+    assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
+    windows.remove(opened)
+    assert operator.modal(window, TIMER) == {"CANCELLED"}
+    assert operator.reports == [("INFO", f"The preview was stopped after {operator._refinement.sample_count} samples")]
+    assert (window.status, window.timers) == (None, 0)
 
 
 def test_it_shows_what_was_read_whatever_is_edited_meanwhile(gate: Gate, cube) -> None:

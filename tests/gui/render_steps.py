@@ -12,11 +12,19 @@ from driver import Step, area_of, check, context_of, hover, middle_of, press_key
 
 
 def find_and_press_preview() -> Step:
-    bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
-    yield 0.5
-    bpy.context.scene.render.engine = "PERFECT_BVH"
-    yield 0.5
-    yield from find_and_press(area_of("PROPERTIES"), "perfect_bvh.preview")
+    """On a loaded machine Blender may need longer than the mouse waits for it."""
+    for attempt in range(3):
+        bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
+        yield 0.5
+        bpy.context.scene.render.engine = "PERFECT_BVH"
+        yield 0.5
+        try:
+            yield from find_and_press(area_of("PROPERTIES"), "perfect_bvh.preview")
+        except AssertionError:
+            if attempt == 2:
+                raise
+        else:
+            return
 
 
 def press_preview() -> Step:
@@ -46,11 +54,12 @@ def stop_a_preview_while_it_builds() -> Step:
         check(not is_building(), "the build goes on after Escape")
         check(name not in bpy.data.images, "a preview that was stopped while it built has made an image")
         yield from wait_for_report("The preview was stopped before there was an image")
-        settings().samples = 2
+        settings().samples, settings().preview_percentage = 2, 20
         yield from find_and_press_preview()
-        yield from wait_until(lambda: name in bpy.data.images, "no image of the preview after its build", 60)
-        yield from wait_until(lambda: not is_working(), "the preview does not end", 60)
+        yield from wait_until(lambda: name in bpy.data.images, "no image of the preview after its build", 120)
         screenshot("preview_after_its_build")
+        yield from wait_until(lambda: not is_working(), "the preview does not end", 60)
+        settings().preview_percentage = 100
         yield from close_image_windows()
 
     yield from with_cloud(press)
