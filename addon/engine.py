@@ -18,6 +18,7 @@ from .frame import Frame, Images, Progress, border_pixels, check_size, render_fr
 from .latest import remember
 from .preferences import native_error
 from .properties import ENGINE_NAME, read_settings
+from .sync.records import CameraRecord
 from .viewport import Viewport
 
 T = TypeVar("T")
@@ -101,27 +102,16 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             self.register_pass(scene, view_layer, spec.name, len(spec.channels), spec.channels, spec.kind)
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """Render one view layer of one frame."""
+        """Render one view layer of one frame, with each eye if there are several."""
         if not self._has_room(depsgraph):
             return
         specs = enabled_passes(depsgraph.view_layer)
         layer_name = depsgraph.view_layer.name
         for spec in specs:
             self.add_pass(spec.name, len(spec.channels), spec.channels, layer=layer_name)
-        window = self._window(depsgraph.scene)
-        left, right, bottom, top = window
-        result = self.begin_result(0, 0, right - left, top - bottom, layer=layer_name)
-
-        def show(images: Images) -> None:
-            _write_passes(result.layers[0], specs, images, window)
-            self.update_result(result)
-
-        try:
-            frame = self._render_frame(depsgraph, specs, show if SHOWS_ROUNDS else None)
-            if frame is not None and frame.images:
-                _write_passes(result.layers[0], specs, frame.images, window)
-        finally:
-            self.end_result(result)
+        for view in _view_names(depsgraph.scene):
+            if not self._render_view(depsgraph, specs, view):
+                return
 
     # The viewport ----------------------------------------------------------------------------------------------------
 
@@ -167,6 +157,37 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
 
     # The parts of a render -------------------------------------------------------------------------------------------
 
+    def _render_view(self, depsgraph: bpy.types.Depsgraph, specs: tuple[PassSpec, ...], view: str) -> bool:
+        """Whether there was an image. view: the name of one of several, "" if there is only one."""
+        if view:
+            self.active_view_set(view)
+        window = self._window(depsgraph.scene)
+        left, right, bottom, top = window
+        size = right - left, top - bottom
+        result = self.begin_result(0, 0, *size, layer=depsgraph.view_layer.name, view=view)
+
+        def show(images: Images) -> None:
+            _write_passes(result.layers[0], specs, images, window)
+            self.update_result(result)
+
+        try:
+            frame = self._render_frame(depsgraph, specs, show if SHOWS_ROUNDS else None, view)
+            if frame is not None and frame.images:
+                _write_passes(result.layers[0], specs, frame.images, window)
+        finally:
+            self.end_result(result)
+        return frame is not None
+
+    def _camera_of(self, depsgraph: bpy.types.Depsgraph) -> CameraRecord | None:
+        """Where the eye of the active view stands, as Blender has it; None if it is no camera that can be rendered."""
+        from .extract.camera import Eye, read_camera, read_frame
+
+        camera = self.camera_override
+        if camera is None:
+            return None
+        eye = Eye(np.array(self.camera_model_matrix(camera), np.float64), self.camera_shift_x(camera))
+        return read_camera(camera.evaluated_get(depsgraph), read_frame(depsgraph.scene), eye)[0]
+
     def _has_room(self, depsgraph: bpy.types.Depsgraph) -> bool:
         """Whether the image fits into memory, asked before Blender allocates it; if not, an error is reported."""
         if native_error() is not None or (_job is not None and not _job.trace):
@@ -187,7 +208,11 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         return border_pixels(border, size)
 
     def _render_frame(
-        self, depsgraph: bpy.types.Depsgraph, specs: tuple[PassSpec, ...], show: Callable[[Images], None] | None
+        self,
+        depsgraph: bpy.types.Depsgraph,
+        specs: tuple[PassSpec, ...],
+        show: Callable[[Images], None] | None,
+        view: str,
     ) -> Frame | None:
         """The frame; None if the render was cancelled or failed, with an error reported."""
         job = _job or RenderJob()
@@ -210,6 +235,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
                 progress=lambda done: self._advance(job, done),
                 show=show,
                 trace=job.trace,
+                camera=self._camera_of(depsgraph) if view else None,
             )
         except perfect_bvh.Cancelled:
             job.is_cancelled = True
@@ -235,6 +261,16 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         """A script gets a RuntimeError from the operator, a user the message in the Image Editor's header."""
         self.error_set(message)
         self.report({"ERROR"}, message)
+
+
+def _view_names(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """Of the eyes that a render of the scene is made with, one after the other; "" where it has but one."""
+    render = scene.render
+    if not render.use_multiview:
+        return ("",)
+    if render.views_format == "STEREO_3D":
+        return tuple([view.name for view in render.views if view.name in {"left", "right"} and view.use])
+    return tuple([view.name for view in render.views if view.use])
 
 
 def _write_passes(

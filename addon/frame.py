@@ -13,7 +13,7 @@ import numpy.typing as npt
 from .memory import check_fits
 from .modes import find_mode
 from .properties import RenderSettings
-from .sync.records import AttributeRequest
+from .sync.records import AttributeRequest, CameraRecord
 
 if TYPE_CHECKING:
     import bpy
@@ -121,12 +121,13 @@ def render_frame(
     progress: Progress | None = None,
     show: Callable[[Images], None] | None = None,
     trace: bool = True,
+    camera: CameraRecord | None = None,
 ) -> Frame:
     """Bring the session's scene in step with an evaluated depsgraph and trace it.
 
     passes: the renderer's names of what is wanted beside "combined". progress: called with 0..1, False cancels.
     show: called with the images each time they have become better, and at the end. trace: False to stop after
-    the sync.
+    the sync. camera: instead of the scene's.
 
     Raises ValueError if the scene has no usable camera, `perfect_bvh.Cancelled`, and what the engine raises.
     """
@@ -136,6 +137,7 @@ def render_frame(
         depsgraph,
         expected_rays(settings, count_pixels(depsgraph)),
         progress=None if progress is None else lambda _: progress(0.0),
+        camera=camera,
     )
     if not trace:
         return Frame({}, FrameStatistics(depsgraph.scene.frame_current_final, sync.size, settings, report, 0.0, 0))

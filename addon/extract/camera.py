@@ -28,6 +28,14 @@ class Frame:
     border: Window = (0.0, 1.0, 0.0, 1.0)
 
 
+@dataclass(frozen=True, slots=True)
+class Eye:
+    """One eye of a stereo camera. matrix: (4, 4), to world. shift_x: instead of the camera's own."""
+
+    matrix: Float64Array
+    shift_x: float
+
+
 def read_frame(scene: Any, size: tuple[int, int] | None = None) -> Frame:
     """The frame of a scene's render settings; size: (width, height) in pixels instead of the scene's own."""
     render = scene.render
@@ -41,7 +49,7 @@ def read_frame(scene: Any, size: tuple[int, int] | None = None) -> Frame:
     return Frame(max(1, size[0]), max(1, size[1]), render.pixel_aspect_x, render.pixel_aspect_y, border)
 
 
-def read_camera(camera: Any, frame: Frame) -> tuple[CameraRecord | None, str | None]:
+def read_camera(camera: Any, frame: Frame, eye: Eye | None = None) -> tuple[CameraRecord | None, str | None]:
     """Reads an evaluated camera object. Returns the record, or None and a sentence that says why not."""
     if camera is None:
         return None, None
@@ -51,13 +59,13 @@ def read_camera(camera: Any, frame: Frame) -> tuple[CameraRecord | None, str | N
     complaint = _find_complaint(data)
     if complaint is not None:
         return None, f"Camera {camera.name!r} {complaint}"
-    matrix = without_scale(np.array(camera.matrix_world, dtype=np.float64))
+    matrix = without_scale(np.array(camera.matrix_world, dtype=np.float64) if eye is None else eye.matrix)
     if matrix is None:
         return None, f"Camera {camera.name!r} has no usable matrix: an axis is scaled to zero or not finite"
-    is_perspective = data.type == "PERSP"
+    shift_x = data.shift_x if eye is None else eye.shift_x
     record = CameraRecord(
         matrix=matrix,
-        window=_panorama_window(data) if data.type == "PANO" else _view_window(data, frame, is_perspective),
+        window=_panorama_window(data, shift_x) if data.type == "PANO" else _view_window(data, frame, shift_x),
         projection=_PROJECTIONS[data.type],
         clip_start=data.clip_start,
         clip_end=data.clip_end,
@@ -91,27 +99,27 @@ def _find_complaint(data: Any) -> str | None:
     return None
 
 
-def _panorama_window(data: Any) -> Window:
+def _panorama_window(data: Any, shift_x: float) -> Window:
     """(left, right, bottom, top) in radians; the shift counts in widths and heights of the frame, as in Cycles."""
     settings = panorama_settings(data)
     left, right, bottom, top = (
         getattr(settings, name) for name in ("longitude_min", "longitude_max", "latitude_min", "latitude_max")
     )
-    x, y = data.shift_x * (right - left), data.shift_y * (top - bottom)
+    x, y = shift_x * (right - left), data.shift_y * (top - bottom)
     return left + x, right + x, bottom + y, top + y
 
 
-def _view_window(data: Any, frame: Frame, is_perspective: bool) -> Window:
+def _view_window(data: Any, frame: Frame, shift_x: float) -> Window:
     """(left, right, bottom, top): tangents for a perspective camera, world units for an orthographic one."""
     aspect = frame.aspect_y / frame.aspect_x  # height of a pixel in pixel widths
     width, height = float(frame.width), float(frame.height) * aspect
     is_horizontal = data.sensor_fit == "HORIZONTAL" or (data.sensor_fit == "AUTO" and width >= height)
     # With AUTO the sensor's width is meant even where it lies along the height of the image.
     sensor = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
-    extent = sensor / data.lens if is_perspective else data.ortho_scale
+    extent = sensor / data.lens if data.type == "PERSP" else data.ortho_scale
     fitted = width if is_horizontal else height
     scale = extent / fitted
-    middle_x, middle_y = data.shift_x * fitted, data.shift_y * fitted
+    middle_x, middle_y = shift_x * fitted, data.shift_y * fitted
     return (
         (middle_x - width / 2) * scale,
         (middle_x + width / 2) * scale,

@@ -11,7 +11,7 @@ from .common import RenderPanel, draw_lines
 
 # Panels that Blender offers every engine, without those of features that this engine does not have; Simplify it shows
 # in a place of its own.
-UNSUPPORTED_PANELS = ("freestyle", "grease_pencil", "gpencil", "stereoscopy", "output_views", "render_pt_simplify")
+UNSUPPORTED_PANELS = ("freestyle", "grease_pencil", "gpencil", "render_pt_simplify")
 # Panels of Blender's own engines whose settings this engine honours, or that a user wants to change all the same, so
 # that materials, lights and the world can be worked on without going to another engine and back.
 BORROWED_PANELS = (

@@ -29,10 +29,13 @@ from oracles.cycles import (  # noqa: E402
     FILTER_WIDTH,
     Passes,
     index_edges,
+    preserved,
     render_cycles,
     render_cycles_uvs,
     render_passes,
+    write_multilayer,
 )
+from oracles.exr import read_exr  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.session import sessions_of  # noqa: E402
 
@@ -386,3 +389,40 @@ def test_modifiers_take_their_render_settings(scene) -> None:
     check(scene, objects=1)
     ball.data.shade_smooth()
     check(scene, objects=1)
+
+
+def depths_of_views(scene: bpy.types.Scene, engine: str, folder: Path) -> dict[str, npt.NDArray[np.float32]]:
+    """(H, W) by the end of the file's name, of which Blender writes one for each view."""
+    with preserved(
+        (scene.cycles, "samples", 1), (scene.cycles, "use_denoising", False), (scene.cycles, "filter_width", 0.01)
+    ):
+        write_multilayer(folder / f"{engine}.exr", scene, engine)
+    files = {path.stem.removeprefix(engine): read_exr(path) for path in folder.glob(f"{engine}*")}
+    return {name: next(plane for key, plane in file.items() if ".Depth" in key) for name, file in files.items()}
+
+
+@pytest.mark.parametrize("mode", ["OFFAXIS", "PARALLEL", "TOE", "CAMERAS"])
+def test_each_eye_sees_what_it_sees_in_cycles(scene, tmp_path: Path, mode: str) -> None:
+    add("Floor", bpy.ops.mesh.primitive_plane_add, size=30.0)
+    add("Ball", bpy.ops.mesh.primitive_uv_sphere_add, radius=2.0, location=(0.0, 0.0, 1.0))
+    scene.render.resolution_x, scene.render.resolution_y, scene.perfect_bvh.samples = 96, 64, 1
+    scene.render.use_multiview = True
+    left, right = (scene.render.views[name] for name in ("left", "right"))
+    if mode == "CAMERAS":
+        scene.render.views_format = "MULTIVIEW"
+        left.camera_suffix, right.camera_suffix = "_left", "_right"
+        scene.camera.name = "Eye_left"
+        other = scene.camera.copy()
+        other.name, other.data = "Eye_right", scene.camera.data.copy()
+        other.location.x, other.data.lens = 5.0, 70.0
+        scene.collection.objects.link(other)
+    else:
+        stereo = scene.camera.data.stereo
+        stereo.convergence_mode, stereo.interocular_distance, stereo.convergence_distance = mode, 0.8, 9.0
+    ours, theirs = (depths_of_views(scene, engine, tmp_path) for engine in ("PERFECT_BVH", "CYCLES"))
+    assert sorted(ours) == sorted(theirs)
+    assert len(ours) == 2
+    first, second = (np.minimum(plane, 100.0) for plane in ours.values())
+    assert (np.abs(first - second) > 0.01).mean() > 0.2
+    for name, plane in ours.items():
+        assert (np.abs(plane - theirs[name]) > 1e-3 * theirs[name]).mean() < 0.02, name
