@@ -15,13 +15,14 @@ by |d| |cos| (the angle of ray and normal), plus 2 u |t| for rounding t itself.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 ULP = 2.0**-24
-_PAIRS_AT_A_TIME = 2_000_000
+_PAIRS_AT_A_TIME = 100_000  # so that arrays of them stay in a core's cache
 
 F64 = npt.NDArray[np.float64]
 
@@ -83,32 +84,77 @@ class _Block:
 
 
 def _classify(world: WorldTriangles, origins: F64, directions: F64) -> _Block:
-    """Every ray of a block (R) against every triangle (T): arrays of shape (R, T)."""
+    """Every ray of a block (R) against every triangle (T): arrays of shape (R, T).
+
+    Lines are told apart by their moments about zero, in products of matrices: what double precision loses by that is
+    nine decimal places below the margin.
+    """
     length = np.linalg.norm(directions, axis=1)
-    a, b, c = (world.corners[None, :, k] - origins[:, None] for k in range(3))
-    d = directions[:, None]
-    normal = np.cross(world.corners[:, 1] - world.corners[:, 0], world.corners[:, 2] - world.corners[:, 0])
+    corners = world.corners
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1)
     facing = directions @ normal.T
     cosine = np.abs(facing) / np.maximum(length[:, None] * area[None, :], 1e-300)
     margin = 4.0 * ULP * (world.scale[None, :] + np.abs(origins).max(axis=1)[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = np.einsum("tk,rtk->rt", normal, a) / facing
+        t = ((normal * corners[:, 0]).sum(axis=1) - origins @ normal.T) / facing
         t = np.where(np.isfinite(t), t, np.nan)  # in its own plane: nowhere and everywhere
         t_bound = 2.0 * ULP * np.abs(t) + margin / (length[:, None] * cosine)
     turn = np.sign(facing)
+    moment = np.cross(origins, directions)
     inside = np.full(t.shape, np.inf)
-    for k, p in enumerate((a, b, c)):
+    for k in range(3):
         # The side from the corners themselves: q - p would lose what a small triangle is to a far origin.
-        side = (world.corners[:, (k + 1) % 3] - world.corners[:, k])[None, :]
-        volume = np.einsum("rtk,rtk->rt", np.cross(p, side), np.broadcast_to(d, p.shape))
-        edge = np.linalg.norm(np.cross(side, d), axis=2)
+        side = corners[:, (k + 1) % 3] - corners[:, k]
+        volume = directions @ np.cross(corners[:, k], side).T + moment @ side.T
+        edge = _lengths_of_crosses(side, directions)
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = np.where(edge > 0.0, turn * volume / edge, 0.0)
         inside = np.minimum(inside, distance)
     # Seen almost edge-on the three distances say nothing about t: leave such triangles in doubt.
     edge_on = ~np.isfinite(t) | (cosine < 1e-6) | (area[None, :] == 0.0)
     return _Block(t, t_bound, (inside > margin) & ~edge_on, (inside < -margin) & ~edge_on)
+
+
+def _lengths_of_crosses(sides: F64, directions: F64) -> F64:
+    """(R, T): the length of the cross product of each direction (R, 3) with each side (T, 3)."""
+    squares = 0.0
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        squares = squares + (np.outer(directions[:, j], sides[:, i]) - np.outer(directions[:, i], sides[:, j])) ** 2
+    return np.sqrt(squares)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Some of the rays, judged: `visible` by their masks, `sure` within their ranges as well. low, high: (R, 1)."""
+
+    rays: slice
+    block: _Block
+    visible: npt.NDArray[np.bool_]
+    sure: npt.NDArray[np.bool_]
+    low: F64
+    high: F64
+
+
+def _parts(
+    world: WorldTriangles,
+    origins: F64,
+    directions: F64,
+    t_min: npt.ArrayLike,
+    t_max: npt.ArrayLike,
+    mask: npt.ArrayLike,
+) -> Iterator[_Part]:
+    """All rays against all triangles, some rays at a time; none over no triangles."""
+    count = len(origins)
+    size = max(1, _PAIRS_AT_A_TIME // max(1, len(world.corners)))
+    t_min, t_max, mask = (np.broadcast_to(np.asarray(v), (count,))[:, None] for v in (t_min, t_max, mask))
+    for start in range(0, count if len(world.corners) else 0, size):
+        rays = slice(start, min(count, start + size))
+        block = _classify(world, origins[rays], directions[rays])
+        low, high = t_min[rays], t_max[rays]
+        visible = (world.masks[None, :] & mask[rays].astype(np.uint32)) != 0
+        sure = block.sure & visible & (block.t - block.t_bound > low) & (block.t + block.t_bound < high)
+        yield _Part(rays, block, visible, sure, low, high)
 
 
 def certain_hits(
@@ -146,7 +192,6 @@ def judge(
     directions = np.asarray(directions, np.float64).reshape(-1, 3)
     count = len(origins)
     t_hit, instance_ids, primitive_ids = (np.asarray(v).reshape(-1) for v in (t_hit, instance_ids, primitive_ids))
-    t_min, t_max, mask = (np.broadcast_to(np.asarray(v), (count,)) for v in (t_min, t_max, mask))
     row_of = {
         key: i for i, key in enumerate(zip(world.instance_ids.tolist(), world.primitive_ids.tolist(), strict=True))
     }
@@ -156,26 +201,22 @@ def judge(
     hit = instance_ids >= 0
     wrong = hit & (rows < 0)  # names a triangle that does not exist
     doubtful = np.zeros(count, np.bool_)
-    step = max(1, _PAIRS_AT_A_TIME // max(1, len(world.corners)))
-    for start in range(0, count if len(world.corners) else 0, step):
-        part = slice(start, min(count, start + step))
-        block = _classify(world, origins[part], directions[part])
-        low, high = t_min[part, None], t_max[part, None]
-        visible = (world.masks[None, :] & mask[part, None].astype(np.uint32)) != 0
-        sure = block.sure & visible & (block.t - block.t_bound > low) & (block.t + block.t_bound < high)
-        possible = ~block.missed & visible & (block.t + block.t_bound >= low) & (block.t - block.t_bound <= high)
-        doubtful[part] = (possible & ~sure).any(axis=1)
-        nearest_sure = np.where(sure, block.t + block.t_bound, np.inf).min(axis=1)
-        wrong[part] |= ~hit[part] & np.isfinite(nearest_sure)
-        index = np.flatnonzero(hit[part] & (rows[part] >= 0))
-        chosen = rows[part][index]
+    for part in _parts(world, origins, directions, t_min, t_max, mask):
+        block, rays = part.block, part.rays
+        in_range = (block.t + block.t_bound >= part.low) & (block.t - block.t_bound <= part.high)
+        possible = ~block.missed & part.visible & in_range
+        doubtful[rays] = (possible & ~part.sure).any(axis=1)
+        nearest_sure = np.where(part.sure, block.t + block.t_bound, np.inf).min(axis=1)
+        wrong[rays] |= ~hit[rays] & np.isfinite(nearest_sure)
+        index = np.flatnonzero(hit[rays] & (rows[rays] >= 0))
+        chosen = rows[rays][index]
         t, bound = block.t[index, chosen], block.t_bound[index, chosen]
-        answered = t_hit[part][index].astype(np.float64)
+        answered = t_hit[rays][index].astype(np.float64)
         known = np.isfinite(t) & np.isfinite(bound)
-        bad = ~(visible[index, chosen] & ~block.missed[index, chosen])
+        bad = ~(part.visible[index, chosen] & ~block.missed[index, chosen])
         bad |= known & (np.abs(answered - t) > bound)
         bad |= answered - np.where(known, bound, 0.0) > nearest_sure[index]
-        wrong[part.start + index[bad]] = True
+        wrong[rays.start + index[bad]] = True
     return Verdict(wrong, doubtful, hit)
 
 
@@ -193,18 +234,12 @@ def judge_occlusions(
     directions = np.asarray(directions, np.float64).reshape(-1, 3)
     count = len(origins)
     hit = np.asarray(occluded, np.bool_).reshape(-1)
-    t_min, t_max, mask = (np.broadcast_to(np.asarray(v), (count,)) for v in (t_min, t_max, mask))
     wrong, doubtful = hit.copy(), np.zeros(count, np.bool_)  # over no triangles every hit is wrong
-    step = max(1, _PAIRS_AT_A_TIME // max(1, len(world.corners)))
-    for start in range(0, count if len(world.corners) else 0, step):
-        part = slice(start, min(count, start + step))
-        block = _classify(world, origins[part], directions[part])
-        low, high = t_min[part, None], t_max[part, None]
-        visible = (world.masks[None, :] & mask[part, None].astype(np.uint32)) != 0
-        sure = block.sure & visible & (block.t - block.t_bound > low) & (block.t + block.t_bound < high)
+    for part in _parts(world, origins, directions, t_min, t_max, mask):
+        block = part.block
         # Seen edge-on a triangle has no t to speak of: it may be hit anywhere.
-        outside = (block.t + block.t_bound < low) | (block.t - block.t_bound > high)
-        possible = ~block.missed & visible & ~outside
-        doubtful[part] = (possible & ~sure).any(axis=1)
-        wrong[part] = np.where(hit[part], ~possible.any(axis=1), sure.any(axis=1))
+        outside = (block.t + block.t_bound < part.low) | (block.t - block.t_bound > part.high)
+        possible = ~block.missed & part.visible & ~outside
+        doubtful[part.rays] = (possible & ~part.sure).any(axis=1)
+        wrong[part.rays] = np.where(hit[part.rays], ~possible.any(axis=1), part.sure.any(axis=1))
     return Verdict(wrong, doubtful, hit)
