@@ -25,6 +25,7 @@ Pixels = npt.NDArray[np.float32]  # (..., 4)
 # The key of a texture's own alpha.
 OWN_ALPHA = ("alpha", (None,))
 _DEEPEST = 150
+_RENAMED = {"Fac": "Factor", "Bright": "Brightness"}
 _EXTENSIONS: dict[str, Extension] = {"REPEAT": "repeat", "EXTEND": "extend", "CLIP": "clip", "MIRROR": "repeat"}
 _TABLE = 257
 
@@ -145,7 +146,8 @@ class ValueReader:
     def _read_all(self, node: Any, names: Sequence[str], scope: Scope | None) -> list[Value]:
         """By the inputs' identifiers: what users read changes with Blender's versions and language."""
         sockets = {socket.identifier: socket for socket in node.inputs}
-        return [self.read(sockets[name], scope) for name in names]
+        found = [sockets.get(name) or sockets.get(_RENAMED.get(name, "")) for name in names]
+        return [self.fallback if socket is None else self.read(socket, scope) for socket in found]
 
     # Nodes -----------------------------------------------------------------------------------------------------------
 
