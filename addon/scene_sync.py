@@ -26,7 +26,7 @@ from .background_work import BackgroundWork
 from .extract import ReadCache, read_scene
 from .extract.changes import listen, stop_listening
 from .extract.pointer_views import ArrayReader
-from .sync.appearance import make_appearance
+from .sync.appearance import as_camera, make_appearance
 from .sync.lookup import HitIds, InstanceDescription, SceneLookup
 from .sync.records import AttributeRequest, Int32Array, SceneRecord
 from .sync.report import SyncReport
@@ -216,16 +216,7 @@ class SceneSync:
     def camera(self) -> Camera | None:
         """The camera of the last update; None if the scene has none that can be rendered (see `warnings`)."""
         camera = self.record.camera
-        if camera is None:
-            return None
-        return Camera(
-            matrix=camera.matrix,
-            window=camera.window,
-            projection=camera.projection,
-            clip_start=camera.clip_start,
-            clip_end=camera.clip_end,
-            border=camera.border,
-        )
+        return None if camera is None else as_camera(camera)
 
     @property
     def size(self) -> tuple[int, int]:

@@ -133,6 +133,8 @@ class Viewport:
 
     def _follow_view(self, sync: SceneSync, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
         """Begin anew if what is seen is not what it was; whether it was so."""
+        from .sync.appearance import as_camera
+
         scene, region = depsgraph.scene, context.region
         camera, self.complaint = camera_of(context.region_data, context.space_data, depsgraph)
         if camera is None:
@@ -193,6 +195,7 @@ def await_view(context: bpy.types.Context, settings: RenderSettings) -> AwaitedV
     """
     from .scene_sync import SceneSync
     from .session import session_of
+    from .sync.appearance import as_camera
 
     depsgraph = context.evaluated_depsgraph_get()
     found = find_view(context)
@@ -261,20 +264,6 @@ def _camera_key(camera: CameraRecord) -> tuple[Any, ...]:
         camera.clip_start,
         camera.clip_end,
         camera.border,
-    )
-
-
-def as_camera(record: CameraRecord) -> Camera:
-    """The engine's camera of a record."""
-    import perfect_bvh
-
-    return perfect_bvh.Camera(
-        matrix=record.matrix,
-        window=record.window,
-        projection=record.projection,
-        clip_start=record.clip_start,
-        clip_end=record.clip_end,
-        border=record.border,
     )
 
 

@@ -1,8 +1,9 @@
-"""A record's materials and attributes as the engine's `Appearance`: the renderer's only knowledge of colour."""
+"""A record's camera, materials and attributes as the engine's `Camera` and `Appearance`: all that colours an image."""
 
 from __future__ import annotations
 
 import numpy as np
+from perfect_bvh import Camera
 from perfect_bvh.appearance import (
     LIGHT_KINDS,
     Appearance,
@@ -19,9 +20,22 @@ from .records import (
     VISIBLE_TO_DIFFUSE,
     VISIBLE_TO_GLOSSY,
     VISIBLE_TO_SHADOW,
+    CameraRecord,
     Int32Array,
     SceneRecord,
 )
+
+
+def as_camera(record: CameraRecord) -> Camera:
+    """The engine's camera of a record."""
+    return Camera(
+        matrix=record.matrix,
+        window=record.window,
+        projection=record.projection,
+        clip_start=record.clip_start,
+        clip_end=record.clip_end,
+        border=record.border,
+    )
 
 
 def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int32Array) -> Appearance:

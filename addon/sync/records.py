@@ -17,7 +17,9 @@ Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
 Usage = Literal["static", "rigid", "deforming", "changing"]
 Extension = Literal["repeat", "extend", "clip"]
-# Of an image, see `perfect_bvh.ImageTexture`; spelled out here because this is imported where the engine cannot be.
+# Of a camera and an image, see `perfect_bvh.Camera` and `perfect_bvh.ImageTexture`; spelled out here because this is
+# imported where the engine cannot be.
+Projection = Literal["perspective", "orthographic", "equirectangular"]
 UvTransform = tuple[tuple[float, float, float], tuple[float, float, float]]
 UNMAPPED: UvTransform = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
@@ -197,7 +199,7 @@ class CameraRecord:
 
     matrix: Float64Array
     window: tuple[float, float, float, float]
-    projection: str
+    projection: Projection
     clip_start: float
     clip_end: float
     border: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 1.0)

@@ -18,6 +18,7 @@ from blender.long_builds import Gate, building_threads  # noqa: E402
 from perfect_bvh_addon import shared_trees, viewport  # noqa: E402
 from perfect_bvh_addon.refinement import Pace, Refinement  # noqa: E402
 from perfect_bvh_addon.session import clear_sessions, session_of  # noqa: E402
+from perfect_bvh_addon.sync.appearance import as_camera  # noqa: E402
 from perfect_bvh_addon.sync.records import CameraRecord  # noqa: E402
 
 SIZE = (32, 18)
@@ -88,7 +89,7 @@ def fresh() -> np.ndarray:
     settings = viewport.read_settings(depsgraph.scene)
     sync.request(viewport.needed_attributes(settings, ()))
     sync.update(depsgraph)
-    camera = viewport.as_camera(viewport.camera_of()[0])
+    camera = as_camera(viewport.camera_of()[0])
     refinement = Refinement(viewport._view_of(sync, camera, SIZE, settings), Pace())
     while not refinement.is_finished:
         refinement.step(10.0)

@@ -1,7 +1,7 @@
 """The same zip in every Blender that can be had here, and the installed package, render the same image.
 
-`nox -s blenders` puts older modules of Blender into .cache/blenders, `nox -s windows` a chroot beside them that has
-Blender 5.2 as Debian ships it (CPython 3.14) and as a module (3.13).
+`nox -s blenders` puts older modules of Blender into .cache/blenders, and a chroot beside them that has Blender 5.2
+as Debian ships it (CPython 3.14) and as a module (3.13).
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def test_an_older_blender_renders_the_same(
 @pytest.mark.parametrize("name", IN_CHROOT)
 def test_a_newer_blender_renders_the_same(name: str, extension: Path, expected: Render, repository: Path) -> None:
     if not list((repository / ".cache" / "blender-gui").glob(".ready-*")):
-        pytest.skip("no Blender 5.2 in .cache/blender-gui: `nox -s windows` installs it")
+        pytest.skip("no Blender 5.2 in .cache/blender-gui: `nox -s blenders` installs it")
     python, interpreter = IN_CHROOT[name]
     places = {
         "BLEND": "/host/blend_scenes/courtyard.blend",

@@ -45,7 +45,7 @@ def override(window: bpy.types.Window, area: bpy.types.Area) -> Any:
 
 def expected_image(window: bpy.types.Window, area: bpy.types.Area) -> Any:
     """(H, W, 4): what an area has to show, from a sync that has read nothing but what it shows now."""
-    viewport, refinement = module("viewport"), module("refinement")
+    viewport, refinement, appearance = module("viewport"), module("refinement"), module("sync.appearance")
     space, region = area.spaces.active, region_of(area)
     with override(window, area):
         depsgraph = bpy.context.evaluated_depsgraph_get()
@@ -55,7 +55,7 @@ def expected_image(window: bpy.types.Window, area: bpy.types.Area) -> Any:
         sync.update(depsgraph, space=space)
         camera, _ = module("region_camera").camera_of(space.region_3d, space, depsgraph)
     size = (region.width, region.height)
-    made = refinement.Refinement(viewport._view_of(sync, viewport.as_camera(camera), size, chosen), refinement.Pace())
+    made = refinement.Refinement(viewport._view_of(sync, appearance.as_camera(camera), size, chosen), refinement.Pace())
     while not made.is_finished:
         made.step(1.0)
     return made.image
