@@ -14,6 +14,7 @@ import os
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import ziglang
@@ -67,8 +68,8 @@ def build_wheel(python: str, platform: str, output: Path) -> None:
     environment = os.environ | {
         "ZIG": str(Path(ziglang.__file__).parent / "zig"),
         "ZIG_PROCESSOR": processor,
-        "ZIG_GLOBAL_CACHE_DIR": str(CACHE / "zig"),
-        "ZIG_LOCAL_CACHE_DIR": str(CACHE / "zig"),
+        "ZIG_GLOBAL_CACHE_DIR": str(CACHE / f"zig-{platform}"),
+        "ZIG_LOCAL_CACHE_DIR": str(CACHE / f"zig-{platform}"),
     }
     pip = (sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", str(output))
     options = (f"-C{name}={value}" for name, value in settings.items())
@@ -82,9 +83,16 @@ def main() -> None:
     parser.add_argument("--python", nargs="+", default=list(RELEASES), choices=list(RELEASES))
     parser.add_argument("--platform", nargs="+", default=list(PROCESSORS), choices=list(PROCESSORS))
     arguments = parser.parse_args()
-    for platform in arguments.platform:
+    for python in arguments.python:
+        fetch_headers(python)
+
+    def build_platform(platform: str) -> None:
         for python in arguments.python:
             build_wheel(python, platform, arguments.output)
+
+    # Side by side, for what cores would be idle in: CMake's questions to the compiler, and linking.
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(build_platform, arguments.platform))
 
 
 if __name__ == "__main__":
