@@ -3,31 +3,69 @@
 from __future__ import annotations
 
 import bpy
-from buttons import Button, leave
-from driver import Step, area_of, hover, region_of, screen_pixels, screenshot, wait_until
+import numpy as np
+import numpy.typing as npt
+from buttons import Button
+from driver import (
+    SCREEN_HEIGHT,
+    Step,
+    area_of,
+    front_window,
+    hover,
+    main_area,
+    middle_of,
+    region_of,
+    screen_pixels,
+    screen_point,
+    screenshot,
+    wait_until,
+    x_tool,
+)
 from panel_steps import main_buttons, open_sub_panel
 
-TOOLTIP_BYTES = 6000  # of the screen that a tooltip changes, at least; a button that lights up changes fewer
+TOOLTIP_BYTES = 6000  # of the screen that a tooltip changes, at least
+# In pixels: what lights up at once, up and down from the middle of the button, and the status bar with its hints.
+LIT, STATUS_BAR = 16, 30
+
+
+def around(button: Button) -> npt.NDArray[np.uint8]:
+    """The rows of the screen above and below a button."""
+    rows = screen_pixels().reshape(SCREEN_HEIGHT, -1)
+    _, y = screen_point(0, button.y)
+    return np.concatenate((rows[: y - LIT], rows[y + LIT : front_window().height - STATUS_BAR]))
+
+
+def let_the_screen_rest() -> Step:
+    """With the mouse where nothing lights up, until the last tooltip has gone."""
+    hover(*middle_of(main_area()))
+    yield 0.2
+    x_tool("mousemove_relative", "--", 5, 5)
+    earlier = None
+    for _ in range(10):
+        yield 0.4
+        now = screen_pixels()
+        if earlier is not None and np.array_equal(now, earlier):
+            return
+        earlier = now
 
 
 def rest_on(button: Button, name: str) -> Step:
+    """One in each step: Blender lets a second one wait for more than the mouse."""
     area = area_of("PROPERTIES")
     region = region_of(area)
-    yield from leave(area)
-    yield 0.3
-    before = screen_pixels()
+    yield from let_the_screen_rest()
+    before = around(button)
     hover(region.x + region.width * button.column, button.y)
-    is_shown = lambda: (screen_pixels() != before).sum() > TOOLTIP_BYTES  # noqa: E731
-    yield from wait_until(is_shown, f"{button.what} has no tooltip", 8)
-    yield 0.2
+    yield 2.5  # what was shown before has gone by now
+    is_shown = lambda: (around(button) != before).sum() > TOOLTIP_BYTES  # noqa: E731
+    yield from wait_until(is_shown, f"{button.what} has no tooltip", 10)
     screenshot(f"tooltip_{name}")
-    yield from leave(area)
+    yield from let_the_screen_rest()
 
 
 def show_tooltips() -> Step:
     buttons = yield from main_buttons()
-    for name in ("preview", "preview_percentage", "mode"):
-        yield from rest_on(buttons[f"perfect_bvh.{name}"], name)
+    yield from rest_on(buttons["perfect_bvh.preview"], "preview")
 
 
 def show_why_scan_is_grey() -> Step:
