@@ -174,11 +174,10 @@ def _read_pixels(image: Any) -> Pixels | None:
     width, height = image.size
     if not width or not height:
         return None
-    values = np.empty(width * height * 4, np.float32)
-    if len(image.pixels) != len(values):  # of fewer channels than Blender lets Python write
+    values = np.empty((height, width, 4), np.float32)
+    if len(image.pixels) != values.size:  # of fewer channels than Blender lets Python write
         return None
-    image.pixels.foreach_get(values)
-    values = values.reshape(height, width, 4)
+    image.pixels.foreach_get(values.reshape(-1))
     if not image.is_float and image.colorspace_settings.name not in _LINEAR_SPACES:
         return np.rint(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
     np.nan_to_num(values, copy=False, nan=0.0, posinf=65504.0, neginf=0.0)

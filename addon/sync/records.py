@@ -137,7 +137,8 @@ class ImageRecord:
     """pixels: (H, W, 4), row 0 at the bottom: uint8 sRGB or float32 scene-linear.
 
     extension: what lies beyond its border; uv_transform: where it is looked up; see `perfect_bvh.ImageTexture`. An
-    image that is known to be unchanged since the record before has the very same array.
+    image that is known to be unchanged since the record before has the very same array. From here on it is read-only:
+    the renderer keeps what it works out of it.
     """
 
     name: str
@@ -145,6 +146,9 @@ class ImageRecord:
     pixels: npt.NDArray[np.uint8] | Float32Array
     extension: Extension
     uv_transform: UvTransform = UNMAPPED
+
+    def __post_init__(self) -> None:
+        self.pixels.flags.writeable = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

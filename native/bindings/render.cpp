@@ -11,6 +11,7 @@
 #include "bindings/bind.h"
 #include "bindings/progress.h"
 #include "core/errors.h"
+#include "render/bright_sky.h"
 
 namespace perfect_bvh::bindings {
 namespace {
@@ -140,6 +141,8 @@ void read_scene_light(const py::dict& values, Appearance& appearance) {
   read_lights(values["lights"].cast<py::dict>(), appearance.lights);
   appearance.world = read_world(values["world"]);
   appearance.backdrop = read_world(values["backdrop"]);
+  const py::handle sky = values["bright_sky"];
+  if (!sky.is_none()) appearance.bright_sky = sky.cast<std::shared_ptr<BrightSky>>();
 }
 
 void read_appearance(const py::dict& values, Appearance& appearance) {
@@ -248,9 +251,17 @@ py::dict render_passes(const Snapshot& snapshot, const py::dict& camera_values, 
   return columns_of(kept, settings.width);
 }
 
+std::shared_ptr<BrightSky> make_bright_sky(const py::dict& values, int threads) {
+  const Texture image = read_image(values);
+  const py::gil_scoped_release release;
+  return std::make_shared<BrightSky>(image, threads);
+}
+
 }  // namespace
 
 void bind_render(py::module_& module) {
+  py::class_<BrightSky, std::shared_ptr<BrightSky>>(module, "BrightSky")
+      .def(py::init(&make_bright_sky), py::arg("image"), py::arg("threads"));
   module.def("render", &render_passes, py::arg("snapshot"), py::arg("camera"), py::arg("appearance"),
              py::arg("settings"), py::arg("targets"), py::arg("progress"));
 }

@@ -39,6 +39,9 @@ def render(
     progress: _Progress,
 ) -> dict[str, npt.NDArray[Any]]: ...
 
+class BrightSky:
+    def __init__(self, image: dict[str, Any], threads: int) -> None: ...
+
 class Snapshot:
     @property
     def generation(self) -> int: ...

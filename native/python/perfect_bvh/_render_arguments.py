@@ -105,6 +105,7 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
         "lights": _light_arguments(function, appearance.lights),
         "world": _world_arguments(function, "world", appearance.world),
         "backdrop": _world_arguments(function, "backdrop", appearance.backdrop),
+        "bright_sky": None,
         "material_colors": column("materials.colors", materials.colors, np.float32, 4),
         "material_indices": column("materials.indices", materials.indices, np.int32),
         "instance_ids": column("instances.ids", table.ids, np.int32),

@@ -75,6 +75,8 @@ class ImageTexture:
     """An image that materials or the world refer to.
 
     pixels: (H, W, 4), straight alpha, row 0 at the lower border (v = 0); uint8 is sRGB, float32 scene-linear.
+        What the mode "preview" finds bright in the world's image is kept while the array exists if it is read-only and
+        owns its memory; else it is found anew for each image that is rendered.
     extension: what lies outside 0..1: "repeat", "extend" (the border's colour) or "clip" (nothing).
     uv_transform: two rows, what (u, v, 1) of a surface's uv map is multiplied with to find the place in the image.
     """

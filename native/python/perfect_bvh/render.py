@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from . import _core
 from ._batches import Progress, share_of
+from ._bright_skies import find_bright_sky
 from ._render_arguments import (
     appearance_arguments,
     camera_arguments,
@@ -241,6 +242,9 @@ def _render(
         "height": height,
         "samples": count,
     }
+    looks = appearance_arguments(function, appearance or Appearance())
+    if mode == "preview" and looks["world"] is not None and 0 <= looks["world"]["image"] < len(looks["images"]):
+        looks["bright_sky"] = find_bright_sky(looks["images"][looks["world"]["image"]], settings["threads"])
     arrays: Passes = {}
     for name in _check_passes(function, passes):
         shape, dtype, nothing = _PASSES[name]
@@ -249,7 +253,7 @@ def _render(
     kept = _core.render(
         snapshot._snapshot,
         camera_arguments(function, camera),
-        appearance_arguments(function, appearance or Appearance()),
+        looks,
         settings,
         arrays,
         progress if audit is None else share_of(progress, 0.0, 0.5),

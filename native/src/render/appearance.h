@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -16,6 +17,8 @@
 #include "traverse/ray.h"
 
 namespace perfect_bvh {
+
+class BrightSky;
 
 inline constexpr std::int32_t kNoMaterial = -1;
 
@@ -59,8 +62,9 @@ struct Appearance {
 
   std::vector<Texture> images;
   std::vector<Light> lights;
-  std::optional<World> world;     // none: the studio's sky and ground
-  std::optional<World> backdrop;  // what the camera sees instead of the world, and nothing is lit by
+  std::optional<World> world;                   // none: the studio's sky and ground
+  std::shared_ptr<const BrightSky> bright_sky;  // of the world's image, if it was worked out before
+  std::optional<World> backdrop;                // what the camera sees instead of the world, and nothing is lit by
 
   std::uint32_t camera_mask = 0xFFFFFFFFu;
   std::uint32_t shadow_mask = 0xFFFFFFFFu;

@@ -3,6 +3,8 @@
 // aimed at (bright_sky.h).
 #pragma once
 
+#include <memory>
+
 #include "render/appearance.h"
 #include "render/bright_sky.h"
 
@@ -21,17 +23,18 @@ class Surroundings {
   [[nodiscard]] Vec3f mean() const noexcept { return mean_; }
 
   // Whether any part is bright.
-  [[nodiscard]] bool can_be_aimed_at() const noexcept { return !bright_.empty(); }
+  [[nodiscard]] bool can_be_aimed_at() const noexcept { return !bright_->empty(); }
   [[nodiscard]] BrightSky::Choice aim(Point2 random) const noexcept;
   // With which that chooses a direction.
   [[nodiscard]] float density(Vec3f direction) const noexcept;
 
  private:
   [[nodiscard]] const Texture* image() const noexcept;
+  [[nodiscard]] std::shared_ptr<const BrightSky> find_bright_sky(int threads) const;
   [[nodiscard]] Vec3f find_mean() const noexcept;
 
   const Appearance& appearance_;
-  BrightSky bright_;
+  std::shared_ptr<const BrightSky> bright_;
   Vec3f mean_;
 };
 
