@@ -154,8 +154,9 @@ class SceneSync:
             self.stop_building()
             self._state.scene.mark_stale("the last update did not succeed: call update() again")
             raise
-        if self.building is not None and difference.is_none:
-            return self.building
+        building = self.building  # asked for once: it may end at any time
+        if building is not None and difference.is_none:
+            return building
         self.stop_building()
         read_milliseconds = (time.perf_counter() - started) * 1e3 - difference.milliseconds
         self._lookup = self._appearance = None

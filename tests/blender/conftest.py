@@ -36,3 +36,13 @@ def scene() -> Any:
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = 32, 18
     return scene
+
+
+@pytest.fixture
+def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """A `Gate`, shut; open in the end, so that nothing waits before it."""
+    from blender.long_builds import Gate
+
+    made = Gate(monkeypatch)
+    yield made
+    made.open()

@@ -93,3 +93,12 @@ class FakeWindow:
 
     def __getattr__(self, name: str) -> Any:
         return self._known[name] if name in self._known else getattr(bpy.context, name)
+
+
+def tick_until_half(operator: FakeOperator, window: FakeWindow) -> None:
+    """Let a button's timer tick until its user reads that half of the trees are built."""
+    for _ in range(100):
+        assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
+        if window.status == "Building trees 50%: Esc stops it":
+            return
+    pytest.fail(f"status {window.status!r}")

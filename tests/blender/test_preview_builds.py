@@ -21,6 +21,7 @@ from blender.long_builds import (  # noqa: E402
     FakeWindow,
     Gate,
     building_threads,
+    tick_until_half,
 )
 from perfect_bvh_addon.operators import preview  # noqa: E402
 from perfect_bvh_addon.scene_sync import SceneSync  # noqa: E402
@@ -51,13 +52,6 @@ def cube(scene: bpy.types.Scene) -> bpy.types.Object:
     return made
 
 
-@pytest.fixture
-def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
-    made = Gate(monkeypatch)
-    yield made
-    made.open()
-
-
 def pixels() -> np.ndarray:
     image = bpy.data.images[NAME]
     values = np.empty(image.size[0] * image.size[1] * 4, np.float32)
@@ -79,14 +73,6 @@ def press() -> tuple[FakeOperator, FakeWindow]:
     operator, window = FakeOperator(preview.PERFECT_BVH_OT_preview), FakeWindow()
     assert operator.invoke(window, MOUSE) == {"RUNNING_MODAL"}
     return operator, window
-
-
-def tick_until_half(operator: FakeOperator, window: FakeWindow) -> None:
-    for _ in range(100):
-        assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
-        if window.status == "Building trees 50%: Esc stops it":
-            return
-    pytest.fail(f"status {window.status!r}")
 
 
 def tick_to_the_end(operator: FakeOperator, window: FakeWindow) -> None:

@@ -26,6 +26,7 @@ from blender.long_builds import (  # noqa: E402
     FakeWindow,
     Gate,
     building_threads,
+    tick_until_half,
 )
 from oracles.brute_force import WorldTriangles, certain_hits  # noqa: E402
 from perfect_bvh_addon import CameraGrid, PointCloud, SpinningLidar, scan  # noqa: E402
@@ -60,13 +61,6 @@ def room(scene: bpy.types.Scene) -> bpy.types.Scene:
     scene.frame_end = 3
     bpy.context.view_layer.update()
     return scene
-
-
-@pytest.fixture
-def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
-    made = Gate(monkeypatch)
-    yield made
-    made.open()
 
 
 def assert_same(cloud: PointCloud, expected: PointCloud) -> None:
@@ -257,17 +251,9 @@ def pressed(room) -> tuple[FakeOperator, FakeWindow]:
     return operator, window
 
 
-def tick_until_built_by_half(operator: FakeOperator, window: FakeWindow) -> None:
-    for _ in range(100):
-        assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
-        if window.status == "Building trees 50%: Esc stops it":
-            return
-    pytest.fail(f"status {window.status!r}")
-
-
 def test_escape_stops_a_build_and_makes_nothing(gate: Gate, room, pressed) -> None:
     operator, window = pressed
-    tick_until_built_by_half(operator, window)
+    tick_until_half(operator, window)
     assert operator.modal(window, MOUSE) == {"PASS_THROUGH"}
     count = len(bpy.data.objects)
     assert operator.modal(window, ESCAPE) == {"CANCELLED"}
@@ -277,7 +263,7 @@ def test_escape_stops_a_build_and_makes_nothing(gate: Gate, room, pressed) -> No
 
 def test_the_button_scans_when_the_trees_are_built(gate: Gate, room, pressed) -> None:
     operator, window = pressed
-    tick_until_built_by_half(operator, window)
+    tick_until_half(operator, window)
     gate.open()
     states = set()
     while (answer := operator.modal(window, TIMER)) == {"RUNNING_MODAL"}:
@@ -293,7 +279,7 @@ def test_the_button_scans_when_the_trees_are_built(gate: Gate, room, pressed) ->
 
 def test_blender_ends_or_opens_a_file_while_the_button_builds(gate: Gate, room, pressed) -> None:
     operator, window = pressed
-    tick_until_built_by_half(operator, window)
+    tick_until_half(operator, window)
     operator.cancel(window)
     assert (window.status, window.timers, building_threads()) == (None, 0, 0)
 

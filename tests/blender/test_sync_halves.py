@@ -18,13 +18,6 @@ from perfect_bvh_addon.sync.records import AttributeRequest  # noqa: E402
 
 
 @pytest.fixture
-def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
-    made = Gate(monkeypatch)
-    yield made
-    made.open()
-
-
-@pytest.fixture
 def box(scene: bpy.types.Scene) -> bpy.types.Object:
     bpy.ops.mesh.primitive_cube_add(size=2.0)
     return bpy.context.object
@@ -78,6 +71,24 @@ def test_who_asks_for_the_same_waits_for_the_same(box, sync: SceneSync, gate: Ga
     gate.open()
     building.settle()
     assert sync.begin_update(depsgraph()) is not building, "it has ended"
+
+
+def test_a_build_that_ends_while_somebody_joins_it_is_handed_on(
+    box, sync: SceneSync, gate: Gate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    building = sync.begin_update(depsgraph())
+    look = SceneSync.building.fget
+
+    def look_and_let_it_end(asked: SceneSync):
+        found = look(asked)
+        gate.open()
+        assert building.wait(30.0)
+        return found
+
+    monkeypatch.setattr(SceneSync, "building", property(look_and_let_it_end))
+    joined = sync.begin_update(depsgraph())
+    assert joined is building
+    assert joined.result().added_count == 1
     assert not sync.begin_update(depsgraph()).result().has_changes
     assert sync.revision == 1
 

@@ -41,11 +41,9 @@ def without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 @pytest.fixture
-def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
-    made = Gate(monkeypatch)
-    made.open()
-    yield made
-    made.open()
+def gate(gate: Gate) -> Gate:
+    gate.open()
+    return gate
 
 
 @pytest.fixture
