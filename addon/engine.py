@@ -105,11 +105,15 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         """Render one view layer of one frame, with each eye if there are several."""
         if not self._has_room(depsgraph):
             return
+        views = _view_names(depsgraph.scene)
+        if not views:
+            self._fail(f'No active view found in scene "{depsgraph.scene.name}": enable one under Output > Stereoscopy')
+            return
         specs = enabled_passes(depsgraph.view_layer)
         layer_name = depsgraph.view_layer.name
         for spec in specs:
             self.add_pass(spec.name, len(spec.channels), spec.channels, layer=layer_name)
-        for view in _view_names(depsgraph.scene):
+        for view in views:
             if not self._render_view(depsgraph, specs, view):
                 return
 

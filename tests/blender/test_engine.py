@@ -219,6 +219,17 @@ def test_stereoscopy_renders(scene, tmp_path: Path, file_format: str) -> None:
     assert list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("views_format", ["STEREO_3D", "MULTIVIEW"])
+def test_a_scene_without_an_eye_in_use_is_refused(scene, views_format: str) -> None:
+    scene.render.use_multiview, scene.render.views_format = True, views_format
+    for view in scene.render.views:
+        view.use = False
+    with pytest.raises(RuntimeError, match='No active view found in scene "Scene"'):
+        bpy.ops.render.render()
+    scene.render.views[-1].use = True
+    assert render().frame is not None
+
+
 # Cancel and errors -------------------------------------------------------------------------------------------------
 
 
