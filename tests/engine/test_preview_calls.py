@@ -1,0 +1,51 @@
+"""How previews are asked for: the same pixels for any number of threads, and which looks are refused."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from engine.preview_looks import ABOVE, ROOF, SIZE, floor, lights, made_of, materials, sun_in_the_sky
+from perfect_bvh import Appearance, ImageTexture, LightTable, World, render
+
+
+def test_pixels_do_not_depend_on_threads():
+    look = Appearance(lights=lights(3, size=(1.0, 2.0), count=6), world=World((0.1, 0.2, 0.3)))
+    sunny = replace(sun_in_the_sky(0.5)[0], **made_of(2, base_colors=(0.8, 0.7, 0.6), metallics=1.0, roughnesses=0.3))
+    for lit in (look, sunny):
+        images = [render(floor(ROOF), ABOVE, "preview", (70, 50), 2, lit, threads=threads) for threads in (1, 2, 3)]
+        assert np.array_equal(images[0], images[1])
+        assert np.array_equal(images[0], images[2])
+
+
+@pytest.mark.parametrize(
+    ("look", "message"),
+    [
+        (Appearance(images=(ImageTexture(np.zeros((2, 2, 3), np.uint8)),)), r"images\[0\].pixels must have shape"),
+        (Appearance(images=(ImageTexture(np.zeros((2, 2, 4))),)), r"images\[0\].pixels must be uint8 .* got float64"),
+        (
+            Appearance(images=(ImageTexture(np.zeros((2, 2, 4), np.uint8), uv_transform=((1, 0), (0, 1))),)),
+            r"images\[0\].uv_transform must be two rows of three numbers",
+        ),
+        (
+            Appearance(materials=materials(emission_images=np.array([3], np.int32))),
+            "materials.emission_images refers to",
+        ),
+        (Appearance(world=World(image=0)), "world.image is 0 but there are 0 images"),
+        (Appearance(backdrop=World(image=2)), "backdrop.image is 2 but there are 0 images"),
+        (Appearance(world=World((math.nan, 0, 0))), "world.color must be three numbers"),
+        (
+            Appearance(materials=materials(color_images=np.array([3], np.int32))),
+            "materials.color_images refers to",
+        ),
+        (Appearance(materials=materials(alphas=np.zeros(2, np.float32))), "materials.alphas has 2 rows"),
+        (Appearance(lights=lights(5)), "lights.kinds must be 0 to 4 .*, got 5"),
+        (Appearance(lights=lights(0, power=math.inf)), "lights.powers must be finite, got inf"),
+        (Appearance(lights=LightTable(kinds=np.zeros(1, np.int32))), "lights.positions must have a row for each"),
+    ],
+)
+def test_bad_looks_are_refused(look, message):
+    with pytest.raises(ValueError, match=f"render: appearance.{message}"):
+        render(floor(), ABOVE, "preview", SIZE, 1, look)

@@ -1,0 +1,77 @@
+"""Images and painted colours on surfaces in the preview mode."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from engine.preview_looks import (
+    ABOVE,
+    BLACK,
+    FLOOR,
+    QUAD,
+    SIZE,
+    WHITE,
+    floor,
+    looking,
+    materials,
+    one_material,
+    papered,
+    quads,
+)
+from perfect_bvh import Appearance, ImageTexture, MeshAppearance, render
+
+FIRST = np.zeros(1, np.int32)  # the material shows the first image
+
+
+def four_pixels() -> npt.NDArray[np.uint8]:
+    """Red at u, v = 0, 0; green to the right, blue above, white across."""
+    pixels = np.zeros((2, 2, 4), np.uint8)
+    pixels[0, 0], pixels[0, 1], pixels[1, 0], pixels[1, 1] = (255, 0, 0, 255), (0, 255, 0, 255), (0, 0, 255, 255), 255
+    return pixels
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+@pytest.mark.parametrize("linear", [False, True])
+def test_images_show_the_right_way_up(linear, smooth):
+    pixels = four_pixels()
+    image = ImageTexture(pixels.astype(np.float32) / 255 if linear else pixels, "extend")
+    look = papered(image, color_images=FIRST)
+    picture = render(quads(FLOOR * 0.02), looking((0, 0, 5), (0, 0, 0), 22.0), "preview", SIZE, 8, look, smooth=smooth)
+    for row, column, color in ((27, 4, (1, 0, 0)), (27, 27, (0, 1, 0)), (4, 4, (0, 0, 1)), (4, 27, (1, 1, 1))):
+        assert picture[row, column, :3] == pytest.approx(color, abs=0.05)
+
+
+def test_a_uv_transform_says_where_an_image_is_looked_up():
+    """Turned by a quarter, shrunk and moved: of four pixels the second is seen on all of the floor."""
+    image = ImageTexture(four_pixels(), "extend", ((0.0, -0.1, 0.95), (0.1, 0.0, 0.05)))
+    picture = render(floor(), ABOVE, "preview", SIZE, 4, papered(image, color_images=FIRST))
+    assert picture[16, 16, :3] == pytest.approx((0, 1, 0), abs=0.02)
+
+
+def test_an_image_may_glow():
+    """Its colours multiply the emission, and nothing else does."""
+    image = ImageTexture(np.tile(np.float32((0.25, 0.5, 2.0, 1.0)), (2, 2, 1)))
+    black, three = np.zeros((1, 3), np.float32), np.full((1, 3), 3.0, np.float32)
+    look = replace(papered(image, base_colors=black, emissions=three, emission_images=FIRST), world=BLACK)
+    seen = render(floor(), ABOVE, "preview", SIZE, 4, look)[16, 16, :3]
+    assert seen == pytest.approx((0.75, 1.5, 6.0), rel=1e-5)
+
+
+def test_a_meshs_own_colors_tint_it():
+    colors = np.array([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)], np.float32)
+    look = Appearance(
+        meshes={0: MeshAppearance(corner_colors=colors[QUAD])},
+        instances=one_material(1),
+        materials=materials(base_colors=np.array([(1.0, 0.5, 1.0)], np.float32), tinted=np.ones(1, np.bool_)),
+        world=WHITE,
+    )
+    # The middle lies halfway between the first corner and the third.
+    assert render(floor(), ABOVE, "preview", SIZE, 8, look)[16, 16, :3] == pytest.approx((0.5, 0, 0.5), abs=0.02)
+    bare = replace(look, meshes={})
+    assert render(floor(), ABOVE, "preview", SIZE, 8, bare)[16, 16, :3] == pytest.approx((0.8, 0.4, 0.8), abs=0.02)
+    wrong = replace(look, meshes={0: MeshAppearance(corner_colors=colors[QUAD][:1])})
+    with pytest.raises(ValueError, match="corner_colors has 1 rows but the mesh has 2 triangles"):
+        render(floor(), ABOVE, "preview", SIZE, 1, wrong)

@@ -1,0 +1,113 @@
+"""What lights give in the preview mode, where physics says how much."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from engine.preview_looks import (
+    BLACK,
+    PLAIN,
+    ROOF,
+    TILTED,
+    brightness,
+    floor,
+    lights,
+    looking,
+    made_of,
+    materials,
+    quick_and_converged,
+    two_materials,
+)
+from perfect_bvh import Appearance, Camera, render
+
+
+@pytest.mark.parametrize("count", [1, 9], ids=["each light", "some lights"])
+@pytest.mark.parametrize(
+    ("kind", "size", "expected"),
+    [
+        (0, (0.0, 0.0), 100 / (4 * math.pi) / 4 / math.pi),  # P / 4 pi over the distance squared, over pi
+        (0, (0.1, 0.0), 100 / (4 * math.pi) / 4 / math.pi),
+        (1, (0.01, 0.0), 100 / math.pi),
+        (2, (0.0, 0.0), 100 / (4 * math.pi) / 4 / math.pi),
+        (3, (0.2, 0.2), 100 / math.pi / 4 / math.pi),  # P / (pi A), seen under A / d^2
+        (4, (0.2, 0.2), 100 / math.pi / 4 / math.pi),
+    ],
+)
+def test_lights_shine_as_blender_means_them(kind, size, expected, count):
+    look = Appearance(lights=lights(kind, power=100 / count, size=size, count=count), world=BLACK)
+    assert brightness(floor(), look) == pytest.approx(PLAIN * expected, rel=0.02)
+
+
+def test_a_spot_lights_its_cone_only():
+    scene = floor()
+    narrow = lights(2, position=(3, 0, 2), cone=(math.radians(60), 0.1))
+    assert brightness(scene, Appearance(lights=narrow, world=BLACK)) == 0.0
+    wide = lights(2, position=(3, 0, 2), cone=(math.radians(140), 0.0))
+    assert brightness(scene, Appearance(lights=wide, world=BLACK)) > 0.01
+
+
+def test_the_back_of_an_area_light_is_dark():
+    below = lights(3, position=(0, 0, -1), size=(1.0, 1.0))
+    assert brightness(floor(), Appearance(lights=below, world=BLACK)) == 0.0
+
+
+def test_what_is_in_the_way_throws_a_shadow():
+    from_the_side = looking((0, -5, 0.4), (0, 0, 0), 3.0)
+    look = Appearance(lights=lights(1, power=math.pi), world=BLACK)
+    assert brightness(floor(ROOF), look, from_the_side) < 0.05
+    assert brightness(floor(), look, from_the_side) == pytest.approx(PLAIN, rel=0.01)
+
+
+@pytest.mark.parametrize("kind", [3, 4], ids=["rectangle", "ellipse"])
+@pytest.mark.parametrize("spread", [0.02, 0.4, 1.5, 3.0])
+def test_a_grid_before_an_area_light_gathers_its_light_and_keeps_its_watts(kind, spread):
+    """All light of a small lamp falls on the floor below it: the same sum whatever the spread, on a smaller spot."""
+    lamp = replace(lights(kind, power=1.0, size=(0.001, 0.001)), cones=np.array([(spread, 0.0)], np.float32))
+    reach = 2.0 * math.tan(spread / 2) * 1.1  # the lamp is two above the floor
+    wide = Camera.look_at((0, 0, 50), (0, 0, 0), up=(0, 1, 0), angle=2 * math.atan(reach / 50), aspect=1.0)
+    look = Appearance(lights=lamp, world=BLACK)
+    image = render(floor(), wide, "preview", (128, 128), 16, look, smooth=False)[..., 1]
+    area = (2 * reach / 128) ** 2
+    assert image.sum() * area * math.pi == pytest.approx(PLAIN, rel=0.03)
+    assert image[0, 0] == 0.0
+
+
+@pytest.mark.parametrize("roughness", [0.3, 0.6])
+def test_highlights_are_what_a_mirror_would_show_of_the_light(roughness):
+    """A square light, and a glowing square of the same radiance, seen in a metal floor: two ways to one number."""
+    camera = looking((0, -4, 3), (0, 0, 0), 8.0)
+    power = 200.0
+    light = lights(3, position=(0, 4, 3), power=power, size=(2.0, 2.0))
+    metal = made_of(1, base_colors=(1.0, 1.0, 1.0), metallics=1.0, roughnesses=roughness)
+    by_light = brightness(floor(), Appearance(**metal, lights=light, world=BLACK), camera, samples=256)
+
+    square = np.array([(-1, 3, 3), (1, 3, 3), (1, 5, 3), (-1, 5, 3)], np.float64)
+    glowing = materials(
+        2,
+        base_colors=np.array([(1, 1, 1), (0, 0, 0)], np.float32),
+        emissions=np.array([(0, 0, 0), (power / math.pi / 4,) * 3], np.float32),
+        metallics=np.array([1, 0], np.float32),
+        roughnesses=np.array([roughness, 1], np.float32),
+    )
+    look = Appearance(instances=two_materials(), materials=glowing, world=BLACK)
+    by_mirror = brightness(floor(square), look, camera, samples=1024)
+    assert by_light > 0.5
+    assert by_mirror == pytest.approx(by_light, rel=0.05)
+
+
+@pytest.mark.parametrize(("kind", "size"), [(0, (0.5, 0.0)), (3, (1.5, 1.0)), (4, (1.5, 1.0))])
+@pytest.mark.parametrize("count", [1, 6], ids=["each is asked", "some are picked"])
+def test_large_lights_shine_in_smooth_metal_without_specks(kind, size, count):
+    metal = made_of(1, base_colors=(0.9, 0.9, 0.9), metallics=1.0, roughnesses=0.2)
+    look = Appearance(**metal, lights=lights(kind, position=(0, 1, 2), size=size, count=count), world=BLACK)
+    image, converged = quick_and_converged(floor(), TILTED, look)
+    assert np.abs(image - converged).max() < 0.35 * converged.max()
+    assert math.sqrt(((image - converged) ** 2).mean()) < 0.12 * converged.mean()
+    assert image.mean() == pytest.approx(converged.mean(), rel=0.01)
+
+
+def test_without_lights_and_world_the_studio_shines():
+    assert 0.1 < brightness(floor(), Appearance()) < 1.0

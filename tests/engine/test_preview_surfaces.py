@@ -1,0 +1,98 @@
+"""What surfaces give back of the light in the preview mode: metal, plastic, glass, and what is only partly there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from engine.preview_looks import (
+    ABOVE,
+    ASIDE,
+    BLACK,
+    FLOOR,
+    PLAIN,
+    SIZE,
+    WHITE,
+    brightness,
+    floor,
+    lights,
+    looking,
+    made_of,
+    one_material,
+    quads,
+    square,
+)
+from perfect_bvh import Appearance, World, render
+
+
+def test_a_smooth_metal_is_a_coloured_mirror():
+    """A floor of gold below a glowing ceiling, which the camera sees in it alone."""
+    gold = (0.9, 0.6, 0.2)
+    look = made_of(1, base_colors=gold, metallics=1.0, roughnesses=0.0)
+    world = World((0.3, 0.5, 0.7))
+    image = render(floor(), ABOVE, "preview", SIZE, 8, Appearance(**look, world=world))
+    np.testing.assert_allclose(image[8:24, 8:24, :3].mean(axis=(0, 1)), np.multiply(gold, world.color), rtol=0.02)
+
+
+@pytest.mark.parametrize(("roughness", "least"), [(0.0, 0.995), (0.3, 0.98), (0.6, 0.95), (1.0, 0.5)])
+def test_a_white_metal_gives_back_no_more_than_it_gets(roughness, least):
+    """In a white furnace, from above and aside. A very rough one is too dark: it loses what bounces inside."""
+    look = made_of(1, base_colors=(1.0, 1.0, 1.0), metallics=1.0, roughnesses=roughness)
+    for camera, lost in ((ABOVE, 0.0), (ASIDE, 0.12)):
+        seen = brightness(floor(), Appearance(**look, world=WHITE), camera, samples=64)
+        assert least - lost <= seen <= 1.03
+
+
+@pytest.mark.parametrize("roughness", [0.05, 0.3, 0.9])
+@pytest.mark.parametrize("transmission", [0.0, 1.0])
+def test_plastic_and_glass_give_back_no_more_than_they_get(roughness, transmission):
+    look = made_of(1, base_colors=(1.0, 1.0, 1.0), reflectances=0.04, roughnesses=roughness, transmissions=transmission)
+    for camera in (ABOVE, ASIDE):
+        seen = brightness(floor(), Appearance(**look, world=WHITE), camera, samples=64)
+        assert 0.9 <= seen <= 1.001
+
+
+def test_glass_is_seen_through_and_throws_a_light_shadow():
+    pane = square(3.0, 1.0)
+    clear = made_of(1, base_colors=(1.0, 1.0, 1.0), reflectances=0.04, roughnesses=0.0, transmissions=1.0)
+    table = replace(one_material(2), slot_offsets=np.array([0, 0, 1], np.int32))  # the floor has none
+    look = Appearance(**{**clear, "instances": table}, lights=lights(1, power=math.pi), world=BLACK)
+    aside = looking((0, -5, 5), (0, 0, 0), 5.0)  # no highlight comes here
+    assert brightness(floor(pane), look, aside) == pytest.approx(PLAIN * 0.6 * 0.96, rel=0.03)
+
+    look = Appearance(**clear, world=WHITE, film_transparent=True)
+    image = render(quads(pane), ABOVE, "preview", SIZE, 4, look)
+    np.testing.assert_allclose(image[10:20, 10:20], 0.04, atol=0.015)  # what it mirrors, and that much of it is there
+
+
+@pytest.mark.parametrize(("alpha", "through"), [(1.0, 0.0), (0.5, 0.5), (0.0, 1.0)])
+def test_transparent_surfaces_let_light_and_looks_through(alpha, through):
+    """A sun, a half transparent pane that is dark itself, a bright floor that its material does not reach."""
+    pane = {**made_of(1, base_colors=(0.0, 0.0, 0.0), alphas=alpha)}
+    pane["instances"] = replace(pane["instances"], ids=np.array([1], np.int32))
+    look = Appearance(**pane, lights=lights(1, power=math.pi), world=BLACK)
+    above = brightness(floor(square(50.0, 1.0)), look)  # the light comes through the pane, and is seen through it again
+    assert above == pytest.approx(PLAIN * through * through, abs=0.03)
+
+
+def test_mirrored_rays_pass_by_what_they_must_not_see():
+    scene = quads(FLOOR, square(50.0, 9.0), masks=(0xFFFFFFFF, 0b10))
+    mirror = made_of(1, base_colors=(1.0, 1.0, 1.0), metallics=1.0, roughnesses=0.0)
+    look = Appearance(**mirror, world=WHITE, camera_mask=0b01, glossy_mask=0b01)
+    assert brightness(scene, look) == pytest.approx(1.0, rel=5e-3)
+    assert brightness(scene, replace(look, glossy_mask=0b10)) < 0.6
+
+
+def test_light_bounces_off_what_is_held_out_of_the_image():
+    """A red wall beside a floor colours it whether the wall itself is seen or is a hole."""
+    wall = np.array([(1, -50, 0), (1, 50, 0), (1, 50, 50), (1, -50, 50)], np.float64)
+    scene = floor(wall)
+    red = made_of(2, base_colors=(1.0, 0.0, 0.0))
+    images = []
+    for is_held_out in (False, True):
+        table = replace(red["instances"], holdout=np.array([False, is_held_out]))
+        look = Appearance(instances=table, materials=red["materials"], world=WHITE)
+        images.append(render(scene, ABOVE, "preview", SIZE, 8, look))
+    np.testing.assert_array_equal(images[0], images[1])  # the camera looks past the wall
