@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-import sys
+import importlib
 from typing import Any
 
 import bpy
@@ -27,7 +27,8 @@ for _name in ("render_complete", "render_cancel", "frame_change_post"):
 
 
 def module(name: str) -> Any:
-    return sys.modules[f"{MODULE}.{name}"]
+    """Of the add-on; some are imported only when they are needed."""
+    return importlib.import_module(f"{MODULE}.{name}")
 
 
 def settings() -> Any:

@@ -23,6 +23,7 @@ from driver import (
     type_text,
     wait_until,
 )
+from gates import ScanGate, scan_gate
 from panel_steps import main_buttons, open_sub_panel
 from scan_steps import scans
 
@@ -188,13 +189,17 @@ def set_up_a_long_scan() -> Step:
     yield 0.3
 
 
-def start_a_long_scan(button: Button) -> Step:
+def scan_to_frame(gate: ScanGate, frame: int) -> Step:
+    gate.set_to(frame / LONG_SCAN)
+    yield from gate.wait(f"the scan to frame {frame}")
+    check(bpy.context.scene.frame_current == frame, f"the scan is in frame {bpy.context.scene.frame_current}")
+
+
+def start_a_long_scan(button: Button, gate: ScanGate) -> Step:
+    gate.set_to(0.0)
     yield from press(area_of("PROPERTIES"), button)
-    yield from wait_until(is_working, "the scan does not begin", 10)
-    yield from wait_until(lambda: bpy.context.scene.frame_current > 2, "the scan does not go on", 30)
+    yield from scan_to_frame(gate, 3)
     hover(*middle_of(area_of("VIEW_3D")))
-    yield 0.2
-    check(is_working(), "the scan is over before anything can happen to it")
 
 
 def has(name: str) -> bool:
@@ -218,9 +223,10 @@ def delete_and_undo_while_scanning() -> Step:
     frame, last = bpy.context.scene.frame_current, bpy.context.scene.frame_end
     yield from set_up_a_long_scan()
 
-    def work(button: Button) -> Step:
-        yield from start_a_long_scan(button)
+    def work(button: Button, gate: ScanGate) -> Step:
+        yield from start_a_long_scan(button, gate)
         yield from delete("Sensor")
+        gate.open()
         yield from wait_for_report("The sensor 'Sensor' was deleted during the scan", 20)
         yield 0.5
         screenshot("sensor_deleted_while_scanning")
@@ -228,18 +234,21 @@ def delete_and_undo_while_scanning() -> Step:
         check(bpy.context.scene.frame_current == frame, "the frame of before does not come back")
         yield from dismiss_error()
         yield from undo_until_it_is_there("Sensor")
-        yield from start_a_long_scan(button)
+        yield from start_a_long_scan(button, gate)
         yield from delete("Hill")
-        yield 0.5
-        check(is_working(), "the scan ends with one of many objects")
+        yield from scan_to_frame(gate, 6)
+        check(not has("Hill"), "the scan brings back what was deleted")
         yield from undo_until_it_is_there("Hill")
+        yield from scan_to_frame(gate, 9)
         screenshot("undone_while_scanning")
+        gate.open()
         yield from wait_until(lambda: not is_working(), "the scan does not end", 90)
         check(len(scans()) == 1 and len(scans()[0].data.vertices) > 1000, f"the scan has made {scans()}")
         check(bpy.context.scene.frame_current == frame, "the frame of before does not come back")
         check(has("Hill") and has("Sensor"), "the scan has taken more than it has given")
 
-    yield from with_scan_button(work)
+    with scan_gate() as gate:
+        yield from with_scan_button(lambda button: work(button, gate))
     scan = settings().scan
     scan.sensor, scan.pattern, scan.use_frame_range = None, "CAMERA", False
     bpy.context.scene.frame_end = last
