@@ -173,7 +173,7 @@ TEST(EditedWhileTraced, SnapshotsNeverChangeAndTheLastIsRight) {
   std::vector<std::thread> editors;
   for (EditedScene* edited : {&one, &other}) {
     editors.emplace_back([&, edited] {
-      for (int step = 0; step < 150; ++step) {
+      for (int step = 0; step < 150 || traced_count == 0; ++step) {  // however late the others begin
         edited->edit_and_commit(pool);
         std::this_thread::sleep_for(std::chrono::microseconds(200));  // so that others see what was committed
       }
@@ -183,7 +183,6 @@ TEST(EditedWhileTraced, SnapshotsNeverChangeAndTheLastIsRight) {
   is_over = true;
   for (std::thread& tracer : tracers) tracer.join();
   EXPECT_EQ(differences.load(), 0);
-  EXPECT_GT(traced_count.load(), 0);
 
   const std::vector<Ray> rays = rays_around(2000, 6);
   for (EditedScene* edited : {&one, &other}) {
