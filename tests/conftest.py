@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,16 @@ def repository() -> Path:
 def rng() -> np.random.Generator:
     """Random numbers, the same in every run."""
     return np.random.default_rng(20260421)
+
+
+@pytest.fixture
+def one_thread() -> Iterator[None]:
+    """The engine has no other meanwhile: long work stays long on a machine with many."""
+    import perfect_bvh
+
+    perfect_bvh.set_thread_count(1)
+    yield
+    perfect_bvh.set_thread_count(0)
 
 
 @pytest.fixture(scope="session")

@@ -39,6 +39,20 @@ def scene() -> Any:
 
 
 @pytest.fixture
+def cube(scene: Any) -> Any:
+    """A cube at the origin, which the scene's camera sees from above, in few samples."""
+    bpy.ops.mesh.primitive_cube_add()
+    made = bpy.context.object
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location = (0.0, 0.0, 8.0)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.perfect_bvh.samples = 4
+    bpy.context.view_layer.update()
+    return made
+
+
+@pytest.fixture
 def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """A `Gate`, shut; open in the end, so that nothing waits before it."""
     from blender.long_builds import Gate

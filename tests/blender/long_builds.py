@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+import time
+from collections.abc import Iterator
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
@@ -10,29 +12,52 @@ from typing import Any
 import bpy
 import perfect_bvh
 import pytest
-from perfect_bvh_addon.background_work import THREAD_NAME
+from perfect_bvh_addon import background_work
 
 HALF = 0.5
+PATIENCE = (
+    120.0  # seconds after which a test says that something hangs; however slow the machine, nothing takes so long
+)
 TIMER, ESCAPE, MOUSE = (SimpleNamespace(type=kind) for kind in ("TIMER", "ESC", "MOUSEMOVE"))
 
 
 class Gate:
-    """Holds each commit that can be cancelled at its half, until it is opened. held: how many it has held."""
+    """Holds each commit that can be cancelled until it is opened. held: how many it has held.
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    They are held at their half, before anything is built; with `inside` where the engine first asks whether to go on,
+    which it does after a twentieth of a second.
+    """
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, *, inside: bool = False) -> None:
         self._is_open = threading.Event()
         self.held = 0
         commit = perfect_bvh.Scene.commit
 
+        def goes_on(progress: Any, share: float) -> bool:
+            """Whether to go on, once the gate is open or whoever waits has given up."""
+            if self._is_open.is_set():
+                return progress(share) is not False
+            answer = progress(share)
+            self.held += 1
+            while answer is not False and not self._is_open.wait(0.002):
+                answer = progress(share)
+            return answer is not False
+
         def hold(scene: perfect_bvh.Scene, expected_rays: int | None = None, *, progress: Any = None) -> Any:
-            if progress is not None and not self._is_open.is_set():
-                self.held += 1
-                while not self._is_open.wait(0.002):
-                    if progress(HALF) is False:
-                        raise perfect_bvh.Cancelled("the commit was cancelled")
+            if progress is not None and inside:
+                return commit(scene, expected_rays, progress=partial(goes_on, progress))
+            if progress is not None and not self._is_open.is_set() and not goes_on(progress, HALF):
+                raise perfect_bvh.Cancelled("the commit was cancelled")
             return commit(scene, expected_rays, progress=progress)
 
         monkeypatch.setattr(perfect_bvh.Scene, "commit", hold)
+
+    def wait_until_held(self, count: int = 1) -> None:
+        """Until so many commits have said how far they are, and wait."""
+        for _ in patiently("no commit was held"):
+            if self.held >= count:
+                return
+            time.sleep(0.002)
 
     def open(self) -> None:
         self._is_open.set()
@@ -41,9 +66,17 @@ class Gate:
         self._is_open.clear()
 
 
+def patiently(complaint: str) -> Iterator[None]:
+    """Rounds of a loop that ends by itself, unless something hangs: then the test fails with a complaint."""
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until:
+        yield
+    pytest.fail(f"{complaint} after {PATIENCE:.0f} s")
+
+
 def building_threads() -> int:
     """How many commits are under way."""
-    return sum(thread.name == THREAD_NAME for thread in threading.enumerate())
+    return sum(work.is_running for work in tuple(background_work._running))
 
 
 class FakeOperator:
@@ -97,8 +130,7 @@ class FakeWindow:
 
 def tick_until_half(operator: FakeOperator, window: FakeWindow) -> None:
     """Let a button's timer tick until its user reads that half of the trees are built."""
-    for _ in range(100):
+    for _ in patiently("half of the trees are not built"):
         assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
         if window.status == "Building trees 50%: Esc stops it":
             return
-    pytest.fail(f"status {window.status!r}")

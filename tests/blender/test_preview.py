@@ -16,18 +16,6 @@ NAME = "Perfect BVH Preview"
 pytestmark = pytest.mark.usefixtures("registered")
 
 
-@pytest.fixture
-def cube(scene: bpy.types.Scene) -> bpy.types.Object:
-    bpy.ops.mesh.primitive_cube_add()
-    made = bpy.context.object
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.location = (0.0, 0.0, 8.0)
-    scene.collection.objects.link(camera)
-    scene.camera = camera
-    scene.perfect_bvh.samples = 5
-    return made
-
-
 def pixels() -> np.ndarray:
     image = bpy.data.images[NAME]
     values = np.empty(image.size[0] * image.size[1] * 4, np.float32)
@@ -41,7 +29,7 @@ def test_it_renders_without_changing_the_engine(scene, cube) -> None:
     assert scene.render.engine == engine
     (sync,) = sessions_of(scene)
     *_, (_, passes) = perfect_bvh.render_progressively(
-        sync.scene, sync.camera, mode="preview", size=(32, 18), samples=5, appearance=sync.appearance
+        sync.scene, sync.camera, mode="preview", size=(32, 18), samples=4, appearance=sync.appearance
     )
     np.testing.assert_array_equal(pixels(), passes["combined"])
 

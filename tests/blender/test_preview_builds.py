@@ -16,11 +16,13 @@ from blender.clouds import add_cloud  # noqa: E402
 from blender.long_builds import (  # noqa: E402
     ESCAPE,
     MOUSE,
+    PATIENCE,
     TIMER,
     FakeOperator,
     FakeWindow,
     Gate,
     building_threads,
+    patiently,
     tick_until_half,
 )
 from perfect_bvh_addon.operators import preview  # noqa: E402
@@ -37,19 +39,6 @@ def registered(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     yield
     perfect_bvh_addon.unregister()
     assert not building_threads()
-
-
-@pytest.fixture
-def cube(scene: bpy.types.Scene) -> bpy.types.Object:
-    bpy.ops.mesh.primitive_cube_add()
-    made = bpy.context.object
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.location = (0.0, 0.0, 8.0)
-    scene.collection.objects.link(camera)
-    scene.camera = camera
-    scene.perfect_bvh.samples = 4
-    bpy.context.view_layer.update()
-    return made
 
 
 def pixels() -> np.ndarray:
@@ -76,13 +65,12 @@ def press() -> tuple[FakeOperator, FakeWindow]:
 
 
 def tick_to_the_end(operator: FakeOperator, window: FakeWindow) -> None:
-    for _ in range(1000):
+    for _ in patiently("the preview does not end"):
         answer = operator.modal(window, TIMER)
         if answer != {"RUNNING_MODAL"}:
             assert (answer, operator.reports) == ({"FINISHED"}, [])
             assert (window.status, window.timers) == (None, 0)
             return
-    pytest.fail("the preview does not end")
 
 
 def session() -> SceneSync:
@@ -171,7 +159,7 @@ def test_a_viewport_that_has_other_trees_built_is_waited_for(gate: Gate, cube, w
     mine = session().building
     if when == "when it has built":
         gate.open()
-        assert mine.wait(10.0)
+        assert mine.wait(PATIENCE)
         gate.close()
     edit(cube)
     viewports = session().begin_update(bpy.context.evaluated_depsgraph_get())
@@ -186,6 +174,7 @@ def test_a_viewport_that_has_other_trees_built_is_waited_for(gate: Gate, cube, w
 
 def test_two_previews_share_their_trees(gate: Gate, cube) -> None:
     first, second = press(), press()
+    gate.wait_until_held()
     assert gate.held == building_threads() == 1
     for operator, window in (first, second):
         tick_until_half(operator, window)
@@ -235,12 +224,17 @@ def test_what_fails_in_a_build_is_reported(cube, monkeypatch: pytest.MonkeyPatch
     assert (window.status, window.timers) == (None, 0)
 
 
-def test_a_large_mesh_is_given_up_and_shown_the_next_time(scene, cube) -> None:
-    add_cloud(400_000).location.z = -12.0
+@pytest.mark.usefixtures("one_thread")
+def test_a_large_mesh_is_given_up_and_shown_the_next_time(scene, cube, monkeypatch: pytest.MonkeyPatch) -> None:
+    gate = Gate(monkeypatch, inside=True)
+    add_cloud(1_000_000).location.z = -12.0
     operator, window = press()
+    gate.wait_until_held()
     assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
     assert window.status.startswith("Building trees")
     assert operator.modal(window, ESCAPE) == {"CANCELLED"}
+    assert not building_threads()
+    gate.open()
     operator, window = press()
     tick_to_the_end(operator, window)
     np.testing.assert_array_equal(pixels(), undisturbed())

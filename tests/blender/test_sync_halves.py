@@ -10,7 +10,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
-from blender.long_builds import HALF, Gate, building_threads  # noqa: E402
+from blender.long_builds import HALF, PATIENCE, Gate, building_threads  # noqa: E402
 from blender.syncing import assert_stale, height  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
 from perfect_bvh_addon.session import drop_missing, session_of  # noqa: E402
@@ -67,6 +67,7 @@ def test_a_sync_that_watches_is_updated_in_one_go_only(box) -> None:
 def test_who_asks_for_the_same_waits_for_the_same(box, sync: SceneSync, gate: Gate) -> None:
     building = sync.begin_update(depsgraph())
     assert sync.begin_update(depsgraph()) is building
+    gate.wait_until_held()
     assert gate.held == 1
     gate.open()
     building.settle()
@@ -82,7 +83,7 @@ def test_a_build_that_ends_while_somebody_joins_it_is_handed_on(
     def look_and_let_it_end(asked: SceneSync):
         found = look(asked)
         gate.open()
-        assert building.wait(30.0)
+        assert building.wait(PATIENCE)
         return found
 
     monkeypatch.setattr(SceneSync, "building", property(look_and_let_it_end))
@@ -111,7 +112,7 @@ def test_who_asks_for_something_else_stops_it(box, sync: SceneSync, gate: Gate, 
     gate.open()
     report = other.result()
     assert report.finishes_earlier_update and report.has_changes
-    assert height(sync) == 3.0 if "moved" in asked else 1.0
+    assert height(sync) == (3.0 if "moved" in asked else 1.0)
     assert (sync.revision, sync.last_change) == (1, report)
 
 
@@ -130,7 +131,7 @@ def test_one_that_ended_unseen_is_not_forgotten(box, sync: SceneSync) -> None:
     sync.begin_update(depsgraph()).settle()
     assert sync.revision == 1
     move(box, 3.0)
-    assert sync.begin_update(depsgraph()).wait(10.0)
+    assert sync.begin_update(depsgraph()).wait(PATIENCE)
     report = sync.begin_update(depsgraph()).result()
     assert not report.has_changes
     assert sync.revision == 2
@@ -194,6 +195,6 @@ def test_closing_and_losing_the_scene_stop_it(box, gate: Gate) -> None:
 
     building = session_of(depsgraph()).begin_update(depsgraph())
     drop_missing([])
-    assert building.wait(10.0)
+    assert building.wait(PATIENCE)
     with pytest.raises(perfect_bvh.Cancelled):
         building.result()
