@@ -132,11 +132,13 @@ def test_interval():
     assert "1,000 rays checked, 0 wrong" in str(none)
 
 
-def test_progress_and_cancel(scene_and_triangles):
-    scene, _ = scene_and_triangles
-    rays = meshes.random_rays(20000, 12)
-    with pytest.raises(perfect_bvh.Cancelled):
-        scene.cast_rays(*rays, audit=1.0, progress=lambda done: done < 0.5)
+def test_progress_and_cancel():
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh(*meshes.sphere(200, 300)))
+    scene.commit()
+    rays = meshes.random_rays(20_000, 12)
+    with pytest.raises(perfect_bvh.Cancelled):  # after half of it, which is the rays, come seconds of audit
+        scene.cast_rays(*rays, audit=1.0, threads=1, progress=lambda done: done < 0.5)
 
 
 # Of renders ----------------------------------------------------------------------------------------------------------

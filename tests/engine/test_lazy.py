@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import perfect_bvh
 import pytest
+from engine.long_work import large_mesh
 from oracles import meshes
 
 SEPARATE = 10.0  # between meshes, along x
@@ -141,14 +142,12 @@ def test_a_snapshot_is_traced_by_many_threads_while_the_scene_moves_on():
         assert np.array_equal(answer, eager.cast_rays(*pair).t_hit)
 
 
+@pytest.mark.usefixtures("one_thread")
 def test_a_query_that_is_stopped_leaves_the_tree_to_the_next():
     scene = perfect_bvh.Scene()
-    random = np.random.default_rng(1)
-    positions = random.random((900_000, 3), np.float32)
-    mesh = scene.add_mesh(positions, np.arange(900_000, dtype=np.int32).reshape(-1, 3), lazy=True)
-    scene.add_instance(mesh)
+    scene.add_instance(scene.add_mesh(*large_mesh(), lazy=True))
     scene.commit()
-    ray = [[0.5, 0.5, -1.0]], [[0.0, 0.0, 1.0]]
+    ray = [[0.01, 0.02, -3.0]], [[0.0, 0.0, 1.0]]
     with pytest.raises(perfect_bvh.Cancelled):
         scene.cast_rays(*ray, progress=lambda _: False)
     assert built(scene) == [False]

@@ -7,6 +7,7 @@ import threading
 import numpy as np
 import perfect_bvh
 import pytest
+from engine.long_work import large_mesh, rays_through_it, stack
 from oracles import meshes
 
 TRIANGLE = (np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32), np.array([(0, 1, 2)], np.int32))
@@ -354,10 +355,7 @@ def test_threads_do_not_change_answers(threads):
 
 
 def test_progress_and_cancel():
-    scene = perfect_bvh.Scene()
-    scene.add_instance(scene.add_mesh(*meshes.sphere(200, 300)))
-    scene.commit()
-    rays = meshes.random_rays(2_000_000, 2)
+    scene, rays = stack(), rays_through_it()
     seen: list[float] = []
 
     def progress(fraction: float) -> bool:
@@ -365,15 +363,16 @@ def test_progress_and_cancel():
         return len(seen) < 3
 
     with pytest.raises(perfect_bvh.Cancelled):
-        scene.cast_rays(*rays, progress=progress)
+        scene.cast_rays(**rays, progress=progress)
     assert len(seen) == 3 and seen == sorted(seen) and seen[-1] < 1.0
     with pytest.raises(ZeroDivisionError):
-        scene.cast_rays(*rays, progress=lambda fraction: 1 / 0)
+        scene.cast_rays(**rays, progress=lambda fraction: 1 / 0)
     assert scene.cast_rays(*DOWN, progress=lambda fraction: True).t_hit.shape == (1,)
 
 
+@pytest.mark.usefixtures("one_thread")
 def test_a_cancelled_commit_changes_nothing():
-    positions, triangles = meshes.sphere(700, 900)
+    positions, triangles = large_mesh()
     scene = perfect_bvh.Scene()
     mesh = scene.add_mesh(*TRIANGLE)
     scene.add_instance(mesh)

@@ -164,6 +164,7 @@ def test_nothing_has_no_figures():
     assert (tree.node_count, tree.sah, tree.epo, tree.leaf_count_variability, tree.duplication) == (0, 0, 0, 0, 1)
 
 
+@pytest.mark.usefixtures("one_thread")
 def test_long_measurements_report_progress_and_can_be_cancelled():
     scene = scene_of(meshes.sphere(160, 200), BuildConfig(builder="fast"))
     heard: list[float] = []
