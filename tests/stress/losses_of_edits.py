@@ -100,8 +100,10 @@ def stopped_halfway(case: FailureCase) -> Loss:
 
 def _commit_and_stop(scene: perfect_bvh.Scene) -> None:
     """Leaves the scene with its edits, uncommitted. Among them is, meanwhile, a mesh that takes long to build."""
-    heavy = scene.add_mesh(*ball(6), build=perfect_bvh.BuildConfig(builder="spatial", optimize=5))
+    heavy = scene.add_mesh(*ball(7), build=perfect_bvh.BuildConfig(builder="spatial", optimize=5))
     instance = scene.add_instance(heavy, mask=0)
+    threads = perfect_bvh.thread_count()
+    perfect_bvh.set_thread_count(1)  # long on any machine
     try:
         scene.commit(progress=lambda done: False)
     except perfect_bvh.Cancelled:
@@ -109,6 +111,8 @@ def _commit_and_stop(scene: perfect_bvh.Scene) -> None:
         scene.remove_mesh(heavy)
     else:
         raise RuntimeError("the commit was over before it could be stopped")
+    finally:
+        perfect_bvh.set_thread_count(threads)
 
 
 def edited_in_place(case: FailureCase) -> Loss:

@@ -18,9 +18,9 @@ from forks import needs_fork, run_in_child
 from oracles import meshes
 
 SECONDS = 5.0
+PATIENCE = 60.0  # for the scene to be committed in the end
 KEPT = 6
 RAYS = 60
-LARGE = meshes.sphere(100, 100)
 ANSWER = ("t_hit", "instance_ids", "primitive_ids")
 
 
@@ -38,7 +38,8 @@ class EditedScene:
         ]
         self.instances = self.scene.add_instances(self.random.choice(self.meshes, 12), self._places(12)).tolist()
         self.snapshots: deque[perfect_bvh.Snapshot] = deque(maxlen=KEPT)
-        self.commits = self.cancelled = 0
+        self.commits = 0
+        self.rings = 100  # of a sphere that takes so long to build that a commit can be cancelled
         self.scene.commit()
         self.snapshots.append(self.scene.snapshot())
 
@@ -75,14 +76,18 @@ class EditedScene:
 
     def cancel(self) -> None:
         """A commit that is called off in the middle of a large mesh, which is then taken away again."""
-        mesh = self.scene.add_mesh(*LARGE, build=perfect_bvh.BuildConfig(builder="spatial"))
-        instance = self.scene.add_instance(mesh, mask=0)
-        try:
-            self.scene.commit(progress=lambda done: False)
-        except perfect_bvh.Cancelled:
-            self.cancelled += 1
-        self.scene.remove_instances([instance])
-        self.scene.remove_mesh(mesh)
+        was_cancelled = False
+        while not was_cancelled:
+            build = perfect_bvh.BuildConfig(builder="spatial")
+            mesh = self.scene.add_mesh(*meshes.sphere(self.rings, self.rings), build=build)
+            instance = self.scene.add_instance(mesh, mask=0)
+            try:
+                self.scene.commit(progress=lambda done: False)
+                self.rings *= 3  # this machine is quick
+            except perfect_bvh.Cancelled:
+                was_cancelled = True
+            self.scene.remove_instances([instance])
+            self.scene.remove_mesh(mesh)
 
 
 class Witness:
@@ -99,11 +104,12 @@ class Witness:
         assert before == said, f"generation {hits.generation} has changed its answer"
 
 
-def trace(edited: list[EditedScene], witness: Witness, until: float, seed: int) -> int:
-    """Any kept snapshot of any scene, again and again; each answer is audited. Returns how many were asked."""
+def trace(edited: list[EditedScene], witness: Witness, until: float, seed: int) -> None:
+    """Any kept snapshot of any scene, again and again, and of each at least once; each answer is audited."""
     random, rays, asked = np.random.default_rng(seed), meshes.random_rays(RAYS, 3, 3.0), 0
-    while time.monotonic() < until:
-        snapshots = edited[random.integers(len(edited))].snapshots
+    while time.monotonic() < until or asked < len(edited):
+        row = asked if asked < len(edited) else random.integers(len(edited))
+        snapshots = edited[row].snapshots
         snapshot = snapshots[int(random.integers(len(snapshots)))]
         hits = snapshot.cast_rays(*rays, fields=ANSWER, threads=int(random.integers(0, 3)), audit=1.0)
         assert hits.audit.wrong_rows.size == 0, f"generation {hits.generation}: {hits.audit}"
@@ -111,23 +117,23 @@ def trace(edited: list[EditedScene], witness: Witness, until: float, seed: int) 
         assert np.array_equal(snapshot.test_occlusions(*rays), hits.is_hit)
         witness.hear(hits)
         asked += 1
-    return asked
 
 
-def ask_the_scene(edited: EditedScene, witness: Witness, until: float) -> tuple[int, int]:
-    """The scene itself: the answer of some committed state, or a refusal. Returns how many of each."""
-    rays, answered, refused = meshes.random_rays(RAYS, 3, 3.0), 0, 0
-    while time.monotonic() < until:
+def ask_the_scene(edited: EditedScene, witness: Witness, until: float) -> None:
+    """The scene itself: the answer of some committed state, or a refusal; at least one answer."""
+    rays, answered = meshes.random_rays(RAYS, 3, 3.0), 0
+    while time.monotonic() < until + (0.0 if answered else PATIENCE):
         try:
             witness.hear(edited.scene.cast_rays(*rays, fields=ANSWER))
             answered += 1
         except perfect_bvh.StaleSceneError:
-            refused += 1
-    return answered, refused
+            continue
+    assert answered
 
 
 def edit(edited: EditedScene, until: float) -> None:
-    while time.monotonic() < until:
+    """At least until a commit was cancelled, which the second is."""
+    while time.monotonic() < until or edited.commits < 3:
         edited.edit()
 
 
@@ -138,13 +144,8 @@ def test_answers_are_those_of_their_snapshot_whatever_is_edited_meanwhile() -> N
         editors = [pool.submit(edit, scene, until) for scene in edited]
         tracers = [pool.submit(trace, edited, witness, until, seed) for seed in range(3)]
         asker = pool.submit(ask_the_scene, edited[0], witness, until)
-        for task in editors:
+        for task in (*editors, *tracers, asker):
             task.result()
-        assert all(task.result() > 0 for task in tracers)
-        answered, refused = asker.result()
-    assert answered + refused > 0
-    assert all(scene.commits > 2 for scene in edited)
-    assert sum(scene.cancelled for scene in edited) > 0
     assert {scene for scene, _ in witness.answers} == {scene.scene.scene_id for scene in edited}
 
 
