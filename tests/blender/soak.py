@@ -30,6 +30,7 @@ from blender.builders import (
     object_info,
 )
 from blender.soak_edits import EDITS, NothingToEditError
+from blender.soak_halves import Halves
 from blender.soak_renders import find_different_passes
 from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.extract import instancer_survey, read_scene
@@ -54,10 +55,11 @@ class Soak:
     """One scene, one sync of its viewport and one of its renders.
 
     watches: whether Blender's handlers tell what was evaluated; without them everything is read at every update.
+    halves: the share of the steps in which a third sync is updated in two halves, with edits between them.
     The add-on must not be registered: with handlers it is until `close()`, otherwise while it renders.
     """
 
-    def __init__(self, seed: int, *, watches: bool, kind: Kind = "mixed") -> None:
+    def __init__(self, seed: int, *, watches: bool, kind: Kind = "mixed", halves: float = 0.15) -> None:
         self.seed = seed
         self.kind: Kind = kind
         self._watches = watches
@@ -75,9 +77,11 @@ class Soak:
         self.sync = SceneSync(ALL_ATTRIBUTES, watch=watches)
         self.render_sync = SceneSync(ALL_ATTRIBUTES, watch=False)
         self._objects: dict[SceneSync, tuple[ObjectRecord, ...]] = {}  # of each sync's last reading
-        self._rays = _rays(self._random)
+        self.rays = _rays(self._random)
+        self._halves = Halves(self, ALL_ATTRIBUTES, halves)
 
     def close(self) -> None:
+        self._halves.close()
         self.sync.close()
         self.render_sync.close()
         perfect_bvh_addon.unregister()
@@ -86,15 +90,21 @@ class Soak:
     def step(self) -> None:
         """One edit or a few, then the proof. Raises DifferenceError."""
         for _ in range(self._random.choice((1, 1, 1, 2, 4))):
+            self._halves.meddle()
             self._edit()
+            self._halves.note_edit()
+        self._halves.meddle()
         depsgraph = bpy.context.evaluated_depsgraph_get()
         self._check(self.sync, depsgraph)
+        self._halves.prove()
         if self._random.random() < 0.04:
             self.counts["render"] += 1
             in_render(lambda made: self._check(self.render_sync, made))
+            self._halves.note_edit()  # at the end Blender evaluates the frame again: what was keyed is as keyed
         if self._random.random() < 0.02:
             self.counts["render of the engine"] += 1
             self._render()
+            self._halves.note_edit()
 
     def _render(self) -> None:
         perfect_bvh_addon.register()
@@ -126,8 +136,12 @@ class Soak:
         self.counts["meshes passed over"] += sum(mesh.reason.startswith("Blender did not") for mesh in report.meshes)
         self.counts["meshes"] += len(report.meshes)
         self._count_ways_of_reading(depsgraph)
+        self._raise_if(self.find_differences(sync, depsgraph))
+
+    def find_differences(self, sync: SceneSync, depsgraph: Any) -> list[str]:
+        """Where what a sync holds, or answers, is not what Blender shows."""
         certain = read_scene(depsgraph, ALL_ATTRIBUTES, reader=ArrayReader(use_views=False))
-        self._raise_if([*find_mismatches(sync.record, certain), *_different_answers(sync, certain, self._rays)])
+        return [*find_mismatches(sync.record, certain), *_different_answers(sync, certain, self.rays)]
 
     def _raise_if(self, found: list[str]) -> None:
         if found:

@@ -38,7 +38,7 @@ def run_seed(seed: int, steps: int) -> dict[str, Any]:
     from blender.soak import KINDS, DifferenceError, Soak
 
     started = time.perf_counter()
-    soak = Soak(seed, watches=seed % 2 == 0, kind=KINDS[seed // 2 % 3])
+    soak = Soak(seed, watches=seed % 2 == 0, kind=KINDS[seed // 2 % 3], halves=1.0)
     differences: list[str] = []
     done = 0
     try:
