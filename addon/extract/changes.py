@@ -60,8 +60,13 @@ def watched_evaluations(depsgraph: Any) -> EvaluationLog | None:
 
 
 def _announce(what: str) -> None:
-    for listener in tuple(_listeners):
+    for listener in _told():
         listener.on_change(what)
+
+
+def _told() -> list[Any]:
+    """All listeners. A render's thread tells of its frames while the main one lets others listen: so copied at once."""
+    return [listener for reference in _listeners.data.copy() if (listener := reference()) is not None]
 
 
 # Blender calls these with the scene (or the file's path) and, mostly, the depsgraph; versions differ in how many.
@@ -107,7 +112,7 @@ def _on_redo(*_: Any) -> None:
 @persistent
 def _on_load(*_: Any) -> None:
     _log.forget()
-    for listener in tuple(_listeners):
+    for listener in _told():
         listener.on_file_change()
 
 
