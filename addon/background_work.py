@@ -8,6 +8,7 @@ Blender.
 from __future__ import annotations
 
 import atexit
+import os
 import threading
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar
@@ -27,6 +28,8 @@ class BackgroundWork(Generic[Made, Report]):
     work: called on the new thread with a progress callable, as the engine's long calls want it.
     finish: called at most once, with what `work` returned, by the first `settle`, `stop` or `result`, on the thread
         that calls that: whatever is to know of what was made learns it there and not before.
+
+    A forked process has no such thread: there it has failed, unless it was over.
     """
 
     def __init__(self, work: Callable[[Callable[[float], bool]], Made], finish: Callable[[Made], Report]) -> None:
@@ -37,12 +40,17 @@ class BackgroundWork(Generic[Made, Report]):
         self._made: list[Made] = []
         self._reports: list[Report] = []
         self._problem: BaseException | None = None
+        self.is_lost = False
+        """Whether it was under way when this process was forked: what it worked on may be locked for ever."""
         self._thread = threading.Thread(target=self._run, name=THREAD_NAME, daemon=True)
         _running.add(self)
         try:
             self._thread.start()
         except RuntimeError:  # the system has no thread to spare: better late than never
             self._run()
+        except BaseException:  # Ctrl-C: nobody will ask for what the thread makes
+            self.ask_to_stop()
+            raise
 
     def _run(self) -> None:
         try:
@@ -67,6 +75,11 @@ class BackgroundWork(Generic[Made, Report]):
         """Whether the thread is at work."""
         return not self._has_ended.is_set()
 
+    @property
+    def is_wanted(self) -> bool:
+        """Whether nobody has asked it to stop."""
+        return not self._shall_stop
+
     def wait(self, seconds: float) -> bool:
         """Waits for the end, at most so long; whether it has come. Ctrl-C ends the waiting, not the work."""
         return self._has_ended.wait(seconds)
@@ -81,10 +94,19 @@ class BackgroundWork(Generic[Made, Report]):
         self.settle()
 
     def settle(self) -> None:
-        """Waits for the end, whatever it is; `finish` has been called if the work succeeded."""
+        """Waits for the end, whatever it is; `finish` has been called if the work succeeded.
+
+        What `finish` raises is the work's failure: it is raised by `result`, here only if it is no `Exception`.
+        """
         self._has_ended.wait()
         while self._made:
-            self._reports.append(self._finish(self._made.pop()))
+            try:
+                self._reports.append(self._finish(self._made.pop()))
+            except Exception as problem:  # noqa: BLE001 - handed on by `result`
+                self._problem = problem
+            except BaseException as problem:
+                self._problem = problem
+                raise
 
     def result(self) -> Report:
         """Waits for the end; returns what `finish` did. Raises what the work did, `Cancelled` if it was stopped.
@@ -99,6 +121,23 @@ class BackgroundWork(Generic[Made, Report]):
         if self._problem is not None:
             raise self._problem
         return self._reports[0]
+
+
+def _lose_all() -> None:
+    """In a forked process."""
+    from perfect_bvh import EngineError
+
+    for work in tuple(_running):
+        work._has_ended = threading.Event()  # the thread may have held its lock
+        work._has_ended.set()
+        if not work._made and work._problem is None:
+            work.is_lost = True
+            work._problem = EngineError("the process was forked meanwhile: its parent goes on with this, it does not")
+    _running.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_lose_all)
 
 
 @atexit.register

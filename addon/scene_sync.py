@@ -30,11 +30,14 @@ from .sync.appearance import as_camera, make_appearance
 from .sync.lookup import HitIds, InstanceDescription, SceneLookup
 from .sync.records import AttributeRequest, Int32Array, SceneRecord
 from .sync.report import SyncReport
+from .sync.scene_difference import AppliedDifference, SceneDifference
 from .sync.state import SceneState, TimedCommit
 from .sync.verify import find_mismatches
 
 Progress = Callable[[float], object]
 UpdateCommit = BackgroundWork[TimedCommit, SyncReport]
+
+_FAILED = "the last update did not succeed: call update() again"
 
 
 class SceneSync:
@@ -109,17 +112,14 @@ class SceneSync:
         Raises what the engine raises. Until an update succeeds, queries then raise `perfect_bvh.StaleSceneError`.
         """
         self.stop_building()
-        self._state.scene.mark_stale("the last update did not succeed: call update() again")
+        self._state.scene.mark_stale(_FAILED)
         started = time.perf_counter()
         options: dict[str, Any] = {"camera": camera, "size": size, "space": space, "for_viewport": self._for_viewport}
         record = read_scene(depsgraph, self._attributes, cache=self._cache, **options)
         read_milliseconds = (time.perf_counter() - started) * 1e3
-        self._lookup = self._appearance = None
-        report = self._take_in(
-            self._state.update(
-                record, expected_rays=expected_rays, progress=progress, read_milliseconds=read_milliseconds
-            )
-        )
+        state = self._state
+        applied = self._apply(state.compare(record))
+        report = self._finish(state, applied, state.commit(expected_rays, progress), read_milliseconds)
         if verify:
             certain = read_scene(depsgraph, self._attributes, reader=ArrayReader(use_views=False), **options)
             report = replace(report, mismatches=find_mismatches(record, certain))
@@ -145,6 +145,8 @@ class SceneSync:
         """
         if self._watches:
             raise RuntimeError("begin_update: the sync watches Blender; make it with watch=False")
+        if self._building is not None and self._building.is_lost:
+            self.stop_building()  # before anything is compared with what it held
         started = time.perf_counter()
         options: dict[str, Any] = {"camera": camera, "size": size, "space": space, "for_viewport": self._for_viewport}
         try:
@@ -152,28 +154,40 @@ class SceneSync:
             difference = self._state.compare(record)
         except BaseException:
             self.stop_building()
-            self._state.scene.mark_stale("the last update did not succeed: call update() again")
+            self._state.scene.mark_stale(_FAILED)
             raise
         building = self.building  # asked for once: it may end at any time
-        if building is not None and difference.is_none:
+        if building is not None and building.is_wanted and difference.is_none:
             return building
         self.stop_building()
         read_milliseconds = (time.perf_counter() - started) * 1e3 - difference.milliseconds
-        self._lookup = self._appearance = None
         state = self._state
-        applied = state.apply(difference)
+        applied = self._apply(difference)
         self._building = BackgroundWork(
             lambda progress: state.commit(expected_rays, progress),
-            lambda commit: self._take_in(state.finish(applied, commit, read_milliseconds)),
+            lambda commit: self._finish(state, applied, commit, read_milliseconds),
         )
         return self._building
+
+    def _apply(self, difference: SceneDifference) -> AppliedDifference:
+        self._lookup = self._appearance = None
+        return self._state.apply(difference)
+
+    def _finish(
+        self, state: SceneState, applied: AppliedDifference, commit: TimedCommit, read_milliseconds: float
+    ) -> SyncReport:
+        """What is to be done when a commit has succeeded. If that fails, so has the update."""
+        try:
+            return self._take_in(state.finish(applied, commit, read_milliseconds))
+        except BaseException:
+            state.scene.mark_stale(_FAILED)
+            raise
 
     @property
     def building(self) -> UpdateCommit | None:
         """The commit that is under way, None if there is none."""
         if self._building is not None and not self._building.is_running:
-            self._building.settle()
-            self._building = None
+            self.stop_building()
         return self._building
 
     def ask_to_stop_building(self) -> None:
@@ -184,13 +198,18 @@ class SceneSync:
 
     def stop_building(self) -> None:
         """Stops the commit that is under way, if there is one; its edits then wait for the next update."""
-        if self._building is not None:
-            self._building.stop()
-            self._building = None
+        building = self._building
+        if building is None:
+            return
+        building.stop()
+        self._building = None
+        if building.is_lost:  # in a forked process, where its scene stays locked
+            self._start_over("the process was forked during an update: call update()")
 
     def _take_in(self, report: SyncReport) -> SyncReport:
         """What is to be known of every update that has succeeded."""
         self._tree_byte_count = report.byte_count
+        self._lookup = None  # what somebody looked up before knew less
         if report.has_changes or self.last_change is None:
             self.revision += 1
             self.last_change = report
@@ -299,7 +318,10 @@ class SceneSync:
         stop_listening(self)
         self.stop_building()
         self.last_change = None
+        self._start_over("the sync was closed: call update()")
+
+    def _start_over(self, why: str) -> None:
         self._state = SceneState(self._make_scene)
         self._cache = ReadCache()
         self._lookup = self._appearance = None
-        self._state.scene.mark_stale("the sync was closed: call update()")
+        self._state.scene.mark_stale(why)

@@ -146,9 +146,10 @@ class SceneState:
 
     def finish(self, applied: AppliedDifference, commit: TimedCommit, read_milliseconds: float = 0.0) -> SyncReport:
         """Takes in that the commit has succeeded; to be called for each that has, before the next edits."""
-        self._has_waiting_edits = False
         self._meshes.note_commit(commit.report)
-        return applied.report(commit.report, read_milliseconds, commit.milliseconds)
+        report = applied.report(commit.report, read_milliseconds, commit.milliseconds)
+        self._has_waiting_edits = False  # in the end: if nobody gets this report, the next must tell of the edits
+        return report
 
     # Applying --------------------------------------------------------------------------------------------------------
 
