@@ -75,7 +75,7 @@ def needed_attributes(settings: RenderSettings, passes: tuple[str, ...]) -> Attr
         or (settings.mode in CLAY_LIKE and settings.use_material_colors)
         or "material_index" in passes,
         corner_normals=settings.mode in {*CLAY_LIKE, "preview", "normal"} or "normal" in passes,
-        corner_uvs=settings.mode in {"preview", "uv"},
+        corner_uvs=settings.mode == "uv",
         shading=settings.mode == "preview",
     )
 

@@ -1,4 +1,4 @@
-"""Per-triangle attributes of an evaluated mesh: material slots, corner normals, corner uvs.
+"""Per-triangle attributes of an evaluated mesh: material slots and corner normals.
 
 Each is expanded to one row a triangle, so that whoever shades needs no polygons, corners or domains.
 """
@@ -11,7 +11,7 @@ import numpy as np
 from perfect_bvh.bulk import are_triangles
 
 from ..sync.records import Float32Array, Int32Array
-from .pointer_views import CORNER_NORMALS, CORNER_UVS, FACE_INTEGERS, ArrayReader
+from .pointer_views import CORNER_NORMALS, FACE_INTEGERS, ArrayReader
 
 _zeros = np.zeros(0, np.int32)
 
@@ -55,28 +55,4 @@ def read_corner_normals(mesh: Any, corner_triangles: Int32Array, reader: ArrayRe
     if not finite.all():
         normals[~finite] = 0.0
     gathered: Float32Array = normals[corner_triangles]
-    return gathered
-
-
-def read_corner_uvs(mesh: Any, corner_triangles: Int32Array, reader: ArrayReader) -> Float32Array | None:
-    """(T, 3, 2) float32: the uv map that renders use, at each triangle's corners. None if there is none."""
-    layers = mesh.uv_layers
-    if not layers:
-        return None
-    layer = next((layer for layer in layers if layer.active_render), layers[0])
-    gathered: Float32Array = reader.read(layer.uv, CORNER_UVS)[corner_triangles]
-    return gathered
-
-
-def read_corner_colors(mesh: Any, corner_triangles: Int32Array, triangles: Int32Array) -> Float32Array | None:
-    """(T, 3, 3) float32, scene-linear: the colour attribute that renders use. None if there is none."""
-    colors = mesh.color_attributes
-    if not len(colors) or not 0 <= colors.render_color_index < len(colors):
-        return None
-    attribute = colors[colors.render_color_index]
-    values = np.empty(len(attribute.data) * 4, np.float32)
-    attribute.data.foreach_get("color", values)
-    np.nan_to_num(values, copy=False, nan=0.0, posinf=65504.0, neginf=0.0)
-    rows = values.reshape(-1, 4)[:, :3]
-    gathered: Float32Array = rows[triangles if attribute.domain == "POINT" else corner_triangles]
     return gathered

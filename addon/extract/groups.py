@@ -58,10 +58,11 @@ class GroupTable:
         self._warn_of_unreadable(obj, data, shows_particles)
         if not isinstance(data, _Mesh):
             return NOT_SHOWN
-        mesh_row = self.meshes.row(obj, data, is_own=is_own)
+        slots = self.materials.slots(obj, data)
+        mesh_row = self.meshes.row(obj, data, is_own=is_own, layers=self.materials.layers(slots))
         if mesh_row == NO_MESH:
             return NOT_SHOWN
-        object_row = self.objects.row(obj, self.materials.slots(obj, data), self.visibility.is_holdout(obj, parent))
+        object_row = self.objects.row(obj, slots, self.visibility.is_holdout(obj, parent))
         parent_row = _NO_PARENT if parent is None else self.objects.row(parent)
         self.rows.append((mesh_row, object_row, parent_row, mask, numbering))
         return len(self.rows) - 1

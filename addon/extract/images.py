@@ -64,7 +64,8 @@ class ImageReader:
         texture = next(value.texture for value in given if value.texture is not None)
         uid = texture.image.original.session_uid
         key = (None if color is None else color.key, None if alpha is None or alpha.key == OWN_ALPHA else alpha.key)
-        place = (uid, key, texture.extension, texture.uv_transform)
+        look_up = (texture.extension, texture.uv_transform, texture.uv_map)
+        place = (uid, key, *look_up)
         row = self._rows.get(place)
         if row is None:
             row = self._rows[place] = len(self.records)
@@ -73,7 +74,7 @@ class ImageReader:
                 pixels = self._held(image, uid, None, lambda: self._original(image, uid))
             else:
                 pixels = self._held(image, uid, key, lambda: _change(self._original(image, uid), color, alpha))
-            self.records.append(ImageRecord(image.name, uid, pixels, texture.extension, texture.uv_transform))
+            self.records.append(ImageRecord(image.name, uid, pixels, *look_up))
         return row
 
     def mean(self, value: Value) -> Floats:

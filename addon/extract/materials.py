@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from ..sync.records import MaterialRecord
+from ..sync.records import NO_LAYERS, LayerRequest, MaterialRecord
 from .images import ImageReader
 from .node_colors import Surface, read_surface
 from .node_values import Value, constant
@@ -23,6 +23,7 @@ class MaterialReader:
         self._override = override
         self._images = images
         self._rows: dict[int, int] = {}
+        self._layers: dict[tuple[int, ...], LayerRequest] = {}
         self.records: list[MaterialRecord] = []
 
     def row(self, material: Any) -> int:
@@ -50,6 +51,19 @@ class MaterialReader:
             return (self.row(self._override),) * max(1, len(materials))
         return tuple([self.row(material) for material in materials])
 
+    def layers(self, slots: tuple[int, ...]) -> LayerRequest:
+        """What of a mesh the materials of these rows show."""
+        if self._images is None:
+            return NO_LAYERS
+        layers = self._layers.get(slots)
+        if layers is None:
+            materials = [self.records[row] for row in set(slots) if row >= 0]
+            images = {row for material in materials for row in material.images if row >= 0}
+            uvs = frozenset(self._images.records[row].uv_map for row in images)
+            colors = frozenset(material.tint for material in materials if material.tint is not None)
+            layers = self._layers[slots] = LayerRequest(uvs, colors) if uvs or colors else NO_LAYERS
+        return layers
+
 
 WHITE = constant(1.0)
 
@@ -73,13 +87,13 @@ def _read_material(material: Any, images: ImageReader | None) -> MaterialRecord:
     glow = surface.emission
     return replace(
         record,
-        base_color=_rgb(WHITE if surface.base.is_tinted and surface.base.is_guess else surface.base),
+        base_color=_rgb(WHITE if surface.base.tint is not None and surface.base.is_guess else surface.base),
         emission=_rgb(WHITE if glow.texture else glow, surface.brightness),
         alpha=_share(float(surface.alpha.color[0])) if surface.alpha.texture is None else 1.0,
         **{name: _share(value) for name, value in surface.gloss.items()},
         color_image=color_image,
         alpha_image=alpha_image,
-        tinted=surface.base.is_tinted,
+        tint=surface.base.tint,
         emission_image=images.row(glow) if glow.texture else -1,
     )
 

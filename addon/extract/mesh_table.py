@@ -23,7 +23,8 @@ from typing import Any
 import numpy.typing as npt
 from perfect_bvh.bulk import are_equal
 
-from ..sync.records import MESH_COLUMNS, AttributeRequest, MeshRecord
+from ..sync.compare import have_same_layers
+from ..sync.records import MESH_COLUMNS, NO_LAYERS, AttributeRequest, LayerRequest, MeshRecord
 from .evaluation_log import EvaluationLog
 from .mesh_cache import CachedMesh, MeshCache, place_of
 from .meshes import read_mesh
@@ -53,29 +54,50 @@ class MeshTable:
         self._last = cache or MeshCache()
         self.cache = MeshCache({}, attributes, depsgraph.as_pointer(), -1 if log is None else log.now)
         self._attributes = attributes
+        # What is asked of every mesh, whatever its materials show.
+        self._layers = LayerRequest(uvs=frozenset([""])) if attributes.corner_uvs else NO_LAYERS
         self._rows: dict[int, int] = {}
+        self._tokens: dict[int, Hashable] = {}
         self._counts: Counter[Hashable] = Counter()  # by what meshes come from
         self._key_counts: Counter[Hashable] = Counter()  # without twins: by their keys but for the number
         self._twins = _TwinFinder()
         self.records: list[MeshRecord] = []
         self.warnings: list[str] = []
 
-    def row(self, obj: Any, mesh: Any, is_own: bool) -> int:
+    def row(self, obj: Any, mesh: Any, is_own: bool, layers: LayerRequest) -> int:
         """The row of an evaluated mesh, or NO_MESH if it has no faces.
 
         obj: the evaluated object, or the depsgraph's temporary, that shows the mesh. is_own: whether it is the
-        object's own mesh and not one that geometry nodes made beside it.
+        object's own mesh and not one that geometry nodes made beside it. layers: what the object's materials show of
+        it; the mesh has, in the end, what all that show it want.
         """
         pointer = mesh.as_pointer()
         row = self._rows.get(pointer)
         if row is None:
-            row = self._rows[pointer] = self._add(obj.original, mesh, is_own)
+            row = self._rows[pointer] = self._add(obj.original, mesh, is_own, self._layers | layers)
+        elif row != NO_MESH and not self.records[row].layers.covers(layers):
+            row = self._rows[pointer] = self._add_layers(obj.original, mesh, is_own, row, layers)
         return row
 
-    def _add(self, original: Any, mesh: Any, is_own: bool) -> int:
+    def _add_layers(self, original: Any, mesh: Any, is_own: bool, row: int, layers: LayerRequest) -> int:
+        """The row of a mesh that has been read, with further layers."""
+        record = self.records[row]
+        layers = record.layers | layers
+        if list(self._rows.values()).count(row) > 1:  # its twins' layers may be others
+            return self._add(original, mesh, is_own, layers)
+        token = self._tokens[row]
+        read = self._read(original, mesh, token, layers)
+        assert read is not None
+        read = replace(read, key=record.key, usage=record.usage, usage_reason=record.usage_reason)
+        self.records[row] = read
+        if token in self.cache.meshes:
+            self.cache.meshes[token] = replace(self.cache.meshes[token], record=read)
+        return row
+
+    def _add(self, original: Any, mesh: Any, is_own: bool, layers: LayerRequest) -> int:
         origin = self._origin(original, is_own)
         token = (*origin, self._counts[origin])
-        record = self._read(original, mesh, token)
+        record = self._read(original, mesh, token, layers)
         if record is None:
             return NO_MESH
         if record.dropped_triangles:
@@ -90,24 +112,26 @@ class MeshTable:
             key = self._lasting_key(origin, record)
             self.records.append(replace(record, key=key, usage=guess.usage, usage_reason=guess.reason))
             twin = len(self.records) - 1
+            self._tokens[twin] = token
         self._counts[origin] += 1
         if not mesh.is_editmode:
             self.cache.meshes[token] = CachedMesh(self.records[twin], place_of(mesh), _uids_of(original))
         return twin
 
-    def _read(self, original: Any, mesh: Any, token: Hashable) -> MeshRecord | None:
+    def _read(self, original: Any, mesh: Any, token: Hashable, layers: LayerRequest) -> MeshRecord | None:
         if mesh.is_editmode:  # its arrays are stale until they are written out of the edit mesh
             evaluated = original.evaluated_get(self._depsgraph)
-            record = read_mesh(evaluated.to_mesh(), None, original.name, self._attributes, self._reader)
+            record = read_mesh(evaluated.to_mesh(), None, original.name, self._attributes, layers, self._reader)
             evaluated.to_mesh_clear()
             return record
         if original.mode == "OBJECT":
             cached = self._last.find_untouched(token, mesh, _uids_of(original), self.cache, self._log)
-            if cached is not None:
-                return replace(cached.record, name=_name_of(original, mesh), was_read=False)
+            if cached is not None and cached.record.layers.covers(layers):
+                record = cached.record.narrowed(layers)
+                return replace(record, name=_name_of(original, mesh), was_read=False)
         last = self._last.meshes.get(token)
         known = None if last is None else last.record
-        return read_mesh(mesh, None, _name_of(original, mesh), self._attributes, self._reader, known)
+        return read_mesh(mesh, None, _name_of(original, mesh), self._attributes, layers, self._reader, known)
 
     def _origin(self, original: Any, is_own: bool) -> tuple[Any, ...]:
         """What a mesh comes from: all of its key but the last numbers."""
@@ -179,7 +203,10 @@ class _TwinFinder:
 
 
 def _have_equal_content(first: MeshRecord, second: MeshRecord) -> bool:
-    return all(_are_equal(getattr(first, name), getattr(second, name)) for name in MESH_COLUMNS)
+    if first.layers != second.layers:  # what was not read may differ
+        return False
+    are_equal = all(_are_equal(getattr(first, name), getattr(second, name)) for name in MESH_COLUMNS)
+    return are_equal and have_same_layers(first, second)
 
 
 def _are_equal(first: npt.NDArray[Any] | None, second: npt.NDArray[Any] | None) -> bool:

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from perfect_bvh.bulk import are_equal, are_triangles, copy_within
 
-from ..sync.records import LARGEST_COORDINATE, AttributeRequest, Float32Array, Int32Array, MeshRecord
-from .attributes import read_corner_colors, read_corner_normals, read_corner_uvs, read_material_slots
+from ..sync.records import LARGEST_COORDINATE, AttributeRequest, Float32Array, Int32Array, LayerRequest, MeshRecord
+from .attributes import read_corner_normals, read_material_slots
+from .layers import Corners, read_colors, read_uv_maps
 from .pointer_views import CORNER_TRIANGLES, CORNER_VERTS, POSITIONS, TRIANGLE_POLYGONS, ArrayReader
 
 
@@ -19,11 +20,13 @@ def read_mesh(
     key: Hashable,
     name: str,
     attributes: AttributeRequest,
+    layers: LayerRequest,
     reader: ArrayReader,
     last: MeshRecord | None = None,
 ) -> MeshRecord | None:
     """Reads an evaluated `bpy.types.Mesh`; None if it has no faces. Everything is copied.
 
+    layers: the uv maps and colours that its materials show.
     last: what was read the last time, whose arrays stand for equal ones: then there is nothing to copy or to compare.
 
     Triangles with a vertex that is not finite are dropped: no ray can meet them, and one of them would make every
@@ -45,6 +48,9 @@ def read_mesh(
     positions, kept = _read_positions(positions, triangles, None if last is None else last.positions)
     if kept is not None:
         triangles, corner_triangles, polygon_ids = triangles[kept], corner_triangles[kept], polygon_ids[kept]
+    corners = Corners(corner_triangles, triangles, polygon_ids)
+    uv_maps = dict(read_uv_maps(mesh, layers, corners, reader)) if layers.uvs else {}
+    colors = dict(read_colors(mesh, layers, corners)) if layers.colors else {}
     return MeshRecord(
         key=key,
         name=name,
@@ -53,8 +59,11 @@ def read_mesh(
         polygon_ids=_held(polygon_ids, last and last.polygon_ids),
         material_slots=_read_slots(mesh, polygon_ids, reader, last) if attributes.material_slots else None,
         corner_normals=read_corner_normals(mesh, corner_triangles, reader) if attributes.corner_normals else None,
-        corner_uvs=read_corner_uvs(mesh, corner_triangles, reader) if attributes.corner_uvs else None,
-        corner_colors=read_corner_colors(mesh, corner_triangles, triangles) if attributes.shading else None,
+        corner_uvs=uv_maps.pop("", None),
+        corner_colors=colors.pop("", None),
+        named_uvs=uv_maps,
+        named_colors=colors,
+        layers=layers,
         dropped_triangles=0 if kept is None else triangle_count - len(kept),
         triangle_ids=kept,
     )

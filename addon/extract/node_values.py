@@ -18,7 +18,7 @@ from ..sync.records import Extension, UvTransform
 from .color_math import BLENDS, MATHS, adjust_hsv, blackbody, clamp, grey
 from .node_graph import Scope, trace_back
 from .sky import read_sky
-from .uv_mapping import find_uv_transform
+from .uv_mapping import find_coordinates
 
 Pixels = npt.NDArray[np.float32]  # (..., 4)
 
@@ -37,6 +37,7 @@ class Texture:
     image: Any
     extension: Extension
     uv_transform: UvTransform
+    uv_map: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +45,7 @@ class Value:
     """color: (4,), of a number the same in each channel; counts where there is no texture.
 
     change: what becomes of the texture's pixels, None if they stay as they are. key: which change that is.
-    is_tinted: whether the colours that the mesh has itself multiply it.
+    tint: the name of those of the mesh's own colours that multiply it, "" for the active ones, None for none.
     """
 
     color: Pixels
@@ -52,7 +53,7 @@ class Value:
     change: Callable[[Pixels], Pixels] | None = None
     key: Hashable = None
     is_guess: bool = False
-    is_tinted: bool = False
+    tint: str | None = None
 
     def of(self, pixels: Pixels) -> Pixels:
         """(..., 4): the value where the texture has these pixels."""
@@ -154,9 +155,9 @@ class ValueReader:
     def _image(self, node: Any, output: Any, scope: Scope | None) -> Value:
         if node.image is None:
             return self.fallback
-        transform = find_uv_transform(node.inputs["Vector"], scope, self)
+        transform, uv_map = find_coordinates(node.inputs["Vector"], scope, self)
         extension = _EXTENSIONS.get(getattr(node, "extension", "REPEAT"), "repeat")
-        value = Value(self.fallback.color, Texture(node.image, extension, transform))
+        value = Value(self.fallback.color, Texture(node.image, extension, transform, uv_map))
         if output.identifier == "Alpha":
             return self.combine(lambda pixels: pixels[..., 3:].repeat(4, axis=-1), [value], "alpha")
         return value
@@ -178,8 +179,8 @@ class ValueReader:
         is_clamped = bool(getattr(node, "use_clamp", False) or getattr(node, "clamp_result", False))
         blending = BLENDS.get(blend, BLENDS["MIX"])
 
-        if blend == "MULTIPLY" and first.is_tinted != second.is_tinted and factor.color[0] == 1.0:
-            return replace(second if first.is_tinted else first, is_tinted=True)
+        if blend == "MULTIPLY" and (first.tint is None) != (second.tint is None) and factor.color[0] == 1.0:
+            return replace(second, tint=first.tint) if second.tint is None else replace(first, tint=second.tint)
 
         def work(share: Pixels, one: Pixels, other: Pixels) -> Pixels:
             mixed = blending(clamp(share), one, other)
@@ -258,9 +259,12 @@ class ValueReader:
         return self.combine(lambda one, other: (one + other) / 2, colors, "middle")
 
     def _attribute(self, node: Any, output: Any, scope: Scope | None) -> Value:
-        """What a mesh was painted with; any other attribute is a guess."""
-        is_mesh = getattr(node, "attribute_type", "GEOMETRY") == "GEOMETRY"
-        return replace(self.fallback, is_tinted=is_mesh and output.identifier == "Color")
+        """What a mesh was painted with; an attribute of anything else is a guess."""
+        if output.identifier != "Color" or getattr(node, "attribute_type", "GEOMETRY") != "GEOMETRY":
+            return self.fallback
+        if node.type == "VERTEX_COLOR":
+            return replace(self.fallback, tint=node.layer_name)
+        return replace(self.fallback, tint=node.attribute_name) if node.attribute_name else constant(0.0, 0.0, 0.0)
 
     def _sky(self, node: Any, output: Any, scope: Scope | None) -> Value:
         """Its mean above the horizon, where it does not stand round the scene as it is."""

@@ -1,4 +1,4 @@
-"""Where an image texture looks things up: the Mapping nodes before it as one transform of the uv map."""
+"""Where an image texture looks things up: which uv map, and the Mapping nodes before it as one transform of it."""
 
 from __future__ import annotations
 
@@ -15,8 +15,11 @@ if TYPE_CHECKING:
 _MOST_MAPPINGS = 16
 
 
-def find_uv_transform(socket: Any, scope: Scope | None, reader: ValueReader) -> UvTransform:
-    """Of an image's Vector input. Other coordinates than a uv map are taken for it, unless Mapping nodes move them."""
+def find_coordinates(socket: Any, scope: Scope | None, reader: ValueReader) -> tuple[UvTransform, str]:
+    """Of an image's Vector input: the transform, and the name of the uv map, "" for the one that is active for renders.
+
+    Other coordinates than a uv map are taken for that one, unless Mapping nodes move them.
+    """
     from mathutils import Matrix
 
     whole = Matrix()
@@ -29,7 +32,18 @@ def find_uv_transform(socket: Any, scope: Scope | None, reader: ValueReader) -> 
             whole = whole @ matrix
         socket = output.node.inputs["Vector"]
     rows = tuple([(row[0], row[1], row[3]) for row in (whole[0], whole[1])])
-    return rows if np.isfinite(rows).all() else UNMAPPED  # type: ignore[return-value]
+    return (rows if np.isfinite(rows).all() else UNMAPPED), _uv_map_of(output)  # type: ignore[return-value]
+
+
+def _uv_map_of(output: Any) -> str:
+    node = output.node
+    if not output.is_output:
+        return ""
+    if node.type == "UVMAP" and not node.from_instancer:
+        return str(node.uv_map)
+    if node.type != "ATTRIBUTE" or node.attribute_type != "GEOMETRY":
+        return ""
+    return str(node.attribute_name) if output.identifier in {"Color", "Vector"} else ""
 
 
 def _matrix_of(node: Any, scope: Scope | None, reader: ValueReader) -> Any:

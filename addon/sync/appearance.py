@@ -41,7 +41,10 @@ def as_camera(record: CameraRecord) -> Camera:
 def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int32Array) -> Appearance:
     """instance_ids: (I,) and mesh_ids: (M,), the engine's ids of the record's instances and meshes."""
     meshes = {
-        int(mesh_id): MeshAppearance(mesh.material_slots, mesh.corner_normals, mesh.corner_uvs, mesh.corner_colors)
+        int(mesh_id): MeshAppearance(
+            *(mesh.material_slots, mesh.corner_normals, mesh.corner_uvs, mesh.corner_colors),
+            *(mesh.named_uvs, mesh.named_colors),
+        )
         for mesh_id, mesh in zip(mesh_ids, record.meshes, strict=True)
     }
     return Appearance(
@@ -53,7 +56,9 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
         diffuse_mask=VISIBLE_TO_DIFFUSE,
         glossy_mask=VISIBLE_TO_GLOSSY,
         film_transparent=record.film_transparent,
-        images=tuple([ImageTexture(image.pixels, image.extension, image.uv_transform) for image in record.images]),
+        images=tuple(
+            [ImageTexture(image.pixels, image.extension, image.uv_transform, image.uv_map) for image in record.images]
+        ),
         lights=_light_table(record),
         world=_world(record),
         backdrop=_backdrop(record),
@@ -80,7 +85,7 @@ def _material_table(record: SceneRecord) -> MaterialTable:
         color_images=np.array([material.color_image for material in materials], np.int32),
         alpha_images=np.array([material.alpha_image for material in materials], np.int32),
         emission_images=np.array([material.emission_image for material in materials], np.int32),
-        tinted=np.array([material.tinted for material in materials], np.bool_),
+        tints=tuple([material.tint for material in materials]),
     )
 
 

@@ -14,7 +14,16 @@ import numpy.typing as npt
 from perfect_bvh.bulk import are_equal, find_moved
 
 from .keys import Int64Array, Uint64Array, match_keys
-from .records import MESH_COLUMNS, InstanceRecords, Int32Array, MeshRecord, ObjectRecord, SceneRecord
+from .records import (
+    MESH_COLUMNS,
+    MESH_LAYERS,
+    InstanceRecords,
+    Int32Array,
+    Layers,
+    MeshRecord,
+    ObjectRecord,
+    SceneRecord,
+)
 
 MeshAction = Literal["added", "removed", "replaced", "deformed", "kept"]
 BoolArray = npt.NDArray[np.bool_]
@@ -102,7 +111,7 @@ def compare_mesh(old: MeshRecord | None, new: MeshRecord) -> MeshDifference:
         return UNCHANGED
     if old is None:
         return MeshDifference("added", "seen for the first time")
-    attributes_changed = not _have_same(old, new, *ATTRIBUTES)
+    attributes_changed = not (_have_same(old, new, *ATTRIBUTES) and have_same_layers(old, new))
     reason = _topology_change(old, new)
     if reason:
         return MeshDifference("replaced", reason, attributes_changed)
@@ -120,6 +129,17 @@ def _topology_change(old: MeshRecord, new: MeshRecord) -> str | None:
     if not _are_equal(old.triangles, new.triangles):
         return "as many triangles, but others"
     return None
+
+
+def have_same_layers(old: MeshRecord, new: MeshRecord) -> bool:
+    """Whether the arrays that have names are equal."""
+    if not (old.named_uvs or old.named_colors or new.named_uvs or new.named_colors):  # as nearly always
+        return True
+    return all(_have_equal_items(getattr(old, name), getattr(new, name)) for name in MESH_LAYERS)
+
+
+def _have_equal_items(old: Layers, new: Layers) -> bool:
+    return old.keys() == new.keys() and all(_are_equal(array, new[name]) for name, array in old.items())
 
 
 def _have_same(old: Any, new: Any, *names: str) -> bool:

@@ -5,8 +5,8 @@ Everything is copied: a record stays valid after Blender re-evaluates or frees w
 
 from __future__ import annotations
 
-from collections.abc import Hashable
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -36,6 +36,29 @@ VISIBLE_TO_ALL = 0x3F
 LARGEST_COORDINATE = 1e18
 
 
+Layers = Mapping[str, Float32Array]
+
+
+@dataclass(frozen=True, slots=True)
+class LayerRequest:
+    """Names of a mesh's uv maps and colours; "" is the one that is active for renders."""
+
+    uvs: frozenset[str] = frozenset()
+    colors: frozenset[str] = frozenset()
+
+    def __or__(self, other: LayerRequest) -> LayerRequest:
+        if self.covers(other):
+            return self
+        return other if self is NO_LAYERS else LayerRequest(self.uvs | other.uvs, self.colors | other.colors)
+
+    def covers(self, other: LayerRequest) -> bool:
+        """Whether it asks for all that the other asks for."""
+        return self is other or other is NO_LAYERS or (other.uvs <= self.uvs and other.colors <= self.colors)
+
+
+NO_LAYERS = LayerRequest()
+
+
 @dataclass(frozen=True, slots=True)
 class MeshRecord:
     """One distinct evaluated mesh.
@@ -44,7 +67,9 @@ class MeshRecord:
         scene never share it.
     positions: (V, 3) float32, object space. triangles: (T, 3) int32, rows of positions; Blender's own
         triangulation and order. polygon_ids: (T,) int32, the polygon each triangle came from.
-    material_slots, corner_normals, corner_uvs, corner_colors: only if they were asked for, see `AttributeRequest`.
+    material_slots, corner_normals: only if they were asked for, see `AttributeRequest`.
+    corner_uvs, corner_colors: (T, 3, 2) and (T, 3, 3) float32, the uv map and the colours that are active for renders.
+        named_uvs, named_colors: others by their names. layers: which of them were asked for; the mesh may lack them.
     dropped_triangles: how many triangles were left out because a vertex was not finite; `triangle_ids`
         then holds the original index of each kept triangle, and is None when all were kept.
     was_read: False if Blender is known not to have evaluated the mesh since the record before, whose arrays these are.
@@ -62,11 +87,27 @@ class MeshRecord:
     corner_normals: Float32Array | None = None
     corner_uvs: Float32Array | None = None
     corner_colors: Float32Array | None = None
+    named_uvs: Layers = field(default_factory=dict)
+    named_colors: Layers = field(default_factory=dict)
+    layers: LayerRequest = NO_LAYERS
     dropped_triangles: int = 0
     triangle_ids: Int32Array | None = None
     usage: Usage = "static"
     usage_reason: str = "nothing animates it"
     was_read: bool = True
+
+    def narrowed(self, layers: LayerRequest) -> MeshRecord:
+        """The mesh without the layers that are not asked for."""
+        if layers.covers(self.layers):
+            return self
+        return replace(
+            self,
+            layers=layers,
+            corner_uvs=self.corner_uvs if "" in layers.uvs else None,
+            corner_colors=self.corner_colors if "" in layers.colors else None,
+            named_uvs={name: array for name, array in self.named_uvs.items() if name in layers.uvs},
+            named_colors={name: array for name, array in self.named_colors.items() if name in layers.colors},
+        )
 
 
 # The arrays of a mesh, and those of the instances: whoever compares records goes through them.
@@ -80,6 +121,7 @@ MESH_COLUMNS = (
     "corner_colors",
     "triangle_ids",
 )
+MESH_LAYERS = ("named_uvs", "named_colors")
 INSTANCE_COLUMNS = ("mesh_indices", "object_indices", "parent_indices", "transforms", "masks", "persistent_ids")
 
 
@@ -129,16 +171,21 @@ class MaterialRecord:
     color_image: int = -1
     alpha_image: int = -1
     emission_image: int = -1
-    tinted: bool = False
+    tint: str | None = None
+
+    @property
+    def images(self) -> tuple[int, int, int]:
+        """Rows of all that it shows."""
+        return self.color_image, self.alpha_image, self.emission_image
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageRecord:
     """pixels: (H, W, 4), row 0 at the bottom: uint8 sRGB or float32 scene-linear.
 
-    extension: what lies beyond its border; uv_transform: where it is looked up; see `perfect_bvh.ImageTexture`. An
-    image that is known to be unchanged since the record before has the very same array. From here on it is read-only:
-    the renderer keeps what it works out of it.
+    extension: what lies beyond its border; uv_transform, uv_map: where it is looked up; see `perfect_bvh.ImageTexture`.
+    An image that is known to be unchanged since the record before has the very same array. From here on it is
+    read-only: the renderer keeps what it works out of it.
     """
 
     name: str
@@ -146,6 +193,7 @@ class ImageRecord:
     pixels: npt.NDArray[np.uint8] | Float32Array
     extension: Extension
     uv_transform: UvTransform = UNMAPPED
+    uv_map: str = ""
 
     def __post_init__(self) -> None:
         self.pixels.flags.writeable = False
@@ -213,8 +261,9 @@ class CameraRecord:
 class AttributeRequest:
     """Which attributes the coming rays will use; nothing else is read.
 
-    shading: what materials are made of beside their viewport colour, their images, meshes' own colours, the lights and
-    the world.
+    corner_uvs: the uv map of each mesh that is active for renders.
+    shading: what materials are made of beside their viewport colour, their images, the uv maps and colours of the
+    meshes that show them, the lights and the world.
     """
 
     material_slots: bool = True

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .compare import have_same_layers
 from .looks import find_look_differences
 from .records import INSTANCE_COLUMNS, MESH_COLUMNS, SceneRecord
 
@@ -21,6 +22,8 @@ def find_mismatches(synced: SceneRecord, reference: SceneRecord) -> tuple[str, .
             found.append(f"mesh {mesh.name}: synced, but Blender does not show it")
             continue
         found += [f"mesh {mesh.name}: {column} differ" for column in MESH_COLUMNS if _differ(mesh, other, column)]
+        if not have_same_layers(mesh, other):
+            found.append(f"mesh {mesh.name}: uv maps or colors differ")
     found += [f"mesh {mesh.name}: not synced" for mesh in references.values()]
     found += [
         f"instances: {column} differ"

@@ -91,20 +91,43 @@ std::span<const T> rows_of(std::span<const Scalar> scalars) {
   return {reinterpret_cast<const T*>(scalars.data()), scalars.size() / kWidth};
 }
 
-Texture read_image(const py::handle& value) {
-  const auto values = value.cast<py::dict>();
-  const auto pixels = values["pixels"].cast<py::array>();
+void read_pixels(const py::dict& values, const char* name, Texture& texture) {
+  const auto pixels = values[name].cast<py::array>();
   if (pixels.ndim() != 3 || pixels.shape(2) != 4) throw std::invalid_argument("_core: an image must be (H, W, 4)");
-  Texture texture;
   texture.height = static_cast<int>(pixels.shape(0)), texture.width = static_cast<int>(pixels.shape(1));
-  texture.extension = kExtensions.at(get<std::string>(values, "extension"));
-  const auto rows = rows_of<Vec3f>(view<float>(values, "uv_transform"));
-  texture.across = rows[0], texture.up = rows[1];
   if (py::isinstance<Array<std::uint8_t>>(pixels)) {
     texture.bytes = static_cast<const std::uint8_t*>(pixels.data());
   } else {
-    texture.floats = view<float>(values, "pixels").data();
+    texture.floats = view<float>(values, name).data();
   }
+}
+
+// Numbered square by square from 0.
+std::shared_ptr<const TextureTiles> read_tiles(const py::handle& value, Extension extension) {
+  const auto tiles = value.cast<std::vector<py::dict>>();
+  if (tiles.empty()) return nullptr;
+  auto made = std::make_shared<TextureTiles>();
+  for (const py::dict& tile : tiles) {
+    const auto square = get<std::size_t>(tile, "square");
+    const std::size_t row_end = (square / TextureTiles::kColumns + 1) * TextureTiles::kColumns;
+    if (row_end > made->rows.size()) made->rows.resize(row_end, -1);
+    made->rows[square] = static_cast<std::int32_t>(made->images.size());
+    Texture& texture = made->images.emplace_back();
+    texture.extension = extension;
+    read_pixels(tile, "pixels", texture);
+  }
+  return made;
+}
+
+Texture read_image(const py::handle& value) {
+  const auto values = value.cast<py::dict>();
+  Texture texture;
+  texture.extension = kExtensions.at(get<std::string>(values, "extension"));
+  const auto rows = rows_of<Vec3f>(view<float>(values, "uv_transform"));
+  texture.across = rows[0], texture.up = rows[1];
+  texture.uv_map = get<std::int32_t>(values, "uv_map");
+  read_pixels(values, "pixels", texture);
+  texture.tiles = read_tiles(values["tiles"], texture.extension);
   return texture;
 }
 
@@ -145,6 +168,21 @@ void read_scene_light(const py::dict& values, Appearance& appearance) {
   if (!sky.is_none()) appearance.bright_sky = sky.cast<std::shared_ptr<BrightSky>>();
 }
 
+// Of a mesh, by number; None for one that it lacks.
+template <class T>
+void read_layers(const py::dict& mesh, const char* name, std::vector<std::span<const T>>& layers) {
+  for (const py::handle value : mesh[name]) {
+    if (value.is_none()) {
+      layers.emplace_back();
+      continue;
+    }
+    const auto array = value.cast<py::array>();
+    if (!py::isinstance<Array<float>>(array)) throw std::invalid_argument(std::string("_core: wrong dtype of ") + name);
+    const auto count = static_cast<std::size_t>(array.size());
+    layers.push_back(rows_of<T>(std::span{static_cast<const float*>(array.data()), count}));
+  }
+}
+
 void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.base_colors = rows_of<Vec3f>(view<float>(values, "base_colors"));
   appearance.emissions = rows_of<Vec3f>(view<float>(values, "emissions"));
@@ -156,7 +194,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.color_images = view<std::int32_t>(values, "color_images");
   appearance.alpha_images = view<std::int32_t>(values, "alpha_images");
   appearance.emission_images = view<std::int32_t>(values, "emission_images");
-  appearance.tinted = rows_of<std::uint8_t>(view<bool>(values, "tinted"));
+  appearance.tints = view<std::int32_t>(values, "tints");
   read_scene_light(values, appearance);
   appearance.material_colors = rows_of<Rgba>(view<float>(values, "material_colors"));
   appearance.material_pass_indices = view<std::int32_t>(values, "material_indices");
@@ -176,8 +214,8 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
     if (mesh.contains("material_slots")) attributes.material_slots = view<std::int32_t>(mesh, "material_slots");
     if (mesh.contains("corner_normals"))
       attributes.corner_normals = rows_of<Vec3f>(view<float>(mesh, "corner_normals"));
-    if (mesh.contains("corner_uvs")) attributes.corner_uvs = rows_of<Point2>(view<float>(mesh, "corner_uvs"));
-    if (mesh.contains("corner_colors")) attributes.corner_colors = rows_of<Vec3f>(view<float>(mesh, "corner_colors"));
+    read_layers(mesh, "uv_maps", attributes.uv_maps);
+    read_layers(mesh, "corner_colors", attributes.corner_colors);
     appearance.set_mesh(key.cast<std::int32_t>(), attributes);
   }
   appearance.finish();

@@ -6,7 +6,7 @@ Every message names the function, the argument, what was expected and what came.
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ _LARGEST_SIZE = 65536
 _MATERIAL_SHARES = ("alphas", "metallics", "roughnesses", "reflectances", "transmissions")
 _LARGEST_COUNT = 2**31 - 1
 _LARGEST_MASK = 2**32 - 1
+_FIRST_TILE, _LAST_TILE = 1001, 2000
 
 
 def check_choice(function: str, name: str, value: object, choices: Sequence[str]) -> str:
@@ -85,6 +86,9 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
     if not isinstance(appearance, Appearance):
         raise ValueError(f"{function}: appearance must be a perfect_bvh.Appearance, got {type(appearance).__name__}")
     table, materials = appearance.instances, appearance.materials
+    tints = materials.tints or ()
+    uv_numbers = _numbers(function, "images[{}].uv_map", [image.uv_map for image in appearance.images])
+    tint_numbers = _numbers(function, "materials.tints[{}]", ["" if tint is None else tint for tint in tints])
 
     def column(name: str, value: npt.ArrayLike, dtype: type[np.generic], *row: int) -> npt.NDArray[Any]:
         return _column(function, f"appearance.{name}", value, dtype, row)
@@ -100,8 +104,8 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
         "color_images": optional("color_images", np.int32),
         "alpha_images": optional("alpha_images", np.int32),
         "emission_images": optional("emission_images", np.int32),
-        "tinted": optional("tinted", np.bool_),
-        "images": [_image_arguments(function, row, image) for row, image in enumerate(appearance.images)],
+        "tints": np.array([-1 if tint is None else tint_numbers[tint] for tint in tints], np.int32),
+        "images": [_image_arguments(function, row, image, uv_numbers) for row, image in enumerate(appearance.images)],
         "lights": _light_arguments(function, appearance.lights),
         "world": _world_arguments(function, "world", appearance.world),
         "backdrop": _world_arguments(function, "backdrop", appearance.backdrop),
@@ -118,26 +122,52 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
             for name in ("camera_mask", "shadow_mask", "diffuse_mask", "glossy_mask")
         },
         "film_transparent": bool(appearance.film_transparent),
-        "meshes": {int(mesh): _mesh_arrays(function, mesh, value) for mesh, value in appearance.meshes.items()},
+        "meshes": {
+            int(mesh): _mesh_arrays(function, mesh, value, uv_numbers, tint_numbers)
+            for mesh, value in appearance.meshes.items()
+        },
     }
 
 
-def _image_arguments(function: str, row: int, image: ImageTexture) -> dict[str, Any]:
+def _numbers(function: str, place: str, names: Sequence[str]) -> dict[str, int]:
+    """Of a mesh's layers: 0 for the one without a name, the others in alphabetical order. place: what has the names."""
+    for row, name in enumerate(names):
+        if not isinstance(name, str):
+            raise ValueError(f"{function}: appearance.{place.format(row)} must be a name, got {name!r}")
+    return {name: number for number, name in enumerate(["", *sorted({*names} - {""})])}
+
+
+def _image_arguments(function: str, row: int, image: ImageTexture, uv_numbers: Mapping[str, int]) -> dict[str, Any]:
     name = f"appearance.images[{row}]"
-    pixels = np.asarray(image.pixels)
-    if pixels.ndim != 3 or pixels.shape[2] != 4 or max(pixels.shape[:2]) > _LARGEST_SIZE:
-        raise ValueError(
-            f"{function}: {name}.pixels must have shape (H, W, 4), at most {_LARGEST_SIZE} each way, got {pixels.shape}"
-        )
-    if pixels.dtype not in (np.uint8, np.float32):
-        raise ValueError(f"{function}: {name}.pixels must be uint8 (sRGB) or float32 (linear), got {pixels.dtype}")
     extension = check_choice(function, f"{name}.extension", image.extension, ("repeat", "extend", "clip"))
     transform = np.asarray(image.uv_transform, np.float32)
     if transform.shape != (2, 3) or not np.isfinite(transform).all():
         raise ValueError(
             f"{function}: {name}.uv_transform must be two rows of three numbers, got {image.uv_transform!r}"
         )
-    return {"pixels": np.ascontiguousarray(pixels), "extension": extension, "uv_transform": transform}
+    return {
+        "pixels": _pixels(function, f"{name}.pixels", image.pixels),
+        "extension": extension,
+        "uv_transform": transform,
+        "uv_map": uv_numbers[image.uv_map],
+        "tiles": [_tile_arguments(function, f"{name}.tiles", number, image.tiles[number]) for number in image.tiles],
+    }
+
+
+def _tile_arguments(function: str, name: str, number: int, pixels: npt.ArrayLike) -> dict[str, Any]:
+    square = check_count(function, f"{name}'s numbers", number, _FIRST_TILE, _LAST_TILE) - _FIRST_TILE
+    return {"square": square, "pixels": _pixels(function, f"{name}[{number}]", pixels)}
+
+
+def _pixels(function: str, name: str, value: npt.ArrayLike) -> npt.NDArray[Any]:
+    pixels = np.asarray(value)
+    if pixels.ndim != 3 or pixels.shape[2] != 4 or max(pixels.shape[:2]) > _LARGEST_SIZE:
+        raise ValueError(
+            f"{function}: {name} must have shape (H, W, 4), at most {_LARGEST_SIZE} each way, got {pixels.shape}"
+        )
+    if pixels.dtype not in (np.uint8, np.float32):
+        raise ValueError(f"{function}: {name} must be uint8 (sRGB) or float32 (linear), got {pixels.dtype}")
+    return np.ascontiguousarray(pixels)
 
 
 def _light_arguments(function: str, lights: LightTable) -> dict[str, npt.NDArray[Any]]:
@@ -185,18 +215,32 @@ def _world_arguments(function: str, name: str, world: World | None) -> dict[str,
     }
 
 
-def _mesh_arrays(function: str, mesh: int, value: MeshAppearance) -> dict[str, npt.NDArray[Any]]:
-    arrays: dict[str, npt.NDArray[Any]] = {}
+def _mesh_arrays(
+    function: str, mesh: int, value: MeshAppearance, uv_numbers: Mapping[str, int], tint_numbers: Mapping[str, int]
+) -> dict[str, Any]:
     name = f"appearance.meshes[{mesh}]"
+    arrays: dict[str, Any] = {}
     if value.material_slots is not None:
         arrays["material_slots"] = _column(function, f"{name}.material_slots", value.material_slots, np.int32, ())
     if value.corner_normals is not None:
         arrays["corner_normals"] = _column(function, f"{name}.corner_normals", value.corner_normals, np.float32, (3, 3))
-    if value.corner_uvs is not None:
-        arrays["corner_uvs"] = _column(function, f"{name}.corner_uvs", value.corner_uvs, np.float32, (3, 2))
-    if value.corner_colors is not None:
-        arrays["corner_colors"] = _column(function, f"{name}.corner_colors", value.corner_colors, np.float32, (3, 3))
+    arrays["uv_maps"] = _layers(function, name, value, "uvs", uv_numbers, 2)
+    arrays["corner_colors"] = _layers(function, name, value, "colors", tint_numbers, 3)
     return arrays
+
+
+def _layers(
+    function: str, name: str, value: MeshAppearance, what: str, numbers: Mapping[str, int], width: int
+) -> list[npt.NDArray[Any] | None]:
+    """By number, None for those that the mesh lacks; those that nothing refers to are left out."""
+    unnamed, named = getattr(value, f"corner_{what}"), getattr(value, f"named_{what}")
+    if unnamed is None and not named:
+        return []
+    given = [(f"corner_{what}", unnamed), *((f"named_{what}[{key!r}]", named.get(key)) for key in numbers if key)]
+    return [
+        None if array is None else _column(function, f"{name}.{place}", array, np.float32, (3, width))
+        for place, array in given
+    ]
 
 
 def _column(

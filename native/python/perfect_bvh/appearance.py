@@ -6,7 +6,7 @@ a mode that lacks something falls back to a grey material and the geometric norm
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -26,14 +26,18 @@ class MeshAppearance:
 
     material_slots: (T,) int32, the slot of the instance's object that each triangle uses. None: all slot 0.
     corner_normals: (T, 3, 3) float32, object space. None: flat shading.
-    corner_uvs: (T, 3, 2) float32. None: no uv map.
-    corner_colors: (T, 3, 3) float32, scene-linear, for materials that are `tinted`. None: grey.
+    corner_uvs: (T, 3, 2) float32, the uv map without a name. None: no uv map; images then show their place (0, 0).
+    corner_colors: (T, 3, 3) float32, scene-linear, the colours without a name, for materials that `tints` says are
+        multiplied with such. None: black.
+    named_uvs, named_colors: further ones, by the names that `ImageTexture.uv_map` and `MaterialTable.tints` give.
     """
 
     material_slots: Int32Array | None = None
     corner_normals: Float32Array | None = None
     corner_uvs: Float32Array | None = None
     corner_colors: Float32Array | None = None
+    named_uvs: Mapping[str, Float32Array] = field(default_factory=dict)
+    named_colors: Mapping[str, Float32Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +56,8 @@ class MaterialTable:
     color_images: (M,) int32, rows of the appearance's images, which stand for the base colours; -1 for none.
     alpha_images: (M,) int32, images whose alpha multiplies the material's; -1 for none.
     emission_images: (M,) int32, images whose colours multiply the emissions; -1 for none.
-    tinted: (M,) bool: the mesh's own colours multiply the base colours. None: none is.
+    tints: (M,) the names of those of the mesh's own colours that multiply the base colour, "" for `corner_colors`, None
+        for none. None: none is tinted.
     """
 
     colors: Float32Array = field(default_factory=lambda: np.empty((0, 4), np.float32))
@@ -67,7 +72,7 @@ class MaterialTable:
     color_images: Int32Array | None = None
     alpha_images: Int32Array | None = None
     emission_images: Int32Array | None = None
-    tinted: npt.NDArray[np.bool_] | None = None
+    tints: Sequence[str | None] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,11 +84,16 @@ class ImageTexture:
         owns its memory; else it is found anew for each image that is rendered.
     extension: what lies outside 0..1: "repeat", "extend" (the border's colour) or "clip" (nothing).
     uv_transform: two rows, what (u, v, 1) of a surface's uv map is multiplied with to find the place in the image.
+    uv_map: the name of the surface's uv map, "" for `corner_uvs`.
+    tiles: of a UDIM image, further arrays as `pixels` by their numbers: tile 1001 + column + 10 * row lies over that
+        unit square of the uv map. Where there are any, surfaces show them instead of `pixels`, and magenta in between.
     """
 
     pixels: npt.NDArray[np.uint8] | Float32Array
     extension: Literal["repeat", "extend", "clip"] = "repeat"
     uv_transform: UvTransform = UNMAPPED
+    uv_map: str = ""
+    tiles: Mapping[int, npt.NDArray[np.uint8] | Float32Array] = field(default_factory=dict)
 
 
 LIGHT_KINDS = ("point", "sun", "spot", "rectangle", "ellipse")

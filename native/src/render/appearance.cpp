@@ -88,7 +88,7 @@ void Appearance::check_materials() const {
   check("roughnesses", roughnesses.size());
   check("reflectances", reflectances.size());
   check("transmissions", transmissions.size());
-  check("tinted", tinted.size());
+  check("tints", tints.size());
   const auto check_images = [&](const char* name, std::span<const std::int32_t> rows) {
     check(name, rows.size());
     for (const std::int32_t row : rows) {
@@ -119,8 +119,8 @@ void Appearance::check_fits(const Instance& instance, const MeshAttributes& attr
   };
   check(attributes.material_slots.size(), "material_slots");
   check(attributes.corner_normals.size() / 3, "corner_normals");
-  check(attributes.corner_uvs.size() / 3, "corner_uvs");
-  check(attributes.corner_colors.size() / 3, "corner_colors");
+  for (const auto& map : attributes.uv_maps) check(map.size() / 3, "corner_uvs");
+  for (const auto& colors : attributes.corner_colors) check(colors.size() / 3, "corner_colors");
 }
 
 std::int32_t Appearance::material_of(const Instance& instance, std::uint32_t primitive) const {

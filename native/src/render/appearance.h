@@ -26,11 +26,13 @@ inline constexpr std::int32_t kNoMaterial = -1;
 struct MeshAttributes {
   std::span<const std::int32_t> material_slots;
   std::span<const Vec3f> corner_normals;  // three a triangle, object space
-  std::span<const Point2> corner_uvs;     // three a triangle
-  std::span<const Vec3f> corner_colors;   // three a triangle, scene-linear
+  // By the numbers that textures and materials have for a mesh's layers: what lies beyond the end is lacking, too.
+  std::vector<std::span<const Point2>> uv_maps;       // three a triangle; the first is the one that renders use
+  std::vector<std::span<const Vec3f>> corner_colors;  // three a triangle, scene-linear
 };
 
 inline constexpr std::int32_t kNoImage = -1;
+inline constexpr std::int32_t kNoTint = -1;
 
 // What lights a scene from all around.
 struct World {
@@ -53,7 +55,7 @@ struct Appearance {
   std::span<const std::int32_t> color_images;     // instead of the base colours
   std::span<const std::int32_t> alpha_images;     // their alpha multiplies
   std::span<const std::int32_t> emission_images;  // their colour multiplies
-  std::span<const std::uint8_t> tinted;           // not 0: the mesh's own colours multiply the base colour
+  std::span<const std::int32_t> tints;  // which of the mesh's own colours multiply the base colour, or kNoTint
   std::span<const std::int32_t> instance_ids;
   std::span<const std::int32_t> slot_offsets;  // one more than instances
   std::span<const std::int32_t> slot_materials;

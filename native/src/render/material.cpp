@@ -6,11 +6,28 @@
 
 namespace perfect_bvh {
 
-std::optional<Point2> uv_at(const Appearance& appearance, const Instance& instance, const Hit& hit) {
+namespace {
+
+// What a mesh's layer of some number has at the corners of the triangle that was hit; none if the mesh lacks it.
+template <class T>
+std::optional<std::span<const T, 3>> corners_of(const Appearance& appearance, const Instance& instance, const Hit& hit,
+                                                std::vector<std::span<const T>> MeshAttributes::* layers,
+                                                std::int32_t number) {
   const MeshAttributes* const attributes = appearance.attributes_of(instance);
-  if (attributes == nullptr || attributes->corner_uvs.empty()) return std::nullopt;
+  const auto index = static_cast<std::size_t>(number);
+  if (attributes == nullptr || index >= (attributes->*layers).size()) return std::nullopt;
+  const std::span<const T> layer = (attributes->*layers)[index];
+  if (layer.empty()) return std::nullopt;
   appearance.check_fits(instance, *attributes);
-  const auto corners = attributes->corner_uvs.subspan(std::size_t{3} * hit.primitive_index).first<3>();
+  return layer.subspan(std::size_t{3} * hit.primitive_index).template first<3>();
+}
+
+}  // namespace
+
+std::optional<Point2> uv_at(const Appearance& appearance, const Instance& instance, const Hit& hit, std::int32_t map) {
+  const auto found = corners_of(appearance, instance, hit, &MeshAttributes::uv_maps, map);
+  if (!found) return std::nullopt;
+  const auto corners = *found;
   const float w = 1.0f - hit.u - hit.v;
   return Point2{corners[0].x * w + corners[1].x * hit.u + corners[2].x * hit.v,
                 corners[0].y * w + corners[1].y * hit.u + corners[2].y * hit.v};
@@ -18,14 +35,11 @@ std::optional<Point2> uv_at(const Appearance& appearance, const Instance& instan
 
 namespace {
 
-// As grey as what has no colours of its own shows.
-constexpr Vec3f kUntinted{0.8f, 0.8f, 0.8f};
-
-Vec3f tint_at(const Appearance& appearance, const Instance& instance, const Hit& hit) {
-  const MeshAttributes* const attributes = appearance.attributes_of(instance);
-  if (attributes == nullptr || attributes->corner_colors.empty()) return kUntinted;
-  appearance.check_fits(instance, *attributes);
-  const auto corners = attributes->corner_colors.subspan(std::size_t{3} * hit.primitive_index).first<3>();
+// Black where the mesh has no such colours, as in Blender.
+Vec3f tint_at(const Appearance& appearance, const Instance& instance, const Hit& hit, std::int32_t tint) {
+  const auto found = corners_of(appearance, instance, hit, &MeshAttributes::corner_colors, tint);
+  if (!found) return {0.0f, 0.0f, 0.0f};
+  const auto corners = *found;
   return corners[0] * (1.0f - hit.u - hit.v) + corners[1] * hit.u + corners[2] * hit.v;
 }
 
@@ -48,10 +62,16 @@ void look_up_images(const Appearance& appearance, const Instance& instance, cons
   const std::int32_t color_image = image_in(appearance.color_images), alpha_image = image_in(appearance.alpha_images);
   const std::int32_t emission_image = image_in(appearance.emission_images);
   if (color_image == kNoImage && alpha_image == kNoImage && emission_image == kNoImage) return;
-  // Without a uv map everything shows the image's corner, as in Blender.
-  const Point2 uv = uv_at(appearance, instance, hit).value_or(Point2{0.0f, 0.0f});
+  std::int32_t map = -1;
+  Point2 uv{0.0f, 0.0f};
   const auto look = [&](std::int32_t image) {
-    return look_up_mapped(appearance.images[static_cast<std::size_t>(image)], uv.x, uv.y);
+    const Texture& texture = appearance.images[static_cast<std::size_t>(image)];
+    if (texture.uv_map != map) {  // mostly all have the same one
+      map = texture.uv_map;
+      // Without the map everything shows the image's corner, as in Blender.
+      uv = uv_at(appearance, instance, hit, map).value_or(Point2{0.0f, 0.0f});
+    }
+    return look_up_mapped(texture, uv.x, uv.y);
   };
   Rgba color;
   if (color_image != kNoImage) {
@@ -80,8 +100,8 @@ Material material_at(const Appearance& appearance, const Instance& instance, con
   if (!appearance.alphas.empty()) material.alpha = appearance.alphas[index];
   if (!appearance.transmissions.empty()) material.transmission = appearance.transmissions[index];
   look_up_images(appearance, instance, hit, index, material);
-  if (!appearance.tinted.empty() && appearance.tinted[index] != 0) {
-    material.color = material.color * tint_at(appearance, instance, hit);
+  if (const std::int32_t tint = appearance.tints.empty() ? kNoTint : appearance.tints[index]; tint != kNoTint) {
+    material.color = material.color * tint_at(appearance, instance, hit, tint);
   }
   set_gloss(appearance, index, material);
   return material;

@@ -26,8 +26,9 @@ struct Material {
   [[nodiscard]] Vec3f matt_color() const noexcept { return color + reflectance * (1.0f - transmission); }
 };
 
-// Where in the mesh's uv map a hit lies; none without a map.
-[[nodiscard]] std::optional<Point2> uv_at(const Appearance& appearance, const Instance& instance, const Hit& hit);
+// Where in one of the mesh's uv maps a hit lies; none without that map.
+[[nodiscard]] std::optional<Point2> uv_at(const Appearance& appearance, const Instance& instance, const Hit& hit,
+                                          std::int32_t map = 0);
 
 // `row` is the material's in the tables, or kNoMaterial.
 [[nodiscard]] Material material_at(const Appearance& appearance, const Instance& instance, const Hit& hit,

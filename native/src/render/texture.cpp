@@ -45,8 +45,8 @@ Rgba pixel_of(const Texture& texture, int x, int y) noexcept {
   return {linear[pixel[0]], linear[pixel[1]], linear[pixel[2]], static_cast<float>(pixel[3]) / 255.0f};
 }
 
-Rgba pixel_at(const Texture& texture, int x, int y) noexcept {
-  x = place(x, texture.width, texture.extension), y = place(y, texture.height, texture.extension);
+Rgba pixel_at(const Texture& texture, Extension extension, int x, int y) noexcept {
+  x = place(x, texture.width, extension), y = place(y, texture.height, extension);
   return x < 0 || y < 0 ? Rgba{} : pixel_of(texture, x, y);
 }
 
@@ -59,6 +59,31 @@ float in_pixels(float coordinate, int count, Extension extension) noexcept {
   if (!std::isfinite(coordinate)) return 0.0f;
   if (extension == Extension::kRepeat) coordinate -= std::floor(coordinate);
   return std::clamp(coordinate, -2.0f, 3.0f) * static_cast<float>(count) - 0.5f;
+}
+
+Rgba look_up(const Texture& texture, Extension extension, float u, float v) noexcept {
+  if (texture.width == 0 || texture.height == 0) return {};
+  const float x = in_pixels(u, texture.width, extension);
+  const float y = in_pixels(v, texture.height, extension);
+  const float left = std::floor(x), below = std::floor(y);
+  const int column = static_cast<int>(left), row = static_cast<int>(below);
+  const auto pixel = [&](int right, int above) { return pixel_at(texture, extension, column + right, row + above); };
+  const Rgba lower = mixed(pixel(0, 0), pixel(1, 0), x - left);
+  const Rgba upper = mixed(pixel(0, 1), pixel(1, 1), x - left);
+  return mixed(lower, upper, y - below);
+}
+
+constexpr Rgba kMissingTile{1.0f, 0.0f, 1.0f, 1.0f};
+
+// As in Cycles what lies less than a unit to the left of all tiles, or below them, belongs to the first ones.
+Rgba look_up_tile(const TextureTiles& tiles, float u, float v) noexcept {
+  const auto rows = static_cast<float>(tiles.rows.size() / TextureTiles::kColumns);
+  if (!(u > -1.0f && u < TextureTiles::kColumns && v > -1.0f && v < rows)) return kMissingTile;
+  const int column = static_cast<int>(u), row = static_cast<int>(v);
+  const std::int32_t image = tiles.rows[static_cast<std::size_t>(row * TextureTiles::kColumns + column)];
+  if (image < 0) return kMissingTile;
+  const Texture& tile = tiles.images[static_cast<std::size_t>(image)];
+  return look_up(tile, tile.extension, u - static_cast<float>(column), v - static_cast<float>(row));
 }
 
 }  // namespace
@@ -76,20 +101,12 @@ std::span<const Rgba> row_of_pixels(const Texture& texture, int y, std::vector<R
   return buffer;
 }
 
-Rgba look_up(const Texture& texture, float u, float v) noexcept {
-  if (texture.width == 0 || texture.height == 0) return {};
-  const float x = in_pixels(u, texture.width, texture.extension);
-  const float y = in_pixels(v, texture.height, texture.extension);
-  const float left = std::floor(x), below = std::floor(y);
-  const int column = static_cast<int>(left), row = static_cast<int>(below);
-  const Rgba lower = mixed(pixel_at(texture, column, row), pixel_at(texture, column + 1, row), x - left);
-  const Rgba upper = mixed(pixel_at(texture, column, row + 1), pixel_at(texture, column + 1, row + 1), x - left);
-  return mixed(lower, upper, y - below);
-}
+Rgba look_up(const Texture& texture, float u, float v) noexcept { return look_up(texture, texture.extension, u, v); }
 
 Rgba look_up_mapped(const Texture& texture, float u, float v) noexcept {
   const Vec3f place{u, v, 1.0f};
-  return look_up(texture, dot(texture.across, place), dot(texture.up, place));
+  const float across = dot(texture.across, place), up = dot(texture.up, place);
+  return texture.tiles ? look_up_tile(*texture.tiles, across, up) : look_up(texture, across, up);
 }
 
 Point2 place_around(Vec3f direction) noexcept {
@@ -100,11 +117,9 @@ Point2 place_around(Vec3f direction) noexcept {
 
 Vec3f look_up_around(const Texture& texture, Vec3f direction) noexcept {
   const Point2 at = place_around(direction);
-  Texture around = texture;
-  around.extension = Extension::kRepeat;
   // Over the poles the image does not repeat.
   const float border = 0.5f / static_cast<float>(std::max(texture.height, 1));
-  const Rgba color = look_up(around, at.x, std::clamp(at.y, border, 1.0f - border));
+  const Rgba color = look_up(texture, Extension::kRepeat, at.x, std::clamp(at.y, border, 1.0f - border));
   return {color.r, color.g, color.b};
 }
 
