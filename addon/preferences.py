@@ -1,12 +1,15 @@
-"""The add-on's preferences, and whether its native engine could be loaded.
+"""The add-on's preferences, and whether its native engine could be loaded, in the version that it needs.
 
-Blender must survive a native module that cannot be loaded (a wrong platform, a damaged download): the add-on
-then still registers, and says the reason here, in the render panel, and in the error of a render.
+Blender must survive a native module that cannot be loaded (a wrong platform, a damaged download), or another version's
+(left in use by an update, or installed elsewhere): the add-on then still registers, and says the reason here, in the
+render panel, and in the error of a render.
 """
 
 from __future__ import annotations
 
 import functools
+import tomllib
+from pathlib import Path
 
 import bpy
 
@@ -21,10 +24,22 @@ PRECISION_ITEMS = [
 def native_error() -> str | None:
     """Why the native engine cannot be used, in one sentence; None if it can."""
     try:
-        import perfect_bvh  # noqa: F401
-    except ImportError as error:
+        import perfect_bvh
+    except (ImportError, AttributeError) as error:  # the latter from parts of two versions
         return f"The native engine could not be loaded: {error}"
-    return None
+    found, needed = getattr(perfect_bvh, "__version__", "unknown"), _needed_version()
+    if found == needed:
+        return None
+    return (
+        f"The native engine found is version {found}, but this add-on needs {needed}: restart Blender; if that does "
+        f"not help, install the add-on again, and remove the engine in {Path(perfect_bvh.__file__ or '').parent}"
+    )
+
+
+def _needed_version() -> str:
+    """The add-on's own, which is the engine's: both are built from the manifest."""
+    manifest = Path(__file__).with_name("blender_manifest.toml").read_text(encoding="utf-8")
+    return str(tomllib.loads(manifest)["version"])
 
 
 def native_summary() -> str:

@@ -12,6 +12,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+import perfect_bvh  # noqa: E402
 import perfect_bvh_addon  # noqa: E402
 from perfect_bvh_addon import panels  # noqa: E402
 
@@ -112,6 +113,52 @@ print("survived")
 
 def test_blender_survives_without_the_native_engine() -> None:
     done = subprocess.run([sys.executable, "-c", WITHOUT_ENGINE], capture_output=True, text=True, timeout=120)
+    assert "survived" in done.stdout, done.stderr
+
+
+OTHER_ENGINE = """
+import sys, types
+import perfect_bvh
+from pathlib import Path
+perfect_bvh.__version__ = "0.0.9"  # and it lacks what came later
+sys.modules["perfect_bvh.bulk"] = None
+import bpy, perfect_bvh_addon
+from perfect_bvh_addon.preferences import native_error
+perfect_bvh_addon.register()
+reason = native_error()
+folder = Path(perfect_bvh.__file__).parent
+for part in ("is version 0.0.9", f"needs {sys.argv[1]}:", "restart Blender", "install the add-on again", str(folder)):
+    assert part in reason, (part, reason)
+scene = bpy.context.scene
+scene.render.engine = "PERFECT_BVH"
+
+class Layout:
+    texts = []
+    def __getattr__(self, name):
+        return lambda **options: [self.texts.append(options.get("text", "")), self][1]
+
+system = types.SimpleNamespace(system=types.SimpleNamespace(ui_scale=1.0))
+panel = types.SimpleNamespace(layout=Layout())
+context = types.SimpleNamespace(scene=scene, region=types.SimpleNamespace(width=9999), preferences=system)
+bpy.types.PERFECT_BVH_PT_render.draw(panel, context)
+assert reason in " ".join(Layout.texts), Layout.texts
+for operator in (bpy.ops.perfect_bvh.preview, bpy.ops.perfect_bvh.scan, bpy.ops.perfect_bvh.bench):
+    assert not operator.poll()
+try:
+    bpy.ops.render.render()
+except RuntimeError as error:
+    assert "is version 0.0.9" in str(error), error
+else:
+    raise AssertionError("the render did not fail")
+perfect_bvh_addon.unregister()
+print("survived")
+"""
+
+
+def test_an_engine_of_another_version_is_named_and_not_used() -> None:
+    """Such as one that was loaded before an update, whose files Blender could not replace."""
+    arguments = [sys.executable, "-c", OTHER_ENGINE, perfect_bvh.__version__]
+    done = subprocess.run(arguments, capture_output=True, text=True, timeout=120)
     assert "survived" in done.stdout, done.stderr
 
 
