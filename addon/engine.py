@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 
 from .frame import Frame, Images, Progress, border_pixels, check_size, render_frame
-from .latest import remember
+from .latest import edits_of, remember
 from .preferences import native_error
 from .properties import ENGINE_NAME, read_settings
 from .sync.records import CameraRecord
@@ -229,6 +229,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         from .session import session_of
 
         scene = depsgraph.scene
+        edits = edits_of(scene)  # while it renders on a thread of its own, users go on
         job.frame = None
         try:
             job.frame = render_frame(
@@ -249,7 +250,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
             self._fail(str(problem) or type(problem).__name__)
         else:
-            remember(scene, job.frame.statistics)
+            remember(scene, job.frame.statistics, edits)
             megabytes = job.frame.statistics.report.byte_count / 2**20
             self.update_memory_stats(memory_used=megabytes, memory_peak=megabytes)
             for warning in job.frame.statistics.report.warnings:

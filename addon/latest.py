@@ -1,58 +1,82 @@
 """What was done last for each scene, by a render, a preview or a viewport, and whether the scene still is as it was.
 
-Panels that tell of it are drawn again when it changes, without anybody moving the mouse. A render ends on a thread of
-its own, from which Blender's interface must not be touched: it only leaves a note, which a timer on the main
-thread finds.
+That is told by the count of a scene's edits (`extract/changes.py`), taken when the scene was read. Panels that tell of
+it are drawn again when it changes, without anybody moving the mouse. A render ends on a thread of its own, from which
+Blender's interface must not be touched: a timer on the main thread finds what is new.
+
+What needs the native engine is imported where it is used: without it the add-on must still register, and say why.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import bpy
-from bpy.app.handlers import persistent
 
 from .properties import read_settings
 
 if TYPE_CHECKING:
     from .frame import FrameStatistics
+    from .sync.report import SyncReport
 
 TIMER_SECONDS = 0.2
 
-_latest: dict[int, FrameStatistics] = {}  # by the scene's session uid
-_edited: set[int] = set()
-_is_news = False
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Done:
+    """edits: of the scene, when it was read for this."""
+
+    statistics: FrameStatistics
+    edits: int
 
 
-def remember(scene: bpy.types.Scene, statistics: FrameStatistics) -> None:
-    """What was done last for `scene`, which it shows as it is now; from any thread."""
-    global _is_news
+_latest: dict[int, _Done] = {}  # by the scene's session uid
+_shown: dict[int, tuple[_Done, bool]] = {}  # as panels have it, with whether the scene was edited since
+
+
+def edits_of(scene: bpy.types.Scene) -> int:
+    """How often `scene` was edited so far: to be asked before it is read, and given to `remember`."""
+    return _edit_count(scene.original.session_uid)
+
+
+def _edit_count(scene_uid: int) -> int:
+    from .extract.changes import edit_count
+
+    return edit_count(scene_uid)
+
+
+def remember(scene: bpy.types.Scene, statistics: FrameStatistics, edits: int) -> None:
+    """What was done last for `scene` as it was at so many edits; from any thread."""
+    _latest[scene.original.session_uid] = _Done(statistics, edits)
+
+
+def confirm_view(scene: bpy.types.Scene, last_change: SyncReport | None) -> None:
+    """A viewport has read `scene` again and found nothing else: what was done last for its trees still holds.
+
+    last_change: of the viewport's sync, which says whose trees they are.
+    """
     uid = scene.original.session_uid
-    _latest[uid] = statistics
-    _edited.discard(uid)
-    _is_news = True
-
-
-def confirm_view(scene: bpy.types.Scene) -> None:
-    """A viewport has read `scene` again and found nothing else: what was done last for one still holds."""
-    global _is_news
-    uid = scene.original.session_uid
-    if uid in _edited and _latest[uid].source == "Viewport":
-        _edited.discard(uid)
-        _is_news = True
+    done = _latest.get(uid)
+    if done is not None and done.statistics.source == "Viewport" and done.statistics.report is last_change:
+        _latest[uid] = _Done(done.statistics, _edit_count(uid))
 
 
 def last_statistics(scene: bpy.types.Scene) -> FrameStatistics | None:
     """Of what was done last for `scene`, None if nothing was."""
-    return _latest.get(scene.session_uid)
+    done = _latest.get(scene.session_uid)
+    return None if done is None else done.statistics
 
 
 def is_outdated(scene: bpy.types.Scene) -> bool:
     """Whether `scene` was edited, set to another frame or given other settings since."""
-    statistics = last_statistics(scene)
-    return statistics is not None and (
-        scene.session_uid in _edited
+    done = _latest.get(scene.session_uid)
+    if done is None:
+        return False
+    statistics = done.statistics
+    return (
+        done.edits != edits_of(scene)
         or statistics.frame != scene.frame_current_final
         or statistics.settings != read_settings(scene)
     )
@@ -63,32 +87,17 @@ def drop_missing(scenes: Iterable[bpy.types.Scene]) -> None:
     there = {scene.session_uid for scene in scenes}
     for uid in [uid for uid in list(_latest) if uid not in there]:
         _latest.pop(uid, None)
-        _edited.discard(uid)
 
 
 def forget() -> None:
     """Forgets all of it."""
     _latest.clear()
-    _edited.clear()
-
-
-@persistent
-def _on_update(*arguments: Any) -> None:
-    """Blender has evaluated a scene anew. Selecting something is no edit: the depsgraph names the scene alone."""
-    global _is_news
-    scene, depsgraph = arguments[0], arguments[-1]
-    uid = scene.session_uid
-    if uid not in _latest or uid in _edited or not isinstance(depsgraph, bpy.types.Depsgraph):
-        return
-    if any(not isinstance(update.id, bpy.types.Scene) for update in depsgraph.updates):
-        _edited.add(uid)
-        _is_news = True
 
 
 def _show_news() -> float:
-    global _is_news
-    if _is_news:
-        _is_news = False
+    global _shown
+    before, _shown = _shown, {uid: (done, done.edits != _edit_count(uid)) for uid, done in _latest.copy().items()}
+    if _shown != before:
         for window in bpy.context.window_manager.windows:
             for area in window.screen.areas:
                 if area.type == "PROPERTIES":
@@ -97,7 +106,6 @@ def _show_news() -> float:
 
 
 def register() -> None:
-    bpy.app.handlers.depsgraph_update_post.append(_on_update)
     if not bpy.app.background:
         bpy.app.timers.register(_show_news, persistent=True)
 
@@ -105,5 +113,4 @@ def register() -> None:
 def unregister() -> None:
     if bpy.app.timers.is_registered(_show_news):
         bpy.app.timers.unregister(_show_news)
-    bpy.app.handlers.depsgraph_update_post.remove(_on_update)
     forget()

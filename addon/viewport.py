@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 
 from .frame import CLAY_GREY, Source, count_pixels, expected_rays, missing_camera, needed_attributes
-from .latest import confirm_view, remember
+from .latest import confirm_view, edits_of, remember
 from .modes import find_mode
 from .properties import RenderSettings, read_settings
 from .refinement import Pace, Refinement, View
@@ -82,7 +82,7 @@ class Viewport:
             to_the_end=context.screen.is_animation_playing,
         )
         if report is not None and not report.has_changes:
-            confirm_view(depsgraph.scene)
+            confirm_view(depsgraph.scene, sync.last_change)
 
     def _sync_for(self, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph) -> SceneSync:
         from .scene_sync import SceneSync
@@ -223,6 +223,7 @@ def remember_view(source: Source, sync: SceneSync, refinement: Refinement, scene
     remember(
         scene,
         view_statistics(source, sync, sync.last_change, refinement, read_settings(scene), scene.frame_current_final),
+        edits_of(scene),
     )
 
 

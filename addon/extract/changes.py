@@ -1,6 +1,7 @@
 """Tells whoever listens that Blender has evaluated something, changed the frame, undone a step or loaded a file.
 
-Also keeps the log of what was evaluated, for as long as anybody listens: see `evaluation_log.py`.
+Also keeps the log of what was evaluated, see `evaluation_log.py`, and counts the edits of each scene, for as long as
+anybody listens.
 
 Blender's handlers are installed with the first listener and removed when the last one stops listening. Listeners are
 held weakly: a forgotten one costs nothing but handlers that tell nobody. A handler does no more: what to do about
@@ -11,6 +12,7 @@ number, and would pass over the handler that comes next.
 from __future__ import annotations
 
 import weakref
+from collections import Counter
 from typing import Any, Protocol
 
 import bpy
@@ -31,6 +33,7 @@ class ChangeListener(Protocol):
 
 _listeners: weakref.WeakSet[Any] = weakref.WeakSet()
 _log = EvaluationLog()
+_edit_counts: Counter[int] = Counter()  # by the scene's session uid
 
 
 def listen(listener: ChangeListener) -> None:
@@ -59,6 +62,14 @@ def watched_evaluations(depsgraph: Any) -> EvaluationLog | None:
     return _log
 
 
+def edit_count(scene_uid: int) -> int:
+    """How often something of a scene was seen to be edited so far. What renders evaluate for themselves is no edit.
+
+    Nor is a new frame, of which handlers are told in another way, or a selection: there it names the scene alone.
+    """
+    return _edit_counts[scene_uid]
+
+
 def _announce(what: str) -> None:
     for listener in _told():
         listener.on_change(what)
@@ -83,6 +94,10 @@ def _note(arguments: tuple[Any, ...]) -> None:
 @persistent
 def _on_depsgraph_update(*arguments: Any) -> None:
     _note(arguments)
+    scene, depsgraph = arguments[0], arguments[-1]
+    updates = depsgraph.updates if isinstance(depsgraph, bpy.types.Depsgraph) else ()
+    if any(not isinstance(update.id, bpy.types.Scene) for update in updates):
+        _edit_counts[scene.session_uid] += 1
     _announce("the scene was evaluated again")
 
 

@@ -12,6 +12,7 @@ bpy = pytest.importorskip("bpy")
 
 from blender.test_panels import drawn  # noqa: E402
 from perfect_bvh_addon import latest, summary  # noqa: E402
+from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.panels import reports  # noqa: E402
 
 OUTDATED = "The scene has changed since"
@@ -128,22 +129,56 @@ def test_panels_are_drawn_again_by_the_main_thread_alone(monkeypatch) -> None:
     monkeypatch.setattr(latest, "bpy", SimpleNamespace(context=context))
     assert latest._show_news() == latest.TIMER_SECONDS
     assert not drawn
-    thread = threading.Thread(target=latest.remember, args=(scene, statistics))
+    thread = threading.Thread(target=latest.remember, args=(scene, statistics, latest.edits_of(scene)))
     thread.start()
     thread.join()
     assert not drawn
     latest._show_news()
     latest._show_news()
     assert drawn == [("PROPERTIES", threading.main_thread())] * 2
+    for _ in range(2):
+        edit_object()
+        latest._show_news()
+    assert len(drawn) == 4, "they have heard of the first edit, and say of the second what they say already"
 
 
 def test_a_viewport_that_finds_nothing_changed_confirms_what_a_viewport_did() -> None:
     scene = bpy.context.scene
+    statistics = latest.last_statistics(scene)
     edit_object()
-    latest.confirm_view(scene)
+    latest.confirm_view(scene, statistics.report)
     assert latest.is_outdated(scene)  # a render: what viewports show says nothing of it
-    latest.remember(scene, replace(latest.last_statistics(scene), source="Viewport"))
+    latest.remember(scene, replace(statistics, source="Viewport"), latest.edits_of(scene))
     edit_object()
-    assert latest.is_outdated(scene)
-    latest.confirm_view(scene)
+    latest.confirm_view(scene, replace(statistics.report))
+    assert latest.is_outdated(scene)  # a viewport with other trees, as in local view, says nothing of it either
+    latest.confirm_view(scene, statistics.report)
     assert not latest.is_outdated(scene)
+
+
+def test_an_edit_during_a_render_outdates_it() -> None:
+    """The render shows what was read when it began."""
+    scene = bpy.context.scene
+    edits = iter([edit_object])
+
+    def go_on(done: float) -> bool:
+        for edit in edits:
+            edit()
+        return True
+
+    with attend(RenderJob(progress=go_on)) as job:
+        bpy.ops.render.render()
+    assert job.frame is not None and next(edits, None) is None
+    assert latest.is_outdated(scene)
+    bpy.ops.render.render()
+    assert not latest.is_outdated(scene)
+
+
+def test_undoing_outdates_what_was_done() -> None:
+    for message in ("before", "after"):
+        edit_object()
+        bpy.ops.ed.undo_push(message=message)
+    bpy.ops.render.render()
+    assert not latest.is_outdated(bpy.context.scene)
+    bpy.ops.ed.undo()
+    assert latest.is_outdated(bpy.context.scene)
