@@ -9,6 +9,13 @@ import numpy as np
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parent.parent
+# Files that take longest for the number of their tests. Begun last, they would leave one core waiting for the other.
+LONGEST_FILES = ("test_arm64.py", "test_readme.py", "test_soak.py", "test_scenes.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Has the longest files begun first, whatever folder they are in."""
+    items.sort(key=lambda item: item.path.name not in LONGEST_FILES)
 
 
 @pytest.fixture(scope="session")
