@@ -25,7 +25,7 @@ NATIVE_IGNORANCE = {
 
 # Modules in one group may import one another; a group may import the groups above it in this list.
 ADDON_LAYERS = (
-    ("background_work", "modes", "refinement", "box_lines", "failure_cases", "files", "memory"),
+    ("background_work", "modes", "refinement", "box_lines", "failure_cases", "files", "memory", "lasting_scene"),
     ("sync",),
     ("extract",),
     ("scene_sync",),

@@ -14,14 +14,21 @@ if TYPE_CHECKING:
 
 
 def subject_of(scene: bpy.types.Scene) -> Subject:
-    """The current frame, with what renders see; other frames are read when they are asked for."""
+    """The current frame, with what renders see; other frames are read when they are asked for.
+
+    Then the scene may be gone: that is a ValueError.
+    """
     import bpy
 
+    from ..lasting_scene import LastingScene
+
     cache = ReadCache()
+    is_current = scene == bpy.context.scene
+    place = LastingScene("bench", scene, bpy.context.view_layer if is_current else scene.view_layers[0])
 
     def read(frame: int) -> SceneRecord:
-        scene.frame_set(frame)
-        return read_scene(bpy.context.evaluated_depsgraph_get(), for_viewport=False, cache=cache)
+        place.find().frame_set(frame)
+        return read_scene(place.depsgraph(), for_viewport=False, cache=cache)
 
-    record = read_scene(bpy.context.evaluated_depsgraph_get(), for_viewport=False)
+    record = read_scene(place.depsgraph(), for_viewport=False)
     return Subject(scene.name, record, range(scene.frame_start, scene.frame_end + 1, scene.frame_step), read)

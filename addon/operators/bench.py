@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 import bpy
 
 from ..files import prepare_folder
+from ..lasting_scene import LastingScene
 from ..preferences import native_error
 from .preview import show_in_editor
 
@@ -44,7 +45,8 @@ class PERFECT_BVH_OT_bench(bpy.types.Operator):
     _timer: bpy.types.Timer | None = None
     _bench: Any
     _steps: Generator[tuple[float, str], None, None]
-    _frame: int
+    _place: LastingScene
+    _frame: tuple[int, float]
     _where: Path
 
     @classmethod
@@ -100,7 +102,8 @@ class PERFECT_BVH_OT_bench(bpy.types.Operator):
             reason = str(problem.strerror)
             self.report({"ERROR"}, reason[0].upper() + reason[1:])
             return False
-        self._frame = context.scene.frame_current
+        self._place = LastingScene("bench", context.scene, context.view_layer)
+        self._frame = context.scene.frame_current, context.scene.frame_subframe
         self._bench = SceneBench(subject_of(context.scene), self.seconds)
         self._steps = self._bench.steps()
         return True
@@ -122,8 +125,7 @@ class PERFECT_BVH_OT_bench(bpy.types.Operator):
             context.window_manager.progress_end()
             context.workspace.status_text_set(None)
             self._timer = None
-        if context.scene.frame_current != self._frame:
-            context.scene.frame_set(self._frame)
+        self._place.set_frame_back(*self._frame)
 
     def _finish(self, context: bpy.types.Context) -> set[str]:
         from ..bench.picture import DrawingError

@@ -19,6 +19,7 @@ from perfect_bvh.queries import Precision
 
 from ..extract.camera import without_scale
 from ..extract.changes import listen, stop_listening
+from ..lasting_scene import LastingScene
 from ..memory import check_fits
 from ..scene_sync import SceneSync, UpdateCommit
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
@@ -108,8 +109,7 @@ class Scanner:
         sensor = scene.camera if sensor is None else sensor
         _check_sensor(pattern, sensor, scene)
         self._pattern = pattern
-        self._scene_uid = scene.session_uid
-        self._layer_name = bpy.context.view_layer.name
+        self._place = LastingScene("scan", scene, bpy.context.view_layer)
         self._sensor_name, self._sensor_uid = sensor.name, sensor.session_uid
         self._stretches = tuple(_stretches(pattern, scene, frames, steps_per_frame))
         self._threads, self._precision = threads, precision
@@ -127,7 +127,7 @@ class Scanner:
 
         To be run through, or closed, on Blender's main thread.
         """
-        scene = self._scene()
+        scene = self._place.find()
         before = scene.frame_current, scene.frame_subframe
         # A stretch is about the moment when it was read, whatever the user does while its trees are built and its rays
         # cast: its snapshot must not go stale by that, and the next one reads again. Hence watch=False; but of what is
@@ -143,15 +143,14 @@ class Scanner:
             stop_listening(self)
             sync.close()
             if self._stretches[0].frame is not None:
-                self._set_back(*before)
+                self._place.set_frame_back(*before)
 
     def _scan_stretch(self, sync: SceneSync, stretch: Stretch) -> Generator[float, None, None]:
-        scene = self._scene()
+        scene = self._place.find()
         if stretch.frame is not None:
             scene.frame_set(stretch.frame, subframe=stretch.subframe)
         sensor = self._find_sensor(scene)
-        with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[self._layer_name]):
-            depsgraph = bpy.context.evaluated_depsgraph_get()
+        depsgraph = self._place.depsgraph()
         is_camera = self._pattern.needs_camera
         building = sync.begin_update(depsgraph, camera=sensor if is_camera else None, size=self._pattern.size)
         self._warnings |= dict.fromkeys(sync.warnings) if is_camera else {}
@@ -200,16 +199,6 @@ class Scanner:
     def on_file_change(self) -> None:
         """The next stretch finds no scene, and says so."""
 
-    # Blender's things may go or be made anew (undo) between any two steps, so each step looks for them.
-
-    def _scene(self) -> bpy.types.Scene:
-        for scene in bpy.data.scenes:
-            if scene.session_uid == self._scene_uid:
-                if self._layer_name not in scene.view_layers:
-                    raise ValueError(f"scan: the view layer {self._layer_name!r} was removed during the scan")
-                return scene
-        raise ValueError("scan: the scene was removed during the scan")
-
     def _find_sensor(self, scene: bpy.types.Scene) -> bpy.types.Object:
         found = scene.objects.get(self._sensor_name)
         if found is None or found.session_uid != self._sensor_uid:
@@ -217,11 +206,6 @@ class Scanner:
         if found is None:
             raise ValueError(f"scan: the sensor {self._sensor_name!r} was deleted during the scan")
         return found
-
-    def _set_back(self, frame: int, subframe: float) -> None:
-        for scene in bpy.data.scenes:
-            if scene.session_uid == self._scene_uid:
-                scene.frame_set(frame, subframe=subframe)
 
 
 def _check_sensor(pattern: Pattern, sensor: bpy.types.Object | None, scene: bpy.types.Scene) -> None:

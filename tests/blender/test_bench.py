@@ -13,7 +13,7 @@ from typing import Any
 
 import bpy
 import pytest
-from blender.long_builds import Gate, building_threads
+from blender.long_builds import TIMER, FakeOperator, FakeWindow, Gate, building_threads
 from perfect_bvh_addon import register
 from perfect_bvh_addon.bench import blender_png
 from perfect_bvh_addon.bench.from_blender import subject_of
@@ -21,6 +21,7 @@ from perfect_bvh_addon.bench.measurements import SceneBench
 from perfect_bvh_addon.bench.picture import DrawingError
 from perfect_bvh_addon.bench.results import write
 from perfect_bvh_addon.bench.scene_charts import make_charts
+from perfect_bvh_addon.operators.bench import PERFECT_BVH_OT_bench
 
 PARTS = {"builders", "total_time", "layouts", "answers", "frames"}
 
@@ -145,6 +146,42 @@ def test_the_button_makes_an_image_and_sets_the_frame_back(moving_ball: bpy.type
     assert moving_ball.frame_current == 2
     assert bpy.data.images["Perfect BVH Bench"].size[0] == 1600
     assert (tmp_path / "bench.json").is_file()
+
+
+def begin_button(folder: Path) -> tuple[FakeOperator, FakeWindow]:
+    """It measures, and has reached the frames."""
+    operator, window = FakeOperator(PERFECT_BVH_OT_bench), FakeWindow()
+    operator.seconds, operator.folder = 60.0, str(folder)
+    assert operator.invoke(window, None) == {"RUNNING_MODAL"}
+    operator._bench._clock = count(operator._bench._started, 1e-3).__next__
+    operator._bench._seconds = 4.0
+    while window.status is None or "frame 2" not in window.status:
+        assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
+    return operator, window
+
+
+@pytest.mark.usefixtures("registered")
+def test_the_button_measures_its_scene_whichever_is_shown(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
+    operator, window = begin_button(tmp_path)
+    other = bpy.data.scenes.new("Other")
+    bpy.context.window.scene = other
+    while operator.modal(window, TIMER) == {"RUNNING_MODAL"}:
+        pass
+    rows = json.loads((tmp_path / "bench.json").read_text())["frames"]
+    assert [row["frame"] for row in rows] == [1, 2, 3, 4]
+    assert [row["policies"]["refit"]["actions"] for row in rows[1:]] == [["refitted"]] * 3
+    assert (other.frame_current, moving_ball.frame_current) == (1, 2)
+
+
+@pytest.mark.usefixtures("registered")
+def test_the_button_says_that_its_scene_is_gone(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
+    operator, window = begin_button(tmp_path)
+    bpy.data.scenes.new("Other")
+    bpy.data.scenes.remove(moving_ball)
+    while operator.modal(window, TIMER) == {"RUNNING_MODAL"}:
+        pass
+    assert ("ERROR", "the scene was removed during the bench") in operator.reports
+    assert (window.timers, window.status) == (0, None)
 
 
 def test_a_folder_that_takes_no_files_is_named_before_anything_is_measured(
