@@ -247,7 +247,7 @@ class SceneSync:
     def byte_count(self) -> int:
         """Bytes of the trees with their geometry, and of the images, all of which are kept for the next update."""
         record = self._state.record
-        return self._tree_byte_count + sum(image.pixels.nbytes for image in (record.images if record else ()))
+        return self._tree_byte_count + sum(image.byte_count for image in (record.images if record else ()))
 
     @property
     def mesh_ids(self) -> npt.NDArray[np.int32]:

@@ -10,16 +10,19 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from ..sync.records import ImageRecord
+from .image_tiles import is_tiled, look_of_tiles, read_tiles
 from .node_values import OWN_ALPHA, Value
 
 Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.float32]
 Floats = npt.NDArray[np.float32]
+Tiles = dict[int, Pixels]
+Read = TypeVar("Read", Pixels, Tiles)
 
 # Blender's own colour for an image that cannot be loaded.
 _MISSING = np.array([[(255, 0, 255, 255)]], np.uint8)
@@ -33,7 +36,7 @@ _MOST_CHANGED, _ROWS, _SAMPLED = 2048, 64, 64
 class ImageCache:
     """What was read last, by image and what was made of it: what it looked like from outside, and the pixels."""
 
-    held: dict[tuple[int, Hashable], tuple[tuple[Any, ...], Pixels]] = field(default_factory=dict)
+    held: dict[tuple[int, Hashable], tuple[tuple[Any, ...], Any]] = field(default_factory=dict)
 
     def is_current(self) -> bool:
         """Whether reading the same images again would give the same."""
@@ -69,13 +72,25 @@ class ImageReader:
         row = self._rows.get(place)
         if row is None:
             row = self._rows[place] = len(self.records)
-            image = texture.image
-            if key == (None, None):
+            image, tiles = texture.image, {}
+            if is_tiled(image):
+                tiles = self._changed_tiles(image, uid, key, color, alpha)
+                pixels = next(iter(tiles.values()), _MISSING)
+            elif key == (None, None):
                 pixels = self._held(image, uid, None, lambda: self._original(image, uid))
             else:
                 pixels = self._held(image, uid, key, lambda: _change(self._original(image, uid), color, alpha))
-            self.records.append(ImageRecord(image.name, uid, pixels, *look_up))
+            self.records.append(ImageRecord(image.name, uid, pixels, *look_up, tiles))
         return row
+
+    def _changed_tiles(self, image: Any, uid: int, key: Hashable, color: Value | None, alpha: Value | None) -> Tiles:
+        if key == (None, None):
+            return self._held(image, uid, "tiles", lambda: self._tiles(image, uid))
+
+        def change() -> Tiles:
+            return {number: _change(pixels, color, alpha) for number, pixels in self._tiles(image, uid).items()}
+
+        return self._held(image, uid, ("tiles", key), change)
 
     def mean(self, value: Value) -> Floats:
         """(4,): the mean of a value that has a texture."""
@@ -84,9 +99,10 @@ class ImageReader:
         uid = image.original.session_uid
 
         def sample() -> Pixels:
-            pixels = self._original(image, uid)
-            height, width = pixels.shape[:2]
-            return pixels[:: -(-height // _SAMPLED), :: -(-width // _SAMPLED)].copy()
+            if not is_tiled(image):
+                return _sampled(self._original(image, uid))
+            samples = [_sampled(pixels).reshape(-1, 1, 4) for pixels in self._tiles(image, uid).values()]
+            return np.concatenate([_as_floats(pixels) for pixels in samples or [_MISSING]])
 
         sampled = _as_floats(self._held(image, uid, "sample", sample))
         return np.asarray(value.of(sampled).reshape(-1, 4).mean(axis=0), np.float32)
@@ -95,22 +111,36 @@ class ImageReader:
         """As Blender has it, without a place in the cache."""
         held = self.cache.held.get((uid, None)) or self._before.get((uid, None))
         if held is not None and _has_look(image, held[0]):
-            return held[1]
+            return held[1]  # type: ignore[no-any-return]
         pixels = _read_pixels(image)
         if pixels is None:
-            warning = f"image {image.name!r} could not be loaded from {image.filepath!r}"
-            if warning not in self.warnings:
-                self.warnings.append(warning)
+            self._warn(f"image {image.name!r} could not be loaded from {image.filepath!r}")
             return _MISSING
         return pixels
 
-    def _held(self, image: Any, uid: int, key: Hashable, make: Callable[[], Pixels]) -> Pixels:
+    def _tiles(self, image: Any, uid: int) -> Tiles:
+        """The same, by the numbers of those that could be loaded."""
+        held = self.cache.held.get((uid, "tiles")) or self._before.get((uid, "tiles"))
+        if held is not None and _has_look(image, held[0]):
+            return held[1]  # type: ignore[no-any-return]
+        return read_tiles(image, _read_pixels, self._warn)
+
+    def _warn(self, warning: str) -> None:
+        if warning not in self.warnings:
+            self.warnings.append(warning)
+
+    def _held(self, image: Any, uid: int, key: Hashable, make: Callable[[], Read]) -> Read:
         held = self.cache.held.get((uid, key)) or self._before.get((uid, key))
         if held is None or not image.has_data or not _has_look(image, held[0]):
             pixels = make()  # loads the image, which changes its look
             held = _look_of(image), pixels
         self.cache.held[uid, key] = held
-        return held[1]
+        return held[1]  # type: ignore[no-any-return]
+
+
+def _sampled(pixels: Pixels) -> Pixels:
+    height, width = pixels.shape[:2]
+    return pixels[:: -(-height // _SAMPLED), :: -(-width // _SAMPLED)].copy()
 
 
 def _change(pixels: Pixels, color: Value | None, alpha: Value | None) -> Pixels:
@@ -167,6 +197,7 @@ def _look_of(image: Any) -> tuple[Any, ...]:
         *(image.source, image.type, path, file, packed, tuple(image.size), image.is_float),
         *(image.colorspace_settings.name, image.alpha_mode, image.has_data),
         *(image.generated_type, tuple(image.generated_color)),
+        *look_of_tiles(image),
     )
 
 

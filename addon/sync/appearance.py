@@ -57,7 +57,10 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
         glossy_mask=VISIBLE_TO_GLOSSY,
         film_transparent=record.film_transparent,
         images=tuple(
-            [ImageTexture(image.pixels, image.extension, image.uv_transform, image.uv_map) for image in record.images]
+            [
+                ImageTexture(image.pixels, image.extension, image.uv_transform, image.uv_map, image.tiles)
+                for image in record.images
+            ]
         ),
         lights=_light_table(record),
         world=_world(record),

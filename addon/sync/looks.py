@@ -23,9 +23,15 @@ def find_look_differences(old: SceneRecord, new: SceneRecord) -> tuple[str, ...]
 
 
 def _are_unlike(old: ImageRecord, new: ImageRecord) -> bool:
-    return old is not new and _differ(old, new)
+    if old is new:
+        return False
+    if [*old.tiles] != [*new.tiles] or _differ(old, new, "tiles"):
+        return True
+    pairs = [(pixels, new.tiles[number]) for number, pixels in old.tiles.items()]
+    return any(first is not second and not np.array_equal(first, second) for first, second in pairs)
 
 
-def _differ(old: Any, new: Any) -> bool:
-    columns = [(getattr(old, field.name), getattr(new, field.name)) for field in fields(old)]
+def _differ(old: Any, new: Any, *left_out: str) -> bool:
+    names = [field.name for field in fields(old) if field.name not in left_out]
+    columns = [(getattr(old, name), getattr(new, name)) for name in names]
     return any(first is not second and not np.array_equal(first, second) for first, second in columns)

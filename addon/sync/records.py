@@ -183,7 +183,8 @@ class MaterialRecord:
 class ImageRecord:
     """pixels: (H, W, 4), row 0 at the bottom: uint8 sRGB or float32 scene-linear.
 
-    extension: what lies beyond its border; uv_transform, uv_map: where it is looked up; see `perfect_bvh.ImageTexture`.
+    extension: what lies beyond its border; uv_transform, uv_map: where it is looked up; tiles: of a UDIM image, by
+    their numbers, the first one being `pixels`, too; see `perfect_bvh.ImageTexture`.
     An image that is known to be unchanged since the record before has the very same array. From here on it is
     read-only: the renderer keeps what it works out of it.
     """
@@ -194,9 +195,16 @@ class ImageRecord:
     extension: Extension
     uv_transform: UvTransform = UNMAPPED
     uv_map: str = ""
+    tiles: Mapping[int, npt.NDArray[np.uint8] | Float32Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.pixels.flags.writeable = False
+        for pixels in (self.pixels, *self.tiles.values()):
+            pixels.flags.writeable = False
+
+    @property
+    def byte_count(self) -> int:
+        """Of the pixels; where there are tiles, `pixels` is one of them."""
+        return sum(tile.nbytes for tile in self.tiles.values()) if self.tiles else self.pixels.nbytes
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,0 +1,197 @@
+"""Images of several tiles (UDIM) in the mode "preview" beside Cycles' picture, and every edit of them in the next one.
+
+The floor has a vertex in each tile's square: Cycles loads those tiles only where it finds one.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from blender.node_setups import add, new_red, shader  # noqa: E402
+from blender.test_layers_cycles import PATCH, SIDE, check, floor_mesh, glowing, scene  # noqa: E402, F401
+from perfect_bvh_addon import AttributeRequest, SceneSync  # noqa: E402
+from perfect_bvh_addon.sync.records import ImageRecord  # noqa: E402
+
+RED, GREEN, BLUE, MAGENTA = (0.8, 0.1, 0.1), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8), (1.0, 0.0, 1.0)
+SQUARES = SIDE // PATCH // 4  # patches of a tile's square, of which the floor shows four each way
+
+
+def save(path: Path, *color: float, size: int = 8) -> None:
+    """A tile whose right half is darker."""
+    image = bpy.data.images.new("tile", size, size)
+    pixels = np.ones((size, size, 4), np.float32)
+    pixels[..., :3] = color
+    pixels[:, size // 2 :, :3] *= 0.5
+    image.pixels.foreach_set(pixels.ravel())
+    image.filepath_raw, image.file_format = str(path), "PNG"
+    image.save()
+    bpy.data.images.remove(image)
+
+
+@pytest.fixture
+def image(scene: Any, tmp_path: Path) -> Any:  # noqa: F811
+    """Tiles 1001, 1002 and 1012 on a floor that reaches from (-1, -1) to (3, 3)."""
+    for number, color, size in ((1001, RED, 8), (1002, GREEN, 16), (1012, BLUE, 8)):
+        save(tmp_path / f"t.{number}.png", *color, size=size)
+    image = bpy.data.images.load(str(tmp_path / "t.1001.png"))
+    image.source, image.filepath = "TILED", str(tmp_path / "t.<UDIM>.png")
+    assert [tile.number for tile in image.tiles] == [1001, 1002, 1012]
+    for item in floor_mesh(scene).uv_layers[0].uv:
+        item.vector = 4.0 * item.vector[0] - 1.0, 4.0 * item.vector[1] - 1.0
+    return image
+
+
+def shown(scene: Any, image: Any, extension: str = "EXTEND") -> Any:  # noqa: F811
+    def output(tree: Any) -> Any:
+        node = add(tree, "TexImage")
+        node.image, node.extension = image, extension
+        return node.outputs[0]
+
+    return glowing(scene, output)
+
+
+def in_square(picture: Any, column: int, row: int) -> Any:
+    """The colour in the middle of a tile's left half."""
+    return picture[-1 - (SQUARES * (row + 1) + SQUARES // 2), SQUARES * (column + 1) + 1]
+
+
+@pytest.mark.parametrize("extension", ["REPEAT", "EXTEND", "CLIP"])
+def test_each_square_shows_its_tile(scene, image, extension: str) -> None:  # noqa: F811
+    shown(scene, image, extension)
+    picture = check(scene)
+    for place, color in (((0, 0), RED), ((1, 0), GREEN), ((1, 1), BLUE), ((0, 1), MAGENTA), ((2, 2), MAGENTA)):
+        linear = [channel if channel in (0.0, 1.0) else ((channel + 0.055) / 1.055) ** 2.4 for channel in color]
+        assert in_square(picture, *place) == pytest.approx(linear, abs=0.05)
+
+
+def test_one_tile_alone_lies_in_its_square_alone(scene, image) -> None:  # noqa: F811
+    for number in (1002, 1012):
+        image.tiles.remove(next(tile for tile in image.tiles if tile.number == number))
+    shown(scene, image)
+    assert in_square(check(scene), 1, 0) == pytest.approx(MAGENTA)
+
+
+def test_what_nodes_do_to_an_image_is_done_to_each_tile(scene, image) -> None:  # noqa: F811
+    material = shown(scene, image)
+    tree = material.node_tree
+    (node,) = (node for node in tree.nodes if node.type == "TEX_IMAGE")
+    emission = next(node for node in tree.nodes if node.type == "EMISSION")
+    moved = add(tree, "Mapping", (add(tree, "TexCoord").outputs["UV"], 0), Location=(0.25, 0.0, 0.0))
+    tree.links.new(moved.outputs[0], node.inputs[0])
+    darker = add(tree, "Gamma", (node.outputs[0], 0), Gamma=1.5)
+    tree.links.new(darker.outputs[0], emission.inputs["Color"])
+    check(scene)
+
+
+def records(sync: SceneSync) -> tuple[ImageRecord, ...]:
+    report = sync.update(bpy.context.evaluated_depsgraph_get(), verify=True)
+    assert report.mismatches == ()
+    return sync.record.images
+
+
+def test_edits_of_tiles_show(scene, image, tmp_path: Path) -> None:  # noqa: F811
+    """Of files, of the list of tiles, of pixels."""
+    shown(scene, image)
+    sync = SceneSync(AttributeRequest(shading=True))
+    try:
+        (first,) = records(sync)
+        assert {number: tile.shape for number, tile in first.tiles.items()} == {
+            1001: (8, 8, 4),
+            1002: (16, 16, 4),
+            1012: (8, 8, 4),
+        }
+        (again,) = records(sync)
+        assert all(again.tiles[number] is first.tiles[number] for number in first.tiles)
+        assert sync.byte_count >= (64 + 256 + 64) * 4
+
+        save(tmp_path / "t.1002.png", *BLUE)
+        image.reload()
+        (rewritten,) = records(sync)
+        assert rewritten.tiles[1002][0, 0].tolist() == first.tiles[1012][0, 0].tolist()
+        check(scene)
+
+        image.tiles.remove(next(tile for tile in image.tiles if tile.number == 1012))
+        (tmp_path / "t.1012.png").unlink()  # or to reload would bring it back
+        assert [*records(sync)[0].tiles] == [1001, 1002]
+        check(scene)
+
+        save(tmp_path / "t.1011.png", *GREEN)
+        image.tiles.new(tile_number=1011)
+        image.reload()
+        assert sorted(records(sync)[0].tiles) == [1001, 1002, 1011]
+        assert sync.last_change.materials_changed
+        check(scene)
+    finally:
+        sync.close()
+
+
+def test_strokes_that_were_not_saved_show(scene, image) -> None:  # noqa: F811
+    """Cycles is not asked: it shows the files, and throws the strokes away."""
+    shown(scene, image)
+    sync = SceneSync(AttributeRequest(shading=True))
+    try:
+        (before,) = records(sync)
+        image.pixels.foreach_set(np.tile(np.float32((0.2, 0.4, 0.6, 1.0)), 64))
+        assert image.is_dirty
+        (painted,) = records(sync)
+        assert (painted.tiles[1001] == (51, 102, 153, 255)).all()
+        np.testing.assert_array_equal(painted.tiles[1002], before.tiles[1002])
+        assert image.is_dirty and "<UDIM>" in image.filepath
+    finally:
+        sync.close()
+
+
+def test_a_file_that_is_missing_is_named(scene, image, tmp_path: Path) -> None:  # noqa: F811
+    shown(scene, image)
+    (tmp_path / "t.1002.png").unlink()
+    sync = SceneSync(AttributeRequest(shading=True))
+    try:
+        assert [*records(sync)[0].tiles] == [1001, 1012]
+        assert any("tile 1002" in warning and "<UDIM>" in warning for warning in sync.warnings)
+    finally:
+        sync.close()
+    check(scene)
+
+
+def test_tiles_in_memory_alone_are_read(scene) -> None:  # noqa: F811
+    """As new images are, before anybody saves them."""
+    image = bpy.data.images.new("new", 8, 8, tiled=True)
+    image.tiles.new(1002)
+    image.tiles.active_index = 1
+    with bpy.context.temp_override(edit_image=image):
+        bpy.ops.image.tile_fill(color=(0.0, 1.0, 0.0, 1.0), width=4, height=4)
+    shown(scene, image)
+    sync = SceneSync(AttributeRequest(shading=True))
+    try:
+        (record,) = records(sync)
+        assert [*record.tiles] == [1001, 1002]
+        assert record.tiles[1002].shape == (4, 4, 4)
+        assert record.tiles[1002][0, 0].tolist() == [0, 255, 0, 255]
+    finally:
+        sync.close()
+
+
+def test_a_map_of_gloss_counts_by_the_mean_of_its_tiles(scene, image) -> None:  # noqa: F811
+    material = new_red()
+    tree = material.node_tree
+    node = add(tree, "TexImage")
+    node.image = image
+    tree.links.new(node.outputs[0], shader(material).inputs["Roughness"])
+    floor_mesh(scene).materials.append(material)
+    sync = SceneSync(AttributeRequest(shading=True))
+    try:
+        assert records(sync) == ()
+        (read,) = sync.record.materials
+    finally:
+        sync.close()
+    brightest = ((0.8 + 0.055) / 1.055) ** 2.4
+    weights = {1001: 0.2126, 1002: 0.7152, 1012: 0.0722}
+    dark = ((0.1 + 0.055) / 1.055) ** 2.4
+    means = [brightest * weight + dark * (1.0 - weight) for weight in weights.values()]
+    assert min(means) * 0.5 < read.roughness < max(means)
