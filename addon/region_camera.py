@@ -5,6 +5,7 @@ What needs the native engine is imported where it is used: without it the add-on
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import bpy
@@ -21,14 +22,18 @@ def camera_of(
     view: bpy.types.RegionView3D, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph
 ) -> tuple[CameraRecord | None, str | None]:
     """What a region looks through, None if nothing can be seen through it; and why that is not what it should be."""
-    from .extract.camera import read_camera, read_frame, read_region_view, spread_over_region
+    from .extract.camera import read_camera, read_frame, read_lens, read_region_view, spread_over_region
 
     scene = depsgraph.scene
     border = border_of(view, space, scene)
     camera = space.camera
     through_camera = view.view_perspective == "CAMERA" and camera is not None and camera.type == "CAMERA"
-    if not through_camera or camera.data.type != "PANO":
+    if not through_camera:
         return read_region_view(view, border), None
+    if camera.data.type != "PANO":
+        record = read_region_view(view, border)
+        # What Blender moves or zooms the view by does not change what is in focus.
+        return record and replace(record, lens=read_lens(camera.evaluated_get(depsgraph), record.matrix)), None
     record, complaint = read_camera(camera.evaluated_get(depsgraph), read_frame(scene))
     if record is None:
         # As Blender itself draws panoramas.

@@ -265,6 +265,7 @@ def _camera_key(camera: CameraRecord) -> tuple[Any, ...]:
         camera.clip_start,
         camera.clip_end,
         camera.border,
+        camera.lens,
     )
 
 

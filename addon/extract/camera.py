@@ -7,9 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ..sync.records import CameraRecord, Float64Array
+from ..sync.records import CameraRecord, Float64Array, LensRecord
 
 Window = tuple[float, float, float, float]
+
+# Of f-numbers and distances, so that nothing is divided by zero.
+SMALLEST_SETTING = 1e-5
 
 _PROJECTIONS = {"PERSP": "perspective", "ORTHO": "orthographic", "PANO": "equirectangular"}
 
@@ -70,8 +73,38 @@ def read_camera(camera: Any, frame: Frame, eye: Eye | None = None) -> tuple[Came
         clip_start=data.clip_start,
         clip_end=data.clip_end,
         border=frame.border,
+        lens=read_lens(camera, matrix),
     )
     return record, None
+
+
+def read_lens(camera: Any, matrix: Float64Array) -> LensRecord | None:
+    """What an evaluated camera object blurs; None if everything is sharp. matrix: (4, 4), where it looks from."""
+    data = camera.data
+    dof = data.dof
+    if not dof.use_dof:
+        return None
+    # Focal lengths are in millimetres; an orthographic camera has none, and counts as one of a metre.
+    focal_length = 1.0 if data.type == "ORTHO" else data.lens * 1e-3
+    return LensRecord(
+        radius=focal_length / (2.0 * max(dof.aperture_fstop, SMALLEST_SETTING)),
+        focus_distance=max(_focus_distance(dof, matrix), SMALLEST_SETTING),
+        blades=dof.aperture_blades if dof.aperture_blades >= 3 else 0,
+        rotation=dof.aperture_rotation,
+        ratio=dof.aperture_ratio,
+    )
+
+
+def _focus_distance(dof: Any, matrix: Float64Array) -> float:
+    """Along the view axis, to the object or bone in focus if there is one."""
+    focus = dof.focus_object
+    if focus is None:
+        return float(dof.focus_distance)
+    place = focus.matrix_world
+    bone = focus.pose.bones.get(dof.focus_subtarget) if focus.pose is not None else None
+    if bone is not None:
+        place = place @ bone.matrix
+    return abs(float(np.dot(matrix[:3, 2], matrix[:3, 3] - np.array(place.translation, np.float64))))
 
 
 def panorama_settings(data: Any) -> Any:

@@ -16,6 +16,8 @@ UNSUPPORTED_PANELS = ("freestyle", "grease_pencil", "gpencil", "render_pt_simpli
 # that materials, lights and the world can be worked on without going to another engine and back.
 BORROWED_PANELS = (
     "DATA_PT_EEVEE_light",
+    "DATA_PT_camera_dof",
+    "DATA_PT_camera_dof_aperture",
     "EEVEE_MATERIAL_PT_context_material",
     "EEVEE_MATERIAL_PT_surface",
     "EEVEE_WORLD_PT_surface",

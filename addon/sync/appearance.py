@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
-from perfect_bvh import Camera
+from perfect_bvh import Camera, Lens
 from perfect_bvh.appearance import (
     LIGHT_KINDS,
     Appearance,
@@ -35,6 +37,7 @@ def as_camera(record: CameraRecord) -> Camera:
         clip_start=record.clip_start,
         clip_end=record.clip_end,
         border=record.border,
+        lens=None if record.lens is None else Lens(**asdict(record.lens)),
     )
 
 

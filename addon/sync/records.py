@@ -254,6 +254,17 @@ class InstanceRecords:
 
 
 @dataclass(frozen=True, slots=True)
+class LensRecord:
+    """The fields of `perfect_bvh.Lens`."""
+
+    radius: float
+    focus_distance: float
+    blades: int
+    rotation: float
+    ratio: float
+
+
+@dataclass(frozen=True, slots=True)
 class CameraRecord:
     """A camera with every setting folded into a view window; the fields of `perfect_bvh.Camera`."""
 
@@ -263,6 +274,7 @@ class CameraRecord:
     clip_start: float
     clip_end: float
     border: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 1.0)
+    lens: LensRecord | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -118,6 +118,6 @@ def _have_same_camera(old: SceneRecord, new: SceneRecord) -> bool:
         return False
     if old.camera is None or new.camera is None:
         return old.camera is new.camera
-    names = ("window", "projection", "clip_start", "clip_end", "border")
+    names = ("window", "projection", "clip_start", "clip_end", "border", "lens")
     same_settings = all(getattr(old.camera, name) == getattr(new.camera, name) for name in names)
     return same_settings and bool(np.array_equal(old.camera.matrix, new.camera.matrix))

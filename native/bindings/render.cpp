@@ -74,6 +74,11 @@ Camera read_camera(const py::dict& values) {
   using FourFloats = std::tuple<float, float, float, float>;
   std::tie(camera.border_left, camera.border_right, camera.border_bottom, camera.border_top) =
       get<FourFloats>(values, "border");
+  if (!values["lens"].is_none()) {
+    const auto lens = values["lens"].cast<py::dict>();
+    camera.lens = Lens{get<double>(lens, "radius"), get<double>(lens, "focus_distance"), get<int>(lens, "blades"),
+                       get<double>(lens, "rotation"), get<double>(lens, "ratio")};
+  }
   return camera;
 }
 

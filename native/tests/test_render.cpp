@@ -1,6 +1,8 @@
 // The renderer's parts that need no scene: sample points, pixel filter, camera, colours.
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <numbers>
 #include <set>
 
 #include "core/errors.h"
@@ -160,6 +162,53 @@ TEST(Camera, PanoramasAreEvenInLongitudeAndLatitude) {
   const Vec3d down = (rays.through(21.0, 4.0 + kPart, 1).direction - ray.direction) * (1.0 / kPart);
   EXPECT_LT(length(steps.right - right), 1e-5);
   EXPECT_LT(length(steps.down - down), 1e-5);
+}
+
+TEST(Camera, RaysThroughALensMeetInFocus) {
+  Camera camera;
+  camera.camera_to_world = {{0, 2, 0}, {0, 0, 0.5}, {3, 0, 0}, {10, 20, 30}};
+  camera.lens = Lens{0.5, 4.0};
+  for (const Projection projection :
+       {Projection::kPerspective, Projection::kOrthographic, Projection::kEquirectangular}) {
+    camera.projection = projection;
+    const RayMaker rays(camera, 64, 36);
+    const Ray middle = rays.through(50.0, 7.0, 3);
+    for (const Point2 uniform : {Point2{0.1f, 0.2f}, Point2{0.9f, 0.4f}, Point2{0.3f, 0.99f}}) {
+      Ray ray = middle;
+      rays.bend(ray, camera.lens->point(uniform));
+      EXPECT_GT(length(ray.origin - middle.origin), 0.1);
+      EXPECT_NEAR(
+          dot(ray.origin - middle.origin, projection == Projection::kEquirectangular ? middle.direction : rays.axis()),
+          0.0, 1e-12);
+      const Vec3d point = middle.origin + middle.direction * 4.0;
+      const double t = projection == Projection::kEquirectangular ? length(point - ray.origin) : 4.0;
+      EXPECT_LT(length(ray.origin + ray.direction * t - point), 1e-12);
+      EXPECT_EQ(ray.mask, 3u);
+    }
+  }
+}
+
+TEST(Lens, PointsFillTheAperture) {
+  for (const int blades : {0, 3, 4, 7}) {
+    const Lens lens{2.0, 1.0, blades, 0.3, 1.5};
+    const double half = blades < 3 ? 0.0 : std::numbers::pi / blades;
+    double reach = 0.0, farthest = 0.0;
+    for (std::uint32_t i = 0; i < 4096; ++i) {
+      const Point2 point = lens.point(Dimension(1, 2).sample(i).to_unit());
+      const double x = static_cast<double>(point.x) * 1.5 / 2.0, y = static_cast<double>(point.y) / 2.0;
+      reach = std::max(reach, std::hypot(x, y));
+      // The edges' distance from the middle: none of the points lies beyond any of them.
+      for (int edge = 0; edge < blades; ++edge) {
+        const double angle = 0.3 + 2.0 * half * edge;
+        farthest = std::max(farthest, std::cos(angle) * x + std::sin(angle) * y);
+      }
+    }
+    EXPECT_NEAR(reach, 1.0, 0.05) << blades;
+    EXPECT_LT(reach, 1.0 + 1e-6) << blades;
+    if (blades < 3) continue;
+    EXPECT_NEAR(farthest, std::cos(half), 0.01) << blades;
+    EXPECT_LT(farthest, std::cos(half) + 1e-6) << blades;
+  }
 }
 
 TEST(Camera, AnAxisWithoutLengthIsRefused) {

@@ -191,6 +191,7 @@ def test_a_panorama_is_read_wherever_blender_keeps_it(keeper: str) -> None:
     angles = {"longitude_min": -1.0, "longitude_max": 2.0, "latitude_min": -0.5, "latitude_max": 1.5}
     settings = {"panorama_type": "EQUIRECTANGULAR", **angles}
     common = {"type": "PANO", "shift_x": 0.1, "shift_y": -0.2, "clip_start": 0.2, "clip_end": 9.0}
+    common["dof"] = SimpleNamespace(use_dof=False)
     own = settings if keeper == "itself" else {"cycles": SimpleNamespace(**settings)}
     obj = SimpleNamespace(name="eye", type="CAMERA", matrix_world=np.eye(4), data=SimpleNamespace(**common, **own))
     record, complaint = read_camera(obj, Frame(100, 50))

@@ -14,7 +14,7 @@ from .appearance import Appearance, ImageTexture, InstanceTable, LightTable, Mat
 from .audit import Audit, RenderAudit
 from .build_config import BuildConfig
 from .calibration import Calibration
-from .camera import Camera
+from .camera import Camera, Lens
 from .closest_points import ClosestPoints
 from .errors import Cancelled, EngineError, StaleSceneError
 from .hits import Hits
@@ -43,6 +43,7 @@ __all__ = [
     "ImageTexture",
     "InstanceTable",
     "Intersections",
+    "Lens",
     "LightTable",
     "MaterialTable",
     "MeshAppearance",

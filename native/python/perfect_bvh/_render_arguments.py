@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -78,6 +79,7 @@ def camera_arguments(function: str, camera: object) -> dict[str, Any]:
         "clip_start": float(camera.clip_start),
         "clip_end": float(camera.clip_end),
         "border": tuple(map(float, camera.border)),
+        "lens": None if camera.lens is None else asdict(camera.lens),
     }
 
 

@@ -10,6 +10,40 @@ import numpy as np
 import numpy.typing as npt
 
 Projection = Literal["perspective", "orthographic", "equirectangular"]
+_MOST_BLADES = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Lens:
+    """A thin lens: what lies at `focus_distance` is sharp, everything else is blurred into the aperture's shape.
+
+    A point at distance d spreads over a disk of radius `radius * abs(d / focus_distance - 1)` around itself, in world
+    units, by which it covers its surroundings. Only the mode "preview" uses lenses, and only for "combined": all other
+    modes and passes show what is seen through the middle of the lens.
+
+    radius: of the aperture, in world units: the focal length divided by twice the f-number. A polygon's corners lie at
+        this distance from the middle.
+    focus_distance: in world units, along the view axis; along the ray of a panorama.
+    blades: corners of the aperture, 3 or more; 0 for a circle.
+    rotation: of the corners about the view axis, in radians; at 0 an edge lies on the right.
+    ratio: of an anamorphic lens, by which the aperture is narrower than high.
+    """
+
+    radius: float
+    focus_distance: float
+    blades: int = 0
+    rotation: float = 0.0
+    ratio: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "focus_distance", "ratio"):
+            value = getattr(self, name)
+            if not (0.0 < value < math.inf):
+                raise ValueError(f"Lens: {name} must be positive and finite, got {value}")
+        if not math.isfinite(self.rotation):
+            raise ValueError(f"Lens: rotation must be finite, got {self.rotation}")
+        if self.blades != 0 and not 3 <= self.blades <= _MOST_BLADES:
+            raise ValueError(f"Lens: blades must be 0 for a circle, or 3 to {_MOST_BLADES}; got {self.blades}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +61,7 @@ class Camera:
         axis: there they are distances from the camera, and so is its depth.
     border: (left, right, bottom, top) as fractions of the frame, 0 to 1. Pixels outside it are not traced
         and stay zero; the image keeps the size of the whole frame.
+    lens: None for a pinhole, through which everything is sharp.
     """
 
     matrix: npt.NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
@@ -35,6 +70,7 @@ class Camera:
     clip_start: float = 0.1
     clip_end: float = 1000.0
     border: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 1.0)
+    lens: Lens | None = None
 
     def __post_init__(self) -> None:
         matrix = np.ascontiguousarray(self.matrix, dtype=np.float64)

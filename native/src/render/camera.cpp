@@ -45,7 +45,8 @@ RayMaker::RayMaker(const Camera& camera, int width, int height)
       top_(camera.top),
       angle_x_((camera.right - camera.left) / width),
       angle_y_((camera.top - camera.bottom) / height),
-      projection_(camera.projection) {
+      projection_(camera.projection),
+      lens_(camera.lens) {
   step_x_ = right_ * angle_x_;
   step_y_ = up_ * -angle_y_;
   const Vec3d corner = right_ * camera.left + up_ * camera.top;
@@ -56,6 +57,22 @@ RayMaker::RayMaker(const Camera& camera, int width, int height)
 Vec3d RayMaker::towards(double longitude, double latitude) const noexcept {
   const double flat = std::cos(latitude);
   return right_ * (flat * std::sin(longitude)) + up_ * std::sin(latitude) + axis_ * (flat * std::cos(longitude));
+}
+
+// A panorama's lens faces each ray; its width lies on the side of the middle of the image, as in Cycles.
+void RayMaker::bend(Ray& ray, Point2 on_lens) const noexcept {
+  const double x = static_cast<double>(on_lens.x), y = static_cast<double>(on_lens.y);
+  if (projection_ != Projection::kEquirectangular) {
+    const Vec3d aside = right_ * x + up_ * y;
+    ray.origin = ray.origin + aside;
+    ray.direction = ray.direction - aside * (1.0 / lens_->focus_distance);
+    return;
+  }
+  const Vec3d inwards = axis_ - ray.direction * dot(axis_, ray.direction);
+  const Vec3d wide = dot(inwards, inwards) > 0.0 ? normalized(inwards) : right_;
+  const Vec3d aside = wide * x + cross(ray.direction, wide) * y;
+  ray.origin = ray.origin + aside;
+  ray.direction = normalized(ray.direction * lens_->focus_distance - aside);
 }
 
 RayMaker::Steps RayMaker::steps_at(const Ray& ray) const noexcept {

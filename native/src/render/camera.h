@@ -8,8 +8,10 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <optional>
 
 #include "math/affine.h"
+#include "render/lens.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {
@@ -25,6 +27,7 @@ struct Camera {
   float clip_start = 0.1f, clip_end = 1000.0f;  // along the view axis, or the ray of a panorama
   // The part of the frame that is traced, as fractions of it from the lower left corner.
   float border_left = 0.0f, border_right = 1.0f, border_bottom = 0.0f, border_top = 1.0f;
+  std::optional<Lens> lens;  // none: as sharp everywhere as through a pinhole
 };
 
 struct Pixel {
@@ -74,6 +77,10 @@ class RayMaker {
     return ray;
   }
 
+  [[nodiscard]] const std::optional<Lens>& lens() const noexcept { return lens_; }
+  // Leads a ray that came `through` the middle of the lens through another point of it: to the same point in focus.
+  void bend(Ray& ray, Point2 on_lens) const noexcept;
+
   // A point of a ray, relative to the camera.
   [[nodiscard]] Vec3f from_camera(const Ray& ray, float t) const noexcept {
     return to_float(ray.origin - origin_ + ray.direction * static_cast<double>(t));
@@ -102,6 +109,7 @@ class RayMaker {
   double left_, top_, angle_x_, angle_y_;  // of a panorama: where it begins, and the size of a pixel
   float pixel_size_;                       // on the window's plane, or in radians; the longer side
   Projection projection_;
+  std::optional<Lens> lens_;
 };
 
 }  // namespace perfect_bvh

@@ -23,6 +23,7 @@ class PreviewMode final : public ShadingMode {
   [[nodiscard]] SurfaceNeeds needs() const noexcept override {
     return {.normals = true, .origins = true, .materials = true};
   }
+  [[nodiscard]] bool has_focus() const noexcept override { return true; }
   [[nodiscard]] bool has_backdrop() const noexcept override { return true; }
   [[nodiscard]] bool keeps_light_apart() const noexcept override { return true; }
   [[nodiscard]] Vec3f backdrop(const Ray& ray, float x, float y) const override {

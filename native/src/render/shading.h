@@ -55,6 +55,8 @@ class ShadingMode {
   [[nodiscard]] virtual bool keeps_light_apart() const noexcept { return false; }
   // Adds to `colors` what the pixels that show a surface get from it.
   virtual void relight(std::span<const LightPixel> /*pixels*/, std::span<Rgba> /*colors*/) const {}
+  // Whether what is out of focus is blurred, if the camera has a lens.
+  [[nodiscard]] virtual bool has_focus() const noexcept { return false; }
   // Whether something stands behind the surfaces, and its colour in the direction of a camera ray; x and y are the
   // place in the frame, from the upper left (0, 0) to the lower right (1, 1).
   [[nodiscard]] virtual bool has_backdrop() const noexcept { return false; }

@@ -24,9 +24,11 @@ TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const Pas
       mode_(make_mode(inputs)),
       filter_(inputs.settings.filter_width),
       filter_dimension_(inputs.settings.seed, 0),
+      lens_dimension_(inputs.settings.seed, 1),
       pass_needs_{.normals = !targets.normal.empty()},
       sample_count_(mode_->is_exact() ? 1 : inputs.settings.samples),
       centred_(mode_->is_exact() || (sample_count_ == 1 && inputs.settings.first_sample == 0)),
+      has_lens_(mode_->has_focus() && inputs.camera.lens().has_value()),
       smoothing_radius_(mode_->keeps_light_apart() && !targets.combined.empty() ? smoothing_radius(inputs.settings)
                                                                                 : 0),
       border_(border),
@@ -72,10 +74,9 @@ void TileRenderer::trace_centres(TileScratch& scratch) const {
     const Pixel pixel = scratch.pixels[i];
     scratch.rays[i] = inputs_.camera.through(pixel.x + 0.5, pixel.y + 0.5, inputs_.appearance.camera_mask);
   }
-  const bool shaded_too = centred_ && !targets_.combined.empty();  // the one sample then uses the same hits
-  trace(scratch, inputs_.settings.first_sample, targets_.any_counts() || (shaded_too && mode_->wants_counts()));
+  trace(scratch, inputs_.settings.first_sample, targets_.any_counts() || (shades_centres() && mode_->wants_counts()));
   scratch.points.clear();
-  const SurfaceNeeds needs = shaded_too ? pass_needs_ | mode_->needs() : pass_needs_;
+  const SurfaceNeeds needs = shades_centres() ? pass_needs_ | mode_->needs() : pass_needs_;
   find_surfaces(inputs_.snapshot, inputs_.appearance, needs, scratch.rays, scratch.hits, scratch.points);
   store_passes(targets_, inputs_.snapshot, inputs_.appearance, border_, inputs_.settings.width,
                {scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points});
@@ -98,10 +99,20 @@ void TileRenderer::make_rays(std::uint32_t sample, TileScratch& scratch) const {
   }
 }
 
+void TileRenderer::bend_rays(std::uint32_t sample, TileScratch& scratch) const {
+  const FixedPoint2 point = lens_dimension_.sample(sample);
+  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
+    const Pixel pixel = scratch.pixels[i];
+    const FixedPoint2 shift = lens_dimension_.offset(sampling::z_order(pixel.x, pixel.y));
+    inputs_.camera.bend(scratch.rays[i], inputs_.camera.lens()->point((point ^ shift).to_unit()));
+  }
+}
+
 void TileRenderer::add_sample(std::uint32_t sample, std::size_t tile, TileScratch& scratch) const {
   const std::uint32_t number = inputs_.settings.first_sample + sample;
-  if (!(centred_ && wants_centres_)) {
+  if (!shades_centres()) {
     make_rays(number, scratch);
+    if (has_lens_) bend_rays(number, scratch);
     trace(scratch, number, mode_->wants_counts());
     scratch.points.clear();
     find_surfaces(inputs_.snapshot, inputs_.appearance, mode_->needs(), scratch.rays, scratch.hits, scratch.points);

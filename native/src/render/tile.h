@@ -61,6 +61,7 @@ class TileRenderer {
   void trace(TileScratch& scratch, std::uint32_t sample, bool with_counts) const;
   void add_sample(std::uint32_t sample, std::size_t tile, TileScratch& scratch) const;
   void make_rays(std::uint32_t sample, TileScratch& scratch) const;
+  void bend_rays(std::uint32_t sample, TileScratch& scratch) const;
   void fill_background(TileScratch& scratch) const;
   void store_combined(const TileScratch& scratch) const;
   void store_light(const TileScratch& scratch) const;
@@ -69,6 +70,10 @@ class TileRenderer {
 
   // How far samples count in other pixels, where light is not smoothed.
   [[nodiscard]] int shared_reach() const noexcept { return centred_ ? 0 : filter_.reach(); }
+  // Whether the rays of the passes are those of the only sample, too.
+  [[nodiscard]] bool shades_centres() const noexcept {
+    return centred_ && wants_centres_ && !has_lens_ && !targets_.combined.empty();
+  }
   [[nodiscard]] std::size_t row_of(Pixel pixel) const noexcept {
     return static_cast<std::size_t>(pixel.y) * static_cast<std::size_t>(inputs_.settings.width) + pixel.x;
   }
@@ -78,10 +83,11 @@ class TileRenderer {
   KeptRays& kept_;
   std::unique_ptr<ShadingMode> mode_;
   PixelFilter filter_;
-  Dimension filter_dimension_;
+  Dimension filter_dimension_, lens_dimension_;
   SurfaceNeeds pass_needs_;
   std::uint32_t sample_count_;
   bool centred_;          // samples stand at pixel centres
+  bool has_lens_;         // samples pass all of the lens; passes its middle
   int smoothing_radius_;  // 0: none
   PixelRect border_;
   TileGrid tiles_;
