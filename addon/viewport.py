@@ -90,6 +90,8 @@ class Viewport:
 
         self._shown_filter = _filter_of(space)
         if not any(self._shown_filter):
+            if self._own_sync is not None:
+                self._own_sync.ask_to_stop_building()  # for nobody any more
             self._own_sync = None
             return session_of(depsgraph)
         if self._own_sync is None:

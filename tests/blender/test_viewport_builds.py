@@ -125,6 +125,25 @@ def test_trees_that_take_long_are_built_beside_it(cube, gate: Gate) -> None:
     assert shown.viewport.state == "Finished 2/2"
 
 
+def test_trees_of_a_filter_that_is_lifted_are_built_no_further(cube, gate: Gate, monkeypatch) -> None:
+    begin_update = viewport.begin_update
+    unfiltered = lambda sync, depsgraph, settings, _, region: begin_update(sync, depsgraph, settings, None, region)  # noqa: E731
+    monkeypatch.setattr(viewport, "begin_update", unfiltered)
+    shown = Shown()
+    gate.close()
+    shown.context.space_data.show_object_viewport_curve = False
+    shown.update()
+    building = shown.viewport._own_sync.building
+    assert building is not None
+    shown.context.space_data.show_object_viewport_curve = True
+    shown.update()
+    with pytest.raises(perfect_bvh.Cancelled):
+        building.result()
+    assert session_of(bpy.context.evaluated_depsgraph_get()).building is not None
+    gate.open()
+    np.testing.assert_array_equal(shown.finish(), fresh())
+
+
 def test_the_last_image_stays_until_the_next_is_there(cube, gate: Gate) -> None:
     shown = Shown()
     shown.update()
