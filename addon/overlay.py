@@ -2,6 +2,8 @@
 
 The boxes are those of the session's scene, which is brought in step when something has changed and a viewport is drawn.
 The lines of a tree are made once and kept until its boxes are others: moving an object only draws its lines elsewhere.
+While trees are built, the last boxes are drawn in grey: nobody takes them for those of the scene as it is. An animation
+that plays waits for each frame's own.
 
 What needs the native engine is imported where it is used: without it the add-on must still register, and say why.
 """
@@ -10,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 
 # More can no longer be told apart, and every viewport that is drawn would wait for them.
 MOST_BOXES = 100_000
+# Of boxes that are about to be others: as RGBA.
+GREY = (0.5, 0.5, 0.5, 0.4)
 # Between two looks whether the trees are there.
 REDRAW_SECONDS = 0.05
 
@@ -53,7 +57,9 @@ class TreeLines:
         self.shown: Shown | None = None
         self._asked: tuple[Any, ...] = ()
         self._boxes: TreeBoxes | None = None
+        self._lines: BoxLines | None = None
         self._batch: gpu.types.GPUBatch | None = None
+        self._grey_batch: gpu.types.GPUBatch | None = None
 
     def follow(self, snapshot: Snapshot, mesh: int | None, settings: bpy.types.PropertyGroup) -> None:
         """Make the lines those of a tree (None: the top level) as a snapshot has it, if they are not."""
@@ -67,21 +73,29 @@ class TreeLines:
         if had_same_colors and self._boxes is not None and are_equal(boxes, self._boxes):
             return
         self._boxes = boxes
-        lines = box_lines(boxes.head(MOST_BOXES), settings.color_by)
+        self._lines = box_lines(boxes.head(MOST_BOXES), settings.color_by) if len(boxes) else None
         self.shown = Shown(level, min(len(boxes), MOST_BOXES), len(boxes), boxes.depth)
-        self._batch = _make_batch(lines) if len(boxes) else None
+        self._batch = None if self._lines is None else _make_batch(self._lines)
+        self._grey_batch = None
 
-    def draw(self, matrix: Any = None) -> None:
+    def draw(self, matrix: Any = None, *, in_grey: bool = False) -> None:
         """Draw them in the 3D viewport that is being drawn. matrix: (4, 4) from the boxes' space to the world."""
         if self._batch is None:
             return
+        batch = self._in_grey() if in_grey else self._batch
         import gpu
         from mathutils import Matrix
 
         with gpu.matrix.push_pop():
             if matrix is not None:
                 gpu.matrix.multiply_matrix(Matrix(matrix.tolist()))
-            self._batch.draw(gpu.shader.from_builtin("FLAT_COLOR"))
+            batch.draw(gpu.shader.from_builtin("FLAT_COLOR"))
+
+    def _in_grey(self) -> gpu.types.GPUBatch:
+        if self._grey_batch is None:
+            assert self._lines is not None
+            self._grey_batch = _make_batch(replace(self._lines, colors=np.full_like(self._lines.colors, GREY)))
+        return self._grey_batch
 
 
 class SceneOverlay:
@@ -102,6 +116,7 @@ class SceneOverlay:
     def on_file_change(self) -> None:
         """All data is about to go, or has just come."""
         self._is_stale, self._trees = True, SharedTrees()
+        self.top_level = self.active = None
 
     def draw(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
         """Bring the trees in step and draw what the settings ask for."""
@@ -115,12 +130,15 @@ class SceneOverlay:
         self.message = self._trees.state or ""
         if not is_there:
             _redraw_soon()
+        top_level = self.top_level if settings.show_top_level else None
+        active = self.active if settings.show_active else None
+        if top_level is None and active is None:
             return
         with _drawing_state(settings.use_in_front):
-            if self.top_level is not None:
-                self.top_level.draw()
-            if self.active is not None:
-                self.active.draw(self._matrix)
+            if top_level is not None:
+                top_level.draw(in_grey=not is_there)
+            if active is not None:
+                active.draw(self._matrix, in_grey=not is_there)
 
     def _follow(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> bool:
         """Whether there are trees to draw."""

@@ -39,7 +39,7 @@ class PERFECT_BVH_PT_overlay(RenderPanel, bpy.types.Panel):
         for name, lines in (("Top level", overlay.top_level), ("Active object", overlay.active)):
             if lines is not None and lines.shown is not None:
                 draw_lines(context, layout, f"{name}: {describe(lines.shown)}", icon="INFO")
-        if settings.show_active and overlay.active is None:
+        if settings.show_active and overlay.active is None and not overlay.message:
             draw_lines(context, layout, "The active object has no triangles that rays could meet", icon="INFO")
 
 

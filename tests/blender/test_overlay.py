@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+import time
+from contextlib import nullcontext
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -159,6 +165,107 @@ def test_it_follows_frames_and_forgets_files(scene, drawn_batches) -> None:
     shown._follow(bpy.context, settings)
     assert shown.active is None and shown.top_level.shown.count == 0
     stop_listening(shown)
+
+
+class Screen:
+    """A graphics card that keeps the lines that are drawn, in order."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.drawn: list[Any] = []
+        state = {f"{name}_set": lambda _: None for name in ("blend", "depth_test", "depth_mask")}
+        gpu = SimpleNamespace(
+            state=SimpleNamespace(**state),
+            matrix=SimpleNamespace(push_pop=nullcontext, multiply_matrix=lambda _: None),
+            shader=SimpleNamespace(from_builtin=lambda name: name),
+        )
+        monkeypatch.setitem(sys.modules, "gpu", gpu)
+        monkeypatch.setattr(overlay, "_make_batch", self._batch_of)
+
+    def _batch_of(self, lines: Any) -> SimpleNamespace:
+        return SimpleNamespace(draw=lambda shader: self.drawn.append(lines))
+
+    def take(self) -> tuple[list[float], bool]:
+        """How high the drawn boxes reach, and whether they all are grey."""
+        drawn, self.drawn = self.drawn, []
+        greys = {bool((lines.colors == np.float32(overlay.GREY)).all()) for lines in drawn}
+        assert len(greys) <= 1
+        return [round(float(lines.positions[:, 2].max()), 3) for lines in drawn], greys == {True}
+
+
+def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, monkeypatch, gate: Gate) -> None:
+    monkeypatch.setattr(shared_trees, "BUILDING_SECONDS", 0.05)
+    screen = Screen(monkeypatch)
+    bpy.ops.mesh.primitive_cube_add()
+    settings = scene.perfect_bvh.overlay
+    settings.show_top_level = settings.show_active = True
+    settings.level = 0
+    shown = overlay.SceneOverlay()
+    listen(shown)
+    shown.draw(bpy.context, settings)
+    assert screen.take() == ([], False), "there are none yet"
+    gate.open()
+
+    def draw_what_is_there() -> tuple[list[float], bool]:
+        assert session_of(bpy.context.evaluated_depsgraph_get()).building is None or shown._trees._building.wait(30.0)
+        screen.take()
+        shown.draw(bpy.context, settings)
+        return screen.take()
+
+    assert draw_what_is_there() == ([1.0, 1.0], False)
+    gate.close()
+    bpy.context.object.location.z = 3.0
+    bpy.context.view_layer.update()
+    for _ in range(2):
+        shown.draw(bpy.context, settings)
+        assert shown.message == "Building trees 50%"
+        assert screen.take() == ([1.0, 1.0], True)
+    settings.show_active = False
+    shown.draw(bpy.context, settings)
+    assert screen.take() == ([1.0], True), "only what is asked for"
+    gate.open()
+    assert draw_what_is_there() == ([4.0], False)
+    gate.close()
+    shown.on_file_change()
+    shown.draw(bpy.context, settings)
+    assert screen.take() == ([], False), "those of another file are gone"
+    stop_listening(shown)
+
+
+def test_no_frame_of_an_animation_that_plays_shows_the_boxes_of_another(scene, monkeypatch) -> None:
+    """Not in grey either: each frame waits for its trees, however long that takes."""
+    monkeypatch.setattr(shared_trees, "BUILDING_SECONDS", 0.0)
+    commit = perfect_bvh.Scene.commit
+
+    def commit_slowly(*arguments: Any, **options: Any) -> Any:
+        time.sleep(0.1)
+        return commit(*arguments, **options)
+
+    monkeypatch.setattr(perfect_bvh.Scene, "commit", commit_slowly)
+    screen = Screen(monkeypatch)
+    bpy.ops.mesh.primitive_cube_add()
+    cube = bpy.context.object
+    for frame, z in ((1, 0.0), (3, 4.0)):
+        cube.location.z = z
+        cube.keyframe_insert("location", frame=frame)
+    settings = scene.perfect_bvh.overlay
+    settings.show_top_level, settings.level = True, 0
+    shown = overlay.SceneOverlay()
+    listen(shown)
+    for frame in (1, 2, 3, 1):
+        scene.frame_set(frame)
+        shown.draw(PlayingContext(), settings)
+        assert screen.take() == ([round(cube.matrix_world.translation.z + 1.0, 3)], False)
+        assert not shown.message
+    stop_listening(shown)
+
+
+class PlayingContext:
+    """Of a window in which an animation plays."""
+
+    screen = SimpleNamespace(is_animation_playing=True)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(bpy.context, name)
 
 
 def test_boxes_wait_for_trees_that_take_long_and_blender_for_neither(drawn_batches, monkeypatch) -> None:
