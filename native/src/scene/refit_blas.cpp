@@ -1,6 +1,8 @@
 // Scene::refit_blas: a tree that follows its triangles. It is refitted; then the governor says whether that will do,
 // whether rotations or new parts mend it, or whether another tree is built.
 
+#include <string_view>
+
 #include "core/stopwatch.h"
 #include "scene/blas_build.h"
 #include "scene/cover.h"
@@ -30,6 +32,33 @@ std::vector<std::uint32_t> spoilt_parts(const Blas& blas, const WideCosts& costs
   auto parts = find_spoilt_parts(blas.wide, costs, *blas.fresh_costs, kSpoilt);
   if (parts.empty() && blas.wide.root < kBlockChild) parts.push_back(blas.wide.root);  // a little everywhere
   return parts;
+}
+
+// Why a tree cannot follow at all; empty if it can.
+std::string_view why_not_refitted(const Blas& before, Policy policy) {
+  if (!is_refittable(before.wide)) return "positions changed, and a tree with spatial splits cannot be refitted";
+  return policy == Policy::kRebuild ? "positions changed, and the policy is to rebuild always" : "";
+}
+
+// Makes the tree of `before` the tree of `blas`, whose triangles are where they are now.
+WideCosts follow(Blas& blas, const Blas& before, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
+  const Stopwatch watch;
+  blas.fresh_costs = before.fresh_costs;
+  if (!blas.fresh_costs) {
+    blas.fresh_costs = std::make_shared<const WideCosts>(measure_wide_costs(before.wide, pool, cancel));
+  }
+  report.fresh_cost = blas.fresh_costs->whole(before.wide);
+  blas.config = before.config;
+  SpareTree::Tree spare = blas.spare->take();
+  blas.wide = std::move(spare.wide);
+  blas.refit_plan = before.refit_plan;
+  complete_plan(blas.refit_plan, before.wide, blas.mesh, pool, cancel);
+  const bool has_shape = spare.shape == before.shape;
+  WideCosts costs = refit_wide(before.wide, blas.refit_plan, blas.mesh, blas.wide, has_shape, pool, cancel);
+  blas.shape = before.shape;
+  report.refit_milliseconds = watch.milliseconds();
+  report.refitted_cost = costs.whole(blas.wide);
+  return costs;
 }
 
 // Returns which share of the leaves now stands in other parts of the tree.
@@ -68,31 +97,11 @@ bool Scene::refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptio
                        ThreadPool& pool, CancelToken& cancel) {
   const Blas& before = *changed.slot->blas;
   MeshReport& report = result.report;
-  if (!is_refittable(before.wide)) {
-    report.reason = "positions changed, and a tree with spatial splits cannot be refitted";
-    return false;
-  }
-  if (options.policy == Policy::kRebuild) {
-    report.reason = "positions changed, and the policy is to rebuild always";
-    return false;
-  }
-  Stopwatch watch;
-  blas.fresh_costs = before.fresh_costs;
-  if (!blas.fresh_costs) {
-    blas.fresh_costs = std::make_shared<const WideCosts>(measure_wide_costs(before.wide, pool, cancel));
-  }
-  report.fresh_cost = blas.fresh_costs->whole(before.wide);
-  blas.config = before.config;
-  SpareTree::Tree spare = blas.spare->take();
-  blas.wide = std::move(spare.wide);
-  blas.refit_plan = before.refit_plan;
-  complete_plan(blas.refit_plan, before.wide, blas.mesh, pool, cancel);
-  const bool has_shape = spare.shape == before.shape;
-  WideCosts costs = refit_wide(before.wide, blas.refit_plan, blas.mesh, blas.wide, has_shape, pool, cancel);
-  blas.shape = before.shape;
-  report.refit_milliseconds = watch.lap_milliseconds();
-  report.refitted_cost = costs.whole(blas.wide);
+  report.reason = why_not_refitted(before, options.policy);
+  if (!report.reason.empty()) return false;
+  WideCosts costs = follow(blas, before, report, pool, cancel);
 
+  const Stopwatch watch;  // of mending, and of finding out whether to
   const Usage usage = usage_of(changed.slot->usage, true);
   UpdateQuestion question{.policy = options.policy,
                           .triangle_count = blas.mesh.triangle_count(),
@@ -111,7 +120,7 @@ bool Scene::refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptio
   if (decision.action == UpdateAction::kRebuild) return false;
   if (decision.action != UpdateAction::kRefit) {
     report.mended_share = mend(blas, decision.action, costs, pool, cancel);
-    report.mend_milliseconds = watch.lap_milliseconds();
+    report.mend_milliseconds = watch.milliseconds();
     if (blas.wide.depth > kMaxTreeDepth || !is_mended(question, work_of(costs, blas.wide))) {
       report.reason += ", and mending did not help";
       return false;
