@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import bpy
 
 from ..preferences import native_error
-from .common import RenderPanel, draw_lines
+from .common import RenderPanel, draw_lines, settings_layout
 
 # Panels that Blender offers every engine, without those of features that this engine does not have; Simplify it shows
 # in a place of its own.
@@ -35,9 +35,7 @@ class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
     bl_parent_id = "VIEWLAYER_PT_layer_passes"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = settings_layout(self)
         view_layer = context.view_layer
         column = layout.column(heading="Include", align=True)
         column.prop(view_layer, "use_pass_z")

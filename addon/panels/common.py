@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from typing import ClassVar
 
 import bpy
 
@@ -24,6 +25,21 @@ class RenderPanel:
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return context.engine in cls.COMPAT_ENGINES
+
+
+class SubPanel(RenderPanel):
+    """One of the panels that fold out under the main one."""
+
+    bl_parent_id = "PERFECT_BVH_PT_render"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+
+def settings_layout(panel: bpy.types.Panel) -> bpy.types.UILayout:
+    """A panel's layout with names on the left and values on the right, as Blender has settings."""
+    layout = panel.layout
+    layout.use_property_split = True
+    layout.use_property_decorate = False
+    return layout
 
 
 def wrapped(context: bpy.types.Context, text: str) -> list[str]:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import bpy
 
-from .common import RenderPanel, draw_lines
+from .common import SubPanel, draw_lines
 
 
-class PERFECT_BVH_PT_failure_cases(RenderPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_failure_cases(SubPanel, bpy.types.Panel):
     """Scenes to learn from."""
 
     bl_label = "Failure Cases"
-    bl_parent_id = "PERFECT_BVH_PT_render"
-    bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         draw_lines(context, self.layout, "Scenes on which usual methods fail")

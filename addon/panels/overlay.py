@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import bpy
 
 from ..overlay import Shown, overlay_of
-from .common import RenderPanel, draw_lines
+from .common import SubPanel, draw_lines, settings_layout
 
 
-class PERFECT_BVH_PT_overlay(RenderPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_overlay(SubPanel, bpy.types.Panel):
     """The trees' boxes, level by level."""
 
     bl_label = "Tree Overlay"
-    bl_parent_id = "PERFECT_BVH_PT_render"
-    bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = settings_layout(self)
         settings = context.scene.perfect_bvh.overlay
         column = layout.column(heading="Show", align=True)
         column.prop(settings, "show_top_level")

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import bpy
 
-from .common import RenderPanel
+from .common import SubPanel, settings_layout
 
 
-class PERFECT_BVH_PT_rays(RenderPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_rays(SubPanel, bpy.types.Panel):
     """From where which rays are cast, and what becomes of the points."""
 
     bl_label = "Rays"
-    bl_parent_id = "PERFECT_BVH_PT_render"
-    bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = settings_layout(self)
         settings = context.scene.perfect_bvh.scan
         layout.prop(settings, "pattern")
         layout.prop(settings, "sensor")

@@ -8,7 +8,7 @@ import bpy
 
 from ..modes import find_mode
 from ..preferences import native_error
-from .common import RenderPanel, draw_lines
+from .common import RenderPanel, SubPanel, draw_lines, settings_layout
 
 
 class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
@@ -17,9 +17,7 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
     bl_label = "Perfect BVH"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = settings_layout(self)
         error = native_error()
         if error is not None:
             box = layout.box()
@@ -42,31 +40,23 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
         _draw_view_hint(context, layout)
 
 
-class PERFECT_BVH_PT_film(RenderPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_film(SubPanel, bpy.types.Panel):
     """The background's alpha."""
 
     bl_label = "Film"
-    bl_parent_id = "PERFECT_BVH_PT_render"
-    bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = settings_layout(self)
         layout.prop(context.scene.render, "film_transparent", text="Transparent")
 
 
-class PERFECT_BVH_PT_performance(RenderPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_performance(SubPanel, bpy.types.Panel):
     """Threads, precision, and whether Blender keeps its evaluated scene from frame to frame."""
 
     bl_label = "Performance"
-    bl_parent_id = "PERFECT_BVH_PT_render"
-    bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = settings_layout(self)
         render = context.scene.render
         layout.prop(render, "threads_mode")
         column = layout.column()
@@ -76,20 +66,16 @@ class PERFECT_BVH_PT_performance(RenderPanel, bpy.types.Panel):
         layout.prop(render, "use_persistent_data", text="Persistent Data")
 
 
-class PERFECT_BVH_PT_audit(RenderPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_audit(SubPanel, bpy.types.Panel):
     """Whether a share of a render's rays is checked again. The result stands under Statistics."""
 
     bl_label = "Audit"
-    bl_parent_id = "PERFECT_BVH_PT_render"
-    bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw_header(self, context: bpy.types.Context) -> None:
         self.layout.prop(context.scene.perfect_bvh, "use_audit", text="")
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = settings_layout(self)
         settings = context.scene.perfect_bvh
         layout.active = settings.use_audit
         layout.prop(settings, "audit_share")

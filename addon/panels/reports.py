@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
 
 import bpy
 
 from ..latest import is_outdated, last_statistics
 from ..summary import PlanRow, count_meshes, format_bytes, plan_rows, statistics_rows
-from .common import RenderPanel, draw_lines
+from .common import RenderPanel, SubPanel, draw_lines
 
 SHOWN_WARNINGS = 3
 
@@ -40,12 +39,10 @@ class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
             draw_lines(context, self.layout, "The scene has changed since", icon="INFO")
 
 
-class PERFECT_BVH_PT_plan(RenderPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_plan(SubPanel, bpy.types.Panel):
     """What was done last with each mesh's tree, and why; first those that cost the camera rays most."""
 
     bl_label = "Plan"
-    bl_parent_id = "PERFECT_BVH_PT_render"
-    bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
