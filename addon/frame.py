@@ -143,8 +143,22 @@ def render_frame(
         return Frame({}, FrameStatistics(depsgraph.scene.frame_current_final, sync.size, settings, report, 0.0, 0))
     if sync.camera is None:
         raise ValueError(missing_camera(depsgraph.scene, sync))
+    return _trace(sync, settings, depsgraph.scene.frame_current_final, report, passes, progress, show)
+
+
+def _trace(
+    sync: SceneSync,
+    settings: RenderSettings,
+    frame: float,
+    report: SyncReport,
+    passes: tuple[str, ...],
+    progress: Progress | None,
+    show: Callable[[Images], None] | None,
+) -> Frame:
+    """The images of a scene that is in step, which has a camera. The arguments are those of `render_frame`."""
     import perfect_bvh
 
+    assert sync.camera is not None
     start = time.perf_counter()
     images: Images = {}
     audit = perfect_bvh.RenderAudit(settings.audit_share) if settings.audit_share else None
@@ -169,14 +183,14 @@ def render_frame(
         # The renderer asks at intervals of time; a quick round would not be asked about at all.
         if progress is not None and not progress(done / samples) and done < samples:
             raise perfect_bvh.Cancelled("the render was cancelled")
-    elapsed = time.perf_counter() - start
+    seconds = time.perf_counter() - start - (audit.seconds if audit else 0.0)
     left, right, bottom, top = border_pixels(sync.camera.border, sync.size)
     statistics = FrameStatistics(
-        frame=depsgraph.scene.frame_current_final,
+        frame=frame,
         size=sync.size,
         settings=settings,
         report=report,
-        trace_milliseconds=(elapsed - (audit.seconds if audit else 0.0)) * 1e3,
+        trace_milliseconds=seconds * 1e3,
         camera_rays=(right - left) * (top - bottom) * samples,
         audit=audit.result if audit else None,
         audit_milliseconds=audit.seconds * 1e3 if audit else 0.0,

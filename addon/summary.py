@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from perfect_bvh import Audit
+    from perfect_bvh import Audit, MeshReport
 
     from .frame import FrameStatistics
-    from .sync.report import SyncReport
+    from .sync.records import UnseenMesh
+    from .sync.report import MeshChange, SyncReport
 
 SHOWN_MESHES = 10
 
@@ -76,47 +77,50 @@ def plan_rows(
     """The meshes that cost camera rays most (see `FrameStatistics`), then those that took longest, then the largest."""
     commits = {mesh.mesh_id: mesh for mesh in (*report.commit.meshes, *report.commit.resting)}
     costs = mesh_costs or {}
-    rows = []
-    for change in report.meshes:
-        if change.action == "removed":
-            continue
-        commit = commits.get(change.mesh_id)
-        source, session_uid = change.key[:2]
-        rows.append(
-            PlanRow(
-                name=change.name,
-                source=source,
-                session_uid=session_uid,
-                triangle_count=change.triangle_count,
-                usage=change.usage,
-                usage_reason=change.usage_reason,
-                action=commit.action.replace("_", " ") if commit else "kept",
-                builder=commit.builder if commit else "",
-                reason=commit.reason if commit else change.reason,
-                milliseconds=commit.milliseconds if commit else 0.0,
-                byte_count=commit.byte_count if commit else 0,
-                ray_share=costs.get(change.mesh_id, 0.0),
-            )
-        )
-    for mesh in report.unseen:
-        rows.append(
-            PlanRow(
-                name=mesh.name,
-                source=mesh.source,
-                session_uid=mesh.session_uid,
-                triangle_count=0,
-                usage="unseen",
-                usage_reason=mesh.reason,
-                action="left out",
-                builder="",
-                reason="no ray can meet it, so nothing is read or built",
-                milliseconds=0.0,
-                byte_count=0,
-                ray_share=0.0,
-            )
-        )
+    rows = [
+        _row_of(change, commits.get(change.mesh_id), costs.get(change.mesh_id, 0.0))
+        for change in report.meshes
+        if change.action != "removed"
+    ]
+    rows += [_row_of_unseen(mesh) for mesh in report.unseen]
     rows.sort(key=lambda row: (-row.ray_share, -row.milliseconds, -row.triangle_count, row.name))
     return rows[:limit]
+
+
+def _row_of(change: MeshChange, commit: MeshReport | None, ray_share: float) -> PlanRow:
+    """commit: what the engine did for it, None for a mesh that it did not look at."""
+    source, session_uid = change.key[:2]
+    return PlanRow(
+        name=change.name,
+        source=source,
+        session_uid=session_uid,
+        triangle_count=change.triangle_count,
+        usage=change.usage,
+        usage_reason=change.usage_reason,
+        action=commit.action.replace("_", " ") if commit else "kept",
+        builder=commit.builder if commit else "",
+        reason=commit.reason if commit else change.reason,
+        milliseconds=commit.milliseconds if commit else 0.0,
+        byte_count=commit.byte_count if commit else 0,
+        ray_share=ray_share,
+    )
+
+
+def _row_of_unseen(mesh: UnseenMesh) -> PlanRow:
+    return PlanRow(
+        name=mesh.name,
+        source=mesh.source,
+        session_uid=mesh.session_uid,
+        triangle_count=0,
+        usage="unseen",
+        usage_reason=mesh.reason,
+        action="left out",
+        builder="",
+        reason="no ray can meet it, so nothing is read or built",
+        milliseconds=0.0,
+        byte_count=0,
+        ray_share=0.0,
+    )
 
 
 def count_meshes(report: SyncReport) -> int:

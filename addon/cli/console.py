@@ -60,13 +60,3 @@ def format_table(header: Sequence[str], rows: Sequence[Sequence[str]], left: fro
         return "  ".join(cells).rstrip()
 
     return "\n".join([format_line(header), "  ".join("-" * width for width in widths), *map(format_line, rows)])
-
-
-def format_bytes(count: int) -> str:
-    """1536 -> '1.5 KiB'."""
-    size = float(count)
-    for unit in ("B", "KiB", "MiB"):
-        if size < 1024:
-            return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"
-        size /= 1024
-    return f"{size:.1f} GiB"

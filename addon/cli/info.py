@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, TextIO
 
+from ..summary import format_bytes
 from .arguments import CommandError, check_blend_file
 from .blender import apply_settings, go_to_frame, open_scene, render_job, stop_on_interrupt
-from .console import format_bytes, format_table, quiet_blender
+from .console import format_table, quiet_blender
 
 if TYPE_CHECKING:
     import bpy

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfect_bvh_addon.cli.arguments import CommandError, Output, check_blend_file, check_mode, parse_frames, parse_size
-from perfect_bvh_addon.cli.console import format_bytes, format_table
+from perfect_bvh_addon.cli.console import format_table
 from perfect_bvh_addon.modes import MODE_NAMES
 
 # Arguments ---------------------------------------------------------------------------------------------------------
@@ -115,16 +115,6 @@ def test_only_blend_files_are_taken(tmp_path: Path) -> None:
 def test_tables_line_up() -> None:
     lines = format_table(["name", "count"], [["a", "1"], ["long name", "1,000"]]).splitlines()
     assert lines == ["name       count", "---------  -----", "a              1", "long name  1,000"]
-
-
-def test_bytes_have_units() -> None:
-    assert [format_bytes(count) for count in (0, 1023, 1536, 5 << 20, 3 << 30)] == [
-        "0 B",
-        "1023 B",
-        "1.5 KiB",
-        "5.0 MiB",
-        "3.0 GiB",
-    ]
 
 
 # Whole runs --------------------------------------------------------------------------------------------------------
