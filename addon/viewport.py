@@ -21,7 +21,7 @@ from .refinement import Pace, Refinement, View
 from .region_camera import camera_of
 from .screen_image import draw_texture, texture_of
 from .shared_trees import SharedTrees
-from .sync.records import CameraRecord
+from .sync.records import AttributeRequest, CameraRecord
 from .view_statistics import view_statistics
 
 if TYPE_CHECKING:
@@ -44,10 +44,13 @@ TYPE_FILTERS = (
 
 @dataclass(frozen=True, slots=True)
 class ViewKey:
-    """All that a view's image depends on: as long as it is equal, the image is refined. revision: of the sync."""
+    """All that a view's image depends on: as long as it is equal, the image is refined.
 
+    scene_id, revision: of the sync's engine scene, which no other has, and of what it shows.
+    """
+
+    scene_id: int
     revision: int
-    sync_id: int
     camera: tuple[Any, ...]
     size: tuple[int, int]
     settings: RenderSettings
@@ -60,6 +63,7 @@ class Viewport:
         self._trees = SharedTrees()
         self._own_sync: SceneSync | None = None
         self._shown_filter: tuple[bool, ...] = ()
+        self._read_for: AttributeRequest | None = None
         self._pace = Pace()
         self._key: ViewKey | None = None
         self._refinement: Refinement | None = None
@@ -75,6 +79,7 @@ class Viewport:
         sync = self._sync_for(space, depsgraph)
         filtering = space if sync is self._own_sync else None
         settings = read_settings(depsgraph.scene)
+        self._read_for = needed_attributes(settings, ())
         report = self._trees.begin(
             sync,
             lambda: begin_update(sync, depsgraph, settings, filtering, context.region),
@@ -105,7 +110,7 @@ class Viewport:
 
         Raises what the engine raises.
         """
-        if self._trees.sync is None or self._shown_filter != _filter_of(context.space_data):
+        if self._trees.sync is None or self._needs_other_reading(context, depsgraph):
             self.update(context, depsgraph)
         if not self._trees.are_there(lambda: self.update(context, depsgraph)):
             if self._texture is not None:
@@ -124,6 +129,11 @@ class Viewport:
         if refinement.is_finished and not was_finished:
             remember_view("Viewport", sync, refinement, depsgraph.scene)
         return not refinement.is_finished
+
+    def _needs_other_reading(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
+        """Whether what is wanted has changed, of which the depsgraph tells nothing: the view's filter, the mode."""
+        wanted = needed_attributes(read_settings(depsgraph.scene), ())
+        return self._shown_filter != _filter_of(context.space_data) or self._read_for != wanted
 
     @property
     def state(self) -> str:
@@ -144,7 +154,7 @@ class Viewport:
             return True
         settings = read_settings(scene)
         size = (region.width, region.height)
-        key = ViewKey(sync.revision, id(sync), _camera_key(camera), size, settings)
+        key = ViewKey(sync.scene.scene_id, sync.revision, _camera_key(camera), size, settings)
         if key == self._key:
             return False
         self._key = key

@@ -144,6 +144,33 @@ def test_trees_of_a_filter_that_is_lifted_are_built_no_further(cube, gate: Gate,
     np.testing.assert_array_equal(shown.finish(), fresh())
 
 
+def test_another_sync_at_the_same_address_is_another(cube, gate: Gate, monkeypatch) -> None:
+    """Python gives addresses out again: a sync that was dropped and its successor may both be at their first update."""
+    monkeypatch.setattr(viewport, "id", lambda _: 7, raising=False)
+    shown = Shown()
+    shown.update()
+    first = shown.finish()
+    clear_sessions()
+    move(cube, 2.0)
+    shown.update()
+    np.testing.assert_array_equal(shown.finish(), fresh())
+    assert not np.array_equal(shown.screen[-1], first)
+
+
+@pytest.mark.parametrize("modes", [("CLAY", "PREVIEW"), ("DEPTH", "UV"), ("DEPTH", "MATERIAL"), ("PREVIEW", "CLAY")])
+def test_a_mode_that_needs_more_has_it_read(cube, scene, gate: Gate, modes: tuple[str, str]) -> None:
+    """Blender's depsgraph tells nothing of the add-on's settings, and nobody else might call for an update."""
+    bpy.ops.object.light_add(type="SUN")
+    bpy.context.view_layer.objects.active = cube
+    cube.data.materials.append(bpy.data.materials.new("red"))
+    bpy.context.view_layer.update()
+    shown = Shown()
+    for scene.perfect_bvh.mode in modes:
+        if shown.screen == []:
+            shown.update()
+        np.testing.assert_array_equal(shown.finish(), fresh())
+
+
 def test_the_last_image_stays_until_the_next_is_there(cube, gate: Gate) -> None:
     shown = Shown()
     shown.update()
