@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..sync.records import Float32Array, Int32Array, LayerRequest, Layers
+from ..sync.records import Float32Array, Int32Array, LayerRequest
 from .pointer_views import CORNER_UVS, ArrayReader
 
 # The property and the channels of an element, by the attribute's type.
@@ -42,7 +42,7 @@ class Corners:
         return self.polygon_ids[:, None] if domain == "FACE" else None
 
 
-def read_uv_maps(mesh: Any, request: LayerRequest, corners: Corners, reader: ArrayReader) -> Layers:
+def read_uv_maps(mesh: Any, request: LayerRequest, corners: Corners, reader: ArrayReader) -> dict[str, Float32Array]:
     """(T, 3, 2) float32 by name, of those maps that the mesh has; "" is the one that is active for renders."""
     layers = mesh.uv_layers
     active = next((layer for layer in layers if layer.active_render), layers[0]) if len(layers) else None
@@ -61,7 +61,7 @@ def read_uv_maps(mesh: Any, request: LayerRequest, corners: Corners, reader: Arr
     return found
 
 
-def read_colors(mesh: Any, request: LayerRequest, corners: Corners) -> Layers:
+def read_colors(mesh: Any, request: LayerRequest, corners: Corners) -> dict[str, Float32Array]:
     """(T, 3, 3) float32, scene-linear, by name, of those colours that the mesh has; "" are those active for renders."""
     colors = mesh.color_attributes
     found: dict[str, Float32Array] = {}

@@ -74,8 +74,9 @@ class MeshTable:
         pointer = mesh.as_pointer()
         row = self._rows.get(pointer)
         if row is None:
-            row = self._rows[pointer] = self._add(obj.original, mesh, is_own, self._layers | layers)
-        elif row != NO_MESH and not self.records[row].layers.covers(layers):
+            wanted = layers if self._layers is NO_LAYERS else self._layers | layers
+            row = self._rows[pointer] = self._add(obj.original, mesh, is_own, wanted)
+        elif layers is not NO_LAYERS and row != NO_MESH and not self.records[row].layers.covers(layers):
             row = self._rows[pointer] = self._add_layers(obj.original, mesh, is_own, row, layers)
         return row
 

@@ -9,7 +9,15 @@ import numpy as np
 import numpy.typing as npt
 from perfect_bvh.bulk import are_equal, are_triangles, copy_within
 
-from ..sync.records import LARGEST_COORDINATE, AttributeRequest, Float32Array, Int32Array, LayerRequest, MeshRecord
+from ..sync.records import (
+    LARGEST_COORDINATE,
+    NO_LAYERS,
+    AttributeRequest,
+    Float32Array,
+    Int32Array,
+    LayerRequest,
+    MeshRecord,
+)
 from .attributes import read_corner_normals, read_material_slots
 from .layers import Corners, read_colors, read_uv_maps
 from .pointer_views import CORNER_TRIANGLES, CORNER_VERTS, POSITIONS, TRIANGLE_POLYGONS, ArrayReader
@@ -48,9 +56,11 @@ def read_mesh(
     positions, kept = _read_positions(positions, triangles, None if last is None else last.positions)
     if kept is not None:
         triangles, corner_triangles, polygon_ids = triangles[kept], corner_triangles[kept], polygon_ids[kept]
-    corners = Corners(corner_triangles, triangles, polygon_ids)
-    uv_maps = dict(read_uv_maps(mesh, layers, corners, reader)) if layers.uvs else {}
-    colors = dict(read_colors(mesh, layers, corners)) if layers.colors else {}
+    uv_maps: dict[str, Float32Array] = {}
+    colors: dict[str, Float32Array] = {}
+    if layers is not NO_LAYERS:
+        corners = Corners(corner_triangles, triangles, polygon_ids)
+        uv_maps, colors = read_uv_maps(mesh, layers, corners, reader), read_colors(mesh, layers, corners)
     return MeshRecord(
         key=key,
         name=name,
