@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from blender.soak import Soak
 
 MOST_SECONDS = 30.0
+HALVES = "halves: "  # what is counted of them begins so
 HOLDS = ("before", "before", "after", "failing", "")
 LONG_ENOUGH = 0.003  # for such a build to end, mostly
 
@@ -110,7 +111,7 @@ class Halves:
             return
         for _ in range(self._random.integers(0, 5)):
             action = self._actions[self._random.integers(len(self._actions))]
-            self._soak.counts[f"halves: {action.__name__[1:]}"] += 1
+            self._soak.counts[f"{HALVES}{action.__name__[1:]}"] += 1
             action()
 
     def note_edit(self) -> None:
@@ -129,7 +130,7 @@ class Halves:
                 if self._look_as(user, patience=MOST_SECONDS):
                     break
             else:
-                self._soak._raise_if(["halves: a user waits for ever"])
+                self._soak._raise_if([HALVES + "a user waits for ever"])
 
     # What may happen -------------------------------------------------------------------------------------------------
 
@@ -173,21 +174,21 @@ class Halves:
                 self._begin(user)
             is_there = user.trees.are_there(lambda: self._begin(user))
         except (WorkerError, perfect_bvh.Cancelled) as problem:
-            self._soak.counts[f"halves: {type(problem).__name__}"] += 1
+            self._soak.counts[f"{HALVES}{type(problem).__name__}"] += 1
             return False
         finally:
             shared_trees.BUILDING_SECONDS, shared_trees.LOOKING_SECONDS = kept
         if is_there:
             self._check("an image", user)
         else:
-            self._soak.counts["halves: not yet"] += 1
+            self._soak.counts[HALVES + "not yet"] += 1
         return is_there
 
     def _begin(self, user: _User) -> None:
         depsgraph = bpy.context.evaluated_depsgraph_get()
         before = self.sync._building
         user.trees.begin(self.sync, lambda: self.sync.begin_update(depsgraph))
-        self._soak.counts["halves: joined"] += before is not None and self.sync._building is before
+        self._soak.counts[HALVES + "joined"] += before is not None and self.sync._building is before
 
     # Proof -----------------------------------------------------------------------------------------------------------
 
@@ -199,5 +200,5 @@ class Halves:
             if user.shown is not None and user.shown[0] == self.sync.revision and user.shown[1] != image:
                 found.append("another image, but the same revision")
             user.shown = self.sync.revision, image
-        self._soak.counts[f"halves: {what}"] += 1
-        self._soak._raise_if([f"halves, {what}: {one}" for one in found])
+        self._soak.counts[f"{HALVES}{what}"] += 1
+        self._soak._raise_if([f"{HALVES}{what}: {one}" for one in found])

@@ -164,6 +164,8 @@ def _kept(path: Path, commit: str | None, seeds: set[int]) -> dict[int, dict[str
 
 def summarise(results: dict[int, dict[str, Any]], wanted: int, wall_seconds: float) -> dict[str, Any]:
     """What is written: sums over the seeds, every difference, and how much memory the processes had."""
+    from blender.soak_halves import HALVES  # at the end: it brings Blender along
+
     counts: Counter[str] = Counter()
     for result in results.values():
         counts.update(result["counts"])
@@ -187,7 +189,8 @@ def summarise(results: dict[int, dict[str, Any]], wanted: int, wall_seconds: flo
         "steps_a_seed": STEPS_A_SEED,
         "seeds": sorted(results),
         "differences": [line for seed in sorted(results) for line in results[seed]["differences"]],
-        "edits": {name: counts[name] for name in sorted(counts) if name not in special},
+        "edits": {name: counts[name] for name in sorted(counts) if name not in special and not name.startswith(HALVES)},
+        "updates_in_halves": {name.removeprefix(HALVES): counts[name] for name in sorted(counts) if HALVES in name},
         "meshes_compared": counts["meshes"],
         "meshes_passed_over": counts["meshes passed over"],
         "read_again": counts["read again"],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from blender.soak import Kind, Soak
+from blender.soak_halves import HALVES
 
 # Each in every case, whatever its seed: what users do, and what syncs of this kind are known to miss.
 USUAL_EDITS = {
@@ -11,6 +12,9 @@ USUAL_EDITS = {
     *("link_data", "unlink", "relink", "duplicate", "add_modifier", "remove_modifier", "switch_modifier"),
     *("change_frame", "undo", "redo", "edit_in_edit_mode", "rename", "reopen"),
 }
+
+# To the updates in halves.
+HAPPENED = {"hold", "look", "look_all", "stop", "ask_to_stop", "update", "linger", "joined", "not yet", "WorkerError"}
 
 
 @pytest.mark.parametrize(
@@ -40,5 +44,7 @@ def test_random_edits(watches: bool, kind: Kind, seed: int) -> None:
     assert kind != "objects" or (soak.counts["read again"] > 5) == watches
     assert (soak.counts["instances read from geometry"] > 100) == (kind != "objects")
     assert (soak.counts["objects looked up in the list"] > 0) == (kind == "mixed")
+    assert not {name for name in HAPPENED if soak.counts[HALVES + name] == 0}
+    assert soak.counts[HALVES + "an image"] > 20
     assert soak.counts["render"] > 0
     assert soak.counts["render of the engine"] > 0
