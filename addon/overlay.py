@@ -142,6 +142,9 @@ class SceneOverlay:
 
     def _follow(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> bool:
         """Whether there are trees to draw."""
+        from .extract.changes import watch_again
+
+        watch_again()
         if self._is_stale or self._trees.sync is None:
             self._is_stale = False
             self._begin(context)

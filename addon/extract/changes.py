@@ -34,10 +34,12 @@ class ChangeListener(Protocol):
 _listeners: weakref.WeakSet[Any] = weakref.WeakSet()
 _log = EvaluationLog()
 _edit_counts: Counter[int] = Counter()  # by the scene's session uid
+_gap_count = 0  # how often Blender's handlers were found to be missing
 
 
 def listen(listener: ChangeListener) -> None:
     """Tells the listener of every change from now on, for as long as it lives."""
+    watch_again()
     _listeners.add(listener)
     _install()
 
@@ -56,10 +58,21 @@ def watched_evaluations(depsgraph: Any) -> EvaluationLog | None:
     """
     if not _listeners:
         return None
-    if not all(handler in getattr(bpy.app.handlers, name) for name, handler in _HANDLERS):
-        _install()  # somebody has emptied the lists
+    watch_again()
     _log.add(depsgraph)
     return _log
+
+
+def watch_again() -> None:
+    """Installs again what somebody has taken from Blender's lists, and tells all that they may have missed something.
+
+    For whoever reads, or shows what was read.
+    """
+    global _gap_count
+    if _listeners and not all(handler in getattr(bpy.app.handlers, name) for name, handler in _HANDLERS):
+        _install()
+        _gap_count += 1
+        _announce("Blender's handlers were removed")
 
 
 def edit_count(scene_uid: int) -> int:
@@ -67,7 +80,7 @@ def edit_count(scene_uid: int) -> int:
 
     Nor is a new frame, of which handlers are told in another way, or a selection: there it names the scene alone.
     """
-    return _edit_counts[scene_uid]
+    return _edit_counts[scene_uid] + _gap_count
 
 
 def _announce(what: str) -> None:

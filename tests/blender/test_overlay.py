@@ -167,6 +167,21 @@ def test_it_follows_frames_and_forgets_files(scene, drawn_batches) -> None:
     stop_listening(shown)
 
 
+def test_it_follows_edits_although_somebody_removed_its_handlers(scene, drawn_batches) -> None:
+    bpy.ops.mesh.primitive_cube_add()
+    settings = scene.perfect_bvh.overlay
+    settings.show_top_level, settings.level = True, 0
+    shown = overlay.SceneOverlay()
+    listen(shown)
+    for z in (0.0, 2.0):
+        bpy.context.object.location.z = z
+        bpy.context.view_layer.update()
+        shown._follow(bpy.context, settings)
+        np.testing.assert_allclose(shown.top_level._boxes.boxes[0, :, 2], [z - 1.0, z + 1.0], atol=1e-3)
+        bpy.app.handlers.depsgraph_update_post.clear()
+    stop_listening(shown)
+
+
 class Screen:
     """A graphics card that keeps the lines that are drawn, in order."""
 

@@ -104,6 +104,31 @@ def test_what_came_before_an_undo_or_a_file_is_not_known(scene: Any, event: str)
     sync.close()
 
 
+def test_handlers_that_somebody_removed_are_missed_by_the_next_who_reads(scene: Any, registered: None) -> None:
+    """Scripts empty Blender's lists. What was missed meanwhile nobody knows: so all that is shown or asked is old."""
+    obj = mesh_object("a", mesh_data("a", *SQUARE))
+    sync = SceneSync()
+    sync.update(evaluated())
+    edits = changes.edit_count(scene.session_uid)
+    for name, _ in changes._HANDLERS:
+        getattr(bpy.app.handlers, name).clear()
+    obj.location.z = 2.0
+    evaluated()
+    assert height(sync) == 0.0, "nobody could tell it"
+    session_of(evaluated()).update(evaluated())
+    assert installed() == len(changes._HANDLERS)
+    assert_stale(sync, "Blender's handlers were removed since the last update")
+    assert changes.edit_count(scene.session_uid) > edits
+    sync.update(evaluated())
+    assert height(sync) == 2.0
+
+    bpy.app.handlers.depsgraph_update_post.clear()
+    other = SceneSync()
+    assert_stale(sync, "Blender's handlers were removed since the last update")
+    for one in (sync, other):
+        one.close()
+
+
 def test_handlers_only_mark_stale(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever happens: nothing is read, compared or built before somebody asks for it."""
     obj = mesh_object("a", mesh_data("a", *SQUARE))
