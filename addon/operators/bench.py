@@ -17,12 +17,12 @@ from ..files import prepare_folder
 from ..lasting_scene import LastingScene
 from ..preferences import native_error
 from .preview import show_in_editor
+from .ticking import Ticking
 
 IMAGE_NAME = "Perfect BVH Bench"
-TIMER_SECONDS = 0.01
 
 
-class PERFECT_BVH_OT_bench(bpy.types.Operator):
+class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
     """Steps through the measurements in a timer."""
 
     bl_idname = "perfect_bvh.bench"
@@ -42,7 +42,6 @@ class PERFECT_BVH_OT_bench(bpy.types.Operator):
         subtype="DIR_PATH",
     )
 
-    _timer: bpy.types.Timer | None = None
     _bench: Any
     _steps: Generator[tuple[float, str], None, None]
     _place: LastingScene
@@ -59,10 +58,7 @@ class PERFECT_BVH_OT_bench(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if not self._begin(context):
             return {"CANCELLED"}
-        manager = context.window_manager
-        self._timer = manager.event_timer_add(TIMER_SECONDS, window=context.window)
-        manager.progress_begin(0, 100)
-        manager.modal_handler_add(self)
+        self._begin_ticking(context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -73,7 +69,7 @@ class PERFECT_BVH_OT_bench(bpy.types.Operator):
         step = self._step()
         if step is not None:
             context.window_manager.progress_update(100 * step[0])
-            context.workspace.status_text_set(f"Measuring: {step[1]}. Esc ends it and shows what there is")
+            self._tell(context, f"Measuring: {step[1]}. Esc ends it and shows what there is")
             return {"RUNNING_MODAL"}
         return self._finish(context)
 
@@ -120,11 +116,7 @@ class PERFECT_BVH_OT_bench(bpy.types.Operator):
 
     def _end(self, context: bpy.types.Context) -> None:
         self._steps.close()
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            context.window_manager.progress_end()
-            context.workspace.status_text_set(None)
-            self._timer = None
+        self._end_ticking(context)
         self._place.set_frame_back(*self._frame)
 
     def _finish(self, context: bpy.types.Context) -> set[str]:

@@ -18,12 +18,12 @@ from ..refinement import Pace, Refinement
 from ..screen_image import picture_of
 from ..shared_trees import LOOKING_SECONDS
 from ..viewport import REFINING_SECONDS, AwaitedView, await_view, find_view, remember_view
+from .ticking import Ticking
 
 IMAGE_NAME = "Perfect BVH Preview"
-TIMER_SECONDS = 0.01
 
 
-class PERFECT_BVH_OT_preview(bpy.types.Operator):
+class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
     """Refines the view in steps of a timer."""
 
     bl_idname = "perfect_bvh.preview"
@@ -31,12 +31,10 @@ class PERFECT_BVH_OT_preview(bpy.types.Operator):
     bl_description = "Render the current view with these settings into an image that the Image Editor shows"
     bl_options: ClassVar = {"REGISTER"}
 
-    _timer: bpy.types.Timer | None = None
     _scene_uid: int
     _view: AwaitedView
     _refinement: Refinement | None = None
     _window: int | None = None  # the one that was opened for the image
-    _state = ""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -52,10 +50,7 @@ class PERFECT_BVH_OT_preview(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if not self._attempt(lambda: self._read(context)):
             return {"CANCELLED"}
-        manager = context.window_manager
-        self._timer = manager.event_timer_add(TIMER_SECONDS, window=context.window)
-        manager.progress_begin(0, 100)
-        manager.modal_handler_add(self)
+        self._begin_ticking(context)
         self._show_state(context)
         return {"RUNNING_MODAL"}
 
@@ -149,16 +144,12 @@ class PERFECT_BVH_OT_preview(bpy.types.Operator):
             state = f"Building trees {self._view.building.share:.0%}"
         else:
             state = f"Preview: sample {self._refinement.sample_count}/{self._refinement.view.samples}"
-        if state != self._state:  # each call draws the status bar again
-            self._state = state
-            context.workspace.status_text_set(f"{state}: Esc stops it")
+        self._tell(context, f"{state}: Esc stops it")
 
     def _end(self, context: bpy.types.Context) -> None:
         if self._refinement is None:
             self._view.building.stop()
-        context.window_manager.event_timer_remove(self._timer)
-        context.window_manager.progress_end()
-        context.workspace.status_text_set(None)
+        self._end_ticking(context)
 
 
 def _store(refinement: Refinement) -> bpy.types.Image:

@@ -18,17 +18,17 @@ import numpy as np
 from ..files import check_writable
 from ..preferences import native_error
 from ..properties import read_precision
+from .ticking import Ticking
 
 if TYPE_CHECKING:
     from ..scanning import Pattern, PointCloud
 
-TIMER_SECONDS = 0.01
 STEP_SECONDS = 0.1
 NAME = "Scan"
 MOST_LINES = 4096  # of a LiDAR: so many that a digit too much costs no minutes and no memory
 
 
-class PERFECT_BVH_OT_scan(bpy.types.Operator):
+class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
     """Steps through a scan in a timer."""
 
     bl_idname = "perfect_bvh.scan"
@@ -37,11 +37,9 @@ class PERFECT_BVH_OT_scan(bpy.types.Operator):
     bl_options: ClassVar = {"REGISTER", "UNDO"}
 
     # Blender evaluates these annotations, and the scanner's module needs the native engine.
-    _timer: bpy.types.Timer | None = None
     _scanner: Any
     _steps: Generator[float, None, None]
     _started: float
-    _state = ""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -53,10 +51,7 @@ class PERFECT_BVH_OT_scan(bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if not self._begin(context):
             return {"CANCELLED"}
-        manager = context.window_manager
-        self._timer = manager.event_timer_add(TIMER_SECONDS, window=context.window)
-        manager.progress_begin(0, 100)
-        manager.modal_handler_add(self)
+        self._begin_ticking(context)
         self._show_state(context)
         return {"RUNNING_MODAL"}
 
@@ -136,17 +131,11 @@ class PERFECT_BVH_OT_scan(bpy.types.Operator):
     def _show_state(self, context: bpy.types.Context) -> None:
         built = self._scanner.built_share
         state = "Scanning" if built is None else f"Building trees {built:.0%}"
-        if state != self._state:  # each call draws the status bar again
-            self._state = state
-            context.workspace.status_text_set(f"{state}: Esc stops it")
+        self._tell(context, f"{state}: Esc stops it")
 
     def _end(self, context: bpy.types.Context) -> None:
         self._steps.close()
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            context.window_manager.progress_end()
-            context.workspace.status_text_set(None)
-            self._timer = None
+        self._end_ticking(context)
 
     def _finish(self, context: bpy.types.Context) -> set[str]:
         cloud = self._scanner.result()
