@@ -13,7 +13,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from charts import make, measure, stability, told
+from charts import image_error, make, measure, stability, told
 from charts.figures import DATA, FOLDER, PICTURES, load
 
 from addon.bench.chart import PALETTE, Axis, Chart, Panel, Series
@@ -50,6 +50,15 @@ def test_the_readme_tells_what_the_figures_say():
     text = told.README.read_text(encoding="utf-8")
     assert {found[2] for found in told.SECTION.finditer(text)} == told.TOLD.keys()
     assert told.retold(text) == text, "python tests/charts/make.py"
+
+
+def test_the_projects_readme_says_how_much_faster_than_cycles_the_preview_is(repository: Path):
+    rays, in_all = image_error.times_faster(load("image_error"))
+    text = " ".join((repository / "README.md").read_text(encoding="utf-8").split())
+    assert (
+        f"the preview's rays are {rays:.1f} times as fast as Cycles', but with reading a scene for the first time "
+        f"{in_all:.1f} times"
+    ) in text
 
 
 def test_a_fingerprint_tells_figures_apart():
