@@ -161,7 +161,7 @@ def test_a_missing_mesh_is_named(repository, mesh_file):
     script = repository / "tests" / "benchmarks" / "build.py"
     missing = mesh_file.with_name("none.npz")
     command = [sys.executable, str(script), "--mesh", str(missing), "--json", str(mesh_file.with_name("o.json"))]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode != 0
     assert "none.npz: there is no such file" in done.stderr
 

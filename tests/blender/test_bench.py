@@ -238,7 +238,7 @@ def test_the_command(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
     out = tmp_path / "charts"
     words = ["bench", str(file), "-o", str(out), "--seconds", "3"]
     code = f"import sys; from perfect_bvh_addon.cli import main; sys.exit(main({words!r}))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=240)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert "builders.png: " in done.stdout and done.stdout.rstrip().endswith("bench.json")
     assert {path.name for path in out.iterdir()} >= {"bench.json", "builders.png", "overview.png"}
@@ -246,5 +246,5 @@ def test_the_command(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
     file_in_the_way.write_text("")
     words[3] = str(file_in_the_way)
     code = f"import sys; from perfect_bvh_addon.cli import main; sys.exit(main({words!r}))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=240)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
     assert done.returncode == 2 and "expected a folder" in done.stderr

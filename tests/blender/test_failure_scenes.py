@@ -100,6 +100,6 @@ def test_the_script_writes_the_file_again(repository: Path, tmp_path: Path) -> N
         "--output",
         str(tmp_path),
     ]
-    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    subprocess.run(command, check=True, capture_output=True, timeout=300)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "zoo" / "twist.blend"))
     assert_frames_are_the_states(find_case("twist"))

@@ -262,7 +262,7 @@ def test_ocean_changes_its_topology_on_each_frame(blend_file: Callable[[str], Pa
 
 def run_maker(repository: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, str(repository / "blend_scenes" / "make_scenes.py"), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
 
 
 def test_the_script_writes_the_same_geometry_again(

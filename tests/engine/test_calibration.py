@@ -121,6 +121,6 @@ def test_the_command_says_where_it_cannot_write(tmp_path):
         "sys.exit(main(['calibrate', '-o', sys.argv[1]]))"
     )
     path = tmp_path / "file" / "calibration.json"
-    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, timeout=100)
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, timeout=300)
     assert done.returncode == 2
     assert f"cannot write {path}" in done.stderr
