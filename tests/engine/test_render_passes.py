@@ -347,3 +347,15 @@ def test_costs_are_counted() -> None:
     hit = passes["instance"] == 0
     assert (passes["nodes_visited"] > 0).all()
     assert (passes["primitives_tested"][hit] > 0).all()
+
+
+@pytest.mark.parametrize("mode", ["preview", "clay"])
+def test_passes_can_be_had_without_the_picture(mode: str) -> None:
+    scene, camera = Scene(), Camera.look_at((0.2, 0.2, 5.0), (0.2, 0.2, 0.0), up=(0.0, 1.0, 0.0))
+    scene.add_instance(scene.add_mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)]))
+    scene.commit()
+    asked = {"mode": mode, "size": (32, 18), "samples": 8}
+    alone = render_passes(scene, camera, passes=("depth",), **asked)
+    beside = render_passes(scene, camera, passes=("combined", "depth"), **asked)
+    assert list(alone) == ["depth"]
+    np.testing.assert_array_equal(alone["depth"], beside["depth"])

@@ -37,7 +37,7 @@ TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const Pas
       wants_centres_(targets.any_surface() || targets.any_counts()) {
   if (smoothing_radius_ > 0) {
     layer_.emplace(tiles_.area());
-  } else if (shared_reach() > 0) {
+  } else if (shared_reach() > 0 && !targets.combined.empty()) {
     film_.emplace(tiles_, filter_);
   }
 }
