@@ -91,6 +91,7 @@ def _read_material(material: Any, images: ImageReader | None) -> MaterialRecord:
         emission=_rgb(WHITE if glow.texture else glow, surface.brightness),
         alpha=_share(float(surface.alpha.color[0])) if surface.alpha.texture is None else 1.0,
         **{name: _share(value) for name, value in surface.gloss.items()},
+        holdout=_share(surface.holdout),
         color_image=color_image,
         alpha_image=alpha_image,
         tint=surface.base.tint,

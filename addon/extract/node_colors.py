@@ -28,7 +28,8 @@ _COLOR_INPUTS = ("Base Color", "Color")
 class Surface:
     """base, emission: colours; emission is radiance, of `brightness` times as much. alpha: 0 to 1.
 
-    gloss: metallic, roughness, reflectance, transmission, see `perfect_bvh.MaterialTable`.
+    gloss: metallic, roughness, reflectance, transmission, see `perfect_bvh.MaterialTable`. holdout: of what is
+    there, how much cuts a hole into the image; a number for all of the surface.
     """
 
     base: Value
@@ -36,6 +37,7 @@ class Surface:
     brightness: float = 1.0
     alpha: Value = WHOLE
     gloss: Mapping[str, float] = field(default_factory=lambda: MATT)
+    holdout: float = 0.0
 
 
 def read_surface(material: Any, images: ImageMeans) -> Surface:
@@ -69,6 +71,8 @@ class _SurfaceReader:
             return self._add(*(self.follow(socket, scope, depth + 1) for socket in node.inputs))
         if node.type == "BSDF_TRANSPARENT":
             return Surface(BLACK, alpha=NOTHING)
+        if node.type == "HOLDOUT":
+            return Surface(BLACK, holdout=1.0)
         if node.type == "EMISSION":
             return self._glow(Surface(BLACK), node.inputs["Color"], node.inputs["Strength"], scope)
         if node.type == "BSDF_PRINCIPLED":
@@ -143,7 +147,9 @@ class _SurfaceReader:
         second_share = float(weights[1] / (weights[0] + weights[1]))
         by = factor if first.alpha is WHOLE and second.alpha is WHOLE else constant(second_share)
         gloss = {name: first.gloss[name] * (1.0 - second_share) + second.gloss[name] * second_share for name in MATT}
-        return Surface(values.combine(_lerp, [by, first.base, second.base], "mix"), emission, 1.0, alpha, gloss)
+        holdout = first.holdout * (1.0 - second_share) + second.holdout * second_share
+        base = values.combine(_lerp, [by, first.base, second.base], "mix")
+        return Surface(base, emission, 1.0, alpha, gloss, holdout)
 
     def _lerp_glow(self, first: Surface, second: Surface, factor: Value) -> Value:
         glows = self._radiance(first), self._radiance(second)
@@ -152,10 +158,12 @@ class _SurfaceReader:
         return self._values.combine(_lerp, [factor, *glows], "mix")
 
     def _add(self, first: Surface, second: Surface) -> Surface:
+        if first.holdout + second.holdout >= 1.0:
+            return Surface(BLACK, holdout=1.0)
         glows = self._radiance(first), self._radiance(second)
         emission = self._values.combine(lambda one, other: one + other, glows, "add")
         brightest = max((first, second), key=lambda surface: float(self._values.mean(surface.base)[:3].sum()))
-        return replace(brightest, emission=emission, brightness=1.0)
+        return replace(brightest, emission=emission, brightness=1.0, holdout=first.holdout + second.holdout)
 
 
 def _lerp(share: Pixels, one: Pixels, other: Pixels) -> Pixels:

@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 
 from ..sync.records import (
+    CATCHES_SHADOWS,
     VISIBLE_TO_CAMERA,
     VISIBLE_TO_DIFFUSE,
     VISIBLE_TO_GLOSSY,
@@ -97,6 +98,9 @@ class VisibilityReader:
         mask = _ray_mask(obj) if parent is None else _ray_mask(obj) & _ray_mask(parent)
         if _placed(obj, parent).indirect_only_get(view_layer=self._view_layer):
             mask &= ~VISIBLE_TO_CAMERA
+        # As in Cycles, the instancer's setting counts for its instances, too.
+        if mask and (obj.is_shadow_catcher or (parent is not None and parent.is_shadow_catcher)):
+            mask |= CATCHES_SHADOWS
         return mask
 
     def is_holdout(self, obj: Any, parent: Any) -> bool:

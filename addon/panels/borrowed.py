@@ -45,6 +45,20 @@ class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
         column.prop(view_layer, "use_pass_material_index")
 
 
+class PERFECT_BVH_PT_mask(RenderPanel, bpy.types.Panel):
+    """What an object shows in place of itself. Blender has these switches with Cycles only."""
+
+    bl_label = "Mask"
+    bl_context = "object"
+    bl_parent_id = "OBJECT_PT_visibility"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(context.object, "is_holdout")
+        layout.prop(context.object, "is_shadow_catcher")
+
+
 class PERFECT_BVH_PT_panorama(RenderPanel, bpy.types.Panel):
     """The part of the sphere that a panoramic camera sees. Blender shows these settings with Cycles only."""
 
@@ -96,4 +110,4 @@ def _all_panels(base: type) -> Iterator[type[bpy.types.Panel]]:
         yield from _all_panels(panel)
 
 
-CLASSES = (PERFECT_BVH_PT_passes, PERFECT_BVH_PT_panorama)
+CLASSES = (PERFECT_BVH_PT_passes, PERFECT_BVH_PT_mask, PERFECT_BVH_PT_panorama)

@@ -18,6 +18,7 @@ from perfect_bvh.appearance import (
 )
 
 from .records import (
+    CATCHES_SHADOWS,
     VISIBLE_TO_CAMERA,
     VISIBLE_TO_DIFFUSE,
     VISIBLE_TO_GLOSSY,
@@ -58,6 +59,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
         shadow_mask=VISIBLE_TO_SHADOW,
         diffuse_mask=VISIBLE_TO_DIFFUSE,
         glossy_mask=VISIBLE_TO_GLOSSY,
+        catcher_mask=CATCHES_SHADOWS,
         film_transparent=record.film_transparent,
         images=tuple(
             [
@@ -88,6 +90,7 @@ def _material_table(record: SceneRecord) -> MaterialTable:
         roughnesses=np.array([material.roughness for material in materials], np.float32),
         reflectances=np.array([material.reflectance for material in materials], np.float32),
         transmissions=np.array([material.transmission for material in materials], np.float32),
+        holdouts=np.array([material.holdout for material in materials], np.float32),
         color_images=np.array([material.color_image for material in materials], np.int32),
         alpha_images=np.array([material.alpha_image for material in materials], np.int32),
         emission_images=np.array([material.emission_image for material in materials], np.int32),

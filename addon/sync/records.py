@@ -31,6 +31,8 @@ VISIBLE_TO_TRANSMISSION = 1 << 3
 VISIBLE_TO_VOLUME = 1 << 4
 VISIBLE_TO_SHADOW = 1 << 5
 VISIBLE_TO_ALL = 0x3F
+# Of shadow catchers, beside what sees them.
+CATCHES_SHADOWS = 1 << 6
 
 # What the engine takes of coordinates and matrices, in magnitude.
 LARGEST_COORDINATE = 1e18
@@ -168,6 +170,7 @@ class MaterialRecord:
     roughness: float = 1.0
     reflectance: float = 0.0
     transmission: float = 0.0
+    holdout: float = 0.0
     color_image: int = -1
     alpha_image: int = -1
     emission_image: int = -1

@@ -196,6 +196,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.roughnesses = view<float>(values, "roughnesses");
   appearance.reflectances = view<float>(values, "reflectances");
   appearance.transmissions = view<float>(values, "transmissions");
+  appearance.material_holdouts = view<float>(values, "holdouts");
   appearance.color_images = view<std::int32_t>(values, "color_images");
   appearance.alpha_images = view<std::int32_t>(values, "alpha_images");
   appearance.emission_images = view<std::int32_t>(values, "emission_images");
@@ -212,6 +213,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.shadow_mask = get<std::uint32_t>(values, "shadow_mask");
   appearance.diffuse_mask = get<std::uint32_t>(values, "diffuse_mask");
   appearance.glossy_mask = get<std::uint32_t>(values, "glossy_mask");
+  appearance.catcher_mask = get<std::uint32_t>(values, "catcher_mask");
   appearance.film_transparent = get<bool>(values, "film_transparent");
   for (const auto& [key, value] : values["meshes"].cast<py::dict>()) {
     const auto mesh = value.cast<py::dict>();

@@ -60,7 +60,7 @@ def rendered(registered: None) -> None:
 def drawn(panel: type) -> list[str]:
     class Context:
         engine, scene, view_layer = "PERFECT_BVH", bpy.context.scene, bpy.context.view_layer
-        camera = bpy.context.scene.camera.data
+        camera, object = bpy.context.scene.camera.data, bpy.context.scene.camera
         preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))  # 0 without a window
         region = SimpleNamespace(width=280)
 

@@ -106,6 +106,28 @@ def hold_out(scene: bpy.types.Scene) -> None:
     front(scene).is_holdout = True
 
 
+def hold_out_by_shader(scene: bpy.types.Scene) -> None:
+    tree = front(scene).active_material.node_tree
+    hole = tree.nodes.new("ShaderNodeHoldout")
+    tree.links.new(hole.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+
+
+def hold_out_in_part(scene: bpy.types.Scene, share: float = 0.4, other: str = "ShaderNodeBsdfDiffuse") -> None:
+    """A mix of a hole and of what the cube was, or of another shader."""
+    tree = front(scene).active_material.node_tree
+    surface = tree.nodes["Material Output"].inputs["Surface"]
+    beside = surface.links[0].from_node if other == "ShaderNodeBsdfDiffuse" else tree.nodes.new(other)
+    mix, hole = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeHoldout")
+    mix.inputs[0].default_value = share
+    tree.links.new(beside.outputs[0], mix.inputs[1])
+    tree.links.new(hole.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], surface)
+
+
+def hold_out_with_air(scene: bpy.types.Scene) -> None:
+    hold_out_in_part(scene, other="ShaderNodeBsdfTransparent")
+
+
 def move_to_collection(scene: bpy.types.Scene) -> bpy.types.LayerCollection:
     collection = bpy.data.collections.new("Apart")
     scene.collection.children.link(collection)
@@ -128,13 +150,19 @@ CASES = [
     hide_from_diffuse,
     hold_out,
     hold_out_collection,
+    hold_out_by_shader,
+    hold_out_in_part,
+    hold_out_with_air,
     show_collection_indirectly,
 ]
 
 
 @pytest.mark.parametrize(
     ("change", "film_transparent"),
-    [*((case, False) for case in CASES), (hide_from_cameras, True), (hold_out, True)],
+    [
+        *((case, False) for case in CASES),
+        *((case, True) for case in (hide_from_cameras, hold_out, hold_out_by_shader, hold_out_in_part)),
+    ],
 )
 def test_what_is_hidden_or_held_out_looks_as_in_cycles(scene, change, film_transparent: bool) -> None:
     scene.render.film_transparent = film_transparent
@@ -142,7 +170,10 @@ def test_what_is_hidden_or_held_out_looks_as_in_cycles(scene, change, film_trans
     change(scene)
     changed, _ = check(scene)
     assert np.abs(changed - plain).max() > 0.02, "the change shows"
-    if change in (hold_out, hold_out_collection):
+    if change in (hold_out_in_part, hold_out_with_air):
+        left = 0.6 if change is hold_out_in_part else 0.6 * 0.6  # a look through air meets the cube's back as well
+        assert (np.abs(changed[..., 3] - left) < 0.01).mean() > 0.05
+    elif change in (hold_out, hold_out_collection, hold_out_by_shader):
         assert 0.05 < (changed[..., 3] < 0.01).mean() < 0.5
     elif not film_transparent:
         assert (changed[..., 3] > 0.999).all()

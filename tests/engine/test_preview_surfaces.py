@@ -13,6 +13,7 @@ from engine.preview_looks import (
     BLACK,
     FLOOR,
     PLAIN,
+    ROOF,
     SIZE,
     WHITE,
     brightness,
@@ -24,7 +25,7 @@ from engine.preview_looks import (
     quads,
     square,
 )
-from perfect_bvh import Appearance, World, render
+from perfect_bvh import Appearance, World, render, render_passes
 
 
 def test_a_smooth_metal_is_a_coloured_mirror():
@@ -96,3 +97,45 @@ def test_light_bounces_off_what_is_held_out_of_the_image():
         look = Appearance(instances=table, materials=red["materials"], world=WHITE)
         images.append(render(scene, ABOVE, "preview", SIZE, 8, look))
     np.testing.assert_array_equal(images[0], images[1])  # the camera looks past the wall
+
+
+@pytest.mark.parametrize(("share", "alpha"), [(1.0, 1.0), (0.5, 1.0), (1.0, 0.5), (0.25, 0.5)])
+def test_a_material_cuts_as_much_of_a_hole_as_it_says(share, alpha):
+    """A black pane before a bright floor, which it hides as much as it is there, whatever of it is a hole."""
+    cut = made_of(1, base_colors=(0.0, 0.0, 0.0), alphas=alpha, holdouts=share)
+    cut["instances"] = replace(cut["instances"], ids=np.array([1], np.int32))
+    image = render(floor(square(50.0, 1.0)), ABOVE, "preview", SIZE, 4, Appearance(**cut, world=WHITE))
+    np.testing.assert_allclose(image[12:20, 12:20, 3], 1.0 - share * alpha, atol=1e-5)
+    without = made_of(1, base_colors=(0.0, 0.0, 0.0), alphas=alpha)
+    without["instances"] = cut["instances"]
+    plain = render(floor(square(50.0, 1.0)), ABOVE, "preview", SIZE, 4, Appearance(**without, world=WHITE))
+    np.testing.assert_allclose(image[12:20, 12:20, :3], plain[12:20, 12:20, :3], atol=1e-5)
+
+
+def test_a_hole_is_no_surface_to_passes():
+    cut = made_of(1, holdouts=1.0)
+    asked = {"mode": "preview", "size": SIZE, "samples": 2, "passes": ("depth",)}
+    passes = render_passes(floor(), ABOVE, appearance=Appearance(**cut), **asked)
+    assert (passes["depth"] >= 1e10).all()
+
+
+@pytest.mark.parametrize("film_transparent", [False, True])
+def test_a_catcher_shows_the_shadow_alone(film_transparent):
+    """That of a roof under a sun straight above, seen from the side and from below the roof's edge."""
+    look = Appearance(
+        lights=lights(1, power=math.pi),
+        world=BLACK,
+        backdrop=World((0.5, 0.25, 0.125)),
+        catcher_mask=0b10,
+        film_transparent=film_transparent,
+    )
+    scene = quads(FLOOR, ROOF, masks=(0b11, 0b01))
+    image = render(scene, ASIDE, "preview", SIZE, 4, look)
+    lit, dark = image[28:], image[15:17, 12:20]
+    np.testing.assert_array_equal(
+        lit.reshape(-1, 4), [(0, 0, 0, 0) if film_transparent else (0.5, 0.25, 0.125, 1)] * 128
+    )
+    assert (dark[..., 3] > 0.9).all()
+    assert (dark[..., :3] < 0.05).all()
+    plain = render(scene, ASIDE, "preview", SIZE, 4, replace(look, catcher_mask=0))
+    assert plain[28:, :, 0].min() > 0.7, "a floor as any other"

@@ -17,7 +17,7 @@ from .appearance import LIGHT_KINDS, Appearance, ImageTexture, LightTable, MeshA
 from .camera import Camera
 
 _LARGEST_SIZE = 65536
-_MATERIAL_SHARES = ("alphas", "metallics", "roughnesses", "reflectances", "transmissions")
+_MATERIAL_SHARES = ("alphas", "metallics", "roughnesses", "reflectances", "transmissions", "holdouts")
 _LARGEST_COUNT = 2**31 - 1
 _LARGEST_MASK = 2**32 - 1
 _FIRST_TILE, _LAST_TILE = 1001, 2000
@@ -121,7 +121,7 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
         "holdout": column("instances.holdout", table.holdout, np.bool_),
         **{
             name: check_count(function, f"appearance.{name}", getattr(appearance, name), 0, _LARGEST_MASK)
-            for name in ("camera_mask", "shadow_mask", "diffuse_mask", "glossy_mask")
+            for name in ("camera_mask", "shadow_mask", "diffuse_mask", "glossy_mask", "catcher_mask")
         },
         "film_transparent": bool(appearance.film_transparent),
         "meshes": {

@@ -53,6 +53,8 @@ class MaterialTable:
     reflectances: (M,) float32, what a surface that is no metal mirrors when seen from straight above; 0.04 for most.
         None: all is matt.
     transmissions: (M,) float32, 0 to 1: how clear it is. Glass mirrors and is seen through straight. None: none is.
+    holdouts: (M,) float32, 0 to 1: how much of it cuts a hole into the image: it hides what is behind without colour or
+        alpha of its own. At 1 camera rays find no surface in it, as in an instance that is held out. None: none does.
     color_images: (M,) int32, rows of the appearance's images, which stand for the base colours; -1 for none.
     alpha_images: (M,) int32, images whose alpha multiplies the material's; -1 for none.
     emission_images: (M,) int32, images whose colours multiply the emissions; -1 for none.
@@ -69,6 +71,7 @@ class MaterialTable:
     roughnesses: Float32Array | None = None
     reflectances: Float32Array | None = None
     transmissions: Float32Array | None = None
+    holdouts: Float32Array | None = None
     color_images: Int32Array | None = None
     alpha_images: Int32Array | None = None
     emission_images: Int32Array | None = None
@@ -163,6 +166,9 @@ class Appearance:
     camera_mask: the bits of an instance's mask that camera rays see. shadow_mask: those that
     ambient-occlusion and shadow rays see. diffuse_mask, glossy_mask: in "preview" those that rays see which look for
     the light from all around a surface, and mirrored rays.
+    catcher_mask: in "preview" instances with one of these bits in their mask show nothing but the shadows that others
+    throw on them: black, with as much alpha as the light that these take from them; over the world without
+    `film_transparent`.
     film_transparent: the background has alpha 0 instead of showing the sky.
     images, lights, world: for the mode "preview". Without a world the studio's soft sky stands for it.
     backdrop: what the camera sees instead of the world, and nothing is lit by. None: the world.
@@ -175,6 +181,7 @@ class Appearance:
     shadow_mask: int = 0xFFFFFFFF
     diffuse_mask: int = 0xFFFFFFFF
     glossy_mask: int = 0xFFFFFFFF
+    catcher_mask: int = 0
     film_transparent: bool = False
     images: tuple[ImageTexture, ...] = ()
     lights: LightTable = field(default_factory=LightTable)

@@ -42,7 +42,15 @@ void Appearance::finish() {
                      std::any_of(transmissions.begin(), transmissions.end(), is_above_zero);
   any_glossy_ = std::any_of(metallics.begin(), metallics.end(), is_above_zero) ||
                 std::any_of(reflectances.begin(), reflectances.end(), is_above_zero);
-  any_holdout_ = std::any_of(holdout.begin(), holdout.end(), [](std::uint8_t flag) { return flag != 0; });
+  any_holdout_ = std::any_of(holdout.begin(), holdout.end(), [](std::uint8_t flag) { return flag != 0; }) ||
+                 std::any_of(material_holdouts.begin(), material_holdouts.end(), is_above_zero);
+}
+
+bool Appearance::is_hole(std::int32_t material) const noexcept {
+  if (material == kNoMaterial) return false;
+  const auto row = static_cast<std::size_t>(material);
+  return material_holdouts[row] >= 1.0f && (alphas.empty() || alphas[row] >= 1.0f) &&
+         (alpha_images.empty() || alpha_images[row] == kNoImage);
 }
 
 void Appearance::check_tables() const {
@@ -88,6 +96,7 @@ void Appearance::check_materials() const {
   check("roughnesses", roughnesses.size());
   check("reflectances", reflectances.size());
   check("transmissions", transmissions.size());
+  check("holdouts", material_holdouts.size());
   check("tints", tints.size());
   const auto check_images = [&](const char* name, std::span<const std::int32_t> rows) {
     check(name, rows.size());

@@ -52,6 +52,7 @@ struct Appearance {
   std::span<const float> metallics, roughnesses;  // empty: 0 and 1
   std::span<const float> reflectances;            // of what is not metal, seen from straight above; empty: 0
   std::span<const float> transmissions;           // empty: 0
+  std::span<const float> material_holdouts;       // how much of it cuts a hole into the image; empty: 0
   std::span<const std::int32_t> color_images;     // instead of the base colours
   std::span<const std::int32_t> alpha_images;     // their alpha multiplies
   std::span<const std::int32_t> emission_images;  // their colour multiplies
@@ -72,6 +73,7 @@ struct Appearance {
   std::uint32_t shadow_mask = 0xFFFFFFFFu;
   std::uint32_t diffuse_mask = 0xFFFFFFFFu;  // of rays that look for light all around a surface
   std::uint32_t glossy_mask = 0xFFFFFFFFu;   // of mirrored rays
+  std::uint32_t catcher_mask = 0;            // of what shows the shadows alone that others throw on it
   bool film_transparent = false;
 
   void set_mesh(std::int32_t mesh_id, const MeshAttributes& attributes);
@@ -86,11 +88,14 @@ struct Appearance {
   [[nodiscard]] std::int32_t row_of(const Instance& instance) const noexcept {
     return row_in(instance_rows_, instance.id);
   }
-  [[nodiscard]] bool is_holdout(const Instance& instance) const noexcept {
+  // Whether a camera ray that meets it finds a hole, and nothing else.
+  [[nodiscard]] bool is_holdout(const Instance& instance, std::uint32_t primitive) const {
     if (!any_holdout_) return false;
     const auto row = row_of(instance);
-    return row >= 0 && holdout[static_cast<std::size_t>(row)] != 0;
+    if (row >= 0 && holdout[static_cast<std::size_t>(row)] != 0) return true;
+    return !material_holdouts.empty() && is_hole(material_of(instance, primitive));
   }
+  [[nodiscard]] bool is_catcher(const Instance& instance) const noexcept { return (instance.mask & catcher_mask) != 0; }
   // Whether some material lets anything through.
   [[nodiscard]] bool any_transparent() const noexcept { return any_transparent_; }
   // Whether some material mirrors anything.
@@ -106,6 +111,7 @@ struct Appearance {
     const auto index = static_cast<std::size_t>(id);  // a negative id is beyond every table
     return index < rows.size() ? rows[index] : -1;
   }
+  [[nodiscard]] bool is_hole(std::int32_t material) const noexcept;
   void check_tables() const;
   void check_materials() const;
 

@@ -99,6 +99,7 @@ Material material_at(const Appearance& appearance, const Instance& instance, con
   if (!appearance.emissions.empty()) material.emission = appearance.emissions[index];
   if (!appearance.alphas.empty()) material.alpha = appearance.alphas[index];
   if (!appearance.transmissions.empty()) material.transmission = appearance.transmissions[index];
+  if (!appearance.material_holdouts.empty()) material.holdout = appearance.material_holdouts[index];
   look_up_images(appearance, instance, hit, index, material);
   if (const std::int32_t tint = appearance.tints.empty() ? kNoTint : appearance.tints[index]; tint != kNoTint) {
     material.color = material.color * tint_at(appearance, instance, hit, tint);

@@ -17,9 +17,12 @@ struct Material {
   float roughness = 1.0f;
   float alpha = 1.0f;
   float transmission = 0.0f;  // of what is there, how much is clear as glass
+  float holdout = 0.0f;       // of what is there, how much cuts a hole: it hides what is behind, and adds no alpha
 
   // What passes straight through: nothing is bent, for all that glass does.
   [[nodiscard]] float through() const noexcept { return 1.0f - alpha * (1.0f - transmission); }
+  // What it adds to the image's alpha.
+  [[nodiscard]] float shown() const noexcept { return 1.0f - through() - alpha * holdout; }
   // The same of light on its way to other surfaces: glass, which would bend it, throws half a shadow.
   [[nodiscard]] float lets_light_through() const noexcept { return 1.0f - alpha * (1.0f - 0.6f * transmission); }
   // As if it gave back matt what it mirrors: for light that bounced.

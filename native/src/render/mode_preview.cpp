@@ -1,5 +1,8 @@
 // The scene as it will look, roughly: its materials' base colours, gloss, own light and transparency under its own
 // lights and world, with one bounce of light (see illumination.h). Glass is seen through straight.
+#include <algorithm>
+#include <optional>
+
 #include "render/material.h"
 #include "render/sampler.h"
 #include "render/shading.h"
@@ -18,7 +21,17 @@ class PreviewMode final : public ShadingMode {
         cancel_(inputs.cancel),
         appearance_(inputs.appearance),
         illumination_(inputs.snapshot, inputs.appearance, inputs.settings.seed, inputs.settings.preview.light_rays,
-                      inputs.settings.threads, inputs.cancel) {}
+                      inputs.settings.threads, inputs.cancel) {
+    if (appearance_.catcher_mask == 0) return;
+    if (std::none_of(snapshot_.instances.begin(), snapshot_.instances.end(),
+                     [&](const Instance& instance) { return appearance_.is_catcher(instance); })) {
+      return;
+    }
+    catchers_ = appearance_;
+    catchers_.shadow_mask = catchers_.diffuse_mask = catchers_.glossy_mask = appearance_.catcher_mask;
+    open_.emplace(inputs.snapshot, catchers_, inputs.settings.seed, inputs.settings.preview.light_rays,
+                  inputs.settings.threads, inputs.cancel);
+  }
 
   [[nodiscard]] SurfaceNeeds needs() const noexcept override {
     return {.normals = true, .origins = true, .materials = true};
@@ -46,6 +59,9 @@ class PreviewMode final : public ShadingMode {
       lit_point.color = material.color * material.alpha;
       lit_point.lit = lit_point.color * layer.light[row];
       lit_point.known = layer.glosses.empty() || layer.glosses[row].over_matt;
+    }
+    if (open_) {
+      for (const std::uint32_t row : scratch.caught.rows) scratch.lit_points[row].known = false;
     }
     if (appearance_.any_transparent()) shade_behind(task, first, layer);
   }
@@ -84,13 +100,51 @@ class PreviewMode final : public ShadingMode {
     layer.light.resize(seen.points.size()), layer.shine.resize(layer.glosses.size());
     illumination_.gather({seen.points, layer.places, layer.glosses, layer.light, layer.shine}, task.sample,
                          task.scratch.illumination);
+    if (open_) catch_shadows(task, seen, layer);
     for (std::size_t row = 0; row < seen.points.size(); ++row) {
       const Material& material = layer.materials[row];
       Vec3f color = material.emission + material.color * layer.light[row];
       if (!layer.shine.empty()) color = color + layer.shine[row];
       const float weight = layer.weights[row];
-      add(task.colors[layer.owners[row]], color * (weight * material.alpha), weight * (1.0f - material.through()));
+      add(task.colors[layer.owners[row]], color * (weight * material.alpha), weight * material.shown());
     }
+  }
+
+  // Shows the points on shadow catchers, and leaves nothing of them for others to show. The light that they get is held
+  // against that which they get by the same rays where nothing but catchers is: what no shadow reaches is without
+  // noise. The mean of these quotients is shown, Cycles has the quotient of the means.
+  void catch_shadows(const ShadeTask& task, const Seen& seen, SurfaceLayer& layer) const {
+    CaughtLight& caught = task.scratch.caught;
+    caught.rows.clear(), caught.points.clear(), caught.places.clear();
+    for (std::uint32_t row = 0; row < seen.points.size(); ++row) {
+      const SurfacePoint& point = seen.points[row];
+      if (!appearance_.is_catcher(snapshot_.instances[seen.hits[point.ray].instance_index])) continue;
+      caught.rows.push_back(row), caught.points.push_back(point), caught.places.push_back(layer.places[row]);
+    }
+    if (caught.rows.empty()) return;
+    caught.light.resize(caught.rows.size()), caught.open.resize(caught.rows.size());
+    illumination_.gather({caught.points, caught.places, {}, caught.light, {}}, task.sample, task.scratch.illumination);
+    open_->gather({caught.points, caught.places, {}, caught.open, {}}, task.sample, task.scratch.illumination);
+    for (std::size_t i = 0; i < caught.rows.size(); ++i) {
+      const std::uint32_t row = caught.rows[i];
+      const float bright = share_left(caught.light[i], caught.open[i]), weight = layer.weights[row];
+      Rgba& color = task.colors[layer.owners[row]];
+      if (appearance_.film_transparent) {
+        add(color, {0, 0, 0}, weight * (1.0f - bright));
+      } else {
+        const Vec3f direction = to_float(normalized(seen.rays[caught.points[i].ray].direction));
+        add(color, illumination_.surroundings().backdrop(direction) * (weight * bright), weight);
+      }
+      layer.materials[row] = Material{.holdout = 1.0f};
+      layer.light[row] = {0, 0, 0};
+      if (!layer.shine.empty()) layer.shine[row] = {0, 0, 0};
+    }
+  }
+
+  // The mean over the channels.
+  [[nodiscard]] static float share_left(Vec3f light, Vec3f open) noexcept {
+    const auto share = [](float some, float all) { return all > 0.0f ? std::min(some / all, 1.0f) : 1.0f; };
+    return (share(light.x, open.x) + share(light.y, open.y) + share(light.z, open.z)) / 3.0f;
   }
 
   // What is mirrored is neither given back matt nor let through.
@@ -156,6 +210,8 @@ class PreviewMode final : public ShadingMode {
   CancelToken& cancel_;
   const Appearance& appearance_;
   Illumination illumination_;
+  Appearance catchers_;  // the same, where rays for light meet shadow catchers alone
+  std::optional<Illumination> open_;
 };
 
 }  // namespace

@@ -27,6 +27,7 @@ struct ShadeScratch {
   AlignedVector<LitPoint> lit_points;    // a row a point, of a mode that keeps light apart
   Illumination::Scratch illumination;
   SurfaceLayer layer, next_layer;
+  CaughtLight caught;
 };
 
 struct ShadeTask {

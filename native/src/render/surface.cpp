@@ -126,7 +126,7 @@ void find_surfaces(const Snapshot& snapshot, const Appearance& appearance, Surfa
     const Hit& hit = hits[row];
     if (!hit.found()) continue;
     const Instance& instance = snapshot.instances[hit.instance_index];
-    if (!needs.holdouts && appearance.is_holdout(instance)) continue;
+    if (!needs.holdouts && appearance.is_holdout(instance, hit.primitive_index)) continue;
     SurfacePoint point;
     point.ray = static_cast<std::uint32_t>(row);
     if (needs.normals) set_normals(appearance, instance, rays[row], hit, needs.origins, point);

@@ -21,4 +21,12 @@ struct SurfaceLayer {
   AlignedVector<Vec3f> light, shine;
 };
 
+// The points of a layer that lie on shadow catchers.
+struct CaughtLight {
+  AlignedVector<std::uint32_t> rows;  // in the layer
+  AlignedVector<SurfacePoint> points;
+  AlignedVector<std::uint32_t> places;
+  AlignedVector<Vec3f> light, open;  // with everything there is, and with shadow catchers alone
+};
+
 }  // namespace perfect_bvh
