@@ -44,13 +44,14 @@ def _fill_of(tile: Any) -> tuple[Any, ...]:
     return (tile.generated_type, tuple(tile.generated_color), *size, tile.use_generated_float)
 
 
-def read_tiles(image: Any, read: Callable[[Any], T | None], warn: Callable[[str], None]) -> dict[int, T]:
+def read_tiles(image: Any, read: Callable[[Any, str], T | None], warn: Callable[[str], None]) -> dict[int, T]:
     """What `read` makes of each tile, by the tiles' numbers, in their order. What is missing is left out and named.
 
+    read: takes an image and the name of the colour space that its bytes are of.
     Each is read as an image of its own, which is gone afterwards; the first as the image itself.
     """
     numbers = [tile.number for tile in image.tiles]
-    found = {numbers[0]: read(image)}
+    found = {numbers[0]: read(image, image.colorspace_settings.name)}
     if len(numbers) > 1:
         with _files_of(image, warn) as path, bpy.data.temp_data() as data:
             for number in numbers[1:]:
@@ -60,13 +61,19 @@ def read_tiles(image: Any, read: Callable[[Any], T | None], warn: Callable[[str]
     return {number: pixels for number, pixels in found.items() if pixels is not None}
 
 
-def _read_tile(data: Any, image: Any, path: str, read: Callable[[Any], T | None]) -> T | None:
+def _read_tile(data: Any, image: Any, path: str, read: Callable[[Any, str], T | None]) -> T | None:
     try:
         tile = data.images.load(path)
     except RuntimeError:  # there is no such file
         return None
-    tile.colorspace_settings.name, tile.alpha_mode = image.colorspace_settings.name, image.alpha_mode
-    return read(tile)
+    # Bytes are handed out as they are. Settings are left alone where they can be: Blender tells of changes, even of an
+    # image that is gone.
+    space = image.colorspace_settings.name
+    if tile.is_float and tile.colorspace_settings.name != space:
+        tile.colorspace_settings.name = space
+    if tile.alpha_mode != image.alpha_mode:
+        tile.alpha_mode = image.alpha_mode
+    return read(tile, space)
 
 
 @contextmanager

@@ -201,8 +201,11 @@ def _look_of(image: Any) -> tuple[Any, ...]:
     )
 
 
-def _read_pixels(image: Any) -> Pixels | None:
-    """(H, W, 4), row 0 at the bottom: uint8 if the image is of sRGB bytes, else scene-linear float32."""
+def _read_pixels(image: Any, space: str | None = None) -> Pixels | None:
+    """(H, W, 4), row 0 at the bottom: uint8 if the image is of sRGB bytes, else scene-linear float32.
+
+    space: the name of the colour space of bytes, if it is not the image's own.
+    """
     width, height = image.size
     if not width or not height:
         return None
@@ -210,7 +213,7 @@ def _read_pixels(image: Any) -> Pixels | None:
     if len(image.pixels) != values.size:  # of fewer channels than Blender lets Python write
         return None
     image.pixels.foreach_get(values.reshape(-1))
-    if not image.is_float and image.colorspace_settings.name not in _LINEAR_SPACES:
+    if not image.is_float and (space or image.colorspace_settings.name) not in _LINEAR_SPACES:
         return np.rint(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
     np.nan_to_num(values, copy=False, nan=0.0, posinf=65504.0, neginf=0.0)
     if image.is_float:  # stored multiplied by alpha

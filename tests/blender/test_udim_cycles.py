@@ -147,6 +147,26 @@ def test_strokes_that_were_not_saved_show(scene, image) -> None:  # noqa: F811
         sync.close()
 
 
+@pytest.mark.parametrize("is_painted", [False, True])
+def test_reading_tiles_is_no_change(scene, image, is_painted: bool) -> None:  # noqa: F811
+    """Else a viewport would read them for ever; they are taken for numbers as the image is."""
+    image.colorspace_settings.name = "Non-Color"
+    shown(scene, image)
+    if is_painted:
+        image.pixels.foreach_set(np.tile(np.float32((0.2, 0.4, 0.6, 1.0)), 64))
+    sync = SceneSync(AttributeRequest(shading=True))
+    count = len(bpy.data.images)
+    try:
+        sync.update(bpy.context.evaluated_depsgraph_get())
+        bpy.context.view_layer.update()
+        sync.scene.cast_rays((0.0, 0.0, 4.0), (0.0, 0.0, -1.0))  # raises if anything is stale
+        (record,) = sync.record.images
+    finally:
+        sync.close()
+    assert len(bpy.data.images) == count
+    assert record.tiles[1002][0, 0] == pytest.approx((0.1, 0.8, 0.1, 1.0), abs=0.003)
+
+
 def test_a_file_that_is_missing_is_named(scene, image, tmp_path: Path) -> None:  # noqa: F811
     shown(scene, image)
     (tmp_path / "t.1002.png").unlink()
