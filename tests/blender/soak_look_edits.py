@@ -35,6 +35,37 @@ def link_material_to_the_object(soak: Soak) -> None:
     slot.link = soak.pick(("OBJECT", "DATA"))
 
 
+def paint_corners(soak: Soak) -> None:
+    """Colours and a uv map: new ones, others, other names, or none any more."""
+    mesh = soak.an_object("MESH").data
+    colors, maps = mesh.color_attributes, mesh.uv_layers
+    if not len(colors) or not len(maps):
+        colors.new(name="soaked", type="FLOAT_COLOR", domain=soak.pick(("POINT", "CORNER")))
+        maps.new(name="soaked")
+    elif soak.number() > 0.5:
+        soak.pick((lambda: colors.remove(colors[0]), lambda: maps.remove(maps[0])))()
+    elif soak.number() > 0.5:
+        soak.pick((colors, maps))[0].name = soak.pick(("soaked", "dried"))
+    else:
+        for item in colors[0].data:
+            item.color = (*np.abs(soak.vector(0, 1)), 1.0)
+    mesh.update()
+
+
+def show_corners(soak: Soak) -> None:
+    """A material begins to show colours by one name or another, or ends to."""
+    tree = bpy.data.materials["red"].node_tree
+    shader = next((node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"), None) if tree else None
+    if shader is None:
+        raise NothingToEditError
+    for link in shader.inputs["Base Color"].links:
+        tree.links.remove(link)
+    if soak.number() > 0:
+        node = tree.nodes.get("soaked") or tree.nodes.new("ShaderNodeAttribute")
+        node.name, node.attribute_name = "soaked", soak.pick(("soaked", "dried"))
+        tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+
+
 def look_elsewhere(soak: Soak) -> None:
     scene = bpy.context.scene
     if scene.camera is not None:
@@ -64,4 +95,13 @@ def lighten_the_world(soak: Soak) -> None:
     scene.world.color = np.abs(soak.vector(0, 1))
 
 
-LOOK_EDITS: tuple[Any, ...] = (rename, paint, link_material_to_the_object, look_elsewhere, light, lighten_the_world)
+LOOK_EDITS: tuple[Any, ...] = (
+    rename,
+    paint,
+    link_material_to_the_object,
+    paint_corners,
+    show_corners,
+    look_elsewhere,
+    light,
+    lighten_the_world,
+)

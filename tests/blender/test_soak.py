@@ -23,7 +23,7 @@ HAPPENED = {"hold", "look", "look_all", "stop", "ask_to_stop", "update", "linger
         (True, "objects", 6),
         (True, "geometry", 7),
         (True, "mixed", 8),
-        (False, "objects", 3),
+        (False, "objects", 12),
         (False, "geometry", 4),
         (False, "mixed", 9),
     ],
