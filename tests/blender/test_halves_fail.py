@@ -11,7 +11,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
-from blender.long_builds import Gate, building_threads  # noqa: E402
+from blender.long_builds import PATIENCE, Gate, building_threads  # noqa: E402
 from blender.syncing import assert_stale, cast_down, height  # noqa: E402
 from forks import needs_fork, run_in_child  # noqa: E402
 from perfect_bvh_addon import SceneSync, background_work  # noqa: E402
@@ -97,7 +97,7 @@ def test_nobody_joins_a_build_that_was_asked_to_stop(box, sync: SceneSync, gate:
 
 def test_hits_from_before_anybody_asked_for_the_result_can_be_looked_up(box, sync: SceneSync) -> None:
     building = sync.begin_update(depsgraph())
-    assert building.wait(30.0)
+    assert building.wait(PATIENCE)
     hits = cast_down(sync)
     sync._get_lookup()  # asked too early: it knows of no commit
     building.result()
@@ -122,7 +122,7 @@ def test_ctrl_c_while_a_thread_starts_leaves_nothing_running(monkeypatch: pytest
     monkeypatch.setattr(threading.Thread, "start", interrupted)
     with pytest.raises(KeyboardInterrupt):
         BackgroundWork(work, lambda made: made)
-    assert ended.wait(30.0)
+    assert ended.wait(PATIENCE)
 
 
 class Listener:
@@ -170,6 +170,7 @@ def test_all_listeners_are_told_while_others_begin_to_listen(box) -> None:
 
 
 @needs_fork
+@pytest.mark.usefixtures("one_thread")
 def test_a_forked_process_starts_over_where_a_build_was_under_way(box, sync: SceneSync, monkeypatch) -> None:
     """The engine holds its scene's lock during a commit: in the child there is nobody to give it back."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700)  # so much that the engine asks meanwhile
@@ -183,7 +184,7 @@ def test_a_forked_process_starts_over_where_a_build_was_under_way(box, sync: Sce
 
     monkeypatch.setattr(BackgroundWork, "_advance", hold)
     building = sync.begin_update(depsgraph())
-    assert in_engine.wait(30.0)
+    assert in_engine.wait(PATIENCE)
     graph = depsgraph()
 
     def go_on() -> bool:
@@ -205,7 +206,7 @@ def test_a_forked_process_starts_over_where_a_build_was_under_way(box, sync: Sce
 @needs_fork
 def test_a_forked_process_keeps_what_was_built(box, sync: SceneSync) -> None:
     building = sync.begin_update(depsgraph())
-    assert building.wait(30.0)
+    assert building.wait(PATIENCE)
     graph = depsgraph()
 
     def go_on() -> bool:

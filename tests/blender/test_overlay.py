@@ -14,7 +14,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
-from blender.long_builds import Gate, building_threads  # noqa: E402
+from blender.long_builds import PATIENCE, Gate, building_threads  # noqa: E402
 from perfect_bvh_addon import overlay, shared_trees  # noqa: E402
 from perfect_bvh_addon.box_lines import RAMP, box_lines, shares  # noqa: E402
 from perfect_bvh_addon.extract.changes import listen, stop_listening  # noqa: E402
@@ -221,7 +221,9 @@ def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, mo
     gate.open()
 
     def draw_what_is_there() -> tuple[list[float], bool]:
-        assert session_of(bpy.context.evaluated_depsgraph_get()).building is None or shown._trees._building.wait(30.0)
+        assert session_of(bpy.context.evaluated_depsgraph_get()).building is None or shown._trees._building.wait(
+            PATIENCE
+        )
         screen.take()
         shown.draw(bpy.context, settings)
         return screen.take()
@@ -230,6 +232,10 @@ def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, mo
     gate.close()
     bpy.context.object.location.z = 3.0
     bpy.context.view_layer.update()
+    held = gate.held
+    shown.draw(bpy.context, settings)
+    gate.wait_until_held(held + 1)
+    screen.take()
     for _ in range(2):
         shown.draw(bpy.context, settings)
         assert shown.message == "Building trees 50%"
@@ -290,6 +296,8 @@ def test_boxes_wait_for_trees_that_take_long_and_blender_for_neither(drawn_batch
     settings = bpy.context.scene.perfect_bvh.overlay
     settings.show_top_level = True
     shown = overlay.SceneOverlay()
+    shown.draw(bpy.context, settings)
+    gate.wait_until_held()
     shown.draw(bpy.context, settings)
     assert shown.message == "Building trees 50%"
     assert bpy.app.timers.is_registered(overlay._redraw)
