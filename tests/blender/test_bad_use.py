@@ -239,11 +239,6 @@ def test_what_is_locked_is_rendered_and_scanned_and_stays_as_it_is(scene):
 # Sizes ---------------------------------------------------------------------------------------------------------------
 
 
-def test_the_free_memory_is_known():
-    free = memory.free_bytes()
-    assert free is None or 1 << 20 < free < 1 << 50
-
-
 def test_an_image_that_does_not_fit_is_refused(scene, tmp_path: Path, capsys, monkeypatch):
     monkeypatch.setattr(memory, "free_bytes", lambda: 64 << 20)
     assert render(save(tmp_path), tmp_path / "a.png", "--size", "1280x720") == 2

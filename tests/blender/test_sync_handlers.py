@@ -183,11 +183,12 @@ def test_each_scene_layer_and_kind_has_its_own_session(scene: Any) -> None:
     assert in_render(session_of) is render
     assert sessions_of(scene) == (viewport, render)
     other = bpy.data.scenes.new("other")
-    other_depsgraph = other.view_layers[0].depsgraph or None
     assert sessions_of(other) == ()
-    assert other_depsgraph is None or session_of(other_depsgraph) not in (viewport, render)
+    with bpy.context.temp_override(scene=other, view_layer=other.view_layers[0]):
+        others = session_of(bpy.context.evaluated_depsgraph_get())
+    assert sessions_of(other) == (others,) and others not in (viewport, render)
     clear_sessions()
-    assert sessions_of(scene) == ()
+    assert sessions_of(scene) == sessions_of(other) == ()
 
 
 def test_a_session_needs_only_the_difference_for_the_next_render(scene: Any) -> None:
