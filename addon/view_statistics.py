@@ -1,32 +1,51 @@
-"""What the image of a view took: the same figures as of a rendered frame."""
+"""What the image of a view took: the same figures as of a rendered frame, left for the panels."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from .frame import COST_PASSES, FrameStatistics, Source, mesh_costs
-from .properties import RenderSettings
+from .latest import edits_of, remember
+from .properties import RenderSettings, read_settings
 from .refinement import Refinement
 
 if TYPE_CHECKING:
+    import bpy
+
     from .scene_sync import SceneSync
-    from .sync.report import SyncReport
 
 # Which meshes the rays spend their work on is asked of one pixel in so many, each way: nobody waits for it.
 COST_STEP = 4
 
 
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What a scene was when it was read: its settings, and how often it had been edited."""
+
+    settings: RenderSettings
+    edits: int
+
+    @staticmethod
+    def now(scene: bpy.types.Scene) -> Moment:
+        """This one."""
+        return Moment(read_settings(scene), edits_of(scene))
+
+
+def remember_view(
+    source: Source, sync: SceneSync, refinement: Refinement, scene: bpy.types.Scene, moment: Moment
+) -> None:
+    """Leave for the panels what an image took that shows what `sync` holds. moment: when that was read."""
+    remember(scene, view_statistics(source, sync, refinement, moment.settings), moment.edits)
+
+
 def view_statistics(
-    source: Source,
-    sync: SceneSync,
-    report: SyncReport,
-    refinement: Refinement,
-    settings: RenderSettings,
-    frame: float,
+    source: Source, sync: SceneSync, refinement: Refinement, settings: RenderSettings
 ) -> FrameStatistics:
-    """Of an image that shows what `sync` still holds. report: of the sync's last change."""
+    """Of an image that shows what `sync` still holds; the report is that of its last change."""
     import perfect_bvh
 
+    assert sync.last_change is not None
     view = refinement.view
     width, height = view.size
     images = perfect_bvh.render_passes(
@@ -39,10 +58,10 @@ def view_statistics(
         threads=settings.threads,
     )
     return FrameStatistics(
-        frame=frame,
+        frame=sync.record.frame,
         size=view.size,
         settings=settings,
-        report=report,
+        report=sync.last_change,
         trace_milliseconds=refinement.seconds * 1e3,
         camera_rays=refinement.ray_count,
         mesh_costs=mesh_costs(sync, images),

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from .frame import CLAY_GREY, Source, count_pixels, expected_rays, missing_camera, needed_attributes
-from .latest import confirm_view, edits_of, remember
+from .frame import CLAY_GREY, count_pixels, expected_rays, missing_camera, needed_attributes
+from .latest import confirm_view
 from .modes import find_mode
 from .properties import RenderSettings, read_settings
 from .refinement import Pace, Refinement, View
@@ -22,7 +22,7 @@ from .region_camera import camera_of
 from .screen_image import draw_texture, texture_of
 from .shared_trees import SharedTrees
 from .sync.records import AttributeRequest, CameraRecord
-from .view_statistics import view_statistics
+from .view_statistics import Moment, remember_view
 
 if TYPE_CHECKING:
     import gpu
@@ -127,7 +127,7 @@ class Viewport:
             self._texture = texture_of(refinement.image, depsgraph.scene.perfect_bvh.mode.lower())
         draw_texture(engine, depsgraph.scene, self._texture, (context.region.width, context.region.height))
         if refinement.is_finished and not was_finished:
-            remember_view("Viewport", sync, refinement, depsgraph.scene)
+            remember_view("Viewport", sync, refinement, depsgraph.scene, Moment.now(depsgraph.scene))
         return not refinement.is_finished
 
     def _needs_other_reading(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
@@ -186,7 +186,7 @@ class AwaitedView:
     building: UpdateCommit
     camera: Camera | None
     size: tuple[int, int]
-    settings: RenderSettings
+    moment: Moment
 
     def refine(self, pace: Pace) -> Refinement:
         """The image, not begun yet. Waits for the trees; raises what the engine raises, `Cancelled` without any."""
@@ -197,10 +197,10 @@ class AwaitedView:
             raise perfect_bvh.Cancelled("somebody else has other trees built")
         camera = self.camera or self.sync.camera
         assert camera is not None
-        return Refinement(_view_of(self.sync, camera, self.size, self.settings), pace)
+        return Refinement(_view_of(self.sync, camera, self.size, self.moment.settings), pace)
 
 
-def await_view(context: bpy.types.Context, settings: RenderSettings) -> AwaitedView:
+def await_view(context: bpy.types.Context) -> AwaitedView:
     """Of what `find_view` finds, or else of what the scene's camera sees: read now, built while Blender goes on.
 
     Raises ValueError if there is neither, and what the engine raises.
@@ -214,29 +214,20 @@ def await_view(context: bpy.types.Context, settings: RenderSettings) -> AwaitedV
     is_filtered = found is not None and any(_filter_of(found[0]))
     sync = SceneSync(watch=False) if is_filtered else session_of(depsgraph)
     filtering = found[0] if found is not None and is_filtered else None
-    building = begin_update(sync, depsgraph, settings, filtering, None if found is None else found[1])
+    moment = Moment.now(context.scene)
+    building = begin_update(sync, depsgraph, moment.settings, filtering, None if found is None else found[1])
     if found is None:
         if sync.camera is None:
             building.stop()
             raise ValueError(missing_camera(depsgraph.scene, sync))
-        return AwaitedView(sync, building, None, _scaled(sync.size, context.scene), settings)
+        return AwaitedView(sync, building, None, _scaled(sync.size, context.scene), moment)
     space, region = found
     camera, _ = camera_of(space.region_3d, space, depsgraph)
     if camera is None:
         building.stop()
         raise ValueError("the 3D viewport has no usable view: its matrix is not finite")
     size = _scaled((region.width, region.height), context.scene)
-    return AwaitedView(sync, building, as_camera(camera), size, settings)
-
-
-def remember_view(source: Source, sync: SceneSync, refinement: Refinement, scene: bpy.types.Scene) -> None:
-    """Leave for the panels what a view's image took, which still shows what `sync` holds."""
-    assert sync.last_change is not None
-    remember(
-        scene,
-        view_statistics(source, sync, sync.last_change, refinement, read_settings(scene), scene.frame_current_final),
-        edits_of(scene),
-    )
+    return AwaitedView(sync, building, as_camera(camera), size, moment)
 
 
 def _scaled(size: tuple[int, int], scene: bpy.types.Scene) -> tuple[int, int]:

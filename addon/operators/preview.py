@@ -13,11 +13,11 @@ import bpy
 import numpy as np
 
 from ..preferences import native_error
-from ..properties import read_settings
 from ..refinement import Pace, Refinement
 from ..screen_image import picture_of
 from ..shared_trees import LOOKING_SECONDS
-from ..viewport import REFINING_SECONDS, AwaitedView, await_view, find_view, remember_view
+from ..view_statistics import remember_view
+from ..viewport import REFINING_SECONDS, AwaitedView, await_view, find_view
 from .ticking import Ticking
 
 IMAGE_NAME = "Perfect BVH Preview"
@@ -34,6 +34,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
     _scene_uid: int
     _view: AwaitedView
     _refinement: Refinement | None = None
+    _revision: int  # of the trees that the image shows
     _window: int | None = None  # the one that was opened for the image
 
     @classmethod
@@ -70,6 +71,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         if self._refinement is None or not self._refinement.is_finished:
             return {"RUNNING_MODAL"}
         self._end(context)
+        self._remember(self._refinement)
         return {"FINISHED"}
 
     def cancel(self, context: bpy.types.Context) -> None:
@@ -84,7 +86,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         while not refinement.is_finished:
             refinement.step(REFINING_SECONDS)
         _store(refinement)
-        remember_view("Preview", self._view.sync, refinement, context.scene)
+        self._remember(refinement)
         return {"FINISHED"}
 
     # The parts -------------------------------------------------------------------------------------------------------
@@ -103,10 +105,18 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
     def _read(self, context: bpy.types.Context) -> None:
         """What is shown is the scene as it is now, and its trees begin to be built."""
         self._scene_uid = context.scene.session_uid
-        self._view = await_view(context, read_settings(context.scene))
+        self._view = await_view(context)
 
     def _begin_image(self) -> None:
         self._refinement = self._view.refine(Pace())
+        self._revision = self._view.sync.revision
+
+    def _remember(self, refinement: Refinement) -> None:
+        """Unless the scene is gone, or its trees are others by now: which meshes cost what could not be told."""
+        view = self._view
+        scene = next((scene for scene in bpy.data.scenes if scene.session_uid == self._scene_uid), None)
+        if scene is not None and view.sync.revision == self._revision and view.sync.scene.is_current:
+            remember_view("Preview", view.sync, refinement, scene, view.moment)
 
     def _build(self, context: bpy.types.Context) -> None:
         """Look whether the trees are there; if they are, show the first image."""

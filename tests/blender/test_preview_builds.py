@@ -25,6 +25,7 @@ from blender.long_builds import (  # noqa: E402
     patiently,
     tick_until_half,
 )
+from perfect_bvh_addon import latest  # noqa: E402
 from perfect_bvh_addon.operators import preview  # noqa: E402
 from perfect_bvh_addon.scene_sync import SceneSync  # noqa: E402
 from perfect_bvh_addon.session import session_of  # noqa: E402
@@ -150,6 +151,41 @@ def undisturbed_behind(gate: Gate) -> np.ndarray:
     perfect_bvh_addon.register()
     gate.close()
     return made
+
+
+def test_the_panels_tell_of_it(cube, scene) -> None:
+    scene.frame_set(7)
+    operator, window = press()
+    tick_to_the_end(operator, window)
+    statistics = latest.last_statistics(scene)
+    assert (statistics.source, statistics.frame, statistics.size) == ("Preview", 7.0, operator._refinement.view.size)
+    assert not latest.is_outdated(scene)
+
+
+def test_the_panels_tell_that_the_scene_was_edited_meanwhile(cube, scene) -> None:
+    scene.perfect_bvh.samples = 64
+    operator, window = press()
+    for _ in patiently("there is no image"):
+        operator.modal(window, TIMER)
+        if operator._refinement is not None:
+            break
+    edit(cube)
+    tick_to_the_end(operator, window)
+    assert latest.last_statistics(scene).source == "Preview"
+    assert latest.is_outdated(scene)
+
+
+def test_the_panels_tell_nothing_of_trees_that_are_others_in_the_end(cube, scene) -> None:
+    scene.perfect_bvh.samples = 64
+    operator, window = press()
+    for _ in patiently("there is no image"):
+        operator.modal(window, TIMER)
+        if operator._refinement is not None:
+            break
+    edit(cube)
+    session().update(bpy.context.evaluated_depsgraph_get())
+    tick_to_the_end(operator, window)
+    assert latest.last_statistics(scene) is None
 
 
 @pytest.mark.parametrize("when", ["while it builds", "when it has built"])
