@@ -141,8 +141,11 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
 
     def _refine(self, context: bpy.types.Context) -> None:
         assert self._refinement is not None
+        was_coarse = self._refinement.sample_count == 0
         if self._refinement.step(REFINING_SECONDS):
-            _store(self._refinement)
+            image = _store(self._refinement)
+            if was_coarse:  # it had fewer pixels: an editor that showed all of it would show a part of this one
+                _fit_editors(context, image)
             context.window_manager.progress_update(100 * self._refinement.progress)
 
     def _is_closed(self, context: bpy.types.Context) -> bool:
@@ -207,6 +210,14 @@ def _set_in_editors(context: bpy.types.Context, image: bpy.types.Image) -> bool:
                 _show_whole(window, area)
                 return True
     return False
+
+
+def _fit_editors(context: bpy.types.Context, image: bpy.types.Image) -> None:
+    """Show the whole of it where it is shown."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR" and area.spaces.active.image == image:
+                _show_whole(window, area)
 
 
 def _show_whole(window: bpy.types.Window, area: bpy.types.Area) -> None:
