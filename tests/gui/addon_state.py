@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import gc
 import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import bpy
-from driver import Step, area_of, check, context_of, wait_until
+from driver import Step, area_of, check, context_of, redrawn, wait_until
 
 MODULE = "bl_ext.user_default.perfect_bvh"
 
@@ -46,8 +48,8 @@ def all_finished() -> bool:
 
 
 def finished(what: str) -> Step:
-    yield 0.3
-    yield from wait_until(all_finished, f"{what}: the viewport is not finished", 180)
+    yield from redrawn()
+    yield from wait_until(all_finished, f"{what}: the viewport is not finished")
 
 
 def image() -> Any:
@@ -66,6 +68,10 @@ def overlay() -> Any:
         return module("overlay").overlay_of(bpy.context)
 
 
+def is_playing() -> bool:
+    return bpy.context.window_manager.windows[0].screen.is_animation_playing
+
+
 def is_working() -> bool:
     """Whether one of the add-on's operators goes on in steps of a timer."""
     windows = bpy.context.window_manager.windows
@@ -77,28 +83,42 @@ def close_image_windows() -> Step:
     for window in list(bpy.context.window_manager.windows)[1:]:
         with bpy.context.temp_override(window=window):
             bpy.ops.wm.window_close()
-    yield 0.5
+    yield from redrawn()
     for area in bpy.context.window_manager.windows[0].screen.areas:
         if area.type == "IMAGE_EDITOR":
             area.type = "VIEW_3D"
-    yield 0.5
+    yield from redrawn()
 
 
-def reported(text: str) -> bool:
-    """Whether Blender has reported something with this text in it, as the Info editor lists it."""
+@contextmanager
+def _all_reports_selected() -> Iterator[None]:
+    """In an Info editor in the place of the smallest area."""
     area = min(bpy.context.window_manager.windows[0].screen.areas, key=lambda area: area.width * area.height)
     before, area.ui_type = area.ui_type, "INFO"
     try:
         with bpy.context.temp_override(**context_of(area)):
             bpy.ops.info.select_all(action="SELECT")
-            bpy.ops.info.report_copy()
+            yield
     finally:
         area.ui_type = before
+
+
+def forget_reports() -> None:
+    """What was reported before counts no more."""
+    with _all_reports_selected():
+        bpy.ops.info.report_delete()
+
+
+def reported(text: str) -> bool:
+    """Whether Blender has reported something with this text in it, as the Info editor lists it."""
+    bpy.context.window_manager.clipboard = ""
+    with _all_reports_selected():
+        bpy.ops.info.report_copy()
     return text in bpy.context.window_manager.clipboard
 
 
-def wait_for_report(text: str, seconds: float = 5.0) -> Step:
-    yield from wait_until(lambda: reported(text), f"no report of {text!r}", seconds)
+def wait_for_report(text: str) -> Step:
+    yield from wait_until(lambda: reported(text), f"no report of {text!r}", every=0.2)
 
 
 def check_shows_something(pixels: Any, what: str) -> None:

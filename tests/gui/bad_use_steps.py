@@ -7,23 +7,26 @@ import subprocess
 from collections.abc import Callable
 
 import bpy
-from addon_state import is_working, module, reported, settings, wait_for_report
+from addon_state import events, forget_reports, is_working, module, settings, wait_for_report
 from buttons import Button, point_at, press
 from driver import (
     Step,
     area_of,
+    at_rest,
     check,
     click,
     front_window,
+    handled,
     hover,
     main_area,
     middle_of,
     press_key,
+    redrawn,
     screenshot,
     type_text,
     wait_until,
 )
-from gates import ScanGate, scan_gate
+from gates import Gate, always, gate_of_steps
 from panel_steps import main_buttons, open_sub_panel
 from scan_steps import scans
 
@@ -40,9 +43,9 @@ def type_zeros() -> Step:
     yield from press_key("Return")
     yield from type_text("0")
     yield from press_key("Return")
-    yield from wait_until(lambda: settings().samples == 1, f"0 samples became {settings().samples}", 5)
+    yield from wait_until(lambda: settings().samples == 1, f"0 samples became {settings().samples}")
     settings().samples = before
-    yield 0.2
+    yield from redrawn()
 
 
 # Renders -------------------------------------------------------------------------------------------------------------
@@ -54,18 +57,20 @@ def render_and_wait(entry: str = "r") -> Step:
     The image takes the place of the largest area.
     """
     bpy.context.preferences.view.render_display_type = "AREA"
+    forget_reports()
+    events.clear()
     yield from click(RENDER_MENU[0], front_window().height - RENDER_MENU[1])
     yield from press_key(entry)
-    yield 0.5
-    yield from wait_until(lambda: not bpy.app.is_job_running("RENDER"), "the render does not end", 60)
-    yield 1.0
+    yield from wait_until(lambda: {"render_complete", "render_cancel"} & set(events), "the render does not end")
+    yield from wait_until(lambda: not bpy.app.is_job_running("RENDER"), "the render's job does not end")
+    yield from at_rest(area_of("PROPERTIES"))
 
 
 def dismiss_error() -> Step:
     """It is shown below the mouse until that goes away."""
     yield from press_key("Escape")
     hover(*middle_of(main_area()))
-    yield 0.3
+    yield from handled()
 
 
 def close_image(kind: str) -> Step:
@@ -75,7 +80,7 @@ def close_image(kind: str) -> Step:
     area_of("PROPERTIES").tag_redraw()
     main_area().type = kind
     bpy.context.preferences.view.render_display_type = "WINDOW"
-    yield 0.3
+    yield from redrawn()
 
 
 def render_what_does_not_fit() -> Step:
@@ -83,8 +88,8 @@ def render_what_does_not_fit() -> Step:
     size = render.resolution_x, render.resolution_y
     render.resolution_x = render.resolution_y = 65536
     yield from render_and_wait()
+    yield from wait_for_report("An image of 65,536 x 65,536 pixels needs about")
     screenshot("render_that_does_not_fit")
-    check(reported("An image of 65,536 x 65,536 pixels needs about"), "a render that does not fit is not refused")
     render.resolution_x, render.resolution_y = size
     yield from close_image("TEXT_EDITOR")
 
@@ -103,16 +108,13 @@ def render_what_is_broken() -> Step:
     broken = bpy.data.objects.new("Broken", mesh)
     bpy.context.scene.collection.objects.link(broken)
     yield from render_and_wait()
+    yield from wait_for_report("image 'paint' could not be loaded from")
+    yield from wait_for_report("Broken: left out 1 triangle with a vertex that is not finite")
     screenshot("render_of_what_is_broken")
-    for text in (
-        "image 'paint' could not be loaded from",
-        "Broken: left out 1 triangle with a vertex that is not finite",
-    ):
-        check(reported(text), f"no report of {text!r}")
     yield from close_image("TEXT_EDITOR")
     for owner, found in (("objects", broken), ("meshes", mesh), ("images", node.image), ("materials", material)):
         getattr(bpy.data, owner).remove(found)
-    yield 0.3
+    yield from redrawn()
 
 
 def render_into_nowhere() -> Step:
@@ -121,8 +123,8 @@ def render_into_nowhere() -> Step:
     before, scene.render.filepath = scene.render.filepath, "/proc/nowhere/image_"
     frame = scene.frame_current
     yield from render_and_wait("a")
+    yield from wait_for_report("/proc/nowhere")
     screenshot("render_into_nowhere")
-    check(reported("/proc/nowhere"), "the folder that cannot be made is not named")
     check(scene.frame_current == frame, f"the frame is {scene.frame_current}, not {frame} as before")
     scene.render.filepath = before
     yield from close_image("TEXT_EDITOR")
@@ -153,15 +155,17 @@ def scan_onto_bad_disks() -> Step:
 
     def work(button: Button) -> Step:
         area = area_of("PROPERTIES")
+        forget_reports()
         yield from press(area, button)
         yield from wait_for_report(f"Cannot write {SMALL_DISK}/points.npz: Read-only file system")
+        yield from redrawn()
         screenshot("scan_onto_a_disk_to_read")
         check(not scans() and not is_working(), "a scan whose file cannot be written has begun")
         yield from dismiss_error()
         mount("-o", "remount,rw,size=64k")
         yield from press(area, button)
-        yield from wait_for_report(f"cannot write {SMALL_DISK}/points.npz: No space left on device", 30)
-        yield 0.5
+        yield from wait_for_report(f"cannot write {SMALL_DISK}/points.npz: No space left on device")
+        yield from redrawn()
         screenshot("scan_onto_a_full_disk")
         check(len(scans()) == 1 and len(scans()[0].data.vertices) > 1000, "the points are lost with their file")
         check(not os.listdir(SMALL_DISK), f"on the full disk: {os.listdir(SMALL_DISK)}")
@@ -175,7 +179,7 @@ def scan_onto_bad_disks() -> Step:
     for made in scans():
         bpy.data.meshes.remove(made.data)
     bpy.ops.ed.undo_push(message="bad disks")
-    yield 0.3
+    yield from redrawn()
 
 
 def set_up_a_long_scan() -> Step:
@@ -186,20 +190,22 @@ def set_up_a_long_scan() -> Step:
     scan.sensor, scan.pattern, scan.use_frame_range, scan.columns = sensor, "LIDAR", True, 200
     bpy.context.scene.frame_end = LONG_SCAN
     bpy.ops.ed.undo_push(message="a sensor")
-    yield 0.3
+    yield from redrawn()
 
 
-def scan_to_frame(gate: ScanGate, frame: int) -> Step:
-    gate.set_to(frame / LONG_SCAN)
-    yield from gate.wait(f"the scan to frame {frame}")
+def scan_to_frame(gate: Gate, frame: int) -> Step:
+    gate.hold_when(lambda _, share: share >= frame / LONG_SCAN)
+    yield from gate.wait(f"the scan of frame {frame}")
+    check(is_working(), "a scan that is held has ended")
     check(bpy.context.scene.frame_current == frame, f"the scan is in frame {bpy.context.scene.frame_current}")
 
 
-def start_a_long_scan(button: Button, gate: ScanGate) -> Step:
-    gate.set_to(0.0)
+def start_a_long_scan(button: Button, gate: Gate) -> Step:
+    gate.hold_when(always)
     yield from press(area_of("PROPERTIES"), button)
     yield from scan_to_frame(gate, 3)
     hover(*middle_of(area_of("VIEW_3D")))
+    yield from handled()
 
 
 def has(name: str) -> bool:
@@ -210,12 +216,12 @@ def delete(name: str) -> Step:
     for obj in bpy.context.view_layer.objects:
         obj.select_set(obj.name == name)
     yield from press_key("Delete")
-    yield from wait_until(lambda: not has(name), f"{name} is not deleted", 10)
+    yield from wait_until(lambda: not has(name), f"{name} is not deleted")
 
 
 def undo_until_it_is_there(name: str) -> Step:
     yield from press_key("ctrl+z")
-    yield from wait_until(lambda: has(name), f"undo brings no {name} back", 10)
+    yield from wait_until(lambda: has(name), f"undo brings no {name} back")
 
 
 def delete_and_undo_while_scanning() -> Step:
@@ -223,14 +229,14 @@ def delete_and_undo_while_scanning() -> Step:
     frame, last = bpy.context.scene.frame_current, bpy.context.scene.frame_end
     yield from set_up_a_long_scan()
 
-    def work(button: Button, gate: ScanGate) -> Step:
+    def work(button: Button, gate: Gate) -> Step:
         yield from start_a_long_scan(button, gate)
         yield from delete("Sensor")
         gate.open()
-        yield from wait_for_report("The sensor 'Sensor' was deleted during the scan", 20)
-        yield 0.5
+        yield from wait_for_report("The sensor 'Sensor' was deleted during the scan")
+        yield from wait_until(lambda: not is_working(), "a scan goes on without its sensor")
         screenshot("sensor_deleted_while_scanning")
-        check(not is_working() and not scans(), "a scan goes on without its sensor")
+        check(not scans(), "a scan without its sensor has made an object")
         check(bpy.context.scene.frame_current == frame, "the frame of before does not come back")
         yield from dismiss_error()
         yield from undo_until_it_is_there("Sensor")
@@ -242,12 +248,12 @@ def delete_and_undo_while_scanning() -> Step:
         yield from scan_to_frame(gate, 9)
         screenshot("undone_while_scanning")
         gate.open()
-        yield from wait_until(lambda: not is_working(), "the scan does not end", 90)
+        yield from wait_until(lambda: not is_working(), "the scan does not end")
         check(len(scans()) == 1 and len(scans()[0].data.vertices) > 1000, f"the scan has made {scans()}")
         check(bpy.context.scene.frame_current == frame, "the frame of before does not come back")
         check(has("Hill") and has("Sensor"), "the scan has taken more than it has given")
 
-    with scan_gate() as gate:
+    with gate_of_steps(module("scanning.scan").Scanner) as gate:
         yield from with_scan_button(lambda button: work(button, gate))
     scan = settings().scan
     scan.sensor, scan.pattern, scan.use_frame_range = None, "CAMERA", False
@@ -255,4 +261,4 @@ def delete_and_undo_while_scanning() -> Step:
     for obj in (*scans(), bpy.data.objects["Sensor"]):
         bpy.data.objects.remove(obj)
     bpy.ops.ed.undo_push(message="long scans")
-    yield 0.3
+    yield from redrawn()

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import bpy
 from addon_state import measured, module, settings
-from driver import Step, check, screenshot, wait_until
+from driver import Step, check, redrawn, screenshot, wait_until
+from gates import Gate, always, gate_of_builds
 
 sys.path.append(str(Path(__file__).parents[1] / "blender"))
 
@@ -24,31 +25,37 @@ def is_building() -> bool:
     return any(thread.name == module("background_work").THREAD_NAME for thread in threading.enumerate())
 
 
-def with_cloud(work: Callable[[], Step]) -> Step:
-    """Do something in the scene with a mesh whose tree takes seconds; it is gone afterwards."""
+def with_cloud(work: Callable[[Gate], Step]) -> Step:
+    """Do something in the scene with a mesh whose tree takes a while, and is held as soon as it is begun.
+
+    Mesh and gate are gone afterwards.
+    """
     samples, settings().samples = settings().samples, 256  # for so many rays a tree is worth its time
     active = bpy.context.view_layer.objects.active
-    made = add_cloud(TRIANGLES)
-    made.display_type = "BOUNDS"  # without a graphics card Blender's own drawing of it would be what is waited for
-    yield 0.5
-    yield from work()
+    with gate_of_builds() as gate:
+        gate.hold_when(always)
+        made = add_cloud(TRIANGLES)
+        made.display_type = "BOUNDS"  # without a graphics card Blender's own drawing of it would be what is waited for
+        yield from redrawn()
+        yield from work(gate)
     settings().samples = samples
     mesh = made.data
     bpy.data.objects.remove(made)
     bpy.data.meshes.remove(mesh)
     bpy.context.view_layer.objects.active = active
-    yield 0.5
+    yield from redrawn()
 
 
-def watch_a_build(name: str) -> Step:
-    """Wait for a build to begin, and see that Blender answers a few times before it ends."""
-    yield from wait_until(is_building, f"{name}: no tree is built", 30)
+def watch_a_build(name: str, gate: Gate) -> Step:
+    """Wait for a build to begin, and see that Blender answers a few times before it ends. It is still held then."""
+    yield from wait_until(is_building, f"{name}: no tree is built")
+    yield from gate.wait(f"{name}: a build")
     longest, last = 0.0, time.monotonic()
-    for answer in range(ANSWERS):
+    for _ in range(ANSWERS):
         yield 0.02
         now = time.monotonic()
         longest, last = max(longest, now - last), now
-        check(is_building(), f"{name}: the build was over after {answer} answers: make the mesh larger")
+    check(gate.is_holding and is_building(), f"{name}: the build is over while it is held")
     measured[f"longest silence during a build, {name}, ms"] = 1e3 * longest
     print(f"{name}: {ANSWERS} answers during a build, the last after {1e3 * longest:.0f} ms at most", flush=True)
     screenshot(f"building_{name}")

@@ -13,11 +13,14 @@ import bpy
 from drawn import OF_PREFERENCES, note_drawn, note_pressed
 from driver import (
     Step,
+    at_rest,
     check,
     context_of,
+    handled,
     hover,
     press_here,
     press_key,
+    redrawn,
     region_of,
     type_text,
     wait_until,
@@ -57,7 +60,7 @@ def button_under_mouse(area: bpy.types.Area) -> str | None:
 def leave(area: bpy.types.Area) -> Step:
     """Up into the area's header: the last button stays active until the mouse has left its region."""
     hover(area.x + area.width / 2, area.y + area.height - 4)
-    yield 0.2
+    yield from handled()
 
 
 def list_buttons(
@@ -73,7 +76,7 @@ def list_buttons(
     yield from leave(area)
     while y > end:
         hover(x, y)
-        yield 0.03
+        yield from handled()
         found = button_under_mouse(area)
         if found is not None:
             rows.setdefault(found, []).append(y)
@@ -94,7 +97,7 @@ def point_at(area: bpy.types.Area, button: Button) -> Step:
     region = region_of(area)
     yield from leave(area)
     hover(region.x + region.width * button.column, button.y)
-    yield 0.2
+    yield from handled()
     found = button_under_mouse(area)
     check(found == button.what, f"the mouse is over {found}, not {button.what}")
     note_pressed(button.what)
@@ -131,9 +134,9 @@ def change(
     is_changed = lambda: getattr(owner, name) != before  # noqa: E731
     if kind == "BOOLEAN":
         yield from press(area, button)
-        yield from wait_until(is_changed, f"{name} does not switch", 5)
+        yield from wait_until(is_changed, f"{name} does not switch")
         yield from press(area, button)
-        yield from wait_until(lambda: not is_changed(), f"{name} does not switch back", 5)
+        yield from wait_until(lambda: not is_changed(), f"{name} does not switch back")
         return
     if kind in {"INT", "FLOAT"}:
         yield from point_at(area, button)
@@ -147,21 +150,17 @@ def change(
         yield from press_key("Return")
     else:
         yield from choose_another(area, button, is_changed)
-    yield from wait_until(is_changed, f"{name} stays {before!r}", 5)
+    yield from wait_until(is_changed, f"{name} stays {before!r}")
     look()
     setattr(owner, name, before)
-    yield 0.2
+    yield from redrawn()
 
 
 def choose_another(area: bpy.types.Area, button: Button, is_changed: Callable[[], bool]) -> Step:
     """From a menu or a list to search in. A key may move within it, or first show where it is."""
     for keys in (["Down"], ["Down", "Down"], ["Up"]):
         yield from press(area, button)
-        yield 0.4
-        for key in keys:
-            yield from press_key(key)
-        yield from press_key("Return")
-        yield 0.3
+        yield from press_key(*keys, "Return")
         if is_changed():
             return
 
@@ -177,9 +176,9 @@ def header_height(last_above: Button, number: int) -> float:
 def toggle_panel(area: bpy.types.Area, y: float) -> Step:
     region = region_of(area)
     hover(region.x + region.width * 0.4, y)
-    yield 0.2
+    yield from handled()
     yield from press_here()
-    yield 0.3
+    yield from at_rest(area)
 
 
 def with_panel_open(area: bpy.types.Area, y: float, work: Callable[[list[Button]], Step]) -> Step:

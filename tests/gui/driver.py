@@ -13,12 +13,13 @@ import time
 import traceback
 from collections.abc import Callable, Generator, Iterable
 from pathlib import Path
+from typing import Any, ClassVar
 
 import bpy
 import numpy as np
 import numpy.typing as npt
 
-Step = Generator[float, None, None]
+Step = Generator[float, None, Any]
 
 OUTPUT = Path(os.environ["WINDOWS_OUTPUT"])
 CONSOLE = OUTPUT / "console.log"
@@ -36,13 +37,19 @@ def check(condition: object, message: str) -> None:
         raise StepError(message)
 
 
-def wait_until(condition: Callable[[], object], what: str, seconds: float = 30.0) -> Step:
-    """Let Blender work until `condition` holds; fail after `seconds`."""
+def wait_until(condition: Callable[[], object], what: str, seconds: float = 180.0, every: float = 0.05) -> Step:
+    """Let Blender work until `condition` holds; fail after `seconds`, looking every so many of them."""
     deadline = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > deadline:
             raise StepError(f"waited {seconds:g} s in vain: {what}")
-        yield 0.05
+        yield every
+
+
+def redrawn() -> Step:
+    """Until what scripts have changed was evaluated and drawn, which Blender does between two looks of a timer."""
+    for _ in range(2):
+        yield 0.01
 
 
 # Hands ---------------------------------------------------------------------------------------------------------------
@@ -69,43 +76,88 @@ def hover(x: float, y: float) -> None:
     x_tool("mousemove", *screen_point(x, y))
 
 
-def press_key(key: str) -> Step:
-    x_tool("key", key)
-    yield 0.3
+def press_key(*keys: str) -> Step:
+    """One after the other."""
+    x_tool("key", *keys)
+    yield from handled()
 
 
 def press_here() -> Step:
     """The left button, where the mouse is."""
-    x_tool("mousedown", 1)
-    yield 0.1
-    x_tool("mouseup", 1)
-    yield 0.3
+    x_tool("click", 1)
+    yield from handled()
 
 
 def click(x: float, y: float) -> Step:
     hover(x, y)
-    yield 0.15
+    yield from handled()
     x_tool("mousemove_relative", "--", 1, 0)
-    yield 0.15
     yield from press_here()
 
 
 def type_text(text: str) -> Step:
     x_tool("type", "--delay", 20, text)
-    yield 0.2
+    yield from handled()
 
 
 def drag(button: int, start: tuple[float, float], end: tuple[float, float], steps: int = 8) -> Step:
     """Press a mouse button at one point, move, release it at another."""
     hover(*start)
-    yield 0.3
+    yield from handled()
     x_tool("mousedown", button)
-    yield 0.3
     for step in range(1, steps + 1):
+        yield 0.02  # Blender takes two moves that it finds together for one
         hover(*(a + (b - a) * step / steps for a, b in zip(start, end, strict=True)))
-        yield 0.1
     x_tool("mouseup", button)
-    yield 0.5
+    yield from handled()
+
+
+# Keys that do nothing by themselves, as xdotool and as Blender call them.
+IDLE_KEYS = {"Shift_R": "RIGHT_SHIFT", "Control_R": "RIGHT_CTRL", "Shift_L": "LEFT_SHIFT", "Control_L": "LEFT_CTRL"}
+
+
+class WM_OT_note_last_event(bpy.types.Operator):  # noqa: N801 - as Blender wants it
+    """Notes the last key or mouse button that a window has heard of."""
+
+    bl_idname = "wm.note_last_event"
+    bl_label = "Note Last Event"
+    bl_options: ClassVar = {"INTERNAL"}
+    noted: ClassVar[tuple[str, str]] = ("", "")
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        WM_OT_note_last_event.noted = event.type, event.value
+        return {"CANCELLED"}
+
+
+bpy.utils.register_class(WM_OT_note_last_event)
+
+
+def last_events() -> set[tuple[str, str]]:
+    """Of each window the last (key, "PRESS" or "RELEASE")."""
+    events = set()
+    for window in bpy.context.window_manager.windows:
+        with bpy.context.temp_override(window=window):
+            bpy.ops.wm.note_last_event("INVOKE_DEFAULT")
+        events.add(WM_OT_note_last_event.noted)
+    return events
+
+
+def handled() -> Step:
+    """Until Blender has done all that the hands have asked for, and drawn what comes of it.
+
+    Input is handled in its order: so an idle key is pressed that no window has heard last, until one has.
+    """
+    before = {name for name, _ in last_events()}
+    key, name = next(item for item in IDLE_KEYS.items() if item[1] not in before)
+    for _ in range(12):
+        x_tool("key", key)
+        deadline = time.monotonic() + 5.0  # windows that open and close may lose a key
+        while time.monotonic() < deadline:
+            if (name, "RELEASE") in last_events():
+                yield 0.005  # it has arrived, and is handled after this timer
+                return
+            yield 0.005
+    raise StepError("Blender hears no key")
 
 
 # Windows -------------------------------------------------------------------------------------------------------------
@@ -122,6 +174,20 @@ def work_in_window(number: int) -> None:
     """From now on the mouse is in this window, counted as they were opened."""
     global _front
     _front = number
+
+
+def window_stands() -> Step:
+    """Until the window in front stays where it is, and as large: it opens somewhere, and is moved then."""
+    place, since = None, 0.0
+    for _ in range(600):
+        window = front_window()
+        now = window.x, window.y, window.width, window.height
+        if now != place:
+            place, since = now, time.monotonic()
+        elif time.monotonic() > since + 0.5:
+            return
+        yield 0.1
+    raise StepError("a window does not come to rest")
 
 
 # Places --------------------------------------------------------------------------------------------------------------
@@ -170,8 +236,12 @@ def set_viewport_size(width: int, height: int) -> Step:
             start = area.x + area.width + 1, area.y + area.height / 2
             yield from drag(1, start, (start[0] + missing, start[1]))
         window = bpy.context.window_manager.windows[0]
-        set_window_size(window.width, window.height + height - region_of(main_area()).height)
-        yield 0.7
+        wanted = window.height + height - region_of(main_area()).height
+        set_window_size(window.width, wanted)
+        deadline = time.monotonic() + 5.0  # a height that cannot be had is noticed below
+        while window.height != wanted and time.monotonic() < deadline:
+            yield 0.02
+        yield from redrawn()
         region = region_of(main_area())
         # Areas share what a window gains or loses, and round it: not every height can be had.
         if abs(region.width - width) <= 2 and abs(region.height - height) <= 8:
@@ -184,13 +254,33 @@ def set_viewport_size(width: int, height: int) -> Step:
 
 def screenshot(name: str) -> None:
     """The whole screen as a PNG file."""
-    subprocess.run(["import", "-window", "root", str(OUTPUT / f"{name}.png")], check=True, timeout=20)
+    subprocess.run(["import", "-window", "root", str(OUTPUT / f"{name}.png")], check=True, timeout=120)
 
 
 def screen_pixels() -> npt.NDArray[np.uint8]:
     """The whole screen, flat."""
     made = subprocess.run(["import", "-window", "root", "-depth", "8", "rgb:-"], check=True, capture_output=True)
     return np.frombuffer(made.stdout, np.uint8)
+
+
+def area_pixels(area: bpy.types.Area) -> npt.NDArray[np.uint8]:
+    """What the screen shows of an area of the first window, flat."""
+    window = bpy.context.window_manager.windows[0]
+    shape = f"{area.width}x{area.height}+{area.x}+{window.height - area.y - area.height}"
+    command = ["import", "-window", "root", "-crop", shape, "-depth", "8", "rgb:-"]
+    return np.frombuffer(subprocess.run(command, check=True, capture_output=True).stdout, np.uint8)
+
+
+def at_rest(area: bpy.types.Area) -> Step:
+    """Until nothing in it moves: panels glide to their places. Returns its pixels."""
+    before = None
+    for _ in range(100):
+        yield 0.15
+        now = area_pixels(area)
+        if before is not None and np.array_equal(now, before):
+            return now
+        before = now
+    raise StepError(f"the {area.type} editor does not come to rest")
 
 
 def redraw() -> None:

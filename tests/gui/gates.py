@@ -1,57 +1,132 @@
-"""Work that stays where a step wants it, however fast the machine is: it goes as far as its gate is open, no further.
+"""Work that stays where a step wants it, however fast the machine is: it goes as far as its gate lets it, no further.
 
 What has to be under way still when something is done to it is held, and not only made so large that it should last.
 """
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, contextmanager
 from typing import Any
 
-from addon_state import is_working, module
-from driver import Step, check, wait_until
+from addon_state import module
+from driver import Step, wait_until
+
+Condition = Callable[[Any, Any], object]
 
 HELD_SECONDS = 0.02
+LONGEST = 300.0  # then work is let go, and the step fails: a Blender that waits for what is held could not
 
 
-class ScanGate:
-    """Scans go on to a share of the whole, 0 to 1, and stay there, as if a frame took long, until it is raised."""
+class Gate:
+    """Open at first. Work comes to it again and again, with how far it is, and waits there while it is held."""
 
     def __init__(self) -> None:
-        self._share = math.inf
-        self._is_holding = False
+        self._shall_hold: Condition | None = None
+        self._holds_for: Condition | None = None
+        self._deadline = 0.0
 
-    def set_to(self, share: float) -> None:
-        self._share, self._is_holding = share, False
+    def hold_when(self, condition: Condition) -> None:
+        """Called with the work and how far it is; what it is true of goes no further."""
+        self._deadline = time.monotonic() + LONGEST
+        self._shall_hold = condition
 
     def open(self) -> None:
-        self.set_to(math.inf)
+        self._shall_hold = None
+
+    @property
+    def is_holding(self) -> bool:
+        """Whether some work waits for what the gate was told last."""
+        return self._holds_for is not None and self._holds_for is self._shall_hold
 
     def wait(self, what: str) -> Step:
-        """Until a scan is held. what: is said if none comes so far."""
-        yield from wait_until(lambda: self._is_holding, what, 60)
-        check(is_working(), f"{what}: it is over")
+        """Until work is held."""
+        yield from wait_until(lambda: self.is_holding, f"{what} is not under way, or over before it could be held")
 
-    def steps(self, original: Callable[[Any], Iterator[float]], scanner: Any) -> Generator[float, None, None]:
-        with closing(original(scanner)) as inner:
-            for done in inner:
-                yield done
-                while done >= self._share:
-                    self._is_holding = True
-                    time.sleep(HELD_SECONDS)
-                    yield done
-        self._is_holding = False
+    def keeps(self, work: Any, far: Any) -> bool:
+        """Asked by work on any thread, time and again as long as it is so."""
+        condition = self._shall_hold
+        is_kept = condition is not None and bool(condition(work, far)) and time.monotonic() < self._deadline
+        self._holds_for = condition if is_kept else None
+        return is_kept
+
+    def leave(self) -> None:
+        """Work that is over or given up is not held any more."""
+        self._holds_for = None
 
 
 @contextmanager
-def scan_gate() -> Iterator[ScanGate]:
-    """Open as long as nobody sets it."""
-    gate, scanner = ScanGate(), module("scanning.scan").Scanner
-    original, scanner.steps = scanner.steps, lambda scanner: gate.steps(original, scanner)
+def _placed(gate: Gate, owner: Any, name: str, make: Callable[[Any], Any]) -> Iterator[Gate]:
+    """Before a method."""
+    original = getattr(owner, name)
+    setattr(owner, name, make(original))
     try:
         yield gate
     finally:
-        scanner.steps = original
+        gate.open()
+        setattr(owner, name, original)
+
+
+@contextmanager
+def gate_of_steps(owner: type) -> Iterator[Gate]:
+    """For a class whose `steps()` do its work in parts while Blender goes on. How far: what a step yields."""
+    gate = Gate()
+
+    def make(original: Callable[[Any], Generator[Any, None, None]]) -> Any:
+        def steps(worker: Any) -> Generator[Any, None, None]:
+            try:
+                with closing(original(worker)) as inner:
+                    for done in inner:
+                        yield done
+                        while gate.keeps(worker, done):
+                            time.sleep(HELD_SECONDS)  # like a frame that takes long
+                            yield done
+            finally:
+                gate.leave()
+
+        return steps
+
+    with _placed(gate, owner, "steps", make):
+        yield gate
+
+
+@contextmanager
+def gate_of_builds() -> Iterator[Gate]:
+    """For trees that are built beside Blender; one that shall stop is let go. How far: the share done."""
+    gate = Gate()
+
+    def make(original: Callable[[Any, float], bool]) -> Any:
+        def advance(work: Any, share: float) -> bool:
+            while not work._shall_stop and gate.keeps(work, share):
+                time.sleep(HELD_SECONDS)
+            gate.leave()
+            return original(work, share)
+
+        return advance
+
+    with _placed(gate, module("background_work").BackgroundWork, "_advance", make):
+        yield gate
+
+
+@contextmanager
+def gate_of_renders() -> Iterator[Gate]:
+    """For renders in the background; one that Blender wants to end is let go. How far: the share done."""
+    gate = Gate()
+
+    def make(original: Callable[[Any, Any, float], bool]) -> Any:
+        def advance(engine: Any, job: Any, share: float) -> bool:
+            while not engine.test_break() and gate.keeps(engine, share):
+                time.sleep(HELD_SECONDS)
+            gate.leave()
+            return original(engine, job, share)
+
+        return advance
+
+    with _placed(gate, module("engine").PerfectBVHRenderEngine, "_advance", make):
+        yield gate
+
+
+def always(_: Any, __: Any) -> bool:
+    """A condition that holds work as soon as it comes."""
+    return True

@@ -6,9 +6,22 @@ import time
 
 import bpy
 import numpy as np
-from addon_state import measured, overlay, settings, space
+from addon_state import is_playing, measured, overlay, settings, space
 from buttons import Button, change, press
-from driver import Step, area_of, check, hover, middle_of, press_key, redraw, screen_pixels, screenshot, wait_until
+from driver import (
+    Step,
+    area_of,
+    at_rest,
+    check,
+    hover,
+    middle_of,
+    press_key,
+    redraw,
+    redrawn,
+    screen_pixels,
+    screenshot,
+    wait_until,
+)
 from panel_steps import open_sub_panel
 
 
@@ -23,7 +36,7 @@ def set_overlay(**values: object) -> Step:
     for name, value in values.items():
         setattr(settings().overlay, name, value)
     area_of("VIEW_3D").tag_redraw()
-    yield 0.2
+    yield from redrawn()
 
 
 def show_the_top_level() -> Step:
@@ -34,20 +47,20 @@ def show_the_top_level() -> Step:
         check(overlay() is None, "boxes are drawn before anybody asked for them")
         before = screen_pixels()
         yield from press(area, found["show_top_level"])
-        yield from wait_until(shown, "no box of the top level is drawn", 30)
-        yield 0.5
-        check((screen_pixels() != before).mean() > 0.005, "the screen does not show the boxes")
+        yield from wait_until(shown, "no box of the top level is drawn")
+        shows = lambda: (screen_pixels() != before).mean() > 0.005  # noqa: E731
+        yield from wait_until(shows, "the screen does not show the boxes", every=0.2)
         screenshot("overlay_level_2")
         for name in ("level", "use_all_to_level", "color_by", "use_in_front", "show_active"):
             yield from change(area, found[name], chosen, "4" if name == "level" else None)
         for level in (0, 1, 3):
             yield from set_overlay(level=level)
-            yield from wait_until(lambda level=level: shown().level == level, f"level {level} is not shown", 10)
+            yield from wait_until(lambda level=level: shown().level == level, f"level {level} is not shown")
         yield from set_overlay(use_all_to_level=True)
-        yield from wait_until(lambda: shown().count > 60, "the levels above are not shown", 10)
+        yield from wait_until(lambda: shown().count > 60, "the levels above are not shown")
         for color in ("LEVEL", "OVERLAP", "COST"):
             yield from set_overlay(color_by=color)
-            yield 0.7
+            yield from at_rest(area_of("VIEW_3D"))
             screenshot(f"overlay_{color.lower()}")
 
     yield from open_sub_panel("Tree Overlay", work)
@@ -58,31 +71,31 @@ def show_the_active_object() -> Step:
     for name in ("Hill", "Tree"):
         bpy.context.view_layer.objects.active = bpy.data.objects[name]
         yield from set_overlay(show_active=True)
-        yield from wait_until(lambda: overlay() is not None and overlay().active is not None, f"no box of {name}", 30)
-        yield 0.5
-        check(overlay().active.shown.count > 0, f"no box of {name} is drawn")
+        yield from wait_until(lambda: overlay() is not None and overlay().active is not None, f"no box of {name}")
+        yield from wait_until(lambda: overlay().active.shown.count > 0, f"no box of {name} is drawn")
+        yield from redrawn()
         screenshot(f"overlay_of_{name.lower()}")
     bpy.context.view_layer.objects.active = bpy.context.scene.camera
     area_of("VIEW_3D").tag_redraw()
-    yield from wait_until(lambda: overlay().active is None, "a camera's boxes are shown", 10)
-    yield 0.5
+    yield from wait_until(lambda: overlay().active is None, "a camera's boxes are shown")
     yield from set_overlay(show_active=False)
-    yield from wait_until(lambda: overlay() is None, "the overlay is still there", 10)
+    yield from wait_until(lambda: overlay() is None, "the overlay is still there")
 
 
 def follow_an_animation() -> Step:
     yield from set_overlay(show_top_level=True, level=3)
-    yield from wait_until(shown, "no box is drawn", 30)
+    yield from wait_until(shown, "no box is drawn")
     frame, boxes = bpy.context.scene.frame_current, overlay().top_level._boxes.boxes.copy()
     hover(*middle_of(area_of("VIEW_3D")))
     yield from press_key("space")
-    yield from wait_until(lambda: bpy.context.scene.frame_current >= frame + 3, "the animation does not play", 60)
+    yield from wait_until(lambda: bpy.context.scene.frame_current >= frame + 3, "the animation does not play")
     yield from press_key("space")
-    yield 0.5
-    later = overlay().top_level._boxes.boxes
-    check(later.shape != boxes.shape or np.any(later != boxes), "the boxes do not follow the animation")
+    yield from wait_until(lambda: not is_playing(), "the animation still plays")
+    differ = lambda later: later.shape != boxes.shape or np.any(later != boxes)  # noqa: E731
+    follow = lambda: differ(overlay().top_level._boxes.boxes)  # noqa: E731
+    yield from wait_until(follow, "the boxes do not follow the animation")
     bpy.context.scene.frame_set(frame)
-    yield 0.5
+    yield from redrawn()
 
 
 def draw_100000_boxes() -> Step:
@@ -90,11 +103,11 @@ def draw_100000_boxes() -> Step:
     yield from set_overlay(show_top_level=False)
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=700, y_subdivisions=700, size=12.0, location=(0.0, 0.0, 6.0))
     grid = bpy.context.object
-    yield 0.5
+    yield from redrawn()
     yield from set_overlay(show_active=True, level=12, use_all_to_level=True)
-    yield from wait_until(lambda: overlay() is not None and overlay().active is not None, "no box is drawn", 60)
-    yield 1.0
-    check(overlay().active.shown.count == 100_000, f"{overlay().active.shown.count} boxes are drawn")
+    yield from wait_until(lambda: overlay() is not None and overlay().active is not None, "no box is drawn")
+    yield from wait_until(lambda: overlay().active.shown.count == 100_000, "100,000 boxes are not drawn")
+    yield from redrawn()
     screenshot("overlay_100000")
     times = []
     for _ in range(3):
@@ -113,4 +126,4 @@ def draw_100000_boxes() -> Step:
     bpy.data.objects.remove(grid)
     yield from set_overlay(use_all_to_level=False, level=2)
     space().overlay.show_overlays = True
-    yield 0.5
+    yield from redrawn()

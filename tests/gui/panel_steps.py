@@ -23,17 +23,20 @@ from driver import (
     OUTPUT,
     Step,
     area_of,
+    at_rest,
     check,
+    handled,
     hover,
     main_area,
     middle_of,
     press_here,
     press_key,
+    redrawn,
     screenshot,
     set_viewport_size,
     wait_until,
-    x_tool,
 )
+from gates import gate_of_steps
 
 # In the order of the panel, while nothing was rendered yet.
 SUB_PANELS = ("Film", "Performance", "Audit", "Rays", "Tree Overlay", "Bench", "Failure Cases")
@@ -56,7 +59,7 @@ _last_button: dict[str, Button] = {}
 def enable() -> Step:
     check(not hasattr(bpy.types.Scene, "perfect_bvh"), "the add-on is enabled already")
     bpy.ops.preferences.addon_enable(module=MODULE)
-    yield 0.5
+    yield from redrawn()
     check(hasattr(bpy.types.Scene, "perfect_bvh"), "the add-on is not enabled")
     check(module("preferences").native_error() is None, module("preferences").native_error())
     scene = bpy.context.scene
@@ -69,8 +72,7 @@ def enable() -> Step:
     main_area().type = "TEXT_EDITOR"
     yield from set_viewport_size(960, 860)
     hover(*middle_of(main_area()))
-    x_tool("click", 1)  # Blender swallows the first click
-    yield 0.3
+    yield from press_here()  # Blender swallows the first click
 
 
 def main_buttons() -> Step:
@@ -114,19 +116,19 @@ def press_the_main_panels_buttons() -> Step:
     yield from press_key("Escape")
     yield from change(area, buttons["perfect_bvh.mode"], settings())
     settings().mode = "CLAY"
-    yield 0.5
+    yield from at_rest(area)
     buttons = yield from main_buttons()
     screenshot("clay")
     yield from change(area, buttons["perfect_bvh.use_material_colors"], settings())
     yield from change(area, buttons["perfect_bvh.ao_distance"], settings())
     settings().mode = "NORMAL"
     area.tag_redraw()
-    yield 1.0
+    yield from at_rest(area)
     screenshot("hint_about_the_view")
     yield from find_and_press(area, "view_settings.view_transform")
     yield from press_key("Escape")
     settings().mode = "PREVIEW"
-    yield 0.3
+    yield from at_rest(area)
 
 
 def change_all(owner: object, names: dict[str, str | None]) -> Callable[[list[Button]], Step]:
@@ -199,16 +201,19 @@ def press_simplify() -> Step:
 
 
 def bench() -> Step:
-    """Measured for some seconds, ended with Escape; the charts of what there is open in the Image Editor."""
+    """Measured until there is something to see, ended with Escape; the charts of it open in the Image Editor."""
 
     def work(buttons: list[Button]) -> Step:
         (button,) = [button for button in buttons if "perfect_bvh.bench(" in button.what]
-        yield from press(area_of("PROPERTIES"), button)
-        yield 8.0
-        screenshot("benching")
-        yield from press_key("Escape")
-        yield from wait_until(lambda: "Perfect BVH Bench" in bpy.data.images, "Escape shows no chart", 60)
-        yield 2.0
+        with gate_of_steps(module("bench.measurements").SceneBench) as gate:
+            gate.hold_when(lambda measurement, _: len(measurement.figures.get("builders", ())) > 1)
+            yield from press(area_of("PROPERTIES"), button)
+            yield from gate.wait("a measurement")
+            check(is_working(), "a measurement that is held has ended")
+            screenshot("benching")
+            yield from press_key("Escape")
+            yield from wait_until(lambda: "Perfect BVH Bench" in bpy.data.images, "Escape shows no chart")
+        yield from at_rest(area_of("PROPERTIES"))
         screenshot("bench")
         yield from close_image_windows()
 
@@ -223,23 +228,23 @@ def press_the_panorama() -> Step:
     camera = scene.camera.data
     camera.type = "PANO"
     area.tag_redraw()
-    yield 0.7
+    yield from redrawn()
     area.spaces.active.context = "DATA"
-    yield 0.7
+    yield from redrawn()
     camera.panorama_type = "EQUIRECTANGULAR"
-    yield 0.3
+    yield from at_rest(area)
     buttons = yield from list_buttons(area)
     screenshot("panel_panorama")
     degrees = {"latitude_min": "10", "latitude_max": "20", "longitude_min": "30", "longitude_max": "40"}
     yield from change_all(camera, degrees | {"panorama_type": None})(buttons)
     camera.panorama_type = "FISHEYE_EQUISOLID"
     area.tag_redraw()
-    yield 0.5
+    yield from at_rest(area)
     screenshot("panel_of_another_panorama")
     camera.panorama_type, camera.type = "EQUIRECTANGULAR", "PERSP"
     area.spaces.active.context = "RENDER"
     layer.objects.active = before
-    yield 0.5
+    yield from at_rest(area)
 
 
 def press_rows_of_the_plan() -> Step:
@@ -260,7 +265,7 @@ def press_rows_of_the_plan() -> Step:
             for obj in layer.objects:
                 obj.select_set(False)
             yield from press(area, row)
-            yield from wait_until(lambda: bpy.context.selected_objects, f"{row.what} selects nothing", 5)
+            yield from wait_until(lambda: bpy.context.selected_objects, f"{row.what} selects nothing")
             uid = int(row.what.partition("session_uid=")[2].rstrip(")"))
             uids = {obj.session_uid for obj in layer.objects if obj.select_get()}
             uids |= {obj.data.session_uid for obj in layer.objects if obj.select_get() and obj.data}
@@ -279,7 +284,7 @@ def every_button_was_pressed() -> Step:
 
 def show_the_viewport() -> Step:
     main_area().type = "VIEW_3D"
-    yield 1.0
+    yield from redrawn()
     bpy.ops.ed.undo_push(message="start")
 
 
@@ -291,14 +296,13 @@ def make_a_failure_case() -> Step:
         area, index = area_of("PROPERTIES"), SUB_PANELS.index("Failure Cases")
         yield from leave(area)
         hover(middle_of(area)[0], header_height(_last_button["samples"], index) - MENU_BELOW_HEADER)
-        yield 0.2
+        yield from handled()
         yield from press_here()
         note_pressed("bpy.ops.perfect_bvh.add_failure_case()")
         screenshot("menu_of_failure_cases")
-        yield from press_key("Down")
-        yield from press_key("Return")
-        yield from wait_until(lambda: bpy.context.scene != before, "no scene of a failure case is shown", 60)
-        yield 1.2  # panels glide to their places
+        yield from press_key("Down", "Return")
+        yield from wait_until(lambda: bpy.context.scene != before, "no scene of a failure case is shown")
+        yield from at_rest(area)
         check(bpy.context.scene.perfect_bvh.mode == "COST", "the case does not show costs")
         screenshot("failure_case")
         view = area_of("VIEW_3D").spaces.active.region_3d
@@ -308,7 +312,7 @@ def make_a_failure_case() -> Step:
         bpy.context.window_manager.windows[0].scene = before
         bpy.data.scenes.remove(made)
         bpy.ops.ed.undo_push(message="the case is gone")
-        yield 0.5
+        yield from at_rest(area)
 
     yield from open_sub_panel("Failure Cases", work)
 
@@ -316,7 +320,7 @@ def make_a_failure_case() -> Step:
 def choose_passes() -> Step:
     area, layer = area_of("PROPERTIES"), bpy.context.view_layer
     area.spaces.active.context = "VIEW_LAYER"
-    yield 0.5
+    yield from at_rest(area)
     buttons = yield from list_buttons(area)
     if not any("use_pass_z" in button.what for button in buttons):
         (last,) = [button for button in buttons if button.what.endswith("use")] or buttons[-1:]
@@ -326,4 +330,4 @@ def choose_passes() -> Step:
     yield from change_all(layer, dict.fromkeys(names))(buttons)
     screenshot("passes")
     area.spaces.active.context = "RENDER"
-    yield 0.5
+    yield from at_rest(area)

@@ -13,10 +13,12 @@ from driver import (
     click,
     front_window,
     press_key,
+    redrawn,
     region_of,
     screenshot,
     type_text,
     wait_until,
+    window_stands,
     work_in_window,
 )
 
@@ -32,18 +34,17 @@ def open_the_preferences() -> Step:
     windows = bpy.context.window_manager.windows
     count = len(windows)
     yield from click(EDIT_MENU[0], front_window().height - EDIT_MENU[1])
-    yield 0.3
     yield from press_key("p")
-    yield from wait_until(lambda: len(windows) > count, "the menu opens no preferences", 10)
-    yield 1.0
+    yield from wait_until(lambda: len(windows) > count, "the menu opens no preferences")
     work_in_window(count)
+    yield from window_stands()
     area = area_of("PREFERENCES")
     sections = region_of(area, "UI")
-    yield from click(sections.x + sections.width / 2, front_window().height - ADD_ONS_BELOW_TOP)
-    if bpy.context.preferences.active_section != "ADDONS":  # the first click may only have brought the window forward
+    for _ in range(2):  # the first click may only bring the window forward
         yield from click(sections.x + sections.width / 2, front_window().height - ADD_ONS_BELOW_TOP)
-    check(bpy.context.preferences.active_section == "ADDONS", "the section of add-ons does not open")
-    yield 0.5
+        if bpy.context.preferences.active_section == "ADDONS":
+            return
+    check(False, "the section of add-ons does not open")
 
 
 def unfold_the_entry() -> Step:
@@ -55,12 +56,10 @@ def unfold_the_entry() -> Step:
     yield from press(area, search)
     yield from type_text("perfect")
     yield from press_key("Return")
-    yield 0.5
     found = yield from list_buttons(area, top=top - FIRST_ROW, bottom=top - SECOND_ROW, column=UNFOLD)
     arrows = [button for button in found if "addon_expand(" in button.what]
     check(len(arrows) == 1 and MODULE in arrows[0].what, f"the search finds {found}")
     yield from press(area, arrows[0])
-    yield 0.7
     buttons = yield from list_buttons(area, top=top - SECOND_ROW)
     return {button.what: button for button in buttons}
 
@@ -101,4 +100,4 @@ def press_the_preferences() -> Step:
     for window in list(bpy.context.window_manager.windows)[1:]:
         with bpy.context.temp_override(window=window):
             bpy.ops.wm.window_close()
-    yield 0.5
+    yield from redrawn()

@@ -2,41 +2,64 @@
 
 from __future__ import annotations
 
-import subprocess
-
 import bpy
-from addon_state import close_image_windows, events, is_working, module, settings, wait_for_report
+import numpy as np
+from addon_state import close_image_windows, events, forget_reports, is_working, module, settings, wait_for_report
 from builds import is_building, watch_a_build, with_cloud
 from buttons import find_and_press
-from driver import Step, area_of, check, context_of, hover, middle_of, press_key, screenshot, wait_until
+from driver import (
+    Step,
+    area_of,
+    area_pixels,
+    at_rest,
+    check,
+    context_of,
+    handled,
+    hover,
+    middle_of,
+    press_key,
+    redrawn,
+    region_of,
+    screenshot,
+    wait_until,
+)
+from gates import Gate, gate_of_renders
 
 
 def find_and_press_preview() -> Step:
-    """On a loaded machine Blender may need longer than the mouse waits for it."""
-    for attempt in range(3):
-        bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
-        yield 0.5
-        bpy.context.scene.render.engine = "PERFECT_BVH"
-        yield 0.5
-        try:
-            yield from find_and_press(area_of("PROPERTIES"), "perfect_bvh.preview")
-        except AssertionError:
-            if attempt == 2:
-                raise
-        else:
-            return
+    """In a panel that is laid out anew."""
+    bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
+    yield from redrawn()
+    bpy.context.scene.render.engine = "PERFECT_BVH"
+    yield from at_rest(area_of("PROPERTIES"))
+    yield from find_and_press(area_of("PROPERTIES"), "perfect_bvh.preview")
+
+
+def check_shows_whole(area: bpy.types.Area) -> None:
+    """That nothing of an editor's image is outside of it."""
+    region, space = region_of(area), area.spaces.active
+    width, height = (length * space.zoom_percentage / 100 for length in space.image.size)
+    check(
+        width <= region.width + 1 and height <= region.height + 1,
+        f"an image of {width:.0f} x {height:.0f} in {region.width} x {region.height} pixels",
+    )
 
 
 def press_preview() -> Step:
     """Its image takes the place of the 3D viewport, or a window of its own, until that is closed."""
+    settings().preview_percentage = 50
     yield from find_and_press_preview()
     yield from wait_until(lambda: "Perfect BVH Preview" in bpy.data.images, "no image of the preview")
-    yield 3.0
+    yield from wait_until(lambda: not is_working(), "the preview does not end")
+    yield from redrawn()
     screenshot("preview")
     check(bpy.context.scene.render.engine == "PERFECT_BVH", "Preview has changed the render engine")
     editors = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
-    shown = [area.spaces.active.image.name for area in editors if area.type == "IMAGE_EDITOR"]
-    check(shown == ["Perfect BVH Preview"], f"Image Editors show {shown}")
+    shown = [area for area in editors if area.type == "IMAGE_EDITOR"]
+    names = [area.spaces.active.image.name for area in shown]
+    check(names == ["Perfect BVH Preview"], f"Image Editors show {names}")
+    check_shows_whole(shown[0])
+    settings().preview_percentage = 100
     yield from close_image_windows()
 
 
@@ -46,19 +69,21 @@ def stop_a_preview_while_it_builds() -> Step:
     if name in bpy.data.images:
         bpy.data.images.remove(bpy.data.images[name])
 
-    def press() -> Step:
+    def press(gate: Gate) -> Step:
+        forget_reports()
         yield from find_and_press_preview()
-        yield from watch_a_build("preview")
+        yield from watch_a_build("preview", gate)
         yield from press_key("Escape")
-        yield from wait_until(lambda: not is_working(), "Escape does not stop the build of a preview", 10)
-        check(not is_building(), "the build goes on after Escape")
+        yield from wait_until(lambda: not is_working(), "Escape does not stop the build of a preview")
+        yield from wait_until(lambda: not is_building(), "the build goes on after Escape")
         check(name not in bpy.data.images, "a preview that was stopped while it built has made an image")
         yield from wait_for_report("The preview was stopped before there was an image")
+        gate.open()
         settings().samples, settings().preview_percentage = 2, 20
         yield from find_and_press_preview()
-        yield from wait_until(lambda: name in bpy.data.images, "no image of the preview after its build", 120)
+        yield from wait_until(lambda: name in bpy.data.images, "no image of the preview after its build")
         screenshot("preview_after_its_build")
-        yield from wait_until(lambda: not is_working(), "the preview does not end", 60)
+        yield from wait_until(lambda: not is_working(), "the preview does not end")
         settings().preview_percentage = 100
         yield from close_image_windows()
 
@@ -74,20 +99,11 @@ def start_render() -> None:
 def render() -> Step:
     events.clear()
     start_render()
-    yield from wait_until(lambda: "render_complete" in events, "the render does not end", 60)
-    yield 0.5
+    yield from wait_until(lambda: "render_complete" in events, "the render does not end")
     check(module("latest").last_statistics(bpy.context.scene) is not None, "no statistics of the render")
+    yield from redrawn()
     screenshot("rendered_window")
     yield from close_image_windows()
-
-
-def panel_pixels() -> bytes:
-    """What the screen shows of the Properties editor."""
-    area = area_of("PROPERTIES")
-    window = bpy.context.window_manager.windows[0]
-    shape = f"{area.width}x{area.height}+{area.x}+{window.height - area.y - area.height}"
-    command = ["import", "-window", "root", "-crop", shape, "-depth", "8", "rgb:-"]
-    return subprocess.run(command, check=True, capture_output=True).stdout
 
 
 def let_statistics_come_by_themselves() -> Step:
@@ -95,41 +111,44 @@ def let_statistics_come_by_themselves() -> Step:
     display, bpy.context.preferences.view.render_display_type = bpy.context.preferences.view.render_display_type, "NONE"
     hover(*middle_of(area_of("VIEW_3D")))
     module("latest").forget()
-    area_of("PROPERTIES").tag_redraw()
-    yield 1.0
-    without = panel_pixels()
+    area = area_of("PROPERTIES")
+    area.tag_redraw()
+    yield from handled()
+    without = yield from at_rest(area)
     events.clear()
     start_render()
-    yield from wait_until(lambda: "render_complete" in events, "the render does not end", 60)
-    yield 1.0
-    rendered = panel_pixels()
-    check(rendered != without, "the panels do not come after a render")
+    yield from wait_until(lambda: "render_complete" in events, "the render does not end")
+    shows = lambda pixels: np.array_equal(area_pixels(area), pixels)  # noqa: E731
+    yield from wait_until(lambda: not shows(without), "the panels do not come after a render", every=0.2)
+    rendered = yield from at_rest(area)
     check(not module("latest").is_outdated(bpy.context.scene), "what was just rendered is called outdated")
     screenshot("statistics_by_themselves")
     yield 1.0
-    check(panel_pixels() == rendered, "the panels change without a reason")
+    check(shows(rendered), "the panels change without a reason")
     bpy.data.objects["Hill"].location.z += 0.5
-    yield from wait_until(lambda: panel_pixels() != rendered, "the panels do not say that the scene is another", 5)
-    yield 0.7
+    yield from wait_until(lambda: not shows(rendered), "the panels do not say that the scene is another", every=0.2)
+    yield from at_rest(area)
     screenshot("statistics_of_an_edited_scene")
     bpy.data.objects["Hill"].location.z -= 0.5
     bpy.context.preferences.view.render_display_type = display
-    yield 0.5
+    yield from redrawn()
 
 
 def cancel_a_render() -> Step:
     settings().samples = 4096
     events.clear()
-    start_render()
-    yield from wait_until(lambda: bpy.app.is_job_running("RENDER"), "the render does not begin")
-    yield 1.0
-    screenshot("rendering")
-    yield from press_key("Escape")
-    yield from wait_until(lambda: not bpy.app.is_job_running("RENDER"), "Escape does not end the render")
+    with gate_of_renders() as gate:
+        gate.hold_when(lambda _, share: share > 0.0)
+        start_render()
+        yield from gate.wait("a render")
+        check(bpy.app.is_job_running("RENDER"), "a render that is held has ended")
+        screenshot("rendering")
+        yield from press_key("Escape")
+        yield from wait_until(lambda: not bpy.app.is_job_running("RENDER"), "Escape does not end the render")
     renders = [event for event in events if event.startswith("render")]
     check(renders == ["render_cancel"], f"events of a cancelled render: {events}")
     settings().samples = 2
-    yield 0.3
+    yield from redrawn()
     yield from close_image_windows()
 
 
@@ -138,7 +157,7 @@ def render_without_a_camera() -> Step:
     scene = bpy.context.scene
     camera, scene.camera = scene.camera, None
     events.clear()
-    yield 0.3
+    yield from redrawn()
     with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
         try:
             bpy.ops.render.render()
@@ -146,7 +165,7 @@ def render_without_a_camera() -> Step:
             check("camera" in str(problem).lower(), str(problem))
         else:
             check(False, "a render without a camera has succeeded")
-    yield 0.5
+    yield from redrawn()
     screenshot("no_camera")
     scene.camera = camera
     check("render_complete" not in events, "a render without a camera is complete")

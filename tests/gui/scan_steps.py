@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import bpy
-from addon_state import is_working, settings, wait_for_report
+from addon_state import forget_reports, is_working, module, settings, wait_for_report
 from builds import is_building, watch_a_build, with_cloud
 from buttons import Button, press
-from driver import Step, area_of, check, hover, middle_of, press_key, screenshot, wait_until
+from driver import Step, area_of, check, hover, middle_of, press_key, redrawn, screenshot, wait_until
+from gates import Gate, always, gate_of_steps
 from panel_steps import open_sub_panel
 
 ATTRIBUTES = {"distance", "normal", "time", "object_id", "instance_id", "material_id"}
@@ -18,9 +19,17 @@ def scans() -> list[bpy.types.Object]:
     return [obj for obj in bpy.context.scene.objects if obj.name.startswith("Scan")]
 
 
+def was_stopped(what: str) -> Step:
+    """By the user; nothing has come of it."""
+    yield from wait_until(lambda: not is_working(), f"Escape does not stop {what}")
+    yield from wait_for_report("The scan was stopped: nothing was made")
+    check(not scans(), f"{what} was stopped, but has made an object")
+
+
 def press_scan(after: Callable[[], Step]) -> Step:
     def work(buttons: list[Button]) -> Step:
         (button,) = [button for button in buttons if "perfect_bvh.scan(" in button.what]
+        forget_reports()
         yield from press(area_of("PROPERTIES"), button)
         yield from after()
 
@@ -31,44 +40,39 @@ def stop_a_scan() -> Step:
     scan = settings().scan
     scan.width, scan.height = 2000, 2000
 
-    def stop() -> Step:
-        yield from wait_until(is_working, "the scan does not begin", 10)
-        yield 0.3
-        check(is_working(), "4 million rays were cast in half a second")
+    def stop(gate: Gate) -> Step:
+        gate.hold_when(lambda _, share: share > 0.1)
+        yield from gate.wait("a scan of 4 million rays")
+        check(is_working(), "a scan that is held has ended")
         screenshot("scanning")
         yield from press_key("Escape")
-        yield from wait_until(lambda: not is_working(), "Escape does not stop the scan", 10)
+        yield from was_stopped("the scan")
 
-    yield from press_scan(stop)
-    yield from wait_for_report("The scan was stopped: nothing was made")
-    check(not scans(), "a stopped scan has made an object")
-
-    def stop_at_once() -> Step:
+    def stop_at_once(gate: Gate) -> Step:
+        gate.hold_when(always)
         yield from press_key("Escape")
-        yield from wait_until(lambda: not is_working(), "Escape does not stop the scan at its start", 20)
+        yield from was_stopped("the scan at its start")
 
-    yield from press_scan(stop_at_once)
-    yield 0.5
-    check(not scans(), "a scan stopped at its start has made an object")
+    with gate_of_steps(module("scanning.scan").Scanner) as gate:
+        yield from press_scan(lambda: stop(gate))
+        yield from press_scan(lambda: stop_at_once(gate))
     scan.width, scan.height = 640, 360
 
 
 def stop_a_scan_while_it_builds() -> Step:
-    def stop() -> Step:
-        yield from watch_a_build("scan")
+    def stop(gate: Gate) -> Step:
+        yield from watch_a_build("scan", gate)
         yield from press_key("Escape")
-        yield from wait_until(lambda: not is_working(), "Escape does not stop the build of a scan", 10)
-        check(not is_building(), "the build goes on after Escape")
+        yield from was_stopped("the build of a scan")
+        yield from wait_until(lambda: not is_building(), "the build goes on after Escape")
 
-    yield from with_cloud(lambda: press_scan(stop))
-    yield from wait_for_report("The scan was stopped: nothing was made")
-    check(not scans(), "a scan that was stopped while it built has made an object")
+    yield from with_cloud(lambda gate: press_scan(lambda: stop(gate)))
 
 
 def scan() -> Step:
     def finish() -> Step:
-        yield from wait_until(scans, "the scan makes no object", 60)
-        yield 0.5
+        yield from wait_until(scans, "the scan makes no object")
+        yield from redrawn()
         screenshot("scan")
 
     yield from press_scan(finish)
@@ -80,9 +84,9 @@ def scan() -> Step:
     yield from wait_for_report(f"{count:,} points on")
     hover(*middle_of(area_of("VIEW_3D")))
     yield from press_key("ctrl+z")
-    yield from wait_until(lambda: not scans(), "undo leaves the points", 10)
+    yield from wait_until(lambda: not scans(), "undo leaves the points")
     yield from press_key("ctrl+shift+z")
-    yield from wait_until(scans, "redo does not bring the points back", 10)
+    yield from wait_until(scans, "redo does not bring the points back")
     yield from press_key("ctrl+z")
-    yield from wait_until(lambda: not scans(), "the second undo leaves the points", 10)
+    yield from wait_until(lambda: not scans(), "the second undo leaves the points")
     check(settings().mode == "PREVIEW", "undoing the scan has undone more than that")

@@ -20,8 +20,9 @@ import panel_steps
 import preferences_steps
 import render_steps
 import scan_steps
-import several_views_steps
+import split_view_steps
 import tooltip_steps
+import two_window_steps
 import viewport_steps
 from driver import run
 
@@ -72,15 +73,15 @@ STEPS = (
     viewport_steps.edit_lights_and_materials,
     viewport_steps.build_beside_the_viewport,
     viewport_steps.show_four_views,
-    several_views_steps.show_two_viewports,
-    several_views_steps.edit_beside_two_viewports,
-    several_views_steps.hide_in_one_of_two_viewports,
-    several_views_steps.join_viewports,
-    several_views_steps.show_two_scenes_in_two_windows,
-    several_views_steps.edit_in_two_scenes,
-    several_views_steps.close_a_window_while_it_renders,
-    several_views_steps.delete_a_scene_while_it_renders,
-    several_views_steps.show_another_panorama,
+    split_view_steps.show_two_viewports,
+    split_view_steps.edit_beside_two_viewports,
+    split_view_steps.hide_in_one_of_two_viewports,
+    split_view_steps.join_viewports,
+    two_window_steps.show_two_scenes_in_two_windows,
+    two_window_steps.edit_in_two_scenes,
+    two_window_steps.close_a_window_while_it_renders,
+    two_window_steps.delete_a_scene_while_it_renders,
+    viewport_steps.show_another_panorama,
     file_steps.open_another_file,
     file_steps.first_image_after_an_edit,
     file_steps.lose_the_engine,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy
 import numpy as np
 import numpy.typing as npt
@@ -9,16 +11,18 @@ from buttons import Button
 from driver import (
     SCREEN_HEIGHT,
     Step,
+    StepError,
     area_of,
     front_window,
+    handled,
     hover,
     main_area,
     middle_of,
+    redrawn,
     region_of,
     screen_pixels,
     screen_point,
     screenshot,
-    wait_until,
     x_tool,
 )
 from panel_steps import main_buttons, open_sub_panel
@@ -38,15 +42,22 @@ def around(button: Button) -> npt.NDArray[np.uint8]:
 def let_the_screen_rest() -> Step:
     """With the mouse where nothing lights up, until the last tooltip has gone."""
     hover(*middle_of(main_area()))
-    yield 0.2
+    yield from handled()
     x_tool("mousemove_relative", "--", 5, 5)
+    yield from handled()
+    yield from same_twice(screen_pixels)
+
+
+def same_twice(look: Callable[[], npt.NDArray[np.uint8]]) -> Step:
+    """Until two looks, with time for Blender between them, find the same. Returns that."""
     earlier = None
-    for _ in range(10):
+    for _ in range(100):
         yield 0.4
-        now = screen_pixels()
+        now = look()
         if earlier is not None and np.array_equal(now, earlier):
-            return
+            return now
         earlier = now
+    raise StepError("the screen does not come to rest")
 
 
 def rest_on(button: Button, name: str) -> Step:
@@ -56,9 +67,12 @@ def rest_on(button: Button, name: str) -> Step:
     yield from let_the_screen_rest()
     before = around(button)
     hover(region.x + region.width * button.column, button.y)
-    yield 2.5  # what was shown before has gone by now
-    is_shown = lambda: (around(button) != before).sum() > TOOLTIP_BYTES  # noqa: E731
-    yield from wait_until(is_shown, f"{button.what} has no tooltip", 10)
+    for _ in range(20):  # and what is shown stays
+        now = yield from same_twice(lambda: around(button))
+        if (now != before).sum() > TOOLTIP_BYTES:
+            break
+    else:
+        raise StepError(f"{button.what} has no tooltip")
     screenshot(f"tooltip_{name}")
     yield from let_the_screen_rest()
 
@@ -71,7 +85,7 @@ def show_tooltips() -> Step:
 def show_why_scan_is_grey() -> Step:
     scene = bpy.context.scene
     camera, scene.camera = scene.camera, None
-    yield 0.3
+    yield from redrawn()
 
     def work(buttons: list[Button]) -> Step:
         (button,) = [button for button in buttons if "perfect_bvh.scan(" in button.what]
@@ -79,4 +93,4 @@ def show_why_scan_is_grey() -> Step:
 
     yield from open_sub_panel("Rays", work)
     scene.camera = camera
-    yield 0.3
+    yield from redrawn()
