@@ -39,6 +39,25 @@ def scene() -> Any:
 
 
 @pytest.fixture
+def box(scene: Any) -> Any:
+    """A cube from -1 to 1, alone in its scene."""
+    bpy.ops.mesh.primitive_cube_add(size=2.0)
+    return bpy.context.object
+
+
+@pytest.fixture
+def sync() -> Iterator[Any]:
+    """A sync to be updated in halves; in the end nothing is at work any more."""
+    from blender.long_builds import building_threads
+    from perfect_bvh_addon import SceneSync
+
+    made = SceneSync(watch=False)
+    yield made
+    made.close()
+    assert not building_threads()
+
+
+@pytest.fixture
 def cube(scene: Any) -> Any:
     """A cube at the origin, which the scene's camera sees from above, in few samples."""
     bpy.ops.mesh.primitive_cube_add()

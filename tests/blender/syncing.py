@@ -21,6 +21,16 @@ def height(sync: SceneSync, x: float = 0.2, y: float = 0.2) -> float:
     return 10.0 - float(cast_down(sync, x, y).t_hit[0])
 
 
+def depsgraph() -> Any:
+    """The viewport's, for both halves of an update."""
+    return bpy.context.evaluated_depsgraph_get()
+
+
+def move(obj: Any, z: float) -> None:
+    obj.location.z = z
+    bpy.context.view_layer.update()
+
+
 def installed() -> int:
     """How many of the add-on's functions Blender would call."""
     return sum(handler in getattr(bpy.app.handlers, name) for name, handler in changes._HANDLERS)

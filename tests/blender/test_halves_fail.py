@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Iterator
 
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
-from blender.long_builds import PATIENCE, Gate, building_threads  # noqa: E402
-from blender.syncing import assert_stale, cast_down, height  # noqa: E402
+from blender.long_builds import PATIENCE, Gate  # noqa: E402
+from blender.syncing import assert_stale, cast_down, depsgraph, height, move  # noqa: E402
 from forks import needs_fork, run_in_child  # noqa: E402
 from perfect_bvh_addon import SceneSync, background_work  # noqa: E402
 from perfect_bvh_addon.background_work import BackgroundWork  # noqa: E402
@@ -21,29 +20,6 @@ from perfect_bvh_addon.shared_trees import SharedTrees  # noqa: E402
 from perfect_bvh_addon.sync.scene_difference import AppliedDifference  # noqa: E402
 
 FAILED = "the last update did not succeed: call update"
-
-
-@pytest.fixture
-def box(scene: bpy.types.Scene) -> bpy.types.Object:
-    bpy.ops.mesh.primitive_cube_add(size=2.0)
-    return bpy.context.object
-
-
-@pytest.fixture
-def sync() -> Iterator[SceneSync]:
-    made = SceneSync(watch=False)
-    yield made
-    made.close()
-    assert not building_threads()
-
-
-def depsgraph() -> bpy.types.Depsgraph:
-    return bpy.context.evaluated_depsgraph_get()
-
-
-def move(obj: bpy.types.Object, z: float) -> None:
-    obj.location.z = z
-    bpy.context.view_layer.update()
 
 
 def fail_in_reports(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,42 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
-from blender.long_builds import HALF, PATIENCE, Gate, building_threads  # noqa: E402
-from blender.syncing import assert_stale, height  # noqa: E402
+from blender.long_builds import HALF, PATIENCE, Gate  # noqa: E402
+from blender.syncing import assert_stale, depsgraph, height, move  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
 from perfect_bvh_addon.session import drop_missing, session_of  # noqa: E402
 from perfect_bvh_addon.sync.records import AttributeRequest  # noqa: E402
-
-
-@pytest.fixture
-def box(scene: bpy.types.Scene) -> bpy.types.Object:
-    bpy.ops.mesh.primitive_cube_add(size=2.0)
-    return bpy.context.object
-
-
-@pytest.fixture
-def sync() -> Iterator[SceneSync]:
-    made = SceneSync(watch=False)
-    yield made
-    made.close()
-    assert not building_threads()
-
-
-def depsgraph() -> bpy.types.Depsgraph:
-    return bpy.context.evaluated_depsgraph_get()
-
-
-def move(obj: bpy.types.Object, z: float) -> None:
-    obj.location.z = z
-    bpy.context.view_layer.update()
 
 
 def test_what_was_read_is_there_at_once_and_answers_come_with_the_trees(box, sync: SceneSync, gate: Gate) -> None:

@@ -55,7 +55,7 @@ PASSES: tuple[str, ...] = tuple(_PASSES)
 
 
 class RenderOptions(TypedDict, total=False):
-    """What else `render` and `render_passes` take, by keyword.
+    """What else `render`, `render_passes` and `render_progressively` take, by keyword.
 
     threads: at most so many; 0, the default, for all that the process may use. It changes no pixel.
     seed: another seed gives another noise; images of one seed are equal bit for bit.

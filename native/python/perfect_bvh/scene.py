@@ -105,7 +105,7 @@ class Scene(Queries):
         """Places a mesh and returns the instance's id.
 
         transform: (4, 4) or (3, 4), object to world, any affine map; None for the identity.
-        mask: 32 bits, see `cast_rays`. order: of several hits at exactly the same t, the one with the smallest
+        mask: 32 bits, see `Queries`. order: of several hits at exactly the same t, the one with the smallest
             order wins; by default that is the instance added first.
         """
         transforms = np.eye(4)[None] if transform is None else transform
