@@ -151,6 +151,8 @@ LOUD: dict[str, Callable[[], None]] = {
     "pass index": lambda: setattr(thing("square 0"), "pass_index", 7),
     "renamed": lambda: setattr(thing("square 0"), "name", "renamed"),
     "holdout": lambda: setattr(thing("square 0"), "is_holdout", True),
+    "shadow catcher": lambda: setattr(thing("square 0"), "is_shadow_catcher", True),
+    "focus distance": lambda: setattr(thing("camera").data.dof, "use_dof", True),
     "layer holdout": lambda: setattr(bpy.context.view_layer.layer_collection, "holdout", True),
     "painted": lambda: setattr(bpy.data.materials["paint"], "diffuse_color", (0, 1, 0, 1)),
     "other material": add_a_material,
