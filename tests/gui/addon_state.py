@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from typing import Any
 
 import bpy
-from driver import Step, area_of, check, context_of, redrawn, wait_until
+from driver import Step, check, redrawn, wait_until
+from places import area_of, context_of
 
 MODULE = "bl_ext.user_default.perfect_bvh"
 

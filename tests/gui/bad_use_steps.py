@@ -9,25 +9,11 @@ from collections.abc import Callable
 import bpy
 from addon_state import events, forget_reports, is_working, module, settings, wait_for_report
 from buttons import Button, point_at, press
-from driver import (
-    Step,
-    area_of,
-    at_rest,
-    check,
-    click,
-    front_window,
-    handled,
-    hover,
-    main_area,
-    middle_of,
-    press_key,
-    redrawn,
-    screenshot,
-    type_text,
-    wait_until,
-)
+from driver import Step, at_rest, check, redrawn, screenshot, wait_until
 from gates import Gate, always, gate_of_steps
-from panel_steps import main_buttons, open_sub_panel
+from hands import click, handled, hover, press_key, type_text
+from panels import main_buttons, open_sub_panel
+from places import area_of, front_window, main_area, middle_of
 from scan_steps import scans
 
 RENDER_MENU = (125, 14)  # from the upper left

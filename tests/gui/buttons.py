@@ -11,20 +11,9 @@ from dataclasses import dataclass
 
 import bpy
 from drawn import OF_PREFERENCES, note_drawn, note_pressed
-from driver import (
-    Step,
-    at_rest,
-    check,
-    context_of,
-    handled,
-    hover,
-    press_here,
-    press_key,
-    redrawn,
-    region_of,
-    type_text,
-    wait_until,
-)
+from driver import Step, at_rest, check, redrawn, wait_until
+from hands import handled, hover, press_here, press_key, type_text
+from places import context_of, region_of
 
 # In pixels, at the resolution scale that a new user has.
 STEP = 9  # less than half of a button

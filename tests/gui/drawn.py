@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 from addon_state import module
-from driver import area_of, context_of, front_window
+from places import area_of, context_of, front_window
 
 # Before the names of the add-on's preferences, which scenes have settings of the same names for.
 OF_PREFERENCES = "preferences."

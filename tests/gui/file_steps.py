@@ -9,7 +9,9 @@ import time
 
 import bpy
 from addon_state import MODULE, check_shows_something, finished, image, measured, module, settings, space, viewports
-from driver import Step, area_of, at_rest, check, context_of, redraw, redrawn, screenshot, set_viewport_size
+from driver import Step, at_rest, check, redraw, redrawn, screenshot
+from hands import set_viewport_size
+from places import area_of, context_of
 
 
 def open_another_file() -> Step:

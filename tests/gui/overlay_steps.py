@@ -8,21 +8,10 @@ import bpy
 import numpy as np
 from addon_state import is_playing, measured, overlay, settings, space
 from buttons import Button, change, press
-from driver import (
-    Step,
-    area_of,
-    at_rest,
-    check,
-    hover,
-    middle_of,
-    press_key,
-    redraw,
-    redrawn,
-    screen_pixels,
-    screenshot,
-    wait_until,
-)
-from panel_steps import open_sub_panel
+from driver import Step, at_rest, check, redraw, redrawn, screen_pixels, screenshot, wait_until
+from hands import hover, press_key
+from panels import open_sub_panel
+from places import area_of, middle_of
 
 
 def shown() -> object | None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import bpy
 from addon_state import MODULE, close_image_windows, is_working, module, settings
 from buttons import (
@@ -19,28 +17,12 @@ from buttons import (
     with_panel_open,
 )
 from drawn import drawn, note_pressed, pressed
-from driver import (
-    OUTPUT,
-    Step,
-    area_of,
-    at_rest,
-    check,
-    handled,
-    hover,
-    main_area,
-    middle_of,
-    press_here,
-    press_key,
-    redrawn,
-    screenshot,
-    set_viewport_size,
-    wait_until,
-)
+from driver import Step, at_rest, check, redrawn, screenshot, wait_until
 from gates import gate_of_steps
+from hands import handled, hover, press_here, press_key, set_viewport_size
+from panels import SUB_PANELS, change_all, header_of, main_buttons, open_sub_panel
+from places import area_of, main_area, middle_of
 
-# In the order of the panel, while nothing was rendered yet.
-SUB_PANELS = ("Film", "Performance", "Audit", "Rays", "Tree Overlay", "Bench", "Failure Cases")
-WITH_REPORTS = (*SUB_PANELS[:5], "Statistics", "Plan", *SUB_PANELS[5:])
 MAIN_BUTTONS = [
     "render.engine",
     "perfect_bvh.preview",
@@ -48,12 +30,10 @@ MAIN_BUTTONS = [
     "perfect_bvh.mode",
     "perfect_bvh.samples",
 ]
-
 HEADER_CHECKBOX_OF_PANEL = 0.13
 HEADER_CHECKBOX = 0.18  # of a sub-panel: where it stands in the width of the region
 MENU_BELOW_HEADER = 57  # with a line of text between
-# As long as the window keeps its size, the panel's last button stays where it is.
-_last_button: dict[str, Button] = {}
+WITH_REPORTS = (*SUB_PANELS[:5], "Statistics", "Plan", *SUB_PANELS[5:])
 
 
 def enable() -> Step:
@@ -73,36 +53,6 @@ def enable() -> Step:
     yield from set_viewport_size(960, 860)
     hover(*middle_of(main_area()))
     yield from press_here()  # Blender swallows the first click
-
-
-def main_buttons() -> Step:
-    """Returns those of the panel itself, while all below it are closed."""
-    found = yield from list_buttons(area_of("PROPERTIES"))
-    names = [button.what.removeprefix("bpy.ops.").partition("(")[0] for button in found]
-    return dict(zip(names, found, strict=True))
-
-
-def header_of(number: int) -> Step:
-    """Returns where the header of the number-th sub-panel is, all being closed."""
-    check(settings().mode == "PREVIEW", "panels are where they are in the mode Preview only")
-    if "samples" not in _last_button:
-        buttons = yield from main_buttons()
-        _last_button["samples"] = buttons["perfect_bvh.samples"]
-    return header_height(_last_button["samples"], number)
-
-
-def open_sub_panel(title: str, work: Callable[[list[Button]], Step]) -> Step:
-    """Do something with the buttons of a sub-panel. The mode must be Preview, which has the fewest settings."""
-    y = yield from header_of(SUB_PANELS.index(title))
-
-    def look_and_work(buttons: list[Button]) -> Step:
-        name = f"panel_{title.lower().replace(' ', '_')}"
-        if not (OUTPUT / f"{name}.png").exists():
-            yield from leave(area_of("PROPERTIES"))
-            screenshot(name)
-        yield from work(buttons)
-
-    yield from with_panel_open(area_of("PROPERTIES"), y, look_and_work)
 
 
 def press_the_main_panels_buttons() -> Step:
@@ -129,18 +79,6 @@ def press_the_main_panels_buttons() -> Step:
     yield from press_key("Escape")
     settings().mode = "PREVIEW"
     yield from at_rest(area)
-
-
-def change_all(owner: object, names: dict[str, str | None]) -> Callable[[list[Button]], Step]:
-    """Change these properties, by what is typed into each."""
-
-    def work(buttons: list[Button]) -> Step:
-        found = {button.what.rpartition(".")[2]: button for button in buttons}
-        for name, text in names.items():
-            check(name in found, f"no button of {name} among {list(found)}")
-            yield from change(area_of("PROPERTIES"), found[name], owner, text)
-
-    return work
 
 
 def press_film_and_performance() -> Step:
@@ -295,7 +233,8 @@ def make_a_failure_case() -> Step:
         check(not buttons, f"buttons beside the menu, which tells nothing of itself: {buttons}")
         area, index = area_of("PROPERTIES"), SUB_PANELS.index("Failure Cases")
         yield from leave(area)
-        hover(middle_of(area)[0], header_height(_last_button["samples"], index) - MENU_BELOW_HEADER)
+        header = yield from header_of(index)
+        hover(middle_of(area)[0], header - MENU_BELOW_HEADER)
         yield from handled()
         yield from press_here()
         note_pressed("bpy.ops.perfect_bvh.add_failure_case()")

@@ -6,21 +6,9 @@ import bpy
 from addon_state import MODULE, module
 from buttons import change, list_buttons, press
 from drawn import OF_PREFERENCES
-from driver import (
-    Step,
-    area_of,
-    check,
-    click,
-    front_window,
-    press_key,
-    redrawn,
-    region_of,
-    screenshot,
-    type_text,
-    wait_until,
-    window_stands,
-    work_in_window,
-)
+from driver import Step, check, redrawn, screenshot, wait_until
+from hands import click, press_key, type_text
+from places import area_of, front_window, region_of, window_stands, work_in_window
 
 EDIT_MENU = (79, 14)  # from the upper left
 ADD_ONS_BELOW_TOP = 229  # the middle of the section's button

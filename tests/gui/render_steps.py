@@ -7,23 +7,10 @@ import numpy as np
 from addon_state import close_image_windows, events, forget_reports, is_working, module, settings, wait_for_report
 from builds import is_building, watch_a_build, with_cloud
 from buttons import find_and_press
-from driver import (
-    Step,
-    area_of,
-    area_pixels,
-    at_rest,
-    check,
-    context_of,
-    handled,
-    hover,
-    middle_of,
-    press_key,
-    redrawn,
-    region_of,
-    screenshot,
-    wait_until,
-)
+from driver import Step, area_pixels, at_rest, check, redrawn, screenshot, wait_until
 from gates import Gate, gate_of_renders
+from hands import handled, hover, press_key
+from places import area_of, context_of, middle_of, region_of
 
 
 def find_and_press_preview() -> Step:
@@ -120,6 +107,7 @@ def let_statistics_come_by_themselves() -> Step:
     yield from wait_until(lambda: "render_complete" in events, "the render does not end")
     shows = lambda pixels: np.array_equal(area_pixels(area), pixels)  # noqa: E731
     yield from wait_until(lambda: not shows(without), "the panels do not come after a render", every=0.2)
+    yield from wait_until(lambda: not module("latest")._is_news, "nobody hears of the render")
     rendered = yield from at_rest(area)
     check(not module("latest").is_outdated(bpy.context.scene), "what was just rendered is called outdated")
     screenshot("statistics_by_themselves")

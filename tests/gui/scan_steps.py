@@ -8,9 +8,11 @@ import bpy
 from addon_state import forget_reports, is_working, module, settings, wait_for_report
 from builds import is_building, watch_a_build, with_cloud
 from buttons import Button, press
-from driver import Step, area_of, check, hover, middle_of, press_key, redrawn, screenshot, wait_until
+from driver import Step, check, redrawn, screenshot, wait_until
 from gates import Gate, always, gate_of_steps
-from panel_steps import open_sub_panel
+from hands import hover, press_key
+from panels import open_sub_panel
+from places import area_of, middle_of
 
 ATTRIBUTES = {"distance", "normal", "time", "object_id", "instance_id", "material_id"}
 

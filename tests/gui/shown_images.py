@@ -8,7 +8,8 @@ from typing import Any
 import bpy
 import numpy as np
 from addon_state import module, viewports
-from driver import Step, check, region_of, wait_until
+from driver import Step, check, wait_until
+from places import region_of
 
 HEADERS = 60  # in pixels: what lies over the upper edge of a viewport
 # Below the first window, which is less high while its viewport has 540 lines.

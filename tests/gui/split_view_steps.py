@@ -5,7 +5,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 from addon_state import finished
-from driver import Step, area_of, check, context_of, redrawn, screenshot
+from driver import Step, check, redrawn, screenshot
+from places import area_of, context_of
 from shown_images import check_shows, main_window, override, redraw_views, show_plainly, view_areas
 
 

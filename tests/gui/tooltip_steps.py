@@ -8,24 +8,10 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 from buttons import Button
-from driver import (
-    SCREEN_HEIGHT,
-    Step,
-    StepError,
-    area_of,
-    front_window,
-    handled,
-    hover,
-    main_area,
-    middle_of,
-    redrawn,
-    region_of,
-    screen_pixels,
-    screen_point,
-    screenshot,
-    x_tool,
-)
-from panel_steps import main_buttons, open_sub_panel
+from driver import Step, StepError, redrawn, screen_pixels, screenshot
+from hands import SCREEN_HEIGHT, handled, hover, screen_point, x_tool
+from panels import main_buttons, open_sub_panel
+from places import area_of, front_window, main_area, middle_of, region_of
 
 TOOLTIP_BYTES = 6000  # of the screen that a tooltip changes, at least
 # In pixels: what lights up at once, up and down from the middle of the button, and the status bar with its hints.

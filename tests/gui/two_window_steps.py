@@ -8,21 +8,10 @@ import subprocess
 import bpy
 import numpy as np
 from addon_state import events, finished, module, viewports
-from driver import (
-    Step,
-    StepError,
-    check,
-    handled,
-    hover,
-    middle_of,
-    press_key,
-    redrawn,
-    screenshot,
-    wait_until,
-    window_stands,
-    work_in_window,
-)
+from driver import Step, StepError, check, redrawn, screenshot, wait_until
 from gates import Gate, gate_of_renders
+from hands import handled, hover, press_key
+from places import middle_of, window_stands, work_in_window
 from shown_images import SECOND_WINDOW, check_shows, main_window, override, show_plainly, view_areas
 
 

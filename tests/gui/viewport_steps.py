@@ -20,22 +20,10 @@ from addon_state import (
     viewports,
 )
 from builds import is_building, watch_a_build, with_cloud
-from driver import (
-    Step,
-    StepError,
-    area_of,
-    check,
-    context_of,
-    drag,
-    hover,
-    middle_of,
-    press_key,
-    redrawn,
-    screenshot,
-    set_viewport_size,
-    wait_until,
-)
+from driver import Step, StepError, check, redrawn, screenshot, wait_until
 from gates import Gate
+from hands import drag, hover, press_key, set_viewport_size
+from places import area_of, context_of, middle_of
 
 
 def region_view() -> bpy.types.RegionView3D:
@@ -72,7 +60,7 @@ def show_each_mode() -> Step:
 def orbit() -> Step:
     before = region_view().view_rotation.copy()
     x, y = middle_of(area_of("VIEW_3D"))
-    yield from drag(2, (x, y), (x + 120, y + 30))
+    yield from drag(2, (x, y), (x + 120, y - 30))
     angle = lambda: before.rotation_difference(region_view().view_rotation).angle  # noqa: E731
     yield from wait_until(lambda: angle() > math.radians(5.0), "dragging with the middle button does not orbit")
     yield from finished("after the orbit")
