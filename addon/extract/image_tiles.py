@@ -1,7 +1,8 @@
 """The tiles of a UDIM image: one image for each unit square of a uv map.
 
 Blender shows Python the pixels of the first tile alone; the others are loaded from their files. Those of which the
-newest pixels are in no file (painted on, packed, generated) are written into files for a moment.
+newest pixels are in no file (painted on, packed, generated) are written into files for a moment, where Blender can
+write copies (not in 4.2).
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ def look_of_tiles(image: Any) -> tuple[Any, ...]:
 
 def _fill_of(tile: Any) -> tuple[Any, ...]:
     """What a tile without a file is generated of."""
-    if not tile.is_generated_tile:
+    if not getattr(tile, "is_generated_tile", True):  # Blender 4.2 does not say
         return ()
     size = tile.generated_width, tile.generated_height
     return (tile.generated_type, tuple(tile.generated_color), *size, tile.use_generated_float)
@@ -80,19 +81,29 @@ def _read_tile(data: Any, image: Any, path: str, read: Callable[[Any, str], T | 
 def _files_of(image: Any, warn: Callable[[str], None]) -> Iterator[str]:
     """The path, with a token for the number, of files with the tiles as they are now."""
     path = bpy.path.abspath(image.filepath, library=image.library)
-    has_files = bool(image.filepath) and not any(tile.is_generated_tile for tile in image.tiles)
+    # Blender 4.2 does not say which are generated, nor could it write them: they are warned of as missing files are.
+    has_files = bool(image.filepath) and not any(getattr(tile, "is_generated_tile", False) for tile in image.tiles)
     if has_files and not image.is_dirty and not len(image.packed_files):
-        yield path
-        return
-    is_main = threading.current_thread() is threading.main_thread()  # a render in a window may not save anything
-    if not is_main or "save_copy" not in bpy.types.Image.bl_rna.functions["save"].parameters:
-        warn(f"image {image.name!r} has tiles that were not saved; shown are those of {image.filepath!r}")
         yield path
         return
     with tempfile.TemporaryDirectory() as folder:
         copy = str(Path(folder) / "tile.<UDIM>")
-        image.save(filepath=copy, save_copy=True)
+        if not _save_copy(image, copy):
+            warn(f"image {image.name!r} has tiles that were not saved; shown are those of {image.filepath!r}")
+            copy = path
         yield copy
+
+
+def _save_copy(image: Any, path: str) -> bool:
+    """Whether every tile could be written."""
+    is_main = threading.current_thread() is threading.main_thread()  # a render in a window may not save anything
+    if not is_main or "save_copy" not in bpy.types.Image.bl_rna.functions["save"].parameters:
+        return False
+    try:
+        image.save(filepath=path, save_copy=True)
+    except RuntimeError:  # nobody has filled a tile yet
+        return False
+    return True
 
 
 def _path_of(path: str, number: int) -> str:

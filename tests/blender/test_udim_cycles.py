@@ -197,6 +197,22 @@ def test_tiles_in_memory_alone_are_read(scene) -> None:  # noqa: F811
         sync.close()
 
 
+def test_a_tile_that_nobody_has_filled_is_named(scene, image) -> None:  # noqa: F811
+    """Blender cannot write it, nor the others then: those that have files are shown."""
+    image.pixels.foreach_set(np.tile(np.float32((0.2, 0.4, 0.6, 1.0)), 64))
+    image.tiles.new(tile_number=1003)
+    shown(scene, image)
+    sync = SceneSync(AttributeRequest(shading=True))
+    try:
+        (record,) = records(sync)
+        assert [*record.tiles] == [1001, 1002, 1012]
+        assert (record.tiles[1001] == (51, 102, 153, 255)).all()
+        assert any("not saved" in warning for warning in sync.warnings)
+        assert any("tile 1003" in warning for warning in sync.warnings)
+    finally:
+        sync.close()
+
+
 def test_a_map_of_gloss_counts_by_the_mean_of_its_tiles(scene, image) -> None:  # noqa: F811
     material = new_red()
     tree = material.node_tree
