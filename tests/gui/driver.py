@@ -73,11 +73,12 @@ def area_pixels(area: bpy.types.Area) -> npt.NDArray[np.uint8]:
     return np.frombuffer(subprocess.run(command, check=True, capture_output=True).stdout, np.uint8)
 
 
-def at_rest(area: bpy.types.Area) -> Step:
-    """Until nothing in it moves: panels glide to their places. Returns its pixels."""
+def at_rest(area: bpy.types.Area, pause: float = 0.15) -> Step:
+    """Until nothing in it moves for so many seconds: panels glide to their places. Returns its pixels."""
     before = None
     for _ in range(100):
-        yield 0.15
+        yield pause
+        yield from redrawn()  # in a pause that is over already Blender has done nothing
         now = area_pixels(area)
         if before is not None and np.array_equal(now, before):
             return now

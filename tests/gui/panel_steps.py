@@ -144,7 +144,7 @@ def bench() -> Step:
     def work(buttons: list[Button]) -> Step:
         (button,) = [button for button in buttons if "perfect_bvh.bench(" in button.what]
         with gate_of_steps(module("bench.measurements").SceneBench) as gate:
-            gate.hold_when(lambda measurement, _: len(measurement.figures.get("builders", ())) > 1)
+            gate.hold_when(lambda measurement, _: len(measurement.figures.get("builders", ())) == 4)
             yield from press(area_of("PROPERTIES"), button)
             yield from gate.wait("a measurement")
             check(is_working(), "a measurement that is held has ended")

@@ -107,8 +107,7 @@ def let_statistics_come_by_themselves() -> Step:
     yield from wait_until(lambda: "render_complete" in events, "the render does not end")
     shows = lambda pixels: np.array_equal(area_pixels(area), pixels)  # noqa: E731
     yield from wait_until(lambda: not shows(without), "the panels do not come after a render", every=0.2)
-    yield from wait_until(lambda: not module("latest")._is_news, "nobody hears of the render")
-    rendered = yield from at_rest(area)
+    rendered = yield from at_rest(area, 1.0)
     check(not module("latest").is_outdated(bpy.context.scene), "what was just rendered is called outdated")
     screenshot("statistics_by_themselves")
     yield 1.0
