@@ -101,13 +101,22 @@ def _may_show(obj: Any) -> Iterator[Any]:
         for block in () if tree is None else _used_by(tree):
             (shown if isinstance(block, bpy.types.Object) else collections).append(block)
         if tree is not None:  # what is given to the nodes from outside
-            values = [modifier[key] for key in modifier.keys()]  # noqa: SIM118
+            values = _given_to(modifier)
             shown += [value for value in values if isinstance(value, bpy.types.Object)]
             collections += [value for value in values if isinstance(value, bpy.types.Collection)]
     yield from (one for one in (*shown, *obj.children) if one is not None)
     for collection in collections:
         if collection is not None:
             yield from collection.all_objects
+
+
+def _given_to(modifier: Any) -> list[Any]:
+    """The values of a nodes modifier's inputs; before Blender 5.2 they are custom properties."""
+    inputs = getattr(getattr(modifier, "properties", None), "inputs", None)
+    if inputs is None:
+        return [modifier[key] for key in modifier.keys()]  # noqa: SIM118
+    sockets = [getattr(inputs, name, None) for name in inputs.bl_rna.properties.keys()]  # noqa: SIM118
+    return [getattr(socket, "value", None) for socket in sockets]
 
 
 def _used_by(tree: Any) -> Iterator[Any]:

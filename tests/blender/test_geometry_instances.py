@@ -9,8 +9,10 @@ import bpy
 import numpy as np
 import pytest
 from blender.builders import (
+    NodeGroup,
     evaluated,
     in_render,
+    mesh_object,
 )
 from blender.instancer_scenes import FAST, PARTLY, SLOW, made_meshes, several_objects
 from perfect_bvh_addon.extract import ReadCache, instancer_survey, listing, read_scene
@@ -95,6 +97,25 @@ def test_what_the_geometry_cannot_tell_is_left_to_the_list(scene: Any, no_list: 
     record = read_scene(depsgraph)
     assert no_list == ["list"]
     assert find_mismatches(record, list_of(depsgraph)) == ()
+
+
+def test_what_nodes_are_given_from_outside_may_be_shown(scene: Any) -> None:
+    given, member, user = mesh_object("given"), mesh_object("member"), mesh_object("user")
+    collection = bpy.data.collections.new("collection")
+    collection.objects.link(member)
+    group = NodeGroup("nodes")
+    sockets = [
+        group.tree.interface.new_socket(kind, in_out="INPUT", socket_type=f"NodeSocket{kind}")
+        for kind in ("Object", "Collection", "Float")
+    ]
+    modifier = group.apply_to(user)
+    inputs = getattr(getattr(modifier, "properties", None), "inputs", None)
+    for socket, value in zip(sockets, (given, collection, 0.5), strict=True):
+        if inputs is None:  # before Blender 5.2
+            modifier[socket.identifier] = value
+        else:
+            getattr(inputs, socket.identifier).value = value
+    assert list(instancer_survey._may_show(user)) == [given, member]
 
 
 def test_an_older_blender_uses_the_list(scene: Any, no_list: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
