@@ -7,6 +7,7 @@ write copies (not in 4.2).
 
 from __future__ import annotations
 
+import ctypes
 import os
 import tempfile
 import threading
@@ -54,12 +55,24 @@ def read_tiles(image: Any, read: Callable[[Any, str], T | None], warn: Callable[
     numbers = [tile.number for tile in image.tiles]
     found = {numbers[0]: read(image, image.colorspace_settings.name)}
     if len(numbers) > 1:
-        with _files_of(image, warn) as path, bpy.data.temp_data() as data:
+        with _files_of(image, warn) as path, temporary_data() as data:
             for number in numbers[1:]:
                 found[number] = _read_tile(data, image, _path_of(path, number), read)
     for number in [number for number, pixels in found.items() if pixels is None]:
         warn(f"tile {number} of image {image.name!r} could not be loaded from {image.filepath!r}")
     return {number: pixels for number, pixels in found.items() if pixels is not None}
+
+
+@contextmanager
+def temporary_data() -> Iterator[Any]:
+    """A place for images that `bpy.data` does not list, gone afterwards.
+
+    Blender (4.2 to 5.2) gives the object away without counting that it holds it, too, and lets go of it all the same:
+    whoever then drops it would free what may have become another object's. So it is counted here.
+    """
+    with bpy.data.temp_data() as data:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(data))
+        yield data
 
 
 def _read_tile(data: Any, image: Any, path: str, read: Callable[[Any, str], T | None]) -> T | None:

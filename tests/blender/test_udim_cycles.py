@@ -5,6 +5,8 @@ The floor has a vertex in each tile's square: Cycles loads those tiles only wher
 
 from __future__ import annotations
 
+import gc
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ bpy = pytest.importorskip("bpy")
 from blender.node_setups import add, new_red, shader  # noqa: E402
 from blender.test_layers_cycles import PATCH, SIDE, check, floor_mesh, glowing, scene  # noqa: E402, F401
 from perfect_bvh_addon import AttributeRequest, SceneSync  # noqa: E402
+from perfect_bvh_addon.extract.image_tiles import temporary_data  # noqa: E402
 from perfect_bvh_addon.sync.records import ImageRecord  # noqa: E402
 
 RED, GREEN, BLUE, MAGENTA = (0.8, 0.1, 0.1), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8), (1.0, 0.0, 1.0)
@@ -215,6 +218,18 @@ def test_a_tile_that_nobody_has_filled_is_named(scene, image) -> None:  # noqa: 
         assert any("tile 1003" in warning for warning in sync.warnings)
     finally:
         sync.close()
+
+
+def test_what_tiles_are_loaded_into_is_dropped_once() -> None:
+    """Blender itself drops it once too often: whatever took its place would go with it."""
+    for _ in range(100):
+        with temporary_data() as data:
+            pass
+        assert sys.getrefcount(data) == 2  # this function's and the call's
+        made = [[{}, [], (1, data), object()] for _ in range(50)]  # would take the place of what was freed
+        del data
+        assert len(made) == 50
+    gc.collect()
 
 
 def test_a_map_of_gloss_counts_by_the_mean_of_its_tiles(scene, image) -> None:  # noqa: F811
