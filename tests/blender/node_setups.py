@@ -122,11 +122,11 @@ def worked_out(material: Any) -> None:
 
 
 def warm(material: Any) -> None:
-    """It glows as something of 2,000 kelvin, as brightly as a Value node says."""
+    """It glows as something of 2,000 kelvin, as brightly as a Value node says: no brighter than the noise allows."""
     tree = material.node_tree
     tree.links.new(add(tree, "Blackbody", Temperature=2000.0).outputs[0], shader(material).inputs["Emission Color"])
     value = add(tree, "Value")
-    value.outputs[0].default_value = 0.5
+    value.outputs[0].default_value = 0.3
     tree.links.new(value.outputs[0], shader(material).inputs["Emission Strength"])
 
 
