@@ -55,7 +55,7 @@ MODES: tuple[Mode, ...] = (
     Mode("matcap", 9, "MatCap", "Form at a glance: shading that follows from the normals as the viewer sees them"),
     Mode("wireframe", 2, "Wireframe", "The edges of the triangles over softly lit surfaces"),
     Mode("normal", 3, "Normal", "World-space shading normals, their -1..1 as 0..1", "Raw"),
-    Mode("uv", 10, "UV", "Where each point lies in the UV map of its mesh, as red and green", "Raw"),
+    Mode("uv", 10, "UV", "Where each point lies in the UV map of its mesh, as red and green; black without one", "Raw"),
     Mode("depth", 4, "Depth", "Distance along the view axis in world units", "Raw", has_range=True),
     Mode("distance", 5, "Distance", "Distance along the ray in world units", "Raw", has_range=True),
     Mode("instance", 6, "Instance", "One color for each instance", "Standard"),

@@ -188,7 +188,7 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
         default=0.001,
         min=1e-6,
         max=1.0,
-        precision=6,
+        precision=4,
     )
 
 

@@ -13,6 +13,8 @@ COLORS = {"fast": "sky", "auto": "blue", "sweep": "purple", "spatial": "green"}
 POLICY_COLORS = {"refit": "orange", "rebuild": "vermilion", "governed": "blue"}
 BUILT_AS = {"binned": "auto"}  # what the planner calls the builder that "auto" names
 NOTICEABLE = 1.05  # a difference below that is not worth a change
+FEWEST_ROUNDS = 3  # that tell a difference from the machine's whims
+TOO_LITTLE = "Too few rounds to tell builders apart: let it run longer."
 
 
 def make_charts(figures: Figures) -> dict[str, Chart]:
@@ -41,7 +43,9 @@ def _builders(figures: Figures) -> Chart:
     trace, ready = ({row["name"]: row[key] for row in rows} for key in ("trace_ms", "build_ms"))
     best = max(speeds, key=lambda name: speeds[name])
     # Two builders differ only where the slow rounds of the one are still faster than the fast ones of the other.
-    if speeds[best] < NOTICEABLE * speeds["auto"] or trace[best]["high"] > trace["auto"]["low"]:
+    if min(row["trace_ms"]["count"] for row in rows) < FEWEST_ROUNDS:
+        title = TOO_LITTLE
+    elif speeds[best] < NOTICEABLE * speeds["auto"] or trace[best]["high"] > trace["auto"]["low"]:
         title = "Leave the builder to the engine: no other makes this scene's rays reliably faster."
     else:
         faster, dearer = speeds[best] / speeds["auto"], ready[best]["typical"] / ready["auto"]["typical"]
@@ -98,6 +102,8 @@ def _total_time(figures: Figures) -> Chart:
 
 
 def _advise_on_counts(figures: Figures, rows: dict[str, Figures]) -> str:
+    if min(row["trace_ms"]["count"] for row in rows.values()) < FEWEST_ROUNDS:
+        return TOO_LITTLE
     few, many = (_reliably_best(figures, rows, rays) for rays in (1e5, 1e9))
     if few == many == "auto":
         return "Leave the builder to the engine, however many rays are cast: no other is noticeably less work."
@@ -114,10 +120,11 @@ def _advise_on_counts(figures: Figures, rows: dict[str, Figures]) -> str:
 
 
 def _reliably_best(figures: Figures, rows: dict[str, Figures], rays: float) -> str:
-    """The builder with the least work, unless what is chosen anyway does not take noticeably more."""
+    """The builder with the least work, unless what is chosen anyway does not take noticeably and reliably more."""
     best = min(rows, key=lambda name: _total(figures, rows[name], rays))
     is_noticeable = _total(figures, rows["auto"], rays) > NOTICEABLE * _total(figures, rows[best], rays)
-    return best if is_noticeable else "auto"
+    is_reliable = _total(figures, rows["auto"], rays, "low") > _total(figures, rows[best], rays, "high")
+    return best if is_noticeable and is_reliable else "auto"
 
 
 def _layouts(figures: Figures) -> Chart:
@@ -219,8 +226,8 @@ def _chart(figures: Figures, title: str, how: str, panel: Panel, legend: tuple[K
     )
 
 
-def _total(figures: Figures, row: Figures, rays: float) -> float:
-    return float(row["build_ms"]["typical"] + rays / figures["rays"] * row["trace_ms"]["typical"])
+def _total(figures: Figures, row: Figures, rays: float, which: str = "typical") -> float:
+    return float(row["build_ms"][which] + rays / figures["rays"] * row["trace_ms"][which])
 
 
 def _frame_ms(row: Figures, policy: str) -> float:

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import bpy
 
+from ..preferences import native_error
 from ..properties import ENGINE_NAME
 
 # Labels do not wrap, and a panel is as wide as its region. Pixels at the usual resolution scale, and no line shorter.
@@ -28,10 +29,14 @@ class RenderPanel:
 
 
 class SubPanel(RenderPanel):
-    """One of the panels that fold out under the main one."""
+    """One of the panels that fold out under the main one: not where that says that the engine cannot run."""
 
     bl_parent_id = "PERFECT_BVH_PT_render"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and native_error() is None
 
 
 def settings_layout(panel: bpy.types.Panel) -> bpy.types.UILayout:

@@ -115,7 +115,7 @@ def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> N
     view_transform = find_mode(scene.perfect_bvh.mode.lower()).view
     if view_transform is not None and scene.view_settings.view_transform != view_transform:
         column = layout.column(align=True)
-        draw_lines(context, column, f"Files use {view_transform}. To see it here as well:", icon="INFO")
+        draw_lines(context, column, f"Files use {view_transform}; the display uses:", icon="INFO")
         column.prop(scene.view_settings, "view_transform", text="View Transform")
 
 

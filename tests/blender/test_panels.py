@@ -12,6 +12,7 @@ bpy = pytest.importorskip("bpy")
 from perfect_bvh_addon import latest, overlay, panels, preferences, summary  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.panels import common, render, reports  # noqa: E402
+from perfect_bvh_addon.properties import ENGINE_NAME  # noqa: E402
 
 
 class RecordingLayout:
@@ -173,6 +174,10 @@ def test_a_row_of_the_plan_selects_the_objects_that_show_its_mesh() -> None:
 def test_a_missing_engine_is_explained_in_the_panel(monkeypatch) -> None:
     reason = "The native engine could not be loaded: undefined symbol"
     monkeypatch.setattr(render, "native_error", lambda: reason)
+    monkeypatch.setattr(common, "native_error", lambda: reason)
+    context = SimpleNamespace(engine=ENGINE_NAME, scene=bpy.context.scene)
+    children = common.SubPanel.__subclasses__()
+    assert render.PERFECT_BVH_PT_film in children and not any(panel.poll(context) for panel in children)
     texts = drawn(render.PERFECT_BVH_PT_render)
     assert texts[0] == "The engine cannot run"
     assert " ".join(texts[1:]) == reason
