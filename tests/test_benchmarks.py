@@ -287,11 +287,14 @@ def test_errors_of_images_are_measured_with_raw_totals(repository: Path, tmp_pat
     command += ["--size", "80", "--most", "16", "--seeds", "1", "--converged", "64"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    runs = {run["name"]: run for run in json.loads(out.read_text())["runs"]}
+    figures = json.loads(out.read_text())
+    assert figures["readings"] == 3
+    runs = {run["name"]: run for run in figures["runs"]}
     assert {"preview", "preview, smoothed", "Cycles", "clay", "clay, 0.25 of the radius"} <= runs.keys()
     for name, run in runs.items():
         assert [point["samples"] for point in run["points"]] == [1, 4, 16], name
         assert run["points"][-1]["error"]["median"] < run["points"][0]["error"]["median"], name
+        assert 0.0 <= run["sync_ms"]["low"] <= run["sync_ms"]["median"] <= run["sync_ms"]["high"], name
         for point in run["points"]:
             assert 0.0 <= point["ms"]["median"] <= point["total_ms"]["median"], name
     assert [name for name, run in runs.items() if run["reads_each_time"]] == ["Cycles"]

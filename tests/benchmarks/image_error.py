@@ -7,8 +7,10 @@ fixed share of the sky in the preview, and so it does in Cycles: by its fast glo
 meet anything. How far the two converged images are apart is written, too. Times are those of whole images.
 Errors are those of the middle of each, a fifth as wide and high: only that is rendered with 4,096 samples of other
 random numbers to compare with. They are the root of the mean square difference from it, over its mean.
-Same threads, same pixel filter, no denoiser, no adaptive sampling. Times are the wall's. Of ours the sync's and the
-rays' are measured apart. Cycles reads the scene in each render: its totals are measured, its rays' time reckoned.
+Same threads, same pixel filter, no denoiser, no adaptive sampling. Times are the wall's. All renderers take turns, and
+in each round the scene is read afresh into an engine that knows nothing of it: of ours that time and the rays' are
+measured apart. Cycles reads the scene in each render: its totals are measured, its rays' time reckoned. Blender's own
+evaluation of the scene is in Cycles' totals and not in ours.
 """
 
 from __future__ import annotations
@@ -18,7 +20,9 @@ import json
 import sys
 import tempfile
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -61,21 +65,22 @@ def main() -> None:
     bpy.ops.wm.open_mainfile(filepath=str(REPOSITORY / "blend_scenes" / f"{chosen.scene}.blend"))
     scene = bpy.context.scene
     simplify(scene)
-    runs, converged = [], dict[str, Image]()
+    ours = Ours(scene)
+    compared = [*renderers(ours, scene, chosen.size)]
+    converged: dict[str, Image] = {}
     with tqdm(unit="image") as bar:
-        for which in renderers(scene, chosen.size):
-            bar.set_description(which.name)
+        for which in compared:
+            bar.set_description(f"converged: {which.integrand}")
             if which.integrand not in converged:
                 converged[which.integrand] = middle_of(which.render(chosen.converged, REFERENCE_SEED, MIDDLE)[0])
                 bar.update()
-            points = measure(which.render, converged[which.integrand], chosen.most, chosen.seeds, bar)
-            runs.append(row_of(which, points))
-    apart = error(converged["preview"], converged["Cycles"])
+        measured = measure(ours, compared, converged, sample_counts(chosen.most), chosen.seeds, bar)
     figures = {
         "scene": chosen.scene,
         "converged_samples": chosen.converged,
-        "preview_from_cycles": apart,
-        "runs": runs,
+        "preview_from_cycles": error(converged["preview"], converged["Cycles"]),
+        "readings": len(measured.readings),
+        "runs": [row_of(which, measured) for which in compared],
     }
     chosen.json.parent.mkdir(parents=True, exist_ok=True)
     chosen.json.write_text(json.dumps({"machine": describe(), **figures}, indent=1) + "\n", encoding="utf-8")
@@ -107,46 +112,51 @@ def simplify(scene: bpy.types.Scene) -> None:
 class Renderer:
     """name, integrand: those of one integrand converge to one image. width: of its images, in pixels.
 
-    sync_ms: to read the scene and build its trees, once; None: that is part of each render.
+    reads_each_time: whether reading the scene and building its trees is part of each render.
     """
 
     name: str
     integrand: str
     width: int
     render: Render
-    sync_ms: float | None
+    reads_each_time: bool = False
 
 
-def renderers(scene: bpy.types.Scene, width: int) -> Iterator[Renderer]:
+def renderers(ours: Ours, scene: bpy.types.Scene, width: int) -> Iterator[Renderer]:
     """The preview, Cycles, clay; and smaller clay with less of its radius, and smaller still."""
-    ours = Ours(scene)
-    wait = ours.milliseconds
-    preview = ours.render("preview", width, smooth=False)
-    yield Renderer("preview", "preview", width, preview, wait)
-    yield Renderer("preview, smoothed", "preview", width, ours.render("preview", width, smooth=True), wait)
-    yield Renderer("Cycles", "Cycles", width, in_cycles(scene, width), None)
+    yield Renderer("preview", "preview", width, ours.render("preview", width, smooth=False))
+    yield Renderer("preview, smoothed", "preview", width, ours.render("preview", width, smooth=True))
+    yield Renderer("Cycles", "Cycles", width, in_cycles(scene, width), reads_each_time=True)
     half = width // 2
     clays = (("clay", width, 1.0), ("clay, half as wide", half, 1.0), ("clay, a quarter as wide", width // 4, 1.0))
     radii = (("clay, 0.25 of the radius", half, 0.25), ("clay, 0.0625 of the radius", half, 0.0625))
     for name, wide, share in (*clays, *radii):
         clay = ours.render("clay", wide, smooth=False, ao_distance=ours.reach * share)
-        yield Renderer(name, name, wide, clay, wait)
+        yield Renderer(name, name, wide, clay)
 
 
 class Ours:
     """The scene in this engine. reach: the clay's radius of occlusion that it chooses by itself."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
-        sync = SceneSync(attributes=AttributeRequest(material_slots=True, corner_normals=True, shading=True))
-        depsgraph = bpy.context.evaluated_depsgraph_get()
-        started = time.perf_counter()
-        sync.update(depsgraph)
-        self.milliseconds = (time.perf_counter() - started) * 1e3
-        # What is kept of it stays as it is while Cycles renders.
-        self.snapshot, self.camera, self.appearance = sync.scene.snapshot(), sync.camera, sync.appearance
-        record = sync.record
-        places = record.instances.transforms[:, :, 3]
+        with self._read() as sync:  # not among the readings that are measured: it loads code as well
+            # What is kept of it stays as it is while Cycles renders.
+            self.snapshot, self.camera, self.appearance = sync.scene.snapshot(), sync.camera, sync.appearance
+            places = sync.record.instances.transforms[:, :, 3]
         self.reach = 0.05 * float(np.linalg.norm(np.ptp(places, axis=0)))
+
+    @staticmethod
+    def _read() -> closing[SceneSync]:
+        sync = SceneSync(attributes=AttributeRequest(material_slots=True, corner_normals=True, shading=True))
+        sync.update(bpy.context.evaluated_depsgraph_get())
+        return closing(sync)
+
+    def read_afresh(self) -> float:
+        """Milliseconds in which a scene that nothing is known of is read and its trees are built."""
+        bpy.context.evaluated_depsgraph_get()
+        started = time.perf_counter()
+        with self._read():
+            return (time.perf_counter() - started) * 1e3
 
     def render(self, mode: str, width: int, **options: Any) -> Render:
         def run(samples: int, seed: int, border: Border) -> tuple[Image, float]:
@@ -190,47 +200,77 @@ def in_cycles(scene: bpy.types.Scene, width: int) -> Render:
     return run
 
 
-def measure(render: Render, reference: Image, most: int, seeds: int, bar: tqdm[Any]) -> list[dict[str, Any]]:
-    """Errors and milliseconds of 1, 4, 16 ... samples, of whole images."""
-    points = []
-    samples = 1
-    while samples <= most:
-        errors, times = [], []
+def sample_counts(most: int) -> list[int]:
+    """1, 4, 16 ... up to `most`."""
+    return [4**power for power in range(most.bit_length()) if 4**power <= most]
+
+
+@dataclass(slots=True)
+class Measured:
+    """errors, times: by a renderer's name and a number of samples, one for each seed. Times in milliseconds."""
+
+    readings: list[float]
+    errors: dict[tuple[str, int], list[float]]
+    times: dict[tuple[str, int], list[float]]
+
+
+def measure(
+    ours: Ours,
+    compared: list[Renderer],
+    converged: dict[str, Image],
+    counts: list[int],
+    seeds: int,
+    bar: tqdm[Any],
+) -> Measured:
+    """Whole images of all renderers by turns; before each round the scene is read afresh."""
+    measured = Measured([], defaultdict(list), defaultdict(list))
+    for samples in counts:
+        bar.set_description(f"{samples} samples")
         for seed in range(seeds):
-            image, taken = render(samples, seed, WHOLE)
-            errors.append(error(middle_of(image), reference))
-            times.append(taken)
-            bar.update()
-        points.append({"samples": samples, "error": Spread.of(errors).as_json(), "ms": Spread.of(times).as_json()})
-        samples *= 4
-    return points
+            measured.readings.append(ours.read_afresh())
+            for turn in range(len(compared)):
+                which = compared[(turn + seed) % len(compared)]
+                image, taken = which.render(samples, seed, WHOLE)
+                measured.errors[which.name, samples].append(error(middle_of(image), converged[which.integrand]))
+                measured.times[which.name, samples].append(taken)
+                bar.update()
+    return measured
 
 
-def row_of(which: Renderer, points: list[dict[str, Any]]) -> dict[str, Any]:
+def row_of(which: Renderer, measured: Measured) -> dict[str, Any]:
     """What the figures hold of a renderer. total_ms: with reading the scene and all; ms: of the rays alone."""
-    reads_each_time = which.sync_ms is None
-    start = _start_of(points) if which.sync_ms is None else which.sync_ms
-    for point in points:
-        taken = point["ms"]
-        if reads_each_time:
-            point["ms"] = {key: max(value - start, 0.0) for key, value in taken.items()}
-            point["total_ms"] = taken
-        else:
-            point["total_ms"] = {key: value + start for key, value in taken.items()}
+    times = {samples: values for (name, samples), values in measured.times.items() if name == which.name}
+    start = Spread.of(_starts_of(times) if which.reads_each_time else measured.readings)
+    points = []
+    for samples, taken in times.items():
+        ms = [max(value - start.median, 0.0) for value in taken] if which.reads_each_time else taken
+        points.append(
+            {
+                "samples": samples,
+                "error": Spread.of(measured.errors[which.name, samples]).as_json(),
+                "ms": Spread.of(ms).as_json(),
+                "total_ms": (Spread.of(taken) if which.reads_each_time else _sum(Spread.of(taken), start)).as_json(),
+            }
+        )
     return {
         "name": which.name,
         "width": which.width,
-        "sync_ms": start,
-        "reads_each_time": reads_each_time,
+        "sync_ms": start.as_json(),
+        "reads_each_time": which.reads_each_time,
         "points": points,
     }
 
 
-def _start_of(points: list[dict[str, Any]]) -> float:
-    """Of a renderer that reads the scene in each render: what of the time does not grow with the samples."""
-    first, last = points[0], points[-1]
-    slope = (last["ms"]["median"] - first["ms"]["median"]) / max(1, last["samples"] - first["samples"])
-    return max(0.0, float(first["ms"]["median"] - slope * first["samples"]))
+def _starts_of(times: dict[int, list[float]]) -> list[float]:
+    """Of a renderer that reads the scene in each render: what of the time does not grow with the samples, by seeds."""
+    few, many = min(times), max(times)
+    pairs = zip(times[few], times[many], strict=True)
+    return [max(0.0, first - few * (last - first) / max(1, many - few)) for first, last in pairs]
+
+
+def _sum(one: Spread, other: Spread) -> Spread:
+    """Of two that were measured apart; its quartiles are the widest that their sum may have."""
+    return Spread(one.median + other.median, one.low + other.low, one.high + other.high)
 
 
 def middle_of(image: Image) -> Image:

@@ -25,8 +25,10 @@ def chart(figures: Figures | None = None) -> Chart:
         f"1, 4 ... {most} samples a pixel. Error: root mean square difference, in the middle of the image (a fifth as "
         f"wide and high), from the renderer's own {figures['converged_samples']:,} samples there, over their mean; the "
         f"two are {100 * figures['preview_from_cycles']:.0f} % apart. {faster:.1f} and {faster_in_all:.1f}: at "
-        f"{most} samples, errors made equal by more of them. Cycles reads the scene and writes a file in each render: "
-        f"its totals are measured; hollow: less a start of {runs['Cycles']['sync_ms']:.0f} ms, reckoned from them. "
+        f"{most} samples, errors made equal by more of them. The preview's totals have the "
+        f"{_spread(runs['preview'])} ms in which it reads the scene for the first time ({figures['readings']} "
+        f"readings, by turns with the rest). Cycles reads it and writes a file in each render: its totals are "
+        f"measured; hollow: less a start of {_spread(runs['Cycles'])} ms, reckoned from them. "
         f"{_threads(figures)} each, no denoiser; bars: quartiles.",
         [
             Panel("Rays alone", _time("milliseconds of rendering"), _error(), [_series(run) for run in first]),
@@ -52,6 +54,12 @@ def chart(figures: Figures | None = None) -> Chart:
         footer(figures),
         panel_height=270,
     )
+
+
+def _spread(run: Figures) -> str:
+    """The time that a renderer takes before its first ray: its median and quartiles."""
+    start = run["sync_ms"]
+    return f"{start['median']:.0f} ({start['low']:.0f} to {start['high']:.0f})"
 
 
 def times_faster(figures: Figures) -> tuple[float, float]:
