@@ -288,7 +288,7 @@ def test_errors_of_images_are_measured_with_raw_totals(repository: Path, tmp_pat
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     figures = json.loads(out.read_text())
-    assert figures["readings"] == 3
+    assert figures["starts"] == 3
     runs = {run["name"]: run for run in figures["runs"]}
     assert {"preview", "preview, smoothed", "Cycles", "clay", "clay, 0.25 of the radius"} <= runs.keys()
     for name, run in runs.items():

@@ -7,10 +7,11 @@ fixed share of the sky in the preview, and so it does in Cycles: by its fast glo
 meet anything. How far the two converged images are apart is written, too. Times are those of whole images.
 Errors are those of the middle of each, a fifth as wide and high: only that is rendered with 4,096 samples of other
 random numbers to compare with. They are the root of the mean square difference from it, over its mean.
-Same threads, same pixel filter, no denoiser, no adaptive sampling. Times are the wall's. All renderers take turns, and
-in each round the scene is read afresh into an engine that knows nothing of it: of ours that time and the rays' are
-measured apart. Cycles reads the scene in each render: its totals are measured, its rays' time reckoned. Blender's own
-evaluation of the scene is in Cycles' totals and not in ours.
+Same threads, same pixel filter, no denoiser, no adaptive sampling. Times are the wall's. All renderers take turns.
+What a render in Blender takes beside its rays (Blender evaluates the scene, it is read, trees are built, a file is
+written) is measured for both: in each round this engine renders one sample there, knowing nothing of the scene, and
+the time of the same rays alone is taken off; Cycles starts anew in each render, so that its totals are measured, its
+rays' time reckoned.
 """
 
 from __future__ import annotations
@@ -33,10 +34,12 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 import perfect_bvh
+import perfect_bvh_addon
 from benchmarks.machine import REPOSITORY, describe
 from benchmarks.rounds import Spread
 from oracles.cycles import preserved, read_passes, write_multilayer
 from perfect_bvh_addon import SceneSync
+from perfect_bvh_addon.session import clear_sessions
 from perfect_bvh_addon.sync.records import AttributeRequest
 from tqdm import tqdm
 
@@ -62,6 +65,7 @@ def main() -> None:
     add("--seeds", type=int, default=3, metavar="N", help="images of each number of samples")
     add("--converged", type=int, default=4096, metavar="N", help="samples a pixel of what the images are compared with")
     chosen = parser.parse_args()
+    perfect_bvh_addon.register()
     bpy.ops.wm.open_mainfile(filepath=str(REPOSITORY / "blend_scenes" / f"{chosen.scene}.blend"))
     scene = bpy.context.scene
     simplify(scene)
@@ -79,7 +83,7 @@ def main() -> None:
         "scene": chosen.scene,
         "converged_samples": chosen.converged,
         "preview_from_cycles": error(converged["preview"], converged["Cycles"]),
-        "readings": len(measured.readings),
+        "starts": len(measured.starts),
         "runs": [row_of(which, measured) for which in compared],
     }
     chosen.json.parent.mkdir(parents=True, exist_ok=True)
@@ -139,7 +143,8 @@ class Ours:
     """The scene in this engine. reach: the clay's radius of occlusion that it chooses by itself."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
-        with self._read() as sync:  # not among the readings that are measured: it loads code as well
+        self._scene = scene
+        with self._read() as sync:
             # What is kept of it stays as it is while Cycles renders.
             self.snapshot, self.camera, self.appearance = sync.scene.snapshot(), sync.camera, sync.appearance
             places = sync.record.instances.transforms[:, :, 3]
@@ -151,12 +156,16 @@ class Ours:
         sync.update(bpy.context.evaluated_depsgraph_get())
         return closing(sync)
 
-    def read_afresh(self) -> float:
-        """Milliseconds in which a scene that nothing is known of is read and its trees are built."""
-        bpy.context.evaluated_depsgraph_get()
-        started = time.perf_counter()
-        with self._read():
-            return (time.perf_counter() - started) * 1e3
+    def start(self, width: int) -> float:
+        """Milliseconds that a render in Blender takes beside its rays, of a scene that nothing is known of."""
+        clear_sessions()
+        render, chosen = self._scene.render, self._scene.perfect_bvh
+        settings = [(chosen, "mode", "PREVIEW"), (chosen, "samples", 1), *in_blender(render, width)]
+        with tempfile.TemporaryDirectory() as folder, preserved(*settings):
+            started = time.perf_counter()
+            write_multilayer(Path(folder) / "image.exr", self._scene, "PERFECT_BVH")
+            taken = (time.perf_counter() - started) * 1e3
+        return max(0.0, taken - self.render("preview", width, smooth=True)(1, 0, WHOLE)[1])
 
     def render(self, mode: str, width: int, **options: Any) -> Render:
         def run(samples: int, seed: int, border: Border) -> tuple[Image, float]:
@@ -169,6 +178,15 @@ class Ours:
         return run
 
 
+def in_blender(render: bpy.types.RenderSettings, width: int) -> list[tuple[Any, str, Any]]:
+    """The settings of whoever renders in Blender."""
+    return [
+        (render, "threads_mode", "FIXED"), (render, "threads", perfect_bvh.thread_count()),
+        (render, "resolution_x", width), (render, "resolution_y", width * 9 // 16),
+        (render, "use_persistent_data", False),
+    ]  # fmt: skip
+
+
 def in_cycles(scene: bpy.types.Scene, width: int) -> Render:
     """The same integrand by Cycles on as many threads."""
     cycles, render, ambient = scene.cycles, scene.render, scene.world.light_settings
@@ -176,9 +194,7 @@ def in_cycles(scene: bpy.types.Scene, width: int) -> Render:
         (cycles, "device", "CPU"), (cycles, "use_adaptive_sampling", False), (cycles, "use_denoising", False),
         (cycles, "max_bounces", 1), (cycles, "diffuse_bounces", 1), (cycles, "sample_clamp_indirect", 0.0),
         (cycles, "sample_clamp_direct", 0.0), (cycles, "filter_width", FILTER_WIDTH),
-        (cycles, "pixel_filter_type", "BLACKMAN_HARRIS"), (render, "threads_mode", "FIXED"),
-        (render, "threads", perfect_bvh.thread_count()), (render, "resolution_x", width),
-        (render, "resolution_y", width * 9 // 16), (render, "use_persistent_data", False),
+        (cycles, "pixel_filter_type", "BLACKMAN_HARRIS"), *in_blender(render, width),
         (cycles, "use_fast_gi", True), (cycles, "fast_gi_method", "REPLACE"), (cycles, "ao_bounces_render", 2),
         (ambient, "ao_factor", OPENNESS), (ambient, "distance", 1e-4),
         (render, "use_border", True), (render, "use_crop_to_border", False),
@@ -207,9 +223,11 @@ def sample_counts(most: int) -> list[int]:
 
 @dataclass(slots=True)
 class Measured:
-    """errors, times: by a renderer's name and a number of samples, one for each seed. Times in milliseconds."""
+    """Milliseconds: what a render in Blender takes beside its rays, and, by a renderer's name and a number of samples, one
+    for each seed, the errors of images and the times that they took.
+    """
 
-    readings: list[float]
+    starts: list[float]
     errors: dict[tuple[str, int], list[float]]
     times: dict[tuple[str, int], list[float]]
 
@@ -222,12 +240,12 @@ def measure(
     seeds: int,
     bar: tqdm[Any],
 ) -> Measured:
-    """Whole images of all renderers by turns; before each round the scene is read afresh."""
+    """Whole images of all renderers by turns; before each round ours begins anew in Blender."""
     measured = Measured([], defaultdict(list), defaultdict(list))
     for samples in counts:
         bar.set_description(f"{samples} samples")
         for seed in range(seeds):
-            measured.readings.append(ours.read_afresh())
+            measured.starts.append(ours.start(compared[0].width))
             for turn in range(len(compared)):
                 which = compared[(turn + seed) % len(compared)]
                 image, taken = which.render(samples, seed, WHOLE)
@@ -240,7 +258,7 @@ def measure(
 def row_of(which: Renderer, measured: Measured) -> dict[str, Any]:
     """What the figures hold of a renderer. total_ms: with reading the scene and all; ms: of the rays alone."""
     times = {samples: values for (name, samples), values in measured.times.items() if name == which.name}
-    start = Spread.of(_starts_of(times) if which.reads_each_time else measured.readings)
+    start = Spread.of(_starts_of(times) if which.reads_each_time else measured.starts)
     points = []
     for samples, taken in times.items():
         ms = [max(value - start.median, 0.0) for value in taken] if which.reads_each_time else taken

@@ -25,10 +25,10 @@ def chart(figures: Figures | None = None) -> Chart:
         f"1, 4 ... {most} samples a pixel. Error: root mean square difference, in the middle of the image (a fifth as "
         f"wide and high), from the renderer's own {figures['converged_samples']:,} samples there, over their mean; the "
         f"two are {100 * figures['preview_from_cycles']:.0f} % apart. {faster:.1f} and {faster_in_all:.1f}: at "
-        f"{most} samples, errors made equal by more of them. The preview's totals have the "
-        f"{_spread(runs['preview'])} ms in which it reads the scene for the first time ({figures['readings']} "
-        f"readings, by turns with the rest). Cycles reads it and writes a file in each render: its totals are "
-        f"measured; hollow: less a start of {_spread(runs['Cycles'])} ms, reckoned from them. "
+        f"{most} samples, errors made equal by more of them. In all: with what a "
+        f"render in Blender takes beside its rays, {_spread(runs['preview'])} ms with the preview ({figures['starts']} "
+        f"renders that knew nothing of the scene), {_spread(runs['Cycles'])} ms, reckoned, with Cycles, of which only "
+        f"totals are measured (hollow: less that). "
         f"{_threads(figures)} each, no denoiser; bars: quartiles.",
         [
             Panel("Rays alone", _time("milliseconds of rendering"), _error(), [_series(run) for run in first]),
