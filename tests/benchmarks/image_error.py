@@ -223,8 +223,9 @@ def sample_counts(most: int) -> list[int]:
 
 @dataclass(slots=True)
 class Measured:
-    """Milliseconds: what a render in Blender takes beside its rays, and, by a renderer's name and a number of samples, one
-    for each seed, the errors of images and the times that they took.
+    """starts: milliseconds that a render in Blender takes beside its rays.
+
+    errors, times in milliseconds: by a renderer's name and a number of samples, one for each seed.
     """
 
     starts: list[float]
