@@ -56,7 +56,8 @@ class MeshTable:
         self._attributes = attributes
         # What is asked of every mesh, whatever its materials show.
         self._layers = LayerRequest(uvs=frozenset([""])) if attributes.corner_uvs else NO_LAYERS
-        self._rows: dict[int, int] = {}
+        self._rows: dict[int, int] = {}  # by the mesh's pointer; twins have one
+        self._mesh_counts: Counter[int] = Counter()  # by row: how many meshes have it
         self._tokens: dict[int, Hashable] = {}
         self._counts: Counter[Hashable] = Counter()  # by what meshes come from
         self._key_counts: Counter[Hashable] = Counter()  # without twins: by their keys but for the number
@@ -75,16 +76,23 @@ class MeshTable:
         row = self._rows.get(pointer)
         if row is None:
             wanted = layers if self._layers is NO_LAYERS else self._layers | layers
-            row = self._rows[pointer] = self._add(obj.original, mesh, is_own, wanted)
+            row = self._add(obj.original, mesh, is_own, wanted)
+            self._place(pointer, row)
         elif layers is not NO_LAYERS and row != NO_MESH and not self.records[row].layers.covers(layers):
-            row = self._rows[pointer] = self._add_layers(obj.original, mesh, is_own, row, layers)
+            self._mesh_counts[row] -= 1
+            row = self._add_layers(obj.original, mesh, is_own, row, layers)
+            self._place(pointer, row)
         return row
 
+    def _place(self, pointer: int, row: int) -> None:
+        self._rows[pointer] = row
+        self._mesh_counts[row] += 1
+
     def _add_layers(self, original: Any, mesh: Any, is_own: bool, row: int, layers: LayerRequest) -> int:
-        """The row of a mesh that has been read, with further layers."""
+        """The row of a mesh that has been read, with further layers; it is no longer counted among those of `row`."""
         record = self.records[row]
         layers = record.layers | layers
-        if list(self._rows.values()).count(row) > 1:  # its twins' layers may be others
+        if self._mesh_counts[row]:  # others have it, too: its twins' layers may be others
             return self._add(original, mesh, is_own, layers)
         token = self._tokens[row]
         read = self._read(original, mesh, token, layers)

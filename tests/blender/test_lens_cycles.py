@@ -16,7 +16,7 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
 from blender.node_setups import new_red  # noqa: E402
-from oracles.cycles import preserved, render_passes  # noqa: E402
+from oracles.cycles import preserved, render_beside, render_passes  # noqa: E402
 from oracles.png import read_png  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
@@ -72,14 +72,7 @@ def ours(scene: Any) -> Image:
 
 def render_both(scene: Any) -> tuple[Image, Image]:
     """(H, W, 4), ours and that of Cycles."""
-    cycles = scene.cycles
-    with preserved(
-        (cycles, "samples", SAMPLES),
-        (cycles, "use_denoising", False),
-        (cycles, "use_adaptive_sampling", False),
-        (cycles, "max_bounces", 1),
-    ):
-        return ours(scene), render_passes(scene, "CYCLES").combined
+    return render_beside(scene, SAMPLES)
 
 
 def patches(image: Image) -> Image:

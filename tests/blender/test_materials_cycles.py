@@ -12,7 +12,7 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
 from blender.node_setups import SETUPS, new_red, paint, painted_plainly, tiled  # noqa: E402
-from oracles.cycles import preserved, render_passes  # noqa: E402
+from oracles.cycles import render_beside, render_passes  # noqa: E402
 from perfect_bvh_addon.session import clear_sessions  # noqa: E402
 
 SIZE, PATCH, SAMPLES = (96, 64), 8, 32
@@ -49,16 +49,8 @@ def patches(image: np.ndarray) -> np.ndarray:
 
 def render_both(scene: bpy.types.Scene) -> tuple[np.ndarray, np.ndarray]:
     """Patches, ours and those of Cycles."""
-    cycles = scene.cycles
-    with preserved(
-        (cycles, "samples", SAMPLES),
-        (cycles, "use_denoising", False),
-        (cycles, "use_adaptive_sampling", False),
-        (cycles, "max_bounces", 1),
-        (cycles, "transparent_max_bounces", 8),
-    ):
-        theirs = patches(render_passes(scene, "CYCLES").combined)
-    return patches(render_passes(scene, "PERFECT_BVH").combined), theirs
+    ours, theirs = render_beside(scene, SAMPLES)
+    return patches(ours), patches(theirs)
 
 
 def check(scene: bpy.types.Scene) -> np.ndarray:

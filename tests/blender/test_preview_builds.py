@@ -162,7 +162,7 @@ def test_the_panels_tell_of_it(cube, scene) -> None:
     assert not latest.is_outdated(scene)
 
 
-def test_the_panels_tell_that_the_scene_was_edited_meanwhile(cube, scene) -> None:
+def edit_while_it_refines(cube, scene) -> tuple[FakeOperator, FakeWindow]:
     scene.perfect_bvh.samples = 64
     operator, window = press()
     for _ in patiently("there is no image"):
@@ -170,19 +170,18 @@ def test_the_panels_tell_that_the_scene_was_edited_meanwhile(cube, scene) -> Non
         if operator._refinement is not None:
             break
     edit(cube)
+    return operator, window
+
+
+def test_the_panels_tell_that_the_scene_was_edited_meanwhile(cube, scene) -> None:
+    operator, window = edit_while_it_refines(cube, scene)
     tick_to_the_end(operator, window)
     assert latest.last_statistics(scene).source == "Preview"
     assert latest.is_outdated(scene)
 
 
 def test_the_panels_tell_nothing_of_trees_that_are_others_in_the_end(cube, scene) -> None:
-    scene.perfect_bvh.samples = 64
-    operator, window = press()
-    for _ in patiently("there is no image"):
-        operator.modal(window, TIMER)
-        if operator._refinement is not None:
-            break
-    edit(cube)
+    operator, window = edit_while_it_refines(cube, scene)
     session().update(bpy.context.evaluated_depsgraph_get())
     tick_to_the_end(operator, window)
     assert latest.last_statistics(scene) is None

@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 
 from bpy_extras.object_utils import world_to_camera_view  # noqa: E402
 from mathutils import Vector  # noqa: E402
-from oracles.cycles import preserved, render_passes  # noqa: E402
+from oracles.cycles import render_beside  # noqa: E402
 
 SIZE = (96, 64)
 PATCH = 8
@@ -58,15 +58,7 @@ def paint(obj: bpy.types.Object, color: tuple[float, float, float]) -> None:
 
 def render_both(scene: bpy.types.Scene) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """(H, W, 4), ours and that of Cycles."""
-    cycles = scene.cycles
-    with preserved(
-        (cycles, "samples", SAMPLES),
-        (cycles, "use_denoising", False),
-        (cycles, "use_adaptive_sampling", False),
-        (cycles, "max_bounces", 2),
-    ):
-        theirs = render_passes(scene, "CYCLES").combined
-    return render_passes(scene, "PERFECT_BVH").combined, theirs
+    return render_beside(scene, SAMPLES, bounces=2)
 
 
 def patches(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

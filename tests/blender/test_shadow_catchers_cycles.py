@@ -13,7 +13,7 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
 from blender.node_setups import new_red  # noqa: E402
-from oracles.cycles import preserved, render_passes  # noqa: E402
+from oracles.cycles import render_beside, render_passes  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
 from perfect_bvh_addon.session import clear_sessions  # noqa: E402
 
@@ -50,15 +50,7 @@ def scene() -> Iterator[Any]:
 
 def render_both(scene: Any) -> tuple[Image, Image]:
     """(H, W, 4), ours and that of Cycles."""
-    cycles = scene.cycles
-    with preserved(
-        (cycles, "samples", SAMPLES),
-        (cycles, "use_denoising", False),
-        (cycles, "use_adaptive_sampling", False),
-        (cycles, "max_bounces", 1),
-    ):
-        theirs = render_passes(scene, "CYCLES").combined
-    return render_passes(scene, "PERFECT_BVH").combined, theirs
+    return render_beside(scene, SAMPLES)
 
 
 def patches(image: Image) -> Image:

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from .exr import read_exr
 
 FILTER_WIDTH = 0.01
+Image = npt.NDArray[np.float32]
 MODERN_NAMES = bpy.app.version >= (5, 0, 0)
 OBJECT_INDEX = "Object Index" if MODERN_NAMES else "IndexOB"
 MATERIAL_INDEX = "Material Index" if MODERN_NAMES else "IndexMA"
@@ -73,6 +74,20 @@ def write_multilayer(path: Path, scene: bpy.types.Scene, engine: str) -> None:
         settings.append((image, "use_exr_interleave", True))  # several parts fail where pixels are not square
     with preserved(*settings):
         bpy.ops.render.render(write_still=True, scene=scene.name)
+
+
+def render_beside(scene: bpy.types.Scene, samples: int, bounces: int = 1) -> tuple[Image, Image]:
+    """(H, W, 4), ours and that of Cycles, which casts every sample and has no denoiser."""
+    cycles = scene.cycles
+    with preserved(
+        (cycles, "samples", samples),
+        (cycles, "use_denoising", False),
+        (cycles, "use_adaptive_sampling", False),
+        (cycles, "max_bounces", bounces),
+        (cycles, "transparent_max_bounces", 8),
+    ):
+        theirs = render_passes(scene, "CYCLES").combined
+    return render_passes(scene, "PERFECT_BVH").combined, theirs
 
 
 def render_cycles_uvs(scene: bpy.types.Scene) -> npt.NDArray[np.float32]:
