@@ -65,7 +65,7 @@ def test_where_the_system_does_not_tell_nothing_is_known(tmp_path: Path):
     assert free_bytes(tmp_path) is None
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells")
+@pytest.mark.skipif(sys.platform != "linux", reason="no /proc/meminfo: only Linux tells what memory is free")
 def test_this_system_has_something_left():
     free = free_bytes()
     assert free is not None and 1 << 20 < free < 1 << 50
