@@ -13,13 +13,13 @@ from pathlib import Path
 import pytest
 
 # `stats` holds plain structs, so it stands first: everything may include it, and it includes nothing.
-NATIVE_LAYERS = ("stats", "core", "math", "mesh", "build", "update", "wide", "traverse", "scene", "render")
+NATIVE_LAYERS = ("stats", "core", "math", "mesh", "builders", "update", "wide", "traverse", "scene", "render")
 
 # What a layer must not know, although it lies below.
 NATIVE_IGNORANCE = {
     "math": ("core/thread_pool.h",),
     "mesh": ("core/thread_pool.h",),
-    "build": ("mesh/", "math/ray.h", "math/triangle"),
+    "builders": ("mesh/", "math/ray.h", "math/triangle"),
     "traverse": ("core/thread_pool.h",),
 }
 
@@ -93,7 +93,7 @@ def test_native_layers_include_only_what_is_below_them(repository: Path) -> None
     ("file", "include", "complaint"),
     [
         ("math/vec3.h", '#include "mesh/triangle_mesh.h"', "mesh is above math"),
-        ("build/binned.cpp", '#  include "math/ray.h"', "build must not know it"),
+        ("builders/binned.cpp", '#  include "math/ray.h"', "builders must not know it"),
         ("stats/counts.h", '#include "core/errors.h"', "core is above stats"),
         ("scene/scene.h", "#include <pybind11/pybind11.h>", "knows no Python"),
         ("shapes/box.h", "#include <vector>", "belongs to no layer"),

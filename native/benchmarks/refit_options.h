@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "build/build_config.h"
+#include "builders/build_config.h"
 
 namespace perfect_bvh::bench {
 

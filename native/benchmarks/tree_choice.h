@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "build/build_config.h"
+#include "builders/build_config.h"
 
 namespace perfect_bvh::bench {
 

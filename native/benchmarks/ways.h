@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "build/build_config.h"
+#include "builders/build_config.h"
 #include "traverse/ray.h"
 #include "traverse/strategy.h"
 

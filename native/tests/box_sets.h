@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-#include "build/prim_ref.h"
+#include "builders/prim_ref.h"
 
 namespace perfect_bvh::test {
 

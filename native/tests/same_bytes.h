@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "build/bvh2.h"
+#include "builders/bvh2.h"
 #include "core/aligned.h"
 #include "wide/wide_bvh.h"
 

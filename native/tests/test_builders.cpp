@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "build/builder.h"
-#include "build/morton.h"
-#include "build/morton_clusters.h"
+#include "builders/builder.h"
+#include "builders/morton.h"
+#include "builders/morton_clusters.h"
 #include "core/errors.h"
 #include "tests/box_sets.h"
 #include "tests/same_bytes.h"

@@ -4,7 +4,7 @@
 
 #include <tuple>
 
-#include "build/builder.h"
+#include "builders/builder.h"
 #include "scene/blas_build.h"
 #include "scene/scene.h"
 #include "scene/trace.h"

@@ -3,8 +3,8 @@
 
 #include <cstring>
 
-#include "build/builder.h"
-#include "build/combine.h"
+#include "builders/builder.h"
+#include "builders/combine.h"
 #include "core/errors.h"
 #include "scene/cover.h"
 #include "scene/instance_placing.h"

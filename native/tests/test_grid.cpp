@@ -6,10 +6,10 @@
 #include <random>
 #include <vector>
 
-#include "build/few_boxes.h"
-#include "build/grid_bins.h"
-#include "build/grid_ref.h"
-#include "build/radix_sort.h"
+#include "builders/few_boxes.h"
+#include "builders/grid_bins.h"
+#include "builders/grid_ref.h"
+#include "builders/radix_sort.h"
 
 namespace perfect_bvh::test {
 namespace {

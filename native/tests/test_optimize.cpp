@@ -3,9 +3,9 @@
 
 #include <algorithm>
 
-#include "build/builder.h"
-#include "build/link_tree.h"
-#include "build/optimize.h"
+#include "builders/builder.h"
+#include "builders/link_tree.h"
+#include "builders/optimize.h"
 #include "core/errors.h"
 #include "tests/box_sets.h"
 #include "update/quality.h"

@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-#include "build/builder.h"
+#include "builders/builder.h"
 #include "tests/box_sets.h"
 #include "tests/thread_counts.h"
 #include "update/epo.h"

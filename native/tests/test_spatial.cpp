@@ -6,7 +6,7 @@
 #include <array>
 #include <random>
 
-#include "build/builder.h"
+#include "builders/builder.h"
 #include "core/errors.h"
 #include "mesh/triangle_clip.h"
 #include "scene/blas_build.h"

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <tuple>
 
-#include "build/agglomerative.h"
-#include "build/builder.h"
+#include "builders/agglomerative.h"
+#include "builders/builder.h"
 #include "core/errors.h"
 #include "scene/top_level.h"
 #include "tests/box_sets.h"

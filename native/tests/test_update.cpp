@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "build/builder.h"
+#include "builders/builder.h"
 #include "core/errors.h"
 #include "tests/box_sets.h"
 #include "update/quality.h"

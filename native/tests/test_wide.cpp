@@ -5,7 +5,7 @@
 #include <random>
 #include <set>
 
-#include "build/builder.h"
+#include "builders/builder.h"
 #include "core/errors.h"
 #include "scene/blas_build.h"
 #include "tests/mesh_sets.h"

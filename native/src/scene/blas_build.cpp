@@ -1,6 +1,6 @@
 #include "scene/blas_build.h"
 
-#include "build/builder.h"
+#include "builders/builder.h"
 #include "mesh/triangle_clip.h"
 #include "wide/leaf_contents.h"
 

@@ -1,7 +1,7 @@
 // From a mesh to its tree.
 #pragma once
 
-#include "build/build_config.h"
+#include "builders/build_config.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "scene/instance.h"

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "build/bvh2.h"
+#include "builders/bvh2.h"
 #include "core/aligned.h"
 #include "math/affine.h"
 #include "mesh/triangle_mesh.h"

@@ -1,6 +1,6 @@
 // Scene::defer_blas: of a mesh whose tree waits for the first ray that reaches it, what its instances are placed by.
 
-#include "build/builder.h"
+#include "builders/builder.h"
 #include "core/stopwatch.h"
 #include "scene/blas_build.h"
 #include "scene/deferred_tree.h"

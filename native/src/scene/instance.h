@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "build/build_config.h"
+#include "builders/build_config.h"
 #include "math/affine.h"
 #include "mesh/triangle_mesh.h"
 #include "scene/cover.h"

@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "build/build_config.h"
+#include "builders/build_config.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "scene/instance.h"

@@ -5,7 +5,7 @@
 
 #include <limits>
 
-#include "build/optimize.h"
+#include "builders/optimize.h"
 #include "core/stopwatch.h"
 #include "mesh/density.h"
 #include "scene/blas_build.h"

@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
-#include "build/build_config.h"
-#include "build/prim_ref.h"
+#include "builders/build_config.h"
+#include "builders/prim_ref.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "scene/commit_options.h"

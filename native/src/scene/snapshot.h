@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "build/bvh2.h"
+#include "builders/bvh2.h"
 #include "scene/instance.h"
 #include "scene/top_level.h"
 #include "traverse/scene_view.h"

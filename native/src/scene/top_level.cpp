@@ -4,9 +4,9 @@
 #include <utility>
 #include <vector>
 
-#include "build/agglomerative.h"
-#include "build/builder.h"
-#include "build/combine.h"
+#include "builders/agglomerative.h"
+#include "builders/builder.h"
+#include "builders/combine.h"
 #include "core/stopwatch.h"
 
 namespace perfect_bvh {

@@ -7,7 +7,7 @@
 #include <span>
 #include <string>
 
-#include "build/prim_ref.h"
+#include "builders/prim_ref.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "scene/top_level.h"

@@ -4,7 +4,7 @@
 
 #include <cstddef>
 
-#include "build/build_config.h"
+#include "builders/build_config.h"
 
 namespace perfect_bvh {
 

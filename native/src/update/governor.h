@@ -21,7 +21,7 @@
 #include <string>
 #include <vector>
 
-#include "build/build_config.h"
+#include "builders/build_config.h"
 #include "update/calibration.h"
 
 namespace perfect_bvh {

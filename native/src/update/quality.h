@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <string>
 
-#include "build/bvh2.h"
+#include "builders/bvh2.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 

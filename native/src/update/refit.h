@@ -5,8 +5,8 @@
 
 #include <span>
 
-#include "build/bvh2.h"
-#include "build/prim_ref.h"
+#include "builders/bvh2.h"
+#include "builders/prim_ref.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "math/aabb.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "build/builder.h"
+#include "builders/builder.h"
 #include "update/quality.h"
 
 namespace perfect_bvh {

@@ -6,7 +6,7 @@
 #include <bit>
 #include <cstdint>
 
-#include "build/locally_ordered.h"
+#include "builders/locally_ordered.h"
 #include "core/aligned.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"

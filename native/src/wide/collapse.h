@@ -5,8 +5,8 @@
 
 #include <span>
 
-#include "build/build_config.h"
-#include "build/bvh2.h"
+#include "builders/build_config.h"
+#include "builders/bvh2.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "mesh/triangle_mesh.h"

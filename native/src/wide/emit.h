@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "build/bvh2.h"
+#include "builders/bvh2.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "mesh/triangle_mesh.h"

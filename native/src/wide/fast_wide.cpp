@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "build/locally_ordered.h"
+#include "builders/locally_ordered.h"
 #include "wide/cluster_plan.h"
 #include "wide/morton_leaves.h"
 #include "wide/tree_scale.h"

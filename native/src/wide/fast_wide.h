@@ -4,7 +4,7 @@
 // In: a mesh. Out: a WideBvh, the same bytes for any number of threads.
 #pragma once
 
-#include "build/build_config.h"
+#include "builders/build_config.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "mesh/triangle_mesh.h"

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <span>
 
-#include "build/build_config.h"
+#include "builders/build_config.h"
 #include "mesh/triangle_mesh.h"
 #include "wide/small_set.h"
 

@@ -3,7 +3,7 @@
 // In: a mesh. Out: leaves along the curve, and their boxes.
 #pragma once
 
-#include "build/locally_ordered.h"
+#include "builders/locally_ordered.h"
 #include "core/aligned.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"

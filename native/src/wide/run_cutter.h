@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "build/build_config.h"
+#include "builders/build_config.h"
 #include "core/aligned.h"
 #include "mesh/triangle_mesh.h"
 #include "wide/triangle_order.h"

@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "build/bvh2.h"
+#include "builders/bvh2.h"
 
 namespace perfect_bvh {
 

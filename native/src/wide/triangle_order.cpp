@@ -4,8 +4,8 @@
 #include <utility>
 #include <vector>
 
-#include "build/morton.h"
-#include "build/radix_sort.h"
+#include "builders/morton.h"
+#include "builders/radix_sort.h"
 
 namespace perfect_bvh {
 namespace {

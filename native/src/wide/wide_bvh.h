@@ -12,7 +12,7 @@
 #include <cstdint>
 #include <type_traits>
 
-#include "build/build_config.h"
+#include "builders/build_config.h"
 #include "core/aligned.h"
 #include "math/slab.h"
 

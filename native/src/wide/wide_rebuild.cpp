@@ -4,7 +4,7 @@
 #include <iterator>
 #include <utility>
 
-#include "build/builder.h"
+#include "builders/builder.h"
 #include "wide/collapse.h"
 #include "wide/wide_boxes.h"
 

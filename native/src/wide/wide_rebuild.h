@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "build/build_config.h"
+#include "builders/build_config.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "wide/wide_bvh.h"

@@ -1,0 +1,27 @@
+#include "builders/binned.h"
+
+#include "builders/binned_splitter.h"
+#include "builders/top_down.h"
+
+namespace perfect_bvh {
+
+namespace {
+
+BuildConfig down_to_single_primitives(BuildConfig config) noexcept {
+  config.max_leaf_size = 1;
+  config.traversal_cost = config.intersection_cost = 1.0f;
+  return config;
+}
+
+}  // namespace
+
+Bvh2 build_binned(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel,
+                  const LeafLimit* leaf_limit) {
+  const BuildConfig used = leaf_limit != nullptr ? down_to_single_primitives(config) : config;
+  BinnedSplitter splitter(prims, used, pool, leaf_limit);
+  Bvh2 tree = TopDownBuilder(splitter, pool, cancel).build(splitter.root());
+  tree.has_full_leaves = leaf_limit != nullptr;
+  return tree;
+}
+
+}  // namespace perfect_bvh

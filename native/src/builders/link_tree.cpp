@@ -1,0 +1,125 @@
+#include "builders/link_tree.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "builders/top_down.h"
+
+namespace perfect_bvh {
+namespace {
+
+// The power of two that brings the largest extent near 1.
+[[nodiscard]] float unit_scale(const Aabb& bounds) noexcept {
+  const Vec3f extent = bounds.upper * 0.5f - bounds.lower * 0.5f;
+  const float largest = std::max({extent.x, extent.y, extent.z});
+  return largest > 0.0f ? std::ldexp(1.0f, std::clamp(-std::ilogb(largest), -126, 126)) : 1.0f;
+}
+
+}  // namespace
+
+LinkTree::LinkTree(const Bvh2& tree)
+    : nodes_(tree.nodes.size()), parents_(tree.nodes.size()), heights_(tree.nodes.size()) {
+  const Float4 scale(unit_scale(tree.bounds()));
+  for (std::size_t i = tree.nodes.size(); i-- > 0;) {
+    const Bvh2Node& from = tree.nodes[i];
+    Node& to = nodes_[i];
+    const Box4 box = Box4::load(&from);
+    (box.lower.xyz0() * scale).store(&to.lower);
+    (box.upper.xyz0() * scale).store(&to.upper);
+    const auto id = static_cast<Id>(i);
+    if (from.is_leaf() || i == 1) {
+      to.left = id, to.right = 0;
+      continue;
+    }
+    to.left = from.first, to.right = from.first + 1;
+    parents_[to.left] = parents_[to.right] = id;
+    heights_[i] = std::max(heights_[to.left], heights_[to.right]) + 1;
+  }
+}
+
+void LinkTree::move(Id moving, Id target) noexcept {
+  const Id parent = parents_[moving];
+  const Id grandparent = parents_[parent];
+  link(grandparent, parent, sibling(moving));
+  update_upwards(grandparent);
+
+  link(parents_[target], target, parent);
+  nodes_[parent].left = target;
+  nodes_[parent].right = moving;
+  parents_[target] = parents_[moving] = parent;
+  update_upwards(parent);
+}
+
+bool LinkTree::is_below(Id id, Id ancestor) const noexcept {
+  while (id != kRoot && id != ancestor) id = parents_[id];
+  return id == ancestor;
+}
+
+std::uint32_t LinkTree::depth_of(Id id) const noexcept {
+  std::uint32_t depth = 0;
+  for (; id != kRoot; id = parents_[id]) ++depth;
+  return depth;
+}
+
+void LinkTree::link(Id parent, Id old_child, Id new_child) noexcept {
+  Node& node = nodes_[parent];
+  (node.left == old_child ? node.left : node.right) = new_child;
+  parents_[new_child] = parent;
+}
+
+void LinkTree::update(Id id) noexcept {
+  Node& node = nodes_[id];
+  Box4 both = box(node.left);
+  both.grow(box(node.right));
+  const Id left = node.left, right = node.right;
+  both.lower.store(&node.lower);
+  both.upper.store(&node.upper);
+  node.left = left;
+  node.right = right;
+  heights_[id] = std::max(heights_[left], heights_[right]) + 1;
+}
+
+void LinkTree::update_upwards(Id id) noexcept {
+  for (;; id = parents_[id]) {
+    update(id);
+    if (id == kRoot) return;
+  }
+}
+
+Bvh2 LinkTree::to_bvh2(const Bvh2& original) const {
+  Bvh2 tree;
+  tree.refittable = original.refittable;
+  tree.depth = heights_[kRoot];
+  tree.nodes.resize(original.nodes.size());
+  tree.prim_indices.resize(original.prim_indices.size());
+  write_node(tree.nodes[1], Box4::empty(), 0, 0);
+  struct Pending {
+    Id from;
+    std::uint32_t to;
+  };
+  std::vector<Pending> stack{{kRoot, 0}};
+  std::uint32_t next_node = 2, next_row = 0;
+  while (!stack.empty()) {
+    const Pending now = stack.back();
+    stack.pop_back();
+    Bvh2Node& node = tree.nodes[now.to];
+    if (is_leaf(now.from)) {
+      node = original.nodes[left(now.from)];
+      std::copy_n(original.prim_indices.begin() + node.first, node.count, tree.prim_indices.begin() + next_row);
+      node.first = next_row;
+      next_row += node.count;
+      continue;
+    }
+    node.first = next_node;
+    node.count = 0;
+    stack.push_back({right(now.from), next_node + 1});
+    stack.push_back({left(now.from), next_node});
+    next_node += 2;
+  }
+  for (std::size_t i = tree.nodes.size(); i-- > 0;) {
+    if (!tree.nodes[i].is_leaf() && i != 1) enclose_children(tree.nodes[i], &tree.nodes[tree.nodes[i].first]);
+  }
+  return tree;
+}
+
+}  // namespace perfect_bvh

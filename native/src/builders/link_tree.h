@@ -1,0 +1,61 @@
+// A tree whose nodes can be moved about: children and parents linked by number, boxes and heights kept up to date.
+// In: a Bvh2. Out: a Bvh2 over the same leaves, again in depth-first order.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "builders/bvh2.h"
+#include "core/aligned.h"
+#include "math/float4.h"
+
+namespace perfect_bvh {
+
+class LinkTree {
+ public:
+  using Id = std::uint32_t;
+  static constexpr Id kRoot = 0;
+
+  // The tree must have at least one interior node.
+  explicit LinkTree(const Bvh2& tree);
+  [[nodiscard]] Bvh2 to_bvh2(const Bvh2& original) const;
+
+  [[nodiscard]] std::size_t size() const noexcept { return nodes_.size(); }
+  [[nodiscard]] bool is_leaf(Id id) const noexcept { return nodes_[id].right == 0; }
+  [[nodiscard]] Id left(Id id) const noexcept { return nodes_[id].left; }
+  [[nodiscard]] Id right(Id id) const noexcept { return nodes_[id].right; }
+  [[nodiscard]] Id parent(Id id) const noexcept { return parents_[id]; }
+  [[nodiscard]] Id sibling(Id id) const noexcept {
+    const Node& node = nodes_[parents_[id]];
+    return node.left == id ? node.right : node.left;
+  }
+  // Scaled by a power of two such that no area over- or underflows. The fourth lanes hold the links.
+  [[nodiscard]] Box4 box(Id id) const noexcept { return Box4::load(&nodes_[id]); }
+  [[nodiscard]] float area(Id id) const noexcept { return half_area(box(id).extent()); }
+
+  // Takes `moving` and its parent out and puts that parent in the place of `target`, with both as its children.
+  // `target` is not the root, neither below `moving` nor its sibling or parent; `moving` is not the root nor its child.
+  void move(Id moving, Id target) noexcept;
+  [[nodiscard]] bool is_below(Id id, Id ancestor) const noexcept;
+  [[nodiscard]] std::uint32_t depth_of(Id id) const noexcept;
+  [[nodiscard]] std::uint32_t height(Id id) const noexcept { return heights_[id]; }
+
+ private:
+  // A leaf has no right child, and its left one is its number in the original tree.
+  struct alignas(16) Node {
+    Vec3f lower;
+    Id left;
+    Vec3f upper;
+    Id right;
+  };
+
+  void link(Id parent, Id old_child, Id new_child) noexcept;
+  void update(Id id) noexcept;
+  void update_upwards(Id id) noexcept;
+
+  AlignedVector<Node> nodes_;
+  std::vector<Id> parents_;
+  std::vector<std::uint32_t> heights_;  // levels below
+};
+
+}  // namespace perfect_bvh

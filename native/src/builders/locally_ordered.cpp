@@ -1,0 +1,245 @@
+#include "builders/locally_ordered.h"
+
+#include <algorithm>
+#include <array>
+#include <iterator>
+#include <utility>
+#include <vector>
+
+namespace perfect_bvh {
+namespace {
+
+// How far along the curve a partner is looked for. More than 3 lowers the cost of the tree by 1% at most.
+constexpr int kRadius = 3;
+// Distances carry, in their lowest bits, the exclusive or of the two places: equal ones then pair off all along the
+// curve, and a place's partner is known from the best distance. 2 * kRadius < kTags.
+constexpr int kTags = 16;
+constexpr std::size_t kPadding = 16;  // places before and after the row, too far away for anyone
+constexpr float kFarAway = 1e15f;
+constexpr std::size_t kRegion = 1024;  // boxes that one thread joins alone ...
+constexpr std::uint32_t kGroup = 32;   // ... to groups of at most so many
+// Where fewer than one in so many is joined with a partner of its choice, all are joined two by two along the curve:
+// boxes inside boxes would otherwise be joined one at a time.
+constexpr std::size_t kLeastProgress = 8;
+
+// Clusters that still wait for a parent, by place along the curve.
+class Row {
+ public:
+  explicit Row(std::size_t capacity)
+      : stride_((capacity + 2 * kPadding + 15) / 16 * 16), storage_((6 + kRadius) * stride_) {
+    numbers_.resize(capacity);
+    partners_.resize(capacity + 4);
+  }
+
+  [[nodiscard]] std::size_t size() const noexcept { return count_; }
+  [[nodiscard]] std::uint32_t number(std::size_t place) const noexcept { return numbers_[place]; }
+
+  void push_back(const Cluster& cluster, std::uint32_t number) noexcept {
+    put(count_, cluster);
+    numbers_[count_++] = number;
+  }
+
+  // Joins pairs into new clusters from `next` on; returns the first number left.
+  std::uint32_t join_pairs(Cluster* clusters, std::uint32_t next) noexcept {
+    choose_partners();
+    std::size_t pairs = 0;
+    for (std::size_t i = 0; i < count_; ++i) pairs += partners_[i] > i && partners_[partners_[i]] == i;
+    if (pairs * kLeastProgress < count_) {
+      for (std::size_t i = 0; i < count_; ++i) partners_[i] = static_cast<std::uint32_t>(std::min(i ^ 1, count_ - 1));
+    }
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const std::size_t partner = partners_[i];
+      const bool is_pair = partner != i && partners_[partner] == i;
+      if (is_pair && partner < i) continue;
+      Cluster cluster = get(i);
+      std::uint32_t number = numbers_[i];
+      if (is_pair) {
+        cluster = joined(cluster, get(partner), number, numbers_[partner]);
+        number = next++;
+        clusters[number] = cluster;
+      }
+      put(kept, cluster);  // a pair's second half stands further on, and is only asked for its partner from now on
+      numbers_[kept++] = number;
+    }
+    count_ = kept;
+    return next;
+  }
+
+ private:
+  [[nodiscard]] float* plane(int number) noexcept {
+    return &storage_[static_cast<std::size_t>(number) * stride_ + kPadding];
+  }
+  // distance(k)[i]: of the clusters in places i and i + k.
+  [[nodiscard]] float* distance(int k) noexcept { return plane(5 + k); }
+
+  void put(std::size_t place, const Cluster& cluster) noexcept {
+    plane(0)[place] = cluster.lower.x, plane(1)[place] = cluster.lower.y, plane(2)[place] = cluster.lower.z;
+    plane(3)[place] = cluster.upper.x, plane(4)[place] = cluster.upper.y, plane(5)[place] = cluster.upper.z;
+  }
+  [[nodiscard]] Cluster get(std::size_t place) noexcept {
+    return {
+        {plane(0)[place], plane(1)[place], plane(2)[place]}, 0, {plane(3)[place], plane(4)[place], plane(5)[place]}, 0};
+  }
+  [[nodiscard]] static Cluster joined(const Cluster& a, const Cluster& b, std::uint32_t left,
+                                      std::uint32_t right) noexcept {
+    return {min(a.lower, b.lower), left, max(a.upper, b.upper), right};
+  }
+
+  void set_padding() noexcept {
+    for (int axis = 0; axis < 6; ++axis) {
+      const float far = axis < 3 ? -kFarAway : kFarAway;  // the box around it and any other is huge
+      std::fill_n(plane(axis) - kPadding, kPadding, far);
+      std::fill_n(plane(axis) + count_, kPadding, far);
+    }
+  }
+
+  [[nodiscard]] static Int4 places_from(std::ptrdiff_t i) noexcept {
+    return Int4(static_cast<std::int32_t>(i)) + Int4(0, 1, 2, 3);
+  }
+
+  // Four places at a time.
+  void measure_distances() noexcept {
+    const auto count = static_cast<std::ptrdiff_t>(count_);
+    for (std::ptrdiff_t i = -4; i < count; i += 4) {
+      std::array<Float4, 3> lower, upper;
+      for (int axis = 0; axis < 3; ++axis) {
+        lower[static_cast<std::size_t>(axis)] = Float4::load(plane(axis) + i);
+        upper[static_cast<std::size_t>(axis)] = Float4::load(plane(axis + 3) + i);
+      }
+      const auto side = [&](int axis, int k) {
+        const auto a = static_cast<std::size_t>(axis);
+        return max(upper[a], Float4::load_unaligned(plane(axis + 3) + i + k)) -
+               min(lower[a], Float4::load_unaligned(plane(axis) + i + k));
+      };
+      for (int k = 1; k <= kRadius; ++k) {
+        const Float4 x = side(0, k), y = side(1, k), z = side(2, k);
+        const Int4 tag = (places_from(i) ^ places_from(i + k)) & Int4(kTags - 1);
+        tagged(x * y + (x + y) * z, Int4(kTags - 1), tag).store(distance(k) + i);
+      }
+    }
+  }
+
+  void choose_partners() noexcept {
+    set_padding();
+    measure_distances();
+    for (std::size_t i = 0; i < count_; i += 4) {
+      Float4 best = Float4::load(distance(1) + i);
+      for (int k = 1; k <= kRadius; ++k) {
+        best = min(min(Float4::load(distance(k) + i), Float4::load_unaligned(distance(k) + i - k)), best);
+      }
+      // The partner's place, of which the lowest bits are known, is less than kTags / 2 away.
+      const Int4 own = places_from(static_cast<std::ptrdiff_t>(i)), half(kTags / 2);
+      const Int4 ahead = ((bits_of(best) ^ own) - own) & Int4(kTags - 1);
+      (own + ((ahead ^ half) - half)).store(&partners_[i]);
+    }
+  }
+
+  std::size_t stride_;
+  AlignedVector<float> storage_;  // six planes, then kRadius distances
+  AlignedVector<std::uint32_t> numbers_, partners_;
+  std::size_t count_ = 0;
+};
+
+// A region's boxes, one after another: what stands complete between two borders is joined.
+class RadixStack {
+ public:
+  RadixStack(ClusterTree& tree, std::uint32_t begin, std::uint32_t end)
+      : tree_(tree), first_(begin), next_(tree.box_count + begin), group_from_(end - begin, kNone) {
+    for (std::uint32_t i = begin; i < end; ++i) {
+      const std::uint64_t border = i == begin ? kBorderOfRegion : border_before(i);
+      join_below(border);
+      stack_[depth_++] = {i, i, 1, border};
+    }
+    join_below(kBorderOfRegion);
+    close(stack_[0]);
+  }
+
+  [[nodiscard]] std::uint32_t next() const noexcept { return next_; }
+  // The clusters that are left, in the order of the curve.
+  void list_groups(std::vector<std::uint32_t>& groups) const {
+    std::copy_if(group_from_.begin(), group_from_.end(), std::back_inserter(groups),
+                 [](std::uint32_t cluster) { return cluster != kNone; });
+  }
+
+ private:
+  static constexpr std::uint64_t kBorderOfRegion = ~std::uint64_t{0};
+  static constexpr std::uint32_t kNone = ~0u;
+  static constexpr std::size_t kMostDepth = 64;  // borders on the stack differ in their highest bits
+
+  struct Entry {
+    std::uint32_t cluster, first_box;
+    std::uint32_t box_count;  // 0: its clusters are groups already
+    std::uint64_t border;     // before it
+  };
+
+  // Equal codes are told apart by their places: halves of halves, like the codes.
+  [[nodiscard]] std::uint64_t border_before(std::uint32_t box) const noexcept {
+    return std::uint64_t{tree_.clusters[box - 1].right ^ tree_.clusters[box].left} << 32 | ((box - 1) ^ box);
+  }
+
+  void join_below(std::uint64_t border) noexcept {
+    while (depth_ >= 2 && stack_[depth_ - 1].border < border) {
+      Entry& left = stack_[depth_ - 2];
+      const Entry& right = stack_[depth_ - 1];
+      if (left.box_count != 0 && right.box_count != 0 && left.box_count + right.box_count <= kGroup) {
+        Box4 box = tree_.clusters[left.cluster].box();
+        box.grow(tree_.clusters[right.cluster].box());
+        tree_.clusters[next_] = make_cluster(box, left.cluster, right.cluster);
+        left.cluster = next_++;
+        left.box_count += right.box_count;
+      } else {
+        close(left);
+        close(right);
+        left.box_count = 0;
+      }
+      --depth_;
+    }
+  }
+
+  void close(const Entry& entry) noexcept {
+    if (entry.box_count != 0) group_from_[entry.first_box - first_] = entry.cluster;
+  }
+
+  ClusterTree& tree_;
+  std::uint32_t first_, next_;
+  std::vector<std::uint32_t> group_from_;  // by first box
+  std::array<Entry, kMostDepth> stack_;
+  std::size_t depth_ = 0;
+};
+
+}  // namespace
+
+std::size_t most_clusters(std::size_t box_count) noexcept { return 2 * box_count + box_count / 8 + kRegion; }
+
+ClusterTree cluster_along_curve(AlignedVector<Cluster> boxes, ThreadPool& pool, CancelToken& cancel) {
+  ClusterTree tree;
+  const auto count = static_cast<std::uint32_t>(boxes.size());
+  tree.clusters = std::move(boxes);
+  tree.clusters.resize(2 * std::size_t{count});
+  tree.box_count = count;
+  tree.regions.resize((count + kRegion - 1) / kRegion);
+  std::vector<std::vector<std::uint32_t>> groups(tree.regions.size());
+  parallel_for(pool, count, kRegion, [&](std::size_t begin, std::size_t end) {
+    cancel.checkpoint();
+    const RadixStack stack(tree, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end));
+    tree.regions[begin / kRegion] = {static_cast<std::uint32_t>(count + begin), stack.next()};
+    stack.list_groups(groups[begin / kRegion]);
+  });
+  std::size_t group_count = 0;
+  for (const auto& numbers : groups) group_count += numbers.size();
+  tree.clusters.resize(2 * std::size_t{count} + group_count);
+  Row row(group_count);
+  for (const auto& numbers : groups) {
+    for (const std::uint32_t number : numbers) row.push_back(tree.clusters[number], number);
+  }
+  tree.top = {2 * count, 2 * count};
+  while (row.size() > 1) {
+    cancel.checkpoint();
+    tree.top.end = row.join_pairs(tree.clusters.data(), tree.top.end);
+  }
+  tree.root = row.number(0);
+  return tree;
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,101 @@
+// Finds the best match of a cluster among all others: the one whose joint box with it has the least surface.
+// In: boxes, and any tree over them with one box a leaf, which is followed while clusters are joined. Out: matches.
+// Source: Walter, Bala, Kulkarni and Pingali 2008, "Fast Agglomerative Clustering for Rendering", section 4.
+//
+// A node knows the core that every joint box with one of its clusters has to reach: the greatest of their lower and
+// the least of their upper corners (often lower > upper). Grown by a query's box it bounds the joint surface from
+// below. A leaf's core is its cluster's box, so that there the bound is the answer.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "builders/bvh2.h"
+#include "builders/prim_ref.h"
+#include "math/float4.h"
+
+namespace perfect_bvh {
+
+// How well two clusters go together: the smaller the better. No two pairs are equal, and joining clusters makes no
+// other pair better, so that best matches end in a pair, and the order of joining does not change the result.
+struct MatchCost {
+  float area;            // half the surface of the joint box
+  float side;            // the sum of its sides: what tells flat boxes apart
+  std::uint32_t count;   // boxes in both: among equals small clusters are joined first, which keeps trees shallow
+  std::uint32_t low_id;  // the lesser and the greater of the clusters' ids
+  std::uint32_t high_id;
+
+  [[nodiscard]] bool is_better_tie(const MatchCost& other) const noexcept {
+    if (side != other.side) return side < other.side;
+    if (count != other.count) return count < other.count;
+    if (low_id != other.low_id) return low_id < other.low_id;
+    return high_id < other.high_id;
+  }
+  [[nodiscard]] bool operator<(const MatchCost& other) const noexcept {
+    return area < other.area || (area == other.area && is_better_tie(other));
+  }
+};
+
+class MatchTree {
+ public:
+  // The part of `guide` below `node`; its leaves refer to one row of `prims` each. Clusters are numbered like rows
+  // of the part (see row_of), then as they are joined.
+  MatchTree(const Bvh2& guide, std::uint32_t node, std::span<const PrimRef> prims);
+
+  static constexpr std::uint32_t kNone = 0xFFFFFFFFu;
+
+  [[nodiscard]] std::uint32_t leaf_count() const noexcept { return leaf_count_; }
+  // The row of `prims` that cluster < leaf_count() stands for.
+  [[nodiscard]] std::uint32_t row_of(std::uint32_t cluster) const noexcept { return clusters_[cluster].id; }
+  // The best match of a cluster among all others, of which there must be one. `hint`: another cluster, or kNone.
+  [[nodiscard]] std::uint32_t find_best(std::uint32_t cluster, std::uint32_t hint) noexcept;
+  // Replaces two clusters by their union and returns its number.
+  std::uint32_t join(std::uint32_t a, std::uint32_t b);
+
+ private:
+  struct Cluster {
+    std::uint32_t id;  // the least row in it
+    std::uint32_t count;
+    std::uint32_t node;  // where it stands
+  };
+  struct Node {
+    Box4 core;
+    std::uint32_t first = 0;     // interior: the left child's index (even); the right one follows
+    std::uint32_t cluster = 0;   // leaf; kNone in an interior node
+    std::uint32_t least_id = 0;  // of the clusters below
+    std::uint32_t least_count = 0;
+  };
+
+  void copy_guide(const Bvh2& guide, std::uint32_t node, std::span<const PrimRef> prims, double scale);
+  void set_leaf(std::uint32_t node, std::uint32_t cluster, const Box4& box) noexcept;
+  // Returns whether anything changed.
+  bool update(std::uint32_t node) noexcept;
+  void update_upwards(std::uint32_t node) noexcept;
+  void remove(std::uint32_t node) noexcept;
+  [[nodiscard]] std::uint32_t& parent_of(std::uint32_t node) noexcept { return parents_[node / 2]; }
+
+  struct Query {
+    Box4 box;
+    std::uint32_t id, count;
+    std::uint32_t best;
+    MatchCost best_cost;
+  };
+  [[nodiscard]] static float bound_of(const Query& query, const Node& node) noexcept;
+  [[nodiscard]] static MatchCost full_bound_of(const Query& query, const Node& node, float area) noexcept;
+  [[nodiscard]] static bool may_hold_better(const Query& query, const Node& node, float area) noexcept;
+  void search(Query& query, std::uint32_t node, float area) noexcept;
+  static void take(Query& query, const Node& leaf, float area) noexcept;
+
+  std::vector<Cluster> clusters_;
+  AlignedVector<Node> nodes_;
+  std::vector<std::uint32_t> parents_;  // of pairs of nodes
+  struct Pending {
+    std::uint32_t node;
+    float area;
+  };
+  std::vector<Pending> stack_;
+  std::uint32_t leaf_count_ = 0;
+};
+
+}  // namespace perfect_bvh

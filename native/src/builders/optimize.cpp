@@ -1,0 +1,226 @@
+#include "builders/optimize.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+#include <vector>
+
+#include "builders/link_tree.h"
+
+namespace perfect_bvh {
+namespace {
+
+using Id = LinkTree::Id;
+
+// The share of all nodes, the largest, that the first pass looks at; each later pass looks at twice as many.
+constexpr double kFirstShare = 0.05;
+constexpr std::size_t kSearchGrain = 256;
+
+struct Reinsertion {
+  float gain = 0.0f;  // by how much the areas of all interior nodes shrink together
+  Id moving = 0;
+  Id target = 0;
+};
+
+[[nodiscard]] float joint_area(Box4 a, const Box4& b) noexcept {
+  a.grow(b);
+  return half_area(a.extent());
+}
+
+// Goes up from a node that is taken out, ancestor by ancestor. At each, the subtree on the other side is where the node
+// may go, and `saved` is by how much the nodes on the way up are smaller for its absence. It may also become the
+// sibling of the ancestor itself, under a new node as large as that one was: `saved_above`.
+class Climb {
+ public:
+  Climb(const LinkTree& tree, Id moving) noexcept
+      : tree_(tree),
+        below_(tree.parent(moving)),
+        rest_(tree.box(tree.sibling(moving))),
+        saved_(tree.area(below_)) {}  // the parent goes altogether
+
+  [[nodiscard]] bool at_end() const noexcept { return below_ == LinkTree::kRoot; }
+  [[nodiscard]] Id ancestor() const noexcept { return below_; }
+  [[nodiscard]] Id other_side() const noexcept { return tree_.sibling(below_); }
+  [[nodiscard]] float saved() const noexcept { return saved_; }
+  [[nodiscard]] float saved_above() const noexcept { return saved_ - tree_.area(below_); }
+  void go_up() noexcept {
+    rest_.grow(tree_.box(other_side()));
+    below_ = tree_.parent(below_);
+    saved_ += tree_.area(below_) - half_area(rest_.extent());
+  }
+
+ private:
+  const LinkTree& tree_;
+  Id below_;
+  Box4 rest_;  // of below_, without the node
+  float saved_;
+};
+
+// Looks for the best new place of one node after another, with a stack that is kept between searches.
+class Search {
+ public:
+  explicit Search(const LinkTree& tree) : tree_(tree) {}
+
+  [[nodiscard]] Reinsertion run(Id moving) {
+    best_ = {0.0f, moving, 0};
+    box_ = tree_.box(moving);
+    area_ = half_area(box_.extent());
+    for (Climb climb(tree_, moving); !climb.at_end(); climb.go_up()) {
+      if (climb.ancestor() != tree_.parent(moving)) offer(climb.ancestor(), climb.saved_above());
+      search_below(climb.other_side(), climb.saved());
+    }
+    return best_;
+  }
+
+ private:
+  struct Entry {
+    Id id;
+    float left_over;  // of the savings, after the nodes above have grown
+  };
+
+  // No place below an entry can gain more than left_over - area_: the new parent is at least as large as the node.
+  void search_below(Id top, float saved) {
+    push(top, saved);
+    while (!stack_.empty()) {
+      const Entry entry = stack_.back();
+      stack_.pop_back();
+      if (!(entry.left_over - area_ > best_.gain)) continue;
+      const float joint = joint_area(tree_.box(entry.id), box_);
+      offer(entry.id, entry.left_over - joint);
+      if (tree_.is_leaf(entry.id)) continue;
+      const float left_over = entry.left_over - (joint - tree_.area(entry.id));
+      push(tree_.left(entry.id), left_over);
+      push(tree_.right(entry.id), left_over);
+    }
+  }
+  void offer(Id target, float gain) noexcept {
+    if (!(gain > best_.gain)) return;
+    best_.gain = gain;
+    best_.target = target;
+  }
+  void push(Id id, float left_over) {
+    if (left_over - area_ > best_.gain) stack_.push_back({id, left_over});
+  }
+
+  const LinkTree& tree_;
+  std::vector<Entry> stack_;
+  Box4 box_;
+  float area_ = 0;
+  Reinsertion best_;
+};
+
+class Optimizer {
+ public:
+  explicit Optimizer(const Bvh2& tree) : tree_(tree), is_settled_(tree_.size(), 0) {}
+
+  [[nodiscard]] const LinkTree& tree() const noexcept { return tree_; }
+
+  // Returns how many nodes moved.
+  std::size_t run_pass(double share, ThreadPool& pool, CancelToken& cancel) {
+    select(share);
+    found_.resize(candidates_.size());
+    parallel_for(pool, candidates_.size(), kSearchGrain, [&](std::size_t begin, std::size_t end) {
+      cancel.checkpoint();
+      Search search(tree_);
+      for (std::size_t i = begin; i < end; ++i) found_[i] = search.run(candidates_[i].second);
+    });
+    std::sort(found_.begin(), found_.end(), [](const Reinsertion& a, const Reinsertion& b) {
+      return a.gain != b.gain ? a.gain > b.gain : a.moving < b.moving;
+    });
+    std::size_t moved = 0;
+    for (const Reinsertion& each : found_) moved += apply(each);
+    return moved;
+  }
+
+ private:
+  // The largest nodes, but those that found no better place the last time, and around which nothing has changed.
+  void select(double share) {
+    candidates_.clear();
+    for (Id id = LinkTree::kRoot + 2; id < tree_.size(); ++id) {
+      if (tree_.parent(id) != LinkTree::kRoot) candidates_.emplace_back(-tree_.area(id), id);
+    }
+    const auto count = static_cast<std::size_t>(std::min(1.0, share) * static_cast<double>(candidates_.size()));
+    const auto last = candidates_.begin() + static_cast<std::ptrdiff_t>(count);
+    std::nth_element(candidates_.begin(), last, candidates_.end());
+    candidates_.erase(last, candidates_.end());
+    std::erase_if(candidates_, [&](const auto& candidate) { return is_settled_[candidate.second] != 0; });
+  }
+
+  // What was found may no longer hold after the moves before it: it is priced again, and done only if it still gains.
+  bool apply(const Reinsertion& found) noexcept {
+    const Id moving = found.moving;
+    if (!(found.gain > 0.0f)) {
+      is_settled_[moving] = 1;
+      return false;
+    }
+    const Id parent = tree_.parent(moving);
+    if (parent == LinkTree::kRoot || found.target == parent || tree_.is_below(found.target, moving)) return false;
+    // Gains as small as the rounding of the areas they are made of are none.
+    if (!(gain_now(found) > 1e-6f * tree_.area(parent))) return false;
+    const std::uint32_t height = std::max(tree_.height(moving), tree_.height(found.target));
+    if (tree_.depth_of(found.target) + 1 + height > kMaxTreeDepth) return false;
+    const Id old_sibling = tree_.sibling(moving);
+    tree_.move(moving, found.target);
+    unsettle(moving);
+    unsettle(old_sibling);
+    return true;
+  }
+
+  // Negative if the target is no place to go.
+  [[nodiscard]] float gain_now(const Reinsertion& found) const noexcept {
+    const Box4 box = tree_.box(found.moving);
+    for (Climb climb(tree_, found.moving); !climb.at_end(); climb.go_up()) {
+      if (found.target == climb.ancestor()) return climb.saved_above();
+      const Id top = climb.other_side();
+      if (!tree_.is_below(found.target, top)) continue;
+      float gain = climb.saved() - joint_area(tree_.box(found.target), box);
+      for (Id id = found.target; id != top;) {
+        id = tree_.parent(id);
+        gain -= joint_area(tree_.box(id), box) - tree_.area(id);
+      }
+      return gain;
+    }
+    return -1.0f;
+  }
+
+  // Nodes near a change may find better places again.
+  void unsettle(Id id) noexcept {
+    constexpr int kLevels = 6;
+    is_settled_[id] = 0;
+    for (int level = 0; level < kLevels && id != LinkTree::kRoot; ++level) {
+      is_settled_[tree_.sibling(id)] = 0;
+      id = tree_.parent(id);
+      is_settled_[id] = 0;
+    }
+  }
+
+  LinkTree tree_;
+  std::vector<std::uint8_t> is_settled_;
+  std::vector<std::pair<float, Id>> candidates_;  // minus the area, node
+  std::vector<Reinsertion> found_;
+};
+
+}  // namespace
+
+OptimizeReport optimize_bvh2(Bvh2& tree, const OptimizeBudget& budget, ThreadPool& pool, CancelToken& cancel) {
+  OptimizeReport report;
+  if (tree.depth < 2) return report;  // nothing has anywhere to go
+  const auto start = std::chrono::steady_clock::now();
+  const auto time_is_over = [&] {
+    const std::chrono::duration<double, std::milli> spent = std::chrono::steady_clock::now() - start;
+    return spent.count() >= budget.milliseconds;
+  };
+  Optimizer optimizer(tree);
+  double share = kFirstShare;
+  while (report.passes < budget.passes && !time_is_over()) {
+    const std::size_t moved = optimizer.run_pass(share, pool, cancel);
+    ++report.passes;
+    report.moved += moved;
+    if (moved == 0 && share >= 1.0) break;
+    share = std::min(1.0, 2 * share);
+  }
+  if (report.moved > 0) tree = optimizer.tree().to_bvh2(tree);
+  return report;
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,251 @@
+#include "builders/spatial.h"
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <span>
+#include <utility>
+
+#include "builders/few_boxes.h"
+#include "builders/grid_bins.h"
+#include "builders/grid_ref.h"
+#include "builders/spatial_partition.h"
+#include "builders/spatial_plane.h"
+#include "builders/top_down.h"
+
+namespace perfect_bvh {
+namespace {
+
+// Space is only cut where an object split's halves overlap by this share of the root's area. The paper's alpha is 1e-5;
+// the nodes between the two take most of the time and gain less than 0.5% of the cost.
+constexpr float kLeastOverlap = 1e-3f;
+constexpr std::uint32_t kSampleSize = 2048;  // references put into object bins, at least
+
+// Rows [begin, begin + capacity) belong to the range, the first `count` hold references. The rest is its share of the
+// duplication budget: handed down in proportion, so that no other thread's work can change what it may do.
+struct SpatialRange : BuildRange {
+  std::uint32_t capacity = 0;
+  std::uint32_t work = 0;
+  Box4 box;  // the union of its references'
+};
+
+// What is shared by all threads; each of them changes only the rows of its own range.
+struct Job {
+  const BuildConfig& config;
+  const PrimClipper* clipper;
+  AlignedVector<PrimRef> refs;
+  AreaScale scale;
+  float least_overlap = 0.0f;
+};
+
+// Splits ranges one after another; one for each thread's subtree, so that its arrays are reused.
+class SpatialWorker {
+ public:
+  explicit SpatialWorker(Job& job) : job_(job) {}
+
+  bool split(SpatialRange& range, SpatialRange& left, SpatialRange& right) {
+    if (range.count == 1) return false;
+    partition_.resize(range.count);
+    snap(range);
+    const float area = job_.scale.half_area(range.box);
+    Sides chosen;
+    if (depth_allows_any_split(range)) {
+      const Sides by_object = choose_object_split(range);
+      chosen = area > 0.0f ? choose_spatial_split(range, area, by_object) : Sides{};
+      if (!chosen.is_split()) chosen = by_object;
+    }
+    if (!chosen.is_split()) {
+      if (range.count <= job_.config.max_leaf_size) return false;
+      chosen = choose_halves(range);
+    }
+    share_out(range, chosen, left, right);
+    partition_.move(rows(range), job_.refs.data() + right.begin);
+    return true;
+  }
+
+  Box4 write_leaf(const SpatialRange& range, std::uint32_t* prim_indices) const noexcept {
+    for (const PrimRef& ref : rows(range)) *prim_indices++ = ref.prim_index;
+    const Float4 zero(0.0f);  // -0 + 0 is +0
+    return {range.box.lower + zero, range.box.upper + zero};
+  }
+
+ private:
+  [[nodiscard]] std::span<PrimRef> rows(const SpatialRange& range) const noexcept {
+    return {job_.refs.data() + range.begin, range.count};
+  }
+
+  // Object splits are chosen on a grid of the range's own size (grid_ref.h).
+  void snap(const SpatialRange& range) {
+    grid_.resize(range.count);
+    const GridFrame frame = GridFrame::around(range.box);
+    const std::span<const PrimRef> refs = rows(range);
+    bounds_ = {};
+    for (std::uint32_t i = 0; i < range.count; ++i) {
+      const GridBox box = frame.snap(Box4::load(&refs[i]), i);
+      bounds_.grow(box);
+      box.store(&grid_[i]);
+    }
+  }
+
+  [[nodiscard]] Sides choose_object_split(const SpatialRange& range) {
+    const auto area = static_cast<float>(half_area(bounds_.box));
+    if (!(area > 0.0f)) return {};
+    if (range.count <= kFewBoxes) return choose_few(range, area);
+    return choose_object_plane(range, area);
+  }
+
+  [[nodiscard]] Sides choose_few(const SpatialRange& range, float area) {
+    std::array<GridBox, kFewBoxes> boxes;
+    for (std::uint32_t i = 0; i < range.count; ++i) boxes[i] = Short8::load(&grid_[i]);
+    const std::uint32_t is_left = split_few(boxes.data(), range.count, area, job_.config);
+    if (is_left == 0) return {};
+    return partition_.assign(rows(range), [&](std::uint32_t i) { return ((is_left >> i) & 1u) != 0; });
+  }
+
+  [[nodiscard]] Sides choose_object_plane(const SpatialRange& range, float area) {
+    const BuildConfig& config = job_.config;
+    const std::uint32_t stride = std::max(1u, range.count / kSampleSize);
+    const std::uint32_t count = (range.count + stride - 1) / stride;
+    const std::uint32_t bin_count = std::min(config.bins, count / 2 + 4);  // few references need few planes
+    const BinMap map(bounds_, bin_count);
+    GridBins bins(bin_count);
+    bins.add(grid_.data(), range.count, stride, map, -1);
+    const Plane plane = bins.find_best(count, -1);
+    if (plane.bin == 0) return {};
+    if (range.count <= config.max_leaf_size) {
+      const float split_cost = config.traversal_cost * area + config.intersection_cost * plane.cost;
+      if (!(split_cost < config.intersection_cost * area * static_cast<float>(count))) return {};
+    }
+    const std::int32_t border = map.border(plane.axis, plane.bin);
+    return partition_.assign(rows(range), [&](std::uint32_t i) {
+      return grid_[i].lower[plane.axis] - grid_[i].negated_upper[plane.axis] < border;
+    });
+  }
+
+  // Where the SAH says nothing (all centroids equal, no area) or the depth runs out.
+  [[nodiscard]] Sides choose_halves(const SpatialRange& range) {
+    const std::uint32_t half = range.count / 2;
+    if (bounds_.has_spread()) {
+      const auto axis = static_cast<std::size_t>(bounds_.longest_axis());
+      const auto key = [axis](const GridRef& ref) {
+        return std::pair(ref.lower[axis] - ref.negated_upper[axis], ref.position());
+      };
+      std::nth_element(grid_.begin(), grid_.begin() + half, grid_.end(),
+                       [&](const GridRef& a, const GridRef& b) { return key(a) < key(b); });
+    }
+    const std::span<const PrimRef> refs = rows(range);
+    Sides sides;
+    for (std::uint32_t rank = 0; rank < range.count; ++rank) {
+      const std::uint32_t row = grid_[rank].position();
+      partition_.set(row, rank < half);
+      sides.add(rank < half, Box4::load(&refs[row]));
+    }
+    return sides;
+  }
+
+  // Not split: an object split or a leaf is as good, or no plane is to be had. Then the object split still holds.
+  [[nodiscard]] Sides choose_spatial_split(const SpatialRange& range, float area, const Sides& by_object) {
+    if (range.capacity == range.count) return {};
+    const auto all = static_cast<float>(range.count);
+    float limit = area * all;  // no gain in a plane that costs more than none
+    if (by_object.is_split()) {
+      if (!(by_object.overlap(job_.scale) > job_.least_overlap)) return {};
+      limit = std::min(limit, by_object.cost(job_.scale));
+    }
+    if (range.count <= job_.config.max_leaf_size) {
+      limit = std::min(limit, area * all - area * (job_.config.traversal_cost / job_.config.intersection_cost));
+    }
+    // Slices are dear. An even number of bins has a plane in the middle, which is often the best.
+    const std::uint32_t bin_count = std::min(std::max(job_.config.bins / 4 * 2, 2u), range.count / 8 * 2 + 4);
+    const SpatialPlane plane =
+        find_spatial_plane(rows(range), range.box, bin_count, job_.clipper, job_.scale, limit, range.capacity);
+    if (plane.axis < 0) return {};
+    return partition_.part(rows(range), plane, job_.clipper, job_.scale, range.capacity);
+  }
+
+  // Spare rows go where the cost is.
+  void share_out(const SpatialRange& range, const Sides& sides, SpatialRange& left,
+                 SpatialRange& right) const noexcept {
+    const std::uint32_t all = sides.left_count + sides.right_count, spare = range.capacity - all;
+    const double left_cost = static_cast<double>(job_.scale.half_area(sides.left)) * sides.left_count;
+    const double cost = left_cost + static_cast<double>(job_.scale.half_area(sides.right)) * sides.right_count;
+    const double share = cost > 0 && left_cost <= cost ? left_cost / cost : 0.5;
+    const auto left_spare = std::min(spare, static_cast<std::uint32_t>(static_cast<double>(spare) * share));
+    left.count = sides.left_count;
+    right.count = sides.right_count;
+    left.capacity = left.count + left_spare;
+    right.capacity = right.count + (spare - left_spare);
+    left.begin = range.begin;
+    right.begin = range.begin + left.capacity;
+    left.work = static_cast<std::uint32_t>(std::uint64_t{range.work} * left.count / all);
+    right.work = range.work - left.work;
+    left.depth = right.depth = range.depth + 1;
+    left.box = sides.left;
+    right.box = sides.right;
+  }
+
+  Job& job_;
+  AlignedVector<GridRef> grid_;
+  GridBounds bounds_;
+  SpatialPartition partition_;
+};
+
+class SpatialSplitter {
+ public:
+  using Range = SpatialRange;
+  static constexpr std::uint32_t kSubtreeSize = 4096;
+
+  SpatialSplitter(std::span<const PrimRef> prims, const BuildConfig& config, const PrimClipper* clipper)
+      : job_{config, clipper, {}, {}} {
+    // Rows have 32-bit numbers, and so have the nodes over them.
+    constexpr double kMostRows = std::numeric_limits<std::int32_t>::max();
+    const auto count = static_cast<double>(prims.size());
+    const double wanted = count + count * static_cast<double>(config.duplication_budget);
+    root_.count = root_.work = static_cast<std::uint32_t>(prims.size());
+    root_.capacity = static_cast<std::uint32_t>(std::min(wanted, kMostRows));
+    job_.refs.resize(root_.capacity);
+    std::copy(prims.begin(), prims.end(), job_.refs.begin());
+    root_.box = Box4::empty();
+    for (const PrimRef& prim : prims) root_.box.grow(Box4::load(&prim));
+    job_.scale.multiplier = GridFrame::around(root_.box).multiplier;
+    job_.least_overlap = kLeastOverlap * job_.scale.half_area(root_.box);
+  }
+
+  [[nodiscard]] const Range& root() const noexcept { return root_; }
+  [[nodiscard]] SpatialWorker enter_subtree(const Range&) { return SpatialWorker(job_); }
+  void split_large(Range& range, Range& left, Range& right, ThreadPool*) {
+    (void)SpatialWorker(job_).split(range, left, right);
+  }
+
+ private:
+  Job job_;
+  Range root_;
+};
+
+// Leaves' rows without the unused ones between them.
+void close_up(Bvh2& tree) {
+  std::size_t count = 0;
+  for (const Bvh2Node& node : tree.nodes) count += node.count;
+  AlignedVector<std::uint32_t> packed(count);
+  std::uint32_t next = 0;
+  for (Bvh2Node& node : tree.nodes) {
+    if (!node.is_leaf()) continue;
+    std::copy_n(tree.prim_indices.begin() + node.first, node.count, packed.begin() + next);
+    node.first = next;
+    next += node.count;
+  }
+  tree.prim_indices = std::move(packed);
+}
+
+}  // namespace
+
+Bvh2 build_spatial(std::span<const PrimRef> prims, const BuildConfig& config, const PrimClipper* clipper,
+                   ThreadPool& pool, CancelToken& cancel) {
+  SpatialSplitter splitter(prims, config, clipper);
+  Bvh2 tree = TopDownBuilder(splitter, pool, cancel).build(splitter.root());
+  close_up(tree);
+  tree.refittable = false;
+  return tree;
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,175 @@
+#include "builders/sweep.h"
+
+#include <algorithm>
+#include <array>
+#include <vector>
+
+#include "builders/radix_sort.h"
+#include "builders/sweep_subtree.h"
+#include "builders/top_down.h"
+
+namespace perfect_bvh {
+namespace {
+
+struct Candidate {
+  float cost;
+  std::uint32_t left_count;  // 0: none
+};
+
+// The cheapest plane among references in one order, if it costs less than `limit`. Costs on a side only grow with its
+// size, so each sweep may stop where its side alone reaches the limit.
+Candidate sweep(std::span<const GridRef> refs, float* right_costs, float limit) noexcept {
+  GridBox box = empty_grid_box();
+  std::size_t first = refs.size() - 1;  // the least left side that is worth a look
+  for (; first > 0; --first) {
+    box = min(box, Short8::load(&refs[first]));
+    right_costs[first] = static_cast<float>(half_area(box)) * static_cast<float>(refs.size() - first);
+    if (right_costs[first] >= limit) break;
+  }
+  box = empty_grid_box();
+  for (std::size_t i = 0; i < first; ++i) box = min(box, Short8::load(&refs[i]));
+  Candidate best{limit, 0};
+  for (std::size_t i = first + 1; i < refs.size(); ++i) {
+    box = min(box, Short8::load(&refs[i - 1]));
+    const float left_cost = static_cast<float>(half_area(box)) * static_cast<float>(i);
+    if (left_cost >= best.cost) break;
+    if (left_cost + right_costs[i] < best.cost) best = {left_cost + right_costs[i], static_cast<std::uint32_t>(i)};
+  }
+  return best;
+}
+
+// Keeps three copies of the references, each in the order of one axis: the sweeps read them from end to end.
+class SweepSplitter {
+ public:
+  using Range = SweepRange;
+  static constexpr std::uint32_t kSubtreeSize = 16384;
+
+  SweepSplitter(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool)
+      : prims_(prims), config_(config), is_left_(prims.size()), number_of_(prims.size()) {
+    for (auto& each : scratch_) each.resize(prims.size());
+    Box4 box = Box4::empty();
+    for (const PrimRef& prim : prims) box.grow(Box4::load(&prim));
+    root_.count = static_cast<std::uint32_t>(prims.size());
+    root_.frame = GridFrame::around(box);
+    for_axes(&pool, [&](std::size_t axis) { sort(axis); });
+  }
+
+  [[nodiscard]] const Range& root() const noexcept { return root_; }
+
+  SweepSubtree enter_subtree(const Range& range) {
+    return {prims_, config_, range, {rows(range, 0), rows(range, 1), rows(range, 2)}, number_of_.data()};
+  }
+
+  void split_large(Range& range, Range& left, Range& right, ThreadPool* pool) {
+    const GridBounds bounds = measure_finely(range);
+    const auto area = static_cast<float>(half_area(bounds.box));
+    auto axis = static_cast<std::size_t>(bounds.longest_axis());
+    std::uint32_t left_count = range.count / 2;
+    if (area > 0.0f && depth_allows_any_split(range)) {
+      std::array<Candidate, 3> best;
+      const float unsplit = area * static_cast<float>(range.count);
+      for_axes(pool, [&](std::size_t a) {
+        // What another axis has found limits the search, if it is known already; the result is the same.
+        const float limit = pool == nullptr && a > 0 ? std::min(best[0].cost, best[a - 1].cost) : unsplit;
+        best[a] = sweep(rows(range, a), &costs_[a][range.begin], limit);
+      });
+      const auto cheapest = static_cast<std::size_t>(
+          std::min_element(best.begin(), best.end(), [](auto& a, auto& b) { return a.cost < b.cost; }) - best.begin());
+      if (best[cheapest].left_count > 0) {
+        axis = cheapest;
+        left_count = best[cheapest].left_count;
+      }
+    }
+    divide(range, axis, left_count, pool);
+    left.frame = right.frame = range.frame;
+    divide_rows(range, left_count, left, right);
+  }
+
+ private:
+  [[nodiscard]] std::span<GridRef> rows(const Range& range, std::size_t axis) noexcept {
+    return {sorted_[axis].data() + range.begin, range.count};
+  }
+
+  template <class Body>
+  static void for_axes(ThreadPool* pool, const Body& body) {
+    if (pool == nullptr) {
+      for (std::size_t axis = 0; axis < 3; ++axis) body(axis);
+      return;
+    }
+    parallel_for(*pool, 3, 1, [&](std::size_t axis, std::size_t) { body(axis); });
+  }
+
+  void sort(std::size_t axis) {
+    std::vector<std::uint64_t> keys(prims_.size()), scratch(prims_.size());
+    for (std::size_t i = 0; i < keys.size(); ++i) {
+      const int a = static_cast<int>(axis);
+      const float centroid = prims_[i].lower[a] + prims_[i].upper[a];
+      keys[i] = (std::uint64_t{ordered_bits(centroid + 0.0f)} << 32) | i;
+    }
+    sorted_[axis].resize(keys.size());
+    costs_[axis].resize(keys.size());
+    std::size_t rank = 0;
+    for (const std::uint64_t key : radix_sort(keys, scratch, 32, 32)) {
+      const auto position = static_cast<std::uint32_t>(key);
+      root_.frame.snap(Box4::load(&prims_[position]), position).store(&sorted_[axis][rank++]);
+    }
+  }
+
+  // The bounds of a range, snapped to a frame of its own first if its present one is too coarse.
+  GridBounds measure_finely(Range& range) noexcept {
+    GridBounds bounds;
+    for (const GridRef& ref : rows(range, 0)) bounds.grow(Short8::load(&ref));
+    if (longest_extent(bounds.box) >= kCoarseSteps) return bounds;
+    const GridFrame frame = range.frame.around(bounds.box);
+    if (frame.steps == range.frame.steps) return bounds;
+    range.frame = frame;
+    bounds = {};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      for (GridRef& ref : rows(range, axis)) {
+        const std::uint32_t position = ref.position();
+        const GridBox box = frame.snap(Box4::load(&prims_[position]), position);
+        box.store(&ref);
+        bounds.grow(box);
+      }
+    }
+    return bounds;
+  }
+
+  // Brings the left side to the front of every order, both sides keeping theirs.
+  void divide(const Range& range, std::size_t split_axis, std::uint32_t left_count, ThreadPool* pool) {
+    const std::span<GridRef> split_rows = rows(range, split_axis);
+    for (std::size_t i = 0; i < split_rows.size(); ++i) is_left_[split_rows[i].position()] = i < left_count;
+    for_axes(pool, [&](std::size_t axis) {
+      if (axis == split_axis) return;
+      const std::span<GridRef> refs = rows(range, axis);
+      GridRef* left = refs.data();
+      GridRef* const moved = scratch_[axis == (split_axis + 1) % 3].data() + range.begin;
+      GridRef* right = moved;
+      for (const GridRef& ref : refs) {
+        const bool is_left = is_left_[ref.position()] != 0;
+        Short8::load(&ref).store(is_left ? left : right);
+        left += is_left;
+        right += !is_left;
+      }
+      std::copy(moved, right, left);
+    });
+  }
+
+  std::span<const PrimRef> prims_;
+  const BuildConfig& config_;
+  std::array<AlignedVector<GridRef>, 3> sorted_;
+  std::array<AlignedVector<GridRef>, 2> scratch_;  // for the two axes that are divided
+  std::array<std::vector<float>, 3> costs_;
+  std::vector<std::uint8_t> is_left_;       // by position
+  AlignedVector<std::uint16_t> number_of_;  // by position, within its subtree
+  Range root_;
+};
+
+}  // namespace
+
+Bvh2 build_sweep(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
+  SweepSplitter splitter(prims, config, pool);
+  return TopDownBuilder(splitter, pool, cancel).build(splitter.root());
+}
+
+}  // namespace perfect_bvh
