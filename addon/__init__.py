@@ -11,8 +11,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .live.scene_sync import SceneSync
     from .scanning import CameraGrid, PointCloud, SpinningLidar, scan
-    from .scene_sync import SceneSync
     from .sync.records import AttributeRequest
 
 __all__ = [
@@ -30,13 +30,22 @@ _EXPORTS = {
     "AttributeRequest": ".sync.records",
     "CameraGrid": ".scanning",
     "PointCloud": ".scanning",
-    "SceneSync": ".scene_sync",
+    "SceneSync": ".live.scene_sync",
     "SpinningLidar": ".scanning",
     "scan": ".scanning",
 }
 # In the order of registration. Those that load the native engine are left out where it cannot be loaded.
-_MODULES = (".preferences", ".properties", ".latest", ".display", ".engine", ".operators", ".overlay", ".panels")
-_NATIVE_MODULES: tuple[str, ...] = (".handlers",)
+_MODULES = (
+    ".settings.preferences",
+    ".settings.scene_settings",
+    ".statistics.last_result",
+    ".image.saving",
+    ".engine",
+    ".operators",
+    ".view3d.overlay",
+    ".panels",
+)
+_NATIVE_MODULES = (".live.sync_cache",)
 _LANDMARK = "PERFECT_BVH_PT_render"
 
 _registered: list[Any] = []
@@ -69,7 +78,7 @@ def register() -> None:
         raise RuntimeError(
             f"Perfect BVH is already registered by {other!r}: disable that copy before {__name__!r} is enabled"
         )
-    from .preferences import native_error
+    from .settings.preferences import native_error
 
     names = _MODULES if native_error() else _MODULES + _NATIVE_MODULES
     try:

@@ -1,6 +1,6 @@
-"""The render engine: Blender asks for a frame, the session's scene is brought in step and traced, passes are filled.
+"""The render engine: Blender asks for a frame, the cached sync is brought in step and traced, passes are filled.
 
-The scene and its trees live on the session, because Blender makes a new engine for each render and often for
+The scene and its trees live on in the cache of syncs, because Blender makes a new engine for each render and often for
 each frame. A begun result is always ended: without that Blender crashes when it writes the file.
 """
 
@@ -14,12 +14,12 @@ from typing import TypeVar
 import bpy
 import numpy as np
 
-from .frame import Frame, Images, Progress, border_pixels, check_size, render_frame
-from .latest import edits_of, remember
-from .preferences import native_error
-from .properties import ENGINE_NAME, read_settings
+from .image.still import Frame, Images, Progress, border_pixels, check_size, render_frame
+from .settings.preferences import native_error
+from .settings.scene_settings import ENGINE_NAME, read_settings
+from .statistics.last_result import edits_of, remember
 from .sync.records import CameraRecord
-from .viewport import Viewport
+from .view3d.viewport import Viewport
 
 T = TypeVar("T")
 
@@ -226,14 +226,14 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             return None
         import perfect_bvh
 
-        from .session import session_of
+        from .live.sync_cache import sync_of
 
         scene = depsgraph.scene
         edits = edits_of(scene)  # while it renders on a thread of its own, users go on
         job.frame = None
         try:
             job.frame = render_frame(
-                session_of(depsgraph),
+                sync_of(depsgraph),
                 depsgraph,
                 read_settings(scene),
                 passes=tuple(spec.source for spec in specs),

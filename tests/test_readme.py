@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from perfect_bvh_addon.modes import MODE_NAMES
+from perfect_bvh_addon.settings.modes import MODE_NAMES
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 TEXT = README.read_text(encoding="utf-8")

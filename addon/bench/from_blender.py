@@ -20,11 +20,11 @@ def subject_of(scene: bpy.types.Scene) -> Subject:
     """
     import bpy
 
-    from ..lasting_scene import LastingScene
+    from ..live.scene_reference import SceneReference
 
     cache = ReadCache()
     is_current = scene == bpy.context.scene
-    place = LastingScene("bench", scene, bpy.context.view_layer if is_current else scene.view_layers[0])
+    place = SceneReference("bench", scene, bpy.context.view_layer if is_current else scene.view_layers[0])
 
     def read(frame: int) -> SceneRecord:
         place.find().frame_set(frame)

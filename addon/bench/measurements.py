@@ -12,7 +12,7 @@ import numpy as np
 import perfect_bvh
 from perfect_bvh import BuildConfig
 
-from ..background_work import BackgroundWork
+from ..support.background_work import BackgroundWork
 from ..sync.records import SceneRecord
 from ..sync.report import SyncReport
 from ..sync.state import SceneState

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..files import replacing
+from ..support.files import replacing
 from .layout import lay_out
 from .picture import Disc, Line, Picture, Point, Shape
 from .scene_charts import make_charts

@@ -10,7 +10,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from ..modes import MODES
+from ..settings.modes import MODES
 from .arguments import CommandError, parse_frames, parse_size
 
 DEFAULT_AUDIT = 1e-3

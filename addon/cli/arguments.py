@@ -8,8 +8,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..files import prepare_folder
-from ..modes import find_mode
+from ..settings.modes import find_mode
+from ..support.files import prepare_folder
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
 MAX_SIZE = 65536

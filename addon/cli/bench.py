@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from ..files import prepare_folder
+from ..support.files import prepare_folder
 from . import EXIT_INTERRUPTED
 from .arguments import CommandError, check_blend_file
 from .blender import StopRequest, open_scene, stop_on_interrupt

@@ -47,7 +47,7 @@ def _require_modules() -> None:
     if importlib.util.find_spec("bpy") is None:
         raise CommandError("Blender's module bpy is missing: pip install 'perfect-bvh[blender]'")
     try:
-        from ..preferences import native_error
+        from ..settings.preferences import native_error
     except ImportError as error:
         raise CommandError(f"Blender's module bpy cannot be loaded: {error}") from error
     error = native_error()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, TextIO
 
-from ..summary import format_bytes
+from ..statistics.summary import format_bytes
 from .arguments import CommandError, check_blend_file
 from .blender import apply_settings, go_to_frame, open_scene, render_job, stop_on_interrupt
 from .console import format_table, quiet_blender
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import bpy
     from perfect_bvh import MeshReport, SceneStatistics
 
-    from ..scene_sync import SceneSync
+    from ..live.scene_sync import SceneSync
     from ..sync.report import SyncReport
 
 HEADER = (
@@ -50,13 +50,13 @@ def run_info(arguments: argparse.Namespace) -> int:
 def _sync_as_rendered(scene: bpy.types.Scene) -> tuple[SceneSync, SyncReport]:
     """The scene as a render sees it: only a render engine is given that depsgraph."""
     from ..engine import RenderJob
-    from ..session import sessions_of
+    from ..live.sync_cache import syncs_of
 
     job = RenderJob(trace=False)
     render_job(scene, job)
     if job.frame is None:
         raise CommandError(f"scene {scene.name!r} could not be read")
-    return sessions_of(scene)[-1], job.frame.statistics.report
+    return syncs_of(scene)[-1], job.frame.statistics.report
 
 
 def _write(out: TextIO, scene: bpy.types.Scene, sync: SceneSync, report: SyncReport) -> None:

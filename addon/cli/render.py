@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from perfect_bvh import Audit
     from tqdm import tqdm
 
-    from ..frame import Frame
-    from ..modes import Mode
+    from ..image.still import Frame
+    from ..settings.modes import Mode
     from ..sync.report import SyncReport
 
 
@@ -50,7 +50,7 @@ class RenderSession:
     def __init__(
         self, scene: bpy.types.Scene, output: Output, out: TextIO, stop: StopRequest, arguments: argparse.Namespace
     ) -> None:
-        from ..modes import find_mode
+        from ..settings.modes import find_mode
 
         self._scene = scene
         self._output = output
@@ -114,7 +114,7 @@ class RenderSession:
         return True
 
     def _save(self, path: Path, frame: Frame) -> None:
-        from ..display import save_image
+        from ..image.saving import save_image
 
         image = frame.images["combined"]
         if self._mode.has_range and path.suffix.lower() != ".exr":

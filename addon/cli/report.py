@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from perfect_bvh import CommitReport
 
-    from ..frame import FrameStatistics
+    from ..statistics.frame_statistics import FrameStatistics
     from ..sync.report import SyncReport
 
 REFITS = ("refitted", "rotated", "partly_rebuilt")  # what goes on with the tree that was there

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from perfect_bvh.bulk import place_instances
 
+from ..events.evaluation_log import EvaluationLog
 from ..sync.records import (
     LARGEST_COORDINATE,
     AttributeRequest,
@@ -26,9 +27,8 @@ from ..sync.records import (
     UnseenMesh,
     WorldRecord,
 )
-from .evaluation_log import EvaluationLog
-from .images import ImageCache
-from .instancer_survey import SILENT_TYPES
+from .geometry.instancer_survey import SILENT_TYPES
+from .looks.images import ImageCache
 from .visibility import VisibilityReader
 
 _NOT_SHOWN = -1

@@ -6,17 +6,17 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..events.changes import watched_evaluations
+from ..events.evaluation_log import EvaluationLog
 from ..sync.records import AttributeRequest, CameraRecord, LightRecords, SceneRecord
 from .camera import read_camera, read_frame
-from .changes import watched_evaluations
-from .evaluation_log import EvaluationLog
-from .groups import GroupTable
-from .images import ImageCache, ImageReader
-from .instances import InstanceCache, read_instances
-from .lights import read_lights, read_world
-from .materials import MaterialReader
-from .mesh_cache import MeshCache
-from .mesh_table import MeshTable
+from .geometry.groups import GroupTable
+from .geometry.instances import InstanceCache, read_instances
+from .geometry.mesh_cache import MeshCache
+from .geometry.mesh_table import MeshTable
+from .looks.images import ImageCache, ImageReader
+from .looks.lights import read_lights, read_world
+from .looks.materials import MaterialReader
 from .pointer_views import ArrayReader
 from .read_again import PlainReading, SceneParts, read_again, remember
 from .visibility import VisibilityReader, outside_viewports

@@ -13,9 +13,9 @@ from typing import Any, ClassVar
 
 import bpy
 
-from ..files import prepare_folder
-from ..lasting_scene import LastingScene
-from ..preferences import native_error
+from ..live.scene_reference import SceneReference
+from ..settings.preferences import native_error
+from ..support.files import prepare_folder
 from .preview import show_in_editor
 from .ticking import Ticking
 
@@ -44,7 +44,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
 
     _bench: Any
     _steps: Generator[tuple[float, str], None, None]
-    _place: LastingScene
+    _place: SceneReference
     _frame: tuple[int, float]
     _where: Path
 
@@ -98,7 +98,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
             reason = str(problem.strerror)
             self.report({"ERROR"}, reason[0].upper() + reason[1:])
             return False
-        self._place = LastingScene("bench", context.scene, context.view_layer)
+        self._place = SceneReference("bench", context.scene, context.view_layer)
         self._frame = context.scene.frame_current, context.scene.frame_subframe
         self._bench = SceneBench(subject_of(context.scene), self.seconds)
         self._steps = self._bench.steps()

@@ -12,12 +12,12 @@ from typing import ClassVar
 import bpy
 import numpy as np
 
-from ..preferences import native_error
-from ..refinement import Pace, Refinement
-from ..screen_image import picture_of
-from ..shared_trees import LOOKING_SECONDS
-from ..view_statistics import remember_view
-from ..viewport import REFINING_SECONDS, AwaitedView, await_view, find_view
+from ..image.progressive import Pace, Refinement
+from ..live.pending_commit import LOOKING_SECONDS
+from ..settings.preferences import native_error
+from ..view3d.screen_image import picture_of
+from ..view3d.view_statistics import remember_view
+from ..view3d.viewport import REFINING_SECONDS, AwaitedView, await_view, find_view
 from .ticking import Ticking
 
 IMAGE_NAME = "Perfect BVH Preview"

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 import numpy as np
 
-from ..files import check_writable
-from ..preferences import native_error
-from ..properties import read_precision
+from ..settings.preferences import native_error
+from ..settings.scene_settings import read_precision
+from ..support.files import check_writable
 from .ticking import Ticking
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..properties import ENGINE_NAME
+from ..settings.scene_settings import ENGINE_NAME
 from . import bench, borrowed, failure_cases, overlay, rays, render, reports
 
 CLASSES = (

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from ..preferences import native_error
+from ..settings.preferences import native_error
 from .common import RenderPanel, draw_lines, settings_layout
 
 # Panels that Blender offers every engine, without those of features that this engine does not have; Simplify it shows

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import bpy
 
-from ..preferences import native_error
-from ..properties import ENGINE_NAME
+from ..settings.preferences import native_error
+from ..settings.scene_settings import ENGINE_NAME
 
 # Labels do not wrap, and a panel is as wide as its region. Pixels at the usual resolution scale, and no line shorter.
 MARGIN, CHARACTER_WIDTH = 60, 5.7

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..overlay import Shown, overlay_of
+from ..view3d.overlay import Shown, overlay_of
 from .common import SubPanel, draw_lines, settings_layout
 
 

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import bpy
 
-from ..modes import find_mode
-from ..preferences import native_error
+from ..settings.modes import find_mode
+from ..settings.preferences import native_error
 from .common import RenderPanel, SubPanel, draw_lines, settings_layout
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import bpy
 
-from ..latest import is_outdated, last_statistics
-from ..summary import PlanRow, count_meshes, format_bytes, plan_rows, statistics_rows
+from ..statistics.last_result import is_outdated, last_statistics
+from ..statistics.summary import PlanRow, count_meshes, format_bytes, plan_rows, statistics_rows
 from .common import RenderPanel, SubPanel, draw_lines
 
 SHOWN_WARNINGS = 3

@@ -12,7 +12,7 @@ from .point_cloud import COLUMNS, PointCloud
 if TYPE_CHECKING:
     from perfect_bvh import Hits
 
-    from ..scene_sync import SceneSync
+    from ..live.scene_sync import SceneSync
 
 EMPTY = {
     "positions": np.empty((0, 3)),

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ..files import replacing
+from ..support.files import replacing
 
 # In the order of the file; each holds one row a point.
 COLUMNS = (

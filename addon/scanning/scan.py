@@ -17,11 +17,11 @@ import bpy
 import numpy as np
 from perfect_bvh.queries import Precision
 
+from ..events.changes import listen, stop_listening
 from ..extract.camera import without_scale
-from ..extract.changes import listen, stop_listening
-from ..lasting_scene import LastingScene
-from ..memory import check_fits
-from ..scene_sync import SceneSync, UpdateCommit
+from ..live.scene_reference import SceneReference
+from ..live.scene_sync import SceneSync, UpdateCommit
+from ..support.memory import check_fits
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
 from .collector import Collector
 from .patterns import Float64Array, Pattern, View
@@ -109,7 +109,7 @@ class Scanner:
         sensor = scene.camera if sensor is None else sensor
         _check_sensor(pattern, sensor, scene)
         self._pattern = pattern
-        self._place = LastingScene("scan", scene, bpy.context.view_layer)
+        self._place = SceneReference("scan", scene, bpy.context.view_layer)
         self._sensor_name, self._sensor_uid = sensor.name, sensor.session_uid
         self._stretches = tuple(_stretches(pattern, scene, frames, steps_per_frame))
         self._threads, self._precision = threads, precision

@@ -39,7 +39,7 @@ from benchmarks.machine import REPOSITORY, describe
 from benchmarks.rounds import Spread
 from oracles.cycles import preserved, read_passes, write_multilayer
 from perfect_bvh_addon import SceneSync
-from perfect_bvh_addon.session import clear_sessions
+from perfect_bvh_addon.live.sync_cache import clear_syncs
 from perfect_bvh_addon.sync.records import AttributeRequest
 from tqdm import tqdm
 
@@ -158,7 +158,7 @@ class Ours:
 
     def start(self, width: int) -> float:
         """Milliseconds that a render in Blender takes beside its rays, of a scene that nothing is known of."""
-        clear_sessions()
+        clear_syncs()
         render, chosen = self._scene.render, self._scene.perfect_bvh
         settings = [(chosen, "mode", "PREVIEW"), (chosen, "samples", 1), *in_blender(render, width)]
         with tempfile.TemporaryDirectory() as folder, preserved(*settings):

@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 import perfect_bvh
 import pytest
-from perfect_bvh_addon import background_work
+from perfect_bvh_addon.support import background_work
 
 HALF = 0.5
 PATIENCE = (

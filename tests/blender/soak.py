@@ -33,7 +33,8 @@ from blender.soak_edits import EDITS, NothingToEditError
 from blender.soak_halves import Halves
 from blender.soak_renders import find_different_passes
 from perfect_bvh_addon import SceneSync
-from perfect_bvh_addon.extract import instancer_survey, read_scene
+from perfect_bvh_addon.extract import read_scene
+from perfect_bvh_addon.extract.geometry import instancer_survey
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
 from perfect_bvh_addon.sync.lookup import SceneLookup
 from perfect_bvh_addon.sync.records import AttributeRequest, ObjectRecord, SceneRecord

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 import perfect_bvh
-from perfect_bvh_addon import SceneSync, shared_trees
-from perfect_bvh_addon.shared_trees import SharedTrees
+from perfect_bvh_addon import SceneSync
+from perfect_bvh_addon.live import pending_commit
+from perfect_bvh_addon.live.pending_commit import PendingCommit
 
 if TYPE_CHECKING:
     from blender.soak import Soak
@@ -79,7 +80,7 @@ class _User:
     """Whoever draws what the trees show: told of each edit, and reads the scene anew before the next image."""
 
     def __init__(self) -> None:
-        self.trees = SharedTrees()
+        self.trees = PendingCommit()
         self.is_stale = True
         self.shown: tuple[int, bytes] | None = None  # the revision of the last image, and the image
 
@@ -166,8 +167,8 @@ class Halves:
 
     def _look_as(self, user: _User, patience: float) -> bool:
         """Whether there was an image; patience: seconds that are waited for it."""
-        kept = shared_trees.BUILDING_SECONDS, shared_trees.LOOKING_SECONDS
-        shared_trees.BUILDING_SECONDS = shared_trees.LOOKING_SECONDS = patience
+        kept = pending_commit.BUILDING_SECONDS, pending_commit.LOOKING_SECONDS
+        pending_commit.BUILDING_SECONDS = pending_commit.LOOKING_SECONDS = patience
         try:
             if user.is_stale or user.trees.sync is None:
                 user.is_stale = False
@@ -177,7 +178,7 @@ class Halves:
             self._soak.counts[f"{HALVES}{type(problem).__name__}"] += 1
             return False
         finally:
-            shared_trees.BUILDING_SECONDS, shared_trees.LOOKING_SECONDS = kept
+            pending_commit.BUILDING_SECONDS, pending_commit.LOOKING_SECONDS = kept
         if is_there:
             self._check("an image", user)
         else:

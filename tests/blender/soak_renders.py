@@ -7,7 +7,7 @@ import numpy as np
 import perfect_bvh_addon
 from blender.builders import camera_object
 from perfect_bvh_addon.engine import RenderJob, attend
-from perfect_bvh_addon.frame import Images
+from perfect_bvh_addon.image.still import Images
 
 
 def find_different_passes(*, is_stopped_first: bool) -> list[str]:

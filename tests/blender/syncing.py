@@ -8,7 +8,7 @@ import bpy
 import pytest
 from perfect_bvh import StaleSceneError
 from perfect_bvh_addon import SceneSync
-from perfect_bvh_addon.extract import changes
+from perfect_bvh_addon.events import changes
 
 DOWN = (0.0, 0.0, -1.0)
 

@@ -12,9 +12,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from perfect_bvh_addon import memory  # noqa: E402
 from perfect_bvh_addon.cli import main  # noqa: E402
-from perfect_bvh_addon.files import check_writable, replacing  # noqa: E402
+from perfect_bvh_addon.support import memory  # noqa: E402
+from perfect_bvh_addon.support.files import check_writable, replacing  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

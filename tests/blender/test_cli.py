@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from perfect_bvh_addon.cli.arguments import CommandError, Output, check_blend_file, check_mode, parse_frames, parse_size
 from perfect_bvh_addon.cli.console import format_table
-from perfect_bvh_addon.modes import MODE_NAMES
+from perfect_bvh_addon.settings.modes import MODE_NAMES
 
 # Arguments ---------------------------------------------------------------------------------------------------------
 

@@ -11,7 +11,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
-from perfect_bvh_addon import operators, preferences, properties  # noqa: E402
+from perfect_bvh_addon import operators  # noqa: E402
+from perfect_bvh_addon.settings import preferences, scene_settings  # noqa: E402
 
 OPERATORS = [
     found
@@ -19,7 +20,7 @@ OPERATORS = [
     for found in vars(module).values()
     if isinstance(found, type) and issubclass(found, bpy.types.Operator)
 ]
-OWNERS = [*properties.CLASSES, preferences.PERFECT_BVH_AP_preferences, *OPERATORS]
+OWNERS = [*scene_settings.CLASSES, preferences.PERFECT_BVH_AP_preferences, *OPERATORS]
 
 
 @pytest.fixture(autouse=True)

@@ -13,9 +13,10 @@ bpy = pytest.importorskip("bpy")
 
 from oracles.cycles import Passes, preserved, render_passes  # noqa: E402
 from oracles.png import read_png  # noqa: E402
-from perfect_bvh_addon import engine, latest  # noqa: E402
+from perfect_bvh_addon import engine  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
+from perfect_bvh_addon.statistics import last_result  # noqa: E402
 
 BACKGROUND_DEPTH = 1e10
 
@@ -325,9 +326,9 @@ def test_settings_are_saved_in_the_file(scene, tmp_path: Path) -> None:
 
 
 def test_statistics_are_shown_after_a_render(scene) -> None:
-    assert latest.last_statistics(scene) is None
+    assert last_result.last_statistics(scene) is None
     render()
-    statistics = latest.last_statistics(scene)
+    statistics = last_result.last_statistics(scene)
     assert statistics.size == (96, 54)
     assert statistics.camera_rays == 96 * 54
     assert statistics.rays_per_second > 0.0

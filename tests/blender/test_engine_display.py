@@ -12,8 +12,8 @@ from oracles.exr import read_exr
 bpy = pytest.importorskip("bpy")
 
 from oracles.png import read_png  # noqa: E402
-from perfect_bvh_addon.display import fixed_output, save_image  # noqa: E402
-from perfect_bvh_addon.modes import find_mode  # noqa: E402
+from perfect_bvh_addon.image.saving import fixed_output, save_image  # noqa: E402
+from perfect_bvh_addon.settings.modes import find_mode  # noqa: E402
 
 PICTURE, PALETTE, VALUES = find_mode("clay"), find_mode("instance"), find_mode("normal")
 

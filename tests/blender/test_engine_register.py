@@ -95,7 +95,7 @@ WITHOUT_ENGINE = """
 import sys
 sys.modules["perfect_bvh"] = None  # importing it raises ImportError, as a damaged module would
 import bpy, perfect_bvh_addon
-from perfect_bvh_addon.preferences import native_error
+from perfect_bvh_addon.settings.preferences import native_error
 perfect_bvh_addon.register()
 scene = bpy.context.scene
 scene.render.engine = "PERFECT_BVH"
@@ -123,7 +123,7 @@ from pathlib import Path
 perfect_bvh.__version__ = "0.0.9"  # and it lacks what came later
 sys.modules["perfect_bvh.bulk"] = None
 import bpy, perfect_bvh_addon
-from perfect_bvh_addon.preferences import native_error
+from perfect_bvh_addon.settings.preferences import native_error
 perfect_bvh_addon.register()
 reason = native_error()
 folder = Path(perfect_bvh.__file__).parent
@@ -171,19 +171,19 @@ def test_importing_the_package_loads_neither_blender_nor_numpy() -> None:
 PREFERENCES = """
 import bpy
 import addon_utils
-from perfect_bvh_addon import session
+from perfect_bvh_addon.settings.preferences import cache_byte_limit
 assert addon_utils.enable("perfect_bvh_addon", default_set=True) is not None
 preferences = bpy.context.preferences.addons["perfect_bvh_addon"].preferences
-assert session._byte_limit == preferences.cache_size << 20 > 0
+assert cache_byte_limit() == preferences.cache_size << 20 > 0
 preferences.cache_size = 3
-assert session._byte_limit == 3 << 20
+assert cache_byte_limit() == 3 << 20
 preferences.cache_size = 0
-assert session._byte_limit is None
+assert cache_byte_limit() is None
 preferences.cache_size = 5
 import perfect_bvh
 preferences.threads = 1
 assert perfect_bvh.thread_count() == 1
-from perfect_bvh_addon.properties import read_settings
+from perfect_bvh_addon.settings.scene_settings import read_settings
 scene = bpy.context.scene
 assert read_settings(scene).precision == "robust"
 preferences.precision = "FAST"
@@ -192,7 +192,7 @@ scene.perfect_bvh.precision = "ROBUST"
 assert read_settings(scene).precision == "robust"
 assert read_settings(bpy.data.scenes.new("New")).precision == "fast"
 addon_utils.disable("perfect_bvh_addon")
-assert session._byte_limit is None
+assert cache_byte_limit() is None
 print("fine")
 """
 

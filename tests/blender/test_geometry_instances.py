@@ -15,7 +15,8 @@ from blender.builders import (
     mesh_object,
 )
 from blender.instancer_scenes import FAST, PARTLY, SLOW, made_meshes, several_objects
-from perfect_bvh_addon.extract import ReadCache, instancer_survey, listing, read_scene
+from perfect_bvh_addon.extract import ReadCache, read_scene
+from perfect_bvh_addon.extract.geometry import instancer_survey, listing
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
 from perfect_bvh_addon.sync.records import SceneRecord
 from perfect_bvh_addon.sync.verify import find_mismatches
@@ -40,7 +41,7 @@ def no_list(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         used.append("list")
         return original(*arguments)
 
-    monkeypatch.setattr("perfect_bvh_addon.extract.instances.list_instances", spy)
+    monkeypatch.setattr("perfect_bvh_addon.extract.geometry.instances.list_instances", spy)
     return used
 
 

@@ -13,10 +13,11 @@ import perfect_bvh  # noqa: E402
 from blender.long_builds import PATIENCE, Gate  # noqa: E402
 from blender.syncing import assert_stale, cast_down, depsgraph, height, move  # noqa: E402
 from forks import needs_fork, run_in_child  # noqa: E402
-from perfect_bvh_addon import SceneSync, background_work  # noqa: E402
-from perfect_bvh_addon.background_work import BackgroundWork  # noqa: E402
-from perfect_bvh_addon.extract import changes  # noqa: E402
-from perfect_bvh_addon.shared_trees import SharedTrees  # noqa: E402
+from perfect_bvh_addon import SceneSync  # noqa: E402
+from perfect_bvh_addon.events import changes  # noqa: E402
+from perfect_bvh_addon.live.pending_commit import PendingCommit  # noqa: E402
+from perfect_bvh_addon.support import background_work  # noqa: E402
+from perfect_bvh_addon.support.background_work import BackgroundWork  # noqa: E402
 from perfect_bvh_addon.sync.scene_difference import AppliedDifference  # noqa: E402
 
 FAILED = "the last update did not succeed: call update"
@@ -55,7 +56,7 @@ def test_a_report_that_fails_unseen_keeps_nobody_from_going_on(box, sync: SceneS
         assert sync.building is None
         with pytest.raises(MemoryError, match="no room for the report"):
             building.result()
-    trees = SharedTrees()
+    trees = PendingCommit()
     assert trees.begin(sync, lambda: sync.begin_update(depsgraph()), to_the_end=True).has_changes
     assert trees.are_there(lambda: pytest.fail("they are there"))
     assert height(sync) == 1.0

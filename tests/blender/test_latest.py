@@ -11,9 +11,9 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from blender.test_panels import drawn  # noqa: E402
-from perfect_bvh_addon import latest, summary  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.panels import reports  # noqa: E402
+from perfect_bvh_addon.statistics import last_result, summary  # noqa: E402
 
 OUTDATED = "The scene has changed since"
 
@@ -33,7 +33,7 @@ def rendered(registered: None) -> None:
 
 
 def first_rows() -> list[tuple[str, str]]:
-    return summary.statistics_rows(latest.last_statistics(bpy.context.scene))[:2]
+    return summary.statistics_rows(last_result.last_statistics(bpy.context.scene))[:2]
 
 
 def test_a_render_and_a_preview_say_what_they_were_of() -> None:
@@ -41,7 +41,7 @@ def test_a_render_and_a_preview_say_what_they_were_of() -> None:
     bpy.context.scene.perfect_bvh.preview_percentage = 50
     assert bpy.ops.perfect_bvh.preview() == {"FINISHED"}
     assert first_rows() == [("Preview", "Frame 1"), ("Resolution", "16 x 9 px")]
-    statistics = latest.last_statistics(bpy.context.scene)
+    statistics = last_result.last_statistics(bpy.context.scene)
     assert statistics.camera_rays == 2 * 16 * 9
     assert statistics.trace_milliseconds > 0.0
     (row,) = summary.plan_rows(statistics.report, statistics.mesh_costs)
@@ -75,20 +75,20 @@ def change_settings() -> None:
 @pytest.mark.parametrize("edit", [edit_object, edit_mesh, delete_object, change_frame, change_settings])
 def test_an_edit_outdates_what_was_done_and_a_render_renews_it(edit) -> None:
     scene = bpy.context.scene
-    assert not latest.is_outdated(scene)
+    assert not last_result.is_outdated(scene)
     edit()
-    assert latest.is_outdated(scene)
+    assert last_result.is_outdated(scene)
     assert OUTDATED in " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
     bpy.ops.render.render()
     assert OUTDATED not in " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
-    assert not latest.is_outdated(scene)
+    assert not last_result.is_outdated(scene)
 
 
 def test_what_only_selects_outdates_nothing() -> None:
     bpy.data.objects["Cube"].select_set(True)
     bpy.context.view_layer.objects.active = bpy.data.objects["Cube"]
     bpy.context.view_layer.update()
-    assert not latest.is_outdated(bpy.context.scene)
+    assert not last_result.is_outdated(bpy.context.scene)
 
 
 def test_an_edit_of_another_scene_outdates_nothing() -> None:
@@ -99,7 +99,7 @@ def test_an_edit_of_another_scene_outdates_nothing() -> None:
     other.view_layers[0].update()
     made.location.x = 3.0
     other.view_layers[0].update()
-    assert not latest.is_outdated(first)
+    assert not last_result.is_outdated(first)
 
 
 def test_what_was_done_goes_with_its_scene_and_its_file() -> None:
@@ -109,10 +109,10 @@ def test_what_was_done_goes_with_its_scene_and_its_file() -> None:
     bpy.data.scenes.remove(scene)
     other.view_layers[0].update()
     bpy.context.view_layer.update()
-    assert uid not in latest._latest
-    latest._latest[other.session_uid] = None
+    assert uid not in last_result._latest
+    last_result._latest[other.session_uid] = None
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    assert not latest._latest
+    assert not last_result._latest
 
 
 def test_panels_are_drawn_again_by_the_main_thread_alone(monkeypatch) -> None:
@@ -124,36 +124,36 @@ def test_panels_are_drawn_again_by_the_main_thread_alone(monkeypatch) -> None:
 
     window = SimpleNamespace(screen=SimpleNamespace(areas=[area("PROPERTIES"), area("VIEW_3D")]))
     context = SimpleNamespace(window_manager=SimpleNamespace(windows=[window, window]))
-    latest._show_news()
-    scene, statistics = bpy.context.scene, latest.last_statistics(bpy.context.scene)
-    monkeypatch.setattr(latest, "bpy", SimpleNamespace(context=context))
-    assert latest._show_news() == latest.TIMER_SECONDS
+    last_result._show_news()
+    scene, statistics = bpy.context.scene, last_result.last_statistics(bpy.context.scene)
+    monkeypatch.setattr(last_result, "bpy", SimpleNamespace(context=context))
+    assert last_result._show_news() == last_result.TIMER_SECONDS
     assert not drawn
-    thread = threading.Thread(target=latest.remember, args=(scene, statistics, latest.edits_of(scene)))
+    thread = threading.Thread(target=last_result.remember, args=(scene, statistics, last_result.edits_of(scene)))
     thread.start()
     thread.join()
     assert not drawn
-    latest._show_news()
-    latest._show_news()
+    last_result._show_news()
+    last_result._show_news()
     assert drawn == [("PROPERTIES", threading.main_thread())] * 2
     for _ in range(2):
         edit_object()
-        latest._show_news()
+        last_result._show_news()
     assert len(drawn) == 4, "they have heard of the first edit, and say of the second what they say already"
 
 
 def test_a_viewport_that_finds_nothing_changed_confirms_what_a_viewport_did() -> None:
     scene = bpy.context.scene
-    statistics = latest.last_statistics(scene)
+    statistics = last_result.last_statistics(scene)
     edit_object()
-    latest.confirm_view(scene, statistics.report)
-    assert latest.is_outdated(scene)  # a render: what viewports show says nothing of it
-    latest.remember(scene, replace(statistics, source="Viewport"), latest.edits_of(scene))
+    last_result.confirm_view(scene, statistics.report)
+    assert last_result.is_outdated(scene)  # a render: what viewports show says nothing of it
+    last_result.remember(scene, replace(statistics, source="Viewport"), last_result.edits_of(scene))
     edit_object()
-    latest.confirm_view(scene, replace(statistics.report))
-    assert latest.is_outdated(scene)  # a viewport with other trees, as in local view, says nothing of it either
-    latest.confirm_view(scene, statistics.report)
-    assert not latest.is_outdated(scene)
+    last_result.confirm_view(scene, replace(statistics.report))
+    assert last_result.is_outdated(scene)  # a viewport with other trees, as in local view, says nothing of it either
+    last_result.confirm_view(scene, statistics.report)
+    assert not last_result.is_outdated(scene)
 
 
 def test_an_edit_during_a_render_outdates_it() -> None:
@@ -169,9 +169,9 @@ def test_an_edit_during_a_render_outdates_it() -> None:
     with attend(RenderJob(progress=go_on)) as job:
         bpy.ops.render.render()
     assert job.frame is not None and next(edits, None) is None
-    assert latest.is_outdated(scene)
+    assert last_result.is_outdated(scene)
     bpy.ops.render.render()
-    assert not latest.is_outdated(scene)
+    assert not last_result.is_outdated(scene)
 
 
 def test_undoing_outdates_what_was_done() -> None:
@@ -179,6 +179,6 @@ def test_undoing_outdates_what_was_done() -> None:
         edit_object()
         bpy.ops.ed.undo_push(message=message)
     bpy.ops.render.render()
-    assert not latest.is_outdated(bpy.context.scene)
+    assert not last_result.is_outdated(bpy.context.scene)
     bpy.ops.ed.undo()
-    assert latest.is_outdated(bpy.context.scene)
+    assert last_result.is_outdated(bpy.context.scene)

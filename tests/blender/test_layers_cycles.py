@@ -16,7 +16,7 @@ bpy = pytest.importorskip("bpy")
 import perfect_bvh_addon  # noqa: E402
 from blender.node_setups import add, image_node, new_red, paint, shader, surface  # noqa: E402
 from oracles.cycles import preserved, render_passes  # noqa: E402
-from perfect_bvh_addon.session import clear_sessions  # noqa: E402
+from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
 
 SIDE, PATCH, SAMPLES, CELLS = 64, 4, 16, 8
 MODERN_NAMES = bpy.app.version >= (4, 0, 0)
@@ -41,7 +41,7 @@ def scene() -> Iterator[bpy.types.Scene]:
     scene.render.resolution_x = scene.render.resolution_y = SIDE
     scene.perfect_bvh.samples = SAMPLES
     yield scene
-    clear_sessions()
+    clear_syncs()
     perfect_bvh_addon.unregister()
 
 

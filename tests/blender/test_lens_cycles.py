@@ -20,9 +20,9 @@ from oracles.cycles import preserved, render_beside, render_passes  # noqa: E402
 from oracles.png import read_png  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
-from perfect_bvh_addon.region_camera import camera_of  # noqa: E402
-from perfect_bvh_addon.session import clear_sessions  # noqa: E402
-from perfect_bvh_addon.viewport import _camera_key  # noqa: E402
+from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
+from perfect_bvh_addon.view3d.region_camera import camera_of  # noqa: E402
+from perfect_bvh_addon.view3d.viewport import _camera_key  # noqa: E402
 
 SIZE, PATCH, SAMPLES = 64, 8, 64
 Image = npt.NDArray[np.float32]
@@ -44,7 +44,7 @@ def scene() -> Iterator[Any]:
     scene.render.engine = "PERFECT_BVH"
     scene.perfect_bvh.samples = SAMPLES
     yield scene
-    clear_sessions()
+    clear_syncs()
     perfect_bvh_addon.unregister()
 
 

@@ -13,7 +13,7 @@ bpy = pytest.importorskip("bpy")
 import perfect_bvh_addon  # noqa: E402
 from blender.node_setups import SETUPS, new_red, paint, painted_plainly, tiled  # noqa: E402
 from oracles.cycles import render_beside, render_passes  # noqa: E402
-from perfect_bvh_addon.session import clear_sessions  # noqa: E402
+from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
 
 SIZE, PATCH, SAMPLES = (96, 64), 8, 32
 
@@ -37,7 +37,7 @@ def scene() -> Iterator[bpy.types.Scene]:
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.perfect_bvh.samples = SAMPLES
     yield scene
-    clear_sessions()
+    clear_syncs()
     perfect_bvh_addon.unregister()
 
 

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from perfect_bvh_addon.memory import free_bytes
+from perfect_bvh_addon.support.memory import free_bytes
 
 MACHINE = "MemTotal:       16000 kB\nMemFree:  3000 kB\nMemAvailable:   8000 kB\n"
 VERSION_1 = "9:name=systemd:/\n4:cpu,memory:/job/42\n0::/\n"

@@ -15,10 +15,11 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
 from blender.long_builds import PATIENCE, Gate, building_threads  # noqa: E402
-from perfect_bvh_addon import overlay, shared_trees  # noqa: E402
-from perfect_bvh_addon.box_lines import RAMP, box_lines, shares  # noqa: E402
-from perfect_bvh_addon.extract.changes import listen, stop_listening  # noqa: E402
-from perfect_bvh_addon.session import session_of  # noqa: E402
+from perfect_bvh_addon.events.changes import listen, stop_listening  # noqa: E402
+from perfect_bvh_addon.live import pending_commit  # noqa: E402
+from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
+from perfect_bvh_addon.view3d import overlay  # noqa: E402
+from perfect_bvh_addon.view3d.box_lines import RAMP, box_lines, shares  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
 
@@ -33,12 +34,12 @@ def drawn_batches(monkeypatch) -> list:
         return object()
 
     monkeypatch.setattr(overlay, "_make_batch", keep)
-    monkeypatch.setattr(shared_trees, "BUILDING_SECONDS", 60.0)  # however slow this machine is
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 60.0)  # however slow this machine is
     return made
 
 
 def synced():
-    sync = session_of(bpy.context.evaluated_depsgraph_get())
+    sync = sync_of(bpy.context.evaluated_depsgraph_get())
     sync.update(bpy.context.evaluated_depsgraph_get())
     return sync
 
@@ -208,7 +209,7 @@ class Screen:
 
 
 def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, monkeypatch, gate: Gate) -> None:
-    monkeypatch.setattr(shared_trees, "BUILDING_SECONDS", 0.05)
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.05)
     screen = Screen(monkeypatch)
     bpy.ops.mesh.primitive_cube_add()
     settings = scene.perfect_bvh.overlay
@@ -221,9 +222,7 @@ def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, mo
     gate.open()
 
     def draw_what_is_there() -> tuple[list[float], bool]:
-        assert session_of(bpy.context.evaluated_depsgraph_get()).building is None or shown._trees._building.wait(
-            PATIENCE
-        )
+        assert sync_of(bpy.context.evaluated_depsgraph_get()).building is None or shown._trees._building.wait(PATIENCE)
         screen.take()
         shown.draw(bpy.context, settings)
         return screen.take()
@@ -254,7 +253,7 @@ def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, mo
 
 def test_no_frame_of_an_animation_that_plays_shows_the_boxes_of_another(scene, monkeypatch) -> None:
     """Not in grey either: each frame waits for its trees, however long that takes."""
-    monkeypatch.setattr(shared_trees, "BUILDING_SECONDS", 0.0)
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.0)
     commit = perfect_bvh.Scene.commit
 
     def commit_slowly(*arguments: Any, **options: Any) -> Any:
@@ -290,7 +289,7 @@ class PlayingContext:
 
 
 def test_boxes_wait_for_trees_that_take_long_and_blender_for_neither(drawn_batches, monkeypatch) -> None:
-    monkeypatch.setattr(shared_trees, "BUILDING_SECONDS", 0.05)
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.05)
     gate = Gate(monkeypatch)
     bpy.ops.mesh.primitive_uv_sphere_add()
     settings = bpy.context.scene.perfect_bvh.overlay

@@ -9,10 +9,13 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from perfect_bvh_addon import latest, overlay, panels, preferences, summary  # noqa: E402
+from perfect_bvh_addon import panels  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.panels import common, render, reports  # noqa: E402
-from perfect_bvh_addon.properties import ENGINE_NAME  # noqa: E402
+from perfect_bvh_addon.settings import preferences  # noqa: E402
+from perfect_bvh_addon.settings.scene_settings import ENGINE_NAME  # noqa: E402
+from perfect_bvh_addon.statistics import last_result, summary  # noqa: E402
+from perfect_bvh_addon.view3d import overlay  # noqa: E402
 
 
 class RecordingLayout:
@@ -100,7 +103,7 @@ def test_an_audit_shows_in_the_statistics() -> None:
     scene.perfect_bvh.use_audit, scene.perfect_bvh.audit_share, scene.perfect_bvh.samples = True, 0.5, 4
     assert not {"Audit", "Wrong"} & set(drawn(reports.PERFECT_BVH_PT_statistics))
     bpy.ops.render.render()
-    rows = dict(summary.statistics_rows(latest.last_statistics(scene)))
+    rows = dict(summary.statistics_rows(last_result.last_statistics(scene)))
     count = int(rows["Audit"].partition(" ")[0].replace(",", ""))
     assert 0.4 * 4 * 32 * 18 < count < 0.6 * 4 * 32 * 18
     assert rows["Wrong"].startswith("0, ")
@@ -124,7 +127,7 @@ def test_the_plan_names_the_mesh_and_what_was_done() -> None:
     texts = " ".join(drawn(reports.PERFECT_BVH_PT_plan))
     assert "12 triangles" in texts
     assert "Built" in texts
-    (row,) = summary.plan_rows(latest.last_statistics(bpy.context.scene).report)
+    (row,) = summary.plan_rows(last_result.last_statistics(bpy.context.scene).report)
     assert (row.triangle_count, row.action) == (12, "built")
 
 
@@ -137,7 +140,7 @@ def test_the_plan_begins_with_what_costs_camera_rays_most() -> None:
     plane = bpy.context.object
     bpy.ops.mesh.primitive_uv_sphere_add(segments=8, location=(0.0, 0.0, 30.0))  # behind the camera
     bpy.ops.render.render()
-    statistics = latest.last_statistics(scene)
+    statistics = last_result.last_statistics(scene)
     rows = {row.name: row for row in summary.plan_rows(statistics.report, statistics.mesh_costs)}
     names = list(rows)
     assert names[-1] == "Sphere"
@@ -149,7 +152,7 @@ def test_the_plan_begins_with_what_costs_camera_rays_most() -> None:
 
 def test_the_second_render_keeps_the_tree() -> None:
     bpy.ops.render.render()
-    (row,) = summary.plan_rows(latest.last_statistics(bpy.context.scene).report)
+    (row,) = summary.plan_rows(last_result.last_statistics(bpy.context.scene).report)
     assert (row.action, row.builder, row.milliseconds) == ("kept", "", 0.0)
 
 
@@ -161,7 +164,7 @@ def test_a_row_of_the_plan_selects_the_objects_that_show_its_mesh() -> None:
     for obj in (twin, bent):
         bpy.context.scene.collection.objects.link(obj)
     bpy.ops.render.render()
-    rows = summary.plan_rows(latest.last_statistics(bpy.context.scene).report)
+    rows = summary.plan_rows(last_result.last_statistics(bpy.context.scene).report)
     selected = []
     for row in rows:
         bpy.ops.perfect_bvh.select_mesh(source=row.source, session_uid=row.session_uid)

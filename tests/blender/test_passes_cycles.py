@@ -37,7 +37,7 @@ from oracles.cycles import (  # noqa: E402
 )
 from oracles.exr import read_exr  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
-from perfect_bvh_addon.session import sessions_of  # noqa: E402
+from perfect_bvh_addon.live.sync_cache import syncs_of  # noqa: E402
 
 SCENES = sorted(path.stem for path in (Path(__file__).resolve().parents[2] / "blend_scenes").glob("*.blend"))
 ZOO = sorted(path.stem for path in (Path(__file__).resolve().parents[2] / "blend_scenes" / "zoo").glob("*.blend"))
@@ -153,7 +153,7 @@ def compare(scene: bpy.types.Scene, size: tuple[int, int] = (320, 180)) -> Compa
     ours = render_passes(scene, "PERFECT_BVH")
     inside = ~index_edges(theirs.object_index)
     disputed = [(int(x), int(y)) for y, x in np.argwhere(unlike(ours, theirs) & inside)]
-    sync = sessions_of(scene)[-1]
+    sync = syncs_of(scene)[-1]
     unexplained = [(x, y) for x, y in disputed if unlike(probe(sync, x, y), pixel_of(theirs, x, y)).all()]
     if unexplained:
         verdicts = surely_right(sync, unexplained)

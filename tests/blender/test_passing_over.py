@@ -12,10 +12,11 @@ import bpy
 import numpy as np
 import pytest
 from blender.builders import SQUARE, camera_object, evaluated, in_render, mesh_data, mesh_object
-from perfect_bvh_addon import AttributeRequest, SceneSync, handlers
-from perfect_bvh_addon.extract import changes
-from perfect_bvh_addon.extract.evaluation_log import EvaluationLog
-from perfect_bvh_addon.session import clear_sessions, session_of, sessions_of
+from perfect_bvh_addon import AttributeRequest, SceneSync
+from perfect_bvh_addon.events import changes
+from perfect_bvh_addon.events.evaluation_log import EvaluationLog
+from perfect_bvh_addon.live import sync_cache
+from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of, syncs_of
 from perfect_bvh_addon.sync.report import SyncReport
 from perfect_bvh_addon.sync.state import SceneState
 
@@ -52,7 +53,7 @@ def sync(scene: Any) -> Iterator[SceneSync]:
 
 def test_what_was_not_evaluated_is_not_read(sync: SceneSync, monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[str] = []
-    from perfect_bvh_addon.extract import mesh_table
+    from perfect_bvh_addon.extract.geometry import mesh_table
 
     original = mesh_table.read_mesh
 
@@ -228,39 +229,37 @@ def test_verification_finds_what_blender_was_not_told(sync: SceneSync) -> None:
 
 @pytest.fixture
 def registered(scene: Any) -> Iterator[None]:
-    clear_sessions()
-    handlers.register()
+    clear_syncs()
+    sync_cache.register()
     yield
-    handlers.unregister()
+    sync_cache.unregister()
 
 
-def test_sessions_go_with_their_scenes_and_layers(scene: Any, registered: None) -> None:
+def test_cached_syncs_go_with_their_scenes_and_layers(scene: Any, registered: None) -> None:
     mesh_object("a")
     other = bpy.data.scenes.new("other")
     layer = other.view_layers.new("second")
     bpy.context.window.scene = other
     for view_layer in (layer, other.view_layers[0]):
         bpy.context.window.view_layer = view_layer
-        session_of(evaluated()).update(evaluated())
-    assert len(sessions_of(other)) == 2
+        sync_of(evaluated()).update(evaluated())
+    assert len(syncs_of(other)) == 2
     other.view_layers.remove(layer)
     evaluated()
-    assert len(sessions_of(other)) == 1
+    assert len(syncs_of(other)) == 1
     uid = other.session_uid
     bpy.context.window.scene = scene
-    kept = session_of(evaluated())
+    kept = sync_of(evaluated())
     bpy.data.scenes.remove(other)
     mesh_object("b")
     evaluated()
-    from perfect_bvh_addon import session
-
-    assert uid not in {key[0] for key in session._sessions}
-    assert sessions_of(scene) == (kept,)
+    assert uid not in {key[0] for key in sync_cache._syncs}
+    assert syncs_of(scene) == (kept,)
 
 
-def test_sessions_used_longest_ago_go_beyond_the_limit(scene: Any, registered: None) -> None:
-    from perfect_bvh_addon.session import limit_sessions
-
+def test_cached_syncs_used_longest_ago_go_beyond_the_limit(
+    scene: Any, registered: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=40, y_subdivisions=40)
     other = scene.view_layers.new("other")
     third = scene.view_layers.new("third")
@@ -268,31 +267,31 @@ def test_sessions_used_longest_ago_go_beyond_the_limit(scene: Any, registered: N
 
     def update(layer: Any) -> SceneSync:
         bpy.context.window.view_layer = layer
-        session_of(evaluated()).update(evaluated())
-        return session_of(evaluated())
+        sync_of(evaluated()).update(evaluated())
+        return sync_of(evaluated())
 
     def cast(sync: SceneSync) -> bool:
         return bool(sync.scene.cast_rays([(0.01, 0.02, 5)], [(0, 0, -1)]).is_hit[0])
 
+    def limit_cache(byte_count: int | None) -> None:
+        monkeypatch.setattr(sync_cache, "cache_byte_limit", lambda: byte_count)
+
     one, two = update(first), update(other)
     assert one.byte_count == two.byte_count > 40 * 40 * 2 * 12
-    try:
-        limit_sessions(2 * one.byte_count)
-        assert update(first) is one
-        three = update(third)  # `two` was used longest ago
-        assert sessions_of(scene) == (one, three)
-        assert cast(two), "whoever holds it may go on"
-        limit_sessions(1)
-        assert update(first) is one
-        assert sessions_of(scene) == (one,)
-        assert cast(one)
-        limit_sessions(None)
-        again = update(other)
-        assert again is not two
-        assert cast(again)
-        assert sessions_of(scene) == (one, again)
-    finally:
-        limit_sessions(None)
+    limit_cache(2 * one.byte_count)
+    assert update(first) is one
+    three = update(third)  # `two` was used longest ago
+    assert syncs_of(scene) == (one, three)
+    assert cast(two), "what holds it may go on"
+    limit_cache(1)
+    assert update(first) is one
+    assert syncs_of(scene) == (one,)
+    assert cast(one)
+    limit_cache(None)
+    again = update(other)
+    assert again is not two
+    assert cast(again)
+    assert syncs_of(scene) == (one, again)
 
 
 def test_linked_objects_and_overrides(scene: Any, registered: None, tmp_path: Path) -> None:
@@ -338,7 +337,7 @@ class _AnimationEngine(bpy.types.RenderEngine):
     def render(self, depsgraph: Any) -> None:
         result = self.begin_result(0, 0, self.resolution_x, self.resolution_y)
         try:
-            type(self).reports.append(session_of(depsgraph).update(depsgraph, verify=True))
+            type(self).reports.append(sync_of(depsgraph).update(depsgraph, verify=True))
         finally:
             self.end_result(result)
 

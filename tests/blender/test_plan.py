@@ -11,7 +11,7 @@ bpy: Any = pytest.importorskip("bpy")
 
 from blender.builders import collection, evaluated, mesh_data, mesh_object  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
-from perfect_bvh_addon.summary import plan_rows  # noqa: E402
+from perfect_bvh_addon.statistics.summary import plan_rows  # noqa: E402
 
 
 def classes_of(path: Path, frames: int) -> list[dict[str, tuple[str, str, int]]]:
@@ -63,7 +63,7 @@ def test_flags_deform_and_spectators_do_not(repository: Path) -> None:
 
 def test_what_no_ray_can_meet_is_unseen_and_not_read(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """It says why; a mesh that anything else shows is seen; what is shown again is built."""
-    from perfect_bvh_addon.extract import mesh_table
+    from perfect_bvh_addon.extract.geometry import mesh_table
 
     read: list[str] = []
     original = mesh_table.read_mesh

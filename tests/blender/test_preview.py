@@ -8,7 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
-from perfect_bvh_addon.session import sessions_of  # noqa: E402
+from perfect_bvh_addon.live.sync_cache import syncs_of  # noqa: E402
 
 NAME = "Perfect BVH Preview"
 
@@ -27,7 +27,7 @@ def test_it_renders_without_changing_the_engine(scene, cube) -> None:
     engine = scene.render.engine
     assert bpy.ops.perfect_bvh.preview() == {"FINISHED"}
     assert scene.render.engine == engine
-    (sync,) = sessions_of(scene)
+    (sync,) = syncs_of(scene)
     *_, (_, passes) = perfect_bvh.render_progressively(
         sync.scene, sync.camera, mode="preview", size=(32, 18), samples=4, appearance=sync.appearance
     )

@@ -25,10 +25,10 @@ from blender.long_builds import (  # noqa: E402
     patiently,
     tick_until_half,
 )
-from perfect_bvh_addon import latest  # noqa: E402
+from perfect_bvh_addon.live.scene_sync import SceneSync  # noqa: E402
+from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
 from perfect_bvh_addon.operators import preview  # noqa: E402
-from perfect_bvh_addon.scene_sync import SceneSync  # noqa: E402
-from perfect_bvh_addon.session import session_of  # noqa: E402
+from perfect_bvh_addon.statistics import last_result  # noqa: E402
 
 NAME = "Perfect BVH Preview"
 
@@ -75,7 +75,7 @@ def tick_to_the_end(operator: FakeOperator, window: FakeWindow) -> None:
 
 
 def session() -> SceneSync:
-    return session_of(bpy.context.evaluated_depsgraph_get())
+    return sync_of(bpy.context.evaluated_depsgraph_get())
 
 
 def edit(cube: bpy.types.Object) -> None:
@@ -157,9 +157,9 @@ def test_the_panels_tell_of_it(cube, scene) -> None:
     scene.frame_set(7)
     operator, window = press()
     tick_to_the_end(operator, window)
-    statistics = latest.last_statistics(scene)
+    statistics = last_result.last_statistics(scene)
     assert (statistics.source, statistics.frame, statistics.size) == ("Preview", 7.0, operator._refinement.view.size)
-    assert not latest.is_outdated(scene)
+    assert not last_result.is_outdated(scene)
 
 
 def edit_while_it_refines(cube, scene) -> tuple[FakeOperator, FakeWindow]:
@@ -176,15 +176,15 @@ def edit_while_it_refines(cube, scene) -> tuple[FakeOperator, FakeWindow]:
 def test_the_panels_tell_that_the_scene_was_edited_meanwhile(cube, scene) -> None:
     operator, window = edit_while_it_refines(cube, scene)
     tick_to_the_end(operator, window)
-    assert latest.last_statistics(scene).source == "Preview"
-    assert latest.is_outdated(scene)
+    assert last_result.last_statistics(scene).source == "Preview"
+    assert last_result.is_outdated(scene)
 
 
 def test_the_panels_tell_nothing_of_trees_that_are_others_in_the_end(cube, scene) -> None:
     operator, window = edit_while_it_refines(cube, scene)
     session().update(bpy.context.evaluated_depsgraph_get())
     tick_to_the_end(operator, window)
-    assert latest.last_statistics(scene) is None
+    assert last_result.last_statistics(scene) is None
 
 
 @pytest.mark.parametrize("when", ["while it builds", "when it has built"])

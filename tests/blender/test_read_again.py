@@ -11,8 +11,8 @@ import pytest
 from blender.builders import SQUARE, camera_object, collection, collection_instance, evaluated, mesh_data, mesh_object
 from blender.syncing import height
 from perfect_bvh_addon import AttributeRequest, SceneSync
+from perfect_bvh_addon.events.evaluation_log import EvaluationLog
 from perfect_bvh_addon.extract import scene as reading
-from perfect_bvh_addon.extract.evaluation_log import EvaluationLog
 
 
 def thing(name: str) -> Any:

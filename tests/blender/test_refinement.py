@@ -8,7 +8,7 @@ import numpy as np
 import perfect_bvh
 import pytest
 from oracles import meshes
-from perfect_bvh_addon.refinement import Pace, Refinement, View
+from perfect_bvh_addon.image.progressive import Pace, Refinement, View
 
 SIZE = (97, 61)
 

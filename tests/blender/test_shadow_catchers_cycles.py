@@ -15,7 +15,7 @@ import perfect_bvh_addon  # noqa: E402
 from blender.node_setups import new_red  # noqa: E402
 from oracles.cycles import render_beside, render_passes  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
-from perfect_bvh_addon.session import clear_sessions  # noqa: E402
+from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
 
 SIZE, PATCH, SAMPLES = (96, 64), 8, 64
 Image = npt.NDArray[np.float32]
@@ -44,7 +44,7 @@ def scene() -> Iterator[Any]:
     scene.render.film_transparent = True
     scene.perfect_bvh.samples = SAMPLES
     yield scene
-    clear_sessions()
+    clear_syncs()
     perfect_bvh_addon.unregister()
 
 

@@ -11,7 +11,7 @@ import perfect_bvh  # noqa: E402
 from blender.long_builds import HALF, PATIENCE, Gate  # noqa: E402
 from blender.syncing import assert_stale, depsgraph, height, move  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
-from perfect_bvh_addon.session import drop_missing, session_of  # noqa: E402
+from perfect_bvh_addon.live.sync_cache import drop_missing, sync_of  # noqa: E402
 from perfect_bvh_addon.sync.records import AttributeRequest  # noqa: E402
 
 
@@ -154,7 +154,7 @@ def test_a_reading_that_fails_stops_what_is_built(box, sync: SceneSync, gate: Ga
     def fail(*_: object, **__: object) -> None:
         raise MemoryError("too large")
 
-    monkeypatch.setattr("perfect_bvh_addon.scene_sync.read_scene", fail)
+    monkeypatch.setattr("perfect_bvh_addon.live.scene_sync.read_scene", fail)
     with pytest.raises(MemoryError, match="too large"):
         sync.begin_update(depsgraph())
     assert not building.is_running
@@ -168,7 +168,7 @@ def test_closing_and_losing_the_scene_stop_it(box, gate: Gate) -> None:
     assert not building.is_running
     assert_stale(made, "the sync was closed")
 
-    building = session_of(depsgraph()).begin_update(depsgraph())
+    building = sync_of(depsgraph()).begin_update(depsgraph())
     drop_missing([])
     assert building.wait(PATIENCE)
     with pytest.raises(perfect_bvh.Cancelled):

@@ -1,4 +1,4 @@
-"""Blender's handlers and the add-on's own sessions: who lives how long, through file loads and reloads."""
+"""Blender's handlers and the add-on's own syncs: who lives how long, through file loads and reloads."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ from blender.builders import (
     mesh_object,
 )
 from blender.syncing import assert_stale, height, installed
-from perfect_bvh_addon import SceneSync, handlers, scene_sync
-from perfect_bvh_addon.extract import changes
-from perfect_bvh_addon.session import clear_sessions, session_of, sessions_of
+from perfect_bvh_addon import SceneSync
+from perfect_bvh_addon.events import changes
+from perfect_bvh_addon.live import scene_sync, sync_cache
+from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of, syncs_of
 
 
 def test_handlers_live_as_long_as_somebody_watches(scene: Any) -> None:
@@ -115,7 +116,7 @@ def test_handlers_that_somebody_removed_are_missed_by_the_next_who_reads(scene: 
     obj.location.z = 2.0
     evaluated()
     assert height(sync) == 0.0, "nobody could tell it"
-    session_of(evaluated()).update(evaluated())
+    sync_of(evaluated()).update(evaluated())
     assert installed() == len(changes._HANDLERS)
     assert_stale(sync, "Blender's handlers were removed since the last update")
     assert changes.edit_count(scene.session_uid) > edits
@@ -134,8 +135,8 @@ def test_handlers_only_mark_stale(scene: Any, monkeypatch: pytest.MonkeyPatch) -
     obj = mesh_object("a", mesh_data("a", *SQUARE))
     obj.keyframe_insert("location", frame=1)
     bpy.ops.ed.undo_push(message="before")
-    handlers.register()
-    sync, own = SceneSync(), session_of(evaluated())
+    sync_cache.register()
+    sync, own = SceneSync(), sync_of(evaluated())
     try:
         for one in (sync, own):
             one.update(evaluated())
@@ -159,7 +160,7 @@ def test_handlers_only_mark_stale(scene: Any, monkeypatch: pytest.MonkeyPatch) -
             assert_stale(sync, r"call update\(\)")
     finally:
         sync.close()
-        handlers.unregister()
+        sync_cache.unregister()
 
 
 def test_a_closed_sync_answers_nothing_until_it_is_updated(scene: Any) -> None:
@@ -172,32 +173,32 @@ def test_a_closed_sync_answers_nothing_until_it_is_updated(scene: Any) -> None:
     assert height(sync) == 0.0
 
 
-def test_each_scene_layer_and_kind_has_its_own_session(scene: Any) -> None:
+def test_each_scene_layer_and_kind_has_its_own_sync(scene: Any) -> None:
     mesh_object("a")
     camera_object()
-    clear_sessions()
-    viewport = session_of(evaluated())
-    assert session_of(evaluated()) is viewport
-    render = in_render(session_of)
+    clear_syncs()
+    viewport = sync_of(evaluated())
+    assert sync_of(evaluated()) is viewport
+    render = in_render(sync_of)
     assert render is not viewport
-    assert in_render(session_of) is render
-    assert sessions_of(scene) == (viewport, render)
+    assert in_render(sync_of) is render
+    assert syncs_of(scene) == (viewport, render)
     other = bpy.data.scenes.new("other")
-    assert sessions_of(other) == ()
+    assert syncs_of(other) == ()
     with bpy.context.temp_override(scene=other, view_layer=other.view_layers[0]):
-        others = session_of(bpy.context.evaluated_depsgraph_get())
-    assert sessions_of(other) == (others,) and others not in (viewport, render)
-    clear_sessions()
-    assert sessions_of(scene) == sessions_of(other) == ()
+        others = sync_of(bpy.context.evaluated_depsgraph_get())
+    assert syncs_of(other) == (others,) and others not in (viewport, render)
+    clear_syncs()
+    assert syncs_of(scene) == syncs_of(other) == ()
 
 
-def test_a_session_needs_only_the_difference_for_the_next_render(scene: Any) -> None:
+def test_a_cached_sync_needs_only_the_difference_for_the_next_render(scene: Any) -> None:
     obj = mesh_object("a")
     camera_object()
-    clear_sessions()
+    clear_syncs()
 
     def render(depsgraph: Any) -> Any:
-        return session_of(depsgraph).update(depsgraph)
+        return sync_of(depsgraph).update(depsgraph)
 
     first = in_render(render)
     obj.location.x = 1.0
@@ -207,23 +208,23 @@ def test_a_session_needs_only_the_difference_for_the_next_render(scene: Any) -> 
     assert (second.moved_count, second.added_count) == (1, 0)
 
 
-def test_loading_a_file_clears_the_sessions_once_the_add_on_is_registered(scene: Any) -> None:
+def test_loading_a_file_clears_the_cached_syncs_once_the_add_on_is_registered(scene: Any) -> None:
     mesh_object("a")
-    handlers.register()
+    sync_cache.register()
     try:
-        session = session_of(evaluated())
-        session.update(evaluated())
+        cached = sync_of(evaluated())
+        cached.update(evaluated())
         bpy.ops.wm.read_factory_settings(use_empty=True)
-        assert_stale(session, "closed")
-        assert session_of(evaluated()) is not session
+        assert_stale(cached, "closed")
+        assert sync_of(evaluated()) is not cached
     finally:
-        handlers.unregister()
+        sync_cache.unregister()
     gc.collect()
     assert installed() == 0
 
 
 def test_a_sync_outlives_a_reload_of_the_add_on(scene: Any) -> None:
-    """It goes on following; only the add-on's own sessions go, and come back when they are asked for."""
+    """It goes on following; only the add-on's own syncs go, and come back when they are asked for."""
     import perfect_bvh_addon
 
     obj = mesh_object("a", mesh_data("a", *SQUARE))
@@ -231,11 +232,11 @@ def test_a_sync_outlives_a_reload_of_the_add_on(scene: Any) -> None:
     sync = SceneSync()
     try:
         for z in (1.0, 2.0, 3.0):
-            session = session_of(evaluated())
-            session.update(evaluated())
+            cached = sync_of(evaluated())
+            cached.update(evaluated())
             sync.update(evaluated())
             perfect_bvh_addon.unregister()
-            assert_stale(session, "closed")
+            assert_stale(cached, "closed")
             assert height(sync) == obj.location.z
             perfect_bvh_addon.register()
             obj.location.z = z
@@ -243,7 +244,7 @@ def test_a_sync_outlives_a_reload_of_the_add_on(scene: Any) -> None:
             assert_stale(sync, r"call update\(\)")
             sync.update(depsgraph, verify=True)
             assert height(sync) == z
-            assert session_of(depsgraph) is not session
+            assert sync_of(depsgraph) is not cached
     finally:
         sync.close()
         perfect_bvh_addon.unregister()

@@ -179,7 +179,7 @@ def test_render_visibility_can_be_asked_for(scene: Any) -> None:
 
 
 def test_verification_finds_what_was_read_wrongly(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    from perfect_bvh_addon import scene_sync
+    from perfect_bvh_addon.live import scene_sync
 
     mesh_object("a")
     sync = SceneSync()

@@ -18,7 +18,7 @@ bpy = pytest.importorskip("bpy")
 from blender.node_setups import add, new_red, shader  # noqa: E402
 from blender.test_layers_cycles import PATCH, SIDE, check, floor_mesh, glowing, scene  # noqa: E402, F401
 from perfect_bvh_addon import AttributeRequest, SceneSync  # noqa: E402
-from perfect_bvh_addon.extract.image_tiles import temporary_data  # noqa: E402
+from perfect_bvh_addon.extract.looks.image_tiles import temporary_data  # noqa: E402
 from perfect_bvh_addon.sync.records import ImageRecord  # noqa: E402
 
 RED, GREEN, BLUE, MAGENTA = (0.8, 0.1, 0.1), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8), (1.0, 0.0, 1.0)

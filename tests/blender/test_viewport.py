@@ -10,9 +10,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from perfect_bvh_addon import viewport  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
-from perfect_bvh_addon.region_camera import WHOLE, border_of, camera_of  # noqa: E402
+from perfect_bvh_addon.view3d import viewport  # noqa: E402
+from perfect_bvh_addon.view3d.region_camera import WHOLE, border_of, camera_of  # noqa: E402
 
 
 @pytest.fixture

@@ -15,11 +15,12 @@ bpy = pytest.importorskip("bpy")
 import perfect_bvh  # noqa: E402
 import perfect_bvh_addon  # noqa: E402
 from blender.long_builds import PATIENCE, Gate, building_threads, patiently  # noqa: E402
-from perfect_bvh_addon import shared_trees, viewport  # noqa: E402
-from perfect_bvh_addon.refinement import Pace, Refinement  # noqa: E402
-from perfect_bvh_addon.session import clear_sessions, session_of  # noqa: E402
+from perfect_bvh_addon.image.progressive import Pace, Refinement  # noqa: E402
+from perfect_bvh_addon.live import pending_commit  # noqa: E402
+from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of  # noqa: E402
 from perfect_bvh_addon.sync.appearance import as_camera  # noqa: E402
 from perfect_bvh_addon.sync.records import CameraRecord  # noqa: E402
+from perfect_bvh_addon.view3d import viewport  # noqa: E402
 
 SIZE = (32, 18)
 
@@ -33,7 +34,7 @@ def without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(viewport, "texture_of", lambda image, mode: image.copy())
     monkeypatch.setattr(viewport, "draw_texture", lambda screen, scene, texture, size: screen.append(texture))
     monkeypatch.setattr(viewport, "camera_of", lambda *_: (camera, None))
-    monkeypatch.setattr(shared_trees, "BUILDING_SECONDS", 0.05)
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.05)
     perfect_bvh_addon.register()
     yield
     perfect_bvh_addon.unregister()
@@ -100,7 +101,7 @@ def move(cube: bpy.types.Object, x: float) -> None:
 
 
 def test_an_image_of_quick_trees_comes_in_the_redraw_of_the_edit(cube, gate: Gate, monkeypatch) -> None:
-    monkeypatch.setattr(shared_trees, "BUILDING_SECONDS", PATIENCE)  # however slow this machine is
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", PATIENCE)  # however slow this machine is
     shown = Shown()
     for x in (0.0, 1.0):
         move(cube, x)
@@ -139,7 +140,7 @@ def test_trees_of_a_filter_that_is_lifted_are_built_no_further(cube, gate: Gate,
     shown.update()
     with pytest.raises(perfect_bvh.Cancelled):
         building.result()
-    assert session_of(bpy.context.evaluated_depsgraph_get()).building is not None
+    assert sync_of(bpy.context.evaluated_depsgraph_get()).building is not None
     gate.open()
     np.testing.assert_array_equal(shown.finish(), fresh())
 
@@ -150,7 +151,7 @@ def test_another_sync_at_the_same_address_is_another(cube, gate: Gate, monkeypat
     shown = Shown()
     shown.update()
     first = shown.finish()
-    clear_sessions()
+    clear_syncs()
     move(cube, 2.0)
     shown.update()
     np.testing.assert_array_equal(shown.finish(), fresh())
@@ -195,7 +196,7 @@ def test_further_edits_stop_it_and_begin_anew(cube, gate: Gate) -> None:
         move(cube, x)
         shown.update()
         shown.redraw()
-        builds.append(session_of(bpy.context.evaluated_depsgraph_get()).building)
+        builds.append(sync_of(bpy.context.evaluated_depsgraph_get()).building)
     assert [build.is_running for build in builds] == [False, False, True]
     shown.update()
     assert builds[-1].is_running, "nothing was edited, and yet it began anew"
@@ -244,7 +245,7 @@ def test_what_somebody_gives_up_is_begun_anew(cube, gate: Gate) -> None:
     gate.close()
     shown.update()
     assert shown.redraw()
-    session_of(bpy.context.evaluated_depsgraph_get()).stop_building()
+    sync_of(bpy.context.evaluated_depsgraph_get()).stop_building()
     assert shown.redraw()
     assert shown.viewport.state.startswith("Building trees")
     gate.open()
@@ -258,7 +259,7 @@ def test_a_sync_that_was_closed_is_replaced(cube, gate: Gate) -> None:
     gate.close()
     move(cube, 1.0)
     shown.update()
-    clear_sessions()
+    clear_syncs()
     assert not building_threads()
     gate.open()
     np.testing.assert_array_equal(shown.finish(), fresh())
@@ -298,10 +299,12 @@ def test_what_fails_beside_it_is_told_and_leaves_no_old_image(cube, gate: Gate, 
     shown.update()
     assert shown.redraw()
     may_fail.set()
-    building = session_of(bpy.context.evaluated_depsgraph_get()).building
+    building = sync_of(bpy.context.evaluated_depsgraph_get()).building
     assert building is None or building.wait(PATIENCE)
     shown.screen.clear()
-    monkeypatch.setattr(shared_trees, "BUILDING_SECONDS", PATIENCE)  # what is begun anew fails before it is waited for
+    monkeypatch.setattr(
+        pending_commit, "BUILDING_SECONDS", PATIENCE
+    )  # what is begun anew fails before it is waited for
     for _ in range(2):
         with pytest.raises(MemoryError, match="no room for trees"):
             shown.redraw()

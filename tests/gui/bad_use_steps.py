@@ -62,7 +62,7 @@ def dismiss_error() -> Step:
 def close_image(kind: str) -> Step:
     """And the panels that tell of it. kind: of the area in whose place the image is."""
     yield from dismiss_error()
-    module("latest").forget()
+    module("statistics.last_result").forget()
     area_of("PROPERTIES").tag_redraw()
     main_area().type = kind
     bpy.context.preferences.view.render_display_type = "WINDOW"

@@ -22,7 +22,7 @@ ANSWERS = 3
 
 
 def is_building() -> bool:
-    return any(thread.name == module("background_work").THREAD_NAME for thread in threading.enumerate())
+    return any(thread.name == module("support.background_work").THREAD_NAME for thread in threading.enumerate())
 
 
 def with_cloud(work: Callable[[Gate], Step]) -> Step:

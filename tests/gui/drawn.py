@@ -45,7 +45,7 @@ class RecordingLayout:
 def note_drawn() -> None:
     """What the preferences and every panel of the add-on that is shown now would draw, were it open."""
     preferences = SimpleNamespace(layout=RecordingLayout(OF_PREFERENCES))
-    module("preferences").PERFECT_BVH_AP_preferences.draw(preferences, bpy.context)
+    module("settings.preferences").PERFECT_BVH_AP_preferences.draw(preferences, bpy.context)
     if not any(area.type == "PROPERTIES" for area in front_window().screen.areas):
         return
     stand = SimpleNamespace(layout=RecordingLayout())

@@ -33,8 +33,8 @@ def first_image_after_an_edit() -> Step:
 
     However long the trees take: they are waited for, where a slow machine would show its last image meanwhile.
     """
-    shared_trees = module("shared_trees")
-    before, shared_trees.BUILDING_SECONDS = shared_trees.BUILDING_SECONDS, 60.0
+    pending_commit = module("live.pending_commit")
+    before, pending_commit.BUILDING_SECONDS = pending_commit.BUILDING_SECONDS, 60.0
     obj = max((obj for obj in bpy.data.objects if obj.type == "MESH"), key=lambda obj: len(obj.data.polygons))
     times = []
     for _ in range(5):
@@ -46,7 +46,7 @@ def first_image_after_an_edit() -> Step:
         times.append((time.perf_counter() - started) * 1e3)
         check(sum(viewport._key.revision for viewport in viewports()) > revisions, "the first image shows no edit")
         yield from redrawn()
-    shared_trees.BUILDING_SECONDS = before
+    pending_commit.BUILDING_SECONDS = before
     yield from finished("moved object")
     measured["first image after an edit of courtyard, ms"] = statistics.median(times)
     times = []
@@ -68,7 +68,7 @@ def lose_the_engine() -> Step:
     yield from redrawn()
     bpy.context.scene.render.engine = "PERFECT_BVH"
     yield from at_rest(area_of("PROPERTIES"))
-    check("could not be loaded" in (module("preferences").native_error() or ""), "the engine is not missed")
+    check("could not be loaded" in (module("settings.preferences").native_error() or ""), "the engine is not missed")
     screenshot("without_engine")
     try:
         with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):

@@ -105,7 +105,7 @@ def gate_of_builds() -> Iterator[Gate]:
 
         return advance
 
-    with _placed(gate, module("background_work").BackgroundWork, "_advance", make):
+    with _placed(gate, module("support.background_work").BackgroundWork, "_advance", make):
         yield gate
 
 

@@ -41,7 +41,7 @@ def enable() -> Step:
     bpy.ops.preferences.addon_enable(module=MODULE)
     yield from redrawn()
     check(hasattr(bpy.types.Scene, "perfect_bvh"), "the add-on is not enabled")
-    check(module("preferences").native_error() is None, module("preferences").native_error())
+    check(module("settings.preferences").native_error() is None, module("settings.preferences").native_error())
     scene = bpy.context.scene
     scene.render.engine = "PERFECT_BVH"
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 480, 270, 100

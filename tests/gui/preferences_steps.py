@@ -55,7 +55,7 @@ def unfold_the_entry() -> Step:
 def press_the_preferences() -> Step:
     import perfect_bvh
 
-    count, session = perfect_bvh.thread_count(), module("session")
+    count, cache = perfect_bvh.thread_count(), module("live.sync_cache")
     preferences = bpy.context.preferences.addons[MODULE].preferences
     yield from open_the_preferences()
     buttons = yield from unfold_the_entry()
@@ -66,10 +66,10 @@ def press_the_preferences() -> Step:
         check(perfect_bvh.thread_count() == 1, "the preference of threads does nothing")
 
     def look_at_cache() -> None:
-        check(session._byte_limit == 100 << 20, f"the limit is {session._byte_limit} bytes, not 100 MB")
+        check(cache.cache_byte_limit() == 100 << 20, f"the limit is {cache.cache_byte_limit()} bytes, not 100 MB")
 
     def look_at_precision() -> None:
-        used = module("properties").read_precision(bpy.context.scene)
+        used = module("settings.scene_settings").read_precision(bpy.context.scene)
         check(used == "fast", f"scenes that say nothing of precision are traced {used}")
         screenshot("preferences_changed")
 
@@ -83,7 +83,7 @@ def press_the_preferences() -> Step:
         check(found is not None, f"no button of {name} among {list(buttons)}")
         yield from change(area, found, preferences, text, look)
     check(perfect_bvh.thread_count() == count, "the threads do not come back")
-    check(session._byte_limit == preferences.cache_size << 20, "the limit does not come back")
+    check(cache.cache_byte_limit() == preferences.cache_size << 20, "the limit does not come back")
     work_in_window(0)
     for window in list(bpy.context.window_manager.windows)[1:]:
         with bpy.context.temp_override(window=window):

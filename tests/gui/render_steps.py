@@ -87,7 +87,9 @@ def render() -> Step:
     events.clear()
     start_render()
     yield from wait_until(lambda: "render_complete" in events, "the render does not end")
-    check(module("latest").last_statistics(bpy.context.scene) is not None, "no statistics of the render")
+    check(
+        module("statistics.last_result").last_statistics(bpy.context.scene) is not None, "no statistics of the render"
+    )
     yield from redrawn()
     screenshot("rendered_window")
     yield from close_image_windows()
@@ -97,7 +99,7 @@ def let_statistics_come_by_themselves() -> Step:
     """Nobody moves the mouse: the panels of a render come when it ends, and say when the scene is another."""
     display, bpy.context.preferences.view.render_display_type = bpy.context.preferences.view.render_display_type, "NONE"
     hover(*middle_of(area_of("VIEW_3D")))
-    module("latest").forget()
+    module("statistics.last_result").forget()
     area = area_of("PROPERTIES")
     area.tag_redraw()
     yield from handled()
@@ -108,7 +110,9 @@ def let_statistics_come_by_themselves() -> Step:
     shows = lambda pixels: np.array_equal(area_pixels(area), pixels)  # noqa: E731
     yield from wait_until(lambda: not shows(without), "the panels do not come after a render", every=0.2)
     rendered = yield from at_rest(area, 1.0)
-    check(not module("latest").is_outdated(bpy.context.scene), "what was just rendered is called outdated")
+    check(
+        not module("statistics.last_result").is_outdated(bpy.context.scene), "what was just rendered is called outdated"
+    )
     screenshot("statistics_by_themselves")
     yield 1.0
     check(shows(rendered), "the panels change without a reason")

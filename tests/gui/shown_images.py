@@ -33,15 +33,15 @@ def override(window: bpy.types.Window, area: bpy.types.Area) -> Any:
 
 def expected_image(window: bpy.types.Window, area: bpy.types.Area) -> Any:
     """(H, W, 4): what an area has to show, from a sync that has read nothing but what it shows now."""
-    viewport, refinement, appearance = module("viewport"), module("refinement"), module("sync.appearance")
+    viewport, refinement, appearance = module("view3d.viewport"), module("image.progressive"), module("sync.appearance")
     space, region = area.spaces.active, region_of(area)
     with override(window, area):
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        chosen = module("properties").read_settings(window.scene)
-        sync = module("session").SceneSync(watch=False)
-        sync.request(module("frame").needed_attributes(chosen, ()))
+        chosen = module("settings.scene_settings").read_settings(window.scene)
+        sync = module("live.sync_cache").SceneSync(watch=False)
+        sync.request(module("image.still").needed_attributes(chosen, ()))
         sync.update(depsgraph, space=space)
-        camera, _ = module("region_camera").camera_of(space.region_3d, space, depsgraph)
+        camera, _ = module("view3d.region_camera").camera_of(space.region_3d, space, depsgraph)
     size = (region.width, region.height)
     made = refinement.Refinement(viewport._view_of(sync, appearance.as_camera(camera), size, chosen), refinement.Pace())
     while not made.is_finished:

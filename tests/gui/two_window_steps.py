@@ -171,5 +171,5 @@ def delete_a_scene_while_it_renders() -> Step:
     gc.collect()
     yield from finished("the scene that stays")
     yield from check_shows(first, view_areas(first)[0], "the scene that stays")
-    check(all(key[0] != uid for key in module("session")._sessions), "what was synced of a deleted scene is kept")
+    check(all(key[0] != uid for key in module("live.sync_cache")._syncs), "what was synced of a deleted scene is kept")
     bpy.context.preferences.view.render_display_type = "WINDOW"

@@ -13,7 +13,7 @@ import numpy as np
 import perfect_bvh
 import pytest
 from engine.long_work import large_mesh
-from perfect_bvh_addon.background_work import BackgroundWork
+from perfect_bvh_addon.support.background_work import BackgroundWork
 
 Advance = Callable[[float], bool]
 
@@ -96,7 +96,7 @@ def test_without_a_thread_to_spare_it_is_done_at_once(monkeypatch: pytest.Monkey
 def test_a_process_that_ends_stops_what_is_at_work() -> None:
     script = """
 import numpy as np, perfect_bvh
-from perfect_bvh_addon.background_work import BackgroundWork
+from perfect_bvh_addon.support.background_work import BackgroundWork
 scene = perfect_bvh.Scene()
 corners = np.random.default_rng(0).normal(size=(300_000, 3)).astype(np.float32)
 scene.add_instance(scene.add_mesh(corners, np.arange(len(corners)).reshape(-1, 3)))

@@ -1,0 +1,1 @@
+"""What Blender has done since: changes as they happen, and the log of what was evaluated."""

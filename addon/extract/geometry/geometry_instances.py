@@ -1,0 +1,186 @@
+"""Instances made by geometry nodes, a whole instancer at a time: no Python object for each (Blender 4.5 and later).
+
+Each instancer's geometry says what it shows and where, as arrays. Objects of which it cannot tell everything are read
+from Blender's list, and only those: see `instancer_survey.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from perfect_bvh.bulk import place_instances
+
+from ...sync.records import LARGEST_COORDINATE, Float32Array, Int32Array
+from ..pointer_views import MATRICES, REFERENCE_INDICES, ArrayReader
+from .groups import NOT_SHOWN, GroupTable
+from .instancer_survey import LISTED, Instancer, Shown, Survey, survey
+from .list_walk import ListWalk
+from .listing import GroupFinder, Listing
+
+_UNUSED_LEVEL = 2**31 - 1  # Blender's filler in a persistent id
+_LEVELS = 8
+
+# How Blender numbers the instances of a group: plain objects not at all; others by the instance's id, after as many
+# zeros as there are geometries between: an object has none, a mesh that is a reference's own geometry has one. What was
+# read from the list has numbers that were read as well.
+_PLAIN = -1
+_READ = -2
+
+
+@dataclass(slots=True)
+class _Block:
+    """Consecutive instances of one instancer, or plain objects.
+
+    parent, local: (4, 4) and (N, 4, 4) float32, the latter a view that is transposed; for plain objects parent is None.
+    ids: (N,) int32, or (N, 8) for whole persistent ids. inner: rows, and the matrices that follow for them.
+    """
+
+    parent: Float32Array | None
+    local: Float32Array
+    group_ids: Int32Array
+    ids: Int32Array
+    inner: list[tuple[npt.NDArray[np.intp], list[Float32Array]]] = field(default_factory=list)
+
+
+def list_geometry_instances(depsgraph: Any, groups: GroupTable, reader: ArrayReader) -> Listing | None:
+    """What `list_instances` gives, or None, with nothing read, if only that can tell."""
+    surveyed = survey(depsgraph)
+    return None if surveyed is None else _Collector(groups, reader).collect(depsgraph, surveyed)
+
+
+class _Collector:
+    """Turns what was surveyed into columns."""
+
+    def __init__(self, groups: GroupTable, reader: ArrayReader) -> None:
+        self._groups = groups
+        self._reader = reader
+        self._blocks: list[_Block] = []
+
+    def collect(self, depsgraph: Any, surveyed: Survey) -> Listing:
+        matrices = np.empty((len(surveyed), 4, 4), np.float32)
+        depsgraph.objects.foreach_get("matrix_world", matrices.reshape(-1))
+        walk: ListWalk | None = None
+        plain_from = 0
+        plain: list[int] = []
+        for row, (obj, found) in enumerate(surveyed):
+            if found is None:
+                plain.append(self._add_own(obj))
+                continue
+            if found is LISTED:
+                self._add_plain(matrices[plain_from:row], plain)
+                walk = walk or ListWalk(depsgraph, GroupFinder(self._groups), _READ)
+                self._blocks.append(_Block(None, *walk.read(obj).columns))
+            else:
+                plain.append(self._add_own(obj))
+                self._add_plain(matrices[plain_from : row + 1], plain)
+                self._add_instances(obj, matrices[row], found)
+            plain_from, plain = row + 1, []
+        self._add_plain(matrices[plain_from:], plain)
+        return self._join(is_read=walk is not None)
+
+    def _add_own(self, obj: Any) -> int:
+        """The group of an object that is shown as itself."""
+        data = obj.data
+        return NOT_SHOWN if data is None else self._groups.add(obj, data, parent=None, is_own=True, numbering=_PLAIN)
+
+    def _add_plain(self, matrices: Float32Array, group_ids: list[int]) -> None:
+        """Leaves out at once what shows nothing, which an instancer mostly does: the others need no copying later."""
+        groups = np.array(group_ids, np.int32)
+        shown = groups != NOT_SHOWN
+        self._blocks.append(_Block(None, matrices[shown], groups[shown], np.zeros(shown.sum(), np.int32)))
+
+    def _add_instances(self, obj: Any, matrix: Float32Array, instancer: Instancer) -> None:
+        if instancer.points is None:
+            groups = np.array([self._add_shown(obj, shown) for shown in instancer.references if shown], np.int32)
+            self._blocks.append(_Block(None, matrix[None], groups, np.zeros(1, np.int32)))
+            return
+        attributes = instancer.points.attributes
+        local = self._reader.view(attributes["instance_transform"].data, MATRICES).reshape(-1, 4, 4)
+        references = self._reader.view(attributes[".reference_index"].data, REFERENCE_INDICES)
+        own_ids = attributes.get("id")
+        if own_ids is None:
+            ids = np.arange(len(local), dtype=np.int32)
+        else:
+            ids = self._reader.read(own_ids.data, REFERENCE_INDICES)
+        groups = np.full(len(instancer.references), NOT_SHOWN, np.int32)
+        block = _Block(matrix.T, local, groups, ids)
+        for index in _in_order_of_use(references, len(groups)):
+            shown = instancer.references[index]
+            if shown is None:
+                continue
+            groups[index] = self._add_shown(obj, shown)
+            if shown.matrices:
+                block.inner.append((np.flatnonzero(references == index), shown.matrices))
+        block.group_ids = np.take(groups, references)
+        self._blocks.append(block)
+
+    def _add_shown(self, instancer: Any, shown: Shown) -> int:
+        obj = shown.obj or instancer
+        is_own = shown.obj is not None
+        return self._groups.add(obj, shown.mesh, parent=instancer, is_own=is_own, numbering=shown.zeros)
+
+    def _join(self, *, is_read: bool) -> Listing:
+        """is_read: whether some persistent ids were read: then all of them are made now, to stand in one table."""
+        counts = [len(block.local) for block in self._blocks]
+        transforms = np.empty((sum(counts), 3, 4), np.float32)
+        bad_rows = []
+        first = 0
+        for block, count in zip(self._blocks, counts, strict=True):
+            placed = transforms[first : first + count]
+            bad = place_instances(block.parent, block.local, placed, LARGEST_COORDINATE)
+            for rows, matrices in block.inner:
+                placed[rows] = _place_within(placed[rows], matrices)
+            if block.inner:
+                bad = np.flatnonzero(~(np.abs(placed) <= LARGEST_COORDINATE).all(axis=(1, 2)))
+            bad_rows.append(bad + first)
+            first += count
+        ids = [self._whole_ids(block) if is_read else block.ids for block in self._blocks]
+        return Listing(
+            group_ids=_joined([block.group_ids for block in self._blocks]),
+            transforms=transforms,
+            bad_rows=np.concatenate(bad_rows).astype(np.int32),
+            ids=_joined(ids),
+            expand_ids=(lambda _, whole: whole) if is_read else self._expand_ids,
+        )
+
+    def _whole_ids(self, block: _Block) -> Int32Array:
+        return block.ids if block.ids.ndim == 2 else self._expand_ids(block.group_ids, block.ids)
+
+    def _expand_ids(self, group_ids: Int32Array, ids: Int32Array) -> Int32Array:
+        """(I, 8) persistent ids as Blender numbers them; without meaning for what is not shown."""
+        zeros = np.array([*(row[-1] for row in self._groups.rows), _READ], np.int8)[group_ids]  # the last: not shown
+        expanded = np.full((len(ids), _LEVELS), _UNUSED_LEVEL, np.int32)
+        for count in np.unique(zeros):
+            rows = zeros == count
+            if count == _PLAIN:
+                expanded[rows] = 0
+            elif count >= 0:
+                expanded[rows, :count] = 0
+                expanded[rows, count] = ids[rows]
+        return expanded
+
+
+def _joined(arrays: list[Int32Array]) -> Int32Array:
+    """One after the other; of arrays that are all empty but one, that one."""
+    filled = [array for array in arrays if len(array)]
+    return filled[0] if len(filled) == 1 else np.concatenate(arrays)
+
+
+def _place_within(outer: Float32Array, matrices: list[Float32Array]) -> Float32Array:
+    """(N, 3, 4): outer maps times the matrices, one after the other, summed in Blender's order."""
+    for m in matrices:
+        x, y, z, w = (outer[:, :, column, None] for column in range(4))
+        outer = (x * m[0] + y * m[1]) + (z * m[2] + w * m[3])
+    return outer
+
+
+def _in_order_of_use(references: npt.NDArray[np.int32], count: int) -> Iterator[int]:
+    """The references that are used, in the order in which Blender's list would come to them."""
+    if count == 1:
+        return iter((0,))
+    used, first = np.unique(references, return_index=True)
+    return iter(int(reference) for reference in used[np.argsort(first)])

@@ -1,0 +1,98 @@
+"""What instances have in common, looked up once for all of them: mesh, object, instancer, mask."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+
+from ...sync.records import UnseenMesh
+from ..looks.materials import MaterialReader
+from ..visibility import VisibilityReader
+from .mesh_table import NO_MESH, MeshTable
+from .objects import ObjectTable
+
+_Mesh = bpy.types.Mesh  # looking it up is slow
+NOT_SHOWN = -1
+_NO_PARENT = -1
+# Data that renderers show and that has no triangles; everything else without a mesh is silently no surface.
+_UNREADABLE_TYPES = {
+    "CURVES": "hair curves are not triangles",
+    "POINTCLOUD": "a point cloud has no triangles",
+    "VOLUME": "a volume has no triangles",
+    "GREASEPENCIL": "grease pencil strokes are not triangles",
+}
+
+
+@dataclass(slots=True)
+class GroupTable:
+    """Gives each different (mesh, object, instancer) a row; fills the tables it is given.
+
+    rows: (mesh row, object row, instancer's object row or -1, mask, numbering) of each group.
+    """
+
+    meshes: MeshTable
+    materials: MaterialReader
+    visibility: VisibilityReader
+    objects: ObjectTable = field(default_factory=ObjectTable)
+    warnings: list[str] = field(default_factory=list)
+    rows: list[tuple[int, int, int, int, int]] = field(default_factory=list)
+    _warned: set[int] = field(default_factory=set)
+    _left_out: dict[tuple[str, int], UnseenMesh] = field(default_factory=dict)
+
+    def add(
+        self, obj: Any, data: Any, *, parent: Any, is_own: bool, shows_particles: bool = False, numbering: int = 0
+    ) -> int:
+        """The row of a new group, or NOT_SHOWN.
+
+        obj: the evaluated object, or the depsgraph's temporary, that shows data. parent: the instancer or None.
+        is_own: whether data is the object's own and not what geometry nodes made beside it. numbering: how whoever
+        lists instances numbers those of this group.
+        """
+        if self.visibility.is_hidden(obj, parent):
+            return self._leave_out(obj, data, is_own, "what shows it is hidden")
+        mask = self.visibility.mask(obj, parent)
+        if mask == 0:
+            return self._leave_out(obj, data, is_own, "what shows it is visible to no kind of ray")
+        self._warn_of_unreadable(obj, data, shows_particles)
+        if not isinstance(data, _Mesh):
+            return NOT_SHOWN
+        slots = self.materials.slots(obj, data)
+        mesh_row = self.meshes.row(obj, data, is_own=is_own, layers=self.materials.layers(slots))
+        if mesh_row == NO_MESH:
+            return NOT_SHOWN
+        object_row = self.objects.row(obj, slots, self.visibility.is_holdout(obj, parent))
+        parent_row = _NO_PARENT if parent is None else self.objects.row(parent)
+        self.rows.append((mesh_row, object_row, parent_row, mask, numbering))
+        return len(self.rows) - 1
+
+    def name(self, group: int) -> str:
+        """The name of a group's object."""
+        return self.objects.records[self.rows[group][1]].name
+
+    @property
+    def unseen(self) -> tuple[UnseenMesh, ...]:
+        """Meshes that objects have and none shows."""
+        seen = {record.key[:2] for record in self.meshes.records}  # type: ignore[index]
+        return tuple([mesh for key, mesh in self._left_out.items() if key not in seen])
+
+    def _leave_out(self, obj: Any, data: Any, is_own: bool, reason: str) -> int:
+        if is_own and isinstance(data, _Mesh) and len(data.polygons):
+            key = self.meshes.own_key(obj.original)
+            self._left_out.setdefault(key, UnseenMesh(data.name, *key, reason))
+        return NOT_SHOWN
+
+    def _warn_of_unreadable(self, obj: Any, data: Any, shows_particles: bool) -> None:
+        reason = None
+        if not isinstance(data, _Mesh):
+            reason = _UNREADABLE_TYPES.get(obj.type)
+        elif shows_particles and any(map(_is_strands, obj.particle_systems)):
+            reason = "particle hair is not triangles"
+        if reason is not None and obj.original.session_uid not in self._warned:
+            self._warned.add(obj.original.session_uid)
+            self.warnings.append(f"{obj.original.name}: {reason}; left out")
+
+
+def _is_strands(system: Any) -> bool:
+    return system.settings.type == "HAIR" and system.settings.render_type == "PATH"

@@ -1,0 +1,235 @@
+"""What each object of an evaluated scene shows beside itself, as its geometry tells it (Blender 4.5 and later).
+
+Where the geometry cannot tell everything that Blender's list of instances would (nested instances, collections,
+particles, other instancers, hidden originals), that object is left to the list: see `list_walk.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Final
+
+import bpy
+import numpy as np
+
+from ...sync.records import Float32Array
+
+# Objects that are no surface and show nothing.
+SILENT_TYPES = frozenset({"ARMATURE", "CAMERA", "EMPTY", "LATTICE", "LIGHT", "LIGHT_PROBE", "SPEAKER"})
+# Objects whose surface Blender lists as an instance of their own.
+_SURFACE_TYPES = frozenset({"CURVE", "FONT", "META", "SURFACE"})
+_INSTANCER_SWITCHES = ("show_instancer_for_viewport", "show_instancer_for_render")
+_COMPONENTS = ("curves", "pointcloud", "volume", "grease_pencil")
+_HIDING_INSTANCERS = frozenset({"VERTS", "FACES"})  # they hide their children
+_IS_SUPPORTED = hasattr(bpy.types.Object, "evaluated_geometry")
+
+
+class _Listed(Enum):
+    LISTED = "only Blender's list can tell"
+
+
+LISTED: Final = _Listed.LISTED
+
+
+@dataclass(slots=True)
+class Shown:
+    """What instances of one reference show: an object, or the mesh of a geometry.
+
+    zeros: how many stand before the id in what Blender numbers the instances by, one for each geometry between.
+    matrices: (4, 4) float32, of the geometries between, from the outermost; empty if they change nothing.
+    owner: keeps the geometry, which is known by address.
+    """
+
+    obj: Any
+    mesh: Any
+    zeros: int
+    matrices: list[Float32Array]
+    owner: Any
+
+
+@dataclass(slots=True)
+class Instancer:
+    """What an evaluated object shows beside itself; None for references to nothing. The geometry owns the points.
+
+    points: None for a surface, which is shown once, where the object is.
+    """
+
+    geometry: Any
+    points: Any
+    references: list[Shown | None]
+
+
+class _UnsupportedError(Exception):
+    """Blender's list is needed for this object after all."""
+
+
+Survey = list[tuple[Any, Instancer | _Listed | None]]
+
+
+def survey(depsgraph: Any) -> Survey | None:
+    """Each evaluated object with what it shows beside itself; None if Blender's list is needed, or is as good."""
+    if not _IS_SUPPORTED or not _may_have_node_instances():
+        return None
+    surveyed: Survey = [(obj, _survey_any(obj)) for obj in depsgraph.objects]
+    is_worth_it = any(isinstance(found, Instancer) and found.points is not None for _, found in surveyed)
+    return surveyed if is_worth_it and not _are_shown_twice(surveyed) else None
+
+
+def _are_shown_twice(surveyed: Survey) -> bool:
+    """Whether the list shows meshes that geometries give as well: they have one address here, and another one there."""
+    told = {obj.original for obj, found in surveyed if isinstance(found, Instancer)}
+    waiting = [obj.original for obj, found in surveyed if found is LISTED]
+    seen = set(waiting)
+    while waiting:
+        others = set(_may_show(waiting.pop())) - seen
+        if not told.isdisjoint(others):
+            return True
+        seen |= others
+        waiting += others
+    return False
+
+
+def _may_show(obj: Any) -> Iterator[Any]:
+    """The objects that an object of Blender's data may show as instances."""
+    settings = [system.settings for system in obj.particle_systems] if obj.type == "MESH" else []
+    collections = [obj.instance_collection, *(one.instance_collection for one in settings)]
+    shown = [one.instance_object for one in settings]
+    for modifier in obj.modifiers:
+        tree = modifier.node_group if modifier.type == "NODES" else None
+        for block in () if tree is None else _used_by(tree):
+            (shown if isinstance(block, bpy.types.Object) else collections).append(block)
+        if tree is not None:  # what is given to the nodes from outside
+            values = _given_to(modifier)
+            shown += [value for value in values if isinstance(value, bpy.types.Object)]
+            collections += [value for value in values if isinstance(value, bpy.types.Collection)]
+    yield from (one for one in (*shown, *obj.children) if one is not None)
+    for collection in collections:
+        if collection is not None:
+            yield from collection.all_objects
+
+
+def _given_to(modifier: Any) -> list[Any]:
+    """The values of a nodes modifier's inputs; before Blender 5.2 they are custom properties."""
+    inputs = getattr(getattr(modifier, "properties", None), "inputs", None)
+    if inputs is None:
+        return [modifier[key] for key in modifier.keys()]  # noqa: SIM118
+    sockets = [getattr(inputs, name, None) for name in inputs.bl_rna.properties.keys()]  # noqa: SIM118
+    return [getattr(socket, "value", None) for socket in sockets]
+
+
+def _used_by(tree: Any) -> Iterator[Any]:
+    """The objects and collections that a node tree and those within it name."""
+    for node in tree.nodes:
+        within = getattr(node, "node_tree", None)
+        if within is not None:
+            yield from _used_by(within)
+        for socket in node.inputs:
+            value = getattr(socket, "default_value", None)
+            if isinstance(value, bpy.types.Object | bpy.types.Collection):
+                yield value
+
+
+def _may_have_node_instances() -> bool:
+    """A quick answer for the many scenes that have none. An instancer that hides itself is not among the objects."""
+    if not any(group.bl_idname == "GeometryNodeTree" for group in bpy.data.node_groups):
+        return False
+    shown = np.empty(len(bpy.data.objects), np.bool_)
+    for switch in _INSTANCER_SWITCHES:
+        bpy.data.objects.foreach_get(switch, shown)
+        if not shown.all():
+            return False
+    return True
+
+
+def _survey_any(obj: Any) -> Instancer | _Listed | None:
+    try:
+        return _survey(obj)
+    except _UnsupportedError:
+        return LISTED
+
+
+def _survey(obj: Any) -> Instancer | None:
+    """What an evaluated object shows beside itself, None for nothing. Raises _UnsupportedError."""
+    _check_family(obj)
+    if obj.type in _SURFACE_TYPES:
+        return _survey_surface(obj)
+    if obj.type != "MESH":
+        if obj.type not in SILENT_TYPES and len(obj.modifiers):
+            raise _UnsupportedError
+        return None
+    if len(obj.particle_systems):
+        raise _UnsupportedError
+    if not any(modifier.type == "NODES" for modifier in obj.modifiers):
+        return None
+    geometry = obj.evaluated_geometry()
+    _refuse_components(geometry)
+    points = geometry.instances_pointcloud()
+    if points is None or not len(points.points):
+        return None
+    _check_points(obj, points)
+    return Instancer(geometry, points, [_resolve(reference) for reference in geometry.instance_references()])
+
+
+def _check_family(obj: Any) -> None:
+    parent = obj.parent
+    if obj.is_instancer or (parent is not None and parent.instance_type in _HIDING_INSTANCERS):
+        raise _UnsupportedError
+
+
+def _survey_surface(obj: Any) -> Instancer | None:
+    geometry = obj.evaluated_geometry()
+    if len(obj.particle_systems) or geometry.instances_pointcloud() is not None:
+        raise _UnsupportedError
+    mesh = geometry.mesh
+    if mesh is None:
+        return None
+    _refuse_components(geometry)
+    return Instancer(geometry, None, [Shown(None, mesh, 0, [], geometry)])
+
+
+def _check_points(obj: Any, points: Any) -> None:
+    ids = points.attributes.get("id")
+    if ids is not None and _has_repeated(ids.data):
+        raise _UnsupportedError  # Blender gives the others numbers at random
+    if any(slot.link == "OBJECT" for slot in obj.original.material_slots):
+        raise _UnsupportedError  # how they combine with a mesh's own materials is Blender's secret
+
+
+def _refuse_components(geometry: Any) -> None:
+    """They would be instances as well."""
+    if any(getattr(geometry, name) is not None for name in _COMPONENTS):
+        raise _UnsupportedError
+
+
+def _has_repeated(ids: Any) -> bool:
+    values = np.empty(len(ids), np.int32)
+    ids.foreach_get("value", values)
+    return len(np.unique(values)) < len(values)
+
+
+def _resolve(reference: Any, zeros: int = 0, matrices: tuple[Float32Array, ...] = ()) -> Shown | None:
+    """What a reference shows. Raises _UnsupportedError if that is more than one thing."""
+    if not isinstance(reference, bpy.types.GeometrySet):
+        _check_object(reference)
+        return Shown(reference, reference.data, zeros, list(matrices), None)
+    _refuse_components(reference)
+    points = reference.instances_pointcloud()
+    mesh = reference.mesh
+    if points is None:
+        return None if mesh is None else Shown(None, mesh, zeros + 1, list(matrices), reference)
+    if mesh is not None or len(points.points) != 1 or "id" in points.attributes:
+        raise _UnsupportedError
+    # Object Info and Collection Info give a geometry that holds one instance.
+    matrix = np.array(points.attributes["instance_transform"].data[0].value, np.float32)
+    if not np.array_equal(matrix, np.eye(4)):
+        matrices = (*matrices, matrix)
+    return _resolve(reference.instance_references()[0], zeros + 1, matrices)
+
+
+def _check_object(reference: Any) -> None:
+    if not isinstance(reference, bpy.types.Object) or reference.type != "MESH" or not reference.is_evaluated:
+        raise _UnsupportedError
+    if _survey(reference) is not None:
+        raise _UnsupportedError

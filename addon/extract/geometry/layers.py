@@ -1,0 +1,92 @@
+"""A mesh's uv maps and colours, those that its materials name: a row a triangle, as with `attributes.py`.
+
+A name stands for whatever the mesh has of that name, as in Cycles: a uv map or a colour attribute, or what geometry
+nodes stored.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...sync.records import Float32Array, Int32Array, LayerRequest
+from ..pointer_views import CORNER_UVS, ArrayReader
+
+# The property and the channels of an element, by the attribute's type.
+_CHANNELS = {
+    "FLOAT": ("value", 1),
+    "FLOAT2": ("vector", 2),
+    "FLOAT_VECTOR": ("vector", 3),
+    "FLOAT_COLOR": ("color", 4),
+    "BYTE_COLOR": ("color", 4),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Corners:
+    """Where the corners of a mesh's triangles find their values, by an attribute's domain."""
+
+    corner_triangles: Int32Array
+    triangles: Int32Array
+    polygon_ids: Int32Array
+
+    def rows(self, domain: str) -> npt.NDArray[np.int32] | None:
+        """(T, 3), or (T, 1) if a triangle has one value; None for a domain that no corner belongs to."""
+        if domain == "CORNER":
+            return self.corner_triangles
+        if domain == "POINT":
+            return self.triangles
+        return self.polygon_ids[:, None] if domain == "FACE" else None
+
+
+def read_uv_maps(mesh: Any, request: LayerRequest, corners: Corners, reader: ArrayReader) -> dict[str, Float32Array]:
+    """(T, 3, 2) float32 by name, of those maps that the mesh has; "" is the one that is active for renders."""
+    layers = mesh.uv_layers
+    active = next((layer for layer in layers if layer.active_render), layers[0]) if len(layers) else None
+    found: dict[str, Float32Array] = {}
+    if "" in request.uvs and active is not None:
+        found[""] = reader.read(active.uv, CORNER_UVS)[corners.corner_triangles]
+    for name in request.uvs - {""}:
+        if active is not None and active.name == name and "" in found:
+            found[name] = found[""]
+        elif name in layers:
+            found[name] = reader.read(layers[name].uv, CORNER_UVS)[corners.corner_triangles]
+        else:
+            values = _read_attribute(mesh.attributes.get(name), corners, 2)
+            if values is not None:
+                found[name] = values
+    return found
+
+
+def read_colors(mesh: Any, request: LayerRequest, corners: Corners) -> dict[str, Float32Array]:
+    """(T, 3, 3) float32, scene-linear, by name, of those colours that the mesh has; "" are those active for renders."""
+    colors = mesh.color_attributes
+    found: dict[str, Float32Array] = {}
+    for name in request.colors:
+        attribute = mesh.attributes.get(name)
+        if not name:
+            has_active = 0 <= colors.render_color_index < len(colors)
+            attribute = colors[colors.render_color_index] if has_active else None
+        values = _read_attribute(attribute, corners, 3)
+        if values is not None:
+            found[name] = values
+    return found
+
+
+def _read_attribute(attribute: Any, corners: Corners, width: int) -> Float32Array | None:
+    """(T, 3, width) float32: a number is the same in all channels, a place has no third one."""
+    if attribute is None or attribute.data_type not in _CHANNELS:
+        return None
+    rows = corners.rows(attribute.domain)
+    if rows is None:
+        return None
+    name, channel_count = _CHANNELS[attribute.data_type]
+    values = np.empty((len(attribute.data), channel_count), np.float32)
+    attribute.data.foreach_get(name, values.reshape(-1))
+    np.nan_to_num(values, copy=False, nan=0.0, posinf=65504.0, neginf=0.0)
+    made = np.zeros((len(rows), 3, width), np.float32)
+    made[..., : max(channel_count, width if channel_count == 1 else 0)] = values[rows][..., :width]
+    return made

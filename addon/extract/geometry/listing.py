@@ -1,0 +1,87 @@
+"""The instances of one evaluation as columns, however they were found; and Blender's own list of them.
+
+Blender gives matrices and persistent ids in bulk. Which object and which mesh an instance shows it does not, so
+one lean loop asks that; all that depends on it is looked up once per group. `geometry_instances.py` does without
+the list where it can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from perfect_bvh.bulk import place_instances
+
+from ...sync.records import LARGEST_COORDINATE, Float32Array, Int32Array
+from .groups import NOT_SHOWN, GroupTable
+
+
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """N instances in the depsgraph's own order.
+
+    group_ids: (N,) int32, rows of the groups, or NOT_SHOWN. transforms: (N, 3, 4) float32. bad_rows: (B,) int32, those
+    whose transform is useless. ids: (N, ...) int32, what tells instances of one group apart.
+    expand_ids: makes (N, 8) persistent ids from group_ids and ids. is_plain: nothing stands there but the evaluated
+    objects themselves, in their order.
+    """
+
+    group_ids: Int32Array
+    transforms: Float32Array
+    bad_rows: Int32Array
+    ids: Int32Array
+    expand_ids: Callable[[Int32Array, Int32Array], Int32Array]
+    is_plain: bool = False
+
+
+def list_instances(depsgraph: Any, groups: GroupTable) -> Listing:
+    """Blender's list: every kind of instance, at a Python object for each."""
+    instances = depsgraph.object_instances
+    finder = GroupFinder(groups)
+    group_ids = np.array([finder.find(instance) for instance in instances], np.int32)
+    count = len(group_ids)
+    matrices = np.empty((count, 4, 4), np.float32)
+    persistent_ids = np.empty((count, 8), np.int32)
+    instances.foreach_get("matrix_world", matrices.reshape(-1))
+    instances.foreach_get("persistent_id", persistent_ids.reshape(-1))
+    transforms = np.empty((count, 3, 4), np.float32)
+    bad_rows = place_instances(None, matrices, transforms, LARGEST_COORDINATE)
+    return Listing(group_ids, transforms, bad_rows, persistent_ids, lambda _, ids: ids, finder.saw_only_objects)
+
+
+class GroupFinder:
+    """The group of each instance of Blender's list.
+
+    Nothing of an instance may be kept: the object of a duplicate is one temporary that is overwritten. Its mesh,
+    the object it is a duplicate of, and its instancer do last for the loop; they are compared by address, and
+    as dictionary keys at half the cost of asking for their addresses.
+    """
+
+    def __init__(self, groups: GroupTable) -> None:
+        self._groups = groups
+        self._known: dict[Any, int] = {}
+        self.saw_only_objects = True  # none of the instances was made by another object
+
+    def find(self, instance: Any, numbering: int = 0) -> int:
+        """Its row, or NOT_SHOWN; the numbering is that of a group that is new."""
+        source = instance.instance_object
+        if source is not None:
+            self.saw_only_objects = False
+        obj = instance.object
+        data = obj.data
+        if data is None or not instance.show_self:
+            return NOT_SHOWN
+        token = obj if source is None else (data, source, instance.parent)
+        group = self._known.get(token)
+        if group is None:
+            group = self._known[token] = self._groups.add(
+                obj,
+                data,
+                parent=None if source is None else instance.parent,
+                is_own=source is None or source.data == data,
+                shows_particles=instance.show_particles,
+                numbering=numbering,
+            )
+        return group

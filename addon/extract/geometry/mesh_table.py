@@ -1,0 +1,224 @@
+"""The distinct meshes of one evaluation: each is read once, whoever shows it, and gets a key that lasts.
+
+Evaluated meshes have new addresses and new session uids at every evaluation, so neither can be a key. What
+lasts is the object or mesh data-block that a mesh came from:
+
+- ("mesh", uid of the data-block): shown as it is, by any number of objects;
+- ("object", uid of the object): what an object's modifiers, or its curve, text or metaball, made;
+- ("made", uid of the object, digest of the triangles): what geometry nodes made and show as instances. The
+  digest leaves the positions out, so that such a mesh is still the same one when it deforms.
+
+A last number tells apart what would otherwise be equal.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import zlib
+from collections import Counter
+from collections.abc import Hashable
+from dataclasses import replace
+from typing import Any
+
+import numpy.typing as npt
+from perfect_bvh.bulk import are_equal
+
+from ...events.evaluation_log import EvaluationLog
+from ...sync.compare import have_same_layers
+from ...sync.records import MESH_COLUMNS, NO_LAYERS, AttributeRequest, LayerRequest, MeshRecord
+from ..pointer_views import ArrayReader
+from .mesh_cache import CachedMesh, MeshCache, place_of
+from .meshes import read_mesh
+from .usage import guess_usage
+
+NO_MESH = -1
+
+
+class MeshTable:
+    """Reads meshes on first sight and hands out their rows; pointers are only used within one evaluation.
+
+    cache: of the last reading. log: what was evaluated since, None if that is not known: then everything is read.
+    """
+
+    def __init__(
+        self,
+        depsgraph: Any,
+        attributes: AttributeRequest,
+        reader: ArrayReader,
+        cache: MeshCache | None = None,
+        log: EvaluationLog | None = None,
+    ) -> None:
+        self._depsgraph = depsgraph
+        self._reader = reader
+        self._log = log
+        self._last = cache or MeshCache()
+        self.cache = MeshCache({}, attributes, depsgraph.as_pointer(), -1 if log is None else log.now)
+        self._attributes = attributes
+        # What is asked of every mesh, whatever its materials show.
+        self._layers = LayerRequest(uvs=frozenset([""])) if attributes.corner_uvs else NO_LAYERS
+        self._rows: dict[int, int] = {}  # by the mesh's pointer; twins have one
+        self._mesh_counts: Counter[int] = Counter()  # by row: how many meshes have it
+        self._tokens: dict[int, Hashable] = {}
+        self._counts: Counter[Hashable] = Counter()  # by what meshes come from
+        self._key_counts: Counter[Hashable] = Counter()  # without twins: by their keys but for the number
+        self._twins = _TwinFinder()
+        self.records: list[MeshRecord] = []
+        self.warnings: list[str] = []
+
+    def row(self, obj: Any, mesh: Any, is_own: bool, layers: LayerRequest) -> int:
+        """The row of an evaluated mesh, or NO_MESH if it has no faces.
+
+        obj: the evaluated object, or the depsgraph's temporary, that shows the mesh. is_own: whether it is the
+        object's own mesh and not one that geometry nodes made beside it. layers: what the object's materials show of
+        it; the mesh has, in the end, what all that show it want.
+        """
+        pointer = mesh.as_pointer()
+        row = self._rows.get(pointer)
+        if row is None:
+            wanted = layers if self._layers is NO_LAYERS else self._layers | layers
+            row = self._add(obj.original, mesh, is_own, wanted)
+            self._place(pointer, row)
+        elif layers is not NO_LAYERS and row != NO_MESH and not self.records[row].layers.covers(layers):
+            self._mesh_counts[row] -= 1
+            row = self._add_layers(obj.original, mesh, is_own, row, layers)
+            self._place(pointer, row)
+        return row
+
+    def _place(self, pointer: int, row: int) -> None:
+        self._rows[pointer] = row
+        self._mesh_counts[row] += 1
+
+    def _add_layers(self, original: Any, mesh: Any, is_own: bool, row: int, layers: LayerRequest) -> int:
+        """The row of a mesh that has been read, with further layers; it is no longer counted among those of `row`."""
+        record = self.records[row]
+        layers = record.layers | layers
+        if self._mesh_counts[row]:  # others have it, too: its twins' layers may be others
+            return self._add(original, mesh, is_own, layers)
+        token = self._tokens[row]
+        read = self._read(original, mesh, token, layers)
+        assert read is not None
+        read = replace(read, key=record.key, usage=record.usage, usage_reason=record.usage_reason)
+        self.records[row] = read
+        if token in self.cache.meshes:
+            self.cache.meshes[token] = replace(self.cache.meshes[token], record=read)
+        return row
+
+    def _add(self, original: Any, mesh: Any, is_own: bool, layers: LayerRequest) -> int:
+        origin = self._origin(original, is_own)
+        token = (*origin, self._counts[origin])
+        record = self._read(original, mesh, token, layers)
+        if record is None:
+            return NO_MESH
+        if record.dropped_triangles:
+            count = record.dropped_triangles
+            self.warnings.append(
+                f"{original.name}: left out {count:,} triangle{'s' * (count > 1)} with a vertex that is not finite "
+                "or beyond 1e18"
+            )
+        twin = self._twins.find(original.data, record, self.records)
+        if twin is None:
+            guess = guess_usage(original)
+            key = self._lasting_key(origin, record)
+            self.records.append(replace(record, key=key, usage=guess.usage, usage_reason=guess.reason))
+            twin = len(self.records) - 1
+            self._tokens[twin] = token
+        self._counts[origin] += 1
+        if not mesh.is_editmode:
+            self.cache.meshes[token] = CachedMesh(self.records[twin], place_of(mesh), _uids_of(original))
+        return twin
+
+    def _read(self, original: Any, mesh: Any, token: Hashable, layers: LayerRequest) -> MeshRecord | None:
+        if mesh.is_editmode:  # its arrays are stale until they are written out of the edit mesh
+            evaluated = original.evaluated_get(self._depsgraph)
+            record = read_mesh(evaluated.to_mesh(), None, original.name, self._attributes, layers, self._reader)
+            evaluated.to_mesh_clear()
+            return record
+        if original.mode == "OBJECT":
+            cached = self._last.find_untouched(token, mesh, _uids_of(original), self.cache, self._log)
+            if cached is not None and cached.record.layers.covers(layers):
+                record = cached.record.narrowed(layers)
+                return replace(record, name=_name_of(original, mesh), was_read=False)
+        last = self._last.meshes.get(token)
+        known = None if last is None else last.record
+        return read_mesh(mesh, None, _name_of(original, mesh), self._attributes, layers, self._reader, known)
+
+    def _origin(self, original: Any, is_own: bool) -> tuple[Any, ...]:
+        """What a mesh comes from: all of its key but the last numbers."""
+        uid = original.session_uid
+        if original.type != "MESH":
+            # Curves and their like show even their own mesh as an instance; it comes before any other.
+            is_own = not self._counts["object", uid]
+        if not is_own:
+            return ("made", uid)
+        return self.own_key(original)
+
+    @staticmethod
+    def own_key(original: Any) -> tuple[str, int]:
+        """Of an original object's own mesh, evaluated: the first two parts of its key."""
+        if original.type == "MESH" and not len(original.modifiers):
+            return ("mesh", original.data.session_uid)
+        return ("object", original.session_uid)
+
+    def _lasting_key(self, origin: tuple[Any, ...], record: MeshRecord) -> Hashable:
+        if origin[0] == "made":
+            origin = (*origin, hashlib.blake2b(record.triangles.data, digest_size=12).digest())
+        number = self._key_counts[origin]
+        self._key_counts[origin] += 1
+        return (*origin, number)
+
+
+def _name_of(original: Any, mesh: Any) -> str:
+    """What users know a mesh by: Blender calls one that it makes for an evaluation "Mesh"."""
+    return original.name if mesh.name == "Mesh" else mesh.name
+
+
+def _uids_of(original: Any) -> tuple[int, ...]:
+    data = original.data
+    return (original.session_uid,) if data is None else (original.session_uid, data.session_uid)
+
+
+class _TwinFinder:
+    """Finds meshes that were evaluated once an object although they are equal.
+
+    Linked text and curves are, and linked meshes under equal modifiers. They become one mesh again.
+    """
+
+    def __init__(self) -> None:
+        self._candidates: dict[Hashable, list[int]] = {}
+        self._checksums: dict[int, int] = {}
+
+    def find(self, data: Any, record: MeshRecord, records: list[MeshRecord]) -> int | None:
+        """The row of an equal mesh from the same data-block; if there is none, record will be records' next."""
+        if data is None or data.users < 2:
+            return None
+        likeness = (data.session_uid, len(record.positions), len(record.triangles))
+        candidates = self._candidates.setdefault(likeness, [])
+        for row in candidates:
+            if records[row].positions is record.positions and _have_equal_content(records[row], record):
+                return row
+        if candidates:  # checksums are for telling many copies apart: the first needs none
+            checksum = zlib.crc32(record.positions.data)
+            for row in candidates:
+                if self._checksum(row, records) == checksum and _have_equal_content(records[row], record):
+                    return row
+        candidates.append(len(records))
+        return None
+
+    def _checksum(self, row: int, records: list[MeshRecord]) -> int:
+        checksum = self._checksums.get(row)
+        if checksum is None:
+            checksum = self._checksums[row] = zlib.crc32(records[row].positions.data)
+        return checksum
+
+
+def _have_equal_content(first: MeshRecord, second: MeshRecord) -> bool:
+    if first.layers != second.layers:  # what was not read may differ
+        return False
+    are_equal = all(_are_equal(getattr(first, name), getattr(second, name)) for name in MESH_COLUMNS)
+    return are_equal and have_same_layers(first, second)
+
+
+def _are_equal(first: npt.NDArray[Any] | None, second: npt.NDArray[Any] | None) -> bool:
+    if first is second or first is None or second is None:
+        return first is second
+    return are_equal(first, second)

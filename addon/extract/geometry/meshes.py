@@ -1,0 +1,120 @@
+"""One evaluated mesh -> one `MeshRecord`: triangles as Blender cuts them, and the attributes asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from perfect_bvh.bulk import are_equal, are_triangles, copy_within
+
+from ...sync.records import (
+    LARGEST_COORDINATE,
+    NO_LAYERS,
+    AttributeRequest,
+    Float32Array,
+    Int32Array,
+    LayerRequest,
+    MeshRecord,
+)
+from ..pointer_views import CORNER_TRIANGLES, CORNER_VERTS, POSITIONS, TRIANGLE_POLYGONS, ArrayReader
+from .attributes import read_corner_normals, read_material_slots
+from .layers import Corners, read_colors, read_uv_maps
+
+
+def read_mesh(
+    mesh: Any,
+    key: Hashable,
+    name: str,
+    attributes: AttributeRequest,
+    layers: LayerRequest,
+    reader: ArrayReader,
+    last: MeshRecord | None = None,
+) -> MeshRecord | None:
+    """Reads an evaluated `bpy.types.Mesh`; None if it has no faces. Everything is copied.
+
+    layers: the uv maps and colours that its materials show.
+    last: what was read the last time, whose arrays stand for equal ones: then there is nothing to copy or to compare.
+
+    Triangles with a vertex that is not finite are dropped: no ray can meet them, and one of them would make every
+    box around it useless.
+    """
+    mesh.calc_loop_triangles()
+    triangle_count = len(mesh.loop_triangles)
+    if triangle_count == 0:
+        return None
+    corner_triangles = reader.view(mesh.loop_triangles, CORNER_TRIANGLES, triangle_count)
+    polygon_ids = reader.view(mesh.loop_triangle_polygons, TRIANGLE_POLYGONS, triangle_count)
+    positions = reader.view(mesh.attributes["position"].data, POSITIONS)
+    corner_verts = reader.view(mesh.attributes[".corner_vert"].data, CORNER_VERTS)
+    if last is not None and are_triangles(corner_verts, corner_triangles, last.triangles):
+        triangles = last.triangles
+    else:  # Blender's own indices need no check of their range, which would take half the time
+        triangles = np.take(corner_verts, corner_triangles, mode="clip")
+
+    positions, kept = _read_positions(positions, triangles, None if last is None else last.positions)
+    if kept is not None:
+        triangles, corner_triangles, polygon_ids = triangles[kept], corner_triangles[kept], polygon_ids[kept]
+    uv_maps: dict[str, Float32Array] = {}
+    colors: dict[str, Float32Array] = {}
+    if layers is not NO_LAYERS:
+        corners = Corners(corner_triangles, triangles, polygon_ids)
+        uv_maps, colors = read_uv_maps(mesh, layers, corners, reader), read_colors(mesh, layers, corners)
+    return MeshRecord(
+        key=key,
+        name=name,
+        positions=positions,
+        triangles=triangles,
+        polygon_ids=_held(polygon_ids, last and last.polygon_ids),
+        material_slots=_read_slots(mesh, polygon_ids, reader, last) if attributes.material_slots else None,
+        corner_normals=read_corner_normals(mesh, corner_triangles, reader) if attributes.corner_normals else None,
+        corner_uvs=uv_maps.pop("", None),
+        corner_colors=colors.pop("", None),
+        named_uvs=uv_maps,
+        named_colors=colors,
+        layers=layers,
+        dropped_triangles=0 if kept is None else triangle_count - len(kept),
+        triangle_ids=kept,
+    )
+
+
+def _read_slots(mesh: Any, polygon_ids: Int32Array, reader: ArrayReader, last: MeshRecord | None) -> Int32Array:
+    return read_material_slots(mesh, polygon_ids, reader, None if last is None else last.material_slots)
+
+
+def _held(values: npt.NDArray[Any], last: npt.NDArray[Any] | None) -> npt.NDArray[Any]:
+    """The last array if it is equal, else a copy of what may be Blender's own memory."""
+    if last is not None and are_equal(values, last):
+        return last
+    return values if values.flags.owndata else values.copy()
+
+
+def _read_positions(
+    view: Float32Array, triangles: Int32Array, last: Float32Array | None
+) -> tuple[Float32Array, Int32Array | None]:
+    """The last positions if they are equal, else a copy that the engine can hold; and which triangles to keep.
+
+    The second value is None if that is all of them. What was read the last time had been looked through.
+    """
+    if last is not None and are_equal(view, last):
+        return last, None
+    positions = np.empty(view.shape, np.float32)
+    if copy_within(view, positions, LARGEST_COORDINATE):
+        return positions, None
+    positions, kept = _without_infinities(positions, triangles)
+    return _held(positions, last), kept
+
+
+def _without_infinities(positions: Float32Array, triangles: Int32Array) -> tuple[Float32Array, Int32Array | None]:
+    """Positions with a harmless value in place of each vertex that the engine cannot hold, and the triangles to keep.
+
+    The row count stays, so that vertex ids keep their meaning. The second value is None if no triangle uses
+    such a vertex.
+    """
+    finite = (np.abs(positions) <= LARGEST_COORDINATE).all(axis=1)
+    kept = np.flatnonzero(finite[triangles].all(axis=1)).astype(np.int32)
+    # A vertex that a kept triangle uses anyway, so that bounds taken over all vertices do not grow.
+    harmless = positions[triangles[kept[0], 0]] if len(kept) else np.zeros(3, np.float32)
+    positions[~finite] = harmless
+    return positions, (kept if len(kept) < len(triangles) else None)

@@ -1,0 +1,85 @@
+"""A first guess at how a mesh will behave, from what its object carries; sync corrects it by what it sees."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...sync.plan import MeshUsage
+
+_DEFORMING_MODIFIERS = frozenset(
+    {
+        "ARMATURE",
+        "CLOTH",
+        "HOOK",
+        "LATTICE",
+        "MESH_CACHE",
+        "MESH_DEFORM",
+        "OCEAN",
+        "SOFT_BODY",
+        "SURFACE_DEFORM",
+        "WAVE",
+    }
+)
+_CHANGING_MODIFIERS = frozenset({"BUILD", "EXPLODE", "FLUID", "MESH_SEQUENCE_CACHE"})
+# What makes other triangles of other vertices, even where no setting of its own is animated.
+_RETOPOLOGISING_MODIFIERS = frozenset({"BOOLEAN", "DECIMATE", "REMESH", "WELD"})
+
+
+def guess_usage(original: Any) -> MeshUsage:
+    """What the meshes of an original object are likely to do from frame to frame, and why."""
+    return _guess_from_shape(original) or _guess_from_motion(original) or MeshUsage("static", "nothing animates it")
+
+
+def _guess_from_shape(original: Any) -> MeshUsage | None:
+    modifiers = [(modifier.type, modifier.name) for modifier in original.modifiers]
+    for kind, name in modifiers:
+        if kind in _CHANGING_MODIFIERS:
+            return MeshUsage("changing", f"its modifier {name!r} makes other triangles")
+    if original.type == "META":
+        return MeshUsage("changing", "metaballs are polygonized anew wherever one of them moves")
+    deforms = _why_deforming(original, modifiers)
+    if deforms is None:
+        return None
+    for kind, name in modifiers:
+        if kind in _RETOPOLOGISING_MODIFIERS:
+            return MeshUsage("changing", f"{deforms}, and its modifier {name!r} makes other triangles of that")
+    return MeshUsage("deforming", deforms)
+
+
+def _why_deforming(original: Any, modifiers: list[tuple[str, str]]) -> str | None:
+    for kind, name in modifiers:
+        if kind in _DEFORMING_MODIFIERS:
+            return f"its modifier {name!r} moves vertices"
+    data = original.data
+    shape_keys = getattr(data, "shape_keys", None)
+    if shape_keys is not None and len(shape_keys.key_blocks) > 1:
+        return "it has shape keys"
+    if _is_animated(data):
+        return "its data are animated"
+    if any(kind == "NODES" for kind, _ in modifiers) and any(
+        _is_animated(modifier.node_group) for modifier in original.modifiers if modifier.type == "NODES"
+    ):
+        return "its geometry nodes are animated"
+    return None
+
+
+def _guess_from_motion(original: Any) -> MeshUsage | None:
+    obj = original
+    while obj is not None:
+        whose = "it" if obj is original else f"its parent {obj.name!r}"
+        if _is_animated(obj):
+            return MeshUsage("rigid", f"{whose} is animated")
+        if len(obj.constraints):
+            return MeshUsage("rigid", f"{whose} has constraints")
+        if obj.rigid_body is not None:
+            return MeshUsage("rigid", f"{whose} is a rigid body")
+        obj = obj.parent
+    return None
+
+
+def _is_animated(block: Any) -> bool:
+    """Whether a data-block has an action, NLA tracks or drivers."""
+    animation = getattr(block, "animation_data", None)
+    if animation is None:
+        return False
+    return animation.action is not None or bool(len(animation.nla_tracks)) or bool(len(animation.drivers))

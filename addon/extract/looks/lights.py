@@ -1,0 +1,193 @@
+"""The lights and the world of an evaluated scene, for modes that show a scene under its own light."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from mathutils import Euler
+
+from ...sync.records import ImageRecord, LightRecords, WorldRecord
+from ..visibility import VisibilityReader
+from .color_math import BLENDS
+from .images import ImageReader
+from .node_graph import Scope, trace_back
+from .node_values import Value, ValueReader, constant
+from .sky import read_sky
+
+_KINDS = {"POINT": "point", "SUN": "sun", "SPOT": "spot"}
+_DEEPEST = 64
+
+Color = tuple[float, float, float]
+
+
+def read_lights(depsgraph: Any, visibility: VisibilityReader, images: ImageReader) -> LightRecords:
+    """Every light that shows and has a place, instanced ones included, as columns."""
+    placed = [(light, matrix) for light, matrix in _list_lights(depsgraph, visibility) if np.isfinite(matrix).all()]
+    rows = [_read_light(light, matrix, images) for light, matrix in placed]
+    rows += _read_sky_sun(depsgraph.scene_eval.world, images)
+    if not rows:
+        return LightRecords()
+    kinds, positions, axes, powers, sizes, cones, shadows = zip(*rows, strict=True)
+    return LightRecords(
+        kinds=kinds,
+        positions=np.array(positions, np.float64),
+        axes=np.array(axes, np.float32),
+        powers=np.array(powers, np.float32),
+        sizes=np.array(sizes, np.float32),
+        cones=np.array(cones, np.float32),
+        casts_shadow=np.array(shadows, np.bool_),
+    )
+
+
+def read_world(scene: Any, images: ImageReader) -> WorldRecord:
+    """The evaluated scene's world; a scene without one is dark."""
+    world = scene.world
+    if world is None:
+        return WorldRecord()
+    red, green, blue = world.color
+    plain = WorldRecord((red, green, blue))
+    tree = world.node_tree if world.use_nodes else None
+    output = None if tree is None else tree.get_output_node("CYCLES")
+    if output is None:
+        return plain if tree is None else WorldRecord()
+    sky = _find_sky(world, images)
+    if sky is not None:
+        node, strength = sky
+        shown, rotation = read_sky(node)
+        images.records.append(ImageRecord(node.name, 0, shown.pixels, "repeat"))
+        return WorldRecord((strength,) * 3, len(images.records) - 1, rotation)
+    lit, seen = (ValueReader(images, constant(*plain.color), is_camera) for is_camera in (False, True))
+    record = _record(_follow_world(output.inputs["Surface"], None, lit, 0), images)
+    if not lit.was_asked_for_rays:
+        return record
+    return replace(record, backdrop=_record(_follow_world(output.inputs["Surface"], None, seen, 0), images))
+
+
+def _find_sky(world: Any, images: ImageReader) -> tuple[Any, float] | None:
+    """The Sky Texture node that a world's background shows, and how brightly; None if it shows anything else."""
+    tree = world.node_tree if world is not None and world.use_nodes else None
+    output = None if tree is None else tree.get_output_node("CYCLES")
+    source, scope = (None, None) if output is None else trace_back(output.inputs["Surface"], None)
+    if source is None or not source.is_output or source.node.type != "BACKGROUND":
+        return None
+    strength = ValueReader(images, constant(1.0)).number(source.node.inputs["Strength"], 1.0, scope)
+    color, _ = trace_back(source.node.inputs["Color"], scope)
+    return (color.node, max(strength, 0.0)) if color.is_output and color.node.type == "TEX_SKY" else None
+
+
+def _read_sky_sun(world: Any, images: ImageReader) -> list[tuple[Any, ...]]:
+    """A row as of a light for the sun of a sky, if it shows one."""
+    sky = _find_sky(world, images)
+    if sky is None:
+        return []
+    shown, rotation = read_sky(sky[0])
+    if shown.sun is None:
+        return []
+    turn = Euler((math.pi / 2.0 - shown.sun.elevation, 0.0, math.pi - rotation)).to_matrix()
+    axes, nowhere = np.array(turn, np.float32).T, np.zeros(3)
+    return [("sun", nowhere, axes, _times(shown.sun.irradiance, sky[1]), (shown.sun.angle, 0.0), (math.pi, 0.0), True)]
+
+
+def _follow_world(socket: Any, scope: Scope | None, reader: ValueReader, depth: int) -> Value:
+    """The radiance that a world's shader socket gets."""
+    output, scope = trace_back(socket, scope)
+    if not output.is_output or depth > _DEEPEST:
+        return constant(0.0, 0.0, 0.0)
+    node = output.node
+    if node.type in {"BACKGROUND", "EMISSION"}:
+        color, strength = (reader.read(node.inputs[name], scope) for name in ("Color", "Strength"))
+        if strength.is_guess:
+            return color
+        return reader.combine(lambda one, other: one * other, [color, strength], "strength")
+    if node.type in {"MIX_SHADER", "ADD_SHADER"}:
+        shaders = [socket for socket in node.inputs if socket.type == "SHADER"]
+        first, second = (_follow_world(socket, scope, reader, depth + 1) for socket in shaders)
+        if node.type == "ADD_SHADER":
+            return reader.combine(lambda one, other: one + other, [first, second], "add")
+        factor = reader.read(node.inputs[0], scope)
+        if factor.texture is None and not factor.is_guess and factor.color[0] in (0.0, 1.0):
+            return second if factor.color[0] else first
+        return reader.combine(BLENDS["MIX"], [constant(0.5) if factor.is_guess else factor, first, second], "mix")
+    return reader.fallback
+
+
+def _record(value: Value, images: ImageReader) -> WorldRecord:
+    texture = value.texture
+    if texture is None:
+        red, green, blue, _ = value.color.tolist()
+        return WorldRecord((red, green, blue))
+    (across, _, _), (up, _, _) = texture.uv_transform
+    return WorldRecord((1.0, 1.0, 1.0), images.row(value), math.atan2(up, across))
+
+
+def _list_lights(depsgraph: Any, visibility: VisibilityReader) -> Iterator[tuple[Any, npt.NDArray[np.float64]]]:
+    """Light datablocks with their matrices. Blender's list of instances is walked only where it may hold lights."""
+    holds_instances = False
+    for obj in depsgraph.objects:
+        if obj.type == "LIGHT":
+            if not visibility.is_hidden(obj, None):
+                yield obj.data, np.array(obj.matrix_world, np.float64)
+        elif obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
+            holds_instances |= any(member.type == "LIGHT" for member in obj.instance_collection.all_objects)
+    if not holds_instances:
+        return
+    for instance in depsgraph.object_instances:
+        if not instance.is_instance or instance.object.type != "LIGHT":
+            continue
+        if not visibility.is_hidden(instance.object, instance.parent):
+            yield instance.object.data, np.array(instance.matrix_world, np.float64)
+
+
+def _read_light(light: Any, matrix: npt.NDArray[np.float64], images: ImageReader) -> tuple[Any, ...]:
+    """A row of the columns of `LightRecords`."""
+    lengths = np.linalg.norm(matrix[:3, :3], axis=0)
+    axes = (matrix[:3, :3] / np.where(lengths > 0.0, lengths, 1.0)).T
+    kind, cone = _KINDS.get(light.type, ""), (math.pi, 0.0)
+    if kind == "sun":
+        size = (light.angle, 0.0)
+        area = math.pi * math.tan(0.5 * min(light.angle, 3.0)) ** 2
+    elif kind:
+        size = (light.shadow_soft_size, 0.0)
+        area = 4.0 * math.pi * light.shadow_soft_size**2
+        cone = (light.spot_size, light.spot_blend) if kind == "spot" else cone
+    else:
+        kind = "ellipse" if light.shape in {"DISK", "ELLIPSE"} else "rectangle"
+        height = light.size_y if light.shape in {"RECTANGLE", "ELLIPSE"} else light.size
+        size = (light.size * lengths[0], height * lengths[1])
+        area = size[0] * size[1] * (math.pi / 4.0 if kind == "ellipse" else 1.0)
+        cone = (light.spread, 0.0)
+    power = _power_of(light, images)
+    if not getattr(light, "normalize", True) and area > 0.0:  # its strength is that of each square metre
+        power = _times(power, area)
+    return kind, matrix[:3, 3], axes, power, size, cone, light.use_shadow
+
+
+def _power_of(light: Any, images: ImageReader) -> Color:
+    """Watts of each channel: energy, exposure, colour, temperature, and what the light's own emission node says."""
+    power = light.energy * 2.0 ** getattr(light, "exposure", 0.0)
+    color = _times(tuple(light.color), power)
+    if getattr(light, "use_temperature", False):
+        color = _by(color, tuple(light.temperature_color))
+    tree = light.node_tree if light.use_nodes else None
+    output = None if tree is None else tree.get_output_node("CYCLES")
+    if output is None:
+        return color
+    source, scope = trace_back(output.inputs["Surface"], None)
+    if not source.is_output or source.node.type != "EMISSION":
+        return color if source.is_output else (0.0, 0.0, 0.0)
+    reader = ValueReader(images, constant(1.0, 1.0, 1.0))
+    strength = reader.number(source.node.inputs["Strength"], 1.0, scope)
+    return _times(_by(color, reader.mean(reader.read(source.node.inputs["Color"], scope)).tolist()), strength)
+
+
+def _times(color: Any, factor: float) -> Color:
+    return (color[0] * factor, color[1] * factor, color[2] * factor)
+
+
+def _by(color: Color, other: Any) -> Color:
+    return (color[0] * other[0], color[1] * other[1], color[2] * other[2])

@@ -1,0 +1,113 @@
+"""Materials as rows of a table: name, index, viewport colour; and which rows an object's slots refer to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from ...sync.records import NO_LAYERS, LayerRequest, MaterialRecord
+from .images import ImageReader
+from .node_colors import Surface, read_surface
+from .node_values import Value, constant
+
+
+class MaterialReader:
+    """Gives each material that is met a row, in the order they are met.
+
+    override: the view layer's material override, which stands for every material of the scene.
+    images: where what the materials are made of is wanted, too: takes the images that they show.
+    """
+
+    def __init__(self, override: Any = None, images: ImageReader | None = None) -> None:
+        self._override = override
+        self._images = images
+        self._rows: dict[int, int] = {}
+        self._layers: dict[tuple[int, ...], LayerRequest] = {}
+        self.records: list[MaterialRecord] = []
+
+    def row(self, material: Any) -> int:
+        """The row of an evaluated or original `bpy.types.Material`, -1 for None."""
+        if material is None:
+            return -1
+        pointer = material.as_pointer()  # stable within one evaluation, and never kept beyond it
+        row = self._rows.get(pointer)
+        if row is None:
+            row = self._rows[pointer] = len(self.records)
+            self.records.append(_read_material(material, self._images))
+        return row
+
+    def slots(self, obj: Any, data: Any) -> tuple[int, ...]:
+        """Rows of an evaluated object's material slots, -1 for an empty slot; object-linked slots included.
+
+        data: what it shows; its own, or a mesh that geometry nodes made for an object without object-linked slots.
+        """
+        if data == obj.data:
+            materials = [slot.material for slot in obj.material_slots]
+        else:
+            materials = list(data.materials)
+            materials += [None] * (len(obj.original.material_slots) - len(materials))
+        if self._override is not None:
+            return (self.row(self._override),) * max(1, len(materials))
+        return tuple([self.row(material) for material in materials])
+
+    def layers(self, slots: tuple[int, ...]) -> LayerRequest:
+        """What of a mesh the materials of these rows show."""
+        if self._images is None:
+            return NO_LAYERS
+        layers = self._layers.get(slots)
+        if layers is None:
+            materials = [self.records[row] for row in set(slots) if row >= 0]
+            images = {row for material in materials for row in material.images if row >= 0}
+            uvs = frozenset(self._images.records[row].uv_map for row in images)
+            colors = frozenset(material.tint for material in materials if material.tint is not None)
+            layers = self._layers[slots] = LayerRequest(uvs, colors) if uvs or colors else NO_LAYERS
+        return layers
+
+
+WHITE = constant(1.0)
+
+
+def _share(value: float) -> float:
+    return min(max(value, 0.0), 1.0) if math.isfinite(value) else 0.0
+
+
+def _read_material(material: Any, images: ImageReader | None) -> MaterialRecord:
+    red, green, blue, alpha = material.diffuse_color
+    record = MaterialRecord(
+        name=material.name,
+        session_uid=material.original.session_uid,
+        pass_index=material.pass_index,
+        color=(red, green, blue, alpha),
+    )
+    if images is None:
+        return record
+    surface = read_surface(material, images)
+    color_image, alpha_image = _image_rows(surface, images)
+    glow = surface.emission
+    return replace(
+        record,
+        base_color=_rgb(WHITE if surface.base.tint is not None and surface.base.is_guess else surface.base),
+        emission=_rgb(WHITE if glow.texture else glow, surface.brightness),
+        alpha=_share(float(surface.alpha.color[0])) if surface.alpha.texture is None else 1.0,
+        **{name: _share(value) for name, value in surface.gloss.items()},
+        holdout=_share(surface.holdout),
+        color_image=color_image,
+        alpha_image=alpha_image,
+        tint=surface.base.tint,
+        emission_image=images.row(glow) if glow.texture else -1,
+    )
+
+
+def _image_rows(surface: Surface, images: ImageReader) -> tuple[int, int]:
+    """Of the base colour and of alpha: the same where one texture has both."""
+    base, alpha = surface.base, surface.alpha
+    if base.texture is not None and base.texture == alpha.texture:
+        row = images.row(base, alpha)
+        return row, row
+    return -1 if base.texture is None else images.row(base), -1 if alpha.texture is None else images.row(None, alpha)
+
+
+def _rgb(value: Value, factor: float = 1.0) -> tuple[float, float, float]:
+    red, green, blue = (max(channel * factor, 0.0) for channel in value.color[:3].tolist())
+    return red, green, blue

@@ -1,0 +1,329 @@
+"""What the value of a node's socket comes to: one colour everywhere, or the pixels of one image, changed in some way.
+
+Nodes that change colours are worked out, for an image pixel by pixel. What cannot be known without rendering
+(procedural textures, attributes, angles) is a guess, and so is what is made of guesses alone. A second image counts by
+its mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from ...sync.records import Extension, UvTransform
+from .color_math import BLENDS, MATHS, adjust_hsv, blackbody, clamp, grey
+from .node_graph import Scope, trace_back
+from .sky import read_sky
+from .uv_mapping import find_coordinates
+
+Pixels = npt.NDArray[np.float32]  # (..., 4)
+
+# The key of a texture's own alpha.
+OWN_ALPHA = ("alpha", (None,))
+_DEEPEST = 150
+_RENAMED = {"Fac": "Factor", "Bright": "Brightness"}
+_EXTENSIONS: dict[str, Extension] = {"REPEAT": "repeat", "EXTEND": "extend", "CLIP": "clip", "MIRROR": "repeat"}
+_TABLE = 257
+
+
+@dataclass(frozen=True, slots=True)
+class Texture:
+    """An image as a node shows it."""
+
+    image: Any
+    extension: Extension
+    uv_transform: UvTransform
+    uv_map: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Value:
+    """color: (4,), of a number the same in each channel; counts where there is no texture.
+
+    change: what becomes of the texture's pixels, None if they stay as they are. key: which change that is.
+    tint: the name of those of the mesh's own colours that multiply it, "" for the active ones, None for none.
+    """
+
+    color: Pixels
+    texture: Texture | None = None
+    change: Callable[[Pixels], Pixels] | None = None
+    key: Hashable = None
+    is_guess: bool = False
+    tint: str | None = None
+
+    def of(self, pixels: Pixels) -> Pixels:
+        """(..., 4): the value where the texture has these pixels."""
+        if self.texture is None:
+            return self.color
+        return pixels if self.change is None else self.change(pixels)
+
+
+class ImageMeans(Protocol):
+    """What tells the mean of a value with a texture."""
+
+    def mean(self, value: Value) -> Pixels: ...
+
+
+def constant(*channels: float) -> Value:
+    """Of one number, or of three or four channels."""
+    return Value(np.array(channels * 4 if len(channels) == 1 else [*channels, 1.0][:4], np.float32))
+
+
+def guess(color: Pixels) -> Value:
+    return Value(color, is_guess=True)
+
+
+class ValueReader:
+    """Reads sockets of one node tree. fallback: the colour that stands for what cannot be known.
+
+    is_camera: whether nodes that ask what kind of ray looks are told that the camera's does.
+    """
+
+    def __init__(self, images: ImageMeans, fallback: Value, is_camera: bool = True) -> None:
+        self._images = images
+        self.fallback = guess(fallback.color)
+        self._is_camera = float(is_camera)
+        self.was_asked_for_rays = False
+        self._known: dict[tuple[int, ...], Value] = {}
+        self._depth = 0
+
+    def read(self, socket: Any, scope: Scope | None = None) -> Value:
+        """What an input socket gets."""
+        if not socket.is_linked:  # most are not
+            return _own_value(socket)
+        output, scope = trace_back(socket, scope)
+        if not output.is_output:
+            return _own_value(output)
+        value = self._read_output(output, scope)
+        if socket.type == "VALUE" and output.type in {"RGBA", "VECTOR"}:
+            return self.combine(lambda color: grey(color), [value], "grey")
+        return value
+
+    def number(self, socket: Any, unknown: float, scope: Scope | None = None) -> float:
+        """A number for all of the surface: the mean of an image, `unknown` for a guess."""
+        if not socket.is_linked and socket.type == "VALUE":
+            return float(socket.default_value)
+        value = self.read(socket, scope)
+        return unknown if value.is_guess else float(self.mean(value)[0])
+
+    def mean(self, value: Value) -> Pixels:
+        return value.color if value.texture is None else self._images.mean(value)
+
+    def combine(self, work: Callable[..., Pixels], values: Sequence[Value], key: Hashable) -> Value:
+        """`work` done on values; key: what tells it from other work. The first texture is worked on."""
+        texture = next((value.texture for value in values if value.texture is not None), None)
+        is_guess = all(value.is_guess for value in values)
+        if texture is None:
+            return Value(np.float32(work(*(value.color for value in values))), is_guess=is_guess)
+        values = [
+            value if value.texture in (None, texture) else Value(self.mean(value), is_guess=value.is_guess)
+            for value in values
+        ]
+        keys = tuple([value.key if value.texture is not None else value.color.tobytes() for value in values])
+
+        def change(pixels: Pixels) -> Pixels:
+            return np.asarray(work(*(value.of(pixels) for value in values)), np.float32)
+
+        return Value(values[0].color, texture, change, (key, keys))
+
+    def _read_output(self, output: Any, scope: Scope | None) -> Value:
+        place = (output.as_pointer(), *(scope.key if scope is not None else ()))
+        known = self._known.get(place)
+        if known is not None:
+            return known
+        self._known[place] = self.fallback  # so that loops end
+        read = _READERS.get(output.node.type)
+        if read is None or self._depth >= _DEEPEST:
+            return self.fallback
+        self._depth += 1
+        value = self._known[place] = read(self, output.node, output, scope)
+        self._depth -= 1
+        return value
+
+    def _read_all(self, node: Any, names: Sequence[str], scope: Scope | None) -> list[Value]:
+        """By the inputs' identifiers: what users read changes with Blender's versions and language."""
+        sockets = {socket.identifier: socket for socket in node.inputs}
+        found = [sockets.get(name) or sockets.get(_RENAMED.get(name, "")) for name in names]
+        return [self.fallback if socket is None else self.read(socket, scope) for socket in found]
+
+    # Nodes -----------------------------------------------------------------------------------------------------------
+
+    def _image(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        if node.image is None:
+            return self.fallback
+        transform, uv_map = find_coordinates(node.inputs["Vector"], scope, self)
+        extension = _EXTENSIONS.get(getattr(node, "extension", "REPEAT"), "repeat")
+        value = Value(self.fallback.color, Texture(node.image, extension, transform, uv_map))
+        if output.identifier == "Alpha":
+            return self.combine(lambda pixels: pixels[..., 3:].repeat(4, axis=-1), [value], "alpha")
+        return value
+
+    def _own(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        return _own_value(output)
+
+    def _mix(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        wanted = "RGBA" if node.type == "MIX_RGB" else node.data_type.replace("FLOAT", "VALUE")
+        enabled = [socket for socket in node.inputs if socket.enabled]
+        inputs = [socket for socket in enabled if socket.type == wanted][-2:]
+        factor = self.read(enabled[0], scope)
+        if len(inputs) < 2 or (node.type == "MIX" and wanted not in {"RGBA", "VALUE"}):
+            return self.fallback
+        first, second = (self.read(socket, scope) for socket in inputs)
+        if factor.is_guess:
+            factor = constant(0.5)
+        blend = node.blend_type if wanted == "RGBA" else "MIX"
+        is_clamped = bool(getattr(node, "use_clamp", False) or getattr(node, "clamp_result", False))
+        blending = BLENDS.get(blend, BLENDS["MIX"])
+
+        if blend == "MULTIPLY" and (first.tint is None) != (second.tint is None) and factor.color[0] == 1.0:
+            return replace(second, tint=first.tint) if second.tint is None else replace(first, tint=second.tint)
+
+        def work(share: Pixels, one: Pixels, other: Pixels) -> Pixels:
+            mixed = blending(clamp(share), one, other)
+            return clamp(mixed) if is_clamped else mixed
+
+        return self.combine(work, [factor, first, second], (blend, is_clamped))
+
+    def _ramp(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        table = np.array([node.color_ramp.evaluate(step / (_TABLE - 1)) for step in range(_TABLE)], np.float32)
+        if output.identifier == "Alpha":
+            table = table[:, 3:].repeat(4, axis=1)
+        factor = self.read(node.inputs[0], scope)
+        if factor.is_guess:
+            return Value(table.mean(axis=0))
+
+        def work(share: Pixels) -> Pixels:
+            return table[np.rint(clamp(share[..., 0]) * (_TABLE - 1)).astype(np.int64)]
+
+        return self.combine(work, [factor], ("ramp", table.tobytes()))
+
+    def _curves(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        mapping, steps = node.mapping, np.linspace(0.0, 1.0, _TABLE)
+        mapping.initialize()
+        tables = np.array([[mapping.evaluate(curve, step) for step in steps] for curve in mapping.curves])
+
+        def work(share: Pixels, color: Pixels) -> Pixels:
+            changed = color.copy()
+            for channel in range(3):
+                through = np.interp(color[..., channel], steps, tables[3])
+                changed[..., channel] = np.interp(through, steps, tables[channel])
+            return color + (changed - color) * share
+
+        return self.combine(work, self._read_all(node, ("Fac", "Color"), scope), ("curves", tables.tobytes()))
+
+    def _hue_saturation(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        names = ("Hue", "Saturation", "Value", "Fac", "Color")
+        return self.combine(adjust_hsv, self._read_all(node, names, scope), "hsv")
+
+    def _math(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        work = MATHS.get(node.operation)
+        values = [self.read(socket, scope) for socket in node.inputs if socket.enabled]
+        if work is None or any(value.is_guess for value in values):
+            return self.fallback
+        if node.use_clamp:
+            return self.combine(lambda *arrays: clamp(work(*arrays)), values, (node.operation, True))
+        return self.combine(work, values, (node.operation, False))
+
+    def _separate(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        if getattr(node, "mode", "RGB") != "RGB":
+            return self.fallback
+        channel = list(node.outputs).index(output)
+        color = self.read(node.inputs[0], scope)
+        return self.combine(lambda pixels: pixels[..., channel, None].repeat(4, axis=-1), [color], ("channel", channel))
+
+    def _combine_channels(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        if getattr(node, "mode", "RGB") != "RGB":
+            return self.fallback
+
+        def work(*channels: Pixels) -> Pixels:
+            red, green, blue = np.broadcast_arrays(*(channel[..., 0] for channel in channels))
+            return np.stack([red, green, blue, np.ones_like(red)], axis=-1)
+
+        return self.combine(work, [self.read(socket, scope) for socket in list(node.inputs)[:3]], "combine")
+
+    def _blackbody(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        return constant(*blackbody(self.number(node.inputs[0], 6500.0, scope)))
+
+    def _light_path(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        self.was_asked_for_rays = True
+        is_short = output.identifier in {"Ray Length", "Ray Depth"} or "Depth" in output.identifier
+        return constant(0.0 if is_short or output.identifier != "Is Camera Ray" else self._is_camera)
+
+    def _middle(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        """Of a pattern of two colours: what lies between them."""
+        colors = [self.read(socket, scope) for socket in node.inputs if socket.type == "RGBA"][:2]
+        return self.combine(lambda one, other: (one + other) / 2, colors, "middle")
+
+    def _attribute(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        """What a mesh was painted with; an attribute of anything else is a guess."""
+        if output.identifier != "Color" or getattr(node, "attribute_type", "GEOMETRY") != "GEOMETRY":
+            return self.fallback
+        if node.type == "VERTEX_COLOR":
+            return replace(self.fallback, tint=node.layer_name)
+        return replace(self.fallback, tint=node.attribute_name) if node.attribute_name else constant(0.0, 0.0, 0.0)
+
+    def _sky(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        """Its mean above the horizon, where it does not stand round the scene as it is."""
+        pixels = read_sky(node)[0].pixels
+        return Value(pixels[len(pixels) // 2 :].mean(axis=(0, 1)))
+
+    def _geometry(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        """Fronts are what one looks at."""
+        return constant(0.0) if output.identifier == "Backfacing" else self.fallback
+
+    def _mirrored_share(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        return constant(0.3 if output.identifier == "Facing" else 0.1)
+
+
+def _simple(work: Callable[..., Pixels], *names: str) -> Callable[..., Value]:
+    """The reader of a node that does nothing but `work` on the inputs of these names."""
+
+    def read(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
+        return reader.combine(work, reader._read_all(node, names, scope), node.type)
+
+    return read
+
+
+def _own_value(socket: Any) -> Value:
+    value = getattr(socket, "default_value", 0.0)
+    return constant(*value) if hasattr(value, "__len__") else constant(float(value))
+
+
+_READERS: dict[str, Callable[..., Value]] = {
+    "TEX_IMAGE": ValueReader._image,
+    "TEX_ENVIRONMENT": ValueReader._image,
+    "RGB": ValueReader._own,
+    "VALUE": ValueReader._own,
+    "MIX": ValueReader._mix,
+    "MIX_RGB": ValueReader._mix,
+    "VALTORGB": ValueReader._ramp,
+    "CURVE_RGB": ValueReader._curves,
+    "HUE_SAT": ValueReader._hue_saturation,
+    "MATH": ValueReader._math,
+    "SEPARATE_COLOR": ValueReader._separate,
+    "SEPRGB": ValueReader._separate,
+    "COMBINE_COLOR": ValueReader._combine_channels,
+    "COMBRGB": ValueReader._combine_channels,
+    "BLACKBODY": ValueReader._blackbody,
+    "LIGHT_PATH": ValueReader._light_path,
+    "TEX_CHECKER": ValueReader._middle,
+    "TEX_BRICK": ValueReader._middle,
+    "ATTRIBUTE": ValueReader._attribute,
+    "VERTEX_COLOR": ValueReader._attribute,
+    "TEX_SKY": ValueReader._sky,
+    "NEW_GEOMETRY": ValueReader._geometry,
+    "FRESNEL": ValueReader._mirrored_share,
+    "LAYER_WEIGHT": ValueReader._mirrored_share,
+    "LIGHT_FALLOFF": _simple(lambda strength: strength, "Strength"),
+    "RGBTOBW": _simple(grey, "Color"),
+    "GAMMA": _simple(lambda color, power: np.maximum(color, 0.0) ** power, "Color", "Gamma"),
+    "INVERT": _simple(lambda share, color: color + (1.0 - 2.0 * color) * share, "Fac", "Color"),
+    "BRIGHTCONTRAST": _simple(
+        lambda color, bright, contrast: np.maximum((1.0 + contrast) * color + bright - contrast * 0.5, 0.0),
+        *("Color", "Bright", "Contrast"),
+    ),
+}

@@ -1,0 +1,68 @@
+"""Where an image texture looks things up: which uv map, and the Mapping nodes before it as one transform of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...sync.records import UNMAPPED, UvTransform
+from .node_graph import Scope, trace_back
+
+if TYPE_CHECKING:
+    from .node_values import ValueReader
+
+_MOST_MAPPINGS = 16
+
+
+def find_coordinates(socket: Any, scope: Scope | None, reader: ValueReader) -> tuple[UvTransform, str]:
+    """Of an image's Vector input: the transform, and the name of the uv map, "" for the one that is active for renders.
+
+    Other coordinates than a uv map are taken for that one, unless Mapping nodes move them.
+    """
+    from mathutils import Matrix
+
+    whole = Matrix()
+    for _ in range(_MOST_MAPPINGS):
+        output, scope = trace_back(socket, scope)
+        if not output.is_output or output.node.type != "MAPPING":
+            break
+        matrix = _matrix_of(output.node, scope, reader)
+        if matrix is not None:
+            whole = whole @ matrix
+        socket = output.node.inputs["Vector"]
+    rows = tuple([(row[0], row[1], row[3]) for row in (whole[0], whole[1])])
+    return (rows if np.isfinite(rows).all() else UNMAPPED), _uv_map_of(output)  # type: ignore[return-value]
+
+
+def _uv_map_of(output: Any) -> str:
+    node = output.node
+    if not output.is_output:
+        return ""
+    if node.type == "UVMAP" and not node.from_instancer:
+        return str(node.uv_map)
+    if node.type != "ATTRIBUTE" or node.attribute_type != "GEOMETRY":
+        return ""
+    return str(node.attribute_name) if output.identifier in {"Color", "Vector"} else ""
+
+
+def _matrix_of(node: Any, scope: Scope | None, reader: ValueReader) -> Any:
+    """What a Mapping node multiplies coordinates with; None if that is not the same everywhere."""
+    from mathutils import Euler, Matrix
+
+    parts = []
+    for name in ("Location", "Rotation", "Scale"):
+        if name not in node.inputs:
+            parts.append((0.0, 0.0, 0.0))
+            continue
+        value = reader.read(node.inputs[name], scope)
+        if value.is_guess or value.texture is not None:
+            return None
+        parts.append(tuple(value.color[:3].tolist()))
+    place, angles, scale = parts
+    turn, scaling = Euler(angles).to_matrix().to_4x4(), Matrix.Diagonal((*scale, 1.0))
+    if node.vector_type == "TEXTURE":  # the texture is moved, not the coordinates
+        return (Matrix.Translation(place) @ turn @ scaling).inverted_safe()
+    if node.vector_type == "POINT":
+        return Matrix.Translation(place) @ turn @ scaling
+    return turn @ scaling if node.vector_type == "VECTOR" else None

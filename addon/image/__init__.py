@@ -1,0 +1,1 @@
+"""From a scene that is in step to an image: in one go or step by step, and into a file."""

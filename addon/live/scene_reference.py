@@ -1,0 +1,41 @@
+"""A scene and a view layer of it, for work that goes on while Blender's user does.
+
+Between two steps an undo may make all of Blender's things anew, and the user delete the scene or show another one in
+the window. So each step looks for the scene by what stays the same.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+
+class SceneReference:
+    """task: what the work is called, for messages."""
+
+    def __init__(self, task: str, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
+        self._task = task
+        self._uid, self._layer_name = scene.session_uid, view_layer.name
+
+    def find(self) -> bpy.types.Scene:
+        """The scene. Raises ValueError if it or its view layer is gone."""
+        scene = self._find()
+        if scene is None:
+            raise ValueError(f"{self._task}: the scene was removed during the {self._task}")
+        if self._layer_name not in scene.view_layers:
+            raise ValueError(f"{self._task}: the view layer {self._layer_name!r} was removed during the {self._task}")
+        return scene
+
+    def depsgraph(self) -> bpy.types.Depsgraph:
+        """Evaluated, as the scene is now. Raises ValueError like `find`."""
+        scene = self.find()
+        with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[self._layer_name]):
+            return bpy.context.evaluated_depsgraph_get()
+
+    def set_frame_back(self, frame: int, subframe: float = 0.0) -> None:
+        """At the end, if the scene still is there and shows another one."""
+        scene = self._find()
+        if scene is not None and (scene.frame_current, scene.frame_subframe) != (frame, subframe):
+            scene.frame_set(frame, subframe=subframe)
+
+    def _find(self) -> bpy.types.Scene | None:
+        return next((scene for scene in bpy.data.scenes if scene.session_uid == self._uid), None)

@@ -1,0 +1,327 @@
+"""`SceneSync`: a Blender scene and the engine's copy of it, in step.
+
+import bpy, perfect_bvh_addon
+
+sync = perfect_bvh_addon.SceneSync()
+sync.update(bpy.context.evaluated_depsgraph_get())
+hits = sync.scene.cast_rays(origins, directions)
+names = sync.describe(hits.instance_ids).names
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import perfect_bvh
+from perfect_bvh import Appearance, Camera, Scene
+from perfect_bvh.scene import Policy
+
+from ..events.changes import listen, stop_listening
+from ..extract import ReadCache, read_scene
+from ..extract.pointer_views import ArrayReader
+from ..support.background_work import BackgroundWork
+from ..sync.appearance import as_camera, make_appearance
+from ..sync.lookup import HitIds, InstanceDescription, SceneLookup
+from ..sync.records import AttributeRequest, Int32Array, SceneRecord
+from ..sync.report import SyncReport
+from ..sync.scene_difference import AppliedDifference, SceneDifference
+from ..sync.state import SceneState, TimedCommit
+from ..sync.verify import find_mismatches
+
+Progress = Callable[[float], object]
+UpdateCommit = BackgroundWork[TimedCommit, SyncReport]
+
+_FAILED = "the last update did not succeed: call update() again"
+
+
+class SceneSync:
+    """Keeps an engine scene in step with a Blender scene; `update()` is the only thing that reads Blender.
+
+    attributes: what to read beside the triangles; by default the material slots. `request()` asks for more later.
+    for_viewport: whether viewport or render visibility counts; by default what each depsgraph was made for.
+    watch: whether queries raise `perfect_bvh.StaleSceneError` once Blender has evaluated anything, changed the frame,
+        undone a step or loaded a file since the last update. For that, Blender handlers are installed until the last
+        such sync is closed, with or without `register()`. False is for renders, whose depsgraph is their own.
+    policy: of `perfect_bvh.Scene`: for comparisons, what becomes of trees whose vertices moved.
+
+    Use it on Blender's main thread; snapshots of its scene may be traced anywhere.
+    """
+
+    def __init__(
+        self,
+        attributes: AttributeRequest | None = None,
+        *,
+        for_viewport: bool | None = None,
+        watch: bool = True,
+        policy: Policy = "governed",
+    ) -> None:
+        self._attributes = attributes or AttributeRequest()
+        self._for_viewport = for_viewport
+        self._make_scene = partial(Scene, policy)
+        self._state = SceneState(self._make_scene)
+        self._cache = ReadCache()
+        self._lookup: SceneLookup | None = None
+        self._appearance: Appearance | None = None
+        self._building: UpdateCommit | None = None
+        self._watches = watch
+        self._tree_byte_count = 0
+        self.revision = 0
+        """How often an update has changed anything that an image could show, so far."""
+        self.last_change: SyncReport | None = None
+        """The report of the last update that did."""
+        self._state.scene.mark_stale("nothing was synced yet: call update()")
+        if watch:
+            listen(self)
+
+    def request(self, attributes: AttributeRequest, *, only: bool = False) -> None:
+        """Adds to what the following updates read; only: they read nothing else any more."""
+        asked = (attributes,) if only else (attributes, self._attributes)
+        self._attributes = AttributeRequest(
+            material_slots=any(request.material_slots for request in asked),
+            corner_normals=any(request.corner_normals for request in asked),
+            corner_uvs=any(request.corner_uvs for request in asked),
+            shading=any(request.shading for request in asked),
+        )
+
+    def update(
+        self,
+        depsgraph: Any,
+        expected_rays: int | None = None,
+        verify: bool = False,
+        *,
+        camera: Any = None,
+        size: tuple[int, int] | None = None,
+        space: Any = None,
+        progress: Progress | None = None,
+    ) -> SyncReport:
+        """Makes the engine's scene equal to an evaluated `bpy.types.Depsgraph`, editing only what differs.
+
+        expected_rays: how many rays are about to be cast until the next update: what building and refitting is weighed
+            against. Without it trees are chosen by class, and a refitted one is mended once it is 5 percent worse.
+        verify: reads everything a second time in the slow and certain way, and reports each difference.
+        camera: an object or a `CameraRecord` instead of the scene's camera. size: (width, height) in pixels
+            instead of the render size. space: the `SpaceView3D` whose local view counts.
+        progress: called with the share done of the commit; returning False raises `perfect_bvh.Cancelled`.
+
+        Raises what the engine raises. Until an update succeeds, queries then raise `perfect_bvh.StaleSceneError`.
+        """
+        self.stop_building()
+        self._state.scene.mark_stale(_FAILED)
+        started = time.perf_counter()
+        options: dict[str, Any] = {"camera": camera, "size": size, "space": space, "for_viewport": self._for_viewport}
+        record = read_scene(depsgraph, self._attributes, cache=self._cache, **options)
+        read_milliseconds = (time.perf_counter() - started) * 1e3
+        state = self._state
+        applied = self._apply(state.compare(record))
+        report = self._finish(state, applied, state.commit(expected_rays, progress), read_milliseconds)
+        if verify:
+            certain = read_scene(depsgraph, self._attributes, reader=ArrayReader(use_views=False), **options)
+            report = replace(report, mismatches=find_mismatches(record, certain))
+        return report
+
+    def begin_update(
+        self,
+        depsgraph: Any,
+        expected_rays: int | None = None,
+        *,
+        camera: Any = None,
+        size: tuple[int, int] | None = None,
+        space: Any = None,
+    ) -> UpdateCommit:
+        """The half of `update` that needs Blender; returns the other one, which goes on by itself: see `building`.
+
+        What was read (`record`, `camera`, `warnings`) is there at once. All that asks the engine raises
+        `perfect_bvh.StaleSceneError` until the commit has succeeded; its `result` is the report. Only one goes on at
+        a time: where an earlier one builds what was read now, that is returned; any other is stopped, by `update`, too.
+
+        Raises RuntimeError for a sync that watches Blender: a change between the two halves would be forgotten when the
+        commit begins, and old answers be taken for new ones. Whoever updates in halves looks for changes by itself.
+        """
+        if self._watches:
+            raise RuntimeError("begin_update: the sync watches Blender; make it with watch=False")
+        if self._building is not None and self._building.is_lost:
+            self.stop_building()  # before anything is compared with what it held
+        started = time.perf_counter()
+        options: dict[str, Any] = {"camera": camera, "size": size, "space": space, "for_viewport": self._for_viewport}
+        try:
+            record = read_scene(depsgraph, self._attributes, cache=self._cache, **options)
+            difference = self._state.compare(record)
+        except BaseException:
+            self.stop_building()
+            self._state.scene.mark_stale(_FAILED)
+            raise
+        building = self.building  # asked for once: it may end at any time
+        if building is not None and building.is_wanted and difference.is_none:
+            return building
+        self.stop_building()
+        read_milliseconds = (time.perf_counter() - started) * 1e3 - difference.milliseconds
+        state = self._state
+        applied = self._apply(difference)
+        self._building = BackgroundWork(
+            lambda progress: state.commit(expected_rays, progress),
+            lambda commit: self._finish(state, applied, commit, read_milliseconds),
+        )
+        return self._building
+
+    def _apply(self, difference: SceneDifference) -> AppliedDifference:
+        self._lookup = self._appearance = None
+        return self._state.apply(difference)
+
+    def _finish(
+        self, state: SceneState, applied: AppliedDifference, commit: TimedCommit, read_milliseconds: float
+    ) -> SyncReport:
+        """What is to be done when a commit has succeeded. If that fails, so has the update."""
+        try:
+            return self._take_in(state.finish(applied, commit, read_milliseconds))
+        except BaseException:
+            state.scene.mark_stale(_FAILED)
+            raise
+
+    @property
+    def building(self) -> UpdateCommit | None:
+        """The commit that is under way, None if there is none."""
+        if self._building is not None and not self._building.is_running:
+            self.stop_building()
+        return self._building
+
+    def ask_to_stop_building(self) -> None:
+        """From any thread; waits for nothing."""
+        building = self._building
+        if building is not None:
+            building.ask_to_stop()
+
+    def stop_building(self) -> None:
+        """Stops the commit that is under way, if there is one; its edits then wait for the next update."""
+        building = self._building
+        if building is None:
+            return
+        building.stop()
+        self._building = None
+        if building.is_lost:  # in a forked process, where its scene stays locked
+            self._start_over("the process was forked during an update: call update()")
+
+    def _take_in(self, report: SyncReport) -> SyncReport:
+        """What is to be known of every update that has succeeded."""
+        self._tree_byte_count = report.byte_count
+        self._lookup = None  # what somebody looked up before knew less
+        if report.has_changes or self.last_change is None:
+            self.revision += 1
+            self.last_change = report
+        return report
+
+    # What was synced -------------------------------------------------------------------------------------------------
+
+    @property
+    def scene(self) -> Scene:
+        """The engine's scene, for queries. Do not edit it."""
+        scene = self._state.scene
+        assert isinstance(scene, Scene)
+        return scene
+
+    @property
+    def record(self) -> SceneRecord:
+        """The record of the last update. Raises `perfect_bvh.StaleSceneError` if there is none."""
+        record = self._state.record
+        if record is None:
+            raise perfect_bvh.StaleSceneError("nothing was synced yet, or the last update failed: call update()")
+        return record
+
+    @property
+    def camera(self) -> Camera | None:
+        """The camera of the last update; None if the scene has none that can be rendered (see `warnings`)."""
+        camera = self.record.camera
+        return None if camera is None else as_camera(camera)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of a render in pixels."""
+        return self.record.size
+
+    @property
+    def byte_count(self) -> int:
+        """Bytes of the trees with their geometry, and of the images, all of which are kept for the next update."""
+        record = self._state.record
+        return self._tree_byte_count + sum(image.byte_count for image in (record.images if record else ()))
+
+    @property
+    def mesh_ids(self) -> npt.NDArray[np.int32]:
+        """(M,) int32: the engine's id of each mesh of `record`."""
+        return self._state.mesh_ids
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the last update could not read, as sentences for the user."""
+        return self.record.warnings
+
+    @property
+    def appearance(self) -> Appearance:
+        """Materials, attributes and visibility for `perfect_bvh.render`."""
+        if self._appearance is None:
+            self._appearance = make_appearance(self.record, self._state.instance_ids, self._state.mesh_ids)
+        return self._appearance
+
+    # From ids back to Blender ----------------------------------------------------------------------------------------
+
+    def describe(self, instance_ids: npt.ArrayLike) -> InstanceDescription:
+        """Object names, session uids and persistent ids of instances, -1 for a miss, as arrays of the same shape."""
+        return self._get_lookup().describe(instance_ids)
+
+    def polygon_ids(self, hits: HitIds) -> Int32Array:
+        """(...) int32: the polygon of the evaluated mesh that each ray hit, -1 on a miss.
+
+        Raises ValueError, as the other lookups by hits do, for hits on a mesh whose triangles a later update replaced.
+        """
+        return self._get_lookup().polygon_ids(hits)
+
+    def triangle_ids(self, hits: HitIds) -> Int32Array:
+        """(...) int32: the hit triangle as Blender counts the evaluated mesh's, -1 on a miss."""
+        return self._get_lookup().triangle_ids(hits)
+
+    def material_ids(self, hits: HitIds) -> Int32Array:
+        """(...) int32: rows of `material_names`, -1 on a miss and for an empty slot."""
+        return self._get_lookup().material_ids(hits)
+
+    @property
+    def material_names(self) -> npt.NDArray[np.object_]:
+        """(M,) object array of str: the names that `material_ids` are rows of."""
+        materials = self.record.materials
+        names = np.empty(len(materials), dtype=object)
+        names[:] = [material.name for material in materials]
+        return names
+
+    def _get_lookup(self) -> SceneLookup:
+        if self._lookup is None:
+            state = self._state
+            self._lookup = SceneLookup(
+                self.record, state.instance_ids, state.mesh_ids, state.scene.scene_id, state.mesh_generations
+            )
+        return self._lookup
+
+    # Changes in Blender ----------------------------------------------------------------------------------------------
+
+    def on_change(self, what: str) -> None:
+        """Makes queries raise `perfect_bvh.StaleSceneError` until the next update."""
+        self._state.scene.mark_stale(f"{what} since the last update: call update()")
+
+    def on_file_change(self) -> None:
+        """The same, for another file."""
+        self.on_change("another file was loaded")
+
+    def close(self) -> None:
+        """Forgets the scene and stops watching; queries raise from now on. Updating again is allowed."""
+        stop_listening(self)
+        self.stop_building()
+        self.last_change = None
+        self._start_over("the sync was closed: call update()")
+
+    def _start_over(self, why: str) -> None:
+        self._state = SceneState(self._make_scene)
+        self._cache = ReadCache()
+        self._lookup = self._appearance = None
+        self._state.scene.mark_stale(why)

@@ -1,0 +1,128 @@
+"""The add-on's preferences, and whether its native engine could be loaded, in the version that it needs.
+
+Blender must survive a native module that cannot be loaded (a wrong platform, a damaged download), or another version's
+(left in use by an update, or installed elsewhere): the add-on then still registers, and says the reason here, in the
+render panel, and in the error of a render.
+"""
+
+from __future__ import annotations
+
+import functools
+import tomllib
+from pathlib import Path
+
+import bpy
+
+ADDON = __package__.rpartition(".")[0]  # as Blender knows it
+DEFAULT_CACHE_SIZE = 8192  # megabytes
+PRECISION_ITEMS = [
+    ("ROBUST", "Robust", "No ray passes between triangles that share an edge or a corner", 1),
+    ("FAST", "Fast", "A ray that meets an edge exactly may pass through it; hardly faster", 2),
+]
+
+
+@functools.cache
+def native_error() -> str | None:
+    """Why the native engine cannot be used, in one sentence; None if it can."""
+    try:
+        import perfect_bvh
+    except (ImportError, AttributeError) as error:  # the latter from parts of two versions
+        return f"The native engine could not be loaded: {error}"
+    found, needed = getattr(perfect_bvh, "__version__", "unknown"), _needed_version()
+    if found == needed:
+        return None
+    return (
+        f"The native engine found is version {found}, but this add-on needs {needed}: restart Blender; if that does "
+        f"not help, install the add-on again, and remove the engine in {Path(perfect_bvh.__file__ or '').parent}"
+    )
+
+
+def _needed_version() -> str:
+    """The add-on's own, which is the engine's: both are built from the manifest."""
+    manifest = (Path(__file__).parents[1] / "blender_manifest.toml").read_text(encoding="utf-8")
+    return str(tomllib.loads(manifest)["version"])
+
+
+def native_summary() -> str:
+    """The engine's version and how many threads it uses, in one line."""
+    import perfect_bvh
+
+    return f"Engine {perfect_bvh.__version__}, {perfect_bvh.thread_count()} threads"
+
+
+def cache_byte_limit() -> int | None:
+    """How much the trees and images of all scenes may take together; None for any amount."""
+    addon = bpy.context.preferences.addons.get(ADDON)
+    size = 0 if addon is None or addon.preferences is None else addon.preferences.cache_size
+    return size << 20 if size else None
+
+
+def default_precision() -> str:
+    """What scenes use that do not say otherwise, as the engine calls it."""
+    addon = bpy.context.preferences.addons.get(ADDON)
+    return "robust" if addon is None or addon.preferences is None else addon.preferences.precision.lower()
+
+
+def _set_threads(preferences: PERFECT_BVH_AP_preferences, context: bpy.types.Context | None) -> None:
+    if native_error() is None:
+        import perfect_bvh
+
+        perfect_bvh.set_thread_count(preferences.threads)
+
+
+class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
+    """The engine's state, and what belongs to the machine; everything else belongs to a scene."""
+
+    bl_idname = ADDON
+
+    threads: bpy.props.IntProperty(
+        name="Threads",
+        description="How many threads build trees and cast rays; 0 for every core. No result depends on it",
+        default=0,
+        min=0,
+        max=1024,
+        update=_set_threads,
+    )
+
+    cache_size: bpy.props.IntProperty(
+        name="Cache (MB)",
+        description=(
+            "Megabytes for the trees and images of all scenes and view layers together; 0 for no limit. Beyond that "
+            "those used longest ago are dropped, and read anew when they are shown again"
+        ),
+        default=DEFAULT_CACHE_SIZE,
+        min=0,
+        soft_max=1 << 16,
+        max=1 << 24,
+    )
+
+    precision: bpy.props.EnumProperty(
+        name="Precision",
+        description="How camera rays and scans are traced in scenes that do not say otherwise",
+        items=PRECISION_ITEMS,
+        default="ROBUST",
+    )
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        error = native_error()
+        if error is not None:
+            layout.label(text=error, icon="ERROR")
+            return
+        layout.label(text=native_summary(), icon="CHECKMARK")
+        layout.use_property_split = True
+        layout.prop(self, "threads")
+        layout.prop(self, "cache_size")
+        layout.prop(self, "precision")
+
+
+def register() -> None:
+    bpy.utils.register_class(PERFECT_BVH_AP_preferences)
+    addon = bpy.context.preferences.addons.get(ADDON)
+    if addon is not None and addon.preferences is not None and addon.preferences.threads:
+        _set_threads(addon.preferences, None)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(PERFECT_BVH_AP_preferences)
+    native_error.cache_clear()

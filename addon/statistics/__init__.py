@@ -1,0 +1,1 @@
+"""What the last image of each scene cost, in one place, and as rows that panels show."""

@@ -1,0 +1,41 @@
+"""What one image cost, however it was made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from perfect_bvh import Audit
+
+    from ..settings.scene_settings import RenderSettings
+    from ..sync.report import SyncReport
+
+Source = Literal["Render", "Preview", "Viewport"]
+
+
+@dataclass(frozen=True, slots=True)
+class FrameStatistics:
+    """What one frame cost.
+
+    source: what it was made for. size: (width, height). camera_rays: pixels in the border times samples, 0 if untraced.
+    trace_milliseconds: without those of the audit. audit: what checking a share of the camera rays has shown, None if
+    nobody asked. mesh_costs: by mesh id, the share of the camera rays' work that went into rays that end on the mesh.
+    """
+
+    frame: float
+    size: tuple[int, int]
+    settings: RenderSettings
+    report: SyncReport
+    trace_milliseconds: float
+    camera_rays: int
+    audit: Audit | None = None
+    audit_milliseconds: float = 0.0
+    mesh_costs: Mapping[int, float] = field(default_factory=dict)
+    source: Source = "Render"
+
+    @property
+    def rays_per_second(self) -> float:
+        """Camera rays, with all that followed from each, a second; 0 if nothing was traced."""
+        return self.camera_rays / self.trace_milliseconds * 1e3 if self.trace_milliseconds else 0.0

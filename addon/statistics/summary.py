@@ -1,0 +1,138 @@
+"""What a frame cost and what was done for it, as short rows of text for a panel. Knows no panel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from perfect_bvh import Audit, MeshReport
+
+    from ..sync.records import UnseenMesh
+    from ..sync.report import MeshChange, SyncReport
+    from .frame_statistics import FrameStatistics
+
+SHOWN_MESHES = 10
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRow:
+    """One mesh.
+
+    usage: its class, and usage_reason why. action: what the last frame did to its tree. reason: a sentence.
+    ray_share: of the camera rays' work, 0 to 1, what went into rays that end on it. milliseconds, byte_count: of the
+    tree that was made or weighed, else 0. source, session_uid: what the mesh comes
+    from, as the Select Objects button takes it.
+    """
+
+    name: str
+    source: str
+    session_uid: int
+    triangle_count: int
+    usage: str
+    usage_reason: str
+    action: str
+    builder: str
+    reason: str
+    milliseconds: float
+    byte_count: int
+    ray_share: float
+
+
+def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
+    """(name, value) of the steps of a frame in their order, then of what they were done to."""
+    report = statistics.report
+    width, height = statistics.size
+    rows = [
+        (statistics.source, f"Frame {statistics.frame:g}"),
+        ("Resolution", f"{width} x {height} px"),
+        ("Sync", f"{report.read_milliseconds + report.compare_milliseconds + report.apply_milliseconds:.1f} ms"),
+        ("Build", f"{report.commit_milliseconds:.1f} ms"),
+        ("Trace", f"{statistics.trace_milliseconds:.1f} ms"),
+        ("Camera Rays", f"{statistics.rays_per_second / 1e6:.2f} M/s"),
+        ("Instances", f"{report.commit.instance_count:,}"),
+        ("Memory", format_bytes(report.byte_count)),
+    ]
+    for action in ("built", "rebuilt", "refitted", "rotated", "partly_rebuilt"):
+        count = sum(mesh.action == action for mesh in report.commit.meshes)
+        if count:
+            rows.append((action.replace("_", " ").title(), f"{count:,} of {count_meshes(report):,} trees"))
+    return rows + (_audit_rows(statistics.audit, statistics.audit_milliseconds) if statistics.audit else [])
+
+
+def _audit_rows(audit: Audit, milliseconds: float) -> list[tuple[str, str]]:
+    low, high = audit.interval
+    return [
+        ("Audit", f"{audit.checked_count:,} rays, {milliseconds:.1f} ms"),
+        ("Wrong", f"{len(audit.wrong_rows):,}, {audit.doubtful_count:,} in doubt"),
+        ("Per Million", f"{low:,.0f} to {high:,.0f} (95 %)"),
+    ]
+
+
+def plan_rows(
+    report: SyncReport, mesh_costs: Mapping[int, float] | None = None, limit: int = SHOWN_MESHES
+) -> list[PlanRow]:
+    """The meshes that cost camera rays most (see `FrameStatistics`), then those that took longest, then the largest."""
+    commits = {mesh.mesh_id: mesh for mesh in (*report.commit.meshes, *report.commit.resting)}
+    costs = mesh_costs or {}
+    rows = [
+        _row_of(change, commits.get(change.mesh_id), costs.get(change.mesh_id, 0.0))
+        for change in report.meshes
+        if change.action != "removed"
+    ]
+    rows += [_row_of_unseen(mesh) for mesh in report.unseen]
+    rows.sort(key=lambda row: (-row.ray_share, -row.milliseconds, -row.triangle_count, row.name))
+    return rows[:limit]
+
+
+def _row_of(change: MeshChange, commit: MeshReport | None, ray_share: float) -> PlanRow:
+    """commit: what the engine did for it, None for a mesh that it did not look at."""
+    source, session_uid = change.key[:2]
+    return PlanRow(
+        name=change.name,
+        source=source,
+        session_uid=session_uid,
+        triangle_count=change.triangle_count,
+        usage=change.usage,
+        usage_reason=change.usage_reason,
+        action=commit.action.replace("_", " ") if commit else "kept",
+        builder=commit.builder if commit else "",
+        reason=commit.reason if commit else change.reason,
+        milliseconds=commit.milliseconds if commit else 0.0,
+        byte_count=commit.byte_count if commit else 0,
+        ray_share=ray_share,
+    )
+
+
+def _row_of_unseen(mesh: UnseenMesh) -> PlanRow:
+    return PlanRow(
+        name=mesh.name,
+        source=mesh.source,
+        session_uid=mesh.session_uid,
+        triangle_count=0,
+        usage="unseen",
+        usage_reason=mesh.reason,
+        action="left out",
+        builder="",
+        reason="no ray can meet it, so nothing is read or built",
+        milliseconds=0.0,
+        byte_count=0,
+        ray_share=0.0,
+    )
+
+
+def count_meshes(report: SyncReport) -> int:
+    """How many distinct meshes the scene has."""
+    return len(report.meshes) - report.count_meshes("removed")
+
+
+def format_bytes(count: int) -> str:
+    """In the unit that gives one to four digits before the point."""
+    size = float(count)
+    for unit in ("B", "KiB", "MiB"):
+        if size < 1024.0:
+            return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"
+        size /= 1024.0
+    return f"{size:.2f} GiB"
