@@ -14,7 +14,8 @@ from typing import TypeVar
 import bpy
 import numpy as np
 
-from .image.still import Frame, Images, Progress, border_pixels, check_size, render_frame
+from .image.plan import RenderPlan, plan_render
+from .image.still import Frame, Images, Progress, render_frame
 from .settings.preferences import native_error
 from .settings.scene_settings import ENGINE_NAME, read_settings
 from .statistics.last_result import edits_of, remember
@@ -103,18 +104,24 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Render one view layer of one frame, with each eye if there are several."""
-        if not self._has_room(depsgraph):
+        error = native_error()
+        if error is not None:
+            self._fail(error)
             return
-        views = _view_names(depsgraph.scene)
-        if not views:
-            self._fail(f'No active view found in scene "{depsgraph.scene.name}": enable one under Output > Stereoscopy')
-            return
+        scene = depsgraph.scene
         specs = enabled_passes(depsgraph.view_layer)
+        plan = plan_render(scene, read_settings(scene), tuple(spec.source for spec in specs))
+        if not self._has_room(plan):
+            return
+        views = _view_names(scene)
+        if not views:
+            self._fail(f'No active view found in scene "{scene.name}": enable one under Output > Stereoscopy')
+            return
         layer_name = depsgraph.view_layer.name
         for spec in specs:
             self.add_pass(spec.name, len(spec.channels), spec.channels, layer=layer_name)
         for view in views:
-            if not self._render_view(depsgraph, specs, view):
+            if not self._render_view(depsgraph, plan, specs, view):
                 return
 
     # The viewport ----------------------------------------------------------------------------------------------------
@@ -161,23 +168,23 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
 
     # The parts of a render -------------------------------------------------------------------------------------------
 
-    def _render_view(self, depsgraph: bpy.types.Depsgraph, specs: tuple[PassSpec, ...], view: str) -> bool:
+    def _render_view(
+        self, depsgraph: bpy.types.Depsgraph, plan: RenderPlan, specs: tuple[PassSpec, ...], view: str
+    ) -> bool:
         """Whether there was an image. view: the name of one of several, "" if there is only one."""
         if view:
             self.active_view_set(view)
-        window = self._window(depsgraph.scene)
-        left, right, bottom, top = window
-        size = right - left, top - bottom
-        result = self.begin_result(0, 0, *size, layer=depsgraph.view_layer.name, view=view)
+        left, right, bottom, top = plan.window
+        result = self.begin_result(0, 0, right - left, top - bottom, layer=depsgraph.view_layer.name, view=view)
 
         def show(images: Images) -> None:
-            _write_passes(result.layers[0], specs, images, window)
+            _write_passes(result.layers[0], specs, images, plan.window)
             self.update_result(result)
 
         try:
-            frame = self._render_frame(depsgraph, specs, show if SHOWS_ROUNDS else None, view)
+            frame = self._render_frame(depsgraph, plan, show if SHOWS_ROUNDS else None, view)
             if frame is not None and frame.images:
-                _write_passes(result.layers[0], specs, frame.images, window)
+                _write_passes(result.layers[0], specs, frame.images, plan.window)
         finally:
             self.end_result(result)
         return frame is not None
@@ -192,42 +199,30 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         eye = Eye(np.array(self.camera_model_matrix(camera), np.float64), self.camera_shift_x(camera))
         return read_camera(camera.evaluated_get(depsgraph), read_frame(depsgraph.scene), eye)[0]
 
-    def _has_room(self, depsgraph: bpy.types.Depsgraph) -> bool:
+    def _has_room(self, plan: RenderPlan) -> bool:
         """Whether the image fits into memory, asked before Blender allocates it; if not, an error is reported."""
-        if native_error() is not None or (_job is not None and not _job.trace):
+        if _job is not None and not _job.trace:
             return True
         try:
-            check_size(depsgraph)
+            plan.check_memory()
         except ValueError as problem:
             self._fail(str(problem))
             return False
         return True
 
-    def _window(self, scene: bpy.types.Scene) -> tuple[int, int, int, int]:
-        render = scene.render
-        size = (self.resolution_x, self.resolution_y)
-        if not render.use_border:
-            return 0, size[0], 0, size[1]
-        border = (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y)
-        return border_pixels(border, size)
-
     def _render_frame(
         self,
         depsgraph: bpy.types.Depsgraph,
-        specs: tuple[PassSpec, ...],
+        plan: RenderPlan,
         show: Callable[[Images], None] | None,
         view: str,
     ) -> Frame | None:
         """The frame; None if the render was cancelled or failed, with an error reported."""
-        job = _job or RenderJob()
-        error = native_error()
-        if error is not None:
-            self._fail(error)
-            return None
         import perfect_bvh
 
         from .live.sync_cache import sync_of
 
+        job = _job or RenderJob()
         scene = depsgraph.scene
         edits = edits_of(scene)  # while it renders on a thread of its own, users go on
         job.frame = None
@@ -235,8 +230,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             job.frame = render_frame(
                 sync_of(depsgraph),
                 depsgraph,
-                read_settings(scene),
-                passes=tuple(spec.source for spec in specs),
+                plan,
                 progress=lambda done: self._advance(job, done),
                 show=show,
                 trace=job.trace,

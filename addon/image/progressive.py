@@ -10,13 +10,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
     from perfect_bvh import Appearance, Camera, Snapshot
+
+    from ..live.scene_sync import SceneSync
+    from .plan import RenderPlan
 
 Image = npt.NDArray[np.float32]
 
@@ -44,18 +47,17 @@ class Pace:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What an image shows, and all that it depends on.
-
-    size: (width, height) in pixels. samples: of the finished image. options: of `perfect_bvh.render`.
-    """
+    """What an image shows, and all that it depends on."""
 
     snapshot: Snapshot
     appearance: Appearance
     camera: Camera
-    size: tuple[int, int]
-    mode: str
-    samples: int
-    options: dict[str, Any]
+    plan: RenderPlan
+
+    @staticmethod
+    def of(sync: SceneSync, camera: Camera, plan: RenderPlan) -> View:
+        """Of what a sync that is in step holds."""
+        return View(sync.scene.snapshot(), sync.appearance, camera, plan)
 
 
 class Refinement:
@@ -76,7 +78,7 @@ class Refinement:
         self._clock = clock
         self._film: Image | None = None
         self._row_count = 0  # of the round under way
-        width, height = view.size
+        width, height = view.plan.size
         left, right, bottom, top = view.camera.border
         self._rows = (height - int(np.float32(top) * height), height - int(np.float32(bottom) * height))
         self._columns = max(1, round((right - left) * width))
@@ -84,12 +86,12 @@ class Refinement:
     @property
     def is_finished(self) -> bool:
         """Whether there is nothing left to do."""
-        return self.sample_count >= self.view.samples
+        return self.sample_count >= self.view.plan.samples
 
     @property
     def progress(self) -> float:
         """The share done, 0 to 1."""
-        return self.sample_count / self.view.samples
+        return self.sample_count / self.view.plan.samples
 
     def step(self, seconds: float) -> bool:
         """Work for about `seconds`; whether the image has become better. The first step always makes an image."""
@@ -103,7 +105,7 @@ class Refinement:
         return self._advance(seconds)
 
     def _coarse_divisor(self, seconds: float) -> int:
-        width, height = self.view.size
+        width, height = self.view.plan.size
         fitting = self._pace.pixel_samples_in(seconds)
         for divisor in COARSE_STEPS:
             if (width // divisor) * (height // divisor) <= fitting:
@@ -111,7 +113,7 @@ class Refinement:
         return COARSE_STEPS[-1]
 
     def _trace_coarse(self, divisor: int) -> Image:
-        width, height = self.view.size
+        width, height = self.view.plan.size
         return self._trace((max(1, width // divisor), max(1, height // divisor)), self.view.camera, 0, 1)
 
     def _advance(self, seconds: float) -> bool:
@@ -137,11 +139,11 @@ class Refinement:
 
     def _round_samples(self) -> int:
         """1, 1, 2, 4, 8 ...: as `render_progressively` does it."""
-        return min(max(self.sample_count, 1), self.view.samples - self.sample_count)
+        return min(max(self.sample_count, 1), self.view.plan.samples - self.sample_count)
 
     def _trace_band(self, first_row: int, end_row: int, count: int) -> None:
         """Add `count` samples to the film's rows from first_row to before end_row, counted from the top."""
-        width, height = self.view.size
+        width, height = self.view.plan.size
         left, right, _, _ = self.view.camera.border
         # The renderer truncates: half a pixel more keeps each edge on its row.
         bottom, top = (height - end_row + 0.5) / height, min((height - first_row + 0.5) / height, 1.0)
@@ -164,12 +166,12 @@ class Refinement:
         image = perfect_bvh.render(
             view.snapshot,
             camera,
-            view.mode,  # type: ignore[arg-type]
+            view.plan.settings.mode,  # type: ignore[arg-type]
             size,
             count,
             view.appearance,
             first_sample=first_sample,
-            **view.options,
+            **view.plan.options,
         )
         left, right, bottom, top = camera.border
         seconds, rays = self._clock() - started, int((right - left) * size[0] * (top - bottom) * size[1] * count)

@@ -9,7 +9,7 @@ import bpy
 from ..failure_cases import CASES, find_case
 from ..failure_scenes import add_failure_scene
 from ..settings.scene_settings import ENGINE_NAME
-from ..view3d.viewport import find_view
+from ..view3d.awaited_view import find_view
 
 CASE_ITEMS = [(case.name.upper(), case.title, case.breaks.removesuffix("."), i) for i, case in enumerate(CASES)]
 

@@ -15,9 +15,10 @@ import numpy as np
 from ..image.progressive import Pace, Refinement
 from ..live.pending_commit import LOOKING_SECONDS
 from ..settings.preferences import native_error
+from ..view3d.awaited_view import AwaitedView, await_view, find_view
 from ..view3d.screen_image import picture_of
 from ..view3d.view_statistics import remember_view
-from ..view3d.viewport import REFINING_SECONDS, AwaitedView, await_view, find_view
+from ..view3d.viewport import REFINING_SECONDS
 from .ticking import Ticking
 
 IMAGE_NAME = "Perfect BVH Preview"
@@ -116,7 +117,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         view = self._view
         scene = next((scene for scene in bpy.data.scenes if scene.session_uid == self._scene_uid), None)
         if scene is not None and view.sync.revision == self._revision and view.sync.scene.is_current:
-            remember_view("Preview", view.sync, refinement, scene, view.moment)
+            remember_view("Preview", view.sync, refinement, scene, view.edits)
 
     def _build(self, context: bpy.types.Context) -> None:
         """Look whether the trees are there; if they are, show the first image."""
@@ -156,7 +157,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         if self._refinement is None:
             state = f"Building trees {self._view.building.share:.0%}"
         else:
-            state = f"Preview: sample {self._refinement.sample_count}/{self._refinement.view.samples}"
+            state = f"Preview: sample {self._refinement.sample_count}/{self._refinement.view.plan.samples}"
         self._tell(context, f"{state}: Esc stops it")
 
     def _end(self, context: bpy.types.Context) -> None:
@@ -168,7 +169,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
 def _store(refinement: Refinement) -> bpy.types.Image:
     """Put an image into the data-block of previews, which is made when it is missing or has been given away."""
     assert refinement.image is not None
-    pixels = picture_of(refinement.image, refinement.view.mode)
+    pixels = picture_of(refinement.image, refinement.view.plan.settings.mode)
     height, width = pixels.shape[:2]
     image = bpy.data.images.get(IMAGE_NAME)
     if image is not None and (image.source != "GENERATED" or not image.is_float or image.library is not None):

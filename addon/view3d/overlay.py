@@ -1,6 +1,6 @@
 """The boxes of the trees, drawn over 3D viewports: the top level, and the tree of the active object.
 
-The boxes are those of the cached sync's scene, which is brought in step when something has changed and a viewport is drawn.
+The boxes are those of the cached sync, which is brought in step when something has changed and a viewport is drawn.
 The lines of a tree are made once and kept until its boxes are others: moving an object only draws its lines elsewhere.
 While trees are built, the last boxes are drawn in grey: nobody takes them for those of the scene as it is. An animation
 that plays waits for each frame's own.

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..image.progressive import Refinement
 from ..image.still import COST_PASSES, mesh_costs
-from ..settings.scene_settings import RenderSettings, read_settings
 from ..statistics.frame_statistics import FrameStatistics, Source
-from ..statistics.last_result import edits_of, remember
+from ..statistics.last_result import remember
 
 if TYPE_CHECKING:
     import bpy
@@ -20,35 +18,19 @@ if TYPE_CHECKING:
 COST_STEP = 4
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """What a scene was when it was read: its settings, and how often it had been edited."""
-
-    settings: RenderSettings
-    edits: int
-
-    @staticmethod
-    def now(scene: bpy.types.Scene) -> Moment:
-        """This one."""
-        return Moment(read_settings(scene), edits_of(scene))
+def remember_view(source: Source, sync: SceneSync, refinement: Refinement, scene: bpy.types.Scene, edits: int) -> None:
+    """Leave for the panels what an image took that shows what `sync` holds. edits: of the scene, when it was read."""
+    remember(scene, view_statistics(source, sync, refinement), edits)
 
 
-def remember_view(
-    source: Source, sync: SceneSync, refinement: Refinement, scene: bpy.types.Scene, moment: Moment
-) -> None:
-    """Leave for the panels what an image took that shows what `sync` holds. moment: when that was read."""
-    remember(scene, view_statistics(source, sync, refinement, moment.settings), moment.edits)
-
-
-def view_statistics(
-    source: Source, sync: SceneSync, refinement: Refinement, settings: RenderSettings
-) -> FrameStatistics:
+def view_statistics(source: Source, sync: SceneSync, refinement: Refinement) -> FrameStatistics:
     """Of an image that shows what `sync` still holds; the report is that of its last change."""
     import perfect_bvh
 
     assert sync.last_change is not None
     view = refinement.view
-    width, height = view.size
+    plan = view.plan
+    width, height = plan.size
     images = perfect_bvh.render_passes(
         view.snapshot,
         view.camera,
@@ -56,12 +38,12 @@ def view_statistics(
         size=(max(1, width // COST_STEP), max(1, height // COST_STEP)),
         appearance=view.appearance,
         passes=COST_PASSES,
-        threads=settings.threads,
+        threads=plan.settings.threads,
     )
     return FrameStatistics(
         frame=sync.record.frame,
-        size=view.size,
-        settings=settings,
+        size=plan.size,
+        settings=plan.settings,
         report=sync.last_change,
         trace_milliseconds=refinement.seconds * 1e3,
         camera_rays=refinement.ray_count,

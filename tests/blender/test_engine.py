@@ -16,6 +16,7 @@ from oracles.png import read_png  # noqa: E402
 from perfect_bvh_addon import engine  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
+from perfect_bvh_addon.image.plan import border_pixels  # noqa: E402
 from perfect_bvh_addon.statistics import last_result  # noqa: E402
 
 BACKGROUND_DEPTH = 1e10
@@ -119,7 +120,7 @@ def test_a_border_is_cut_out_of_the_same_image(scene) -> None:
     render_settings.use_border = True
     render_settings.border_min_x, render_settings.border_max_x = 0.3, 0.71
     render_settings.border_min_y, render_settings.border_max_y = 0.25, 0.9
-    left, right, bottom, top = engine.border_pixels((0.3, 0.71, 0.25, 0.9), (96, 54))
+    left, right, bottom, top = border_pixels((0.3, 0.71, 0.25, 0.9), (96, 54))
     rows, columns = slice(54 - top, 54 - bottom), slice(left, right)
     framed = render_passes(scene, "PERFECT_BVH")
     assert framed.depth.shape == whole.depth.shape

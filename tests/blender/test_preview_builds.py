@@ -158,7 +158,11 @@ def test_the_panels_tell_of_it(cube, scene) -> None:
     operator, window = press()
     tick_to_the_end(operator, window)
     statistics = last_result.last_statistics(scene)
-    assert (statistics.source, statistics.frame, statistics.size) == ("Preview", 7.0, operator._refinement.view.size)
+    assert (statistics.source, statistics.frame, statistics.size) == (
+        "Preview",
+        7.0,
+        operator._refinement.view.plan.size,
+    )
     assert not last_result.is_outdated(scene)
 
 

@@ -8,7 +8,9 @@ import numpy as np
 import perfect_bvh
 import pytest
 from oracles import meshes
+from perfect_bvh_addon.image.plan import plan_view
 from perfect_bvh_addon.image.progressive import Pace, Refinement, View
+from perfect_bvh_addon.settings.scene_settings import RenderSettings
 
 SIZE = (97, 61)
 
@@ -19,7 +21,8 @@ def view() -> View:
     scene.add_instance(scene.add_mesh(*meshes.sphere(16, 24)))
     scene.commit()
     camera = perfect_bvh.Camera.look_at((3.0, 2.0, 1.5), (0.0, 0.0, 0.0), aspect=SIZE[0] / SIZE[1])
-    return View(scene.snapshot(), perfect_bvh.Appearance(), camera, SIZE, "clay", 7, {})
+    settings = RenderSettings("clay", 7, ao_distance=0.0, use_material_colors=True, threads=0)
+    return View(scene.snapshot(), perfect_bvh.Appearance(), camera, plan_view(settings, SIZE))
 
 
 def finish(refinement: Refinement, seconds: float) -> int:
@@ -35,12 +38,15 @@ def finish(refinement: Refinement, seconds: float) -> int:
 @pytest.mark.parametrize("border", [(0.0, 1.0, 0.0, 1.0), (0.2, 0.71, 0.33, 0.9), (0.0, 0.5, 0.95, 1.0)])
 @pytest.mark.parametrize("mode", ["clay", "normal"])
 def test_it_ends_as_a_render_does(view: View, border: tuple[float, ...], mode: str) -> None:
-    view = replace(view, camera=replace(view.camera, border=border), mode=mode)
-    rounds = perfect_bvh.render_progressively(view.snapshot, view.camera, mode=mode, size=SIZE, samples=view.samples)
+    settings = replace(view.plan.settings, mode=mode)
+    view = replace(view, camera=replace(view.camera, border=border), plan=replace(view.plan, settings=settings))
+    rounds = perfect_bvh.render_progressively(
+        view.snapshot, view.camera, mode=mode, size=SIZE, samples=view.plan.samples
+    )
     *_, (count, passes) = rounds
     refinement = Refinement(view, Pace())
     assert finish(refinement, 1e-4) > 3
-    assert refinement.sample_count == count == view.samples
+    assert refinement.sample_count == count == view.plan.samples
     np.testing.assert_array_equal(refinement.image, passes["combined"])
 
 

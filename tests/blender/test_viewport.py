@@ -11,7 +11,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
-from perfect_bvh_addon.view3d import viewport  # noqa: E402
+from perfect_bvh_addon.view3d.awaited_view import TYPE_FILTERS, filter_of  # noqa: E402
 from perfect_bvh_addon.view3d.region_camera import WHOLE, border_of, camera_of  # noqa: E402
 
 
@@ -36,7 +36,7 @@ def region_view(camera: Any, width: int, height: int, zoom: float = 1.0) -> Simp
 
 def space(camera: Any = None, **settings: Any) -> SimpleNamespace:
     defaults = {"camera": camera, "local_view": None, "use_local_collections": False, "use_render_border": False}
-    return SimpleNamespace(**defaults | dict.fromkeys(viewport.TYPE_FILTERS, True) | settings)
+    return SimpleNamespace(**defaults | dict.fromkeys(TYPE_FILTERS, True) | settings)
 
 
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
@@ -98,7 +98,7 @@ def test_a_free_view_has_a_border_of_its_own(scene: Any, camera: Any) -> None:
 
 
 def test_views_that_hide_objects_are_told_apart() -> None:
-    assert not any(viewport._filter_of(space()))
-    assert any(viewport._filter_of(space(local_view=object())))
-    assert any(viewport._filter_of(space(use_local_collections=True)))
-    assert any(viewport._filter_of(space(show_object_viewport_curve=False)))
+    assert not any(filter_of(space()))
+    assert any(filter_of(space(local_view=object())))
+    assert any(filter_of(space(use_local_collections=True)))
+    assert any(filter_of(space(show_object_viewport_curve=False)))

@@ -15,12 +15,14 @@ bpy = pytest.importorskip("bpy")
 import perfect_bvh  # noqa: E402
 import perfect_bvh_addon  # noqa: E402
 from blender.long_builds import PATIENCE, Gate, building_threads, patiently  # noqa: E402
-from perfect_bvh_addon.image.progressive import Pace, Refinement  # noqa: E402
+from perfect_bvh_addon.image.plan import plan_view  # noqa: E402
+from perfect_bvh_addon.image.progressive import Pace, Refinement, View  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of  # noqa: E402
 from perfect_bvh_addon.sync.appearance import as_camera  # noqa: E402
 from perfect_bvh_addon.sync.records import CameraRecord  # noqa: E402
 from perfect_bvh_addon.view3d import viewport  # noqa: E402
+from perfect_bvh_addon.view3d.awaited_view import TYPE_FILTERS  # noqa: E402
 
 SIZE = (32, 18)
 
@@ -60,7 +62,7 @@ class Shown:
     def __init__(self) -> None:
         self.viewport = viewport.Viewport()
         self.screen: list[Any] = []
-        filters = dict.fromkeys(viewport.TYPE_FILTERS, True)
+        filters = dict.fromkeys(TYPE_FILTERS, True)
         self.context = SimpleNamespace(
             space_data=SimpleNamespace(local_view=None, use_local_collections=False, **filters),
             region=SimpleNamespace(width=SIZE[0], height=SIZE[1]),
@@ -85,11 +87,11 @@ def fresh() -> np.ndarray:
     """The finished image of the scene as it is, by trees of its own."""
     sync = perfect_bvh_addon.SceneSync(watch=False)
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    settings = viewport.read_settings(depsgraph.scene)
-    sync.request(viewport.needed_attributes(settings, ()))
+    plan = plan_view(viewport.read_settings(depsgraph.scene), SIZE)
+    sync.request(plan.attributes)
     sync.update(depsgraph)
     camera = as_camera(viewport.camera_of()[0])
-    refinement = Refinement(viewport._view_of(sync, camera, SIZE, settings), Pace())
+    refinement = Refinement(View.of(sync, camera, plan), Pace())
     while not refinement.is_finished:
         refinement.step(10.0)
     return refinement.image
@@ -127,9 +129,9 @@ def test_trees_that_take_long_are_built_beside_it(cube, gate: Gate) -> None:
 
 
 def test_trees_of_a_filter_that_is_lifted_are_built_no_further(cube, gate: Gate, monkeypatch) -> None:
-    begin_update = viewport.begin_update
-    unfiltered = lambda sync, depsgraph, settings, _, region: begin_update(sync, depsgraph, settings, None, region)  # noqa: E731
-    monkeypatch.setattr(viewport, "begin_update", unfiltered)
+    begin_view = viewport.begin_view
+    unfiltered = lambda sync, depsgraph, plan, _: begin_view(sync, depsgraph, plan, None)  # noqa: E731
+    monkeypatch.setattr(viewport, "begin_view", unfiltered)
     shown = Shown()
     gate.close()
     shown.context.space_data.show_object_viewport_curve = False

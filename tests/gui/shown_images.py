@@ -33,17 +33,18 @@ def override(window: bpy.types.Window, area: bpy.types.Area) -> Any:
 
 def expected_image(window: bpy.types.Window, area: bpy.types.Area) -> Any:
     """(H, W, 4): what an area has to show, from a sync that has read nothing but what it shows now."""
-    viewport, refinement, appearance = module("view3d.viewport"), module("image.progressive"), module("sync.appearance")
+    progressive, appearance = module("image.progressive"), module("sync.appearance")
     space, region = area.spaces.active, region_of(area)
     with override(window, area):
         depsgraph = bpy.context.evaluated_depsgraph_get()
         chosen = module("settings.scene_settings").read_settings(window.scene)
         sync = module("live.sync_cache").SceneSync(watch=False)
-        sync.request(module("image.still").needed_attributes(chosen, ()))
+        plan = module("image.plan").plan_view(chosen, (region.width, region.height))
+        sync.request(plan.attributes)
         sync.update(depsgraph, space=space)
         camera, _ = module("view3d.region_camera").camera_of(space.region_3d, space, depsgraph)
-    size = (region.width, region.height)
-    made = refinement.Refinement(viewport._view_of(sync, appearance.as_camera(camera), size, chosen), refinement.Pace())
+    view = progressive.View.of(sync, appearance.as_camera(camera), plan)
+    made = progressive.Refinement(view, progressive.Pace())
     while not made.is_finished:
         made.step(1.0)
     return made.image

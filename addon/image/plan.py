@@ -1,0 +1,108 @@
+"""What an image takes, worked out once: everything that has a part in making it is handed the same plan.
+
+Size and border, the attributes to read, the samples and rays to expect, the passes. Knows no RenderEngine and no sync.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..settings.modes import find_mode
+from ..support.memory import check_fits
+from ..sync.records import AttributeRequest
+
+if TYPE_CHECKING:
+    import bpy
+
+    from ..settings.scene_settings import RenderSettings
+
+Window = tuple[int, int, int, int]
+
+CLAY_LIKE = frozenset({"clay", "matcap", "wireframe"})
+CLAY_GREY = (0.8, 0.8, 0.8)
+# Of a render at its greatest: two images, the light that is smoothed, passes, Blender's copies of them.
+BYTES_A_PIXEL = 192
+
+
+@dataclass(frozen=True, slots=True)
+class RenderPlan:
+    """Of one image.
+
+    size: (width, height) in pixels. window: (left, right, bottom, top), the pixels to trace, from the lower left.
+    passes: the renderer's names of what is wanted beside "combined".
+    """
+
+    settings: RenderSettings
+    size: tuple[int, int]
+    window: Window
+    passes: tuple[str, ...] = ()
+
+    @property
+    def pixel_count(self) -> int:
+        """How many are traced."""
+        left, right, bottom, top = self.window
+        return (right - left) * (top - bottom)
+
+    @property
+    def samples(self) -> int:
+        """Camera rays for each pixel; distances cannot be averaged, so they get one."""
+        return 1 if find_mode(self.settings.mode).has_range else self.settings.samples
+
+    @property
+    def expected_rays(self) -> int:
+        """How many rays it casts at most: what building and refitting is weighed against."""
+        return self.pixel_count * self.samples * find_mode(self.settings.mode).rays_per_sample
+
+    @property
+    def attributes(self) -> AttributeRequest:
+        """What the mode and the passes use; nothing else is read."""
+        mode, passes = self.settings.mode, self.passes
+        return AttributeRequest(
+            material_slots=mode in {"material", "preview"}
+            or (mode in CLAY_LIKE and self.settings.use_material_colors)
+            or "material_index" in passes,
+            corner_normals=mode in {*CLAY_LIKE, "preview", "normal"} or "normal" in passes,
+            corner_uvs=mode == "uv",
+            shading=mode == "preview",
+        )
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """How `perfect_bvh.render` and its like are to trace it."""
+        settings = self.settings
+        return {
+            "threads": settings.threads,
+            "precision": settings.precision,
+            "ao_distance": settings.ao_distance or None,
+            "clay_color": None if settings.use_material_colors else CLAY_GREY,
+        }
+
+    def check_memory(self) -> None:
+        """Raises ValueError if there is no room for the image."""
+        width, height = self.size
+        what = f"An image of {width:,} x {height:,} pixels"
+        check_fits(what, width * height * BYTES_A_PIXEL, "choose a smaller size")
+
+
+def plan_render(scene: bpy.types.Scene, settings: RenderSettings, passes: tuple[str, ...] = ()) -> RenderPlan:
+    """Of a render of `scene`, through its camera, inside its border."""
+    from ..extract.camera import read_frame
+
+    frame = read_frame(scene)
+    size = (frame.width, frame.height)
+    return RenderPlan(settings, size, border_pixels(frame.border, size), passes)
+
+
+def plan_view(settings: RenderSettings, size: tuple[int, int]) -> RenderPlan:
+    """Of an image that fills a region of the screen, or another of so many pixels."""
+    return RenderPlan(settings, size, (0, size[0], 0, size[1]))
+
+
+def border_pixels(border: tuple[float, float, float, float], size: tuple[int, int]) -> Window:
+    """(left, right, bottom, top) of a border given as fractions, in pixels from the lower left, as Blender rounds."""
+    width, height = np.float32(size[0]), np.float32(size[1])
+    left, right, bottom, top = (np.float32(edge) for edge in border)
+    return int(left * width), int(right * width), int(bottom * height), int(top * height)

@@ -1,0 +1,122 @@
+"""One view of a scene: which one it is, what its trees must hold, and its image once they are there.
+
+What needs the native engine is imported where it is used: without it the add-on must still register, and say why.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import bpy
+
+from ..image.plan import RenderPlan, plan_render, plan_view
+from ..image.progressive import Pace, Refinement, View
+from ..image.still import missing_camera
+from ..settings.scene_settings import read_settings
+from ..statistics.last_result import edits_of
+from .region_camera import camera_of
+
+if TYPE_CHECKING:
+    from perfect_bvh import Camera
+
+    from ..live.scene_sync import SceneSync, UpdateCommit
+
+TYPE_FILTERS = (
+    "show_object_viewport_mesh",
+    "show_object_viewport_curve",
+    "show_object_viewport_surf",
+    "show_object_viewport_meta",
+    "show_object_viewport_font",
+)
+
+
+def find_view(context: bpy.types.Context) -> tuple[bpy.types.SpaceView3D, bpy.types.Region] | None:
+    """The current 3D viewport, or else the largest in the window; None if there is none that anybody sees."""
+    if bpy.app.background or context.window is None:
+        return None
+    areas = [area for area in context.window.screen.areas if area.type == "VIEW_3D"]
+    if context.area in areas:
+        areas = [context.area]
+    if not areas:
+        return None
+    area = max(areas, key=lambda area: area.width * area.height)
+    return area.spaces.active, next(region for region in area.regions if region.type == "WINDOW")
+
+
+@dataclass(frozen=True, slots=True)
+class AwaitedView:
+    """One view of a scene that was read, and whose trees are being built. camera: None for the scene's."""
+
+    sync: SceneSync
+    building: UpdateCommit
+    camera: Camera | None
+    plan: RenderPlan
+    edits: int
+
+    def refine(self, pace: Pace) -> Refinement:
+        """The image, not begun yet. Waits for the trees; raises what the engine raises, `Cancelled` without any."""
+        import perfect_bvh
+
+        self.building.result()
+        if not self.sync.scene.is_current:
+            raise perfect_bvh.Cancelled("somebody else has other trees built")
+        camera = self.camera or self.sync.camera
+        assert camera is not None
+        return Refinement(View.of(self.sync, camera, self.plan), pace)
+
+
+def await_view(context: bpy.types.Context) -> AwaitedView:
+    """Of what `find_view` finds, or else of what the scene's camera sees: read now, built while Blender goes on.
+
+    Raises ValueError if there is neither, and what the engine raises.
+    """
+    from ..live.scene_sync import SceneSync
+    from ..live.sync_cache import sync_of
+    from ..sync.appearance import as_camera
+
+    depsgraph = context.evaluated_depsgraph_get()
+    found = find_view(context)
+    is_filtered = found is not None and any(filter_of(found[0]))
+    sync = SceneSync(watch=False) if is_filtered else sync_of(depsgraph)
+    filtering = found[0] if found is not None and is_filtered else None
+    settings, edits = read_settings(context.scene), edits_of(context.scene)
+    if found is None:
+        whole = plan_render(depsgraph.scene, settings)
+        building = begin_view(sync, depsgraph, whole, None)
+        if sync.camera is None:
+            building.stop()
+            raise ValueError(missing_camera(depsgraph.scene, sync))
+        return AwaitedView(sync, building, None, _scaled(whole, context.scene), edits)
+    space, region = found
+    whole = plan_view(settings, (region.width, region.height))
+    building = begin_view(sync, depsgraph, whole, filtering)
+    camera, _ = camera_of(space.region_3d, space, depsgraph)
+    if camera is None:
+        building.stop()
+        raise ValueError("the 3D viewport has no usable view: its matrix is not finite")
+    return AwaitedView(sync, building, as_camera(camera), _scaled(whole, context.scene), edits)
+
+
+def _scaled(plan: RenderPlan, scene: bpy.types.Scene) -> RenderPlan:
+    """What the Preview button makes of it."""
+    percentage = scene.perfect_bvh.preview_percentage
+    width, height = (max(1, round(length * percentage / 100)) for length in plan.size)
+    return plan_view(plan.settings, (width, height))
+
+
+def begin_view(
+    sync: SceneSync, depsgraph: bpy.types.Depsgraph, plan: RenderPlan, space: bpy.types.SpaceView3D | None
+) -> UpdateCommit:
+    """Has a scene read with what the plan of a view needs, and its trees built.
+
+    space: the viewport whose filters count; none do for the trees that all share, whichever view has them updated.
+    """
+    sync.request(plan.attributes)
+    return sync.begin_update(depsgraph, plan.expected_rays, space=space)
+
+
+def filter_of(space: bpy.types.SpaceView3D) -> tuple[bool, ...]:
+    """What makes a viewport show other objects than the rest do; all False where nothing does."""
+    hidden_types = (not getattr(space, name) for name in TYPE_FILTERS)
+    return (space.local_view is not None, space.use_local_collections, *hidden_types)
