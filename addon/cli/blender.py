@@ -85,7 +85,7 @@ def apply_settings(scene: bpy.types.Scene, arguments: argparse.Namespace) -> Non
     if getattr(arguments, "samples", None) is not None:
         scene.perfect_bvh.samples = arguments.samples
     if getattr(arguments, "audit", None) is not None:
-        scene.perfect_bvh.use_audit, scene.perfect_bvh.audit_share = True, arguments.audit
+        scene.perfect_bvh.audit = arguments.audit
 
 
 def _active_view_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:

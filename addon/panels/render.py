@@ -66,21 +66,6 @@ class PERFECT_BVH_PT_performance(SubPanel, bpy.types.Panel):
         layout.prop(render, "use_persistent_data", text="Persistent Data")
 
 
-class PERFECT_BVH_PT_audit(SubPanel, bpy.types.Panel):
-    """Whether a share of a render's rays is checked again. The result stands under Statistics."""
-
-    bl_label = "Audit"
-
-    def draw_header(self, context: bpy.types.Context) -> None:
-        self.layout.prop(context.scene.perfect_bvh, "use_audit", text="")
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = settings_layout(self)
-        settings = context.scene.perfect_bvh
-        layout.active = settings.use_audit
-        layout.prop(settings, "audit_share")
-
-
 class PERFECT_BVH_PT_simplify(RenderPanel, bpy.types.Panel):
     """Blender's own Simplify settings. Its panel would stand above this engine's, which come first everywhere else."""
 
@@ -119,6 +104,6 @@ def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> N
         column.prop(scene.view_settings, "view_transform", text="View Transform")
 
 
-CLASSES = (PERFECT_BVH_PT_render, PERFECT_BVH_PT_film, PERFECT_BVH_PT_performance, PERFECT_BVH_PT_audit)
+CLASSES = (PERFECT_BVH_PT_render, PERFECT_BVH_PT_film, PERFECT_BVH_PT_performance)
 # After everything that belongs into the panel above.
 LAST_CLASSES = (PERFECT_BVH_PT_simplify, PERFECT_BVH_PT_simplify_viewport, PERFECT_BVH_PT_simplify_render)

@@ -177,16 +177,13 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
         max=100,
         subtype="PERCENTAGE",
     )
-    use_audit: bpy.props.BoolProperty(
+    # In no panel: for scripts and the command line. A name of its own, so that no file that was saved when there were
+    # a panel's switch and share beside it has renders checked without a way to see that.
+    audit: bpy.props.FloatProperty(
         name="Audit",
-        description="Check a share of a render's camera rays again, in double precision and without a tree",
-        default=False,
-    )
-    audit_share: bpy.props.FloatProperty(
-        name="Share",
-        description="How many of the camera rays are checked: each is tried against every triangle of the scene",
-        default=0.001,
-        min=1e-6,
+        description="Share of a render's camera rays that are checked again, in double precision and without a tree",
+        default=0.0,
+        min=0.0,
         max=1.0,
         precision=4,
     )
@@ -201,7 +198,7 @@ def read_settings(scene: bpy.types.Scene) -> RenderSettings:
         ao_distance=settings.ao_distance,
         use_material_colors=settings.use_material_colors,
         threads=scene.render.threads if scene.render.threads_mode == "FIXED" else 0,
-        audit_share=settings.audit_share if settings.use_audit else 0.0,
+        audit_share=settings.audit,
         precision=read_precision(scene),
     )
 

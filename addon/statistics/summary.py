@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from perfect_bvh import Audit, MeshReport
+    from perfect_bvh import MeshReport
 
     from ..sync.records import UnseenMesh
     from ..sync.report import MeshChange, SyncReport
@@ -59,16 +59,7 @@ def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
         count = sum(mesh.action == action for mesh in report.commit.meshes)
         if count:
             rows.append((action.replace("_", " ").title(), f"{count:,} of {count_meshes(report):,} trees"))
-    return rows + (_audit_rows(statistics.audit, statistics.audit_milliseconds) if statistics.audit else [])
-
-
-def _audit_rows(audit: Audit, milliseconds: float) -> list[tuple[str, str]]:
-    low, high = audit.interval
-    return [
-        ("Audit", f"{audit.checked_count:,} rays, {milliseconds:.1f} ms"),
-        ("Wrong", f"{len(audit.wrong_rows):,}, {audit.doubtful_count:,} in doubt"),
-        ("Per Million", f"{low:,.0f} to {high:,.0f} (95 %)"),
-    ]
+    return rows
 
 
 def plan_rows(

@@ -98,17 +98,19 @@ def test_a_panorama_can_be_set_up_without_cycles() -> None:
         drawn(panels.borrowed.PERFECT_BVH_PT_panorama)
 
 
-def test_an_audit_shows_in_the_statistics() -> None:
+def test_an_audit_is_for_scripts_and_shows_in_no_panel() -> None:
     scene = bpy.context.scene
-    scene.perfect_bvh.use_audit, scene.perfect_bvh.audit_share, scene.perfect_bvh.samples = True, 0.5, 4
-    assert not {"Audit", "Wrong"} & set(drawn(reports.PERFECT_BVH_PT_statistics))
     bpy.ops.render.render()
-    rows = dict(summary.statistics_rows(last_result.last_statistics(scene)))
-    count = int(rows["Audit"].partition(" ")[0].replace(",", ""))
-    assert 0.4 * 4 * 32 * 18 < count < 0.6 * 4 * 32 * 18
-    assert rows["Wrong"].startswith("0, ")
-    assert rows["Per Million"].endswith("(95 %)")
-    assert {"Audit", "Wrong", "Per Million"} <= set(drawn(reports.PERFECT_BVH_PT_statistics))
+    assert last_result.last_statistics(scene).audit is None
+    rows = drawn(reports.PERFECT_BVH_PT_statistics)
+    scene.perfect_bvh.audit, scene.perfect_bvh.samples = 0.5, 4
+    bpy.ops.render.render()
+    audit = last_result.last_statistics(scene).audit
+    assert 0.4 * 4 * 32 * 18 < audit.checked_count < 0.6 * 4 * 32 * 18
+    assert len(audit.wrong_rows) == 0
+    assert not {"Audit", "Wrong"} & {*rows, *drawn(reports.PERFECT_BVH_PT_statistics)}
+    scene.camera.data.type = "PANO"  # so that each panel is shown
+    assert not any("audit" in name.lower() for panel in panels.CLASSES for name in drawn(panel))
 
 
 def test_what_could_not_be_read_stays_in_the_statistics() -> None:

@@ -31,9 +31,8 @@ MAIN_BUTTONS = [
     "perfect_bvh.samples",
 ]
 HEADER_CHECKBOX_OF_PANEL = 0.13
-HEADER_CHECKBOX = 0.18  # of a sub-panel: where it stands in the width of the region
 MENU_BELOW_HEADER = 57  # with a line of text between
-WITH_REPORTS = (*SUB_PANELS[:5], "Statistics", "Plan", *SUB_PANELS[5:])
+WITH_REPORTS = (*SUB_PANELS[:4], "Statistics", "Plan", *SUB_PANELS[4:])
 
 
 def enable() -> Step:
@@ -89,15 +88,6 @@ def press_film_and_performance() -> Step:
     render.threads_mode = "FIXED"
     yield from open_sub_panel("Performance", change_all(render, {"threads": None}))
     render.threads_mode = "AUTO"
-
-
-def audit() -> Step:
-    area = area_of("PROPERTIES")
-    y = yield from header_of(SUB_PANELS.index("Audit"))
-    yield from change(area, Button("perfect_bvh.use_audit", y, HEADER_CHECKBOX), settings())
-    settings().use_audit = True
-    yield from open_sub_panel("Audit", change_all(settings(), {"audit_share": "0.02"}))
-    settings().use_audit = False
 
 
 def fill_in_the_rays_panel() -> Step:

@@ -30,7 +30,6 @@ STEPS = (
     panel_steps.enable,
     panel_steps.press_the_main_panels_buttons,
     panel_steps.press_film_and_performance,
-    panel_steps.audit,
     panel_steps.fill_in_the_rays_panel,
     panel_steps.press_simplify,
     panel_steps.press_the_panorama,
