@@ -133,7 +133,7 @@ def _add_calibrate(commands: argparse._SubParsersAction) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; the process's exit status: 0, 2 for an error, 130 after Ctrl-C, 141 if nobody reads."""
+    """Run the command line; the process's exit status: 0, 2 for an error, 130 after Ctrl-C, 141 after a closed pipe."""
     arguments = build_parser().parse_args(argv)
     try:
         if arguments.command == "render":
@@ -154,7 +154,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except CommandError as error:
         sys.stderr.write(f"perfect-bvh: error: {error}\n")
         return EXIT_ERROR
-    except BrokenPipeError:  # the reader went away, as `| head` does: nobody is left to tell
+    except BrokenPipeError:  # the reader went away, as `| head` does: there is no one to tell
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - or Python's last flush would complain
         return EXIT_PIPE
     except KeyboardInterrupt:

@@ -138,7 +138,7 @@ def stop_on_interrupt() -> Iterator[StopRequest]:
     request = StopRequest()
     try:
         before = signal.signal(signal.SIGINT, request._set)
-    except ValueError:  # not the main thread: whoever runs it there has its own ways to stop it
+    except ValueError:  # not the main thread: the program that runs it there has its own ways to stop it
         yield request
         return
     try:

@@ -1,10 +1,10 @@
-"""Tells whoever listens that Blender has evaluated something, changed the frame, undone a step or loaded a file.
+"""Tells its listeners that Blender has evaluated something, changed the frame, undone a step or loaded a file.
 
 Also keeps the log of what was evaluated, see `evaluation_log.py`, and counts the edits of each scene, for as long as
 anybody listens.
 
 Blender's handlers are installed with the first listener and removed when the last one stops listening. Listeners are
-held weakly: a forgotten one costs nothing but handlers that tell nobody. A handler does no more: what to do about
+held weakly: a forgotten one costs nothing but handlers without a listener. A handler does no more: what to do about
 a change is the listener's business, and it must be little. Nor may it remove itself: Blender goes through its list by
 number, and would pass over the handler that comes next.
 """
@@ -52,7 +52,7 @@ def stop_listening(listener: ChangeListener) -> None:
 
 
 def watched_evaluations(depsgraph: Any) -> EvaluationLog | None:
-    """The log of what was evaluated, None if nobody listens: then nothing is known.
+    """The log of what was evaluated, None without a listener: then nothing is known.
 
     depsgraph: what is about to be read. Within a handler it may name changes that the log has yet to be told.
     """
@@ -64,9 +64,9 @@ def watched_evaluations(depsgraph: Any) -> EvaluationLog | None:
 
 
 def watch_again() -> None:
-    """Installs again what somebody has taken from Blender's lists, and tells all that they may have missed something.
+    """Installs again what another script took from Blender's lists; listeners are told that they may have missed changes.
 
-    For whoever reads, or shows what was read.
+    Called before a scene is read, or what was read is shown.
     """
     global _gap_count
     if _listeners and not all(handler in getattr(bpy.app.handlers, name) for name, handler in _HANDLERS):

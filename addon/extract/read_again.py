@@ -81,7 +81,7 @@ def remember(
     if shown is None or log is None or look is None:
         return None
     originals = [obj.original for obj in depsgraph.objects]
-    # What is edited or sculpted may change and Blender tell nobody: it is read every time.
+    # What is edited or sculpted may change without a notice from Blender: it is read every time.
     if len(originals) != len(shown) or any(original.mode != "OBJECT" for original in originals):
         return None
     uids = [original.session_uid for original in originals]

@@ -56,7 +56,7 @@ def read_scene(
     size: (width, height) in pixels instead of the scene's render size.
     space: the 3D viewport (`SpaceView3D`) whose local view and filters count.
     reader: how arrays are read; by default the process's own, see `ArrayReader`.
-    cache: what the last reading left; without it everything is read anew, whatever is known of changes.
+    cache: what the last reading left; without it everything is read, whatever is known of changes.
 
     An empty scene is an empty record. What cannot be read is left out and named in the record's warnings.
     """

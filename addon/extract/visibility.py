@@ -83,7 +83,7 @@ class VisibilityReader:
 
     @property
     def look(self) -> tuple[Any, ...] | None:
-        """What decides, beside the objects' own settings, who is seen; None where each object has to be asked anew."""
+        """What decides, beside the objects' own settings, who is seen; None where each object has to be asked again."""
         if self._view_layer.material_override is not None or self._render_filter is not None:
             return None
         space = self._space

@@ -1,6 +1,6 @@
 """A scene and a view layer of it, for work that goes on while Blender's user does.
 
-Between two steps an undo may make all of Blender's things anew, and the user delete the scene or show another one in
+Between two steps an undo may replace all of Blender's data-blocks, and the user delete the scene or show another one in
 the window. So each step looks for the scene by what stays the same.
 """
 

@@ -103,7 +103,7 @@ class SceneSync:
         """Makes the engine's scene equal to an evaluated `bpy.types.Depsgraph`, editing only what differs.
 
         expected_rays: how many rays are about to be cast until the next update: what building and refitting is weighed
-            against. Without it trees are chosen by class, and a refitted one is mended once it is 5 percent worse.
+            against. Without it trees are chosen by class, and a refitted one is restructured when 5 percent worse.
         verify: reads everything a second time in the slow and certain way, and reports each difference.
         camera: an object or a `CameraRecord` instead of the scene's camera. size: (width, height) in pixels
             instead of the render size. space: the `SpaceView3D` whose local view counts.
@@ -113,16 +113,14 @@ class SceneSync:
         """
         self.stop_building()
         self._state.scene.mark_stale(_FAILED)
-        started = time.perf_counter()
-        options: dict[str, Any] = {"camera": camera, "size": size, "space": space, "for_viewport": self._for_viewport}
-        record = read_scene(depsgraph, self._attributes, cache=self._cache, **options)
-        read_milliseconds = (time.perf_counter() - started) * 1e3
+        view = {"camera": camera, "size": size, "space": space}
+        difference, read_milliseconds = self._read(depsgraph, view)
         state = self._state
-        applied = self._apply(state.compare(record))
+        applied = self._apply(difference)
         report = self._finish(state, applied, state.commit(expected_rays, progress), read_milliseconds)
         if verify:
-            certain = read_scene(depsgraph, self._attributes, reader=ArrayReader(use_views=False), **options)
-            report = replace(report, mismatches=find_mismatches(record, certain))
+            certain = self._read_record(depsgraph, view, reader=ArrayReader(use_views=False))
+            report = replace(report, mismatches=find_mismatches(self.record, certain))
         return report
 
     def begin_update(
@@ -147,11 +145,8 @@ class SceneSync:
             raise RuntimeError("begin_update: the sync watches Blender; make it with watch=False")
         if self._building is not None and self._building.is_lost:
             self.stop_building()  # before anything is compared with what it held
-        started = time.perf_counter()
-        options: dict[str, Any] = {"camera": camera, "size": size, "space": space, "for_viewport": self._for_viewport}
         try:
-            record = read_scene(depsgraph, self._attributes, cache=self._cache, **options)
-            difference = self._state.compare(record)
+            difference, read_milliseconds = self._read(depsgraph, {"camera": camera, "size": size, "space": space})
         except BaseException:
             self.stop_building()
             self._state.scene.mark_stale(_FAILED)
@@ -160,7 +155,6 @@ class SceneSync:
         if building is not None and building.is_wanted and difference.is_none:
             return building
         self.stop_building()
-        read_milliseconds = (time.perf_counter() - started) * 1e3 - difference.milliseconds
         state = self._state
         applied = self._apply(difference)
         self._building = BackgroundWork(
@@ -168,6 +162,16 @@ class SceneSync:
             lambda commit: self._finish(state, applied, commit, read_milliseconds),
         )
         return self._building
+
+    def _read(self, depsgraph: Any, view: dict[str, Any]) -> tuple[SceneDifference, float]:
+        """What every update begins with: how Blender's scene differs from what is held, and milliseconds of reading."""
+        started = time.perf_counter()
+        record = self._read_record(depsgraph, view, cache=self._cache)
+        read_milliseconds = (time.perf_counter() - started) * 1e3
+        return self._state.compare(record), read_milliseconds
+
+    def _read_record(self, depsgraph: Any, view: dict[str, Any], **how: Any) -> SceneRecord:
+        return read_scene(depsgraph, self._attributes, for_viewport=self._for_viewport, **view, **how)
 
     def _apply(self, difference: SceneDifference) -> AppliedDifference:
         self._lookup = self._appearance = None
@@ -209,7 +213,7 @@ class SceneSync:
     def _take_in(self, report: SyncReport) -> SyncReport:
         """What is to be known of every update that has succeeded."""
         self._tree_byte_count = report.byte_count
-        self._lookup = None  # what somebody looked up before knew less
+        self._lookup = None  # what was looked up before knew less
         if report.has_changes or self.last_change is None:
             self.revision += 1
             self.last_change = report

@@ -150,7 +150,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
             context.window_manager.progress_update(100 * self._refinement.progress)
 
     def _is_closed(self, context: bpy.types.Context) -> bool:
-        """Whether the image's window is gone: Esc over it goes to that, not to whoever refines the image."""
+        """Whether the image's window is gone: Esc over it goes to that, not to this operator."""
         return self._window is not None and self._window not in _windows(context)
 
     def _show_state(self, context: bpy.types.Context) -> None:

@@ -158,7 +158,7 @@ class Scanner:
         # From here on Blender may do anything between two steps, and is asked for nothing any more.
         before_rays = yield from self._build(building)
         snapshot = sync.scene.snapshot()
-        yield before_rays  # whoever has given up meanwhile waits for no rays
+        yield before_rays  # a scan that was given up meanwhile casts no rays
         count = self._pattern.count(stretch.start, stretch.end)
         check_fits(f"scan: a stretch of {count:,} rays", count * BYTES_A_RAY, "cast fewer, or more steps per frame")
         rays = self._pattern.cast(stretch.start, stretch.end, view)

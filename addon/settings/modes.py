@@ -37,7 +37,7 @@ class Mode:
 
 
 MODES: tuple[Mode, ...] = (
-    # Beside the camera's, a ray to the surroundings and one to a light; a mirrored one where something shines.
+    # Beside the camera's, a ray to the environment and one to a light; a mirrored one on glossy surfaces.
     Mode(
         "preview",
         0,

@@ -88,7 +88,7 @@ class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
         name="Cache (MB)",
         description=(
             "Megabytes for the trees and images of all scenes and view layers together; 0 for no limit. Beyond that "
-            "those used longest ago are dropped, and read anew when they are shown again"
+            "those used longest ago are dropped, and read again when they are shown"
         ),
         default=DEFAULT_CACHE_SIZE,
         min=0,

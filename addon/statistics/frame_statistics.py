@@ -21,7 +21,7 @@ class FrameStatistics:
 
     source: what it was made for. size: (width, height). camera_rays: pixels in the border times samples, 0 if untraced.
     trace_milliseconds: without those of the audit. audit: what checking a share of the camera rays has shown, None if
-    nobody asked. mesh_costs: by mesh id, the share of the camera rays' work that went into rays that end on the mesh.
+    it was not asked for. mesh_costs: by mesh id, the share of the camera rays' work of those that end on the mesh.
     """
 
     frame: float

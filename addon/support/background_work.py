@@ -1,7 +1,7 @@
-"""A long call of the engine on a thread of its own, so that whoever began it answers its user meanwhile.
+"""A long call of the engine on a thread of its own, so that the thread that began it serves its user meanwhile.
 
 A commit touches nothing but the engine's scene and lets go of Python's lock: what reads Blender comes before it, what
-uses the trees after it, both on the thread of whoever began it. The same holds for large batches of rays. Knows no
+uses the trees after it, both on the thread that began it. The same holds for large batches of rays. Knows no
 Blender.
 """
 
@@ -48,7 +48,7 @@ class BackgroundWork(Generic[Made, Report]):
             self._thread.start()
         except RuntimeError:  # the system has no thread to spare: better late than never
             self._run()
-        except BaseException:  # Ctrl-C: nobody will ask for what the thread makes
+        except BaseException:  # Ctrl-C: the result will not be asked for
             self.ask_to_stop()
             raise
 
@@ -77,7 +77,7 @@ class BackgroundWork(Generic[Made, Report]):
 
     @property
     def is_wanted(self) -> bool:
-        """Whether nobody has asked it to stop."""
+        """Whether it was not asked to stop."""
         return not self._shall_stop
 
     def wait(self, seconds: float) -> bool:

@@ -74,7 +74,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
 
 
 def _material_table(record: SceneRecord) -> MaterialTable:
-    """Without a world nobody has asked what the materials are made of: then only the viewport colours are there."""
+    """Without a world the materials were not asked what they are made of: then only the viewport colours are there."""
     materials = record.materials
     colors = np.array([material.color for material in materials], np.float32).reshape(-1, 4)
     indices = np.array([material.pass_index for material in materials], np.int32)

@@ -112,7 +112,7 @@ class MeshRecord:
         )
 
 
-# The arrays of a mesh, and those of the instances: whoever compares records goes through them.
+# The arrays of a mesh, and those of the instances: what a comparison of records goes through.
 MESH_COLUMNS = (
     "positions",
     "triangles",

@@ -132,7 +132,7 @@ class SyncReport:
 
     @property
     def objects(self) -> tuple[ObjectChange, ...]:
-        """Every object with what happened to it; made anew at each access."""
+        """Every object with what happened to it; made at each access."""
         columns = self.object_columns
         changes = []
         for row in range(len(columns.names)):

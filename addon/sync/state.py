@@ -43,7 +43,7 @@ class EngineScene(MeshScene, Protocol):
 
 
 class TimedCommit(NamedTuple):
-    """The engine's report, and how long whoever committed has waited for it."""
+    """The engine's report, and how long the caller has waited for it."""
 
     report: CommitReport
     milliseconds: float
@@ -148,7 +148,7 @@ class SceneState:
         """Takes in that the commit has succeeded; to be called for each that has, before the next edits."""
         self._meshes.note_commit(commit.report)
         report = applied.report(commit.report, read_milliseconds, commit.milliseconds)
-        self._has_waiting_edits = False  # in the end: if nobody gets this report, the next must tell of the edits
+        self._has_waiting_edits = False  # in the end: if this report gets lost, the next must tell of the edits
         return report
 
     # Applying --------------------------------------------------------------------------------------------------------
@@ -193,7 +193,7 @@ class SceneState:
         )
 
     def _give_up(self) -> None:
-        """Starts over with an empty scene: nobody knows how far the failed edit got."""
+        """Starts over with an empty scene: it is not known how far the failed edit got."""
         self.scene.mark_stale("an update failed and its scene was given up: take the scene from the next update")
         self.scene = self._make_scene()
         self.scene.mark_stale("the last update failed: call update() again")

@@ -60,7 +60,7 @@ class AwaitedView:
 
         self.building.result()
         if not self.sync.scene.is_current:
-            raise perfect_bvh.Cancelled("somebody else has other trees built")
+            raise perfect_bvh.Cancelled("another view has other trees built")
         camera = self.camera or self.sync.camera
         assert camera is not None
         return Refinement(View.of(self.sync, camera, self.plan), pace)

@@ -2,7 +2,7 @@
 
 The boxes are those of the cached sync, which is brought in step when something has changed and a viewport is drawn.
 The lines of a tree are made once and kept until its boxes are others: moving an object only draws its lines elsewhere.
-While trees are built, the last boxes are drawn in grey: nobody takes them for those of the scene as it is. An animation
+While trees are built, the last boxes are drawn in grey, not to be taken for those of the scene as it is. An animation
 that plays waits for each frame's own.
 
 What needs the native engine is imported where it is used: without it the add-on must still register, and say why.

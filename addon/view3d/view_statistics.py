@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from ..live.scene_sync import SceneSync
 
-# Which meshes the rays spend their work on is asked of one pixel in so many, each way: nobody waits for it.
+# Which meshes the rays spend their work on is asked of one pixel in so many, each way: no one waits for it.
 COST_STEP = 4
 
 

@@ -87,7 +87,7 @@ class Viewport:
         self._shown_filter = filter_of(space)
         if not any(self._shown_filter):
             if self._own_sync is not None:
-                self._own_sync.ask_to_stop_building()  # for nobody any more
+                self._own_sync.ask_to_stop_building()  # no view needs it any more
             self._own_sync = None
             return sync_of(depsgraph)
         if self._own_sync is None:
@@ -135,7 +135,7 @@ class Viewport:
         return f"{'Finished' if self._refinement.is_finished else 'Sample'} {done}/{wanted}"
 
     def _follow_view(self, sync: SceneSync, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
-        """Begin anew if what is seen is not what it was; whether it was so."""
+        """Start over if what is seen is not what it was; whether it was so."""
         from ..sync.appearance import as_camera
 
         camera, self.complaint = camera_of(context.region_data, context.space_data, depsgraph)

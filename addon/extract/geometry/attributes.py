@@ -1,6 +1,6 @@
 """Per-triangle attributes of an evaluated mesh: material slots and corner normals.
 
-Each is expanded to one row a triangle, so that whoever shades needs no polygons, corners or domains.
+Each is expanded to one row a triangle, so that shading needs no polygons, corners or domains.
 """
 
 from __future__ import annotations

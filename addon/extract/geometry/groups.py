@@ -47,8 +47,8 @@ class GroupTable:
         """The row of a new group, or NOT_SHOWN.
 
         obj: the evaluated object, or the depsgraph's temporary, that shows data. parent: the instancer or None.
-        is_own: whether data is the object's own and not what geometry nodes made beside it. numbering: how whoever
-        lists instances numbers those of this group.
+        is_own: whether data is the object's own and not what geometry nodes made beside it. numbering: how the
+        instances of this group are numbered.
         """
         if self.visibility.is_hidden(obj, parent):
             return self._leave_out(obj, data, is_own, "what shows it is hidden")

@@ -1,4 +1,4 @@
-"""The distinct meshes of one evaluation: each is read once, whoever shows it, and gets a key that lasts.
+"""The distinct meshes of one evaluation: each is read once, however many objects show it, and gets a key that lasts.
 
 Evaluated meshes have new addresses and new session uids at every evaluation, so neither can be a key. What
 lasts is the object or mesh data-block that a mesh came from:

@@ -36,7 +36,7 @@ def _guess_from_shape(original: Any) -> MeshUsage | None:
         if kind in _CHANGING_MODIFIERS:
             return MeshUsage("changing", f"its modifier {name!r} makes other triangles")
     if original.type == "META":
-        return MeshUsage("changing", "metaballs are polygonized anew wherever one of them moves")
+        return MeshUsage("changing", "metaballs are polygonized again wherever one of them moves")
     deforms = _why_deforming(original, modifiers)
     if deforms is None:
         return None

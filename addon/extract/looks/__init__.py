@@ -1,1 +1,1 @@
-"""What surfaces and surroundings look like: materials and their nodes, images, lights, the world."""
+"""What surfaces and the environment look like: materials and their nodes, images, lights, the world."""

@@ -68,7 +68,7 @@ def temporary_data() -> Iterator[Any]:
     """A place for images that `bpy.data` does not list, gone afterwards.
 
     Blender (4.2 to 5.2) gives the object away without counting that it holds it, too, and lets go of it all the same:
-    whoever then drops it would free what may have become another object's. So it is counted here.
+    dropping it then would free what may have become another object's. So it is counted here.
     """
     with bpy.data.temp_data() as data:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(data))
@@ -114,7 +114,7 @@ def _save_copy(image: Any, path: str) -> bool:
         return False
     try:
         image.save(filepath=path, save_copy=True)
-    except RuntimeError:  # nobody has filled a tile yet
+    except RuntimeError:  # no tile is filled yet
         return False
     return True
 

@@ -1,6 +1,6 @@
 """Images that materials and the world show, as arrays: read once, and again when Blender's image is another.
 
-An image is taken as unchanged if its file, its size and its settings are as before and nobody has painted on it. One
+An image is taken as unchanged if its file, its size and its settings are as before and it was not painted on. One
 with unsaved strokes is read at every sync, as are movies and sequences: nothing tells when the next stroke came, or the
 next frame. What nodes make of an image's pixels is worked out once, too.
 """
@@ -59,7 +59,7 @@ class ImageReader:
         self.warnings: list[str] = []
 
     def row(self, color: Value | None, alpha: Value | None = None) -> int:
-        """The row of an image with the colour of one value and the alpha of another; None for what nobody looks at.
+        """The row of an image with the colour of one value and the alpha of another; None for what is not looked at.
 
         Both have the same texture. Alpha may be the texture's own, which is what it is without a value.
         """

@@ -84,18 +84,18 @@ def _read_material(material: Any, images: ImageReader | None) -> MaterialRecord:
         return record
     surface = read_surface(material, images)
     color_image, alpha_image = _image_rows(surface, images)
-    glow = surface.emission
+    emitted = surface.emission
     return replace(
         record,
         base_color=_rgb(WHITE if surface.base.tint is not None and surface.base.is_guess else surface.base),
-        emission=_rgb(WHITE if glow.texture else glow, surface.brightness),
+        emission=_rgb(WHITE if emitted.texture else emitted, surface.brightness),
         alpha=_share(float(surface.alpha.color[0])) if surface.alpha.texture is None else 1.0,
-        **{name: _share(value) for name, value in surface.gloss.items()},
+        **{name: _share(value) for name, value in surface.specular.items()},
         holdout=_share(surface.holdout),
         color_image=color_image,
         alpha_image=alpha_image,
         tint=surface.base.tint,
-        emission_image=images.row(glow) if glow.texture else -1,
+        emission_image=images.row(emitted) if emitted.texture else -1,
     )
 
 

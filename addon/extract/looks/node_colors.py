@@ -18,7 +18,7 @@ from .node_values import ImageMeans, Pixels, Value, ValueReader, constant
 BLACK = constant(0.0, 0.0, 0.0)
 WHOLE = constant(1.0)
 NOTHING = constant(0.0)
-MATT: Mapping[str, float] = {"metallic": 0.0, "roughness": 1.0, "reflectance": 0.0, "transmission": 0.0}
+DIFFUSE: Mapping[str, float] = {"metallic": 0.0, "roughness": 1.0, "reflectance": 0.0, "transmission": 0.0}
 
 _DEEPEST = 64
 _COLOR_INPUTS = ("Base Color", "Color")
@@ -28,7 +28,7 @@ _COLOR_INPUTS = ("Base Color", "Color")
 class Surface:
     """base, emission: colours; emission is radiance, of `brightness` times as much. alpha: 0 to 1.
 
-    gloss: metallic, roughness, reflectance, transmission, see `perfect_bvh.MaterialTable`. holdout: of what is
+    specular: metallic, roughness, reflectance, transmission, see `perfect_bvh.MaterialTable`. holdout: of what is
     there, how much cuts a hole into the image; a number for all of the surface.
     """
 
@@ -36,7 +36,7 @@ class Surface:
     emission: Value = BLACK
     brightness: float = 1.0
     alpha: Value = WHOLE
-    gloss: Mapping[str, float] = field(default_factory=lambda: MATT)
+    specular: Mapping[str, float] = field(default_factory=lambda: DIFFUSE)
     holdout: float = 0.0
 
 
@@ -79,7 +79,7 @@ class _SurfaceReader:
             return self._principled(node, scope)
         color = next((node.inputs[name] for name in _COLOR_INPUTS if name in node.inputs), None)
         base = self._plain if color is None else self._values.read(color, scope)
-        return Surface(base, gloss={**MATT, **self._gloss_by_name(node, scope)})
+        return Surface(base, specular={**DIFFUSE, **self._specular_by_name(node, scope)})
 
     def _principled(self, node: Any, scope: Scope | None) -> Surface:
         inputs, values = node.inputs, self._values
@@ -87,7 +87,7 @@ class _SurfaceReader:
         surface = Surface(
             values.read(inputs["Base Color"], scope),
             alpha=WHOLE if alpha.is_guess else alpha,
-            gloss={
+            specular={
                 "metallic": values.number(inputs["Metallic"], 0.0, scope),
                 "roughness": values.number(inputs["Roughness"], 0.5, scope),
                 "reflectance": self._reflectance(inputs["IOR"], scope)
@@ -104,12 +104,14 @@ class _SurfaceReader:
         bright = self._values.read(strength, scope)
         if bright.is_guess or (bright.texture is None and not bright.color[0]):
             return surface
-        glow = self._values.read(color, scope)
+        emitted = self._values.read(color, scope)
         if bright.texture is None:
-            return replace(surface, emission=glow, brightness=float(bright.color[0]))
-        return replace(surface, emission=self._values.combine(lambda one, other: one * other, [glow, bright], "glow"))
+            return replace(surface, emission=emitted, brightness=float(bright.color[0]))
+        return replace(
+            surface, emission=self._values.combine(lambda one, other: one * other, [emitted, bright], "emission")
+        )
 
-    def _gloss_by_name(self, node: Any, scope: Scope | None) -> dict[str, float]:
+    def _specular_by_name(self, node: Any, scope: Scope | None) -> dict[str, float]:
         """What of a surface a simple shader node adds to its colour."""
         number = self._values.number
         if node.type in {"BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"}:
@@ -146,22 +148,24 @@ class _SurfaceReader:
             return replace(only, emission=emission, brightness=1.0, alpha=alpha)
         second_share = float(weights[1] / (weights[0] + weights[1]))
         by = factor if first.alpha is WHOLE and second.alpha is WHOLE else constant(second_share)
-        gloss = {name: first.gloss[name] * (1.0 - second_share) + second.gloss[name] * second_share for name in MATT}
+        specular = {
+            name: first.specular[name] * (1.0 - second_share) + second.specular[name] * second_share for name in DIFFUSE
+        }
         holdout = first.holdout * (1.0 - second_share) + second.holdout * second_share
         base = values.combine(_lerp, [by, first.base, second.base], "mix")
-        return Surface(base, emission, 1.0, alpha, gloss, holdout)
+        return Surface(base, emission, 1.0, alpha, specular, holdout)
 
     def _lerp_glow(self, first: Surface, second: Surface, factor: Value) -> Value:
-        glows = self._radiance(first), self._radiance(second)
-        if all(glow.texture is None and not glow.color[:3].any() for glow in glows):
+        emissions = self._radiance(first), self._radiance(second)
+        if all(emitted.texture is None and not emitted.color[:3].any() for emitted in emissions):
             return BLACK
-        return self._values.combine(_lerp, [factor, *glows], "mix")
+        return self._values.combine(_lerp, [factor, *emissions], "mix")
 
     def _add(self, first: Surface, second: Surface) -> Surface:
         if first.holdout + second.holdout >= 1.0:
             return Surface(BLACK, holdout=1.0)
-        glows = self._radiance(first), self._radiance(second)
-        emission = self._values.combine(lambda one, other: one + other, glows, "add")
+        emissions = self._radiance(first), self._radiance(second)
+        emission = self._values.combine(lambda one, other: one + other, emissions, "add")
         brightest = max((first, second), key=lambda surface: float(self._values.mean(surface.base)[:3].sum()))
         return replace(brightest, emission=emission, brightness=1.0, holdout=first.holdout + second.holdout)
 
