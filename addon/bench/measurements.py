@@ -100,26 +100,24 @@ class SceneBench:
                 return
 
     def _answers(self, scene: perfect_bvh.Scene) -> Generator[Step, None, None]:
-        """Speed of both precisions, and how many answers of a random share are wrong."""
+        """How many answers of a random share are wrong."""
         records = self._subject.record
         sizes = np.array([len(mesh.triangles) for mesh in records.meshes])
         triangles = int(sizes[records.instances.mesh_indices].sum())
         budget = 1e9 * max(0.1, PARTS["answers"] * self._seconds - self._passed()) / 3.0
         threads = perfect_bvh.thread_count()
         share = min(1.0, budget * threads / (NANOSECONDS_PER_CHECK * triangles * len(self._rays[0])))
-        for precision in ("robust", "fast"):
-            yield self._share(), f"precision {precision}"
-            row = _Row(trace=[self._cast(scene, precision=precision) for _ in range(5)])
-            what = f"audit of {precision}"
-            yield self._share(), what
-            audit = yield from self._aside(partial(self._audit, scene, precision, share), what)
-            found = {
-                "checked": audit.checked_count,
-                "wrong": len(audit.wrong_rows),
-                "wrong_per_million": audit.wrong_per_million,
-                "interval": list(audit.interval),
-            }
-            self.figures.setdefault("answers", []).append({"name": precision, **row.as_json(), **found})
+        yield self._share(), "answers"
+        row = _Row(trace=[self._cast(scene) for _ in range(5)])
+        yield self._share(), "audit"
+        audit = yield from self._aside(partial(self._audit, scene, share), "audit")
+        self.figures["answers"] = {
+            **row.as_json(),
+            "checked": audit.checked_count,
+            "wrong": len(audit.wrong_rows),
+            "wrong_per_million": audit.wrong_per_million,
+            "interval": list(audit.interval),
+        }
 
     def _planner(self) -> Generator[Step, None, None]:
         """What each number of expected rays makes of the meshes: triangles by builder."""
@@ -165,9 +163,8 @@ class SceneBench:
         """Its milliseconds."""
         return self._aside(lambda progress: self._timed(lambda: scene.commit(progress=progress)), what)
 
-    def _audit(self, scene: perfect_bvh.Scene, precision: str, share: float, progress: Progress) -> Any:
-        hits = scene.cast_rays(*self._rays, precision=precision, audit=share, progress=progress)  # type: ignore[arg-type]
-        return hits.audit
+    def _audit(self, scene: perfect_bvh.Scene, share: float, progress: Progress) -> Any:
+        return scene.cast_rays(*self._rays, audit=share, progress=progress).audit
 
     def _aside(self, work: Callable[[Progress], Made], what: str) -> Generator[Step, None, Made]:
         """What the work returns; meanwhile there are more steps, and closing their iterator stops it."""
@@ -181,9 +178,9 @@ class SceneBench:
 
     # Time -----------------------------------------------------------------------------------------------------------
 
-    def _cast(self, scene: perfect_bvh.Scene, **keywords: Any) -> float:
+    def _cast(self, scene: perfect_bvh.Scene) -> float:
         """Milliseconds of all the rays on all threads."""
-        return self._timed(lambda: scene.cast_rays(*self._rays, fields=("t_hit",), **keywords))
+        return self._timed(lambda: scene.cast_rays(*self._rays, fields=("t_hit",)))
 
     def _timed(self, work: Callable[[], object]) -> float:
         started = self._clock()

@@ -153,33 +153,28 @@ def _layouts(figures: Figures) -> Chart:
 
 
 def _answers(figures: Figures) -> Chart:
-    rows = {row["name"]: row for row in figures["answers"]}
-    robust = rows["robust"]
-    if not robust["checked"]:
+    answers = figures["answers"]
+    if not answers["checked"]:
         title = "The scene is too large to check an answer without a tree in this time: give --seconds more."
-    elif robust["wrong"]:
-        title = f"{robust['wrong']} of {robust['checked']:,} checked answers are wrong: please report this scene."
+    elif answers["wrong"]:
+        title = f"{answers['wrong']} of {answers['checked']:,} checked answers are wrong: please report this scene."
     else:
         title = (
-            f"None of {robust['checked']:,} answers checked again is wrong: fewer than "
-            f"{robust['interval'][1]:,.0f} per million are, at 95 % confidence."
+            f"None of {answers['checked']:,} answers checked again is wrong: fewer than "
+            f"{answers['interval'][1]:,.0f} per million are, at 95 % confidence."
         )
-    if rows.get("fast", {}).get("wrong"):
-        title += f" Leave precision='fast' alone: {rows['fast']['wrong_per_million']:,.0f} per million were wrong."
     series = [
         Series(
-            name,
-            [figures["rays"] / row["trace_ms"]["typical"] / 1e3],
-            [row["wrong_per_million"]],
-            "blue" if name == "robust" else "sky",
-            low=[row["interval"][0]],
-            high=[row["interval"][1]],
-            x_low=[figures["rays"] / row["trace_ms"]["high"] / 1e3],
-            x_high=[figures["rays"] / row["trace_ms"]["low"] / 1e3],
+            "answers",
+            [figures["rays"] / answers["trace_ms"]["typical"] / 1e3],
+            [answers["wrong_per_million"]],
+            "blue",
+            low=[answers["interval"][0]],
+            high=[answers["interval"][1]],
+            x_low=[figures["rays"] / answers["trace_ms"]["high"] / 1e3],
+            x_high=[figures["rays"] / answers["trace_ms"]["low"] / 1e3],
             size=10.0,
-            labels="first",
         )
-        for name, row in rows.items()
     ]
     y = Axis("wrong answers per million", log=True, has_zero=True, low=1.0, high=1e6, powers=True)
     how = "Down and to the right is better. Bars: where the share of wrong answers lies with 95 % confidence."

@@ -113,7 +113,7 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "bench",
         help="measure a scene and draw charts of it",
-        description="Measure for about a minute what builders, layouts, precisions and, over an animation, policies "
+        description="Measure for about a minute what builders, layouts and, over an animation, policies "
         "cost and gain on this scene; write a chart of each with a sentence of advice, and all figures as JSON. "
         "Ctrl-C ends it with what has been measured so far.",
     )

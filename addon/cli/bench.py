@@ -1,4 +1,4 @@
-"""`perfect-bvh bench`: what builders, layouts, precisions and policies cost and gain on a scene, as charts."""
+"""`perfect-bvh bench`: what builders, layouts and policies cost and gain on a scene, as charts."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ GRAZED_SLIVERS = FailureCase(
     "Slivers grazed at half a degree",
     "The determinant of a thin triangle seen almost edge-on is mostly rounding: lost hits, false hits, t far off.",
     "embree 387",
-    'Edge functions whose sign and value are right (Woop, Benthin and Wald 2013; Kahan); not with `precision="fast"`.',
+    "Edge functions whose sign and value are right (Woop, Benthin and Wald 2013; Kahan).",
     grazed_slivers,
     grazing_rays,
 )

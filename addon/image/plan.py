@@ -75,7 +75,6 @@ class RenderPlan:
         settings = self.settings
         return {
             "threads": settings.threads,
-            "precision": settings.precision,
             "ao_distance": settings.ao_distance or None,
             "clay_color": None if settings.use_material_colors else CLAY_GREY,
         }

@@ -28,7 +28,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
     bl_idname = "perfect_bvh.bench"
     bl_label = "Bench This Scene"
     bl_description = (
-        "Measure what builders, layouts, precisions and policies cost and gain on this scene, "
+        "Measure what builders, layouts and policies cost and gain on this scene, "
         "and show the charts in the Image Editor"
     )
     bl_options: ClassVar = {"REGISTER"}

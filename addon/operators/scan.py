@@ -16,7 +16,6 @@ import bpy
 import numpy as np
 
 from ..settings.preferences import native_error
-from ..settings.scene_settings import read_precision
 from ..support.files import check_writable
 from .ticking import Ticking
 
@@ -104,7 +103,6 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
                 frames=frames,
                 steps_per_frame=settings.steps_per_frame,
                 threads=scene.render.threads if scene.render.threads_mode == "FIXED" else 0,
-                precision=read_precision(scene),
             )
         except (ValueError, OSError) as problem:
             self.report({"ERROR"}, _sentence(problem))

@@ -51,7 +51,7 @@ class PERFECT_BVH_PT_film(SubPanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_performance(SubPanel, bpy.types.Panel):
-    """Threads, precision, and whether Blender keeps its evaluated scene from frame to frame."""
+    """Threads, and whether Blender keeps its evaluated scene from frame to frame."""
 
     bl_label = "Performance"
 
@@ -62,7 +62,6 @@ class PERFECT_BVH_PT_performance(SubPanel, bpy.types.Panel):
         column = layout.column()
         column.enabled = render.threads_mode == "FIXED"
         column.prop(render, "threads")
-        layout.prop(context.scene.perfect_bvh, "precision")
         layout.prop(render, "use_persistent_data", text="Persistent Data")
 
 

@@ -15,7 +15,6 @@ from typing import Any
 
 import bpy
 import numpy as np
-from perfect_bvh.queries import Precision
 
 from ..events.changes import listen, stop_listening
 from ..extract.camera import without_scale
@@ -59,7 +58,6 @@ def scan(
     frames: tuple[int, int] | None = None,
     steps_per_frame: int = 1,
     threads: int = 0,
-    precision: Precision = "robust",
     progress: Progress | None = None,
 ) -> PointCloud:
     """Casts a pattern of rays in the current scene and returns the points that they meet, as a `PointCloud`.
@@ -70,16 +68,14 @@ def scan(
     frames: (first, last), both included; the frame that was current is set again at the end. A LiDAR spins on through
         all of them. By default the current frame alone, of which a LiDAR makes one whole turn.
     steps_per_frame: in how many places of a frame the scene is evaluated, for things that move while they are scanned.
-    threads: at most so many; 0 for all. precision: of `cast_rays`.
+    threads: at most so many; 0 for all.
     progress: called with 0 to 1, also while trees are built; returning False raises `perfect_bvh.Cancelled`, within
         about a tenth of a second, as Ctrl-C raises KeyboardInterrupt. The frame is set back either way.
 
     What is seen is what the viewport shows, as far as cameras may see it (Object > Visibility > Ray Visibility).
     Raises ValueError for a sensor that cannot scan, or that is deleted meanwhile, and what the engine raises.
     """
-    scanner = Scanner(
-        pattern, sensor, frames=frames, steps_per_frame=steps_per_frame, threads=threads, precision=precision
-    )
+    scanner = Scanner(pattern, sensor, frames=frames, steps_per_frame=steps_per_frame, threads=threads)
     with closing(scanner.steps()) as steps:
         for done in steps:
             if progress is not None and progress(done) is False:
@@ -103,7 +99,6 @@ class Scanner:
         frames: tuple[int, int] | None = None,
         steps_per_frame: int = 1,
         threads: int = 0,
-        precision: Precision = "robust",
     ) -> None:
         scene = bpy.context.scene
         sensor = scene.camera if sensor is None else sensor
@@ -112,7 +107,7 @@ class Scanner:
         self._place = SceneReference("scan", scene, bpy.context.view_layer)
         self._sensor_name, self._sensor_uid = sensor.name, sensor.session_uid
         self._stretches = tuple(_stretches(pattern, scene, frames, steps_per_frame))
-        self._threads, self._precision = threads, precision
+        self._threads = threads
         self._collector = Collector()
         self._warnings: dict[str, None] = {}
         self.built_share: float | None = None
@@ -174,7 +169,6 @@ class Scanner:
                 mask=VISIBLE_TO_CAMERA,
                 fields=FIELDS,
                 threads=self._threads,
-                precision=self._precision,
             )
             self._collector.add(hits, rays.times[rows], sync)
             cast = min(1.0, (first + RAYS_IN_A_STEP) / len(rays))

@@ -15,10 +15,6 @@ import bpy
 
 ADDON = __package__.rpartition(".")[0]  # as Blender knows it
 DEFAULT_CACHE_SIZE = 8192  # megabytes
-PRECISION_ITEMS = [
-    ("ROBUST", "Robust", "No ray passes between triangles that share an edge or a corner", 1),
-    ("FAST", "Fast", "A ray that meets an edge exactly may pass through it; hardly faster", 2),
-]
 
 
 @functools.cache
@@ -57,12 +53,6 @@ def cache_byte_limit() -> int | None:
     return size << 20 if size else None
 
 
-def default_precision() -> str:
-    """What scenes use that do not say otherwise, as the engine calls it."""
-    addon = bpy.context.preferences.addons.get(ADDON)
-    return "robust" if addon is None or addon.preferences is None else addon.preferences.precision.lower()
-
-
 def _set_threads(preferences: PERFECT_BVH_AP_preferences, context: bpy.types.Context | None) -> None:
     if native_error() is None:
         import perfect_bvh
@@ -96,13 +86,6 @@ class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
         max=1 << 24,
     )
 
-    precision: bpy.props.EnumProperty(
-        name="Precision",
-        description="How camera rays and scans are traced in scenes that do not say otherwise",
-        items=PRECISION_ITEMS,
-        default="ROBUST",
-    )
-
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         error = native_error()
@@ -113,7 +96,6 @@ class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
         layout.use_property_split = True
         layout.prop(self, "threads")
         layout.prop(self, "cache_size")
-        layout.prop(self, "precision")
 
 
 def register() -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import bpy
 
 from .modes import DEFAULT_MODE, MODES
-from .preferences import PRECISION_ITEMS, default_precision
 
 ENGINE_NAME = "PERFECT_BVH"
 MODE_ITEMS = [(mode.name.upper(), mode.label, mode.description, mode.number) for mode in MODES]
@@ -20,8 +19,7 @@ PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if _KNOWS_RELATIVE_PATHS else se
 class RenderSettings:
     """What one render uses, read from a scene's properties.
 
-    threads: 0 for every core. audit_share: of the camera rays to check again, 0 for none. precision: as the engine
-    calls it.
+    threads: 0 for every core. audit_share: of the camera rays to check again, 0 for none.
     """
 
     mode: str
@@ -30,7 +28,6 @@ class RenderSettings:
     use_material_colors: bool
     threads: int
     audit_share: float = 0.0
-    precision: str = "robust"
 
 
 class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
@@ -163,12 +160,6 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     use_material_colors: bpy.props.BoolProperty(
         name="Material Colors", description="The viewport colors of the materials instead of grey", default=True
     )
-    precision: bpy.props.EnumProperty(
-        name="Precision",
-        description="How camera rays and scans are traced",
-        items=[("DEFAULT", "Default", "As the add-on's preferences say", 0), *PRECISION_ITEMS],
-        default="DEFAULT",
-    )
     preview_percentage: bpy.props.IntProperty(
         name="Preview Size",
         description="Size of the preview, compared with the viewport, or with the render where there is no viewport",
@@ -199,14 +190,7 @@ def read_settings(scene: bpy.types.Scene) -> RenderSettings:
         use_material_colors=settings.use_material_colors,
         threads=scene.render.threads if scene.render.threads_mode == "FIXED" else 0,
         audit_share=settings.audit,
-        precision=read_precision(scene),
     )
-
-
-def read_precision(scene: bpy.types.Scene) -> str:
-    """The precision of `scene`, or else of the preferences, as the engine calls it."""
-    chosen = scene.perfect_bvh.precision.lower()
-    return default_precision() if chosen == "default" else chosen
 
 
 CLASSES = (PERFECT_BVH_PG_scan, PERFECT_BVH_PG_overlay, PERFECT_BVH_PG_settings)

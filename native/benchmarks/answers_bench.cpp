@@ -1,5 +1,5 @@
 // answers_bench --rays RAYS.bin --answers OUT.bin --json OUT.json [--peers a,b] [--strategies a,b] [--layouts a,b]
-//   [--precisions a,b] MESH.bin
+//   MESH.bin
 //
 // Not for times but for truth: what every competitor answers, for a judge elsewhere. Competitors are named as by
 // trace_bench. RAYS.bin: uint32 count, uint32 1 for any hit, float32 t_max; float32 origins and directions, 3 a ray.
@@ -26,7 +26,7 @@ namespace perfect_bvh::bench {
 namespace {
 
 struct Options {
-  std::vector<std::string> peers, strategies{"auto"}, layouts{"default"}, precisions{"robust"};
+  std::vector<std::string> peers, strategies{"auto"}, layouts{"default"};
   std::string mesh, rays, answers, json;
 };
 
@@ -41,8 +41,6 @@ Options parse(int count, char** values) {
       options.strategies = arguments.list();
     } else if (name == "--layouts") {
       options.layouts = arguments.list();
-    } else if (name == "--precisions") {
-      options.precisions = arguments.list();
     } else if (name == "--rays") {
       options.rays = arguments.value();
     } else if (name == "--answers") {
@@ -88,19 +86,16 @@ RayCompetitor embree_competitor(const std::string& name, const TriangleMesh& mes
           [peer](std::span<const Ray> rays, std::uint8_t* occluded) { peer->any(rays, occluded); }};
 }
 
-RayCompetitor our_competitor(const Snapshot& snapshot, const std::string& isa, const std::string& strategy,
-                             Precision precision) {
+RayCompetitor our_competitor(const Snapshot& snapshot, const std::string& isa, const std::string& strategy) {
   const TraceOptions options{parse_strategy(strategy), 0};
-  return {way_name(isa, strategy, snapshot.meshes.front().second->config.layout, precision),
-          [&snapshot, isa, options, precision](std::span<const Ray> rays, Hit* hits) {
+  return {way_name(isa, strategy, snapshot.meshes.front().second->config.layout),
+          [&snapshot, isa, options](std::span<const Ray> rays, Hit* hits) {
             set_active_kernels(isa);
-            trace_closest(snapshot.view, {rays.data(), rays.size(), Cull::kNone, nullptr, hits, nullptr, precision},
-                          options);
+            trace_closest(snapshot.view, {rays.data(), rays.size(), Cull::kNone, nullptr, hits, nullptr}, options);
           },
-          [&snapshot, isa, options, precision](std::span<const Ray> rays, std::uint8_t* occluded) {
+          [&snapshot, isa, options](std::span<const Ray> rays, std::uint8_t* occluded) {
             set_active_kernels(isa);
-            trace_any(snapshot.view, {rays.data(), rays.size(), Cull::kNone, nullptr, nullptr, occluded, precision},
-                      options);
+            trace_any(snapshot.view, {rays.data(), rays.size(), Cull::kNone, nullptr, nullptr, occluded}, options);
           }};
 }
 
@@ -146,9 +141,7 @@ void answer(const Options& options) {
   for (const KernelTable* table : available_kernels()) {
     for (const std::string& strategy : options.strategies) {
       for (const auto& snapshot : snapshots) {
-        for (const std::string& precision : options.precisions) {
-          competitors.push_back(our_competitor(*snapshot, table->name, strategy, parse_precision(precision)));
-        }
+        competitors.push_back(our_competitor(*snapshot, table->name, strategy));
       }
     }
   }

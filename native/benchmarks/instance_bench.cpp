@@ -305,7 +305,7 @@ Competitor tracing_competitor(const Ours& ours, const std::string& name) {
   Competitor competitor;
   competitor.name = name == "auto" ? "ours" : "ours/" + name;
   competitor.closest = [&ours, strategy](std::span<const Ray> rays, Hit* hits) {
-    trace_closest(ours.snapshot(), rays, std::span(hits, rays.size()), Cull::kNone, {}, Precision::kRobust, strategy);
+    trace_closest(ours.snapshot(), rays, std::span(hits, rays.size()), Cull::kNone, {}, strategy);
   };
   return competitor;
 }

@@ -3,7 +3,7 @@
 //   --kinds a,b      of primary,tiled,shadow,diffuse,shuffled,occlusion (all)
 //   --isas a,b       kernels (all)                       --in-flight a,b    rays under way (0: the default)
 //   --strategies a,b of auto,packets,stream,single (auto)
-//   --layouts a,b    of default,compact (default)       --precisions a,b   of robust,fast (robust)
+//   --layouts a,b    of default,compact (default)
 //   --peers a,b      embree, embree_avx2, embree_robust, embree_compact, embree_packets (embree)
 //   --size WxH       of the image (640x400)              --json OUT.json
 //   --leaks N        instead: N rays at random vertices and N at random edge points of closed, star-shaped meshes
@@ -40,8 +40,7 @@ namespace {
 
 struct Options {
   int rounds = 7;
-  std::vector<std::string> kinds, isas, in_flight{"0"}, strategies{"auto"}, layouts{"default"}, precisions{"robust"},
-      peers{"embree"}, meshes;
+  std::vector<std::string> kinds, isas, in_flight{"0"}, strategies{"auto"}, layouts{"default"}, peers{"embree"}, meshes;
   std::uint32_t width = 640, height = 400, reinsert = 0;
   std::size_t leaks = 0;
   std::string json;
@@ -65,8 +64,6 @@ Options parse(int count, char** values) {
       options.strategies = arguments.list();
     } else if (name == "--layouts") {
       options.layouts = arguments.list();
-    } else if (name == "--precisions") {
-      options.precisions = arguments.list();
     } else if (name == "--peers") {
       options.peers = arguments.list();
     } else if (name == "--reinsert") {
@@ -142,20 +139,17 @@ struct Competitor {
 };
 
 Competitor make_ours(const SingleMesh& ours, const std::string& isa, const std::string& strategy,
-                     const std::string& in_flight, Precision precision) {
+                     const std::string& in_flight) {
   const TraceOptions trace_options{parse_strategy(strategy), std::stoul(in_flight)};
-  const std::string name =
-      way_name(isa, strategy, ours.wide.layout, precision) + (in_flight == "0" ? "" : "/" + in_flight);
+  const std::string name = way_name(isa, strategy, ours.wide.layout) + (in_flight == "0" ? "" : "/" + in_flight);
   return {name,
-          [&ours, isa, trace_options, precision](std::span<const Ray> rays, Hit* hits) {
+          [&ours, isa, trace_options](std::span<const Ray> rays, Hit* hits) {
             set_active_kernels(isa);
-            trace_closest(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, hits, nullptr, precision},
-                          trace_options);
+            trace_closest(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, hits, nullptr}, trace_options);
           },
-          [&ours, isa, trace_options, precision](std::span<const Ray> rays, std::uint8_t* occluded) {
+          [&ours, isa, trace_options](std::span<const Ray> rays, std::uint8_t* occluded) {
             set_active_kernels(isa);
-            trace_any(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, nullptr, occluded, precision},
-                      trace_options);
+            trace_any(ours.view, {rays.data(), rays.size(), Cull::kNone, nullptr, nullptr, occluded}, trace_options);
           },
           ours.bytes_a_triangle,
           {},
@@ -193,9 +187,7 @@ std::vector<Competitor> make_competitors(const Options& options, const TriangleM
     for (const std::string& strategy : options.strategies) {
       for (const std::string& in_flight : options.in_flight) {
         for (const auto& tree : ours) {
-          for (const std::string& precision : options.precisions) {
-            list.push_back(make_ours(*tree, isa, strategy, in_flight, parse_precision(precision)));
-          }
+          list.push_back(make_ours(*tree, isa, strategy, in_flight));
         }
       }
     }

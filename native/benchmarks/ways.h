@@ -5,7 +5,6 @@
 #include <string>
 
 #include "builders/build_config.h"
-#include "traverse/ray.h"
 #include "traverse/strategy.h"
 
 namespace perfect_bvh::bench {
@@ -18,17 +17,9 @@ inline Strategy parse_strategy(const std::string& name) {
   throw std::runtime_error("no strategy is called " + name + "; there are auto, packets, stream, single");
 }
 
-inline Precision parse_precision(const std::string& name) {
-  if (name == "robust") return Precision::kRobust;
-  if (name == "fast") return Precision::kFast;
-  throw std::runtime_error("no precision is called " + name + "; there are robust, fast");
-}
-
 // "avx2/auto", and what is not the default after it.
-inline std::string way_name(const std::string& isa, const std::string& strategy, TreeLayout layout,
-                            Precision precision) {
-  return isa + "/" + strategy + (layout == TreeLayout::kCompact ? "/compact" : "") +
-         (precision == Precision::kFast ? "/fast" : "");
+inline std::string way_name(const std::string& isa, const std::string& strategy, TreeLayout layout) {
+  return isa + "/" + strategy + (layout == TreeLayout::kCompact ? "/compact" : "");
 }
 
 }  // namespace perfect_bvh::bench

@@ -55,12 +55,6 @@ Cull parse_cull(const std::string& name) {
   throw InvalidArgument("cull must be 'none', 'back' or 'front', got '" + name + "'");
 }
 
-Precision parse_precision(const std::string& name) {
-  if (name == "robust") return Precision::kRobust;
-  if (name == "fast") return Precision::kFast;
-  throw InvalidArgument("precision must be 'robust' or 'fast', got '" + name + "'");
-}
-
 Strategy parse_strategy(const std::string& name) {
   if (name == "auto") return Strategy::kAuto;
   if (name == "packets") return Strategy::kPackets;
@@ -148,10 +142,9 @@ void bind_queries(py::module_& module) {
       "cast_rays",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
          const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull,
-         const std::string& precision, const std::string& strategy, const py::dict& outputs, int threads,
-         const py::object& progress) {
+         const std::string& strategy, const py::dict& outputs, int threads, const py::object& progress) {
         RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
-        rays.precision = parse_precision(precision), rays.strategy = parse_strategy(strategy);
+        rays.strategy = parse_strategy(strategy);
         const HitColumns hits = read_outputs(outputs, rays.count);
         return with_progress(progress, [&](CancelToken& cancel) {
           const BatchSummary summary = cast_rays(self, rays, hits, ThreadPool::shared(), threads, cancel);
@@ -159,16 +152,15 @@ void bind_queries(py::module_& module) {
         });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("cull"), py::arg("precision"), py::arg("strategy"), py::arg("outputs"),
-      py::arg("threads"), py::arg("progress"));
+      py::arg("masks").noconvert(), py::arg("cull"), py::arg("strategy"), py::arg("outputs"), py::arg("threads"),
+      py::arg("progress"));
   snapshot.def(
       "test_occlusions",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
          const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull,
-         const std::string& precision, const std::string& strategy, Array<bool>& occluded, int threads,
-         const py::object& progress) {
+         const std::string& strategy, Array<bool>& occluded, int threads, const py::object& progress) {
         RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
-        rays.precision = parse_precision(precision), rays.strategy = parse_strategy(strategy);
+        rays.strategy = parse_strategy(strategy);
         if (static_cast<std::size_t>(occluded.size()) != rays.count) {
           throw std::invalid_argument("_core: occluded has the wrong size");
         }
@@ -178,8 +170,8 @@ void bind_queries(py::module_& module) {
         });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("cull"), py::arg("precision"), py::arg("strategy"),
-      py::arg("occluded").noconvert(), py::arg("threads"), py::arg("progress"));
+      py::arg("masks").noconvert(), py::arg("cull"), py::arg("strategy"), py::arg("occluded").noconvert(),
+      py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "audit_answers",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,

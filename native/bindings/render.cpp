@@ -51,7 +51,6 @@ RenderSettings read_settings(const py::dict& values) {
   settings.smooth = get<bool>(values, "smooth");
   settings.seed = get<std::uint32_t>(values, "seed");
   settings.threads = get<int>(values, "threads");
-  settings.precision = get<std::string>(values, "precision") == "fast" ? Precision::kFast : Precision::kRobust;
   settings.kept_share = get<float>(values, "kept_share");
   settings.clay.ao_distance = get<float>(values, "ao_distance");
   settings.clay.light_rays = settings.preview.light_rays = get<int>(values, "light_rays");

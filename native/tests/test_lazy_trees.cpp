@@ -88,15 +88,15 @@ TEST_P(LazyTreesOnEveryIsa, RaysHitWhatTheyHitInABuiltScene) {
   for (const Strategy strategy : {Strategy::kAuto, Strategy::kPackets, Strategy::kStream, Strategy::kSingle}) {
     for (const Cull cull : {Cull::kNone, Cull::kBack}) {
       std::vector<Hit> expected(rays.size()), hits(rays.size());
-      trace_closest(*eager, rays, expected, cull, {}, Precision::kRobust, strategy);
+      trace_closest(*eager, rays, expected, cull, {}, strategy);
       const auto lazy = crowd(true);
       ASSERT_EQ(built_count(*lazy), 0u);
-      trace_closest(*lazy, rays, hits, cull, {}, Precision::kRobust, strategy);
+      trace_closest(*lazy, rays, hits, cull, {}, strategy);
       expect_same(hits, expected);
       EXPECT_EQ(built_count(*lazy), 5u);  // all that have triangles
       std::vector<std::uint8_t> expected_any(rays.size()), any(rays.size());
-      trace_occluded(*eager, rays, expected_any, cull, {}, Precision::kRobust, strategy);
-      trace_occluded(*crowd(true), rays, any, cull, {}, Precision::kRobust, strategy);
+      trace_occluded(*eager, rays, expected_any, cull, {}, strategy);
+      trace_occluded(*crowd(true), rays, any, cull, {}, strategy);
       EXPECT_EQ(any, expected_any);
     }
   }
@@ -195,7 +195,7 @@ TEST(LazyTrees, OnlyWhatRaysReachIsBuilt) {
     const auto snapshot = scene.snapshot();
     const std::vector<Ray> rays(64, down_from(15));
     std::vector<Hit> hits(rays.size());
-    trace_closest(*snapshot, rays, hits, Cull::kNone, {}, Precision::kRobust, strategy);
+    trace_closest(*snapshot, rays, hits, Cull::kNone, {}, strategy);
     for (const Hit& hit : hits) ASSERT_EQ(hit.instance_index, 1u);
     EXPECT_EQ(built_count(*snapshot), 1u);
     std::vector<std::uint8_t> occluded(1);

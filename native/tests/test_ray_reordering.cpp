@@ -168,7 +168,7 @@ TEST_P(ReorderedRays, AreThoseOfTheOrderOnly) {
   const KernelTable& kernels = active_kernels();
   const std::vector<Ray> rays = camera_rays(40, 20);
   std::vector<Hit> expected(rays.size());
-  trace_closest(*snapshot, rays, expected, Cull::kNone, {}, Precision::kRobust, Strategy::kSingle);
+  trace_closest(*snapshot, rays, expected, Cull::kNone, {}, Strategy::kSingle);
   std::vector<std::uint32_t> order;
   for (std::uint32_t i = 0; i < 333; ++i) order.push_back((i * 7 + 3) % 800);  // all of them different
   for (const bool in_packets : {false, true}) {

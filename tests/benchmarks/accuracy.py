@@ -36,9 +36,8 @@ from perfect_bvh.audit import Audit
 from tqdm import tqdm
 
 EMBREE = ("embree", "embree_robust")
-PRECISIONS = ("robust", "fast")
 RINGS, SEGMENTS = 48, 64
-PLACED = "perfect_bvh, placed by its matrix"
+OURS, PLACED = "perfect_bvh", "perfect_bvh, placed by its matrix"
 F64 = npt.NDArray[np.float64]
 
 
@@ -115,13 +114,10 @@ def _ask_all(
     """Everyone's answers; those who take one ray a call are asked for the first rays only."""
     answers: dict[str, Answers] = {}
     if native.has("answers_bench"):
-        found = ask(native, case.mesh, rays, EMBREE, {"precisions": PRECISIONS})
+        found = ask(native, case.mesh, rays, EMBREE, {})
         answers |= {name: each for name, each in found.items() if name in EMBREE}
     few = rays.pick(slice(chosen.ray_limit))
-    scene = peers.scene_of(case.mesh)
-    for precision in PRECISIONS:
-        name = f"perfect_bvh, {precision}"
-        answers[name] = peers.ours(scene, name, precision=precision).answers(rays)
+    answers[OURS] = peers.ours(peers.scene_of(case.mesh), OURS).answers(rays)
     if case.matrix is not None:
         answers[PLACED] = _placed(case.matrix, rays)
     others = {
@@ -174,12 +170,10 @@ def _measure_speeds(native: NativePrograms, chosen: argparse.Namespace) -> dict[
     speeds: dict[str, list[float]] = {}
     if native.has("trace_bench"):
         words = ["--rounds", "1", "--kinds", "diffuse", "--isas", perfect_bvh.active_isa(), "--size", chosen.size]
-        words += ["--peers", ",".join(EMBREE), "--precisions", ",".join(PRECISIONS), "--inside"]
+        words += ["--peers", ",".join(EMBREE), "--inside"]
         for _ in range(chosen.rounds):
             for run in native.run("trace_bench", mesh, words):
-                name = run["competitor"]
-                if name not in EMBREE:
-                    name = "perfect_bvh, fast" if name.endswith("/fast") else "perfect_bvh, robust"
+                name = run["competitor"] if run["competitor"] in EMBREE else OURS
                 speeds.setdefault(name, []).append(run["mrays_per_second"])
     result = {name: {**Spread.of(values).as_json(), "from": "native"} for name, values in speeds.items()}
     rays = next(rays for rays in make_rays(mesh, *options.size_of(chosen)) if rays.name == "diffuse")

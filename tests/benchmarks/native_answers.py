@@ -21,7 +21,7 @@ def ask(
 ) -> dict[str, Answers]:
     """By competitor, named as by trace_bench. Where any hit was asked for, primitive_ids is 0 where there is one.
 
-    ways: in which ours trace, values by option: "strategies", "layouts", "precisions".
+    ways: in which ours trace, values by option: "strategies", "layouts".
     """
     with tempfile.TemporaryDirectory() as folder:
         rays_file, answers_file = Path(folder) / "rays.bin", Path(folder) / "answers.bin"

@@ -95,11 +95,11 @@ def ours(scene: perfect_bvh.Scene, name: str, isa: str | None = None, **keywords
 
 
 def ours_in_every_way(scene: perfect_bvh.Scene) -> list[Peer]:
-    """This engine with each instruction set; with the best of them each strategy, and the fast precision."""
+    """This engine with each instruction set; with the best of them each strategy."""
     result = [ours(scene, f"perfect_bvh, {isa}", isa) for isa in perfect_bvh.available_isas()]
     for strategy in ("packets", "stream", "single"):
         result.append(ours(scene, f"perfect_bvh, {strategy}", strategy=strategy))
-    return [*result, ours(scene, "perfect_bvh, fast precision", precision="fast")]
+    return result
 
 
 def embreex(mesh: BenchMesh, *, is_robust: bool = False) -> Peer:

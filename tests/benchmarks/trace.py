@@ -32,7 +32,6 @@ from perfect_bvh.build_config import LAYOUTS
 from tqdm import tqdm
 
 EMBREE = ("embree", "embree_avx2", "embree_robust", "embree_avx2_robust", "embree_packets")
-PRECISIONS = ("robust", "fast")
 STRATEGIES = ("auto", "packets", "stream", "single")
 
 
@@ -44,7 +43,6 @@ def main() -> None:
     counts = [1000, 10_000, 100_000, 1_000_000]
     add("--instances", type=int, nargs="*", default=counts, metavar="N", help="of the first mesh; no number: none")
     add("--layouts", nargs="+", choices=LAYOUTS, default=["default"], help="of our native trees")
-    add("--precisions", nargs="+", choices=PRECISIONS, default=["robust"], help="of our native kernels")
     chosen = parser.parse_args()
     meshes = options.meshes_of(chosen)
     native, left_out = NativePrograms(chosen.native), list[str]()
@@ -102,7 +100,7 @@ def embree_of(chosen: argparse.Namespace) -> list[str]:
 
 def ways_of(chosen: argparse.Namespace) -> dict[str, Sequence[str]]:
     """In which ways our native kernels trace, by option of the programs."""
-    return {"strategies": STRATEGIES, "layouts": chosen.layouts, "precisions": chosen.precisions}
+    return {"strategies": STRATEGIES, "layouts": chosen.layouts}
 
 
 def _one_mesh(

@@ -183,14 +183,6 @@ preferences.cache_size = 5
 import perfect_bvh
 preferences.threads = 1
 assert perfect_bvh.thread_count() == 1
-from perfect_bvh_addon.settings.scene_settings import read_settings
-scene = bpy.context.scene
-assert read_settings(scene).precision == "robust"
-preferences.precision = "FAST"
-assert read_settings(scene).precision == "fast"
-scene.perfect_bvh.precision = "ROBUST"
-assert read_settings(scene).precision == "robust"
-assert read_settings(bpy.data.scenes.new("New")).precision == "fast"
 addon_utils.disable("perfect_bvh_addon")
 assert cache_byte_limit() is None
 print("fine")

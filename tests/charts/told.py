@@ -136,25 +136,11 @@ def wrong_answers(figures: Figures) -> str:
         for name, answers in row["surface"].items():
             if answers["missed_per_million"]:
                 lost[name] = min(lost.get(name, row["value"]), row["value"])
-    speeds = figures["speeds"]
     named_so = {"embree": "Embree's default", "embree_robust": "Embree ROBUST"}
-    fast = speeds["perfect_bvh, fast"]["median"] / speeds["perfect_bvh, robust"]["median"]
-    spread = speeds["perfect_bvh, robust"]
-    most = max(
-        row["vertices"]["perfect_bvh, fast"]["missed_per_million"]
-        for each in figures["sweeps"].values()
-        for row in each
-    )
     losers = listed(
         f"{named_so.get(name, name)} lost some from {away:,.0f} radii away on" for name, away in lost.items()
     )
-    return (
-        f"Rays at vertices are the hardest there are, and rare in pictures: of rays at random points {losers}. "
-        "**Unflattering:** "
-        f'`precision="fast"` loses up to {most:,.0f} in a million at vertices, for {fast:.2f} times the speed of the '
-        f"robust default, whose own quartiles are {spread['low'] / spread['median']:.2f} and "
-        f"{spread['high'] / spread['median']:.2f} of its median."
-    )
+    return f"Rays at vertices are the hardest there are, and rare in pictures: of rays at random points {losers}."
 
 
 def predicted_cost(figures: Figures) -> str:
@@ -179,7 +165,6 @@ def predicted_cost(figures: Figures) -> str:
 def failure_zoo(figures: Figures) -> str:
     cases = figures["cases"]
     work = sorted((case for case in cases if case["unit"] == "times the work"), key=lambda case: -case["ours"])
-    fast = [case["other"][1] > 0 for case in cases if case["other"] and case["other"][0].startswith("precision")]
     others = [case for case in cases if case["unit"] != "times the work" and case["ours"] > case["nothing"]]
     wrong = listed(f"{case['title'].lower()} ({case['ours']:,} {case['unit']})" for case in others)
     dear = listed(f"{case['title'].lower()} ({case['ours']:.1f})" for case in work if case["ours"] > 1.3)
@@ -189,8 +174,7 @@ def failure_zoo(figures: Figures) -> str:
         'hair would be cheap with `builder="spatial"`, which a script must name, or say how many rays will '
         "follow; after a "
         "long chain of small motions a commit that is told no number of rays mends rather than rebuilds. "
-        f'`precision="fast"` gets answers wrong in {sum(fast)} of {len(fast)} cases where it was asked. By the '
-        f"default some "
+        f"Some "
         f"answers differ from double precision's on: {wrong}; there float32 does not say which triangle it is."
     )
 

@@ -8,9 +8,8 @@ from addon.bench.chart import Axis, Chart, Key, Mark, Panel, Series
 
 DATA = "accuracy"
 LOOKS: dict[str, tuple[str, str, Mark]] = {  # label, colour, mark
-    "perfect_bvh, robust": ("Perfect BVH, robust (the default)", "blue", "circle"),
-    "perfect_bvh, fast": ("Perfect BVH, fast", "sky", "triangle"),
-    "perfect_bvh, placed by its matrix": ("Perfect BVH, robust, placed by a matrix", "green", "ring"),
+    "perfect_bvh": ("Perfect BVH", "blue", "circle"),
+    "perfect_bvh, placed by its matrix": ("Perfect BVH, placed by a matrix", "green", "ring"),
     "embree": ("Embree 4.4", "vermilion", "diamond"),
     "embree_robust": ("Embree ROBUST", "orange", "diamond"),
     "BVHTree": ("Blender's BVHTree", "grey", "square"),
@@ -27,14 +26,14 @@ def chart(figures: Figures | None = None) -> Chart:
     """The picture's description; figures: of accuracy.py."""
     figures = figures or load(DATA)
     answers = figures["sweeps"]["offset"][0]["vertices"]
-    rays, few = answers["perfect_bvh, robust"]["rays"], answers.get("BVHTree", {}).get("rays", 0)
+    rays, few = answers["perfect_bvh"]["rays"], answers.get("BVHTree", {}).get("rays", 0)
     bound = max(row["high"] for row in answers.values() if row["rays"] == rays and not row["missed_per_million"])
     rows = [row["vertices"] for sweep in figures["sweeps"].values() for row in sweep]
-    lost = max(row["perfect_bvh, robust"]["missed_per_million"] for row in rows)
+    lost = max(row["perfect_bvh"]["missed_per_million"] for row in rows)
     worst = max(row.get("embree_robust", {}).get("missed_per_million", 0.0) for row in rows)
     ours = f"{lost:,.0f} in a million" if lost else "no ray"
     return Chart(
-        f"Our robust kernels lose {ours} here, about as fast as kernels that do",
+        f"Our kernels lose {ours} here, about as fast as kernels that do",
         "Rays from within a closed sphere, at its vertices: where none may get through, some do. Of "
         f"{count(rays)} rays at each sphere ({count(few)} for Blender's); 0 is none of them, which leaves up to "
         f"{bound:.0f} in a million possible. Embree ROBUST loses up to {worst:,.0f}. Of marks at 0, ours hide others. "
@@ -94,7 +93,7 @@ def _frontier(figures: Figures) -> Panel:
                 x_high=[speed["high"]],
                 size=10.0,
                 labels="points",
-                names=[words.replace("Perfect BVH, ", "").replace("Blender's ", "").replace(" (the default)", "")],
+                names=[words.replace("Blender's ", "")],
             )
         )
     return Panel(

@@ -84,7 +84,6 @@ def press_film_and_performance() -> Step:
     render = bpy.context.scene.render
     yield from open_sub_panel("Film", change_all(render, {"film_transparent": None}))
     yield from open_sub_panel("Performance", change_all(render, {"threads_mode": None, "use_persistent_data": None}))
-    yield from open_sub_panel("Performance", change_all(settings(), {"precision": None}))
     render.threads_mode = "FIXED"
     yield from open_sub_panel("Performance", change_all(render, {"threads": None}))
     render.threads_mode = "AUTO"

@@ -67,16 +67,11 @@ def press_the_preferences() -> Step:
 
     def look_at_cache() -> None:
         check(cache.cache_byte_limit() == 100 << 20, f"the limit is {cache.cache_byte_limit()} bytes, not 100 MB")
-
-    def look_at_precision() -> None:
-        used = module("settings.scene_settings").read_precision(bpy.context.scene)
-        check(used == "fast", f"scenes that say nothing of precision are traced {used}")
         screenshot("preferences_changed")
 
     texts = {
         "threads": ("1", look_at_threads),
         "cache_size": ("100", look_at_cache),
-        "precision": ("", look_at_precision),
     }
     for name, (text, look) in texts.items():
         found = buttons.get(f"{OF_PREFERENCES}{name}")

@@ -15,30 +15,27 @@ from .playing import Moment, play, wrong_answers
 
 RAYS = 1000
 OF_EDGES = 2000
-FAST = 'precision="fast"'
 
 
 def per_million(flags: np.ndarray) -> float:
     return 1e6 * float(np.mean(flags)) if len(flags) else 0.0
 
 
-def _ours(moment: Moment, rays: Rays, precision: str = "robust") -> np.ndarray:
-    hits = moment.scene.cast_rays(*rays, precision=precision)
+def _ours(moment: Moment, rays: Rays) -> np.ndarray:
+    hits = moment.scene.cast_rays(*rays)
     return wrong_answers(moment.scene, rays, hits.t_hit, hits.instance_ids, hits.primitive_ids)
 
 
 def usual_test(case: FailureCase) -> Loss:
     """The usual test on every triangle in turn, no tree; over all states of the case."""
-    naive, ours, fast = [], [], []
+    naive, ours = [], []
     for index, moment in enumerate(play(case.states())):
         rays = case.rays(moment.state, RAYS, index)
         t_hit, rows = closest_hits(world_corners(moment.state), *rays)
         instances = np.where(rows < 0, -1, moment.instance_ids[0][0])
         naive.append(wrong_answers(moment.scene, rays, t_hit, instances, rows))
         ours.append(_ours(moment, rays))
-        fast.append(_ours(moment, rays, "fast"))
-    naive_loss, ours_loss, fast_loss = (per_million(np.concatenate(flags)) for flags in (naive, ours, fast))
-    return Loss(PER_MILLION, naive_loss, ours_loss, other=(FAST, fast_loss))
+    return Loss(PER_MILLION, *(per_million(np.concatenate(flags)) for flags in (naive, ours)))
 
 
 def grazed(case: FailureCase) -> Loss:
@@ -47,13 +44,11 @@ def grazed(case: FailureCase) -> Loss:
     rays = tuple(values.astype(np.float32) for values in case.rays(moment.state, RAYS, 1))
     corners = world_corners(moment.state)
     exact = closest_hits(corners, *rays, epsilon=0.0, dtype=np.float64)
-    answers = [closest_hits(corners, *rays)]
-    for precision in ("robust", "fast"):
-        hits = moment.scene.cast_rays(*rays, precision=precision)
-        answers.append((hits.t_hit, hits.primitive_ids))
+    hits = moment.scene.cast_rays(*rays)
+    answers = [closest_hits(corners, *rays), (hits.t_hit, hits.primitive_ids)]
     with np.errstate(invalid="ignore"):  # both miss: inf - inf
         losses = [per_million((rows != exact[1]) | (np.abs(t - exact[0]) > 1e-5 * exact[0])) for t, rows in answers]
-    return Loss("unlike double's per million", losses[0], losses[1], other=(FAST, losses[2]))
+    return Loss("unlike double's per million", losses[0], losses[1])
 
 
 def leaks(case: FailureCase) -> Loss:
@@ -61,8 +56,8 @@ def leaks(case: FailureCase) -> Loss:
     (moment,) = play(case.states())
     rays = case.rays(moment.state, OF_EDGES, 1)
     naive = closest_hits(world_corners(moment.state), *rays)[1] < 0
-    ours, fast = (~moment.scene.test_occlusions(*rays, precision=precision) for precision in ("robust", "fast"))
-    return Loss("leaks per million", per_million(naive), per_million(ours), other=(FAST, per_million(fast)))
+    ours = ~moment.scene.test_occlusions(*rays)
+    return Loss("leaks per million", per_million(naive), per_million(ours))
 
 
 def other_rounding(case: FailureCase) -> Loss:
@@ -86,8 +81,7 @@ def usual_slabs(case: FailureCase) -> Loss:
     hits = moment.scene.cast_rays(*rays)
     at, boxes = hits.is_hit, boxes_of(world_corners(moment.state))[hits.primitive_ids]
     lost = ~slabs.box_hits(boxes[at, 0], boxes[at, 1], rays[0][at], rays[1][at])
-    ours, fast = (per_million(_ours(moment, rays, precision)) for precision in ("robust", "fast"))
-    return Loss(PER_MILLION, per_million(lost), ours, other=(FAST, fast))
+    return Loss(PER_MILLION, per_million(lost), per_million(_ours(moment, rays)))
 
 
 def poisoned_root(case: FailureCase) -> Loss:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +17,6 @@ from .hits import DEFAULT_FIELDS, Hits, allocate_columns
 from .report import SceneStatistics
 
 Cull = Literal["none", "back", "front"]
-Precision = Literal["robust", "fast"]
-PRECISIONS: tuple[str, ...] = get_args(Precision)
 Strategy = Literal["auto", "packets", "stream", "single"]
 
 ALL_MASK = 0xFFFFFFFF
@@ -73,7 +71,6 @@ class Queries:
         mask: npt.ArrayLike = ALL_MASK,
         cull: Cull = "none",
         fields: Iterable[str] | None = None,
-        precision: Precision = "robust",
         threads: int = 0,
         audit: float = 0.0,
         out: dict[str, npt.NDArray[Any]] | None = None,
@@ -82,12 +79,9 @@ class Queries:
     ) -> Hits:
         """The first thing that each ray meets. For the other arguments see `Queries`.
 
+        Watertight: no ray passes between triangles that share an edge or a vertex.
+
         fields: names of the fields to compute; None for the usual ones, see `Hits`.
-        precision: "robust": watertight, no ray passes between triangles that share an edge or a vertex. "fast": edges
-            are rounded as they come, so that a ray aimed at an edge of a closed surface may slip through (641 of a
-            million on a sphere of 82,000 triangles; robust: none), and one that passes by an edge within a rounding
-            may be taken to hit. On thin triangles t comes out wrong, too: beyond what rounding the ray explains for 9 %
-            of the rays on sticks, by up to 0.7 % of t on slivers. No gain has been measured beyond noise.
         audit: the share of rays, 0 to 1, to check again in double precision and without any tree; what that shows is
             in the answer's `audit`. It costs about 5 ns for each checked ray and triangle of the scene.
         out: arrays to write fields into, by name: contiguous, of the field's dtype and shape, for fields that are
@@ -99,17 +93,16 @@ class Queries:
 
         Returns `Hits`, one row a ray, always; invalid rays are misses, counted in `invalid_count`.
         """
-        _check_way("cast_rays", precision, strategy)
+        _check_strategy("cast_rays", strategy)
         _check_audit("cast_rays", audit)
         batch = ray_batch("cast_rays", origins, directions, t_min, t_max, mask, cull, threads)
         names = _names(fields)
         hidden = [name for name in AUDITED_FIELDS if audit > 0.0 and name not in names]
         columns = allocate_columns("cast_rays", (*names, *hidden), batch.shape, out, batch.arrays)
         snapshot, invalid, packed = self._committed(), 0, 0
-        way = (cull, precision, strategy)
         for piece in batch.pieces(share_of(progress, 0.0, 0.5) if audit > 0.0 else progress):
             part = {name: column[piece.index] for name, column in columns.items()}
-            counts = snapshot.cast_rays(*_five(piece.columns), *way, part, threads, piece.progress)
+            counts = snapshot.cast_rays(*_five(piece.columns), cull, strategy, part, threads, piece.progress)
             invalid, packed = invalid + counts[0], packed + counts[1]
         audited = None
         if audit > 0.0:
@@ -125,7 +118,6 @@ class Queries:
         t_max: npt.ArrayLike = np.inf,
         mask: npt.ArrayLike = ALL_MASK,
         cull: Cull = "none",
-        precision: Precision = "robust",
         threads: int = 0,
         progress: Progress | None = None,
         strategy: Strategy = "auto",
@@ -134,13 +126,13 @@ class Queries:
 
         True exactly where `cast_rays` finds a hit, but faster.
         """
-        _check_way("test_occlusions", precision, strategy)
+        _check_strategy("test_occlusions", strategy)
         batch = ray_batch("test_occlusions", origins, directions, t_min, t_max, mask, cull, threads)
         occluded = np.empty(batch.shape, np.bool_)
         snapshot = self._committed()
         for piece in batch.pieces(progress):
             part = occluded[piece.index]
-            snapshot.test_occlusions(*_five(piece.columns), cull, precision, strategy, part, threads, piece.progress)
+            snapshot.test_occlusions(*_five(piece.columns), cull, strategy, part, threads, piece.progress)
         return occluded
 
     def count_intersections(
@@ -290,9 +282,7 @@ def _count(
         snapshot.count_intersections(*_five(piece.columns), cull, part, threads, piece.progress)
 
 
-def _check_way(function: str, precision: str, strategy: str) -> None:
-    if precision not in PRECISIONS:
-        raise ValueError(f"{function}: precision must be 'robust' or 'fast', got {precision!r}")
+def _check_strategy(function: str, strategy: str) -> None:
     if strategy not in ("auto", "packets", "stream", "single"):
         raise ValueError(f"{function}: strategy must be 'auto', 'packets', 'stream' or 'single', got {strategy!r}")
 

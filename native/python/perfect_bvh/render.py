@@ -23,7 +23,6 @@ from ._render_arguments import (
 from .appearance import Appearance
 from .audit import RenderAudit
 from .camera import Camera
-from .queries import PRECISIONS, Precision
 from .scene import Scene
 from .snapshot import Snapshot
 
@@ -62,7 +61,6 @@ class RenderOptions(TypedDict, total=False):
     first_sample: the number of the first sample, so that an image can be continued: the mean of samples 0 to 3 and 4
         to 7, weighted by their counts, is as good as that of 0 to 7. A single sample with first_sample 0 stands at the
         pixel's centre; all others spread over the pixel filter.
-    precision: of the camera rays, "robust" (the default) or "fast", see `cast_rays`; all others are robust.
     filter_width: how far the pixel filter (a Blackman-Harris window) reaches to each side, in pixels; default 1.5. 0
         puts every sample at the pixel's centre. Neighbouring pixels share samples, but while light is smoothed.
     smooth: preview, clay: whether the light of few rays (below 8 a pixel) is averaged with that of neighbouring pixels
@@ -81,7 +79,6 @@ class RenderOptions(TypedDict, total=False):
     threads: int
     seed: int
     first_sample: int
-    precision: Precision
     filter_width: float
     smooth: bool
     ao_distance: float | None
@@ -297,7 +294,6 @@ def _settings(function: str, options: RenderOptions, samples: int) -> dict[str, 
         "threads": check_count(function, "threads", options.get("threads", 0), 0),
         "seed": check_count(function, "seed", options.get("seed", 0), 0),
         "first_sample": check_count(function, "first_sample", options.get("first_sample", 0), 0),
-        "precision": check_choice(function, "precision", options.get("precision", "robust"), PRECISIONS),
         "filter_width": check_number(function, "filter_width", options.get("filter_width", 1.5), 0.0, 16.0),
         "smooth": bool(options.get("smooth", True)),
         "ao_distance": 0.0 if distance is None else check_number(function, "ao_distance", distance, 1e-30, 1e30),

@@ -46,9 +46,8 @@ struct RenderSettings {
   float filter_width = 1.5f;  // pixels to each side; a single sample stands at the pixel's centre
   bool smooth = true;         // average the light of few samples with that of neighbours on the same surface
   std::uint32_t seed = 0;
-  int threads = 0;                           // 0: all
-  Precision precision = Precision::kRobust;  // of the camera rays: all others are robust
-  float kept_share = 0.0f;                   // of the camera rays, for whoever checks them: see KeptRays
+  int threads = 0;          // 0: all
+  float kept_share = 0.0f;  // of the camera rays, for whoever checks them: see KeptRays
   PreviewSettings preview;
   ClaySettings clay;
   WireframeSettings wireframe;

@@ -64,8 +64,7 @@ void TileRenderer::place_pixels(std::size_t tile, TileScratch& scratch) const {
 
 void TileRenderer::trace(TileScratch& scratch, std::uint32_t sample, bool with_counts) const {
   scratch.counts.assign(with_counts ? scratch.rays.size() : 0, RayCounts{});
-  trace_closest(inputs_.snapshot, inputs_.cancel, scratch.rays, scratch.hits, Cull::kNone, scratch.counts,
-                inputs_.settings.precision);
+  trace_closest(inputs_.snapshot, inputs_.cancel, scratch.rays, scratch.hits, Cull::kNone, scratch.counts);
   kept_.offer(inputs_.snapshot, sample, scratch.pixels, scratch.rays, scratch.hits);
 }
 

@@ -20,9 +20,8 @@ BatchSummary cast_rays(const Snapshot& snapshot, const RayColumns& columns, cons
   const auto trace = [&](std::span<const Ray> rays, std::size_t first) {
     AlignedVector<Hit> hits(rays.size());
     AlignedVector<RayCounts> counts(counted ? rays.size() : 0);
-    packet_count.fetch_add(
-        trace_closest(snapshot, cancel, rays, hits, columns.cull, counts, columns.precision, columns.strategy),
-        std::memory_order_relaxed);
+    packet_count.fetch_add(trace_closest(snapshot, cancel, rays, hits, columns.cull, counts, columns.strategy),
+                           std::memory_order_relaxed);
     for (std::size_t i = 0; i < rays.size(); ++i) {
       store_hit(out, first + i, snapshot, hits[i], rays[i]);
       if (out.nodes_visited) out.nodes_visited[first + i] = static_cast<std::int32_t>(counts[i].nodes_visited);
@@ -38,7 +37,7 @@ std::size_t test_occlusions(const Snapshot& snapshot, const RayColumns& columns,
                             ThreadPool& pool, int max_threads, CancelToken& cancel) {
   const auto trace = [&](std::span<const Ray> rays, std::size_t first) {
     trace_occluded(snapshot, cancel, rays, std::span(occluded + first, rays.size()), columns.cull, {},
-                   columns.precision, columns.strategy);
+                   columns.strategy);
   };
   return for_each_block(columns, pool, max_threads, cancel, trace, block_rays(columns));
 }

@@ -28,9 +28,7 @@ struct RayColumns {
   const std::uint32_t* masks = nullptr;
   std::size_t t_min_stride = 0, t_max_stride = 0, mask_stride = 0;
   Cull cull = Cull::kNone;
-  // Of closest-hit and any-hit queries; the others know one of each.
-  Precision precision = Precision::kRobust;
-  Strategy strategy = Strategy::kAuto;
+  Strategy strategy = Strategy::kAuto;  // of closest-hit and any-hit queries; the others know one
 };
 
 [[nodiscard]] inline Ray load_ray(const RayColumns& columns, std::size_t row) {

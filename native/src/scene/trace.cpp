@@ -6,18 +6,17 @@
 namespace perfect_bvh {
 
 std::size_t trace_closest(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays, std::span<Hit> hits,
-                          Cull cull, std::span<RayCounts> counts, Precision precision, Strategy strategy) {
-  const RayBatch batch{rays.data(), rays.size(), cull,     counts.empty() ? nullptr : counts.data(),
-                       hits.data(), nullptr,     precision};
+                          Cull cull, std::span<RayCounts> counts, Strategy strategy) {
+  const RayBatch batch{rays.data(), rays.size(), cull, counts.empty() ? nullptr : counts.data(), hits.data(), nullptr};
   return with_trees(snapshot, cancel,
                     [&](const SceneView& view) { return trace_closest(view, batch, TraceOptions{strategy}); });
 }
 
 std::size_t trace_occluded(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays,
                            std::span<std::uint8_t> occluded, Cull cull, std::span<RayCounts> counts,
-                           Precision precision, Strategy strategy) {
-  const RayBatch batch{rays.data(), rays.size(),     cull,     counts.empty() ? nullptr : counts.data(),
-                       nullptr,     occluded.data(), precision};
+                           Strategy strategy) {
+  const RayBatch batch{rays.data(), rays.size(),    cull, counts.empty() ? nullptr : counts.data(),
+                       nullptr,     occluded.data()};
   return with_trees(snapshot, cancel,
                     [&](const SceneView& view) { return trace_any(view, batch, TraceOptions{strategy}); });
 }

@@ -19,24 +19,24 @@ namespace perfect_bvh {
 // here: Cancelled, bad_alloc.
 std::size_t trace_closest(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays, std::span<Hit> hits,
                           Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
-                          Precision precision = Precision::kRobust, Strategy strategy = Strategy::kAuto);
+                          Strategy strategy = Strategy::kAuto);
 // occluded[i] = 1 if anything lies within the ray's range.
 std::size_t trace_occluded(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays,
                            std::span<std::uint8_t> occluded, Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
-                           Precision precision = Precision::kRobust, Strategy strategy = Strategy::kAuto);
+                           Strategy strategy = Strategy::kAuto);
 
 // The same for whoever does not want to stop.
 inline std::size_t trace_closest(const Snapshot& snapshot, std::span<const Ray> rays, std::span<Hit> hits,
                                  Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
-                                 Precision precision = Precision::kRobust, Strategy strategy = Strategy::kAuto) {
+                                 Strategy strategy = Strategy::kAuto) {
   CancelToken never;
-  return trace_closest(snapshot, never, rays, hits, cull, counts, precision, strategy);
+  return trace_closest(snapshot, never, rays, hits, cull, counts, strategy);
 }
 inline std::size_t trace_occluded(const Snapshot& snapshot, std::span<const Ray> rays, std::span<std::uint8_t> occluded,
                                   Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
-                                  Precision precision = Precision::kRobust, Strategy strategy = Strategy::kAuto) {
+                                  Strategy strategy = Strategy::kAuto) {
   CancelToken never;
-  return trace_occluded(snapshot, never, rays, occluded, cull, counts, precision, strategy);
+  return trace_occluded(snapshot, never, rays, occluded, cull, counts, strategy);
 }
 
 // The hit triangle's corners in world space, in winding order.

@@ -8,10 +8,9 @@ struct LeafTest {
   unsigned lanes;
 };
 
-template <bool kFast = false, class Float>
+template <class Float>
 PERFECT_BVH_INLINE Float difference(Float a, Float b, Float c, Float d) noexcept {  // see product_difference
   const Float product = mul(c, d);
-  if constexpr (kFast) return fmsub(a, b, product);
   return add(fmsub(a, b, product), fnmadd(c, d, product));
 }
 
@@ -49,14 +48,14 @@ PERFECT_BVH_INLINE ShearedCorners shear(const GatheredLeaf& leaf, const Triangle
   return at;
 }
 
-template <bool kFast = false, class Leaf>
+template <class Leaf>
 PERFECT_BVH_INLINE LeafTest test_leaf(const Leaf& leaf, const TriangleState& triangle, const float& t_min,
                                       const float& t_limit) noexcept {
   const TriangleRay& ray = triangle.ray;
   const auto [x0, y0, z0, x1, y1, z1, x2, y2, z2] = shear(leaf, triangle);
-  const Float8 weight0 = difference<kFast>(x2, y1, y2, x1);
-  const Float8 weight1 = difference<kFast>(x0, y2, y0, x2);
-  const Float8 weight2 = difference<kFast>(x1, y0, y1, x0);
+  const Float8 weight0 = difference(x2, y1, y2, x1);
+  const Float8 weight1 = difference(x0, y2, y0, x2);
+  const Float8 weight2 = difference(x1, y0, y1, x0);
   const Float8 least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
   const Float8 sum = add(add(weight0, weight1), weight2);
   const Float8 t = div(fmadd(weight2, z2, fmadd(weight1, z1, mul(weight0, z0))), mul(sum, broadcast(ray.direction_z)));

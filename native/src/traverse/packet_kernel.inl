@@ -27,7 +27,7 @@ namespace {
 // No more rays than these go on by themselves.
 constexpr unsigned kFewInNode = 3;
 
-template <bool kAny, bool kFast>
+template <bool kAny>
 struct PacketWalk {
   Packet& packet;
   const SceneView& scene;
@@ -45,7 +45,7 @@ struct PacketWalk {
       if (!kAny && nears[top] > lone.box.t_limit) continue;
       const std::uint32_t next = children[top];
       if (next >= kBlockChild) {
-        if (visit_leaf_alone<kAny, kFast>(packet, level, next - kBlockChild, i, lone) && kAny) return;
+        if (visit_leaf_alone<kAny>(packet, level, next - kBlockChild, i, lone) && kAny) return;
         continue;
       }
       const WideNode& node = level.nodes[next];
@@ -105,7 +105,7 @@ struct PacketWalk {
         if constexpr (kTop) {
           enter_instance(level, entering(level, box, first), child, top);
         } else {
-          visit_packet_leaf<kAny, kFast>(packet, level, child - kBlockChild, box, first);
+          visit_packet_leaf<kAny>(packet, level, child - kBlockChild, box, first);
         }
         continue;
       }
@@ -249,7 +249,7 @@ void write_results(const Packet& packet, const RayBatch& batch) noexcept {
 // each further one, twice as many and one, as what is ahead is probably alike.
 constexpr unsigned kPassedOver = 7, kMostPassedOver = 63;
 
-template <bool kAny, bool kFast>
+template <bool kAny>
 void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) noexcept {
   Packet& packet = *static_cast<Packet*>(workspace);
   std::uint32_t* const stack = reinterpret_cast<std::uint32_t*>(&packet + 1);
@@ -271,7 +271,7 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
       continue;
     }
     packet.alone = 0;
-    PacketWalk<kAny, kFast>{packet, scene}.trace(valid);
+    PacketWalk<kAny>{packet, scene}.trace(valid);
     if (is_left != nullptr) {
       const bool parted = 2 * packet.alone > packet.count;
       passed_over = parted ? next_passed_over : 0;
@@ -285,13 +285,11 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
 }
 
 void trace_packets_closest(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) {
-  if (batch.precision == Precision::kFast) return trace_packets<false, true>(scene, batch, workspace, left);
-  trace_packets<false, false>(scene, batch, workspace, left);
+  trace_packets<false>(scene, batch, workspace, left);
 }
 
 void trace_packets_any(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) {
-  if (batch.precision == Precision::kFast) return trace_packets<true, true>(scene, batch, workspace, left);
-  trace_packets<true, false>(scene, batch, workspace, left);
+  trace_packets<true>(scene, batch, workspace, left);
 }
 
 }  // namespace

@@ -63,9 +63,9 @@ PERFECT_BVH_INLINE bool take_packet_hit(Packet& packet, const PacketLevel& level
 }
 
 // Ray i against all triangles. True if its best hit is a new one (any hit: if there is one).
-template <bool kAny, bool kFast, class Leaf>
+template <bool kAny, class Leaf>
 bool test_leaf_alone(Packet& packet, const PacketLevel& level, const Leaf& leaf, unsigned i, LoneRay& lone) noexcept {
-  const LeafTest test = test_leaf<kFast>(leaf, lone.triangle, lone.box.t_min, lone.box.t_limit);
+  const LeafTest test = test_leaf(leaf, lone.triangle, lone.box.t_min, lone.box.t_limit);
   if (test.lanes == 0) return false;
   const LeafCandidates candidates(test);
   const TimeFrame time = packet.local_rays.time(i);
@@ -145,7 +145,7 @@ unsigned take_moved_hits(Packet& packet, const PacketLevel& level, std::uint32_t
 
 // Rays `first` and on, those in `lanes`, against all triangles, one at a time. The hits that surely count are taken
 // here; rays whose hits need a closer look (near the origin, as far as the best one) are returned.
-template <bool kAny, bool kFast, bool kShared, class Leaf>
+template <bool kAny, bool kShared, class Leaf>
 unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& block, const LeafCorners<Leaf>& leaf,
                         unsigned first, unsigned lanes) noexcept {
   const PacketTriangles& triangles = packet.triangles;
@@ -183,9 +183,9 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
     } else {
       place(0, i), place(1, 8 + i), place(2, 16 + i);
     }
-    const RayFloat weight0 = difference<kFast>(across[c], upward[b], upward[c], across[b]);
-    const RayFloat weight1 = difference<kFast>(across[a], upward[c], upward[a], across[c]);
-    const RayFloat weight2 = difference<kFast>(across[b], upward[a], upward[b], across[a]);
+    const RayFloat weight0 = difference(across[c], upward[b], upward[c], across[b]);
+    const RayFloat weight1 = difference(across[a], upward[c], upward[a], across[c]);
+    const RayFloat weight2 = difference(across[b], upward[a], upward[b], across[a]);
     const RayFloat least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
     const RayFloat sum = add(add(weight0, weight1), weight2);
     unsigned inside = bits(both(either(less_equal(none, least), less_equal(most, none)), not_equal(sum, none))) & lanes;
@@ -230,7 +230,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
 // Vectors with no more rays in a leaf take them one at a time.
 constexpr unsigned kFewInLeaf = kRayLanes / 8;
 
-template <bool kAny, bool kFast, class Leaf>
+template <bool kAny, class Leaf>
 PERFECT_BVH_INLINE void test_leaf_together(Packet& packet, PacketLevel& level, const Leaf& leaf, const float* box,
                                            unsigned begin) noexcept {
   const LeafCorners<Leaf> corners(level, leaf);
@@ -238,46 +238,46 @@ PERFECT_BVH_INLINE void test_leaf_together(Packet& packet, PacketLevel& level, c
     unsigned lanes = test_box(*level.boxes, level.key.rows, box, first);
     if (lanes == 0) continue;
     if (count_bits(lanes) > kFewInLeaf) {
-      lanes = level.shares_origin ? test_triangles<kAny, kFast, true>(packet, level, leaf, corners, first, lanes)
-                                  : test_triangles<kAny, kFast, false>(packet, level, leaf, corners, first, lanes);
+      lanes = level.shares_origin ? test_triangles<kAny, true>(packet, level, leaf, corners, first, lanes)
+                                  : test_triangles<kAny, false>(packet, level, leaf, corners, first, lanes);
     }
     for (; lanes != 0; lanes &= lanes - 1) {
       const unsigned i = first + static_cast<unsigned>(__builtin_ctz(lanes));
       LoneRay lone(packet, level, i);
-      test_leaf_alone<kAny, kFast>(packet, level, leaf, i, lone);
+      test_leaf_alone<kAny>(packet, level, leaf, i, lone);
     }
   }
   level.bounds.t_limit = highest_limit(packet, *level.boxes);
 }
 
-template <bool kAny, bool kFast>
+template <bool kAny>
 __attribute__((noinline)) void visit_indexed_leaf_together(Packet& packet, PacketLevel& level, std::uint32_t row,
                                                            const float* box, unsigned begin) noexcept {
   GatheredLeaf leaf;
   gather_leaf(leaf, *level.instance->indexed_leaves, row);
-  test_leaf_together<kAny, kFast>(packet, level, leaf, box, begin);
+  test_leaf_together<kAny>(packet, level, leaf, box, begin);
 }
 
 // The rays from `begin` on that enter `box` against all triangles of a leaf.
-template <bool kAny, bool kFast>
+template <bool kAny>
 void visit_packet_leaf(Packet& packet, PacketLevel& level, std::uint32_t row, const float* box,
                        unsigned begin) noexcept {
-  if (level.blocks == nullptr) return visit_indexed_leaf_together<kAny, kFast>(packet, level, row, box, begin);
-  test_leaf_together<kAny, kFast>(packet, level, level.blocks[row], box, begin);
+  if (level.blocks == nullptr) return visit_indexed_leaf_together<kAny>(packet, level, row, box, begin);
+  test_leaf_together<kAny>(packet, level, level.blocks[row], box, begin);
 }
 
-template <bool kAny, bool kFast>
+template <bool kAny>
 __attribute__((noinline)) bool visit_indexed_leaf_alone(Packet& packet, const PacketLevel& level, std::uint32_t row,
                                                         unsigned i, LoneRay& lone) noexcept {
   GatheredLeaf leaf;
   gather_leaf(leaf, *level.instance->indexed_leaves, row);
-  return test_leaf_alone<kAny, kFast>(packet, level, leaf, i, lone);
+  return test_leaf_alone<kAny>(packet, level, leaf, i, lone);
 }
 
 // As test_leaf_alone.
-template <bool kAny, bool kFast>
+template <bool kAny>
 PERFECT_BVH_INLINE bool visit_leaf_alone(Packet& packet, const PacketLevel& level, std::uint32_t row, unsigned i,
                                          LoneRay& lone) noexcept {
-  if (level.blocks == nullptr) return visit_indexed_leaf_alone<kAny, kFast>(packet, level, row, i, lone);
-  return test_leaf_alone<kAny, kFast>(packet, level, level.blocks[row], i, lone);
+  if (level.blocks == nullptr) return visit_indexed_leaf_alone<kAny>(packet, level, row, i, lone);
+  return test_leaf_alone<kAny>(packet, level, level.blocks[row], i, lone);
 }

@@ -14,10 +14,6 @@ inline constexpr std::uint32_t kNoHit = 0xFFFFFFFFu;
 // Which side of a triangle is passed through. Front: counter-clockwise in world space, as seen from the ray's origin.
 enum class Cull : std::uint8_t { kNone, kBack, kFront };
 
-// Robust: no ray passes between triangles that share an edge or a vertex. Fast: edge functions are rounded as they
-// come, which a ray within a rounding of an edge may slip past, or meet on the wrong side; everything else is the same.
-enum class Precision : std::uint8_t { kRobust, kFast };
-
 // World space. t is in multiples of the direction's length; a hit counts if t_min <= t <= t_max.
 struct alignas(64) Ray {
   Vec3d origin{0, 0, 0};

@@ -89,7 +89,6 @@ struct RayBatch {
   RayCounts* counts = nullptr;       // null: not wanted
   Hit* hits = nullptr;               // closest hit: one a ray
   std::uint8_t* occluded = nullptr;  // any hit: one a ray
-  Precision precision = Precision::kRobust;
   // Null, or the rows to trace, in this order, `count` of them; the others are left alone. Not for find_all_hits().
   const std::uint32_t* order = nullptr;
 };

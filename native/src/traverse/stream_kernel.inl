@@ -120,9 +120,9 @@ bool take_hits(Slot& slot, const Stream& stream, const Leaf& leaf, unsigned lane
   return is_new;
 }
 
-template <bool kAny, bool kCounts, bool kFast, class Leaf>
+template <bool kAny, bool kCounts, class Leaf>
 PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const Leaf& leaf) noexcept {
-  const LeafTest test = test_leaf<kFast>(leaf, slot.triangle, slot.box.t_min, slot.box.t_limit);
+  const LeafTest test = test_leaf(leaf, slot.triangle, slot.box.t_min, slot.box.t_limit);
   if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_triangles(leaf);
   --slot.top;
   if (test.lanes == 0) return;
@@ -137,11 +137,11 @@ PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const Leaf& leaf)
 }
 
 // Of a compact tree.
-template <bool kAny, bool kCounts, bool kFast>
+template <bool kAny, bool kCounts>
 __attribute__((noinline)) void visit_indexed_leaf(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
   GatheredLeaf leaf;
   gather_leaf(leaf, *stream.scene.instances[slot.instance].indexed_leaves, row);
-  visit_leaf<kAny, kCounts, kFast>(stream, slot, leaf);
+  visit_leaf<kAny, kCounts>(stream, slot, leaf);
 }
 
 // A leaf of a compact tree is read in three steps, each of which needs the one before: numbers, indices, positions. The
@@ -164,7 +164,7 @@ __attribute__((noinline)) void fetch_indexed_leaves(const Stream& stream) noexce
   });
 }
 
-template <bool kAny, bool kCounts, bool kFast>
+template <bool kAny, bool kCounts>
 PERFECT_BVH_INLINE void visit_leaves(Stream& stream) noexcept {
   const std::size_t count = stream.leaf_count;
   std::size_t nodes = stream.node_count, others = stream.other_count;
@@ -174,9 +174,9 @@ PERFECT_BVH_INLINE void visit_leaves(Stream& stream) noexcept {
     std::uint32_t* const stack = stack_of(slot);
     const std::uint32_t row = stack[slot.top] - kBlockChild;
     if (slot.blocks != nullptr) {
-      visit_leaf<kAny, kCounts, kFast>(stream, slot, slot.blocks[row]);
+      visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
     } else {
-      visit_indexed_leaf<kAny, kCounts, kFast>(stream, slot, row);
+      visit_indexed_leaf<kAny, kCounts>(stream, slot, row);
     }
     stream.at_node[nodes] = &slot;
     stream.at_other[others] = &slot;
@@ -278,7 +278,7 @@ std::size_t stream_workspace_bytes(const SceneView& scene, std::size_t in_flight
   return slot_bytes(scene) * in_flight;
 }
 
-template <bool kAny, bool kCounts, bool kFast>
+template <bool kAny, bool kCounts>
 void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) noexcept {
   Stream stream(scene, batch, padded_entries(scene));
   for (std::size_t i = 0; i < in_flight; ++i) {
@@ -295,7 +295,7 @@ void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace
     }
     sort_others(stream);
     if (scene.exceeds_cache) fetch_instances(stream);
-    visit_leaves<kAny, kCounts, kFast>(stream);
+    visit_leaves<kAny, kCounts>(stream);
     follow_marks<kAny, kCounts>(stream);
   }
 }
@@ -303,13 +303,8 @@ void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace
 template <bool kAny>
 void trace_stream_as_asked(const SceneView& scene, const RayBatch& batch, void* workspace,
                            std::size_t in_flight) noexcept {
-  const bool is_fast = batch.precision == Precision::kFast;
-  if (batch.counts != nullptr) {
-    if (is_fast) return trace_stream<kAny, true, true>(scene, batch, workspace, in_flight);
-    return trace_stream<kAny, true, false>(scene, batch, workspace, in_flight);
-  }
-  if (is_fast) return trace_stream<kAny, false, true>(scene, batch, workspace, in_flight);
-  return trace_stream<kAny, false, false>(scene, batch, workspace, in_flight);
+  if (batch.counts != nullptr) return trace_stream<kAny, true>(scene, batch, workspace, in_flight);
+  return trace_stream<kAny, false>(scene, batch, workspace, in_flight);
 }
 
 void trace_stream_closest(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) {
