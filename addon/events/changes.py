@@ -64,7 +64,7 @@ def watched_evaluations(depsgraph: Any) -> EvaluationLog | None:
 
 
 def watch_again() -> None:
-    """Installs again what another script took from Blender's lists; listeners are told that they may have missed changes.
+    """Installs again what another script took from Blender's lists; listeners learn that they may have missed changes.
 
     Called before a scene is read, or what was read is shown.
     """
