@@ -18,8 +18,7 @@ from ...sync.records import LARGEST_COORDINATE, Float32Array, Int32Array
 from ..pointer_views import MATRICES, REFERENCE_INDICES, ArrayReader
 from .groups import NOT_SHOWN, GroupTable
 from .instancer_survey import LISTED, Instancer, Shown, Survey, survey
-from .list_walk import ListWalk
-from .listing import GroupFinder, Listing
+from .listing import GroupFinder, Listing, ListWalk
 
 _UNUSED_LEVEL = 2**31 - 1  # Blender's filler in a persistent id
 _LEVELS = 8

@@ -1,7 +1,7 @@
 """What each object of an evaluated scene shows beside itself, as its geometry tells it (Blender 4.5 and later).
 
 Where the geometry cannot tell everything that Blender's list of instances would (nested instances, collections,
-particles, other instancers, hidden originals), that object is left to the list: see `list_walk.py`.
+particles, other instancers, hidden originals), that object is left to the list: see `listing.py`.
 """
 
 from __future__ import annotations

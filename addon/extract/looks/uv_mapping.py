@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from ...sync.records import UNMAPPED, UvTransform
 from .node_graph import Scope, trace_back
 
-if TYPE_CHECKING:
-    from .node_values import ValueReader
-
 _MOST_MAPPINGS = 16
 
 
-def find_coordinates(socket: Any, scope: Scope | None, reader: ValueReader) -> tuple[UvTransform, str]:
+class SocketReader(Protocol):
+    """Knows what an input socket gets: a value with `color`, `texture` and `is_guess`."""
+
+    def read(self, socket: Any, scope: Scope | None) -> Any: ...
+
+
+def find_coordinates(socket: Any, scope: Scope | None, reader: SocketReader) -> tuple[UvTransform, str]:
     """Of an image's Vector input: the transform, and the name of the uv map, "" for the one that is active for renders.
 
     Other coordinates than a uv map are taken for that one, unless Mapping nodes move them.
@@ -46,7 +49,7 @@ def _uv_map_of(output: Any) -> str:
     return str(node.attribute_name) if output.identifier in {"Color", "Vector"} else ""
 
 
-def _matrix_of(node: Any, scope: Scope | None, reader: ValueReader) -> Any:
+def _matrix_of(node: Any, scope: Scope | None, reader: SocketReader) -> Any:
     """What a Mapping node multiplies coordinates with; None if that is not the same everywhere."""
     from mathutils import Euler, Matrix
 

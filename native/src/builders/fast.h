@@ -1,6 +1,6 @@
-// Construction for topology that changes every frame: binned SAH over clusters of a few neighbours along a Morton curve
-// (Garanzha et al. 2011), then the best splits inside them. A fifth of the references to bin, at nearly the same cost
-// of the tree.
+// Construction for topology that changes every frame (lecture, "Rapid construction"): binned SAH over clusters of a few
+// neighbours along a Morton curve (Garanzha et al. 2011), then the best splits inside them. A fifth of the references to
+// bin, at nearly the same cost of the tree.
 // In: references, settings (bins, axes, costs). Out: a refittable tree with leaves where no split pays.
 #pragma once
 

@@ -1,5 +1,5 @@
-// Decides what becomes of a tree whose triangles moved (refitted it follows them; it may do so, be mended by rotations
-// or by building parts anew, or give way to another tree), and what builds a tree.
+// Decides what becomes of a tree whose triangles moved (lecture, "Refitting": where it is unsuitable), and what builds a
+// tree. A moved tree may be refitted, restructured by rotations or by building parts of it again, or be replaced.
 // In: what a ray costs in the tree as refitted and as it was built, how many rays are expected, what was paid since,
 // the machine's calibration. Out: the action, its reason, and what each alternative was expected to cost. Pure
 // functions: no clock, no thread count, so that a decision repeats.
