@@ -14,12 +14,11 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from charts import image_error, make, measure, stability, told
+from charts.chart import PALETTE, Axis, Chart, Panel, Series
 from charts.figures import DATA, FOLDER, PICTURES, load
-
-from addon.bench.chart import PALETTE, Axis, Chart, Panel, Series
-from addon.bench.labels import Box, place_beside, spread_out
-from addon.bench.layout import WIDTH, lay_out
-from addon.bench.scales import Scale
+from charts.labels import Box, place_beside, spread_out
+from charts.layout import WIDTH, lay_out
+from charts.scales import Scale
 
 
 @pytest.mark.parametrize("name", make.CHARTS)

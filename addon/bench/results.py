@@ -1,71 +1,71 @@
-"""The files of a measurement: bench.json, a picture of each chart, and one of all together."""
+"""The results of a measurement: bench.json, the table and, where matplotlib is installed, charts as images."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..support.files import replacing
-from .layout import lay_out
-from .picture import Disc, Line, Picture, Point, Shape
-from .scene_charts import make_charts
+from .advice import advice
+from .table import Row, table
 
 JSON_NAME, OVERVIEW_NAME = "bench.json", "overview.png"
+HOW_TO_GET_CHARTS = "matplotlib is not installed, so no charts are drawn: pip install 'perfect-bvh[bench]'"
 
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """advice: a sentence for each chart, by its name. pictures: of the charts. overview: all of them together."""
+    """advice: a sentence for each part, by its name. pictures: of the parts that a chart tells more of, by its name.
+
+    overview: all charts in one image. can_draw: whether matplotlib is there; if not, there are no pictures.
+    """
 
     json: Path
+    table: tuple[Row, ...]
     advice: dict[str, str]
-    pictures: tuple[Path, ...]
+    pictures: dict[str, Path]
     overview: Path | None
+    can_draw: bool
+
+
+_last: dict[int, Results] = {}  # by the scene's session uid, which no other scene gets while Blender runs
 
 
 def write(figures: dict[str, Any], folder: Path) -> Results:
-    """The JSON first: where no picture can be drawn, DrawingError says so and the figures are kept. Errors: OSError.
-
-    Each file is whole, or as it was before.
-    """
+    """All of it, the JSON first. Each file is whole, or as it was before. Errors: OSError."""
     folder.mkdir(parents=True, exist_ok=True)
-    charts = make_charts(figures)
-    advice = {name: chart.title for name, chart in charts.items()}
+    sentences = advice(figures)
     path = folder / JSON_NAME
     with replacing(path) as file:
-        file.write_text(json.dumps({**figures, "advice": advice}, indent=1) + "\n", encoding="utf-8")
-    pictures = {name: lay_out(chart) for name, chart in charts.items()}
-    paths = []
+        file.write_text(json.dumps({**figures, "advice": sentences}, indent=1) + "\n", encoding="utf-8")
+    try:
+        from . import charts
+    except ImportError:
+        return Results(path, table(figures), sentences, {}, None, can_draw=False)
+    figure_of = charts.draw(figures, sentences)
+    pictures = {name: folder / f"{name}.png" for name in figure_of}
     for name, picture in pictures.items():
-        paths.append(folder / f"{name}.png")
-        with replacing(paths[-1]) as file:
-            picture.save(file)
-    overview = None
-    if pictures:
-        overview = folder / OVERVIEW_NAME
+        with replacing(picture) as file:
+            charts.save(figure_of[name], file)
+    overview = folder / OVERVIEW_NAME if pictures else None
+    if overview is not None:
         with replacing(overview) as file:
-            one_above_another(list(pictures.values())).save(file)
-    return Results(path, advice, tuple(paths), overview)
+            charts.save(charts.draw_overview(figures, sentences), file)
+    return Results(path, table(figures), sentences, pictures, overview, can_draw=True)
 
 
-def one_above_another(pictures: list[Picture]) -> Picture:
-    """One picture of all, as wide as the widest."""
-    whole = Picture(max(picture.width for picture in pictures), sum(picture.height for picture in pictures))
-    top = 0
-    for picture in pictures:
-        whole.marks += [_lowered(mark, top) for mark in picture.marks]
-        whole.texts += [replace(text, at=_down(text.at, top)) for text in picture.texts]
-        top += picture.height
-    return whole
+def remember(session_uid: int, results: Results) -> None:
+    """What the panel shows of this scene from now on."""
+    _last[session_uid] = results
 
 
-def _lowered(mark: Line | Shape | Disc, by: float) -> Line | Shape | Disc:
-    if isinstance(mark, Disc):
-        return replace(mark, centre=_down(mark.centre, by))
-    return replace(mark, points=[_down(point, by) for point in mark.points])
+def last_results(session_uid: int) -> Results | None:
+    """Of the last measurement of this scene, None if there was none since Blender was started."""
+    return _last.get(session_uid)
 
 
-def _down(point: Point, by: float) -> Point:
-    return point[0], point[1] + by
+def forget() -> None:
+    """All of it."""
+    _last.clear()

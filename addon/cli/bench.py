@@ -1,4 +1,4 @@
-"""`perfect-bvh bench`: what builders, layouts and policies cost and gain on a scene, as charts."""
+"""`perfect-bvh bench`: what builders, layouts and policies cost and gain on a scene, as a table and charts."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def _measure(
 
     from ..bench.from_blender import subject_of
     from ..bench.measurements import SceneBench
-    from ..bench.picture import DrawingError
-    from ..bench.results import JSON_NAME, write
+    from ..bench.results import HOW_TO_GET_CHARTS, write
+    from ..bench.table import format_table
 
     if arguments.threads is not None:
         perfect_bvh.set_thread_count(min(arguments.threads, 1024))
@@ -58,12 +58,13 @@ def _measure(
             raise CommandError(str(error)) from error
     try:
         results = write(bench.figures, folder)
-    except DrawingError as error:
-        raise CommandError(f"{folder / JSON_NAME} is written, but {error}") from error
     except OSError as error:
         raise CommandError(f"cannot write into {folder}: {error.strerror}") from error
+    out.write(f"{format_table(results.table)}\n")
     for name, sentence in results.advice.items():
-        out.write(f"{name}.png: {sentence}\n")
+        out.write(f"{results.pictures[name].name if name in results.pictures else name}: {sentence}\n")
+    if not results.can_draw:
+        out.write(f"{HOW_TO_GET_CHARTS}\n")
     out.write(f"{results.json}\n")
     if stop.is_set:
         sys.stderr.write("perfect-bvh: stopped; what had been measured is written\n")

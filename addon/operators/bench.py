@@ -1,7 +1,8 @@
-"""The Bench button: measures the scene for a bounded time and shows the charts in the Image Editor.
+"""The Bench button: measures the scene for a bounded time and shows a table of it in the panel.
 
 In a window it works in steps of a timer; what takes longer than a step goes on beside Blender. Esc ends it at any time,
-with what has been measured so far. Without a window, or when a script calls it, it does the same in one go.
+with what has been measured so far. Without a window, or when a script calls it, it does the same in one go. Where
+matplotlib can be imported the Image Editor shows charts too.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
     bl_idname = "perfect_bvh.bench"
     bl_label = "Bench This Scene"
     bl_description = (
-        "Measure what builders, layouts and policies cost and gain on this scene, "
-        "and show the charts in the Image Editor"
+        "Measure what builders, layouts and policies cost and gain on this scene, and show it as a table. "
+        "Where matplotlib is installed, the Image Editor shows charts of it too"
     )
     bl_options: ClassVar = {"REGISTER"}
 
@@ -38,13 +39,14 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
     )
     folder: bpy.props.StringProperty(
         name="Folder",
-        description="Where the pictures and the figures go; empty: Blender's temporary folder",
+        description="Where the figures and the charts go; empty: Blender's temporary folder",
         subtype="DIR_PATH",
     )
 
     _bench: Any
     _steps: Generator[tuple[float, str], None, None]
     _place: SceneReference
+    _scene_uid: int
     _frame: tuple[int, float]
     _where: Path
 
@@ -98,6 +100,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
             reason = str(problem.strerror)
             self.report({"ERROR"}, reason[0].upper() + reason[1:])
             return False
+        self._scene_uid = context.scene.session_uid
         self._place = SceneReference("bench", context.scene, context.view_layer)
         self._frame = context.scene.frame_current, context.scene.frame_subframe
         self._bench = SceneBench(subject_of(context.scene), self.seconds)
@@ -120,28 +123,21 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
         self._place.set_frame_back(*self._frame)
 
     def _finish(self, context: bpy.types.Context) -> set[str]:
-        from ..bench.picture import DrawingError
-        from ..bench.results import JSON_NAME, write
+        from ..bench.results import remember, write
 
         self._end(context)
         folder = self._where
         try:
             results = write(self._bench.figures, folder)
-        except DrawingError as problem:
-            self.report({"ERROR"}, f"{folder / JSON_NAME} is written, but {problem}")
-            return {"CANCELLED"}
         except OSError as problem:
             self.report({"ERROR"}, f"Cannot write into {folder}: {problem.strerror or problem}")
             return {"CANCELLED"}
-        if results.overview is None:
+        if not results.table:
             return {"CANCELLED"}
-        image = bpy.data.images.get(IMAGE_NAME)
-        if image is not None:
-            bpy.data.images.remove(image)
-        image = bpy.data.images.load(str(results.overview))
-        image.name = IMAGE_NAME
-        if not bpy.app.background:
-            show_in_editor(context, image)
+        remember(self._scene_uid, results)
+        _redraw_panels(context)
+        if results.overview is not None:
+            _show(context, results.overview)
         for sentence in results.advice.values():
             self.report({"INFO"}, sentence)
         return {"FINISHED"}
@@ -152,9 +148,29 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
         return Path(tempfile.mkdtemp(prefix="bench_", dir=bpy.app.tempdir))
 
 
+def _redraw_panels(context: bpy.types.Context) -> None:
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "PROPERTIES":
+                area.tag_redraw()
+
+
+def _show(context: bpy.types.Context, charts: Path) -> None:
+    image = bpy.data.images.get(IMAGE_NAME)
+    if image is not None:
+        bpy.data.images.remove(image)
+    image = bpy.data.images.load(str(charts))
+    image.name = IMAGE_NAME
+    if not bpy.app.background:
+        show_in_editor(context, image)
+
+
 def register() -> None:
     bpy.utils.register_class(PERFECT_BVH_OT_bench)
 
 
 def unregister() -> None:
+    from ..bench.results import forget
+
     bpy.utils.unregister_class(PERFECT_BVH_OT_bench)
+    forget()

@@ -1,4 +1,4 @@
-"""Measuring the user's scene: what is written, what stopping leaves, what the charts advise, and both ways to draw."""
+"""Measuring the user's scene: what is written, what stopping leaves, the table, and charts with matplotlib."""
 
 from __future__ import annotations
 
@@ -7,23 +7,37 @@ import resource
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib.util import find_spec
 from itertools import count, islice
 from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
+import perfect_bvh_addon.bench as bench_room
 import pytest
 from blender.long_builds import TIMER, FakeOperator, FakeWindow, Gate, building_threads
 from perfect_bvh_addon import register
-from perfect_bvh_addon.bench import blender_png
+from perfect_bvh_addon.bench.advice import advice
 from perfect_bvh_addon.bench.from_blender import subject_of
 from perfect_bvh_addon.bench.measurements import SceneBench
-from perfect_bvh_addon.bench.picture import DrawingError
-from perfect_bvh_addon.bench.results import write
-from perfect_bvh_addon.bench.scene_charts import make_charts
+from perfect_bvh_addon.bench.results import HOW_TO_GET_CHARTS, forget, last_results, write
+from perfect_bvh_addon.bench.table import Row, format_table, table
 from perfect_bvh_addon.operators.bench import PERFECT_BVH_OT_bench
 
 PARTS = {"builders", "total_time", "layouts", "answers", "frames"}
+WITH_CHARTS = PARTS - {"answers"}
+needs_matplotlib = pytest.mark.skipif(find_spec("matplotlib") is None, reason="matplotlib is not installed")
+
+
+@pytest.fixture
+def no_matplotlib(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where it is not installed: no part of it can be imported."""
+    for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.delitem(sys.modules, "perfect_bvh_addon.bench.charts", raising=False)
+    monkeypatch.delattr(bench_room, "charts", raising=False)
 
 
 @pytest.fixture
@@ -66,13 +80,74 @@ def test_every_part_is_measured_and_written(moving_ball: bpy.types.Scene, tmp_pa
     assert figures["frames"][2]["policies"]["rebuild"]["actions"] == ["rebuilt"]
     results = write(figures, tmp_path / "new")
     assert set(results.advice) == PARTS
-    assert {path.stem for path in results.pictures} == PARTS
     written = json.loads(results.json.read_text())
     assert written["advice"] == results.advice
+    assert all(sentence.endswith(".") for sentence in results.advice.values())
+    builders = [(row["name"], "Builder") for row in figures["builders"]]
+    others = [("default", "Layout"), ("compact", "Layout")]
+    others += [(policy, "Policy") for policy in ("refit", "rebuild", "governed")]
+    assert [(row.name, row.part) for row in results.table] == [*builders, *others, ("audited", "Answers")]
+
+
+@needs_matplotlib
+def test_charts_are_drawn_where_matplotlib_is(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
+    results = write(measured(moving_ball), tmp_path)
+    assert results.can_draw
+    assert set(results.pictures) == WITH_CHARTS
+    for name, path in results.pictures.items():
+        assert path == tmp_path / f"{name}.png"
+        image = bpy.data.images.load(str(path))
+        assert image.size[0] == 1600 and image.size[1] > 700
+        assert np.array(image.pixels).reshape(-1, 4)[:, :3].std() > 0.02  # there is something on the paper
     assert results.overview is not None
     image = bpy.data.images.load(str(results.overview))
-    assert image.size[0] == 1600 and image.size[1] > 2000
-    assert all(sentence.endswith(".") for sentence in results.advice.values())
+    assert image.size[0] == 1600 and image.size[1] > 2800
+
+
+@needs_matplotlib
+def test_drawing_leaves_matplotlibs_settings_alone(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
+    import matplotlib as mpl
+
+    before = dict(mpl.rcParams)
+    write(measured(moving_ball, 1.0), tmp_path)
+    assert dict(mpl.rcParams) == before
+    assert "matplotlib.pyplot" not in sys.modules or not sys.modules["matplotlib.pyplot"].get_fignums()
+
+
+@pytest.mark.usefixtures("no_matplotlib")
+def test_without_matplotlib_there_are_figures_table_and_advice(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
+    figures = measured(moving_ball)
+    results = write(figures, tmp_path)
+    assert (results.can_draw, results.pictures, results.overview) == (False, {}, None)
+    assert [path.name for path in tmp_path.iterdir()] == ["bench.json"]
+    assert results.table == table(figures)
+    assert set(results.advice) == PARTS
+
+
+def test_the_table_can_be_read() -> None:
+    def spread(value: float) -> dict[str, float]:
+        return {"typical": value, "low": value, "high": value, "count": 9}
+
+    builders = [
+        {"name": "fast", "build_ms": spread(0.1234), "trace_ms": spread(20.0), "byte_count": 1},
+        {"name": "auto", "build_ms": spread(12345.6), "trace_ms": spread(0.05), "byte_count": 1},
+    ]
+    policies = [{"refit": {"update_ms": ms, "trace_ms": 100.0}} for ms in (500.0, 1.0, 3.0)]
+    frames = [{"frame": i, "rays": 1_000_000, "policies": each} for i, each in enumerate(policies)]
+    layouts = [{"name": "default", "trace_ms": spread(100.0), "byte_count": 3 << 20}]
+    answers = {"checked": 12345, "wrong": 0}
+    rows = table({"rays": 100_000, "builders": builders, "layouts": layouts, "frames": frames, "answers": answers})
+    assert rows == (
+        Row("Builder", "fast", "0.12 ms", "5.00 M rays/s"),
+        Row("Builder", "auto", "12.3 s", "2,000 M rays/s"),
+        Row("Layout", "default", "3.00 MiB", "1.00 M rays/s"),
+        Row("Policy", "refit", "2.00 ms", "10.0 M rays/s"),
+        Row("Answers", "audited", "12,345", "0"),
+    )
+    lines = format_table(rows).splitlines()
+    assert len({len(line) for line in lines}) == 1
+    assert [line.split()[0] for line in lines if not line.startswith(" ")] == ["Builder", "Layout", "Policy", "Answers"]
+    assert table({"rays": 1}) == () and format_table(()) == ""
 
 
 def test_stopping_keeps_what_there_is(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
@@ -80,11 +155,13 @@ def test_stopping_keeps_what_there_is(moving_ball: bpy.types.Scene, tmp_path: Pa
     steps = bench.steps()
     begin(steps, "builder auto")
     assert [row["name"] for row in bench.figures["builders"]] == ["fast"]
-    assert make_charts(bench.figures) == {}
+    assert advice(bench.figures) == {}
+    assert [row.name for row in table(bench.figures)] == ["fast"]
     begin(steps, "builder fast")
     steps.close()
-    assert set(make_charts(bench.figures)) == {"builders", "total_time"}
+    assert set(advice(bench.figures)) == {"builders", "total_time"}
     assert write(bench.figures, tmp_path).json.is_file()
+    assert json.loads((tmp_path / "bench.json").read_text())["builders"] == bench.figures["builders"]
 
 
 def begin(steps: Iterator[tuple[float, str]], part: str) -> None:
@@ -130,8 +207,8 @@ def test_no_audit_is_not_called_a_good_one() -> None:
     row = {"trace_ms": spread, "checked": 0, "wrong": 0, "wrong_per_million": 0.0}
     machine = {"processor": "one", "threads": 1, "isa": "scalar", "perfect_bvh": "0"}
     scene = {"scene": "s", "triangles": 1, "meshes": 1, "instances": 1, "rays": 10, "machine": machine}
-    chart = make_charts({**scene, "answers": {**row, "interval": [0.0, 1e6]}})["answers"]
-    assert "too large" in chart.title
+    sentence = advice({**scene, "answers": {**row, "interval": [0.0, 1e6]}})["answers"]
+    assert "too large" in sentence
 
 
 def test_an_empty_scene_is_refused() -> None:
@@ -140,12 +217,25 @@ def test_an_empty_scene_is_refused() -> None:
         next(islice(SceneBench(subject_of(bpy.context.scene)).steps(), 1, None))
 
 
+@needs_matplotlib
 def test_the_button_makes_an_image_and_sets_the_frame_back(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
     register()
     assert bpy.ops.perfect_bvh.bench(seconds=2.0, folder=str(tmp_path)) == {"FINISHED"}
     assert moving_ball.frame_current == 2
     assert bpy.data.images["Perfect BVH Bench"].size[0] == 1600
     assert (tmp_path / "bench.json").is_file()
+
+
+@pytest.mark.usefixtures("registered", "no_matplotlib")
+def test_the_button_makes_a_table_without_matplotlib(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
+    forget()
+    assert last_results(moving_ball.session_uid) is None
+    assert bpy.ops.perfect_bvh.bench(seconds=2.0, folder=str(tmp_path)) == {"FINISHED"}
+    assert moving_ball.frame_current == 2
+    assert "Perfect BVH Bench" not in bpy.data.images
+    results = last_results(moving_ball.session_uid)
+    assert results is not None and results.table and results.json == tmp_path / "bench.json"
+    assert last_results(bpy.data.scenes.new("Other").session_uid) is None
 
 
 def begin_button(folder: Path) -> tuple[FakeOperator, FakeWindow]:
@@ -207,41 +297,21 @@ def test_a_full_disk_leaves_the_older_figures(moving_ball: bpy.types.Scene, tmp_
     assert (tmp_path / "bench.json").read_bytes() == older
 
 
-def test_blender_draws_pictures_without_matplotlib(
-    moving_ball: bpy.types.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "perfect_bvh_addon.bench.matplotlib_png", None)  # as if it could not be imported
-    figures = measured(moving_ball, 1.0)
-    if not hasattr(__import__("blf"), "bind_imbuf"):
-        with pytest.raises(DrawingError, match="perfect-bvh bench"):
-            write(figures, tmp_path)
-        assert (tmp_path / "bench.json").is_file()
-        return
-    results = write(figures, tmp_path)
-    assert all(path.read_bytes().startswith(b"\x89PNG") for path in results.pictures)
-    assert results.pictures[0].stat().st_size > 5000
-
-
-def test_the_way_out_is_named_where_nothing_can_draw(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    import blf
-
-    monkeypatch.delattr(blf, "bind_imbuf", raising=False)
-    from perfect_bvh_addon.bench.picture import Picture
-
-    with pytest.raises(DrawingError, match=r"JSON.*pip install"):
-        blender_png.write(Picture(10, 10), tmp_path / "a.png", 1.0)
-
-
-def test_the_command(moving_ball: bpy.types.Scene, tmp_path: Path) -> None:
+@pytest.mark.parametrize("blocked", [pytest.param(False, marks=needs_matplotlib), True])
+def test_the_command(moving_ball: bpy.types.Scene, tmp_path: Path, *, blocked: bool) -> None:
     file = tmp_path / "ball.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(file), copy=True)
     out = tmp_path / "charts"
     words = ["bench", str(file), "-o", str(out), "--seconds", "3"]
-    code = f"import sys; from perfect_bvh_addon.cli import main; sys.exit(main({words!r}))"
+    block = "sys.modules['matplotlib'] = None; " if blocked else ""
+    code = f"import sys; {block}from perfect_bvh_addon.cli import main; sys.exit(main({words!r}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    assert "builders.png: " in done.stdout and done.stdout.rstrip().endswith("bench.json")
-    assert {path.name for path in out.iterdir()} >= {"bench.json", "builders.png", "overview.png"}
+    assert done.stdout.startswith("Builder") and done.stdout.rstrip().endswith("bench.json")
+    assert (HOW_TO_GET_CHARTS in done.stdout.splitlines()) == blocked
+    assert f"\nbuilders{'' if blocked else '.png'}: " in done.stdout
+    names = {path.name for path in out.iterdir()}
+    assert names == {"bench.json"} if blocked else names >= {"bench.json", "builders.png", "overview.png"}
     file_in_the_way = tmp_path / "file"
     file_in_the_way.write_text("")
     words[3] = str(file_in_the_way)

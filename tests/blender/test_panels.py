@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,6 +11,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from perfect_bvh_addon import panels  # noqa: E402
+from perfect_bvh_addon.bench.results import Results, forget, remember  # noqa: E402
+from perfect_bvh_addon.bench.table import Row  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.panels import common, render, reports  # noqa: E402
 from perfect_bvh_addon.settings import preferences  # noqa: E402
@@ -96,6 +99,24 @@ def test_a_panorama_can_be_set_up_without_cycles() -> None:
     camera.type = "ORTHO"
     with pytest.raises(AssertionError):
         drawn(panels.borrowed.PERFECT_BVH_PT_panorama)
+
+
+def test_the_table_of_a_bench_shows_with_its_advice_on_its_scene_only(tmp_path: Path) -> None:
+    assert "spatial" not in drawn(panels.bench.PERFECT_BVH_PT_bench)
+    rows = (
+        Row("Builder", "spatial", "12.3 ms", "4.56 M rays/s"),
+        Row("Layout", "compact", "1.00 MiB", "1.00 M rays/s"),
+    )
+    results = Results(
+        tmp_path / "bench.json", rows, {"builders": "Leave it.", "total_time": "Leave it."}, {}, None, False
+    )
+    remember(bpy.context.scene.session_uid, results)
+    texts = drawn(panels.bench.PERFECT_BVH_PT_bench)
+    start = texts.index("Builder")
+    assert texts[start : start + 6] == ["Builder", "Build", "Rays", "spatial", "12.3 ms", "4.56 M rays/s"]
+    assert texts[start + 6 :] == ["Layout", "Memory", "Rays", "compact", "1.00 MiB", "1.00 M rays/s", "Leave it."]
+    forget()
+    assert "spatial" not in drawn(panels.bench.PERFECT_BVH_PT_bench)
 
 
 def test_an_audit_is_for_scripts_and_shows_in_no_panel() -> None:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
+from charts.chart import Axis, Chart, Key, Panel, Series
 from charts.figures import Figures, count, footer, load, named, rounds_of
-
-from addon.bench.chart import Axis, Chart, Key, Panel, Series
 
 DATA = "builders"
 MESHES = ("sponza", "dragon", "hair", "sticks")

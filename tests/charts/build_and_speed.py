@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from charts.chart import BLENDER, EMBREE, OURS, Axis, Chart, Key, Panel, Series
 from charts.figures import Figures, count, footer, load, only, rounds_of
-
-from addon.bench.chart import BLENDER, EMBREE, OURS, Axis, Chart, Key, Panel, Series
 
 DATA = "builders"
 MESHES = ("sponza", "dragon", "hair", "sticks")

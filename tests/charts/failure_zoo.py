@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from charts.chart import OURS, Axis, Chart, Key, Panel, Series
 from charts.figures import Figures, footer, load
-
-from addon.bench.chart import OURS, Axis, Chart, Key, Panel, Series
 
 DATA = "zoo"
 WORK = "times the work"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from charts.chart import Axis, Chart, Panel, Series
 from charts.figures import Figures, footer, load
-
-from addon.bench.chart import Axis, Chart, Panel, Series
 
 DATA = "image_error"
 RADII = ("clay, half as wide", "clay, 0.25 of the radius", "clay, 0.0625 of the radius")

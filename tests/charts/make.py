@@ -18,11 +18,10 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(REPOSITORY), str(REPOSITORY / "tests")]
 
 from charts import told
+from charts.chart import Chart
 from charts.figures import DATA, PICTURES
+from charts.layout import lay_out
 from stress import zoo_table
-
-from addon.bench.chart import Chart
-from addon.bench.layout import lay_out
 
 CHARTS = (
     "build_and_speed",

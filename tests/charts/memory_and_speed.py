@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from charts.chart import EMBREE, OURS, Axis, Chart, Key, Labels, Mark, Panel, Series
 from charts.figures import Figures, count, footer, load
-
-from addon.bench.chart import EMBREE, OURS, Axis, Chart, Key, Labels, Mark, Panel, Series
 
 DATA = "layouts"
 MESHES = ("courtyard", "sponza", "dragon", "dragon x16")  # or whatever was measured

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
+from charts.chart import Axis, Chart, Key, Mark, Panel, Series
 from charts.figures import Figures, count, footer, load, named
-
-from addon.bench.chart import Axis, Chart, Key, Mark, Panel, Series
 
 DATA = "policies"
 ANIMATIONS = ("tree_in_wind", "cloth", "ocean", "exploding")  # in the others nothing deforms

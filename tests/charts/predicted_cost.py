@@ -6,9 +6,8 @@ from itertools import product
 
 import numpy as np
 import numpy.typing as npt
+from charts.chart import Axis, Chart, Key, Mark, Panel, Series
 from charts.figures import Figures, footer, load, rounds_of
-
-from addon.bench.chart import Axis, Chart, Key, Mark, Panel, Series
 
 DATA = "builders"
 KIND = "diffuse"

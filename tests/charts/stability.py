@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from charts.chart import Axis, Chart, Key, Panel, Series
 from charts.figures import Figures, count, footer, load
-
-from addon.bench.chart import Axis, Chart, Key, Panel, Series
 
 DATA = "stability"
 LOOKS = {  # label, colour, dashed

@@ -128,7 +128,7 @@ def press_simplify() -> Step:
 
 
 def bench() -> Step:
-    """Measured until there is something to see, ended with Escape; the charts of it open in the Image Editor."""
+    """Measured until there is something to see, ended with Escape: a table in the panel, and charts with matplotlib."""
 
     def work(buttons: list[Button]) -> Step:
         (button,) = [button for button in buttons if "perfect_bvh.bench(" in button.what]
@@ -139,7 +139,11 @@ def bench() -> Step:
             check(is_working(), "a measurement that is held has ended")
             screenshot("benching")
             yield from press_key("Escape")
-            yield from wait_until(lambda: "Perfect BVH Bench" in bpy.data.images, "Escape shows no chart")
+            last_results, uid = module("bench.results").last_results, bpy.context.scene.session_uid
+            yield from wait_until(lambda: last_results(uid) is not None, "Escape shows no table")
+        results = last_results(uid)
+        check(len(results.table) == 4, f"of four builders the table has {results.table}")
+        check(results.can_draw == ("Perfect BVH Bench" in bpy.data.images), "charts are where matplotlib is not")
         yield from at_rest(area_of("PROPERTIES"))
         screenshot("bench")
         yield from close_image_windows()

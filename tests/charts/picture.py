@@ -15,10 +15,6 @@ LETTER_WIDTH = 0.61
 HALO = 3.0  # pixels of white about words
 
 
-class DrawingError(Exception):
-    """A picture that cannot be drawn here; the message says why and the way out."""
-
-
 @dataclass(frozen=True, slots=True)
 class Line:
     """Joined points. dashes: pixels on and off; none: solid."""
@@ -69,15 +65,10 @@ class Picture:
     texts: list[Text] = field(default_factory=list)
 
     def save(self, path: Path, zoom: float = 2.0) -> None:
-        """Writes a PNG, `zoom` pixels for each of ours: by matplotlib where it is installed, otherwise by Blender.
+        """Writes a PNG by matplotlib, `zoom` pixels for each of ours."""
+        from . import matplotlib_png
 
-        Raises DrawingError where there is neither.
-        """
-        try:
-            from . import matplotlib_png as writer
-        except ImportError:
-            from . import blender_png as writer  # type: ignore[no-redef]
-        writer.write(self, path, zoom)
+        matplotlib_png.write(self, path, zoom)
 
 
 def width_of(words: str, size: float, *, bold: bool = False) -> float:

@@ -1,0 +1,125 @@
+"""What a user's scene advises: a plain sentence for each part that was measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+Figures = dict[str, Any]
+FIXED_POLICIES = ("refit", "rebuild")
+NOTICEABLE = 1.05  # a difference below that is not worth a change
+FEWEST_ROUNDS = 3  # that tell a difference from the machine's whims
+TOO_LITTLE = "Too few rounds to tell builders apart: let it run longer."
+
+
+def advice(figures: Figures) -> dict[str, str]:
+    """By the part's name; one for each part that was measured."""
+    makers: dict[str, tuple[str, Callable[[Figures], str]]] = {
+        "builders": ("builders", _builders),
+        "total_time": ("builders", _total_time),
+        "layouts": ("layouts", _layouts),
+        "answers": ("answers", _answers),
+        "frames": ("frames", _frames),
+    }
+    found = {name: make for name, (part, make) in makers.items() if figures.get(part)}
+    if not any(row["name"] == "auto" for row in figures.get("builders", ())):  # what others are compared with
+        found = {name: make for name, make in found.items() if makers[name][0] != "builders"}
+    return {name: make(figures) for name, make in found.items()}
+
+
+def rays_per_second(figures: Figures, row: Figures, which: str = "typical") -> float:
+    """In millions. which: of the times: "typical", or their quartiles "low" and "high"."""
+    return float(figures["rays"] / row["trace_ms"][which] / 1e3)
+
+
+def total_ms(figures: Figures, row: Figures, rays: float, which: str = "typical") -> float:
+    """Milliseconds of a builder's trees and of so many rays through them."""
+    return float(row["build_ms"][which] + rays / figures["rays"] * row["trace_ms"][which])
+
+
+def frame_ms(row: Figures, policy: str) -> float:
+    """Milliseconds of a frame's update and of the rays after it."""
+    return float(row["policies"][policy]["update_ms"] + row["policies"][policy]["trace_ms"])
+
+
+def _builders(figures: Figures) -> str:
+    rows = figures["builders"]
+    speeds = {row["name"]: rays_per_second(figures, row) for row in rows}
+    trace, ready = ({row["name"]: row[key] for row in rows} for key in ("trace_ms", "build_ms"))
+    best = max(speeds, key=lambda name: speeds[name])
+    if min(row["trace_ms"]["count"] for row in rows) < FEWEST_ROUNDS:
+        return TOO_LITTLE
+    # Two builders differ only where the slow rounds of the one are still faster than the fast ones of the other.
+    if speeds[best] < NOTICEABLE * speeds["auto"] or trace[best]["high"] > trace["auto"]["low"]:
+        return "Leave the builder to the engine: no other makes this scene's rays reliably faster."
+    faster, dearer = speeds[best] / speeds["auto"], ready[best]["typical"] / ready["auto"]["typical"]
+    return f"BuildConfig(builder={best!r}) makes rays {faster:.2f} times as fast, for {dearer:.1f} times the build."
+
+
+def _total_time(figures: Figures) -> str:
+    rows = {row["name"]: row for row in figures["builders"]}
+    if min(row["trace_ms"]["count"] for row in rows.values()) < FEWEST_ROUNDS:
+        return TOO_LITTLE
+    few, many = (_reliably_best(figures, rows, rays) for rays in (1e5, 1e9))
+    if few == many == "auto":
+        return "Leave the builder to the engine, however many rays are cast: no other is noticeably less work."
+    if few == many:
+        return f"However many rays are cast, '{few}' trees are the least work here."
+    step = 10.0**0.02
+    rays = 1e5
+    while rays < 1e9 and total_ms(figures, rows[many], rays) > total_ms(figures, rows[few], rays):
+        rays *= step
+    return (
+        f"Up to about {_rays(rays)} rays '{few}' trees are the least work, '{many}' ones beyond: "
+        "tell update(expected_rays=...) how many you cast."
+    )
+
+
+def _reliably_best(figures: Figures, rows: dict[str, Figures], rays: float) -> str:
+    """The builder with the least work, unless what is chosen anyway does not take noticeably and reliably more."""
+    best = min(rows, key=lambda name: total_ms(figures, rows[name], rays))
+    is_noticeable = total_ms(figures, rows["auto"], rays) > NOTICEABLE * total_ms(figures, rows[best], rays)
+    is_reliable = total_ms(figures, rows["auto"], rays, "low") > total_ms(figures, rows[best], rays, "high")
+    return best if is_noticeable and is_reliable else "auto"
+
+
+def _layouts(figures: Figures) -> str:
+    rows = {row["name"]: row for row in figures["layouts"]}
+    saved = 1.0 - rows["compact"]["byte_count"] / rows["default"]["byte_count"]
+    slower = rows["compact"]["trace_ms"]["typical"] / rows["default"]["trace_ms"]["typical"] - 1.0
+    cost = f"make rays {100 * slower:.0f} % slower" if slower >= 0.01 else "make rays no slower"
+    sizes = " become ".join(f"{rows[name]['byte_count'] / 2**20:,.1f} MiB" for name in ("default", "compact"))
+    return f"BuildConfig(layout='compact') would take {100 * saved:.0f} % less memory and {cost}: {sizes}."
+
+
+def _answers(figures: Figures) -> str:
+    answers = figures["answers"]
+    if not answers["checked"]:
+        return "The scene is too large to check an answer without a tree in this time: give --seconds more."
+    if answers["wrong"]:
+        return f"{answers['wrong']} of {answers['checked']:,} checked answers are wrong: please report this scene."
+    return (
+        f"None of {answers['checked']:,} answers checked again is wrong: fewer than "
+        f"{answers['interval'][1]:,.0f} per million are, at 95 % confidence."
+    )
+
+
+def _frames(figures: Figures) -> str:
+    rows = figures["frames"]
+    sums = {policy: sum(frame_ms(row, policy) for row in rows) for policy in (*FIXED_POLICIES, "governed")}
+    better = min(FIXED_POLICIES, key=lambda policy: sums[policy])
+    ratio = sums["governed"] / sums[better]
+    if not any(row["policies"]["governed"]["actions"] or row["policies"]["governed"]["moved"] for row in rows[1:]):
+        return "Nothing moves in these frames: trees are built once and kept."
+    if ratio <= NOTICEABLE:
+        return "Leave the policy to the governor: over these frames no fixed one is noticeably less work."
+    share = 100.0 * (ratio - 1.0)
+    return f"Scene(policy={better!r}) would be {share:.0f} % less work over these frames than the governor."
+
+
+def _rays(number: float) -> str:
+    """To two digits."""
+    unit = 10.0 ** math.floor(math.log10(number) - 1.0)
+    rounded = round(number / unit) * unit
+    return f"{rounded / 1e6:,.3g} million" if rounded >= 1e6 else f"{rounded:,.0f}"
