@@ -7,20 +7,20 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 
-from makers import cloth, courtyard, crowd, gears, ocean, tree_in_wind, zoo
+from makers import cloth, courtyard, crowd, gears, ocean, tree_in_wind
 from makers.stage import save_stage
+from makers.zoo import files as zoo_files
 
-SCENES: dict[str, Callable[[], None]] = {
+SCENES: dict[str, Callable[[], int | None]] = {
     "courtyard": courtyard.make,
     "tree_in_wind": tree_in_wind.make,
     "gears": gears.make,
     "crowd": crowd.make,
     "cloth": cloth.make,
     "ocean": ocean.make,
-    **{f"zoo/{name}": partial(zoo.make, name) for name in zoo.NAMES},
+    **zoo_files.MAKERS,
 }
 
 
@@ -33,10 +33,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if unknown:
         parser.error(f"unknown scene {', '.join(unknown)}; choose from {', '.join(SCENES)}")
     for name in options.names or SCENES:
-        SCENES[name]()
+        frame = SCENES[name]() or 1
         path = (options.output / f"{name}.blend").resolve()
         path.parent.mkdir(parents=True, exist_ok=True)
-        save_stage(path)
+        save_stage(path, frame)
         print(f"{path}: {path.stat().st_size / 1000:.0f} KB")
 
 

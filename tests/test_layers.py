@@ -26,8 +26,8 @@ NATIVE_IGNORANCE = {
 # Rooms of the add-on in one group know nothing of each other; a group may import those above it in this list.
 ADDON_LAYERS = (
     ("support", "events", "settings", "sync"),
-    ("extract", "statistics", "failure_cases"),
-    ("live", "failure_scenes"),
+    ("extract", "statistics"),
+    ("live",),
     ("image", "scanning"),
     ("view3d", "bench"),
     ("engine", "operators", "panels"),

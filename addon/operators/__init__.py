@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from . import bench, failure_case, preview, scan, select_mesh
+from . import bench, preview, scan, select_mesh
 
-_MODULES = (preview, scan, bench, failure_case, select_mesh)
+_MODULES = (preview, scan, bench, select_mesh)
 
 
 def register() -> None:

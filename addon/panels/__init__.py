@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..settings.scene_settings import ENGINE_NAME
-from . import bench, borrowed, failure_cases, overlay, rays, render, reports
+from . import bench, borrowed, overlay, rays, render, reports
 
 CLASSES = (
     *render.CLASSES,
@@ -13,7 +13,6 @@ CLASSES = (
     *overlay.CLASSES,
     *reports.CLASSES,
     *bench.CLASSES,
-    *failure_cases.CLASSES,
     *render.LAST_CLASSES,
     *borrowed.CLASSES,
 )

@@ -39,9 +39,9 @@ def open_stage(name: str, last_frame: int = 1, exposure: float = 0.0) -> Any:
     return scene
 
 
-def save_stage(path: Path) -> None:
-    """Writes the file compressed, at frame 1, without a backup beside it."""
-    bpy.context.scene.frame_set(1)
+def save_stage(path: Path, frame: int = 1) -> None:
+    """Writes the file compressed, at a frame, without a backup beside it."""
+    bpy.context.scene.frame_set(frame)
     bpy.context.preferences.filepaths.save_version = 0
     bpy.ops.outliner.orphans_purge(do_recursive=True)
     bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True)

@@ -40,7 +40,21 @@ from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import syncs_of  # noqa: E402
 
 SCENES = sorted(path.stem for path in (Path(__file__).resolve().parents[2] / "blend_scenes").glob("*.blend"))
-ZOO = sorted(path.stem for path in (Path(__file__).resolve().parents[2] / "blend_scenes" / "zoo").glob("*.blend"))
+# Failure cases on which Cycles itself does not fail.
+ZOO = (
+    "teapot_in_stadium",
+    "ground_under_gravel",
+    "far_clusters",
+    "diagonal_sticks",
+    "interleaved_instances",
+    "skewed_matrices",
+    "explosion",
+    "twist",
+    "equal_counts",
+    "topology_on_some_frames",
+    "non_finite_vertices",
+    "deleted_objects",
+)
 DEPTH_TOLERANCE = 1e-4
 NORMAL_TOLERANCE = np.cos(np.radians(1.0))
 BACKGROUND = 1e9

@@ -16,10 +16,10 @@ from buttons import (
     toggle_panel,
     with_panel_open,
 )
-from drawn import drawn, note_pressed, pressed
+from drawn import drawn, pressed
 from driver import Step, at_rest, check, redrawn, screenshot, wait_until
 from gates import gate_of_steps
-from hands import handled, hover, press_here, press_key, set_viewport_size
+from hands import hover, press_here, press_key, set_viewport_size
 from panels import SUB_PANELS, change_all, header_of, main_buttons, open_sub_panel
 from places import area_of, main_area, middle_of
 
@@ -31,7 +31,6 @@ MAIN_BUTTONS = [
     "perfect_bvh.samples",
 ]
 HEADER_CHECKBOX_OF_PANEL = 0.13
-MENU_BELOW_HEADER = 57  # with a line of text between
 WITH_REPORTS = (*SUB_PANELS[:4], "Statistics", "Plan", *SUB_PANELS[4:])
 
 
@@ -217,36 +216,6 @@ def show_the_viewport() -> Step:
     main_area().type = "VIEW_3D"
     yield from redrawn()
     bpy.ops.ed.undo_push(message="start")
-
-
-def make_a_failure_case() -> Step:
-    before = bpy.context.scene
-
-    def work(buttons: list[Button]) -> Step:
-        check(not buttons, f"buttons beside the menu, which tells nothing of itself: {buttons}")
-        area, index = area_of("PROPERTIES"), SUB_PANELS.index("Failure Cases")
-        yield from leave(area)
-        header = yield from header_of(index)
-        hover(middle_of(area)[0], header - MENU_BELOW_HEADER)
-        yield from handled()
-        yield from press_here()
-        note_pressed("bpy.ops.perfect_bvh.add_failure_case()")
-        screenshot("menu_of_failure_cases")
-        yield from press_key("Down", "Return")
-        yield from wait_until(lambda: bpy.context.scene != before, "no scene of a failure case is shown")
-        yield from at_rest(area)
-        check(bpy.context.scene.perfect_bvh.mode == "COST", "the case does not show costs")
-        screenshot("failure_case")
-        view = area_of("VIEW_3D").spaces.active.region_3d
-        check(view.view_perspective == "CAMERA", "the case is not looked at through its camera")
-        view.view_perspective = "PERSP"
-        made = bpy.context.scene
-        bpy.context.window_manager.windows[0].scene = before
-        bpy.data.scenes.remove(made)
-        bpy.ops.ed.undo_push(message="the case is gone")
-        yield from at_rest(area)
-
-    yield from open_sub_panel("Failure Cases", work)
 
 
 def choose_passes() -> Step:

@@ -43,7 +43,6 @@ STEPS = (
     bad_use_steps.render_what_is_broken,
     bad_use_steps.render_into_nowhere,
     panel_steps.show_the_viewport,
-    panel_steps.make_a_failure_case,
     scan_steps.stop_a_scan,
     scan_steps.stop_a_scan_while_it_builds,
     scan_steps.scan,

@@ -11,10 +11,10 @@ from functools import cache
 
 import numpy as np
 import perfect_bvh
+from makers.zoo import CASES, Body
+from makers.zoo.case import finite, rays_around
+from makers.zoo.shapes import Mesh, loose
 from perfect_bvh.build_config import BUILDERS
-from perfect_bvh_addon.failure_cases import CASES, Body
-from perfect_bvh_addon.failure_cases.case import finite, rays_around
-from perfect_bvh_addon.failure_cases.shapes import Mesh, loose
 
 from .bytes import Bytes, Features, kind_of
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
-from perfect_bvh_addon.failure_cases import FailureCase
+from makers.zoo import FailureCase
 
 from . import losses_of_answers as answers
 from . import losses_of_edits as edits

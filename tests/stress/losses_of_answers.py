@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import perfect_bvh
-from perfect_bvh_addon.failure_cases import FailureCase
-from perfect_bvh_addon.failure_cases.case import Rays, world_corners
+from makers.zoo import FailureCase
+from makers.zoo.case import Rays, world_corners
 
 from .loss import PER_MILLION, Loss
 from .naive import packets, slabs

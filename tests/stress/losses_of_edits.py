@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import perfect_bvh
-from perfect_bvh_addon.failure_cases import Body, FailureCase
-from perfect_bvh_addon.failure_cases.case import Rays
-from perfect_bvh_addon.failure_cases.shapes import ball
+from makers.zoo import Body, FailureCase
+from makers.zoo.case import Rays
+from makers.zoo.shapes import ball
 
 from .loss import PER_MILLION, Loss
 from .losses_of_answers import per_million

@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 import perfect_bvh
+from makers.zoo import Body, FailureCase, State
+from makers.zoo.case import Rays, world_corners
 from perfect_bvh import BuildConfig
-from perfect_bvh_addon.failure_cases import Body, FailureCase, State
-from perfect_bvh_addon.failure_cases.case import Rays, world_corners
 
 from .loss import WORK, Loss
 from .naive import reinsertion, tree

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import perfect_bvh
+from makers.zoo import Body, State
+from makers.zoo.case import Rays, finite
 from oracles.brute_force import Verdict, WorldTriangles, judge
 from perfect_bvh.calibration import DEFAULT_FILE, Calibration
-from perfect_bvh_addon.failure_cases import Body, State
-from perfect_bvh_addon.failure_cases.case import Rays, finite
 
 # Whoever has measured their own machine gets the same trees here.
 SHIPPED = Calibration.load(DEFAULT_FILE)

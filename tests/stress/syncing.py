@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 import perfect_bvh
-from perfect_bvh_addon.failure_cases import Body, State
-from perfect_bvh_addon.failure_cases.case import finite
+from makers.zoo import Body, State
+from makers.zoo.case import finite
 from perfect_bvh_addon.sync.records import InstanceRecords, MeshRecord, ObjectRecord, SceneRecord
 from perfect_bvh_addon.sync.report import SyncReport
 from perfect_bvh_addon.sync.state import SceneState

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import perfect_bvh
 import pytest
+from makers.zoo import CASES, FailureCase, find_case
+from makers.zoo.case import world_corners
 from perfect_bvh.build_config import BUILDERS, LAYOUTS
-from perfect_bvh_addon.failure_cases import CASES, FailureCase, find_case
-from perfect_bvh_addon.failure_cases.case import world_corners
 
 from stress.playing import ANSWER, bits, play, verdict_on
 from stress.syncing import sync

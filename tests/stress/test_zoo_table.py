@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from charts.figures import load
-from perfect_bvh_addon.failure_cases import CASES, FailureCase
+from makers.zoo import CASES, FailureCase
 
 from stress.loss import WORK
 from stress.losses import MEASURES, measure

@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+    TESTS = Path(__file__).resolve().parent.parent
+    sys.path[:0] = [str(TESTS), str(TESTS.parent / "blend_scenes")]
 
 from benchmarks.machine import describe
 from charts.measure import keep
-from perfect_bvh_addon.failure_cases import CASES, FailureCase
+from makers.zoo import CASES, FailureCase
 
 from stress.losses import MEASURES, measure
 from stress.zoo_table import write_table

@@ -17,9 +17,10 @@ OPENING = """\
 Written by `python tests/stress/zoo.py --write` from figures that it measures into
 [`tests/charts/data/zoo.json`](../charts/data/zoo.json), and drawn as a [chart](../charts/README.md#the-failure-zoo); a
 test measures every figure again. Each of the {count} cases is a small seeded scene on which a usual method fails, made
-by [`addon/failure_cases/`](../../addon/failure_cases/); the panel *Failure Cases* makes it in Blender, and twelve of
-them are files in `blend_scenes/zoo/`. `tests/stress/test_zoo.py` checks the answers on all of them against double
-precision, with every builder in every layout, on every instruction set, in every way of tracing.
+by [`blend_scenes/makers/zoo/`](../../blend_scenes/makers/zoo/), and a file in
+[`blend_scenes/zoo/`](../../blend_scenes/zoo/), which opens on what fails and begins with what to do.
+`tests/stress/test_zoo.py` checks the answers on all of them against double precision, with every builder in every
+layout, on every instruction set, in every way of tracing.
 
 What is lost is counted, never timed. *Times the work*: boxes and triangles that the same rays test, relative to the
 best tree known, so that 1.00 is no loss; after an edit, relative to a fresh tree of the same kind. *Wrong per million*:
@@ -45,7 +46,8 @@ def line_of(case: Figures) -> str:
         asked, value = case["other"]
         ours += f" (`{asked}`: {shown(value, unit)})"
     loses = f"{shown(case['naive'], unit)} {unit}"
-    cells = (case["title"], case["breaks"], case["source"], case["method"], loses, ours, case["held"])
+    title = f"[{case['title']}](../../blend_scenes/zoo/{case['name']}.blend)"
+    cells = (title, case["breaks"], case["source"], case["method"], loses, ours, case["held"])
     return f"| {' | '.join(cells)} |\n"
 
 

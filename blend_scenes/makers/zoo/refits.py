@@ -112,9 +112,11 @@ def _folded(positions: np.ndarray, across: np.ndarray, any_way: np.ndarray) -> n
     )
 
 
-def _refit_case(make: Callable[[], tuple[State, ...]], title: str, breaks: str, source: str) -> FailureCase:
+def _refit_case(
+    make: Callable[[], tuple[State, ...]], title: str, breaks: str, source: str, grid: float | None = None
+) -> FailureCase:
     held = "The commit weighs the refitted tree against a fresh one and rebuilds; the report says which and why."
-    return FailureCase(make.__name__, title, breaks, source, held, make, rays_around)
+    return FailureCase(make.__name__, title, breaks, source, held, make, rays_around, grid=grid)
 
 
 CASES = (
@@ -147,12 +149,14 @@ CASES = (
         "A long chain of refits",
         "Each refit is a little worse than the last, and nothing ever says that it is enough.",
         "public report",
+        grid=2.0**-9,
     ),
     _refit_case(
         skinned_walk,
         "A crowd of walkers in one mesh",
         "Limbs stay compact, but who stood together walks apart: each frame's refit is a little worse than the last.",
         "public report",
+        grid=2.0**-6,
     ),
     _refit_case(
         crumpled_cloth,

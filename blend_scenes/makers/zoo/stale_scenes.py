@@ -74,6 +74,7 @@ STOPPED_HALFWAY = FailureCase(
     "A commit replaces everything at its end or nothing: snapshots stay, and queries refuse until one has succeeded.",
     stopped_halfway,
     rays_around,
+    grid=2.0**-10,
 )
 ONE_FRAME_LATE = FailureCase(
     "one_frame_late",

@@ -1,6 +1,6 @@
 """What a failure case is: a few small meshes, perhaps edited from state to state, and the rays that tell.
 
-Plain numpy: the tests, the generated table and the Blender scenes are all made from these.
+Plain numpy: the tests, the generated table and the files for Blender are all made from these.
 """
 
 from __future__ import annotations
@@ -53,6 +53,9 @@ class FailureCase:
     source: where it was seen. states: makes the states, one after the other, always the same.
     rays: makes `count` telling rays for one of the states, from a seed.
     view: where a camera sees what it is about, and what it looks at; None: from outside, at all of it.
+    grid: what a file rounds positions to multiples of, so that it stays small; None: they are kept as they are.
+    is_loose: whether a file has the vertices alone, each three of which a modifier makes a triangle.
+    halvings: how many more copies of the mesh's first part follow it, each half as large as the one before.
     """
 
     name: str
@@ -63,6 +66,9 @@ class FailureCase:
     states: Callable[[], tuple[State, ...]]
     rays: Callable[[State, int, int], Rays]
     view: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+    grid: float | None = None
+    halvings: int = 0
+    is_loose: bool = False
 
 
 def body(name: str, mesh: Mesh, transforms: npt.ArrayLike | None = None) -> Body:

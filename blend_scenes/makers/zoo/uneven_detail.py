@@ -7,6 +7,8 @@ import numpy as np
 from .case import FailureCase, Rays, State, one, rays_around, world_corners
 from .shapes import ball, gravel, joined, loose, room, sheet
 
+HALVINGS = 23
+
 
 def teapot_in_stadium() -> tuple[State, ...]:
     return one(joined(room(500.0), ball(4, 0.5, (3.0, 2.0, -498.0))))
@@ -24,10 +26,10 @@ def far_clusters() -> tuple[State, ...]:
 
 def nested_boxes() -> tuple[State, ...]:
     """A hundred thousand triangles in boxes about one corner, 4,170 in each, each box half as wide as the last."""
-    random = np.random.default_rng(5)
-    sizes = np.repeat(0.5 ** np.arange(24), 4170)[:, None, None]
-    corners = random.uniform(0.0, 1.0, (len(sizes), 1, 3)) + random.normal(0.0, 0.02, (len(sizes), 3, 3))
-    return one(loose(sizes * corners))
+    random = np.random.default_rng(11)
+    corners = random.uniform(0.0, 1.0, (4170, 1, 3)) + random.normal(0.0, 0.02, (4170, 3, 3))
+    sizes = 0.5 ** np.arange(1 + HALVINGS)
+    return one(loose(sizes[:, None, None, None] * corners))
 
 
 def rays_at_each_size(state: State, count: int, seed: int) -> Rays:
@@ -78,6 +80,7 @@ NESTED_BOXES = FailureCase(
     "No builder makes a tree deeper than 96, and stacks are sized for it.",
     nested_boxes,
     rays_at_each_size,
-    view=((0.9, 0.7, 0.8), (0.0, 0.0, 0.0)),
+    view=((1.9, 1.5, 1.7), (0.3, 0.3, 0.3)),
+    halvings=HALVINGS,
 )
 CASES = (TEAPOT_IN_STADIUM, GROUND_UNDER_GRAVEL, FAR_CLUSTERS, NESTED_BOXES)

@@ -1,0 +1,82 @@
+"""What each file begins with: what to do, what is seen then, in which mode and on which frame it opens.
+
+Knows neither Blender nor the engine.
+"""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from . import FailureCase
+from .instructions import DO
+
+FIGURES = Path(__file__).resolve().parents[3] / "tests" / "charts" / "data" / "zoo.json"
+SCRIPTS = Path(__file__).parent / "scripts"
+WIDTH = 76
+PICTURES = {
+    "COST": "The picture shows how many boxes and triangles each pixel's ray tests, on one fixed scale.",
+    "WIREFRAME": "The picture shows the triangles that the rays meet, by their edges.",
+    "NORMAL": "The picture shows the normals of what the rays meet; a ray that is lost leaves a hole.",
+    "INSTANCE": "The picture shows the objects that the rays meet, each in a colour of its own.",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Lesson:
+    """How a file opens. state: index of the state on whose frame. text: what its Text Editor shows, as `text_name`."""
+
+    mode: str
+    state: int
+    text_name: str
+    text: str
+
+
+def lesson_of(case: FailureCase) -> Lesson:
+    """The lesson of a case; its figures are those that the zoo's table has."""
+    do = DO[case.name]
+    states = len(case.states())
+    state = states - 1 if do.state is None else do.state
+    words = "\n\n".join(textwrap.fill(part, WIDTH) for part in _paragraphs(case, do.words, do.mode, states))
+    if do.script:
+        return Lesson(do.mode, state, f"{case.name}.py", f'"""{words}\n"""\n\n{_script(case.name)}')
+    return Lesson(do.mode, state, case.title, words + "\n")
+
+
+def _paragraphs(case: FailureCase, do: str, mode: str, states: int) -> list[str]:
+    figures = _figures()[case.name]
+    loses, ours = (_shown(figures[key], figures["unit"]) for key in ("naive", "ours"))
+    played = [f"The {states} states are eight frames apart."] if states > 1 else []
+    return [
+        " ".join([do, *played, PICTURES[mode]]),
+        f"{case.title}.",
+        f"What fails: {case.breaks}",
+        f"The usual method, {figures['method']}: {loses}. This engine: {ours}.",
+        f"How this engine answers: {case.held}",
+        f"Seen in: {case.source}.",
+    ]
+
+
+def _script(name: str) -> str:
+    """A script that stands alone: what it shares with others stands in the place of the import of it."""
+    source, common = ((SCRIPTS / f"{part}.py").read_text(encoding="utf-8") for part in (name, "common"))
+    head, body = source.split("\n\n\n", 1)
+    imports, functions = common.split("\n\n\n", 1)
+    lines = {line for line in (head + "\n" + imports).splitlines() if line and not line.startswith("from .common")}
+    return "\n".join([*sorted(lines), "\n", functions.rstrip(), "\n", body])
+
+
+@cache
+def _figures() -> dict[str, dict[str, Any]]:
+    cases = json.loads(FIGURES.read_text(encoding="utf-8"))["cases"]
+    return {case["name"]: case for case in cases}
+
+
+def _shown(value: float, unit: str) -> str:
+    """Two digits: what the last ones are changes with each change of a builder."""
+    number = float(f"{value:.2g}")
+    return f"{number:.1f} {unit}" if unit == "times the work" else f"{number:,.0f} {unit}"
