@@ -7,6 +7,9 @@ Blender's handlers are installed with the first listener and removed when the la
 held weakly: a forgotten one costs nothing but handlers without a listener. A handler does no more: what to do about
 a change is the listener's business, and it must be little. Nor may it remove itself: Blender goes through its list by
 number, and would pass over the handler that comes next.
+
+Listeners are told when an evaluation, a frame change or an undo begins, too: what other handlers and drivers ask
+meanwhile is then not answered from before. `asking.py` says why it must be known when they have ended.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from typing import Any, Protocol
 import bpy
 from bpy.app.handlers import persistent
 
+from . import asking
 from .evaluation_log import EvaluationLog
 
 
@@ -30,6 +34,8 @@ class ChangeListener(Protocol):
     def on_file_change(self) -> None:
         """Called when all data-blocks are about to go, or have just come."""
 
+
+HANDLERS_REMOVED = "Blender's handlers were removed"
 
 _listeners: weakref.WeakSet[Any] = weakref.WeakSet()
 _log = EvaluationLog()
@@ -69,10 +75,16 @@ def watch_again() -> None:
     Called before a scene is read, or what was read is shown.
     """
     global _gap_count
-    if _listeners and not all(handler in getattr(bpy.app.handlers, name) for name, handler in _HANDLERS):
+    if _listeners and not are_installed():
         _install()
+        asking.forget_all()
         _gap_count += 1
-        _announce("Blender's handlers were removed")
+        _announce(HANDLERS_REMOVED)
+
+
+def are_installed() -> bool:
+    """Whether Blender still calls all that it was asked to call. Scripts empty its lists."""
+    return all(handler in handlers for handlers, handler in _PLACES)
 
 
 def edit_count(scene_uid: int) -> int:
@@ -105,6 +117,13 @@ def _note(arguments: tuple[Any, ...]) -> None:
 
 
 @persistent
+def _before_evaluation(*_: Any) -> None:
+    asking.begin("evaluation")
+    _move_to_the_end("depsgraph_update_post", _after_evaluation)
+    _announce("the scene was evaluated again")
+
+
+@persistent
 def _on_depsgraph_update(*arguments: Any) -> None:
     _note(arguments)
     scene, depsgraph = arguments[0], arguments[-1]
@@ -115,14 +134,36 @@ def _on_depsgraph_update(*arguments: Any) -> None:
 
 
 @persistent
+def _after_evaluation(*_: Any) -> None:
+    asking.end("evaluation")
+
+
+@persistent
+def _before_frame_change(*_: Any) -> None:
+    asking.begin("frame change")
+    _move_to_the_end("frame_change_post", _after_frame_change)
+    _announce("the frame was changed")
+
+
+@persistent
 def _on_frame_change(*arguments: Any) -> None:
     _note(arguments)
     _announce("the frame was changed")
 
 
 @persistent
-def _before_undo(*_: Any) -> None:
-    _log.forget()
+def _after_frame_change(*_: Any) -> None:
+    asking.end("frame change")
+
+
+@persistent
+def _before_render(*_: Any) -> None:
+    asking.begin("render")
+
+
+@persistent
+def _after_render(*_: Any) -> None:
+    asking.end("render")
 
 
 @persistent
@@ -144,25 +185,45 @@ def _on_load(*_: Any) -> None:
         listener.on_file_change()
 
 
+_FIRST = (  # of those that Blender calls, so that none asks before they have told of it
+    ("depsgraph_update_pre", _before_evaluation),
+    ("frame_change_pre", _before_frame_change),
+    ("undo_pre", _on_undo),
+    ("redo_pre", _on_redo),
+    ("load_pre", _on_load),
+    ("render_init", _before_render),
+)
 _HANDLERS = (
+    *_FIRST,
     ("depsgraph_update_post", _on_depsgraph_update),
     ("frame_change_post", _on_frame_change),
-    ("undo_pre", _before_undo),
     ("undo_post", _on_undo),
-    ("redo_pre", _before_undo),
     ("redo_post", _on_redo),
-    ("load_pre", _on_load),
     ("load_post", _on_load),
+    ("depsgraph_update_post", _after_evaluation),
+    ("frame_change_post", _after_frame_change),
+    ("render_complete", _after_render),
+    ("render_cancel", _after_render),
 )
+_PLACES = tuple((getattr(bpy.app.handlers, name), handler) for name, handler in _HANDLERS)  # Blender's very lists
 
 
 def _install() -> None:
     """Adds what is missing; the log knows nothing of what came before."""
-    for name, handler in _HANDLERS:
+    for entry in _HANDLERS:
+        name, handler = entry
         handlers = getattr(bpy.app.handlers, name)
         if handler not in handlers:
-            handlers.append(handler)
+            handlers.insert(0 if entry in _FIRST else len(handlers), handler)
             _log.forget()
+
+
+def _move_to_the_end(name: str, handler: Any) -> None:
+    """Behind the handlers that others have installed since. Only before Blender goes through that list."""
+    handlers = getattr(bpy.app.handlers, name)
+    if asking.is_main_thread() and handler in handlers and handlers[-1] is not handler:
+        handlers.remove(handler)
+        handlers.append(handler)
 
 
 def _remove() -> None:
@@ -170,3 +231,4 @@ def _remove() -> None:
         handlers = getattr(bpy.app.handlers, name)
         if handler in handlers:
             handlers.remove(handler)
+    asking.forget_all()

@@ -142,6 +142,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stop watching."""
+    """Stop watching. Scripts empty Blender's lists: what is not there any more need not go."""
     for handlers, handler in _handler_lists():
-        handlers.remove(handler)
+        if handler in handlers:
+            handlers.remove(handler)

@@ -22,7 +22,6 @@ import perfect_bvh
 from perfect_bvh import Appearance, Camera, Scene
 from perfect_bvh.scene import Policy
 
-from ..events.changes import listen, stop_listening
 from ..extract import ReadCache, read_scene
 from ..extract.pointer_views import ArrayReader
 from ..support.background_work import BackgroundWork
@@ -33,11 +32,13 @@ from ..sync.report import SyncReport
 from ..sync.scene_difference import AppliedDifference, SceneDifference
 from ..sync.state import SceneState, TimedCommit
 from ..sync.verify import find_mismatches
+from .scene_watch import SceneWatch
 
 Progress = Callable[[float], object]
 UpdateCommit = BackgroundWork[TimedCommit, SyncReport]
 
 _FAILED = "the last update did not succeed: call update() again"
+_CLOSED = "the sync was closed: call update()"
 
 
 class SceneSync:
@@ -45,12 +46,20 @@ class SceneSync:
 
     attributes: what to read beside the triangles; by default the material slots. `request()` asks for more later.
     for_viewport: whether viewport or render visibility counts; by default what each depsgraph was made for.
-    watch: whether queries raise `perfect_bvh.StaleSceneError` once Blender has evaluated anything, changed the frame,
-        undone a step or loaded a file since the last update. For that, Blender handlers are installed until the last
-        such sync is closed, with or without `register()`. False is for renders, whose depsgraph is their own.
+    watch: whether queries raise `perfect_bvh.StaleSceneError` once anything has changed in Blender since the last
+        update: see below. For that, Blender handlers are installed until the last such sync is closed, with or without
+        `register()`. False is for renders, whose depsgraph is their own.
     policy: of `perfect_bvh.Scene`: for comparisons, what becomes of trees whose vertices moved.
 
-    Use it on Blender's main thread; snapshots of its scene may be traced anywhere.
+    Use it on Blender's main thread; snapshots of its scene may be traced anywhere, and never go stale.
+
+    What counts as a change: whatever Blender evaluates anew, a frame, an undo, a file, another scene or view layer in
+    the window, and handlers that a script removed. A query on the main thread first lets Blender evaluate what is
+    pending (microseconds if nothing is), so that an edit counts at once. Other threads, handlers, drivers and renders
+    must not ask for an evaluation: a query there goes by what was evaluated before, and raises from the moment when an
+    evaluation, a frame change or an undo begins. What Blender itself does not notice stays unknown until something is
+    evaluated for another reason, to renders and viewports as well: custom properties (`object["x"] = 1`, inputs of
+    geometry nodes) until `object.update_tag()`, and in Blender 4.2 `foreach_set` until `mesh.update()`.
     """
 
     def __init__(
@@ -63,21 +72,21 @@ class SceneSync:
     ) -> None:
         self._attributes = attributes or AttributeRequest()
         self._for_viewport = for_viewport
-        self._make_scene = partial(Scene, policy)
+        self._watch = SceneWatch() if watch else None
+        self._make_scene = partial(_make_scene, policy, self._watch)
         self._state = SceneState(self._make_scene)
         self._cache = ReadCache()
         self._lookup: SceneLookup | None = None
         self._appearance: Appearance | None = None
         self._building: UpdateCommit | None = None
-        self._watches = watch
         self._tree_byte_count = 0
         self.revision = 0
         """How often an update has changed anything that an image could show, so far."""
         self.last_change: SyncReport | None = None
         """The report of the last update that did."""
         self._state.scene.mark_stale("nothing was synced yet: call update()")
-        if watch:
-            listen(self)
+        if self._watch is not None:
+            self._watch.start()
 
     def request(self, attributes: AttributeRequest, *, only: bool = False) -> None:
         """Adds to what the following updates read; only: they read nothing else any more."""
@@ -114,7 +123,11 @@ class SceneSync:
         self.stop_building()
         self._state.scene.mark_stale(_FAILED)
         view = {"camera": camera, "size": size, "space": space}
+        if self._watch is not None:
+            self._watch.start()  # again, if it was closed
         difference, read_milliseconds = self._read(depsgraph, view)
+        if self._watch is not None:
+            self._watch.note_synced(depsgraph)
         state = self._state
         applied = self._apply(difference)
         report = self._finish(state, applied, state.commit(expected_rays, progress), read_milliseconds)
@@ -141,7 +154,7 @@ class SceneSync:
         Raises RuntimeError for a sync that watches Blender: a change between the two halves would be forgotten when the
         commit begins, and old answers be taken for new ones. Whoever updates in halves looks for changes by itself.
         """
-        if self._watches:
+        if self._watch is not None:
             raise RuntimeError("begin_update: the sync watches Blender; make it with watch=False")
         if self._building is not None and self._building.is_lost:
             self.stop_building()  # before anything is compared with what it held
@@ -307,25 +320,24 @@ class SceneSync:
             )
         return self._lookup
 
-    # Changes in Blender ----------------------------------------------------------------------------------------------
-
-    def on_change(self, what: str) -> None:
-        """Makes queries raise `perfect_bvh.StaleSceneError` until the next update."""
-        self._state.scene.mark_stale(f"{what} since the last update: call update()")
-
-    def on_file_change(self) -> None:
-        """The same, for another file."""
-        self.on_change("another file was loaded")
-
     def close(self) -> None:
         """Forgets the scene and stops watching; queries raise from now on. Updating again is allowed."""
-        stop_listening(self)
+        if self._watch is not None:
+            self._watch.stop()
         self.stop_building()
         self.last_change = None
-        self._start_over("the sync was closed: call update()")
+        self._state.scene.mark_stale(_CLOSED)  # for whoever has it; the next update makes another
+        self._start_over(_CLOSED)
 
     def _start_over(self, why: str) -> None:
         self._state = SceneState(self._make_scene)
         self._cache = ReadCache()
         self._lookup = self._appearance = None
         self._state.scene.mark_stale(why)
+
+
+def _make_scene(policy: Policy, watch: SceneWatch | None) -> Scene:
+    scene = Scene(policy)
+    if watch is not None:
+        watch.follow(scene)
+    return scene

@@ -105,6 +105,38 @@ def test_a_scene_never_committed_refuses(scene):
         scene.cast_rays(*DOWN)
 
 
+def test_a_scene_asks_before_each_query_that_it_would_answer(placed):
+    """Once a query, and never for one that is refused anyway, nor for a snapshot's."""
+    scene, _, _ = placed
+    scene.commit()
+    asked = []
+    scene.before_query = lambda: asked.append(1)
+    for query in (
+        lambda: scene.cast_rays(*DOWN, audit=1.0),
+        lambda: scene.test_occlusions(*DOWN),
+        lambda: scene.count_intersections(*DOWN),
+        lambda: scene.list_intersections(*DOWN),
+        lambda: scene.compute_closest_points(DOWN[0]),
+        scene.statistics,
+        scene.snapshot,
+        lambda: scene.is_current,
+    ):
+        asked.clear()
+        query()
+        assert len(asked) == 1
+    snapshot = scene.snapshot()
+    asked.clear()
+    snapshot.cast_rays(*DOWN)
+    assert asked == []
+    scene.before_query = lambda: scene.mark_stale("the source has changed")
+    assert not scene.is_current
+    asked.clear()
+    scene.before_query = lambda: asked.append(1)
+    with pytest.raises(perfect_bvh.StaleSceneError, match="the source has changed"):
+        scene.cast_rays(*DOWN)
+    assert asked == []
+
+
 def test_mark_stale_until_the_next_commit(placed):
     scene = placed[0]
     scene.mark_stale("the source changed; call update()")

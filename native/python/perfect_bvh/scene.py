@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
@@ -35,7 +36,7 @@ class Scene(Queries):
         with the package. With equal calibrations, edits and expected rays the decisions are the same anywhere.
     """
 
-    __slots__ = ("_calibration", "_policy", "_scene")
+    __slots__ = ("__weakref__", "_calibration", "_policy", "_scene", "before_query")
 
     def __init__(self, policy: Policy = "governed", calibration: Calibration | None = None) -> None:
         if policy not in POLICIES:
@@ -43,9 +44,20 @@ class Scene(Queries):
         self._policy = policy
         self._calibration = current_calibration() if calibration is None else calibration
         self._scene = _core.Scene()
+        self.before_query: Callable[[], object] | None = None
+        """Called on the thread of each query that would be answered, and of `is_current` and `snapshot()`, before it.
+
+        For whoever can find out whether the source of this scene's data has changed: it may call `mark_stale`. What it
+        raises, the query raises. Queries of snapshots do not call it.
+        """
 
     def _committed(self) -> _core.Snapshot:
+        self._check_source()
         return self._scene.snapshot()
+
+    def _check_source(self) -> None:
+        if self.before_query is not None and self._scene.is_current():
+            self.before_query()
 
     # Editing
 
@@ -177,6 +189,7 @@ class Scene(Queries):
     @property
     def is_current(self) -> bool:
         """Whether queries would be answered: committed, no edits waiting, not marked stale."""
+        self._check_source()
         return self._scene.is_current()
 
     @property
@@ -196,7 +209,7 @@ class Scene(Queries):
 
     def snapshot(self) -> Snapshot:
         """The committed state, immutable. Raises StaleSceneError if edits wait."""
-        return Snapshot(self._scene.snapshot())
+        return Snapshot(self._committed())
 
 
 def _check_usage(function: str, usage: str) -> None:
