@@ -14,6 +14,8 @@ from ..support.files import prepare_folder
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
 MAX_SIZE = 65536
 MAX_FRAMES = 1_000_000
+MAX_NAME_BYTES = 255
+MAX_PATH_BYTES = 4095  # and a zero at its end
 # How a .blend file begins: plain, or compressed by Zstandard (Blender 3 and later) or gzip (before).
 BLEND_MAGICS = (b"BLENDER", b"\x28\xb5\x2f\xfd", b"\x1f\x8b")
 _FRAME_RANGE = re.compile(r"(-?\d+)(?:-(-?\d+)(?::(\d+))?)?")
@@ -61,9 +63,37 @@ def check_mode(name: str | None) -> None:
             raise CommandError(str(error)) from error
 
 
+def parse_path(argument: str, text: str) -> Path:
+    """The absolute path that an argument names; a CommandError if no file system could hold it."""
+    if not text:
+        raise CommandError(f"{argument}: expected a name, got an empty one; the current folder is '.'")
+    try:
+        path = Path(text).expanduser().absolute()
+    except RuntimeError as error:
+        raise CommandError(f"{argument} {text}: no such user; './{text}' is a file of that name") from error
+    check_length(argument, path)
+    return path
+
+
+def check_length(argument: str, path: Path) -> None:
+    """A CommandError if a path or a name in it is longer than Linux takes, or holds a zero byte."""
+    encoded = os.fsencode(path)
+    if b"\0" in encoded:
+        raise CommandError(f"{argument}: a name cannot hold a zero byte, got {str(path)!r}; leave it out")
+    if len(encoded) > MAX_PATH_BYTES:
+        got = f"got {len(encoded)}"
+        raise CommandError(f"{argument}: a path may have {MAX_PATH_BYTES} bytes, {got}; give a shorter one")
+    longest = max(encoded.split(b"/"), key=len)
+    if len(longest) > MAX_NAME_BYTES:
+        start = os.fsdecode(longest)[:20]
+        raise CommandError(
+            f"{argument}: a name may have {MAX_NAME_BYTES} bytes, got {len(longest)} ({start}...); give a shorter one"
+        )
+
+
 def check_blend_file(text: str) -> Path:
     """The absolute path of an existing .blend file; a CommandError that says what is wrong with any other."""
-    path = Path(text).expanduser().absolute()
+    path = parse_path("FILE", text)
     if not path.exists():
         raise CommandError(f"{text}: no such file")
     if path.is_dir():
@@ -87,7 +117,7 @@ class Output:
     @classmethod
     def parse(cls, text: str, frame_count: int) -> Output:
         """From the argument of -o: an image, a pattern with #, or a folder (a name without an image suffix)."""
-        path = Path(text).expanduser().absolute()
+        path = parse_path("-o", text)
         suffix = path.suffix.lower()
         if text.endswith(("/", os.sep)) or path.is_dir() or not suffix:
             return cls(path / "frame_####.png")
@@ -114,6 +144,13 @@ class Output:
         if len(frames) == 1:
             return str(self.path_of(frames[0]))
         return f"{self.path_of(frames[0])} ... {self.path_of(frames[-1]).name}"
+
+    def check_frames(self, frames: tuple[int, ...], blend_file: Path) -> None:
+        """A CommandError if an image of these frames had too long a name, or took the place of the scene's file."""
+        for path in map(self.path_of, frames):
+            check_length("-o", path)
+            if path.exists() and path.samefile(blend_file):
+                raise CommandError(f"-o {path}: the image would replace the scene, FILE; give it another name")
 
     def prepare(self) -> None:
         """Make the folder, and try it with a file, before the work rather than after. Errors: CommandError."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from ..support.files import prepare_folder
 from . import EXIT_INTERRUPTED
-from .arguments import CommandError, check_blend_file
+from .arguments import CommandError, check_blend_file, parse_path
 from .blender import StopRequest, open_scene, stop_on_interrupt
 from .console import quiet_blender
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def run_bench(arguments: argparse.Namespace) -> int:
     """Measure, write the files and print the advice; the exit status, 130 if it was stopped and wrote what it had."""
     path = check_blend_file(arguments.file)
-    folder = Path(arguments.output).expanduser().absolute()
+    folder = parse_path("-o", arguments.output)
     if folder.exists() and not folder.is_dir():
         raise CommandError(f"-o {arguments.output}: expected a folder, it is a file")
     try:

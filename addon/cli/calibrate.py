@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
-from .arguments import CommandError
+from .arguments import CommandError, parse_path
 
 
 def run_calibrate(arguments: argparse.Namespace) -> int:
@@ -18,7 +17,7 @@ def run_calibrate(arguments: argparse.Namespace) -> int:
         raise CommandError(f"the native engine cannot be loaded: {error}") from error
     from tqdm import tqdm
 
-    path = Path(arguments.output).expanduser().absolute() if arguments.output else user_file()
+    path = user_file() if arguments.output is None else parse_path("-o", arguments.output)
     with tqdm(
         total=1.0, desc="measuring", disable=None, leave=False, file=sys.stderr, bar_format="{l_bar}{bar}|"
     ) as bar:

@@ -33,6 +33,7 @@ def run_render(arguments: argparse.Namespace) -> int:
     check_mode(arguments.mode)
     path = check_blend_file(arguments.file)
     output = Output.parse(arguments.output, len(arguments.frames or (0,)))
+    output.check_frames(arguments.frames or (0,), path)
     output.prepare()
     with quiet_blender() as out, stop_on_interrupt() as stop:
         scene = open_scene(path, arguments)
@@ -40,6 +41,7 @@ def run_render(arguments: argparse.Namespace) -> int:
             raise CommandError(f"{arguments.file}: scene {scene.name!r} has no camera")
         apply_settings(scene, arguments)
         frames = arguments.frames or (scene.frame_current,)
+        output.check_frames(frames, path)
         session = RenderSession(scene, output, out, stop, arguments)
         return session.run(frames)
 
@@ -122,7 +124,7 @@ class RenderSession:
         try:
             save_image(path, image, self._scene, self._mode)
         except OSError as error:
-            raise CommandError(str(error)) from error
+            raise CommandError(error.strerror or str(error)) from error
 
     def _grey(self, frame: Frame) -> npt.NDArray[np.float32]:
         """Distances as greys, near white and far black, on one scale for the whole animation: the first frame's."""

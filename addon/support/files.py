@@ -10,6 +10,8 @@ from pathlib import Path
 
 # Writers that do not notice a full disk leave less room than this behind them.
 _ROOM = bytes(1 << 16)
+# Characters of a file's name in that of the one beside it, which must not be too long where the first just is not.
+_STEM_SHOWN = 32
 
 
 def check_writable(path: Path) -> None:
@@ -41,7 +43,7 @@ def replacing(path: Path) -> Iterator[Path]:
     with _explained(path):
         if path.is_dir():
             raise IsADirectoryError("it is a folder")
-        descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix)
+        descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem[:_STEM_SHOWN]}.", suffix=path.suffix)
         os.close(descriptor)
         try:
             yield Path(name)

@@ -15,6 +15,7 @@ import pytest
 from perfect_bvh_addon.cli.arguments import CommandError, Output, check_blend_file, check_mode, parse_frames, parse_size
 from perfect_bvh_addon.cli.console import format_table
 from perfect_bvh_addon.settings.modes import MODE_NAMES
+from perfect_bvh_addon.support.files import replacing
 
 # Arguments ---------------------------------------------------------------------------------------------------------
 
@@ -92,6 +93,65 @@ def test_an_output_folder_is_made_and_tried(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(CommandError, match="cannot write into"):
         Output.parse(str(tmp_path / "file" / "a.png"), 1).prepare()
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "expected a name, got an empty one"),
+        ("a/" * 2100 + "a.png", r"a path may have 4095 bytes, got \d+; give a shorter one"),
+        ("n" * 252 + ".png", "a name may have 255 bytes, got 256"),
+        ("\N{SNOWMAN}" * 90 + ".png", "a name may have 255 bytes, got 274"),
+        ("a\0b.png", "cannot hold a zero byte"),
+        ("~nobody_at_all/a.png", "no such user"),
+    ],
+)
+def test_names_that_no_file_can_have_are_refused_before_any_work(
+    text: str, complaint: str, tmp_path: Path, monkeypatch, capsys
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    scene = tmp_path / "scene.blend"
+    scene.write_bytes(b"BLENDER-v405")
+    monkeypatch.setitem(sys.modules, "bpy", None)
+    for command in (("render", scene, "-o", text), ("render", text, "-o", "a.png"), ("bench", scene, "-o", text)):
+        with pytest.raises(CommandError, match=complaint):
+            run_command(*command)
+    assert list(tmp_path.iterdir()) == [scene]
+
+
+def run_command(*arguments: object) -> int:
+    from perfect_bvh_addon.cli import build_parser
+    from perfect_bvh_addon.cli.bench import run_bench
+    from perfect_bvh_addon.cli.render import run_render
+
+    parsed = build_parser().parse_args([str(argument) for argument in arguments])
+    return {"render": run_render, "bench": run_bench}[parsed.command](parsed)
+
+
+def test_a_frame_number_may_make_a_name_too_long(tmp_path: Path) -> None:
+    output = Output.parse(str(tmp_path / ("n" * 246 + "_####.png")), 2)
+    output.check_frames((1, 9999), tmp_path)
+    with pytest.raises(CommandError, match="got 256"):
+        output.check_frames((1, 10000), tmp_path)
+
+
+@pytest.mark.parametrize("name", ["scene.png", "scene_0007.png"])
+def test_an_image_never_replaces_its_scene(name: str, tmp_path: Path) -> None:
+    scene = tmp_path / name
+    scene.write_bytes(b"BLENDER-v405")
+    (tmp_path / "link.png").symlink_to(scene)
+    for output in (name, name.replace("0007", "####"), "link.png"):
+        with pytest.raises(CommandError, match="the image would replace the scene, FILE; give it another name"):
+            run_command("render", scene, "-o", tmp_path / output, "--frames", "7")
+    assert scene.read_bytes() == b"BLENDER-v405"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_the_longest_name_can_be_written(tmp_path: Path) -> None:
+    path = tmp_path / ("n" * 251 + ".png")
+    with replacing(path) as beside:
+        beside.write_bytes(b"image")
+    assert path.read_bytes() == b"image"
 
 
 def test_only_blend_files_are_taken(tmp_path: Path) -> None:
