@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, TextIO
 
+from ..settings.modes import find_mode
 from ..statistics.summary import format_bytes
 from .arguments import CommandError, check_blend_file
 from .blender import apply_settings, go_to_frame, open_scene, render_job, stop_on_interrupt
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from perfect_bvh import MeshReport, SceneStatistics
 
     from ..live.scene_sync import SceneSync
+    from ..statistics.frame_statistics import FrameStatistics
     from ..sync.report import SyncReport
 
 HEADER = (
@@ -43,11 +45,21 @@ def run_info(arguments: argparse.Namespace) -> int:
         apply_settings(scene, arguments)
         if arguments.frame is not None:
             go_to_frame(scene, arguments.frame)
+        if scene.camera is None:
+            _add_camera(scene)
         _write(out, scene, *_sync_as_rendered(scene))
     return 0
 
 
-def _sync_as_rendered(scene: bpy.types.Scene) -> tuple[SceneSync, SyncReport]:
+def _add_camera(scene: bpy.types.Scene) -> None:
+    """Blender renders nothing without one, although no mesh depends on it. The file is never saved."""
+    import bpy
+
+    scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(scene.camera)
+
+
+def _sync_as_rendered(scene: bpy.types.Scene) -> tuple[SceneSync, FrameStatistics]:
     """The scene as a render sees it: only a render engine is given that depsgraph."""
     from ..engine import RenderJob
     from ..live.sync_cache import syncs_of
@@ -56,12 +68,12 @@ def _sync_as_rendered(scene: bpy.types.Scene) -> tuple[SceneSync, SyncReport]:
     render_job(scene, job)
     if job.frame is None:
         raise CommandError(f"scene {scene.name!r} could not be read")
-    return syncs_of(scene)[-1], job.frame.statistics.report
+    return syncs_of(scene)[-1], job.frame.statistics
 
 
-def _write(out: TextIO, scene: bpy.types.Scene, sync: SceneSync, report: SyncReport) -> None:
+def _write(out: TextIO, scene: bpy.types.Scene, sync: SceneSync, planned: FrameStatistics) -> None:
     statistics = sync.scene.statistics()
-    rows = _mesh_rows(sync, report, statistics)
+    rows = _mesh_rows(sync, planned.report, statistics)
     out.write(f"{scene.name}, frame {scene.frame_current}\n")
     out.write(format_table(HEADER, rows, LEFT_COLUMNS) + "\n")
     top = statistics.top_level
@@ -70,6 +82,12 @@ def _write(out: TextIO, scene: bpy.types.Scene, sync: SceneSync, report: SyncRep
         f"{statistics.instance_count:,} instances show {statistics.instanced_triangle_count:,}; "
         f"top level {top.node_count:,} nodes, depth {top.depth}, {format_bytes(top.byte_count)}; "
         f"all {format_bytes(statistics.byte_count)}\n"
+    )
+    settings, (width, height) = planned.settings, planned.size
+    samples = 1 if find_mode(settings.mode).has_range else settings.samples
+    out.write(
+        f"rays and trace ms: of one image of {width} x {height} pixels, mode {settings.mode}, samples {samples}, "
+        "on one thread, as expected\n"
     )
     for warning in sync.warnings:
         out.write(f"warning: {warning}\n")

@@ -306,6 +306,16 @@ def test_info_lists_the_meshes(small_file: Path, capsys) -> None:
     build, rays, trace = (float(cell.replace(",", "")) for cell in cube.split()[-6:-3])
     assert build >= 0 and rays > 0 and trace > 0
     assert lines[5].startswith("2 meshes, 812 triangles; 2 instances show 812; top level")
+    assert lines[6] == (
+        "rays and trace ms: of one image of 64 x 36 pixels, mode preview, samples 16, on one thread, as expected"
+    )
+
+
+def test_info_needs_no_camera(small_file: Path, broken_files: dict[str, Path], capsys) -> None:
+    assert run("info", small_file) == 0
+    expected = capsys.readouterr().out
+    assert run("info", broken_files["blind"]) == 0
+    assert capsys.readouterr().out == expected
 
 
 @pytest.mark.parametrize(
