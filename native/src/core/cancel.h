@@ -21,7 +21,9 @@ class CancelToken {
   using Callback = std::function<bool(float)>;
 
   CancelToken() = default;
-  explicit CancelToken(Callback callback) : callback_(std::move(callback)) {}
+  // The callback is called no more often than that.
+  explicit CancelToken(Callback callback, std::chrono::milliseconds interval = std::chrono::milliseconds(50))
+      : callback_(std::move(callback)), interval_(interval) {}
   CancelToken(const CancelToken&) = delete;
   CancelToken& operator=(const CancelToken&) = delete;
 
@@ -45,22 +47,30 @@ class CancelToken {
     return done >= total ? 1.0f : static_cast<float>(done) / static_cast<float>(total);
   }
 
-  // Calls the callback, at most every 50 ms. On any thread but the owner's it does nothing, so that work which is
-  // shared out over threads may call it wherever it happens to run.
-  void poll() {
-    if (!callback_ || std::this_thread::get_id() != owner_ || stop_requested()) return;
-    const auto now = std::chrono::steady_clock::now();
-    if (now - last_poll_ < std::chrono::milliseconds(50)) return;
-    bool go_on = false;
+  // Whether ask() would call the callback.
+  [[nodiscard]] bool is_due() const noexcept {
+    if (!callback_ || std::this_thread::get_id() != owner_ || stop_requested()) return false;
+    return std::chrono::steady_clock::now() - last_poll_ >= interval_;
+  }
+
+  // Calls the callback if its interval has passed. On any thread but the owner's it does not, so that work which is
+  // shared out over threads may call it wherever it happens to run. True if the work should stop; what the callback
+  // threw is kept for rethrow_callback_error().
+  bool ask() noexcept {
+    if (!is_due()) return stop_requested();
     try {
-      go_on = callback_(fraction());
+      if (!callback_(fraction())) request_stop();
     } catch (...) {
       callback_error_ = std::current_exception();
       request_stop();
-      throw;
     }
-    if (!go_on) request_stop();
     last_poll_ = std::chrono::steady_clock::now();  // a slow callback must not eat all the time there is
+    return stop_requested();
+  }
+
+  // The same; throws what the callback threw.
+  void poll() {
+    if (is_due() && ask()) rethrow_callback_error();
   }
 
   // What a piece of work of a millisecond or so calls: the owner's callback gets its turn, and a stop takes effect.
@@ -79,6 +89,7 @@ class CancelToken {
   std::atomic<std::size_t> total_{0};
   std::atomic<std::size_t> done_{0};
   Callback callback_;
+  std::chrono::milliseconds interval_{};
   std::exception_ptr callback_error_;
   std::thread::id owner_{std::this_thread::get_id()};
   std::chrono::steady_clock::time_point last_poll_{std::chrono::steady_clock::now()};

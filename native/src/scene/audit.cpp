@@ -12,6 +12,7 @@ namespace perfect_bvh {
 namespace {
 
 constexpr std::size_t kTaskTriangles = 2048;
+constexpr std::size_t kRaysBetweenAsking = 4096;
 constexpr double kNothing = std::numeric_limits<double>::infinity();
 
 struct Ball {
@@ -42,9 +43,11 @@ Ball place_box(const Aabb& box, const Affine& place) {
 
 class Audit {
  public:
-  Audit(const Snapshot& snapshot, const RayColumns& columns) : snapshot_(snapshot), cull_(columns.cull) {
+  Audit(const Snapshot& snapshot, const RayColumns& columns, CancelToken& cancel)
+      : snapshot_(snapshot), cancel_(cancel), cull_(columns.cull) {
     rays_.reserve(columns.count);
     for (std::size_t row = 0; row < columns.count; ++row) {
+      ask_at(row);
       const Ray ray = load_ray(columns, row);
       rays_.push_back({ray, DoubtRay(ray.origin, ray.direction), is_valid(ray)});
     }
@@ -132,11 +135,17 @@ class Audit {
     return {place(corners.x), place(corners.y), place(corners.z)};
   }
 
+  // Every kRaysBetweenAsking rays: there may be any number of them to a triangle.
+  void ask_at(std::size_t ray) const {
+    if (ray % kRaysBetweenAsking == 0) cancel_.checkpoint();
+  }
+
   void test_instance(std::size_t row, std::size_t begin, std::size_t end, std::vector<Finding>& findings) const {
     const Instance& instance = snapshot_.instances[row];
     const Ball& ball = balls_[row];
     std::vector<std::size_t> near;
     for (std::size_t i = 0; i < rays_.size(); ++i) {
+      ask_at(i);
       const AuditedRay& ray = rays_[i];
       if (!ray.is_valid || (instance.mask & ray.ray.mask) == 0) continue;
       if (!passes_by(ray.line, ball.centre, ball.radius, margin(ray, row))) near.push_back(i);
@@ -144,7 +153,8 @@ class Audit {
     if (near.empty()) return;
     for (std::size_t primitive = begin; primitive < end; ++primitive) {
       const DoubtTriangle triangle = triangle_of(instance, primitive);
-      for (const std::size_t i : near) {
+      for (const std::size_t& i : near) {
+        ask_at(static_cast<std::size_t>(&i - near.data()));
         const AuditedRay& ray = rays_[i];
         const DoubtHit hit = judge_triangle(ray.line, triangle, margin(ray, row));
         if (!hit.surely_missed && !is_culled(hit)) keep(i, ray, hit, findings);
@@ -160,6 +170,7 @@ class Audit {
   }
 
   const Snapshot& snapshot_;
+  CancelToken& cancel_;
   const Cull cull_;
   std::vector<AuditedRay> rays_;
   std::vector<Ball> balls_;  // one an instance
@@ -171,7 +182,7 @@ class Audit {
 
 void audit_answers(const Snapshot& snapshot, const RayColumns& rays, const AuditedAnswers& answers,
                    const AuditVerdicts& verdicts, ThreadPool& pool, int max_threads, CancelToken& cancel) {
-  Audit audit(snapshot, rays);
+  Audit audit(snapshot, rays, cancel);
   cancel.expect(audit.triangle_count());
   const auto test = [&](std::size_t begin, std::size_t end) {
     cancel.throw_if_stopped();

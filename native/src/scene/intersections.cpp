@@ -22,8 +22,9 @@ void for_each_ray(const Snapshot& snapshot, std::span<const Ray> rays, Cull cull
   std::array<std::size_t, kBlockRays> counts;
   for (std::size_t done = 0; done < rays.size();) {
     const RayBatch batch{rays.data() + done, rays.size() - done, cull};
-    const std::size_t finished = with_trees(snapshot, cancel, [&](const SceneView& view) {
-      return find_all_hits(view, batch, {room.data(), room.size(), counts.data()});
+    std::size_t finished = 0;
+    with_trees(snapshot, cancel, [&](const SceneView& view) {
+      finished = find_all_hits(view, batch, {room.data(), room.size(), counts.data()});
     });
     if (finished == 0) room.resize(std::max(counts[0], kUsualHits));
     std::size_t first = 0;
@@ -35,9 +36,15 @@ void for_each_ray(const Snapshot& snapshot, std::span<const Ray> rays, Cull cull
   }
 }
 
+// One ray may have millions of hits: `cancel` is asked while they are sorted and stored, too.
+constexpr std::size_t kHitsBetweenAsking = std::size_t{1} << 16;
+
 struct Nearer {
   const Snapshot& snapshot;
-  bool operator()(const FoundHit& a, const FoundHit& b) const noexcept {
+  CancelToken& cancel;
+  std::size_t& comparison_count;
+  bool operator()(const FoundHit& a, const FoundHit& b) const {
+    if (++comparison_count % kHitsBetweenAsking == 0) cancel.checkpoint();
     if (a.t != b.t) return a.t < b.t;
     if (a.instance_index == b.instance_index) return a.primitive_index < b.primitive_index;
     const Instance &first = snapshot.instances[a.instance_index], &second = snapshot.instances[b.instance_index];
@@ -46,8 +53,9 @@ struct Nearer {
 };
 
 // A triangle's t depends on ray and instance only, so its repetitions end up side by side.
-std::span<FoundHit> sort_once_each(std::span<FoundHit> hits, const Snapshot& snapshot) {
-  std::sort(hits.begin(), hits.end(), Nearer{snapshot});
+std::span<FoundHit> sort_once_each(std::span<FoundHit> hits, const Snapshot& snapshot, CancelToken& cancel) {
+  std::size_t comparison_count = 0;
+  std::sort(hits.begin(), hits.end(), Nearer{snapshot, cancel, comparison_count});
   const auto same = [](const FoundHit& a, const FoundHit& b) {
     return a.instance_index == b.instance_index && a.primitive_index == b.primitive_index;
   };
@@ -64,15 +72,16 @@ std::size_t count_intersections(const Snapshot& snapshot, const RayColumns& colu
                                 ThreadPool& pool, int max_threads, CancelToken& cancel) {
   return for_each_block(columns, pool, max_threads, cancel, [&](std::span<const Ray> rays, std::size_t first) {
     std::array<std::size_t, kBlockRays> found;
-    const bool repeats = with_trees(snapshot, cancel, [&](const SceneView& view) {
-      if (view.repeats_triangles) return true;
+    bool repeats = false;
+    with_trees(snapshot, cancel, [&](const SceneView& view) {
+      repeats = view.repeats_triangles;
+      if (repeats) return;
       static_cast<void>(find_all_hits(view, {rays.data(), rays.size(), columns.cull}, {nullptr, 0, found.data()}));
-      return false;
     });
     if (repeats) {
       AlignedVector<FoundHit> room(kUsualHits);
       for_each_ray(snapshot, rays, columns.cull, room, cancel, [&](std::size_t row, std::span<FoundHit> hits) {
-        counts[first + row] = to_count(sort_once_each(hits, snapshot).size());
+        counts[first + row] = to_count(sort_once_each(hits, snapshot, cancel).size());
       });
       return;
     }
@@ -86,11 +95,12 @@ std::size_t list_intersections(const Snapshot& snapshot, const RayColumns& colum
   return for_each_block(columns, pool, max_threads, cancel, [&](std::span<const Ray> rays, std::size_t first) {
     AlignedVector<FoundHit> room(kUsualHits);
     for_each_ray(snapshot, rays, columns.cull, room, cancel, [&](std::size_t row, std::span<FoundHit> found) {
-      const std::span<FoundHit> sorted = sort_once_each(found, snapshot);
+      const std::span<FoundHit> sorted = sort_once_each(found, snapshot, cancel);
       const auto begin = static_cast<std::size_t>(splits[first + row]);
       const std::size_t wanted = static_cast<std::size_t>(splits[first + row + 1]) - begin;
       if (wanted > sorted.size()) throw EngineError("list_intersections: ray_splits leave room for more than there is");
       for (std::size_t i = 0; i < wanted; ++i) {
+        if (i % kHitsBetweenAsking == kHitsBetweenAsking - 1) cancel.checkpoint();
         const FoundHit& hit = sorted[i];
         const Hit narrowed{static_cast<float>(hit.t) + 0.0f, hit.u, hit.v, hit.instance_index, hit.primitive_index};
         store_hit(out, begin + i, snapshot, narrowed, rays[row]);

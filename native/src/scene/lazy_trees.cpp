@@ -20,6 +20,16 @@ std::shared_ptr<LazyTrees> LazyTrees::of(Snapshot& snapshot) {
   return trees->rows_.empty() ? nullptr : trees;
 }
 
+bool LazyTrees::Attempt::should_stop(void* context) noexcept {
+  auto& attempt = *static_cast<Attempt*>(context);
+  if (!attempt.cancel.is_due()) return attempt.cancel.stop_requested();
+  attempt.views.unlock();
+  const bool stops = attempt.cancel.ask();
+  attempt.views = attempt.trees.hold_views();
+  attempt.is_outdated = attempt.missing_count != attempt.trees.missing_count_.load(std::memory_order_relaxed);
+  return stops || attempt.is_outdated;
+}
+
 void LazyTrees::build(const UnbuiltInstances& reached, CancelToken& cancel) {
   std::vector<const Blas*> meshes;
   for (std::uint32_t i = 0; i < reached.count; ++i) meshes.push_back(snapshot_.instances[reached.rows[i]].blas);

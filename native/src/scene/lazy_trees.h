@@ -13,7 +13,6 @@
 #include <memory>
 #include <mutex>
 #include <shared_mutex>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -28,6 +27,23 @@ class LazyTrees {
   [[nodiscard]] static std::shared_ptr<LazyTrees> of(Snapshot& snapshot);
 
   [[nodiscard]] bool are_all_shown() const noexcept { return missing_count_.load(std::memory_order_acquire) == 0; }
+  // See with_trees().
+  template <class Trace>
+  void trace(Trace&& trace, CancelToken& cancel);
+
+ private:
+  // While `cancel`'s callback runs, nothing is held; if a tree was shown meanwhile, the batch has to be traced again.
+  struct Attempt {
+    LazyTrees& trees;
+    CancelToken& cancel;
+    std::shared_lock<std::shared_mutex> views = trees.hold_views();
+    std::size_t missing_count = trees.missing_count_.load(std::memory_order_relaxed);
+    bool is_outdated = false;
+
+    static bool should_stop(void* context) noexcept;
+  };
+
+  explicit LazyTrees(Snapshot& snapshot) noexcept : snapshot_(snapshot) {}
   // As long as it is held, the snapshot's views stay as they are.
   [[nodiscard]] std::shared_lock<std::shared_mutex> hold_views() {
     const std::lock_guard turn(turn_);
@@ -35,9 +51,6 @@ class LazyTrees {
   }
   // Builds the trees of instances that were reached and shows them. Throws what DeferredTree::get() throws.
   void build(const UnbuiltInstances& reached, CancelToken& cancel);
-
- private:
-  explicit LazyTrees(Snapshot& snapshot) noexcept : snapshot_(snapshot) {}
   void show(const Blas& mesh, const Blas& built);
 
   Snapshot& snapshot_;
@@ -47,27 +60,36 @@ class LazyTrees {
   std::atomic<std::size_t> missing_count_{0};
 };
 
-// Calls trace(view) for a snapshot's view, and again until no ray was stopped for want of a tree.
 template <class Trace>
-auto with_trees(const Snapshot& snapshot, CancelToken& cancel, Trace&& trace) {
-  if (!snapshot.lazy_trees || snapshot.lazy_trees->are_all_shown()) return trace(snapshot.view);
-  for (;;) {
+void LazyTrees::trace(Trace&& trace, CancelToken& cancel) {
+  for (bool is_done = false; !is_done; cancel.checkpoint()) {
     UnbuiltInstances reached;
-    const auto attempt = [&] {
-      const auto views = snapshot.lazy_trees->hold_views();
-      SceneView view = snapshot.view;
+    {
+      Attempt attempt{*this, cancel};
+      SceneView view = snapshot_.view;
       view.unbuilt = &reached;
-      return trace(view);
-    };
-    if constexpr (std::is_void_v<decltype(attempt())>) {
-      attempt();
-      if (reached.count == 0) return;
-    } else {
-      auto result = attempt();
-      if (reached.count == 0) return result;
+      view.interruption = {Attempt::should_stop, &attempt};
+      trace(view);
+      is_done = reached.count == 0 && !attempt.is_outdated;
     }
-    snapshot.lazy_trees->build(reached, cancel);
+    if (reached.count != 0) build(reached, cancel);
   }
+}
+
+// Calls trace(view) for a snapshot's view, and again until no ray was stopped for want of a tree. Asks `cancel` before
+// and, every so many steps, within: its callback may cast rays through the same snapshot. Throws Cancelled, and what
+// build() throws.
+template <class Trace>
+void with_trees(const Snapshot& snapshot, CancelToken& cancel, Trace&& trace) {
+  cancel.checkpoint();
+  if (!snapshot.lazy_trees || snapshot.lazy_trees->are_all_shown()) {
+    SceneView view = snapshot.view;
+    view.interruption = {[](void* token) noexcept { return static_cast<CancelToken*>(token)->ask(); }, &cancel};
+    trace(view);
+  } else {
+    snapshot.lazy_trees->trace(trace, cancel);
+  }
+  cancel.throw_if_stopped();
 }
 
 }  // namespace perfect_bvh

@@ -8,8 +8,10 @@ namespace perfect_bvh {
 std::size_t trace_closest(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays, std::span<Hit> hits,
                           Cull cull, std::span<RayCounts> counts, Strategy strategy) {
   const RayBatch batch{rays.data(), rays.size(), cull, counts.empty() ? nullptr : counts.data(), hits.data(), nullptr};
-  return with_trees(snapshot, cancel,
-                    [&](const SceneView& view) { return trace_closest(view, batch, TraceOptions{strategy}); });
+  std::size_t in_packets = 0;
+  with_trees(snapshot, cancel,
+             [&](const SceneView& view) { in_packets = trace_closest(view, batch, TraceOptions{strategy}); });
+  return in_packets;
 }
 
 std::size_t trace_occluded(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays,
@@ -17,8 +19,10 @@ std::size_t trace_occluded(const Snapshot& snapshot, CancelToken& cancel, std::s
                            Strategy strategy) {
   const RayBatch batch{rays.data(), rays.size(),    cull, counts.empty() ? nullptr : counts.data(),
                        nullptr,     occluded.data()};
-  return with_trees(snapshot, cancel,
-                    [&](const SceneView& view) { return trace_any(view, batch, TraceOptions{strategy}); });
+  std::size_t in_packets = 0;
+  with_trees(snapshot, cancel,
+             [&](const SceneView& view) { in_packets = trace_any(view, batch, TraceOptions{strategy}); });
+  return in_packets;
 }
 
 WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit) noexcept {

@@ -43,7 +43,7 @@ inline std::size_t visit_whole_leaf(const Slot& slot, const SceneView& scene, co
 
 // How many triangles the slot's ray meets; those for which there is room are written to `hits` unless it is null.
 inline std::size_t walk_whole_ray(Slot& slot, const SceneView& scene, const RayBatch& batch, FoundHit* hits,
-                                  std::size_t room) noexcept {
+                                  std::size_t room, Pace& pace) noexcept {
   std::uint32_t* const stack = stack_of(slot);
   std::size_t count = 0;
   while (stack[slot.top] != kDoneMark) {
@@ -53,6 +53,8 @@ inline std::size_t walk_whole_ray(Slot& slot, const SceneView& scene, const RayB
       const NodeTest test = test_node(node, slot.box);
       push_unsorted(node, test.hit, stack + slot.top);
       slot.top += count_bits(bits(test.hit)) - 1;
+    } else if (pace.should_stop()) {
+      return count;
     } else if (entry < kInstanceChild) {
       const std::size_t left = count < room ? room - count : 0;
       count += visit_whole_leaf(slot, scene, batch, entry - kBlockChild, left ? hits + count : nullptr, left);
@@ -68,13 +70,14 @@ inline std::size_t walk_whole_ray(Slot& slot, const SceneView& scene, const RayB
 
 std::size_t find_all_hits(const SceneView& scene, const RayBatch& batch, const FoundHits& found, void* workspace) {
   Slot& slot = *static_cast<Slot*>(workspace);
+  Pace pace(scene.interruption);
   std::size_t used = 0;
   for (std::size_t row = 0; row < batch.count; ++row) {
     slot.ray = static_cast<std::uint32_t>(row);
     std::size_t count = 0;
     if (!scene.is_empty && start_ray(slot, scene, batch.rays[row])) {
       FoundHit* const hits = found.hits == nullptr ? nullptr : found.hits + used;
-      count = walk_whole_ray(slot, scene, batch, hits, found.capacity - used);
+      count = walk_whole_ray(slot, scene, batch, hits, found.capacity - used, pace);
     }
     found.counts[row] = count;
     if (found.hits == nullptr) continue;

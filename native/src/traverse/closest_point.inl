@@ -28,6 +28,7 @@ struct PointSearch {
   PointEntry* stack;
   std::size_t top = 0;
   double best;  // squared; so much is too far or equal
+  Pace& pace;
   NearestPoint nearest{};
 };
 
@@ -193,6 +194,9 @@ inline void search_instance(PointSearch& search, std::uint32_t index, std::size_
     if (entry.squared > limit_of(search.best)) continue;
     if (entry.child < kBlockChild) {
       push_children(search, frame, instance.nodes[entry.child]);
+    } else if (search.pace.should_stop()) {
+      search.top = 0;
+      return;
     } else if (const std::uint32_t row = entry.child - kBlockChild; instance.is_compact == 0) {
       visit_triangles(search, frame, instance.blocks[row], index);
     } else {
@@ -214,6 +218,8 @@ inline void search_scene(PointSearch& search) noexcept {
     if (entry.squared > limit_of(search.best)) continue;
     if (entry.child < kInstanceChild) {
       push_children(search, frame, scene.nodes[entry.child]);
+    } else if (search.pace.should_stop()) {
+      return;
     } else {
       search_instance(search, entry.child - kInstanceChild, scene.place_stride);
     }
@@ -232,9 +238,10 @@ std::size_t point_workspace_bytes(const SceneView& scene) {
 
 void find_closest_points(const SceneView& scene, const PointQuery* queries, std::size_t count, NearestPoint* nearest,
                          void* workspace) {
+  Pace pace(scene.interruption);
   for (std::size_t i = 0; i < count; ++i) {
     const double farthest = queries[i].max_distance;
-    PointSearch search{scene, queries[i], static_cast<PointEntry*>(workspace), 0, limit_of(farthest * farthest)};
+    PointSearch search{scene, queries[i], static_cast<PointEntry*>(workspace), 0, limit_of(farthest * farthest), pace};
     search.nearest = {0.0, 0.0, 0.0, kNoHit, kNoHit};
     if (!scene.is_empty && is_valid_query(queries[i])) search_scene(search);
     nearest[i] = search.nearest;

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "core/aligned.h"
 #include "core/errors.h"
@@ -58,19 +59,28 @@ std::size_t fitting_rays(const KernelTable& kernels, const SceneView& scene, con
   return std::min({wanted, std::max<std::size_t>(kWorkspaceLimit / bytes, 1), std::max<std::size_t>(batch.count, 1)});
 }
 
-void* workspace_of(std::size_t bytes) {
-  thread_local AlignedVector<std::byte> workspace;
-  if (workspace.size() < bytes) {
-    workspace = {};
-    workspace.resize(bytes);
+// A kernel's memory, which its thread keeps from batch to batch. Whoever traces while another batch of the thread is
+// interrupted finds none, and gets its own.
+class Workspace {
+ public:
+  explicit Workspace(std::size_t bytes) : memory_(std::move(kept())) {
+    if (memory_.size() >= bytes) return;
+    memory_ = {};
+    memory_.resize(bytes);
   }
-  return workspace.data();
-}
+  ~Workspace() { kept() = std::move(memory_); }
+  Workspace(const Workspace&) = delete;
+  Workspace& operator=(const Workspace&) = delete;
 
-ReorderingSpace& reordering_space() {
-  thread_local const auto space = std::make_unique<ReorderingSpace>();
-  return *space;
-}
+  [[nodiscard]] void* data() noexcept { return memory_.data(); }
+
+ private:
+  static AlignedVector<std::byte>& kept() noexcept {
+    thread_local AlignedVector<std::byte> memory;
+    return memory;
+  }
+  AlignedVector<std::byte> memory_;
+};
 
 // A batch's rows from `first` on. In no order yet.
 RayBatch part_of(const RayBatch& batch, std::size_t first, std::size_t count) {
@@ -90,14 +100,18 @@ struct Kernels {
 
   void trace_stream(const SceneView& scene, const RayBatch& batch, std::size_t in_flight) const {
     const std::size_t rays = fitting_rays(table, scene, batch, in_flight);
-    stream(scene, batch, workspace_of(table.workspace_bytes(scene, rays)), rays);
+    Workspace workspace(table.workspace_bytes(scene, rays));
+    stream(scene, batch, workspace.data(), rays);
   }
   void trace_packets(const SceneView& scene, const RayBatch& batch, bool* left) const {
-    packets(scene, batch, workspace_of(table.packet_workspace_bytes(scene)), left);
+    Workspace workspace(table.packet_workspace_bytes(scene));
+    packets(scene, batch, workspace.data(), left);
   }
   // Rays in an order that makes good packets, the coherent packets of these, then what is left.
   std::size_t trace_by_coherence(const SceneView& scene, const RayBatch& batch, std::size_t in_flight) const {
-    ReorderingSpace& space = reordering_space();
+    thread_local std::unique_ptr<ReorderingSpace> kept;
+    auto own = kept ? std::move(kept) : std::make_unique<ReorderingSpace>();  // as in Workspace
+    ReorderingSpace& space = *own;
     const double reach = static_cast<double>(scene.extent.reach) / static_cast<double>(scene.scale);
     std::size_t in_packets = batch.count;
     for (std::size_t begin = 0; begin < batch.count; begin += kReorderedRays) {
@@ -111,6 +125,7 @@ struct Kernels {
       if (left < slab.count) slab.order = space.order, slab.count = left;
       trace_stream(scene, slab, in_flight);
     }
+    kept = std::move(own);
     return in_packets;
   }
 
@@ -172,16 +187,16 @@ std::size_t trace_any(const SceneView& scene, const RayBatch& batch, const Trace
 
 std::size_t find_all_hits(const SceneView& scene, const RayBatch& batch, const FoundHits& found) {
   const KernelTable& kernels = active_kernels();
-  void* const workspace = workspace_of(kernels.workspace_bytes(scene, 1));
+  Workspace workspace(kernels.workspace_bytes(scene, 1));
   const DefaultFloatingPoint environment;
-  return kernels.find_all_hits(scene, batch, found, workspace);
+  return kernels.find_all_hits(scene, batch, found, workspace.data());
 }
 
 void find_closest_points(const SceneView& scene, std::span<const PointQuery> queries, std::span<NearestPoint> nearest) {
   const KernelTable& kernels = active_kernels();
-  void* const workspace = workspace_of(kernels.point_workspace_bytes(scene));
+  Workspace workspace(kernels.point_workspace_bytes(scene));
   const DefaultFloatingPoint environment;
-  kernels.find_closest_points(scene, queries.data(), queries.size(), nearest.data(), workspace);
+  kernels.find_closest_points(scene, queries.data(), queries.size(), nearest.data(), workspace.data());
 }
 
 }  // namespace perfect_bvh

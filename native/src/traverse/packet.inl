@@ -57,6 +57,7 @@ struct Packet {
   const Ray* rays[kPacketRays];
   std::uint32_t rows[kPacketRays];  // in the batch
   const SceneView* scene;
+  Pace* pace;
   Cull cull;
   unsigned count;  // rays
   unsigned lanes;  // the same, rounded up to whole vectors

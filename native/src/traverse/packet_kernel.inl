@@ -45,6 +45,7 @@ struct PacketWalk {
       if (!kAny && nears[top] > lone.box.t_limit) continue;
       const std::uint32_t next = children[top];
       if (next >= kBlockChild) {
+        if (packet.pace->should_stop()) return;
         if (visit_leaf_alone<kAny>(packet, level, next - kBlockChild, i, lone) && kAny) return;
         continue;
       }
@@ -102,6 +103,7 @@ struct PacketWalk {
       const float* const box = level.nodes[stack.parents[top]].planes[0] + (place & 7);
       unsigned first = place >> 3;
       if (child >= kBlockChild) {
+        if (packet.pace->should_stop()) return;
         if constexpr (kTop) {
           enter_instance(level, entering(level, box, first), child, top);
         } else {
@@ -255,7 +257,8 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
   std::uint32_t* const stack = reinterpret_cast<std::uint32_t*>(&packet + 1);
   const std::size_t entries = packet_stack_entries(scene);
   packet.stack = {stack, reinterpret_cast<float*>(stack + entries), stack + 2 * entries, stack + 3 * entries};
-  packet.scene = &scene;
+  Pace pace(scene.interruption);
+  packet.scene = &scene, packet.pace = &pace;
   packet.cull = batch.cull;
   unsigned passed_over = 0, next_passed_over = kPassedOver;
   for (std::size_t begin = 0; begin < batch.count; begin += kPacketRays) {

@@ -55,6 +55,15 @@ struct UnbuiltInstances {
   std::uint32_t rows[kMost];
 };
 
+// How kernels learn that they should stop. Asked at least every kStepsBetweenAsking steps; a step is at most
+// kMostRaysInFlight leaves or instances. After a stop, the answers of the batch mean nothing. `should_stop` may call
+// back into the caller's code, which may trace other batches on this thread.
+struct Interruption {
+  bool (*should_stop)(void* context) noexcept = nullptr;
+  void* context = nullptr;
+};
+inline constexpr std::uint32_t kStepsBetweenAsking = 1024;
+
 struct SceneView {
   const WideNode* nodes = nullptr;
   const InstanceView* instances = nullptr;
@@ -72,6 +81,7 @@ struct SceneView {
   const double* places = nullptr;
   std::size_t place_stride = 0;
   UnbuiltInstances* unbuilt = nullptr;  // only where some tree may not be built
+  Interruption interruption;
 };
 
 static inline void report_unbuilt(const SceneView& scene, std::uint32_t instance) noexcept {

@@ -13,6 +13,7 @@
 namespace perfect_bvh {
 namespace {
 
+#include "traverse/pace.inl"
 #include "traverse/ray_slot.inl"
 // After the slot.
 #include "traverse/leaf_test.inl"
@@ -289,7 +290,9 @@ void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace
     if (stack_of(slot)[slot.top] < kBlockChild)
       stream.at_node[stream.node_count++] = stream.at_other[--stream.other_count];
   }
+  Pace pace(scene.interruption);
   while (stream.node_count + stream.other_count + stream.leaf_count != 0) {
+    if (pace.should_stop()) return;
     while (stream.node_count != 0 && stream.other_count + stream.leaf_count < kLeafPatience) {
       visit_nodes<kAny, kCounts>(stream);
     }
