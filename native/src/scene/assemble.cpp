@@ -1,14 +1,11 @@
-// Scene::assemble: from the meshes' trees to a snapshot that can be traced. Every instance is placed, the tree over
-// them built or refitted, and both laid out for the kernels.
+#include "scene/assemble.h"
 
 #include <algorithm>
 #include <mutex>
 
 #include "core/stopwatch.h"
-#include "scene/blas_build.h"
 #include "scene/instance_placing.h"
 #include "scene/lazy_trees.h"
-#include "scene/scene.h"
 #include "scene/top_level.h"
 #include "scene/top_level_refit.h"
 #include "scene/trace_view.h"
@@ -22,8 +19,9 @@ constexpr std::size_t kGrain = 1024;  // instances that a task places
 // A mesh with so many instances gets a table of its support.
 constexpr std::uint32_t kManyUsers = 64;
 
-const SupportTable* support_of(const Blas& blas, std::uint32_t user_count) {
-  if (user_count < kManyUsers || blas.wide.is_empty) return nullptr;
+const SupportTable* support_of(const PlacedMesh& mesh) {
+  const Blas& blas = *mesh.blas;
+  if (mesh.user_count < kManyUsers || blas.wide.is_empty) return nullptr;
   return &blas.support.of(blas.wide, blas.mesh);
 }
 
@@ -79,30 +77,28 @@ void build(Snapshot& snapshot, AlignedVector<PrimRef>& boxes, TopLevelReport& re
   report.collapse_milliseconds = watch.milliseconds();
 }
 
-}  // namespace
-
-AlignedVector<PrimRef> Scene::place_instances(Snapshot& snapshot, const BlasMap& blases, ThreadPool& pool,
-                                              CancelToken& cancel) const {
-  snapshot.instances.resize(instances_.size());
-  snapshot.instance_views.resize(instances_.size());
-  AlignedVector<PrimRef> boxes(instances_.size());
+// The result has a row for each instance, empty where its mesh is.
+AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& meshes,
+                                       std::span<const Placement> placements, ThreadPool& pool, CancelToken& cancel) {
+  snapshot.instances.resize(placements.size());
+  snapshot.instance_views.resize(placements.size());
+  AlignedVector<PrimRef> boxes(placements.size());
   BakedCopies baked;
   const auto place = [&](std::size_t begin, std::size_t end) {
-    auto found = blases.end();
+    auto found = meshes.end();
     const SupportTable* support = nullptr;
     for (std::size_t i = begin; i < end; ++i) {
-      const InstanceSlot& slot = instances_[i];
-      if (found == blases.end() || found->first != slot.mesh_id) {
-        found = blases.find(slot.mesh_id);
-        support = support_of(*found->second, meshes_.at(slot.mesh_id).user_count);
+      const Placement& slot = placements[i];
+      if (found == meshes.end() || found->first != slot.mesh_id) {
+        found = meshes.find(slot.mesh_id);
+        support = support_of(found->second);
       }
-      const Blas& blas = *found->second;
+      const Blas& blas = *found->second.blas;
       Instance& instance = snapshot.instances[i];
       instance.id = slot.id, instance.mesh_id = slot.mesh_id, instance.mask = slot.mask, instance.order = slot.order;
       Placing placing;
       if (!place_instance(instance, placing, blas, slot.object_to_world, support)) {
-        const MeshSlot& mesh = meshes_.at(slot.mesh_id);
-        const BuildConfig config = choose_builder(mesh.config, mesh.usage);
+        const BuildConfig& config = found->second.bake_config;
         baked.add(i, bake_instance(instance, placing, blas, slot.object_to_world, config, pool, cancel));
       }
       snapshot.instance_views[i] = view_of(instance, placing.world_to_object);
@@ -110,25 +106,29 @@ AlignedVector<PrimRef> Scene::place_instances(Snapshot& snapshot, const BlasMap&
     }
     cancel.throw_if_stopped();
   };
-  parallel_for(pool, instances_.size(), kGrain, place, 0, [&] { cancel.checkpoint(); });
+  parallel_for(pool, placements.size(), kGrain, place, 0, [&] { cancel.checkpoint(); });
   baked.move_to(snapshot.blases);
   return boxes;
 }
 
-void Scene::assemble(Snapshot& snapshot, const BlasMap& blases, const CommitOptions& options, ThreadPool& pool,
-                     CancelToken& cancel, TopLevelReport& report) const {
-  Stopwatch watch;
+}  // namespace
+
+TopLevelReport assemble(Snapshot& snapshot, const PlacedMeshes& meshes, std::span<const Placement> placements,
+                        std::optional<double> expected_rays, ThreadPool& pool, CancelToken& cancel) {
+  const Stopwatch watch;
+  TopLevelReport report;
   snapshot.blases.clear(), snapshot.meshes.clear(), snapshot.lazy_trees.reset();
-  AlignedVector<PrimRef> boxes = place_instances(snapshot, blases, pool, cancel);
-  for (const auto& [mesh_id, blas] : blases) {
-    snapshot.blases.push_back(blas);
-    snapshot.meshes.emplace_back(mesh_id, blas.get());
+  AlignedVector<PrimRef> boxes = place_instances(snapshot, meshes, placements, pool, cancel);
+  for (const auto& [mesh_id, mesh] : meshes) {
+    snapshot.blases.push_back(mesh.blas);
+    snapshot.meshes.emplace_back(mesh_id, mesh.blas.get());
   }
   report.placing_milliseconds = watch.milliseconds();
-  report.is_refitted = try_refit(snapshot, boxes, options.expected_rays, report, pool, cancel);
+  report.is_refitted = try_refit(snapshot, boxes, expected_rays, report, pool, cancel);
   if (!report.is_refitted) build(snapshot, boxes, report, pool, cancel);
   make_trace_view(snapshot, pool, cancel);
   snapshot.lazy_trees = LazyTrees::of(snapshot);
+  return report;
 }
 
 }  // namespace perfect_bvh

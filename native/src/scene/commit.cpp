@@ -6,6 +6,7 @@
 
 #include "core/stopwatch.h"
 #include "scene/blas_build.h"
+#include "scene/make_blas.h"
 #include "scene/ray_shares.h"
 #include "scene/scene.h"
 #include "scene/tree_bytes.h"
@@ -28,7 +29,7 @@ Aabb bounds_of(const TriangleMesh& mesh) noexcept {
 
 }  // namespace
 
-std::vector<Scene::ChangedMesh> Scene::find_changed(const CommitOptions& options) const {
+std::vector<ChangedMesh> Scene::find_changed(const CommitOptions& options) const {
   std::vector<ChangedMesh> changed;
   for (const auto& [mesh_id, slot] : meshes_) {
     if (needs_decision(slot, options)) changed.push_back({mesh_id, &slot, std::nullopt});
@@ -49,7 +50,7 @@ std::vector<Scene::ChangedMesh> Scene::find_changed(const CommitOptions& options
   }
   RayShares shares(changed.size());
   auto found = places.end();
-  for (const InstanceSlot& slot : instances_) {
+  for (const Placement& slot : instances_) {
     if (found == places.end() || found->first != slot.mesh_id) found = places.find(slot.mesh_id);
     Affine map = slot.object_to_world;
     map.translation = map.point(found->second.centre);
@@ -59,18 +60,19 @@ std::vector<Scene::ChangedMesh> Scene::find_changed(const CommitOptions& options
   return changed;
 }
 
-std::vector<Scene::BlasResult> Scene::make_changed_blases(const CommitOptions& options, ThreadPool& pool,
-                                                          CancelToken& cancel) const {
+std::vector<BlasResult> Scene::make_changed_blases(const CommitOptions& options, ThreadPool& pool,
+                                                   CancelToken& cancel) const {
   const std::vector<ChangedMesh> changed = find_changed(options);
   std::size_t triangle_count = 0;
-  for (const ChangedMesh& mesh : changed) triangle_count += mesh.slot->edited ? mesh.slot->edited->triangle_count() : 0;
+  for (const ChangedMesh& mesh : changed)
+    triangle_count += mesh.state->edited ? mesh.state->edited->triangle_count() : 0;
   cancel.expect(2 * triangle_count);  // first for a binary tree, then for a wide one
   std::vector<BlasResult> results(changed.size());
   const auto make = [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       cancel.throw_if_stopped();
-      results[i] = is_deferred(*changed[i].slot) ? defer_blas(changed[i], options)
-                                                 : make_blas(changed[i], options, pool, cancel);
+      results[i] = is_deferred(*changed[i].state) ? defer_blas(changed[i], options)
+                                                  : make_blas(changed[i], options, pool, cancel);
     }
   };
   parallel_for(pool, changed.size(), 1, make, 0, [&] {
@@ -78,6 +80,17 @@ std::vector<Scene::BlasResult> Scene::make_changed_blases(const CommitOptions& o
     cancel.throw_if_stopped();
   });
   return results;
+}
+
+PlacedMeshes Scene::meshes_to_place(std::span<const BlasResult> results) const {
+  PlacedMeshes meshes;
+  for (const auto& [mesh_id, slot] : meshes_) {
+    meshes[mesh_id] = {slot.blas, choose_builder(slot.config, slot.usage), slot.user_count};
+  }
+  for (const BlasResult& result : results) {
+    if (result.blas) meshes[result.report.mesh_id].blas = result.blas;
+  }
+  return meshes;
 }
 
 // What the next snapshot begins as: the last one with its arrays, which are the largest part of a scene of many
@@ -105,7 +118,7 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOp
     const std::lock_guard lock(state_mutex_);
     return stale_count_;
   }();
-  adopt_built_trees();
+  for (auto& [mesh_id, slot] : meshes_) adopt_built_tree(slot);
   auto results = make_changed_blases(options, pool, cancel);
   const auto made = static_cast<std::size_t>(
       std::count_if(results.begin(), results.end(), [](const BlasResult& result) { return result.blas != nullptr; }));
@@ -115,14 +128,10 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOp
   std::shared_ptr<const Snapshot> snapshot = snapshot_;
   // Else what is committed is what there is: keep it.
   if (!snapshot || edit_count_ != committed_edit_count_ || made > 0) {
-    BlasMap blases;
-    for (const auto& [mesh_id, slot] : meshes_) blases[mesh_id] = slot.blas;
-    for (const BlasResult& result : results) {
-      if (result.blas) blases[result.report.mesh_id] = result.blas;
-    }
+    const PlacedMeshes meshes = meshes_to_place(results);
     snapshot.reset();
     auto assembled = take_last_snapshot();
-    assemble(*assembled, blases, options, pool, cancel, report.top_level);
+    report.top_level = assemble(*assembled, meshes, instances_, options.expected_rays, pool, cancel);
     assembled->generation = generation_ + 1;
     assembled->scene_id = id_;
     snapshot = std::move(assembled);

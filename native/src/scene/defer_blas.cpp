@@ -1,10 +1,10 @@
-// Scene::defer_blas: of a mesh whose tree waits for the first ray that reaches it, what its instances are placed by.
+// Of a mesh whose tree waits for the first ray that reaches it, what its instances are placed by.
 
 #include "builders/builder.h"
 #include "core/stopwatch.h"
 #include "scene/blas_build.h"
 #include "scene/deferred_tree.h"
-#include "scene/scene.h"
+#include "scene/make_blas.h"
 
 namespace perfect_bvh {
 namespace {
@@ -18,17 +18,17 @@ const char* why_deferred(bool is_new, bool same_topology) {
 }  // namespace
 
 // A mesh that a ray has reached will be reached again: it is treated like any other from then on.
-bool Scene::is_deferred(const MeshSlot& slot) noexcept { return slot.is_lazy && (!slot.blas || slot.blas->deferred); }
+bool is_deferred(const MeshState& state) noexcept { return state.is_lazy && (!state.blas || state.blas->deferred); }
 
-Scene::BlasResult Scene::defer_blas(const ChangedMesh& changed, const CommitOptions& options) {
+BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options) {
   const Stopwatch watch;
-  const MeshSlot& slot = *changed.slot;
+  const MeshState& state = *changed.state;
   BlasResult result;
-  auto blas = std::make_shared<Blas>(slot.edited);
-  blas->config = choose_builder(slot.config, slot.usage);
+  auto blas = std::make_shared<Blas>(state.edited);
+  blas->config = choose_builder(state.config, state.usage);
   blas->cover = make_cover(cover_boxes(blas->mesh, kCoverBoxes));
-  MeshSlot fresh;
-  fresh.config = slot.config, fresh.usage = slot.usage, fresh.edited = slot.edited;
+  MeshState fresh;
+  fresh.config = state.config, fresh.usage = state.usage, fresh.edited = state.edited;
   const auto build = [fresh, options, mesh_id = changed.mesh_id, rays = changed.rays](ThreadPool& pool,
                                                                                       CancelToken& cancel) {
     BlasResult made = make_blas({mesh_id, &fresh, rays}, options, pool, cancel);
@@ -37,10 +37,10 @@ Scene::BlasResult Scene::defer_blas(const ChangedMesh& changed, const CommitOpti
   blas->deferred = std::make_shared<DeferredTree>(build);
   MeshReport& report = result.report;
   report.mesh_id = changed.mesh_id;
-  report.usage = usage_name(slot.usage);
+  report.usage = usage_name(state.usage);
   report.expected_rays = changed.rays;
   report.action = MeshAction::kDeferred;
-  report.reason = why_deferred(slot.blas == nullptr, slot.same_topology);
+  report.reason = why_deferred(state.blas == nullptr, state.same_topology);
   report.builder = builder_name(blas->config.builder);
   report.layout = layout_name(blas->config.layout);
   report.triangle_count = blas->mesh.triangle_count();
@@ -50,14 +50,12 @@ Scene::BlasResult Scene::defer_blas(const ChangedMesh& changed, const CommitOpti
   return result;
 }
 
-void Scene::adopt_built_trees() {
-  for (auto& [mesh_id, slot] : meshes_) {
-    if (!slot.blas || !slot.blas->deferred) continue;
-    BuiltTree built = slot.blas->deferred->if_built();
-    if (!built.blas) continue;
-    slot.blas = std::move(built.blas);
-    slot.history = built.history;
-  }
+void adopt_built_tree(MeshState& state) {
+  if (!state.blas || !state.blas->deferred) return;
+  BuiltTree built = state.blas->deferred->if_built();
+  if (!built.blas) return;
+  state.blas = std::move(built.blas);
+  state.history = built.history;
 }
 
 }  // namespace perfect_bvh

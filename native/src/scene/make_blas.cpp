@@ -1,7 +1,9 @@
-// Scene::make_blas: from a mesh that is new or was edited to what rays are traced through. Where only positions changed
+// From a mesh that is new or was edited to what rays are traced through. Where only positions changed
 // the tree is refitted and perhaps mended (refit_blas.cpp); where they came to rest in a tree that motion spoilt, that
 // is kept or built anew (rest_blas.cpp); otherwise, or where the governor wants another one, a
 // binary tree is built and collapsed. The fast builder's tree is built wide at once.
+
+#include "scene/make_blas.h"
 
 #include <limits>
 
@@ -11,7 +13,6 @@
 #include "scene/blas_build.h"
 #include "scene/cover.h"
 #include "scene/ledger.h"
-#include "scene/scene.h"
 #include "scene/trace_view.h"
 #include "scene/tree_bytes.h"
 #include "update/quality.h"
@@ -70,60 +71,59 @@ std::span<const BuilderKind> builders_for(Usage usage) {
   return usage == Usage::kDeforming ? std::span<const BuilderKind>(kDeforming) : kChanging;
 }
 
-}  // namespace
-
-void Scene::build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
-                       ThreadPool& pool, CancelToken& cancel) {
-  const MeshSlot& slot = *changed.slot;
+void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
+                ThreadPool& pool, CancelToken& cancel) {
+  const MeshState& state = *changed.state;
   MeshReport& report = result.report;
   const double density = measure_density(blas.mesh);
-  const bool deforms = is_resting(slot) || (slot.blas && slot.same_topology);
-  const Usage usage = usage_of(slot.usage, deforms);
-  BuildConfig config = choose_builder(slot.config, usage);
-  if (slot.config.builder == BuilderKind::kAuto && changed.rays && options.policy == Policy::kGoverned) {
+  const bool deforms = is_resting(state) || (state.blas && state.same_topology);
+  const Usage usage = usage_of(state.usage, deforms);
+  BuildConfig config = choose_builder(state.config, usage);
+  if (state.config.builder == BuilderKind::kAuto && changed.rays && options.policy == Policy::kGoverned) {
     const double commits = usage == Usage::kStatic ? kStaticCommits : 1;
     const BuildDecision decision = decide_build(
         {builders_for(usage), blas.mesh.triangle_count(), *changed.rays * commits, density}, options.calibration);
     if (report.alternatives.empty()) note(report, decision.alternatives);
     if (decision.builder == BuilderKind::kBinned) {
-      config = choose_builder(slot.config, Usage::kStatic);
+      config = choose_builder(state.config, Usage::kStatic);
     } else {
-      config = slot.config;
+      config = state.config;
       config.builder = decision.builder;
     }
   }
   blas.config = config;
-  report.reason += why_so_built(slot.config.builder, config.builder, usage);
-  const bool was_chosen = slot.config.builder == BuilderKind::kAuto;
+  report.reason += why_so_built(state.config.builder, config.builder, usage);
+  const bool was_chosen = state.config.builder == BuilderKind::kAuto;
   if ((was_chosen || usage == Usage::kChanging) && is_built_wide(config)) {
     build_wide(blas, report, pool, cancel);
   } else {
     build(blas, report, pool, cancel);
   }
   blas.shape = new_tree_shape();
-  const UpdateHistory last = deforms ? slot.history : UpdateHistory{};
+  const UpdateHistory last = deforms ? state.history : UpdateHistory{};
   const TraceWork work = measure_trace_work(blas.wide, blas.mesh);
   report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
   result.history = begin_history(last, work, result.history.sample_now, options.calibration);
 }
 
-Scene::BlasResult Scene::make_blas(const ChangedMesh& changed, const CommitOptions& options, ThreadPool& pool,
-                                   CancelToken& cancel) {
+}  // namespace
+
+BlasResult make_blas(const ChangedMesh& changed, const CommitOptions& options, ThreadPool& pool, CancelToken& cancel) {
   const Stopwatch watch;
-  const MeshSlot& slot = *changed.slot;
+  const MeshState& state = *changed.state;
   BlasResult result;
   MeshReport& report = result.report;
   report.mesh_id = changed.mesh_id;
-  report.usage = usage_name(slot.usage);
+  report.usage = usage_name(state.usage);
   report.expected_rays = changed.rays;
-  report.action = slot.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
-  report.reason = slot.blas ? "the triangles were replaced" : "new mesh";
-  if (is_resting(slot) && keeps_at_rest(changed, options, result)) return result;
-  auto blas = std::make_shared<Blas>(is_resting(slot) ? slot.blas->owned_mesh : slot.edited);
-  const bool deforms = slot.blas && slot.same_topology;
-  if (deforms) blas->spare = slot.spare ? slot.spare : std::make_shared<SpareTree>();
+  report.action = state.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
+  report.reason = state.blas ? "the triangles were replaced" : "new mesh";
+  if (is_resting(state) && keeps_at_rest(changed, options, result)) return result;
+  auto blas = std::make_shared<Blas>(is_resting(state) ? state.blas->owned_mesh : state.edited);
+  const bool deforms = state.blas && state.same_topology;
+  if (deforms) blas->spare = state.spare ? state.spare : std::make_shared<SpareTree>();
   if (!deforms || !refit_blas(*blas, changed, options, result, pool, cancel)) {
-    report.action = slot.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
+    report.action = state.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
     blas->fresh_costs.reset();
     blas->refit_plan = {};
     build_blas(*blas, changed, options, result, pool, cancel);

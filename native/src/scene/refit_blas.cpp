@@ -1,4 +1,4 @@
-// Scene::refit_blas: a tree that follows its triangles. It is refitted; then the governor says whether that will do,
+// A tree that follows its triangles. It is refitted; then the governor says whether that will do,
 // whether rotations or new parts mend it, or whether another tree is built.
 
 #include <string_view>
@@ -7,7 +7,7 @@
 #include "scene/blas_build.h"
 #include "scene/cover.h"
 #include "scene/ledger.h"
-#include "scene/scene.h"
+#include "scene/make_blas.h"
 #include "update/tree_sample.h"
 #include "wide/wide_cost.h"
 #include "wide/wide_rebuild.h"
@@ -91,25 +91,23 @@ void look_closer(UpdateQuestion& question, const Blas& before, const Blas& blas,
 
 }  // namespace
 
-// From the tree over the same triangles where they were before. False if it cannot be refitted, or the governor wants
-// another one.
-bool Scene::refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
-                       ThreadPool& pool, CancelToken& cancel) {
-  const Blas& before = *changed.slot->blas;
+bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
+                ThreadPool& pool, CancelToken& cancel) {
+  const Blas& before = *changed.state->blas;
   MeshReport& report = result.report;
   report.reason = why_not_refitted(before, options.policy);
   if (!report.reason.empty()) return false;
   WideCosts costs = follow(blas, before, report, pool, cancel);
 
   const Stopwatch watch;  // of mending, and of finding out whether to
-  const Usage usage = usage_of(changed.slot->usage, true);
+  const Usage usage = usage_of(changed.state->usage, true);
   UpdateQuestion question{.policy = options.policy,
                           .triangle_count = blas.mesh.triangle_count(),
-                          .builder = choose_builder(changed.slot->config, usage).builder,
+                          .builder = choose_builder(changed.state->config, usage).builder,
                           .rays = changed.rays,
                           .now = work_of(costs, blas.wide),
                           .reference = work_of(*blas.fresh_costs, before.wide),
-                          .history = changed.slot->history};
+                          .history = changed.state->history};
   look_closer(question, before, blas, costs, options.calibration, pool);
   const UpdateDecision decision = decide_update(question, options.calibration);
   report.reason = decision.reason;

@@ -70,7 +70,7 @@ Scene::MeshSlot& Scene::find_mesh(std::int32_t mesh_id, const char* function) {
 Scene::InstanceRows Scene::find_instances(std::span<const std::int32_t> ids, const char* function) const {
   const auto row_of = [&](std::int32_t id) {
     const auto found = std::lower_bound(instances_.begin(), instances_.end(), id,
-                                        [](const InstanceSlot& slot, std::int32_t other) { return slot.id < other; });
+                                        [](const Placement& slot, std::int32_t other) { return slot.id < other; });
     if (found == instances_.end() || found->id != id) unknown_id(function, "instance", id);
     return static_cast<std::size_t>(found - instances_.begin());
   };
@@ -218,12 +218,12 @@ void Scene::remove_instances(std::span<const std::int32_t> ids) {
   const std::lock_guard lock(edit_mutex_);
   const auto rows = find_instances(ids, "remove_instances");
   for (std::size_t i = 0; i < rows.count; ++i) {
-    InstanceSlot& slot = instances_[rows[i]];
+    Placement& slot = instances_[rows[i]];
     if (slot.id == -1) continue;  // named twice
     --meshes_.at(slot.mesh_id).user_count;
     slot.id = -1;
   }
-  std::erase_if(instances_, [](const InstanceSlot& slot) { return slot.id == -1; });
+  std::erase_if(instances_, [](const Placement& slot) { return slot.id == -1; });
   mark_edited();
 }
 

@@ -14,15 +14,12 @@
 #include <vector>
 
 #include "builders/build_config.h"
-#include "builders/prim_ref.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
-#include "scene/commit_options.h"
+#include "scene/assemble.h"
 #include "scene/edit_mutex.h"
-#include "scene/moved_mesh.h"
+#include "scene/mesh_state.h"
 #include "scene/snapshot.h"
-#include "scene/usage.h"
-#include "stats/commit_report.h"
 
 namespace perfect_bvh {
 
@@ -71,29 +68,8 @@ class Scene {
   [[nodiscard]] std::size_t instance_count() const;
 
  private:
-  struct MeshSlot {
-    BuildConfig config;
-    Usage usage = Usage::kStatic;
-    bool is_lazy = false;
-    std::shared_ptr<const Blas> blas;                 // committed; null before the first commit
-    std::shared_ptr<const TriangleMesh> edited;       // waiting; null if nothing is
-    bool same_topology = false;                       // of `edited` and `blas`
-    std::shared_ptr<SpareTree> spare;                 // null until the mesh is deformed
-    std::shared_ptr<SparePositions> spare_positions;  // likewise
-    UpdateHistory history;                            // of `blas`'s tree
-    std::uint32_t user_count = 0;                     // instances
-  };
-  struct InstanceSlot {
-    std::int32_t id, mesh_id;
-    Affine object_to_world;
-    std::uint32_t mask;
-    std::int64_t order;
-  };
-  using BlasMap = std::map<std::int32_t, std::shared_ptr<const Blas>>;  // by mesh id
-  struct BlasResult {
-    std::shared_ptr<const Blas> blas;  // null: the mesh keeps what it has
-    UpdateHistory history;
-    MeshReport report;
+  struct MeshSlot : MeshState {
+    std::uint32_t user_count = 0;  // instances
   };
 
   [[nodiscard]] static std::uint64_t next_id() noexcept;
@@ -111,40 +87,18 @@ class Scene {
   InstanceRows find_instances(std::span<const std::int32_t> ids, const char* function) const;
   void mark_edited();
 
-  // A mesh that was edited, or rests in a spoilt tree, and how many rays it may expect.
-  struct ChangedMesh {
-    std::int32_t mesh_id;
-    const MeshSlot* slot;
-    std::optional<double> rays;
-  };
   std::vector<ChangedMesh> find_changed(const CommitOptions& options) const;
-  static bool is_resting(const MeshSlot& slot) noexcept;
-  static bool needs_decision(const MeshSlot& slot, const CommitOptions& options) noexcept;
-  static bool keeps_at_rest(const ChangedMesh& resting, const CommitOptions& options, BlasResult& result);
-  static bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
-                         ThreadPool& pool, CancelToken& cancel);
-  static void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
-                         ThreadPool& pool, CancelToken& cancel);
-  static BlasResult make_blas(const ChangedMesh& changed, const CommitOptions& options, ThreadPool& pool,
-                              CancelToken& cancel);
   std::vector<BlasResult> make_changed_blases(const CommitOptions& options, ThreadPool& pool,
                                               CancelToken& cancel) const;
-  static bool is_deferred(const MeshSlot& slot) noexcept;
-  static BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options);
-  void adopt_built_trees();  // that rays were the first to need
-  // The result has a row for each instance, empty where its mesh is.
-  AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const BlasMap& blases, ThreadPool& pool,
-                                         CancelToken& cancel) const;
+  [[nodiscard]] PlacedMeshes meshes_to_place(std::span<const BlasResult> results) const;
   std::shared_ptr<Snapshot> take_last_snapshot();
-  void assemble(Snapshot& snapshot, const BlasMap& blases, const CommitOptions& options, ThreadPool& pool,
-                CancelToken& cancel, TopLevelReport& report) const;
   void publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results,
                std::uint64_t stale_count) noexcept;
 
   const std::uint64_t id_ = next_id();  // in this process
   mutable EditMutex edit_mutex_;        // held by every edit and for the whole of a commit
   std::map<std::int32_t, MeshSlot> meshes_;
-  std::vector<InstanceSlot> instances_;  // by ascending id
+  std::vector<Placement> instances_;  // by ascending id
   std::int32_t next_mesh_id_ = 0;
   std::int32_t next_instance_id_ = 0;
 
