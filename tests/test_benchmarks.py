@@ -303,7 +303,7 @@ def test_errors_of_images_are_measured_with_raw_totals(repository: Path, tmp_pat
 @pytest.mark.parametrize(
     ("script", "constant", "source", "name"),
     [
-        ("build_python.py", "COMMITS_OF_A_STATIC_TREE", "scene/make_blas.cpp", "kStaticCommits"),
+        ("build_python.py", "COMMITS_OF_A_STATIC_TREE", "blas/make_blas.cpp", "kStaticCommits"),
         ("image_error.py", "OPENNESS", "render/illumination.cpp", "kOpenness"),
     ],
 )

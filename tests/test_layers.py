@@ -13,7 +13,21 @@ from pathlib import Path
 import pytest
 
 # `stats` holds plain structs, so it stands first: everything may include it, and it includes nothing.
-NATIVE_LAYERS = ("stats", "core", "math", "mesh", "builders", "update", "wide", "traverse", "scene", "render")
+NATIVE_LAYERS = (
+    "stats",
+    "core",
+    "math",
+    "mesh",
+    "builders",
+    "wide",
+    "update",
+    "traverse",
+    "blas",
+    "tlas",
+    "query",
+    "scene",
+    "render",
+)
 
 # What a layer must not know, although it lies below.
 NATIVE_IGNORANCE = {

@@ -4,7 +4,7 @@
 #include <limits>
 #include <utility>
 
-#include "scene/audit.h"
+#include "query/audit.h"
 
 namespace perfect_bvh::bench {
 namespace {

@@ -1,4 +1,4 @@
-// How many of a competitor's closest hits are wrong, by every triangle tried in double precision (scene/audit.h).
+// How many of a competitor's closest hits are wrong, by every triangle tried in double precision (query/audit.h).
 // In: a scene that holds the mesh, rays. Out: counts. Answers that were judged before are not judged again.
 #pragma once
 
@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "ray_race.h"
-#include "scene/snapshot.h"
+#include "tlas/snapshot.h"
 
 namespace perfect_bvh::bench {
 

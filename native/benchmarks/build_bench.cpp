@@ -17,16 +17,16 @@
 #include <tuple>
 
 #include "arguments.h"
+#include "blas/build_tree.h"
 #include "embree_build.h"
 #include "embree_peer.h"
 #include "json.h"
 #include "program.h"
+#include "query/statistics.h"
+#include "query/trace.h"
 #include "ray_race.h"
 #include "ray_sets.h"
-#include "scene/blas_build.h"
 #include "scene/scene.h"
-#include "scene/statistics.h"
-#include "scene/trace.h"
 #include "tree_choice.h"
 
 namespace perfect_bvh::bench {

@@ -25,9 +25,9 @@
 #include "arguments.h"
 #include "embree_instances.h"
 #include "instance_layouts.h"
+#include "query/trace.h"
 #include "ray_sets.h"
 #include "scene/scene.h"
-#include "scene/trace.h"
 
 namespace perfect_bvh::bench {
 namespace {

@@ -5,10 +5,10 @@
 #include <memory>
 #include <utility>
 
+#include "blas/build_tree.h"
 #include "embree_refit.h"
 #include "json.h"
 #include "mesh_motions.h"
-#include "scene/blas_build.h"
 #include "scene/scene.h"
 #include "wide/collapse.h"
 #include "wide/wide_refit.h"

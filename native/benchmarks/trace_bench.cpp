@@ -27,9 +27,9 @@
 #include <tuple>
 
 #include "arguments.h"
+#include "blas/build_tree.h"
 #include "embree_peer.h"
 #include "ray_sets.h"
-#include "scene/blas_build.h"
 #include "traverse/dispatch.h"
 #include "tree_choice.h"
 #include "ways.h"

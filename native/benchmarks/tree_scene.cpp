@@ -4,9 +4,9 @@
 #include <utility>
 #include <vector>
 
-#include "scene/instance_placing.h"
-#include "scene/top_level.h"
-#include "scene/trace_view.h"
+#include "tlas/instance_placing.h"
+#include "tlas/top_level.h"
+#include "tlas/trace_view.h"
 #include "wide/collapse.h"
 
 namespace perfect_bvh::bench {

@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "mesh/triangle_mesh.h"
-#include "scene/snapshot.h"
+#include "tlas/snapshot.h"
 
 namespace perfect_bvh::bench {
 

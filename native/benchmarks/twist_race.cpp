@@ -6,13 +6,13 @@
 #include <utility>
 
 #include "answer_judge.h"
+#include "blas/build_tree.h"
 #include "embree_peer.h"
 #include "embree_refit.h"
 #include "json.h"
 #include "mesh_motions.h"
+#include "query/trace.h"
 #include "ray_race.h"
-#include "scene/blas_build.h"
-#include "scene/trace.h"
 #include "tree_scene.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"

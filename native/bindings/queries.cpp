@@ -6,10 +6,10 @@
 #include "bindings/arrays.h"
 #include "bindings/bind.h"
 #include "bindings/progress.h"
-#include "scene/audit.h"
-#include "scene/closest_points.h"
-#include "scene/intersections.h"
-#include "scene/ray_batch.h"
+#include "query/audit.h"
+#include "query/closest_points.h"
+#include "query/intersections.h"
+#include "query/ray_batch.h"
 
 namespace perfect_bvh::bindings {
 namespace {

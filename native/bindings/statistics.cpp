@@ -1,11 +1,11 @@
-#include "scene/statistics.h"
+#include "query/statistics.h"
 
 #include <pybind11/stl.h>
 
 #include "bindings/arrays.h"
 #include "bindings/bind.h"
 #include "bindings/progress.h"
-#include "scene/tree_boxes.h"
+#include "query/tree_boxes.h"
 
 namespace perfect_bvh::bindings {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "math/triangle.h"
-#include "scene/snapshot.h"
+#include "tlas/snapshot.h"
 #include "traverse/object_ray.h"
 
 namespace perfect_bvh::test {

@@ -7,11 +7,11 @@
 #include "builders/builder.h"
 #include "builders/morton.h"
 #include "builders/morton_clusters.h"
+#include "builders/quality.h"
 #include "core/errors.h"
 #include "tests/box_sets.h"
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"
-#include "update/quality.h"
 
 namespace perfect_bvh::test {
 namespace {

@@ -4,15 +4,15 @@
 
 #include <tuple>
 
+#include "blas/build_tree.h"
 #include "builders/builder.h"
-#include "scene/blas_build.h"
+#include "builders/quality.h"
+#include "query/trace.h"
 #include "scene/scene.h"
-#include "scene/trace.h"
 #include "tests/mesh_sets.h"
 #include "tests/reference_trace.h"
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"
-#include "update/quality.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
 #include "wide/wide_boxes.h"

@@ -3,17 +3,17 @@
 
 #include <cstring>
 
+#include "blas/cover.h"
 #include "builders/builder.h"
 #include "builders/combine.h"
+#include "builders/quality.h"
 #include "core/errors.h"
-#include "scene/cover.h"
-#include "scene/instance_placing.h"
-#include "scene/top_level.h"
-#include "scene/trace.h"
-#include "scene/trace_view.h"
+#include "query/trace.h"
 #include "tests/box_sets.h"
 #include "tests/reference_trace.h"
-#include "update/quality.h"
+#include "tlas/instance_placing.h"
+#include "tlas/top_level.h"
+#include "tlas/trace_view.h"
 #include "wide/collapse.h"
 
 namespace perfect_bvh::test {

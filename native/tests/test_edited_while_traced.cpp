@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "core/errors.h"
+#include "query/trace.h"
 #include "scene/scene.h"
-#include "scene/trace.h"
 #include "tests/mesh_sets.h"
 #include "tests/scenes_to_trace.h"
 

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "core/errors.h"
-#include "scene/ray_batch.h"
-#include "scene/trace.h"
+#include "query/ray_batch.h"
+#include "query/trace.h"
 #include "tests/failing_memory.h"
 #include "tests/scenes_to_trace.h"
 

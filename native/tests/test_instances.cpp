@@ -8,14 +8,14 @@
 #include <string>
 #include <thread>
 
+#include "blas/build_tree.h"
 #include "core/errors.h"
-#include "scene/blas_build.h"
-#include "scene/instance_placing.h"
+#include "query/statistics.h"
+#include "query/trace.h"
 #include "scene/scene.h"
-#include "scene/statistics.h"
-#include "scene/trace.h"
 #include "tests/reference_trace.h"
 #include "tests/thread_counts.h"
+#include "tlas/instance_placing.h"
 #include "wide/collapse.h"
 
 namespace perfect_bvh::test {

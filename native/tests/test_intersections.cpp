@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "scene/intersections.h"
+#include "query/intersections.h"
 #include "tests/reference_trace.h"
 #include "tests/scenes_to_trace.h"
 

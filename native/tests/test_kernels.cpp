@@ -6,7 +6,7 @@
 #include <cstring>
 
 #include "core/errors.h"
-#include "scene/trace.h"
+#include "query/trace.h"
 #include "tests/reference_trace.h"
 #include "tests/scenes_to_trace.h"
 #include "traverse/dispatch.h"

@@ -8,12 +8,12 @@
 #include <new>
 #include <thread>
 
+#include "blas/deferred_tree.h"
 #include "core/errors.h"
-#include "scene/closest_points.h"
-#include "scene/deferred_tree.h"
-#include "scene/intersections.h"
+#include "query/closest_points.h"
+#include "query/intersections.h"
+#include "query/trace.h"
 #include "scene/scene.h"
-#include "scene/trace.h"
 #include "tests/scenes_to_trace.h"
 
 namespace perfect_bvh::test {

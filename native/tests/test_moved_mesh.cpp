@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "core/errors.h"
+#include "query/trace.h"
 #include "scene/scene.h"
-#include "scene/trace.h"
 #include "tests/failing_memory.h"
 #include "tests/mesh_sets.h"
 #include "tests/motions.h"

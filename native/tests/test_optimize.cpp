@@ -6,9 +6,9 @@
 #include "builders/builder.h"
 #include "builders/link_tree.h"
 #include "builders/optimize.h"
+#include "builders/quality.h"
 #include "core/errors.h"
 #include "tests/box_sets.h"
-#include "update/quality.h"
 
 namespace perfect_bvh::test {
 namespace {

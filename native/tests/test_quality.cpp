@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "builders/builder.h"
+#include "builders/epo.h"
+#include "builders/quality.h"
 #include "tests/box_sets.h"
 #include "tests/thread_counts.h"
-#include "update/epo.h"
-#include "update/quality.h"
 
 namespace perfect_bvh::test {
 namespace {

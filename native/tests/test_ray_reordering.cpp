@@ -9,7 +9,7 @@
 #include <numeric>
 
 #include "core/aligned.h"
-#include "scene/trace.h"
+#include "query/trace.h"
 #include "tests/reference_trace.h"
 #include "tests/scenes_to_trace.h"
 #include "traverse/dispatch.h"

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "core/errors.h"
-#include "scene/ray_batch.h"
+#include "query/ray_batch.h"
+#include "query/trace.h"
 #include "scene/scene.h"
-#include "scene/trace.h"
 
 namespace perfect_bvh {
 namespace {

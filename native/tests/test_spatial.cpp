@@ -6,15 +6,15 @@
 #include <array>
 #include <random>
 
+#include "blas/build_tree.h"
 #include "builders/builder.h"
+#include "builders/quality.h"
+#include "builders/refit.h"
 #include "core/errors.h"
 #include "mesh/triangle_clip.h"
-#include "scene/blas_build.h"
 #include "tests/box_sets.h"
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"
-#include "update/quality.h"
-#include "update/refit.h"
 
 namespace perfect_bvh::test {
 namespace {

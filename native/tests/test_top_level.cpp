@@ -6,12 +6,12 @@
 
 #include "builders/agglomerative.h"
 #include "builders/builder.h"
+#include "builders/quality.h"
 #include "core/errors.h"
-#include "scene/top_level.h"
 #include "tests/box_sets.h"
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"
-#include "update/quality.h"
+#include "tlas/top_level.h"
 
 namespace perfect_bvh::test {
 namespace {

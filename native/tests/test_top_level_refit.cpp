@@ -6,8 +6,8 @@
 #include <random>
 
 #include "core/errors.h"
+#include "query/trace.h"
 #include "scene/scene.h"
-#include "scene/trace.h"
 #include "tests/reference_trace.h"
 
 namespace perfect_bvh::test {

@@ -4,10 +4,10 @@
 #include <cstring>
 
 #include "builders/builder.h"
+#include "builders/quality.h"
+#include "builders/refit.h"
 #include "core/errors.h"
 #include "tests/box_sets.h"
-#include "update/quality.h"
-#include "update/refit.h"
 
 namespace perfect_bvh::test {
 namespace {

@@ -5,13 +5,13 @@
 #include <random>
 #include <set>
 
+#include "blas/build_tree.h"
 #include "builders/builder.h"
+#include "builders/quality.h"
 #include "core/errors.h"
-#include "scene/blas_build.h"
 #include "tests/mesh_sets.h"
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"
-#include "update/quality.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
 #include "wide/leaf_contents.h"

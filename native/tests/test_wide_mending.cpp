@@ -3,14 +3,14 @@
 
 #include <cmath>
 
-#include "scene/instance_placing.h"
+#include "query/trace.h"
 #include "scene/scene.h"
-#include "scene/trace.h"
 #include "tests/mesh_sets.h"
 #include "tests/reference_trace.h"
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"
 #include "tests/wide_trees.h"
+#include "tlas/instance_placing.h"
 #include "wide/wide_quality.h"
 #include "wide/wide_rebuild.h"
 #include "wide/wide_rotation.h"

@@ -1,10 +1,10 @@
 // Refits of the wide tree: sound, tight and right after any motion, the same bytes for any number of threads.
 #include <gtest/gtest.h>
 
+#include "blas/build_tree.h"
 #include "core/errors.h"
-#include "scene/blas_build.h"
+#include "query/trace.h"
 #include "scene/scene.h"
-#include "scene/trace.h"
 #include "tests/mesh_sets.h"
 #include "tests/motions.h"
 #include "tests/reference_trace.h"

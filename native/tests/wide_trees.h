@@ -6,8 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "scene/blas_build.h"
-#include "scene/usage.h"
+#include "blas/build_tree.h"
 #include "tests/motions.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"

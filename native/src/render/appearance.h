@@ -13,7 +13,7 @@
 #include "render/light.h"
 #include "render/rgba.h"
 #include "render/texture.h"
-#include "scene/snapshot.h"
+#include "tlas/snapshot.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "query/trace.h"
 #include "render/material.h"
-#include "scene/trace.h"
 
 namespace perfect_bvh {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "render/appearance.h"
 #include "render/sampler.h"
-#include "scene/snapshot.h"
+#include "tlas/snapshot.h"
 
 namespace perfect_bvh {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "render/camera.h"
-#include "scene/snapshot.h"
+#include "tlas/snapshot.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {

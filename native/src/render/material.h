@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "render/appearance.h"
-#include "scene/snapshot.h"
+#include "tlas/snapshot.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {

@@ -9,7 +9,7 @@
 #include "render/kept_rays.h"
 #include "render/passes.h"
 #include "render/settings.h"
-#include "scene/snapshot.h"
+#include "tlas/snapshot.h"
 
 namespace perfect_bvh {
 

@@ -7,9 +7,9 @@
 
 #include "core/aligned.h"
 #include "core/cancel.h"
+#include "query/trace.h"
 #include "render/appearance.h"
-#include "scene/snapshot.h"
-#include "scene/trace.h"
+#include "tlas/snapshot.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {

@@ -6,8 +6,8 @@
 #include <span>
 
 #include "core/aligned.h"
+#include "query/trace.h"
 #include "render/appearance.h"
-#include "scene/trace.h"
 
 namespace perfect_bvh {
 

@@ -4,12 +4,11 @@
 #include <algorithm>
 #include <utility>
 
+#include "blas/build_tree.h"
+#include "blas/make_blas.h"
 #include "core/stopwatch.h"
-#include "scene/blas_build.h"
-#include "scene/make_blas.h"
 #include "scene/ray_shares.h"
 #include "scene/scene.h"
-#include "scene/tree_bytes.h"
 
 namespace perfect_bvh {
 namespace {

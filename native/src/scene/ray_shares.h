@@ -6,9 +6,9 @@
 
 #include <vector>
 
+#include "blas/cover.h"
 #include "math/aabb.h"
 #include "math/affine.h"
-#include "scene/cover.h"
 
 namespace perfect_bvh {
 

@@ -11,15 +11,16 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <thread>
 #include <vector>
 
+#include "blas/mesh_state.h"
 #include "builders/build_config.h"
 #include "core/cancel.h"
+#include "core/errors.h"
 #include "core/thread_pool.h"
-#include "scene/assemble.h"
-#include "scene/edit_mutex.h"
-#include "scene/mesh_state.h"
-#include "scene/snapshot.h"
+#include "tlas/assemble.h"
+#include "tlas/snapshot.h"
 
 namespace perfect_bvh {
 
@@ -28,6 +29,28 @@ struct InstanceInput {
   Affine object_to_world;
   std::uint32_t mask = 0xFFFFFFFFu;
   std::optional<std::int64_t> order;  // default: the instance's id
+};
+
+// The lock of a scene's edits, held for the whole of a commit. A commit's callback that edits the same scene, or asks
+// for what edits change, would wait for itself for ever: it is refused instead.
+class EditMutex {
+ public:
+  // Throws EngineError if this thread holds it.
+  void lock() {
+    if (owner_.load(std::memory_order_relaxed) == std::this_thread::get_id()) {
+      throw EngineError("a commit of this scene is under way: its progress callable must not use the scene");
+    }
+    mutex_.lock();
+    owner_.store(std::this_thread::get_id(), std::memory_order_relaxed);
+  }
+  void unlock() noexcept {
+    owner_.store(std::thread::id(), std::memory_order_relaxed);
+    mutex_.unlock();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::atomic<std::thread::id> owner_{};
 };
 
 class Scene {

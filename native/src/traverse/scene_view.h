@@ -44,7 +44,7 @@ static_assert(sizeof(InstanceView) == 192);  // every ray that enters an instanc
 // second level cache of 2 MB: through 164 MB they are twice as fast, through 9.5 MB 1.2 times, through 3.4 MB .96.
 inline constexpr std::size_t kCachedBytes = std::size_t{8} << 20;
 
-// As an instance's root: its tree is not built yet (scene/lazy_trees.h).
+// As an instance's root: its tree is not built yet (tlas/lazy_trees.h).
 inline constexpr std::uint32_t kUnbuiltRoot = 0xFFFFFFFFu;
 
 // Instances that rays or points reached before their tree was built. Whoever reaches one stops: the answers of that

@@ -23,17 +23,12 @@
 
 #include "builders/build_config.h"
 #include "update/calibration.h"
+#include "wide/wide_cost.h"
 
 namespace perfect_bvh {
 
 // All but the first are for comparisons: what can be done so always is.
 enum class Policy : std::uint8_t { kGoverned, kRefit, kRotate, kRebuildParts, kRebuild };
-
-// What a random ray that meets the mesh's box is expected to visit (SAH, without the costs).
-struct TraceWork {
-  double node_visits = 0;
-  double leaf_visits = 0;
-};
 
 // kKeep: of triangles that did not move.
 enum class UpdateAction : std::uint8_t { kRefit, kRotate, kRebuildParts, kRebuild, kKeep };

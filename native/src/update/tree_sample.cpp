@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "builders/builder.h"
-#include "update/quality.h"
+#include "builders/quality.h"
 
 namespace perfect_bvh {
 

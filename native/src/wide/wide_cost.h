@@ -10,6 +10,7 @@
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "math/float4.h"
+#include "mesh/triangle_mesh.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
@@ -35,6 +36,15 @@ inline constexpr double kWideNodeCost = 1.0, kWideLeafCost = 0.5;
   }
   return areas;
 }
+
+// What a random ray that meets a tree's box is expected to visit (SAH, without the costs).
+struct TraceWork {
+  double node_visits = 0;
+  double leaf_visits = 0;
+};
+
+// One pass over the nodes. Zero where the box of the whole has no area, and for an empty tree.
+[[nodiscard]] TraceWork measure_trace_work(const WideBvh& tree, const TriangleMesh& mesh) noexcept;
 
 // Of a ray that meets a node's box: 1 for the node, and for each child its own cost times its share of the node's
 // surface. So neither size nor place matters. 0 where the node has no surface: there is nothing to compare with.

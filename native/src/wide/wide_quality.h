@@ -3,8 +3,8 @@
 
 #include <string>
 
+#include "builders/quality.h"
 #include "mesh/triangle_mesh.h"
-#include "update/quality.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {

@@ -1,0 +1,64 @@
+// The tree of one distinct mesh (bottom-level acceleration structure), with its geometry.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <utility>
+
+#include "blas/cover.h"
+#include "blas/spare_memory.h"
+#include "blas/support.h"
+#include "builders/build_config.h"
+#include "builders/quality.h"
+#include "mesh/triangle_mesh.h"
+#include "traverse/scene_view.h"
+#include "wide/refit_plan.h"
+#include "wide/wide_bvh.h"
+#include "wide/wide_cost.h"
+
+namespace perfect_bvh {
+
+class DeferredTree;
+
+// Immutable once a snapshot refers to it.
+struct Blas {
+  explicit Blas(std::shared_ptr<const TriangleMesh> the_mesh) : owned_mesh(std::move(the_mesh)), mesh(*owned_mesh) {}
+  Blas(const Blas&) = delete;
+  Blas& operator=(const Blas&) = delete;
+  ~Blas() {
+    if (spare) spare->give({std::move(wide), shape});
+  }
+
+  const std::shared_ptr<const TriangleMesh> owned_mesh;
+  const TriangleMesh& mesh;
+  BuildConfig config;   // that the tree was built with, its builder named; refits keep it
+  TreeQuality quality;  // of the binary tree that `wide` was made from; empty where there was none, or it was refitted
+  WideBvh wide;         // what rays are traced through
+  IndexedLeaves indexed_leaves;  // of `wide`, in the compact layout
+  std::uint64_t shape = 0;
+  std::shared_ptr<const WideCosts> fresh_costs;  // of each part of `wide` when it was built; null before it is refitted
+  RefitPlan refit_plan;                          // of `wide`; likewise
+  std::shared_ptr<SpareTree> spare;              // where `wide` goes at the end; null: nowhere
+  LazySupport support;                           // of `wide`, where many instances ask for it
+  Cover cover;                                   // a few boxes that hold the whole mesh
+  // Of a mesh that is built when the first ray reaches it, else null. There is then no tree here, only the one to come.
+  std::shared_ptr<DeferredTree> deferred;
+};
+
+// What kernels see of the leaves of a compact tree and of its mesh, which must both stay where they are.
+[[nodiscard]] inline IndexedLeaves view_leaves(const WideBvh& tree, const TriangleMesh& mesh) noexcept {
+  return {tree.indexed_leaves.data(), mesh.triangles.data(), mesh.positions.data(), tree.scale};
+}
+
+// Of what refits go by; 0 before the first one.
+[[nodiscard]] inline std::size_t plan_byte_count(const Blas& blas) noexcept {
+  return blas.refit_plan.byte_count() + (blas.fresh_costs ? blas.fresh_costs->byte_count() : 0);
+}
+
+// Geometry, tree and plan.
+[[nodiscard]] inline std::size_t byte_count(const Blas& blas) noexcept {
+  return blas.mesh.byte_count() + blas.wide.byte_count() + plan_byte_count(blas);
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,45 @@
+// From a mesh to its binary tree, by the builder that suits what the mesh is for.
+#pragma once
+
+#include <cstdint>
+
+#include "builders/build_config.h"
+#include "builders/bvh2.h"
+#include "core/cancel.h"
+#include "core/thread_pool.h"
+#include "mesh/triangle_mesh.h"
+
+namespace perfect_bvh {
+
+// What the owner of a mesh expects to happen to it.
+enum class Usage : std::uint8_t {
+  kStatic,     // nothing, or rigid motion
+  kDeforming,  // its positions change
+  kChanging,   // its topology changes
+};
+
+// As users write it.
+[[nodiscard]] constexpr const char* usage_name(Usage usage) noexcept {
+  switch (usage) {
+    case Usage::kStatic:
+      return "static";
+    case Usage::kDeforming:
+      return "deforming";
+    case Usage::kChanging:
+      return "changing";
+  }
+  return "";
+}
+
+// Names the builder where the choice was left to the engine: a tree that lasts for a frame must be built in a blink,
+// any other repays a better one.
+[[nodiscard]] BuildConfig choose_builder(BuildConfig config, Usage usage) noexcept;
+
+// Whether a tree that nobody will refit may be built straight into the wide one: the fast builder's, unless something
+// was asked for that only a binary tree can heed.
+[[nodiscard]] bool is_built_wide(const BuildConfig& config) noexcept;
+
+[[nodiscard]] Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool& pool,
+                              CancelToken& cancel);
+
+}  // namespace perfect_bvh

@@ -1,0 +1,61 @@
+// Of a mesh whose tree waits for the first ray that reaches it, what its instances are placed by.
+
+#include "blas/build_tree.h"
+#include "blas/deferred_tree.h"
+#include "blas/make_blas.h"
+#include "builders/builder.h"
+#include "core/stopwatch.h"
+
+namespace perfect_bvh {
+namespace {
+
+const char* why_deferred(bool is_new, bool same_topology) {
+  if (is_new) return "new mesh; its tree is built when a ray reaches it";
+  return same_topology ? "positions changed; no ray has reached the mesh yet"
+                       : "the triangles were replaced; no ray has reached the mesh yet";
+}
+
+}  // namespace
+
+// A mesh that a ray has reached will be reached again: it is treated like any other from then on.
+bool is_deferred(const MeshState& state) noexcept { return state.is_lazy && (!state.blas || state.blas->deferred); }
+
+BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options) {
+  const Stopwatch watch;
+  const MeshState& state = *changed.state;
+  BlasResult result;
+  auto blas = std::make_shared<Blas>(state.edited);
+  blas->config = choose_builder(state.config, state.usage);
+  blas->cover = make_cover(cover_boxes(blas->mesh, kCoverBoxes));
+  MeshState fresh;
+  fresh.config = state.config, fresh.usage = state.usage, fresh.edited = state.edited;
+  const auto build = [fresh, options, mesh_id = changed.mesh_id, rays = changed.rays](ThreadPool& pool,
+                                                                                      CancelToken& cancel) {
+    BlasResult made = make_blas({mesh_id, &fresh, rays}, options, pool, cancel);
+    return BuiltTree{std::move(made.blas), made.history};
+  };
+  blas->deferred = std::make_shared<DeferredTree>(build);
+  MeshReport& report = result.report;
+  report.mesh_id = changed.mesh_id;
+  report.usage = usage_name(state.usage);
+  report.expected_rays = changed.rays;
+  report.action = MeshAction::kDeferred;
+  report.reason = why_deferred(state.blas == nullptr, state.same_topology);
+  report.builder = builder_name(blas->config.builder);
+  report.layout = layout_name(blas->config.layout);
+  report.triangle_count = blas->mesh.triangle_count();
+  report.byte_count = blas->mesh.byte_count();
+  report.milliseconds = watch.milliseconds();
+  result.blas = std::move(blas);
+  return result;
+}
+
+void adopt_built_tree(MeshState& state) {
+  if (!state.blas || !state.blas->deferred) return;
+  BuiltTree built = state.blas->deferred->if_built();
+  if (!built.blas) return;
+  state.blas = std::move(built.blas);
+  state.history = built.history;
+}
+
+}  // namespace perfect_bvh

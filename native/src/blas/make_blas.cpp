@@ -1,0 +1,139 @@
+// From a mesh that is new or was edited to what rays are traced through. Where only positions changed
+// the tree is refitted and perhaps mended (refit_blas.cpp); where they came to rest in a tree that motion spoilt, that
+// is kept or built anew (rest_blas.cpp); otherwise, or where the governor wants another one, a
+// binary tree is built and collapsed. The fast builder's tree is built wide at once.
+
+#include "blas/make_blas.h"
+
+#include <limits>
+
+#include "blas/build_tree.h"
+#include "blas/cover.h"
+#include "blas/ledger.h"
+#include "builders/optimize.h"
+#include "builders/quality.h"
+#include "core/stopwatch.h"
+#include "mesh/density.h"
+#include "wide/collapse.h"
+#include "wide/fast_wide.h"
+#include "wide/wide_cost.h"
+
+namespace perfect_bvh {
+namespace {
+
+// Of a builder that was not asked for by name and is not the usual one.
+const char* why_so_built(BuilderKind asked, BuilderKind chosen, Usage usage) {
+  if (asked != BuilderKind::kAuto || chosen == BuilderKind::kBinned) return "";
+  if (chosen == BuilderKind::kSpatial) return "; the expected rays repay spatial splits";
+  return usage == Usage::kChanging ? "; its topology changes, so the fast builder made its tree"
+                                   : "; the expected rays repay no more than the fast builder";
+}
+
+void build(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
+  Stopwatch watch;
+  BuildConfig unoptimized = blas.config;
+  unoptimized.optimize_passes = 0;
+  Bvh2 tree = build_tree(blas.mesh, unoptimized, pool, cancel);
+  report.build_milliseconds = watch.lap_milliseconds();
+  if (blas.config.optimize_passes > 0) {
+    const OptimizeBudget budget{blas.config.optimize_passes, blas.config.optimize_milliseconds};
+    // From now on the settings are those that make this very tree again, however long that takes.
+    blas.config.optimize_passes = optimize_bvh2(tree, budget, pool, cancel).passes;
+    blas.config.optimize_milliseconds = std::numeric_limits<double>::infinity();
+    report.optimize_milliseconds = watch.lap_milliseconds();
+  }
+  blas.quality = measure_quality(tree);
+  blas.cover = make_cover(tree);
+  watch.lap_milliseconds();
+  blas.wide = collapse_mesh(tree, blas.mesh, blas.config.layout, pool, cancel);
+  report.collapse_milliseconds = watch.lap_milliseconds();
+}
+
+void build_wide(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
+  const Stopwatch watch;
+  blas.wide = build_fast_wide(blas.mesh, blas.config.layout, pool, cancel);
+  blas.cover = make_cover(cover_boxes(blas.wide, blas.mesh, kCoverBoxes));
+  report.build_milliseconds = watch.milliseconds();
+}
+
+// How many commits a tree is expected to serve: one of a still mesh serves a whole animation, or a single picture.
+constexpr double kStaticCommits = 4;
+
+// What will do for a mesh of this kind, where the choice is left to the engine and the rays are known.
+std::span<const BuilderKind> builders_for(Usage usage) {
+  static constexpr BuilderKind kStatic[] = {BuilderKind::kFast, BuilderKind::kBinned, BuilderKind::kSpatial};
+  static constexpr BuilderKind kDeforming[] = {BuilderKind::kBinned};
+  static constexpr BuilderKind kChanging[] = {BuilderKind::kFast, BuilderKind::kBinned};
+  if (usage == Usage::kStatic) return kStatic;
+  return usage == Usage::kDeforming ? std::span<const BuilderKind>(kDeforming) : kChanging;
+}
+
+void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
+                ThreadPool& pool, CancelToken& cancel) {
+  const MeshState& state = *changed.state;
+  MeshReport& report = result.report;
+  const double density = measure_density(blas.mesh);
+  const bool deforms = is_resting(state) || (state.blas && state.same_topology);
+  const Usage usage = usage_of(state.usage, deforms);
+  BuildConfig config = choose_builder(state.config, usage);
+  if (state.config.builder == BuilderKind::kAuto && changed.rays && options.policy == Policy::kGoverned) {
+    const double commits = usage == Usage::kStatic ? kStaticCommits : 1;
+    const BuildDecision decision = decide_build(
+        {builders_for(usage), blas.mesh.triangle_count(), *changed.rays * commits, density}, options.calibration);
+    if (report.alternatives.empty()) note(report, decision.alternatives);
+    if (decision.builder == BuilderKind::kBinned) {
+      config = choose_builder(state.config, Usage::kStatic);
+    } else {
+      config = state.config;
+      config.builder = decision.builder;
+    }
+  }
+  blas.config = config;
+  report.reason += why_so_built(state.config.builder, config.builder, usage);
+  const bool was_chosen = state.config.builder == BuilderKind::kAuto;
+  if ((was_chosen || usage == Usage::kChanging) && is_built_wide(config)) {
+    build_wide(blas, report, pool, cancel);
+  } else {
+    build(blas, report, pool, cancel);
+  }
+  blas.shape = new_tree_shape();
+  const UpdateHistory last = deforms ? state.history : UpdateHistory{};
+  const TraceWork work = measure_trace_work(blas.wide, blas.mesh);
+  report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
+  result.history = begin_history(last, work, result.history.sample_now, options.calibration);
+}
+
+}  // namespace
+
+BlasResult make_blas(const ChangedMesh& changed, const CommitOptions& options, ThreadPool& pool, CancelToken& cancel) {
+  const Stopwatch watch;
+  const MeshState& state = *changed.state;
+  BlasResult result;
+  MeshReport& report = result.report;
+  report.mesh_id = changed.mesh_id;
+  report.usage = usage_name(state.usage);
+  report.expected_rays = changed.rays;
+  report.action = state.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
+  report.reason = state.blas ? "the triangles were replaced" : "new mesh";
+  if (is_resting(state) && keeps_at_rest(changed, options, result)) return result;
+  auto blas = std::make_shared<Blas>(is_resting(state) ? state.blas->owned_mesh : state.edited);
+  const bool deforms = state.blas && state.same_topology;
+  if (deforms) blas->spare = state.spare ? state.spare : std::make_shared<SpareTree>();
+  if (!deforms || !refit_blas(*blas, changed, options, result, pool, cancel)) {
+    report.action = state.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
+    blas->fresh_costs.reset();
+    blas->refit_plan = {};
+    build_blas(*blas, changed, options, result, pool, cancel);
+  }
+  report.cost = kWideNodeCost * report.node_visits + kWideLeafCost * report.leaf_visits;
+  report.builder = builder_name(blas->config.builder);
+  report.layout = layout_name(blas->config.layout);
+  report.triangle_count = blas->mesh.triangle_count();
+  blas->indexed_leaves = view_leaves(blas->wide, blas->mesh);
+  report.byte_count = byte_count(*blas);
+  report.milliseconds = watch.milliseconds();
+  result.blas = std::move(blas);
+  return result;
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,22 @@
+// A mesh of which only the vertices moved: it shares the triangles with the one before, and its positions go where
+// those of an older one were. A system takes longer to hand out new memory than a copy takes to fill it.
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "blas/spare_memory.h"
+#include "core/thread_pool.h"
+#include "mesh/triangle_mesh.h"
+
+namespace perfect_bvh {
+
+// Throws InvalidArgument for other counts than the mesh's and for positions that are not good; `function` opens the
+// message. T: float or double, which is recentred anew.
+template <class T>
+[[nodiscard]] std::shared_ptr<const TriangleMesh> move_vertices(const TriangleMesh& mesh,
+                                                                std::span<const Vec3<T>> positions,
+                                                                const std::shared_ptr<SparePositions>& spare,
+                                                                ThreadPool& pool, const char* function);
+
+}  // namespace perfect_bvh

@@ -1,0 +1,135 @@
+// A tree that follows its triangles. It is refitted; then the governor says whether that will do,
+// whether rotations or new parts mend it, or whether another tree is built.
+
+#include <string_view>
+
+#include "blas/build_tree.h"
+#include "blas/cover.h"
+#include "blas/ledger.h"
+#include "blas/make_blas.h"
+#include "core/stopwatch.h"
+#include "update/tree_sample.h"
+#include "wide/wide_cost.h"
+#include "wide/wide_rebuild.h"
+#include "wide/wide_refit.h"
+#include "wide/wide_rotation.h"
+
+namespace perfect_bvh {
+namespace {
+
+// A part is spoilt where its root's children cover so much more than they did.
+constexpr double kSpoilt = 1.1;
+
+// Of a tree whose parts' costs are known.
+TraceWork work_of(const WideCosts& costs, const WideBvh& tree) {
+  if (tree.is_empty) return {};
+  const double leaves = costs.of_leaves(tree.root);
+  return {(costs.of(tree.root) - leaves) / kWideNodeCost, leaves / kWideLeafCost};
+}
+
+// The parts of a refitted tree that its motion spoilt, by their roots.
+std::vector<std::uint32_t> spoilt_parts(const Blas& blas, const WideCosts& costs) {
+  auto parts = find_spoilt_parts(blas.wide, costs, *blas.fresh_costs, kSpoilt);
+  if (parts.empty() && blas.wide.root < kBlockChild) parts.push_back(blas.wide.root);  // a little everywhere
+  return parts;
+}
+
+// Why a tree cannot follow at all; empty if it can.
+std::string_view why_not_refitted(const Blas& before, Policy policy) {
+  if (!is_refittable(before.wide)) return "positions changed, and a tree with spatial splits cannot be refitted";
+  return policy == Policy::kRebuild ? "positions changed, and the policy is to rebuild always" : "";
+}
+
+// Makes the tree of `before` the tree of `blas`, whose triangles are where they are now.
+WideCosts follow(Blas& blas, const Blas& before, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
+  const Stopwatch watch;
+  blas.fresh_costs = before.fresh_costs;
+  if (!blas.fresh_costs) {
+    blas.fresh_costs = std::make_shared<const WideCosts>(measure_wide_costs(before.wide, pool, cancel));
+  }
+  report.fresh_cost = blas.fresh_costs->whole(before.wide);
+  blas.config = before.config;
+  ShapedTree spare = blas.spare->take();
+  blas.wide = std::move(spare.wide);
+  blas.refit_plan = before.refit_plan;
+  complete_plan(blas.refit_plan, before.wide, blas.mesh, pool, cancel);
+  const bool has_shape = spare.shape == before.shape;
+  WideCosts costs = refit_wide(before.wide, blas.refit_plan, blas.mesh, blas.wide, has_shape, pool, cancel);
+  blas.shape = before.shape;
+  report.refit_milliseconds = watch.milliseconds();
+  report.refitted_cost = costs.whole(blas.wide);
+  return costs;
+}
+
+// Returns which share of the leaves now stands in other parts of the tree.
+double mend(Blas& blas, UpdateAction action, WideCosts& costs, ThreadPool& pool, CancelToken& cancel) {
+  blas.refit_plan.order.reset();
+  blas.shape = new_tree_shape();  // first: stopped half-way, its memory must not pass for the old shape's
+  if (action == UpdateAction::kRotate) {
+    static_cast<void>(rotate_wide(blas.wide, costs, pool, cancel));
+    return 0;
+  }
+  WideCosts fresh = *blas.fresh_costs;
+  const auto parts = spoilt_parts(blas, costs);
+  const double share = share_of_leaves(blas.wide, parts);
+  costs = rebuild_parts(blas.wide, fresh, parts, blas.config, pool, cancel);
+  blas.fresh_costs = std::make_shared<const WideCosts>(std::move(fresh));
+  return share;
+}
+
+// What the governor wants to know beyond costs, where it can make a difference.
+void look_closer(UpdateQuestion& question, const Blas& before, const Blas& blas, const WideCosts& costs,
+                 const Calibration& calibration, ThreadPool& pool) {
+  const bool knows_rays = question.policy == Policy::kGoverned && question.rays;
+  UpdateHistory& history = question.history;
+  if (knows_rays && history.since_build.commit_count == 0 && !(history.sample > 0)) {
+    history.sample = measure_tree_sample(before.mesh, pool);  // of the shape that the tree was built for
+  }
+  if (may_rebuild(question, calibration)) question.sample = measure_tree_sample(blas.mesh, pool);
+  if (may_mend(question, calibration)) question.spoilt_share = share_of_leaves(blas.wide, spoilt_parts(blas, costs));
+}
+
+}  // namespace
+
+bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
+                ThreadPool& pool, CancelToken& cancel) {
+  const Blas& before = *changed.state->blas;
+  MeshReport& report = result.report;
+  report.reason = why_not_refitted(before, options.policy);
+  if (!report.reason.empty()) return false;
+  WideCosts costs = follow(blas, before, report, pool, cancel);
+
+  const Stopwatch watch;  // of mending, and of finding out whether to
+  const Usage usage = usage_of(changed.state->usage, true);
+  UpdateQuestion question{.policy = options.policy,
+                          .triangle_count = blas.mesh.triangle_count(),
+                          .builder = choose_builder(changed.state->config, usage).builder,
+                          .rays = changed.rays,
+                          .now = work_of(costs, blas.wide),
+                          .reference = work_of(*blas.fresh_costs, before.wide),
+                          .history = changed.state->history};
+  look_closer(question, before, blas, costs, options.calibration, pool);
+  const UpdateDecision decision = decide_update(question, options.calibration);
+  report.reason = decision.reason;
+  report.action = action_of(decision.action);
+  note(report, decision.alternatives);
+  result.history = decision.history;
+  result.history.sample_now = question.sample;
+  if (decision.action == UpdateAction::kRebuild) return false;
+  if (decision.action != UpdateAction::kRefit) {
+    report.mended_share = mend(blas, decision.action, costs, pool, cancel);
+    report.mend_milliseconds = watch.milliseconds();
+    if (blas.wide.depth > kMaxTreeDepth || !is_mended(question, work_of(costs, blas.wide))) {
+      report.reason += ", and mending did not help";
+      return false;
+    }
+  }
+  const TraceWork work = work_of(costs, blas.wide);
+  report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
+  blas.cover = make_cover(cover_boxes(blas.wide, blas.mesh, kCoverBoxes));
+  result.history.now = work, result.history.at_rest = {};
+  if (decision.action != UpdateAction::kRefit) result.history.mended = work;
+  return true;
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,199 @@
+#include "query/audit.h"
+
+#include <algorithm>
+#include <limits>
+#include <mutex>
+#include <unordered_map>
+#include <vector>
+
+#include "math/triangle_doubt.h"
+
+namespace perfect_bvh {
+namespace {
+
+constexpr std::size_t kTaskTriangles = 2048;
+constexpr std::size_t kRaysBetweenAsking = 4096;
+constexpr double kNothing = std::numeric_limits<double>::infinity();
+
+struct Ball {
+  Vec3d centre;
+  double radius;
+  double reach;  // largest |coordinate| of its box, or of the instance's own origin
+};
+
+// From the vertices themselves: no tree, no stored box.
+Aabb box_of(const TriangleMesh& mesh) {
+  Aabb box;
+  for (const Vec3f position : mesh.positions) box.grow(position);
+  return box;
+}
+
+Ball place_box(const Aabb& box, const Affine& place) {
+  Vec3d lower{kNothing, kNothing, kNothing}, upper = -lower;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Vec3f at{corner & 1 ? box.upper.x : box.lower.x, corner & 2 ? box.upper.y : box.lower.y,
+                   corner & 4 ? box.upper.z : box.lower.z};
+    const Vec3d world = place.point(to_double(at));
+    lower = min(lower, world), upper = max(upper, world);
+  }
+  const Vec3d t = place.translation;
+  const Vec3d most = max(max(upper, -lower), max(t, -t));
+  return {(lower + upper) * 0.5, length(upper - lower) * 0.5, std::max({most.x, most.y, most.z})};
+}
+
+class Audit {
+ public:
+  Audit(const Snapshot& snapshot, const RayColumns& columns, CancelToken& cancel)
+      : snapshot_(snapshot), cancel_(cancel), cull_(columns.cull) {
+    rays_.reserve(columns.count);
+    for (std::size_t row = 0; row < columns.count; ++row) {
+      ask_at(row);
+      const Ray ray = load_ray(columns, row);
+      rays_.push_back({ray, DoubtRay(ray.origin, ray.direction), is_valid(ray)});
+    }
+    std::unordered_map<const TriangleMesh*, Aabb> boxes;
+    first_triangle_.push_back(0);
+    for (const Instance& instance : snapshot.instances) {
+      const TriangleMesh& mesh = instance.blas->mesh;
+      auto [found, is_new] = boxes.try_emplace(&mesh);
+      if (is_new) found->second = box_of(mesh);
+      balls_.push_back(place_box(found->second, instance.object_to_world));
+      first_triangle_.push_back(first_triangle_.back() + mesh.triangle_count());
+    }
+  }
+
+  // Every triangle of every instance, numbered through.
+  [[nodiscard]] std::size_t triangle_count() const { return first_triangle_.back(); }
+
+  void test_triangles(std::size_t begin, std::size_t end) {
+    std::vector<Finding> findings;
+    auto next = std::upper_bound(first_triangle_.begin(), first_triangle_.end(), begin);
+    for (auto row = static_cast<std::size_t>(next - first_triangle_.begin()) - 1; begin < end; ++row) {
+      const std::size_t last = std::min(end, first_triangle_[row + 1]);
+      test_instance(row, begin - first_triangle_[row], last - first_triangle_[row], findings);
+      begin = last;
+    }
+    const std::lock_guard lock(mutex_);
+    for (const Finding& finding : findings) {  // least and any: the same whatever the order
+      AuditedRay& ray = rays_[finding.ray];
+      if (finding.is_sure)
+        ray.nearest_sure = std::min(ray.nearest_sure, finding.farthest_t);
+      else
+        ray.is_doubtful = true;
+    }
+  }
+
+  [[nodiscard]] bool is_doubtful(std::size_t row) const { return rays_[row].is_doubtful; }
+
+  [[nodiscard]] bool is_wrong(std::size_t row, float t, std::int32_t instance_id, std::int32_t primitive_id) const {
+    const AuditedRay& ray = rays_[row];
+    if (instance_id < 0) return ray.nearest_sure < kNothing;
+    if (!ray.is_valid || !(ray.ray.t_min <= t && t <= ray.ray.t_max)) return true;
+    const auto& all = snapshot_.instances;
+    const auto instance = std::lower_bound(all.begin(), all.end(), instance_id,
+                                           [](const Instance& item, std::int32_t id) { return item.id < id; });
+    if (instance == all.end() || instance->id != instance_id || (instance->mask & ray.ray.mask) == 0) return true;
+    if (primitive_id < 0 || static_cast<std::size_t>(primitive_id) >= instance->blas->mesh.triangle_count())
+      return true;
+    const auto index = static_cast<std::size_t>(instance - all.begin());
+    const DoubtHit hit =
+        judge_triangle(ray.line, triangle_of(*instance, static_cast<std::size_t>(primitive_id)), margin(ray, index));
+    if (hit.surely_missed || is_culled(hit)) return true;
+    if (hit.has_t && std::abs(static_cast<double>(t) - hit.t) > hit.bound) return true;
+    return static_cast<double>(t) - (hit.has_t ? hit.bound : 0.0) > ray.nearest_sure;
+  }
+
+ private:
+  struct AuditedRay {
+    Ray ray;
+    DoubtRay line;
+    bool is_valid;
+    bool is_doubtful = false;
+    double nearest_sure = kNothing;  // how far away the nearest surely hit triangle may be answered
+  };
+  struct Finding {
+    std::size_t ray;
+    bool is_sure;
+    double farthest_t;
+  };
+
+  // Rounding a ray to float, in the space of an instance, moves it by no more.
+  [[nodiscard]] double margin(const AuditedRay& ray, std::size_t row) const {
+    return 4.0 * kFloatUlp * (balls_[row].reach + ray.line.reach);
+  }
+
+  [[nodiscard]] bool is_culled(const DoubtHit& hit) const {
+    return hit.has_t && cull_ != Cull::kNone && hit.is_front == (cull_ == Cull::kFront);
+  }
+
+  [[nodiscard]] static DoubtTriangle triangle_of(const Instance& instance, std::size_t primitive) {
+    const TriangleMesh& mesh = instance.blas->mesh;
+    const TriangleIndices corners = mesh.triangles[primitive];
+    const auto place = [&](std::uint32_t vertex) {
+      return instance.object_to_world.point(to_double(mesh.positions[vertex]));
+    };
+    return {place(corners.x), place(corners.y), place(corners.z)};
+  }
+
+  // Every kRaysBetweenAsking rays: there may be any number of them to a triangle.
+  void ask_at(std::size_t ray) const {
+    if (ray % kRaysBetweenAsking == 0) cancel_.checkpoint();
+  }
+
+  void test_instance(std::size_t row, std::size_t begin, std::size_t end, std::vector<Finding>& findings) const {
+    const Instance& instance = snapshot_.instances[row];
+    const Ball& ball = balls_[row];
+    std::vector<std::size_t> near;
+    for (std::size_t i = 0; i < rays_.size(); ++i) {
+      ask_at(i);
+      const AuditedRay& ray = rays_[i];
+      if (!ray.is_valid || (instance.mask & ray.ray.mask) == 0) continue;
+      if (!passes_by(ray.line, ball.centre, ball.radius, margin(ray, row))) near.push_back(i);
+    }
+    if (near.empty()) return;
+    for (std::size_t primitive = begin; primitive < end; ++primitive) {
+      const DoubtTriangle triangle = triangle_of(instance, primitive);
+      for (const std::size_t& i : near) {
+        ask_at(static_cast<std::size_t>(&i - near.data()));
+        const AuditedRay& ray = rays_[i];
+        const DoubtHit hit = judge_triangle(ray.line, triangle, margin(ray, row));
+        if (!hit.surely_missed && !is_culled(hit)) keep(i, ray, hit, findings);
+      }
+    }
+  }
+
+  static void keep(std::size_t index, const AuditedRay& ray, const DoubtHit& hit, std::vector<Finding>& findings) {
+    const auto low = static_cast<double>(ray.ray.t_min), high = static_cast<double>(ray.ray.t_max);
+    if (hit.has_t && (hit.t + hit.bound < low || hit.t - hit.bound > high)) return;
+    const bool is_sure = hit.surely_hit && hit.t - hit.bound > low && hit.t + hit.bound < high;
+    findings.push_back({index, is_sure, hit.t + hit.bound});
+  }
+
+  const Snapshot& snapshot_;
+  CancelToken& cancel_;
+  const Cull cull_;
+  std::vector<AuditedRay> rays_;
+  std::vector<Ball> balls_;  // one an instance
+  std::vector<std::size_t> first_triangle_;
+  std::mutex mutex_;
+};
+
+}  // namespace
+
+void audit_answers(const Snapshot& snapshot, const RayColumns& rays, const AuditedAnswers& answers,
+                   const AuditVerdicts& verdicts, ThreadPool& pool, int max_threads, CancelToken& cancel) {
+  Audit audit(snapshot, rays, cancel);
+  cancel.expect(audit.triangle_count());
+  const auto test = [&](std::size_t begin, std::size_t end) {
+    cancel.throw_if_stopped();
+    audit.test_triangles(begin, end);
+    cancel.advance(end - begin);
+  };
+  parallel_for(pool, audit.triangle_count(), kTaskTriangles, test, max_threads, [&] { cancel.checkpoint(); });
+  for (std::size_t row = 0; row < rays.count; ++row) {
+    verdicts.wrong[row] = audit.is_wrong(row, answers.t[row], answers.instance_ids[row], answers.primitive_ids[row]);
+    verdicts.doubtful[row] = audit.is_doubtful(row);
+  }
+}
+
+}  // namespace perfect_bvh

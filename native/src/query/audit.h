@@ -1,0 +1,34 @@
+// Checks answers of closest-hit rays without any tree: every audited ray against every triangle of the scene, in
+// double precision (math/triangle_doubt.h). Its cost is the number of audited rays times that of instanced triangles.
+// In: rays, and what was answered. Out: for each ray, right or wrong, and whether rounding leaves room for doubt.
+#pragma once
+
+#include <cstdint>
+
+#include "core/cancel.h"
+#include "core/thread_pool.h"
+#include "query/ray_columns.h"
+#include "tlas/snapshot.h"
+
+namespace perfect_bvh {
+
+// One row a ray; instance id -1 is a miss.
+struct AuditedAnswers {
+  const float* t = nullptr;
+  const std::int32_t* instance_ids = nullptr;
+  const std::int32_t* primitive_ids = nullptr;
+};
+
+// wrong: a miss although some triangle in range is surely hit; or a hit that names a triangle which is surely missed,
+// masked, culled or does not exist, whose t differs from the judge's by more than its bound or is out of range, or
+// that lies behind a surely hit one by more than both bounds.
+// doubtful: some triangle in range is neither surely hit nor surely missed: several answers would be right.
+struct AuditVerdicts {
+  std::uint8_t* wrong = nullptr;
+  std::uint8_t* doubtful = nullptr;
+};
+
+void audit_answers(const Snapshot& snapshot, const RayColumns& rays, const AuditedAnswers& answers,
+                   const AuditVerdicts& verdicts, ThreadPool& pool, int max_threads, CancelToken& cancel);
+
+}  // namespace perfect_bvh

@@ -1,0 +1,52 @@
+// Tracing a batch of rays through a snapshot on the calling thread. Callers split large batches over threads; the
+// answers depend on neither the split nor the order of the rays.
+// In: rays in world space. Out: one row a ray, always; invalid rays are misses.
+#pragma once
+
+#include <span>
+
+#include "core/cancel.h"
+#include "math/vec3.h"
+#include "stats/ray_counts.h"
+#include "tlas/snapshot.h"
+#include "traverse/ray.h"
+#include "traverse/strategy.h"
+
+namespace perfect_bvh {
+
+// `counts` is empty, or has a row a ray. Both return how many rays went in packets.
+// `cancel` is asked every so many steps (see Interruption) and while a tree is built that these rays are the first to
+// reach; whatever is thrown then comes from here: Cancelled, bad_alloc.
+std::size_t trace_closest(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays, std::span<Hit> hits,
+                          Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
+                          Strategy strategy = Strategy::kAuto);
+// occluded[i] = 1 if anything lies within the ray's range.
+std::size_t trace_occluded(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays,
+                           std::span<std::uint8_t> occluded, Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
+                           Strategy strategy = Strategy::kAuto);
+
+// The same for whoever does not want to stop.
+inline std::size_t trace_closest(const Snapshot& snapshot, std::span<const Ray> rays, std::span<Hit> hits,
+                                 Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
+                                 Strategy strategy = Strategy::kAuto) {
+  CancelToken never;
+  return trace_closest(snapshot, never, rays, hits, cull, counts, strategy);
+}
+inline std::size_t trace_occluded(const Snapshot& snapshot, std::span<const Ray> rays, std::span<std::uint8_t> occluded,
+                                  Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
+                                  Strategy strategy = Strategy::kAuto) {
+  CancelToken never;
+  return trace_occluded(snapshot, never, rays, occluded, cull, counts, strategy);
+}
+
+// The hit triangle's corners in world space, in winding order.
+struct WorldTriangle {
+  Vec3d v0, v1, v2;
+};
+[[nodiscard]] WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit) noexcept;
+// Unit length, following the world winding (so not turned towards the ray); zero for a triangle without area.
+[[nodiscard]] Vec3d geometric_normal(const Snapshot& snapshot, const Hit& hit) noexcept;
+// The point on the triangle, from u and v: more exact than origin + t * direction.
+[[nodiscard]] Vec3d hit_position(const Snapshot& snapshot, const Hit& hit) noexcept;
+
+}  // namespace perfect_bvh

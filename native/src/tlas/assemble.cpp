@@ -1,0 +1,134 @@
+#include "tlas/assemble.h"
+
+#include <algorithm>
+#include <mutex>
+
+#include "core/stopwatch.h"
+#include "tlas/instance_placing.h"
+#include "tlas/lazy_trees.h"
+#include "tlas/top_level.h"
+#include "tlas/top_level_refit.h"
+#include "tlas/trace_view.h"
+#include "wide/collapse.h"
+
+namespace perfect_bvh {
+namespace {
+
+constexpr std::size_t kGrain = 1024;  // instances that a task places
+
+// A mesh with so many instances gets a table of its support.
+constexpr std::uint32_t kManyUsers = 64;
+
+const SupportTable* support_of(const PlacedMesh& mesh) {
+  const Blas& blas = *mesh.blas;
+  if (mesh.user_count < kManyUsers || blas.wide.is_empty) return nullptr;
+  return &blas.support.of(blas.wide, blas.mesh);
+}
+
+// Copies of instances without a usable inverse, made on any thread.
+class BakedCopies {
+ public:
+  void add(std::size_t row, std::shared_ptr<const Blas> blas) {
+    const std::lock_guard lock(mutex_);
+    copies_.emplace_back(row, std::move(blas));
+  }
+  // In the order of the rows.
+  void move_to(std::vector<std::shared_ptr<const Blas>>& blases) {
+    std::sort(copies_.begin(), copies_.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    for (auto& [row, blas] : copies_) blases.push_back(std::move(blas));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::pair<std::size_t, std::shared_ptr<const Blas>>> copies_;
+};
+
+// Instances that stayed who they are and only moved: their trees get new boxes.
+bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, std::optional<double> expected_rays,
+               TopLevelReport& report, ThreadPool& pool, CancelToken& cancel) {
+  if (snapshot.tlas.empty()) {
+    report.reason = "there was no tree";
+    return false;
+  }
+  if (!is_over(snapshot.tlas, boxes)) {
+    report.reason = "instances came or went";
+    return false;
+  }
+  const Stopwatch watch;
+  refit_top_level(snapshot.tlas, snapshot.top_level, boxes, pool, cancel);
+  const TopLevelCost cost = measure_cost(snapshot.top_level, pool, cancel);
+  report.refit_milliseconds = watch.milliseconds();
+  const bool is_kept = is_worth_keeping(cost, snapshot.built_cost, boxes.size(), expected_rays);
+  report.reason = describe(cost, snapshot.built_cost) + (is_kept ? "" : ", so a new tree pays");
+  return is_kept;
+}
+
+void build(Snapshot& snapshot, AlignedVector<PrimRef>& boxes, TopLevelReport& report, ThreadPool& pool,
+           CancelToken& cancel) {
+  std::erase_if(boxes, [](const PrimRef& prim) { return prim.box().is_empty(); });
+  TopLevel top = build_top_level(boxes, pool, cancel);
+  snapshot.tlas = std::move(top.tree);
+  snapshot.top_level_builder = top.builder;
+  report.build_milliseconds = top.build_milliseconds;
+  report.clustering_milliseconds = top.clustering_milliseconds;
+  const Stopwatch watch;
+  snapshot.top_level = collapse_top_level(snapshot.tlas, pool, cancel);
+  snapshot.built_cost = measure_cost(snapshot.top_level, pool, cancel);
+  report.collapse_milliseconds = watch.milliseconds();
+}
+
+// The result has a row for each instance, empty where its mesh is.
+AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& meshes,
+                                       std::span<const Placement> placements, ThreadPool& pool, CancelToken& cancel) {
+  snapshot.instances.resize(placements.size());
+  snapshot.instance_views.resize(placements.size());
+  AlignedVector<PrimRef> boxes(placements.size());
+  BakedCopies baked;
+  const auto place = [&](std::size_t begin, std::size_t end) {
+    auto found = meshes.end();
+    const SupportTable* support = nullptr;
+    for (std::size_t i = begin; i < end; ++i) {
+      const Placement& slot = placements[i];
+      if (found == meshes.end() || found->first != slot.mesh_id) {
+        found = meshes.find(slot.mesh_id);
+        support = support_of(found->second);
+      }
+      const Blas& blas = *found->second.blas;
+      Instance& instance = snapshot.instances[i];
+      instance.id = slot.id, instance.mesh_id = slot.mesh_id, instance.mask = slot.mask, instance.order = slot.order;
+      Placing placing;
+      if (!place_instance(instance, placing, blas, slot.object_to_world, support)) {
+        const BuildConfig& config = found->second.bake_config;
+        baked.add(i, bake_instance(instance, placing, blas, slot.object_to_world, config, pool, cancel));
+      }
+      snapshot.instance_views[i] = view_of(instance, placing.world_to_object);
+      boxes[i] = {placing.world_bounds.lower, static_cast<std::uint32_t>(i), placing.world_bounds.upper, 0};
+    }
+    cancel.throw_if_stopped();
+  };
+  parallel_for(pool, placements.size(), kGrain, place, 0, [&] { cancel.checkpoint(); });
+  baked.move_to(snapshot.blases);
+  return boxes;
+}
+
+}  // namespace
+
+TopLevelReport assemble(Snapshot& snapshot, const PlacedMeshes& meshes, std::span<const Placement> placements,
+                        std::optional<double> expected_rays, ThreadPool& pool, CancelToken& cancel) {
+  const Stopwatch watch;
+  TopLevelReport report;
+  snapshot.blases.clear(), snapshot.meshes.clear(), snapshot.lazy_trees.reset();
+  AlignedVector<PrimRef> boxes = place_instances(snapshot, meshes, placements, pool, cancel);
+  for (const auto& [mesh_id, mesh] : meshes) {
+    snapshot.blases.push_back(mesh.blas);
+    snapshot.meshes.emplace_back(mesh_id, mesh.blas.get());
+  }
+  report.placing_milliseconds = watch.milliseconds();
+  report.is_refitted = try_refit(snapshot, boxes, expected_rays, report, pool, cancel);
+  if (!report.is_refitted) build(snapshot, boxes, report, pool, cancel);
+  make_trace_view(snapshot, pool, cancel);
+  snapshot.lazy_trees = LazyTrees::of(snapshot);
+  return report;
+}
+
+}  // namespace perfect_bvh

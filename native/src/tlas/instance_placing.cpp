@@ -1,0 +1,81 @@
+#include "tlas/instance_placing.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "blas/build_tree.h"
+#include "tlas/trace_view.h"
+#include "wide/collapse.h"
+
+namespace perfect_bvh {
+namespace {
+
+// The map from the frame in which a mesh is stored.
+Affine from_stored(const Affine& object_to_world, Vec3d centre) {
+  Affine map = object_to_world;
+  map.translation = object_to_world.point(centre);
+  return map;
+}
+
+double largest_component(Vec3d v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
+
+// Maps a unit box's corner there and back: what returns differs by the rounding of the two maps.
+bool round_trip_holds(const Affine& forth, const Affine& back) {
+  if (!back.is_finite()) return false;
+  constexpr double kTolerance = 0x1p-24;
+  const Vec3d columns[3] = {forth.x, forth.y, forth.z};
+  for (int axis = 0; axis < 3; ++axis) {
+    Vec3d error = back.vector(columns[axis]);
+    error[axis] -= 1.0;
+    if (!(largest_component(error) <= kTolerance)) return false;
+    // An axis that is squeezed below what float can tell apart from nothing is as good as flat.
+    if (!(largest_component(columns[axis]) > 0)) return false;
+  }
+  // Narrowed to float the inverse must still be finite.
+  constexpr double kLargestFloat = 3.4028234e38;
+  return largest_component(back.x) < kLargestFloat && largest_component(back.y) < kLargestFloat &&
+         largest_component(back.z) < kLargestFloat;
+}
+
+}  // namespace
+
+bool place_instance(Instance& instance, Placing& placing, const Blas& blas, const Affine& object_to_world,
+                    const SupportTable* support) {
+  instance.blas = &blas;
+  const Affine map = from_stored(object_to_world, blas.mesh.centre);
+  instance.object_to_world = map;
+  instance.mirrored = map.determinant() < 0;
+  placing.world_to_object = inverse(map);
+  placing.world_bounds =
+      support ? transformed_bounds(*support, blas.cover.reach, map) : transformed_bounds(blas.cover, map);
+  return round_trip_holds(map, placing.world_to_object);
+}
+
+std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, const Blas& blas,
+                                          const Affine& object_to_world, const BuildConfig& config, ThreadPool& pool,
+                                          CancelToken& cancel) {
+  const Affine to_world = from_stored(object_to_world, blas.mesh.centre);
+  Vec3d centre = to_world.point({0, 0, 0});
+  auto mesh = std::make_shared<TriangleMesh>();
+  mesh->triangles = blas.mesh.triangles;
+  mesh->centre = centre;
+  mesh->positions.resize(blas.mesh.positions.size());
+  for (std::size_t i = 0; i < mesh->positions.size(); ++i) {
+    mesh->positions[i] = to_float(to_world.point(to_double(blas.mesh.positions[i])) - centre);
+  }
+  auto baked = std::make_shared<Blas>(std::move(mesh));
+  const Bvh2 tree = build_tree(baked->mesh, config, pool, cancel);
+  baked->config = config;
+  baked->quality = measure_quality(tree);
+  baked->cover = make_cover(tree, 1);  // it is never turned
+  baked->wide = collapse_mesh(tree, baked->mesh, config.layout, pool, cancel);
+  baked->indexed_leaves = view_leaves(baked->wide, baked->mesh);
+  const bool usable = place_instance(instance, placing, *baked, Affine{});
+  // Baked positions are in world winding already.
+  instance.mirrored = false;
+  instance.baked = true;
+  static_cast<void>(usable);  // a translation always has an inverse
+  return baked;
+}
+
+}  // namespace perfect_bvh

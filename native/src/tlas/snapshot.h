@@ -1,0 +1,36 @@
+// An immutable two-level tree: what rays are traced through. Any number of threads may share one while the scene
+// it came from is edited and committed again.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "builders/bvh2.h"
+#include "tlas/instance.h"
+#include "tlas/top_level.h"
+#include "traverse/scene_view.h"
+#include "wide/wide_bvh.h"
+
+namespace perfect_bvh {
+
+class LazyTrees;
+
+struct Snapshot {
+  std::vector<std::shared_ptr<const Blas>> blases;           // keeps alive what the instances point to
+  std::vector<std::pair<std::int32_t, const Blas*>> meshes;  // by mesh id; baked copies are not among them
+  std::vector<Instance> instances;                           // in the order of their scene ids
+  Bvh2 tlas;                                                 // over the instances' world boxes
+  WideBvh top_level;                                         // the same, as rays are traced through it
+  AlignedVector<InstanceView> instance_views;                // what kernels see of `instances`, row by row
+  SceneView view;                                            // points into this snapshot
+  Aabb bounds;                                               // around the meshes' own boxes, placed: whatever the trees
+  std::shared_ptr<LazyTrees> lazy_trees;                     // null if every tree was built by the commit
+  const char* top_level_builder = "";                        // that made `tlas`
+  TopLevelCost built_cost;                                   // of the top level when it was built
+  std::uint64_t generation = 0;
+  std::uint64_t scene_id = 0;  // which scene of the process
+};
+
+}  // namespace perfect_bvh

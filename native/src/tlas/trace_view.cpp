@@ -1,0 +1,123 @@
+#include "tlas/trace_view.h"
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+
+namespace perfect_bvh {
+namespace {
+
+// A visit takes one entry off the stack and puts at most 8 on it.
+constexpr std::uint32_t entries_for(std::uint32_t depth) { return 7 * depth + 1; }
+constexpr std::uint32_t kMarks = 2;  // the end of the ray, and the way back from an instance
+
+// The scale is a power of two, so that nothing is rounded.
+void bring_to_scale(InstanceView& view, double world_scale) {
+  for (int column = 0; column < 3; ++column) {
+    for (double& entry : view.world_to_local[column]) entry /= world_scale;
+  }
+}
+
+void bring_to_scale(AlignedVector<InstanceView>& views, double world_scale, ThreadPool& pool, CancelToken& cancel) {
+  if (world_scale == 1.0) return;
+  constexpr std::size_t kGrain = 4096;
+  const auto divide = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) bring_to_scale(views[i], world_scale);
+  };
+  parallel_for(pool, views.size(), kGrain, divide, 0, [&] { cancel.checkpoint(); });
+}
+
+Aabb bounds_of_meshes(const std::vector<Instance>& instances, ThreadPool& pool, CancelToken& cancel) {
+  constexpr std::size_t kGrain = 4096;
+  Aabb bounds;
+  std::mutex mutex;
+  const auto grow = [&](std::size_t begin, std::size_t end) {
+    Aabb part;
+    for (std::size_t i = begin; i < end; ++i) {
+      part.grow(transformed_box(instances[i].blas->cover.box, instances[i].object_to_world));
+    }
+    const std::lock_guard lock(mutex);
+    bounds.grow(part);
+  };
+  parallel_for(pool, instances.size(), kGrain, grow, 0, [&] { cancel.checkpoint(); });
+  return bounds;
+}
+
+float reach_of(const Aabb& bounds) {
+  float reach = 0.0f;
+  if (bounds.is_empty()) return reach;
+  for (int axis = 0; axis < 3; ++axis) {
+    reach = std::max({reach, std::abs(bounds.lower[axis]), std::abs(bounds.upper[axis])});
+  }
+  return reach;
+}
+
+}  // namespace
+
+InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
+  const WideBvh& tree = instance.blas->wide;
+  InstanceView view;
+  const double scale = static_cast<double>(tree.scale);
+  const Vec3d columns[4] = {world_to_object.x, world_to_object.y, world_to_object.z, world_to_object.translation};
+  for (int column = 0; column < 4; ++column) {
+    for (int row = 0; row < 3; ++row) view.world_to_local[column][row] = columns[column][row] * scale;
+    view.world_to_local[column][3] = 0;
+  }
+  view.nodes = tree.nodes.data();
+  view.is_compact = tree.layout == TreeLayout::kCompact ? 1 : 0;
+  if (view.is_compact != 0) {
+    view.indexed_leaves = &instance.blas->indexed_leaves;
+  } else {
+    view.blocks = tree.blocks.data();
+  }
+  view.extent = tree.extent;
+  view.root = tree.root;
+  view.mask = tree.is_empty ? 0 : instance.mask;
+  view.mirrored = instance.mirrored ? 1 : 0;
+  view.id = instance.id;
+  view.order = instance.order;
+  view.scale = tree.scale;
+  if (instance.blas->deferred) {
+    view.root = kUnbuiltRoot;
+    view.mask = instance.blas->mesh.triangle_count() == 0 ? 0 : instance.mask;
+  }
+  return view;
+}
+
+InstanceView view_of_built(const Instance& instance, const Blas& built, float world_scale) {
+  Instance placed = instance;
+  placed.blas = &built;
+  InstanceView view = view_of(placed, inverse(instance.object_to_world));
+  bring_to_scale(view, static_cast<double>(world_scale));
+  return view;
+}
+
+void admit_tree(SceneView& view, const WideBvh& top_level, const WideBvh& tree) {
+  view.stack_entries = std::max(view.stack_entries, entries_for(top_level.depth) + entries_for(tree.depth) + kMarks);
+  view.repeats_triangles = view.repeats_triangles || tree.repeats_triangles;
+  view.tree_bytes += tree.byte_count();
+  view.exceeds_cache = view.tree_bytes > kCachedBytes;
+}
+
+void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) {
+  bring_to_scale(snapshot.instance_views, static_cast<double>(snapshot.top_level.scale), pool, cancel);
+  const WideBvh& top = snapshot.top_level;
+  SceneView& view = snapshot.view;
+  view = {};
+  view.tree_bytes = top.byte_count() + snapshot.instance_views.size() * sizeof(InstanceView);
+  admit_tree(view, top, WideBvh{});
+  for (const auto& blas : snapshot.blases) admit_tree(view, top, blas->wide);
+  snapshot.bounds = bounds_of_meshes(snapshot.instances, pool, cancel);
+  view.nodes = top.nodes.data();
+  view.instances = snapshot.instance_views.data();
+  static_assert(sizeof(Affine) == 12 * sizeof(double));
+  view.places = snapshot.instances.empty() ? nullptr : &snapshot.instances.front().object_to_world.x.x;
+  view.place_stride = sizeof(Instance);
+  view.extent = top.extent;
+  view.reach = reach_of(snapshot.bounds) * top.scale;
+  view.scale = top.scale;
+  view.root = top.root;
+  view.is_empty = top.is_empty;
+}
+
+}  // namespace perfect_bvh
