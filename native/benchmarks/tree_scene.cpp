@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "tlas/instance_placing.h"
+#include "tlas/instance.h"
 #include "tlas/top_level.h"
 #include "tlas/trace_view.h"
 #include "wide/collapse.h"

@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-#include "builders/prim_ref.h"
+#include "builders/primitives.h"
 
 namespace perfect_bvh::test {
 

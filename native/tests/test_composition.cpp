@@ -11,7 +11,7 @@
 #include "query/trace.h"
 #include "tests/box_sets.h"
 #include "tests/reference_trace.h"
-#include "tlas/instance_placing.h"
+#include "tlas/instance.h"
 #include "tlas/top_level.h"
 #include "tlas/trace_view.h"
 #include "wide/collapse.h"

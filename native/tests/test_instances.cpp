@@ -15,7 +15,7 @@
 #include "scene/scene.h"
 #include "tests/reference_trace.h"
 #include "tests/thread_counts.h"
-#include "tlas/instance_placing.h"
+#include "tlas/instance.h"
 #include "wide/collapse.h"
 
 namespace perfect_bvh::test {

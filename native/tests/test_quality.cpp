@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "builders/builder.h"
-#include "builders/epo.h"
 #include "builders/quality.h"
 #include "tests/box_sets.h"
 #include "tests/thread_counts.h"

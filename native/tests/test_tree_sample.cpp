@@ -5,7 +5,7 @@
 
 #include "tests/mesh_sets.h"
 #include "tests/wide_trees.h"
-#include "update/tree_sample.h"
+#include "update/mesh_shape.h"
 #include "wide/wide_cost.h"
 
 namespace perfect_bvh::test {

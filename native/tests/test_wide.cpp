@@ -14,7 +14,7 @@
 #include "tests/thread_counts.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
-#include "wide/leaf_contents.h"
+#include "wide/leaf_block.h"
 #include "wide/small_set.h"
 
 namespace perfect_bvh::test {

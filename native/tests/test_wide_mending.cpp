@@ -10,7 +10,7 @@
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"
 #include "tests/wide_trees.h"
-#include "tlas/instance_placing.h"
+#include "tlas/instance.h"
 #include "wide/wide_quality.h"
 #include "wide/wide_rebuild.h"
 #include "wide/wide_rotation.h"

@@ -10,7 +10,6 @@
 #include "tests/motions.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
-#include "wide/tree_scale.h"
 #include "wide/wide_boxes.h"
 #include "wide/wide_refit.h"
 

@@ -2,7 +2,7 @@
 
 #include "builders/builder.h"
 #include "mesh/triangle_clip.h"
-#include "wide/leaf_contents.h"
+#include "wide/leaf_block.h"
 
 namespace perfect_bvh {
 namespace {

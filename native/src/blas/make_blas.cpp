@@ -13,7 +13,7 @@
 #include "builders/optimize.h"
 #include "builders/quality.h"
 #include "core/stopwatch.h"
-#include "mesh/density.h"
+#include "update/mesh_shape.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
 #include "wide/wide_cost.h"

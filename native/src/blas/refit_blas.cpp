@@ -8,7 +8,7 @@
 #include "blas/ledger.h"
 #include "blas/make_blas.h"
 #include "core/stopwatch.h"
-#include "update/tree_sample.h"
+#include "update/mesh_shape.h"
 #include "wide/wide_cost.h"
 #include "wide/wide_rebuild.h"
 #include "wide/wide_refit.h"

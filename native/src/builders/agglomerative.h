@@ -8,7 +8,7 @@
 #include <span>
 
 #include "builders/bvh2.h"
-#include "builders/prim_ref.h"
+#include "builders/primitives.h"
 #include "core/cancel.h"
 
 namespace perfect_bvh {

@@ -1,6 +1,10 @@
-#include "builders/binned.h"
+// Binned SAH construction (Wald 2007, "On fast construction of SAH-based bounding volume hierarchies"; lecture, "Rapid
+// construction": planes independent of N).
+// In: references, settings (bins, axes, costs). Out: a refittable tree with leaves where no split pays, or where
+// primitives fit into one leaf of the wide tree.
 
 #include "builders/binned_splitter.h"
+#include "builders/builders.h"
 #include "builders/top_down.h"
 
 namespace perfect_bvh {

@@ -14,8 +14,7 @@
 #include "builders/few_boxes.h"
 #include "builders/grid_bins.h"
 #include "builders/grid_ref.h"
-#include "builders/leaf_limit.h"
-#include "builders/prim_ref.h"
+#include "builders/primitives.h"
 #include "builders/top_down.h"
 
 namespace perfect_bvh {

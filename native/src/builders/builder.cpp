@@ -3,12 +3,8 @@
 #include <limits>
 #include <string>
 
-#include "builders/binned.h"
-#include "builders/fast.h"
-#include "builders/median.h"
+#include "builders/builders.h"
 #include "builders/optimize.h"
-#include "builders/spatial.h"
-#include "builders/sweep.h"
 #include "core/errors.h"
 
 namespace perfect_bvh {

@@ -6,9 +6,7 @@
 
 #include "builders/build_config.h"
 #include "builders/bvh2.h"
-#include "builders/leaf_limit.h"
-#include "builders/prim_clipper.h"
-#include "builders/prim_ref.h"
+#include "builders/primitives.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 

@@ -1,9 +1,13 @@
-#include "builders/fast.h"
+// Construction for topology that changes every frame (lecture, "Rapid construction"): binned SAH over clusters of a few
+// neighbours along a Morton curve (Garanzha et al. 2011), then the best splits inside them. A fifth of the references
+// to bin, at nearly the same cost of the tree. In: references, settings (bins, axes, costs). Out: a refittable tree
+// with leaves where no split pays.
 
 #include <array>
 #include <cstdint>
 
 #include "builders/binned_splitter.h"
+#include "builders/builders.h"
 #include "builders/few_boxes.h"
 #include "builders/grid_ref.h"
 #include "builders/morton_clusters.h"

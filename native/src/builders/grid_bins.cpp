@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "builders/leaf_limit.h"
+#include "builders/primitives.h"
 
 namespace perfect_bvh {
 namespace {

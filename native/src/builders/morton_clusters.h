@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <span>
 
-#include "builders/prim_ref.h"
+#include "builders/primitives.h"
 #include "core/aligned.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"

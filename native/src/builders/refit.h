@@ -6,7 +6,7 @@
 #include <span>
 
 #include "builders/bvh2.h"
-#include "builders/prim_ref.h"
+#include "builders/primitives.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "math/aabb.h"

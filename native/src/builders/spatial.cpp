@@ -1,4 +1,9 @@
-#include "builders/spatial.h"
+// SAH construction with spatial splits (Stich, Friedrich, Dietrich 2009, "Spatial splits in bounding volume
+// hierarchies"): where the halves of an object split would overlap, space is cut instead, and what crosses the plane
+// goes to both sides with the boxes of its parts. For static scenery (lecture, "The top-level BVH"): the boxes fit
+// these positions alone. In: references, settings (bins, costs, duplication budget), a clipper. Out: a tree that is not
+// refittable, in which a primitive may be in several leaves, never twice in one; every point of it is in the box of one
+// of them.
 
 #include <algorithm>
 #include <array>
@@ -6,6 +11,7 @@
 #include <span>
 #include <utility>
 
+#include "builders/builders.h"
 #include "builders/few_boxes.h"
 #include "builders/grid_bins.h"
 #include "builders/grid_ref.h"

@@ -8,8 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "builders/prim_clipper.h"
-#include "builders/prim_ref.h"
+#include "builders/primitives.h"
 #include "builders/spatial_plane.h"
 #include "core/aligned.h"
 #include "math/float4.h"

@@ -6,8 +6,7 @@
 #include <cstdint>
 #include <span>
 
-#include "builders/prim_clipper.h"
-#include "builders/prim_ref.h"
+#include "builders/primitives.h"
 #include "math/float4.h"
 
 namespace perfect_bvh {

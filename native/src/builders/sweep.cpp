@@ -1,9 +1,12 @@
-#include "builders/sweep.h"
+// Full SAH construction: all 3(N-1) planes of every node (MacDonald and Booth 1990; lecture, "Candidates"), over
+// references that are sorted once and stay sorted while they are divided (Wald 2007, "sweep").
+// In: references, costs. Out: a refittable tree, the lowest cost that greedy object splits reach.
 
 #include <algorithm>
 #include <array>
 #include <vector>
 
+#include "builders/builders.h"
 #include "builders/radix_sort.h"
 #include "builders/sweep_subtree.h"
 #include "builders/top_down.h"

@@ -10,7 +10,7 @@
 
 #include "builders/build_config.h"
 #include "builders/grid_ref.h"
-#include "builders/prim_ref.h"
+#include "builders/primitives.h"
 #include "builders/top_down.h"
 #include "core/aligned.h"
 

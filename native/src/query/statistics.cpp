@@ -4,7 +4,6 @@
 
 #include "blas/build_tree.h"
 #include "blas/deferred_tree.h"
-#include "builders/epo.h"
 #include "builders/quality.h"
 #include "wide/wide_quality.h"
 

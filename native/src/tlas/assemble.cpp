@@ -4,10 +4,9 @@
 #include <mutex>
 
 #include "core/stopwatch.h"
-#include "tlas/instance_placing.h"
+#include "tlas/instance.h"
 #include "tlas/lazy_trees.h"
 #include "tlas/top_level.h"
-#include "tlas/top_level_refit.h"
 #include "tlas/trace_view.h"
 #include "wide/collapse.h"
 

@@ -3,8 +3,12 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 
 #include "blas/blas.h"
+#include "builders/build_config.h"
+#include "core/cancel.h"
+#include "core/thread_pool.h"
 #include "math/affine.h"
 
 namespace perfect_bvh {
@@ -27,5 +31,23 @@ struct Instance {
   const Blas* blas = nullptr;
   Affine object_to_world;  // from the mesh's stored (recentred) frame
 };
+
+// Where it stands: what the row in the top level and the kernels' view are made of.
+struct Placing {
+  Affine world_to_object;  // to the mesh's stored (recentred) frame
+  Aabb world_bounds;       // rounded outward; empty if the mesh is
+};
+
+// Fills in the blas, transform and facing of `instance` for the mesh of `blas`, and `placing`. False if the transform
+// has no usable inverse (flattened by a zero scale: the inverse is not finite, or mapping there and back does not
+// return within float's error); the instance must then be baked.
+// `support`, if there is one, is that of the mesh: closer bounds.
+[[nodiscard]] bool place_instance(Instance& instance, Placing& placing, const Blas& blas, const Affine& object_to_world,
+                                  const SupportTable* support = nullptr);
+
+// A copy of the mesh in world space, with its own tree and an identity transform: so a flattened object is still seen.
+[[nodiscard]] std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, const Blas& blas,
+                                                        const Affine& object_to_world, const BuildConfig& config,
+                                                        ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -1,11 +1,9 @@
-#include "tlas/top_level_refit.h"
-
 #include <algorithm>
 #include <cstdio>
 #include <vector>
 
 #include "builders/refit.h"
-#include "wide/tree_scale.h"
+#include "tlas/top_level.h"
 #include "wide/visit_order.h"
 #include "wide/wide_boxes.h"
 

@@ -1,8 +1,8 @@
-// Decides what becomes of a tree whose triangles moved (lecture, "Refitting": where it is unsuitable), and what builds a
-// tree. A moved tree may be refitted, restructured by rotations or by building parts of it again, or be replaced.
-// In: what a ray costs in the tree as refitted and as it was built, how many rays are expected, what was paid since,
-// the machine's calibration. Out: the action, its reason, and what each alternative was expected to cost. Pure
-// functions: no clock, no thread count, so that a decision repeats.
+// Decides what becomes of a tree whose triangles moved (lecture, "Refitting": where it is unsuitable), and what builds
+// a tree. A moved tree may be refitted, restructured by rotations or by building parts of it again, or be replaced. In:
+// what a ray costs in the tree as refitted and as it was built, how many rays are expected, what was paid since, the
+// machine's calibration. Out: the action, its reason, and what each alternative was expected to cost. Pure functions:
+// no clock, no thread count, so that a decision repeats.
 //
 // A refitted tree grows worse from frame to frame. The excess e(k) of the k-th frame after a build is what its rays
 // cost beyond a fresh tree's. To rebuild every k frames costs (rebuild + e(1) + ... + e(k-1)) / k a frame, which is
@@ -10,7 +10,7 @@
 // Mending is weighed in the same way, by the excess that it would take away.
 //
 // What a fresh tree would cost today nobody knows before it is built. So one is built over a sample of the triangles
-// (tree_sample.h): how that changed tells how the cost of the whole did, as sample^exponent, and each rebuild tells the
+// (mesh_shape.h): how that changed tells how the cost of the whole did, as sample^exponent, and each rebuild tells the
 // exponent of this mesh. Mending costs by the share of the tree that it would build anew.
 #pragma once
 

@@ -1,7 +1,7 @@
 #include "wide/cluster_plan.h"
 
 #include "math/float4.h"
-#include "wide/collapse_plan.h"
+#include "wide/collapse_steps.h"
 
 namespace perfect_bvh {
 namespace {

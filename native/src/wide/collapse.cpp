@@ -2,10 +2,8 @@
 
 #include <algorithm>
 
-#include "wide/collapse_plan.h"
-#include "wide/emit.h"
-#include "wide/split_leaves.h"
-#include "wide/tree_scale.h"
+#include "wide/collapse_steps.h"
+#include "wide/wide_boxes.h"
 
 namespace perfect_bvh {
 namespace {

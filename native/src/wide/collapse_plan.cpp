@@ -1,10 +1,14 @@
-#include "wide/collapse_plan.h"
+// Which nodes of a binary tree become children of which wide node, and which subtrees become leaves: the choice of
+// least expected cost (optimal collapse by dynamic programming, after Wald, Benthin and Boulos 2008 and Ylitie,
+// Karras and Laine 2017).
+// In: a binary tree, and what a leaf may hold. Out: a decision for every node, from which the wide tree is emitted.
 
 #include <limits>
 #include <vector>
 
 #include "core/errors.h"
 #include "math/float4.h"
+#include "wide/collapse_steps.h"
 #include "wide/small_set.h"
 #include "wide/subtree_range.h"
 

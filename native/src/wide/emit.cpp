@@ -1,10 +1,9 @@
-#include "wide/emit.h"
-
 #include <algorithm>
 #include <array>
 #include <vector>
 
 #include "core/errors.h"
+#include "wide/collapse_steps.h"
 #include "wide/leaf_block.h"
 #include "wide/subtree_range.h"
 #include "wide/visit_order.h"

@@ -8,7 +8,6 @@
 #include "builders/locally_ordered.h"
 #include "wide/cluster_plan.h"
 #include "wide/morton_leaves.h"
-#include "wide/tree_scale.h"
 #include "wide/visit_order.h"
 #include "wide/wide_boxes.h"
 

@@ -2,11 +2,28 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
+#include "builders/build_config.h"
 #include "mesh/triangle_mesh.h"
+#include "wide/small_set.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
+
+// Whether different triangles fit into one leaf: at most 8 of them; in the default layout over at most 8 vertices.
+[[nodiscard]] inline bool fit_one_leaf(std::span<const std::uint32_t> numbers, const TriangleIndices* triangles,
+                                       TreeLayout layout) noexcept {
+  if (numbers.size() <= 2) return true;  // they have 6 corners
+  if (numbers.size() > SmallSet::kMost) return false;
+  if (layout == TreeLayout::kCompact) return true;
+  SmallSet vertices;
+  for (const std::uint32_t number : numbers) {
+    const TriangleIndices corners = triangles[number];
+    vertices.add(corners.x, corners.y, corners.z);
+  }
+  return !vertices.overflows();
+}
 
 // From 1 to 8 different triangles over at most 8 vertices, in any order. Positions are taken times `scale`.
 [[nodiscard]] LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, const TriangleMesh& mesh,

@@ -6,7 +6,7 @@
 
 #include "math/float4.h"
 #include "mesh/triangle_mesh.h"
-#include "wide/leaf_vertices.h"
+#include "wide/refit_plan.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {

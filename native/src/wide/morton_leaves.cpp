@@ -9,7 +9,6 @@
 #include "core/errors.h"
 #include "wide/leaf_block.h"
 #include "wide/run_cutter.h"
-#include "wide/tree_scale.h"
 #include "wide/triangle_order.h"
 #include "wide/wide_boxes.h"
 

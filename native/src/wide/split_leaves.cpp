@@ -1,9 +1,8 @@
-#include "wide/split_leaves.h"
-
 #include <atomic>
 #include <vector>
 
-#include "wide/leaf_contents.h"
+#include "wide/collapse_steps.h"
+#include "wide/leaf_block.h"
 
 namespace perfect_bvh {
 namespace {

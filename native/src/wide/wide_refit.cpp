@@ -5,7 +5,6 @@
 
 #include "core/errors.h"
 #include "wide/leaf_refit.h"
-#include "wide/tree_scale.h"
 #include "wide/visit_order.h"
 #include "wide/wide_boxes.h"
 

@@ -1,19 +1,26 @@
-// Which nodes of a binary tree become children of which wide node, and which subtrees become leaves: the choice of
-// least expected cost (optimal collapse by dynamic programming, after Wald, Benthin and Boulos 2008 and Ylitie,
-// Karras and Laine 2017).
-// In: a binary tree, and what a leaf may hold. Out: a decision for every node, from which the wide tree is emitted.
+// The steps of a collapse from a binary tree to a wide one: leaves are made small enough, the wide nodes are chosen
+// (collapse_plan.cpp), and the wide tree is written.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <span>
 
 #include "builders/build_config.h"
 #include "builders/bvh2.h"
+#include "core/aligned.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "mesh/triangle_mesh.h"
+#include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
+
+// A copy of the tree whose leaves all fit into one leaf of the wide tree: those that do not are halved, with the boxes
+// that they had (a clipped box says nothing of the halves). Empty (no nodes) if all of them fit already.
+// Triangles: null for a top level, whose leaves hold one primitive each.
+[[nodiscard]] Bvh2 split_leaves(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layout, ThreadPool& pool,
+                                CancelToken& cancel);
 
 // Costs relative to visiting a wide node.
 struct CollapseCosts {
@@ -40,5 +47,12 @@ static_assert(sizeof(CollapseDecision) == 8);
 [[nodiscard]] AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const TriangleIndices* triangles,
                                                             TreeLayout layout, const CollapseCosts& costs,
                                                             ThreadPool& pool, CancelToken& cancel);
+
+// Writes the wide tree that was planned, depth first.
+// Fills in nodes, leaves, root and depth; scale and layout must be set. Mesh: null for a top level. Threads share out
+// subtrees: they first count what each will need, then write it where it belongs. Throws EngineError if the tree gets
+// more nodes, leaves or instances than a child can refer to.
+void emit_wide(const Bvh2& tree, const TriangleMesh* mesh, std::span<const CollapseDecision> decisions, WideBvh& wide,
+               ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -1,4 +1,4 @@
-#include "tlas/instance_placing.h"
+#include "tlas/instance.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,0 +1,26 @@
+// What the governor goes by of a mesh's shape, from a sample of its triangles.
+#pragma once
+
+#include "core/thread_pool.h"
+#include "mesh/triangle_mesh.h"
+
+namespace perfect_bvh {
+
+// How well triangles can be told apart by a tree, from a sample of them: what a fresh tree over all of them costs
+// changes as that of one over every so-many-th triangle does.
+// In: a mesh. Out: the cost (SAH) of the sample's tree, to be compared with that of the same mesh in another shape.
+//
+// Against trees that were built, the logarithm of the change was off by .03 (a tree in the wind) and .02 (cloth) in the
+// mean square, by .16 and .18 for meshes twisted by up to 25 radians and sheared up to a hundredfold, whose trees at
+// rest say nothing, and by .36 for a ball that bursts into all its triangles.
+//
+// 0 for a mesh whose box has no area. A sixteenth of the triangles, but from 64 to 1024 of them: a third of a
+// millisecond. The same number for any number of threads. Throws bad_alloc.
+[[nodiscard]] double measure_tree_sample(const TriangleMesh& mesh, ThreadPool& pool);
+
+// How much of a mesh's box its triangles' boxes fill: what the cost of a tree over them grows with as the mesh bends.
+// In: a mesh. Out: the area of the triangles' boxes over that of the mesh's, from every so-many-th triangle.
+// 0 for a mesh whose box has no area. Looks at some thousand triangles and at every vertex.
+[[nodiscard]] double measure_density(const TriangleMesh& mesh) noexcept;
+
+}  // namespace perfect_bvh
