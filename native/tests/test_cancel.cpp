@@ -7,10 +7,10 @@
 #include <stdexcept>
 #include <vector>
 
-#include "scene/audit.h"
-#include "scene/closest_points.h"
-#include "scene/intersections.h"
-#include "scene/ray_batch.h"
+#include "query/audit.h"
+#include "query/closest_points.h"
+#include "query/intersections.h"
+#include "query/ray_batch.h"
 #include "tests/scenes_to_trace.h"
 #include "wide/run_cutter.h"
 
