@@ -2,40 +2,12 @@
 // port and lower the clock.) Included by one translation unit only; everything in it has internal linkage.
 #pragma once
 
-#include <immintrin.h>
-
-#include "wide/wide_bvh.h"
+#include "traverse/simd_avx.h"
 
 namespace perfect_bvh {
 namespace {
 
-using Float8 = __m256;
-using Int8 = __m256i;
 using Mask8 = __mmask8;
-
-#define PERFECT_BVH_INLINE inline __attribute__((always_inline))
-
-PERFECT_BVH_INLINE Float8 load(const float* p) noexcept { return _mm256_load_ps(p); }
-PERFECT_BVH_INLINE Int8 load(const std::uint32_t* p) noexcept {
-  return _mm256_load_si256(reinterpret_cast<const __m256i*>(p));
-}
-PERFECT_BVH_INLINE Float8 load_row(const void* base, std::size_t byte_offset) noexcept {
-  return _mm256_load_ps(reinterpret_cast<const float*>(static_cast<const char*>(base) + byte_offset));
-}
-PERFECT_BVH_INLINE void store(float* p, Float8 a) noexcept { _mm256_store_ps(p, a); }
-PERFECT_BVH_INLINE Float8 broadcast(const float& x) noexcept { return _mm256_broadcast_ss(&x); }
-PERFECT_BVH_INLINE Float8 zero() noexcept { return _mm256_setzero_ps(); }
-PERFECT_BVH_INLINE Float8 add(Float8 a, Float8 b) noexcept { return _mm256_add_ps(a, b); }
-PERFECT_BVH_INLINE Float8 sub(Float8 a, Float8 b) noexcept { return _mm256_sub_ps(a, b); }
-PERFECT_BVH_INLINE Float8 mul(Float8 a, Float8 b) noexcept { return _mm256_mul_ps(a, b); }
-PERFECT_BVH_INLINE Float8 div(Float8 a, Float8 b) noexcept { return _mm256_div_ps(a, b); }
-PERFECT_BVH_INLINE Float8 fmadd(Float8 a, Float8 b, Float8 c) noexcept { return _mm256_fmadd_ps(a, b, c); }
-PERFECT_BVH_INLINE Float8 fmsub(Float8 a, Float8 b, Float8 c) noexcept { return _mm256_fmsub_ps(a, b, c); }
-PERFECT_BVH_INLINE Float8 fnmadd(Float8 a, Float8 b, Float8 c) noexcept { return _mm256_fnmadd_ps(a, b, c); }
-// Of two equal or unordered values, the second, as everywhere on x86.
-PERFECT_BVH_INLINE Float8 min(Float8 a, Float8 b) noexcept { return _mm256_min_ps(a, b); }
-PERFECT_BVH_INLINE Float8 max(Float8 a, Float8 b) noexcept { return _mm256_max_ps(a, b); }
-PERFECT_BVH_INLINE Float8 abs(Float8 a) noexcept { return _mm256_andnot_ps(_mm256_set1_ps(-0.0f), a); }
 
 PERFECT_BVH_INLINE Mask8 less_equal(Float8 a, Float8 b) noexcept { return _mm256_cmp_ps_mask(a, b, _CMP_LE_OQ); }
 PERFECT_BVH_INLINE Mask8 less(Float8 a, Float8 b) noexcept { return _mm256_cmp_ps_mask(a, b, _CMP_LT_OQ); }
@@ -43,13 +15,6 @@ PERFECT_BVH_INLINE Mask8 not_equal(Float8 a, Float8 b) noexcept { return _mm256_
 PERFECT_BVH_INLINE Mask8 both(Mask8 a, Mask8 b) noexcept { return static_cast<Mask8>(a & b); }
 PERFECT_BVH_INLINE Mask8 either(Mask8 a, Mask8 b) noexcept { return static_cast<Mask8>(a | b); }
 PERFECT_BVH_INLINE unsigned bits(Mask8 mask) noexcept { return mask; }
-
-template <int kCount>
-PERFECT_BVH_INLINE Int8 shift_right(Int8 a) noexcept {
-  return _mm256_srli_epi32(a, kCount);
-}
-// Lane i becomes a[index[i] & 7].
-PERFECT_BVH_INLINE Float8 permute(Float8 a, Int8 index) noexcept { return _mm256_permutevar8x32_ps(a, index); }
 
 // Writes the children in `hit` to `children` (all 8 places may be overwritten), the farthest first, and where each
 // is entered to `nears`.
@@ -75,7 +40,6 @@ PERFECT_BVH_INLINE unsigned keep_near(const std::uint32_t* children, const float
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(to_children), _mm256_maskz_compress_epi32(kept, child));
   return static_cast<unsigned>(_mm_popcnt_u32(kept));
 }
-PERFECT_BVH_INLINE unsigned count_bits(unsigned mask) noexcept { return static_cast<unsigned>(_mm_popcnt_u32(mask)); }
 
 }  // namespace
 }  // namespace perfect_bvh
