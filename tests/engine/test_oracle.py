@@ -151,3 +151,48 @@ def test_tiny_triangles_far_away_are_in_doubt():
     verdict = judge(world, origins, -origins, np.full(200, np.inf), np.full(200, -1), np.full(200, -1))
     assert verdict.doubtful.all()
     assert not verdict.wrong.any()
+
+
+def one_square() -> tuple[perfect_bvh.Scene, WorldTriangles]:
+    """Two triangles over [-1, 1]^2 at z = 0, and one far behind them."""
+    positions = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [-9, -9, -5], [9, -9, -5], [0, 9, -5]])
+    triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6]]
+    scene = perfect_bvh.Scene()
+    ident = scene.add_instance(scene.add_mesh(positions, triangles))
+    scene.commit()
+    return scene, WorldTriangles.of([(ident, positions, triangles, np.eye(4), 1)])
+
+
+@pytest.mark.parametrize(
+    ("t_hit", "instance_shift", "primitive_id", "is_wrong"),
+    [
+        (3.0, 0, 0, False),
+        (3.0 + 1e-4, 0, 0, True),
+        (3.0 - 1e-4, 0, 0, True),
+        (3.0, 0, 1, True),
+        (8.0, 0, 2, True),
+        (3.0, 0, 7, True),
+        (3.0, 1, 0, True),
+    ],
+    ids=["right", "behind", "before", "its neighbour", "what is hidden", "no such triangle", "no such instance"],
+)
+def test_wrong_hits_are_called_wrong(t_hit, instance_shift, primitive_id, is_wrong):
+    scene, world = one_square()
+    rays = [[0.5, -0.5, 3.0]], [[0.0, 0.0, -1.0]]
+    hits = scene.cast_rays(*rays)
+    verdict = judge(world, *rays, [t_hit], hits.instance_ids + instance_shift, [primitive_id])
+    assert verdict.wrong.tolist() == [is_wrong]
+    assert not verdict.doubtful.any()
+    assert judge(world, *rays, [np.inf], [-1], [-1]).wrong.all()
+
+
+def test_on_an_edge_either_neighbour_is_right_and_nothing_else():
+    """In doubt is which one, not whether: another triangle, another distance and a miss stay wrong, or are in doubt."""
+    _, world = one_square()
+    rays = [[0.5, 0.5, 3.0]], [[0.0, 0.0, -1.0]]
+    for primitive_id in (0, 1):
+        verdict = judge(world, *rays, [3.0], [world.instance_ids[0]], [primitive_id])
+        assert verdict.doubtful.all() and not verdict.wrong.any()
+        assert judge(world, *rays, [3.1], [world.instance_ids[0]], [primitive_id]).wrong.all()
+    assert judge(world, *rays, [8.1], [world.instance_ids[0]], [2]).wrong.all()
+    assert judge(world, *rays, [np.inf], [-1], [-1]).wrong.all()  # the one behind is hit for sure
