@@ -80,8 +80,8 @@ class CameraGrid:
     height: int = 360
 
     def __post_init__(self) -> None:
-        _check_at_least("CameraGrid", "width", self.width, 1)
-        _check_at_least("CameraGrid", "height", self.height, 1)
+        check_at_least("CameraGrid", "width", self.width, 1)
+        check_at_least("CameraGrid", "height", self.height, 1)
         _check_ray_count("CameraGrid", "width * height", self.width * self.height)
 
     @property
@@ -147,7 +147,7 @@ class SpinningLidar:
             raise ValueError(
                 f"SpinningLidar: elevations must be degrees from -90 to 90, at least one, got {self.elevations}"
             )
-        _check_at_least("SpinningLidar", "columns", self.columns, 1)
+        check_at_least("SpinningLidar", "columns", self.columns, 1)
         _check_ray_count("SpinningLidar", "elevations * columns", len(self.elevations) * self.columns)
         if not (math.isfinite(self.rate) and self.rate > 0.0):
             raise ValueError(f"SpinningLidar: rate must be turns a second above 0, got {self.rate}")
@@ -204,9 +204,10 @@ def _first_column(place: float) -> int:
     return math.ceil(place - 1e-6)
 
 
-def _check_at_least(pattern: str, name: str, value: int, least: int) -> None:
-    if value < least:
-        raise ValueError(f"{pattern}: {name} must be at least {least}, got {value}")
+def check_at_least(pattern: str, name: str, value: object, least: int) -> None:
+    """Raises ValueError for anything but an integer of at least `least`; numpy's are welcome, bools are not."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        raise ValueError(f"{pattern}: {name} must be an integer of at least {least}, got {value!r}")
 
 
 def _check_ray_count(pattern: str, name: str, count: int) -> None:

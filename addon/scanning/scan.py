@@ -23,7 +23,7 @@ from ..live.scene_sync import SceneSync, UpdateCommit
 from ..support.memory import check_fits
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
 from .collector import Collector
-from .patterns import Float64Array, Pattern, View
+from .patterns import Float64Array, Pattern, View, check_at_least
 from .point_cloud import PointCloud
 
 Progress = Callable[[float], object]
@@ -220,8 +220,7 @@ def _stretches(
     first, last = frames
     if last < first:
         raise ValueError(f"scan: frames must be (first, last) with first <= last, got {frames}")
-    if steps_per_frame < 1:
-        raise ValueError(f"scan: steps_per_frame must be at least 1, got {steps_per_frame}")
+    check_at_least("scan", "steps_per_frame", steps_per_frame, 1)
     seconds = scene.render.fps_base / scene.render.fps / steps_per_frame
     for number in range((last - first + 1) * steps_per_frame):
         frame, step = divmod(number, steps_per_frame)

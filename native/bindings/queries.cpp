@@ -136,6 +136,7 @@ void check_splits(std::span<const std::int64_t> splits) {
 
 void bind_queries(py::module_& module) {
   py::class_<Snapshot, std::shared_ptr<Snapshot>> snapshot(module, "Snapshot");
+  make_only_natively(snapshot);
   snapshot.def_property_readonly("generation", [](const Snapshot& self) { return self.generation; });
   snapshot.def_property_readonly("scene_id", [](const Snapshot& self) { return self.scene_id; });
   snapshot.def(

@@ -304,8 +304,9 @@ std::shared_ptr<BrightSky> make_bright_sky(const py::dict& values, int threads) 
 }  // namespace
 
 void bind_render(py::module_& module) {
-  py::class_<BrightSky, std::shared_ptr<BrightSky>>(module, "BrightSky")
-      .def(py::init(&make_bright_sky), py::arg("image"), py::arg("threads"));
+  const py::class_<BrightSky, std::shared_ptr<BrightSky>> bright_sky(module, "BrightSky");
+  make_only_natively(bright_sky);
+  module.def("make_bright_sky", &make_bright_sky, py::arg("image"), py::arg("threads"));
   module.def("render", &render_passes, py::arg("snapshot"), py::arg("camera"), py::arg("appearance"),
              py::arg("settings"), py::arg("targets"), py::arg("progress"));
 }

@@ -240,7 +240,8 @@ void bind_mesh_edits(py::class_<Scene>& scene) {
 
 void bind_scene(py::module_& module) {
   py::class_<Scene> scene(module, "Scene");
-  scene.def(py::init<>());
+  make_only_natively(scene);
+  module.def("make_scene", [] { return std::make_unique<Scene>(); });
   bind_mesh_edits<float>(scene);
   bind_mesh_edits<double>(scene);
   bind_instance_edits<float>(scene);

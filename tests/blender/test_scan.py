@@ -374,10 +374,10 @@ def test_large_scans_are_cast_in_pieces(room, monkeypatch) -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: CameraGrid(0, 9), "CameraGrid: width must be at least 1, got 0"),
+        (lambda: CameraGrid(0, 9), "CameraGrid: width must be an integer of at least 1, got 0"),
         (lambda: CameraGrid(20000, 20000), r"at most 33,554,432 rays, got 400,000,000: scan in parts"),
         (lambda: SpinningLidar(columns=1 << 24), r"elevations \* columns must be at most 33,554,432 rays"),
-        (lambda: SpinningLidar(columns=0), "SpinningLidar: columns must be at least 1, got 0"),
+        (lambda: SpinningLidar(columns=0), "SpinningLidar: columns must be an integer of at least 1, got 0"),
         (lambda: SpinningLidar(rate=0.0), "rate must be turns a second above 0, got 0.0"),
         (lambda: SpinningLidar(elevations=()), "elevations must be degrees"),
         (lambda: SpinningLidar(sweep=400.0), "sweep must be degrees above 0 and up to 360, got 400.0"),
@@ -393,7 +393,7 @@ def test_scan_names_what_is_wrong(room) -> None:
     head = bpy.data.objects["Head"]
     with pytest.raises(ValueError, match=r"frames must be \(first, last\) with first <= last, got \(3, 1\)"):
         scan(LIDAR, head, frames=(3, 1))
-    with pytest.raises(ValueError, match="steps_per_frame must be at least 1, got 0"):
+    with pytest.raises(ValueError, match="steps_per_frame must be an integer of at least 1, got 0"):
         scan(LIDAR, head, frames=(1, 1), steps_per_frame=0)
     head.scale = (0.0, 1.0, 1.0)
     with pytest.raises(ValueError, match="'Head' has no usable matrix"):

@@ -46,8 +46,8 @@ def test_the_picture_is_the_same_whether_it_is_kept_or_not() -> None:
 
 def test_it_is_found_once_and_forgotten_with_the_image(monkeypatch: pytest.MonkeyPatch) -> None:
     made = []
-    make = _bright_skies._core.BrightSky
-    monkeypatch.setattr(_bright_skies._core, "BrightSky", lambda *given: made.append(1) or make(*given))
+    make = _bright_skies._core.make_bright_sky
+    monkeypatch.setattr(_bright_skies._core, "make_bright_sky", lambda *given: made.append(1) or make(*given))
     before = len(_bright_skies._found)
     image = closed(sun_at(10))
     show(image), show(image)

@@ -9,7 +9,7 @@
 1.0
 """
 
-from ._core import __version__, set_thread_count, shutdown_threads, thread_count
+from ._core import __version__
 from .appearance import Appearance, ImageTexture, InstanceTable, LightTable, MaterialTable, MeshAppearance, World
 from .audit import Audit, RenderAudit
 from .build_config import BuildConfig
@@ -24,6 +24,7 @@ from .render import MODES, PASSES, RenderOptions, depth_to_grey, render, render_
 from .report import Alternative, CommitReport, MeshReport, SceneStatistics, TopLevelReport, TreeStatistics
 from .scene import Scene
 from .snapshot import Snapshot
+from .threads import set_thread_count, shutdown_threads, thread_count
 from .tree_boxes import TreeBoxes
 
 __all__ = [

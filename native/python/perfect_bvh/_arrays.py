@@ -5,10 +5,34 @@ The native module takes C-contiguous arrays of the exact dtype only; where a cop
 
 from __future__ import annotations
 
+import operator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+_INT32 = np.iinfo(np.int32)
+_LARGEST_COUNT = 2**31 - 1
+
+
+def check_count(function: str, name: str, value: object, least: int, most: int = _LARGEST_COUNT) -> int:
+    """An integer, least to most; numpy's are welcome, floats and bools are not, whatever their value."""
+    try:
+        if isinstance(value, (bool, np.bool_)):
+            raise TypeError
+        count = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        raise ValueError(f"{function}: {name} must be an integer, got {value!r}") from None
+    if not least <= count <= most:
+        # Python refuses to write out integers of thousands of digits.
+        got = str(count) if abs(count) < 10**40 else f"an integer of {count.bit_length()} bits"
+        raise ValueError(f"{function}: {name} must be {least} to {most}, got {got}")
+    return count
+
+
+def check_id(function: str, name: str, value: object) -> int:
+    """An integer that can be an id; whether there is such a mesh or instance is for the engine to say."""
+    return check_count(function, name, value, int(_INT32.min), int(_INT32.max))
 
 
 def as_array(function: str, name: str, value: npt.ArrayLike) -> npt.NDArray[Any]:

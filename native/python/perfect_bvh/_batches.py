@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ._arrays import as_array, check_integers, vector_dtype
+from ._arrays import as_array, check_count, check_integers, vector_dtype
 
 PIECE_ROWS = 1 << 20
 
@@ -136,12 +136,6 @@ def _numbers(
     return _Column(array, dtype, 0)
 
 
-def check_threads(function: str, threads: object) -> None:
-    """Raises ValueError for anything but 0 or a positive integer."""
-    if isinstance(threads, bool) or not isinstance(threads, (int, np.integer)) or not 0 <= threads < 2**31:
-        raise ValueError(f"{function}: threads must be 0 (all) or a positive integer, got {threads!r}")
-
-
 def ray_batch(
     function: str,
     origins: npt.ArrayLike,
@@ -155,7 +149,7 @@ def ray_batch(
     """Columns origins, directions, t_min, t_max, masks."""
     if cull not in ("none", "back", "front"):
         raise ValueError(f"{function}: cull must be 'none', 'back' or 'front', got {cull!r}")
-    check_threads(function, threads)
+    check_count(function, "threads", threads, 0)
     first = _vectors(function, "origins", origins)
     second = _vectors(function, "directions", directions)
     try:
@@ -181,7 +175,7 @@ def point_batch(
     function: str, points: npt.ArrayLike, max_distance: npt.ArrayLike, mask: npt.ArrayLike, threads: int
 ) -> Batch:
     """Columns points (float64), max_distances, masks."""
-    check_threads(function, threads)
+    check_count(function, "threads", threads, 0)
     given = _vectors(function, "points", points)
     shape = given.values.shape[:-1]
     return Batch(

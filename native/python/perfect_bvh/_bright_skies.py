@@ -22,7 +22,7 @@ def find_bright_sky(image: dict[str, Any], threads: int) -> _core.BrightSky | No
     held = _found.get(key)
     if held is not None and held[0]() is pixels:
         return held[1]
-    made = _core.BrightSky(image, threads)
+    made = _core.make_bright_sky(image, threads)
     _found[key] = weakref.ref(pixels, lambda _: _found.pop(key, None)), made
     return made
 

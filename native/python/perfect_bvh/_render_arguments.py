@@ -5,7 +5,6 @@ Every message names the function, the argument, what was expected and what came.
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -13,12 +12,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ._arrays import check_count, check_id
 from .appearance import LIGHT_KINDS, Appearance, ImageTexture, LightTable, MeshAppearance, World
 from .camera import Camera
 
 _LARGEST_SIZE = 65536
 _MATERIAL_SHARES = ("alphas", "metallics", "roughnesses", "reflectances", "transmissions", "holdouts")
-_LARGEST_COUNT = 2**31 - 1
 _LARGEST_MASK = 2**32 - 1
 _FIRST_TILE, _LAST_TILE = 1001, 2000
 
@@ -28,17 +27,6 @@ def check_choice(function: str, name: str, value: object, choices: Sequence[str]
     if not isinstance(value, str) or value not in choices:
         raise ValueError(f"{function}: {name} must be one of {', '.join(choices)}; got {value!r}")
     return value
-
-
-def check_count(function: str, name: str, value: object, least: int, most: int = _LARGEST_COUNT) -> int:
-    """An integer, least to most."""
-    try:
-        count = operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
-        raise ValueError(f"{function}: {name} must be an integer, got {value!r}") from None
-    if not least <= count <= most:
-        raise ValueError(f"{function}: {name} must be {least} to {most}, got {count}")
-    return count
 
 
 def check_number(function: str, name: str, value: object, least: float, most: float) -> float:
@@ -125,7 +113,9 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
         },
         "film_transparent": bool(appearance.film_transparent),
         "meshes": {
-            int(mesh): _mesh_arrays(function, mesh, value, uv_numbers, tint_numbers)
+            check_id(function, "appearance.meshes' keys", mesh): _mesh_arrays(
+                function, mesh, value, uv_numbers, tint_numbers
+            )
             for mesh, value in appearance.meshes.items()
         },
     }

@@ -118,7 +118,7 @@ def checked_number(function: str, name: str, value: Any, low: float, high: float
         if isinstance(value, (bool, str)):
             raise TypeError
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not low <= number <= high:
         raise ValueError(f"{function}: {name} must be a number from {low:g} to {high:g}, got {value!r}")

@@ -9,6 +9,8 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
+from ._arrays import check_count
+
 Projection = Literal["perspective", "orthographic", "equirectangular"]
 _MOST_BLADES = 1000
 
@@ -42,6 +44,7 @@ class Lens:
                 raise ValueError(f"Lens: {name} must be positive and finite, got {value}")
         if not math.isfinite(self.rotation):
             raise ValueError(f"Lens: rotation must be finite, got {self.rotation}")
+        object.__setattr__(self, "blades", check_count("Lens", "blades", self.blades, 0))
         if self.blades != 0 and not 3 <= self.blades <= _MOST_BLADES:
             raise ValueError(f"Lens: blades must be 0 for a circle, or 3 to {_MOST_BLADES}; got {self.blades}")
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
+from ._arrays import check_count
 from ._batches import Batch, Progress, point_batch, ray_batch, share_of
 from .audit import AUDITED_FIELDS, audit_answers
 from .build_config import COSTS, checked_number
@@ -180,8 +181,8 @@ class Queries:
         needed than for what is returned.
         """
         name = "list_intersections"
-        if max_hits is not None and (not isinstance(max_hits, (int, np.integer)) or max_hits < 0):
-            raise ValueError(f"{name}: max_hits must be None (all) or an integer of at least 0, got {max_hits!r}")
+        if max_hits is not None:
+            max_hits = check_count(name, "max_hits", max_hits, 0, 2**63 - 1)
         batch = ray_batch(name, origins, directions, t_min, t_max, mask, cull, threads)
         names = _names(fields)
         costs = [field for field in names if field in ("nodes_visited", "primitives_tested")]

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
+from ._arrays import check_count
 from ._batches import Progress, share_of
 from ._bright_skies import find_bright_sky
 from ._render_arguments import (
@@ -16,7 +17,6 @@ from ._render_arguments import (
     camera_arguments,
     check_choice,
     check_color,
-    check_count,
     check_number,
     check_size,
 )

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import as_integers, as_rows, as_transforms, as_triangles
+from ._arrays import as_integers, as_rows, as_transforms, as_triangles, check_id
 from ._batches import Progress
-from .build_config import BuildConfig
+from .build_config import BuildConfig, checked_number
 from .calibration import Calibration, current_calibration
 from .queries import ALL_MASK, Queries
 from .report import CommitReport
@@ -19,6 +19,7 @@ from .snapshot import Snapshot
 
 Usage = Literal["static", "deforming", "changing"]
 Policy = Literal["governed", "refit", "rotate", "rebuild_parts", "rebuild"]
+_MOST_RAYS = 1e18
 POLICIES: tuple[str, ...] = ("governed", "refit", "rotate", "rebuild_parts", "rebuild")
 
 
@@ -43,7 +44,7 @@ class Scene(Queries):
             raise ValueError(f"Scene: policy must be one of {', '.join(POLICIES)}, got {policy!r}")
         self._policy = policy
         self._calibration = current_calibration() if calibration is None else calibration
-        self._scene = _core.Scene()
+        self._scene = _core.make_scene()
         self.before_query: Callable[[], object] | None = None
         """Called on the thread of each query that would be answered, and of `is_current` and `snapshot()`, before it.
 
@@ -94,22 +95,24 @@ class Scene(Queries):
         The next commit refits its tree, or rebuilds it where a refitted one would be too slow, and reports which and
         why. A tree with spatial splits cannot be refitted.
         """
-        self._scene.update_mesh(int(mesh), as_rows("update_mesh", "positions", positions))
+        self._scene.update_mesh(check_id("update_mesh", "mesh", mesh), as_rows("update_mesh", "positions", positions))
 
     def replace_mesh(self, mesh: int, positions: npt.ArrayLike, triangles: npt.ArrayLike) -> None:
         """Gives a mesh another geometry; its instances stay."""
         self._scene.replace_mesh(
-            int(mesh), as_rows("replace_mesh", "positions", positions), as_triangles("replace_mesh", triangles)
+            check_id("replace_mesh", "mesh", mesh),
+            as_rows("replace_mesh", "positions", positions),
+            as_triangles("replace_mesh", triangles),
         )
 
     def set_usage(self, mesh: int, usage: Usage) -> None:
         """Says anew what will happen to a mesh, see `add_mesh`: for the trees that are built from now on."""
         _check_usage("set_usage", usage)
-        self._scene.set_usage(int(mesh), usage)
+        self._scene.set_usage(check_id("set_usage", "mesh", mesh), usage)
 
     def remove_mesh(self, mesh: int) -> None:
         """Removes a mesh that no instance uses; raises ValueError otherwise."""
-        self._scene.remove_mesh(int(mesh))
+        self._scene.remove_mesh(check_id("remove_mesh", "mesh", mesh))
 
     def add_instance(
         self, mesh: int, transform: npt.ArrayLike | None = None, mask: int = ALL_MASK, order: int | None = None
@@ -172,9 +175,9 @@ class Scene(Queries):
 
         After a failed or cancelled commit the edits still wait, and snapshots taken before stay valid.
         """
-        if expected_rays is not None and expected_rays < 0:
-            raise ValueError(f"commit: expected_rays must not be negative, got {expected_rays}")
-        rays = None if expected_rays is None else float(expected_rays)
+        rays = None
+        if expected_rays is not None:
+            rays = checked_number("commit", "expected_rays", expected_rays, 0.0, _MOST_RAYS)
         return CommitReport.from_core(self._scene.commit(self._policy, rays, self._calibration.as_numbers(), progress))
 
     def mark_stale(self, why: str) -> None:

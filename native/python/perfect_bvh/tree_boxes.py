@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
+from ._arrays import check_count, check_id
 
 _LAST_LEVEL = 0xFFFFFFFF
 _COLUMNS = ("boxes", "levels", "leaf_sizes", "costs", "overlaps")
@@ -47,10 +48,11 @@ def list_tree_boxes(
     snapshot: _core.Snapshot, mesh_id: int | None, first_level: int, last_level: int | None
 ) -> TreeBoxes:
     """See `Snapshot.tree_boxes`."""
-    last = _LAST_LEVEL if last_level is None else last_level
-    if first_level < 0 or last < first_level:
+    first = check_count("tree_boxes", "first_level", first_level, 0, _LAST_LEVEL)
+    last = _LAST_LEVEL if last_level is None else check_count("tree_boxes", "last_level", last_level, 0, _LAST_LEVEL)
+    if last < first:
         raise ValueError(
             f"tree_boxes: levels must be 0 <= first_level <= last_level, got {first_level} and {last_level}"
         )
-    mesh = None if mesh_id is None else int(mesh_id)
-    return TreeBoxes(**_core.tree_boxes(snapshot, mesh, min(first_level, _LAST_LEVEL), min(last, _LAST_LEVEL)))
+    mesh = None if mesh_id is None else check_id("tree_boxes", "mesh", mesh_id)
+    return TreeBoxes(**_core.tree_boxes(snapshot, mesh, min(first, _LAST_LEVEL), min(last, _LAST_LEVEL)))
