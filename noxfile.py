@@ -97,7 +97,7 @@ def tests(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def charts(session: nox.Session) -> None:
-    """Draw tests/charts/pictures from tests/charts/data; with `-- --measure [NAME ...]` measure anew before that."""
+    """Draw tests/charts/pictures from tests/charts/data; with `-- --measure [NAME ...]` measure again before that."""
     if session.posargs[:1] == ["--measure"]:
         session.install(".[blender,bench]")
         session.run("python", "tests/charts/measure.py", *session.posargs[1:])

@@ -24,7 +24,7 @@ from .view3d.viewport import Viewport
 
 T = TypeVar("T")
 
-# Nobody looks at the rounds before the last one where there is no window.
+# Without a window the rounds before the last one are not shown.
 SHOWS_ROUNDS = not bpy.app.background
 MODERN_PASS_NAMES = bpy.app.version >= (5, 0, 0)
 

@@ -198,13 +198,13 @@ def test_the_judge_finds_wrong_answers_and_no_others(judged):
     assert counts["right"].wrong == 0
     for name in ("late", "lost", "elsewhere"):
         assert counts[name].wrong >= 0.98 * hit.sum(), name
-        assert counts[name].wrong <= hit.sum() + counts[name].doubtful, name
+        assert counts[name].wrong <= hit.sum() + counts[name].ambiguous, name
     # Looking only at triangles near the ray changes no verdict.
     world = WorldTriangles.of([(i, mesh.positions, mesh.triangles, transforms[i], 1) for i in range(3)])
     for name, each in answers.items():
         verdict = judge(world, rays.origins, rays.directions, each.t, each.instance_ids, each.primitive_ids)
         assert counts[name].wrong == verdict.wrong.sum(), name
-        assert counts[name].doubtful == verdict.doubtful.sum(), name
+        assert counts[name].ambiguous == verdict.ambiguous.sum(), name
 
 
 def test_the_judge_of_occlusions(judged):
@@ -219,8 +219,8 @@ def test_the_judge_of_occlusions(judged):
     }
     counts = judge_of_all.count_wrong(short, answers)
     assert counts["right"].wrong == 0
-    assert occluded.sum() - counts["never"].doubtful <= counts["never"].wrong <= occluded.sum()
-    assert (~occluded).sum() - counts["always"].doubtful <= counts["always"].wrong <= (~occluded).sum()
+    assert occluded.sum() - counts["never"].ambiguous <= counts["never"].wrong <= occluded.sum()
+    assert (~occluded).sum() - counts["always"].ambiguous <= counts["always"].wrong <= (~occluded).sum()
     assert counts["never"].wrong > 20
     assert counts["always"].wrong > 20
 

@@ -26,7 +26,7 @@ from .evaluation_log import EvaluationLog
 
 
 class ChangeListener(Protocol):
-    """Whoever wants to know."""
+    """A listener to changes."""
 
     def on_change(self, what: str) -> None:
         """Called on Blender's main thread after each change. what: a clause for a message."""

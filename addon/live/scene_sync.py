@@ -53,7 +53,7 @@ class SceneSync:
 
     Use it on Blender's main thread; snapshots of its scene may be traced anywhere, and never go stale.
 
-    What counts as a change: whatever Blender evaluates anew, a frame, an undo, a file, another scene or view layer in
+    What counts as a change: whatever Blender evaluates again, a frame, an undo, a file, another scene or view layer in
     the window, and handlers that a script removed. A query on the main thread first lets Blender evaluate what is
     pending (microseconds if nothing is), so that an edit counts at once. Other threads, handlers, drivers and renders
     must not ask for an evaluation: a query there goes by what was evaluated before, and raises from the moment when an
@@ -152,7 +152,7 @@ class SceneSync:
         a time: where an earlier one builds what was read now, that is returned; any other is stopped, by `update`, too.
 
         Raises RuntimeError for a sync that watches Blender: a change between the two halves would be forgotten when the
-        commit begins, and old answers be taken for new ones. Whoever updates in halves looks for changes by itself.
+        commit begins, and old answers be taken for new ones. Code that updates in halves looks for changes by itself.
         """
         if self._watch is not None:
             raise RuntimeError("begin_update: the sync watches Blender; make it with watch=False")
@@ -326,7 +326,7 @@ class SceneSync:
             self._watch.stop()
         self.stop_building()
         self.last_change = None
-        self._state.scene.mark_stale(_CLOSED)  # for whoever has it; the next update makes another
+        self._state.scene.mark_stale(_CLOSED)  # for those that hold it; the next update makes another
         self._start_over(_CLOSED)
 
     def _start_over(self, why: str) -> None:

@@ -19,7 +19,7 @@ class SceneWatch:
     Before a query on Blender's main thread Blender evaluates what is pending, and by that tells of it. On other
     threads, inside handlers, drivers and renders it may not be asked: there the scene knows what Blender told before.
 
-    The scene keeps its watch alive, whoever forgets the sync.
+    The scene keeps its watch alive, even if the sync is dropped.
     """
 
     def __init__(self) -> None:
@@ -62,7 +62,7 @@ class SceneWatch:
         if asking.may_ask():
             changes.watch_again()
             self._ask()
-        elif asking.is_asking():  # a handler that asks, while Blender evaluates for somebody who asked
+        elif asking.is_asking():  # a handler that asks, while Blender evaluates for a query
             self.on_change("something was changed")
         elif not changes.are_installed():
             self.on_change(changes.HANDLERS_REMOVED)

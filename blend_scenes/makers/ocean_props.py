@@ -154,7 +154,10 @@ def build_lighthouse(random: np.random.Generator) -> None:
     glass = [(0.22, 2.34), (0.22, 2.84)]
     spin(
         place(
-            "Lantern", make_profile("Lantern", glass, paint("Light", (0.95, 0.78, 0.35), 0.3, glow=4.0)), shore, base
+            "Lantern",
+            make_profile("Lantern", glass, paint("Light", (0.95, 0.78, 0.35), 0.3, emission=4.0)),
+            shore,
+            base,
         ),
         16,
     )

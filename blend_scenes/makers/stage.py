@@ -47,7 +47,7 @@ def save_stage(path: Path, frame: int = 1) -> None:
     bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True)
 
 
-def paint(name: str, colour: Colour, roughness: float = 0.75, metallic: float = 0.0, glow: float = 0.0) -> Any:
+def paint(name: str, colour: Colour, roughness: float = 0.75, metallic: float = 0.0, emission: float = 0.0) -> Any:
     """A material whose viewport colour and Principled base colour are the same scene-linear rgb."""
     material = bpy.data.materials.new(name)
     material.diffuse_color = (*colour, 1.0)
@@ -58,9 +58,9 @@ def paint(name: str, colour: Colour, roughness: float = 0.75, metallic: float = 
     inputs["Base Color"].default_value = (*colour, 1.0)
     inputs["Roughness"].default_value = roughness
     inputs["Metallic"].default_value = metallic
-    if glow:
+    if emission:
         inputs["Emission Color"].default_value = (*colour, 1.0)
-        inputs["Emission Strength"].default_value = glow
+        inputs["Emission Strength"].default_value = emission
     return material
 
 

@@ -83,7 +83,7 @@ RTCBuildQuality quality_of(const std::string& peer) {
 
 // Builds -----------------------------------------------------------------------------------------------------------
 
-// Whoever builds: times of its binary tree alone (ours) and of all that is needed before a ray.
+// For each engine: times of its binary tree alone (ours) and of all that is needed before a ray.
 struct Builder {
   std::string name;
   std::function<void(Builder&)> run;

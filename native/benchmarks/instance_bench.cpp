@@ -112,7 +112,7 @@ class Ours {
   void set_transforms(std::span<const Affine> transforms) { scene_.set_transforms(ids_, transforms); }
   void commit() {
     CancelToken cancel;
-    snapshot_.reset();  // as Embree does: nobody traces what is about to be replaced
+    snapshot_.reset();  // as Embree does: what is about to be replaced is not traced
     report_ = scene_.commit(pool_, cancel);
     snapshot_ = scene_.snapshot();
   }

@@ -1,5 +1,5 @@
-// The same rays through several competitors, in turn on each chunk of rays, in an order that is drawn anew for each
-// chunk and round: whatever else the machine does, it does to all of them, and nobody always finds in the caches what
+// The same rays through several competitors, in turn on each chunk of rays, in an order that is drawn again for each
+// chunk and round: whatever else the machine does, it does to all of them, and none always finds in the caches what
 // the same other one left there.
 // In: competitors, a set of rays. Out: M rays/s of each on one thread, in its own CPU time.
 #pragma once

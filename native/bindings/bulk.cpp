@@ -1,5 +1,5 @@
-// Loops over instances and triangles for whoever keeps a scene in step with another program: in Python they would cost
-// more than the engine's own work. No algorithm, only long loops.
+// Loops over instances and triangles for code that keeps a scene in step with another program: in Python they would
+// cost more than the engine's own work. No algorithm, only long loops.
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 

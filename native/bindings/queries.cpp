@@ -178,24 +178,24 @@ void bind_queries(py::module_& module) {
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
          const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull,
          const Array<float>& t_hit, const Array<std::int32_t>& instance_ids, const Array<std::int32_t>& primitive_ids,
-         Array<bool>& wrong, Array<bool>& doubtful, int threads, const py::object& progress) {
+         Array<bool>& wrong, Array<bool>& ambiguous, int threads, const py::object& progress) {
         const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
         for (const py::ssize_t size :
-             {t_hit.size(), instance_ids.size(), primitive_ids.size(), wrong.size(), doubtful.size()}) {
+             {t_hit.size(), instance_ids.size(), primitive_ids.size(), wrong.size(), ambiguous.size()}) {
           if (static_cast<std::size_t>(size) != rays.count) {
             throw std::invalid_argument("_core: an audited column has the wrong size");
           }
         }
         const AuditedAnswers answers{t_hit.data(), instance_ids.data(), primitive_ids.data()};
         const AuditVerdicts verdicts{reinterpret_cast<std::uint8_t*>(wrong.mutable_data()),
-                                     reinterpret_cast<std::uint8_t*>(doubtful.mutable_data())};
+                                     reinterpret_cast<std::uint8_t*>(ambiguous.mutable_data())};
         with_progress(progress, [&](CancelToken& cancel) {
           audit_answers(self, rays, answers, verdicts, ThreadPool::shared(), threads, cancel);
         });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
       py::arg("masks").noconvert(), py::arg("cull"), py::arg("t_hit").noconvert(), py::arg("instance_ids").noconvert(),
-      py::arg("primitive_ids").noconvert(), py::arg("wrong").noconvert(), py::arg("doubtful").noconvert(),
+      py::arg("primitive_ids").noconvert(), py::arg("wrong").noconvert(), py::arg("ambiguous").noconvert(),
       py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "count_intersections",

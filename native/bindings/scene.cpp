@@ -147,8 +147,9 @@ py::list to_list(const std::vector<MeshReport>& reports) {
         py::arg("leaf_visits") = mesh.leaf_visits, py::arg("builder") = mesh.builder, py::arg("layout") = mesh.layout,
         py::arg("milliseconds") = mesh.milliseconds, py::arg("build_milliseconds") = mesh.build_milliseconds,
         py::arg("optimize_milliseconds") = mesh.optimize_milliseconds,
-        py::arg("refit_milliseconds") = mesh.refit_milliseconds, py::arg("mend_milliseconds") = mesh.mend_milliseconds,
-        py::arg("mended_share") = mesh.mended_share, py::arg("fresh_cost") = mesh.fresh_cost,
+        py::arg("refit_milliseconds") = mesh.refit_milliseconds,
+        py::arg("restructure_milliseconds") = mesh.restructure_milliseconds,
+        py::arg("restructured_share") = mesh.restructured_share, py::arg("fresh_cost") = mesh.fresh_cost,
         py::arg("refitted_cost") = mesh.refitted_cost, py::arg("cost") = mesh.cost,
         py::arg("collapse_milliseconds") = mesh.collapse_milliseconds, py::arg("triangle_count") = mesh.triangle_count,
         py::arg("byte_count") = mesh.byte_count));

@@ -19,9 +19,9 @@ set(PERFECT_BVH_NOT_FOR_THREAD_SANITIZER
   *HardInput.GivesTheHits*
   *HardInput.MakesSoundTrees*
   *Builders.MakeSoundTrees*
-  *WideMending.RebuiltParts*
-  *WideMending.RotationsGive*
-  *WideMending.MendsATwist*
+  *WideRestructuring.RebuiltParts*
+  *WideRestructuring.RotationsGive*
+  *WideRestructuring.RestructuresATwist*
   *WideRefit.GivesSoundTightTrees*
   Agglomerative.MakesSoundTrees*
   Instances.MeetTheSame*
@@ -29,7 +29,7 @@ set(PERFECT_BVH_NOT_FOR_THREAD_SANITIZER
   TopLevel.IsSoundOverHardInput
 
   *HardInput.IsBuiltInBoundedMemory*
-  *StoppedMending.*
+  *StoppedRestructuring.*
   *WideRefit.GivesTheHitsOfAFreshTree*
   *WideRefit.HoldsOverAHundredFrames*
 )

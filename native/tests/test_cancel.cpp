@@ -19,7 +19,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// Triangles that are all the same one: whoever meets one tests all of them.
+// Triangles that are all the same one: a ray that meets one tests all of them.
 constexpr std::size_t kTriangles = 1024, kRays = 2048, kInstances = 2;
 constexpr std::size_t kLeafVisits = kRays * kInstances * kTriangles / kLeafSize;  // at least
 // A step is at most a leaf for each ray in flight.

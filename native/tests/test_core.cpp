@@ -1,4 +1,4 @@
-// Threads, cancelling, aligned memory: loops, nesting, exceptions, forks, and that nobody waits for another's work.
+// Threads, cancelling, aligned memory: loops, nesting, exceptions, forks, and that no caller waits for another's work.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -211,7 +211,7 @@ TEST_P(Pools, ServeSeveralCallersAtOnce) {
 }
 
 TEST(ThreadPoolTest, KeepsAShortJobFromGettingStuckBehindAnothersLongOne) {
-  ThreadPool pool(1);  // no worker: whoever waits does the work
+  ThreadPool pool(1);  // no worker: the waiting thread does the work
   TaskGroup long_job(pool);
   bool long_ran = false;
   long_job.run([&] { long_ran = true; });

@@ -20,7 +20,7 @@ UpdateQuestion question(double rays, double decay, UpdateHistory history = fresh
   asked.triangle_count = 65536;
   asked.rays = rays;
   asked.now = {10 * decay, 4 * decay};
-  asked.reference = asked.now;  // nothing to mend: the leaves are at fault
+  asked.reference = asked.now;  // nothing to restructure: the leaves are at fault
   asked.history = history;
   return asked;
 }
@@ -93,16 +93,16 @@ TEST(Governor, WithoutExpectedRaysTheDecayDecides) {
   EXPECT_EQ(decide_by(1.00, 3.00), UpdateAction::kRebuild);
   UpdateQuestion asked = question(0, 1);
   asked.reference = {10, 4};
-  EXPECT_TRUE(is_mended(asked, {100, 4}));  // whoever knows the rays has weighed it
+  EXPECT_TRUE(is_restructured(asked, {100, 4}));  // with known rays it was weighed before
   asked.rays.reset();
-  EXPECT_TRUE(is_mended(asked, {12, 4}));
-  EXPECT_FALSE(is_mended(asked, {15, 4}));
+  EXPECT_TRUE(is_restructured(asked, {12, 4}));
+  EXPECT_FALSE(is_restructured(asked, {15, 4}));
 }
 
-// A mesh that plays on is mended when it has become worse, and not because it did once.
-TEST(Governor, WithoutExpectedRaysWhatWasMendedIsMendedAgainOnlyAfterMoreDecay) {
+// An animated mesh is restructured when it has become worse, and not because it did once.
+TEST(Governor, WithoutExpectedRaysWhatWasRestructuredIsRestructuredAgainOnlyAfterMoreDecay) {
   UpdateHistory history = fresh_history(10, 4);
-  int mended = 0, rebuilt = 0;
+  int restructured = 0, rebuilt = 0;
   for (int frame = 0; frame < 200; ++frame) {
     UpdateQuestion asked = question(0, 1, history);
     asked.rays.reset();
@@ -111,25 +111,25 @@ TEST(Governor, WithoutExpectedRaysWhatWasMendedIsMendedAgainOnlyAfterMoreDecay) 
     const UpdateDecision decision = decide_update(asked, machine());
     history = decision.history;
     if (decision.action == UpdateAction::kRotate) {
-      ++mended;
-      history.mended = {10 + 0.8 * (asked.now.node_visits - 10), asked.now.leaf_visits};
+      ++restructured;
+      history.restructured = {10 + 0.8 * (asked.now.node_visits - 10), asked.now.leaf_visits};
     }
     rebuilt += decision.action == UpdateAction::kRebuild ? 1 : 0;
   }
-  EXPECT_GE(mended, 1);
-  EXPECT_LE(mended, 2);
+  EXPECT_GE(restructured, 1);
+  EXPECT_LE(restructured, 2);
   EXPECT_EQ(rebuilt, 0);
   UpdateQuestion asked = question(0, 1, history);
   asked.rays.reset();
   asked.now = {11.8, 4.7}, asked.reference = {10, 4};  // worse again
   EXPECT_EQ(decide(asked), UpdateAction::kRotate);
-  asked.now = {10, 12}, asked.reference = {10, 4};  // no mending helps, whatever was attained
-  asked.history.mended = asked.now;
+  asked.now = {10, 12}, asked.reference = {10, 4};  // no restructuring helps, whatever was attained
+  asked.history.restructured = asked.now;
   EXPECT_EQ(decide(asked), UpdateAction::kRebuild);
 }
 
-// Where the nodes are at fault and not the leaves, mending does what a rebuild would, for less.
-TEST(Governor, MendsWhatCanBeMended) {
+// Where the nodes are at fault and not the leaves, restructuring does what a rebuild would, for less.
+TEST(Governor, RestructuresWhatRestructuringCanRestore) {
   UpdateAction last = UpdateAction::kRefit;
   for (double rays = 1; rays < 1e9; rays *= 1.2) {
     UpdateQuestion asked = question(rays, 1);
@@ -142,12 +142,12 @@ TEST(Governor, MendsWhatCanBeMended) {
   EXPECT_EQ(last, UpdateAction::kRebuildParts);
 }
 
-// Where a small part is spoilt, it is mended for fewer rays.
-TEST(Governor, PricesMendingByWhatItWouldBuild) {
+// Where a small part is degraded, it is restructured for fewer rays.
+TEST(Governor, PricesRestructuringByWhatItWouldBuild) {
   double last = 0;
   for (const double share : {0.0, 0.01, 0.3, 1.0}) {
     UpdateQuestion asked = question(1, 1);
-    asked.now = {15, 4}, asked.reference = {10, 4}, asked.spoilt_share = share;
+    asked.now = {15, 4}, asked.reference = {10, 4}, asked.degraded_share = share;
     asked.history.fresh = asked.now;  // no rebuild gains anything
     const double price = decide_update(asked, machine()).alternatives[2].update_nanoseconds;
     EXPECT_DOUBLE_EQ(price, 65536 * (20 + 60 * share));
@@ -155,12 +155,12 @@ TEST(Governor, PricesMendingByWhatItWouldBuild) {
     while (decide(asked) != UpdateAction::kRebuildParts && rays < 1e9) asked.rays = rays *= 1.01;
     EXPECT_GT(rays, last) << share;
     EXPECT_LT(rays, 1e9) << share;
-    EXPECT_TRUE(may_mend(asked, machine()));
+    EXPECT_TRUE(may_restructure(asked, machine()));
     last = rays;
   }
 }
 
-// What nobody needs to know is not measured; whatever changes the tree was allowed to.
+// What no decision needs is not measured; whatever changes the tree was allowed to.
 TEST(Governor, LooksCloserOnlyWhereItMayMatter) {
   bool was = false;
   for (double rays = 1; rays < 1e9; rays *= 1.5) {
@@ -174,10 +174,10 @@ TEST(Governor, LooksCloserOnlyWhereItMayMatter) {
   EXPECT_TRUE(was);
   UpdateQuestion asked = question(1e9, 2);
   asked.policy = Policy::kRefit;
-  EXPECT_FALSE(may_rebuild(asked, machine()) || may_mend(asked, machine()));
+  EXPECT_FALSE(may_rebuild(asked, machine()) || may_restructure(asked, machine()));
   asked = question(1e9, 2);
   asked.rays.reset();
-  EXPECT_FALSE(may_rebuild(asked, machine()) || may_mend(asked, machine()));
+  EXPECT_FALSE(may_rebuild(asked, machine()) || may_restructure(asked, machine()));
 }
 
 TEST(Governor, ATreeWithoutExtentIsRebuilt) {

@@ -1,4 +1,4 @@
-// Vertices that move from commit to commit: triangles are shared, memory of positions is used again only when nobody
+// Vertices that move from commit to commit: triangles are shared, memory of positions is used again only when no reader
 // can see it, and neither shows in any tree or hit.
 #include <gtest/gtest.h>
 
@@ -270,7 +270,7 @@ TEST(MovedInstances, AreFoundByAnyListOfIds) {
         expected[row].second = x;
       }
       scene.set_transforms(ids, maps);
-      ids.back() = expected.back().first + 1;  // nobody's yet
+      ids.back() = expected.back().first + 1;  // of no mesh yet
       for (Affine& map : maps) map.translation.x = -1;
       EXPECT_THROW(scene.set_transforms(ids, maps), InvalidArgument);
     }

@@ -1,4 +1,4 @@
-// Meshes that were deformed and then rest, in trees that their motion spoilt.
+// Meshes that were deformed and then rest, in trees that their motion degraded.
 #include <gtest/gtest.h>
 
 #include "scene/scene.h"
@@ -22,7 +22,7 @@ RestQuestion question(std::optional<double> rays) {
   return asked;
 }
 
-TEST(Rest, OnlyWhatMotionLoosenedIsSpoilt) {
+TEST(Rest, OnlyWhatMotionLoosenedIsDegraded) {
   EXPECT_TRUE(is_spoilt(question(1).history, machine()));
   UpdateHistory history = question(1).history;
   history.since_build.commit_count = 0;  // nothing happened since it was built
@@ -107,7 +107,7 @@ class RestingMesh : public testing::Test {
 
 TEST_F(RestingMesh, IsBuiltAnewOnceWhenTheRaysRepayIt) {
   twist_unseen();
-  const WideBvh spoilt = scene_.snapshot()->meshes.at(0).second->wide;
+  const WideBvh degraded = scene_.snapshot()->meshes.at(0).second->wide;
   int kept = 0, rebuilt = 0;
   for (int frame = 0; frame < 60; ++frame) {
     const CommitReport report = commit_beside(20000.0);
@@ -129,7 +129,7 @@ TEST_F(RestingMesh, IsBuiltAnewOnceWhenTheRaysRepayIt) {
       EXPECT_EQ(row.alternatives[0].action, MeshAction::kKept);
       EXPECT_GT(*row.alternatives[0].trace_milliseconds, *row.alternatives[1].trace_milliseconds);
       EXPECT_EQ(report.kept_count, 1u);
-      ASSERT_TRUE(same_bytes(scene_.snapshot()->meshes.at(0).second->wide, spoilt));
+      ASSERT_TRUE(same_bytes(scene_.snapshot()->meshes.at(0).second->wide, degraded));
     } else {
       EXPECT_TRUE(report.resting.empty());
     }
@@ -143,13 +143,13 @@ TEST_F(RestingMesh, IsBuiltAnewOnceWhenTheRaysRepayIt) {
 
 TEST_F(RestingMesh, StaysAsItIsWhereNobodySaysHowManyRays) {
   twist_unseen();
-  const WideBvh spoilt = scene_.snapshot()->meshes.at(0).second->wide;
+  const WideBvh degraded = scene_.snapshot()->meshes.at(0).second->wide;
   for (int frame = 0; frame < 60; ++frame) {
     const CommitReport report = commit_beside(std::nullopt);
     ASSERT_EQ(report.resting.size(), 1u);
-    EXPECT_NE(report.resting[0].reason.find("nobody said"), std::string::npos) << report.resting[0].reason;
+    EXPECT_NE(report.resting[0].reason.find("expected rays is unknown"), std::string::npos) << report.resting[0].reason;
   }
-  EXPECT_TRUE(same_bytes(scene_.snapshot()->meshes.at(0).second->wide, spoilt));
+  EXPECT_TRUE(same_bytes(scene_.snapshot()->meshes.at(0).second->wide, degraded));
 }
 
 TEST_F(RestingMesh, IsLeftAloneByFixedPolicies) {

@@ -1,4 +1,4 @@
-// The top level over instances that move: refitted or built anew, its hits are those of a scene that was made afresh.
+// The top level over instances that move: refitted or rebuilt, its hits are those of a scene that was made afresh.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -222,7 +222,7 @@ TEST(TopLevelRefit, GivesWayWhereInstancesComeAndGoOrAreFlattened) {
   EXPECT_FALSE(hits_of(*field.snapshot(), rays)[0].found());
 }
 
-// The arrays of the last snapshot are used again only if nobody holds it.
+// The arrays of the last snapshot are used again only if no owner holds it.
 TEST(TopLevelRefit, LeavesASnapshotThatIsHeldAlone) {
   const Maps maps = grid_of(2000, 3.0, 1);
   Field field(maps);

@@ -1,4 +1,4 @@
-"""How many answers are wrong where coordinates are hard, and how fast whoever gives them is.
+"""How many answers are wrong where coordinates are hard, and how fast each engine gives them.
 
     python tests/benchmarks/accuracy.py --json accuracy.json
 
@@ -53,7 +53,7 @@ class Case:
 
     @property
     def can_be_judged(self) -> bool:
-        """The oracle doubts whatever lies within some roundings of the largest coordinate."""
+        """The oracle calls ambiguous whatever lies within some roundings of the largest coordinate."""
         return self.sweep != "offset" or self.value < 1e5
 
 

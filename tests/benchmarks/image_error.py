@@ -2,7 +2,7 @@
 
     python tests/benchmarks/image_error.py --json image_error.json
 
-The scene gets one matt material and a white sky and loses its lamps; light bounces once. What it bounces off gets a
+The scene gets one diffuse material and a white sky and loses its lamps; light bounces once. What it bounces off gets a
 fixed share of the sky in the preview, and so it does in Cycles: by its fast global illumination, with rays too short to
 meet anything. How far the two converged images are apart is written, too. Times are those of whole images.
 Errors are those of the middle of each, a fifth as wide and high: only that is rendered with 4,096 samples of other
@@ -10,7 +10,7 @@ random numbers to compare with. They are the root of the mean square difference 
 Same threads, same pixel filter, no denoiser, no adaptive sampling. Times are the wall's. All renderers take turns.
 What a render in Blender takes beside its rays (Blender evaluates the scene, it is read, trees are built, a file is
 written) is measured for both: in each round this engine renders one sample there, knowing nothing of the scene, and
-the time of the same rays alone is taken off; Cycles starts anew in each render, so that its totals are measured, its
+the time of the same rays alone is taken off; Cycles restarts in each render, so that its totals are measured, its
 rays' time reckoned.
 """
 
@@ -91,15 +91,15 @@ def main() -> None:
 
 
 def simplify(scene: bpy.types.Scene) -> None:
-    """One matt material, a white sky, no lamps."""
-    matt = bpy.data.materials.new("Matt")
-    matt.use_nodes = True
-    nodes = matt.node_tree.nodes
+    """One diffuse material, a white sky, no lamps."""
+    white = bpy.data.materials.new("Matt")
+    white.use_nodes = True
+    nodes = white.node_tree.nodes
     nodes.clear()
     diffuse, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
     diffuse.inputs["Color"].default_value = (0.8, 0.8, 0.8, 1.0)
-    matt.node_tree.links.new(diffuse.outputs["BSDF"], output.inputs["Surface"])
-    scene.view_layers[0].material_override = matt
+    white.node_tree.links.new(diffuse.outputs["BSDF"], output.inputs["Surface"])
+    scene.view_layers[0].material_override = white
     for lamp in [each for each in scene.objects if each.type == "LIGHT"]:
         bpy.data.objects.remove(lamp)
     world = bpy.data.worlds.new("White")
@@ -179,7 +179,7 @@ class Ours:
 
 
 def in_blender(render: bpy.types.RenderSettings, width: int) -> list[tuple[Any, str, Any]]:
-    """The settings of whoever renders in Blender."""
+    """The settings of a renderer in Blender."""
     return [
         (render, "threads_mode", "FIXED"), (render, "threads", perfect_bvh.thread_count()),
         (render, "resolution_x", width), (render, "resolution_y", width * 9 // 16),
@@ -241,7 +241,7 @@ def measure(
     seeds: int,
     bar: tqdm[Any],
 ) -> Measured:
-    """Whole images of all renderers by turns; before each round ours begins anew in Blender."""
+    """Whole images of all renderers by turns; before each round ours restarts in Blender."""
     measured = Measured([], defaultdict(list), defaultdict(list))
     for samples in counts:
         bar.set_description(f"{samples} samples")

@@ -21,11 +21,11 @@ from oracles.brute_force import ULP, WorldTriangles, judge, judge_occlusions
 
 @dataclass(frozen=True)
 class Wrong:
-    """Of `judged` rays `wrong` were answered wrongly; for `doubtful` the oracle allows several answers."""
+    """Of `judged` rays `wrong` were answered wrongly; for `ambiguous` the oracle allows several answers."""
 
     judged: int
     wrong: int
-    doubtful: int
+    ambiguous: int
 
     @property
     def per_million(self) -> float:
@@ -71,9 +71,9 @@ class Judge:
                 verdict = judge_occlusions(near, *same, ids[:, row] >= 0, t_max=rays.t_max)
             else:
                 verdict = judge(near, *same, t[:, row], instances[:, row], ids[:, row], t_max=rays.t_max)
-            totals += np.stack([verdict.wrong, verdict.doubtful], axis=1)
+            totals += np.stack([verdict.wrong, verdict.ambiguous], axis=1)
         counts = zip(answers, totals, strict=True)
-        return {name: Wrong(len(rays), int(wrong), int(doubtful)) for name, (wrong, doubtful) in counts}
+        return {name: Wrong(len(rays), int(wrong), int(ambiguous)) for name, (wrong, ambiguous) in counts}
 
     def _make_part(self, instance: int) -> tuple[WorldTriangles, _Boxes]:
         """One instance's triangles, and their boxes."""

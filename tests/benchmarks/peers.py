@@ -1,4 +1,4 @@
-"""Whoever can cast rays from Python: this engine, Embree as embreex gives it, Blender's BVHTree and scene.ray_cast.
+"""What can cast rays from Python: this engine, Embree as embreex gives it, Blender's BVHTree and scene.ray_cast.
 
 Each is built from a mesh and then answers the same rays, all on one thread.
 """

@@ -4,7 +4,7 @@
 
 For each mesh: nanoseconds a triangle to refit the tree of a swaying mesh, for a whole commit, and for Embree's REFIT;
 then the mesh twisted about its longest axis by 0.1, 1.5 and 2 pi radians: what each way of updating the tree takes, and
-the rays per second through what it leaves, as a share of those through a tree that the same side builds anew. Whatever
+the rays per second through what it leaves, as a share of those through a new tree of the same side. Whatever
 is compared is measured in turn in one run, on one thread.
 
 The JSON holds `rows`, all with the keys mesh, triangle_count, layout ("default", "compact"; null: Embree's), isa,

@@ -3,7 +3,7 @@
     python tests/benchmarks/scan.py --json scan.json
 
 Every scene is scanned by its camera's grid and by a LiDAR in the camera's place. `scan_ms` is all of `scan`: the scene
-read anew, its trees built, the rays, the points with their attributes. `cast_ms` is the rays alone, through trees that
+read again, its trees built, the rays, the points with their attributes. `cast_ms` is the rays alone, through trees that
 are there. Blender casts a random part of the same rays (--ray-limit), when its own trees are there, and makes no points
 of them. Both run on one thread; the clock is the process's own CPU time.
 

@@ -3,7 +3,7 @@
     python tests/benchmarks/stability.py --json stability.json
 
 A mesh is twisted, burst, flattened or sheared in one step, ever more, and its tree follows by each policy. Speeds are
-shares of the one through a tree built anew, of rays from all around, on one thread. All answers are compared bit by bit
+shares of the one through a new tree, of rays from all around, on one thread. All answers are compared bit by bit
 with the new tree's, and a part of them is audited in double precision; beside them are those of a tree left behind.
 """
 

@@ -34,7 +34,7 @@ class Gate:
         commit = perfect_bvh.Scene.commit
 
         def goes_on(progress: Any, share: float) -> bool:
-            """Whether to go on, once the gate is open or whoever waits has given up."""
+            """Whether to go on, once the gate is open or the waiting thread has given up."""
             if self._is_open.is_set():
                 return progress(share) is not False
             answer = progress(share)

@@ -1,4 +1,4 @@
-"""Materials as people build them, each set up on a cube's `Material` with nothing but a Principled BSDF of matt red."""
+"""Materials as users build them, each set up on a cube's `Material` with a Principled BSDF of diffuse red alone."""
 
 from __future__ import annotations
 
@@ -71,13 +71,13 @@ def tiled(material: Any) -> None:
 
 
 def shadeless(material: Any) -> None:
-    """A picture that glows, as of a screen."""
+    """An image that emits light, as of a screen."""
     tree = material.node_tree
     emission = add(tree, "Emission", (image_node(tree).outputs[0], 0), Strength=0.8)
     tree.links.new(emission.outputs[0], surface(material))
 
 
-def glowing_picture(material: Any) -> None:
+def emissive_picture(material: Any) -> None:
     tree = material.node_tree
     tree.links.new(image_node(tree).outputs[0], shader(material).inputs["Emission Color"])
     shader(material).inputs["Emission Strength"].default_value = 0.7
@@ -122,7 +122,7 @@ def worked_out(material: Any) -> None:
 
 
 def warm(material: Any) -> None:
-    """It glows as something of 2,000 kelvin, as brightly as a Value node says: no brighter than the noise allows."""
+    """It emits as a black body of 2,000 kelvin, as brightly as a Value node says: no brighter than the noise allows."""
     tree = material.node_tree
     tree.links.new(add(tree, "Blackbody", Temperature=2000.0).outputs[0], shader(material).inputs["Emission Color"])
     value = add(tree, "Value")
@@ -145,8 +145,8 @@ def grouped(material: Any) -> None:
     within = outer.nodes.new("ShaderNodeGroup")
     within.node_tree = inner
     outer.links.new(into.outputs[0], within.inputs[0])
-    matt = add(outer, "BsdfDiffuse", (within.outputs[0], 0))
-    outer.links.new(matt.outputs[0], out.inputs[0])
+    diffuse = add(outer, "BsdfDiffuse", (within.outputs[0], 0))
+    outer.links.new(diffuse.outputs[0], out.inputs[0])
     node = material.node_tree.nodes.new("ShaderNodeGroup")
     node.node_tree = outer
     node.inputs[0].default_value = (0.9, 0.5, 0.1, 1.0)
@@ -171,7 +171,7 @@ def one_sided(material: Any) -> None:
 
 
 def painted(material: Any) -> None:
-    """A picture multiplied with the mesh's own colours; whoever has no colours is grey."""
+    """A picture multiplied with the mesh's own colours; a mesh without colours is grey."""
     tree = material.node_tree
     attribute = add(tree, "VertexColor")
     attribute.layer_name = "Paint"
@@ -198,7 +198,7 @@ def paint(mesh: Any, domain: str = "CORNER", kind: str = "FLOAT_COLOR") -> Any:
 SETUPS: tuple[Callable[[Any], None], ...] = (
     tiled,
     shadeless,
-    glowing_picture,
+    emissive_picture,
     cut_out_by_a_mix,
     cut_out_by_a_mask,
     tinted,

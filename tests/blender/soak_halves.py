@@ -65,7 +65,7 @@ class _Gate:
         self._is_open.set()
 
     def wait(self, progress: Callable[[float], object]) -> None:
-        """Until it is opened, or whoever waits for the build wants it no more."""
+        """Until it is opened, or the waiting side no longer wants the build."""
         while not self._is_open.wait(0.0005):
             if progress(0.5) is False:
                 return
@@ -77,7 +77,7 @@ class _Gate:
 
 
 class _User:
-    """Whoever draws what the trees show: told of each edit, and reads the scene anew before the next image."""
+    """What draws the trees' content: told of each edit, it reads the scene again before the next image."""
 
     def __init__(self) -> None:
         self.trees = PendingCommit()
@@ -97,7 +97,7 @@ class Halves:
         self._gate = _Gate()
         self.sync = SceneSync(attributes, watch=False)
         self.sync._make_scene = self._gate.make_scene
-        self.sync.close()  # makes its scene anew
+        self.sync.close()  # makes its scene again
         self._users = (_User(), _User())
         rare = (self._stop, self._ask_to_stop, self._update, self._linger)
         self._actions = (*(self._hold, self._look, self._look_all) * 2, *rare)
@@ -155,7 +155,7 @@ class Halves:
         self.sync.ask_to_stop_building()
 
     def _update(self) -> None:
-        """In one go, by somebody who stops all others."""
+        """In one go, by a caller that stops all others."""
         self.note_edit()
         self.sync.update(bpy.context.evaluated_depsgraph_get())
         self._check("an update in one go")

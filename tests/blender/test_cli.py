@@ -266,7 +266,7 @@ def test_an_audit_says_how_many_rays_were_wrong(small_file: Path, tmp_path: Path
     assert run("render", small_file, "-o", tmp_path, "--frames", "1-2", "--samples", "4", "--audit", "0.5") == 0
     (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("audit: ")]
     match = re.fullmatch(
-        r"audit: ([\d,]+) rays checked, 0 wrong, \d+ in doubt: 0 wrong per million \(0 to [\d,]+ at 95 %\)", line
+        r"audit: ([\d,]+) rays checked, 0 wrong, \d+ ambiguous: 0 wrong per million \(0 to [\d,]+ at 95 %\)", line
     )
     assert match is not None, line
     rays = 2 * 4 * 64 * 36

@@ -104,7 +104,7 @@ def nodes_within_a_collection() -> Expectation:
 
 
 def nodes_made_curves() -> Expectation:
-    """A text object whose nodes show its letters: an instance whose mesh is nobody's own."""
+    """A text object whose nodes show its letters: an instance whose mesh belongs to no object."""
     bpy.ops.object.text_add()
     obj = bpy.context.object
     obj.data.body = "aba"

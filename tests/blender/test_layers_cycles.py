@@ -67,7 +67,7 @@ def floor_mesh(scene: Any) -> Any:
     return scene.objects["Floor"].data
 
 
-def glowing(scene: Any, output: Callable[[Any], Any]) -> Any:
+def emissive(scene: Any, output: Callable[[Any], Any]) -> Any:
     """A new material of the floor that shines with an output of nodes that are made for it."""
     material = new_red()
     tree = material.node_tree
@@ -115,7 +115,7 @@ COORDINATES: dict[str, Callable[[Any], Any]] = {
 
 @pytest.mark.parametrize("name", COORDINATES)
 def test_images_lie_on_the_map_that_nodes_name(scene, name: str) -> None:
-    glowing(scene, lambda tree: looked_up(tree, COORDINATES[name](tree)))
+    emissive(scene, lambda tree: looked_up(tree, COORDINATES[name](tree)))
     check(scene)
 
 
@@ -123,13 +123,13 @@ def test_a_mesh_without_uv_maps(scene) -> None:
     layers = floor_mesh(scene).uv_layers
     for name in [layer.name for layer in layers]:
         layers.remove(layers[name])
-    glowing(scene, lambda tree: looked_up(tree, add(tree, "TexCoord").outputs["UV"]))
+    emissive(scene, lambda tree: looked_up(tree, add(tree, "TexCoord").outputs["UV"]))
     assert np.ptp(check(scene), axis=(0, 1)).max() < 0.01
 
 
 def test_two_materials_of_a_mesh_have_maps_of_their_own(scene) -> None:
     for name in ("Turned", "Wide"):
-        glowing(scene, lambda tree, name=name: looked_up(tree, uv_map(tree, name)))
+        emissive(scene, lambda tree, name=name: looked_up(tree, uv_map(tree, name)))
     for polygon in floor_mesh(scene).polygons:
         polygon.material_index = int(polygon.center.x > 0)
     check(scene)
@@ -150,7 +150,7 @@ def test_two_images_of_a_material_have_maps_of_their_own(scene) -> None:
 
 def test_edits_of_maps_and_of_what_names_them_show(scene) -> None:
     """Each in the next picture, which is Cycles' again."""
-    material = glowing(scene, lambda tree: looked_up(tree, uv_map(tree, "Turned")))
+    material = emissive(scene, lambda tree: looked_up(tree, uv_map(tree, "Turned")))
     mesh = floor_mesh(scene)
     node = next(node for node in material.node_tree.nodes if node.type == "UVMAP")
     first = check(scene)
@@ -169,7 +169,7 @@ def test_edits_of_maps_and_of_what_names_them_show(scene) -> None:
     assert check(scene) == pytest.approx(second, abs=0.1)
 
 
-def matt(scene: Any, output: Callable[[Any], Any]) -> None:
+def diffuse(scene: Any, output: Callable[[Any], Any]) -> None:
     """The floor in white light from all around."""
     scene.world = bpy.data.worlds.new("World")
     scene.world.color, scene.world.use_nodes = (1.0, 1.0, 1.0), False
@@ -203,5 +203,5 @@ def test_colors_are_those_that_nodes_name(scene, name: str) -> None:
     mesh.attributes.new("warmth", "FLOAT", "POINT").data.foreach_set("value", np.linspace(0, 1, len(mesh.vertices)))
     flat = mesh.color_attributes.new("Flat", "BYTE_COLOR", "POINT")
     flat.data.foreach_set("color", np.tile(np.float32((0.2, 0.9, 0.4, 1.0)), len(mesh.vertices)))
-    matt(scene, COLORS[name])
+    diffuse(scene, COLORS[name])
     check(scene)

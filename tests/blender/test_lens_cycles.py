@@ -53,14 +53,14 @@ def paint_world(scene: Any, grey: float) -> None:
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (grey, grey, grey, 1.0)
 
 
-def glowing_ball(location: tuple[float, float, float], radius: float = 0.15) -> Any:
+def emissive_ball(location: tuple[float, float, float], radius: float = 0.15) -> Any:
     material = bpy.data.materials.new("Glow")
     material.use_nodes = True
     nodes = material.node_tree.nodes
     nodes.clear()
-    glow, output = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
-    glow.inputs["Strength"].default_value = 20.0
-    material.node_tree.links.new(glow.outputs[0], output.inputs["Surface"])
+    emission, output = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
+    emission.inputs["Strength"].default_value = 20.0
+    material.node_tree.links.new(emission.outputs[0], output.inputs["Surface"])
     bpy.ops.mesh.primitive_ico_sphere_add(radius=radius, subdivisions=3, location=location)
     bpy.context.object.data.materials.append(material)
     return bpy.context.object
@@ -106,7 +106,7 @@ def test_blur_has_the_size_and_the_shape_of_cycles(
         settings.longitude_max = settings.latitude_max = 0.5
     camera.dof.aperture_fstop = 0.7 if kind == "ORTHO" else 0.018
     camera.dof.aperture_blades, camera.dof.aperture_rotation, camera.dof.aperture_ratio = blades, rotation, ratio
-    glowing_ball((0.4, 7.0, 0.3), radius=0.4)
+    emissive_ball((0.4, 7.0, 0.3), radius=0.4)
     mine, theirs = render_both(scene)
     (place, shape), (their_place, their_shape) = moments(mine), moments(theirs)
     assert 4.0 < their_place[3] < 12.0, "blurred, and not out of the picture"
@@ -213,7 +213,7 @@ def test_a_change_of_focus_shows_in_syncs_viewports_and_renders(scene, change: C
     scene.collection.objects.link(focus)
     if change is move_focus_object:
         scene.camera.data.dof.focus_object = focus
-    glowing_ball((0.0, 6.0, 0.0), radius=0.5)
+    emissive_ball((0.0, 6.0, 0.0), radius=0.5)
     scene.render.use_persistent_data = True
     space = SimpleNamespace(camera=scene.camera)
     view = SimpleNamespace(view_perspective="CAMERA")
@@ -251,7 +251,7 @@ def test_a_view_that_is_not_the_cameras_has_no_lens(scene) -> None:
 
 @pytest.mark.parametrize("use_persistent_data", [False, True])
 def test_an_animation_follows_the_focus_object(scene, tmp_path: Path, use_persistent_data: bool) -> None:
-    glowing_ball((0.0, 6.0, 0.0), radius=0.5)
+    emissive_ball((0.0, 6.0, 0.0), radius=0.5)
     focus = bpy.data.objects.new("Focus", None)
     scene.collection.objects.link(focus)
     for frame, distance in ((1, 2.0), (3, 6.0)):

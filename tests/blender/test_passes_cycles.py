@@ -3,8 +3,8 @@
 A pixel is alike if depths agree within 1e-4, normals within one degree, and indices exactly. Pixels within one
 pixel of an edge in Cycles' index pass are left out, for Cycles' ray is up to 0.005 pixels off the pixel's centre.
 Inside an object there may be few that differ, and for each the double-precision judge must find the engine's own hit
-right or in doubt. Cycles is the one that is wrong on slivers of 18 m by 9 mm seen at four degrees, where its depth is
-off by millimetres; in doubt is what lies within the judge's margin of an edge that the index pass does not show, or
+right or ambiguous. Cycles is the one that is wrong on slivers of 18 m by 9 mm seen at four degrees, where its depth is
+off by millimetres; ambiguous is what lies within the judge's margin of an edge that the index pass does not show, or
 where two triangles coincide, as in the walls of the sea. Which of such pixels differ depends on the processor that
 Cycles runs on.
 """

@@ -113,7 +113,7 @@ def test_a_reason_to_read(sync: SceneSync, name: str) -> None:
     assert PASSED_OVER not in {reasons(report).get(mesh) for mesh in ("plain", "new")}
 
 
-def test_each_doubt_alone_is_a_reason_to_read(sync: SceneSync) -> None:
+def test_each_uncertainty_alone_is_a_reason_to_read(sync: SceneSync) -> None:
     """Mostly several come together."""
     plain = thing("plain").data
     token, uids = ("mesh", plain.session_uid, 0), (thing("plain").session_uid, plain.session_uid)
@@ -124,7 +124,7 @@ def test_each_doubt_alone_is_a_reason_to_read(sync: SceneSync) -> None:
     ignorant = EvaluationLog()
     while ignorant.now <= cache.since:
         ignorant.forget()
-    for doubt in (
+    for uncertain in (
         cache.find_untouched(("mesh", plain.session_uid, 1), mesh, uids, reading, log),
         cache.find_untouched(token, other, uids, reading, log),
         cache.find_untouched(token, mesh, uids, replace(reading, graph=cache.graph + 1), log),
@@ -133,7 +133,7 @@ def test_each_doubt_alone_is_a_reason_to_read(sync: SceneSync) -> None:
         cache.find_untouched(token, mesh, uids, reading, ignorant),
         replace(cache, since=-1).find_untouched(token, mesh, uids, reading, log),
     ):
-        assert doubt is None
+        assert uncertain is None
 
 
 def test_after_undo_and_redo_everything_is_read(sync: SceneSync) -> None:
@@ -148,7 +148,7 @@ def test_after_undo_and_redo_everything_is_read(sync: SceneSync) -> None:
 
 
 def test_what_is_edited_is_read_every_time(sync: SceneSync) -> None:
-    """Some modes change a mesh and tell nobody until they end."""
+    """Some modes change a mesh and report nothing until they end."""
     bpy.context.view_layer.objects.active = thing("smooth")
     bpy.ops.object.mode_set(mode="EDIT")
     try:

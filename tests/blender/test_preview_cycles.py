@@ -197,16 +197,16 @@ def test_shiny_things_shine_as_in_cycles(scene, metallic: float, roughness: floa
     assert np.abs(ours - theirs)[ball].mean() < tolerance * theirs[ball].mean()
 
 
-def test_what_glows_lights_as_in_cycles(scene) -> None:
+def test_emission_lights_as_in_cycles(scene) -> None:
     """A small bright ball between the cubes, and no other light: its light, and that without specks."""
     bpy.data.objects.remove(scene.objects["Sun"])
     scene.world.color = (0.0, 0.0, 0.0)
     bpy.ops.mesh.primitive_ico_sphere_add(radius=0.1, location=(-2.0, -3.0, 1.5), subdivisions=2)
     paint(bpy.context.object, (0.0, 0.0, 0.0))
     tree = bpy.context.object.active_material.node_tree
-    glow = tree.nodes.new("ShaderNodeEmission")
-    glow.inputs["Strength"].default_value = 1000.0
-    tree.links.new(glow.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    emission = tree.nodes.new("ShaderNodeEmission")
+    emission.inputs["Strength"].default_value = 1000.0
+    tree.links.new(emission.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     ours, theirs = (np.minimum(patches(image), 1.0) for image in render_both(scene))
     assert np.abs(ours - theirs).mean() < 0.03 * theirs.mean()
     assert np.abs(ours - theirs).max() < 0.03

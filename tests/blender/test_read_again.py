@@ -21,7 +21,7 @@ def thing(name: str) -> Any:
 
 @pytest.fixture
 def readings(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
-    """For each reading with a cache, whether all was read anew."""
+    """For each reading with a cache, whether all was read again."""
     made: list[bool] = []
     again = reading.read_again
 

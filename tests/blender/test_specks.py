@@ -67,7 +67,7 @@ def background(scene: bpy.types.Scene) -> bpy.types.Node:
     return next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
 
 
-def add_glowing_balls(scene: bpy.types.Scene) -> None:
+def add_emissive_balls(scene: bpy.types.Scene) -> None:
     for x, y, z, radius, strength in ((-2.0, -1.0, 2.6, 0.06, 800.0), (1.5, -1.2, 2.2, 0.05, 1000.0)):
         bpy.ops.mesh.primitive_ico_sphere_add(radius=radius, location=(x, y, z), subdivisions=2)
         material = principled((0.0, 0.0, 0.0), 0.0, 1.0)
@@ -100,7 +100,7 @@ def add_sun_in_the_sky(scene: bpy.types.Scene) -> None:
 
 
 LIGHTS: dict[str, Callable[[bpy.types.Scene], None]] = {
-    "glowing balls": add_glowing_balls,
+    "emissive balls": add_emissive_balls,
     "area lights": add_area_lights,
     "sun in the sky": add_sun_in_the_sky,
 }
@@ -128,7 +128,7 @@ def specks(image: Image, converged: Image) -> npt.NDArray[np.float64]:
     return (brightness - around) / (around + 0.1 * wanted.mean())
 
 
-@pytest.mark.parametrize(("lit_by", "most"), [("glowing balls", 4.0), ("area lights", 0.35), ("sun in the sky", 1.5)])
+@pytest.mark.parametrize(("lit_by", "most"), [("emissive balls", 4.0), ("area lights", 0.35), ("sun in the sky", 1.5)])
 def test_shiny_things_beside_small_bright_ones_show_no_specks(shop: bpy.types.Scene, lit_by: str, most: float) -> None:
     LIGHTS[lit_by](shop)
     assert specks(*previews()).max() < most

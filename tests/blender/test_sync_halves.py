@@ -102,7 +102,7 @@ def test_an_update_in_one_go_stops_it_and_is_right(box, sync: SceneSync, gate: G
 
 
 def test_one_that_ended_unseen_is_not_forgotten(box, sync: SceneSync) -> None:
-    """Nobody asked for its result: whoever updates next must know that the scene changed, or show an old image."""
+    """Its result was not asked for: the next update must know that the scene changed, or show an old image."""
     sync.begin_update(depsgraph()).settle()
     assert sync.revision == 1
     move(box, 3.0)
@@ -148,7 +148,7 @@ def test_hits_from_before_are_not_looked_up_in_what_was_only_read(box, sync: Sce
 
 
 def test_a_reading_that_fails_stops_what_is_built(box, sync: SceneSync, gate: Gate, monkeypatch) -> None:
-    """It may not become an answer: nobody knows what Blender shows now."""
+    """It may not become an answer: what Blender shows now is unknown."""
     building = sync.begin_update(depsgraph())
 
     def fail(*_: object, **__: object) -> None:

@@ -122,7 +122,7 @@ def test_what_came_before_an_undo_or_a_file_is_not_known(scene: Any, event: str)
 
 
 def test_handlers_that_somebody_removed_are_missed_by_the_next_who_reads(scene: Any, registered: None) -> None:
-    """Scripts empty Blender's lists. What was missed meanwhile nobody knows: so all that is shown or asked is old."""
+    """Scripts empty Blender's lists. What was missed meanwhile is unknown: so all that is shown or asked is old."""
     obj = mesh_object("a", mesh_data("a", *SQUARE))
     sync = SceneSync()
     sync.update(evaluated())
@@ -132,7 +132,7 @@ def test_handlers_that_somebody_removed_are_missed_by_the_next_who_reads(scene: 
     obj.location.z = 2.0
     evaluated()
     snapshot = sync._state.scene._scene.snapshot()
-    assert snapshot.generation == 1, "nobody could tell it"
+    assert snapshot.generation == 1, "it could not have been told"
     sync_of(evaluated()).update(evaluated())
     assert installed() == len(changes._HANDLERS)
     assert_stale(sync, "Blender's handlers were removed since the last update")
@@ -148,7 +148,7 @@ def test_handlers_that_somebody_removed_are_missed_by_the_next_who_reads(scene: 
 
 
 def test_handlers_only_mark_stale(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever happens: nothing is read, compared or built before somebody asks for it."""
+    """Whatever happens: nothing is read, compared or built before a query asks for it."""
     obj = mesh_object("a", mesh_data("a", *SQUARE))
     obj.keyframe_insert("location", frame=1)
     bpy.ops.ed.undo_push(message="before")

@@ -16,7 +16,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from blender.node_setups import add, new_red, shader  # noqa: E402
-from blender.test_layers_cycles import PATCH, SIDE, check, floor_mesh, glowing, scene  # noqa: E402, F401
+from blender.test_layers_cycles import PATCH, SIDE, check, emissive, floor_mesh, scene  # noqa: E402, F401
 from perfect_bvh_addon import AttributeRequest, SceneSync  # noqa: E402
 from perfect_bvh_addon.extract.looks.image_tiles import temporary_data  # noqa: E402
 from perfect_bvh_addon.sync.records import ImageRecord  # noqa: E402
@@ -56,7 +56,7 @@ def shown(scene: Any, image: Any, extension: str = "EXTEND") -> Any:  # noqa: F8
         node.image, node.extension = image, extension
         return node.outputs[0]
 
-    return glowing(scene, output)
+    return emissive(scene, output)
 
 
 def in_square(picture: Any, column: int, row: int) -> Any:

@@ -162,7 +162,7 @@ def test_another_sync_at_the_same_address_is_another(cube, gate: Gate, monkeypat
 
 @pytest.mark.parametrize("modes", [("CLAY", "PREVIEW"), ("DEPTH", "UV"), ("DEPTH", "MATERIAL"), ("PREVIEW", "CLAY")])
 def test_a_mode_that_needs_more_has_it_read(cube, scene, gate: Gate, modes: tuple[str, str]) -> None:
-    """Blender's depsgraph tells nothing of the add-on's settings, and nobody else might call for an update."""
+    """Blender's depsgraph tells nothing of the add-on's settings, and nothing else might call for an update."""
     bpy.ops.object.light_add(type="SUN")
     bpy.context.view_layer.objects.active = cube
     cube.data.materials.append(bpy.data.materials.new("red"))
@@ -201,7 +201,7 @@ def test_further_edits_stop_it_and_begin_anew(cube, gate: Gate) -> None:
         builds.append(sync_of(bpy.context.evaluated_depsgraph_get()).building)
     assert [build.is_running for build in builds] == [False, False, True]
     shown.update()
-    assert builds[-1].is_running, "nothing was edited, and yet it began anew"
+    assert builds[-1].is_running, "nothing was edited, and yet it restarted"
     gate.open()
     np.testing.assert_array_equal(shown.finish(), fresh())
 
@@ -304,9 +304,7 @@ def test_what_fails_beside_it_is_told_and_leaves_no_old_image(cube, gate: Gate, 
     building = sync_of(bpy.context.evaluated_depsgraph_get()).building
     assert building is None or building.wait(PATIENCE)
     shown.screen.clear()
-    monkeypatch.setattr(
-        pending_commit, "BUILDING_SECONDS", PATIENCE
-    )  # what is begun anew fails before it is waited for
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", PATIENCE)  # what is restarted fails before it is waited for
     for _ in range(2):
         with pytest.raises(MemoryError, match="no room for trees"):
             shown.redraw()

@@ -19,7 +19,7 @@ PALETTE = {
     "pale": "#C8C8C8",
 }
 
-# Whoever is compared has the same colour and mark in every chart.
+# Each engine has the same colour and mark in every chart.
 OURS, EMBREE, BLENDER, CYCLES = "blue", "vermilion", "grey", "grey"
 
 Mark = Literal["", "circle", "square", "triangle", "diamond", "ring"]

@@ -1,7 +1,7 @@
 """Draws the charts from what stands in data/, all or those that are named: python tests/charts/make.py [NAME ...].
 
 Needs matplotlib and numpy, not the engine: `nox -s charts` brings them. Each picture carries a fingerprint of all that
-is in it, by which a test sees whether it is in step with the figures. ZOO.md is written anew with the zoo's chart,
+is in it, by which a test sees whether it is in step with the figures. ZOO.md is rewritten with the zoo's chart,
 and README.md gets the sentences that told.py makes of the figures.
 """
 

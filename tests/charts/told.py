@@ -173,7 +173,7 @@ def failure_zoo(figures: Figures) -> str:
         f"Sticks and "
         'hair would be cheap with `builder="spatial"`, which a script must name, or say how many rays will '
         "follow; after a "
-        "long chain of small motions a commit that is told no number of rays mends rather than rebuilds. "
+        "long chain of small motions a commit that is told no number of rays restructures rather than rebuilds. "
         f"Some "
         f"answers differ from double precision's on: {wrong}; there float32 does not say which triangle it is."
     )
@@ -192,9 +192,9 @@ def stability(figures: Figures) -> str:
         f"**Unflattering:** "
         "at a twist of 2 pi the aim was 0.95 of a new tree's speed without building one; measured are "
         f"{speeds['refit']:.2f} by refits, {speeds['rotate']:.2f} with rotations, {speeds['rebuild_parts']:.2f} "
-        f"with spoilt "
+        f"with degraded "
         f"parts rebuilt, and {speeds['governed']:.2f} as the governor has it, which "
-        f"{'builds anew' if twist['governed']['action'] == 'rebuilt' else 'builds no new tree'}."
+        f"{'rebuilds' if twist['governed']['action'] == 'rebuilt' else 'builds no new tree'}."
     )
 
 

@@ -117,8 +117,8 @@ def made_of(instances: int, **columns: Any) -> dict[str, Any]:
 PLAIN_MATERIAL = {"metallics": 0.0, "roughnesses": 1.0, "reflectances": 0.0}
 
 
-def glowing(radiance: float, **floors: float) -> Appearance:
-    """A floor that gives back everything, and a black square that glows and no camera sees; nothing else shines."""
+def emissive(radiance: float, **floors: float) -> Appearance:
+    """A floor that gives back everything, and a black emissive square that no camera sees; nothing else emits."""
     table = materials(
         2,
         base_colors=np.array([(1, 1, 1), (0, 0, 0)], np.float32),

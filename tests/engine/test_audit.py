@@ -35,7 +35,7 @@ def test_right_answers_pass(scene_and_triangles, cull):
     assert hits.is_hit.sum() > 300
     assert hits.audit.checked_count == 3000
     assert hits.audit.wrong_rows.size == 0
-    assert 0 <= hits.audit.doubtful_count < 300
+    assert 0 <= hits.audit.ambiguous_count < 300
 
 
 def test_triangles_tiny_beside_their_distance_raise_no_alarm():
@@ -71,11 +71,11 @@ def spoil(hits: perfect_bvh.Hits) -> list[np.ndarray]:
 
 def audit_natively(scene, origins, directions, columns) -> tuple[np.ndarray, np.ndarray]:
     count = len(origins)
-    wrong, doubtful = np.empty(count, np.bool_), np.empty(count, np.bool_)
+    wrong, ambiguous = np.empty(count, np.bool_), np.empty(count, np.bool_)
     limits = (np.zeros(1, np.float32), np.full(1, np.inf, np.float32), np.full(1, 0xFFFFFFFF, np.uint32))
     core = scene.snapshot()._committed()
-    core.audit_answers(origins, directions, *limits, "none", *columns, wrong, doubtful, 0, None)
-    return wrong, doubtful
+    core.audit_answers(origins, directions, *limits, "none", *columns, wrong, ambiguous, 0, None)
+    return wrong, ambiguous
 
 
 def test_wrong_answers_are_found_as_the_oracle_finds_them(scene_and_triangles):
@@ -83,11 +83,11 @@ def test_wrong_answers_are_found_as_the_oracle_finds_them(scene_and_triangles):
     rays = meshes.random_rays(4000, 8)
     columns = spoil(scene.cast_rays(*rays))
     verdict = judge(triangles, *rays, *columns)
-    wrong, doubtful = audit_natively(scene, *rays, columns)
+    wrong, ambiguous = audit_natively(scene, *rays, columns)
     assert verdict.wrong.sum() > 500
     # The two take a different margin: the audit's is that of boxes, a little wider.
     unlike = wrong != verdict.wrong
-    assert not (unlike & ~(doubtful | verdict.doubtful)).any()
+    assert not (unlike & ~(ambiguous | verdict.ambiguous)).any()
     assert unlike.sum() <= 4
 
 
@@ -96,7 +96,7 @@ def test_share(scene_and_triangles):
     rays = meshes.random_rays(20000, 9)
     audit = scene.cast_rays(*rays, fields="mesh_ids", audit=0.05).audit
     assert 800 < audit.checked_count < 1200
-    assert scene.cast_rays(*rays, audit=0.05).audit.doubtful_count == audit.doubtful_count
+    assert scene.cast_rays(*rays, audit=0.05).audit.ambiguous_count == audit.ambiguous_count
     assert scene.cast_rays(*rays).audit is None
 
 
@@ -192,7 +192,7 @@ def test_an_audit_of_a_render_finds_what_is_wrong(scene_and_triangles, camera, m
     monkeypatch.setattr(perfect_bvh._core, "render", lie)
     audit = perfect_bvh.RenderAudit(1.0)
     perfect_bvh.render(scene, camera, "normal", (60, 40), audit=audit)
-    sure = truth["hit"].sum() - audit.result.doubtful_count
+    sure = truth["hit"].sum() - audit.result.ambiguous_count
     assert sure > 100
     assert sure <= len(audit.result.wrong_rows) <= truth["hit"].sum()
     assert set(audit.result.wrong_rows) <= set(truth["pixels"][truth["hit"]])

@@ -197,7 +197,7 @@ def test_a_mesh_at_rest_is_built_anew_once():
     scene.update_mesh(mesh, twisted)
     assert scene.commit(0).meshes[0].action == "refitted"
     (row,) = scene.commit().resting
-    assert row.action == "kept" and "nobody said" in row.reason
+    assert row.action == "kept" and "expected rays is unknown" in row.reason
     actions = []
     for _ in range(80):
         scene.set_transforms([other], np.eye(4)[None])
@@ -235,7 +235,7 @@ def test_a_sheared_mesh_gets_a_new_tree():
     assert (governed.action, governed.cost) == ("rebuilt", rebuilt.cost)
 
 
-def test_mending_is_priced_by_what_it_builds():
+def test_restructuring_is_priced_by_what_it_builds():
     positions, triangles = meshes.sphere(60, 84)
     parts = np.concatenate([positions + [3 * place, 0, 0] for place in range(8)])
     corners = np.concatenate([triangles + place * len(positions) for place in range(8)])

@@ -142,14 +142,14 @@ def test_far_from_the_origin():
         assert np.quantile(difference, 0.99) < 4e-7 + tolerance
 
 
-def test_tiny_triangles_far_away_are_in_doubt():
-    """Smaller than what a double can tell of the distance: nobody may call them surely hit."""
+def test_tiny_triangles_far_away_are_ambiguous():
+    """Smaller than what a double can tell of the distance: they may not be called surely hit."""
     random = np.random.default_rng(9)
     corners = random.normal(size=(20, 3, 3)) * 1e-12
     world = WorldTriangles.of([(0, corners.reshape(-1, 3), np.arange(60).reshape(-1, 3), np.eye(4), 1)])
     origins = random.uniform(-1.0, 1.0, (200, 3))
     verdict = judge(world, origins, -origins, np.full(200, np.inf), np.full(200, -1), np.full(200, -1))
-    assert verdict.doubtful.all()
+    assert verdict.ambiguous.all()
     assert not verdict.wrong.any()
 
 

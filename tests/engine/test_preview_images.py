@@ -51,7 +51,7 @@ def test_a_uv_transform_says_where_an_image_is_looked_up():
     assert picture[16, 16, :3] == pytest.approx((0, 1, 0), abs=0.02)
 
 
-def test_an_image_may_glow():
+def test_an_image_may_emit():
     """Its colours multiply the emission, and nothing else does."""
     image = ImageTexture(np.tile(np.float32((0.25, 0.5, 2.0, 1.0)), (2, 2, 1)))
     black, three = np.zeros((1, 3), np.float32), np.full((1, 3), 3.0, np.float32)

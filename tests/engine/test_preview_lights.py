@@ -77,7 +77,7 @@ def test_a_grid_before_an_area_light_gathers_its_light_and_keeps_its_watts(kind,
 
 @pytest.mark.parametrize("roughness", [0.3, 0.6])
 def test_highlights_are_what_a_mirror_would_show_of_the_light(roughness):
-    """A square light, and a glowing square of the same radiance, seen in a metal floor: two ways to one number."""
+    """A square light, and an emissive square of the same radiance, seen in a metal floor: two ways to one number."""
     camera = looking((0, -4, 3), (0, 0, 0), 8.0)
     power = 200.0
     light = lights(3, position=(0, 4, 3), power=power, size=(2.0, 2.0))
@@ -85,14 +85,14 @@ def test_highlights_are_what_a_mirror_would_show_of_the_light(roughness):
     by_light = brightness(floor(), Appearance(**metal, lights=light, world=BLACK), camera, samples=256)
 
     square = np.array([(-1, 3, 3), (1, 3, 3), (1, 5, 3), (-1, 5, 3)], np.float64)
-    glowing = materials(
+    emissive = materials(
         2,
         base_colors=np.array([(1, 1, 1), (0, 0, 0)], np.float32),
         emissions=np.array([(0, 0, 0), (power / math.pi / 4,) * 3], np.float32),
         metallics=np.array([1, 0], np.float32),
         roughnesses=np.array([roughness, 1], np.float32),
     )
-    look = Appearance(instances=two_materials(), materials=glowing, world=BLACK)
+    look = Appearance(instances=two_materials(), materials=emissive, world=BLACK)
     by_mirror = brightness(floor(square), look, camera, samples=1024)
     assert by_light > 0.5
     assert by_mirror == pytest.approx(by_light, rel=0.05)

@@ -29,7 +29,7 @@ from perfect_bvh import Appearance, World, render, render_passes
 
 
 def test_a_smooth_metal_is_a_coloured_mirror():
-    """A floor of gold below a glowing ceiling, which the camera sees in it alone."""
+    """A floor of gold below an emissive ceiling, which the camera sees in it alone."""
     gold = (0.9, 0.6, 0.2)
     look = made_of(1, base_colors=gold, metallics=1.0, roughnesses=0.0)
     world = World((0.3, 0.5, 0.7))

@@ -56,7 +56,7 @@ def test_the_worlds_image_lies_round_the_scene_as_in_blender():
         {"base_colors": (0.8, 0.8, 0.8), "metallics": 1.0, "roughnesses": 0.5},
         {"base_colors": (0.3, 0.3, 0.3), "reflectances": 0.04, "roughnesses": 0.6},
     ],
-    ids=["matt", "metal", "plastic"],
+    ids=["diffuse", "metal", "plastic"],
 )
 def test_a_sun_in_the_worlds_image_shines_as_a_light_would(rotation, columns):
     """With its shadow and its highlight, and without specks: a ray in ten thousand would find it by chance."""

@@ -38,7 +38,7 @@ def squares(*places: tuple[float, float, float], half: float) -> Scene:
     return scene
 
 
-def glowing(count: int) -> Appearance:
+def emissive(count: int) -> Appearance:
     """Everything shines by itself, before a black world."""
     return Appearance(
         instances=InstanceTable(
@@ -56,8 +56,8 @@ def glowing(count: int) -> Appearance:
 
 
 def picture(scene: Scene, camera: Camera, samples: int = 256, count: int = 1) -> npt.NDArray[np.float32]:
-    """(H, W), the light of glowing things."""
-    return render(scene, camera, "preview", (SIZE, SIZE), samples, glowing(count))[..., 1]
+    """(H, W), the light of emissive surfaces."""
+    return render(scene, camera, "preview", (SIZE, SIZE), samples, emissive(count))[..., 1]
 
 
 def blur_radius(lens: Lens, distance: float, projection: str) -> float:
@@ -130,13 +130,13 @@ def test_only_preview_and_only_its_picture_see_the_lens() -> None:
     blurred = replace(camera, lens=Lens(0.3, 1.0))
     for mode in ("preview", "clay", "matcap", "wireframe", "normal", "depth", "cost"):
         for samples in (1, 4):
-            asked = {"mode": mode, "size": (SIZE, SIZE), "samples": samples, "appearance": glowing(2)}
+            asked = {"mode": mode, "size": (SIZE, SIZE), "samples": samples, "appearance": emissive(2)}
             sharp = render_passes(scene, camera, passes=PASSES, **asked)
             seen = render_passes(scene, blurred, passes=PASSES, **asked)
             for name in PASSES:
                 is_same = np.array_equal(sharp[name], seen[name])
                 assert is_same != (mode == "preview" and name == "combined"), (mode, samples, name)
-            alone = render(scene, blurred, mode, (SIZE, SIZE), samples, glowing(2))
+            alone = render(scene, blurred, mode, (SIZE, SIZE), samples, emissive(2))
             np.testing.assert_array_equal(alone, seen["combined"])
 
 
@@ -145,7 +145,7 @@ def test_rounds_of_samples_add_up_to_the_blur() -> None:
     scene = squares((0, 0, -6.0), half=0.15)
     camera = Camera(window=WINDOW, lens=Lens(0.6, 2.0))
     reference = picture(scene, camera, 512)
-    options = {"mode": "preview", "size": (SIZE, SIZE), "appearance": glowing(1), "passes": ("combined", "depth")}
+    options = {"mode": "preview", "size": (SIZE, SIZE), "appearance": emissive(1), "passes": ("combined", "depth")}
     rounds = [
         (done, passes["combined"][..., 1].copy())
         for done, passes in render_progressively(scene, camera, samples=64, **options)
@@ -162,7 +162,7 @@ def test_samples_spread_over_the_lens(blades: int) -> None:
     scene = squares((0, 0, -6.0), (0.7, -0.4, -3.0), half=0.5)
     camera = Camera(window=WINDOW, lens=Lens(0.4, 2.0, blades=blades))
     reference, image = (
-        render(scene, camera, "preview", (32, 32), samples, glowing(2), filter_width=0.0, seed=seed)[..., 1]
+        render(scene, camera, "preview", (32, 32), samples, emissive(2), filter_width=0.0, seed=seed)[..., 1]
         for samples, seed in ((4096, 1), (64, 2))
     )
     independent = math.sqrt(np.mean(reference * (1.0 - reference) / 64))
@@ -175,7 +175,7 @@ def test_blur_does_not_depend_on_threads(threads: int) -> None:
     scene = squares((0, 0, -6.0), half=0.5)
     camera = Camera(window=WINDOW, lens=Lens(0.4, 2.0))
     images = [
-        render(scene, camera, "preview", (SIZE, SIZE), 4, glowing(1), threads=count, seed=3) for count in (threads, 0)
+        render(scene, camera, "preview", (SIZE, SIZE), 4, emissive(1), threads=count, seed=3) for count in (threads, 0)
     ]
     np.testing.assert_array_equal(*images)
 

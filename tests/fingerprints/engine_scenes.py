@@ -93,7 +93,7 @@ def instances(layout: str) -> EngineScene:
 
 
 def moved(layout: str) -> EngineScene:
-    """Meshes refitted, mended or rebuilt, transforms, masks, meshes and instances changed, over four commits."""
+    """Meshes refitted, restructured or rebuilt, transforms, masks, meshes and instances changed, over four commits."""
     random, scene = np.random.default_rng(7), Scene()
     positions, triangles = meshes.sphere(24, 32)
     config = BuildConfig(layout=layout)
@@ -118,7 +118,7 @@ def moved(layout: str) -> EngineScene:
 
 
 def refitted(layout: str) -> EngineScene:
-    """A tree that follows its vertices for four commits and is never built anew."""
+    """A tree that follows its vertices for four commits and is never rebuilt."""
     scene = Scene(policy="refit")
     positions, triangles = meshes.soup(1500, 9, 0.05)
     mesh = scene.add_mesh(positions, triangles, BuildConfig(layout=layout), usage="deforming")

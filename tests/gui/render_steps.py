@@ -14,7 +14,7 @@ from places import area_of, context_of, middle_of, region_of
 
 
 def find_and_press_preview() -> Step:
-    """In a panel that is laid out anew."""
+    """In a panel that is laid out again."""
     bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
     yield from redrawn()
     bpy.context.scene.render.engine = "PERFECT_BVH"
@@ -96,7 +96,7 @@ def render() -> Step:
 
 
 def let_statistics_come_by_themselves() -> Step:
-    """Nobody moves the mouse: the panels of a render come when it ends, and say when the scene is another."""
+    """Without a move of the mouse: the panels of a render come when it ends, and say when the scene is another."""
     display, bpy.context.preferences.view.render_display_type = bpy.context.preferences.view.render_display_type, "NONE"
     hover(*middle_of(area_of("VIEW_3D")))
     module("statistics.last_result").forget()

@@ -50,7 +50,7 @@ def edit_beside_two_viewports() -> Step:
 
 
 def hide_in_one_of_two_viewports() -> Step:
-    """Local view, filters and local collections are one viewport's: the other shows all, whoever was drawn last."""
+    """Local view, filters and local collections are one viewport's: the other shows all, whichever was drawn last."""
     window = main_window()
     right = view_areas(window)[1]
     whole = yield from check_both(window, "left", "right")

@@ -102,7 +102,7 @@ def edit_in_two_scenes() -> Step:
     yield from look("a box of the second scene moved")
     check(np.array_equal(images[first.scene.name], before[first.scene.name]), "the first scene shows the second's edit")
     check(abs(images["Other"] - before["Other"]).max() > 0.05, "the second scene does not show its edit")
-    check(kept & {id(found._refinement) for found in viewports()}, "the first scene's image was begun anew")
+    check(kept & {id(found._refinement) for found in viewports()}, "the first scene's image was restarted")
     before = dict(images)
     bpy.data.objects["Hill"].location.z -= 1.0
     yield from look("the hill of both scenes moved")

@@ -1,7 +1,7 @@
-"""The judge: every ray against every triangle, in double precision, with its own doubt made explicit.
+"""The judge: every ray against every triangle, in double precision, with its own rounding error made explicit.
 
 A triangle is *surely hit* by a ray if the ray passes inside all three of its edges by more than `margin`, *surely
-missed* if it passes outside one of them by more than that, and *doubtful* in between. The margin is what rounding the
+missed* if it passes outside one of them by more than that, and *ambiguous* in between. The margin is what rounding the
 ray to float, in the space of the triangle's instance, can move it by.
 
 An answer is right if
@@ -62,16 +62,16 @@ class WorldTriangles:
 
 @dataclass(frozen=True)
 class Verdict:
-    """wrong: (R,) bool. doubtful: (R,) bool, rays for which some triangle was in doubt (right answers included)."""
+    """wrong: (R,) bool. ambiguous: (R,) bool, rays for which some triangle was ambiguous (right answers included)."""
 
     wrong: npt.NDArray[np.bool_]
-    doubtful: npt.NDArray[np.bool_]
+    ambiguous: npt.NDArray[np.bool_]
     hit: npt.NDArray[np.bool_]
 
     def __str__(self) -> str:
         return (
             f"{len(self.wrong)} rays, {int(self.hit.sum())} hits: {int(self.wrong.sum())} wrong, "
-            f"{int(self.doubtful.sum())} in doubt; first wrong: {np.flatnonzero(self.wrong)[:5].tolist()}"
+            f"{int(self.ambiguous.sum())} ambiguous; first wrong: {np.flatnonzero(self.wrong)[:5].tolist()}"
         )
 
 
@@ -111,7 +111,7 @@ def _classify(world: WorldTriangles, origins: F64, directions: F64) -> _Block:
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = np.where(edge > 0.0, turn * volume / edge, 0.0)
         inside = np.minimum(inside, distance)
-    # Seen almost edge-on the three distances say nothing about t: leave such triangles in doubt.
+    # Seen almost edge-on the three distances say nothing about t: leave such triangles ambiguous.
     edge_on = ~np.isfinite(t) | (cosine < 1e-6) | (area[None, :] == 0.0)
     return _Block(t, t_bound, (inside > margin) & ~edge_on, (inside < -margin) & ~edge_on)
 
@@ -200,12 +200,12 @@ def judge(
     ).reshape(-1)
     hit = instance_ids >= 0
     wrong = hit & (rows < 0)  # names a triangle that does not exist
-    doubtful = np.zeros(count, np.bool_)
+    ambiguous = np.zeros(count, np.bool_)
     for part in _parts(world, origins, directions, t_min, t_max, mask):
         block, rays = part.block, part.rays
         in_range = (block.t + block.t_bound >= part.low) & (block.t - block.t_bound <= part.high)
         possible = ~block.missed & part.visible & in_range
-        doubtful[rays] = (possible & ~part.sure).any(axis=1)
+        ambiguous[rays] = (possible & ~part.sure).any(axis=1)
         nearest_sure = np.where(part.sure, block.t + block.t_bound, np.inf).min(axis=1)
         wrong[rays] |= ~hit[rays] & np.isfinite(nearest_sure)
         index = np.flatnonzero(hit[rays] & (rows[rays] >= 0))
@@ -217,7 +217,7 @@ def judge(
         bad |= known & (np.abs(answered - t) > bound)
         bad |= answered - np.where(known, bound, 0.0) > nearest_sure[index]
         wrong[rays.start + index[bad]] = True
-    return Verdict(wrong, doubtful, hit)
+    return Verdict(wrong, ambiguous, hit)
 
 
 def judge_occlusions(
@@ -234,12 +234,12 @@ def judge_occlusions(
     directions = np.asarray(directions, np.float64).reshape(-1, 3)
     count = len(origins)
     hit = np.asarray(occluded, np.bool_).reshape(-1)
-    wrong, doubtful = hit.copy(), np.zeros(count, np.bool_)  # over no triangles every hit is wrong
+    wrong, ambiguous = hit.copy(), np.zeros(count, np.bool_)  # over no triangles every hit is wrong
     for part in _parts(world, origins, directions, t_min, t_max, mask):
         block = part.block
         # Seen edge-on a triangle has no t to speak of: it may be hit anywhere.
         outside = (block.t + block.t_bound < part.low) | (block.t - block.t_bound > part.high)
         possible = ~block.missed & part.visible & ~outside
-        doubtful[part.rays] = (possible & ~part.sure).any(axis=1)
+        ambiguous[part.rays] = (possible & ~part.sure).any(axis=1)
         wrong[part.rays] = np.where(hit[part.rays], ~possible.any(axis=1), part.sure.any(axis=1))
-    return Verdict(wrong, doubtful, hit)
+    return Verdict(wrong, ambiguous, hit)

@@ -138,13 +138,13 @@ def render_passes(scene: bpy.types.Scene, engine: str = "CYCLES") -> Passes:
 def render_cycles(scene: bpy.types.Scene, samples: int = 1) -> Passes:
     """Cycles' own passes: `samples` rays a pixel through its centre, no bounces, no denoising, no lens blur.
 
-    The normals come from a second render in which everything is matt: glossy closures bend the normal that
+    The normals come from a second render in which everything is diffuse: glossy closures bend the normal that
     Cycles writes, so that no mirror image lies below the surface, by up to 30 degrees on a smooth edge.
     """
     cycles = scene.cycles
     camera = scene.camera.data
     view_layer = scene.view_layers[0]
-    matt = _make_matt_material()
+    diffuse = _make_diffuse_material()
     try:
         with preserved(
             (cycles, "device", "CPU"),
@@ -158,14 +158,14 @@ def render_cycles(scene: bpy.types.Scene, samples: int = 1) -> Passes:
             (scene.render, "use_motion_blur", False),
         ):
             passes = render_passes(scene, "CYCLES")
-            with preserved((view_layer, "material_override", matt)):
+            with preserved((view_layer, "material_override", diffuse)):
                 normal = render_passes(scene, "CYCLES").normal
     finally:
-        bpy.data.materials.remove(matt)
+        bpy.data.materials.remove(diffuse)
     return replace(passes, normal=normal)
 
 
-def _make_matt_material() -> bpy.types.Material:
+def _make_diffuse_material() -> bpy.types.Material:
     material = bpy.data.materials.new("Matt")
     material.use_nodes = True
     nodes = material.node_tree.nodes

@@ -12,7 +12,7 @@ from makers.zoo.case import Rays, finite
 from oracles.brute_force import Verdict, WorldTriangles, judge
 from perfect_bvh.calibration import DEFAULT_FILE, Calibration
 
-# Whoever has measured their own machine gets the same trees here.
+# A machine with its own calibration gets the same trees here.
 SHIPPED = Calibration.load(DEFAULT_FILE)
 ANSWER = ("t_hit", "instance_ids", "primitive_ids", "primitive_uvs")
 
@@ -92,12 +92,12 @@ def bits(hits: perfect_bvh.Hits) -> list[bytes]:
 def wrong_answers(
     scene: perfect_bvh.Scene, rays: Rays, t_hit: np.ndarray, instance_ids: np.ndarray, primitive_ids: np.ndarray
 ) -> np.ndarray:
-    """(R,) bool: which answers, whoever gave them, the engine's audit in double precision finds wrong."""
+    """(R,) bool: which answers, from any engine, the engine's audit in double precision finds wrong."""
     count = len(t_hit)
     origins, directions = (np.ascontiguousarray(values, np.float64) for values in rays)
     limits = np.zeros(1, np.float32), np.full(1, np.inf, np.float32), np.full(1, 0xFFFFFFFF, np.uint32)
     answers = np.float32(t_hit), np.int32(instance_ids), np.int32(primitive_ids)
-    wrong, doubtful = np.empty(count, np.bool_), np.empty(count, np.bool_)
+    wrong, ambiguous = np.empty(count, np.bool_), np.empty(count, np.bool_)
     audit = scene.snapshot()._committed().audit_answers
-    audit(origins, directions, *limits, "none", *answers, wrong, doubtful, 0, None)
+    audit(origins, directions, *limits, "none", *answers, wrong, ambiguous, 0, None)
     return wrong

@@ -58,5 +58,5 @@ def table(figures: Figures) -> str:
 
 
 def write_table() -> None:
-    """Writes ZOO.md anew from the figures that are kept."""
+    """Rewrites ZOO.md from the figures that are kept."""
     TABLE.write_text(table(load(DATA)), encoding="utf-8")

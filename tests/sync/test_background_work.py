@@ -23,7 +23,7 @@ def work_until_stopped(advance: Advance) -> int:
         if not advance(step / 50_000):
             raise perfect_bvh.Cancelled("stopped")
         time.sleep(0.002)
-    pytest.fail("nobody has stopped the work")
+    pytest.fail("the work was not stopped")
 
 
 def test_it_works_on_another_thread_and_finishes_on_the_callers() -> None:
@@ -40,7 +40,7 @@ def test_it_works_on_another_thread_and_finishes_on_the_callers() -> None:
 
     made = BackgroundWork(commit, finish)
     assert made.wait(60.0)
-    assert len(threads) == 1, "finished by nobody's wish"
+    assert len(threads) == 1, "nothing asked it to finish"
     assert made.result() == made.result() == "report on trees"
     assert made.share == 0.5
     assert not made.is_running

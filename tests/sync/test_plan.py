@@ -83,7 +83,7 @@ def test_what_is_gone_is_forgotten_in_the_end() -> None:
 
 
 def test_what_is_expected_holds_for_as_long_as_it_is_said_to() -> None:
-    """Of a mesh that does nothing more: nobody has to ask again before."""
+    """Of a mesh that does nothing more: no caller has to ask again before."""
     for guess in ("static", "rigid", "changing"):
         for did in ("static", "rigid", "deforming"):
             tracker = UsageTracker()

@@ -1,4 +1,4 @@
-"""An update step by step, as whoever commits in the background does it: compare, apply, commit, finish."""
+"""An update step by step, as a background commit does it: compare, apply, commit, finish."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_a_failed_commit_is_tried_again_with_the_same_edits() -> None:
 
 
 def test_a_comparison_outlives_the_end_of_the_commit_before() -> None:
-    """Whoever compares while a commit is under way applies that when it has ended, one way or the other."""
+    """What is compared while a commit is under way is applied when that has ended, either way."""
     made, scene = state()
     first = made.apply(made.compare(base()))
     commit = made.commit()

@@ -122,7 +122,7 @@ def xyz_to_rgb(xyz: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 @lru_cache(maxsize=64)
 def blackbody(kelvin: float) -> tuple[float, float, float]:
-    """The colour of a glowing black body, of luminance one, by Planck's law."""
+    """The colour of a black body, of luminance one, by Planck's law."""
     waves = np.arange(380.0, 781.0, 5.0)
     spectrum = waves**-5.0 / np.expm1(1.4388e7 / (waves * max(kelvin, 800.0)))
     tristimulus = tristimulus_curves(waves) @ spectrum

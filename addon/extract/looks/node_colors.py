@@ -74,7 +74,7 @@ class _SurfaceReader:
         if node.type == "HOLDOUT":
             return Surface(BLACK, holdout=1.0)
         if node.type == "EMISSION":
-            return self._glow(Surface(BLACK), node.inputs["Color"], node.inputs["Strength"], scope)
+            return self._emission(Surface(BLACK), node.inputs["Color"], node.inputs["Strength"], scope)
         if node.type == "BSDF_PRINCIPLED":
             return self._principled(node, scope)
         color = next((node.inputs[name] for name in _COLOR_INPUTS if name in node.inputs), None)
@@ -95,9 +95,9 @@ class _SurfaceReader:
                 "transmission": values.number(inputs["Transmission Weight"], 0.0, scope),
             },
         )
-        return self._glow(surface, inputs["Emission Color"], inputs["Emission Strength"], scope)
+        return self._emission(surface, inputs["Emission Color"], inputs["Emission Strength"], scope)
 
-    def _glow(self, surface: Surface, color: Any, strength: Any, scope: Scope | None) -> Surface:
+    def _emission(self, surface: Surface, color: Any, strength: Any, scope: Scope | None) -> Surface:
         """The surface with light of its own; a strength that cannot be known is none."""
         if not strength.is_linked and not strength.default_value:
             return surface
@@ -141,7 +141,7 @@ class _SurfaceReader:
         share = float(np.clip(values.mean(factor)[0], 0.0, 1.0))
         alpha = values.combine(_lerp, [factor, first.alpha, second.alpha], "mix")
         weights = (1.0 - share) * values.mean(first.alpha)[0], share * values.mean(second.alpha)[0]
-        emission = self._lerp_glow(first, second, factor)
+        emission = self._lerp_emission(first, second, factor)
         if not weights[0] or not weights[1]:
             # Its colour counts wherever it is: not what alpha's mask would leave of it.
             only = second if weights[1] else first
@@ -155,7 +155,7 @@ class _SurfaceReader:
         base = values.combine(_lerp, [by, first.base, second.base], "mix")
         return Surface(base, emission, 1.0, alpha, specular, holdout)
 
-    def _lerp_glow(self, first: Surface, second: Surface, factor: Value) -> Value:
+    def _lerp_emission(self, first: Surface, second: Surface, factor: Value) -> Value:
         emissions = self._radiance(first), self._radiance(second)
         if all(emitted.texture is None and not emitted.color[:3].any() for emitted in emissions):
             return BLACK

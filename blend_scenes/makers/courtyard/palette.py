@@ -48,9 +48,9 @@ COLOURS: dict[str, Colour] = {
 
 
 def make_palette() -> Palette:
-    """One material for each colour, and the bulbs that glow."""
+    """One material for each colour, and the emissive bulbs."""
     palette = {name: paint(name, colour) for name, colour in COLOURS.items()}
     palette["brass"] = paint("brass polished", COLOURS["brass"], 0.35, 1.0)
     palette["water"] = paint("water still", COLOURS["water"], 0.08)
-    palette["bulb"] = paint("bulb", (0.95, 0.72, 0.34), 0.4, glow=6.0)
+    palette["bulb"] = paint("bulb", (0.95, 0.72, 0.34), 0.4, emission=6.0)
     return palette

@@ -136,7 +136,7 @@ def _is_lost_in_mixing(basis: Body, pose: Body) -> bool:
 
 
 def _new_mesh(name: str, part: Body) -> bpy.types.Mesh:
-    """Positions as they are: from_pydata and validate() would mend those that are no numbers."""
+    """Positions as they are: from_pydata and validate() would replace those that are not finite."""
     mesh = bpy.data.meshes.new(name)
     mesh.vertices.add(len(part.positions))
     mesh.vertices.foreach_set("co", np.ascontiguousarray(part.positions, np.float32).ravel())

@@ -26,7 +26,7 @@ def equal_counts() -> tuple[State, ...]:
 
 
 def topology_on_some_frames() -> tuple[State, ...]:
-    """A ball that breathes; on the third and fifth of six frames its triangles are dealt out anew."""
+    """A ball that breathes; on the third and fifth of six frames its triangles are dealt out again."""
     positions, triangles = ball(3)
     dealt = triangles[np.random.default_rng(19).permutation(len(triangles))][:, [1, 2, 0]]
     other = {2: (_swapped(positions), dealt), 4: (positions, triangles[::-1].copy())}

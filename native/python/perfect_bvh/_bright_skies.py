@@ -28,5 +28,5 @@ def find_bright_sky(image: dict[str, Any], threads: int) -> _core.BrightSky | No
 
 
 def _is_final(pixels: npt.NDArray[Any]) -> bool:
-    """Whether nobody can write to them: read-only, and nobody else's memory."""
+    """Whether they cannot change: read-only, and they own their memory."""
     return type(pixels) is np.ndarray and pixels.flags.owndata and not pixels.flags.writeable

@@ -86,7 +86,7 @@ class Snapshot:
         instance_ids: _Int,
         primitive_ids: _Int,
         wrong: npt.NDArray[np.bool_],
-        doubtful: npt.NDArray[np.bool_],
+        ambiguous: npt.NDArray[np.bool_],
         threads: int,
         progress: _Progress,
     ) -> None: ...

@@ -51,7 +51,7 @@ class MaterialTable:
     alphas: (M,) float32, 0 to 1. None: all are opaque.
     metallics, roughnesses: (M,) float32, 0 to 1, as in Blender's Principled BSDF. None: no metal, and all is rough.
     reflectances: (M,) float32, what a surface that is no metal mirrors when seen from straight above; 0.04 for most.
-        None: all is matt.
+        None: all are diffuse.
     transmissions: (M,) float32, 0 to 1: how clear it is. Glass mirrors and is seen through straight. None: none is.
     holdouts: (M,) float32, 0 to 1: how much of it cuts a hole into the image: it hides what is behind without colour or
         alpha of its own. At 1 camera rays find no surface in it, as in an instance that is held out. None: none does.
@@ -84,7 +84,7 @@ class ImageTexture:
 
     pixels: (H, W, 4), straight alpha, row 0 at the lower border (v = 0); uint8 is sRGB, float32 scene-linear.
         What the mode "preview" finds bright in the world's image is kept while the array exists if it is read-only and
-        owns its memory; else it is found anew for each image that is rendered.
+        owns its memory; else it is found again for each image that is rendered.
     extension: what lies outside 0..1: "repeat", "extend" (the border's colour) or "clip" (nothing).
     uv_transform: two rows, what (u, v, 1) of a surface's uv map is multiplied with to find the place in the image.
     uv_map: the name of the surface's uv map, "" for `corner_uvs`.

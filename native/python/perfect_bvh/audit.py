@@ -28,13 +28,13 @@ class Audit:
         they belong to, counted row by row from the top. Wrong: a miss although a
         triangle in range is surely hit; or a hit of a triangle that is surely missed, or whose t is off by more than
         rounding the ray to float can explain, or that lies behind a surely hit one.
-    doubtful_count: rays that pass some triangle's edge, or an end of their range, so closely that rounding them to
+    ambiguous_count: rays that pass some triangle's edge, or an end of their range, so closely that rounding them to
         float decides: then either answer counts as right.
     """
 
     checked_count: int
     wrong_rows: npt.NDArray[np.int64]
-    doubtful_count: int
+    ambiguous_count: int
 
     @property
     def wrong_per_million(self) -> float:
@@ -59,13 +59,13 @@ class Audit:
         return Audit(
             self.checked_count + other.checked_count,
             np.concatenate([self.wrong_rows, other.wrong_rows]),
-            self.doubtful_count + other.doubtful_count,
+            self.ambiguous_count + other.ambiguous_count,
         )
 
     def __str__(self) -> str:
         low, high = self.interval
         return (
-            f"{self.checked_count:,} rays checked, {len(self.wrong_rows):,} wrong, {self.doubtful_count:,} in doubt: "
+            f"{self.checked_count:,} rays checked, {len(self.wrong_rows):,} wrong, {self.ambiguous_count:,} ambiguous: "
             f"{self.wrong_per_million:,.0f} wrong per million ({low:,.0f} to {high:,.0f} at 95 %)"
         )
 
@@ -93,7 +93,7 @@ class RenderAudit:
         """Adds what checking the rays shows that a render has kept, as columns of one row a ray."""
         started = time.perf_counter()
         count = len(kept["pixels"])
-        wrong, doubtful = np.empty(count, np.bool_), np.empty(count, np.bool_)
+        wrong, ambiguous = np.empty(count, np.bool_), np.empty(count, np.bool_)
         for start in range(0, count, _ROWS_AT_A_TIME):
             part = slice(start, min(start + _ROWS_AT_A_TIME, count))
             snapshot.audit_answers(
@@ -107,11 +107,11 @@ class RenderAudit:
                 kept["instance_ids"][part],
                 kept["primitive_ids"][part],
                 wrong[part],
-                doubtful[part],
+                ambiguous[part],
                 threads,
                 share_of(progress, part.start / count, (part.stop - part.start) / count),
             )
-        self.result += Audit(count, kept["pixels"][wrong], int(doubtful.sum()))
+        self.result += Audit(count, kept["pixels"][wrong], int(ambiguous.sum()))
         self.seconds += time.perf_counter() - started
 
 
@@ -126,7 +126,7 @@ def audit_answers(
 ) -> Audit:
     """Checks each ray of the batch with a chance of `share`; the same rays whenever the same snapshot is asked."""
     rows = _draw_rows(batch.count, share, seed=snapshot.generation)
-    wrong, doubtful = np.empty(len(rows), np.bool_), np.empty(len(rows), np.bool_)
+    wrong, ambiguous = np.empty(len(rows), np.bool_), np.empty(len(rows), np.bool_)
     answers = [columns[name].reshape(-1) for name in AUDITED_FIELDS]
     for start in range(0, len(rows), _ROWS_AT_A_TIME):
         part = slice(start, min(start + _ROWS_AT_A_TIME, len(rows)))
@@ -134,10 +134,10 @@ def audit_answers(
         t_hit, instance_ids, primitive_ids = (answer[rows[part]] for answer in answers)
         snapshot.audit_answers(
             *(origins, directions, t_min, t_max, masks, cull),
-            *(t_hit, instance_ids, primitive_ids, wrong[part], doubtful[part], threads),
+            *(t_hit, instance_ids, primitive_ids, wrong[part], ambiguous[part], threads),
             share_of(progress, part.start / len(rows), (part.stop - part.start) / len(rows)),
         )
-    return Audit(len(rows), rows[wrong], int(doubtful.sum()))
+    return Audit(len(rows), rows[wrong], int(ambiguous.sum()))
 
 
 def _draw_rows(count: int, share: float, seed: int) -> npt.NDArray[np.int64]:

@@ -36,7 +36,7 @@ class BuildConfig:
         "binned": the heuristic at a fixed number of planes (Wald 2007). The usual choice; its trees can be refitted.
         "spatial": cuts space too where that is cheaper, and refers to what it cuts from both sides (Stich, Friedrich
             and Dietrich 2009). Takes several times as long as "binned" and more memory, and pays for long,
-            large or crossed triangles, hardly for evenly tessellated ones. Built anew when positions change.
+            large or crossed triangles, hardly for evenly tessellated ones. Rebuilt when positions change.
         "fast": as "binned", but over clusters of up to 8 triangles along a Morton curve (Garanzha, Pantaleoni and
             McAllister 2011). The least time of all that look at cost, for a slightly worse tree: for a topology
             that changes every frame.

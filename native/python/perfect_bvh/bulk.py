@@ -1,4 +1,4 @@
-"""Loops over instances and triangles for whoever keeps a scene in step with another program.
+"""Loops over instances and triangles for code that keeps a scene in step with another program.
 
 They say nothing about rays: in Python they would cost more than the edits that they find.
 """

@@ -183,7 +183,7 @@ def _time_build(mesh: _Mesh, builder: str) -> float:
 def _time_update(mesh: _Mesh, policy: Policy) -> tuple[float, float]:
     """Of a commit that has the memory of the last tree but one, as in an animation.
 
-    Returns its nanoseconds, and how many triangles stand in parts that it built anew.
+    Returns its nanoseconds, and how many triangles are in the parts that it rebuilt.
     """
     scene, number = _scene_of(mesh, "deforming", "binned", policy)
     scene.commit()
@@ -192,11 +192,11 @@ def _time_update(mesh: _Mesh, policy: Policy) -> tuple[float, float]:
         started = time.thread_time_ns()
         report = scene.commit()
         nanoseconds = time.thread_time_ns() - started
-    return nanoseconds, report.meshes[0].mended_share * len(mesh.triangles)
+    return nanoseconds, report.meshes[0].restructured_share * len(mesh.triangles)
 
 
 def _rotation_gain(mesh: _Mesh) -> float:
-    """How much of what building all above the leaves anew gains rotations do."""
+    """The share, of what rebuilding everything above the leaves gains, that rotations gain."""
     rotated, rebuilt = (_update(mesh, policy) for policy in ("rotate", "rebuild_parts"))
     most = rebuilt.refitted_cost - rebuilt.cost
     gain = (rotated.refitted_cost - rotated.cost) / most if most > 0 else 0.0

@@ -55,9 +55,9 @@ class Calibration:
     """Nanoseconds of one thread.
 
     node_nanoseconds, leaf_nanoseconds: of a ray's visit to a node and to a leaf block. refit_nanoseconds: a triangle;
-    rotate_nanoseconds: besides, for mending the refitted tree by rotations; rebuild_parts_nanoseconds: of a triangle in
-    the parts, for building those anew, beyond twice the refit of the whole. rotation_gain: the share, up to 1, of what
-    new parts are expected to gain that rotations do.
+    rotate_nanoseconds: besides, for restructuring the refitted tree by rotations; rebuild_parts_nanoseconds: of a
+    triangle in the parts, for rebuilding those, beyond twice the refit of the whole. rotation_gain: the share, up
+    to 1, of what new parts are expected to gain that rotations do.
     builders: the costs of "fast", "binned" and "spatial". machine: where it was measured, in words.
 
     Raises `CalibrationError` (a ValueError) for numbers that are not positive and finite.
@@ -151,7 +151,7 @@ def read_calibration() -> Calibration:
         pass
     except (OSError, RuntimeError, CalibrationError) as error:  # RuntimeError: a user without a home folder
         warnings.warn(
-            f"the calibration is not used: {error}; `perfect-bvh calibrate` measures it anew",
+            f"the calibration is not used: {error}; `perfect-bvh calibrate` measures it again",
             RuntimeWarning,
             stacklevel=3,
         )

@@ -20,7 +20,7 @@ class Lens:
     """A thin lens: what lies at `focus_distance` is sharp, everything else is blurred into the aperture's shape.
 
     A point at distance d spreads over a disk of radius `radius * abs(d / focus_distance - 1)` around itself, in world
-    units, by which it covers its surroundings. Only the mode "preview" uses lenses, and only for "combined": all other
+    units, by which it covers what is around it. Only the mode "preview" uses lenses, and only for "combined": all other
     modes and passes show what is seen through the middle of the lens.
 
     radius: of the aperture, in world units: the focal length divided by twice the f-number. A polygon's corners lie at

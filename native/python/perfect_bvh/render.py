@@ -123,9 +123,9 @@ def render_passes(
 
     scene: a `Scene` without pending edits, or a `Snapshot`.
     mode: how the image looks:
-        "preview": the scene under its own lights and world: base colours and images, gloss, emission, transparency,
-            soft shadows, one bounce of light. Without a world in the appearance the studio's sky.
-        "clay": matt surfaces in a photographer's studio: soft sky, ambient occlusion, one soft key light.
+        "preview": the scene under its own lights and world: base colours and images, GGX specular, emission,
+            transparency, soft shadows, one bounce of light. Without a world in the appearance the studio's sky.
+        "clay": diffuse surfaces in a photographer's studio: soft sky, ambient occlusion, one soft key light.
         "matcap": form from the normals as the viewer sees them, without shadows: a ball in a studio.
         "wireframe": the edges of the triangles over softly lit surfaces.
         "normal": the shading normal in world space, -1..1 as 0..1.

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 # deferred: a lazy mesh that no ray has reached: its tree is not built; `statistics()` tells when it is.
-# refitted: new boxes, the same tree. rotated, partly_rebuilt: refitted, then mended where motion had loosened it.
+# refitted: new boxes, the same tree. rotated, partly_rebuilt: refitted, then restructured where motion had degraded
+# it.
 # kept: nothing was done, though a new tree was weighed.
 MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt", "deferred", "kept"]
 
@@ -16,7 +17,7 @@ class Alternative:
     """What could have been done about a mesh, and what that was expected to cost on one thread.
 
     builder: of the tree that would be built; "" where none would. trace_milliseconds: of the rays that were expected;
-    None if nobody said how many.
+    None if their number is unknown.
     """
 
     action: MeshAction
@@ -30,15 +31,15 @@ class MeshReport:
     """One mesh that a commit worked on, and why it did what it did: a row of the governor's ledger.
 
     usage: its class, as `Scene.add_mesh` was told. reason: a sentence. alternatives: what the engine chose from; empty
-    where there was no choice. expected_rays: how many were expected to meet the mesh's box, None if nobody said.
+    where there was no choice. expected_rays: how many were expected to meet the mesh's box, None if unknown.
     node_visits, leaf_visits: what a random ray that meets the box is expected to visit of the tree that is traced now.
 
     builder: what made the tree (now, or before it was refitted; or will make it), layout: of its leaves; both as in
     `BuildConfig`.
     milliseconds: of one mesh, on however many threads; then of its stages, 0 for those that did not run: building the
     binary tree, improving it by reinsertion, collapsing it into the wide tree that rays are traced through; or
-    refitting that (also where it was then found too slow to trace) and mending it by rotations or by building parts
-    of it anew; mended_share: which share of its leaves those parts have.
+    refitting that (also where it was then found too slow to trace) and restructuring it by rotations or by rebuilding
+    parts of it; restructured_share: which share of its leaves those parts have.
     fresh_cost, refitted_cost, cost: visits to nodes that a ray through the mesh's box is expected to make: in the tree
     when it was built, in that tree refitted (both 0 where no refit was tried), and in the one that the mesh has now.
     byte_count: of the geometry, its tree and what refits go by. Besides, as long as a mesh deforms in every commit, the
@@ -59,8 +60,8 @@ class MeshReport:
     build_milliseconds: float
     optimize_milliseconds: float
     refit_milliseconds: float
-    mend_milliseconds: float
-    mended_share: float
+    restructure_milliseconds: float
+    restructured_share: float
     fresh_cost: float
     refitted_cost: float
     cost: float
@@ -105,7 +106,7 @@ class TopLevelReport:
 
 @dataclass(frozen=True, slots=True)
 class CommitReport:
-    """meshes: those that were not kept. resting: those kept in trees that motion had spoilt ("governed" only), and why.
+    """meshes: those that were not kept. resting: those kept in trees degraded by motion ("governed" only), and why.
 
     kept_count: all that were kept, resting or not.
     baked_count: instances whose transform has no usable inverse.
@@ -135,12 +136,12 @@ class CommitReport:
 
     @property
     def mesh_stages(self) -> dict[str, float]:
-        """Milliseconds of each stage, of all meshes together: build, optimize, collapse, refit, mend.
+        """Milliseconds of each stage, of all meshes together: build, optimize, collapse, refit, restructure.
 
         Meshes are worked on at the same time where there are threads for it, so that the sum may be more than
         mesh_milliseconds.
         """
-        names = ("build", "optimize", "collapse", "refit", "mend")
+        names = ("build", "optimize", "collapse", "refit", "restructure")
         return {name: sum(getattr(mesh, f"{name}_milliseconds") for mesh in self.meshes) for name in names}
 
     def count(self, *actions: MeshAction) -> int:

@@ -32,7 +32,7 @@ class Scene(Queries):
 
     policy: what becomes of a tree whose vertices moved. "governed": what is expected to cost least, of the update and
         of the rays together. The others are for comparisons, and hits are the same, bit by bit: "refit" (wherever a
-        tree can be refitted), "rotate" and "rebuild_parts" (refit, and then always mend the tree so), "rebuild".
+        tree can be refitted), "rotate" and "rebuild_parts" (refit, and then always restructure so), "rebuild".
     calibration: what work costs on this machine; by default what `perfect-bvh calibrate` measured, or else what comes
         with the package. With equal calibrations, edits and expected rays the decisions are the same anywhere.
     """
@@ -48,8 +48,8 @@ class Scene(Queries):
         self.before_query: Callable[[], object] | None = None
         """Called on the thread of each query that would be answered, and of `is_current` and `snapshot()`, before it.
 
-        For whoever can find out whether the source of this scene's data has changed: it may call `mark_stale`. What it
-        raises, the query raises. Queries of snapshots do not call it.
+        For code that can find out whether the source of this scene's data has changed: it may call `mark_stale`. What
+        it raises, the query raises. Queries of snapshots do not call it.
         """
 
     def _committed(self) -> _core.Snapshot:
@@ -106,7 +106,7 @@ class Scene(Queries):
         )
 
     def set_usage(self, mesh: int, usage: Usage) -> None:
-        """Says anew what will happen to a mesh, see `add_mesh`: for the trees that are built from now on."""
+        """Says again what will happen to a mesh, see `add_mesh`: for the trees that are built from now on."""
         _check_usage("set_usage", usage)
         self._scene.set_usage(check_id("set_usage", "mesh", mesh), usage)
 
@@ -169,8 +169,8 @@ class Scene(Queries):
         """Brings the trees up to date with all edits.
 
         expected_rays: how many rays are about to be cast until the next commit: what refitting and building is weighed
-            against, and builders are chosen by. Without it builders are chosen by usage, and a refitted tree is mended
-            or rebuilt where a ray is expected to cost 5 percent more than when it was built.
+            against, and builders are chosen by. Without it builders are chosen by usage, and a refitted tree is
+            restructured or rebuilt where a ray is expected to cost 5 percent more than when it was built.
         progress: called with the share done; returning False raises `Cancelled`. It must not use this scene.
 
         After a failed or cancelled commit the edits still wait, and snapshots taken before stay valid.
@@ -183,7 +183,7 @@ class Scene(Queries):
     def mark_stale(self, why: str) -> None:
         """Makes every query raise `StaleSceneError(why)` until the next commit.
 
-        For whoever knows that the source of this scene's data has changed.
+        For code that knows that the source of this scene's data has changed.
         """
         self._scene.mark_stale(why)
 

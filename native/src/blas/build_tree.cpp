@@ -34,7 +34,7 @@ class TriangleLeafLimit final : public LeafLimit {
   const TreeLayout layout_;
 };
 
-// Whoever prices leaves or limits them gets what was asked for.
+// Whether the leaf costs and limits are the defaults: explicit ones are kept.
 bool leaves_are_free(const BuildConfig& config) noexcept {
   const BuildConfig usual;
   return config.traversal_cost == usual.traversal_cost && config.intersection_cost == usual.intersection_cost &&

@@ -31,12 +31,12 @@ enum class Usage : std::uint8_t {
   return "";
 }
 
-// Names the builder where the choice was left to the engine: a tree that lasts for a frame must be built in a blink,
+// Names the builder where the choice was left to the engine: a tree that lasts for a frame must be built fast,
 // any other repays a better one.
 [[nodiscard]] BuildConfig choose_builder(BuildConfig config, Usage usage) noexcept;
 
-// Whether a tree that nobody will refit may be built straight into the wide one: the fast builder's, unless something
-// was asked for that only a binary tree can heed.
+// Whether a tree that will not be refitted may be built straight into the wide one: the fast builder's, unless
+// something was asked for that needs a binary tree.
 [[nodiscard]] bool is_built_wide(const BuildConfig& config) noexcept;
 
 [[nodiscard]] Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool& pool,

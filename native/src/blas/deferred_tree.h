@@ -1,7 +1,6 @@
-// A tree that is built once, by whoever needs it first, on however many threads ask for it at the same time: those that
-// come while it is being built help.
-// In: how to build it. Out: the tree, or what kept the asker from building it; then nothing is built, and the next one
-// to ask tries again.
+// A tree that is built once, when the first thread asks for it. Threads that ask while it is being built help.
+// In: how to build it. Out: the tree, or the error that stopped the build; then nothing is built, and the next thread
+// that asks tries again.
 #pragma once
 
 #include <functional>
@@ -35,7 +34,7 @@ class DeferredTree {
   const Build build_;
   mutable std::mutex mutex_;  // held briefly
   BuiltTree built_;
-  std::shared_ptr<TaskGroup> building_;  // null unless somebody builds
+  std::shared_ptr<TaskGroup> building_;  // null unless a build is under way
 };
 
 // What rays are traced through: the tree that came later, if there is one by now.

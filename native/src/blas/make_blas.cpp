@@ -1,7 +1,7 @@
 // From a mesh that is new or was edited to what rays are traced through. Where only positions changed
-// the tree is refitted and perhaps mended (refit_blas.cpp); where they came to rest in a tree that motion spoilt, that
-// is kept or built anew (rest_blas.cpp); otherwise, or where the governor wants another one, a
-// binary tree is built and collapsed. The fast builder's tree is built wide at once.
+// the tree is refitted and perhaps restructured (refit_blas.cpp); where they came to rest in a tree that motion
+// degraded, that is kept or rebuilt (rest_blas.cpp); otherwise, or where the governor wants another one, a binary tree
+// is built and collapsed. The fast builder's tree is built wide at once.
 
 #include "blas/make_blas.h"
 

@@ -8,7 +8,7 @@
 
 namespace perfect_bvh {
 
-// Whether a commit has anything to decide: the mesh was edited, or rests in a tree that its motion spoilt.
+// Whether a commit has anything to decide: the mesh was edited, or rests in a tree that its motion degraded.
 [[nodiscard]] bool needs_decision(const MeshState& state, const CommitOptions& options) noexcept;
 
 // Of a mesh that needs a decision. Throws Cancelled, bad_alloc.

@@ -34,7 +34,7 @@ struct MeshState {
   UpdateHistory history;                            // of `blas`'s tree
 };
 
-// A mesh that was edited, or rests in a spoilt tree, and how many rays it may expect.
+// A mesh that was edited, or rests in a degraded tree, and how many rays it may expect.
 struct ChangedMesh {
   std::int32_t mesh_id;
   const MeshState* state;

@@ -12,7 +12,7 @@
 namespace perfect_bvh {
 
 // Throws InvalidArgument for other counts than the mesh's and for positions that are not good; `function` opens the
-// message. T: float or double, which is recentred anew.
+// message. T: float or double, which is recentred again.
 template <class T>
 [[nodiscard]] std::shared_ptr<const TriangleMesh> move_vertices(const TriangleMesh& mesh,
                                                                 std::span<const Vec3<T>> positions,

@@ -1,5 +1,5 @@
 // A tree that follows its triangles. It is refitted; then the governor says whether that will do,
-// whether rotations or new parts mend it, or whether another tree is built.
+// whether to restructure it by rotations or new parts, or to build another tree.
 
 #include <string_view>
 
@@ -17,8 +17,8 @@
 namespace perfect_bvh {
 namespace {
 
-// A part is spoilt where its root's children cover so much more than they did.
-constexpr double kSpoilt = 1.1;
+// A part is degraded where its root's children cover so much more than they did.
+constexpr double kDegraded = 1.1;
 
 // Of a tree whose parts' costs are known.
 TraceWork work_of(const WideCosts& costs, const WideBvh& tree) {
@@ -27,9 +27,9 @@ TraceWork work_of(const WideCosts& costs, const WideBvh& tree) {
   return {(costs.of(tree.root) - leaves) / kWideNodeCost, leaves / kWideLeafCost};
 }
 
-// The parts of a refitted tree that its motion spoilt, by their roots.
-std::vector<std::uint32_t> spoilt_parts(const Blas& blas, const WideCosts& costs) {
-  auto parts = find_spoilt_parts(blas.wide, costs, *blas.fresh_costs, kSpoilt);
+// The parts of a refitted tree that its motion degraded, by their roots.
+std::vector<std::uint32_t> degraded_parts(const Blas& blas, const WideCosts& costs) {
+  auto parts = find_degraded_parts(blas.wide, costs, *blas.fresh_costs, kDegraded);
   if (parts.empty() && blas.wide.root < kBlockChild) parts.push_back(blas.wide.root);  // a little everywhere
   return parts;
 }
@@ -62,7 +62,7 @@ WideCosts follow(Blas& blas, const Blas& before, MeshReport& report, ThreadPool&
 }
 
 // Returns which share of the leaves now stands in other parts of the tree.
-double mend(Blas& blas, UpdateAction action, WideCosts& costs, ThreadPool& pool, CancelToken& cancel) {
+double restructure(Blas& blas, UpdateAction action, WideCosts& costs, ThreadPool& pool, CancelToken& cancel) {
   blas.refit_plan.order.reset();
   blas.shape = new_tree_shape();  // first: stopped half-way, its memory must not pass for the old shape's
   if (action == UpdateAction::kRotate) {
@@ -70,7 +70,7 @@ double mend(Blas& blas, UpdateAction action, WideCosts& costs, ThreadPool& pool,
     return 0;
   }
   WideCosts fresh = *blas.fresh_costs;
-  const auto parts = spoilt_parts(blas, costs);
+  const auto parts = degraded_parts(blas, costs);
   const double share = share_of_leaves(blas.wide, parts);
   costs = rebuild_parts(blas.wide, fresh, parts, blas.config, pool, cancel);
   blas.fresh_costs = std::make_shared<const WideCosts>(std::move(fresh));
@@ -86,7 +86,8 @@ void look_closer(UpdateQuestion& question, const Blas& before, const Blas& blas,
     history.sample = measure_tree_sample(before.mesh, pool);  // of the shape that the tree was built for
   }
   if (may_rebuild(question, calibration)) question.sample = measure_tree_sample(blas.mesh, pool);
-  if (may_mend(question, calibration)) question.spoilt_share = share_of_leaves(blas.wide, spoilt_parts(blas, costs));
+  if (may_restructure(question, calibration))
+    question.degraded_share = share_of_leaves(blas.wide, degraded_parts(blas, costs));
 }
 
 }  // namespace
@@ -99,7 +100,7 @@ bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
   if (!report.reason.empty()) return false;
   WideCosts costs = follow(blas, before, report, pool, cancel);
 
-  const Stopwatch watch;  // of mending, and of finding out whether to
+  const Stopwatch watch;  // of restructuring, and of finding out whether to
   const Usage usage = usage_of(changed.state->usage, true);
   UpdateQuestion question{.policy = options.policy,
                           .triangle_count = blas.mesh.triangle_count(),
@@ -117,10 +118,10 @@ bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
   result.history.sample_now = question.sample;
   if (decision.action == UpdateAction::kRebuild) return false;
   if (decision.action != UpdateAction::kRefit) {
-    report.mended_share = mend(blas, decision.action, costs, pool, cancel);
-    report.mend_milliseconds = watch.milliseconds();
-    if (blas.wide.depth > kMaxTreeDepth || !is_mended(question, work_of(costs, blas.wide))) {
-      report.reason += ", and mending did not help";
+    report.restructured_share = restructure(blas, decision.action, costs, pool, cancel);
+    report.restructure_milliseconds = watch.milliseconds();
+    if (blas.wide.depth > kMaxTreeDepth || !is_restructured(question, work_of(costs, blas.wide))) {
+      report.reason += ", and restructuring did not help";
       return false;
     }
   }
@@ -128,7 +129,7 @@ bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
   report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
   blas.cover = make_cover(cover_boxes(blas.wide, blas.mesh, kCoverBoxes));
   result.history.now = work, result.history.at_rest = {};
-  if (decision.action != UpdateAction::kRefit) result.history.mended = work;
+  if (decision.action != UpdateAction::kRefit) result.history.restructured = work;
   return true;
 }
 

@@ -1,4 +1,4 @@
-// Whether a mesh that moved once and rests now keeps the tree that its motion spoilt.
+// Whether a mesh that moved once and rests now keeps the tree that its motion degraded.
 
 #include "blas/build_tree.h"
 #include "blas/ledger.h"

@@ -15,8 +15,8 @@ using Key = std::uint64_t;  // Morton code, then the reference's position: no tw
 
 constexpr std::size_t kChunk = 16384;  // references a thread takes at a time; no cluster spans two chunks
 
-// How large a cluster's box may be, as a multiple of its members' boxes together. A looser one misleads whoever sees
-// the cluster alone: long thin triangles, or a large one among small ones.
+// How large a cluster's box may be, as a multiple of its members' boxes together. A looser one misleads a
+// builder that sees only the cluster's box: long thin triangles, or a large one among small ones.
 constexpr float kLooseness = 1.0f;
 
 [[nodiscard]] std::size_t chunk_count(std::size_t count) noexcept { return (count + kChunk - 1) / kChunk; }

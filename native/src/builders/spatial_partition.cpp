@@ -30,15 +30,15 @@ PlaneSide unsplit(SpatialPlane& now, const Box4& box, const std::array<Box4, 2>&
   Box4 wide_left = now.left, wide_right = now.right;
   wide_left.grow(box);
   wide_right.grow(box);
-  const float parted = left_area * left_count + right_area * right_count;
+  const float split_cost = left_area * left_count + right_area * right_count;
   const float all_left = scale.half_area(wide_left) * left_count + right_area * (right_count - 1.0f);
   const float all_right = left_area * (left_count - 1.0f) + scale.half_area(wide_right) * right_count;
-  if (now.right_count > 1 && all_left < parted && all_left <= all_right) {
+  if (now.right_count > 1 && all_left < split_cost && all_left <= all_right) {
     now.left = wide_left;
     --now.right_count;
     return PlaneSide::kLeft;
   }
-  if (now.left_count > 1 && all_right < parted) {
+  if (now.left_count > 1 && all_right < split_cost) {
     now.right = wide_right;
     --now.left_count;
     return PlaneSide::kRight;

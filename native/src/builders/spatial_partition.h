@@ -1,5 +1,5 @@
-// Which side of a split each reference of a range goes to. What a cut through space parts goes to both, with the boxes
-// of its parts, unless it costs less to leave it whole (Stich, Friedrich, Dietrich 2009, section 4.4, "reference
+// Which side of a split each reference of a range goes to. What a cut through space divides goes to both, with the
+// boxes of its parts, unless it costs less to leave it whole (Stich, Friedrich, Dietrich 2009, section 4.4, "reference
 // unsplitting").
 // In: references, and an object split or a plane. Out: what lies on each side; the references moved there.
 #pragma once

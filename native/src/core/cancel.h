@@ -79,7 +79,7 @@ class CancelToken {
     throw_if_stopped();
   }
 
-  // Another thread's Cancelled may overtake what the callback threw: whoever catches Cancelled asks here first.
+  // Another thread's Cancelled may overtake what the callback threw: code that catches Cancelled asks here first.
   void rethrow_callback_error() const {
     if (callback_error_) std::rethrow_exception(callback_error_);
   }

@@ -207,7 +207,7 @@ void TaskGroup::run(std::function<void()> task) {
   try {
     pool_.push({std::move(task), this});
   } catch (...) {
-    // Tasks are added by the waiting thread or by a pending task, so nobody can have seen this count alone.
+    // Tasks are added by the waiting thread or by a pending task, so no thread can have seen this count alone.
     pending_.fetch_sub(1, std::memory_order_relaxed);
     throw;
   }

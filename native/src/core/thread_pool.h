@@ -2,7 +2,7 @@
 // In: callables. Out: their first exception, rethrown in the thread that waits. The waiting thread works too, but only
 // on tasks of the group it waits for and of groups made inside them: nesting never deadlocks, the C++ stack grows no
 // deeper than groups are nested, and a short job never gets stuck behind another caller's long one. Sized from the CPU
-// affinity; made anew in a forked child; uses no library that Blender loads.
+// affinity; made again in a forked child; uses no library that Blender loads.
 #pragma once
 
 #include <atomic>
@@ -30,7 +30,7 @@ class ThreadPool {
 
   [[nodiscard]] int thread_count() const noexcept { return static_cast<int>(workers_.size()) + 1; }
 
-  // The process's pool, created at first use and again in a child after fork: ask anew for every operation. Other
+  // The process's pool, created at first use and again in a child after fork: ask again for every operation. Other
   // pools do not survive a fork.
   [[nodiscard]] static ThreadPool& shared();
   // Joins the shared pool's workers; the next use makes a new one. Operations under way on the old one stay valid:
@@ -69,7 +69,7 @@ class ThreadPool {
 class TaskGroup {
  public:
   explicit TaskGroup(ThreadPool& pool) noexcept;
-  ~TaskGroup();  // waits; an exception that nobody asked for with wait() is dropped
+  ~TaskGroup();  // waits; an exception that no wait() has rethrown is dropped
   TaskGroup(const TaskGroup&) = delete;
   TaskGroup& operator=(const TaskGroup&) = delete;
 
@@ -79,7 +79,7 @@ class TaskGroup {
   // Helps until every task has ended, then rethrows the first exception; Cancelled only if there was no other, since
   // it is the echo of what made the operation stop. `idle` runs between tasks, on this thread; it may throw.
   void wait(const std::function<void()>& idle = {});
-  // Helps, on any thread, until every task that was added has ended, but leaves their exceptions to wait(). Whoever
+  // Helps, on any thread, until every task that was added has ended, but leaves their exceptions to wait(). Code that
   // calls it keeps the group alive meanwhile.
   void help(const std::function<void()>& idle) { pool_.help(*this, idle); }
 

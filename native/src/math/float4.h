@@ -1,5 +1,5 @@
 // Four floats at once: SSE2, which every x86-64 has, or plain loops elsewhere with the same results.
-// The fourth lane of a box corner is somebody else's number (see PrimRef, Bvh2Node): it may hold any bits.
+// The fourth lane of a box corner holds another field (see PrimRef, Bvh2Node): it may hold any bits.
 #pragma once
 
 #include <cstdint>

@@ -28,7 +28,7 @@ template <class T>
     if (is_finite(p)) continue;
     throw InvalidArgument(std::string(function) + ": positions[" + std::to_string(i) + "] is not finite, got (" +
                           to_text(p.x) + ", " + to_text(p.y) + ", " + to_text(p.z) +
-                          "); remove the triangles that use it, or mend the vertex");
+                          "); remove the triangles that use it, or correct the vertex");
   }
   throw InvalidArgument(std::string(function) + ": positions must stay below 1e18 in magnitude, got " +
                         to_text(largest) + "; scale the mesh down and its instances up");

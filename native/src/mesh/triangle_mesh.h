@@ -1,5 +1,5 @@
 // An owned, validated, indexed triangle mesh in object space.
-// In: positions (float or double) and triangles from the caller. Out: copies that nobody else can change.
+// In: positions (float or double) and triangles from the caller. Out: copies that no other code can change.
 // Double positions are recentred before they are narrowed, so that data a million units from zero keeps its detail:
 // object space as the caller knows it is `centre` + stored position.
 #pragma once
@@ -38,7 +38,7 @@ struct TriangleMesh {
 [[nodiscard]] TriangleMesh make_mesh(std::span<const Vec3d> positions, std::span<const Vec3<std::int32_t>> triangles,
                                      const char* function);
 
-// Parts of the same, for whoever moves the vertices of a mesh: throws InvalidArgument if there are not `expected`
+// Parts of the same, for code that moves the vertices of a mesh: throws InvalidArgument if there are not `expected`
 // positions, or for the first that is not good.
 void check_count(std::size_t given, std::size_t expected, const char* function);
 template <class T>

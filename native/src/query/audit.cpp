@@ -6,7 +6,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "math/triangle_doubt.h"
+#include "math/triangle_ambiguity.h"
 
 namespace perfect_bvh {
 namespace {
@@ -49,7 +49,7 @@ class Audit {
     for (std::size_t row = 0; row < columns.count; ++row) {
       ask_at(row);
       const Ray ray = load_ray(columns, row);
-      rays_.push_back({ray, DoubtRay(ray.origin, ray.direction), is_valid(ray)});
+      rays_.push_back({ray, JudgedRay(ray.origin, ray.direction), is_valid(ray)});
     }
     std::unordered_map<const TriangleMesh*, Aabb> boxes;
     first_triangle_.push_back(0);
@@ -79,11 +79,11 @@ class Audit {
       if (finding.is_sure)
         ray.nearest_sure = std::min(ray.nearest_sure, finding.farthest_t);
       else
-        ray.is_doubtful = true;
+        ray.is_ambiguous = true;
     }
   }
 
-  [[nodiscard]] bool is_doubtful(std::size_t row) const { return rays_[row].is_doubtful; }
+  [[nodiscard]] bool is_ambiguous(std::size_t row) const { return rays_[row].is_ambiguous; }
 
   [[nodiscard]] bool is_wrong(std::size_t row, float t, std::int32_t instance_id, std::int32_t primitive_id) const {
     const AuditedRay& ray = rays_[row];
@@ -96,7 +96,7 @@ class Audit {
     if (primitive_id < 0 || static_cast<std::size_t>(primitive_id) >= instance->blas->mesh.triangle_count())
       return true;
     const auto index = static_cast<std::size_t>(instance - all.begin());
-    const DoubtHit hit =
+    const JudgedHit hit =
         judge_triangle(ray.line, triangle_of(*instance, static_cast<std::size_t>(primitive_id)), margin(ray, index));
     if (hit.surely_missed || is_culled(hit)) return true;
     if (hit.has_t && std::abs(static_cast<double>(t) - hit.t) > hit.bound) return true;
@@ -106,9 +106,9 @@ class Audit {
  private:
   struct AuditedRay {
     Ray ray;
-    DoubtRay line;
+    JudgedRay line;
     bool is_valid;
-    bool is_doubtful = false;
+    bool is_ambiguous = false;
     double nearest_sure = kNothing;  // how far away the nearest surely hit triangle may be answered
   };
   struct Finding {
@@ -122,11 +122,11 @@ class Audit {
     return 4.0 * kFloatUlp * (balls_[row].reach + ray.line.reach);
   }
 
-  [[nodiscard]] bool is_culled(const DoubtHit& hit) const {
+  [[nodiscard]] bool is_culled(const JudgedHit& hit) const {
     return hit.has_t && cull_ != Cull::kNone && hit.is_front == (cull_ == Cull::kFront);
   }
 
-  [[nodiscard]] static DoubtTriangle triangle_of(const Instance& instance, std::size_t primitive) {
+  [[nodiscard]] static JudgedTriangle triangle_of(const Instance& instance, std::size_t primitive) {
     const TriangleMesh& mesh = instance.blas->mesh;
     const TriangleIndices corners = mesh.triangles[primitive];
     const auto place = [&](std::uint32_t vertex) {
@@ -152,17 +152,17 @@ class Audit {
     }
     if (near.empty()) return;
     for (std::size_t primitive = begin; primitive < end; ++primitive) {
-      const DoubtTriangle triangle = triangle_of(instance, primitive);
+      const JudgedTriangle triangle = triangle_of(instance, primitive);
       for (const std::size_t& i : near) {
         ask_at(static_cast<std::size_t>(&i - near.data()));
         const AuditedRay& ray = rays_[i];
-        const DoubtHit hit = judge_triangle(ray.line, triangle, margin(ray, row));
+        const JudgedHit hit = judge_triangle(ray.line, triangle, margin(ray, row));
         if (!hit.surely_missed && !is_culled(hit)) keep(i, ray, hit, findings);
       }
     }
   }
 
-  static void keep(std::size_t index, const AuditedRay& ray, const DoubtHit& hit, std::vector<Finding>& findings) {
+  static void keep(std::size_t index, const AuditedRay& ray, const JudgedHit& hit, std::vector<Finding>& findings) {
     const auto low = static_cast<double>(ray.ray.t_min), high = static_cast<double>(ray.ray.t_max);
     if (hit.has_t && (hit.t + hit.bound < low || hit.t - hit.bound > high)) return;
     const bool is_sure = hit.surely_hit && hit.t - hit.bound > low && hit.t + hit.bound < high;
@@ -192,7 +192,7 @@ void audit_answers(const Snapshot& snapshot, const RayColumns& rays, const Audit
   parallel_for(pool, audit.triangle_count(), kTaskTriangles, test, max_threads, [&] { cancel.checkpoint(); });
   for (std::size_t row = 0; row < rays.count; ++row) {
     verdicts.wrong[row] = audit.is_wrong(row, answers.t[row], answers.instance_ids[row], answers.primitive_ids[row]);
-    verdicts.doubtful[row] = audit.is_doubtful(row);
+    verdicts.ambiguous[row] = audit.is_ambiguous(row);
   }
 }
 

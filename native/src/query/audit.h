@@ -1,6 +1,6 @@
 // Checks answers of closest-hit rays without any tree: every audited ray against every triangle of the scene, in
-// double precision (math/triangle_doubt.h). Its cost is the number of audited rays times that of instanced triangles.
-// In: rays, and what was answered. Out: for each ray, right or wrong, and whether rounding leaves room for doubt.
+// double precision (math/triangle_ambiguity.h). Cost: the audited rays times the instanced triangles.
+// In: rays, and what was answered. Out: for each ray, right or wrong, and whether rounding leaves it ambiguous.
 #pragma once
 
 #include <cstdint>
@@ -22,10 +22,10 @@ struct AuditedAnswers {
 // wrong: a miss although some triangle in range is surely hit; or a hit that names a triangle which is surely missed,
 // masked, culled or does not exist, whose t differs from the judge's by more than its bound or is out of range, or
 // that lies behind a surely hit one by more than both bounds.
-// doubtful: some triangle in range is neither surely hit nor surely missed: several answers would be right.
+// ambiguous: some triangle in range is neither surely hit nor surely missed: several answers would be right.
 struct AuditVerdicts {
   std::uint8_t* wrong = nullptr;
-  std::uint8_t* doubtful = nullptr;
+  std::uint8_t* ambiguous = nullptr;
 };
 
 void audit_answers(const Snapshot& snapshot, const RayColumns& rays, const AuditedAnswers& answers,

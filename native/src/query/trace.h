@@ -25,7 +25,7 @@ std::size_t trace_occluded(const Snapshot& snapshot, CancelToken& cancel, std::s
                            std::span<std::uint8_t> occluded, Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
                            Strategy strategy = Strategy::kAuto);
 
-// The same for whoever does not want to stop.
+// The same without cancellation.
 inline std::size_t trace_closest(const Snapshot& snapshot, std::span<const Ray> rays, std::span<Hit> hits,
                                  Cull cull = Cull::kNone, std::span<RayCounts> counts = {},
                                  Strategy strategy = Strategy::kAuto) {

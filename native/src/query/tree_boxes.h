@@ -1,4 +1,4 @@
-// Lists the boxes of a tree as rays meet them, for whoever wants to draw or to judge them.
+// Lists the boxes of a tree as rays meet them, to draw or to judge them.
 // In: a snapshot, which of its trees, which levels. Out: each box with its level and what is wrong with it.
 #pragma once
 

@@ -1,5 +1,5 @@
 // Scene::commit: from edits to a new snapshot. Everything new is made aside and swapped in at the end; only the last
-// snapshot's memory is used again where nobody can see it any more. So an exception anywhere leaves the edits waiting.
+// snapshot's memory is used again, where no query holds it. So an exception anywhere leaves the edits pending.
 
 #include <algorithm>
 #include <utility>
@@ -93,7 +93,7 @@ PlacedMeshes Scene::meshes_to_place(std::span<const BlasResult> results) const {
 }
 
 // What the next snapshot begins as: the last one with its arrays, which are the largest part of a scene of many
-// instances, or, where somebody holds that, a copy of its trees. While edits wait nobody can ask for it.
+// instances, or, where another owner holds that, a copy of its trees. While edits are pending it cannot be asked for.
 std::shared_ptr<Snapshot> Scene::take_last_snapshot() {
   const std::lock_guard lock(state_mutex_);
   if (snapshot_.use_count() == 1) {

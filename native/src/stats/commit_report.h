@@ -13,8 +13,8 @@ enum class MeshAction : std::uint8_t {
   kKept,
   kBuilt,
   kRefitted,       // new boxes, the same tree
-  kRotated,        // refitted, then mended by rotations
-  kPartlyRebuilt,  // refitted, then built anew where motion had spoilt it
+  kRotated,        // refitted, then restructured by rotations
+  kPartlyRebuilt,  // refitted, then rebuilt where motion had degraded it
   kRebuilt,
   kDeferred,  // not built before a ray reaches it
 };
@@ -41,9 +41,9 @@ struct MeshReport {
   double milliseconds = 0;                      // of all stages; those that follow are 0 where a stage did not run
   double build_milliseconds = 0;
   double optimize_milliseconds = 0;
-  double refit_milliseconds = 0;  // also where the refitted tree was then rejected
-  double mend_milliseconds = 0;   // of rotations and of building parts anew
-  double mended_share = 0;        // of the tree's leaves: those in parts that were built anew
+  double refit_milliseconds = 0;        // also where the refitted tree was then rejected
+  double restructure_milliseconds = 0;  // of rotations and of rebuilding parts
+  double restructured_share = 0;        // of the tree's leaves: those in parts that were rebuilt
   double collapse_milliseconds = 0;
   // Of a ray that meets the mesh's box, expected, in visits to nodes: of the tree when it was built, of that tree
   // refitted (both 0 where no refit was tried), and of what the mesh has now.
@@ -66,7 +66,7 @@ struct TopLevelReport {
 
 struct CommitReport {
   std::vector<MeshReport> meshes;   // those that were not kept, in the order of their ids
-  std::vector<MeshReport> resting;  // those that were kept although motion had spoilt their trees, and why
+  std::vector<MeshReport> resting;  // those that were kept although motion had degraded their trees, and why
   std::size_t kept_count = 0;
   std::size_t instance_count = 0;
   std::size_t baked_count = 0;  // instances without a usable inverse, traced as world-space copies

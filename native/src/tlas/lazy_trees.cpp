@@ -46,7 +46,7 @@ void LazyTrees::show(const Blas& mesh, const Blas& built) {
   const std::lock_guard turn(turn_);
   const std::lock_guard views(views_mutex_);
   const auto found = rows_.find(&mesh);
-  if (found == rows_.end()) return;  // somebody else did
+  if (found == rows_.end()) return;  // another thread did
   admit_tree(snapshot_.view, snapshot_.top_level, built.wide);
   for (const std::uint32_t row : found->second) {
     snapshot_.instance_views[row] = view_of_built(snapshot_.instances[row], built, snapshot_.top_level.scale);

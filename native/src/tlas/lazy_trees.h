@@ -4,7 +4,7 @@
 // that was built at once.
 // What it gains, in the processor's time of a commit and a first image: 0.44 of it, and of the memory, where 34 of 200
 // meshes of 10,000 triangles are reached; 1.03 to 1.08 where all are (scenes of this project), for rays traced in vain
-// and looser boxes of instances. So nobody gets it who does not ask for it.
+// and looser boxes of instances. So it is used only on request.
 // While trees are missing, batches share a lock for as long as kernels run, and a new tree is shown to them between.
 #pragma once
 

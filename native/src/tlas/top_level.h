@@ -65,7 +65,7 @@ void refit_top_level(Bvh2& tree, WideBvh& wide, std::span<const PrimRef> boxes, 
 
 // Whether rays lose no more on a refitted tree than another one costs. `built` was measured when the tree was built.
 // Where instances cover less of the whole than they did then, a new tree might be so much better than that one was.
-// expected_rays: about to be cast; if nobody says, half a million.
+// expected_rays: about to be cast; half a million if unknown.
 [[nodiscard]] bool is_worth_keeping(const TopLevelCost& now, const TopLevelCost& built, std::size_t instance_count,
                                     std::optional<double> expected_rays);
 // What that was decided by, as a clause.

@@ -16,7 +16,7 @@ constexpr std::size_t kGrain = 512;  // nodes that a task works on
 // one cluster, and of a visit that is expected. Rays end at their first hit: on a grid of 100,000 instances they make a
 // fifth of the visits that the heuristic expects, of 20 ns each.
 constexpr double kBuild = 450.0, kJoin = 1400.0, kVisit = 4.0;
-// So many are cast at a scene before it changes, if nobody says: the first rays of an image of 960 by 540.
+// The rays cast at a scene before it changes, where their number is unknown: the first rays of an image of 960 by 540.
 constexpr double kExpectedRays = 5e5;
 
 double half_area(const Aabb& box) noexcept {

@@ -59,8 +59,8 @@ std::size_t fitting_rays(const KernelTable& kernels, const SceneView& scene, con
   return std::min({wanted, std::max<std::size_t>(kWorkspaceLimit / bytes, 1), std::max<std::size_t>(batch.count, 1)});
 }
 
-// A kernel's memory, which its thread keeps from batch to batch. Whoever traces while another batch of the thread is
-// interrupted finds none, and gets its own.
+// A kernel's memory, which its thread keeps from batch to batch. A call that traces while another batch of the thread
+// is interrupted finds none, and gets its own.
 class Workspace {
  public:
   explicit Workspace(std::size_t bytes) : memory_(std::move(kept())) {

@@ -276,9 +276,9 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
     packet.alone = 0;
     PacketWalk<kAny>{packet, scene}.trace(valid);
     if (is_left != nullptr) {
-      const bool parted = 2 * packet.alone > packet.count;
-      passed_over = parted ? next_passed_over : 0;
-      next_passed_over = !parted                              ? kPassedOver
+      const bool diverged = 2 * packet.alone > packet.count;
+      passed_over = diverged ? next_passed_over : 0;
+      next_passed_over = !diverged                            ? kPassedOver
                          : next_passed_over < kMostPassedOver ? 2 * next_passed_over + 1
                                                               : kMostPassedOver;
     }

@@ -174,7 +174,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
   }
   const RayFloat none = every_ray(0.0f);
   const unsigned turned = level.key.runs_down != (level.instance->mirrored != 0) ? ~0u : 0u;
-  unsigned doubtful = 0;
+  unsigned ambiguous = 0;
   for (unsigned i = 0; i < leaf.triangle_count; ++i) {
     unsigned a = 0, b = 1, c = 2;
     if constexpr (kIsBlock) {
@@ -201,13 +201,13 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
     const unsigned at_origin = bits(less_equal(abs(t), load_rays(triangles.refine_below + first)));
     const unsigned up_to = bits(less_equal(t, limit)), before = bits(less(t, limit));
     if (!level.is_direct) {
-      doubtful |= inside & at_origin;
+      ambiguous |= inside & at_origin;
       const unsigned found = inside & from & up_to & ~at_origin;
       if (found == 0) continue;
       lanes &= ~take_moved_hits<kAny>(packet, level, block.primitives[i], first, found, t, weight1, weight2, sum);
       continue;
     }
-    doubtful |= inside & (at_origin | (from & up_to & ~before));
+    ambiguous |= inside & (at_origin | (from & up_to & ~before));
     const unsigned found = inside & from & before & ~at_origin;
     if (found == 0) continue;
     const RayMask mask = ray_mask(found);
@@ -224,7 +224,7 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
       store_some(hits.primitive + first, mask, block.primitives[i]);
     }
   }
-  return kAny ? doubtful & lanes : doubtful;
+  return kAny ? ambiguous & lanes : ambiguous;
 }
 
 // Vectors with no more rays in a leaf take them one at a time.

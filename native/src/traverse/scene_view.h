@@ -47,7 +47,7 @@ inline constexpr std::size_t kCachedBytes = std::size_t{8} << 20;
 // As an instance's root: its tree is not built yet (tlas/lazy_trees.h).
 inline constexpr std::uint32_t kUnbuiltRoot = 0xFFFFFFFFu;
 
-// Instances that rays or points reached before their tree was built. Whoever reaches one stops: the answers of that
+// Instances that rays or points reached before their tree was built. A ray that reaches one stops: the answers of that
 // batch mean nothing.
 struct UnbuiltInstances {
   static constexpr std::uint32_t kMost = 64;  // more are found when the batch is traced again

@@ -3,7 +3,7 @@
 // same as if it were alone.
 //
 // Why: one ray alone waits. Its next node is known only after the last one's boxes have been tested, and which way it
-// goes from there is a branch that nobody can predict. In turn, the steps of different rays do not depend on each
+// goes from there is a branch that cannot be predicted. In turn, the steps of different rays do not depend on each
 // other, and a step needs no branch: what a ray meets next (a node, a leaf, something else) only decides which list
 // its slot is appended to. Latency, cache misses included, hides behind the other rays.
 //

@@ -32,7 +32,7 @@ struct Calibration {
         return fast;
       case BuilderKind::kSpatial:
         return spatial;
-      default:  // the others are for comparisons, and nobody chooses them for speed
+      default:  // the others are for comparisons and are not chosen for speed
         return binned;
     }
   }

@@ -21,8 +21,8 @@ struct Forecast {
   std::array<double, 4> ray;
 };
 
-// Mending leaves the leaves as they are: at best the nodes above them are as good as they were.
-double mended_nanoseconds(const UpdateQuestion& question, const Calibration& calibration) {
+// Restructuring leaves the leaves as they are: at best the nodes above them are as good as they were.
+double restructured_nanoseconds(const UpdateQuestion& question, const Calibration& calibration) {
   const TraceWork best{question.reference.node_visits, question.now.leaf_visits};
   return std::min(ray_nanoseconds(question.now, calibration), ray_nanoseconds(best, calibration));
 }
@@ -30,13 +30,13 @@ double mended_nanoseconds(const UpdateQuestion& question, const Calibration& cal
 Forecast forecast(const UpdateQuestion& question, const Calibration& calibration) {
   const auto count = static_cast<double>(question.triangle_count);
   const double now = ray_nanoseconds(question.now, calibration);
-  const double mended = mended_nanoseconds(question, calibration);
+  const double restructured = restructured_nanoseconds(question, calibration);
   const double refit = count * calibration.refit_nanoseconds;
-  // New parts are put into a tree that is written anew for them, as by a refit.
-  const double parts = refit + question.spoilt_share * count * calibration.rebuild_parts_nanoseconds;
+  // New parts are put into a tree that is rewritten for them, which takes as long as a refit.
+  const double parts = refit + question.degraded_share * count * calibration.rebuild_parts_nanoseconds;
   return {{refit, refit + count * calibration.rotate_nanoseconds, refit + parts,
            build_nanoseconds(question.triangle_count, question.builder, calibration)},
-          {now, now - calibration.rotation_gain * (now - mended), mended,
+          {now, now - calibration.rotation_gain * (now - restructured), restructured,
            fresh_nanoseconds(question.history, question.sample, calibration)}};
 }
 
@@ -47,10 +47,11 @@ double gain_of(double excess, const Excess& past) { return (past.commit_count + 
 void decide_by_rays(const UpdateQuestion& question, UpdateDecision& decision, const Forecast& costs) {
   const double rays = *question.rays;
   const UpdateHistory& history = question.history;
-  const double to_mend = gain_of(rays * (costs.ray[0] - costs.ray[2]), history.since_mending);
+  const double to_restructure = gain_of(rays * (costs.ray[0] - costs.ray[2]), history.since_restructuring);
   const double to_build = gain_of(rays * (costs.ray[0] - costs.ray[3]), history.since_build);
   const std::array<double, 4> gains{
-      0, to_mend * (costs.ray[0] - costs.ray[1]) / std::max(costs.ray[0] - costs.ray[2], 1e-300), to_mend, to_build};
+      0, to_restructure * (costs.ray[0] - costs.ray[1]) / std::max(costs.ray[0] - costs.ray[2], 1e-300), to_restructure,
+      to_build};
   std::size_t best = 0;
   double most = 0;
   for (std::size_t i = 1; i < gains.size(); ++i) {
@@ -70,14 +71,14 @@ double cost_of(const TraceWork& work) { return work.node_visits + 0.5 * work.lea
 
 void decide_by_decay(const UpdateQuestion& question, UpdateDecision& decision) {
   const double now = cost_of(question.now), then = cost_of(question.reference);
-  const double mended = cost_of({question.reference.node_visits, question.now.leaf_visits});
+  const double restructured = cost_of({question.reference.node_visits, question.now.leaf_visits});
   decision.reason = "positions changed";
-  // What mending could not do away with it need not try again in every commit: a mesh that plays on would pay for ever.
-  const double attained = std::max(then, cost_of(question.history.mended));
-  if (now <= kRefitLimit * attained && mended <= kMendLimit * then) return;
-  decision.action = mended > kMendLimit * then   ? UpdateAction::kRebuild
-                    : now <= kRotateLimit * then ? UpdateAction::kRotate
-                                                 : UpdateAction::kRebuildParts;
+  // What restructuring could not repair is not tried again in every commit: an animated mesh would pay each time.
+  const double attained = std::max(then, cost_of(question.history.restructured));
+  if (now <= kRefitLimit * attained && restructured <= kRestructureLimit * then) return;
+  decision.action = restructured > kRestructureLimit * then ? UpdateAction::kRebuild
+                    : now <= kRotateLimit * then            ? UpdateAction::kRotate
+                                                            : UpdateAction::kRebuildParts;
   decision.reason +=
       ", and a ray through the refitted tree would cost " + with_tenths(now / then) + " times what it did when built";
 }
@@ -89,10 +90,10 @@ void remember(UpdateDecision& decision, const UpdateQuestion& question, const Fo
   history.since_build.nanoseconds += rays * (after - costs.ray[3]);
   ++history.since_build.commit_count;
   if (decision.action != UpdateAction::kRefit) {
-    history.since_mending = {};
+    history.since_restructuring = {};
   } else {
-    history.since_mending.nanoseconds += rays * (after - costs.ray[2]);
-    ++history.since_mending.commit_count;
+    history.since_restructuring.nanoseconds += rays * (after - costs.ray[2]);
+    ++history.since_restructuring.commit_count;
   }
 }
 
@@ -109,14 +110,14 @@ double ray_nanoseconds(const TraceWork& work, const Calibration& calibration) no
   return work.node_visits * calibration.node_nanoseconds + work.leaf_visits * calibration.leaf_nanoseconds;
 }
 
-// What a rebuild told is trusted the less, the further the mesh has gone from there.
+// The exponent found by a rebuild is trusted less, the more the mesh has changed since.
 double fresh_nanoseconds(const UpdateHistory& history, double sample, const Calibration& calibration) noexcept {
   const double then = ray_nanoseconds(history.fresh, calibration);
   if (!(sample > 0 && history.sample > 0)) return then;
   const double change = std::log(sample / history.sample);
   const double known = history.exponent.value_or(1.0);
-  const double doubt = 0.5 * std::min(1.0, std::abs(change) / std::log(8.0));
-  return then * std::exp(change * (known + (1.0 - known) * doubt));
+  const double uncertainty = 0.5 * std::min(1.0, std::abs(change) / std::log(8.0));
+  return then * std::exp(change * (known + (1.0 - known) * uncertainty));
 }
 
 double build_nanoseconds(std::size_t triangle_count, BuilderKind builder, const Calibration& calibration) noexcept {
@@ -143,10 +144,10 @@ bool may_rebuild(const UpdateQuestion& question, const Calibration& calibration)
          build_nanoseconds(question.triangle_count, question.builder, calibration);
 }
 
-bool may_mend(const UpdateQuestion& question, const Calibration& calibration) noexcept {
+bool may_restructure(const UpdateQuestion& question, const Calibration& calibration) noexcept {
   if (question.policy != Policy::kGoverned || !question.rays) return false;
-  const double excess = ray_nanoseconds(question.now, calibration) - mended_nanoseconds(question, calibration);
-  return gain_of(*question.rays * excess, question.history.since_mending) >
+  const double excess = ray_nanoseconds(question.now, calibration) - restructured_nanoseconds(question, calibration);
+  return gain_of(*question.rays * excess, question.history.since_restructuring) >
          static_cast<double>(question.triangle_count) * calibration.refit_nanoseconds;
 }
 
@@ -176,9 +177,9 @@ UpdateDecision decide_update(const UpdateQuestion& question, const Calibration& 
   return decision;
 }
 
-bool is_mended(const UpdateQuestion& question, const TraceWork& mended) noexcept {
+bool is_restructured(const UpdateQuestion& question, const TraceWork& restructured) noexcept {
   if (question.rays || question.policy != Policy::kGoverned) return true;
-  return cost_of(mended) <= kMendLimit * cost_of(question.reference);
+  return cost_of(restructured) <= kRestructureLimit * cost_of(question.reference);
 }
 
 BuildDecision decide_build(const BuildQuestion& question, const Calibration& calibration) {

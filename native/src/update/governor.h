@@ -7,11 +7,11 @@
 // A refitted tree grows worse from frame to frame. The excess e(k) of the k-th frame after a build is what its rays
 // cost beyond a fresh tree's. To rebuild every k frames costs (rebuild + e(1) + ... + e(k-1)) / k a frame, which is
 // least where e(k) comes to exceed that mean: the rule of Silver and Meal 1973 for lot sizes, which needs no forecast.
-// Mending is weighed in the same way, by the excess that it would take away.
+// Restructuring is weighed in the same way, by the excess that it would take away.
 //
-// What a fresh tree would cost today nobody knows before it is built. So one is built over a sample of the triangles
+// What a fresh tree would cost is unknown before it is built. So one is built over a sample of the triangles
 // (mesh_shape.h): how that changed tells how the cost of the whole did, as sample^exponent, and each rebuild tells the
-// exponent of this mesh. Mending costs by the share of the tree that it would build anew.
+// exponent of this mesh. Restructuring costs by the share of the tree that it would rebuild.
 #pragma once
 
 #include <cstddef>
@@ -45,8 +45,8 @@ struct UpdateHistory {
   double sample = 0;               // ... and of one over a sample then, see measure_tree_sample; 0 if unknown
   std::optional<double> exponent;  // of the sample, in what a fresh tree costs; unknown before the first rebuild
   Excess since_build;              // beyond a fresh tree
-  Excess since_mending;            // beyond a mended one
-  TraceWork mended;                // of the tree when it was mended last, if it was since it was built
+  Excess since_restructuring;      // beyond a restructured one
+  TraceWork restructured;          // of the tree when it was restructured last, if it was since it was built
   Excess at_rest;                  // beyond a fresh tree, since the triangles moved last
   TraceWork now;                   // of the tree that is traced ...
   double sample_now = 0;           // ... and of one over the sample now
@@ -58,9 +58,9 @@ struct UpdateQuestion {
   BuilderKind builder = BuilderKind::kBinned;  // of a new tree
   std::optional<double> rays;                  // expected to meet the mesh's box; unknown: the tree's decay decides
   TraceWork now;                               // of the refitted tree
-  TraceWork reference;                         // of the tree when it was built or mended last
+  TraceWork reference;                         // of the tree when it was built or restructured last
   double sample = 0;                           // of the mesh now; 0 if unknown
-  double spoilt_share = 1;                     // of the tree: what would be built anew if its spoilt parts were
+  double degraded_share = 1;                   // of the tree: what rebuilding its degraded parts would rebuild
   UpdateHistory history;
 };
 
@@ -80,18 +80,18 @@ struct UpdateDecision {
 
 [[nodiscard]] UpdateDecision decide_update(const UpdateQuestion& question, const Calibration& calibration);
 
-// Where the rays are unknown: what a ray may cost more than when the tree was built (or than mending could make it), so
-// that the refitted tree is left as it is; so that rotations mend it; and after its spoilt parts were built anew, so
-// that it stays.
-inline constexpr double kRefitLimit = 1.05, kRotateLimit = 1.2, kMendLimit = 1.3;
+// Where the rays are unknown: by which factor a ray may cost more than when the tree was built (or than after
+// restructuring) for the refitted tree to be left as it is; for rotations to be enough; and for the tree to stay after
+// its degraded parts were rebuilt.
+inline constexpr double kRefitLimit = 1.05, kRotateLimit = 1.2, kRestructureLimit = 1.3;
 
-// Whether it is worth finding out what a fresh tree would cost (the sample), or which share of the tree is spoilt: not
-// where even the best that could be learned would leave the tree as it is.
+// Whether it is worth finding out what a fresh tree would cost (the sample), or which share of the tree is degraded.
+// It is not where even the best possible outcome would leave the tree as it is.
 [[nodiscard]] bool may_rebuild(const UpdateQuestion& question, const Calibration& calibration) noexcept;
-[[nodiscard]] bool may_mend(const UpdateQuestion& question, const Calibration& calibration) noexcept;
+[[nodiscard]] bool may_restructure(const UpdateQuestion& question, const Calibration& calibration) noexcept;
 
-// Whether a tree that was mended is good enough to stay.
-[[nodiscard]] bool is_mended(const UpdateQuestion& question, const TraceWork& mended) noexcept;
+// Whether a tree that was restructured is good enough to stay.
+[[nodiscard]] bool is_restructured(const UpdateQuestion& question, const TraceWork& restructured) noexcept;
 
 // Of a tree that was just built; `last`: of the one before it over the same triangles, or an empty one.
 [[nodiscard]] UpdateHistory begin_history(const UpdateHistory& last, const TraceWork& fresh, double sample,

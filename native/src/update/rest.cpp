@@ -7,13 +7,13 @@
 namespace perfect_bvh {
 namespace {
 
-// What a fresh tree costs is foretold no better than this.
+// What a fresh tree costs is predicted no better than this.
 constexpr double kNoticeable = 1.02;
 
 std::string tell(const RestQuestion& question, const Excess& at_rest, double build, double decay) {
   if (!question.rays) {
     return "the triangles rest; a ray costs " + with_tenths(decay) +
-           " times what it would in a new tree, but nobody said how many are expected";
+           " times what it would in a new tree, but the number of expected rays is unknown";
   }
   const std::string commits =
       at_rest.commit_count == 1 ? "1 commit" : std::to_string(at_rest.commit_count) + " commits";

@@ -1,10 +1,10 @@
-// Decides what becomes of a tree that motion spoilt and whose triangles have come to rest.
+// Decides what becomes of a tree that motion degraded and whose triangles no longer move.
 // In: what was remembered of the tree, how many rays are expected in this commit, the machine's calibration.
-// Out: whether it is kept or built anew, why, and what either was expected to cost. Pure functions.
+// Out: whether it is kept or rebuilt, why, and what either was expected to cost. Pure functions.
 //
-// How long the triangles will rest nobody knows. Each commit in the spoilt tree costs its rays what they pay beyond a
-// fresh one's: a rent, and a new tree is the price of paying it no more. Whoever buys once the rents come to the price
-// never pays more than twice what an all-knowing one would (the ski rental; Karlin, Manasse, Rudolph and Sleator 1988,
+// How long the triangles will rest is unknown. Each commit in the degraded tree costs its rays more than a fresh tree
+// would: a rent. A new tree is the purchase that ends it. Buying once the rents paid equal the price costs at most
+// twice what the best choice in hindsight does (the ski rental problem; Karlin, Manasse, Rudolph and Sleator 1988,
 // "Competitive snoopy caching").
 #pragma once
 

@@ -33,7 +33,7 @@ struct RefitOrder {
   std::vector<std::uint32_t> upper_leaves;         // likewise
 };
 
-// Either part may be missing (null): the order is spoilt by whatever moves nodes, the vertices only by new leaves.
+// Either part may be missing (null): the order is invalidated by whatever moves nodes, the vertices only by new leaves.
 struct RefitPlan {
   std::shared_ptr<const RefitOrder> order;
   std::shared_ptr<const LeafVertices> vertices;

@@ -1,5 +1,5 @@
 // What a wide tree is expected to cost a ray, whole and in each of its parts: the surface area heuristic (MacDonald and
-// Booth 1990) in a form that is compared node by node with that of another day, to see which parts motion has spoilt.
+// Booth 1990) in a form that is compared node by node with an earlier one, to see which parts motion has degraded.
 #pragma once
 
 #include <array>

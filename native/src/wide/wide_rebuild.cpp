@@ -50,7 +50,7 @@ AlignedVector<WideNode> build_over_leaves(const WideBvh& tree, std::uint32_t roo
   return collapse_over_leaves(build_bvh2(leaves_below(tree, root), config, pool, cancel), pool, cancel);
 }
 
-// Writes the tree anew, depth first, with the new parts in their places.
+// Writes the tree again, depth first, with the new parts in their places.
 class Splicer {
  public:
   struct Origin {
@@ -125,8 +125,8 @@ std::vector<double> shares_of_fresh_leaves(const WideCosts& now, const Splicer& 
 
 }  // namespace
 
-std::vector<std::uint32_t> find_spoilt_parts(const WideBvh& tree, const WideCosts& costs, const WideCosts& fresh,
-                                             double tolerance) {
+std::vector<std::uint32_t> find_degraded_parts(const WideBvh& tree, const WideCosts& costs, const WideCosts& fresh,
+                                               double tolerance) {
   std::vector<std::uint32_t> parts, waiting;
   if (!tree.nodes.empty()) waiting.push_back(tree.root);
   while (!waiting.empty()) {

@@ -1,7 +1,7 @@
-// Building the spoilt parts of a wide tree anew, and only those: over the leaves that they have, which hold
-// neighbouring triangles and suffer least when a mesh bends. A sixth of the boxes that a whole build would sort, and no
-// leaf is written. What that cannot mend is the leaves' own: a statue of 200 thousand triangles, twisted by 2 pi, costs
-// 13.0 after it and 11.7 when built anew; over the same leaves the sweep builder and three passes of reinsertion reach
+// Rebuilds the degraded parts of a wide tree, and only those, over their present leaves, which hold neighbouring
+// triangles and suffer least when a mesh bends. A sixth of the boxes that a whole build would sort, and no leaf is
+// written. The leaves themselves do not improve: a statue of 200 thousand triangles, twisted by 2 pi, costs 13.0
+// after it and 11.7 in a new tree; over the same leaves the sweep builder and three passes of reinsertion reach
 // 12.8. In: a refitted tree, its cost now and when it was built. Out: the same leaves under a better tree.
 #pragma once
 
@@ -17,18 +17,18 @@
 
 namespace perfect_bvh {
 
-// The roots of the largest subtrees that are spoilt themselves: that would cost more than `tolerance` times what they
+// The roots of the largest subtrees that are degraded themselves: that would cost more than `tolerance` times what they
 // did when built even if everything below their children did not. By row; none inside another. `fresh` is by the same
 // rows as `costs`.
-[[nodiscard]] std::vector<std::uint32_t> find_spoilt_parts(const WideBvh& tree, const WideCosts& costs,
-                                                           const WideCosts& fresh, double tolerance);
+[[nodiscard]] std::vector<std::uint32_t> find_degraded_parts(const WideBvh& tree, const WideCosts& costs,
+                                                             const WideCosts& fresh, double tolerance);
 
 // How many of a tree's leaves stand below these nodes, none inside another: 0 to 1.
 [[nodiscard]] double share_of_leaves(const WideBvh& tree, std::span<const std::uint32_t> roots);
 
-// Builds what is below each of `parts` (none inside another) anew over its leaves. `config` chooses the builder; what
-// it says of leaves and reinsertion is not heeded. `fresh` becomes what is to be compared with from now on: costs of
-// today for the new parts, but with leaves as good as they were when they were made. Returns the tree's costs of now.
+// Rebuilds what is below each of `parts` (none inside another) over its leaves. `config` chooses the builder; what
+// it says of leaves and reinsertion is ignored. `fresh` becomes what is to be compared with from now on: present
+// costs for the new parts, but with leaves as good as they were when they were made. Returns the tree's costs of now.
 // The same bytes for any number of threads. Throws Cancelled, bad_alloc; the tree is then of no use.
 WideCosts rebuild_parts(WideBvh& tree, WideCosts& fresh, std::span<const std::uint32_t> parts,
                         const BuildConfig& config, ThreadPool& pool, CancelToken& cancel);

@@ -120,7 +120,7 @@ class Rotator {
       const Family below = family_of(tree_.nodes[family.child[into]]);
       const Others others(below);
       const float area = half_area(family.boxes[into].extent());
-      // The first free place will do; but nobody is left with a single child.
+      // The first free place will do; but no node is left with a single child.
       const std::uint32_t end = family.count < kWideWidth && below.count > 2 ? family.count + 1 : family.count;
       for (std::uint32_t child = 0; child < end; ++child) {
         if (child == into) continue;

@@ -1,7 +1,7 @@
-// Tree rotations on the wide tree: mending what motion has loosened, without building anything (Kensler 2008, "Tree
-// rotations for improving bounding volume hierarchies"; Kopta et al. 2012, "Fast, effective BVH updates for animated
-// scenes", both for binary trees).
-// In: a tree whose boxes are tight. Out: the same leaves under a tree of no higher cost.
+// Tree rotations on the wide tree: restructuring what motion has degraded, without building anything (Kensler 2008,
+// "Tree rotations for improving bounding volume hierarchies"; Kopta et al. 2012, "Fast, effective BVH updates for
+// animated scenes", both for binary trees). In: a tree whose boxes are tight. Out: the same leaves under a tree of no
+// higher cost.
 #pragma once
 
 #include <cstddef>

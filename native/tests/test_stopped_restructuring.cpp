@@ -1,5 +1,5 @@
-// A commit that is interrupted while it mends a tree, at every single place where it can be: its memory, whatever state
-// it is in, is used again by the next commit, whose tree must not differ from that of a scene nobody interrupted.
+// A commit that is interrupted while it restructures a tree, at every single place where it can be: its memory,
+// whatever state it is in, is used again by the next commit, whose tree must equal that of an uninterrupted scene.
 #include <gtest/gtest.h>
 
 #include <new>
@@ -25,9 +25,9 @@ struct Case {
 
 std::ostream& operator<<(std::ostream& out, const Case& each) { return out << each.name; }
 
-class StoppedMending : public testing::TestWithParam<Case> {
+class StoppedRestructuring : public testing::TestWithParam<Case> {
  protected:
-  StoppedMending() : still_(bumpy_sheet(40)), mesh_(moved(still_, {"", [](Positions& p) { twist(p, 25.0f); }})) {}
+  StoppedRestructuring() : still_(bumpy_sheet(40)), mesh_(moved(still_, {"", [](Positions& p) { twist(p, 25.0f); }})) {}
 
   // A scene that is about to see the mesh move; `mesh_id` of it is 0.
   void begin(Scene& scene) {
@@ -78,15 +78,15 @@ class StoppedMending : public testing::TestWithParam<Case> {
   ThreadPool pool_{1};
 };
 
-TEST_P(StoppedMending, LeavesNothingBehind) {
+TEST_P(StoppedRestructuring, LeavesNothingBehind) {
   Scene undisturbed;
   begin(undisturbed);
   ASSERT_EQ(commit(undisturbed, Policy::kRefit).meshes[0].action, MeshAction::kRefitted);
   const auto expected = undisturbed.snapshot();
-  Scene mended;
-  begin(mended);
-  ASSERT_EQ(commit(mended, GetParam().policy).meshes[0].action, GetParam().action);
-  ASSERT_FALSE(same_bytes(mended.snapshot()->blases[0]->wide, expected->blases[0]->wide));
+  Scene restructured;
+  begin(restructured);
+  ASSERT_EQ(commit(restructured, GetParam().policy).meshes[0].action, GetParam().action);
+  ASSERT_FALSE(same_bytes(restructured.snapshot()->blases[0]->wide, expected->blases[0]->wide));
 
   int interruptions = 0;
   for (long after = 0;; ++after) {
@@ -105,7 +105,7 @@ TEST_P(StoppedMending, LeavesNothingBehind) {
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    Places, StoppedMending,
+    Places, StoppedRestructuring,
     testing::Values(Case{"rotated_stop", Policy::kRotate, MeshAction::kRotated, Interruption::kStop},
                     Case{"rotated_once", Policy::kRotate, MeshAction::kRotated, Interruption::kOneAllocationFails},
                     Case{"rotated_for_good", Policy::kRotate, MeshAction::kRotated, Interruption::kMemoryRunsOut},

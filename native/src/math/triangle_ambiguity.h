@@ -1,4 +1,4 @@
-// A ray against a triangle in double precision, with its own doubt made explicit: the judge of the float kernels.
+// A ray against a triangle in double precision, with explicit rounding bounds: the judge of the float kernels.
 // In: a triangle's corners and a ray in world space, and by how much rounding may have moved the ray (`margin`, world
 // units). Out: surely hit (inside all three edges by more than the margin), surely missed, or neither; t, and by how
 // much a right answer may differ from it.
@@ -13,26 +13,26 @@ namespace perfect_bvh {
 
 inline constexpr double kFloatUlp = 0x1p-24;
 
-struct DoubtRay {
+struct JudgedRay {
   Vec3d origin, direction;
   double squared_length;  // of the direction
   double reach;           // largest |coordinate| of the origin
 
-  DoubtRay(Vec3d the_origin, Vec3d the_direction) noexcept
+  JudgedRay(Vec3d the_origin, Vec3d the_direction) noexcept
       : origin(the_origin),
         direction(the_direction),
         squared_length(dot(the_direction, the_direction)),
         reach(std::max({std::abs(the_origin.x), std::abs(the_origin.y), std::abs(the_origin.z)})) {}
 };
 
-struct DoubtTriangle {
+struct JudgedTriangle {
   Vec3d corners[3];
   Vec3d normal;         // by the winding, as long as twice the area
   double squared_area;  // of it
   Vec3d centre;
   double radius;  // of a ball about the centre that holds the triangle
 
-  DoubtTriangle(Vec3d a, Vec3d b, Vec3d c) noexcept
+  JudgedTriangle(Vec3d a, Vec3d b, Vec3d c) noexcept
       : corners{a, b, c},
         normal(cross(b - a, c - a)),
         squared_area(dot(normal, normal)),
@@ -41,7 +41,7 @@ struct DoubtTriangle {
             std::max({dot(a - centre, a - centre), dot(b - centre, b - centre), dot(c - centre, c - centre)}))) {}
 };
 
-struct DoubtHit {
+struct JudgedHit {
   bool surely_hit = false, surely_missed = false;
   bool has_t = false;  // seen almost edge-on a triangle has no t to speak of
   bool is_front = false;
@@ -49,15 +49,15 @@ struct DoubtHit {
 };
 
 // Whether the line of the ray passes the ball by more than the margin. Far cheaper than judge_triangle().
-[[nodiscard]] inline bool passes_by(const DoubtRay& ray, Vec3d centre, double radius, double margin) noexcept {
+[[nodiscard]] inline bool passes_by(const JudgedRay& ray, Vec3d centre, double radius, double margin) noexcept {
   const Vec3d moment = cross(centre - ray.origin, ray.direction);
   const double distance = radius + margin;
   return dot(moment, moment) > distance * distance * ray.squared_length;
 }
 
-[[nodiscard]] inline DoubtHit judge_triangle(const DoubtRay& ray, const DoubtTriangle& triangle,
-                                             double margin) noexcept {
-  DoubtHit result;
+[[nodiscard]] inline JudgedHit judge_triangle(const JudgedRay& ray, const JudgedTriangle& triangle,
+                                              double margin) noexcept {
+  JudgedHit result;
   if (passes_by(ray, triangle.centre, triangle.radius, margin)) {
     result.surely_missed = true;
     return result;

@@ -25,7 +25,7 @@ struct Moved {
   WideCosts costs, fresh;
 };
 
-class WideMending : public testing::TestWithParam<Way> {
+class WideRestructuring : public testing::TestWithParam<Way> {
  protected:
   Moved move(const TriangleMesh& still, const Motion& motion) {
     Moved result;
@@ -45,10 +45,10 @@ class WideMending : public testing::TestWithParam<Way> {
   ThreadPool pool_{1};
   CancelToken cancel_;
 };
-INSTANTIATE_TEST_SUITE_P(Ways, WideMending, testing::ValuesIn(ways()),
+INSTANTIATE_TEST_SUITE_P(Ways, WideRestructuring, testing::ValuesIn(ways()),
                          [](const auto& test) { return test.param.name; });
 
-TEST_P(WideMending, RotationsGiveSoundTreesOfNoHigherCost) {
+TEST_P(WideRestructuring, RotationsGiveSoundTreesOfNoHigherCost) {
   for (const NamedMesh& input : hard_meshes()) {
     for (const Motion& motion : motions()) {
       const std::string name = input.name + ", " + motion.name;
@@ -61,13 +61,13 @@ TEST_P(WideMending, RotationsGiveSoundTreesOfNoHigherCost) {
   }
 }
 
-TEST_P(WideMending, RebuiltPartsGiveSoundTrees) {
+TEST_P(WideRestructuring, RebuiltPartsGiveSoundTrees) {
   for (const NamedMesh& input : hard_meshes()) {
     for (const Motion& motion : motions()) {
       for (const double tolerance : {0.0, 1.05, 1.3}) {
         const std::string name = input.name + ", " + motion.name + ", " + std::to_string(tolerance);
         Moved now = move(input.mesh, motion);
-        const auto parts = find_spoilt_parts(now.tree, now.costs, now.fresh, tolerance);
+        const auto parts = find_degraded_parts(now.tree, now.costs, now.fresh, tolerance);
         if (now.tree.nodes.empty()) {
           EXPECT_TRUE(parts.empty()) << name;
         }
@@ -79,29 +79,29 @@ TEST_P(WideMending, RebuiltPartsGiveSoundTrees) {
   }
 }
 
-TEST_P(WideMending, MendsATwist) {
+TEST_P(WideRestructuring, RestructuresATwist) {
   const Moved twisted = move(bumpy_sheet(150), {"", [](Positions& p) { twist(p, 25.0f); }});
   const double refitted = twisted.costs.whole(twisted.tree);
   Moved rotated = twisted, rebuilt = twisted;
   EXPECT_GT(rotate_wide(rotated.tree, rotated.costs, pool_, cancel_), 0u);
-  const auto parts = find_spoilt_parts(rebuilt.tree, rebuilt.costs, rebuilt.fresh, 1.1);
+  const auto parts = find_degraded_parts(rebuilt.tree, rebuilt.costs, rebuilt.fresh, 1.1);
   ASSERT_FALSE(parts.empty());
   rebuilt.costs = rebuild_parts(rebuilt.tree, rebuilt.fresh, parts, {}, pool_, cancel_);
   EXPECT_LT(rotated.costs.whole(rotated.tree), refitted);
   EXPECT_LT(rebuilt.costs.whole(rebuilt.tree), 0.95 * refitted);
 }
 
-TEST_P(WideMending, GivesTheSameBytesForAnyThreadCount) {
+TEST_P(WideRestructuring, GivesTheSameBytesForAnyThreadCount) {
   const Moved twisted = move(bumpy_sheet(150), motions()[1]);
   Moved alone = twisted;
   static_cast<void>(rotate_wide(alone.tree, alone.costs, pool_, cancel_));
-  const auto parts = find_spoilt_parts(alone.tree, alone.costs, alone.fresh, 1.02);
+  const auto parts = find_degraded_parts(alone.tree, alone.costs, alone.fresh, 1.02);
   alone.costs = rebuild_parts(alone.tree, alone.fresh, parts, {}, pool_, cancel_);
   for (const int thread_count : thread_counts()) {
     ThreadPool pool(thread_count);
     Moved shared = twisted;
     static_cast<void>(rotate_wide(shared.tree, shared.costs, pool, cancel_));
-    EXPECT_EQ(find_spoilt_parts(shared.tree, shared.costs, shared.fresh, 1.02), parts);
+    EXPECT_EQ(find_degraded_parts(shared.tree, shared.costs, shared.fresh, 1.02), parts);
     shared.costs = rebuild_parts(shared.tree, shared.fresh, parts, {}, pool, cancel_);
     EXPECT_TRUE(same_bytes(alone.tree, shared.tree));
     EXPECT_EQ(alone.costs.nodes, shared.costs.nodes);
@@ -109,8 +109,8 @@ TEST_P(WideMending, GivesTheSameBytesForAnyThreadCount) {
   }
 }
 
-// One limb of several moves: what is far from it is not built anew.
-TEST(WideMending, RebuildsOnlyWhatIsSpoilt) {
+// One limb of several moves: what is far from it is not rebuilt.
+TEST(WideRestructuring, RebuildsOnlyWhatIsDegraded) {
   ThreadPool pool(1);
   CancelToken cancel;
   TriangleMesh mesh;
@@ -126,7 +126,7 @@ TEST(WideMending, RebuildsOnlyWhatIsSpoilt) {
   }
   WideBvh tree;
   const WideCosts costs = refit_wide(still, plan_of(still, mesh), mesh, tree, false, pool, cancel);
-  const auto parts = find_spoilt_parts(tree, costs, fresh, 1.1);
+  const auto parts = find_degraded_parts(tree, costs, fresh, 1.1);
   ASSERT_FALSE(parts.empty());
   for (const std::uint32_t part : parts) {
     Aabb box;
@@ -138,7 +138,7 @@ TEST(WideMending, RebuildsOnlyWhatIsSpoilt) {
 }
 
 // The scene's own choice, over a chain of frames that bend the mesh further and further.
-TEST(WideMending, AScenesHitsAreRightWhateverItDoes) {
+TEST(WideRestructuring, AScenesHitsAreRightWhateverItDoes) {
   ThreadPool pool(2);
   CancelToken cancel;
   const TriangleMesh still = bumpy_sheet(30);
