@@ -41,10 +41,10 @@ class PendingCommit:
         self.sync, self._building = sync, building if report is None else None
         return report
 
-    def are_there(self, begin_anew: Callable[[], object]) -> bool:
+    def are_there(self, restart: Callable[[], object]) -> bool:
         """Whether there are trees of what was read last; if not, they are being built.
 
-        begin_anew: calls `begin`. Raises what the engine raises.
+        restart: calls `begin`. Raises what the engine raises.
         """
         import perfect_bvh
 
@@ -62,7 +62,7 @@ class PendingCommit:
                 self.sync = None  # as after an update that fails at once
                 raise
         if self._building is None and not self.sync.scene.is_current:
-            begin_anew()
+            restart()
         return self._building is None
 
     @property

@@ -1,8 +1,8 @@
 """Keeps one engine scene in step with records: compares, and applies nothing but the difference.
 
 The state is what the engine holds, updated call by call as edits are made. A commit that fails or is cancelled
-leaves edits that wait, of which the state knows. An edit that fails leaves doubt about what the engine holds, so
-that scene is given up and the next update fills a fresh one: dear, rare and never wrong.
+leaves edits pending, which the state knows of. An edit that fails leaves it unknown what the engine holds, so
+that scene is given up and the next update fills a fresh one: costly, rare and never wrong.
 """
 
 from __future__ import annotations

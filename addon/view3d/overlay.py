@@ -236,7 +236,7 @@ def _draw() -> None:
 
 
 def _redraw_soon() -> None:
-    """Whoever is being drawn cannot ask for it at once."""
+    """An area that is being drawn cannot be redrawn at once."""
     if not bpy.app.timers.is_registered(_redraw):
         bpy.app.timers.register(_redraw, first_interval=REDRAW_SECONDS)
 

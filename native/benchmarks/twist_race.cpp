@@ -75,7 +75,7 @@ class Twist {
     const auto refit = [&](WideBvh& wide, WideCosts& costs) {
       costs = refit_wide(still, plan, *mesh_, wide, true, pool_, cancel_);
     };
-    const auto rebuild_spoilt = [&](double tolerance) {
+    const auto rebuild_degraded = [&](double tolerance) {
       return [&, tolerance](WideBvh& wide, WideCosts& costs) {
         refit(wide, costs);
         WideCosts compared = fresh;
@@ -88,8 +88,8 @@ class Twist {
       refit(wide, costs);
       static_cast<void>(rotate_wide(wide, costs, pool_, cancel_));
     });
-    add("partial rebuild", layout, still, rebuild_spoilt(1.1));
-    add("rebuild over its leaves", layout, still, rebuild_spoilt(0.0));
+    add("partial rebuild", layout, still, rebuild_degraded(1.1));
+    add("rebuild over its leaves", layout, still, rebuild_degraded(0.0));
   }
 
   void add_embree() {

@@ -6,7 +6,7 @@
 namespace perfect_bvh::bindings {
 
 // Takes from a class the way to be made in Python. pybind11 lets `__new__` alone return an object without a C++ value,
-// and the first method of such an object then works on memory that nobody has initialised.
+// and the first method of such an object then works on memory that was never initialised.
 void make_only_natively(const pybind11::handle& native_class);
 
 void bind_errors(pybind11::module_& module);

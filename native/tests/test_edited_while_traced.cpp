@@ -73,7 +73,7 @@ class EditedScene {
   }
 
   // Another scene with the same meshes and instances, which has seen no edit.
-  [[nodiscard]] std::vector<Hit> trace_anew(ThreadPool& pool, const std::vector<Ray>& rays) const {
+  [[nodiscard]] std::vector<Hit> trace_again(ThreadPool& pool, const std::vector<Ray>& rays) const {
     Scene fresh;
     for (const Part& part : parts_) {
       const auto mesh = fresh.add_mesh(TriangleMesh(part.mesh), {}, Usage::kStatic);
@@ -190,7 +190,7 @@ TEST(EditedWhileTraced, SnapshotsNeverChangeAndTheLastIsRight) {
     CancelToken cancel;
     static_cast<void>(edited->scene.commit(pool, cancel));
     const std::vector<Hit> hits = trace(*edited->scene.snapshot(), rays);
-    EXPECT_EQ(count_differences(hits, edited->trace_anew(pool, rays)), 0);
+    EXPECT_EQ(count_differences(hits, edited->trace_again(pool, rays)), 0);
   }
 }
 

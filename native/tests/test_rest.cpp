@@ -23,16 +23,16 @@ RestQuestion question(std::optional<double> rays) {
 }
 
 TEST(Rest, OnlyWhatMotionLoosenedIsDegraded) {
-  EXPECT_TRUE(is_spoilt(question(1).history, machine()));
+  EXPECT_TRUE(is_degraded(question(1).history, machine()));
   UpdateHistory history = question(1).history;
   history.since_build.commit_count = 0;  // nothing happened since it was built
-  EXPECT_FALSE(is_spoilt(history, machine()));
+  EXPECT_FALSE(is_degraded(history, machine()));
   history = question(1).history;
   history.now = history.fresh;
-  EXPECT_FALSE(is_spoilt(history, machine()));
+  EXPECT_FALSE(is_degraded(history, machine()));
   history.sample = 1, history.sample_now = 0.5;  // a fresh tree would be better than the last one was
-  EXPECT_TRUE(is_spoilt(history, machine()));
-  EXPECT_FALSE(is_spoilt({}, machine()));
+  EXPECT_TRUE(is_degraded(history, machine()));
+  EXPECT_FALSE(is_degraded({}, machine()));
 }
 
 TEST(Rest, ATreeIsBuiltAsSoonAsWhatRaysLostWouldHavePaidForIt) {
@@ -141,7 +141,7 @@ TEST_F(RestingMesh, IsBuiltAnewOnceWhenTheRaysRepayIt) {
   EXPECT_TRUE(same_bytes(tree, build(twisted_, {"auto", {}})));
 }
 
-TEST_F(RestingMesh, StaysAsItIsWhereNobodySaysHowManyRays) {
+TEST_F(RestingMesh, StaysAsItIsWhereTheRaysAreUnknown) {
   twist_unseen();
   const WideBvh degraded = scene_.snapshot()->meshes.at(0).second->wide;
   for (int frame = 0; frame < 60; ++frame) {

@@ -139,7 +139,7 @@ TEST(WideRefit, NeverTouchesASnapshot) {
   }
 }
 
-TEST(WideRefit, ReusesMemoryThatNobodyReads) {
+TEST(WideRefit, ReusesMemoryThatIsNoLongerRead) {
   ThreadPool pool(1);
   CancelToken cancel;
   const TriangleMesh mesh = bumpy_sheet(30);

@@ -1,4 +1,4 @@
-"""Pixels of a synced scene before the double-precision judge: what the engine hits there is right, in doubt, or wrong.
+"""Pixels of a synced scene before the double-precision judge: what the engine hits there is right, ambiguous, or wrong.
 
 Where two triangles meet, or lie upon one another, a renderer's rounding decides which one a pixel shows, and a renderer
 with kernels for several processors rounds on each in another way. So a pixel that differs says nothing by itself.

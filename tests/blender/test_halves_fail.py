@@ -31,7 +31,7 @@ def fail_in_reports(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("in_halves", [True, False])
-def test_trees_that_nobody_was_told_of_are_told_of_by_the_next(box, sync: SceneSync, monkeypatch, in_halves) -> None:
+def test_unreported_trees_are_reported_by_the_next(box, sync: SceneSync, monkeypatch, in_halves) -> None:
     """Or an image from before would be kept: it depends on the revision."""
     sync.update(depsgraph())
     move(box, 2.0)
@@ -48,7 +48,7 @@ def test_trees_that_nobody_was_told_of_are_told_of_by_the_next(box, sync: SceneS
     assert (sync.revision, height(sync)) == (2, 3.0)
 
 
-def test_a_report_that_fails_unseen_keeps_nobody_from_going_on(box, sync: SceneSync, monkeypatch) -> None:
+def test_an_unseen_failure_of_a_report_stops_no_later_update(box, sync: SceneSync, monkeypatch) -> None:
     with monkeypatch.context() as patched:
         fail_in_reports(patched)
         building = sync.begin_update(depsgraph())
@@ -62,7 +62,7 @@ def test_a_report_that_fails_unseen_keeps_nobody_from_going_on(box, sync: SceneS
     assert height(sync) == 1.0
 
 
-def test_nobody_joins_a_build_that_was_asked_to_stop(box, sync: SceneSync, gate: Gate) -> None:
+def test_no_caller_joins_a_build_that_was_asked_to_stop(box, sync: SceneSync, gate: Gate) -> None:
     building = sync.begin_update(depsgraph())
     sync.ask_to_stop_building()
     other = sync.begin_update(depsgraph())

@@ -112,7 +112,7 @@ def compare(scene: bpy.types.Scene, size: tuple[int, int] = (320, 180)) -> Compa
 
 
 def wrong_pixels(sync: perfect_bvh_addon.SceneSync, pixels: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Those of the pixels through whose centres the engine hits what is neither right nor in doubt."""
+    """Those of the pixels through whose centres the engine hits what is neither right nor ambiguous."""
     verdict = judge_pixels(sync, pixels, cast_through(sync, pixels))
     return [pixel for pixel, is_wrong in zip(pixels, verdict.wrong, strict=True) if is_wrong]
 

@@ -223,7 +223,7 @@ def test_two_previews_share_their_trees(gate: Gate, cube) -> None:
     np.testing.assert_array_equal(pixels(), undisturbed())
 
 
-def test_what_one_gives_up_another_begins_anew(gate: Gate, cube) -> None:
+def test_what_one_gives_up_another_restarts(gate: Gate, cube) -> None:
     (first, first_window), (second, second_window) = press(), press()
     tick_until_half(second, second_window)
     assert first.modal(first_window, ESCAPE) == {"CANCELLED"}

@@ -170,7 +170,7 @@ LOUD: dict[str, Callable[[], None]] = {
 
 
 @pytest.mark.parametrize("name", LOUD)
-def test_whatever_else_changes_all_is_read_anew(sync: SceneSync, readings: list[bool], name: str) -> None:
+def test_whatever_else_changes_all_is_read_again(sync: SceneSync, readings: list[bool], name: str) -> None:
     LOUD[name]()
     report = sync.update(evaluated(), verify=True)
     assert report.mismatches == ()
@@ -205,7 +205,7 @@ def test_a_changed_image_is_read(sync: SceneSync, readings: list[bool]) -> None:
     assert_as_fresh(sync)
 
 
-def test_edit_mode_is_read_anew(sync: SceneSync, readings: list[bool]) -> None:
+def test_edit_mode_is_read_again(sync: SceneSync, readings: list[bool]) -> None:
     bpy.context.view_layer.objects.active = thing("own")
     bpy.ops.object.mode_set(mode="EDIT")
     try:

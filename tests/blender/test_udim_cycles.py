@@ -204,7 +204,7 @@ def test_tiles_in_memory_alone_are_read(scene) -> None:  # noqa: F811
         sync.close()
 
 
-def test_a_tile_that_nobody_has_filled_is_named(scene, image) -> None:  # noqa: F811
+def test_a_tile_that_was_never_filled_is_named(scene, image) -> None:  # noqa: F811
     """Blender cannot write it, nor the others then: those that have files are shown."""
     image.pixels.foreach_set(np.tile(np.float32((0.2, 0.4, 0.6, 1.0)), 64))
     image.tiles.new(tile_number=1003)

@@ -190,7 +190,7 @@ def test_the_last_image_stays_until_the_next_is_there(cube, gate: Gate) -> None:
     np.testing.assert_array_equal(after, fresh())
 
 
-def test_further_edits_stop_it_and_begin_anew(cube, gate: Gate) -> None:
+def test_further_edits_restart_it(cube, gate: Gate) -> None:
     shown = Shown()
     gate.close()
     builds = []
@@ -226,7 +226,7 @@ def test_viewports_that_share_the_trees_wait_for_the_same(cube, gate: Gate) -> N
         np.testing.assert_array_equal(shown.finish(), expected)
 
 
-def test_a_view_that_nobody_updates_waits_for_what_another_has_begun(cube, gate: Gate) -> None:
+def test_a_view_without_updates_waits_for_what_another_has_begun(cube, gate: Gate) -> None:
     """The Preview button, for one, may ask for attributes that take the scene out of step."""
     first, second = Shown(), Shown()
     first.update()
@@ -242,7 +242,7 @@ def test_a_view_that_nobody_updates_waits_for_what_another_has_begun(cube, gate:
     np.testing.assert_array_equal(first.finish(), fresh())
 
 
-def test_what_somebody_gives_up_is_begun_anew(cube, gate: Gate) -> None:
+def test_what_one_gives_up_is_restarted(cube, gate: Gate) -> None:
     shown = Shown()
     gate.close()
     shown.update()

@@ -169,7 +169,7 @@ def test_a_builder_that_was_asked_for_stays():
     assert (row.builder, row.alternatives) == ("sweep", ())
 
 
-def test_the_usage_can_be_said_anew():
+def test_the_usage_can_be_changed():
     scene = perfect_bvh.Scene()
     mesh = scene.add_mesh(*meshes.sphere(12, 16))
     assert scene.commit().meshes[0].builder == "binned"

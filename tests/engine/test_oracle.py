@@ -182,17 +182,17 @@ def test_wrong_hits_are_called_wrong(t_hit, instance_shift, primitive_id, is_wro
     hits = scene.cast_rays(*rays)
     verdict = judge(world, *rays, [t_hit], hits.instance_ids + instance_shift, [primitive_id])
     assert verdict.wrong.tolist() == [is_wrong]
-    assert not verdict.doubtful.any()
+    assert not verdict.ambiguous.any()
     assert judge(world, *rays, [np.inf], [-1], [-1]).wrong.all()
 
 
 def test_on_an_edge_either_neighbour_is_right_and_nothing_else():
-    """In doubt is which one, not whether: another triangle, another distance and a miss stay wrong, or are in doubt."""
+    """Which one is ambiguous, not whether: another triangle, distance or a miss stay wrong, or are ambiguous."""
     _, world = one_square()
     rays = [[0.5, 0.5, 3.0]], [[0.0, 0.0, -1.0]]
     for primitive_id in (0, 1):
         verdict = judge(world, *rays, [3.0], [world.instance_ids[0]], [primitive_id])
-        assert verdict.doubtful.all() and not verdict.wrong.any()
+        assert verdict.ambiguous.all() and not verdict.wrong.any()
         assert judge(world, *rays, [3.1], [world.instance_ids[0]], [primitive_id]).wrong.all()
     assert judge(world, *rays, [8.1], [world.instance_ids[0]], [2]).wrong.all()
     assert judge(world, *rays, [np.inf], [-1], [-1]).wrong.all()  # the one behind is hit for sure

@@ -72,7 +72,7 @@ def test_one_that_is_too_far_to_be_stopped_counts_as_done() -> None:
 
 
 @pytest.mark.parametrize("problem", [perfect_bvh.EngineError("no"), MemoryError(), KeyboardInterrupt()])
-def test_what_the_commit_raises_reaches_whoever_asks_for_the_result(problem: BaseException) -> None:
+def test_what_the_commit_raises_reaches_the_caller_that_asks_for_the_result(problem: BaseException) -> None:
     def commit(advance: Advance) -> None:
         raise problem
 

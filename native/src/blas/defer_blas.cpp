@@ -1,4 +1,4 @@
-// Of a mesh whose tree waits for the first ray that reaches it, what its instances are placed by.
+// For a mesh whose tree is built when the first ray reaches it: what its instances are placed by until then.
 
 #include "blas/build_tree.h"
 #include "blas/deferred_tree.h"

@@ -1,4 +1,4 @@
-// A tree that follows its triangles. It is refitted; then the governor says whether that will do,
+// A tree that follows its triangles. It is refitted; then the governor decides whether to keep that,
 // whether to restructure it by rotations or new parts, or to build another tree.
 
 #include <string_view>

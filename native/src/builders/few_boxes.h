@@ -1,7 +1,7 @@
 // How to split a handful of boxes: every way to halve up to four of them, every plane for up to eight. Most of a
-// tree's nodes are that small, and bins would cost more there and find less. It ends here, too: no split that costs more
-// than a leaf does (lecture, "Termination").
-// In: boxes on a grid, the SAH's costs. Out: which of them go left.
+// tree's nodes are that small, and bins would cost more there and find less. Subdivision ends here, too: no split is
+// made that costs more than a leaf (lecture, "Termination"). In: boxes on a grid, the SAH's costs. Out: which of them
+// go left.
 #pragma once
 
 #include <cstdint>

@@ -161,7 +161,7 @@ class SpatialWorker {
     if (range.count <= job_.config.max_leaf_size) {
       limit = std::min(limit, area * all - area * (job_.config.traversal_cost / job_.config.intersection_cost));
     }
-    // Slices are dear. An even number of bins has a plane in the middle, which is often the best.
+    // Slices are costly. An even number of bins has a plane in the middle, which is often the best.
     const std::uint32_t bin_count = std::min(std::max(job_.config.bins / 4 * 2, 2u), range.count / 8 * 2 + 4);
     const SpatialPlane plane =
         find_spatial_plane(rows(range), range.box, bin_count, job_.clipper, job_.scale, limit, range.capacity);

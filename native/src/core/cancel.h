@@ -1,6 +1,6 @@
 // How a long operation tells its progress and learns that it should stop.
 // In: any thread reports work done; the owner's callback runs only on the thread that made the token (it may hold
-// Python's lock). Out: `Cancelled` is thrown on every thread that asks after a stop was requested.
+// Python's lock). Out: `Cancelled` is thrown on every thread that polls after a stop was requested.
 #pragma once
 
 #include <atomic>

@@ -53,8 +53,8 @@ struct SharedPool {
   }
 };
 
-// After fork only the calling thread lives on: the child's copy of the pool has no workers and its mutex may be locked
-// for ever. The child therefore forgets the pool (leaks it: nothing in it can be destroyed safely).
+// After fork only the calling thread exists: the child's copy of the pool has no workers and its mutex may stay locked
+// forever. The child therefore forgets the pool (leaks it: nothing in it can be destroyed safely).
 SharedPool& shared_state() {
   static SharedPool* const state = [] {
     auto* made = new SharedPool;  // lives as long as the process: workers may outlast static destructors

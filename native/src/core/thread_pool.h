@@ -22,7 +22,7 @@ class TaskGroup;
 class ThreadPool {
  public:
   // thread_count includes the calling thread: 1 means no worker at all. 0: as many as the affinity mask allows.
-  // If the system refuses to start that many threads, the pool makes do with those it got.
+  // If the system refuses to start that many threads, the pool works with those it got.
   explicit ThreadPool(int thread_count = 0);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
@@ -77,7 +77,7 @@ class TaskGroup {
   // Runs the task at once on this thread; its exception waits for wait() like the others'.
   void run_here(const std::function<void()>& task) noexcept;
   // Helps until every task has ended, then rethrows the first exception; Cancelled only if there was no other, since
-  // it is the echo of what made the operation stop. `idle` runs between tasks, on this thread; it may throw.
+  // it only follows from what made the operation stop. `idle` runs between tasks, on this thread; it may throw.
   void wait(const std::function<void()>& idle = {});
   // Helps, on any thread, until every task that was added has ended, but leaves their exceptions to wait(). Code that
   // calls it keeps the group alive meanwhile.

@@ -1,4 +1,4 @@
-// Sorting eight values without a branch to be guessed: a network of 19 comparisons (Knuth, TAOCP 3, 5.3.4).
+// Sorting eight values without branches: a network of 19 comparisons (Knuth, TAOCP 3, 5.3.4).
 // In: values, and what puts two of them into order, lane by lane where they are vectors. Out: the same, ascending.
 #pragma once
 

@@ -1,5 +1,5 @@
 // The scene: meshes and their instances, edited freely, and committed into an immutable snapshot.
-// In: validated arrays. Out: reports and snapshots. A failed or cancelled commit leaves the edits waiting, as they
+// In: validated arrays. Out: reports and snapshots. A failed or cancelled commit leaves the edits pending, as they
 // were, and snapshots that were taken before stay valid.
 #pragma once
 
@@ -32,7 +32,7 @@ struct InstanceInput {
 };
 
 // The lock of a scene's edits, held for the whole of a commit. A commit's callback that edits the same scene, or asks
-// for what edits change, would wait for itself for ever: it is refused instead.
+// for what edits change, would deadlock: it is refused instead.
 class EditMutex {
  public:
   // Throws EngineError if this thread holds it.

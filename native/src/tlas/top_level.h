@@ -32,8 +32,8 @@ namespace perfect_bvh {
 // How many clusters are joined pair by pair: the instances themselves where they are no more, else the parts of a
 // binned tree. Measured with 1,000 to 100,000 boxes on one thread: joining takes 1 to 2 us a cluster, more for larger
 // numbers, against 0.2 us an instance for the binned tree. Where small instances stand on large ones, 256 clusters
-// already give all that the whole would (SAH 2.0 against 7.0 binned), and where all are alike the binned tree is kept
-// anyhow (SAH 191 against 224), so that what is spent here in vain has to stay small.
+// already give all that the whole would (SAH 2.0 against 7.0 binned), and where all have similar sizes the binned
+// tree is kept anyhow (SAH 191 against 224), so that the time wasted here has to stay small.
 inline constexpr std::uint32_t kMostClusters = 1024;
 
 struct TopLevel {

@@ -1,5 +1,5 @@
-// Every triangle that a ray meets in its range: counted, or written down unsorted. Ray by ray: nothing that is found
-// shortens the way, so the order of visits is free and no entry distance is kept.
+// Every triangle that a ray meets in its range: counted, or written down unsorted. Ray by ray: no hit
+// shortens the ray, so the order of visits is free and no entry distance is kept.
 // A triangle that stands in several leaves (spatial splits) is found in each: the caller, which may allocate, sorts
 // and drops what it has seen.
 // Included after stream_kernel.inl, of whose slots, node and leaf tests it is made; everything has internal linkage.

@@ -1,5 +1,5 @@
-// What kernels count on, whatever the caller or a library in the process has set: denormals on, round to nearest, no
-// traps. For as long as it lives; then the thread has its own settings back.
+// Sets the floating point mode that kernels need, whatever the caller or a library in the process has set: denormals
+// on, round to nearest, no traps. The destructor restores the thread's own settings.
 #pragma once
 
 #include <cstdint>

@@ -246,9 +246,9 @@ void write_results(const Packet& packet, const RayBatch& batch) noexcept {
   }
 }
 
-// Where triangles are smaller than the distance between rays, a packet's rays part long before they reach a leaf, and
-// the stream is faster. After a packet where one ray in two went a way by itself, so many are left to the stream; after
-// each further one, twice as many and one, as what is ahead is probably alike.
+// Where triangles are smaller than the distance between rays, a packet's rays diverge long before they reach a leaf,
+// and the stream is faster. After a packet where more than half of the rays finished alone, so many packets are left to
+// the stream; after each further one, twice as many and one, as the rays ahead probably diverge too.
 constexpr unsigned kPassedOver = 7, kMostPassedOver = 63;
 
 template <bool kAny>

@@ -47,8 +47,8 @@ inline constexpr std::size_t kCachedBytes = std::size_t{8} << 20;
 // As an instance's root: its tree is not built yet (tlas/lazy_trees.h).
 inline constexpr std::uint32_t kUnbuiltRoot = 0xFFFFFFFFu;
 
-// Instances that rays or points reached before their tree was built. A ray that reaches one stops: the answers of that
-// batch mean nothing.
+// Instances that rays or points reached before their tree was built. A ray that reaches one stops: that batch's
+// answers are invalid.
 struct UnbuiltInstances {
   static constexpr std::uint32_t kMost = 64;  // more are found when the batch is traced again
   std::uint32_t count = 0;

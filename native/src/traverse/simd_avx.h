@@ -1,4 +1,4 @@
-// Eight lanes in one 256-bit register: what AVX2 and AVX-512VL do alike. They differ in masks and in compression.
+// Eight lanes in one 256-bit register: what AVX2 and AVX-512VL share. They differ in masks and in compression.
 // Included by one translation unit only; everything in it has internal linkage.
 #pragma once
 

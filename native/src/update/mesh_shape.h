@@ -1,4 +1,4 @@
-// What the governor goes by of a mesh's shape, from a sample of its triangles.
+// What the governor knows of a mesh's shape, from a sample of its triangles.
 #pragma once
 
 #include "core/thread_pool.h"

@@ -24,7 +24,7 @@ std::string tell(const RestQuestion& question, const Excess& at_rest, double bui
 
 }  // namespace
 
-bool is_spoilt(const UpdateHistory& history, const Calibration& calibration) noexcept {
+bool is_degraded(const UpdateHistory& history, const Calibration& calibration) noexcept {
   return history.since_build.commit_count > 0 &&
          ray_nanoseconds(history.now, calibration) >
              kNoticeable * fresh_nanoseconds(history, history.sample_now, calibration);

@@ -23,7 +23,7 @@ struct RestQuestion {
 };
 
 // Whether rays are expected to lose anything in a tree that was refitted, beside a new one.
-[[nodiscard]] bool is_spoilt(const UpdateHistory& history, const Calibration& calibration) noexcept;
+[[nodiscard]] bool is_degraded(const UpdateHistory& history, const Calibration& calibration) noexcept;
 
 // Of triangles that did not move in this commit: kKeep or kRebuild.
 [[nodiscard]] UpdateDecision decide_at_rest(const RestQuestion& question, const Calibration& calibration);

@@ -1,5 +1,5 @@
-// Every node of a wide tree, children before their parents, by several threads: subtrees are shared out, the few nodes
-// above them follow. Nothing is asked of the order of the array, so that parts of a tree may be exchanged.
+// Every node of a wide tree, children before their parents, by several threads: subtrees are tasks, the few nodes
+// above them follow. Any order of the array will do, so that parts of a tree may be exchanged.
 #pragma once
 
 #include <cstdint>

@@ -38,7 +38,7 @@ class Writer {
       const Child now = waiting_.back();
       waiting_.pop_back();
       const auto row = static_cast<std::uint32_t>(nodes.rows.size());
-      if (now.row != kNobody) nodes.rows[now.row].child[now.lane] = row;
+      if (now.row != kNoParent) nodes.rows[now.row].child[now.lane] = row;
       nodes.depth = std::max(nodes.depth, now.depth);
       write_node(now.cluster, nodes.rows.emplace_back());
       for (std::uint32_t lane = count_; lane-- > 0;) {
@@ -49,7 +49,7 @@ class Writer {
     }
   }
 
-  static constexpr std::uint32_t kNobody = ~0u;  // as `row`: a root
+  static constexpr std::uint32_t kNoParent = ~0u;  // as `row`: a root
 
  private:
   void write_node(std::uint32_t cluster, WideNode& node) noexcept {
@@ -94,7 +94,7 @@ class Assembly {
 
   void run(WideBvh& wide) {
     Nodes upper;
-    Writer(tree_, plans_).write({tree_.root, Writer::kNobody, 0, 1}, tree_.top.begin, upper, subtrees_);
+    Writer(tree_, plans_).write({tree_.root, Writer::kNoParent, 0, 1}, tree_.top.begin, upper, subtrees_);
     std::vector<Nodes> groups((subtrees_.size() + kGroup - 1) / kGroup);
     std::vector<std::uint32_t> rows(subtrees_.size());  // of a subtree's root in its group
     parallel_for(pool_, subtrees_.size(), kGroup, [&](std::size_t begin, std::size_t end) {
@@ -104,7 +104,7 @@ class Assembly {
       std::vector<Child> none;
       for (std::size_t i = begin; i < end; ++i) {
         rows[i] = static_cast<std::uint32_t>(group.rows.size());
-        writer.write({subtrees_[i].cluster, Writer::kNobody, 0, subtrees_[i].depth}, 0, group, none);
+        writer.write({subtrees_[i].cluster, Writer::kNoParent, 0, subtrees_[i].depth}, 0, group, none);
       }
     });
     std::vector<std::size_t> first_rows(groups.size() + 1, upper.rows.size());

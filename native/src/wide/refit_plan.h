@@ -1,5 +1,5 @@
-// What every refit of trees of one shape goes by, made once: in which order it writes nodes and leaves, and what it
-// reads for the leaves.
+// What all refits of trees of one shape share, made once: the order in which they write nodes and leaves, and what they
+// read for the leaves.
 #pragma once
 
 #include <array>

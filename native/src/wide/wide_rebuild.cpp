@@ -66,12 +66,12 @@ class Splicer {
   }
 
   void run(std::uint32_t root) {
-    waiting_.push_back({origin_of(kKept, root), kNobody, 0, 1});
+    waiting_.push_back({origin_of(kKept, root), kNoParent, 0, 1});
     while (!waiting_.empty()) {
       const Waiting now = waiting_.back();
       waiting_.pop_back();
       const auto row = static_cast<std::uint32_t>(nodes_.size());
-      if (now.parent != kNobody) nodes_[now.parent].child[now.lane] = row;
+      if (now.parent != kNoParent) nodes_[now.parent].child[now.lane] = row;
       depth_ = std::max(depth_, now.depth);
       origins_.push_back(now.origin);
       const WideNode& node = nodes_.emplace_back(node_at(now.origin));
@@ -91,7 +91,7 @@ class Splicer {
     Origin origin;
     std::uint32_t parent, lane, depth;
   };
-  static constexpr std::uint32_t kNobody = ~0u;
+  static constexpr std::uint32_t kNoParent = ~0u;
 
   [[nodiscard]] Origin origin_of(std::size_t part, std::uint32_t row) const noexcept {
     if (part == kKept && part_at_[row] != kKept) return {part_at_[row], 0};
