@@ -20,7 +20,8 @@ def chart(figures: Figures | None = None) -> Chart:
     most = runs["preview"]["points"][-1]["samples"]
     return Chart(
         f"At equal error the preview's rays are {faster:.1f} times as fast as Cycles'; in all, {faster_in_all:.1f}",
-        f"{figures['scene']}, one matt material under a white sky, one bounce, {runs['preview']['width']} pixels wide; "
+        f"{figures['scene']}, one diffuse material under a white sky, one bounce, {runs['preview']['width']} pixels "
+        "wide; "
         f"1, 4 ... {most} samples a pixel. Error: root mean square difference, in the middle of the image (a fifth as "
         f"wide and high), from the renderer's own {figures['converged_samples']:,} samples there, over their mean; the "
         f"two are {100 * figures['preview_from_cycles']:.0f} % apart. {faster:.1f} and {faster_in_all:.1f}: at "

@@ -16,7 +16,7 @@ LOOKS = {
 }
 DECISIONS: dict[str, tuple[str, Mark]] = {
     "rebuilt": ("rebuilt", "square"),
-    "partly_rebuilt": ("spoilt parts rebuilt", "diamond"),
+    "partly_rebuilt": ("degraded parts rebuilt", "diamond"),
     "rotated": ("refitted and rotated", "triangle"),
     "refitted": ("refitted", "ring"),
 }

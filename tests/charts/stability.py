@@ -9,7 +9,7 @@ DATA = "stability"
 LOOKS = {  # label, colour, dashed
     "refit": ("refit", "orange", False),
     "rotate": ("refit and rotations", "purple", False),
-    "rebuild_parts": ("refit and spoilt parts rebuilt", "green", False),
+    "rebuild_parts": ("refit and degraded parts rebuilt", "green", False),
     "governed": ("governed: the default", "blue", False),
 }
 LEFT_BEHIND = "black"
@@ -31,10 +31,10 @@ def chart(figures: Figures | None = None) -> Chart:
     different, asked = sum(row["different"] for row in kept), len(kept) * figures["rays"]
     noise = _noise(figures)
     return Chart(
-        "Refitted trees lose speed at a knee; where the governor sees it, it builds anew",
+        "Refitted trees lose speed at a knee; where the governor sees it, it rebuilds",
         f"A mesh of {count(figures['triangles'])} triangles deforms in one step, ever more, and its tree follows. "
         "Speed of rays from all around, as a share of that through a new tree, on one thread; bands: quartiles. Where "
-        f"the governor built anew, 1 is expected and {noise[0]:.2f} to {noise[1]:.2f} measured: that is the noise. Of "
+        f"the governor rebuilt, 1 is expected and {noise[0]:.2f} to {noise[1]:.2f} measured: that is the noise. Of "
         f"{count(asked)} answers through trees that were not rebuilt {different or 'none'} differ from the new tree's, "
         f"of {count(audited)} audited ones {wrong or 'none'} are wrong. Black: answers if nothing is updated.",
         [panel for motion in MOTIONS for panel in (_speeds(figures, motion), _answers(figures, motion))],
