@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import nox
@@ -29,6 +30,8 @@ WHEEL_TOOLS = ("pybind11==3.1.0", "scikit-build-core==1.1.2", "ziglang==0.17.1")
 BLENDER = "bpy==5.0.1"
 OLDER_BLENDERS = ("bpy==4.2.23", "bpy==4.5.15")
 
+QUICK_SECONDS = 30  # for tests; what follows a C++ change is compiled before that
+
 NATIVE_FOLDERS = ("native/src", "native/bindings", "native/tests", "native/benchmarks")
 NATIVE_SUFFIXES = (".h", ".inl", ".cpp")
 
@@ -44,6 +47,41 @@ def lint(session: nox.Session) -> None:
     session.run(
         "clang-format", "--dry-run", "-Werror", *(str(path) for path in files if path.suffix in NATIVE_SUFFIXES)
     )
+
+
+@nox.session(default=False, reuse_venv=True)
+def quick(session: nox.Session) -> None:
+    """Lint, then the tests near what differs from origin/main: within a minute, or two if C++ has changed.
+
+    The first run takes as long as an installation. Tests that the time does not suffice for are skipped, by name.
+    """
+    sys.path.insert(0, "tests")
+    import near
+
+    changed = near.changed_files()
+    session.install(RUFF, MYPY, CLANG_FORMAT, *BUILD_TOOLS, *WHEEL_TOOLS[:2])
+    session.run("ruff", "check")
+    session.run("ruff", "format", "--check")
+    session.run("mypy")
+    native = [path for path in changed if path.startswith("native/") and path.endswith(NATIVE_SUFFIXES)]
+    if native:
+        session.run("clang-format", "--dry-run", "-Werror", *native)
+        suites = ":".join(f"*{suite}*" for suite in near.near_native_suites(changed))
+        with session.chdir("native"):
+            session.run("cmake", "--preset", "tests", silent=True)
+            session.run("cmake", "--build", "--preset", "tests")
+        session.run("build/tests/perfect_bvh_tests", f"--gtest_filter={suites or 'none'}", external=True)
+    editable = (
+        "--no-build-isolation",
+        "-Cbuild-dir=build/editable",
+        "-Ceditable.rebuild=true",
+        "-e",
+        ".[blender,test]",
+    )
+    if not Path("build/editable/CMakeCache.txt").is_file() or not is_installed(session, "perfect_bvh"):
+        session.install(*editable)
+    tests = near.near_python_tests(changed)
+    session.run("pytest", "-n", "0", "-q", f"--seconds={QUICK_SECONDS}", *tests)
 
 
 @nox.session
@@ -157,6 +195,11 @@ def arm64_pythons(session: nox.Session) -> None:
 def windows(session: nox.Session) -> None:
     """Try the zip in a real Blender with windows; screenshots are left in .cache/windows."""
     session.run("tests/gui/windows.sh", str(extension_zip()), external=True)
+
+
+def is_installed(session: nox.Session, package: str) -> bool:
+    """Whether the session's environment has it from an earlier run."""
+    return any(Path(session.virtualenv.location).glob(f"lib/python*/site-packages/{package}*"))
 
 
 def stage_extension() -> Path:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+STARTED = pytest.StashKey[float]()
 REPOSITORY = Path(__file__).resolve().parent.parent
 # Files that take longest for the number of their tests. Begun last, they would leave one core waiting for the other.
 LONGEST_FILES = ("test_arm64.py", "test_readme.py", "test_soak.py", "test_scenes.py")
@@ -16,6 +18,20 @@ LONGEST_FILES = ("test_arm64.py", "test_readme.py", "test_soak.py", "test_scenes
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Has the longest files begun first, whatever folder they are in."""
     items.sort(key=lambda item: item.path.name not in LONGEST_FILES)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--seconds", type=float, help="skip the tests that have not begun after so many seconds")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.stash[STARTED] = time.monotonic()
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    seconds = item.config.getoption("--seconds")
+    if seconds is not None and time.monotonic() - item.config.stash[STARTED] > seconds:
+        pytest.skip(f"the {seconds:g} seconds of a quick check are over")
 
 
 @pytest.fixture(scope="session")
