@@ -26,11 +26,19 @@ EMBREEX = "embreex>=4.4"  # holds the library of Embree 4.4
 MATPLOTLIB = "matplotlib>=3.8"
 BUILD_TOOLS = ("cmake>=3.25", "ninja>=1.11")
 # One compiler for the wheels of all Pythons, and the Blender whose tools make the zip of them.
-WHEEL_TOOLS = ("pybind11==3.1.0", "scikit-build-core==1.1.2", "ziglang==0.17.1")
+PYBIND11 = "pybind11==3.1.0"
+WHEEL_TOOLS = (PYBIND11, "scikit-build-core==1.1.2", "ziglang==0.17.1")
 BLENDER = "bpy==5.0.1"
 OLDER_BLENDERS = ("bpy==4.2.23", "bpy==4.5.15")
 
 QUICK_SECONDS = 30  # for tests; what follows a C++ change is compiled before that
+# What takes any input to the engine through Python and back; small, for AddressSanitizer.
+BOUNDARY_TESTS = (
+    "tests/engine/check_sanitizer.py",
+    "tests/engine/test_bad_input.py",
+    "tests/engine/test_bulk.py",
+    "tests/stress/test_fuzz.py",
+)
 
 NATIVE_FOLDERS = ("native/src", "native/bindings", "native/tests", "native/benchmarks")
 NATIVE_SUFFIXES = (".h", ".inl", ".cpp")
@@ -93,9 +101,12 @@ def native_tests(session: nox.Session) -> None:
 
 @nox.session
 def sanitize(session: nox.Session) -> None:
-    """Run the C++ tests under AddressSanitizer with UndefinedBehaviorSanitizer, then under ThreadSanitizer."""
-    session.install(*BUILD_TOOLS)
-    run_native_preset(session, "asan")
+    """Run C++ and Python tests under AddressSanitizer with UndefinedBehaviorSanitizer, C++ under ThreadSanitizer."""
+    session.install(*BUILD_TOOLS, PYBIND11, "numpy>=2", "pytest>=8")
+    pybind11 = str(session.run("python", "-m", "pybind11", "--cmakedir", silent=True)).strip()
+    python = Path(session.virtualenv.bin).resolve() / "python"
+    run_native_preset(session, "asan", f"-Dpybind11_DIR={pybind11}", f"-DPython_EXECUTABLE={python}")
+    run_sanitized_python_tests(session, Path("build/asan"))
     run_native_preset(session, "tsan")
 
 
@@ -227,9 +238,31 @@ def extension_zip() -> Path:
     return Path("dist") / f"perfect_bvh-{version}.zip"
 
 
-def run_native_preset(session: nox.Session, preset: str) -> None:
+def run_native_preset(session: nox.Session, preset: str, *options: str) -> None:
     """Configure, build and test one preset of native/CMakePresets.json."""
     with session.chdir("native"):
-        session.run("cmake", "--preset", preset)
+        session.run("cmake", "--preset", preset, *options)
         session.run("cmake", "--build", "--preset", preset)
         session.run("ctest", "--preset", preset)
+
+
+def run_sanitized_python_tests(session: nox.Session, build: Path) -> None:
+    """Run BOUNDARY_TESTS with the sources' Python package and the module that AddressSanitizer was built into."""
+    package = build / "python" / "perfect_bvh"
+    shutil.rmtree(package, ignore_errors=True)
+    shutil.copytree("native/python/perfect_bvh", package, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
+    (module,) = build.glob("_core.*.so")
+    shutil.copy(module, package)
+    # First of all: it replaces malloc. The C++ library beside it, or it finds no exceptions to follow.
+    libraries = [
+        str(session.run("g++", f"-print-file-name={name}", silent=True, external=True)).strip()
+        for name in ("libasan.so", "libstdc++.so")
+    ]
+    environment = {
+        "LD_PRELOAD": " ".join(libraries),
+        "ASAN_OPTIONS": "detect_leaks=0",  # Python itself leaves much behind at its end
+        "PYTHONMALLOC": "malloc",  # or small objects share blocks, in which an overrun goes unnoticed
+        "PYTHONPATH": str(package.parent.resolve()),
+        "PERFECT_BVH_FUZZ_SECONDS": "2",
+    }
+    session.run("python", "-m", "pytest", "-o", "addopts=--import-mode=importlib", *BOUNDARY_TESTS, env=environment)

@@ -128,7 +128,7 @@ def test_shared_samples_converge_to_the_image_under_the_filter(scene: Scene) -> 
     width, height = SIZE
     parts = 5
     size = (width * parts, height * parts)
-    fine = render(scene, CAMERA, size=size, samples=64, smooth=False, filter_width=0.5)
+    fine = render(scene, CAMERA, size=size, samples=16, smooth=False, filter_width=0.5)
     place = (np.arange(-2 * parts, 2 * parts + 1)) / (3.0 * parts) + 0.5
     angle = 2.0 * np.pi * place
     window = 0.35875 - 0.48829 * np.cos(angle) + 0.14128 * np.cos(2 * angle) - 0.01168 * np.cos(3 * angle)
