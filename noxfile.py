@@ -88,6 +88,9 @@ def quick(session: nox.Session) -> None:
     )
     if not Path("build/editable/CMakeCache.txt").is_file() or not is_installed(session, "perfect_bvh"):
         session.install(*editable)
+        (site,) = Path(session.virtualenv.location).glob("lib/python*/site-packages")
+        (site / "perfect_bvh_addon").unlink(missing_ok=True)
+        (site / "perfect_bvh_addon").symlink_to(Path("addon").resolve())
     tests = near.near_python_tests(changed)
     session.run("pytest", "-n", "0", "-q", f"--seconds={QUICK_SECONDS}", *tests)
 
