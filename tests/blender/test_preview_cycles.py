@@ -67,11 +67,16 @@ def patches(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return image[..., :3].reshape(height, PATCH, width, PATCH, 3).mean(axis=(1, 3))
 
 
-def check(scene: bpy.types.Scene) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+def check(
+    scene: bpy.types.Scene, alpha_tolerance: float = 0.1
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """alpha_tolerance: for a single pixel."""
     ours, theirs = render_both(scene)
     # Both filters are as wide, but the samples are others: a pixel that an edge crosses differs a little.
-    assert np.abs(ours[..., 3] - theirs[..., 3]).max() < 0.1
+    assert np.abs(ours[..., 3] - theirs[..., 3]).max() < alpha_tolerance
     assert np.abs(ours[..., 3] - theirs[..., 3]).mean() < 0.002
+    alphas = (np.repeat(image[..., 3:], 3, axis=2) for image in (ours, theirs))
+    assert np.abs(np.subtract(*map(patches, alphas))).max() < 0.06
     difference = np.abs(patches(ours) - patches(theirs))
     assert difference.max() < 0.06
     assert difference.mean() < 0.006
@@ -160,7 +165,9 @@ def test_what_is_hidden_or_held_out_looks_as_in_cycles(scene, change, film_trans
     scene.render.film_transparent = film_transparent
     plain, _ = check(scene)
     change(scene)
-    changed, _ = check(scene)
+    # In air Cycles leaves to chance, sample by sample, which shader a ray meets: five standard deviations of the mean.
+    left_to_chance = 5.0 * 0.5 / SAMPLES**0.5
+    changed, _ = check(scene, left_to_chance if change is hold_out_with_air else 0.1)
     assert np.abs(changed - plain).max() > 0.02, "the change shows"
     if change in (hold_out_in_part, hold_out_with_air):
         left = 0.6 if change is hold_out_in_part else 0.6 * 0.6  # a look through air meets the cube's back as well
