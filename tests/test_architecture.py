@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from test_layers import ADDON_LAYERS, NATIVE_LAYERS
+from test_layers import ADDON_LAYERS, NATIVE_LAYERS, RENDER_LAYERS
 
 LONGEST = 250
 # Folders that a path in the text begins with, and the names in it that stand for what a reader adds.
@@ -24,8 +24,9 @@ def test_it_can_be_read_in_one_sitting(text: str) -> None:
 
 
 def test_its_layers_are_the_enforced_ones(text: str) -> None:
-    native, addon = re.findall(r"^```\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    native, render, addon = re.findall(r"^```\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     assert tuple(native.split()) == NATIVE_LAYERS
+    assert tuple(render.split()) == RENDER_LAYERS
     assert tuple(tuple(row.split()) for row in addon.splitlines()) == ADDON_LAYERS
 
 

@@ -304,7 +304,7 @@ def test_errors_of_images_are_measured_with_raw_totals(repository: Path, tmp_pat
     ("script", "constant", "source", "name"),
     [
         ("build_python.py", "COMMITS_OF_A_STATIC_TREE", "blas/make_blas.cpp", "kStaticCommits"),
-        ("image_error.py", "OPENNESS", "render/illumination.cpp", "kOpenness"),
+        ("image_error.py", "OPENNESS", "render/light/illumination.cpp", "kOpenness"),
     ],
 )
 def test_what_benchmarks_repeat_of_the_engine_is_the_engines(

@@ -29,6 +29,9 @@ NATIVE_LAYERS = (
     "render",
 )
 
+# The renderer is a house of its own: folders in `render`, from the ground up.
+RENDER_LAYERS = ("sampling", "appearance", "surface", "light", "filter", "modes", "image")
+
 # What a layer must not know, although it lies below.
 NATIVE_IGNORANCE = {
     "math": ("core/thread_pool.h",),
@@ -73,13 +76,14 @@ def native_violations(src: Path) -> list[str]:
         found += [
             f"{path.relative_to(src)} includes {name}: {reason}"
             for name in includes_of(path)
-            if (reason := native_objection(src, layer, name))
+            if (reason := native_objection(src, path.relative_to(src), name))
         ]
     return found
 
 
-def native_objection(src: Path, layer: str, name: str) -> str | None:
-    """Why a file of `layer` may not include `name`, or None."""
+def native_objection(src: Path, path: Path, name: str) -> str | None:
+    """Why the file `path`, relative to `src`, may not include `name`, or None."""
+    layer, *inside = path.parts
     if name == "Python.h" or name.startswith(("pybind11/", "numpy/")):
         return "the engine knows no Python"
     target = name.split("/")[0]
@@ -87,11 +91,22 @@ def native_objection(src: Path, layer: str, name: str) -> str | None:
         return None if not (src / layer / name).exists() else "includes start at src"
     if NATIVE_LAYERS.index(target) > NATIVE_LAYERS.index(layer):
         return f"{target} is above {layer}"
+    if layer == target == "render":
+        return render_objection(inside, name)
     if layer != target and layer == "stats":
         return "stats holds plain structs only"
     if any(name.startswith(unknown) for unknown in NATIVE_IGNORANCE.get(layer, ())):
         return f"{layer} must not know it"
     return None
+
+
+def render_objection(inside: list[str], name: str) -> str | None:
+    """The same within the renderer. inside: the file's path below `render`."""
+    own, target = inside[0], name.split("/")[1]
+    for folder in (own, target):
+        if folder not in RENDER_LAYERS:
+            return f"render/{folder} is no layer"
+    return f"{target} is above {own}" if RENDER_LAYERS.index(target) > RENDER_LAYERS.index(own) else None
 
 
 def test_native_layers_include_only_what_is_below_them(repository: Path) -> None:
@@ -106,11 +121,13 @@ def test_native_layers_include_only_what_is_below_them(repository: Path) -> None
         ("stats/counts.h", '#include "core/errors.h"', "core is above stats"),
         ("scene/scene.h", "#include <pybind11/pybind11.h>", "knows no Python"),
         ("shapes/box.h", "#include <vector>", "belongs to no layer"),
+        ("render/surface/material.h", '#include "render/light/illumination.h"', "light is above surface"),
+        ("render/shapes/box.h", '#include "render/light/light.h"', "render/shapes is no layer"),
     ],
 )
 def test_a_wrong_include_is_found(tmp_path: Path, file: str, include: str, complaint: str) -> None:
     path = tmp_path / file
-    path.parent.mkdir()
+    path.parent.mkdir(parents=True)
     path.write_text(f"#pragma once\n{include}\n")
     violations = native_violations(tmp_path)
     assert len(violations) == 1

@@ -1,5 +1,5 @@
 // Images of snapshots. The Python face hands over checked arrays, which it keeps alive, and preallocated results.
-#include "render/render.h"
+#include "render/image/render.h"
 
 #include <pybind11/stl.h>
 
@@ -11,7 +11,7 @@
 #include "bindings/bind.h"
 #include "bindings/progress.h"
 #include "core/errors.h"
-#include "render/bright_sky.h"
+#include "render/light/bright_sky.h"
 
 namespace perfect_bvh::bindings {
 namespace {

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-#include "render/bright_sky.h"
+#include "render/light/bright_sky.h"
 
 namespace perfect_bvh {
 namespace {

@@ -6,10 +6,10 @@
 #include <limits>
 #include <numbers>
 
-#include "render/gloss.h"
-#include "render/light.h"
-#include "render/multiple_importance.h"
-#include "render/sampler.h"
+#include "render/appearance/light.h"
+#include "render/light/multiple_importance.h"
+#include "render/sampling/sampler.h"
+#include "render/surface/specular.h"
 
 namespace perfect_bvh {
 namespace {

@@ -6,11 +6,11 @@
 #include <set>
 
 #include "core/errors.h"
-#include "render/camera.h"
-#include "render/film.h"
-#include "render/light_layer.h"
-#include "render/palette.h"
-#include "render/sampler.h"
+#include "render/filter/film.h"
+#include "render/filter/irradiance.h"
+#include "render/modes/palette.h"
+#include "render/sampling/camera.h"
+#include "render/sampling/sampler.h"
 
 namespace perfect_bvh {
 namespace {

@@ -47,7 +47,7 @@ Image = npt.NDArray[np.float32]
 Border = tuple[float, float, float, float]  # left, right, bottom, top, as shares of the image
 # Samples, seed, border -> image, milliseconds.
 Render = Callable[[int, int, Border], tuple[Image, float]]
-OPENNESS = 0.3  # the share of the sky that a bounce finds: kOpenness in native/src/render/illumination.cpp
+OPENNESS = 0.3  # the share of the sky that a bounce finds: kOpenness in native/src/render/light/illumination.cpp
 WHOLE: Border = (0.0, 1.0, 0.0, 1.0)
 MIDDLE: Border = (0.4, 0.6, 0.4, 0.6)  # whole pixels, whatever multiple of 80 the width is
 FILTER_WIDTH = 1.5  # of the pixel filter in Cycles: the default, as ours is

@@ -1,0 +1,124 @@
+// What surfaces look like, as views of the caller's arrays: the renderer's only knowledge of colour.
+// In: arrays that must outlive the render. Out: a material, a normal or a flag for a hit. Everything is optional: what
+// is missing is grey, flat and visible.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "math/vec3.h"
+#include "render/appearance/light.h"
+#include "render/appearance/rgba.h"
+#include "render/appearance/texture.h"
+#include "tlas/snapshot.h"
+#include "traverse/ray.h"
+
+namespace perfect_bvh {
+
+class BrightSky;
+
+inline constexpr std::int32_t kNoMaterial = -1;
+
+// One row a triangle; empty if the mesh lacks the attribute.
+struct MeshAttributes {
+  std::span<const std::int32_t> material_slots;
+  std::span<const Vec3f> corner_normals;  // three a triangle, object space
+  // By the numbers that textures and materials have for a mesh's layers: what lies beyond the end is lacking, too.
+  std::vector<std::span<const Point2>> uv_maps;       // three a triangle; the first is the one that renders use
+  std::vector<std::span<const Vec3f>> corner_colors;  // three a triangle, scene-linear
+};
+
+inline constexpr std::int32_t kNoImage = -1;
+inline constexpr std::int32_t kNoTint = -1;
+
+// What lights a scene from all around.
+struct World {
+  Vec3f color{0, 0, 0};           // or what the image's colours are multiplied with
+  std::int32_t image = kNoImage;  // equirectangular
+  float rotation = 0.0f;          // of the image about z, in radians
+};
+
+struct Appearance {
+  // Tables, in the layout of the Python records of the same names.
+  std::span<const Rgba> material_colors;
+  std::span<const std::int32_t> material_pass_indices;
+  // What they look like in light: a row a material, or empty. Images are rows of `images`, or kNoImage.
+  std::span<const Vec3f> base_colors;  // empty: as material_colors
+  std::span<const Vec3f> emissions;    // radiance
+  std::span<const float> alphas;
+  std::span<const float> metallics, roughnesses;  // empty: 0 and 1
+  std::span<const float> reflectances;            // of what is not metal, seen from straight above; empty: 0
+  std::span<const float> transmissions;           // empty: 0
+  std::span<const float> material_holdouts;       // how much of it cuts a hole into the image; empty: 0
+  std::span<const std::int32_t> color_images;     // instead of the base colours
+  std::span<const std::int32_t> alpha_images;     // their alpha multiplies
+  std::span<const std::int32_t> emission_images;  // their colour multiplies
+  std::span<const std::int32_t> tints;  // which of the mesh's own colours multiply the base colour, or kNoTint
+  std::span<const std::int32_t> instance_ids;
+  std::span<const std::int32_t> slot_offsets;  // one more than instances
+  std::span<const std::int32_t> slot_materials;
+  std::span<const std::int32_t> object_pass_indices;
+  std::span<const std::uint8_t> holdout;
+
+  std::vector<Texture> images;
+  std::vector<Light> lights;
+  std::optional<World> world;                   // none: the studio's sky and ground
+  std::shared_ptr<const BrightSky> bright_sky;  // of the world's image, if it was worked out before
+  std::optional<World> backdrop;                // what the camera sees instead of the world, and nothing is lit by
+
+  std::uint32_t camera_mask = 0xFFFFFFFFu;
+  std::uint32_t shadow_mask = 0xFFFFFFFFu;
+  std::uint32_t diffuse_mask = 0xFFFFFFFFu;  // of rays that look for light all around a surface
+  std::uint32_t glossy_mask = 0xFFFFFFFFu;   // of mirrored rays
+  std::uint32_t catcher_mask = 0;            // of what shows the shadows alone that others throw on it
+  bool film_transparent = false;
+
+  void set_mesh(std::int32_t mesh_id, const MeshAttributes& attributes);
+  // Call after the tables are set. Throws InvalidArgument for tables that do not fit one another.
+  void finish();
+
+  // All of these take any hit or instance; what is not listed gets kNoMaterial, 0 and false.
+  [[nodiscard]] const MeshAttributes* attributes_of(const Instance& instance) const noexcept {
+    const auto row = row_in(mesh_rows_, instance.mesh_id);
+    return row < 0 ? nullptr : &meshes_[static_cast<std::size_t>(row)];
+  }
+  [[nodiscard]] std::int32_t row_of(const Instance& instance) const noexcept {
+    return row_in(instance_rows_, instance.id);
+  }
+  // Whether a camera ray that meets it finds a hole, and nothing else.
+  [[nodiscard]] bool is_holdout(const Instance& instance, std::uint32_t primitive) const {
+    if (!any_holdout_) return false;
+    const auto row = row_of(instance);
+    if (row >= 0 && holdout[static_cast<std::size_t>(row)] != 0) return true;
+    return !material_holdouts.empty() && is_hole(material_of(instance, primitive));
+  }
+  [[nodiscard]] bool is_catcher(const Instance& instance) const noexcept { return (instance.mask & catcher_mask) != 0; }
+  // Whether some material lets anything through.
+  [[nodiscard]] bool any_transparent() const noexcept { return any_transparent_; }
+  // Whether some material mirrors anything.
+  [[nodiscard]] bool any_glossy() const noexcept { return any_glossy_; }
+  // The row in the material table.
+  [[nodiscard]] std::int32_t material_of(const Instance& instance, std::uint32_t primitive) const;
+
+  // Throws InvalidArgument if the attributes of the instance's mesh do not have a row a triangle.
+  void check_fits(const Instance& instance, const MeshAttributes& attributes) const;
+
+ private:
+  [[nodiscard]] static std::int32_t row_in(const std::vector<std::int32_t>& rows, std::int32_t id) noexcept {
+    const auto index = static_cast<std::size_t>(id);  // a negative id is beyond every table
+    return index < rows.size() ? rows[index] : -1;
+  }
+  [[nodiscard]] bool is_hole(std::int32_t material) const noexcept;
+  void check_tables() const;
+  void check_materials() const;
+
+  std::vector<MeshAttributes> meshes_;
+  std::vector<std::int32_t> mesh_rows_;      // by mesh id: ids are small and never reused
+  std::vector<std::int32_t> instance_rows_;  // by instance id
+  bool any_holdout_ = false, any_transparent_ = false, any_glossy_ = false;
+};
+
+}  // namespace perfect_bvh

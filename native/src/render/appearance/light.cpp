@@ -1,0 +1,164 @@
+#include "render/appearance/light.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "render/sampling/directions.h"
+
+namespace perfect_bvh {
+namespace {
+
+constexpr float kPi = std::numbers::pi_v<float>;
+
+float brightness(Vec3f color) noexcept { return std::max({color.x, color.y, color.z}); }
+
+// The share of its light that a spot sends along a direction of this cosine with its axis.
+float cone_share(const Light& light, float cosine) noexcept {
+  if (light.kind != LightKind::kSpot) return 1.0f;
+  if (cosine <= light.cone_cosine) return 0.0f;
+  const float border = (1.0f - light.cone_cosine) * light.cone_blend;
+  const float part = border > 0.0f ? std::min((cosine - light.cone_cosine) / border, 1.0f) : 1.0f;
+  return part * part * (3.0f - 2.0f * part);
+}
+
+// How much brighter than one that shines all over its side an area light is along a direction of this cosine with its
+// axis. Between the slats of a grid before it one sees the less of it the more aslant one looks, up to the spread, and
+// its watts stay what they are: the integral of this over the cosine is that without a grid.
+float grid_share(const Light& light, float cosine) noexcept {
+  if (!(light.spread < 0.5f * kPi - 1e-4f)) return 1.0f;
+  const float farthest = std::tan(light.spread);
+  const float aslant = std::sqrt(std::max(1.0f - cosine * cosine, 0.0f)) / std::max(cosine, 1e-6f);
+  // tan x - x loses its digits where x is small.
+  const float rest = light.spread < 0.05f ? farthest * farthest * farthest / 3.0f : farthest - light.spread;
+  return std::max(farthest - aslant, 0.0f) / std::max(rest, 1e-12f);
+}
+
+bool is_area(const Light& light) noexcept {
+  return light.kind == LightKind::kRectangle || light.kind == LightKind::kEllipse;
+}
+
+float square(float value) noexcept { return value * value; }
+
+// The disk that a sun shows, one unit away, and how directions spread over it.
+float sun_density(const Light& light, float cosine) noexcept {
+  return 1.0f / (kPi * square(light.size_x) * cosine * cosine * cosine);
+}
+
+LightRay look_at_sun(const Light& light, Vec3f normal, Point2 random) noexcept {
+  const Point2 flat = uniform_disk(random);
+  const Vec3f direction = normalized(light.z + (light.x * flat.x + light.y * flat.y) * light.size_x);
+  const float cosine = std::max(dot(direction, normal), 0.0f);
+  return {direction, std::numeric_limits<float>::infinity(), light.power * (cosine / kPi),
+          sun_density(light, dot(direction, light.z))};
+}
+
+std::optional<LightMet> meet_sun(const Light& light, Vec3f direction) noexcept {
+  const float cosine = dot(direction, light.z);
+  const bool inside = 1.0f - square(cosine) <= square(light.size_x * cosine);
+  if (!(cosine > 0.0f) || !(light.size_x > 0.0f) || !inside) return std::nullopt;
+  const float density = sun_density(light, cosine);
+  return LightMet{std::numeric_limits<float>::infinity(), light.power * density, density};
+}
+
+float area_of(const Light& light) noexcept {
+  return (light.kind == LightKind::kEllipse ? 0.25f * kPi : 1.0f) * light.size_x * light.size_y;
+}
+
+LightRay look_at_area(const Light& light, Vec3d point, Vec3f normal, Point2 random) noexcept {
+  Point2 flat{random.x - 0.5f, random.y - 0.5f};
+  if (light.kind == LightKind::kEllipse) {
+    flat = uniform_disk(random);
+    flat = {flat.x * 0.5f, flat.y * 0.5f};
+  }
+  const Vec3f offset = light.x * (flat.x * light.size_x) + light.y * (flat.y * light.size_y);
+  const Vec3f way = to_float(light.position - point) + offset;
+  const float distance = length(way);
+  if (!(distance > 0.0f)) return {};
+  const Vec3f direction = way * (1.0f / distance);
+  const float cosine = std::max(dot(direction, normal), 0.0f), light_cosine = std::max(dot(direction, light.z), 0.0f);
+  // Radiance P / (pi A), seen from an area A: A cancels.
+  const float share = cosine * light_cosine * grid_share(light, light_cosine) / (kPi * kPi * distance * distance);
+  return {direction, distance, light.power * share, square(distance) / (light_cosine * area_of(light))};
+}
+
+std::optional<LightMet> meet_area(const Light& light, Vec3d point, Vec3f direction) noexcept {
+  const float cosine = dot(direction, light.z), area = area_of(light);
+  if (!(cosine > 0.0f) || !(area > 0.0f)) return std::nullopt;
+  const Vec3f to_centre = to_float(light.position - point);
+  const float distance = dot(to_centre, light.z) / cosine;
+  if (!(distance > 0.0f) || !std::isfinite(distance)) return std::nullopt;
+  const Vec3f offset = direction * distance - to_centre;
+  const float x = 2.0f * dot(offset, light.x) / light.size_x, y = 2.0f * dot(offset, light.y) / light.size_y;
+  const bool inside =
+      light.kind == LightKind::kEllipse ? x * x + y * y <= 1.0f : std::abs(x) <= 1.0f && std::abs(y) <= 1.0f;
+  if (!inside) return std::nullopt;
+  const float radiance = grid_share(light, cosine) / (kPi * area);
+  return LightMet{distance, light.power * radiance, square(distance) / (cosine * area)};
+}
+
+// A ball is a disk through its centre that faces the point. This is what it gives there, for one watt, straight on.
+float ball_share(const Light& light, Vec3f to_ball, float distance) noexcept {
+  const float nearest = std::max(distance, light.size_x);  // inside of the ball it gets no brighter
+  return cone_share(light, dot(to_ball, light.z)) / (4.0f * kPi * nearest * nearest);
+}
+
+LightRay look_at_ball(const Light& light, Vec3d point, Vec3f normal, Point2 random) noexcept {
+  const Vec3f to_centre = to_float(light.position - point);
+  const float distance = length(to_centre);
+  if (!(distance > 0.0f)) return {};
+  const Frame frame(to_centre * (1.0f / distance));
+  const Point2 flat = uniform_disk(random);
+  const Vec3f way = to_centre + (frame.x * flat.x + frame.y * flat.y) * light.size_x;
+  const float way_length = length(way);
+  const Vec3f direction = way * (1.0f / way_length);
+  const float cosine = std::max(dot(direction, normal), 0.0f);
+  const float share = ball_share(light, frame.z, distance) * cosine / kPi;
+  const float density = square(way_length) / (kPi * square(light.size_x) * dot(direction, frame.z));
+  return {direction, way_length, light.power * share, density};
+}
+
+std::optional<LightMet> meet_ball(const Light& light, Vec3d point, Vec3f direction) noexcept {
+  const Vec3f to_centre = to_float(light.position - point);
+  const float distance = length(to_centre);
+  if (!(distance > 0.0f) || !(light.size_x > 0.0f)) return std::nullopt;
+  const Vec3f axis = to_centre * (1.0f / distance);
+  const float cosine = dot(direction, axis);
+  if (!(cosine > 0.0f)) return std::nullopt;
+  const float way_length = distance / cosine;
+  if (!(length(direction * way_length - to_centre) <= light.size_x)) return std::nullopt;
+  const float density = square(way_length) / (kPi * square(light.size_x) * cosine);
+  return LightMet{way_length, light.power * (ball_share(light, axis, distance) * density), density};
+}
+
+}  // namespace
+
+LightRay look_at_light(const Light& light, Vec3d point, Vec3f normal, Point2 random) noexcept {
+  if (light.kind == LightKind::kSun) return look_at_sun(light, normal, random);
+  return is_area(light) ? look_at_area(light, point, normal, random) : look_at_ball(light, point, normal, random);
+}
+
+std::optional<LightMet> meet_light(const Light& light, Vec3d point, Vec3f direction) noexcept {
+  if (light.kind == LightKind::kSun) return meet_sun(light, direction);
+  return is_area(light) ? meet_area(light, point, direction) : meet_ball(light, point, direction);
+}
+
+float guess_light(const Light& light, Vec3d point, Vec3f normal) noexcept {
+  const float power = brightness(light.power);
+  if (light.kind == LightKind::kSun) return power * std::clamp(dot(light.z, normal) + light.size_x, 0.0f, 1.0f) / kPi;
+  const Vec3f way = to_float(light.position - point);
+  const float reach = is_area(light) ? 0.5f * std::hypot(light.size_x, light.size_y) : light.size_x;
+  const float distance = std::max(length(way), 1e-20f);
+  const float spread = reach / distance;  // how far its border may be from the way to its centre
+  const float cosine = std::clamp(dot(way, normal) / distance + spread, 0.0f, 1.0f);
+  const float nearest = std::max(distance - reach, 0.5f * std::max(distance, reach));
+  float share = 1.0f / (4.0f * kPi * kPi * nearest * nearest);
+  if (is_area(light)) {
+    const float light_cosine = std::clamp(dot(way, light.z) / distance + spread, 0.0f, 1.0f);
+    share *= 4.0f * light_cosine * grid_share(light, std::min(light_cosine + spread, 1.0f));
+  }
+  return power * cosine * share * cone_share(light, dot(way, light.z) / distance);
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,202 @@
+#include "render/image/tile.h"
+
+#include <algorithm>
+
+namespace perfect_bvh {
+
+namespace {
+
+// How far the light of a pixel is averaged: the less, the more rays the pixel has of its own. From eight on, samples
+// that neighbours share say more.
+int smoothing_radius(const RenderSettings& settings) noexcept {
+  if (!settings.smooth) return 0;
+  const int light_rays = settings.mode == Mode::kPreview ? settings.preview.light_rays : settings.clay.light_rays;
+  const auto rays = settings.samples * static_cast<std::uint32_t>(light_rays);
+  return rays < 2 ? 4 : rays < 4 ? 3 : rays < 8 ? 2 : 0;
+}
+
+}  // namespace
+
+TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets, KeptRays& kept)
+    : inputs_(inputs),
+      targets_(targets),
+      kept_(kept),
+      mode_(make_mode(inputs)),
+      filter_(inputs.settings.filter_width),
+      filter_dimension_(inputs.settings.seed, 0),
+      lens_dimension_(inputs.settings.seed, 1),
+      pass_needs_{.normals = !targets.normal.empty()},
+      sample_count_(mode_->is_exact() ? 1 : inputs.settings.samples),
+      centred_(mode_->is_exact() || (sample_count_ == 1 && inputs.settings.first_sample == 0)),
+      has_lens_(mode_->has_focus() && inputs.camera.lens().has_value()),
+      smoothing_radius_(mode_->keeps_light_apart() && !targets.combined.empty() ? smoothing_radius(inputs.settings)
+                                                                                : 0),
+      border_(border),
+      tiles_(border.grown(smoothing_radius_ > 0 ? smoothing_radius_ : shared_reach(), inputs.settings.width,
+                          inputs.settings.height)),
+      wants_centres_(targets.any_surface() || targets.any_counts()) {
+  if (smoothing_radius_ > 0) {
+    layer_.emplace(tiles_.area());
+  } else if (shared_reach() > 0 && !targets.combined.empty()) {
+    film_.emplace(tiles_, filter_);
+  }
+}
+
+// In Z-order, so that neighbouring rays of a batch are neighbours in the image both ways. That of the whole tile,
+// whatever part of it is rendered: sums depend on the order.
+void TileRenderer::place_pixels(std::size_t tile, TileScratch& scratch) const {
+  const PixelRect whole = tiles_.whole_at(tile), part = tiles_.at(tile);
+  scratch.pixels.clear();
+  for (std::uint32_t place = 0; place < kTileSize * kTileSize; ++place) {
+    const auto even_bits = [](std::uint32_t bits) {
+      std::uint32_t result = 0;
+      for (std::uint32_t i = 0; (1u << i) < kTileSize; ++i) result |= ((bits >> (2 * i)) & 1u) << i;
+      return static_cast<int>(result);
+    };
+    const int x = whole.x0 + even_bits(place), y = whole.y0 + even_bits(place >> 1);
+    if (part.contains(x, y)) {
+      scratch.pixels.push_back({static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y)});
+    }
+  }
+  scratch.rays.resize(scratch.pixels.size());
+  scratch.hits.resize(scratch.pixels.size());
+}
+
+void TileRenderer::trace(TileScratch& scratch, std::uint32_t sample, bool with_counts) const {
+  scratch.counts.assign(with_counts ? scratch.rays.size() : 0, RayCounts{});
+  trace_closest(inputs_.snapshot, inputs_.cancel, scratch.rays, scratch.hits, Cull::kNone, scratch.counts);
+  kept_.offer(inputs_.snapshot, sample, scratch.pixels, scratch.rays, scratch.hits);
+}
+
+void TileRenderer::trace_centres(TileScratch& scratch) const {
+  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
+    const Pixel pixel = scratch.pixels[i];
+    scratch.rays[i] = inputs_.camera.through(pixel.x + 0.5, pixel.y + 0.5, inputs_.appearance.camera_mask);
+  }
+  trace(scratch, inputs_.settings.first_sample, targets_.any_counts() || (shades_centres() && mode_->wants_counts()));
+  scratch.points.clear();
+  const SurfaceNeeds needs = shades_centres() ? pass_needs_ | mode_->needs() : pass_needs_;
+  find_surfaces(inputs_.snapshot, inputs_.appearance, needs, scratch.rays, scratch.hits, scratch.points);
+  store_passes(targets_, inputs_.snapshot, inputs_.appearance, border_, inputs_.settings.width,
+               {scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points});
+}
+
+void TileRenderer::make_rays(std::uint32_t sample, TileScratch& scratch) const {
+  const FixedPoint2 point = filter_dimension_.sample(sample);
+  scratch.offsets.assign(scratch.pixels.size(), Point2{0.0f, 0.0f});
+  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
+    const Pixel pixel = scratch.pixels[i];
+    Point2& offset = scratch.offsets[i];
+    if (!centred_) {
+      const FixedPoint2 shift = filter_dimension_.offset(sampling::z_order(pixel.x, pixel.y));
+      const Point2 random = (point ^ shift).to_unit();
+      offset = film_ ? Point2{random.x - 0.5f, random.y - 0.5f} : filter_.offset(random);
+    }
+    scratch.rays[i] =
+        inputs_.camera.through(pixel.x + 0.5 + static_cast<double>(offset.x),
+                               pixel.y + 0.5 + static_cast<double>(offset.y), inputs_.appearance.camera_mask);
+  }
+}
+
+void TileRenderer::bend_rays(std::uint32_t sample, TileScratch& scratch) const {
+  const FixedPoint2 point = lens_dimension_.sample(sample);
+  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
+    const Pixel pixel = scratch.pixels[i];
+    const FixedPoint2 shift = lens_dimension_.offset(sampling::z_order(pixel.x, pixel.y));
+    inputs_.camera.bend(scratch.rays[i], inputs_.camera.lens()->point((point ^ shift).to_unit()));
+  }
+}
+
+void TileRenderer::add_sample(std::uint32_t sample, std::size_t tile, TileScratch& scratch) const {
+  const std::uint32_t number = inputs_.settings.first_sample + sample;
+  if (!shades_centres()) {
+    make_rays(number, scratch);
+    if (has_lens_) bend_rays(number, scratch);
+    trace(scratch, number, mode_->wants_counts());
+    scratch.points.clear();
+    find_surfaces(inputs_.snapshot, inputs_.appearance, mode_->needs(), scratch.rays, scratch.hits, scratch.points);
+  }
+  fill_background(scratch);
+  mode_->shade({number, scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points, scratch.colors,
+                scratch.shade});
+  if (layer_) {
+    scratch.gather.add(inputs_.camera, scratch.rays, scratch.hits, scratch.points, scratch.shade.lit_points);
+  }
+  if (film_) return film_->add(tile, scratch.pixels, scratch.offsets, scratch.colors);
+  for (std::size_t i = 0; i < scratch.sums.size(); ++i) {
+    Rgba& sum = scratch.sums[i];
+    const Rgba& color = scratch.colors[i];
+    sum = {sum.r + color.r, sum.g + color.g, sum.b + color.b, sum.a + color.a};
+  }
+}
+
+// Holdouts stay without colour and alpha: they cut through the backdrop too.
+void TileRenderer::fill_background(TileScratch& scratch) const {
+  scratch.colors.assign(scratch.pixels.size(), Rgba{});
+  if (!mode_->has_backdrop() || inputs_.appearance.film_transparent) return;
+  const float scale_x = 1.0f / static_cast<float>(inputs_.settings.width);
+  const float scale_y = 1.0f / static_cast<float>(inputs_.settings.height);
+  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
+    if (scratch.hits[i].found()) continue;
+    const Pixel pixel = scratch.pixels[i];
+    const Vec3f color =
+        mode_->backdrop(scratch.rays[i], static_cast<float>(pixel.x) * scale_x, static_cast<float>(pixel.y) * scale_y);
+    scratch.colors[i] = {color.x, color.y, color.z, 1.0f};
+  }
+}
+
+void TileRenderer::store_combined(const TileScratch& scratch) const {
+  const float share = 1.0f / static_cast<float>(sample_count_);
+  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
+    if (!border_.contains(scratch.pixels[i].x, scratch.pixels[i].y)) continue;
+    const Rgba& sum = scratch.sums[i];
+    targets_.combined[row_of(scratch.pixels[i])] = {sum.r * share, sum.g * share, sum.b * share, sum.a * share};
+  }
+  if (layer_) store_light(scratch);
+}
+
+// Until the light is smoothed, pixels hold what is not on their surface.
+void TileRenderer::store_light(const TileScratch& scratch) const {
+  const float share = 1.0f / static_cast<float>(sample_count_);
+  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
+    const Pixel pixel = scratch.pixels[i];
+    const LightPixel light = scratch.gather.pixel(i, sample_count_);
+    layer_->store(pixel.x, pixel.y, light);
+    if (!light.on_surface() || !border_.contains(pixel.x, pixel.y)) continue;
+    const Vec3f rest = scratch.gather.rest(i, scratch.sums[i]) * share;
+    targets_.combined[row_of(pixel)] = {rest.x, rest.y, rest.z, scratch.sums[i].a * share};
+  }
+}
+
+void TileRenderer::finish(std::size_t tile, TileScratch& scratch) const {
+  const PixelRect inside = tiles_.at(tile).overlap(border_);
+  if (inside.empty()) return;
+  if (film_) {
+    develop(inside);
+  } else {
+    smooth(inside, scratch);
+  }
+}
+
+void TileRenderer::develop(PixelRect tile) const {
+  for (int y = tile.y0; y < tile.y1; ++y) {
+    const Pixel first{static_cast<std::uint16_t>(tile.x0), static_cast<std::uint16_t>(y)};
+    for (int x = tile.x0; x < tile.x1; ++x) {
+      targets_.combined[row_of(first) + static_cast<std::size_t>(x - tile.x0)] = film_->pixel(x, y);
+    }
+  }
+}
+
+void TileRenderer::smooth(PixelRect tile, TileScratch& scratch) const {
+  const auto width = static_cast<std::size_t>(tile.width());
+  scratch.lights.resize(width * static_cast<std::size_t>(tile.height()));
+  layer_->smooth(tile, smoothing_radius_, scratch.smoothing, scratch.lights);
+  for (int y = tile.y0; y < tile.y1; ++y) {
+    const Pixel first{static_cast<std::uint16_t>(tile.x0), static_cast<std::uint16_t>(y)};
+    const std::span<const LightPixel> lights = scratch.lights;
+    mode_->relight(lights.subspan(static_cast<std::size_t>(y - tile.y0) * width, width),
+                   targets_.combined.subspan(row_of(first), width));
+  }
+}
+
+}  // namespace perfect_bvh

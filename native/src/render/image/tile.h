@@ -1,0 +1,99 @@
+// One tile of an image: camera rays in a batch, their hits, the passes, and as many shaded samples as are asked for.
+// In: a rectangle of pixels. Out: every wanted pass of those pixels. Nothing depends on other tiles or on threads.
+#pragma once
+
+#include "core/cancel.h"
+#include "render/filter/film.h"
+#include "render/filter/irradiance_accumulation.h"
+#include "render/image/ray_subset.h"
+#include "render/modes/passes.h"
+#include "render/modes/shading.h"
+
+namespace perfect_bvh {
+
+// Buffers of one thread, kept from tile to tile.
+struct TileScratch {
+  AlignedVector<Pixel> pixels;
+  AlignedVector<Ray> rays;
+  AlignedVector<Hit> hits;
+  AlignedVector<RayCounts> counts;
+  AlignedVector<SurfacePoint> points;
+  AlignedVector<Rgba> colors, sums;
+  AlignedVector<Point2> offsets;  // of samples from the centres of their pixels
+  ShadeScratch shade;
+  LightGather gather;
+  SmoothingScratch smoothing;
+  AlignedVector<LightPixel> lights;
+};
+
+class TileRenderer {
+ public:
+  // Camera rays are offered to `kept`, which outlives this.
+  TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets, KeptRays& kept);
+
+  // Of the pixels to render: those in the border, and as many around it as smoothing or the pixel filter looks at.
+  [[nodiscard]] const TileGrid& tiles() const noexcept { return tiles_; }
+
+  // Throws Cancelled between samples. `between_samples` is called on the same thread.
+  template <class Idle>
+  void render(std::size_t tile, TileScratch& scratch, const CancelToken& cancel, const Idle& between_samples) const {
+    place_pixels(tile, scratch);
+    if (wants_centres_) trace_centres(scratch);
+    if (targets_.combined.empty()) return;
+    scratch.sums.assign(scratch.pixels.size(), Rgba{});
+    if (film_) film_->begin(tile);
+    if (layer_) scratch.gather.begin(scratch.pixels.size());
+    for (std::uint32_t sample = 0; sample < sample_count_; ++sample) {
+      cancel.throw_if_stopped();
+      add_sample(sample, tile, scratch);
+      between_samples();
+    }
+    if (!film_) store_combined(scratch);
+  }
+
+  // Whether `finish` has work, once every tile of the image is rendered.
+  [[nodiscard]] bool needs_finish() const noexcept { return layer_ || film_; }
+  void finish(std::size_t tile, TileScratch& scratch) const;
+
+ private:
+  void place_pixels(std::size_t tile, TileScratch& scratch) const;
+  void trace_centres(TileScratch& scratch) const;
+  void trace(TileScratch& scratch, std::uint32_t sample, bool with_counts) const;
+  void add_sample(std::uint32_t sample, std::size_t tile, TileScratch& scratch) const;
+  void make_rays(std::uint32_t sample, TileScratch& scratch) const;
+  void bend_rays(std::uint32_t sample, TileScratch& scratch) const;
+  void fill_background(TileScratch& scratch) const;
+  void store_combined(const TileScratch& scratch) const;
+  void store_light(const TileScratch& scratch) const;
+  void develop(PixelRect tile) const;
+  void smooth(PixelRect tile, TileScratch& scratch) const;
+
+  // How far samples count in other pixels, where light is not smoothed.
+  [[nodiscard]] int shared_reach() const noexcept { return centred_ ? 0 : filter_.reach(); }
+  // Whether the rays of the passes are those of the only sample, too.
+  [[nodiscard]] bool shades_centres() const noexcept {
+    return centred_ && wants_centres_ && !has_lens_ && !targets_.combined.empty();
+  }
+  [[nodiscard]] std::size_t row_of(Pixel pixel) const noexcept {
+    return static_cast<std::size_t>(pixel.y) * static_cast<std::size_t>(inputs_.settings.width) + pixel.x;
+  }
+
+  ModeInputs inputs_;
+  PassTargets targets_;
+  KeptRays& kept_;
+  std::unique_ptr<ShadingMode> mode_;
+  PixelFilter filter_;
+  Dimension filter_dimension_, lens_dimension_;
+  SurfaceNeeds pass_needs_;
+  std::uint32_t sample_count_;
+  bool centred_;          // samples stand at pixel centres
+  bool has_lens_;         // samples pass all of the lens; passes its middle
+  int smoothing_radius_;  // 0: none
+  PixelRect border_;
+  TileGrid tiles_;
+  mutable std::optional<LightLayer> layer_;  // if light is smoothed
+  mutable std::optional<Film> film_;         // if pixels share samples
+  bool wants_centres_;                       // rays through pixel centres are needed for the passes
+};
+
+}  // namespace perfect_bvh

@@ -1,0 +1,51 @@
+// Where a render's results go: one array a pass, of the whole image, row 0 on top.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "render/appearance/appearance.h"
+#include "render/sampling/camera.h"
+#include "render/surface/surface.h"
+#include "stats/ray_counts.h"
+
+namespace perfect_bvh {
+
+// What the depth passes hold where nothing was hit: the number that Cycles writes.
+inline constexpr float kNoDepth = 1e10f;
+
+// A pass that is not wanted is empty; the others have a row a pixel. The caller fills them with what pixels outside the
+// camera's border get. All but `combined` hold what the ray through the pixel's centre hit: they are never blended.
+struct PassTargets {
+  std::span<Rgba> combined;                     // scene-linear, premultiplied by alpha
+  std::span<float> depth, distance;             // along the view axis, along the ray; kNoDepth
+  std::span<Vec3f> normal;                      // shading normal, world space, towards the viewer; zero
+  std::span<std::int32_t> object_index;         // the object's pass index; 0
+  std::span<std::int32_t> material_index;       // the material's pass index; 0
+  std::span<std::int32_t> instance, primitive;  // the scene's instance id, the triangle in its mesh; -1
+  std::span<std::int32_t> nodes_visited, primitives_tested;
+
+  [[nodiscard]] bool any_surface() const noexcept {
+    return !depth.empty() || !distance.empty() || !normal.empty() || !object_index.empty() || !material_index.empty() ||
+           !instance.empty() || !primitive.empty();
+  }
+  [[nodiscard]] bool any_counts() const noexcept { return !nodes_visited.empty() || !primitives_tested.empty(); }
+};
+
+// What one batch of rays through pixel centres found: ray, hit and pixel i belong together.
+struct CentreHits {
+  std::span<const Pixel> pixels;
+  std::span<const Ray> rays;
+  std::span<const Hit> hits;
+  std::span<const RayCounts> counts;     // empty if no pass wants them
+  std::span<const SurfacePoint> points;  // with normals, if that pass is wanted
+};
+// Writes all passes but `combined` of the pixels that lie inside `border`.
+void store_passes(const PassTargets& targets, const Snapshot& snapshot, const Appearance& appearance,
+                  const PixelRect& border, int image_width, const CentreHits& found);
+
+[[nodiscard]] inline float distance_of(const Ray& ray, float t) noexcept {
+  return static_cast<float>(static_cast<double>(t) * length(ray.direction));
+}
+
+}  // namespace perfect_bvh

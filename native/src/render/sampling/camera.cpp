@@ -1,0 +1,85 @@
+#include "render/sampling/camera.h"
+
+#include <algorithm>
+
+#include "core/errors.h"
+
+namespace perfect_bvh {
+namespace {
+
+Vec3d unit_axis(Vec3d axis, const char* name) {
+  const double size = length(axis);
+  if (!(size > 0.0) || !std::isfinite(size)) {
+    throw InvalidArgument(std::string("render: the camera's matrix has no usable ") + name +
+                          " axis (its length must be positive and finite); give it a scale other than zero");
+  }
+  return axis * (1.0 / size);
+}
+
+// Single precision and truncation, because that is how Blender turns a border into pixels.
+int border_edge(float fraction, int size) noexcept {
+  return std::clamp(static_cast<int>(fraction * static_cast<float>(size)), 0, size);
+}
+
+}  // namespace
+
+PixelRect border_pixels(const Camera& camera, int width, int height) noexcept {
+  PixelRect rect;
+  rect.x0 = std::min(border_edge(camera.border_left, width), width - 1);
+  rect.x1 = std::max(border_edge(camera.border_right, width), rect.x0 + 1);
+  const int low = std::min(border_edge(camera.border_bottom, height), height - 1);
+  const int high = std::max(border_edge(camera.border_top, height), low + 1);
+  rect.y0 = height - high;
+  rect.y1 = height - low;
+  return rect;
+}
+
+RayMaker::RayMaker(const Camera& camera, int width, int height)
+    : origin_(camera.camera_to_world.translation),
+      right_(unit_axis(camera.camera_to_world.x, "x")),
+      up_(unit_axis(camera.camera_to_world.y, "y")),
+      axis_(-unit_axis(camera.camera_to_world.z, "z")),
+      t_min_(camera.clip_start),
+      t_max_(camera.clip_end),
+      left_(camera.left),
+      top_(camera.top),
+      angle_x_((camera.right - camera.left) / width),
+      angle_y_((camera.top - camera.bottom) / height),
+      projection_(camera.projection),
+      lens_(camera.lens) {
+  step_x_ = right_ * angle_x_;
+  step_y_ = up_ * -angle_y_;
+  const Vec3d corner = right_ * camera.left + up_ * camera.top;
+  pixel_size_ = static_cast<float>(std::max(angle_x_, angle_y_));
+  corner_ = corner + (orthographic() ? origin_ : axis_);
+}
+
+Vec3d RayMaker::towards(double longitude, double latitude) const noexcept {
+  const double flat = std::cos(latitude);
+  return right_ * (flat * std::sin(longitude)) + up_ * std::sin(latitude) + axis_ * (flat * std::cos(longitude));
+}
+
+// A panorama's lens faces each ray; its width lies on the side of the middle of the image, as in Cycles.
+void RayMaker::bend(Ray& ray, Point2 on_lens) const noexcept {
+  const double x = static_cast<double>(on_lens.x), y = static_cast<double>(on_lens.y);
+  if (projection_ != Projection::kEquirectangular) {
+    const Vec3d aside = right_ * x + up_ * y;
+    ray.origin = ray.origin + aside;
+    ray.direction = ray.direction - aside * (1.0 / lens_->focus_distance);
+    return;
+  }
+  const Vec3d inwards = axis_ - ray.direction * dot(axis_, ray.direction);
+  const Vec3d wide = dot(inwards, inwards) > 0.0 ? normalized(inwards) : right_;
+  const Vec3d aside = wide * x + cross(ray.direction, wide) * y;
+  ray.origin = ray.origin + aside;
+  ray.direction = normalized(ray.direction * lens_->focus_distance - aside);
+}
+
+RayMaker::Steps RayMaker::steps_at(const Ray& ray) const noexcept {
+  if (projection_ != Projection::kEquirectangular) return {step_x_, step_y_};
+  // The derivatives by longitude and latitude; the second has no direction over the poles.
+  const Vec3d right = cross(ray.direction, up_);
+  return {right * angle_x_, cross(normalized(right), ray.direction) * -angle_y_};
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,115 @@
+// From a pixel to a ray, in world space.
+// In: a camera that looks along its own -Z with +Y up, whose every lens setting is folded into a window.
+// Out: rays whose direction has unit length along the view axis, so that t IS the depth along that axis: the clipping
+// range needs no work a pixel and the depth pass no square root. A panorama has no such axis: there t is the distance,
+// which is what Cycles clips by and calls depth, too. Pixel (0, 0) is the top left one; its centre is at (0.5, 0.5), so
+// that the pixels divide the window evenly.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+
+#include "math/affine.h"
+#include "render/sampling/lens.h"
+#include "traverse/ray.h"
+
+namespace perfect_bvh {
+
+enum class Projection : std::uint8_t { kPerspective, kOrthographic, kEquirectangular };
+
+struct Camera {
+  Affine camera_to_world;  // axes of any length: only their directions count
+  // The frame: on the plane one unit in front of a perspective camera, in world units for an orthographic one, in
+  // radians of longitude (to the right) and latitude (upwards) for an equirectangular one.
+  double left = -0.36, right = 0.36, bottom = -0.2025, top = 0.2025;
+  Projection projection = Projection::kPerspective;
+  float clip_start = 0.1f, clip_end = 1000.0f;  // along the view axis, or the ray of a panorama
+  // The part of the frame that is traced, as fractions of it from the lower left corner.
+  float border_left = 0.0f, border_right = 1.0f, border_bottom = 0.0f, border_top = 1.0f;
+  std::optional<Lens> lens;  // none: as sharp everywhere as through a pinhole
+};
+
+struct Pixel {
+  std::uint16_t x, y;
+};
+
+// Columns [x0, x1) and rows [y0, y1), rows counted from the top.
+struct PixelRect {
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  [[nodiscard]] constexpr int width() const noexcept { return x1 - x0; }
+  [[nodiscard]] constexpr int height() const noexcept { return y1 - y0; }
+  [[nodiscard]] constexpr bool contains(int x, int y) const noexcept { return x >= x0 && x < x1 && y >= y0 && y < y1; }
+  // With a margin around it, inside a frame.
+  [[nodiscard]] constexpr PixelRect grown(int margin, int frame_width, int frame_height) const noexcept {
+    return {std::max(x0 - margin, 0), std::max(y0 - margin, 0), std::min(x1 + margin, frame_width),
+            std::min(y1 + margin, frame_height)};
+  }
+  [[nodiscard]] constexpr PixelRect overlap(const PixelRect& other) const noexcept {
+    return {std::max(x0, other.x0), std::max(y0, other.y0), std::min(x1, other.x1), std::min(y1, other.y1)};
+  }
+  [[nodiscard]] constexpr bool empty() const noexcept { return x1 <= x0 || y1 <= y0; }
+};
+
+// The pixels inside the camera's border, rounded as Blender rounds them; at least one pixel.
+[[nodiscard]] PixelRect border_pixels(const Camera& camera, int width, int height) noexcept;
+
+// A camera made ready for an image of a certain size.
+class RayMaker {
+ public:
+  // Throws InvalidArgument for a camera with an axis of no length.
+  RayMaker(const Camera& camera, int width, int height);
+
+  // Through the image point (x, y), in pixels from the top left corner.
+  [[nodiscard]] Ray through(double x, double y, std::uint32_t mask) const noexcept {
+    Ray ray;
+    if (projection_ == Projection::kEquirectangular) {
+      ray.origin = origin_;
+      ray.direction = towards(left_ + angle_x_ * x, top_ - angle_y_ * y);
+    } else {
+      const Vec3d offset = step_x_ * x + step_y_ * y;
+      ray.origin = orthographic() ? corner_ + offset : origin_;
+      ray.direction = orthographic() ? axis_ : corner_ + offset;
+    }
+    ray.t_min = t_min_;
+    ray.t_max = t_max_;
+    ray.mask = mask;
+    return ray;
+  }
+
+  [[nodiscard]] const std::optional<Lens>& lens() const noexcept { return lens_; }
+  // Leads a ray that came `through` the middle of the lens through another point of it: to the same point in focus.
+  void bend(Ray& ray, Point2 on_lens) const noexcept;
+
+  // A point of a ray, relative to the camera.
+  [[nodiscard]] Vec3f from_camera(const Ray& ray, float t) const noexcept {
+    return to_float(ray.origin - origin_ + ray.direction * static_cast<double>(t));
+  }
+  // The size of a pixel at a depth, in world units.
+  [[nodiscard]] float footprint(float depth) const noexcept {
+    return orthographic() ? pixel_size_ : pixel_size_ * depth;
+  }
+
+  [[nodiscard]] Vec3d right() const noexcept { return right_; }
+  [[nodiscard]] Vec3d up() const noexcept { return up_; }
+  [[nodiscard]] Vec3d axis() const noexcept { return axis_; }  // the way it looks
+  // What one pixel to the right or down adds to a ray: to its direction, or to its origin if orthographic.
+  struct Steps {
+    Vec3d right, down;
+  };
+  [[nodiscard]] Steps steps_at(const Ray& ray) const noexcept;
+  [[nodiscard]] bool orthographic() const noexcept { return projection_ == Projection::kOrthographic; }
+
+ private:
+  [[nodiscard]] Vec3d towards(double longitude, double latitude) const noexcept;
+
+  Vec3d origin_, right_, up_, axis_;
+  Vec3d corner_, step_x_, step_y_;  // directions, or origins if orthographic
+  float t_min_, t_max_;
+  double left_, top_, angle_x_, angle_y_;  // of a panorama: where it begins, and the size of a pixel
+  float pixel_size_;                       // on the window's plane, or in radians; the longer side
+  Projection projection_;
+  std::optional<Lens> lens_;
+};
+
+}  // namespace perfect_bvh

@@ -1,0 +1,111 @@
+#include "render/surface/material.h"
+
+#include <algorithm>
+
+#include "render/surface/surface.h"
+
+namespace perfect_bvh {
+
+namespace {
+
+// What a mesh's layer of some number has at the corners of the triangle that was hit; none if the mesh lacks it.
+template <class T>
+std::optional<std::span<const T, 3>> corners_of(const Appearance& appearance, const Instance& instance, const Hit& hit,
+                                                std::vector<std::span<const T>> MeshAttributes::* layers,
+                                                std::int32_t number) {
+  const MeshAttributes* const attributes = appearance.attributes_of(instance);
+  const auto index = static_cast<std::size_t>(number);
+  if (attributes == nullptr || index >= (attributes->*layers).size()) return std::nullopt;
+  const std::span<const T> layer = (attributes->*layers)[index];
+  if (layer.empty()) return std::nullopt;
+  appearance.check_fits(instance, *attributes);
+  return layer.subspan(std::size_t{3} * hit.primitive_index).template first<3>();
+}
+
+}  // namespace
+
+std::optional<Point2> uv_at(const Appearance& appearance, const Instance& instance, const Hit& hit, std::int32_t map) {
+  const auto found = corners_of(appearance, instance, hit, &MeshAttributes::uv_maps, map);
+  if (!found) return std::nullopt;
+  const auto corners = *found;
+  const float w = 1.0f - hit.u - hit.v;
+  return Point2{corners[0].x * w + corners[1].x * hit.u + corners[2].x * hit.v,
+                corners[0].y * w + corners[1].y * hit.u + corners[2].y * hit.v};
+}
+
+namespace {
+
+// Black where the mesh has no such colours, as in Blender.
+Vec3f tint_at(const Appearance& appearance, const Instance& instance, const Hit& hit, std::int32_t tint) {
+  const auto found = corners_of(appearance, instance, hit, &MeshAttributes::corner_colors, tint);
+  if (!found) return {0.0f, 0.0f, 0.0f};
+  const auto corners = *found;
+  return corners[0] * (1.0f - hit.u - hit.v) + corners[1] * hit.u + corners[2] * hit.v;
+}
+
+// A metal mirrors its colour and is not matt at all; what is clear is not matt either.
+void set_gloss(const Appearance& appearance, std::size_t index, Material& material) {
+  if (!appearance.roughnesses.empty()) material.roughness = appearance.roughnesses[index];
+  if (!appearance.reflectances.empty()) {
+    const float reflectance = appearance.reflectances[index];
+    material.reflectance = {reflectance, reflectance, reflectance};
+  }
+  const float metallic = appearance.metallics.empty() ? 0.0f : appearance.metallics[index];
+  if (metallic > 0.0f) material.reflectance = material.reflectance * (1.0f - metallic) + material.color * metallic;
+  material.transmission *= 1.0f - metallic;
+  material.color = material.color * ((1.0f - metallic) * (1.0f - material.transmission));
+}
+
+void look_up_images(const Appearance& appearance, const Instance& instance, const Hit& hit, std::size_t index,
+                    Material& material) {
+  const auto image_in = [&](std::span<const std::int32_t> images) { return images.empty() ? kNoImage : images[index]; };
+  const std::int32_t color_image = image_in(appearance.color_images), alpha_image = image_in(appearance.alpha_images);
+  const std::int32_t emission_image = image_in(appearance.emission_images);
+  if (color_image == kNoImage && alpha_image == kNoImage && emission_image == kNoImage) return;
+  std::int32_t map = -1;
+  Point2 uv{0.0f, 0.0f};
+  const auto look = [&](std::int32_t image) {
+    const Texture& texture = appearance.images[static_cast<std::size_t>(image)];
+    if (texture.uv_map != map) {  // mostly all have the same one
+      map = texture.uv_map;
+      // Without the map everything shows the image's corner, as in Blender.
+      uv = uv_at(appearance, instance, hit, map).value_or(Point2{0.0f, 0.0f});
+    }
+    return look_up_mapped(texture, uv.x, uv.y);
+  };
+  Rgba color;
+  if (color_image != kNoImage) {
+    color = look(color_image);
+    material.color = {color.r, color.g, color.b};
+  }
+  if (alpha_image != kNoImage) {
+    if (alpha_image != color_image) color = look(alpha_image);
+    material.alpha *= std::clamp(color.a, 0.0f, 1.0f);
+  }
+  if (emission_image != kNoImage) {
+    color = look(emission_image);
+    material.emission = material.emission * Vec3f{color.r, color.g, color.b};
+  }
+}
+
+}  // namespace
+
+Material material_at(const Appearance& appearance, const Instance& instance, const Hit& hit, std::int32_t row) {
+  Material material;
+  material.color = material_color(appearance, row);
+  if (row == kNoMaterial) return material;
+  const auto index = static_cast<std::size_t>(row);
+  if (!appearance.base_colors.empty()) material.color = appearance.base_colors[index];
+  if (!appearance.emissions.empty()) material.emission = appearance.emissions[index];
+  if (!appearance.alphas.empty()) material.alpha = appearance.alphas[index];
+  if (!appearance.transmissions.empty()) material.transmission = appearance.transmissions[index];
+  if (!appearance.material_holdouts.empty()) material.holdout = appearance.material_holdouts[index];
+  look_up_images(appearance, instance, hit, index, material);
+  if (const std::int32_t tint = appearance.tints.empty() ? kNoTint : appearance.tints[index]; tint != kNoTint) {
+    material.color = material.color * tint_at(appearance, instance, hit, tint);
+  }
+  set_gloss(appearance, index, material);
+  return material;
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,141 @@
+#include "render/surface/surface.h"
+
+#include <array>
+#include <cmath>
+
+namespace perfect_bvh {
+namespace {
+
+// A corner normal that points this far to the other side of its triangle is not a curved surface's: the triangle is
+// wound the other way than its neighbours.
+constexpr double kTurnedCosine = -0.3;
+
+// The hit triangle in its mesh's frame.
+struct ObjectTriangle {
+  std::array<Vec3d, 3> corners;
+  std::array<double, 3> weights;  // of the corners, at the hit
+
+  [[nodiscard]] Vec3d point() const noexcept {
+    return corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+  }
+};
+
+ObjectTriangle object_triangle(const Instance& instance, const Hit& hit) noexcept {
+  const TriangleMesh& mesh = instance.blas->mesh;
+  const TriangleIndices corners = mesh.triangles[hit.primitive_index];
+  const double u = static_cast<double>(hit.u), v = static_cast<double>(hit.v);
+  return {{to_double(mesh.positions[corners.x]), to_double(mesh.positions[corners.y]),
+           to_double(mesh.positions[corners.z])},
+          {1.0 - u - v, u, v}};
+}
+
+// Unit length, on the outer side as the mesh's own winding has it; zero for a triangle without area.
+Vec3d outer_normal(const Instance& instance, const ObjectTriangle& triangle) noexcept {
+  const Affine& map = instance.object_to_world;
+  const Vec3d edge1 = map.vector(triangle.corners[1] - triangle.corners[0]);
+  const Vec3d edge2 = map.vector(triangle.corners[2] - triangle.corners[0]);
+  const Vec3d normal = normalized(cross(edge1, edge2));
+  return instance.mirrored ? -normal : normal;
+}
+
+using CornerNormals = std::span<const Vec3f, 3>;
+
+// Unit length; `fallback` where the corners' normals cancel out.
+Vec3d smooth_normal(const Instance& instance, CornerNormals normals, const ObjectTriangle& triangle,
+                    Vec3d fallback) noexcept {
+  const Vec3d object = to_double(normals[0]) * triangle.weights[0] + to_double(normals[1]) * triangle.weights[1] +
+                       to_double(normals[2]) * triangle.weights[2];
+  const Vec3d world = inverse(instance.object_to_world).transposed_vector(object);
+  const double size = length(world);
+  return size > 0.0 && std::isfinite(size) ? world * (1.0 / size) : fallback;
+}
+
+// The way from the hit point to the curved surface that the corner normals suggest, where that bulges outwards: rays
+// that leave a coarse mesh from its flat triangles would hit its neighbours (Hanika, "Hacking the Shadow Terminator",
+// 2021). `side` is -1 when the viewer sees the inner side.
+Vec3d lift_of(CornerNormals normals, const ObjectTriangle& triangle, double side) noexcept {
+  const Vec3d point = triangle.point();
+  Vec3d lift{0, 0, 0};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vec3d normal = normalized(to_double(normals[i])) * side;
+    const double below = std::min(0.0, dot(point - triangle.corners[i], normal));
+    lift = lift - normal * (below * triangle.weights[i]);
+  }
+  return lift;
+}
+
+// A bound of how far rounding may move a point of this triangle on its way to a kernel and back. In the mesh's frame
+// kernels work in single precision: a coordinate is off by at most half a unit in its last place, 2^-24 of the
+// largest one; a triangle test adds a few of the same size. The map to the world scales that.
+double clearance(const Instance& instance, const ObjectTriangle& triangle) noexcept {
+  constexpr double kUnits = 8.0 * 0x1p-24;
+  const auto reach = [&](int axis) {
+    return std::max({std::abs(triangle.corners[0][axis]), std::abs(triangle.corners[1][axis]),
+                     std::abs(triangle.corners[2][axis])});
+  };
+  const auto sum = [](Vec3d v) { return std::abs(v.x) + std::abs(v.y) + std::abs(v.z); };
+  const Affine& map = instance.object_to_world;
+  // The world's own double-precision rounding matters only far from its origin.
+  const double world = sum(map.translation) * 0x1p-50;
+  return kUnits * (sum(map.x) * reach(0) + sum(map.y) * reach(1) + sum(map.z) * reach(2)) + world;
+}
+
+void set_normals(const Appearance& appearance, const Instance& instance, const Ray& ray, const Hit& hit,
+                 bool with_origin, SurfacePoint& point) {
+  const ObjectTriangle triangle = object_triangle(instance, hit);
+  const MeshAttributes* attributes = appearance.attributes_of(instance);
+  // What a transform has flattened is a plane, whatever its corner normals were.
+  const bool smooth = attributes != nullptr && !attributes->corner_normals.empty() && !instance.baked;
+  const Vec3d outer = outer_normal(instance, triangle);
+  // A triangle without area has no normal: the way back is as good as any.
+  const bool degenerate = outer == Vec3d{0, 0, 0};
+  const double side = dot(outer, ray.direction) > 0.0 ? -1.0 : 1.0;
+  const Vec3d facing = degenerate ? normalized(-ray.direction) : outer * side;
+  point.geometric_normal = to_float(facing);
+  point.normal = point.light_normal = point.geometric_normal;
+  Vec3d object_point = triangle.point();
+  if (smooth) {
+    appearance.check_fits(instance, *attributes);
+    const CornerNormals normals = attributes->corner_normals.subspan(std::size_t{3} * hit.primitive_index).first<3>();
+    const Vec3d normal = smooth_normal(instance, normals, triangle, facing * side) * side;
+    const double light_side = dot(normal, facing) < kTurnedCosine ? -1.0 : 1.0;
+    point.normal = to_float(normal);
+    point.light_normal = to_float(normal * light_side);
+    if (with_origin) {
+      const Vec3d lift = lift_of(normals, triangle, side * light_side);
+      object_point = object_point + lift;
+      point.lifted = !(lift == Vec3d{0, 0, 0});
+    }
+  }
+  if (with_origin) {
+    point.origin = instance.object_to_world.point(object_point) + facing * clearance(instance, triangle);
+  }
+}
+
+}  // namespace
+
+Vec3f material_color(const Appearance& appearance, std::int32_t material) noexcept {
+  if (material == kNoMaterial) return kPlainColor;
+  const Rgba& color = appearance.material_colors[static_cast<std::size_t>(material)];
+  return {color.r, color.g, color.b};
+}
+
+void find_surfaces(const Snapshot& snapshot, const Appearance& appearance, SurfaceNeeds needs,
+                   std::span<const Ray> rays, std::span<const Hit> hits, AlignedVector<SurfacePoint>& points) {
+  for (std::size_t row = 0; row < hits.size(); ++row) {
+    const Hit& hit = hits[row];
+    if (!hit.found()) continue;
+    const Instance& instance = snapshot.instances[hit.instance_index];
+    if (!needs.holdouts && appearance.is_holdout(instance, hit.primitive_index)) continue;
+    SurfacePoint point;
+    point.ray = static_cast<std::uint32_t>(row);
+    if (needs.normals) set_normals(appearance, instance, rays[row], hit, needs.origins, point);
+    if (needs.materials) {
+      point.material = appearance.material_of(instance, hit.primitive_index);
+      point.color = material_color(appearance, point.material);
+    }
+    points.push_back(point);
+  }
+}
+
+}  // namespace perfect_bvh
