@@ -257,7 +257,7 @@ PassTargets read_targets(const py::dict& arrays, std::size_t pixel_count) {
 }
 
 // Columns that Snapshot.audit_answers takes, and where in the image each ray belongs.
-py::dict columns_of(const std::vector<KeptRay>& kept, int width) {
+py::dict columns_of(const std::vector<SubsetRay>& kept, int width) {
   const auto count = static_cast<py::ssize_t>(kept.size());
   py::array_t<std::int64_t> pixels(count);
   py::array_t<double> origins({count, py::ssize_t{3}}), directions({count, py::ssize_t{3}});
@@ -265,7 +265,7 @@ py::dict columns_of(const std::vector<KeptRay>& kept, int width) {
   py::array_t<std::uint32_t> masks(count);
   py::array_t<std::int32_t> instance_ids(count), primitive_ids(count);
   for (py::ssize_t row = 0; row < count; ++row) {
-    const KeptRay& item = kept[static_cast<std::size_t>(row)];
+    const SubsetRay& item = kept[static_cast<std::size_t>(row)];
     pixels.mutable_at(row) = std::int64_t{item.pixel.y} * width + item.pixel.x;
     for (int axis = 0; axis < 3; ++axis) {
       origins.mutable_at(row, axis) = item.ray.origin[axis];
@@ -290,7 +290,7 @@ py::dict render_passes(const Snapshot& snapshot, const py::dict& camera_values, 
   read_appearance(appearance_values, appearance);
   const auto pixel_count = static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height);
   const PassTargets targets = read_targets(arrays, pixel_count);
-  const std::vector<KeptRay> kept = with_progress(
+  const std::vector<SubsetRay> kept = with_progress(
       progress, [&](CancelToken& cancel) { return render(snapshot, camera, appearance, settings, targets, cancel); });
   return columns_of(kept, settings.width);
 }

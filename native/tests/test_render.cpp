@@ -261,9 +261,9 @@ LightPixel lit_pixel(float x, float key) {
   return pixel;
 }
 
-TEST(LightLayer, NeighboursOnOneSurfaceAreAveragedAndOthersAreNot) {
+TEST(DemodulatedIrradiance, NeighboursOnOneSurfaceAreAveragedAndOthersAreNot) {
   const PixelRect area{10, 20, 14, 21};
-  LightLayer layer(area);
+  DemodulatedIrradiance layer(area);
   for (int x = 0; x < 3; ++x) layer.store(10 + x, 20, lit_pixel(static_cast<float>(x), x == 1 ? 1.0f : 0.0f));
   LightPixel behind = lit_pixel(3.0f, 100.0f);
   behind.position.z = -50.0f;

@@ -71,7 +71,7 @@ struct Appearance {
 
   std::uint32_t camera_mask = 0xFFFFFFFFu;
   std::uint32_t shadow_mask = 0xFFFFFFFFu;
-  std::uint32_t diffuse_mask = 0xFFFFFFFFu;  // of rays that look for light all around a surface
+  std::uint32_t diffuse_mask = 0xFFFFFFFFu;  // of diffuse rays
   std::uint32_t glossy_mask = 0xFFFFFFFFu;   // of mirrored rays
   std::uint32_t catcher_mask = 0;            // of what shows the shadows alone that others throw on it
   bool film_transparent = false;

@@ -32,7 +32,7 @@ struct Light {
 struct LightRay {
   Vec3f direction{0, 0, 1};  // towards the light, unit length
   float length = 0.0f;       // to it; infinite for suns
-  // Its irradiance over pi, times the surface's cosine: what a white matt surface gives back. Zero from behind.
+  // Its irradiance over pi, times the surface's cosine: what a white diffuse surface gives back. Zero from behind.
   Vec3f light{0, 0, 0};
   float density = 0.0f;  // of such directions, over solid angle; infinite for a light without size
 };

@@ -130,10 +130,11 @@ bool same_surface(const LightPixel& a, Vec3f position, Vec3f normal) noexcept {
          dot(a.normal, normal) >= kLeastCosine;
 }
 
-LightLayer::LightLayer(PixelRect area)
+DemodulatedIrradiance::DemodulatedIrradiance(PixelRect area)
     : area_(area), pixels_(static_cast<std::size_t>(area.width()) * static_cast<std::size_t>(area.height())) {}
 
-void LightLayer::smooth(PixelRect tile, int radius, SmoothingScratch& scratch, std::span<LightPixel> out) const {
+void DemodulatedIrradiance::smooth(PixelRect tile, int radius, SmoothingScratch& scratch,
+                                   std::span<LightPixel> out) const {
   Window window{tile.x0 - radius, tile.y0 - radius, tile.width() + 2 * radius, tile.height() + 2 * radius, nullptr};
   scratch.window.resize(kPlaneCount * window.plane_size());
   window.data = scratch.window.data();

@@ -54,9 +54,9 @@ struct SmoothingScratch {
   AlignedVector<float> window, sums;
 };
 
-class LightLayer {
+class DemodulatedIrradiance {
  public:
-  explicit LightLayer(PixelRect area);
+  explicit DemodulatedIrradiance(PixelRect area);
 
   // Different pixels may be stored from different threads.
   void store(int x, int y, const LightPixel& pixel) noexcept { pixels_[row_of(x, y)] = pixel; }

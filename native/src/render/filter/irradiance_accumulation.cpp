@@ -2,10 +2,10 @@
 
 namespace perfect_bvh {
 
-void LightGather::begin(std::size_t pixel_count) { entries_.assign(pixel_count, Entry{}); }
+void IrradianceAccumulation::begin(std::size_t pixel_count) { entries_.assign(pixel_count, Entry{}); }
 
-void LightGather::add(const RayMaker& camera, std::span<const Ray> rays, std::span<const Hit> hits,
-                      std::span<const SurfacePoint> points, std::span<const LitPoint> lit_points) {
+void IrradianceAccumulation::add(const RayMaker& camera, std::span<const Ray> rays, std::span<const Hit> hits,
+                                 std::span<const SurfacePoint> points, std::span<const LitPoint> lit_points) {
   for (std::size_t row = 0; row < points.size(); ++row) {
     const SurfacePoint& point = points[row];
     if (!lit_points[row].known) continue;
@@ -26,7 +26,7 @@ void LightGather::add(const RayMaker& camera, std::span<const Ray> rays, std::sp
   }
 }
 
-LightPixel LightGather::pixel(std::size_t index, std::uint32_t sample_count) const noexcept {
+LightPixel IrradianceAccumulation::pixel(std::size_t index, std::uint32_t sample_count) const noexcept {
   const Entry& entry = entries_[index];
   if (entry.count == 0) return {};
   const float scale = 1.0f / static_cast<float>(entry.count);
@@ -37,7 +37,7 @@ LightPixel LightGather::pixel(std::size_t index, std::uint32_t sample_count) con
   return pixel;
 }
 
-Vec3f LightGather::rest(std::size_t index, const Rgba& sum) const noexcept {
+Vec3f IrradianceAccumulation::rest(std::size_t index, const Rgba& sum) const noexcept {
   const Entry& entry = entries_[index];
   return max(Vec3f{sum.r, sum.g, sum.b} - entry.lit, Vec3f{0, 0, 0});
 }

@@ -11,7 +11,7 @@
 
 namespace perfect_bvh {
 
-class LightGather {
+class IrradianceAccumulation {
  public:
   void begin(std::size_t pixel_count);
   // One sample of every pixel: ray i belongs to pixel i. lit_points: a row a point.

@@ -1,4 +1,4 @@
-// A random share of an image's camera rays, with what each hit: for whoever checks the renderer's answers.
+// A random share of an image's camera rays, with what each hit: for checks of the renderer's answers.
 // In: batches of rays and hits, from any thread. Out: those whose lot it was, in the order of pixels and samples. Which
 // rays that are follows from seed, pixel and sample alone, so that it does not depend on tiles or threads.
 #pragma once
@@ -14,7 +14,7 @@
 
 namespace perfect_bvh {
 
-struct KeptRay {
+struct SubsetRay {
   Pixel pixel;
   std::uint32_t sample;
   Ray ray;
@@ -22,20 +22,20 @@ struct KeptRay {
   std::int32_t instance_id, primitive_id;
 };
 
-class KeptRays {
+class RaySubset {
  public:
   // share: 0 to 1 of all rays.
-  KeptRays(float share, std::uint32_t seed) noexcept;
+  RaySubset(float share, std::uint32_t seed) noexcept;
 
   // One sample of some pixels: ray i and hit i belong to pixel i.
   void offer(const Snapshot& snapshot, std::uint32_t sample, std::span<const Pixel> pixels, std::span<const Ray> rays,
              std::span<const Hit> hits);
-  [[nodiscard]] std::vector<KeptRay> take();
+  [[nodiscard]] std::vector<SubsetRay> take();
 
  private:
   std::uint64_t limit_;  // of 2^32 lots
   std::uint32_t seed_;
-  std::vector<KeptRay> kept_;
+  std::vector<SubsetRay> kept_;
   std::mutex mutex_;
 };
 

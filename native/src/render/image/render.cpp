@@ -45,12 +45,12 @@ void check(const RenderSettings& settings) {
 
 }  // namespace
 
-std::vector<KeptRay> render(const Snapshot& snapshot, const Camera& camera, const Appearance& appearance,
-                            const RenderSettings& settings, const PassTargets& targets, CancelToken& cancel) {
+std::vector<SubsetRay> render(const Snapshot& snapshot, const Camera& camera, const Appearance& appearance,
+                              const RenderSettings& settings, const PassTargets& targets, CancelToken& cancel) {
   check(settings);
   const RayMaker rays(camera, settings.width, settings.height);
   const PixelRect border = border_pixels(camera, settings.width, settings.height);
-  KeptRays kept(settings.kept_share, settings.seed);
+  RaySubset kept(settings.kept_share, settings.seed);
   const TileRenderer renderer({snapshot, appearance, rays, settings, cancel}, border, targets, kept);
   const std::size_t count = renderer.tiles().count();
   cancel.expect(count);

@@ -15,7 +15,7 @@ namespace perfect_bvh {
 
 // Throws InvalidArgument for settings out of range, and Cancelled when the token asks to stop; the arrays are then
 // filled in part. Returns the share of camera rays that the settings ask for, the same for any number of threads.
-std::vector<KeptRay> render(const Snapshot& snapshot, const Camera& camera, const Appearance& appearance,
-                            const RenderSettings& settings, const PassTargets& targets, CancelToken& cancel);
+std::vector<SubsetRay> render(const Snapshot& snapshot, const Camera& camera, const Appearance& appearance,
+                              const RenderSettings& settings, const PassTargets& targets, CancelToken& cancel);
 
 }  // namespace perfect_bvh

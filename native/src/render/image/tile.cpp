@@ -17,7 +17,7 @@ int smoothing_radius(const RenderSettings& settings) noexcept {
 
 }  // namespace
 
-TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets, KeptRays& kept)
+TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets, RaySubset& kept)
     : inputs_(inputs),
       targets_(targets),
       kept_(kept),

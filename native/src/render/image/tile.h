@@ -21,7 +21,7 @@ struct TileScratch {
   AlignedVector<Rgba> colors, sums;
   AlignedVector<Point2> offsets;  // of samples from the centres of their pixels
   ShadeScratch shade;
-  LightGather gather;
+  IrradianceAccumulation gather;
   SmoothingScratch smoothing;
   AlignedVector<LightPixel> lights;
 };
@@ -29,7 +29,7 @@ struct TileScratch {
 class TileRenderer {
  public:
   // Camera rays are offered to `kept`, which outlives this.
-  TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets, KeptRays& kept);
+  TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets, RaySubset& kept);
 
   // Of the pixels to render: those in the border, and as many around it as smoothing or the pixel filter looks at.
   [[nodiscard]] const TileGrid& tiles() const noexcept { return tiles_; }
@@ -80,7 +80,7 @@ class TileRenderer {
 
   ModeInputs inputs_;
   PassTargets targets_;
-  KeptRays& kept_;
+  RaySubset& kept_;
   std::unique_ptr<ShadingMode> mode_;
   PixelFilter filter_;
   Dimension filter_dimension_, lens_dimension_;
@@ -91,9 +91,9 @@ class TileRenderer {
   int smoothing_radius_;  // 0: none
   PixelRect border_;
   TileGrid tiles_;
-  mutable std::optional<LightLayer> layer_;  // if light is smoothed
-  mutable std::optional<Film> film_;         // if pixels share samples
-  bool wants_centres_;                       // rays through pixel centres are needed for the passes
+  mutable std::optional<DemodulatedIrradiance> layer_;  // if light is smoothed
+  mutable std::optional<Film> film_;                    // if pixels share samples
+  bool wants_centres_;                                  // rays through pixel centres are needed for the passes
 };
 
 }  // namespace perfect_bvh

@@ -10,7 +10,7 @@
 namespace perfect_bvh {
 namespace {
 
-constexpr float kBright = 4.0f;  // times the mean: what is less bright makes no specks when it is met by chance
+constexpr float kBright = 4.0f;  // times the mean: what is less bright makes no specks where surfaces' rays find it
 constexpr int kMostColumns = 2048;
 constexpr double kPi = std::numbers::pi;
 
@@ -48,7 +48,7 @@ BrightSky::BrightSky(const Texture& image, int threads) : width_(image.width), h
   mean_plain_ = to_float(mean);
   most_plain_ = kBright * largest(mean_plain_);
   if (!(most_plain_ > 0.0f) || !std::isfinite(most_plain_)) {
-    most_plain_ = std::numeric_limits<float>::infinity();  // black, or broken: nothing to aim at
+    most_plain_ = std::numeric_limits<float>::infinity();  // black, or broken: nothing to sample
     return;
   }
   cell_ = (width_ + kMostColumns - 1) / kMostColumns;

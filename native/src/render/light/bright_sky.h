@@ -1,7 +1,7 @@
-// What an image round a scene shows much brighter than the rest, as a sun or a window: a light that can be aimed at.
-// In: an equirectangular image. Out: directions in which it is bright, the brighter the more of them, and how likely a
-// direction is chosen. The image is sorted into cells of a pixel or a few; cells are chosen by their light, first a row
-// and then a cell of it, so that even numbers stay even; within a cell all directions are as likely.
+// What an image round a scene shows much brighter than the rest, as a sun or a window: a light for next-event
+// estimation. In: an equirectangular image. Out: directions in which it is bright, the brighter the more of them, and
+// how likely a direction is chosen. The image is sorted into cells of a pixel or a few; cells are chosen by their
+// light, first a row and then a cell of it, so that even numbers stay even; within a cell all directions are as likely.
 // Only what exceeds a multiple of the image's mean is such a light, and nothing where nothing does: what is less bright
 // is found well enough by chance, and an image without contrast takes no rays of its own.
 #pragma once
@@ -21,7 +21,7 @@ class BrightSky {
   BrightSky() = default;                         // empty
   BrightSky(const Texture& image, int threads);  // at most so many; 0: all
 
-  // A colour of the image in two: what is met by chance alone, and what is aimed at, too.
+  // A colour of the image in two: what only the surface's rays find, and what next-event estimation samples, too.
   struct Parts {
     Vec3f plain, bright;
   };
@@ -35,7 +35,7 @@ class BrightSky {
   // Not to be asked if it is empty.
   [[nodiscard]] Choice choose(Point2 random) const noexcept;
   [[nodiscard]] float density(Vec3f direction) const noexcept;
-  // Of the part that is met by chance alone, over all directions.
+  // Of the part that only the surface's rays find, over all directions.
   [[nodiscard]] Vec3f mean_plain() const noexcept { return mean_plain_; }
 
  private:

@@ -9,7 +9,8 @@
 namespace perfect_bvh {
 namespace {
 
-// What glows less is found by chance: it makes no specks, and rays aimed at it cost as much as at any lamp.
+// What emits less is left to rays that are spread by the surface: it makes no specks, and a ray to it costs as much as
+// one to a lamp.
 constexpr float kLeastBrightness = 10.0f;
 constexpr std::size_t kMostTriangles = std::size_t{1} << 18;
 
@@ -21,18 +22,19 @@ Hit hit_on(std::uint32_t instance, std::uint32_t primitive) noexcept {
 
 }  // namespace
 
-Glow::Glow(const Snapshot& snapshot, const Appearance& appearance) : snapshot_(snapshot), appearance_(appearance) {
+EmissiveTriangles::EmissiveTriangles(const Snapshot& snapshot, const Appearance& appearance)
+    : snapshot_(snapshot), appearance_(appearance) {
   const auto glows = [](Vec3f color) { return std::max({color.x, color.y, color.z}) >= kLeastBrightness; };
   if (!std::any_of(appearance.emissions.begin(), appearance.emissions.end(), glows)) return;
   for (std::uint32_t i = 0; i < snapshot.instances.size(); ++i) {
-    if (may_glow(snapshot.instances[i]) && !list(i)) {
+    if (may_emit(snapshot.instances[i]) && !list(i)) {
       triangles_.clear(), powers_.clear();
       return;
     }
   }
 }
 
-float Glow::brightness(std::int32_t material) const noexcept {
+float EmissiveTriangles::brightness(std::int32_t material) const noexcept {
   const auto row = static_cast<std::size_t>(material);
   const Vec3f color = appearance_.emissions[row];
   const float alpha = appearance_.alphas.empty() ? 1.0f : appearance_.alphas[row];
@@ -40,7 +42,7 @@ float Glow::brightness(std::int32_t material) const noexcept {
   return bright >= kLeastBrightness ? bright : 0.0f;
 }
 
-bool Glow::may_glow(const Instance& instance) const noexcept {
+bool EmissiveTriangles::may_emit(const Instance& instance) const noexcept {
   const std::int32_t row = appearance_.row_of(instance);
   if (row < 0 || (instance.mask & appearance_.diffuse_mask) == 0) return false;
   const auto index = static_cast<std::size_t>(row);
@@ -51,7 +53,7 @@ bool Glow::may_glow(const Instance& instance) const noexcept {
                      [&](std::int32_t material) { return material != kNoMaterial && brightness(material) > 0.0f; });
 }
 
-bool Glow::list(std::uint32_t instance_index) {
+bool EmissiveTriangles::list(std::uint32_t instance_index) {
   const Instance& instance = snapshot_.instances[instance_index];
   const auto count = static_cast<std::uint32_t>(instance.blas->mesh.triangle_count());
   for (std::uint32_t primitive = 0; primitive < count; ++primitive) {
@@ -68,7 +70,7 @@ bool Glow::list(std::uint32_t instance_index) {
   return true;
 }
 
-GlowPoint Glow::choose(float pick, Point2 place) const {
+EmissivePoint EmissiveTriangles::choose(float pick, Point2 place) const {
   const auto found = std::upper_bound(powers_.begin(), powers_.end() - 1, static_cast<double>(pick) * power());
   const Triangle& triangle = triangles_[static_cast<std::size_t>(found - powers_.begin())];
   Hit hit = hit_on(triangle.instance, triangle.primitive);

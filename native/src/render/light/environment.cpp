@@ -15,26 +15,26 @@ Vec3f turned(Vec3f direction, float angle) noexcept {
 
 }  // namespace
 
-Surroundings::Surroundings(const Appearance& appearance, int threads)
+Environment::Environment(const Appearance& appearance, int threads)
     : appearance_(appearance), bright_(find_bright_sky(threads)), mean_(find_mean()) {}
 
-const Texture* Surroundings::image() const noexcept {
+const Texture* Environment::image() const noexcept {
   const bool any = appearance_.world && appearance_.world->image != kNoImage;
   return any ? &appearance_.images[static_cast<std::size_t>(appearance_.world->image)] : nullptr;
 }
 
-std::shared_ptr<const BrightSky> Surroundings::find_bright_sky(int threads) const {
+std::shared_ptr<const BrightSky> Environment::find_bright_sky(int threads) const {
   if (!image()) return std::make_shared<const BrightSky>();
   return appearance_.bright_sky ? appearance_.bright_sky : std::make_shared<const BrightSky>(*image(), threads);
 }
 
-Vec3f Surroundings::radiance(Vec3f direction) const noexcept {
+Vec3f Environment::radiance(Vec3f direction) const noexcept {
   if (!appearance_.world) return Studio::dome(direction.z);
   const World& world = *appearance_.world;
   return image() ? look_up_around(*image(), turned(direction, world.rotation)) * world.color : world.color;
 }
 
-Vec3f Surroundings::backdrop(Vec3f direction) const noexcept {
+Vec3f Environment::backdrop(Vec3f direction) const noexcept {
   if (!appearance_.backdrop) return radiance(direction);
   const World& seen = *appearance_.backdrop;
   if (seen.image == kNoImage) return seen.color;
@@ -42,23 +42,23 @@ Vec3f Surroundings::backdrop(Vec3f direction) const noexcept {
   return look_up_around(shown, turned(direction, seen.rotation)) * seen.color;
 }
 
-BrightSky::Parts Surroundings::parts(Vec3f direction) const noexcept {
+BrightSky::Parts Environment::parts(Vec3f direction) const noexcept {
   if (!can_be_aimed_at()) return {radiance(direction), {0, 0, 0}};
   const World& world = *appearance_.world;
   const BrightSky::Parts parts = bright_->split(look_up_around(*image(), turned(direction, world.rotation)));
   return {parts.plain * world.color, parts.bright * world.color};
 }
 
-BrightSky::Choice Surroundings::aim(Point2 random) const noexcept {
+BrightSky::Choice Environment::aim(Point2 random) const noexcept {
   const BrightSky::Choice choice = bright_->choose(random);
   return {turned(choice.direction, -appearance_.world->rotation), choice.density};
 }
 
-float Surroundings::density(Vec3f direction) const noexcept {
+float Environment::density(Vec3f direction) const noexcept {
   return bright_->density(turned(direction, appearance_.world->rotation));
 }
 
-Vec3f Surroundings::find_mean() const noexcept {
+Vec3f Environment::find_mean() const noexcept {
   if (image()) return bright_->mean_plain() * appearance_.world->color;
   if (appearance_.world) return appearance_.world->color;
   constexpr std::uint32_t kDirections = 64;

@@ -1,6 +1,6 @@
 // What surrounds a scene: its world's colour or image, or the studio's sky.
 // In: directions. Out: what comes from there if nothing is in the way, in two parts where a light of the image can be
-// aimed at (bright_sky.h).
+// sampled as a light (bright_sky.h).
 #pragma once
 
 #include <memory>
@@ -10,9 +10,9 @@
 
 namespace perfect_bvh {
 
-class Surroundings {
+class Environment {
  public:
-  Surroundings(const Appearance& appearance, int threads);
+  Environment(const Appearance& appearance, int threads);
 
   [[nodiscard]] Vec3f radiance(Vec3f direction) const noexcept;
   // What the camera sees there, which need not light anything.

@@ -10,7 +10,7 @@
 namespace perfect_bvh {
 namespace {
 
-// Of the light from all around, what reaches the surface that a ray bounced off: nobody looks whether it is open.
+// The share of the environment that is taken to reach a surface after a bounce: no ray is cast to find out.
 constexpr float kOpenness = 0.3f;
 // The same where it is seen in a mirror: what is below the horizon sends nothing, and little is more closed than that.
 constexpr float kMirroredOpenness = 0.6f;
@@ -34,8 +34,8 @@ Illumination::Illumination(const Snapshot& snapshot, const Appearance& appearanc
       appearance_(appearance),
       seed_(seed),
       light_rays_(light_rays),
-      surroundings_(appearance, threads),
-      next_event_(snapshot, appearance, surroundings_, seed) {}
+      environment_(appearance, threads),
+      next_event_(snapshot, appearance, environment_, seed) {}
 
 void Illumination::gather(PointsToLight at, std::uint32_t sample, Scratch& scratch) const {
   std::fill(at.light.begin(), at.light.end(), Vec3f{0, 0, 0});
@@ -45,7 +45,7 @@ void Illumination::gather(PointsToLight at, std::uint32_t sample, Scratch& scrat
     const std::uint32_t index = sample * static_cast<std::uint32_t>(light_rays_) + static_cast<std::uint32_t>(i);
     choose_lobes(at, index, scratch);
     add_aimed(at, scratch.lobes, index, kLightDimension, scratch);
-    add_surroundings(at, index, scratch);
+    add_environment(at, index, scratch);
     add_mirrored(at, index, scratch);
   }
 }
@@ -53,11 +53,11 @@ void Illumination::gather(PointsToLight at, std::uint32_t sample, Scratch& scrat
 void Illumination::choose_lobes(const PointsToLight& at, std::uint32_t index, Scratch& scratch) const {
   const Dimension dimension(seed_, kMirrorDimension);
   const FixedPoint2 shared = dimension.sample(index);
-  scratch.lobes.assign(at.glosses.size(), Mirrored{});
-  for (std::size_t row = 0; row < at.glosses.size(); ++row) {
+  scratch.lobes.assign(at.speculars.size(), Mirrored{});
+  for (std::size_t row = 0; row < at.speculars.size(); ++row) {
     if (!at.mirrors(row)) continue;
     const Point2 random = (shared ^ dimension.offset(at.places[row])).to_unit();
-    scratch.lobes[row] = mirrored(at.glosses[row], at.points[row].light_normal, random);
+    scratch.lobes[row] = mirrored(at.speculars[row], at.points[row].light_normal, random);
   }
 }
 
@@ -71,19 +71,19 @@ void Illumination::add_aimed(const PointsToLight& at, std::span<const Mirrored> 
   for (std::size_t i = 0; i < shadows.rays.size(); ++i) {
     Vec3f& light = at.light[shadows.targets[i]];
     light = light + shadows.carried[i] * shadows.passed[i];
-    if (at.glosses.empty()) continue;
+    if (at.speculars.empty()) continue;
     Vec3f& shine = at.shine[shadows.targets[i]];
     shine = shine + shadows.shine[i] * shadows.passed[i];
   }
 }
 
 // Directions spread like the cosine, so that what comes from each counts the same.
-void Illumination::add_surroundings(const PointsToLight& at, std::uint32_t index, Scratch& scratch) const {
+void Illumination::add_environment(const PointsToLight& at, std::uint32_t index, Scratch& scratch) const {
   const Dimension dimension(seed_, kSkyDimension);
   const FixedPoint2 shared = dimension.sample(index);
   scratch.rays.clear(), scratch.rows.clear(), scratch.places.clear(), scratch.densities.clear();
   for (std::uint32_t row = 0; row < at.points.size(); ++row) {
-    if (!at.matt(row)) continue;
+    if (!at.is_diffuse(row)) continue;
     const SurfacePoint& point = at.points[row];
     const Point2 random = (shared ^ dimension.offset(at.places[row])).to_unit();
     const Vec3f direction = above(point, cosine_direction(point.light_normal, random));
@@ -98,7 +98,7 @@ void Illumination::add_surroundings(const PointsToLight& at, std::uint32_t index
     at.light[row] = at.light[row] + scratch.arriving[i] * at.share;
     if (!at.only_shines(row) || is_black(scratch.aimed_at[i])) continue;
     const Vec3f direction = to_float(scratch.rays[i].direction);
-    const Highlight seen = highlight(at.glosses[row], at.points[row].light_normal, direction);
+    const Highlight seen = highlight(at.speculars[row], at.points[row].light_normal, direction);
     at.shine[row] = at.shine[row] + scratch.aimed_at[i] * seen.share * at.share;
   }
 }
@@ -130,17 +130,17 @@ void Illumination::look_along_rays(std::uint32_t index, float openness, Scratch&
   scratch.arriving.assign(scratch.rays.size(), Vec3f{0, 0, 0});
   scratch.aimed_at.assign(scratch.rays.size(), Vec3f{0, 0, 0});
   for (std::size_t i = 0; i < scratch.rays.size(); ++i) {
-    if (!scratch.hits[i].found()) see_surroundings(i, 1.0f, scratch);
+    if (!scratch.hits[i].found()) see_environment(i, 1.0f, scratch);
   }
   for (const SurfacePoint& point : scratch.bounce_points) see_surface(point, scratch);
   light_bounces(index, openness, scratch);
 }
 
-void Illumination::see_surroundings(std::size_t ray, float passing, Scratch& scratch) const {
+void Illumination::see_environment(std::size_t ray, float passing, Scratch& scratch) const {
   const Vec3f direction = to_float(scratch.rays[ray].direction);
-  auto [plain, bright] = surroundings_.parts(direction);
+  auto [plain, bright] = environment_.parts(direction);
   if (!is_black(bright)) {
-    bright = bright * (passing * balance(scratch.densities[ray], surroundings_.density(direction)));
+    bright = bright * (passing * balance(scratch.densities[ray], environment_.density(direction)));
     scratch.aimed_at[ray] = scratch.aimed_at[ray] + bright;
   }
   scratch.arriving[ray] = scratch.arriving[ray] + plain * passing + bright;
@@ -158,14 +158,14 @@ void Illumination::see_surface(const SurfacePoint& point, Scratch& scratch) cons
     if ((instance.mask & appearance_.glossy_mask) != 0) scratch.aimed_at[point.ray] = glow;
   }
   scratch.arriving[point.ray] = glow;
-  if (material.through() > 0.0f) see_surroundings(point.ray, material.through(), scratch);
+  if (material.through() > 0.0f) see_environment(point.ray, material.through(), scratch);
   scratch.bounce_materials.push_back(material);
   scratch.bounce_places.push_back(scratch.places[point.ray]);
 }
 
 // Adds to what arrives along rays what the surfaces that they met give back of the light that they get themselves.
 void Illumination::light_bounces(std::uint32_t index, float openness, Scratch& scratch) const {
-  scratch.bounce_light.assign(scratch.bounce_points.size(), surroundings_.mean() * openness);
+  scratch.bounce_light.assign(scratch.bounce_points.size(), environment_.mean() * openness);
   PointsToLight at{scratch.bounce_points, scratch.bounce_places, {}, scratch.bounce_light, {}};
   at.by_chance = false;
   add_aimed(at, {}, index, kBounceDimension, scratch);

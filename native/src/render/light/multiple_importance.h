@@ -1,6 +1,7 @@
-// Directions that are chosen in two ways: aimed at what shines, and spread as the surface gives light back.
+// Directions that are sampled in two ways: towards lights (next-event estimation), and by the surface (BSDF sampling).
 // Each way counts as much as it is likely to choose the direction (balance heuristic, Veach and Guibas 1995), so that
-// the sum is right and neither way is far off: small lights are aimed at, what is large or near is met by chance.
+// the sum is right and neither way is far off: small lights are found by the first, what is large or near by the
+// second.
 #pragma once
 
 namespace perfect_bvh {

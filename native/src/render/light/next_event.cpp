@@ -18,12 +18,12 @@ constexpr std::uint32_t kGlowDimensions = 8, kSkyDimensions = 10;
 
 }  // namespace
 
-NextEvent::NextEvent(const Snapshot& snapshot, const Appearance& appearance, const Surroundings& surroundings,
+NextEvent::NextEvent(const Snapshot& snapshot, const Appearance& appearance, const Environment& environment,
                      std::uint32_t seed)
     : appearance_(appearance),
-      surroundings_(surroundings),
+      environment_(environment),
       seed_(seed),
-      glow_(snapshot, appearance),
+      emissive_(snapshot, appearance),
       any_large_(std::any_of(appearance.lights.begin(), appearance.lights.end(),
                              [](const Light& light) { return light.size_x > 0.0f; })) {}
 
@@ -37,8 +37,8 @@ void NextEvent::aim(const PointsToLight& at, std::span<const Mirrored> lobes, st
     aim_at_some(at, index, first_dimension, scratch, shadows);
   }
   if (any_large_ && !lobes.empty()) meet_lights(at, lobes, scratch, shadows);
-  if (!glow_.empty()) aim_at_glow(at, index, first_dimension + kGlowDimensions, shadows);
-  if (surroundings_.can_be_aimed_at()) aim_at_sky(at, index, first_dimension + kSkyDimensions, shadows);
+  if (!emissive_.empty()) aim_at_emissive(at, index, first_dimension + kGlowDimensions, shadows);
+  if (environment_.can_be_aimed_at()) aim_at_sky(at, index, first_dimension + kSkyDimensions, shadows);
 }
 
 // Light by light, so that rays next to each other go the same way.
@@ -89,12 +89,12 @@ void NextEvent::aim_at(const PointsToLight& at, std::uint32_t row, const Light& 
   const Vec3f carried = to_light.light * (at.share / tries);
   if (is_black(carried)) return;
   Vec3f shine{0, 0, 0};
-  if (!at.glosses.empty() && at.glosses[row].shines()) {
-    const Highlight seen = highlight(at.glosses[row], point.light_normal, to_light.direction);
+  if (!at.speculars.empty() && at.speculars[row].shines()) {
+    const Highlight seen = highlight(at.speculars[row], point.light_normal, to_light.direction);
     const float counts = at.mirrors(row) ? balance(to_light.density * tries, seen.density) : 1.0f;
     shine = carried * seen.share * counts;
   }
-  if (!at.matt(row) && is_black(shine)) return;
+  if (!at.is_diffuse(row) && is_black(shine)) return;
   if (!light.casts_shadow) {
     at.light[row] = at.light[row] + carried;
     if (!at.shine.empty()) at.shine[row] = at.shine[row] + shine;
@@ -132,13 +132,13 @@ void NextEvent::meet_lights(const PointsToLight& at, std::span<const Mirrored> l
   }
 }
 
-void NextEvent::aim_at_glow(const PointsToLight& at, std::uint32_t index, std::uint32_t first_dimension,
-                            ShadowRays& shadows) const {
+void NextEvent::aim_at_emissive(const PointsToLight& at, std::uint32_t index, std::uint32_t first_dimension,
+                                ShadowRays& shadows) const {
   const Dimension choice(seed_, first_dimension), place(seed_, first_dimension + 1);
   for (std::uint32_t row = 0; row < at.points.size(); ++row) {
     const SurfacePoint& point = at.points[row];
     const Point2 pick = (choice.sample(index) ^ choice.offset(at.places[row])).to_unit();
-    const GlowPoint glow = glow_.choose(pick.x, (place.sample(index) ^ place.offset(at.places[row])).to_unit());
+    const EmissivePoint glow = emissive_.choose(pick.x, (place.sample(index) ^ place.offset(at.places[row])).to_unit());
     const Vec3f way = to_float(glow.position - point.origin);
     const float distance = length(way);
     if (!(distance > 0.0f) || !std::isfinite(distance)) continue;
@@ -149,8 +149,8 @@ void NextEvent::aim_at_glow(const PointsToLight& at, std::uint32_t index, std::u
     if (!(around > 0.0f) || !std::isfinite(aimed)) continue;
     const Vec3f radiance = glow.radiance * at.share;
     Vec3f shine{0, 0, 0};
-    if (!at.glosses.empty() && at.glosses[row].shines() && (glow.mask & appearance_.glossy_mask) != 0) {
-      const Highlight seen = highlight(at.glosses[row], point.light_normal, direction);
+    if (!at.speculars.empty() && at.speculars[row].shines() && (glow.mask & appearance_.glossy_mask) != 0) {
+      const Highlight seen = highlight(at.speculars[row], point.light_normal, direction);
       shine = radiance * seen.share * (around / (aimed + (at.mirrors(row) ? seen.density : around)));
     }
     const Vec3f light = radiance * (around / (aimed + around));
@@ -164,17 +164,17 @@ void NextEvent::aim_at_sky(const PointsToLight& at, std::uint32_t index, std::ui
   const FixedPoint2 shared = place.sample(index);
   for (std::uint32_t row = 0; row < at.points.size(); ++row) {
     const SurfacePoint& point = at.points[row];
-    const BrightSky::Choice sky = surroundings_.aim((shared ^ place.offset(at.places[row])).to_unit());
+    const BrightSky::Choice sky = environment_.aim((shared ^ place.offset(at.places[row])).to_unit());
     const float around = density_all_around(point, sky.direction);
     if (!(around > 0.0f)) continue;
-    const Vec3f radiance = surroundings_.parts(sky.direction).bright * at.share;
+    const Vec3f radiance = environment_.parts(sky.direction).bright * at.share;
     Vec3f shine{0, 0, 0};
-    if (!at.glosses.empty() && at.glosses[row].shines()) {
-      const Highlight seen = highlight(at.glosses[row], point.light_normal, sky.direction);
+    if (!at.speculars.empty() && at.speculars[row].shines()) {
+      const Highlight seen = highlight(at.speculars[row], point.light_normal, sky.direction);
       shine = radiance * seen.share * (around / (sky.density + (at.mirrors(row) ? seen.density : around)));
     }
     const Vec3f light = radiance * (around / (sky.density + (at.by_chance ? around : 0.0f)));
-    if (is_black(shine) && (!at.matt(row) || is_black(light))) continue;
+    if (is_black(shine) && (!at.is_diffuse(row) || is_black(light))) continue;
     const Ray ray = ray_from(point, above(point, sky.direction), kInfiniteDistance, appearance_.shadow_mask);
     shadows.add(ray, row, light, shine);
   }

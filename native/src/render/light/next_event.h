@@ -1,7 +1,7 @@
-// Aims at what shines: the scene's lights, what glows in it, what is bright all around it (next-event estimation).
+// Next-event estimation: rays to the scene's lights, its emissive triangles, and what is bright in its environment.
 // In: points, the number of the sample. Out: shadow rays with the light and the highlights that they may bring.
 // Of few lights each is asked; of many, two a sample are chosen by how much they may give (importance sampling).
-// Where rays look for the same light by chance, too, both count by multiple_importance.h.
+// Where the surface's own rays may find the same light, both count by multiple_importance.h.
 #pragma once
 
 #include <cstdint>
@@ -25,12 +25,11 @@ class NextEvent {
   };
 
   // All of it outlives this.
-  NextEvent(const Snapshot& snapshot, const Appearance& appearance, const Surroundings& surroundings,
-            std::uint32_t seed);
+  NextEvent(const Snapshot& snapshot, const Appearance& appearance, const Environment& environment, std::uint32_t seed);
 
-  [[nodiscard]] const Glow& glow() const noexcept { return glow_; }
+  [[nodiscard]] const EmissiveTriangles& glow() const noexcept { return emissive_; }
   [[nodiscard]] bool empty() const noexcept {
-    return appearance_.lights.empty() && glow_.empty() && !surroundings_.can_be_aimed_at();
+    return appearance_.lights.empty() && emissive_.empty() && !environment_.can_be_aimed_at();
   }
 
   // A sample at each point. lobes: a row a point, where rays look that a surface mirrors; black where none does. Light
@@ -43,8 +42,8 @@ class NextEvent {
                    ShadowRays& shadows) const;
   void aim_at_some(const PointsToLight& at, std::uint32_t index, std::uint32_t first_dimension, Scratch& scratch,
                    ShadowRays& shadows) const;
-  void aim_at_glow(const PointsToLight& at, std::uint32_t index, std::uint32_t first_dimension,
-                   ShadowRays& shadows) const;
+  void aim_at_emissive(const PointsToLight& at, std::uint32_t index, std::uint32_t first_dimension,
+                       ShadowRays& shadows) const;
   void aim_at_sky(const PointsToLight& at, std::uint32_t index, std::uint32_t dimension, ShadowRays& shadows) const;
   // tries: how many rays a point aims at this light in the mean.
   void aim_at(const PointsToLight& at, std::uint32_t row, const Light& light, Point2 random, float tries,
@@ -54,10 +53,10 @@ class NextEvent {
   [[nodiscard]] bool asks_each() const noexcept;
 
   const Appearance& appearance_;
-  const Surroundings& surroundings_;
+  const Environment& environment_;
   std::uint32_t seed_;
-  Glow glow_;
-  bool any_large_ = false;  // whether a light may be met by chance
+  EmissiveTriangles emissive_;
+  bool any_large_ = false;  // whether the surface's rays may meet a light
 };
 
 }  // namespace perfect_bvh

@@ -1,4 +1,4 @@
-// Rays that leave a surface: towards lights and whatever else may shine on it.
+// Rays that leave a surface: towards lights, the environment and other surfaces.
 #pragma once
 
 #include "render/surface/surface.h"

@@ -1,4 +1,4 @@
-// Rays towards what shines, and how much of its light gets through what is in their way.
+// Rays towards lights, and how much of its light gets through what is in their way.
 // In: rays, and what each brings if nothing is in its way. Out: how much passes; all of it, nothing, or what
 // transparent surfaces let through.
 #pragma once

@@ -21,8 +21,8 @@ Vec3f light_on(Vec3f normal, Vec3f color) noexcept {
   const float wrapped = 0.5f + 0.5f * dot(normal, kKeyDirection);  // reaches round to the far side
   const float fill = std::max(dot(normal, kFillDirection), 0.0f);
   const float edge = 1.0f - std::clamp(normal.z, 0.0f, 1.0f), shine = std::max(dot(normal, kHalfway), 0.0f);
-  const Vec3f matt = color * (kAmbient + kKey * (wrapped * wrapped) + kFill * fill);
-  return matt + kRim * (edge * edge * edge) + kHighlight * std::pow(shine, 48.0f);
+  const Vec3f diffuse = color * (kAmbient + kKey * (wrapped * wrapped) + kFill * fill);
+  return diffuse + kRim * (edge * edge * edge) + kHighlight * std::pow(shine, 48.0f);
 }
 
 class MatcapMode final : public ShadingMode {

@@ -1,5 +1,5 @@
-// The scene as it will look, roughly: its materials' base colours, gloss, own light and transparency under its own
-// lights and world, with one bounce of light (see illumination.h). Glass is seen through straight.
+// The scene as it will look, roughly: its materials' base colours, specular reflection, emission and transparency under
+// its own lights and world, with one bounce of light (see illumination.h). Glass is seen through straight.
 #include <algorithm>
 #include <optional>
 
@@ -12,7 +12,7 @@ namespace perfect_bvh {
 namespace {
 
 constexpr int kMostLayers = 16;              // of transparent surfaces, one behind another
-constexpr float kLeastThrough = 1 / 256.0f;  // less than that shines through unseen
+constexpr float kLeastThrough = 1 / 256.0f;  // less than that cannot be seen
 
 class PreviewMode final : public ShadingMode {
  public:
@@ -41,7 +41,7 @@ class PreviewMode final : public ShadingMode {
   [[nodiscard]] bool keeps_light_apart() const noexcept override { return true; }
   [[nodiscard]] Vec3f backdrop(const Ray& ray, float x, float y) const override {
     if (!appearance_.world) return Studio::backdrop(x, y);
-    return illumination_.surroundings().backdrop(to_float(normalized(ray.direction)));
+    return illumination_.environment().backdrop(to_float(normalized(ray.direction)));
   }
 
   void shade(const ShadeTask& task) const override {
@@ -58,7 +58,7 @@ class PreviewMode final : public ShadingMode {
       lit_point.light.sky = layer.light[row];
       lit_point.color = material.color * material.alpha;
       lit_point.lit = lit_point.color * layer.light[row];
-      lit_point.known = layer.glosses.empty() || layer.glosses[row].over_matt;
+      lit_point.known = layer.speculars.empty() || layer.speculars[row].over_diffuse;
     }
     if (open_) {
       for (const std::uint32_t row : scratch.caught.rows) scratch.lit_points[row].known = false;
@@ -96,9 +96,9 @@ class PreviewMode final : public ShadingMode {
       layer.places.push_back(sampling::z_order(pixel.x, pixel.y));
       layer.materials.push_back(material_at(appearance_, snapshot_.instances[hit.instance_index], hit, point.material));
     }
-    find_glosses(seen, layer);
-    layer.light.resize(seen.points.size()), layer.shine.resize(layer.glosses.size());
-    illumination_.gather({seen.points, layer.places, layer.glosses, layer.light, layer.shine}, task.sample,
+    find_speculars(seen, layer);
+    layer.light.resize(seen.points.size()), layer.shine.resize(layer.speculars.size());
+    illumination_.gather({seen.points, layer.places, layer.speculars, layer.light, layer.shine}, task.sample,
                          task.scratch.illumination);
     if (open_) catch_shadows(task, seen, layer);
     for (std::size_t row = 0; row < seen.points.size(); ++row) {
@@ -133,7 +133,7 @@ class PreviewMode final : public ShadingMode {
         add(color, {0, 0, 0}, weight * (1.0f - bright));
       } else {
         const Vec3f direction = to_float(normalized(seen.rays[caught.points[i].ray].direction));
-        add(color, illumination_.surroundings().backdrop(direction) * (weight * bright), weight);
+        add(color, illumination_.environment().backdrop(direction) * (weight * bright), weight);
       }
       layer.materials[row] = Material{.holdout = 1.0f};
       layer.light[row] = {0, 0, 0};
@@ -147,18 +147,18 @@ class PreviewMode final : public ShadingMode {
     return (share(light.x, open.x) + share(light.y, open.y) + share(light.z, open.z)) / 3.0f;
   }
 
-  // What is mirrored is neither given back matt nor let through.
-  void find_glosses(const Seen& seen, SurfaceLayer& layer) const {
-    layer.glosses.clear();
+  // What is mirrored is neither given back diffuse nor let through.
+  void find_speculars(const Seen& seen, SurfaceLayer& layer) const {
+    layer.speculars.clear();
     if (!appearance_.any_glossy()) return;
     for (std::size_t row = 0; row < seen.points.size(); ++row) {
       const SurfacePoint& point = seen.points[row];
       Material& material = layer.materials[row];
       const Vec3f view = to_float(-normalized(seen.rays[point.ray].direction));
-      Gloss& gloss = layer.glosses.emplace_back(Gloss{material.reflectance, material.roughness, view});
-      gloss.over_matt = !is_black(material.color);
-      if (!gloss.mirrors()) continue;
-      const float rest = unreflected_share(gloss, dot(point.light_normal, view));
+      Specular& specular = layer.speculars.emplace_back(Specular{material.reflectance, material.roughness, view});
+      specular.over_diffuse = !is_black(material.color);
+      if (!specular.mirrors()) continue;
+      const float rest = unreflected_share(specular, dot(point.light_normal, view));
       material.color = material.color * rest, material.transmission *= rest;
     }
   }
@@ -201,7 +201,7 @@ class PreviewMode final : public ShadingMode {
     if (appearance_.film_transparent) return;
     for (std::size_t row = 0; row < layer.rays.size(); ++row) {
       if (layer.hits[row].found()) continue;
-      const Vec3f color = illumination_.surroundings().backdrop(to_float(normalized(layer.rays[row].direction)));
+      const Vec3f color = illumination_.environment().backdrop(to_float(normalized(layer.rays[row].direction)));
       add(task.colors[layer.owners[row]], color * layer.weights[row], layer.weights[row]);
     }
   }

@@ -1,4 +1,4 @@
-// What to render and how: plain values, filled by whoever asks for an image.
+// What to render and how: plain values, filled by the caller.
 #pragma once
 
 #include <cstdint>
@@ -47,7 +47,7 @@ struct RenderSettings {
   bool smooth = true;         // average the light of few samples with that of neighbours on the same surface
   std::uint32_t seed = 0;
   int threads = 0;          // 0: all
-  float kept_share = 0.0f;  // of the camera rays, for whoever checks them: see KeptRays
+  float kept_share = 0.0f;  // of the camera rays, to be checked: see RaySubset
   PreviewSettings preview;
   ClaySettings clay;
   WireframeSettings wireframe;

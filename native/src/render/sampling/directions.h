@@ -1,4 +1,4 @@
-// Directions about an axis: what every mode that looks for light is made of.
+// Directions about an axis: what every mode that samples light is made of.
 #pragma once
 
 #include <algorithm>

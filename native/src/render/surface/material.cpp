@@ -43,8 +43,8 @@ Vec3f tint_at(const Appearance& appearance, const Instance& instance, const Hit&
   return corners[0] * (1.0f - hit.u - hit.v) + corners[1] * hit.u + corners[2] * hit.v;
 }
 
-// A metal mirrors its colour and is not matt at all; what is clear is not matt either.
-void set_gloss(const Appearance& appearance, std::size_t index, Material& material) {
+// A metal mirrors its colour and is not diffuse at all; what is clear is not diffuse either.
+void set_specular(const Appearance& appearance, std::size_t index, Material& material) {
   if (!appearance.roughnesses.empty()) material.roughness = appearance.roughnesses[index];
   if (!appearance.reflectances.empty()) {
     const float reflectance = appearance.reflectances[index];
@@ -104,7 +104,7 @@ Material material_at(const Appearance& appearance, const Instance& instance, con
   if (const std::int32_t tint = appearance.tints.empty() ? kNoTint : appearance.tints[index]; tint != kNoTint) {
     material.color = material.color * tint_at(appearance, instance, hit, tint);
   }
-  set_gloss(appearance, index, material);
+  set_specular(appearance, index, material);
   return material;
 }
 

@@ -1,5 +1,5 @@
-// What a surface is made of where a ray hit it: what it gives back matt and what it mirrors, its own light, how much of
-// it is there at all. In: a hit and the scene's appearance. Out: numbers, images looked up.
+// What a surface is made of where a ray hit it: what it gives back diffuse and what it mirrors, its own light, how much
+// of it is there at all. In: a hit and the scene's appearance. Out: numbers, images looked up.
 #pragma once
 
 #include <optional>
@@ -11,9 +11,9 @@
 namespace perfect_bvh {
 
 struct Material {
-  Vec3f color{0, 0, 0};        // the share of light that it gives back, matt
+  Vec3f color{0, 0, 0};        // the share of light that it gives back, diffuse
   Vec3f emission{0, 0, 0};     // radiance
-  Vec3f reflectance{0, 0, 0};  // see Gloss
+  Vec3f reflectance{0, 0, 0};  // see Specular
   float roughness = 1.0f;
   float alpha = 1.0f;
   float transmission = 0.0f;  // of what is there, how much is clear as glass
@@ -25,7 +25,7 @@ struct Material {
   [[nodiscard]] float shown() const noexcept { return 1.0f - through() - alpha * holdout; }
   // The same of light on its way to other surfaces: glass, which would bend it, throws half a shadow.
   [[nodiscard]] float lets_light_through() const noexcept { return 1.0f - alpha * (1.0f - 0.6f * transmission); }
-  // As if it gave back matt what it mirrors: for light that bounced.
+  // As if it gave back diffuse what it mirrors: for light that bounced.
   [[nodiscard]] Vec3f matt_color() const noexcept { return color + reflectance * (1.0f - transmission); }
 };
 

@@ -16,7 +16,9 @@ constexpr float kRoughestMirror = 0.4f, kLeastReflectance = 0.15f;
 
 float largest(Vec3f color) noexcept { return std::max({color.x, color.y, color.z}); }
 
-float width_of(const Gloss& gloss) noexcept { return std::max(gloss.roughness * gloss.roughness, kLeastWidth); }
+float width_of(const Specular& specular) noexcept {
+  return std::max(specular.roughness * specular.roughness, kLeastWidth);
+}
 
 // Smith's share of microfacets that are seen from a direction of this cosine.
 float seen_share(float cosine, float square) noexcept {
@@ -33,44 +35,44 @@ float density_about(float upwards, float towards_viewer, float square) noexcept 
 
 // What the facets of a rough metal throw at each other reaches the viewer in the end (Turquin 2019). The fit is to the
 // direction in which least is missing, so that nothing shines brighter than what it mirrors.
-Vec3f with_what_bounces(const Gloss& gloss, float width) noexcept {
+Vec3f with_what_bounces(const Specular& specular, float width) noexcept {
   const float missing = 0.45f * width * std::min(3.0f * width, 1.0f);
-  return Vec3f{1, 1, 1} + gloss.reflectance * (missing / (1.0f - missing));
+  return Vec3f{1, 1, 1} + specular.reflectance * (missing / (1.0f - missing));
 }
 
 }  // namespace
 
-bool Gloss::mirrors() const noexcept {
+bool Specular::mirrors() const noexcept {
   return shines() && (roughness < kRoughestMirror || largest(reflectance) > kLeastReflectance);
 }
 
-Vec3f reflected_share(const Gloss& gloss, float cosine) noexcept {
+Vec3f reflected_share(const Specular& specular, float cosine) noexcept {
   const float rest = 1.0f - std::clamp(cosine, 0.0f, 1.0f), square = rest * rest;
   // What hardly reflects from above is no mirror at a slant either.
-  const float rise = square * square * rest * std::min(25.0f * largest(gloss.reflectance), 1.0f);
-  return gloss.reflectance + (Vec3f{1, 1, 1} - gloss.reflectance) * rise;
+  const float rise = square * square * rest * std::min(25.0f * largest(specular.reflectance), 1.0f);
+  return specular.reflectance + (Vec3f{1, 1, 1} - specular.reflectance) * rise;
 }
 
-float unreflected_share(const Gloss& gloss, float cosine) noexcept {
-  const float least = largest(gloss.reflectance), most = std::max(least, 1.0f - gloss.roughness);
-  const float part = (largest(reflected_share(gloss, cosine)) - least) / std::max(1.0f - least, 1e-6f);
+float unreflected_share(const Specular& specular, float cosine) noexcept {
+  const float least = largest(specular.reflectance), most = std::max(least, 1.0f - specular.roughness);
+  const float part = (largest(reflected_share(specular, cosine)) - least) / std::max(1.0f - least, 1e-6f);
   return 1.0f - (least + (most - least) * part);
 }
 
-Highlight highlight(const Gloss& gloss, Vec3f normal, Vec3f to_light) noexcept {
-  const Vec3f half = normalized(gloss.view + to_light);
-  const float width = width_of(gloss), square = width * width;
+Highlight highlight(const Specular& specular, Vec3f normal, Vec3f to_light) noexcept {
+  const Vec3f half = normalized(specular.view + to_light);
+  const float width = width_of(specular), square = width * width;
   const float towards_light = std::max(dot(normal, to_light), kLeastCosine);
-  const float density = density_about(dot(normal, half), std::max(dot(normal, gloss.view), kLeastCosine), square);
-  const Vec3f share = reflected_share(gloss, dot(gloss.view, half)) * with_what_bounces(gloss, width);
+  const float density = density_about(dot(normal, half), std::max(dot(normal, specular.view), kLeastCosine), square);
+  const Vec3f share = reflected_share(specular, dot(specular.view, half)) * with_what_bounces(specular, width);
   return {share * (kPi * density * seen_share(towards_light, square) / towards_light), density};
 }
 
-Mirrored mirrored(const Gloss& gloss, Vec3f normal, Point2 random) noexcept {
+Mirrored mirrored(const Specular& specular, Vec3f normal, Point2 random) noexcept {
   const Frame frame(normal);
-  const float width = width_of(gloss);
-  const Vec3f view{dot(gloss.view, frame.x), dot(gloss.view, frame.y),
-                   std::max(dot(gloss.view, frame.z), kLeastCosine)};
+  const float width = width_of(specular);
+  const Vec3f view{dot(specular.view, frame.x), dot(specular.view, frame.y),
+                   std::max(dot(specular.view, frame.z), kLeastCosine)};
   // Stretched so that the facets are a hemisphere, of which the view lights a cap.
   const Vec3f stretched = normalized(Vec3f{view.x * width, view.y * width, view.z});
   const float angle = 2.0f * kPi * random.x, height = (1.0f - random.y) * (1.0f + stretched.z) - stretched.z;
@@ -80,7 +82,7 @@ Mirrored mirrored(const Gloss& gloss, Vec3f normal, Point2 random) noexcept {
   const float cosine = dot(view, facet);
   const Vec3f direction = facet * (2.0f * cosine) - view;
   if (!(direction.z > 0.0f)) return {};
-  const Vec3f share = reflected_share(gloss, cosine) * with_what_bounces(gloss, width);
+  const Vec3f share = reflected_share(specular, cosine) * with_what_bounces(specular, width);
   return {frame.world(direction), share * seen_share(direction.z, width * width),
           density_about(facet.z, view.z, width * width)};
 }

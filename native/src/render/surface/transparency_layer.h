@@ -1,4 +1,4 @@
-// Surfaces one behind another: the points of one layer, and the rays that found them.
+// Surfaces one behind another: the points at one transparency depth, and the rays that found them.
 #pragma once
 
 #include "core/aligned.h"
@@ -8,7 +8,7 @@
 
 namespace perfect_bvh {
 
-// Rows are points; before a layer's points are known, rays.
+// Rows are points; before the points of this depth are known, rays.
 struct SurfaceLayer {
   AlignedVector<Ray> rays;
   AlignedVector<Hit> hits;
@@ -17,11 +17,11 @@ struct SurfaceLayer {
   AlignedVector<float> weights;         // what the layers before let through
   AlignedVector<std::uint32_t> places;
   AlignedVector<Material> materials;
-  AlignedVector<Gloss> glosses;  // empty if nothing is glossy
+  AlignedVector<Specular> speculars;  // empty if nothing is glossy
   AlignedVector<Vec3f> light, shine;
 };
 
-// The points of a layer that lie on shadow catchers.
+// The points of one depth that lie on shadow catchers.
 struct CaughtLight {
   AlignedVector<std::uint32_t> rows;  // in the layer
   AlignedVector<SurfacePoint> points;

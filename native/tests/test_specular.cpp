@@ -18,7 +18,7 @@ constexpr float kPi = std::numbers::pi_v<float>;
 constexpr std::array kRoughnesses{0.05f, 0.15f, 0.3f, 0.45f, 0.6f, 0.9f};
 const Vec3f kUp{0, 0, 1};
 
-Gloss metal(float roughness, float slant) { return {{1, 1, 1}, roughness, {std::sin(slant), 0, std::cos(slant)}}; }
+Specular metal(float roughness, float slant) { return {{1, 1, 1}, roughness, {std::sin(slant), 0, std::cos(slant)}}; }
 
 Point2 random(std::uint32_t index, std::uint32_t seed = 1) { return sampling::scrambled_sobol(index, seed).to_unit(); }
 
@@ -51,14 +51,14 @@ std::array<Light, 5> lights() {
   return made;
 }
 
-TEST(Gloss, MirroredDirectionsHaveTheDensityThatHighlightsTell) {
+TEST(Specular, MirroredDirectionsHaveTheDensityThatHighlightsTell) {
   for (const float roughness : kRoughnesses) {
     for (const float slant : {0.0f, 0.6f, 1.3f}) {
-      const Gloss gloss = metal(roughness, slant);
+      const Specular specular = metal(roughness, slant);
       for (std::uint32_t i = 0; i < 256; ++i) {
-        const Mirrored way = mirrored(gloss, kUp, random(i));
+        const Mirrored way = mirrored(specular, kUp, random(i));
         if (!(way.direction.z > 0.02f) || way.weight.x == 0.0f) continue;
-        const Highlight seen = highlight(gloss, kUp, way.direction);
+        const Highlight seen = highlight(specular, kUp, way.direction);
         // Near the horizon and in narrow lobes the half vector is known to fewer digits.
         EXPECT_NEAR(seen.density / way.density, 1.0f, 0.02f) << roughness << ' ' << slant << ' ' << i;
         const float weight = seen.share.x * way.direction.z / (kPi * seen.density);
@@ -69,11 +69,11 @@ TEST(Gloss, MirroredDirectionsHaveTheDensityThatHighlightsTell) {
 }
 
 // Over all directions, those below the horizon included, that facets mirror.
-TEST(Gloss, DensityIntegratesToOne) {
+TEST(Specular, DensityIntegratesToOne) {
   constexpr std::uint32_t kCount = 1u << 18;
   for (const float roughness : kRoughnesses) {
     for (const float slant : {0.0f, 0.6f, 1.3f}) {
-      const Gloss gloss = metal(roughness, slant);
+      const Specular specular = metal(roughness, slant);
       // Spread over the lobe's own width round the mirror's direction, so that narrow lobes are seen.
       double sum = 0.0;
       const Vec3f axis{-std::sin(slant), 0, std::cos(slant)}, side{0, 1, 0}, across = cross(side, axis);
@@ -83,9 +83,9 @@ TEST(Gloss, DensityIntegratesToOne) {
         const float fall = 2.0f * at.x * at.x * at.x * at.x, cosine = 1.0f - fall;
         const float sine = std::sqrt(std::max(0.0f, fall * (2.0f - fall))), angle = 2.0f * kPi * at.y;
         const Vec3f to = axis * cosine + across * (sine * std::cos(angle)) + side * (sine * std::sin(angle));
-        if (!((gloss.view + to).z > 0.0f)) continue;  // no facet mirrors there
+        if (!((specular.view + to).z > 0.0f)) continue;  // no facet mirrors there
         const double stretch = 2.0 * std::numbers::pi * 8.0 * std::pow(static_cast<double>(at.x), 3.0);
-        sum += static_cast<double>(highlight(gloss, kUp, to).density) * stretch;
+        sum += static_cast<double>(highlight(specular, kUp, to).density) * stretch;
       }
       EXPECT_NEAR(sum / kCount, 1.0, 0.02) << roughness << ' ' << slant;
     }
@@ -93,7 +93,7 @@ TEST(Gloss, DensityIntegratesToOne) {
 }
 
 // A white metal in a white furnace gives back nearly all; only what is thrown below the horizon is lost.
-TEST(Gloss, WhiteFurnaceKeepsItsEnergy) {
+TEST(Specular, WhiteFurnaceKeepsItsEnergy) {
   for (const float roughness : kRoughnesses) {
     Estimate furnace;
     for (std::uint32_t i = 0; i < 4096; ++i) {
@@ -152,13 +152,13 @@ TEST(Lights, APointIsOnlyAimedAt) {
 TEST(Lights, BothWaysTogetherGiveWhatEachGivesAlone) {
   for (const Light& light : lights()) {
     for (const float roughness : kRoughnesses) {
-      const Gloss gloss{{0.9f, 0.8f, 0.7f}, roughness, normalized(Vec3f{1.6f, -0.3f, 3.0f})};
+      const Specular specular{{0.9f, 0.8f, 0.7f}, roughness, normalized(Vec3f{1.6f, -0.3f, 3.0f})};
       Estimate aimed, met_alone, both;
       for (std::uint32_t i = 0; i < (1u << 15); ++i) {
         const LightRay ray = look_at_light(light, {0, 0, 0}, kUp, random(i, 7));
-        const Highlight seen = highlight(gloss, kUp, ray.direction);
+        const Highlight seen = highlight(specular, kUp, ray.direction);
         const double aims = static_cast<double>(ray.light.y * seen.share.y);
-        const Mirrored way = mirrored(gloss, kUp, random(i, 9));
+        const Mirrored way = mirrored(specular, kUp, random(i, 9));
         const auto met = meet_light(light, {0, 0, 0}, way.direction);
         const double meets = met ? static_cast<double>(met->radiance.y * way.weight.y) : 0.0;
         aimed.add(aims), met_alone.add(meets);
