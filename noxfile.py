@@ -58,6 +58,13 @@ def lint(session: nox.Session) -> None:
 
 
 @nox.session(default=False, reuse_venv=True)
+def types(session: nox.Session) -> None:
+    """Check types alone: mypy, with the numpy that `lint` has, which is newer than that of Blender's module."""
+    session.install(MYPY, "numpy>=2")
+    session.run("mypy")
+
+
+@nox.session(default=False, reuse_venv=True)
 def quick(session: nox.Session) -> None:
     """Lint, then the tests near what differs from origin/main: within a minute, or two if C++ has changed.
 
@@ -67,10 +74,9 @@ def quick(session: nox.Session) -> None:
     import near
 
     changed = near.changed_files()
-    session.install(RUFF, MYPY, CLANG_FORMAT, *BUILD_TOOLS, *WHEEL_TOOLS[:2])
+    session.install(RUFF, CLANG_FORMAT, *BUILD_TOOLS, *WHEEL_TOOLS[:2])
     session.run("ruff", "check")
     session.run("ruff", "format", "--check")
-    session.run("mypy")
     native = [path for path in changed if path.startswith("native/") and path.endswith(NATIVE_SUFFIXES)]
     if native:
         session.run("clang-format", "--dry-run", "-Werror", *native)
@@ -91,6 +97,7 @@ def quick(session: nox.Session) -> None:
         (site,) = Path(session.virtualenv.location).glob("lib/python*/site-packages")
         (site / "perfect_bvh_addon").unlink(missing_ok=True)
         (site / "perfect_bvh_addon").symlink_to(Path("addon").resolve())
+    session.notify("types")
     tests = near.near_python_tests(changed)
     session.run("pytest", "-n", "0", "-q", f"--seconds={QUICK_SECONDS}", *tests)
 
