@@ -90,7 +90,7 @@ def _record_images(recorder: Recorder, sync: Any) -> None:
         )
         check_equal(f"{mode} with threads=2", first, second, passes)
         for name in passes:
-            section = "work" if mode == "cost" or name in COUNTERS else "images"
+            section = "visits" if mode == "cost" or name in COUNTERS else "images"
             recorder.within(section).add(f"{mode}/{name}", first[name])
 
 

@@ -104,7 +104,7 @@ def _record_cast(
     for strategy, hits in answers.items():
         check_equal(f"cast_rays by {strategy}", first.columns, hits.columns, HIT_FIELDS)
         for counter in COUNTERS:
-            recorder.within("work").add(f"cast_rays/{name}/{strategy}/{counter}", hits.columns[counter])
+            recorder.within("visits").add(f"cast_rays/{name}/{strategy}/{counter}", hits.columns[counter])
     check_equal("threads=2", first.columns, scene.cast_rays(*rays, fields=fields, threads=2, **options).columns, fields)
     recorder.within(f"cast_rays/{name}").add_all({field: first.columns[field] for field in HIT_FIELDS})
     recorder.add(f"cast_rays/{name}/invalid_count", first.invalid_count)

@@ -8,7 +8,7 @@ The first two are run with the package of before and of after the change; each t
 writes a sha256 for each named item: every query on twelve generated scenes in both layouts, and for each file in
 blend_scenes its sync reports, images, lookups, scans and renders through Blender and the command line. The engine's
 items are made with every instruction set that the machine has, and must agree. Only what users' scripts can reach is
-called, so that one program fits both packages. Items with `/work/` in their names count nodes and triangles that rays
+called, so that one program fits both packages. Items with `/visits/` in their names count nodes and triangles that rays
 visited: a change of a tree may change them, and nothing else. `--compare` names the items that
 differ and exits with 1 if any does.
 """
