@@ -24,6 +24,7 @@ from .records import (
     VISIBLE_TO_GLOSSY,
     VISIBLE_TO_SHADOW,
     CameraRecord,
+    Float32Array,
     Int32Array,
     SceneRecord,
 )
@@ -80,17 +81,36 @@ def _material_table(record: SceneRecord) -> MaterialTable:
     indices = np.array([material.pass_index for material in materials], np.int32)
     if record.world is None:
         return MaterialTable(colors, indices)
+
+    def numbers(name: str) -> Float32Array:
+        return np.array([getattr(material, name) for material in materials], np.float32)
+
+    def rows(name: str) -> Float32Array:
+        return numbers(name).reshape(-1, 3)
+
     return MaterialTable(
         colors,
         indices,
-        base_colors=np.array([material.base_color for material in materials], np.float32).reshape(-1, 3),
-        emissions=np.array([material.emission for material in materials], np.float32).reshape(-1, 3),
-        alphas=np.array([material.alpha for material in materials], np.float32),
-        metallics=np.array([material.metallic for material in materials], np.float32),
-        roughnesses=np.array([material.roughness for material in materials], np.float32),
-        reflectances=np.array([material.reflectance for material in materials], np.float32),
-        transmissions=np.array([material.transmission for material in materials], np.float32),
-        holdouts=np.array([material.holdout for material in materials], np.float32),
+        base_colors=rows("base_color"),
+        emissions=rows("emission"),
+        alphas=numbers("alpha"),
+        metallics=numbers("metallic"),
+        roughnesses=numbers("roughness"),
+        reflectances=numbers("reflectance"),
+        transmissions=numbers("transmission"),
+        translucencies=numbers("translucency"),
+        iors=numbers("ior"),
+        even_metals=numbers("even_metal"),
+        tinted_glasses=numbers("tinted_glass"),
+        plain_refractions=numbers("plain_refraction"),
+        specular_tints=rows("specular_tint"),
+        metal_colors=rows("metal_color"),
+        metal_powers=numbers("metal_power"),
+        transmission_colors=rows("transmission_color"),
+        transmission_powers=numbers("transmission_power"),
+        translucent_colors=rows("translucent_color"),
+        translucent_powers=numbers("translucent_power"),
+        holdouts=numbers("holdout"),
         color_images=np.array([material.color_image for material in materials], np.int32),
         alpha_images=np.array([material.alpha_image for material in materials], np.int32),
         emission_images=np.array([material.emission_image for material in materials], np.int32),

@@ -195,6 +195,18 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.roughnesses = view<float>(values, "roughnesses");
   appearance.reflectances = view<float>(values, "reflectances");
   appearance.transmissions = view<float>(values, "transmissions");
+  appearance.translucencies = view<float>(values, "translucencies");
+  appearance.iors = view<float>(values, "iors");
+  appearance.even_metals = view<float>(values, "even_metals");
+  appearance.tinted_glasses = view<float>(values, "tinted_glasses");
+  appearance.plain_refractions = view<float>(values, "plain_refractions");
+  appearance.specular_tints = rows_of<Vec3f>(view<float>(values, "specular_tints"));
+  const auto read_tints = [&](const char* colors, const char* powers) {
+    return TintTable{rows_of<Vec3f>(view<float>(values, colors)), view<float>(values, powers)};
+  };
+  appearance.metal_tints = read_tints("metal_colors", "metal_powers");
+  appearance.transmission_tints = read_tints("transmission_colors", "transmission_powers");
+  appearance.translucent_tints = read_tints("translucent_colors", "translucent_powers");
   appearance.material_holdouts = view<float>(values, "holdouts");
   appearance.color_images = view<std::int32_t>(values, "color_images");
   appearance.alpha_images = view<std::int32_t>(values, "alpha_images");

@@ -55,6 +55,14 @@ def test_plastic_and_glass_give_back_no_more_than_they_get(roughness, transmissi
         assert 0.9 <= seen <= 1.001
 
 
+@pytest.mark.parametrize(("power", "expected"), [(1.0, 0.25), (0.5, 0.5), (0.0, 1.0)])
+def test_a_metal_has_its_colour_times_the_base_colour_to_a_power(power, expected):
+    """In a white furnace, from above: of its own, and of that of the surface."""
+    metal = {"metallics": 1.0, "roughnesses": 0.1, "metal_colors": (0.5, 0.5, 0.5), "metal_powers": power}
+    look = Appearance(**made_of(1, base_colors=(0.25, 0.25, 0.25), **metal), world=WHITE)
+    assert brightness(floor(), look, ABOVE, samples=64) == pytest.approx(0.5 * expected, rel=0.02)
+
+
 def test_glass_is_seen_through_and_throws_a_light_shadow():
     pane = square(3.0, 1.0)
     clear = made_of(1, base_colors=(1.0, 1.0, 1.0), reflectances=0.04, roughnesses=0.0, transmissions=1.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -275,6 +275,17 @@ def table(**columns: npt.NDArray[Any]) -> InstanceTable:
 )
 def test_appearances_that_do_not_fit_are_refused(scene: Scene, appearance: Appearance, message: str) -> None:
     with pytest.raises(ValueError, match=message):
+        render(scene, CAMERA, size=SIZE, appearance=appearance)
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(MaterialTable) if field.default is None])
+def test_material_columns_need_a_row_each(scene: Scene, name: str) -> None:
+    row = {"tints": ("",)}.get(name, np.zeros((3, 3) if name.endswith(("colors", "emissions", "_tints")) else 3))
+    if name.endswith("images"):
+        row = row.astype(np.int32)
+    colors, indices = np.ones((2, 4), np.float32), np.zeros(2, np.int32)
+    appearance = Appearance(materials=MaterialTable(colors, indices, **{name: row}))
+    with pytest.raises(ValueError, match=f"materials.{name} has . rows but materials.colors has 2"):
         render(scene, CAMERA, size=SIZE, appearance=appearance)
 
 

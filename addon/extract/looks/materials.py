@@ -8,6 +8,7 @@ from typing import Any
 
 from ...sync.records import NO_LAYERS, LayerRequest, MaterialRecord
 from .images import ImageReader
+from .lobes import Lobes
 from .node_colors import Surface, read_surface
 from .node_values import Value, constant
 
@@ -66,6 +67,10 @@ class MaterialReader:
 
 
 WHITE = constant(1.0)
+_LOBE_NUMBERS = (
+    *("metallic", "roughness", "reflectance", "transmission", "translucency", "ior"),
+    *("even_metal", "tinted_glass", "plain_refraction", "specular_tint"),
+)
 
 
 def _share(value: float) -> float:
@@ -90,13 +95,24 @@ def _read_material(material: Any, images: ImageReader | None) -> MaterialRecord:
         base_color=_rgb(WHITE if surface.base.tint is not None and surface.base.is_guess else surface.base),
         emission=_rgb(WHITE if emitted.texture else emitted, surface.brightness),
         alpha=_share(float(surface.alpha.color[0])) if surface.alpha.texture is None else 1.0,
-        **{name: _share(value) for name, value in surface.specular.items()},
+        **_lobe_fields(surface.lobes),
         holdout=_share(surface.holdout),
         color_image=color_image,
         alpha_image=alpha_image,
         tint=surface.base.tint,
         emission_image=images.row(emitted) if emitted.texture else -1,
     )
+
+
+def _lobe_fields(lobes: Lobes) -> dict[str, Any]:
+    fields = {name: getattr(lobes, name) for name in _LOBE_NUMBERS}
+    for name, tint in (
+        ("metal", lobes.metal_tint),
+        ("transmission", lobes.clear_tint),
+        ("translucent", lobes.translucent_tint),
+    ):
+        fields[f"{name}_color"], fields[f"{name}_power"] = tint.color, tint.power
+    return fields
 
 
 def _image_rows(surface: Surface, images: ImageReader) -> tuple[int, int]:

@@ -6,20 +6,21 @@ colour.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from .lobes import DIFFUSE, Color, Lobes, Part, Tint, add_translucent, base_share, mix_lobes
 from .node_graph import Scope, trace_back
 from .node_values import ImageMeans, Pixels, Value, ValueReader, constant
 
 BLACK = constant(0.0, 0.0, 0.0)
 WHOLE = constant(1.0)
 NOTHING = constant(0.0)
-DIFFUSE: Mapping[str, float] = {"metallic": 0.0, "roughness": 1.0, "reflectance": 0.0, "transmission": 0.0}
 
+LEAST_IOR = 1e-5
 _DEEPEST = 64
 _COLOR_INPUTS = ("Base Color", "Color")
 
@@ -28,15 +29,15 @@ _COLOR_INPUTS = ("Base Color", "Color")
 class Surface:
     """base, emission: colours; emission is radiance, of `brightness` times as much. alpha: 0 to 1.
 
-    specular: metallic, roughness, reflectance, transmission, see `perfect_bvh.MaterialTable`. holdout: of what is
-    there, how much cuts a hole into the image; a number for all of the surface.
+    lobes: what of it mirrors, refracts and lets light through. holdout: of what is there, how much cuts a hole into the
+    image; a number for all of the surface.
     """
 
     base: Value
     emission: Value = BLACK
     brightness: float = 1.0
     alpha: Value = WHOLE
-    specular: Mapping[str, float] = field(default_factory=lambda: DIFFUSE)
+    lobes: Lobes = DIFFUSE
     holdout: float = 0.0
 
 
@@ -79,7 +80,7 @@ class _SurfaceReader:
             return self._principled(node, scope)
         color = next((node.inputs[name] for name in _COLOR_INPUTS if name in node.inputs), None)
         base = self._plain if color is None else self._values.read(color, scope)
-        return Surface(base, specular={**DIFFUSE, **self._specular_by_name(node, scope)})
+        return Surface(base, lobes=self._lobes_by_name(node, base, scope))
 
     def _principled(self, node: Any, scope: Scope | None) -> Surface:
         inputs, values = node.inputs, self._values
@@ -87,13 +88,15 @@ class _SurfaceReader:
         surface = Surface(
             values.read(inputs["Base Color"], scope),
             alpha=WHOLE if alpha.is_guess else alpha,
-            specular={
-                "metallic": values.number(inputs["Metallic"], 0.0, scope),
-                "roughness": values.number(inputs["Roughness"], 0.5, scope),
-                "reflectance": self._reflectance(inputs["IOR"], scope)
-                * (2.0 * values.number(inputs["Specular IOR Level"], 0.5, scope)),
-                "transmission": values.number(inputs["Transmission Weight"], 0.0, scope),
-            },
+            lobes=Lobes(
+                metallic=self._share(inputs["Metallic"], 0.0, scope),
+                roughness=self._share(inputs["Roughness"], 0.5, scope),
+                reflectance=self._reflectance(inputs["IOR"], scope)
+                * (2.0 * max(values.number(inputs["Specular IOR Level"], 0.5, scope), 0.0)),
+                transmission=self._share(inputs["Transmission Weight"], 0.0, scope),
+                ior=self._ior(inputs["IOR"], scope),
+                specular_tint=self._tint(inputs["Specular Tint"], scope),
+            ),
         )
         return self._emission(surface, inputs["Emission Color"], inputs["Emission Strength"], scope)
 
@@ -111,16 +114,46 @@ class _SurfaceReader:
             surface, emission=self._values.combine(lambda one, other: one * other, [emitted, bright], "emission")
         )
 
-    def _specular_by_name(self, node: Any, scope: Scope | None) -> dict[str, float]:
-        """What of a surface a simple shader node adds to its colour."""
-        number = self._values.number
-        if node.type in {"BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"}:
-            return {"metallic": 1.0, "roughness": number(node.inputs["Roughness"], 0.5, scope)}
-        if node.type == "BSDF_GLASS":
-            roughness = number(node.inputs["Roughness"], 0.0, scope)
-            reflectance = self._reflectance(node.inputs["IOR"], scope)
-            return {"roughness": roughness, "reflectance": reflectance, "transmission": 1.0}
-        return {"transmission": 1.0} if node.type == "BSDF_REFRACTION" else {}
+    def _lobes_by_name(self, node: Any, base: Value, scope: Scope | None) -> Lobes:
+        """What of a surface a simple shader node makes."""
+        if node.type in {"BSDF_GLOSSY", "BSDF_ANISOTROPIC"}:
+            return Lobes(metallic=1.0, roughness=self._share(node.inputs["Roughness"], 0.5, scope), even_metal=1.0)
+        if node.type == "BSDF_METALLIC":
+            edge = self._tint(node.inputs["Edge Tint"], scope)
+            return Lobes(1.0, self._share(node.inputs["Roughness"], 0.5, scope), specular_tint=edge)
+        if node.type in {"BSDF_GLASS", "BSDF_REFRACTION"}:
+            is_plain = node.type == "BSDF_REFRACTION"
+            return Lobes(
+                roughness=self._share(node.inputs["Roughness"], 0.0, scope),
+                reflectance=0.0 if is_plain else self._reflectance(node.inputs["IOR"], scope),
+                transmission=1.0,
+                ior=self._ior(node.inputs["IOR"], scope),
+                tinted_glass=float(not is_plain),
+                plain_refraction=float(is_plain),
+                clear_tint=Tint(power=1.0),
+            )
+        if node.type == "BSDF_TRANSLUCENT":
+            red, green, blue = self._values.mean(base)[:3].tolist()
+            tint = Tint((red, green, blue)) if _is_even(base) else Tint(power=1.0)
+            return Lobes(translucency=1.0, translucent_tint=tint)
+        return DIFFUSE
+
+    def _share(self, socket: Any, unknown: float, scope: Scope | None) -> float:
+        """A number of 0 to 1 for all of the surface."""
+        value = self._values.number(socket, unknown, scope)
+        return min(max(value, 0.0), 1.0) if math.isfinite(value) else unknown
+
+    def _tint(self, socket: Any, scope: Scope | None) -> Color:
+        """A colour for all of the surface; white where it cannot be known."""
+        value = self._values.read(socket, scope)
+        if value.is_guess:
+            return (1.0, 1.0, 1.0)
+        red, green, blue = np.clip(self._values.mean(value)[:3], 0.0, None).tolist()
+        return red, green, blue
+
+    def _ior(self, socket: Any, scope: Scope | None) -> float:
+        ior = self._values.number(socket, 1.5, scope)
+        return max(ior, LEAST_IOR) if math.isfinite(ior) else 1.5
 
     def _reflectance(self, ior_socket: Any, scope: Scope | None) -> float:
         """What a surface of this index of refraction mirrors of what comes from straight above."""
@@ -147,13 +180,23 @@ class _SurfaceReader:
             only = second if weights[1] else first
             return replace(only, emission=emission, brightness=1.0, alpha=alpha)
         second_share = float(weights[1] / (weights[0] + weights[1]))
-        by = factor if first.alpha is WHOLE and second.alpha is WHOLE else constant(second_share)
-        specular = {
-            name: first.specular[name] * (1.0 - second_share) + second.specular[name] * second_share for name in DIFFUSE
-        }
+        parts = self._part(first, 1.0 - second_share), self._part(second, second_share)
+        base = self._mix_bases(first, second, factor, base_share(*parts), second_share)
         holdout = first.holdout * (1.0 - second_share) + second.holdout * second_share
-        base = values.combine(_lerp, [by, first.base, second.base], "mix")
-        return Surface(base, emission, 1.0, alpha, specular, holdout)
+        return Surface(base, emission, 1.0, alpha, mix_lobes(*parts, values.mean(base)), holdout)
+
+    def _part(self, surface: Surface, weight: float) -> Part:
+        return Part(surface.lobes, weight, self._values.mean(surface.base), not _is_even(surface.base))
+
+    def _mix_bases(
+        self, first: Surface, second: Surface, factor: Value, base_share: float | None, second_share: float
+    ) -> Value:
+        if base_share is not None and base_share in {0.0, 1.0}:
+            return second.base if base_share else first.base
+        by = constant(second_share if base_share is None else base_share)
+        if base_share is None and first.alpha is WHOLE and second.alpha is WHOLE:
+            by = factor
+        return self._values.combine(_lerp, [by, first.base, second.base], "mix")
 
     def _lerp_emission(self, first: Surface, second: Surface, factor: Value) -> Value:
         emissions = self._radiance(first), self._radiance(second)
@@ -166,8 +209,22 @@ class _SurfaceReader:
             return Surface(BLACK, holdout=1.0)
         emissions = self._radiance(first), self._radiance(second)
         emission = self._values.combine(lambda one, other: one + other, emissions, "add")
-        brightest = max((first, second), key=lambda surface: float(self._values.mean(surface.base)[:3].sum()))
-        return replace(brightest, emission=emission, brightness=1.0, holdout=first.holdout + second.holdout)
+        kept, other = sorted((first, second), key=self._brightness, reverse=True)
+        if kept.lobes.translucency == 1.0 > other.lobes.translucency and self._brightness(other):
+            kept, other = other, kept
+        lobes = kept.lobes
+        if other.lobes.translucency == 1.0:
+            lobes = add_translucent(lobes, self._values.mean(kept.base), self._part(other, 1.0))
+        holdout = first.holdout + second.holdout
+        return replace(kept, emission=emission, brightness=1.0, holdout=holdout, lobes=lobes)
+
+    def _brightness(self, surface: Surface) -> float:
+        return float(self._values.mean(surface.base)[:3].sum())
+
+
+def _is_even(value: Value) -> bool:
+    """Whether it is the same all over."""
+    return value.texture is None and value.tint is None
 
 
 def _lerp(share: Pixels, one: Pixels, other: Pixels) -> Pixels:

@@ -17,7 +17,13 @@ from .appearance import LIGHT_KINDS, Appearance, ImageTexture, LightTable, MeshA
 from .camera import Camera
 
 _LARGEST_SIZE = 65536
-_MATERIAL_SHARES = ("alphas", "metallics", "roughnesses", "reflectances", "transmissions", "holdouts")
+_MATERIAL_NUMBERS = (
+    *("alphas", "metallics", "roughnesses", "reflectances", "transmissions", "translucencies", "iors", "even_metals"),
+    *("tinted_glasses", "plain_refractions", "metal_powers", "transmission_powers", "translucent_powers", "holdouts"),
+)
+_MATERIAL_COLORS = (
+    *("base_colors", "emissions", "specular_tints", "metal_colors", "transmission_colors", "translucent_colors"),
+)
 _LARGEST_MASK = 2**32 - 1
 _FIRST_TILE, _LAST_TILE = 1001, 2000
 
@@ -88,9 +94,8 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
         return np.empty((0, *row), dtype) if value is None else column(f"materials.{name}", value, dtype, *row)
 
     return {
-        "base_colors": optional("base_colors", np.float32, 3),
-        "emissions": optional("emissions", np.float32, 3),
-        **{name: optional(name, np.float32) for name in _MATERIAL_SHARES},
+        **{name: optional(name, np.float32, 3) for name in _MATERIAL_COLORS},
+        **{name: optional(name, np.float32) for name in _MATERIAL_NUMBERS},
         "color_images": optional("color_images", np.int32),
         "alpha_images": optional("alpha_images", np.int32),
         "emission_images": optional("emission_images", np.int32),

@@ -44,6 +44,9 @@ class MeshAppearance:
 class MaterialTable:
     """M materials.
 
+    A surface is split into shares that add up to one: metal, of the rest what is clear as glass, of the rest what is
+    translucent, and what remains: diffuse under a dielectric reflection.
+
     colors: (M, 4) float32, scene-linear viewport colour. indices: (M,) int32, pass index. The rest is what the mode
     "preview" shows:
     base_colors: (M, 3) float32, scene-linear, the share of light that comes back. None: the viewport colours.
@@ -52,7 +55,22 @@ class MaterialTable:
     metallics, roughnesses: (M,) float32, 0 to 1, as in Blender's Principled BSDF. None: no metal, and all is rough.
     reflectances: (M,) float32, what a surface that is no metal mirrors when seen from straight above; 0.04 for most.
         None: all are diffuse.
-    transmissions: (M,) float32, 0 to 1: how clear it is. Glass mirrors and is seen through straight. None: none is.
+    transmissions: (M,) float32, 0 to 1: how clear it is, of what is no metal. Glass mirrors and is seen through
+        straight. None: none is.
+    translucencies: (M,) float32, 0 to 1: how much of what is neither metal nor clear gives light back diffuse on its
+        other side alone. None: none does.
+    iors: (M,) float32, more than 0: the index of refraction of what is clear. None: 1.5.
+    even_metals: (M,) float32, 0 to 1: how much of the metal mirrors alike at all angles. None: none, so that all of it
+        becomes white at a slant.
+    tinted_glasses, plain_refractions: (M,) float32, 0 to 1: how much of what is clear has its tint on what it mirrors,
+        too, and how much mirrors nothing. None: none.
+    specular_tints: (M, 3) float32: what the reflectance from straight above is multiplied with; of metals the colour at
+        82 degrees. None: white.
+    metal_colors, metal_powers: (M, 3) and (M,) float32: the metal's colour is `metal_colors` times the base colour, as
+        images and tints make it, to the power of `metal_powers`. None: white and 1.
+    transmission_colors, transmission_powers: the same for what is refracted. None: white and 0.5.
+    translucent_colors, translucent_powers: the same for the light that is given back on the other side, as a share of
+        all that falls on the whole surface. None: black and 0.
     holdouts: (M,) float32, 0 to 1: how much of it cuts a hole into the image: it hides what is behind without colour or
         alpha of its own. At 1 camera rays find no surface in it, as in an instance that is held out. None: none does.
     color_images: (M,) int32, rows of the appearance's images, which stand for the base colours; -1 for none.
@@ -71,6 +89,18 @@ class MaterialTable:
     roughnesses: Float32Array | None = None
     reflectances: Float32Array | None = None
     transmissions: Float32Array | None = None
+    translucencies: Float32Array | None = None
+    iors: Float32Array | None = None
+    even_metals: Float32Array | None = None
+    tinted_glasses: Float32Array | None = None
+    plain_refractions: Float32Array | None = None
+    specular_tints: Float32Array | None = None
+    metal_colors: Float32Array | None = None
+    metal_powers: Float32Array | None = None
+    transmission_colors: Float32Array | None = None
+    transmission_powers: Float32Array | None = None
+    translucent_colors: Float32Array | None = None
+    translucent_powers: Float32Array | None = None
     holdouts: Float32Array | None = None
     color_images: Int32Array | None = None
     alpha_images: Int32Array | None = None

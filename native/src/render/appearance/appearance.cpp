@@ -96,6 +96,18 @@ void Appearance::check_materials() const {
   check("roughnesses", roughnesses.size());
   check("reflectances", reflectances.size());
   check("transmissions", transmissions.size());
+  check("translucencies", translucencies.size());
+  check("iors", iors.size());
+  check("even_metals", even_metals.size());
+  check("tinted_glasses", tinted_glasses.size());
+  check("plain_refractions", plain_refractions.size());
+  check("specular_tints", specular_tints.size());
+  check("metal_colors", metal_tints.colors.size());
+  check("metal_powers", metal_tints.powers.size());
+  check("transmission_colors", transmission_tints.colors.size());
+  check("transmission_powers", transmission_tints.powers.size());
+  check("translucent_colors", translucent_tints.colors.size());
+  check("translucent_powers", translucent_tints.powers.size());
   check("holdouts", material_holdouts.size());
   check("tints", tints.size());
   const auto check_images = [&](const char* name, std::span<const std::int32_t> rows) {

@@ -41,6 +41,12 @@ struct World {
   float rotation = 0.0f;          // of the image about z, in radians
 };
 
+// The colour that a lobe has: a row's colour times the base colour, as images and tints make it, to the row's power.
+struct TintTable {
+  std::span<const Vec3f> colors;
+  std::span<const float> powers;
+};
+
 struct Appearance {
   // Tables, in the layout of the Python records of the same names.
   std::span<const Rgba> material_colors;
@@ -51,7 +57,18 @@ struct Appearance {
   std::span<const float> alphas;
   std::span<const float> metallics, roughnesses;  // empty: 0 and 1
   std::span<const float> reflectances;            // of what is not metal, seen from straight above; empty: 0
+  // A surface is split into shares: metal, of the rest what is clear, of the rest what is translucent; what remains is
+  // diffuse under a dielectric reflection.
   std::span<const float> transmissions;           // empty: 0
+  std::span<const float> translucencies;          // empty: 0
+  std::span<const float> iors;                    // of what is clear; empty: 1.5
+  std::span<const float> even_metals;             // how much of the metal mirrors alike at all angles; empty: 0
+  std::span<const float> tinted_glasses;          // how much of what is clear tints what it mirrors, too; empty: 0
+  std::span<const float> plain_refractions;       // how much of what is clear mirrors nothing; empty: 0
+  std::span<const Vec3f> specular_tints;          // of reflectances; of metals the colour at 82 degrees; empty: white
+  TintTable metal_tints;                          // empty: white and 1
+  TintTable transmission_tints;                   // empty: white and 0.5
+  TintTable translucent_tints;                    // of all light on the whole surface; empty: black and 0
   std::span<const float> material_holdouts;       // how much of it cuts a hole into the image; empty: 0
   std::span<const std::int32_t> color_images;     // instead of the base colours
   std::span<const std::int32_t> alpha_images;     // their alpha multiplies

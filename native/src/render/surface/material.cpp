@@ -1,6 +1,7 @@
 #include "render/surface/material.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "render/surface/surface.h"
 
@@ -43,6 +44,16 @@ Vec3f tint_at(const Appearance& appearance, const Instance& instance, const Hit&
   return corners[0] * (1.0f - hit.u - hit.v) + corners[1] * hit.u + corners[2] * hit.v;
 }
 
+// What a table without rows stands for is in the last two arguments.
+Vec3f tinted(const TintTable& table, std::size_t row, Vec3f base, Vec3f color, float power) noexcept {
+  if (!table.colors.empty()) color = table.colors[row];
+  if (!table.powers.empty()) power = table.powers[row];
+  if (power == 0.0f) return color;
+  if (power == 1.0f) return color * base;
+  const auto raised = [power](float channel) { return std::pow(std::max(channel, 0.0f), power); };
+  return color * Vec3f{raised(base.x), raised(base.y), raised(base.z)};
+}
+
 // A metal mirrors its colour and is not diffuse at all; what is clear is not diffuse either.
 void set_specular(const Appearance& appearance, std::size_t index, Material& material) {
   if (!appearance.roughnesses.empty()) material.roughness = appearance.roughnesses[index];
@@ -51,7 +62,10 @@ void set_specular(const Appearance& appearance, std::size_t index, Material& mat
     material.reflectance = {reflectance, reflectance, reflectance};
   }
   const float metallic = appearance.metallics.empty() ? 0.0f : appearance.metallics[index];
-  if (metallic > 0.0f) material.reflectance = material.reflectance * (1.0f - metallic) + material.color * metallic;
+  if (metallic > 0.0f) {
+    const Vec3f metal = tinted(appearance.metal_tints, index, material.color, {1, 1, 1}, 1.0f);
+    material.reflectance = material.reflectance * (1.0f - metallic) + metal * metallic;
+  }
   material.transmission *= 1.0f - metallic;
   material.color = material.color * ((1.0f - metallic) * (1.0f - material.transmission));
 }
