@@ -58,6 +58,9 @@ def _add_file(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--autoexec", action="store_true", help="run the Python scripts and drivers inside the file (only if trusted)"
     )
+    parser.add_argument(
+        "--allow-missing", action="store_true", help="go on without linked libraries that are missing, and name them"
+    )
 
 
 def _add_render(commands: argparse._SubParsersAction) -> None:

@@ -38,9 +38,24 @@ def open_scene(path: Path, arguments: argparse.Namespace) -> bpy.types.Scene:
             f"perfect-bvh: this file was saved by Blender {_dotted(saved_by)}, which is newer than this one, "
             f"{_dotted(own)}: some of it may be missing\n"
         )
+    _check_libraries(arguments)
     if bpy.app.autoexec_fail:
         sys.stderr.write("perfect-bvh: scripts or drivers in this file were not run; --autoexec runs them\n")
     return bpy.context.scene
+
+
+def _check_libraries(arguments: argparse.Namespace) -> None:
+    """Says what of linked libraries is missing; a CommandError unless that is allowed."""
+    from ..extract.libraries import find_missing_blocks, find_missing_libraries
+
+    missing = find_missing_libraries()
+    if missing and not arguments.allow_missing:
+        raise CommandError(
+            f"{arguments.file}: {'; '.join(row.text for row in missing)}. Put it back, or find it in Blender with "
+            "File > External Data > Find Missing Files and save; --allow-missing goes on without it"
+        )
+    for row in (*missing, *find_missing_blocks()):
+        sys.stderr.write(f"perfect-bvh: {row}\n")
 
 
 def _require_modules() -> None:

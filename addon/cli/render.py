@@ -52,6 +52,7 @@ class RenderSession:
     def __init__(
         self, scene: bpy.types.Scene, output: Output, out: TextIO, stop: StopRequest, arguments: argparse.Namespace
     ) -> None:
+        from ..extract.libraries import find_missing_libraries
         from ..settings.modes import find_mode
 
         self._scene = scene
@@ -64,7 +65,7 @@ class RenderSession:
         self._range: tuple[float, float] | None = None
         self._times: list[FrameTimes] = []
         self._reports: list[SyncReport] = []
-        self._warned: set[str] = set()
+        self._warned = {str(row) for row in find_missing_libraries()}  # told when the file was opened
         self._audits: list[Audit] = []
 
     def run(self, frames: tuple[int, ...]) -> int:
@@ -122,7 +123,7 @@ class RenderSession:
         if self._mode.has_range and path.suffix.lower() != ".exr":
             image = self._grey(frame)
         try:
-            save_image(path, image, self._scene, self._mode)
+            save_image(path, frame.cut(image), self._scene, self._mode)
         except OSError as error:
             raise CommandError(error.strerror or str(error)) from error
 
@@ -134,13 +135,14 @@ class RenderSession:
         image = frame.images["combined"]
         distances = image[..., 0]
         if self._range is None:
-            hit = distances[distances < NO_DEPTH]
+            hit = distances[(distances > 0.0) & (distances < NO_DEPTH)]  # what lies outside of a border has none
             self._range = (float(hit.min()), float(hit.max())) if hit.size else (0.0, 1.0)
         greys = depth_to_grey(distances, *self._range)
         return np.stack([greys, greys, greys, image[..., 3]], axis=-1)
 
     def _warn(self, frame: Frame) -> None:
-        for warning in frame.statistics.report.warnings:
+        report = frame.statistics.report
+        for warning in (*report.warnings, *map(str, report.not_shown)):
             if warning not in self._warned:
                 self._warned.add(warning)
                 self._complain(warning)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..events.changes import watched_evaluations
 from ..events.evaluation_log import EvaluationLog
+from ..sync.not_shown import NotShown
 from ..sync.records import AttributeRequest, CameraRecord, LightRecords, SceneRecord
 from .camera import read_camera, read_frame
 from .geometry.groups import GroupTable
 from .geometry.instances import InstanceCache, read_instances
 from .geometry.mesh_cache import MeshCache
 from .geometry.mesh_table import MeshTable
+from .libraries import find_missing_libraries
 from .looks.images import ImageCache, ImageReader
 from .looks.lights import read_lights, read_world
 from .looks.materials import MaterialReader
@@ -21,6 +23,7 @@ from .pointer_views import ArrayReader
 from .read_again import PlainReading, SceneParts, read_again, remember
 from .visibility import VisibilityReader, outside_viewports
 
+DARK = NotShown("dark", "No light", 0, "neither a light, the world nor a material shines; the image is black")
 # Layouts that were proven or refuted hold for the whole process.
 _shared_reader = ArrayReader()
 
@@ -76,7 +79,7 @@ def read_scene(
 
     frame = read_frame(scene, size)
     camera_record, complaint = _read_any_camera(depsgraph, scene.camera if camera is None else camera, frame)
-    return SceneRecord(
+    record = SceneRecord(
         name=scene.name,
         frame=scene.frame_current_final,
         meshes=parts.meshes,
@@ -92,6 +95,10 @@ def read_scene(
         unseen=parts.unseen,
         warnings=(*parts.warnings, *([complaint] if complaint else [])),
     )
+    not_shown = find_missing_libraries()
+    if record.is_dark:
+        not_shown.append(DARK)
+    return replace(record, not_shown=tuple(not_shown)) if not_shown else record
 
 
 def _read_parts(

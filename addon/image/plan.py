@@ -32,13 +32,14 @@ class RenderPlan:
     """Of one image.
 
     size: (width, height) in pixels. window: (left, right, bottom, top), the pixels to trace, from the lower left.
-    passes: the renderer's names of what is wanted beside "combined".
+    passes: the renderer's names of what is wanted beside "combined". is_cropped: whether files hold the window alone.
     """
 
     settings: RenderSettings
     size: tuple[int, int]
     window: Window
     passes: tuple[str, ...] = ()
+    is_cropped: bool = False
 
     @property
     def pixel_count(self) -> int:
@@ -92,7 +93,8 @@ def plan_render(scene: bpy.types.Scene, settings: RenderSettings, passes: tuple[
 
     frame = read_frame(scene)
     size = (frame.width, frame.height)
-    return RenderPlan(settings, size, border_pixels(frame.border, size), passes)
+    is_cropped = scene.render.use_border and scene.render.use_crop_to_border
+    return RenderPlan(settings, size, border_pixels(frame.border, size), passes, is_cropped)
 
 
 def plan_view(settings: RenderSettings, size: tuple[int, int]) -> RenderPlan:

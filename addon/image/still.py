@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..statistics.frame_statistics import FrameStatistics
-from .plan import RenderPlan
+from .plan import RenderPlan, Window
 
 if TYPE_CHECKING:
     import bpy
@@ -29,10 +29,21 @@ COST_PASSES = ("instance", "nodes_visited", "primitives_tested")
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """images: arrays of the whole frame, row 0 on top, by the renderer's pass names; empty if nothing was traced."""
+    """images: arrays of the whole frame, row 0 on top, by the renderer's pass names; empty if nothing was traced.
+
+    window: (left, right, bottom, top), what of it a file holds, in pixels from the lower left; None for all.
+    """
 
     images: Images
     statistics: FrameStatistics
+    window: Window | None = None
+
+    def cut(self, image: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """What a file holds of an image of the whole frame."""
+        if self.window is None:
+            return image
+        left, right, bottom, top = self.window
+        return image[len(image) - top : len(image) - bottom, left:right]
 
 
 def render_frame(
@@ -113,7 +124,8 @@ def _trace(
         audit_milliseconds=audit.seconds * 1e3 if audit else 0.0,
         mesh_costs=mesh_costs(sync, images),
     )
-    return Frame({name: image for name, image in images.items() if name not in COST_PASSES}, statistics)
+    shown = {name: image for name, image in images.items() if name not in COST_PASSES}
+    return Frame(shown, statistics, plan.window if plan.is_cropped else None)
 
 
 def missing_camera(scene: bpy.types.Scene, sync: SceneSync) -> str:

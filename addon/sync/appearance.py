@@ -119,12 +119,9 @@ def _material_table(record: SceneRecord) -> MaterialTable:
 
 
 def _world(record: SceneRecord) -> World | None:
-    """None, which is the studio's sky, also for a scene where nothing shines: black would say nothing about it."""
+    """None, which is the studio's sky, only where the record does not tell of the scene's own light."""
     world = record.world
-    if world is None:
-        return None
-    shines = any(world.color) or record.lights.powers.any() or any(any(item.emission) for item in record.materials)
-    return World(world.color, world.image, world.rotation) if shines else None
+    return None if world is None else World(world.color, world.image, world.rotation)
 
 
 def _backdrop(record: SceneRecord) -> World | None:

@@ -12,6 +12,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from .not_shown import NotShown
+
 Int32Array = npt.NDArray[np.int32]
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
@@ -314,7 +316,8 @@ class SceneRecord:
     camera: None if the scene has none. size: (width, height) of a render in pixels, percentage applied.
     images, lights, world: only if shading was asked for; without it there is no world.
     unseen: what was left out because nothing could show it. warnings: sentences for the user (dropped triangles,
-    objects that could not be read).
+    objects that could not be read). not_shown: what an image of it lacks or shows otherwise; of materials, lights and
+    the world only if shading was asked for.
     """
 
     name: str
@@ -331,3 +334,13 @@ class SceneRecord:
     world: WorldRecord | None = None
     unseen: tuple[UnseenMesh, ...] = ()
     warnings: tuple[str, ...] = ()
+    not_shown: tuple[NotShown, ...] = ()
+
+    @property
+    def is_dark(self) -> bool:
+        """Whether nothing shines: no light, no material, no world. Only a reading with shading knows that."""
+        if self.world is None:
+            return False
+        worlds = (self.world, self.world.backdrop or self.world)
+        shines = self.lights.powers.any() or any(any(item.emission) for item in self.materials)
+        return not shines and not any(any(world.color) for world in worlds)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .compare import MeshAction
+from .not_shown import NotShown
 from .records import UnseenMesh, Usage
 
 if TYPE_CHECKING:
@@ -96,6 +97,7 @@ class SyncReport:
     commit: the engine's own report: what was built and what was refitted.
     mismatches: only with verify=True: differences between the engine's copy and Blender's own data.
     unseen: meshes that no ray can meet, of which nothing was made. warnings: what could not be read.
+    not_shown: what an image of the scene lacks or shows otherwise, a row each.
     byte_count: of the committed scene.
     """
 
@@ -114,6 +116,7 @@ class SyncReport:
     commit: CommitReport
     unseen: tuple[UnseenMesh, ...] = ()
     warnings: tuple[str, ...] = ()
+    not_shown: tuple[NotShown, ...] = ()
     mismatches: tuple[str, ...] = ()
     read_milliseconds: float = 0.0
     compare_milliseconds: float = 0.0

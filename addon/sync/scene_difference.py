@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from perfect_bvh import CommitReport
 
 # Of a record, what nothing but words and panels depend on.
-PLAIN_FIELDS = ("name", "frame", "warnings", "unseen")
+PLAIN_FIELDS = ("name", "frame", "warnings", "unseen", "not_shown")
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +106,7 @@ class AppliedDifference:
             commit=commit,
             unseen=record.unseen,
             warnings=record.warnings,
+            not_shown=record.not_shown,
             read_milliseconds=read_milliseconds,
             compare_milliseconds=difference.milliseconds,
             apply_milliseconds=self.milliseconds,

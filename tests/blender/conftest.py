@@ -66,6 +66,7 @@ def cube(scene: Any) -> Any:
     camera.location = (0.0, 0.0, 8.0)
     scene.collection.objects.link(camera)
     scene.camera = camera
+    scene.world = bpy.data.worlds.new("World")  # what nothing shines on is black
     scene.perfect_bvh.samples = 4
     bpy.context.view_layer.update()
     return made

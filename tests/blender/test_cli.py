@@ -203,6 +203,7 @@ def small_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     camera.location, camera.rotation_euler = (5.0, -5.0, 5.0), (0.96, 0.0, 0.785)
     scene.collection.objects.link(camera)
     scene.camera = camera
+    scene.world = bpy.data.worlds.new("World")
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 128, 72, 50
     scene.render.image_settings.exr_codec = "NONE"  # as the tests' reader wants it
     path = tmp_path_factory.mktemp("small") / "small.blend"
@@ -249,6 +250,105 @@ def test_every_mode_writes_an_image(mode: str, small_file: Path, tmp_path: Path,
     assert str(output) in printed.out
     assert "Blender" not in printed.out
     assert "Read blend" not in printed.out
+
+
+@pytest.mark.parametrize("mode", ["normal", "depth"])
+def test_an_image_that_is_cropped_has_its_borders_size(mode: str, small_file: Path, tmp_path: Path) -> None:
+    """The same pixels as of the whole frame, and as many as Blender's own engines write."""
+    import bpy
+    from oracles.png import read_png
+
+    bpy.ops.wm.open_mainfile(filepath=str(small_file))
+    render = bpy.context.scene.render
+    render.use_border = True
+    render.border_min_x, render.border_max_x = 0.3, 0.71
+    render.border_min_y, render.border_max_y = 0.25, 0.9
+    images = {}
+    for is_cropped in (False, True):
+        bpy.context.scene.render.use_crop_to_border = is_cropped
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "border.blend"), copy=True)
+        output = tmp_path / f"{is_cropped}.png"
+        assert run("render", tmp_path / "border.blend", "-o", output, "--mode", mode, "--samples", 1) == 0
+        images[is_cropped] = read_png(output)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "border.blend"))
+    render = bpy.context.scene.render
+    render.engine, render.filepath = "CYCLES", str(tmp_path / "cycles.png")
+    bpy.context.scene.cycles.samples = 1
+    bpy.ops.render.render(write_still=True)
+    height, width = read_png(tmp_path / "cycles.png").shape[:2]
+    assert images[True].shape == (height, width, 4)
+    left, top = int(np.float32(0.3) * 64), 36 - int(np.float32(0.9) * 36)
+    np.testing.assert_array_equal(images[True], images[False][top : top + height, left : left + width])
+    assert images[False].shape == (36, 64, 4)
+    assert (images[True][..., :3] > 0).any()
+
+
+def test_a_scene_without_any_light_is_black_and_says_so(small_file: Path, tmp_path: Path, capsys) -> None:
+    import bpy
+    from oracles.png import read_png
+
+    bpy.ops.wm.open_mainfile(filepath=str(small_file))
+    bpy.context.scene.world = None
+    dark = tmp_path / "dark.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(dark), copy=True)
+    for mode, is_black in (("preview", True), ("clay", False)):
+        assert run("render", dark, "-o", tmp_path / "a.png", "--mode", mode, "--samples", 1, "--frames", "1") == 0
+        assert (read_png(tmp_path / "a.png")[..., :3].max() == 0) == is_black
+        assert ("No light: neither a light" in capsys.readouterr().err) == is_black
+
+
+@pytest.fixture
+def linking_file(small_file: Path, tmp_path: Path) -> Path:
+    """A file whose only cube comes out of `parts.blend` beside it."""
+    import bpy
+
+    bpy.ops.wm.open_mainfile(filepath=str(small_file))
+    bpy.data.libraries.write(str(tmp_path / "parts.blend"), {bpy.data.objects["Cube"]})
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    with bpy.data.libraries.load(str(tmp_path / "parts.blend"), link=True, relative=False) as (_, linked):
+        linked.objects = ["Cube"]
+    bpy.context.scene.collection.objects.link(linked.objects[0])
+    path = tmp_path / "linking.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def test_a_missing_library_is_an_error_unless_it_is_allowed(linking_file: Path, tmp_path: Path, capsys) -> None:
+    output, parts = tmp_path / "a.png", tmp_path / "parts.blend"
+    assert run("render", linking_file, "-o", output, "--samples", 1) == 0
+    assert "library" not in capsys.readouterr().err
+    output.unlink()
+    parts.rename(tmp_path / "moved.blend")
+    for command in (("render", linking_file, "-o", output), ("info", linking_file)):
+        assert run(*command) == 2
+        told = capsys.readouterr().err
+        assert f"the linked library {parts} is missing" in told
+        assert "Find Missing Files" in told and "--allow-missing" in told
+    assert not output.exists()
+    assert run("render", linking_file, "-o", output, "--samples", 1, "--allow-missing") == 0
+    assert capsys.readouterr().err.count(f"parts.blend: the linked library {parts} is missing") == 1
+    assert output.exists()
+
+
+def test_what_a_library_does_not_hold_any_more_is_named(linking_file: Path, tmp_path: Path, capsys) -> None:
+    import bpy
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.data.libraries.write(str(tmp_path / "parts.blend"), {bpy.data.objects.new("Other", None)})
+    assert run("render", linking_file, "-o", tmp_path / "a.png", "--samples", 1) == 0
+    assert f"Cube: it is not in the linked library {tmp_path / 'parts.blend'}" in capsys.readouterr().err
+
+
+def test_scripts_are_told_of_a_missing_library_too(linking_file: Path, tmp_path: Path) -> None:
+    import bpy
+    from perfect_bvh_addon import SceneSync
+
+    (tmp_path / "parts.blend").unlink()
+    bpy.ops.wm.open_mainfile(filepath=str(linking_file))
+    sync = SceneSync()
+    report = sync.update(bpy.context.evaluated_depsgraph_get())
+    sync.close()
+    assert [(row.kind, row.name) for row in report.not_shown] == [("library", "parts.blend")]
 
 
 def test_an_animation_refits_and_says_so(small_file: Path, tmp_path: Path, capsys) -> None:

@@ -52,6 +52,7 @@ def gate(gate: Gate) -> Gate:
 @pytest.fixture
 def cube(scene: bpy.types.Scene) -> bpy.types.Object:
     bpy.ops.mesh.primitive_cube_add()
+    scene.world = bpy.data.worlds.new("World")  # what nothing shines on is black
     scene.perfect_bvh.samples = 2
     return bpy.context.object
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfect_bvh.appearance import World
 from perfect_bvh_addon.sync.appearance import make_appearance
 from perfect_bvh_addon.sync.records import (
     VISIBLE_TO_CAMERA,
@@ -41,7 +42,7 @@ def test_materials_and_attributes() -> None:
 
 
 @pytest.mark.parametrize("what", ["nothing", "world", "light", "material"])
-def test_a_scene_in_which_nothing_shines_gets_the_studios_light(what: str) -> None:
+def test_a_scene_in_which_nothing_shines_is_as_dark_as_it_says(what: str) -> None:
     shining = replace(MATERIALS[0], emission=(0.0, 1.0, 0.0))
     power = np.ones((1, 3), np.float32)
     lamp = LightRecords(("point",), np.zeros((1, 3)), np.eye(3, dtype=np.float32)[None], power)
@@ -53,7 +54,9 @@ def test_a_scene_in_which_nothing_shines_gets_the_studios_light(what: str) -> No
         lights=lamp if what == "light" else LightRecords(),
     )
     appearance = make_appearance(made, np.array([8], np.int32), np.array([40], np.int32))
-    assert (appearance.world is None) == (what == "nothing")
+    assert appearance.world == World((0.5, 0.5, 0.5) if what == "world" else (0.0, 0.0, 0.0))
+    assert made.is_dark == (what == "nothing")
+    assert make_appearance(replace(made, world=None), np.array([8], np.int32), np.array([40], np.int32)).world is None
 
 
 def test_each_instance_lists_its_objects_slots() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from perfect_bvh_addon.sync.compare import ATTRIBUTES
+from perfect_bvh_addon.sync.not_shown import NotShown
 from perfect_bvh_addon.sync.records import (
     CameraRecord,
     ImageRecord,
@@ -44,6 +45,7 @@ CHANGES: dict[str, Any] = {
     "world": WorldRecord(),
     "unseen": (UnseenMesh("a", "mesh", 2, "hidden"),),
     "warnings": ("something",),
+    "not_shown": (NotShown("material", "Wall", 7, "Noise Texture is not shown; its flat colour is"),),
 }
 
 

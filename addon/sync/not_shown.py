@@ -1,0 +1,50 @@
+"""What an image lacks of Blender's scene or shows otherwise: a record each, and one line that counts them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["library", "dark", "object", "material", "light", "world", "setting"]
+
+# In the order in which users want to know of them: one of it and several, and what became of it.
+_COUNTED: dict[Kind, tuple[str, str, str]] = {
+    "library": ("library", "libraries", "missing"),
+    "material": ("material", "materials", "simplified"),
+    "object": ("object", "objects", "not shown"),
+    "light": ("light", "lights", "simplified"),
+    "world": ("world", "worlds", "simplified"),
+    "setting": ("setting", "settings", "ignored"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class NotShown:
+    """One thing that is not shown, or shown otherwise.
+
+    kind: what name is of; "dark" is a scene in which nothing shines. session_uid: of the object, material, light or
+    world, 0 for others. text: a sentence without its subject: what is not shown; what is shown instead.
+    """
+
+    kind: Kind
+    name: str
+    session_uid: int
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.text}"
+
+
+def summarize(not_shown: Iterable[NotShown]) -> str:
+    """In one line, such as "3 materials simplified, 1 object not shown"; empty if there is nothing to tell."""
+    found: dict[Kind, set[tuple[int, str]]] = {}
+    for row in not_shown:
+        # A setting has no number: each counts for itself.
+        found.setdefault(row.kind, set()).add((row.session_uid, "" if row.session_uid else row.text))
+    parts = [
+        f"{len(found[kind])} {many if len(found[kind]) > 1 else one} {what}"
+        for kind, (one, many, what) in _COUNTED.items()
+        if kind in found
+    ]
+    return ", ".join([*(["no light at all"] if "dark" in found else []), *parts])
