@@ -15,6 +15,7 @@ import numpy.typing as npt
 from perfect_bvh.bulk import place_instances
 
 from ..events.evaluation_log import EvaluationLog
+from ..sync.not_shown import NotShown
 from ..sync.records import (
     LARGEST_COORDINATE,
     AttributeRequest,
@@ -46,6 +47,7 @@ class SceneParts:
     world: WorldRecord | None
     unseen: tuple[UnseenMesh, ...]
     warnings: tuple[str, ...]
+    not_shown: tuple[NotShown, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from .geometry.groups import GroupTable
 from .geometry.instances import InstanceCache, read_instances
 from .geometry.mesh_cache import MeshCache
 from .geometry.mesh_table import MeshTable
+from .ignored_settings import find_ignored_settings
 from .libraries import find_missing_libraries
 from .looks.images import ImageCache, ImageReader
 from .looks.lights import read_lights, read_world
@@ -75,7 +76,11 @@ def read_scene(
         if parts is None:
             parts = _read_parts(depsgraph, attributes, visibility, reader or _shared_reader, cache, log)
             cache.plain = remember(parts, cache.instances.shown, depsgraph, attributes, visibility, log)
-        lights = read_lights(depsgraph, visibility, ImageReader(cache.images)) if attributes.shading else LightRecords()
+        not_shown = [*find_missing_libraries(), *parts.not_shown]
+        lights = LightRecords()
+        if attributes.shading:
+            lights = read_lights(depsgraph, visibility, ImageReader(cache.images), not_shown)
+    not_shown += find_ignored_settings(depsgraph, attributes, for_viewport)
 
     frame = read_frame(scene, size)
     camera_record, complaint = _read_any_camera(depsgraph, scene.camera if camera is None else camera, frame)
@@ -95,10 +100,7 @@ def read_scene(
         unseen=parts.unseen,
         warnings=(*parts.warnings, *([complaint] if complaint else [])),
     )
-    not_shown = find_missing_libraries()
-    if record.is_dark:
-        not_shown.append(DARK)
-    return replace(record, not_shown=tuple(not_shown)) if not_shown else record
+    return replace(record, not_shown=(*([DARK] if record.is_dark else []), *not_shown))
 
 
 def _read_parts(
@@ -115,7 +117,8 @@ def _read_parts(
     groups = GroupTable(meshes, materials, visibility)
     warnings: list[str] = []
     instances = read_instances(depsgraph, groups, reader, cache.instances, warnings)
-    world = read_world(depsgraph.scene_eval, images) if attributes.shading else None
+    of_world: list[NotShown] = []
+    world = read_world(depsgraph.scene_eval, images, of_world) if attributes.shading else None
     cache.meshes, cache.images = meshes.cache, images.cache
     return SceneParts(
         meshes=tuple(meshes.records),
@@ -126,6 +129,7 @@ def _read_parts(
         world=world,
         unseen=groups.unseen,
         warnings=(*meshes.warnings, *groups.warnings, *images.warnings, *warnings),
+        not_shown=(*groups.not_shown, *materials.not_shown, *of_world),
     )
 
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import bpy
 
-from ...sync.records import UnseenMesh
+from ...sync.not_shown import NotShown
+from ...sync.records import NO_LAYERS, LayerRequest, MeshRecord, UnseenMesh
 from ..looks.materials import MaterialReader
 from ..visibility import VisibilityReader
 from .mesh_table import NO_MESH, MeshTable
@@ -37,6 +38,7 @@ class GroupTable:
     visibility: VisibilityReader
     objects: ObjectTable = field(default_factory=ObjectTable)
     warnings: list[str] = field(default_factory=list)
+    not_shown: dict[NotShown, None] = field(default_factory=dict)  # in the order in which they are met
     rows: list[tuple[int, int, int, int, int]] = field(default_factory=list)
     _warned: set[int] = field(default_factory=set)
     _left_out: dict[tuple[str, int], UnseenMesh] = field(default_factory=dict)
@@ -59,9 +61,14 @@ class GroupTable:
         if not isinstance(data, _Mesh):
             return NOT_SHOWN
         slots = self.materials.slots(obj, data)
-        mesh_row = self.meshes.row(obj, data, is_own=is_own, layers=self.materials.layers(slots))
+        layers = self.materials.layers(slots)
+        mesh_row = self.meshes.row(obj, data, is_own=is_own, layers=layers)
         if mesh_row == NO_MESH:
             return NOT_SHOWN
+        if self.materials.are_volumes(slots):
+            self._note(obj, "its material has a volume and no surface; nothing of it is shown")
+        if layers is not NO_LAYERS:
+            self._note_missing_layers(obj, slots, layers, self.meshes.records[mesh_row])
         object_row = self.objects.row(obj, slots, self.visibility.is_holdout(obj, parent))
         parent_row = _NO_PARENT if parent is None else self.objects.row(parent)
         self.rows.append((mesh_row, object_row, parent_row, mask, numbering))
@@ -92,6 +99,28 @@ class GroupTable:
         if reason is not None and obj.original.session_uid not in self._warned:
             self._warned.add(obj.original.session_uid)
             self.warnings.append(f"{obj.original.name}: {reason}; left out")
+            self._note(obj, f"{reason}; left out")
+
+    def _note(self, obj: Any, text: str) -> None:
+        original = obj.original
+        self.not_shown[NotShown("object", original.name, original.session_uid, text)] = None
+
+    def _note_missing_layers(self, obj: Any, slots: tuple[int, ...], wanted: LayerRequest, mesh: MeshRecord) -> None:
+        """What materials look up on a mesh that does not have it. wanted: all that those of these slots do."""
+        uvs = {name for name in wanted.uvs if (mesh.named_uvs.get(name) if name else mesh.corner_uvs) is None}
+        colors = {
+            name for name in wanted.colors if (mesh.named_colors.get(name) if name else mesh.corner_colors) is None
+        }
+        if not uvs and not colors:
+            return
+        for row in sorted({row for row in slots if row >= 0}):
+            material, layers = self.materials.records[row], self.materials.layers((row,))
+            missing = [f"the UV map {name}".strip() for name in sorted(layers.uvs & uvs)]
+            missing += [f"the attribute {name}".strip() for name in sorted(layers.colors & colors)]
+            for what in missing:
+                instead = "black is" if what.startswith("the attribute") else "one pixel of the image is"
+                text = f"{what} is not found on {obj.original.name}; {instead}"
+                self.not_shown[NotShown("material", material.name, material.session_uid, text)] = None
 
 
 def _is_strands(system: Any) -> bool:

@@ -11,24 +11,37 @@ import numpy as np
 import numpy.typing as npt
 from mathutils import Euler
 
+from ...sync.not_shown import NotShown
 from ...sync.records import ImageRecord, LightRecords, WorldRecord
 from ..visibility import VisibilityReader
 from .color_math import BLENDS
 from .images import ImageReader
 from .node_graph import Scope, trace_back
-from .node_values import Value, ValueReader, constant
+from .node_values import HALF, Value, ValueReader, constant
+from .omissions import Omissions
 from .sky import read_sky
 
 _KINDS = {"POINT": "point", "SUN": "sun", "SPOT": "spot"}
 _DEEPEST = 64
+_WORLD_RAYS = ("camera", "diffuse", "glossy", "transmission")
+_LIGHT_RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission")
 
 Color = tuple[float, float, float]
 
 
-def read_lights(depsgraph: Any, visibility: VisibilityReader, images: ImageReader) -> LightRecords:
-    """Every light that shows and has a place, instanced ones included, as columns."""
-    placed = [(light, matrix) for light, matrix in _list_lights(depsgraph, visibility) if np.isfinite(matrix).all()]
-    rows = [_read_light(light, matrix, images) for light, matrix in placed]
+def read_lights(
+    depsgraph: Any, visibility: VisibilityReader, images: ImageReader, not_shown: list[NotShown]
+) -> LightRecords:
+    """Every light that shows and has a place, instanced ones included, as columns. not_shown: takes what is not."""
+    placed = [(obj, matrix) for obj, matrix in _list_lights(depsgraph, visibility) if np.isfinite(matrix).all()]
+    noted: dict[NotShown, None] = {}
+    rows = []
+    for obj, matrix in placed:
+        omissions = Omissions("light")
+        _note_object(obj, omissions)
+        rows.append(_read_light(obj.data, matrix, images, omissions))
+        noted |= dict.fromkeys(omissions.rows(obj.data))
+    not_shown += noted
     rows += _read_sky_sun(depsgraph.scene_eval.world, images)
     if not rows:
         return LightRecords()
@@ -44,38 +57,57 @@ def read_lights(depsgraph: Any, visibility: VisibilityReader, images: ImageReade
     )
 
 
-def read_world(scene: Any, images: ImageReader) -> WorldRecord:
-    """The evaluated scene's world; a scene without one is dark."""
+def read_world(scene: Any, images: ImageReader, not_shown: list[NotShown]) -> WorldRecord:
+    """The evaluated scene's world; a scene without one is dark. not_shown: takes what of it is not shown."""
     world = scene.world
     if world is None:
         return WorldRecord()
+    omissions = Omissions("world")
+    record = _read_world(world, images, omissions)
+    not_shown += omissions.rows(world)
+    return record
+
+
+def _read_world(world: Any, images: ImageReader, omissions: Omissions) -> WorldRecord:
     red, green, blue = world.color
     plain = WorldRecord((red, green, blue))
     tree = world.node_tree if world.use_nodes else None
     output = None if tree is None else tree.get_output_node("CYCLES")
     if output is None:
         return plain if tree is None else WorldRecord()
-    sky = _find_sky(world, images)
+    _note_world(world, output, omissions)
+    sky = _find_sky(world, images, omissions)
     if sky is not None:
         node, strength = sky
         shown, rotation = read_sky(node)
         images.records.append(ImageRecord(node.name, 0, shown.pixels, "repeat"))
         return WorldRecord((strength,) * 3, len(images.records) - 1, rotation)
-    lit, seen = (ValueReader(images, constant(*plain.color), is_camera) for is_camera in (False, True))
-    record = _record(_follow_world(output.inputs["Surface"], None, lit, 0), images)
+    lit, seen = (ValueReader(images, constant(*plain.color), omissions, is_camera) for is_camera in (False, True))
+    record = _record(_follow_world(output.inputs["Surface"], None, lit, 0), images, omissions)
     if not lit.was_asked_for_rays:
         return record
-    return replace(record, backdrop=_record(_follow_world(output.inputs["Surface"], None, seen, 0), images))
+    return replace(record, backdrop=_record(_follow_world(output.inputs["Surface"], None, seen, 0), images, omissions))
 
 
-def _find_sky(world: Any, images: ImageReader) -> tuple[Any, float] | None:
+def _note_world(world: Any, output: Any, omissions: Omissions) -> None:
+    """output: the node of the world's tree that Cycles looks at."""
+    if output.inputs["Volume"].is_linked:
+        volume, _ = trace_back(output.inputs["Volume"], None)
+        if volume.is_output:
+            omissions.note_node(volume.node, instead="clear air is")
+    visibility = getattr(world, "cycles_visibility", None)
+    if visibility is not None and not all(getattr(visibility, name) for name in _WORLD_RAYS):
+        omissions.note("its ray visibility", "all rays see it")
+
+
+def _find_sky(world: Any, images: ImageReader, omissions: Omissions | None = None) -> tuple[Any, float] | None:
     """The Sky Texture node that a world's background shows, and how brightly; None if it shows anything else."""
     tree = world.node_tree if world is not None and world.use_nodes else None
     output = None if tree is None else tree.get_output_node("CYCLES")
     source, scope = (None, None) if output is None else trace_back(output.inputs["Surface"], None)
     if source is None or not source.is_output or source.node.type != "BACKGROUND":
         return None
-    strength = ValueReader(images, constant(1.0)).number(source.node.inputs["Strength"], 1.0, scope)
+    strength = ValueReader(images, constant(1.0), omissions).number(source.node.inputs["Strength"], 1.0, scope)
     color, _ = trace_back(source.node.inputs["Color"], scope)
     return (color.node, max(strength, 0.0)) if color.is_output and color.node.type == "TEX_SKY" else None
 
@@ -100,38 +132,41 @@ def _follow_world(socket: Any, scope: Scope | None, reader: ValueReader, depth: 
         return constant(0.0, 0.0, 0.0)
     node = output.node
     if node.type in {"BACKGROUND", "EMISSION"}:
-        color, strength = (reader.read(node.inputs[name], scope) for name in ("Color", "Strength"))
-        if strength.is_guess:
-            return color
+        color = reader.read(node.inputs["Color"], scope)
+        strength = reader.read_or(constant(1.0), "Strength 1 is", node.inputs["Strength"], scope)
         return reader.combine(lambda one, other: one * other, [color, strength], "strength")
     if node.type in {"MIX_SHADER", "ADD_SHADER"}:
         shaders = [socket for socket in node.inputs if socket.type == "SHADER"]
-        first, second = (_follow_world(socket, scope, reader, depth + 1) for socket in shaders)
         if node.type == "ADD_SHADER":
-            return reader.combine(lambda one, other: one + other, [first, second], "add")
-        factor = reader.read(node.inputs[0], scope)
-        if factor.texture is None and not factor.is_guess and factor.color[0] in (0.0, 1.0):
-            return second if factor.color[0] else first
-        return reader.combine(BLENDS["MIX"], [constant(0.5) if factor.is_guess else factor, first, second], "mix")
+            both = [_follow_world(socket, scope, reader, depth + 1) for socket in shaders]
+            return reader.combine(lambda one, other: one + other, both, "add")
+        factor = reader.read_or(constant(0.5), HALF, node.inputs[0], scope)
+        if factor.texture is None and factor.color[0] in (0.0, 1.0):
+            return _follow_world(shaders[int(factor.color[0])], scope, reader, depth + 1)
+        first, second = (_follow_world(socket, scope, reader, depth + 1) for socket in shaders)
+        return reader.combine(BLENDS["MIX"], [factor, first, second], "mix")
+    reader.omissions.note_node(node)
     return reader.fallback
 
 
-def _record(value: Value, images: ImageReader) -> WorldRecord:
+def _record(value: Value, images: ImageReader, omissions: Omissions) -> WorldRecord:
     texture = value.texture
     if texture is None:
         red, green, blue, _ = value.color.tolist()
         return WorldRecord((red, green, blue))
-    (across, _, _), (up, _, _) = texture.uv_transform
+    (across, other, aside), (up, along, away) = texture.uv_transform
+    if not np.allclose((across, other, aside, away), (along, -up, 0.0, 0.0), atol=1e-4):
+        omissions.note(f"the Mapping of {texture.image.name}", "its turn about the vertical is")
     return WorldRecord((1.0, 1.0, 1.0), images.row(value), math.atan2(up, across))
 
 
 def _list_lights(depsgraph: Any, visibility: VisibilityReader) -> Iterator[tuple[Any, npt.NDArray[np.float64]]]:
-    """Light datablocks with their matrices. Blender's list of instances is walked only where it may hold lights."""
+    """Lights' objects with their matrices. Blender's list of instances is walked only where it may hold lights."""
     holds_instances = False
     for obj in depsgraph.objects:
         if obj.type == "LIGHT":
             if not visibility.is_hidden(obj, None):
-                yield obj.data, np.array(obj.matrix_world, np.float64)
+                yield obj, np.array(obj.matrix_world, np.float64)
         elif obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
             holds_instances |= any(member.type == "LIGHT" for member in obj.instance_collection.all_objects)
     if not holds_instances:
@@ -140,10 +175,24 @@ def _list_lights(depsgraph: Any, visibility: VisibilityReader) -> Iterator[tuple
         if not instance.is_instance or instance.object.type != "LIGHT":
             continue
         if not visibility.is_hidden(instance.object, instance.parent):
-            yield instance.object.data, np.array(instance.matrix_world, np.float64)
+            yield instance.object, np.array(instance.matrix_world, np.float64)
 
 
-def _read_light(light: Any, matrix: npt.NDArray[np.float64], images: ImageReader) -> tuple[Any, ...]:
+def _note_object(obj: Any, omissions: Omissions) -> None:
+    """What the object of a light says of whom it lights."""
+    linking = obj.light_linking
+    if linking is not None and (linking.receiver_collection or linking.blocker_collection):
+        omissions.note("its light linking", "it lights everything")
+    if not all(getattr(obj, name) for name in _LIGHT_RAYS):
+        omissions.note("its ray visibility", "it lights everything")
+    settings = getattr(obj.data, "cycles", None)
+    if settings is not None and getattr(settings, "is_portal", False) and obj.data.type == "AREA":
+        omissions.note("Portal", "a lamp is")
+
+
+def _read_light(
+    light: Any, matrix: npt.NDArray[np.float64], images: ImageReader, omissions: Omissions
+) -> tuple[Any, ...]:
     """A row of the columns of `LightRecords`."""
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
     axes = (matrix[:3, :3] / np.where(lengths > 0.0, lengths, 1.0)).T
@@ -161,13 +210,13 @@ def _read_light(light: Any, matrix: npt.NDArray[np.float64], images: ImageReader
         size = (light.size * lengths[0], height * lengths[1])
         area = size[0] * size[1] * (math.pi / 4.0 if kind == "ellipse" else 1.0)
         cone = (light.spread, 0.0)
-    power = _power_of(light, images)
+    power = _power_of(light, images, omissions)
     if not getattr(light, "normalize", True) and area > 0.0:  # its strength is that of each square metre
         power = _times(power, area)
     return kind, matrix[:3, 3], axes, power, size, cone, light.use_shadow
 
 
-def _power_of(light: Any, images: ImageReader) -> Color:
+def _power_of(light: Any, images: ImageReader, omissions: Omissions) -> Color:
     """Watts of each channel: energy, exposure, colour, temperature, and what the light's own emission node says."""
     power = light.energy * 2.0 ** getattr(light, "exposure", 0.0)
     color = _times(tuple(light.color), power)
@@ -178,11 +227,17 @@ def _power_of(light: Any, images: ImageReader) -> Color:
     if output is None:
         return color
     source, scope = trace_back(output.inputs["Surface"], None)
-    if not source.is_output or source.node.type != "EMISSION":
-        return color if source.is_output else (0.0, 0.0, 0.0)
-    reader = ValueReader(images, constant(1.0, 1.0, 1.0))
+    if not source.is_output:
+        return (0.0, 0.0, 0.0)
+    if source.node.type != "EMISSION":
+        omissions.note_node(source.node, instead="the light's own colour is")
+        return color
+    reader = ValueReader(images, constant(1.0, 1.0, 1.0), omissions)
     strength = reader.number(source.node.inputs["Strength"], 1.0, scope)
-    return _times(_by(color, reader.mean(reader.read(source.node.inputs["Color"], scope)).tolist()), strength)
+    shade = reader.read(source.node.inputs["Color"], scope)
+    if shade.texture is not None:
+        omissions.note(f"{shade.texture.image.name} as Color", "its mean is")
+    return _times(_by(color, reader.mean(shade).tolist()), strength)
 
 
 def _times(color: Any, factor: float) -> Color:

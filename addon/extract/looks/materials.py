@@ -6,11 +6,13 @@ import math
 from dataclasses import replace
 from typing import Any
 
+from ...sync.not_shown import NotShown
 from ...sync.records import NO_LAYERS, LayerRequest, MaterialRecord
 from .images import ImageReader
 from .lobes import Lobes
 from .node_colors import Surface, read_surface
 from .node_values import Value, constant
+from .omissions import Omissions
 
 
 class MaterialReader:
@@ -26,6 +28,8 @@ class MaterialReader:
         self._rows: dict[int, int] = {}
         self._layers: dict[tuple[int, ...], LayerRequest] = {}
         self.records: list[MaterialRecord] = []
+        self.not_shown: list[NotShown] = []
+        self._volumes: set[int] = set()  # rows of those that show nothing
 
     def row(self, material: Any) -> int:
         """The row of an evaluated or original `bpy.types.Material`, -1 for None."""
@@ -35,8 +39,29 @@ class MaterialReader:
         row = self._rows.get(pointer)
         if row is None:
             row = self._rows[pointer] = len(self.records)
-            self.records.append(_read_material(material, self._images))
+            self.records.append(self._read(material, row))
         return row
+
+    def _read(self, material: Any, row: int) -> MaterialRecord:
+        red, green, blue, alpha = material.diffuse_color
+        record = MaterialRecord(
+            name=material.name,
+            session_uid=material.original.session_uid,
+            pass_index=material.pass_index,
+            color=(red, green, blue, alpha),
+        )
+        if self._images is None:
+            return record
+        omissions = Omissions("material")
+        surface = read_surface(material, self._images, omissions)
+        self.not_shown += omissions.rows(material)
+        if surface.has_volume:
+            self._volumes.add(row)
+        return _with_surface(record, surface, self._images)
+
+    def are_volumes(self, slots: tuple[int, ...]) -> bool:
+        """Whether what has these materials shows nothing, for they have no surface."""
+        return bool(self._volumes) and bool(slots) and self._volumes.issuperset(slots)
 
     def slots(self, obj: Any, data: Any) -> tuple[int, ...]:
         """Rows of an evaluated object's material slots, -1 for an empty slot; object-linked slots included.
@@ -77,17 +102,7 @@ def _share(value: float) -> float:
     return min(max(value, 0.0), 1.0) if math.isfinite(value) else 0.0
 
 
-def _read_material(material: Any, images: ImageReader | None) -> MaterialRecord:
-    red, green, blue, alpha = material.diffuse_color
-    record = MaterialRecord(
-        name=material.name,
-        session_uid=material.original.session_uid,
-        pass_index=material.pass_index,
-        color=(red, green, blue, alpha),
-    )
-    if images is None:
-        return record
-    surface = read_surface(material, images)
+def _with_surface(record: MaterialRecord, surface: Surface, images: ImageReader) -> MaterialRecord:
     color_image, alpha_image = _image_rows(surface, images)
     emitted = surface.emission
     return replace(

@@ -7,14 +7,18 @@ colour.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from .lobes import DIFFUSE, Color, Lobes, Part, Tint, add_translucent, base_share, mix_lobes
-from .node_graph import Scope, trace_back
-from .node_values import ImageMeans, Pixels, Value, ValueReader, constant
+from .node_graph import USES_NODES, Scope, inputs_of, trace_back
+from .node_values import HALF, ImageMeans, Pixels, Value, ValueReader, constant
+from .omissions import Omissions
+from .shown_nodes import DIFFUSE as DIFFUSE_SURFACE
+from .shown_nodes import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES
 
 BLACK = constant(0.0, 0.0, 0.0)
 WHOLE = constant(1.0)
@@ -30,7 +34,7 @@ class Surface:
     """base, emission: colours; emission is radiance, of `brightness` times as much. alpha: 0 to 1.
 
     lobes: what of it mirrors, refracts and lets light through. holdout: of what is there, how much cuts a hole into the
-    image; a number for all of the surface.
+    image; a number for all of the surface. has_volume: it is nothing but the border of one, and shows nothing.
     """
 
     base: Value
@@ -39,25 +43,40 @@ class Surface:
     alpha: Value = WHOLE
     lobes: Lobes = DIFFUSE
     holdout: float = 0.0
+    has_volume: bool = False
 
 
-def read_surface(material: Any, images: ImageMeans) -> Surface:
-    """The surface of an evaluated `bpy.types.Material`."""
+def read_surface(material: Any, images: ImageMeans, omissions: Omissions) -> Surface:
+    """The surface of an evaluated `bpy.types.Material`. omissions: takes what of its nodes is not shown."""
     red, green, blue, _ = material.diffuse_color
     plain = constant(red, green, blue)
-    tree = material.node_tree if material.use_nodes else None
+    tree = material.node_tree if USES_NODES or material.use_nodes else None
     output = None if tree is None else tree.get_output_node("CYCLES")
     if output is None:
         return Surface(plain)
-    if not output.inputs["Surface"].is_linked and output.inputs["Volume"].is_linked:
-        return Surface(BLACK, alpha=NOTHING)  # fog has no surface
-    return _SurfaceReader(plain, images).follow(output.inputs["Surface"], None, 0)
+    inputs = output.inputs
+    has_surface = inputs["Surface"].is_linked
+    if inputs["Volume"].is_linked:
+        _note_source(inputs["Volume"], omissions, "its surface alone is" if has_surface else "nothing is")
+        if not has_surface:
+            return Surface(BLACK, alpha=NOTHING, has_volume=True)  # fog has no surface
+    if inputs["Displacement"].is_linked:
+        _note_source(inputs["Displacement"], omissions, "the mesh without it is")
+    return _SurfaceReader(plain, images, omissions).follow(inputs["Surface"], None, 0)
+
+
+def _note_source(socket: Any, omissions: Omissions, instead: str) -> None:
+    """What is linked to a socket that is not shown."""
+    output, _ = trace_back(socket, None)
+    if output.is_output:
+        omissions.note_node(output.node, output, instead)
 
 
 class _SurfaceReader:
-    def __init__(self, plain: Value, images: ImageMeans) -> None:
+    def __init__(self, plain: Value, images: ImageMeans, omissions: Omissions) -> None:
         self._plain = plain
-        self._values = ValueReader(images, plain)
+        self._values = ValueReader(images, plain, omissions)
+        self._omissions = omissions
 
     def follow(self, socket: Any, scope: Scope | None, depth: int) -> Surface:
         """What a shader socket gets."""
@@ -66,10 +85,14 @@ class _SurfaceReader:
             return Surface(BLACK)
         node = output.node
         if node.type == "MIX_SHADER":
-            first, second = (self.follow(node.inputs[index], scope, depth + 1) for index in (1, 2))
-            return self._mix(first, second, self._values.read(node.inputs[0], scope))
+            factor = self._values.read_or(constant(0.5), HALF, node.inputs[0], scope)
+            if factor.texture is None and factor.color[0] in (0.0, 1.0):  # of the other nothing is to be seen
+                return self.follow(node.inputs[1 + int(factor.color[0])], scope, depth + 1)
+            return self._mix(*(self.follow(node.inputs[index], scope, depth + 1) for index in (1, 2)), factor)
         if node.type == "ADD_SHADER":
             return self._add(*(self.follow(socket, scope, depth + 1) for socket in node.inputs))
+        inputs = inputs_of(node) if node.type in IGNORED_INPUTS else {}
+        self._omissions.note_ignored(node.type, inputs, scope)
         if node.type == "BSDF_TRANSPARENT":
             return Surface(BLACK, alpha=NOTHING)
         if node.type == "HOLDOUT":
@@ -77,17 +100,18 @@ class _SurfaceReader:
         if node.type == "EMISSION":
             return self._emission(Surface(BLACK), node.inputs["Color"], node.inputs["Strength"], scope)
         if node.type == "BSDF_PRINCIPLED":
-            return self._principled(node, scope)
+            return self._principled(inputs, scope)
+        if node.type not in SHOWN_NODES:
+            self._omissions.note_node(node, instead=SIMPLIFIED_NODES.get(node.type, DIFFUSE_SURFACE))
         color = next((node.inputs[name] for name in _COLOR_INPUTS if name in node.inputs), None)
         base = self._plain if color is None else self._values.read(color, scope)
         return Surface(base, lobes=self._lobes_by_name(node, base, scope))
 
-    def _principled(self, node: Any, scope: Scope | None) -> Surface:
-        inputs, values = node.inputs, self._values
-        alpha = values.read(inputs["Alpha"], scope)
+    def _principled(self, inputs: Mapping[str, Any], scope: Scope | None) -> Surface:
+        values = self._values
         surface = Surface(
             values.read(inputs["Base Color"], scope),
-            alpha=WHOLE if alpha.is_guess else alpha,
+            alpha=values.read_or(WHOLE, "all of the surface is", inputs["Alpha"], scope),
             lobes=Lobes(
                 metallic=self._share(inputs["Metallic"], 0.0, scope),
                 roughness=self._share(inputs["Roughness"], 0.5, scope),
@@ -104,10 +128,10 @@ class _SurfaceReader:
         """The surface with light of its own; a strength that cannot be known is none."""
         if not strength.is_linked and not strength.default_value:
             return surface
-        bright = self._values.read(strength, scope)
-        if bright.is_guess or (bright.texture is None and not bright.color[0]):
+        bright = self._values.read_or(NOTHING, "no light of its own is", strength, scope)
+        if bright.texture is None and not bright.color[0]:
             return surface
-        emitted = self._values.read(color, scope)
+        emitted = self._values.without_tint(self._values.read(color, scope))
         if bright.texture is None:
             return replace(surface, emission=emitted, brightness=float(bright.color[0]))
         return replace(
@@ -145,9 +169,9 @@ class _SurfaceReader:
 
     def _tint(self, socket: Any, scope: Scope | None) -> Color:
         """A colour for all of the surface; white where it cannot be known."""
-        value = self._values.read(socket, scope)
-        if value.is_guess:
-            return (1.0, 1.0, 1.0)
+        value = self._values.read_or(WHOLE, f"{socket.name} white is", socket, scope)
+        if value.texture is not None:
+            self._omissions.note(f"{value.texture.image.name} as {socket.name}", "its mean is")
         red, green, blue = np.clip(self._values.mean(value)[:3], 0.0, None).tolist()
         return red, green, blue
 
@@ -169,8 +193,6 @@ class _SurfaceReader:
     def _mix(self, first: Surface, second: Surface, factor: Value) -> Surface:
         """By alpha the colours count: a transparent share adds nothing but its transparency."""
         values = self._values
-        if factor.is_guess:
-            factor = constant(0.5)
         share = float(np.clip(values.mean(factor)[0], 0.0, 1.0))
         alpha = values.combine(_lerp, [factor, first.alpha, second.alpha], "mix")
         weights = (1.0 - share) * values.mean(first.alpha)[0], share * values.mean(second.alpha)[0]

@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import bpy
+
+# Whether all materials and worlds have nodes: to ask each of them takes long where it is out of date to ask.
+USES_NODES = bpy.app.version >= (5, 0, 0)
 # Of nodes that only pass on, and of groups one in another. Trees may hold loops.
 _LONGEST_WAY = 1000
 
@@ -20,6 +24,18 @@ class Scope:
     def key(self) -> tuple[int, ...]:
         """What tells two uses of one group apart."""
         return (self.node.as_pointer(), *(self.outer.key if self.outer is not None else ()))
+
+
+# By a node's type. What is written here is the same for all nodes of a type.
+_identifiers: dict[str, list[str]] = {}
+
+
+def inputs_of(node: Any) -> dict[str, Any]:
+    """The inputs of a node that always has the same ones, by identifier: the quickest way to more than a few."""
+    identifiers = _identifiers.get(node.type)
+    if identifiers is None:
+        identifiers = _identifiers[node.type] = [socket.identifier for socket in node.inputs]
+    return dict(zip(identifiers, node.inputs.values(), strict=True))
 
 
 def trace_back(socket: Any, scope: Scope | None) -> tuple[Any, Scope | None]:

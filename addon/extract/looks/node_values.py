@@ -17,11 +17,13 @@ import numpy.typing as npt
 from ...sync.records import Extension, UvTransform
 from .color_math import BLENDS, MATHS, adjust_hsv, blackbody, clamp, grey
 from .node_graph import Scope, trace_back
+from .omissions import Omissions
 from .sky import read_sky
 from .uv_mapping import find_coordinates
 
 Pixels = npt.NDArray[np.float32]  # (..., 4)
 
+HALF = "half of each is"
 # The key of a texture's own alpha.
 OWN_ALPHA = ("alpha", (None,))
 _DEEPEST = 150
@@ -80,11 +82,15 @@ def guess(color: Pixels) -> Value:
 class ValueReader:
     """Reads sockets of one node tree. fallback: the colour that stands for what cannot be known.
 
+    omissions: takes what of the nodes is not shown.
     is_camera: whether nodes that ask what kind of ray looks are told that the camera's does.
     """
 
-    def __init__(self, images: ImageMeans, fallback: Value, is_camera: bool = True) -> None:
+    def __init__(
+        self, images: ImageMeans, fallback: Value, omissions: Omissions | None = None, is_camera: bool = True
+    ) -> None:
         self._images = images
+        self.omissions = omissions or Omissions("material")
         self.fallback = guess(fallback.color)
         self._is_camera = float(is_camera)
         self.was_asked_for_rays = False
@@ -107,22 +113,41 @@ class ValueReader:
         """A number for all of the surface: the mean of an image, `unknown` for a guess."""
         if not socket.is_linked and socket.type == "VALUE":
             return float(socket.default_value)
-        value = self.read(socket, scope)
-        return unknown if value.is_guess else float(self.mean(value)[0])
+        mark = self.omissions.mark
+        value = self.without_tint(self.read(socket, scope))
+        number = unknown if value.is_guess else float(self.mean(value)[0])
+        if value.texture is not None:
+            self.omissions.note(f"{value.texture.image.name} as {socket.name}")
+        self.omissions.since(mark, f"{socket.name} {number:.3g} is")
+        return number
+
+    def read_or(self, unknown: Value, instead: str, socket: Any, scope: Scope | None) -> Value:
+        """What an input socket gets, `unknown` for a guess, of which users are told that `instead` is shown."""
+        mark = self.omissions.mark
+        value = self.without_tint(self.read(socket, scope))
+        if not value.is_guess:
+            return value
+        self.omissions.since(mark, instead)
+        return unknown
+
+    def without_tint(self, value: Value) -> Value:
+        """A value that goes where the mesh's own colours are not looked up."""
+        if value.tint is None:
+            return value
+        self.omissions.note(f"Color Attribute {value.tint}".strip())
+        return replace(value, tint=None)
 
     def mean(self, value: Value) -> Pixels:
         return value.color if value.texture is None else self._images.mean(value)
 
     def combine(self, work: Callable[..., Pixels], values: Sequence[Value], key: Hashable) -> Value:
         """`work` done on values; key: what tells it from other work. The first texture is worked on."""
+        values = [self.without_tint(value) for value in values]
         texture = next((value.texture for value in values if value.texture is not None), None)
         is_guess = all(value.is_guess for value in values)
         if texture is None:
             return Value(np.float32(work(*(value.color for value in values))), is_guess=is_guess)
-        values = [
-            value if value.texture in (None, texture) else Value(self.mean(value), is_guess=value.is_guess)
-            for value in values
-        ]
+        values = [value if value.texture in (None, texture) else self._only_mean(value) for value in values]
         keys = tuple([value.key if value.texture is not None else value.color.tobytes() for value in values])
 
         def change(pixels: Pixels) -> Pixels:
@@ -130,18 +155,28 @@ class ValueReader:
 
         return Value(values[0].color, texture, change, (key, keys))
 
+    def _only_mean(self, value: Value) -> Value:
+        assert value.texture is not None
+        self.omissions.note(f"{value.texture.image.name}, a second image,", "its mean is")
+        return Value(self.mean(value), is_guess=value.is_guess)
+
     def _read_output(self, output: Any, scope: Scope | None) -> Value:
         place = (output.as_pointer(), *(scope.key if scope is not None else ()))
         known = self._known.get(place)
         if known is not None:
+            self.omissions.count += known.is_guess  # why it is one was noted at first
             return known
         self._known[place] = self.fallback  # so that loops end
         read = _READERS.get(output.node.type)
         if read is None or self._depth >= _DEEPEST:
+            self.omissions.note_node(output.node, output)
             return self.fallback
         self._depth += 1
+        count = self.omissions.count
         value = self._known[place] = read(self, output.node, output, scope)
         self._depth -= 1
+        if self.omissions.count == count and value.is_guess and value.tint is None:  # nothing before it is to blame
+            self.omissions.note_node(output.node, output)
         return value
 
     def _read_all(self, node: Any, names: Sequence[str], scope: Scope | None) -> list[Value]:
@@ -155,12 +190,26 @@ class ValueReader:
     def _image(self, node: Any, output: Any, scope: Scope | None) -> Value:
         if node.image is None:
             return self.fallback
+        self._note_image_settings(node)
         transform, uv_map = find_coordinates(node.inputs["Vector"], scope, self)
         extension = _EXTENSIONS.get(getattr(node, "extension", "REPEAT"), "repeat")
         value = Value(self.fallback.color, Texture(node.image, extension, transform, uv_map))
         if output.identifier == "Alpha":
             return self.combine(lambda pixels: pixels[..., 3:].repeat(4, axis=-1), [value], "alpha")
         return value
+
+    def _note_image_settings(self, node: Any) -> None:
+        """How an image is laid over the surface, where that is not shown."""
+        is_world, is_surroundings = self.omissions.kind == "world", node.type == "TEX_ENVIRONMENT"
+        plain = "EQUIRECTANGULAR" if is_surroundings else "FLAT"
+        if is_world != is_surroundings or node.projection != plain:
+            place = "all round it" if is_world else "in the UV map"
+            projection = node.projection.replace("_", " ").title()
+            self.omissions.note(f"the projection {projection} of {node.image.name}", f"the image is, {place}")
+        if node.interpolation == "Closest":
+            self.omissions.note(f"{node.interpolation} interpolation of {node.image.name}", "Linear is")
+        if getattr(node, "extension", "") == "MIRROR":
+            self.omissions.note(f"the mirrored extension of {node.image.name}", "Repeat is")
 
     def _own(self, node: Any, output: Any, scope: Scope | None) -> Value:
         return _own_value(output)
@@ -169,14 +218,14 @@ class ValueReader:
         wanted = "RGBA" if node.type == "MIX_RGB" else node.data_type.replace("FLOAT", "VALUE")
         enabled = [socket for socket in node.inputs if socket.enabled]
         inputs = [socket for socket in enabled if socket.type == wanted][-2:]
-        factor = self.read(enabled[0], scope)
+        factor = self.read_or(constant(0.5), HALF, enabled[0], scope)
         if len(inputs) < 2 or (node.type == "MIX" and wanted not in {"RGBA", "VALUE"}):
             return self.fallback
         first, second = (self.read(socket, scope) for socket in inputs)
-        if factor.is_guess:
-            factor = constant(0.5)
         blend = node.blend_type if wanted == "RGBA" else "MIX"
         is_clamped = bool(getattr(node, "use_clamp", False) or getattr(node, "clamp_result", False))
+        if blend not in BLENDS:
+            self.omissions.note(f"the blending mode {blend.replace('_', ' ').title()}", "Mix is")
         blending = BLENDS.get(blend, BLENDS["MIX"])
 
         if blend == "MULTIPLY" and (first.tint is None) != (second.tint is None) and factor.color[0] == 1.0:
@@ -250,11 +299,14 @@ class ValueReader:
 
     def _light_path(self, node: Any, output: Any, scope: Scope | None) -> Value:
         self.was_asked_for_rays = True
+        if self.omissions.kind != "world" or output.identifier != "Is Camera Ray":
+            self.omissions.note_simplified(node, output)
         is_short = output.identifier in {"Ray Length", "Ray Depth"} or "Depth" in output.identifier
         return constant(0.0 if is_short or output.identifier != "Is Camera Ray" else self._is_camera)
 
     def _middle(self, node: Any, output: Any, scope: Scope | None) -> Value:
         """Of a pattern of two colours: what lies between them."""
+        self.omissions.note_simplified(node)
         colors = [self.read(socket, scope) for socket in node.inputs if socket.type == "RGBA"][:2]
         return self.combine(lambda one, other: (one + other) / 2, colors, "middle")
 
@@ -268,15 +320,27 @@ class ValueReader:
 
     def _sky(self, node: Any, output: Any, scope: Scope | None) -> Value:
         """Its mean above the horizon, where it does not stand round the scene as it is."""
+        self.omissions.note_node(node, instead="its mean is")
         pixels = read_sky(node)[0].pixels
         return Value(pixels[len(pixels) // 2 :].mean(axis=(0, 1)))
 
     def _geometry(self, node: Any, output: Any, scope: Scope | None) -> Value:
         """Fronts are what one looks at."""
-        return constant(0.0) if output.identifier == "Backfacing" else self.fallback
+        if output.identifier != "Backfacing":
+            return self.fallback
+        self.omissions.note_simplified(node, output)
+        return constant(0.0)
 
     def _mirrored_share(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        self.omissions.note_simplified(node)
         return constant(0.3 if output.identifier == "Facing" else 0.1)
+
+
+def _falloff(reader: ValueReader, node: Any, output: Any, scope: Scope | None) -> Value:
+    """Light fades with the square of the distance."""
+    if output.identifier != "Quadratic" or node.inputs["Smooth"].is_linked or node.inputs["Smooth"].default_value:
+        reader.omissions.note_node(node, instead="a quadratic one is")
+    return reader.read(node.inputs["Strength"], scope)
 
 
 def _simple(work: Callable[..., Pixels], *names: str) -> Callable[..., Value]:
@@ -318,7 +382,7 @@ _READERS: dict[str, Callable[..., Value]] = {
     "NEW_GEOMETRY": ValueReader._geometry,
     "FRESNEL": ValueReader._mirrored_share,
     "LAYER_WEIGHT": ValueReader._mirrored_share,
-    "LIGHT_FALLOFF": _simple(lambda strength: strength, "Strength"),
+    "LIGHT_FALLOFF": _falloff,
     "RGBTOBW": _simple(grey, "Color"),
     "GAMMA": _simple(lambda color, power: np.maximum(color, 0.0) ** power, "Color", "Gamma"),
     "INVERT": _simple(lambda share, color: color + (1.0 - 2.0 * color) * share, "Fac", "Color"),

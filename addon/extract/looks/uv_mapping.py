@@ -8,12 +8,15 @@ import numpy as np
 
 from ...sync.records import UNMAPPED, UvTransform
 from .node_graph import Scope, trace_back
+from .omissions import Omissions
 
 _MOST_MAPPINGS = 16
 
 
 class SocketReader(Protocol):
-    """Knows what an input socket gets: a value with `color`, `texture` and `is_guess`."""
+    """Knows what an input socket gets: a value with `color`, `texture` and `is_guess`; and takes what is not shown."""
+
+    omissions: Omissions
 
     def read(self, socket: Any, scope: Scope | None) -> Any: ...
 
@@ -31,11 +34,26 @@ def find_coordinates(socket: Any, scope: Scope | None, reader: SocketReader) -> 
         if not output.is_output or output.node.type != "MAPPING":
             break
         matrix = _matrix_of(output.node, scope, reader)
-        if matrix is not None:
+        if matrix is None:
+            reader.omissions.note_node(output.node, instead="the UV map as it is, is")
+        else:
             whole = whole @ matrix
         socket = output.node.inputs["Vector"]
+    _note_other_coordinates(output, reader.omissions)
     rows = tuple([(row[0], row[1], row[3]) for row in (whole[0], whole[1])])
     return (rows if np.isfinite(rows).all() else UNMAPPED), _uv_map_of(output)  # type: ignore[return-value]
+
+
+def _note_other_coordinates(output: Any, omissions: Omissions) -> None:
+    """output: where the coordinates come from."""
+    node = output.node
+    if not output.is_output:
+        return
+    if omissions.kind == "world":
+        if node.type != "TEX_COORD" or output.identifier not in {"Generated", "Object"}:
+            omissions.note_node(node, output, "the direction is")
+    elif not (_uv_map_of(output) or (node.type in {"TEX_COORD", "UVMAP"} and output.identifier == "UV")):
+        omissions.note_node(node, output, "the UV map is")
 
 
 def _uv_map_of(output: Any) -> str:

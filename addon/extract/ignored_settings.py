@@ -1,0 +1,65 @@
+"""Settings of a scene and its view layer that change what Cycles shows, and that this engine does not ask."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from ..sync.not_shown import NotShown
+from ..sync.records import AttributeRequest
+
+# Of a view layer, what is written; "sample_count" and the like are no pictures of the scene.
+_WRITTEN_PASSES = frozenset(
+    ("use_pass_combined", "use_pass_z", "use_pass_normal", "use_pass_object_index", "use_pass_material_index")
+)
+_NO_PASSES = frozenset(("use_pass_cryptomatte_accurate", "use_pass_cryptomatte_asset"))
+
+
+def find_ignored_settings(depsgraph: Any, attributes: AttributeRequest, for_viewport: bool) -> list[NotShown]:
+    """A row for each that is set to anything else than what is shown. for_viewport: no passes are written there."""
+    found = [_motion_blur(depsgraph)]
+    if attributes.shading:
+        found += [*_of_layer(depsgraph.view_layer), *_of_cycles(depsgraph.scene)]
+    if not for_viewport:
+        found.append(_passes(depsgraph.view_layer))
+    return [NotShown("setting", name, 0, text) for name, text in filter(None, found)]
+
+
+def _motion_blur(depsgraph: Any) -> tuple[str, str] | None:
+    is_on = depsgraph.scene.render.use_motion_blur and getattr(depsgraph.view_layer, "use_motion_blur", True)
+    return ("Motion Blur", "it is not shown; one moment is") if is_on else None
+
+
+def _of_layer(layer: Any) -> Iterator[tuple[str, str]]:
+    for switch, name in (("use_sky", "Environment"), ("use_solid", "Surfaces")):
+        if not getattr(layer, switch):
+            yield f"View Layer {layer.name}", f"the filter {name} is not asked; {name.lower()} stays shown"
+    if getattr(layer, "world_override", None) is not None:
+        yield f"View Layer {layer.name}", "the World Override is not shown; the scene's own world is"
+
+
+def _of_cycles(scene: Any) -> Iterator[tuple[str, str]]:
+    settings = getattr(scene, "cycles", None)
+    if settings is None:  # the add-on is disabled
+        return
+    if settings.film_exposure != 1.0:
+        yield "Film", f"the exposure {settings.film_exposure:.3g} is not asked; 1 is"
+    if scene.render.film_transparent and settings.film_transparent_glass:
+        yield "Film", "Transparent Glass is not shown; glass before the background is opaque"
+    if settings.use_fast_gi:
+        yield "Fast GI Approximation", "it is not shown; traced light is"
+    if scene.render.use_simplify and (settings.use_camera_cull or settings.use_distance_cull):
+        yield "Simplify", "culling is not asked; every object is shown"
+    if scene.render.use_freestyle:
+        yield "Freestyle", "it is not shown; no lines are"
+
+
+def _passes(layer: Any) -> tuple[str, str] | None:
+    switches = [name for name in dir(layer) if name.startswith("use_pass_") and getattr(layer, name) is True]
+    names = [
+        layer.bl_rna.properties[name].name
+        for name in switches
+        if name not in _WRITTEN_PASSES and name not in _NO_PASSES
+    ]
+    names += [f"AOV {aov.name}" for aov in layer.aovs] + [f"Light Group {group.name}" for group in layer.lightgroups]
+    return (f"View Layer {layer.name}", f"passes are not written: {', '.join(names)}") if names else None
