@@ -15,6 +15,7 @@ void bind_isa(pybind11::module_& module);
 void bind_scene(pybind11::module_& module);
 void bind_queries(pybind11::module_& module);
 void bind_render(pybind11::module_& module);
+void bind_filter(pybind11::module_& module);
 void bind_statistics(pybind11::module_& module);
 void bind_bulk(pybind11::module_& module);
 

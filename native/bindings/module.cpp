@@ -27,6 +27,7 @@ PYBIND11_MODULE(_core, module) {
   bind_queries(module);  // before the scene, whose signatures name its Snapshot
   bind_scene(module);
   bind_render(module);
+  bind_filter(module);
   bind_statistics(module);
   bind_bulk(module);
 }

@@ -16,6 +16,7 @@ from .build_config import BuildConfig
 from .calibration import Calibration
 from .camera import Camera, Lens
 from .closest_points import ClosestPoints
+from .denoise import Denoiser, denoise, denoiser_name
 from .errors import Cancelled, EngineError, StaleSceneError
 from .hits import Hits
 from .isa import active_isa, available_isas, set_active_isa
@@ -39,6 +40,7 @@ __all__ = [
     "Cancelled",
     "ClosestPoints",
     "CommitReport",
+    "Denoiser",
     "EngineError",
     "Hits",
     "ImageTexture",
@@ -63,6 +65,8 @@ __all__ = [
     "__version__",
     "active_isa",
     "available_isas",
+    "denoise",
+    "denoiser_name",
     "depth_to_grey",
     "render",
     "render_passes",

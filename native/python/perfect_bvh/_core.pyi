@@ -38,6 +38,9 @@ def render(
     targets: dict[str, npt.NDArray[Any]],
     progress: _Progress,
 ) -> dict[str, npt.NDArray[Any]]: ...
+def joint_filter(
+    color: _Float, albedo: _Float | None, normal: _Float | None, out: _Float, threads: int, progress: _Progress
+) -> None: ...
 
 class BrightSky: ...
 
