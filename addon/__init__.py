@@ -39,6 +39,7 @@ _MODULES = (
     ".settings.preferences",
     ".settings.scene_settings",
     ".statistics.last_result",
+    ".statistics.not_shown",
     ".image.saving",
     ".engine",
     ".operators",

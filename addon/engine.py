@@ -19,6 +19,7 @@ from .image.still import Frame, Images, Progress, render_frame
 from .settings.preferences import native_error
 from .settings.scene_settings import ENGINE_NAME, read_settings
 from .statistics.last_result import edits_of, remember
+from .statistics.not_shown import line_of, tell
 from .sync.records import CameraRecord
 from .view3d.viewport import Viewport
 
@@ -139,7 +140,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         wants_more = self._attempt(lambda: viewport.draw(self, context, depsgraph))
         if wants_more is None:
             return
-        self.update_stats(viewport.complaint or "", viewport.state)
+        self.update_stats(viewport.complaint or line_of(depsgraph.scene), viewport.state)
         # An animation's next frame comes by itself.
         if wants_more and not context.screen.is_animation_playing:
             self.tag_redraw()
@@ -249,6 +250,9 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             self.update_memory_stats(memory_used=megabytes, memory_peak=megabytes)
             for warning in job.frame.statistics.report.warnings:
                 self.report({"WARNING"}, warning)
+            tell(scene, job.frame.statistics.report.not_shown)
+            if line := line_of(scene):
+                self.report({"WARNING"}, f"{line}: see Not Shown in the Render properties")
         return job.frame
 
     def _advance(self, job: RenderJob, done: float) -> bool:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from . import bench, preview, scan, select_mesh
+from . import bench, preview, scan, select_mesh, select_not_shown
 
-_MODULES = (preview, scan, bench, select_mesh)
+_MODULES = (preview, scan, bench, select_mesh, select_not_shown)
 
 
 def register() -> None:

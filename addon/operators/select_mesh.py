@@ -6,6 +6,8 @@ from typing import Any, ClassVar
 
 import bpy
 
+from .selecting import can_select, select_only
+
 SOURCES = (
     ("mesh", "Mesh", "Every object that has this mesh"),
     ("object", "Object", "The object whose modifiers make the mesh"),
@@ -30,27 +32,10 @@ class PERFECT_BVH_OT_select_mesh(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Objects can be selected in Object Mode only")
-            return False
-        return True
+        return can_select(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        layer = context.view_layer
-        found = [obj for obj in layer.objects if self._shows(obj) and obj.visible_get()]
-        if not found:
-            self.report({"WARNING"}, "No object that is visible here shows this mesh")
-            return {"CANCELLED"}
-        for obj in found:
-            obj.select_set(True)
-        selected = [obj for obj in found if obj.select_get()]
-        if not selected:
-            self.report({"WARNING"}, "The Outliner disables selection of the objects that show this mesh")
-            return {"CANCELLED"}
-        for obj in layer.objects:
-            obj.select_set(obj in selected)
-        layer.objects.active = selected[0]
-        return {"FINISHED"}
+        return select_only(self, context, self._shows, "shows this mesh")
 
     def _shows(self, obj: Any) -> bool:
         if self.source == "mesh":

@@ -5,10 +5,11 @@ from __future__ import annotations
 import bpy
 
 from ..settings.scene_settings import ENGINE_NAME
-from . import bench, borrowed, overlay, rays, render, reports
+from . import bench, borrowed, not_shown, overlay, rays, render, reports
 
 CLASSES = (
     *render.CLASSES,
+    *not_shown.CLASSES,
     *rays.CLASSES,
     *overlay.CLASSES,
     *reports.CLASSES,
@@ -19,7 +20,7 @@ CLASSES = (
 
 
 def register() -> None:
-    for panel in CLASSES:
+    for panel in (*not_shown.LISTS, *CLASSES):
         bpy.utils.register_class(panel)
     for panel in borrowed.shared_panels():
         panel.COMPAT_ENGINES.add(ENGINE_NAME)
@@ -28,5 +29,5 @@ def register() -> None:
 def unregister() -> None:
     for panel in borrowed.shared_panels():
         panel.COMPAT_ENGINES.discard(ENGINE_NAME)
-    for panel in reversed(CLASSES):
+    for panel in reversed((*not_shown.LISTS, *CLASSES)):
         bpy.utils.unregister_class(panel)

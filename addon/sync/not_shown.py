@@ -18,6 +18,14 @@ _COUNTED: dict[Kind, tuple[str, str, str]] = {
     "setting": ("setting", "settings", "ignored"),
 }
 
+# Of what objects can be found by, and what they are to it.
+SELECTABLE: dict[Kind, str] = {
+    "object": "is it",
+    "material": "has this material",
+    "light": "has this light",
+    "library": "comes out of this library",
+}
+
 
 @dataclass(frozen=True, slots=True)
 class NotShown:

@@ -15,6 +15,7 @@ from ..image.progressive import Pace, Refinement, View
 from ..image.still import missing_camera
 from ..settings.scene_settings import read_settings
 from ..statistics.last_result import edits_of
+from ..statistics.not_shown import tell
 from .region_camera import camera_of
 
 if TYPE_CHECKING:
@@ -113,7 +114,9 @@ def begin_view(
     space: the viewport whose filters count; none do for the trees that all share, whichever view has them updated.
     """
     sync.request(plan.attributes)
-    return sync.begin_update(depsgraph, plan.expected_rays, space=space)
+    building = sync.begin_update(depsgraph, plan.expected_rays, space=space)
+    tell(depsgraph.scene, sync.record.not_shown)
+    return building
 
 
 def filter_of(space: bpy.types.SpaceView3D) -> tuple[bool, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
@@ -17,7 +17,8 @@ from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.panels import common, render, reports  # noqa: E402
 from perfect_bvh_addon.settings import preferences  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import ENGINE_NAME  # noqa: E402
-from perfect_bvh_addon.statistics import last_result, summary  # noqa: E402
+from perfect_bvh_addon.statistics import last_result, not_shown, summary  # noqa: E402
+from perfect_bvh_addon.sync.not_shown import Kind  # noqa: E402
 from perfect_bvh_addon.view3d import overlay  # noqa: E402
 
 
@@ -45,6 +46,18 @@ class RecordingLayout:
         self.texts.append(text or name)
         return SimpleNamespace()
 
+    def template_list(self, kind: str, _: str, data: Any, name: str, active_data: Any, active: str, **__: Any) -> None:
+        """Draws each row that the list's filter leaves."""
+        assert active in active_data.bl_rna.properties
+        made = vars(panels.not_shown)[kind]
+        stand = SimpleNamespace(filter_name="", bitflag_filter_item=1)
+        context = SimpleNamespace(scene=bpy.context.scene)
+        flags, order = made.filter_items(stand, context, data, name)
+        assert order == []
+        for row, flag in zip(getattr(data, name), flags, strict=True):
+            if flag:
+                made.draw_item(stand, context, self, data, row, 0, active_data, active)
+
     def operator_menu_enum(self, name: str, choice: str, **_: Any) -> None:
         self.operator(f"{name}")
         assert choice in getattr(bpy.types, "PERFECT_BVH_OT_" + name.partition(".")[2]).__annotations__
@@ -67,6 +80,7 @@ def rendered(registered: None) -> None:
 def drawn(panel: type) -> list[str]:
     class Context:
         engine, scene, view_layer = "PERFECT_BVH", bpy.context.scene, bpy.context.view_layer
+        window_manager = bpy.context.window_manager
         camera, object = bpy.context.scene.camera.data, bpy.context.scene.camera
         preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))  # 0 without a window
         region = SimpleNamespace(width=280)
@@ -144,6 +158,86 @@ def test_what_could_not_be_read_stays_in_the_statistics() -> None:
     texts = " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
     assert texts.count("not finite") == reports.SHOWN_WARNINGS
     assert "and 2 more" in texts
+
+
+def broken_scene() -> Any:
+    """Of each kind something; the material that is not shown."""
+    scene = bpy.context.scene
+    material = bpy.data.materials.new("Wall")
+    if not material.node_tree:
+        material.use_nodes = True
+    tree = material.node_tree
+    noise = tree.nodes.new("ShaderNodeTexNoise")
+    tree.links.new(noise.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    bpy.data.objects["Cube"].data.materials.append(material)
+    bpy.ops.object.volume_add()
+    bpy.context.object.name = "Smoke"
+    bpy.ops.object.light_add()
+    bpy.context.object.visible_glossy = False
+    scene.render.use_motion_blur = True
+    bpy.ops.render.render()
+    return material
+
+
+def test_what_is_not_shown_is_listed_and_can_be_selected() -> None:
+    material = broken_scene()
+    (panel,) = panels.not_shown.CLASSES
+    line = "1 material simplified, 1 object not shown, 1 light simplified, 1 setting ignored"
+    assert not_shown.line_of(bpy.context.scene) == line
+    assert not_shown.list_rows()
+    assert not not_shown.list_rows(), "nothing is new"
+    listed = bpy.context.window_manager.perfect_bvh_not_shown
+    rows = {row.kind: row for row in listed.rows}
+    assert set(rows) == {"material", "object", "light", "setting"}
+    texts = drawn(panel)
+    assert " ".join(texts[: texts.index("Smoke")]) == line
+    assert {"Wall", "Noise Texture is not shown; its flat colour is", "Motion Blur"} <= set(texts)
+    for kind, name in (("material", "Cube"), ("object", "Smoke"), ("light", "Point"), ("setting", None)):
+        listed.active = [row.kind for row in listed.rows].index(kind)
+        assert (drawn(panel)[-1] == "perfect_bvh.select_not_shown") == (name is not None)
+        if name is not None:
+            uid = listed.rows[listed.active].session_uid
+            assert bpy.ops.perfect_bvh.select_not_shown(kind=kind, session_uid=uid) == {"FINISHED"}
+            assert [obj.name for obj in bpy.context.selected_objects] == [name]
+    bpy.data.objects["Cube"].data.materials.clear()
+    assert bpy.ops.perfect_bvh.select_not_shown(kind="material", session_uid=material.session_uid) == {"CANCELLED"}
+    bpy.ops.render.render()
+    assert not_shown.list_rows()
+    assert "Wall" not in drawn(panel)
+
+
+def test_a_scene_lists_what_is_not_shown_of_it_alone() -> None:
+    broken_scene()
+    not_shown.list_rows()
+    other = bpy.data.scenes.new("Other")
+    shown = SimpleNamespace(filter_name="", bitflag_filter_item=1)
+    listed = bpy.context.window_manager.perfect_bvh_not_shown
+    flags = {}
+    for scene in (bpy.context.scene, other):
+        made = panels.not_shown.PERFECT_BVH_UL_not_shown
+        flags[scene.name], _ = made.filter_items(shown, SimpleNamespace(scene=scene), listed, "rows")
+    assert flags == {"Scene": [1] * 4, "Other": [0] * 4}
+    shown.filter_name = "NOISE"
+    made = panels.not_shown.PERFECT_BVH_UL_not_shown
+    assert sum(made.filter_items(shown, bpy.context, listed, "rows")[0]) == 1
+    (panel,) = panels.not_shown.CLASSES
+    assert not panel.poll(SimpleNamespace(engine=ENGINE_NAME, scene=other))
+
+
+def test_a_file_that_is_opened_lists_nothing_of_the_last_one(tmp_path: Path) -> None:
+    broken_scene()
+    not_shown.list_rows()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
+    assert not_shown.told(bpy.context.scene) == ()
+    assert not_shown.list_rows()
+    assert len(bpy.context.window_manager.perfect_bvh_not_shown.rows) == 0
+
+
+def test_every_kind_has_an_icon_that_blender_has() -> None:
+    icons = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys()
+    assert set(panels.not_shown.ICONS.values()) <= set(icons)
+    assert set(get_args(Kind)) == set(panels.not_shown.ICONS)
 
 
 def test_the_plan_names_the_mesh_and_what_was_done() -> None:

@@ -15,6 +15,7 @@ bpy = pytest.importorskip("bpy")
 import perfect_bvh  # noqa: E402
 import perfect_bvh_addon  # noqa: E402
 from blender.long_builds import PATIENCE, Gate, building_threads, patiently  # noqa: E402
+from perfect_bvh_addon import engine  # noqa: E402
 from perfect_bvh_addon.image.plan import plan_view  # noqa: E402
 from perfect_bvh_addon.image.progressive import Pace, Refinement, View  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
@@ -312,3 +313,29 @@ def test_what_fails_beside_it_is_told_and_leaves_no_old_image(cube, gate: Gate, 
     assert shown.screen == []
     monkeypatch.setattr(perfect_bvh.Scene, "commit", commit)
     np.testing.assert_array_equal(shown.finish(), fresh())
+
+
+def test_a_viewport_tells_in_one_line_what_it_does_not_show(cube, gate: Gate) -> None:
+    shown, told = Shown(), []
+    screen = SimpleNamespace(
+        _can_view=lambda: True,
+        _viewport=lambda: shown.viewport,
+        _attempt=lambda work: work(),
+        append=shown.screen.append,
+        update_stats=lambda line, state: told.append(line),
+        tag_redraw=lambda: None,
+    )
+
+    def redraw() -> str:
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        shown.viewport.update(shown.context, depsgraph)
+        engine.PerfectBVHRenderEngine.view_draw(screen, shown.context, depsgraph)
+        return told[-1]
+
+    assert redraw() == ""
+    bpy.context.scene.render.use_motion_blur = True
+    assert redraw() == "1 setting ignored"
+    bpy.ops.object.volume_add()
+    assert redraw() == "1 object not shown, 1 setting ignored"
+    shown.viewport.complaint = None
+    shown.finish()

@@ -1,0 +1,124 @@
+"""What the last image of each scene lacks, for those who look: a line for viewports, and rows for a panel's list.
+
+Panels list what stands in a collection of Blender's, which must not be written while they are drawn, nor from a
+render's thread: a timer on the main thread brings it in step. It belongs to the window manager, so that no scene seems
+edited by it.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from ..events.changes import listen, stop_listening
+from ..sync.not_shown import NotShown, summarize
+
+TIMER_SECONDS = 0.2
+
+Rows = tuple[NotShown, ...]
+
+_told: dict[int, Rows] = {}  # by the scene's session uid
+_listed: dict[int, Rows] | None = None  # as the collection has them; None if it may hold anything
+
+
+class PERFECT_BVH_PG_not_shown(bpy.types.PropertyGroup):
+    """A row of the list."""
+
+    kind: bpy.props.StringProperty(name="Kind", description="What it is that is not shown")
+    text: bpy.props.StringProperty(name="Text", description="What is not shown, and what is shown instead")
+    session_uid: bpy.props.IntProperty(name="Session UID", description="Number that Blender gave it, 0 for none")
+    scene_uid: bpy.props.IntProperty(name="Scene UID", description="Number that Blender gave the scene")
+
+
+class PERFECT_BVH_PG_not_shown_list(bpy.types.PropertyGroup):
+    """The rows of all scenes, and which one is chosen."""
+
+    rows: bpy.props.CollectionProperty(
+        name="Not Shown",
+        description="What the last image lacks or shows otherwise than Cycles",
+        type=PERFECT_BVH_PG_not_shown,
+        options={"SKIP_SAVE"},
+    )
+    active: bpy.props.IntProperty(name="Active", description="The row that is chosen", options={"SKIP_SAVE"})
+
+
+def tell(scene: bpy.types.Scene, rows: Rows) -> None:
+    """What an image of `scene` as it was read last lacks; from any thread."""
+    _told[scene.original.session_uid] = rows
+
+
+def told(scene: bpy.types.Scene) -> Rows:
+    """What was told last of `scene`."""
+    return _told.get(scene.original.session_uid, ())
+
+
+def line_of(scene: bpy.types.Scene) -> str:
+    """The same in one line, empty if nothing lacks."""
+    return summarize(told(scene))
+
+
+def list_rows() -> bool:
+    """Bring the collection in step with what was told; whether anything was new. On the main thread."""
+    global _listed
+    wanted = _told.copy()
+    if wanted == _listed:
+        return False
+    listed = bpy.context.window_manager.perfect_bvh_not_shown
+    listed.rows.clear()
+    for scene_uid, rows in wanted.items():
+        for row in rows:
+            made = listed.rows.add()
+            made.name, made.kind, made.text = row.name, row.kind, row.text
+            made.session_uid, made.scene_uid = row.session_uid, scene_uid
+    listed.active = min(listed.active, max(len(listed.rows) - 1, 0))
+    _listed = wanted
+    return True
+
+
+def _show_news() -> float:
+    if list_rows():
+        for window in bpy.context.window_manager.windows:
+            for area in window.screen.areas:
+                if area.type == "PROPERTIES":
+                    area.tag_redraw()
+    return TIMER_SECONDS
+
+
+class _FileWatcher:
+    """What was told of a scene is forgotten with it, or with its file."""
+
+    def on_change(self, what: str) -> None:
+        there = {scene.session_uid for scene in bpy.data.scenes}
+        for uid in [uid for uid in list(_told) if uid not in there]:
+            _told.pop(uid, None)
+
+    def on_file_change(self) -> None:
+        global _listed
+        _told.clear()
+        _listed = None
+
+
+_watcher = _FileWatcher()
+_GROUPS = (PERFECT_BVH_PG_not_shown, PERFECT_BVH_PG_not_shown_list)
+
+
+def register() -> None:
+    global _listed
+    _listed = None
+    for group in _GROUPS:
+        bpy.utils.register_class(group)
+    bpy.types.WindowManager.perfect_bvh_not_shown = bpy.props.PointerProperty(
+        name="Not Shown", description="What images lack", type=PERFECT_BVH_PG_not_shown_list, options={"SKIP_SAVE"}
+    )
+    listen(_watcher)
+    if not bpy.app.background:
+        bpy.app.timers.register(_show_news, persistent=True)
+
+
+def unregister() -> None:
+    stop_listening(_watcher)
+    if bpy.app.timers.is_registered(_show_news):
+        bpy.app.timers.unregister(_show_news)
+    _told.clear()
+    del bpy.types.WindowManager.perfect_bvh_not_shown
+    for group in reversed(_GROUPS):
+        bpy.utils.unregister_class(group)
