@@ -8,6 +8,7 @@
 #include "tlas/top_level.h"
 #include "tlas/trace_view.h"
 #include "wide/collapse.h"
+#include "wide/wide_boxes.h"
 
 namespace perfect_bvh::bench {
 
@@ -17,7 +18,7 @@ std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const TriangleMesh
   auto blas = std::make_shared<Blas>(std::move(mesh));
   blas->wide = std::move(wide);
   blas->indexed_leaves = view_leaves(blas->wide, blas->mesh);
-  blas->cover = make_cover(cover_boxes(blas->wide, blas->mesh, kCoverBoxes));
+  blas->box = mesh_bounds_of(blas->wide, blas->mesh);
   auto snapshot = std::make_shared<Snapshot>();
   snapshot->blases.push_back(blas);
   Instance& instance = snapshot->instances.emplace_back();

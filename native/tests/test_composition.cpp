@@ -3,7 +3,6 @@
 
 #include <cstring>
 
-#include "blas/cover.h"
 #include "builders/builder.h"
 #include "builders/combine.h"
 #include "builders/quality.h"
@@ -57,7 +56,7 @@ void expect_right_hits(const TriangleMesh& mesh, const Bvh2& tree) {
   ThreadPool pool(1);
   CancelToken cancel;
   auto blas = std::make_shared<Blas>(std::make_shared<const TriangleMesh>(mesh));
-  blas->cover = make_cover(tree);
+  blas->box = tree.bounds();
   blas->wide = collapse_mesh(tree, mesh, TreeLayout::kDefault, pool, cancel);
   Snapshot snapshot;
   snapshot.blases.push_back(blas);

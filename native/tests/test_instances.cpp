@@ -100,7 +100,7 @@ double sum_of_side_logs(const Aabb& box) {
   return sum;
 }
 
-// From the root's box alone, from a few dozen boxes, from the table: each closer than the one before it.
+// From the box around the mesh, closer from the table, and as close as can be from the vertices.
 TEST(InstanceBounds, HoldEveryVertexAndAreClose) {
   ThreadPool pool(1);
   CancelToken cancel;
@@ -109,23 +109,23 @@ TEST(InstanceBounds, HoldEveryVertexAndAreClose) {
     const TriangleMesh mesh = soup(300, 2, reach);
     const Bvh2 tree = build_tree(mesh, {}, pool, cancel);
     const TreeLayout layout = reach > 1e4 ? TreeLayout::kCompact : TreeLayout::kDefault;
-    const Cover cover = make_cover(tree), root = make_cover(tree, 1);
     const SupportTable support(collapse_mesh(tree, mesh, layout, pool, cancel), mesh);
-    double exact = 0, by_root = 0, by_cover = 0, by_support = 0;
+    double exact = 0, by_root = 0, by_support = 0, by_vertices = 0;
     constexpr int kRounds = 200;
     for (int round = 0; round < kRounds; ++round) {
       const Affine map = random_map(random, std::exp2(round % 40 - 20), reach);
-      const Aabb least = exact_bounds(mesh, map), covered = transformed_bounds(cover, map);
-      const Aabb supported = transformed_bounds(support, cover.reach, map), turned = transformed_bounds(root, map);
-      ASSERT_TRUE(covered.contains(least)) << reach;
+      const Aabb least = exact_bounds(mesh, map), turned = transformed_bounds(tree.bounds(), map);
+      const Aabb supported = transformed_bounds(support, reach_of(tree.bounds()), map);
+      const Aabb from_vertices = transformed_bounds(mesh, tree.bounds(), map);
+      ASSERT_TRUE(turned.contains(least)) << reach;
       ASSERT_TRUE(supported.contains(least)) << reach;
-      ASSERT_TRUE(turned.contains(covered)) << reach;
+      ASSERT_TRUE(from_vertices.contains(least)) << reach;
       exact += sum_of_side_logs(least), by_root += sum_of_side_logs(turned);
-      by_cover += sum_of_side_logs(covered), by_support += sum_of_side_logs(supported);
+      by_support += sum_of_side_logs(supported), by_vertices += sum_of_side_logs(from_vertices);
     }
     const double percent = std::log2(1.01) * 3 * kRounds;
     EXPECT_LT(by_support, exact + 2 * percent) << reach;
-    EXPECT_LT(by_cover, exact + 12 * percent) << reach;
+    EXPECT_LT(by_vertices, exact + percent) << reach;
     EXPECT_GT(by_root, exact + 15 * percent) << reach;
   }
 }
@@ -157,6 +157,44 @@ TEST(InstanceBounds, OfTheTableAreExactAlongTheAxes) {
   }
 }
 
+// Mirrored, scaled and turned by right angles the box around the mesh is as close as any.
+TEST(InstanceBounds, LookCloserOnlyWhereTheMeshIsTurned) {
+  ThreadPool pool(1);
+  CancelToken cancel;
+  Blas blas(std::make_shared<const TriangleMesh>(soup(300, 7)));
+  const Bvh2 tree = build_tree(blas.mesh, {}, pool, cancel);
+  blas.box = tree.bounds();
+  blas.wide = collapse_mesh(tree, blas.mesh, TreeLayout::kDefault, pool, cancel);
+  const Affine kept{{0, -2, 0}, {0, 0, 3}, {1, 0, 0}, {5, 6, 7}}, turned{{1, -2, 0}, {2, 1, 0}, {0, 0, 1}, {5, 6, 7}};
+  ASSERT_TRUE(keeps_axes(kept));
+  ASSERT_FALSE(keeps_axes(turned));
+  Instance instance;
+  for (const Affine& map : {kept, turned}) {
+    const Aabb by_box = transformed_bounds(blas.box, map);
+    for (const bool has_table : {false, true}) {
+      Placing placing;
+      ASSERT_TRUE(place_instance(instance, placing, blas, map, has_table));
+      ASSERT_TRUE(by_box.contains(placing.world_bounds));
+      EXPECT_EQ(placing.world_bounds.contains(by_box), keeps_axes(map)) << has_table;
+    }
+  }
+}
+
+// A vertex far away that no triangle has, and rows too short for float, leave what the box gives.
+TEST(InstanceBounds, OfVerticesAreNeverLooserThanTheBox) {
+  std::mt19937 random(6);
+  TriangleMesh mesh = soup(300, 5);
+  Aabb box;
+  for (std::size_t i = 0; i < mesh.triangle_count(); ++i) box.grow(mesh.triangle_box(i));
+  mesh.positions.push_back({1e6f, -1e6f, 1e6f});
+  for (int round = 0; round < 100; ++round) {
+    Affine map = random_map(random, std::exp2(round % 40 - 20), 1.0);
+    if (round % 3 == 0) map.x = map.x * 1e-40, map.y = map.y * 1e-40, map.z = map.z * 1e-40;
+    ASSERT_TRUE(transformed_bounds(box, map).contains(transformed_bounds(mesh, box, map))) << round;
+  }
+  EXPECT_TRUE(transformed_bounds(mesh, Aabb{}, Affine{}).is_empty());
+}
+
 TEST(InstanceBounds, OfThreeRowsAtOnceAreThoseOfEach) {
   ThreadPool pool(1);
   CancelToken cancel;
@@ -168,7 +206,7 @@ TEST(InstanceBounds, OfThreeRowsAtOnceAreThoseOfEach) {
     Affine map = random_map(random, std::exp2(round % 180 - 90), 1.0);
     if (round % 7 == 0) map.x = {0, 0, 0};  // rows along the faces' edges
     if (round % 11 == 0) map.y = {0, 0, 0}, map.z = {0, 0, 0};
-    SupportTable::Range ranges[3];
+    RowRange ranges[3];
     if (round % 77 == 0) {
       ASSERT_FALSE(support.along_ordinary_rows(map, ranges));
       continue;
@@ -176,14 +214,14 @@ TEST(InstanceBounds, OfThreeRowsAtOnceAreThoseOfEach) {
     ASSERT_TRUE(support.along_ordinary_rows(map, ranges));
     for (int axis = 0; axis < 3; ++axis) {
       const Vec3d row{map.x[axis], map.y[axis], map.z[axis]};
-      const SupportTable::Range expected = support.along(row);
+      const RowRange expected = support.along(row);
       const double slack = 1e-5 * (std::abs(row.x) + std::abs(row.y) + std::abs(row.z));
       ASSERT_NEAR(ranges[axis].least, expected.least, slack) << round;
       ASSERT_NEAR(ranges[axis].greatest, expected.greatest, slack) << round;
     }
   }
   for (const double size : {1e-35, 1e35}) {
-    SupportTable::Range ranges[3];
+    RowRange ranges[3];
     EXPECT_FALSE(support.along_ordinary_rows({{1, 0, 0}, {0, size, 0}, {0, 0, 1}, {0, 0, 0}}, ranges));
   }
 }

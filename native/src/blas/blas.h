@@ -6,7 +6,6 @@
 #include <memory>
 #include <utility>
 
-#include "blas/cover.h"
 #include "blas/spare_memory.h"
 #include "blas/support.h"
 #include "builders/build_config.h"
@@ -40,8 +39,8 @@ struct Blas {
   std::shared_ptr<const WideCosts> fresh_costs;  // of each part of `wide` when it was built; null before it is refitted
   RefitPlan refit_plan;                          // of `wide`; likewise
   std::shared_ptr<SpareTree> spare;              // where `wide` goes at the end; null: nowhere
-  LazySupport support;                           // of `wide`, where many instances ask for it
-  Cover cover;                                   // a few boxes that hold the whole mesh
+  Aabb box;                                      // around the triangles
+  LazySupport support;                           // of `wide`, made when one of many instances is turned
   // Of a mesh that is built when the first ray reaches it, else null. There is then no tree here, only the one to come.
   std::shared_ptr<DeferredTree> deferred;
 };

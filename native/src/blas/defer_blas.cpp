@@ -26,7 +26,7 @@ BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options) 
   BlasResult result;
   auto blas = std::make_shared<Blas>(state.edited);
   blas->config = choose_builder(state.config, state.usage);
-  blas->cover = make_cover(cover_boxes(blas->mesh, kCoverBoxes));
+  for (std::size_t i = 0; i < blas->mesh.triangle_count(); ++i) blas->box.grow(blas->mesh.triangle_box(i));
   MeshState fresh;
   fresh.config = state.config, fresh.usage = state.usage, fresh.edited = state.edited;
   const auto build = [fresh, options, mesh_id = changed.mesh_id, rays = changed.rays](ThreadPool& pool,

@@ -8,7 +8,6 @@
 #include <limits>
 
 #include "blas/build_tree.h"
-#include "blas/cover.h"
 #include "blas/ledger.h"
 #include "builders/optimize.h"
 #include "builders/quality.h"
@@ -16,6 +15,7 @@
 #include "update/mesh_shape.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
+#include "wide/wide_boxes.h"
 #include "wide/wide_cost.h"
 
 namespace perfect_bvh {
@@ -43,7 +43,7 @@ void build(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel
     report.optimize_milliseconds = watch.lap_milliseconds();
   }
   blas.quality = measure_quality(tree);
-  blas.cover = make_cover(tree);
+  blas.box = tree.bounds();
   watch.lap_milliseconds();
   blas.wide = collapse_mesh(tree, blas.mesh, blas.config.layout, pool, cancel);
   report.collapse_milliseconds = watch.lap_milliseconds();
@@ -52,7 +52,7 @@ void build(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel
 void build_wide(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
   const Stopwatch watch;
   blas.wide = build_fast_wide(blas.mesh, blas.config.layout, pool, cancel);
-  blas.cover = make_cover(cover_boxes(blas.wide, blas.mesh, kCoverBoxes));
+  blas.box = mesh_bounds_of(blas.wide, blas.mesh);
   report.build_milliseconds = watch.milliseconds();
 }
 

@@ -4,11 +4,11 @@
 #include <string_view>
 
 #include "blas/build_tree.h"
-#include "blas/cover.h"
 #include "blas/ledger.h"
 #include "blas/make_blas.h"
 #include "core/stopwatch.h"
 #include "update/mesh_shape.h"
+#include "wide/wide_boxes.h"
 #include "wide/wide_cost.h"
 #include "wide/wide_rebuild.h"
 #include "wide/wide_refit.h"
@@ -127,7 +127,7 @@ bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
   }
   const TraceWork work = work_of(costs, blas.wide);
   report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
-  blas.cover = make_cover(cover_boxes(blas.wide, blas.mesh, kCoverBoxes));
+  blas.box = mesh_bounds_of(blas.wide, blas.mesh);
   result.history.now = work, result.history.at_rest = {};
   if (decision.action != UpdateAction::kRefit) result.history.restructured = work;
   return true;

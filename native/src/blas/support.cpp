@@ -5,7 +5,6 @@
 #include <cmath>
 #include <vector>
 
-#include "blas/cover.h"
 #include "math/float4.h"
 
 namespace perfect_bvh {
@@ -113,7 +112,7 @@ SupportTable::SupportTable(const WideBvh& tree, const TriangleMesh& mesh)
 }
 
 // For a row of any size.
-SupportTable::Range SupportTable::along(Vec3d row) const noexcept {
+RowRange SupportTable::along(Vec3d row) const noexcept {
   const double size[3] = {std::abs(row.x), std::abs(row.y), std::abs(row.z)};
   const int longer = size[1] > size[0] ? 1 : 0;
   const int axis = size[2] > size[longer] ? 2 : longer;
@@ -130,12 +129,12 @@ SupportTable::Range SupportTable::along(Vec3d row) const noexcept {
     return static_cast<double>(at_low + (at_high - at_low) * up) * (size[axis] * unit_);
   };
   const double forward = between(&Sample::forward), backward = between(&Sample::backward);
-  return row[axis] > 0 ? Range{-backward, forward} : Range{-forward, backward};
+  return row[axis] > 0 ? RowRange{-backward, forward} : RowRange{-forward, backward};
 }
 
 // The three rows at once and without branches: where instances are turned at random, which face and which side it is
 // cannot be foretold. The lanes are the rows; the last one is idle.
-bool SupportTable::along_ordinary_rows(const Affine& map, Range* ranges) const noexcept {
+bool SupportTable::along_ordinary_rows(const Affine& map, RowRange* ranges) const noexcept {
   const auto lanes = [](Vec3d v, float idle) {
     return Float4(static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z), idle);
   };
@@ -183,15 +182,11 @@ bool SupportTable::along_ordinary_rows(const Affine& map, Range* ranges) const n
 }
 
 Aabb transformed_bounds(const SupportTable& support, double reach, const Affine& map) {
-  SupportTable::Range ranges[3];
-  const bool is_ordinary = support.along_ordinary_rows(map, ranges);
-  Aabb box;
-  for (int axis = 0; axis < 3; ++axis) {
-    const Vec3d row{map.x[axis], map.y[axis], map.z[axis]};
-    if (!is_ordinary) ranges[axis] = support.along(row);
-    set_range(box, axis, map.translation[axis], ranges[axis].least, ranges[axis].greatest, reach, row);
+  RowRange ranges[3];
+  if (!support.along_ordinary_rows(map, ranges)) {
+    for (int axis = 0; axis < 3; ++axis) ranges[axis] = support.along({map.x[axis], map.y[axis], map.z[axis]});
   }
-  return box;
+  return box_of_ranges(ranges, reach, map);
 }
 
 }  // namespace perfect_bvh

@@ -1,10 +1,11 @@
-// How far a mesh reaches in any direction (its support function), in a table: for meshes with many instances.
+// How far a mesh reaches in any direction (its support function), in a table.
 // In: the wide tree of a mesh. Out: bounds along the rows of a transform, a few nanoseconds each, and within a percent
 // of the best that a box can be, whatever way the instance is turned.
 // Nodes that a ray visits, both levels, with 1,000 instances of a statue of 100,000 triangles, primary / diffuse rays:
 //                            one box       8 boxes       32 boxes      this table    exact boxes
 //   on a grid                9.4 / 22.2    8.4 / 20.2    8.3 / 20.1    7.8 / 19.3    7.8 / 19.3
 //   in a heap                19.4 / 47.9   15.5 / 34.8   14.7 / 33.8   12.7 / 28.0   12.6 / 27.7
+// The table takes 50 us to 2 ms to make: meshes of few vertices or instances do without (blas/world_box.h).
 //
 // The function is known exactly at samples on the faces of a cube. Between them it is bounded from above: where
 // d = a u + b v with a, b >= 0, no point p has more than d.p = a u.p + b v.p.
@@ -13,6 +14,7 @@
 #include <memory>
 #include <mutex>
 
+#include "blas/world_box.h"
 #include "math/affine.h"
 #include "mesh/triangle_mesh.h"
 #include "wide/wide_bvh.h"
@@ -24,14 +26,10 @@ class SupportTable {
   // The tree of the mesh, not empty.
   SupportTable(const WideBvh& tree, const TriangleMesh& mesh);
 
-  // Of a mesh's points p: no less than the greatest row . p, and no more than the least.
-  struct Range {
-    double least, greatest;
-  };
-  [[nodiscard]] Range along(Vec3d row) const noexcept;
+  [[nodiscard]] RowRange along(Vec3d row) const noexcept;
   // Along the three rows of a map's linear part, as close; false, and nothing written, if one is extremely long or
   // short.
-  [[nodiscard]] bool along_ordinary_rows(const Affine& map, Range* ranges) const noexcept;
+  [[nodiscard]] bool along_ordinary_rows(const Affine& map, RowRange* ranges) const noexcept;
 
  private:
   static constexpr int kCells = 8;  // along a face's edge
@@ -44,8 +42,8 @@ class SupportTable {
   double unit_;  // from the tree's scale to the mesh's
 };
 
-// The world box of a mesh, rounded outward and with the margin of transformed_bounds() in blas/cover.h. `reach` is the
-// largest magnitude of the mesh's coordinates.
+// The world box of a mesh, rounded outward and with a margin, as in blas/world_box.h. `reach` is the largest magnitude
+// of the mesh's coordinates.
 [[nodiscard]] Aabb transformed_bounds(const SupportTable& support, double reach, const Affine& map);
 
 // A table that is made when it is first asked for, on any thread.

@@ -43,7 +43,7 @@ std::vector<ChangedMesh> Scene::find_changed(const CommitOptions& options) const
   std::map<std::int32_t, Place> places;  // by mesh id
   std::size_t row = 0;
   for (const auto& [mesh_id, slot] : meshes_) {
-    const Aabb box = slot.edited ? bounds_of(*slot.edited) : bounds_of(slot.blas->cover);
+    const Aabb box = slot.edited ? bounds_of(*slot.edited) : slot.blas->box;
     const Vec3d centre = slot.edited ? slot.edited->centre : slot.blas->mesh.centre;
     places[mesh_id] = {box, centre, needs_decision(slot, options) ? row++ : RayShares::kOther};
   }

@@ -28,16 +28,4 @@ double RayShares::of(std::size_t row) const noexcept {
   return whole > 0 ? areas_[row] / whole : 1;
 }
 
-Aabb bounds_of(const Cover& cover) noexcept {
-  Aabb box;
-  for (const CoverGroup& group : cover.groups) {
-    for (int i = 0; i < 4; ++i) {
-      const Vec3f centre{group.centre[0][i], group.centre[1][i], group.centre[2][i]};
-      const Vec3f half{group.half[0][i], group.half[1][i], group.half[2][i]};
-      box.grow(Aabb{centre - half, centre + half});
-    }
-  }
-  return box;
-}
-
 }  // namespace perfect_bvh

@@ -6,7 +6,6 @@
 
 #include <vector>
 
-#include "blas/cover.h"
 #include "math/aabb.h"
 #include "math/affine.h"
 
@@ -27,7 +26,5 @@ class RayShares {
   bool is_empty_ = true;
   std::vector<double> areas_;  // of each mesh's world boxes
 };
-
-[[nodiscard]] Aabb bounds_of(const Cover& cover) noexcept;
 
 }  // namespace perfect_bvh

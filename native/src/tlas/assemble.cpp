@@ -15,13 +15,13 @@ namespace {
 
 constexpr std::size_t kGrain = 1024;  // instances that a task places
 
-// A mesh with so many instances gets a table of its support.
+// A table of a mesh's support takes 50 us to 2 ms to make, as long as going through this many vertices. Without one,
+// each instance goes through all that the mesh has.
+constexpr std::size_t kManyVertices = std::size_t{1} << 17;
 constexpr std::uint32_t kManyUsers = 64;
 
-const SupportTable* support_of(const PlacedMesh& mesh) {
-  const Blas& blas = *mesh.blas;
-  if (mesh.user_count < kManyUsers || blas.wide.is_empty) return nullptr;
-  return &blas.support.of(blas.wide, blas.mesh);
+bool is_worth_table(const PlacedMesh& mesh) noexcept {
+  return mesh.user_count >= kManyUsers || mesh.user_count * mesh.blas->mesh.positions.size() > kManyVertices;
 }
 
 // Copies of instances without a usable inverse, made on any thread.
@@ -85,18 +85,18 @@ AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& m
   BakedCopies baked;
   const auto place = [&](std::size_t begin, std::size_t end) {
     auto found = meshes.end();
-    const SupportTable* support = nullptr;
+    bool has_table = false;
     for (std::size_t i = begin; i < end; ++i) {
       const Placement& slot = placements[i];
       if (found == meshes.end() || found->first != slot.mesh_id) {
         found = meshes.find(slot.mesh_id);
-        support = support_of(found->second);
+        has_table = is_worth_table(found->second);
       }
       const Blas& blas = *found->second.blas;
       Instance& instance = snapshot.instances[i];
       instance.id = slot.id, instance.mesh_id = slot.mesh_id, instance.mask = slot.mask, instance.order = slot.order;
       Placing placing;
-      if (!place_instance(instance, placing, blas, slot.object_to_world, support)) {
+      if (!place_instance(instance, placing, blas, slot.object_to_world, has_table)) {
         const BuildConfig& config = found->second.bake_config;
         baked.add(i, bake_instance(instance, placing, blas, slot.object_to_world, config, pool, cancel));
       }

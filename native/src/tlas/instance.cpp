@@ -37,17 +37,23 @@ bool round_trip_holds(const Affine& forth, const Affine& back) {
          largest_component(back.z) < kLargestFloat;
 }
 
+Aabb bounds_of(const Blas& blas, const Affine& map, bool is_worth_table) {
+  if (keeps_axes(map)) return transformed_bounds(blas.box, map);
+  if (!is_worth_table) return transformed_bounds(blas.mesh, blas.box, map);
+  if (blas.wide.is_empty) return transformed_bounds(blas.box, map);  // no tree yet
+  return transformed_bounds(blas.support.of(blas.wide, blas.mesh), reach_of(blas.box), map);
+}
+
 }  // namespace
 
 bool place_instance(Instance& instance, Placing& placing, const Blas& blas, const Affine& object_to_world,
-                    const SupportTable* support) {
+                    bool is_worth_table) {
   instance.blas = &blas;
   const Affine map = from_stored(object_to_world, blas.mesh.centre);
   instance.object_to_world = map;
   instance.mirrored = map.determinant() < 0;
   placing.world_to_object = inverse(map);
-  placing.world_bounds =
-      support ? transformed_bounds(*support, blas.cover.reach, map) : transformed_bounds(blas.cover, map);
+  placing.world_bounds = bounds_of(blas, map, is_worth_table);
   return round_trip_holds(map, placing.world_to_object);
 }
 
@@ -67,7 +73,7 @@ std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, 
   const Bvh2 tree = build_tree(baked->mesh, config, pool, cancel);
   baked->config = config;
   baked->quality = measure_quality(tree);
-  baked->cover = make_cover(tree, 1);  // it is never turned
+  baked->box = tree.bounds();
   baked->wide = collapse_mesh(tree, baked->mesh, config.layout, pool, cancel);
   baked->indexed_leaves = view_leaves(baked->wide, baked->mesh);
   const bool usable = place_instance(instance, placing, *baked, Affine{});

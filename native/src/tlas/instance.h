@@ -41,9 +41,10 @@ struct Placing {
 // Fills in the blas, transform and facing of `instance` for the mesh of `blas`, and `placing`. False if the transform
 // has no usable inverse (flattened by a zero scale: the inverse is not finite, or mapping there and back does not
 // return within float's error); the instance must then be baked.
-// `support`, if there is one, is that of the mesh: closer bounds.
+// `is_worth_table`: bounds come from a table of the mesh's support, which may have to be made, and not from its
+// vertices.
 [[nodiscard]] bool place_instance(Instance& instance, Placing& placing, const Blas& blas, const Affine& object_to_world,
-                                  const SupportTable* support = nullptr);
+                                  bool is_worth_table = false);
 
 // A copy of the mesh in world space, with its own tree and an identity transform: so a flattened object is still seen.
 [[nodiscard]] std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, const Blas& blas,

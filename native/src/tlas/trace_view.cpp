@@ -1,7 +1,6 @@
 #include "tlas/trace_view.h"
 
 #include <algorithm>
-#include <cmath>
 #include <mutex>
 
 namespace perfect_bvh {
@@ -34,22 +33,13 @@ Aabb bounds_of_meshes(const std::vector<Instance>& instances, ThreadPool& pool, 
   const auto grow = [&](std::size_t begin, std::size_t end) {
     Aabb part;
     for (std::size_t i = begin; i < end; ++i) {
-      part.grow(transformed_box(instances[i].blas->cover.box, instances[i].object_to_world));
+      part.grow(transformed_box(instances[i].blas->box, instances[i].object_to_world));
     }
     const std::lock_guard lock(mutex);
     bounds.grow(part);
   };
   parallel_for(pool, instances.size(), kGrain, grow, 0, [&] { cancel.checkpoint(); });
   return bounds;
-}
-
-float reach_of(const Aabb& bounds) {
-  float reach = 0.0f;
-  if (bounds.is_empty()) return reach;
-  for (int axis = 0; axis < 3; ++axis) {
-    reach = std::max({reach, std::abs(bounds.lower[axis]), std::abs(bounds.upper[axis])});
-  }
-  return reach;
 }
 
 }  // namespace
@@ -114,7 +104,7 @@ void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) 
   view.places = snapshot.instances.empty() ? nullptr : &snapshot.instances.front().object_to_world.x.x;
   view.place_stride = sizeof(Instance);
   view.extent = top.extent;
-  view.reach = reach_of(snapshot.bounds) * top.scale;
+  view.reach = static_cast<float>(reach_of(snapshot.bounds)) * top.scale;
   view.scale = top.scale;
   view.root = top.root;
   view.is_empty = top.is_empty;

@@ -94,4 +94,11 @@ inline void write_planes(const Box4* boxes, WideNode& node) noexcept {
   return tree.root < kBlockChild ? node_box(tree.nodes[tree.root]) : leaf_box(tree, mesh, tree.root - kBlockChild);
 }
 
+// The same at the mesh's own scale.
+[[nodiscard]] inline Aabb mesh_bounds_of(const WideBvh& tree, const TriangleMesh& mesh) noexcept {
+  const Aabb box = bounds_of(tree, mesh);
+  const float to_mesh = 1.0f / tree.scale;
+  return box.is_empty() ? box : Aabb{box.lower * to_mesh, box.upper * to_mesh};
+}
+
 }  // namespace perfect_bvh
