@@ -34,9 +34,7 @@ class PERFECT_BVH_UL_not_shown(bpy.types.UIList):
         active_data: object,
         active_property: str,
     ) -> None:
-        split = layout.split(factor=0.35)
-        split.label(text=item.name, icon=ICONS[item.kind])
-        split.label(text=item.text)
+        layout.label(text=f"{item.name}: {item.text}", icon=ICONS[item.kind])
 
     def filter_items(
         self, context: bpy.types.Context, data: bpy.types.AnyType, rows_name: str

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -110,6 +111,19 @@ def test_the_table_names_inputs_that_blender_has(material: Any) -> None:
     for kind, inputs in IGNORED_INPUTS.items():
         if bpy.app.version >= (5, 0, 0):
             assert {ignored.identifier for ignored in inputs} <= found[kind], kind
+
+
+def test_the_readme_lists_the_nodes_that_are_not_shown(material: Any, repository: Path) -> None:
+    text = " ".join((repository / "README.md").read_text(encoding="utf-8").split())
+    listed = set(text.split("Nodes that are not shown as they are: ")[1].split(". ")[0].split(", "))
+    nodes = [material.node_tree.nodes.new(identifier) for identifier in node_types()]
+    names = {node.bl_label for node in nodes if node.type not in SHOWN_NODES}
+    shown = {node.bl_label for node in nodes} - names
+    assert not listed & shown
+    if bpy.app.version[:2] == (5, 0):  # others lack some, or have more
+        assert listed == names
+    for ignored in IGNORED_INPUTS["BSDF_PRINCIPLED"]:
+        assert ignored.name.lower().replace("anisotropic", "anisotropy") in text.lower()
 
 
 # What is shown instead --------------------------------------------------------------------------------------------
