@@ -87,7 +87,7 @@ def apply_settings(scene: bpy.types.Scene, arguments: argparse.Namespace) -> Non
     # Only the engine's own image is wanted, of the active view layer, and with the depsgraph kept between frames.
     render.use_compositing = render.use_sequencer = render.use_freestyle = render.use_multiview = False
     render.use_persistent_data = True
-    active = _active_view_layer(scene)
+    active = active_view_layer(scene)
     for view_layer in scene.view_layers:
         view_layer.use = view_layer == active
     if arguments.threads is not None:
@@ -103,7 +103,8 @@ def apply_settings(scene: bpy.types.Scene, arguments: argparse.Namespace) -> Non
         scene.perfect_bvh.audit = arguments.audit
 
 
-def _active_view_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
+def active_view_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
+    """The one that is rendered."""
     import bpy
 
     active = bpy.context.view_layer

@@ -12,8 +12,17 @@ from typing import TYPE_CHECKING, TextIO
 
 from . import EXIT_INTERRUPTED
 from .arguments import CommandError, Output, check_blend_file, check_mode
-from .blender import StopRequest, apply_settings, go_to_frame, open_scene, render_job, stop_on_interrupt
+from .blender import (
+    StopRequest,
+    active_view_layer,
+    apply_settings,
+    go_to_frame,
+    open_scene,
+    render_job,
+    stop_on_interrupt,
+)
 from .console import quiet_blender
+from .ignored_output import find_ignored_output
 from .report import FrameTimes, format_frame, format_header, format_summary
 
 if TYPE_CHECKING:
@@ -39,6 +48,8 @@ def run_render(arguments: argparse.Namespace) -> int:
         scene = open_scene(path, arguments)
         if scene.camera is None:
             raise CommandError(f"{arguments.file}: scene {scene.name!r} has no camera")
+        for sentence in find_ignored_output(scene, active_view_layer(scene)):
+            sys.stderr.write(f"perfect-bvh: {sentence}\n")
         apply_settings(scene, arguments)
         frames = arguments.frames or (scene.frame_current,)
         output.check_frames(frames, path)

@@ -297,6 +297,60 @@ def test_a_scene_without_any_light_is_black_and_says_so(small_file: Path, tmp_pa
         assert ("No light: neither a light" in capsys.readouterr().err) == is_black
 
 
+def test_what_the_command_line_does_not_write_is_said_once(small_file: Path, tmp_path: Path, capsys) -> None:
+    import bpy
+
+    bpy.ops.wm.open_mainfile(filepath=str(small_file))
+    scene = bpy.context.scene
+    scene.render.use_stamp = scene.render.use_multiview = True
+    scene.view_layers.new("Front")
+    scene.sequence_editor_create()
+    strips = (
+        scene.sequence_editor.strips if hasattr(scene.sequence_editor, "strips") else scene.sequence_editor.sequences
+    )
+    strips.new_effect("Fade", "COLOR", 1, 1, **{"length" if bpy.app.version >= (5, 0, 0) else "frame_end": 9})
+    if hasattr(scene, "compositing_node_group"):
+        tree = scene.compositing_node_group = bpy.data.node_groups.new("Post", "CompositorNodeTree")
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+    blur, layers = tree.nodes.new("CompositorNodeBlur"), tree.nodes.new("CompositorNodeRLayers")
+    tree.links.new(layers.outputs[0], blur.inputs[0])
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "much.blend"), copy=True)
+    arguments = ("render", tmp_path / "much.blend", "-o", f"{tmp_path}/", "--frames", "1-2", "--samples", 1)
+    assert run(*arguments) == 0
+    told = [line.removeprefix("perfect-bvh: ") for line in capsys.readouterr().err.splitlines()]
+    assert told == [
+        "Compositing: its nodes are not applied; the render as it is, is written",
+        "Sequencer: its strips are not shown; the scene is",
+        "Stereoscopy: it is not written; one view is",
+        "Burn Into Image: it is not done",
+        "View Layers: Front is not rendered; ViewLayer is",
+    ]
+
+
+def test_the_command_line_names_what_is_not_shown_once(small_file: Path, tmp_path: Path, capsys) -> None:
+    import bpy
+
+    bpy.ops.wm.open_mainfile(filepath=str(small_file))
+    wall = bpy.data.materials.new("Wall")
+    if not wall.node_tree:
+        wall.use_nodes = True
+    noise = wall.node_tree.nodes.new("ShaderNodeTexNoise")
+    wall.node_tree.links.new(noise.outputs["Color"], wall.node_tree.nodes["Principled BSDF"].inputs["Base Color"])
+    bpy.data.objects["Sheet"].data.materials.append(wall)
+    bpy.ops.object.volume_add()
+    bpy.context.object.name = "Smoke"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "much.blend"), copy=True)
+    arguments = ("render", tmp_path / "much.blend", "-o", f"{tmp_path}/", "--frames", "1-2", "--samples", 1)
+    assert run(*arguments) == 0
+    told = [line.removeprefix("perfect-bvh: ") for line in capsys.readouterr().err.splitlines()]
+    assert told == [
+        "Smoke: a volume has no triangles; left out",
+        "Wall: Noise Texture is not shown; its flat colour is",
+    ]
+
+
 @pytest.fixture
 def linking_file(small_file: Path, tmp_path: Path) -> Path:
     """A file whose only cube comes out of `parts.blend` beside it."""
