@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 Window = tuple[int, int, int, int]
 
-CLAY_LIKE = frozenset({"clay", "matcap", "wireframe"})
 CLAY_GREY = (0.8, 0.8, 0.8)
 # Of a render at its greatest: two images, the light that is smoothed, passes, Blender's copies of them.
 BYTES_A_PIXEL = 192
@@ -60,14 +59,14 @@ class RenderPlan:
     @property
     def attributes(self) -> AttributeRequest:
         """What the mode and the passes use; nothing else is read."""
-        mode, passes = self.settings.mode, self.passes
+        mode, passes = find_mode(self.settings.mode), self.passes
         return AttributeRequest(
-            material_slots=mode in {"material", "preview"}
-            or (mode in CLAY_LIKE and self.settings.use_material_colors)
+            material_slots=mode.materials
+            or (mode.offers_grey and self.settings.use_material_colors)
             or "material_index" in passes,
-            corner_normals=mode in {*CLAY_LIKE, "preview", "normal"} or "normal" in passes,
-            corner_uvs=mode == "uv",
-            shading=mode == "preview",
+            corner_normals=mode.normals or "normal" in passes,
+            corner_uvs=mode.uvs,
+            shading=mode.shading,
         )
 
     @property

@@ -33,7 +33,7 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
         column.prop(settings, "preview_percentage", text="Size")
         layout.prop(settings, "mode")
         layout.prop(settings, "samples")
-        if settings.mode in {"CLAY", "MATCAP", "WIREFRAME"}:
+        if find_mode(settings.mode.lower()).offers_grey:
             layout.prop(settings, "use_material_colors")
         if settings.mode == "CLAY":
             layout.prop(settings, "ao_distance")

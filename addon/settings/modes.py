@@ -20,6 +20,10 @@ class Mode:
     never changes. view: the view transform that shows it, None for the scene's own. has_range: its values are
     distances, which an image file of bytes cannot hold as they are. rays_per_sample: how many rays a sample of a pixel
     casts at most.
+
+    What it shows of the scene beside its shape, and is read for it: normals, at the corners; uvs, of the active map;
+    materials: their numbers and viewport colours; offers_grey: those or, as the user likes, one grey for all; shading:
+    what materials are made of, lights, the world.
     """
 
     name: str
@@ -29,11 +33,11 @@ class Mode:
     view: str | None = None
     has_range: bool = False
     rays_per_sample: int = 1
-
-    @property
-    def is_data(self) -> bool:
-        """Whether the scene's view transform would falsify it."""
-        return self.view is not None
+    normals: bool = False
+    uvs: bool = False
+    materials: bool = False
+    offers_grey: bool = False
+    shading: bool = False
 
 
 MODES: tuple[Mode, ...] = (
@@ -44,6 +48,9 @@ MODES: tuple[Mode, ...] = (
         "Preview",
         "The scene under its own lights and world, with one bounce of light: a quick look",
         rays_per_sample=3,
+        normals=True,
+        materials=True,
+        shading=True,
     ),
     Mode(
         "clay",
@@ -51,15 +58,38 @@ MODES: tuple[Mode, ...] = (
         "Clay",
         "Soft sky light with ambient occlusion, in the viewport colors of the materials",
         rays_per_sample=3,
+        normals=True,
+        offers_grey=True,
     ),
-    Mode("matcap", 9, "MatCap", "Form at a glance: shading that follows from the normals as the viewer sees them"),
-    Mode("wireframe", 2, "Wireframe", "The edges of the triangles over softly lit surfaces"),
-    Mode("normal", 3, "Normal", "World-space shading normals, their -1..1 as 0..1", "Raw"),
-    Mode("uv", 10, "UV", "Where each point lies in the UV map of its mesh, as red and green; black without one", "Raw"),
+    Mode(
+        "matcap",
+        9,
+        "MatCap",
+        "Form at a glance: shading that follows from the normals as the viewer sees them",
+        normals=True,
+        offers_grey=True,
+    ),
+    Mode(
+        "wireframe",
+        2,
+        "Wireframe",
+        "The edges of the triangles over softly lit surfaces",
+        normals=True,
+        offers_grey=True,
+    ),
+    Mode("normal", 3, "Normal", "World-space shading normals, their -1..1 as 0..1", "Raw", normals=True),
+    Mode(
+        "uv",
+        10,
+        "UV",
+        "Where each point lies in the UV map of its mesh, as red and green; black without one",
+        "Raw",
+        uvs=True,
+    ),
     Mode("depth", 4, "Depth", "Distance along the view axis in world units", "Raw", has_range=True),
     Mode("distance", 5, "Distance", "Distance along the ray in world units", "Raw", has_range=True),
     Mode("instance", 6, "Instance", "One color for each instance", "Standard"),
-    Mode("material", 7, "Material", "One color for each material", "Standard"),
+    Mode("material", 7, "Material", "One color for each material", "Standard", materials=True),
     Mode("cost", 8, "Cost", "Nodes and triangles visited for each pixel, on one fixed color scale", "Standard"),
 )
 MODE_NAMES: tuple[str, ...] = tuple(mode.name for mode in MODES)

@@ -9,6 +9,7 @@ import perfect_bvh
 import pytest
 from oracles import meshes
 from perfect_bvh import BuildConfig, SceneStatistics
+from perfect_bvh.build_config import BUILDERS
 
 SINGLE = BuildConfig(builder="binned", max_leaf_size=1)
 
@@ -92,7 +93,7 @@ def test_details_only_where_asked_for():
     assert rows == list(short.meshes)
 
 
-@pytest.mark.parametrize("builder", ["median", "sweep", "binned", "spatial", "fast"])
+@pytest.mark.parametrize("builder", BUILDERS[1:])
 def test_the_same_figures_whatever_the_usage(builder):
     config = BuildConfig(builder=builder, optimize=2, duplication_budget=1.0)
     static, deforming = (

@@ -10,6 +10,7 @@ import perfect_bvh
 import pytest
 from oracles import meshes
 from perfect_bvh import BuildConfig, TreeBoxes
+from perfect_bvh.build_config import BUILDERS
 
 COLUMNS = ("boxes", "levels", "leaf_sizes", "costs", "overlaps")
 FAR = np.array([1e6, -2e6, 3e6])
@@ -39,7 +40,7 @@ def find_parents(boxes: TreeBoxes) -> list[int]:
     return found
 
 
-@pytest.mark.parametrize("build", ["auto", "median", "sweep", "fast"])
+@pytest.mark.parametrize("build", [name for name in BUILDERS if name != "spatial"])  # which cuts triangles
 def test_boxes_nest_and_hold_every_triangle(build: str) -> None:
     positions, triangles = meshes.soup(700, 3, 0.1)
     positions = positions.astype(np.float32)

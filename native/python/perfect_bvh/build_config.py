@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import operator
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 Builder = Literal["auto", "median", "sweep", "binned", "spatial", "fast"]
-BUILDERS: tuple[str, ...] = ("auto", "median", "sweep", "binned", "spatial", "fast")
+BUILDERS: tuple[str, ...] = get_args(Builder)
 Layout = Literal["default", "compact"]
-LAYOUTS: tuple[str, ...] = ("default", "compact")
+LAYOUTS: tuple[str, ...] = get_args(Layout)
 
 # Least and greatest, both allowed. The engine checks the same ranges.
 _WHOLE_NUMBERS = {"bins": (2, 256), "max_leaf_size": (1, 255), "optimize": (0, 1000)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,7 @@ from .snapshot import Snapshot
 Usage = Literal["static", "deforming", "changing"]
 Policy = Literal["governed", "refit", "rotate", "rebuild_parts", "rebuild"]
 _MOST_RAYS = 1e18
-POLICIES: tuple[str, ...] = ("governed", "refit", "rotate", "rebuild_parts", "rebuild")
+POLICIES: tuple[str, ...] = get_args(Policy)
 
 
 class Scene(Queries):
