@@ -42,13 +42,15 @@ def _of_cycles(scene: Any) -> Iterator[tuple[str, str]]:
     settings = getattr(scene, "cycles", None)
     if settings is None:  # the add-on is disabled
         return
-    if settings.film_exposure != 1.0:
-        yield "Film", f"the exposure {settings.film_exposure:.3g} is not asked; 1 is"
-    if scene.render.film_transparent and settings.film_transparent_glass:
+    exposure = getattr(settings, "film_exposure", 1.0)
+    if exposure != 1.0:
+        yield "Film", f"the exposure {exposure:.3g} is not asked; 1 is"
+    if scene.render.film_transparent and getattr(settings, "film_transparent_glass", False):
         yield "Film", "Transparent Glass is not shown; glass before the background is opaque"
-    if settings.use_fast_gi:
+    if getattr(settings, "use_fast_gi", False):
         yield "Fast GI Approximation", "it is not shown; traced light is"
-    if scene.render.use_simplify and (settings.use_camera_cull or settings.use_distance_cull):
+    culls = any(getattr(settings, name, False) for name in ("use_camera_cull", "use_distance_cull"))
+    if scene.render.use_simplify and culls:
         yield "Simplify", "culling is not asked; every object is shown"
     if scene.render.use_freestyle:
         yield "Freestyle", "it is not shown; no lines are"

@@ -128,8 +128,8 @@ def _read_parts(
         instances=instances,
         world=world,
         unseen=groups.unseen,
-        warnings=(*meshes.warnings, *groups.warnings, *images.warnings, *warnings),
-        not_shown=(*groups.not_shown, *materials.not_shown, *of_world),
+        warnings=(*meshes.warnings, *groups.warnings, *map(str, images.not_shown), *warnings),
+        not_shown=(*groups.not_shown, *materials.not_shown, *images.not_shown, *of_world),
     )
 
 

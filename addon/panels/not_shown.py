@@ -15,6 +15,7 @@ ICONS = {
     "dark": "OUTLINER_OB_LIGHT",
     "object": "OBJECT_DATA",
     "material": "MATERIAL",
+    "image": "IMAGE_DATA",
     "light": "LIGHT",
     "world": "WORLD",
     "setting": "SCENE",

@@ -98,13 +98,13 @@ class _FileWatcher:
 
 
 _watcher = _FileWatcher()
-_GROUPS = (PERFECT_BVH_PG_not_shown, PERFECT_BVH_PG_not_shown_list)
+CLASSES = (PERFECT_BVH_PG_not_shown, PERFECT_BVH_PG_not_shown_list)
 
 
 def register() -> None:
     global _listed
     _listed = None
-    for group in _GROUPS:
+    for group in CLASSES:
         bpy.utils.register_class(group)
     bpy.types.WindowManager.perfect_bvh_not_shown = bpy.props.PointerProperty(
         name="Not Shown", description="What images lack", type=PERFECT_BVH_PG_not_shown_list, options={"SKIP_SAVE"}
@@ -120,5 +120,5 @@ def unregister() -> None:
         bpy.app.timers.unregister(_show_news)
     _told.clear()
     del bpy.types.WindowManager.perfect_bvh_not_shown
-    for group in reversed(_GROUPS):
+    for group in reversed(CLASSES):
         bpy.utils.unregister_class(group)

@@ -6,13 +6,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["library", "dark", "object", "material", "light", "world", "setting"]
+Kind = Literal["library", "dark", "object", "material", "image", "light", "world", "setting"]
 
 # In the order in which users want to know of them: one of it and several, and what became of it.
 _COUNTED: dict[Kind, tuple[str, str, str]] = {
     "library": ("library", "libraries", "missing"),
     "material": ("material", "materials", "simplified"),
     "object": ("object", "objects", "not shown"),
+    "image": ("image", "images", "not found"),
     "light": ("light", "lights", "simplified"),
     "world": ("world", "worlds", "simplified"),
     "setting": ("setting", "settings", "ignored"),
@@ -31,8 +32,8 @@ SELECTABLE: dict[Kind, str] = {
 class NotShown:
     """One thing that is not shown, or shown otherwise.
 
-    kind: what name is of; "dark" is a scene in which nothing shines. session_uid: of the object, material, light or
-    world, 0 for others. text: a sentence without its subject: what is not shown; what is shown instead.
+    kind: what name is of; "dark" is a scene in which nothing shines. session_uid: of the object, material, image, light
+    or world, 0 for others. text: a sentence without its subject: what is not shown; what is shown instead.
     """
 
     kind: Kind

@@ -161,7 +161,7 @@ def add_missing_texture(tmp_path: Path) -> str:
     node.image.source, node.image.filepath = "FILE", str(tmp_path / "gone.png")
     material.node_tree.links.new(node.outputs[0], material.node_tree.nodes["Principled BSDF"].inputs["Base Color"])
     bpy.data.objects["Cube"].data.materials.append(material)
-    return "image 'paint' could not be loaded from"
+    return "paint: it could not be loaded from"
 
 
 def add_nan(tmp_path: Path) -> str:

@@ -344,6 +344,17 @@ def test_attributes_and_uv_maps_that_are_not_there_are_named(material: Any) -> N
     ]
 
 
+def test_an_image_that_is_not_there_is_named(material: Any) -> None:
+    image = material.node_tree.nodes.new("ShaderNodeTexImage")
+    image.image = bpy.data.images.new("gone", 1, 1)
+    image.image.source, image.image.filepath = "FILE", "//nowhere.png"
+    link(material, image.outputs["Color"])
+    (row,) = rows()
+    assert (row.kind, row.session_uid) == ("image", image.image.session_uid)
+    assert str(row) == "gone: it could not be loaded from '//nowhere.png'; magenta is shown"
+    assert read_scene(evaluated(), SHADING).warnings == (str(row),)
+
+
 def new_world() -> Any:
     world = bpy.context.scene.world
     if not world.node_tree:

@@ -94,7 +94,7 @@ def render_what_is_broken() -> Step:
     broken = bpy.data.objects.new("Broken", mesh)
     bpy.context.scene.collection.objects.link(broken)
     yield from render_and_wait()
-    yield from wait_for_report("image 'paint' could not be loaded from")
+    yield from wait_for_report("paint: it could not be loaded from")
     yield from wait_for_report("Broken: left out 1 triangle with a vertex that is not finite")
     screenshot("render_of_what_is_broken")
     yield from close_image("TEXT_EDITOR")

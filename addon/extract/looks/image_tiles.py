@@ -59,7 +59,7 @@ def read_tiles(image: Any, read: Callable[[Any, str], T | None], warn: Callable[
             for number in numbers[1:]:
                 found[number] = _read_tile(data, image, _path_of(path, number), read)
     for number in [number for number, pixels in found.items() if pixels is None]:
-        warn(f"tile {number} of image {image.name!r} could not be loaded from {image.filepath!r}")
+        warn(f"tile {number} could not be loaded from {image.filepath!r}")
     return {number: pixels for number, pixels in found.items() if pixels is not None}
 
 
@@ -102,7 +102,7 @@ def _files_of(image: Any, warn: Callable[[str], None]) -> Iterator[str]:
     with tempfile.TemporaryDirectory() as folder:
         copy = str(Path(folder) / "tile.<UDIM>")
         if not _save_copy(image, copy):
-            warn(f"image {image.name!r} has tiles that were not saved; shown are those of {image.filepath!r}")
+            warn(f"it has tiles that were not saved; shown are those of {image.filepath!r}")
             copy = path
         yield copy
 

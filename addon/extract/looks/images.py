@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from ...sync.not_shown import NotShown
 from ...sync.records import ImageRecord
 from .image_tiles import is_tiled, look_of_tiles, read_tiles
 from .node_values import OWN_ALPHA, Value
@@ -56,7 +57,7 @@ class ImageReader:
         self.cache = ImageCache()
         self._rows: dict[tuple[Hashable, ...], int] = {}
         self.records: list[ImageRecord] = []
-        self.warnings: list[str] = []
+        self.not_shown: dict[NotShown, None] = {}  # in the order in which they are met
 
     def row(self, color: Value | None, alpha: Value | None = None) -> int:
         """The row of an image with the colour of one value and the alpha of another; None for what is not looked at.
@@ -114,7 +115,7 @@ class ImageReader:
             return held[1]  # type: ignore[no-any-return]
         pixels = _read_pixels(image)
         if pixels is None:
-            self._warn(f"image {image.name!r} could not be loaded from {image.filepath!r}")
+            self._warn(image, f"it could not be loaded from {image.filepath!r}; magenta is shown")
             return _MISSING
         return pixels
 
@@ -123,11 +124,10 @@ class ImageReader:
         held = self.cache.held.get((uid, "tiles")) or self._before.get((uid, "tiles"))
         if held is not None and _has_look(image, held[0]):
             return held[1]  # type: ignore[no-any-return]
-        return read_tiles(image, _read_pixels, self._warn)
+        return read_tiles(image, _read_pixels, lambda text: self._warn(image, text))
 
-    def _warn(self, warning: str) -> None:
-        if warning not in self.warnings:
-            self.warnings.append(warning)
+    def _warn(self, image: Any, text: str) -> None:
+        self.not_shown[NotShown("image", image.name, image.original.session_uid, text)] = None
 
     def _held(self, image: Any, uid: int, key: Hashable, make: Callable[[], Read]) -> Read:
         held = self.cache.held.get((uid, key)) or self._before.get((uid, key))

@@ -96,7 +96,7 @@ def _note_world(world: Any, output: Any, omissions: Omissions) -> None:
         if volume.is_output:
             omissions.note_node(volume.node, instead="clear air is")
     visibility = getattr(world, "cycles_visibility", None)
-    if visibility is not None and not all(getattr(visibility, name) for name in _WORLD_RAYS):
+    if visibility is not None and not all(getattr(visibility, name, True) for name in _WORLD_RAYS):
         omissions.note("its ray visibility", "all rays see it")
 
 
