@@ -45,6 +45,11 @@ class NotShown:
         return f"{self.name}: {self.text}"
 
 
+def without_looks(not_shown: Iterable[NotShown]) -> tuple[NotShown, ...]:
+    """What counts where materials, lights and the world are not shown at all."""
+    return tuple([row for row in not_shown if row.kind in {"library", "object", "setting"}])
+
+
 def summarize(not_shown: Iterable[NotShown]) -> str:
     """In one line, such as "3 materials simplified, 1 object not shown"; empty if there is nothing to tell."""
     found: dict[Kind, set[tuple[int, str]]] = {}

@@ -16,6 +16,7 @@ from ..image.still import missing_camera
 from ..settings.scene_settings import read_settings
 from ..statistics.last_result import edits_of
 from ..statistics.not_shown import tell
+from ..sync.not_shown import without_looks
 from .region_camera import camera_of
 
 if TYPE_CHECKING:
@@ -115,7 +116,8 @@ def begin_view(
     """
     sync.request(plan.attributes)
     building = sync.begin_update(depsgraph, plan.expected_rays, space=space)
-    tell(depsgraph.scene, sync.record.not_shown)
+    not_shown = sync.record.not_shown  # views that share the trees may have more read than this one asks for
+    tell(depsgraph.scene, not_shown if plan.attributes.shading else without_looks(not_shown))
     return building
 
 

@@ -392,6 +392,7 @@ def test_the_worlds_volume_mapping_and_visibility(material: Any) -> None:
     assert sentences() == ["World: the Mapping of Sky is not shown; its turn about the vertical is"]
     tree.links.new(add(tree, "VolumeScatter").outputs[0], tree.get_output_node("ALL").inputs["Volume"])
     world.cycles_visibility.glossy = False
+    world.update_tag()
     assert sentences()[:2] == [
         "World: Volume Scatter is not shown; clear air is",
         "World: its ray visibility is not shown; all rays see it",

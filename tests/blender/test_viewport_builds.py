@@ -337,5 +337,9 @@ def test_a_viewport_tells_in_one_line_what_it_does_not_show(cube, gate: Gate) ->
     assert redraw() == "1 setting ignored"
     bpy.ops.object.volume_add()
     assert redraw() == "1 object not shown, 1 setting ignored"
+    bpy.context.scene.world = None
+    assert redraw() == "no light at all, 1 object not shown, 1 setting ignored"
+    bpy.context.scene.perfect_bvh.mode = "CLAY"
+    assert redraw() == "1 object not shown, 1 setting ignored"
     shown.viewport.complaint = None
     shown.finish()
