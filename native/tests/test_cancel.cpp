@@ -20,10 +20,8 @@ namespace {
 using std::chrono::milliseconds;
 
 // Triangles that are all the same one: a ray that meets one tests all of them.
-constexpr std::size_t kTriangles = 1024, kRays = 2048, kInstances = 2;
-constexpr std::size_t kLeafVisits = kRays * kInstances * kTriangles / kLeafSize;  // at least
-// A step is at most a leaf for each ray in flight.
-constexpr std::size_t kMostLeavesBetween = kStepsBetweenAsking * kMostRaysInFlight;
+constexpr std::size_t kTriangles = 1024, kInstances = 2;
+constexpr std::size_t kLeafVisits = kInstances * kTriangles / kLeafSize;  // of a ray, at least
 
 std::shared_ptr<const Snapshot> make_snapshot(TreeLayout layout, bool is_lazy) {
   MeshData data;
@@ -46,41 +44,51 @@ std::shared_ptr<const Snapshot> make_snapshot(TreeLayout layout, bool is_lazy) {
 
 // Rays from above and points, one a row, and room for whatever is asked about them.
 struct Query {
-  Query() {
+  explicit Query(std::size_t ray_count) : count(ray_count) {
     Random random(1);
-    for (std::size_t i = 0; i < kRays; ++i) {
+    for (std::size_t i = 0; i < count; ++i) {
       origins.push_back({uniform(random, -0.2f, 0.2f), uniform(random, -0.2f, 0.2f), 1.0});
     }
-    rays.count = kRays;
+    rays.count = count;
     rays.origins_double = origins.data(), rays.directions_double = directions.data();
     rays.t_min = &t_min, rays.t_max = &t_max, rays.masks = &mask;
-    points = {kRays, origins.data(), &farthest, &mask, 0, 0};
+    points = {count, origins.data(), &farthest, &mask, 0, 0};
     closest = {vectors.data(), t.data(), ids.data(), ids.data(), ids.data(), uvs.data()};
   }
-  std::vector<Vec3d> origins, directions{kRays, Vec3d{0.0, 0.0, -1.0}};
+  std::size_t count;
+  std::vector<Vec3d> origins, directions = std::vector<Vec3d>(count, Vec3d{0.0, 0.0, -1.0});
   float t_min = 0.0f, t_max = 1e30f;
   double farthest = 1e30;
   std::uint32_t mask = 1;
   RayColumns rays;
   PointColumns points;
-  std::vector<std::int32_t> ids = std::vector<std::int32_t>(kRays);
-  std::vector<double> vectors = std::vector<double>(3 * kRays), t = std::vector<double>(kRays);
-  std::vector<float> uvs = std::vector<float>(2 * kRays);
-  std::vector<std::uint8_t> flags = std::vector<std::uint8_t>(kRays);
+  std::vector<std::int32_t> ids = std::vector<std::int32_t>(count);
+  std::vector<double> vectors = std::vector<double>(3 * count), t = std::vector<double>(count);
+  std::vector<float> uvs = std::vector<float>(2 * count);
+  std::vector<std::uint8_t> flags = std::vector<std::uint8_t>(count);
   ClosestColumns closest;
 };
 
 class Cancelling : public KernelTest {
  protected:
-  using Run = std::function<void(const Snapshot&, Query&, ThreadPool&, CancelToken&)>;
+  struct Run {
+    std::function<void(const Snapshot&, Query&, ThreadPool&, CancelToken&)> query;
+    std::size_t rays_in_flight = 1;  // at most: a step is at most a leaf for each
+
+    // So many rays that at least `count` questions are asked while they are under way.
+    [[nodiscard]] std::size_t rays_for(std::size_t count) const {
+      return count * kStepsBetweenAsking * rays_in_flight / kLeafVisits;
+    }
+  };
 
   static Run casting(Strategy strategy) {
-    return [strategy](const Snapshot& snapshot, Query& query, ThreadPool& pool, CancelToken& cancel) {
+    const auto cast = [strategy](const Snapshot& snapshot, Query& query, ThreadPool& pool, CancelToken& cancel) {
       query.rays.strategy = strategy;
       HitColumns out;
       out.instance_ids = query.ids.data();
       cast_rays(snapshot, query.rays, out, pool, 0, cancel);
     };
+    return {cast, strategy == Strategy::kSingle ? 1 : kMostRaysInFlight};
   }
   static void count(const Snapshot& snapshot, Query& query, ThreadPool& pool, CancelToken& cancel) {
     count_intersections(snapshot, query.rays, query.ids.data(), pool, 0, cancel);
@@ -96,7 +104,7 @@ class Cancelling : public KernelTest {
     compute_closest_points(snapshot, query.points, query.closest, pool, 0, cancel);
   }
   static std::vector<Run> all_queries() {
-    std::vector<Run> all{count, list, find_closest};
+    std::vector<Run> all{{count}, {list}, {find_closest}};
     for (const Strategy strategy : {Strategy::kAuto, Strategy::kPackets, Strategy::kStream, Strategy::kSingle}) {
       all.push_back(casting(strategy));
     }
@@ -107,15 +115,16 @@ class Cancelling : public KernelTest {
 INSTANTIATE_TEST_SUITE_P(All, Cancelling, testing::ValuesIn(kernel_cases()), Cancelling::name_of);
 
 TEST_P(Cancelling, IsAskedEverySoManyLeafVisits) {
+  constexpr std::size_t kQuestions = 8;
   const auto snapshot = make_snapshot(GetParam().layout, false);
   const std::vector<Run> all = all_queries();
   for (std::size_t i = 0; i < all.size(); ++i) {
     std::size_t asked = 0;
     CancelToken cancel([&](float) { return ++asked != 0; }, milliseconds(0));
     ThreadPool pool(1);
-    Query query;
-    all[i](*snapshot, query, pool, cancel);
-    EXPECT_GE(asked, kLeafVisits / kMostLeavesBetween) << "query " << i;
+    Query query(all[i].rays_for(kQuestions));
+    all[i].query(*snapshot, query, pool, cancel);
+    EXPECT_GE(asked, kQuestions) << "query " << i;
   }
 }
 
@@ -126,8 +135,8 @@ TEST_P(Cancelling, StopsAtTheQuestionThatSaysSo) {
       std::size_t asked = 0;
       CancelToken cancel([&](float) { return ++asked < 5; }, milliseconds(0));
       ThreadPool pool(1);
-      Query query;
-      EXPECT_THROW(run(*snapshot, query, pool, cancel), Cancelled);
+      Query query(run.rays_for(5));
+      EXPECT_THROW(run.query(*snapshot, query, pool, cancel), Cancelled);
       EXPECT_EQ(asked, 5u);
     }
   }
@@ -135,27 +144,26 @@ TEST_P(Cancelling, StopsAtTheQuestionThatSaysSo) {
 
 // In the middle of a kernel, whose memory they must not share.
 TEST_P(Cancelling, LetsTheCallbackCastRaysOfItsOwn) {
-  for (const bool is_lazy : {false, true}) {
-    for (const Run& run : all_queries()) {
+  for (const Run& run : all_queries()) {
+    const std::size_t ray_count = run.rays_for(2);
+    Query expected(ray_count);
+    ThreadPool pool(1);
+    CancelToken never;
+    run.query(*make_snapshot(GetParam().layout, false), expected, pool, never);
+    for (const bool is_lazy : {false, true}) {
       const auto snapshot = make_snapshot(GetParam().layout, is_lazy);
-      Query expected, query;
-      for (Query* each : {&expected, &query}) each->rays.count = each->points.count = kRays / 2;
-      ThreadPool pool(1);
-      CancelToken never;
-      run(*make_snapshot(GetParam().layout, false), expected, pool, never);
+      Query query(ray_count);
       std::size_t asked = 0;
-      const Run cast = casting(Strategy::kAuto);
       CancelToken cancel(
           [&](float) {
             if (++asked != 2) return true;  // the first is asked before the kernel runs
-            Query other;
-            other.rays.count = other.points.count = 70;
-            cast(*snapshot, other, pool, never);
+            Query other(70);
+            casting(Strategy::kAuto).query(*snapshot, other, pool, never);
             find_closest(*snapshot, other, pool, never);
             return true;
           },
           milliseconds(0));
-      run(*snapshot, query, pool, cancel);
+      run.query(*snapshot, query, pool, cancel);
       EXPECT_GE(asked, 2u);
       EXPECT_EQ(query.ids, expected.ids);
       EXPECT_EQ(query.t, expected.t);
@@ -173,15 +181,16 @@ TEST_P(Cancelling, TellsWhatTheCallbackThrew) {
       },
       milliseconds(0));
   ThreadPool pool(1);
-  Query query;
-  EXPECT_ANY_THROW(casting(Strategy::kAuto)(*snapshot, query, pool, cancel));
+  const Run cast = casting(Strategy::kAuto);
+  Query query(cast.rays_for(4));
+  EXPECT_ANY_THROW(cast.query(*snapshot, query, pool, cancel));
   EXPECT_THROW(cancel.rethrow_callback_error(), std::runtime_error);
 }
 
 TEST(CancellingAudit, IsAskedEverySoManyTests) {
   const auto snapshot = make_snapshot(TreeLayout::kDefault, false);
-  Query query;
-  std::vector<std::uint8_t> unclear(kRays);
+  Query query(2048);
+  std::vector<std::uint8_t> unclear(query.count);
   const AuditedAnswers answers{query.uvs.data(), query.ids.data(), query.ids.data()};
   std::size_t asked = 0;
   CancelToken cancel([&](float) { return ++asked < 1000; }, milliseconds(0));

@@ -27,7 +27,7 @@ std::ostream& operator<<(std::ostream& out, const Case& each) { return out << ea
 
 class StoppedRestructuring : public testing::TestWithParam<Case> {
  protected:
-  StoppedRestructuring() : still_(bumpy_sheet(40)), mesh_(moved(still_, {"", [](Positions& p) { twist(p, 25.0f); }})) {}
+  StoppedRestructuring() : still_(bumpy_sheet(24)), mesh_(moved(still_, {"", [](Positions& p) { twist(p, 25.0f); }})) {}
 
   // A scene that is about to see the mesh move; `mesh_id` of it is 0.
   void begin(Scene& scene) {

@@ -27,9 +27,9 @@ struct Moved {
 
 class WideRestructuring : public testing::TestWithParam<Way> {
  protected:
-  Moved move(const TriangleMesh& still, const Motion& motion) {
+  Moved move(const TriangleMesh& still, const Motion& motion) { return move(build(still, GetParam()), still, motion); }
+  Moved move(const WideBvh& tree, const TriangleMesh& still, const Motion& motion) {
     Moved result;
-    const WideBvh tree = build(still, GetParam());
     result.mesh = moved(still, motion);
     result.fresh = measure_wide_costs(tree, pool_, cancel_);
     result.costs = refit_wide(tree, plan_of(tree, result.mesh), result.mesh, result.tree, false, pool_, cancel_);
@@ -50,9 +50,10 @@ INSTANTIATE_TEST_SUITE_P(Ways, WideRestructuring, testing::ValuesIn(ways()),
 
 TEST_P(WideRestructuring, RotationsGiveSoundTreesOfNoHigherCost) {
   for (const NamedMesh& input : hard_meshes()) {
+    const WideBvh tree = build(input.mesh, GetParam());
     for (const Motion& motion : motions()) {
       const std::string name = input.name + ", " + motion.name;
-      Moved now = move(input.mesh, motion);
+      Moved now = move(tree, input.mesh, motion);
       const double before = now.costs.whole(now.tree);
       for (int i = 0; i < 2; ++i) static_cast<void>(rotate_wide(now.tree, now.costs, pool_, cancel_));
       expect_sound(now, name);
@@ -63,10 +64,12 @@ TEST_P(WideRestructuring, RotationsGiveSoundTreesOfNoHigherCost) {
 
 TEST_P(WideRestructuring, RebuiltPartsGiveSoundTrees) {
   for (const NamedMesh& input : hard_meshes()) {
+    const WideBvh tree = build(input.mesh, GetParam());
     for (const Motion& motion : motions()) {
+      const Moved moved = move(tree, input.mesh, motion);
       for (const double tolerance : {0.0, 1.05, 1.3}) {
         const std::string name = input.name + ", " + motion.name + ", " + std::to_string(tolerance);
-        Moved now = move(input.mesh, motion);
+        Moved now = moved;
         const auto parts = find_degraded_parts(now.tree, now.costs, now.fresh, tolerance);
         if (now.tree.nodes.empty()) {
           EXPECT_TRUE(parts.empty()) << name;
