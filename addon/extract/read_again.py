@@ -23,6 +23,7 @@ from ..sync.records import (
     InstanceRecords,
     Int32Array,
     MaterialRecord,
+    MaterialVariants,
     MeshRecord,
     ObjectRecord,
     UnseenMesh,
@@ -45,6 +46,7 @@ class SceneParts:
     images: tuple[ImageRecord, ...]
     instances: InstanceRecords
     world: WorldRecord | None
+    variants: MaterialVariants | None
     unseen: tuple[UnseenMesh, ...]
     warnings: tuple[str, ...]
     not_shown: tuple[NotShown, ...]
@@ -81,6 +83,8 @@ def remember(
     """
     look = visibility.look
     if shown is None or log is None or look is None:
+        return None
+    if parts.variants is not None:  # which objects' properties they depend on is not kept
         return None
     originals = [obj.original for obj in depsgraph.objects]
     # What is edited or sculpted may change without a notice from Blender: it is read every time.

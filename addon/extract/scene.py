@@ -12,6 +12,7 @@ from ..sync.not_shown import NotShown
 from ..sync.records import AttributeRequest, CameraRecord, LightRecords, SceneRecord
 from .camera import read_camera, read_frame
 from .geometry.groups import GroupTable
+from .geometry.instance_columns import InstanceColumns
 from .geometry.instances import InstanceCache, read_instances
 from .geometry.mesh_cache import MeshCache
 from .geometry.mesh_table import MeshTable
@@ -20,6 +21,7 @@ from .libraries import find_missing_libraries
 from .looks.images import ImageCache, ImageReader
 from .looks.lights import read_lights, read_world
 from .looks.materials import MaterialReader
+from .looks.variants import read_variants
 from .pointer_views import ArrayReader
 from .read_again import PlainReading, SceneParts, read_again, remember
 from .visibility import VisibilityReader, outside_viewports
@@ -97,6 +99,7 @@ def read_scene(
         images=parts.images,
         lights=lights,
         world=parts.world,
+        variants=parts.variants,
         unseen=parts.unseen,
         warnings=(*parts.warnings, *([complaint] if complaint else [])),
     )
@@ -119,6 +122,8 @@ def _read_parts(
     instances = read_instances(depsgraph, groups, reader, cache.instances, warnings)
     of_world: list[NotShown] = []
     world = read_world(depsgraph.scene_eval, images, of_world) if attributes.shading else None
+    columns = InstanceColumns(depsgraph, groups.objects, instances, cache.instances.random_ids)
+    variants = read_variants(materials.records, materials.asking, groups.objects.records, instances, columns.of, images)
     cache.meshes, cache.images = meshes.cache, images.cache
     return SceneParts(
         meshes=tuple(meshes.records),
@@ -127,6 +132,7 @@ def _read_parts(
         images=tuple(images.records),
         instances=instances,
         world=world,
+        variants=variants,
         unseen=groups.unseen,
         warnings=(*meshes.warnings, *groups.warnings, *map(str, images.not_shown), *warnings),
         not_shown=(*groups.not_shown, *materials.not_shown, *images.not_shown, *of_world),

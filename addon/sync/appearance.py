@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 
 import numpy as np
+import numpy.typing as npt
 from perfect_bvh import Camera, Lens
 from perfect_bvh.appearance import (
     LIGHT_KINDS,
@@ -75,18 +76,32 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
 
 
 def _material_table(record: SceneRecord) -> MaterialTable:
-    """Without a world the materials were not asked what they are made of: then only the viewport colours are there."""
+    """A row a material, then one a variant of materials.
+
+    Without a world the materials were not asked what they are made of: then only the viewport colours are there.
+    """
     materials = record.materials
-    colors = np.array([material.color for material in materials], np.float32).reshape(-1, 4)
-    indices = np.array([material.pass_index for material in materials], np.int32)
+    variants = record.variants
+    rows_of = np.arange(len(materials))
+    if variants is not None:
+        rows_of = np.concatenate([rows_of, variants.materials])
+    colors = np.array([material.color for material in materials], np.float32).reshape(-1, 4)[rows_of]
+    indices = np.array([material.pass_index for material in materials], np.int32)[rows_of]
     if record.world is None:
         return MaterialTable(colors, indices)
 
     def numbers(name: str) -> Float32Array:
-        return np.array([getattr(material, name) for material in materials], np.float32)
+        own = np.array([getattr(material, name) for material in materials], np.float32)
+        if variants is None:
+            return own
+        varying = variants.columns.get(name)
+        return np.concatenate([own, own[variants.materials] if varying is None else varying])
 
     def rows(name: str) -> Float32Array:
         return numbers(name).reshape(-1, 3)
+
+    def images(name: str) -> Int32Array:
+        return np.array([getattr(material, name) for material in materials], np.int32)[rows_of]
 
     return MaterialTable(
         colors,
@@ -111,11 +126,27 @@ def _material_table(record: SceneRecord) -> MaterialTable:
         translucent_colors=rows("translucent_color"),
         translucent_powers=numbers("translucent_power"),
         holdouts=numbers("holdout"),
-        color_images=np.array([material.color_image for material in materials], np.int32),
-        alpha_images=np.array([material.alpha_image for material in materials], np.int32),
-        emission_images=np.array([material.emission_image for material in materials], np.int32),
-        tints=tuple([material.tint for material in materials]),
+        color_scales=rows("color_scale"),
+        color_images=images("color_image"),
+        alpha_images=images("alpha_image"),
+        emission_images=images("emission_image"),
+        tints=tuple([materials[row].tint for row in rows_of.tolist()]),
     )
+
+
+def _with_variants(record: SceneRecord, slot_materials: Int32Array, counts: npt.NDArray[np.int64]) -> Int32Array:
+    """(S,) int32: rows of the material table. counts: (I,), the slots of each instance."""
+    variants = record.variants
+    if variants is None:
+        return slot_materials
+    changed = slot_materials.copy()
+    owners = np.repeat(np.arange(len(counts)), counts)
+    for material in np.unique(variants.materials):
+        first, last = np.searchsorted(variants.materials, [material, material + 1])
+        slots = np.flatnonzero(slot_materials == material)
+        places = first + np.searchsorted(variants.instances[first:last], owners[slots])
+        changed[slots] = len(record.materials) + places
+    return changed
 
 
 def _world(record: SceneRecord) -> World | None:
@@ -162,7 +193,7 @@ def _instance_table(record: SceneRecord, instance_ids: Int32Array) -> InstanceTa
     return InstanceTable(
         ids=instance_ids,
         slot_offsets=offsets.astype(np.int32),
-        slot_materials=flat[places].astype(np.int32),
+        slot_materials=_with_variants(record, flat[places].astype(np.int32), instance_counts),
         object_indices=np.array([obj.pass_index for obj in record.objects], np.int32)[instances.object_indices],
         holdout=np.array([obj.holdout for obj in record.objects], np.bool_)[instances.object_indices],
     )

@@ -7,19 +7,29 @@ from typing import Any
 
 import numpy as np
 
-from .records import ImageRecord, SceneRecord
+from .records import ImageRecord, MaterialVariants, SceneRecord
 
 
 def find_look_differences(old: SceneRecord, new: SceneRecord) -> tuple[str, ...]:
-    """What differs, in words: "materials", "objects", "film", "world", "lights", "images"."""
+    """What differs, in words: "materials", "objects", "film", "world", "lights", "variants", "images"."""
     found = [name for name in ("materials", "objects", "world") if getattr(old, name) != getattr(new, name)]
     if old.film_transparent != new.film_transparent:
         found.append("film")
     if _differ(old.lights, new.lights):
         found.append("lights")
+    if _are_other_variants(old.variants, new.variants):
+        found.append("variants")
     if len(old.images) != len(new.images) or any(map(_are_unlike, old.images, new.images)):
         found.append("images")
     return tuple(found)
+
+
+def _are_other_variants(old: MaterialVariants | None, new: MaterialVariants | None) -> bool:
+    if old is None or new is None:
+        return old is not new
+    if [*old.columns] != [*new.columns] or _differ(old, new, "columns"):
+        return True
+    return any(not np.array_equal(column, new.columns[name]) for name, column in old.columns.items())
 
 
 def _are_unlike(old: ImageRecord, new: ImageRecord) -> bool:

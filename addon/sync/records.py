@@ -185,6 +185,7 @@ class MaterialRecord:
     translucent_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
     translucent_power: float = 0.0
     holdout: float = 0.0
+    color_scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     color_image: int = -1
     alpha_image: int = -1
     emission_image: int = -1
@@ -194,6 +195,19 @@ class MaterialRecord:
     def images(self) -> tuple[int, int, int]:
         """Rows of all that it shows."""
         return self.color_image, self.alpha_image, self.emission_image
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MaterialVariants:
+    """What materials are on single instances, whose object, place or number their nodes ask for.
+
+    materials, instances: (V,) int32, a row of the scene's materials and one of its instances, sorted by both. columns:
+    by the names of `MaterialRecord`'s fields, (V,) or (V, 3) float32; fields without a column are the material's own.
+    """
+
+    materials: Int32Array
+    instances: Int32Array
+    columns: Mapping[str, Float32Array]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -314,7 +328,8 @@ class SceneRecord:
     """Everything read from one evaluated depsgraph at one frame.
 
     camera: None if the scene has none. size: (width, height) of a render in pixels, percentage applied.
-    images, lights, world: only if shading was asked for; without it there is no world.
+    images, lights, world, variants: only if shading was asked for; without it there is no world. variants: of materials
+    that are not the same on each instance, None if all are.
     unseen: what was left out because nothing could show it. warnings: sentences for the user (dropped triangles,
     objects that could not be read). not_shown: what an image of it lacks or shows otherwise; of materials, lights and
     the world only if shading was asked for.
@@ -332,6 +347,7 @@ class SceneRecord:
     images: tuple[ImageRecord, ...] = ()
     lights: LightRecords = field(default_factory=LightRecords)
     world: WorldRecord | None = None
+    variants: MaterialVariants | None = None
     unseen: tuple[UnseenMesh, ...] = ()
     warnings: tuple[str, ...] = ()
     not_shown: tuple[NotShown, ...] = ()

@@ -208,6 +208,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.transmission_tints = read_tints("transmission_colors", "transmission_powers");
   appearance.translucent_tints = read_tints("translucent_colors", "translucent_powers");
   appearance.material_holdouts = view<float>(values, "holdouts");
+  appearance.color_scales = rows_of<Vec3f>(view<float>(values, "color_scales"));
   appearance.color_images = view<std::int32_t>(values, "color_images");
   appearance.alpha_images = view<std::int32_t>(values, "alpha_images");
   appearance.emission_images = view<std::int32_t>(values, "emission_images");

@@ -66,6 +66,30 @@ def show_corners(soak: Soak) -> None:
         tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
 
 
+def show_instances(soak: Soak) -> None:
+    """A material begins to show what each instance has, or ends to."""
+    tree = bpy.data.materials["red"].node_tree
+    shader = next((node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"), None) if tree else None
+    if shader is None:
+        raise NothingToEditError
+    for link in shader.inputs["Roughness"].links:
+        tree.links.remove(link)
+    if soak.number() > -0.5:
+        info = tree.nodes.get("instance") or tree.nodes.new("ShaderNodeObjectInfo")
+        attribute = tree.nodes.get("given") or tree.nodes.new("ShaderNodeAttribute")
+        info.name, attribute.name = "instance", "given"
+        attribute.attribute_name, attribute.attribute_type = "weight", soak.pick(("OBJECT", "INSTANCER"))
+        outputs = (*(info.outputs[name] for name in ("Random", "Alpha", "Location")), attribute.outputs["Fac"])
+        tree.links.new(soak.pick(outputs), shader.inputs["Roughness"])
+
+
+def give_values(soak: Soak) -> None:
+    """What materials may show of an object: its colour, a property."""
+    obj = soak.an_object()
+    obj.color = (*np.abs(soak.vector(0, 1)), abs(soak.number(0, 1)))
+    obj["weight"] = abs(soak.number(0, 1))
+
+
 def look_elsewhere(soak: Soak) -> None:
     scene = bpy.context.scene
     if scene.camera is not None:
@@ -101,6 +125,8 @@ LOOK_EDITS: tuple[Any, ...] = (
     link_material_to_the_object,
     paint_corners,
     show_corners,
+    show_instances,
+    give_values,
     look_elsewhere,
     light,
     lighten_the_world,

@@ -17,7 +17,16 @@ from perfect_bvh_addon.sync.records import AttributeRequest
 
 SHADING = AttributeRequest(shading=True)
 # Nodes of which the output, or what they are given, decides.
-SHOWN_AT_TIMES = {"TEX_COORD", "ATTRIBUTE", "VERTEX_COLOR", "LIGHT_FALLOFF", "TEX_SKY", "TEX_IMAGE", "TEX_ENVIRONMENT"}
+SHOWN_AT_TIMES = {
+    "TEX_COORD",
+    "OBJECT_INFO",
+    "ATTRIBUTE",
+    "VERTEX_COLOR",
+    "LIGHT_FALLOFF",
+    "TEX_SKY",
+    "TEX_IMAGE",
+    "TEX_ENVIRONMENT",
+}
 
 
 @pytest.fixture

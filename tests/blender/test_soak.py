@@ -20,11 +20,11 @@ HAPPENED = {"hold", "look", "look_all", "stop", "ask_to_stop", "update", "linger
 @pytest.mark.parametrize(
     ("watches", "kind", "seed"),
     [
-        (True, "objects", 6),
-        (True, "geometry", 7),
+        (True, "objects", 14),
+        (True, "geometry", 13),
         (True, "mixed", 8),
         (False, "objects", 12),
-        (False, "geometry", 4),
+        (False, "geometry", 13),
         (False, "mixed", 9),
     ],
 )

@@ -35,13 +35,15 @@ class _Block:
     """Consecutive instances of one instancer, or plain objects.
 
     parent, local: (4, 4) and (N, 4, 4) float32, the latter a view that is transposed; for plain objects parent is None.
-    ids: (N,) int32, or (N, 8) for whole persistent ids. inner: rows, and the matrices that follow for them.
+    ids: (N,) int32, or (N, 8) for whole persistent ids. random_ids: (N,), where they were read. inner: rows, and the
+    matrices that follow for them.
     """
 
     parent: Float32Array | None
     local: Float32Array
     group_ids: Int32Array
     ids: Int32Array
+    random_ids: npt.NDArray[np.int64] | None = None
     inner: list[tuple[npt.NDArray[np.intp], list[Float32Array]]] = field(default_factory=list)
 
 
@@ -144,6 +146,7 @@ class _Collector:
             bad_rows=np.concatenate(bad_rows).astype(np.int32),
             ids=_joined(ids),
             expand_ids=(lambda _, whole: whole) if is_read else self._expand_ids,
+            random_ids=np.concatenate([_random_ids(block) for block in self._blocks]) if is_read else None,
         )
 
     def _whole_ids(self, block: _Block) -> Int32Array:
@@ -161,6 +164,11 @@ class _Collector:
                 expanded[rows, :count] = 0
                 expanded[rows, count] = ids[rows]
         return expanded
+
+
+def _random_ids(block: _Block) -> npt.NDArray[np.int64]:
+    """-1 for what was not read."""
+    return np.full(len(block.local), -1, np.int64) if block.random_ids is None else block.random_ids
 
 
 def _joined(arrays: list[Int32Array]) -> Int32Array:

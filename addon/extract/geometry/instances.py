@@ -21,6 +21,7 @@ class InstanceCache:
     """What the last reading found, so that the next can tell that only transforms are new.
 
     shown: (N,) bool, which of the evaluated objects the instances are; None if there are other instances.
+    random_ids: of the instances, see `Listing`.
     """
 
     groups: npt.NDArray[np.int64] | None = None
@@ -28,6 +29,7 @@ class InstanceCache:
     ids: Int32Array | None = None
     records: InstanceRecords | None = None
     shown: npt.NDArray[np.bool_] | None = None
+    random_ids: npt.NDArray[np.int64] | None = None
 
 
 def read_instances(
@@ -40,6 +42,7 @@ def read_instances(
     shown = _find_shown(listing, groups, warnings)
     cache.shown = shown if listing.is_plain else None
     listing = _only(listing, shown)
+    cache.random_ids = listing.random_ids
     rows = np.array(groups.rows, np.int64).reshape(-1, 5)
     if cache.records is not None and _is_same(cache, rows, listing):
         cache.records = replace(cache.records, transforms=listing.transforms)
@@ -84,4 +87,5 @@ def _only(listing: Listing, shown: npt.NDArray[np.bool_]) -> Listing:
         group_ids=listing.group_ids[shown],
         transforms=listing.transforms[shown],
         ids=listing.ids[shown],
+        random_ids=None if listing.random_ids is None else listing.random_ids[shown],
     )

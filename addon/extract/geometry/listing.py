@@ -12,9 +12,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from perfect_bvh.bulk import place_instances
 
 from ...sync.records import LARGEST_COORDINATE, Float32Array, Int32Array
+from ..looks.instance_sources import RANDOM
 from .groups import NOT_SHOWN, GroupTable
 
 _LEVELS = 8  # of a persistent id
@@ -27,7 +29,8 @@ class Listing:
     group_ids: (N,) int32, rows of the groups, or NOT_SHOWN. transforms: (N, 3, 4) float32. bad_rows: (B,) int32, those
     whose transform is useless. ids: (N, ...) int32, what tells instances of one group apart.
     expand_ids: makes (N, 8) persistent ids from group_ids and ids. is_plain: nothing stands there but the evaluated
-    objects themselves, in their order.
+    objects themselves, in their order. random_ids: (N,) int64, Blender's random number for each, -1 for what the list
+    was not asked for; None if it was asked for none.
     """
 
     group_ids: Int32Array
@@ -36,6 +39,7 @@ class Listing:
     ids: Int32Array
     expand_ids: Callable[[Int32Array, Int32Array], Int32Array]
     is_plain: bool = False
+    random_ids: npt.NDArray[np.int64] | None = None
 
 
 def list_instances(depsgraph: Any, groups: GroupTable) -> Listing:
@@ -50,7 +54,13 @@ def list_instances(depsgraph: Any, groups: GroupTable) -> Listing:
     instances.foreach_get("persistent_id", persistent_ids.reshape(-1))
     transforms = np.empty((count, 3, 4), np.float32)
     bad_rows = place_instances(None, matrices, transforms, LARGEST_COORDINATE)
-    return Listing(group_ids, transforms, bad_rows, persistent_ids, lambda _, ids: ids, finder.saw_only_objects)
+    is_plain = finder.saw_only_objects
+    random_ids = None
+    if not is_plain and RANDOM in groups.materials.asked:
+        read = np.empty(count, np.int32)
+        instances.foreach_get("random_id", read)
+        random_ids = read.view(np.uint32).astype(np.int64)
+    return Listing(group_ids, transforms, bad_rows, persistent_ids, lambda _, ids: ids, is_plain, random_ids)
 
 
 class GroupFinder:
@@ -96,14 +106,17 @@ class ListedPart:
     group_ids: list[int] = field(default_factory=list)
     matrices: list[Any] = field(default_factory=list)
     persistent_ids: list[Any] = field(default_factory=list)
+    random_ids: list[int] = field(default_factory=list)
 
     @property
-    def columns(self) -> tuple[Float32Array, Int32Array, Int32Array]:
-        """(N, 4, 4) float32 matrices in columns, (N,) int32 group ids and (N, 8) int32 persistent ids."""
+    def columns(self) -> tuple[Float32Array, Int32Array, Int32Array, npt.NDArray[np.int64]]:
+        """(N, 4, 4) float32 matrices in columns, (N,) int32 group ids, (N, 8) int32 persistent ids, (N,) random ids."""
         count = len(self.group_ids)
         matrices = np.array(self.matrices, np.float32).reshape(count, 4, 4)
         persistent_ids = np.array(self.persistent_ids, np.int32).reshape(count, _LEVELS)
-        return np.ascontiguousarray(matrices.transpose(0, 2, 1)), np.array(self.group_ids, np.int32), persistent_ids
+        random_ids = np.array(self.random_ids, np.int64) & 0xFFFFFFFF
+        matrices = np.ascontiguousarray(matrices.transpose(0, 2, 1))
+        return matrices, np.array(self.group_ids, np.int32), persistent_ids, random_ids
 
 
 class ListWalk:
@@ -127,6 +140,7 @@ class ListWalk:
             # Copies: an entry is overwritten by the next one.
             part.matrices.append(np.array(self._item.matrix_world, np.float32))
             part.persistent_ids.append(tuple(self._item.persistent_id))
+            part.random_ids.append(self._item.random_id)
             self._item = next(self._items, None)
         return part
 

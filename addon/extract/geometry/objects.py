@@ -17,6 +17,7 @@ class ObjectTable:
     def __init__(self) -> None:
         self._rows: dict[tuple[Any, ...], int] = {}
         self.records: list[ObjectRecord] = []
+        self.originals: list[Any] = []  # of the records, for as long as this evaluation is read
 
     def row(self, obj: Any, material_slots: tuple[int, ...] = (), holdout: bool = False) -> int:
         """The row of an evaluated object."""
@@ -26,5 +27,6 @@ class ObjectTable:
         row = self._rows.get(key)
         if row is None:
             row = self._rows[key] = len(self.records)
+            self.originals.append(original)
             self.records.append(ObjectRecord(original.name, uid, obj.pass_index, material_slots, holdout))
         return row

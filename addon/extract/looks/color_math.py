@@ -24,6 +24,11 @@ def grey(color: Pixels) -> Pixels:
     return (color[..., :3] @ _LUMINANCE)[..., None].repeat(4, axis=-1)
 
 
+def average(vector: Pixels) -> Pixels:
+    """The mean of three channels, in each: what a vector is as a number."""
+    return vector[..., :3].mean(axis=-1, keepdims=True).repeat(4, axis=-1)
+
+
 def _by_alpha(blended: Callable[[Pixels, Pixels], Pixels]) -> Callable[[Pixels, Pixels, Pixels], Pixels]:
     """A blend mode: so much of what `blended` makes of both, the rest is the first."""
 

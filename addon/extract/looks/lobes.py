@@ -73,6 +73,19 @@ class Lobes:
 
 
 DIFFUSE = Lobes()
+# What may be another number for each instance.
+LOBE_NUMBERS = ("metallic", "roughness", "reflectance", "transmission", "ior")
+
+
+def averaged(lobes: Lobes) -> Lobes:
+    """With one number each instead of one for each instance."""
+    arrays = {name: getattr(lobes, name) for name in LOBE_NUMBERS if np.ndim(getattr(lobes, name))}
+    return replace(lobes, **{name: float(np.mean(array)) for name, array in arrays.items()}) if arrays else lobes
+
+
+def plain_number(value: Any) -> Any:
+    """A float if it is a single number; arrays as they are."""
+    return value if np.ndim(value) else float(value)
 
 
 class Part(NamedTuple):

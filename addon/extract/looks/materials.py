@@ -9,6 +9,7 @@ from typing import Any
 from ...sync.not_shown import NotShown
 from ...sync.records import NO_LAYERS, LayerRequest, MaterialRecord
 from .images import ImageReader
+from .instance_sources import Source
 from .lobes import Lobes
 from .node_colors import Surface, read_surface
 from .node_values import Value, constant
@@ -30,6 +31,8 @@ class MaterialReader:
         self.records: list[MaterialRecord] = []
         self.not_shown: list[NotShown] = []
         self._volumes: set[int] = set()  # rows of those that show nothing
+        self.asking: dict[int, Any] = {}  # the evaluated materials whose nodes ask for the instance, by their rows
+        self.asked: set[Source] = set()
 
     def row(self, material: Any) -> int:
         """The row of an evaluated or original `bpy.types.Material`, -1 for None."""
@@ -53,7 +56,11 @@ class MaterialReader:
         if self._images is None:
             return record
         omissions = Omissions("material")
-        surface = read_surface(material, self._images, omissions)
+        asked: set[Source] = set()
+        surface = read_surface(material, self._images, omissions, asked=asked)
+        if asked:
+            self.asking[row] = material
+            self.asked |= asked
         self.not_shown += omissions.rows(material)
         if surface.has_volume:
             self._volumes.add(row)

@@ -6,14 +6,14 @@ colour.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from .lobes import DIFFUSE, Color, Lobes, Part, Tint, add_translucent, base_share, mix_lobes
+from .instance_sources import AskInstances, Source
+from .lobes import DIFFUSE, Color, Lobes, Part, Tint, add_translucent, averaged, base_share, mix_lobes, plain_number
 from .node_graph import USES_NODES, Scope, inputs_of, trace_back
 from .node_values import HALF, ImageMeans, Pixels, Value, ValueReader, constant
 from .omissions import Omissions
@@ -46,8 +46,18 @@ class Surface:
     has_volume: bool = False
 
 
-def read_surface(material: Any, images: ImageMeans, omissions: Omissions) -> Surface:
-    """The surface of an evaluated `bpy.types.Material`. omissions: takes what of its nodes is not shown."""
+def read_surface(
+    material: Any,
+    images: ImageMeans,
+    omissions: Omissions,
+    instances: AskInstances | None = None,
+    asked: set[Source] | None = None,
+) -> Surface:
+    """The surface of an evaluated `bpy.types.Material`. omissions: takes what of its nodes is not shown.
+
+    instances: answers what its nodes ask of instances: then values, and numbers of lobes, may have a row for each.
+    asked: takes these questions.
+    """
     red, green, blue, _ = material.diffuse_color
     plain = constant(red, green, blue)
     tree = material.node_tree if USES_NODES or material.use_nodes else None
@@ -62,7 +72,11 @@ def read_surface(material: Any, images: ImageMeans, omissions: Omissions) -> Sur
             return Surface(BLACK, alpha=NOTHING, has_volume=True)  # fog has no surface
     if inputs["Displacement"].is_linked:
         _note_source(inputs["Displacement"], omissions, "the mesh without it is")
-    return _SurfaceReader(plain, images, omissions).follow(inputs["Surface"], None, 0)
+    values = ValueReader(images, plain, omissions, pass_index=material.pass_index, instances=instances)
+    surface = _SurfaceReader(plain, values).follow(inputs["Surface"], None, 0)
+    if asked is not None:
+        asked |= values.asked
+    return surface
 
 
 def _note_source(socket: Any, omissions: Omissions, instead: str) -> None:
@@ -73,10 +87,10 @@ def _note_source(socket: Any, omissions: Omissions, instead: str) -> None:
 
 
 class _SurfaceReader:
-    def __init__(self, plain: Value, images: ImageMeans, omissions: Omissions) -> None:
+    def __init__(self, plain: Value, values: ValueReader) -> None:
         self._plain = plain
-        self._values = ValueReader(images, plain, omissions)
-        self._omissions = omissions
+        self._values = values
+        self._omissions = values.omissions
 
     def follow(self, socket: Any, scope: Scope | None, depth: int) -> Surface:
         """What a shader socket gets."""
@@ -116,7 +130,7 @@ class _SurfaceReader:
                 metallic=self._share(inputs["Metallic"], 0.0, scope),
                 roughness=self._share(inputs["Roughness"], 0.5, scope),
                 reflectance=self._reflectance(inputs["IOR"], scope)
-                * (2.0 * max(values.number(inputs["Specular IOR Level"], 0.5, scope), 0.0)),
+                * (2.0 * np.maximum(values.number(inputs["Specular IOR Level"], 0.5, scope), 0.0)),
                 transmission=self._share(inputs["Transmission Weight"], 0.0, scope),
                 ior=self._ior(inputs["IOR"], scope),
                 specular_tint=self._tint(inputs["Specular Tint"], scope),
@@ -129,10 +143,10 @@ class _SurfaceReader:
         if not strength.is_linked and not strength.default_value:
             return surface
         bright = self._values.read_or(NOTHING, "no light of its own is", strength, scope)
-        if bright.texture is None and not bright.color[0]:
+        if bright.texture is None and not bright.color.any():
             return surface
         emitted = self._values.without_tint(self._values.read(color, scope))
-        if bright.texture is None:
+        if bright.is_even:
             return replace(surface, emission=emitted, brightness=float(bright.color[0]))
         return replace(
             surface, emission=self._values.combine(lambda one, other: one * other, [emitted, bright], "emission")
@@ -157,32 +171,34 @@ class _SurfaceReader:
                 clear_tint=Tint(power=1.0),
             )
         if node.type == "BSDF_TRANSLUCENT":
-            red, green, blue = self._values.mean(base)[:3].tolist()
-            tint = Tint((red, green, blue)) if _is_even(base) else Tint(power=1.0)
+            red, green, blue = self._values.overall(base)[:3].tolist()
+            tint = Tint((red, green, blue)) if base.is_even else Tint(power=1.0)
             return Lobes(translucency=1.0, translucent_tint=tint)
         return DIFFUSE
 
-    def _share(self, socket: Any, unknown: float, scope: Scope | None) -> float:
+    def _share(self, socket: Any, unknown: float, scope: Scope | None) -> Any:
         """A number of 0 to 1 for all of the surface."""
         value = self._values.number(socket, unknown, scope)
-        return min(max(value, 0.0), 1.0) if math.isfinite(value) else unknown
+        return plain_number(np.clip(np.where(np.isfinite(value), value, unknown), 0.0, 1.0))
 
     def _tint(self, socket: Any, scope: Scope | None) -> Color:
         """A colour for all of the surface; white where it cannot be known."""
         value = self._values.read_or(WHOLE, f"{socket.name} white is", socket, scope)
         if value.texture is not None:
             self._omissions.note(f"{value.texture.image.name} as {socket.name}", "its mean is")
-        red, green, blue = np.clip(self._values.mean(value)[:3], 0.0, None).tolist()
+        elif value.varies:
+            self._omissions.note(f"{socket.name} of each instance", "one for all of them is")
+        red, green, blue = np.clip(self._values.overall(value)[:3], 0.0, None).tolist()
         return red, green, blue
 
-    def _ior(self, socket: Any, scope: Scope | None) -> float:
+    def _ior(self, socket: Any, scope: Scope | None) -> Any:
         ior = self._values.number(socket, 1.5, scope)
-        return max(ior, LEAST_IOR) if math.isfinite(ior) else 1.5
+        return plain_number(np.maximum(np.where(np.isfinite(ior), ior, 1.5), LEAST_IOR))
 
-    def _reflectance(self, ior_socket: Any, scope: Scope | None) -> float:
+    def _reflectance(self, ior_socket: Any, scope: Scope | None) -> Any:
         """What a surface of this index of refraction mirrors of what comes from straight above."""
-        ior = self._values.number(ior_socket, 1.5, scope)
-        return ((ior - 1.0) / (ior + 1.0)) ** 2 if ior > -1.0 else 0.0
+        ior = self._ior(ior_socket, scope)
+        return ((ior - 1.0) / (ior + 1.0)) ** 2
 
     def _radiance(self, surface: Surface) -> Value:
         if surface.brightness == 1.0:
@@ -193,22 +209,26 @@ class _SurfaceReader:
     def _mix(self, first: Surface, second: Surface, factor: Value) -> Surface:
         """By alpha the colours count: a transparent share adds nothing but its transparency."""
         values = self._values
-        share = float(np.clip(values.mean(factor)[0], 0.0, 1.0))
+        share = float(np.clip(values.overall(factor)[0], 0.0, 1.0))
         alpha = values.combine(_lerp, [factor, first.alpha, second.alpha], "mix")
-        weights = (1.0 - share) * values.mean(first.alpha)[0], share * values.mean(second.alpha)[0]
+        weights = (1.0 - share) * values.overall(first.alpha)[0], share * values.overall(second.alpha)[0]
         emission = self._lerp_emission(first, second, factor)
         if not weights[0] or not weights[1]:
             # Its colour counts wherever it is: not what alpha's mask would leave of it.
             only = second if weights[1] else first
             return replace(only, emission=emission, brightness=1.0, alpha=alpha)
         second_share = float(weights[1] / (weights[0] + weights[1]))
+        if factor.varies and first.lobes != second.lobes:
+            self._omissions.note(
+                "how much of each shader an instance has", "for reflections one share for all of them is"
+            )
         parts = self._part(first, 1.0 - second_share), self._part(second, second_share)
         base = self._mix_bases(first, second, factor, base_share(*parts), second_share)
         holdout = first.holdout * (1.0 - second_share) + second.holdout * second_share
-        return Surface(base, emission, 1.0, alpha, mix_lobes(*parts, values.mean(base)), holdout)
+        return Surface(base, emission, 1.0, alpha, mix_lobes(*parts, values.overall(base)), holdout)
 
     def _part(self, surface: Surface, weight: float) -> Part:
-        return Part(surface.lobes, weight, self._values.mean(surface.base), not _is_even(surface.base))
+        return Part(averaged(surface.lobes), weight, self._values.overall(surface.base), not surface.base.is_even)
 
     def _mix_bases(
         self, first: Surface, second: Surface, factor: Value, base_share: float | None, second_share: float
@@ -222,7 +242,7 @@ class _SurfaceReader:
 
     def _lerp_emission(self, first: Surface, second: Surface, factor: Value) -> Value:
         emissions = self._radiance(first), self._radiance(second)
-        if all(emitted.texture is None and not emitted.color[:3].any() for emitted in emissions):
+        if all(emitted.texture is None and not emitted.color[..., :3].any() for emitted in emissions):
             return BLACK
         return self._values.combine(_lerp, [factor, *emissions], "mix")
 
@@ -236,17 +256,12 @@ class _SurfaceReader:
             kept, other = other, kept
         lobes = kept.lobes
         if other.lobes.translucency == 1.0:
-            lobes = add_translucent(lobes, self._values.mean(kept.base), self._part(other, 1.0))
+            lobes = add_translucent(lobes, self._values.overall(kept.base), self._part(other, 1.0))
         holdout = first.holdout + second.holdout
         return replace(kept, emission=emission, brightness=1.0, holdout=holdout, lobes=lobes)
 
     def _brightness(self, surface: Surface) -> float:
-        return float(self._values.mean(surface.base)[:3].sum())
-
-
-def _is_even(value: Value) -> bool:
-    """Whether it is the same all over."""
-    return value.texture is None and value.tint is None
+        return float(self._values.overall(surface.base)[:3].sum())
 
 
 def _lerp(share: Pixels, one: Pixels, other: Pixels) -> Pixels:

@@ -14,8 +14,9 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ...sync.records import Extension, UvTransform
-from .color_math import BLENDS, MATHS, adjust_hsv, blackbody, clamp, grey
+from ...sync.records import UNMAPPED, Extension, UvTransform
+from .color_math import BLENDS, MATHS, adjust_hsv, average, blackbody, clamp, grey
+from .instance_sources import ATTRIBUTE_KINDS, OBJECT_INFO, AskInstances, Source
 from .node_graph import Scope, trace_back
 from .omissions import Omissions
 from .sky import read_sky
@@ -44,10 +45,11 @@ class Texture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Value:
-    """color: (4,), of a number the same in each channel; counts where there is no texture.
+    """color: (4,), of a number the same in each channel; counts where there is no texture. (N, 4) of N instances.
 
     change: what becomes of the texture's pixels, None if they stay as they are. key: which change that is.
     tint: the name of those of the mesh's own colours that multiply it, "" for the active ones, None for none.
+    varies: whether it is another one for each instance, and this what stands for them.
     """
 
     color: Pixels
@@ -56,6 +58,12 @@ class Value:
     key: Hashable = None
     is_guess: bool = False
     tint: str | None = None
+    varies: bool = False
+
+    @property
+    def is_even(self) -> bool:
+        """Whether it is the same all over every surface that shows it."""
+        return self.texture is None and self.tint is None and not self.varies and self.color.ndim == 1
 
     def of(self, pixels: Pixels) -> Pixels:
         """(..., 4): the value where the texture has these pixels."""
@@ -83,14 +91,25 @@ class ValueReader:
     """Reads sockets of one node tree. fallback: the colour that stands for what cannot be known.
 
     omissions: takes what of the nodes is not shown.
-    is_camera: whether nodes that ask what kind of ray looks are told that the camera's does.
+    is_camera: whether nodes that ask what kind of ray looks are told that the camera's does. pass_index: of the
+    material. instances: answers what nodes ask of the instance that is seen; then values are those of so many
+    instances, and images count by their means. Without it the questions are noted in `asked`.
     """
 
     def __init__(
-        self, images: ImageMeans, fallback: Value, omissions: Omissions | None = None, is_camera: bool = True
+        self,
+        images: ImageMeans,
+        fallback: Value,
+        omissions: Omissions | None = None,
+        is_camera: bool = True,
+        pass_index: int = 0,
+        instances: AskInstances | None = None,
     ) -> None:
         self._images = images
         self.omissions = omissions or Omissions("material")
+        self._pass_index = float(pass_index)
+        self._instances = instances
+        self.asked: set[Source] = set()
         self.fallback = guess(fallback.color)
         self._is_camera = float(is_camera)
         self.was_asked_for_rays = False
@@ -106,19 +125,22 @@ class ValueReader:
             return _own_value(output)
         value = self._read_output(output, scope)
         if socket.type == "VALUE" and output.type in {"RGBA", "VECTOR"}:
-            return self.combine(lambda color: grey(color), [value], "grey")
+            return self.combine(grey if output.type == "RGBA" else average, [value], "grey")
         return value
 
-    def number(self, socket: Any, unknown: float, scope: Scope | None = None) -> float:
-        """A number for all of the surface: the mean of an image, `unknown` for a guess."""
+    def number(self, socket: Any, unknown: float, scope: Scope | None = None) -> Any:
+        """A number for all of the surface: the mean of an image, `unknown` for a guess; (N,) of N instances."""
         if not socket.is_linked and socket.type == "VALUE":
             return float(socket.default_value)
         mark = self.omissions.mark
         value = self.without_tint(self.read(socket, scope))
-        number = unknown if value.is_guess else float(self.mean(value)[0])
+        if value.is_guess:
+            number: Any = unknown
+        else:
+            number = float(value.color[0]) if value.is_even else first_channel(self.mean(value))
         if value.texture is not None:
             self.omissions.note(f"{value.texture.image.name} as {socket.name}")
-        self.omissions.since(mark, f"{socket.name} {number:.3g} is")
+        self.omissions.since(mark, f"{socket.name} {np.mean(number):.3g} is")
         return number
 
     def read_or(self, unknown: Value, instead: str, socket: Any, scope: Scope | None) -> Value:
@@ -140,20 +162,27 @@ class ValueReader:
     def mean(self, value: Value) -> Pixels:
         return value.color if value.texture is None else self._images.mean(value)
 
+    def overall(self, value: Value) -> Pixels:
+        """(4,): the mean, over all instances, too."""
+        mean = self.mean(value)
+        return mean if mean.ndim == 1 else np.asarray(mean.mean(axis=0), np.float32)
+
     def combine(self, work: Callable[..., Pixels], values: Sequence[Value], key: Hashable) -> Value:
         """`work` done on values; key: what tells it from other work. The first texture is worked on."""
         values = [self.without_tint(value) for value in values]
         texture = next((value.texture for value in values if value.texture is not None), None)
         is_guess = all(value.is_guess for value in values)
+        varies = any(value.varies for value in values)
         if texture is None:
-            return Value(np.float32(work(*(value.color for value in values))), is_guess=is_guess)
+            color = np.asarray(work(*(value.color for value in values)), np.float32)
+            return Value(color, is_guess=is_guess, varies=varies)
         values = [value if value.texture in (None, texture) else self._only_mean(value) for value in values]
         keys = tuple([value.key if value.texture is not None else value.color.tobytes() for value in values])
 
         def change(pixels: Pixels) -> Pixels:
             return np.asarray(work(*(value.of(pixels) for value in values)), np.float32)
 
-        return Value(values[0].color, texture, change, (key, keys))
+        return Value(values[0].color, texture, change, (key, keys), varies=varies)
 
     def _only_mean(self, value: Value) -> Value:
         assert value.texture is not None
@@ -190,6 +219,9 @@ class ValueReader:
     def _image(self, node: Any, output: Any, scope: Scope | None) -> Value:
         if node.image is None:
             return self.fallback
+        if self._instances is not None:
+            mean = self._images.mean(Value(self.fallback.color, Texture(node.image, "repeat", UNMAPPED, "")))
+            return Value(mean[3:].repeat(4) if output.identifier == "Alpha" else mean)
         self._note_image_settings(node)
         transform, uv_map = find_coordinates(node.inputs["Vector"], scope, self)
         extension = _EXTENSIONS.get(getattr(node, "extension", "REPEAT"), "repeat")
@@ -228,7 +260,8 @@ class ValueReader:
             self.omissions.note(f"the blending mode {blend.replace('_', ' ').title()}", "Mix is")
         blending = BLENDS.get(blend, BLENDS["MIX"])
 
-        if blend == "MULTIPLY" and (first.tint is None) != (second.tint is None) and factor.color[0] == 1.0:
+        is_whole = bool((factor.color[..., 0] == 1.0).all())
+        if blend == "MULTIPLY" and (first.tint is None) != (second.tint is None) and is_whole:
             return replace(second, tint=first.tint) if second.tint is None else replace(first, tint=second.tint)
 
         def work(share: Pixels, one: Pixels, other: Pixels) -> Pixels:
@@ -295,7 +328,12 @@ class ValueReader:
         return self.combine(work, [self.read(socket, scope) for socket in list(node.inputs)[:3]], "combine")
 
     def _blackbody(self, node: Any, output: Any, scope: Scope | None) -> Value:
-        return constant(*blackbody(self.number(node.inputs[0], 6500.0, scope)))
+        kelvin = self.number(node.inputs[0], 6500.0, scope)
+        if not np.ndim(kelvin):
+            return constant(*blackbody(kelvin))
+        steps = np.linspace(kelvin.min(), kelvin.max(), _TABLE)
+        table = np.array([(*blackbody(step), 1.0) for step in steps.tolist()])
+        return Value(np.stack([np.interp(kelvin, steps, channel) for channel in table.T], axis=-1).astype(np.float32))
 
     def _light_path(self, node: Any, output: Any, scope: Scope | None) -> Value:
         self.was_asked_for_rays = True
@@ -311,12 +349,32 @@ class ValueReader:
         return self.combine(lambda one, other: (one + other) / 2, colors, "middle")
 
     def _attribute(self, node: Any, output: Any, scope: Scope | None) -> Value:
-        """What a mesh was painted with; an attribute of anything else is a guess."""
-        if output.identifier != "Color" or getattr(node, "attribute_type", "GEOMETRY") != "GEOMETRY":
+        """What a mesh was painted with, or what an object or its instancer has; a number of a mesh is a guess."""
+        kind = getattr(node, "attribute_type", "GEOMETRY")
+        if kind in ATTRIBUTE_KINDS:
+            value = self._ask(Source(ATTRIBUTE_KINDS[kind], node.attribute_name))
+            if output.identifier == "Alpha":
+                return self.combine(lambda color: color[..., 3:].repeat(4, axis=-1), [value], "alpha")
+            return self.combine(average, [value], "average") if output.identifier == "Fac" else value
+        if output.identifier != "Color" or kind != "GEOMETRY":
             return self.fallback
         if node.type == "VERTEX_COLOR":
             return replace(self.fallback, tint=node.layer_name)
         return replace(self.fallback, tint=node.attribute_name) if node.attribute_name else constant(0.0, 0.0, 0.0)
+
+    def _object_info(self, node: Any, output: Any, scope: Scope | None) -> Value:
+        if output.identifier == "Material Index":
+            return constant(self._pass_index)
+        source = OBJECT_INFO.get(output.identifier)
+        return self.fallback if source is None else self._ask(source)
+
+    def _ask(self, source: Source) -> Value:
+        if self.omissions.kind != "material":  # lights and the world are no instances
+            return self.fallback
+        if self._instances is None:
+            self.asked.add(source)
+            return Value(source.stand_in, varies=True)
+        return Value(self._instances(source))
 
     def _sky(self, node: Any, output: Any, scope: Scope | None) -> Value:
         """Its mean above the horizon, where it does not stand round the scene as it is."""
@@ -352,6 +410,11 @@ def _simple(work: Callable[..., Pixels], *names: str) -> Callable[..., Value]:
     return read
 
 
+def first_channel(color: Pixels) -> Any:
+    """A number: a float of (4,), (N,) of (N, 4)."""
+    return float(color[0]) if color.ndim == 1 else np.float64(color[:, 0])
+
+
 def _own_value(socket: Any) -> Value:
     value = getattr(socket, "default_value", 0.0)
     return constant(*value) if hasattr(value, "__len__") else constant(float(value))
@@ -378,6 +441,7 @@ _READERS: dict[str, Callable[..., Value]] = {
     "TEX_BRICK": ValueReader._middle,
     "ATTRIBUTE": ValueReader._attribute,
     "VERTEX_COLOR": ValueReader._attribute,
+    "OBJECT_INFO": ValueReader._object_info,
     "TEX_SKY": ValueReader._sky,
     "NEW_GEOMETRY": ValueReader._geometry,
     "FRESNEL": ValueReader._mirrored_share,

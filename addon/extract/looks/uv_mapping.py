@@ -77,7 +77,7 @@ def _matrix_of(node: Any, scope: Scope | None, reader: SocketReader) -> Any:
             parts.append((0.0, 0.0, 0.0))
             continue
         value = reader.read(node.inputs[name], scope)
-        if value.is_guess or value.texture is not None:
+        if value.is_guess or not value.is_even:
             return None
         parts.append(tuple(value.color[:3].tolist()))
     place, angles, scale = parts

@@ -22,7 +22,8 @@ _MATERIAL_NUMBERS = (
     *("tinted_glasses", "plain_refractions", "metal_powers", "transmission_powers", "translucent_powers", "holdouts"),
 )
 _MATERIAL_COLORS = (
-    *("base_colors", "emissions", "specular_tints", "metal_colors", "transmission_colors", "translucent_colors"),
+    *("base_colors", "color_scales", "emissions", "specular_tints"),
+    *("metal_colors", "transmission_colors", "translucent_colors"),
 )
 _LARGEST_MASK = 2**32 - 1
 _FIRST_TILE, _LAST_TILE = 1001, 2000

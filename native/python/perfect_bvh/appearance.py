@@ -74,6 +74,7 @@ class MaterialTable:
     holdouts: (M,) float32, 0 to 1: how much of it cuts a hole into the image: it hides what is behind without colour or
         alpha of its own. At 1 camera rays find no surface in it, as in an instance that is held out. None: none does.
     color_images: (M,) int32, rows of the appearance's images, which stand for the base colours; -1 for none.
+    color_scales: (M, 3) float32, what the colours of `color_images` are multiplied with. None: white.
     alpha_images: (M,) int32, images whose alpha multiplies the material's; -1 for none.
     emission_images: (M,) int32, images whose colours multiply the emissions; -1 for none.
     tints: (M,) the names of those of the mesh's own colours that multiply the base colour, "" for `corner_colors`, None
@@ -103,6 +104,7 @@ class MaterialTable:
     translucent_powers: Float32Array | None = None
     holdouts: Float32Array | None = None
     color_images: Int32Array | None = None
+    color_scales: Float32Array | None = None
     alpha_images: Int32Array | None = None
     emission_images: Int32Array | None = None
     tints: Sequence[str | None] | None = None

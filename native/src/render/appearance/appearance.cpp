@@ -109,6 +109,7 @@ void Appearance::check_materials() const {
   check("translucent_colors", translucent_tints.colors.size());
   check("translucent_powers", translucent_tints.powers.size());
   check("holdouts", material_holdouts.size());
+  check("color_scales", color_scales.size());
   check("tints", tints.size());
   const auto check_images = [&](const char* name, std::span<const std::int32_t> rows) {
     check(name, rows.size());

@@ -71,6 +71,7 @@ struct Appearance {
   TintTable translucent_tints;                    // of all light on the whole surface; empty: black and 0
   std::span<const float> material_holdouts;       // how much of it cuts a hole into the image; empty: 0
   std::span<const std::int32_t> color_images;     // instead of the base colours
+  std::span<const Vec3f> color_scales;            // of the color_images; empty: white
   std::span<const std::int32_t> alpha_images;     // their alpha multiplies
   std::span<const std::int32_t> emission_images;  // their colour multiplies
   std::span<const std::int32_t> tints;  // which of the mesh's own colours multiply the base colour, or kNoTint

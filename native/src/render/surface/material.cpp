@@ -91,6 +91,7 @@ void look_up_images(const Appearance& appearance, const Instance& instance, cons
   if (color_image != kNoImage) {
     color = look(color_image);
     material.color = {color.r, color.g, color.b};
+    if (!appearance.color_scales.empty()) material.color = material.color * appearance.color_scales[index];
   }
   if (alpha_image != kNoImage) {
     if (alpha_image != color_image) color = look(alpha_image);
