@@ -1,0 +1,133 @@
+"""Normals of coarse smooth meshes with custom corner normals, down to grazing angles, beside Cycles' pass Normal.
+
+What is diffuse has the corners' normal, interpolated, in both. Of what is glossy Cycles bends the normal wherever the
+mirror image would lie below the surface, just so far that it lies above, and the pass has the mean over what a surface
+is made of. Ours is the normal of the mesh whatever it is made of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import perfect_bvh_addon  # noqa: E402
+from blender.node_setups import new_red, shader  # noqa: E402
+from oracles.cycles import FILTER_WIDTH, index_edges, preserved, render_passes  # noqa: E402
+from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
+
+Vectors = npt.NDArray[np.float64]
+SIZE = (160, 120)
+EYE_HEIGHTS = [0.4, 3.0]
+
+
+@pytest.fixture(params=EYE_HEIGHTS)
+def scene(request: Any) -> Iterator[Any]:
+    """Large faces like waves whose corner normals are turned at random, from low above and from higher up."""
+    perfect_bvh_addon.register()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=7, y_subdivisions=7, size=12.0)
+    mesh = bpy.context.object.data
+    rng = np.random.default_rng(5)
+    for vertex in mesh.vertices:
+        vertex.co.z = rng.uniform(-0.1, 0.1)
+    mesh.shade_smooth()
+    normals = np.array([0.0, 0.0, 1.0]) + rng.uniform(-0.6, 0.6, (len(mesh.loops), 3))
+    mesh.normals_split_custom_set((normals / np.linalg.norm(normals, axis=1, keepdims=True)).tolist())
+    mesh.materials.append(new_red("Surface"))
+    bpy.ops.object.camera_add(location=(0.0, -9.0, request.param), rotation=(np.arctan2(9.0, request.param), 0.0, 0.0))
+    scene.camera = bpy.context.object
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    yield scene
+    clear_syncs()
+    perfect_bvh_addon.unregister()
+
+
+def normals_of_both(scene: Any) -> tuple[Vectors, Vectors, npt.NDArray[np.bool_]]:
+    """(H, W, 3) twice, and where both see the surface, away from its outline."""
+    with preserved(
+        (scene.cycles, "samples", 1),
+        (scene.cycles, "use_denoising", False),
+        (scene.cycles, "filter_width", FILTER_WIDTH),
+        (scene.cycles, "max_bounces", 0),
+    ):
+        ours, theirs = (render_passes(scene, engine) for engine in ("PERFECT_BVH", "CYCLES"))
+    depths = [np.minimum(passes.depth, 1e3) for passes in (ours, theirs)]
+    seen = (depths[0] < 1e3) & (depths[1] < 1e3) & (np.abs(depths[0] - depths[1]) < 1e-3)
+    return (
+        np.float64(ours.normal),
+        np.float64(theirs.normal),
+        seen & ~index_edges(*(np.float32(d < 1e3) for d in depths)),
+    )
+
+
+def angles(one: Vectors, other: Vectors) -> Vectors:
+    """Degrees between vectors."""
+    sizes = np.linalg.norm(one, axis=-1) * np.linalg.norm(other, axis=-1)
+    cosines = (one * other).sum(axis=-1) / np.maximum(sizes, 1e-12)  # there are none on the background
+    return np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
+
+
+def bent(normals: Vectors, flat: Vectors, view: Vectors) -> Vectors:
+    """Normals turned towards the triangle's own until the mirror image of the view lies above it.
+
+    In the plane of both normals, at the angle a from the flat one: the image's height is that of the view turned by
+    twice a, r cos(2 a - p), where the view is r (sin p, cos p) in that plane.
+    """
+    height = (view * flat).sum(axis=-1)
+    image = 2.0 * (normals * view).sum(axis=-1, keepdims=True) * normals - view
+    least = np.minimum(0.9 * height, 0.01)
+    across = normals - (normals * flat).sum(axis=-1, keepdims=True) * flat
+    across /= np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-12)
+    side = (view * across).sum(axis=-1)
+    radius = np.hypot(side, height)
+    angle = (
+        0.5 * (np.arctan2(side, height) + np.arccos(np.clip(least / np.maximum(radius, 1e-12), -1.0, 1.0)))[..., None]
+    )
+    is_below = (image * flat).sum(axis=-1) < least
+    return np.where(is_below[..., None], np.sin(angle) * across + np.cos(angle) * flat, normals)
+
+
+def flatten(scene: Any) -> Vectors:
+    """(H, W, 3): the triangles' own normals, towards the viewer. The mesh has no others from then on."""
+    mesh = bpy.data.objects["Grid"].data
+    mesh.attributes.remove(mesh.attributes["custom_normal"])
+    mesh.shade_flat()
+    return normals_of_both(scene)[0]
+
+
+def view_of(scene: Any) -> Vectors:
+    """(H, W, 3): from each pixel's surface to the camera, unit length."""
+    width, height = SIZE
+    corners = np.array([tuple(corner) for corner in scene.camera.data.view_frame(scene=scene)])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    x = low[0] + (np.arange(width) + 0.5) / width * (high[0] - low[0])
+    y = high[1] - (np.arange(height) + 0.5) / height * (high[1] - low[1])
+    local = np.stack([*np.meshgrid(x, y), np.full((height, width), corners[0, 2])], axis=-1)
+    view = -local @ np.array(scene.camera.matrix_world.to_3x3()).T
+    return view / np.linalg.norm(view, axis=-1, keepdims=True)
+
+
+def test_the_normal_of_what_is_diffuse_is_cycles(scene: Any) -> None:
+    ours, theirs, seen = normals_of_both(scene)
+    assert seen.sum() > 1000
+    off = angles(ours, theirs)[seen]
+    assert np.percentile(off, 99.8) < 0.05
+
+
+def test_cycles_bends_the_normal_of_what_is_glossy_and_ours_is_the_meshs(scene: Any) -> None:
+    plain, _, _ = normals_of_both(scene)
+    inputs = shader(bpy.data.materials["Surface"]).inputs
+    inputs["Metallic"].default_value, inputs["Roughness"].default_value = 1.0, 0.2
+    ours, theirs, seen = normals_of_both(scene)
+    np.testing.assert_array_equal(ours, plain)
+    flat = flatten(scene)
+    off = angles(ours, theirs)[seen]
+    assert np.count_nonzero(off > 5.0) > 100, "the mesh is no example of it"
+    assert np.percentile(angles(bent(ours, flat, view_of(scene)), theirs)[seen], 99.8) < 0.05
