@@ -14,8 +14,9 @@ from typing import TypeVar
 import bpy
 import numpy as np
 
-from .image.plan import RenderPlan, plan_render
+from .image.plan import NOISY, RenderPlan, denoising_guides, plan_render
 from .image.still import Frame, Images, Progress, render_frame
+from .settings.denoisers import denoising_data_settings
 from .settings.preferences import native_error
 from .settings.scene_settings import ENGINE_NAME, read_settings
 from .statistics.last_result import edits_of, remember
@@ -32,7 +33,7 @@ MODERN_PASS_NAMES = bpy.app.version >= (5, 0, 0)
 
 @dataclass(frozen=True, slots=True)
 class PassSpec:
-    """A pass in Blender's words (name, channels, kind, the view layer's switch) and in the renderer's (source)."""
+    """A pass in Blender's words (name, channels, kind, the view layer's switch) and in a frame's images (source)."""
 
     name: str
     channels: str
@@ -51,9 +52,24 @@ PASSES = (
 )
 
 
+# What compositors denoise by themselves, under the names that Cycles gives it.
+DENOISING_PASSES = (
+    PassSpec("Noisy Image", "RGBA", "COLOR", "denoising_store_passes", NOISY),
+    PassSpec("Denoising Normal", "XYZ", "VECTOR", "denoising_store_passes", "denoising_normal"),
+    PassSpec("Denoising Albedo", "RGB", "COLOR", "denoising_store_passes", "denoising_albedo"),
+)
+
+
 def enabled_passes(view_layer: bpy.types.ViewLayer) -> tuple[PassSpec, ...]:
     """The passes beside Combined that the view layer asks for."""
-    return tuple(spec for spec in PASSES if getattr(view_layer, spec.switch))
+    switches = denoising_data_settings(view_layer)
+    known = (NOISY, *denoising_guides())
+    denoising = [
+        spec
+        for spec in DENOISING_PASSES
+        if spec.source in known and switches is not None and getattr(switches, spec.switch)
+    ]
+    return (*(spec for spec in PASSES if getattr(view_layer, spec.switch)), *denoising)
 
 
 @dataclass(slots=True)
@@ -248,7 +264,8 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             remember(scene, job.frame.statistics, edits)
             megabytes = job.frame.statistics.report.byte_count / 2**20
             self.update_memory_stats(memory_used=megabytes, memory_peak=megabytes)
-            for warning in job.frame.statistics.report.warnings:
+            statistics = job.frame.statistics
+            for warning in (*statistics.report.warnings, *statistics.complaints):
                 self.report({"WARNING"}, warning)
             tell(scene, job.frame.statistics.report.not_shown)
             if line := line_of(scene):

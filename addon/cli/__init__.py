@@ -29,6 +29,26 @@ def _positive(text: str) -> int:
 _positive.__name__ = "number"
 
 
+def _count(text: str) -> int:
+    value = int(text)
+    if not 0 <= value < 2**31:
+        raise argparse.ArgumentTypeError(f"must be 0 to {2**31 - 1}, got {value}")
+    return value
+
+
+_count.__name__ = "number"
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value <= 1e9:
+        raise argparse.ArgumentTypeError(f"must be 0 to 1e9, got {text}")
+    return value
+
+
+_seconds.__name__ = "number of seconds"
+
+
 def _share(text: str) -> float:
     value = float(text)
     if not 0.0 < value <= 1.0:
@@ -88,6 +108,18 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--mode", metavar="M", help="what the image shows, see below (default: as the file says)")
     parser.add_argument("--size", type=parse_size, metavar="WxH", help="pixels (default: as the file says)")
     parser.add_argument("--samples", type=_positive, metavar="N", help="rays a pixel (default: as the file says)")
+    parser.add_argument(
+        "--denoise",
+        action=argparse.BooleanOptionalAction,
+        help="whether the noise of preview and clay is taken out (default: as the file says)",
+    )
+    parser.add_argument(
+        "--time-limit",
+        type=_seconds,
+        metavar="S",
+        help="seconds for tracing a frame, at the cost of samples; 0 for no limit (default: as the file says)",
+    )
+    parser.add_argument("--seed", type=_count, metavar="N", help="the pattern of noise (default: as the file says)")
     parser.add_argument(
         "--audit",
         type=_share,

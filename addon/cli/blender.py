@@ -99,6 +99,12 @@ def apply_settings(scene: bpy.types.Scene, arguments: argparse.Namespace) -> Non
         scene.perfect_bvh.mode = arguments.mode.upper()
     if getattr(arguments, "samples", None) is not None:
         scene.perfect_bvh.samples = arguments.samples
+    if getattr(arguments, "denoise", None) is not None:
+        scene.perfect_bvh.use_denoising = arguments.denoise
+    if getattr(arguments, "time_limit", None) is not None:
+        scene.perfect_bvh.time_limit = arguments.time_limit
+    if getattr(arguments, "seed", None) is not None:
+        scene.perfect_bvh.seed = arguments.seed
     if getattr(arguments, "audit", None) is not None:
         scene.perfect_bvh.audit = arguments.audit
 

@@ -153,7 +153,7 @@ class RenderSession:
 
     def _warn(self, frame: Frame) -> None:
         report = frame.statistics.report
-        for warning in (*report.warnings, *map(str, report.not_shown)):
+        for warning in (*report.warnings, *map(str, report.not_shown), *frame.statistics.complaints):
             if warning not in self._warned:
                 self._warned.add(warning)
                 self._complain(warning)

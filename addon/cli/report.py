@@ -25,6 +25,7 @@ TIME_COLUMNS = (
     ("update", 7),
     ("build", 7),
     ("trace", 8),
+    ("denoise", 8),
     ("save", 6),
     ("total", 8),
 )
@@ -47,6 +48,7 @@ class FrameTimes:
     update: float
     build: float
     trace: float
+    denoise: float
     save: float
     total: float
 
@@ -54,7 +56,8 @@ class FrameTimes:
     def of(cls, statistics: FrameStatistics, *, total: float, save: float) -> FrameTimes:
         """From a frame's statistics and what the caller measured, in seconds, around it."""
         report = statistics.report
-        known = report.milliseconds + statistics.trace_milliseconds + statistics.audit_milliseconds + save * 1e3
+        known = report.milliseconds + statistics.trace_milliseconds + statistics.denoise_milliseconds
+        known += statistics.audit_milliseconds + save * 1e3
         return cls(
             blender=max(0.0, total * 1e3 - known),
             read=report.read_milliseconds,
@@ -62,6 +65,7 @@ class FrameTimes:
             update=report.apply_milliseconds,
             build=report.commit_milliseconds,
             trace=statistics.trace_milliseconds,
+            denoise=statistics.denoise_milliseconds,
             save=save * 1e3,
             total=total * 1e3,
         )

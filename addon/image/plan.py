@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 Window = tuple[int, int, int, int]
 
 CLAY_GREY = (0.8, 0.8, 0.8)
+# The renderer's names of what guides a denoiser.
+GUIDES = ("denoising_albedo", "denoising_normal")
+# A pass that is "combined" before it is denoised.
+NOISY = "noisy"
 # Of a render at its greatest: two images, the light that is smoothed, passes, Blender's copies of them.
 BYTES_A_PIXEL = 192
 
@@ -31,7 +35,8 @@ class RenderPlan:
     """Of one image.
 
     size: (width, height) in pixels. window: (left, right, bottom, top), the pixels to trace, from the lower left.
-    passes: the renderer's names of what is wanted beside "combined". is_cropped: whether files hold the window alone.
+    passes: the renderer's names of what is wanted beside "combined", and `NOISY`. is_cropped: whether files hold the
+    window alone.
     """
 
     settings: RenderSettings
@@ -50,6 +55,17 @@ class RenderPlan:
     def samples(self) -> int:
         """Camera rays for each pixel; distances cannot be averaged, so they get one."""
         return 1 if find_mode(self.settings.mode).has_range else self.settings.samples
+
+    @property
+    def is_denoised(self) -> bool:
+        """Whether its noise is to be taken out."""
+        return self.settings.denoise and find_mode(self.settings.mode).is_noisy
+
+    @property
+    def traced_passes(self) -> tuple[str, ...]:
+        """What the renderer is to make beside "combined": what is wanted, and what denoising needs."""
+        wanted = (name for name in self.passes if name != NOISY)
+        return tuple(dict.fromkeys((*wanted, *(denoising_guides() if self.is_denoised else ()))))
 
     @property
     def expected_rays(self) -> int:
@@ -75,6 +91,7 @@ class RenderPlan:
         settings = self.settings
         return {
             "threads": settings.threads,
+            "seed": settings.seed,
             "ao_distance": settings.ao_distance or None,
             "clay_color": None if settings.use_material_colors else CLAY_GREY,
         }
@@ -84,6 +101,13 @@ class RenderPlan:
         width, height = self.size
         what = f"An image of {width:,} x {height:,} pixels"
         check_fits(what, width * height * BYTES_A_PIXEL, "choose a smaller size")
+
+
+def denoising_guides() -> tuple[str, ...]:
+    """Those of `GUIDES` that the renderer makes."""
+    import perfect_bvh
+
+    return tuple(name for name in GUIDES if name in perfect_bvh.PASSES)
 
 
 def plan_render(scene: bpy.types.Scene, settings: RenderSettings, passes: tuple[str, ...] = ()) -> RenderPlan:

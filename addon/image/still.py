@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..statistics.frame_statistics import FrameStatistics
-from .plan import RenderPlan, Window
+from .denoising import Denoised, ImageDenoiser
+from .plan import NOISY, RenderPlan, Window
 
 if TYPE_CHECKING:
     import bpy
@@ -29,8 +30,10 @@ COST_PASSES = ("instance", "nodes_visited", "primitives_tested")
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """images: arrays of the whole frame, row 0 on top, by the renderer's pass names; empty if nothing was traced.
+    """What a render has made.
 
+    images: arrays of the whole frame, row 0 on top, by the renderer's pass names; "combined" is denoised where that is
+    wanted. Empty if nothing was traced.
     window: (left, right, bottom, top), what of it a file holds, in pixels from the lower left; None for all.
     """
 
@@ -93,6 +96,7 @@ def _trace(
     assert sync.camera is not None
     start = time.perf_counter()
     images: Images = {}
+    done = 0
     audit_share = plan.settings.audit_share
     audit = perfect_bvh.RenderAudit(audit_share) if audit_share else None
     for done, images in perfect_bvh.render_progressively(
@@ -102,30 +106,43 @@ def _trace(
         size=plan.size,
         samples=plan.samples,
         appearance=sync.appearance,
-        passes=("combined", *plan.passes, *COST_PASSES),
+        passes=("combined", *plan.traced_passes, *COST_PASSES),
+        time_limit=plan.settings.time_limit,
         progress=progress,
         audit=audit,
         **plan.options,
     ):
         if show is not None:
-            show(images)
+            show(images | {NOISY: images["combined"]})
         # The renderer asks at intervals of time; a quick round would not be asked about at all.
         if progress is not None and not progress(done / plan.samples) and done < plan.samples:
             raise perfect_bvh.Cancelled("the render was cancelled")
     seconds = time.perf_counter() - start - (audit.seconds if audit else 0.0)
+    denoised = _denoise(plan, images, progress)
     statistics = FrameStatistics(
         frame=frame,
         size=plan.size,
         settings=plan.settings,
         report=report,
         trace_milliseconds=seconds * 1e3,
-        camera_rays=plan.pixel_count * plan.samples,
+        camera_rays=plan.pixel_count * done,
         audit=audit.result if audit else None,
         audit_milliseconds=audit.seconds * 1e3 if audit else 0.0,
+        denoiser=denoised.name,
+        denoise_milliseconds=denoised.milliseconds,
+        complaints=() if denoised.complaint is None else (denoised.complaint,),
         mesh_costs=mesh_costs(sync, images),
     )
-    shown = {name: image for name, image in images.items() if name not in COST_PASSES}
+    made = images | {NOISY: images["combined"], "combined": denoised.image}
+    shown = {name: made[name] for name in ("combined", *plan.passes)}
     return Frame(shown, statistics, plan.window if plan.is_cropped else None)
+
+
+def _denoise(plan: RenderPlan, images: Images, progress: Progress | None) -> Denoised:
+    """As the plan says; the bar stays at its end meanwhile."""
+    if not plan.is_denoised:
+        return Denoised(images["combined"], None, 0.0)
+    return ImageDenoiser(plan).denoise(images, None if progress is None else lambda _: progress(1.0))
 
 
 def missing_camera(scene: bpy.types.Scene, sync: SceneSync) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import bpy
 
+from ..settings.denoisers import denoising_data_settings
 from ..settings.preferences import native_error
 from .common import RenderPanel, draw_lines, settings_layout
 
@@ -43,6 +44,9 @@ class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
         column = layout.column(heading="Indexes", align=True)
         column.prop(view_layer, "use_pass_object_index")
         column.prop(view_layer, "use_pass_material_index")
+        denoising = denoising_data_settings(view_layer)
+        if denoising is not None:
+            layout.prop(denoising, "denoising_store_passes", text="Denoising Data")
 
 
 class PERFECT_BVH_PT_mask(RenderPanel, bpy.types.Panel):

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import bpy
 
+from ..settings.denoisers import denoiser_in_use
 from ..settings.modes import find_mode
 from ..settings.preferences import native_error
 from .common import RenderPanel, SubPanel, draw_lines, settings_layout
@@ -38,6 +39,24 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
         if settings.mode == "CLAY":
             layout.prop(settings, "ao_distance")
         _draw_view_hint(context, layout)
+
+
+class PERFECT_BVH_PT_sampling(SubPanel, bpy.types.Panel):
+    """How much work goes into images beside a render's samples, and what is done about the noise that is left."""
+
+    bl_label = "Sampling"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = settings_layout(self)
+        settings = context.scene.perfect_bvh
+        layout.prop(settings, "viewport_samples")
+        layout.prop(settings, "time_limit")
+        layout.prop(settings, "seed")
+        column = layout.column(heading="Denoise", align=True)
+        column.active = find_mode(settings.mode.lower()).is_noisy
+        column.prop(settings, "use_denoising", text="Render")
+        column.prop(settings, "use_viewport_denoising", text="Viewport")
+        draw_lines(context, column, f"by {denoiser_in_use()}")
 
 
 class PERFECT_BVH_PT_film(SubPanel, bpy.types.Panel):
@@ -103,6 +122,6 @@ def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> N
         column.prop(scene.view_settings, "view_transform", text="View Transform")
 
 
-CLASSES = (PERFECT_BVH_PT_render, PERFECT_BVH_PT_film, PERFECT_BVH_PT_performance)
+CLASSES = (PERFECT_BVH_PT_render, PERFECT_BVH_PT_sampling, PERFECT_BVH_PT_film, PERFECT_BVH_PT_performance)
 # After everything that belongs into the panel above.
 LAST_CLASSES = (PERFECT_BVH_PT_simplify, PERFECT_BVH_PT_simplify_viewport, PERFECT_BVH_PT_simplify_render)

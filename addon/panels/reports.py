@@ -33,7 +33,7 @@ class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
         for name, value in statistics_rows(statistics):
             names.label(text=name)
             values.label(text=value)
-        _draw_warnings(context, self.layout, statistics.report.warnings)
+        _draw_warnings(context, self.layout, (*statistics.report.warnings, *statistics.complaints))
         # A viewport renews them itself: panels would only jump meanwhile.
         if is_old and statistics.source != "Viewport":
             draw_lines(context, self.layout, "The scene has changed since", icon="INFO")

@@ -19,7 +19,7 @@ class Mode:
     name: as `perfect_bvh.render` and the command line take it. number: what a .blend file keeps of the choice, so it
     never changes. view: the view transform that shows it, None for the scene's own. has_range: its values are
     distances, which an image file of bytes cannot hold as they are. rays_per_sample: how many rays a sample of a pixel
-    casts at most.
+    casts at most. is_noisy: whether its light comes from rays at random, so that a denoiser is of use.
 
     What it shows of the scene beside its shape, and is read for it: normals, at the corners; uvs, of the active map;
     materials: their numbers and viewport colours; offers_grey: those or, as the user likes, one grey for all; shading:
@@ -33,6 +33,7 @@ class Mode:
     view: str | None = None
     has_range: bool = False
     rays_per_sample: int = 1
+    is_noisy: bool = False
     normals: bool = False
     uvs: bool = False
     materials: bool = False
@@ -48,6 +49,7 @@ MODES: tuple[Mode, ...] = (
         "Preview",
         "The scene under its own lights and world, with one bounce of light: a quick look",
         rays_per_sample=3,
+        is_noisy=True,
         normals=True,
         materials=True,
         shading=True,
@@ -58,6 +60,7 @@ MODES: tuple[Mode, ...] = (
         "Clay",
         "Soft sky light with ambient occlusion, in the viewport colors of the materials",
         rays_per_sample=3,
+        is_noisy=True,
         normals=True,
         offers_grey=True,
     ),

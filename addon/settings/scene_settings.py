@@ -19,7 +19,8 @@ PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if _KNOWS_RELATIVE_PATHS else se
 class RenderSettings:
     """What one render uses, read from a scene's properties.
 
-    threads: 0 for every core. audit_share: of the camera rays to check again, 0 for none.
+    threads: 0 for every core. audit_share: of the camera rays to check again, 0 for none. denoise: whether, where the
+    mode has noise. time_limit: seconds for tracing, 0 for any; the first sample is always finished.
     """
 
     mode: str
@@ -28,6 +29,9 @@ class RenderSettings:
     use_material_colors: bool
     threads: int
     audit_share: float = 0.0
+    denoise: bool = False
+    seed: int = 0
+    time_limit: float = 0.0
 
 
 class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
@@ -147,7 +151,43 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
         name="Mode", description="What the image shows", items=MODE_ITEMS, default=DEFAULT_MODE.upper()
     )
     samples: bpy.props.IntProperty(
-        name="Samples", description="Camera rays for each pixel of a render", default=16, min=1, soft_max=256, max=65536
+        name="Samples",
+        description="Camera rays for each pixel of a render, and of what the Preview button makes",
+        default=16,
+        min=1,
+        soft_max=256,
+        max=65536,
+    )
+    viewport_samples: bpy.props.IntProperty(
+        name="Viewport Samples",
+        description="Camera rays for each pixel of a Rendered viewport in the end; 0 for as many as a render takes",
+        default=0,
+        min=0,
+        soft_max=256,
+        max=65536,
+    )
+    use_denoising: bpy.props.BoolProperty(
+        name="Denoise",
+        description="Take the noise out of renders and previews, guided by what colors and normals surfaces have",
+        default=True,
+    )
+    use_viewport_denoising: bpy.props.BoolProperty(
+        name="Denoise Viewport",
+        description="Take the noise out of Rendered viewports, guided by what colors and normals surfaces have",
+        default=True,
+    )
+    time_limit: bpy.props.FloatProperty(
+        name="Time Limit",
+        description="Seconds for tracing a frame: fewer samples if they would take longer; 0 for no limit",
+        default=0.0,
+        min=0.0,
+        soft_max=3600.0,
+        step=100,
+        subtype="TIME_ABSOLUTE",
+        unit="TIME_ABSOLUTE",
+    )
+    seed: bpy.props.IntProperty(
+        name="Seed", description="Another number gives another pattern of noise", default=0, min=0
     )
     ao_distance: bpy.props.FloatProperty(
         name="AO Distance",
@@ -180,16 +220,19 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     )
 
 
-def read_settings(scene: bpy.types.Scene) -> RenderSettings:
-    """The settings of `scene`; threads follow Blender's own setting."""
+def read_settings(scene: bpy.types.Scene, is_viewport: bool = False) -> RenderSettings:
+    """The settings of `scene`, for a render or a viewport; threads follow Blender's own setting."""
     settings = scene.perfect_bvh
     return RenderSettings(
         mode=settings.mode.lower(),
-        samples=settings.samples,
+        samples=(settings.viewport_samples if is_viewport else 0) or settings.samples,
         ao_distance=settings.ao_distance,
         use_material_colors=settings.use_material_colors,
         threads=scene.render.threads if scene.render.threads_mode == "FIXED" else 0,
         audit_share=settings.audit,
+        denoise=settings.use_viewport_denoising if is_viewport else settings.use_denoising,
+        seed=settings.seed,
+        time_limit=0.0 if is_viewport else settings.time_limit,
     )
 
 

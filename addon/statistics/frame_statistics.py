@@ -21,7 +21,9 @@ class FrameStatistics:
 
     source: what it was made for. size: (width, height). camera_rays: pixels in the border times samples, 0 if untraced.
     trace_milliseconds: without those of the audit. audit: what checking a share of the camera rays has shown, None if
-    it was not asked for. mesh_costs: by mesh id, the share of the camera rays' work of those that end on the mesh.
+    it was not asked for. denoiser: its name, None if the image was not denoised; trace_milliseconds are without it too.
+    complaints: what went wrong beside the scene itself, a sentence each.
+    mesh_costs: by mesh id, the share of the camera rays' work of those that end on the mesh.
     """
 
     frame: float
@@ -32,6 +34,9 @@ class FrameStatistics:
     camera_rays: int
     audit: Audit | None = None
     audit_milliseconds: float = 0.0
+    denoiser: str | None = None
+    denoise_milliseconds: float = 0.0
+    complaints: tuple[str, ...] = ()
     mesh_costs: Mapping[int, float] = field(default_factory=dict)
     source: Source = "Render"
 

@@ -73,7 +73,7 @@ def is_outdated(scene: bpy.types.Scene) -> bool:
     return (
         done.edits != edits_of(scene)
         or statistics.frame != scene.frame_current_final
-        or statistics.settings != read_settings(scene)
+        or statistics.settings != read_settings(scene, is_viewport=statistics.source == "Viewport")
     )
 
 

@@ -51,6 +51,7 @@ def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
         ("Sync", f"{report.read_milliseconds + report.compare_milliseconds + report.apply_milliseconds:.1f} ms"),
         ("Build", f"{report.commit_milliseconds:.1f} ms"),
         ("Trace", f"{statistics.trace_milliseconds:.1f} ms"),
+        *([("Denoise", f"{statistics.denoise_milliseconds:.1f} ms")] if statistics.denoiser else []),
         ("Camera Rays", f"{statistics.rays_per_second / 1e6:.2f} M/s"),
         ("Instances", f"{report.commit.instance_count:,}"),
         ("Memory", format_bytes(report.byte_count)),

@@ -165,4 +165,4 @@ def _camera_key(camera: CameraRecord) -> tuple[Any, ...]:
 
 def _plan_of(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> RenderPlan:
     """Of the whole region, under the scene's settings as they are now."""
-    return plan_view(read_settings(depsgraph.scene), (context.region.width, context.region.height))
+    return plan_view(read_settings(depsgraph.scene, is_viewport=True), (context.region.width, context.region.height))

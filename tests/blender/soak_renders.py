@@ -34,7 +34,9 @@ def find_different_passes(*, is_stopped_first: bool) -> list[str]:
 
 
 def _render(job: RenderJob) -> RenderJob:
-    bpy.context.scene.render.engine = "PERFECT_BVH"
+    scene = bpy.context.scene
+    scene.render.engine = "PERFECT_BVH"
+    scene.perfect_bvh.use_denoising = False  # two images that are alike are so before it already
     with attend(job):
         bpy.ops.render.render()
     return job

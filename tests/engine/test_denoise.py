@@ -80,6 +80,13 @@ def test_alpha_and_arguments_are_untouched(picture: Picture, rng: np.random.Gene
     np.testing.assert_array_equal(noisy, given)
 
 
+def test_nothing_is_put_where_nothing_was(picture: Picture) -> None:
+    noisy = np.concatenate([picture.noisy(ONE_SAMPLE), np.ones((HEIGHT, WIDTH, 1), np.float32)], axis=-1)
+    noisy[:, 60:] = 0.0
+    smooth = denoise(noisy, backend="joint")
+    assert not smooth[:, 60:].any() and smooth[:, :60].all()
+
+
 def test_a_denoiser_carries_nothing_from_image_to_image(picture: Picture) -> None:
     first, second = picture.noisy(ONE_SAMPLE), picture.noisy(ONE_SAMPLE)
     kept = Denoiser((WIDTH, HEIGHT), backend="joint")

@@ -31,7 +31,7 @@ MAIN_BUTTONS = [
     "perfect_bvh.samples",
 ]
 HEADER_CHECKBOX_OF_PANEL = 0.13
-WITH_REPORTS = (*SUB_PANELS[:4], "Statistics", "Plan", *SUB_PANELS[4:])
+WITH_REPORTS = (*SUB_PANELS[:5], "Statistics", "Plan", *SUB_PANELS[5:])
 
 
 def enable() -> Step:
@@ -79,8 +79,12 @@ def press_the_main_panels_buttons() -> Step:
     yield from at_rest(area)
 
 
-def press_film_and_performance() -> Step:
+def press_sampling_film_and_performance() -> Step:
     render = bpy.context.scene.render
+    sampling = {"viewport_samples": "3", "time_limit": "9", "seed": "5"}
+    switches = {"use_denoising": None, "use_viewport_denoising": None}
+    yield from open_sub_panel("Sampling", change_all(settings(), sampling | switches))
+    settings().time_limit = 0.0
     yield from open_sub_panel("Film", change_all(render, {"film_transparent": None}))
     yield from open_sub_panel("Performance", change_all(render, {"threads_mode": None, "use_persistent_data": None}))
     render.threads_mode = "FIXED"

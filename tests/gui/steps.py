@@ -29,7 +29,7 @@ from driver import run
 STEPS = (
     panel_steps.enable,
     panel_steps.press_the_main_panels_buttons,
-    panel_steps.press_film_and_performance,
+    panel_steps.press_sampling_film_and_performance,
     panel_steps.fill_in_the_rays_panel,
     panel_steps.press_simplify,
     panel_steps.press_the_panorama,

@@ -54,8 +54,11 @@ def preserved(*settings: tuple[object, str, object]) -> Iterator[None]:
             setattr(owner, name, value)
 
 
-def write_multilayer(path: Path, scene: bpy.types.Scene, engine: str) -> None:
-    """Render with `engine`, every pass on, into an uncompressed 32-bit multilayer OpenEXR file."""
+def write_multilayer(path: Path, scene: bpy.types.Scene, engine: str, is_denoised: bool = False) -> None:
+    """Render with `engine`, every pass on, into an uncompressed 32-bit multilayer OpenEXR file.
+
+    is_denoised: of our own engine's images; Cycles does as the scene says.
+    """
     view_layer = scene.view_layers[0]
     image = scene.render.image_settings
     settings = [
@@ -66,6 +69,8 @@ def write_multilayer(path: Path, scene: bpy.types.Scene, engine: str) -> None:
         (scene.render, "use_sequencer", False),
         *((view_layer, f"use_pass_{name}", True) for name in ("z", "normal", "object_index", "material_index")),
     ]
+    if engine == "PERFECT_BVH":
+        settings.append((scene.perfect_bvh, "use_denoising", is_denoised))
     if hasattr(image, "media_type"):
         settings.append((image, "media_type", "MULTI_LAYER_IMAGE"))
     settings += [(image, "file_format", "OPEN_EXR_MULTILAYER"), (image, "color_depth", "32")]

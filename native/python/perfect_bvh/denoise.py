@@ -117,7 +117,8 @@ class Denoiser:
     ) -> Image:
         """The same image with less noise, as a new array. The same arrays give the same bits.
 
-        color: (H, W, 3) or (H, W, 4) scene-linear. The fourth channel, alpha, is handed on as it is.
+        color: (H, W, 3) or (H, W, 4) scene-linear. The fourth channel, alpha, is handed on as it is; where there is
+            neither alpha nor colour, nothing is put.
         albedo, normal: (H, W, 3), what guides it, as means of each pixel's samples: the surface's colour from 0 to 1,
             and its normal, -1 to 1 in any space; zero where there is nothing. None where they are not known.
         progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
@@ -142,6 +143,8 @@ class Denoiser:
             result = np.empty(pixels.shape, np.float32)
             result[..., :3] = self._images["output"]
             result[..., 3:] = pixels[..., 3:]
+        if pixels.shape[2] == 4:
+            result[~pixels.any(axis=-1)] = 0.0
         return result
 
     def _check(self, name: str, value: npt.ArrayLike, channels: tuple[int, ...]) -> npt.NDArray[np.generic]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Literal, TypedDict, Unpack, get_args
 
@@ -168,10 +169,14 @@ def render_progressively(
     samples: int = 16,
     appearance: Appearance | None = None,
     passes: Iterable[str] = ("combined",),
+    time_limit: float = 0.0,
     progress: Progress | None = None,
     **options: Unpack[RenderOptions],
 ) -> Iterator[tuple[int, Passes]]:
     """Renders 1, 2, 4, 8 ... samples of a pixel, and yields (samples done, passes) after each of these rounds.
+
+    time_limit: in seconds, 0 for none: rounds are made smaller, so that what they are expected to take fits, and end
+        when not one more sample does. The first sample is always there. What the caller does in between counts.
 
     The arguments are those of `render_passes`; `progress` counts over all rounds. The arrays are the same objects each
     time; "combined" is refined in place and the others are complete after the first round. The scene may be edited
@@ -180,11 +185,17 @@ def render_progressively(
     snapshot = _snapshot_of("render_progressively", scene)
     total = check_count("render_progressively", "samples", samples, 1)
     names = _check_passes("render_progressively", passes)
+    limit = check_number("render_progressively", "time_limit", time_limit, 0.0, 1e9)
     start = options.get("first_sample", 0)
+    started = time.perf_counter()
     done = 0
     result: Passes = {}
     while done < total:
         count = min(max(done, 1), total - done)
+        if limit and done:
+            count = min(count, samples_within(limit, time.perf_counter() - started, done))
+            if count == 0:
+                return
         options["first_sample"] = start + done
         share = share_of(progress, done / total, count / total)
         wanted = names if done == 0 else [name for name in names if name == "combined"]
@@ -196,6 +207,11 @@ def render_progressively(
             result["combined"] += (made["combined"] - result["combined"]) * weight
         done += count
         yield done, result
+
+
+def samples_within(limit: float, seconds: float, done: int) -> int:
+    """How many more samples fit into a limit if each takes as long as those that have taken so many seconds so far."""
+    return max(0, int((limit - seconds) / max(seconds / done, 1e-9)))
 
 
 def depth_to_grey(

@@ -1,0 +1,115 @@
+"""Images without noise: what was traced, denoised as a plan says. What fails leaves the image as it was, and says why.
+
+What needs the native engine is imported where it is used: without it the add-on must still register, and say why.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..settings.denoisers import denoiser_libraries
+from ..support.memory import check_fits
+from .plan import GUIDES, RenderPlan
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from perfect_bvh import Denoiser
+    from perfect_bvh.denoise import DenoiseQuality, Prefilter
+
+Image = npt.NDArray[np.float32]
+
+# Of OpenImageDenoise: the images, and what the layers of its network hold; it cuts large images into tiles.
+BYTES_A_PIXEL, MOST_BYTES = 1100, 3 << 30
+
+
+@dataclass(frozen=True, slots=True)
+class Denoised:
+    """What came of it.
+
+    image: without noise, or as it was. name: of what has denoised it, None if nothing has. complaint: if it is not as
+    it should be, why, as a sentence for the user.
+    """
+
+    image: Image
+    name: str | None
+    milliseconds: float
+    complaint: str | None = None
+
+
+class ImageDenoiser:
+    """Denoises the images of one plan, as often as they become better; what takes time to set up is kept.
+
+    quality, prefilter: as `perfect_bvh.Denoiser` takes them. The defaults are for images that will be kept; while
+    someone looks on, "fast" and "none" take a fifth of the time.
+    """
+
+    def __init__(
+        self, plan: RenderPlan, quality: DenoiseQuality = "balanced", prefilter: Prefilter = "accurate"
+    ) -> None:
+        self._plan, self._quality, self._prefilter = plan, quality, prefilter
+        self._denoiser: Denoiser | None = None
+
+    def denoise(
+        self, images: Mapping[str, npt.NDArray[Any]], progress: Callable[[float], object] | None = None
+    ) -> Denoised:
+        """A new image from "combined" and what of `GUIDES` is there, all of the plan's size. From any thread.
+
+        progress: called with the share done, 0 to 1, False cancels. Raises `perfect_bvh.Cancelled` and nothing else.
+        """
+        import perfect_bvh
+
+        started = time.perf_counter()
+        raw: Image = images["combined"]
+        try:
+            image, denoiser = self._denoise(images, progress)
+        except perfect_bvh.Cancelled:
+            raise
+        except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
+            self._denoiser = None  # the next one may have more luck
+            reason = str(problem) or "there is no memory left"
+            return Denoised(raw, None, _since(started), f"The image is not denoised: {reason}")
+        complaint = None
+        if denoiser.complaints:
+            complaint = f"{denoiser.name} denoises in place of another: {'; '.join(denoiser.complaints)}"
+        return Denoised(image, denoiser.name, _since(started), complaint)
+
+    def _denoise(
+        self, images: Mapping[str, npt.NDArray[Any]], progress: Callable[[float], object] | None
+    ) -> tuple[Image, Denoiser]:
+        raw: Image = images["combined"]
+        left, right, bottom, top = self._plan.window
+        part = slice(len(raw) - top, len(raw) - bottom), slice(left, right)
+        guides = {name.removeprefix("denoising_"): images[name][part] for name in GUIDES if name in images}
+        denoiser = self._denoiser
+        if denoiser is None:
+            denoiser = self._denoiser = self._make((right - left, top - bottom))
+        made = denoiser.denoise(raw[part], **guides, progress=progress)
+        if made.shape == raw.shape:
+            return made, denoiser
+        whole = raw.copy()
+        whole[part] = made
+        return whole, denoiser
+
+    def _make(self, size: tuple[int, int]) -> Denoiser:
+        import perfect_bvh
+
+        byte_count = min(size[0] * size[1] * BYTES_A_PIXEL, MOST_BYTES)
+        check_fits("Denoising it", byte_count, "choose a smaller size")
+        return perfect_bvh.Denoiser(
+            size,
+            quality=self._quality,
+            prefilter=self._prefilter,
+            threads=self._plan.settings.threads,
+            libraries=denoiser_libraries(),
+        )
+
+
+def _since(started: float) -> float:
+    return (time.perf_counter() - started) * 1e3

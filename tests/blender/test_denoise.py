@@ -1,0 +1,306 @@
+"""Denoised renders: when, with what, what scripts and compositors get, and what happens when denoising fails."""
+
+from __future__ import annotations
+
+import itertools
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import perfect_bvh
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from oracles.cycles import preserved, write_multilayer  # noqa: E402
+from oracles.exr import read_exr  # noqa: E402
+from perfect_bvh.denoise import denoise  # noqa: E402
+from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
+from perfect_bvh_addon.image import denoising  # noqa: E402
+from perfect_bvh_addon.image.denoising import ImageDenoiser  # noqa: E402
+from perfect_bvh_addon.image.plan import NOISY, RenderPlan, denoising_guides, plan_render, plan_view  # noqa: E402
+from perfect_bvh_addon.image.still import Frame  # noqa: E402
+from perfect_bvh_addon.settings.denoisers import denoiser_in_use, denoiser_libraries  # noqa: E402
+from perfect_bvh_addon.settings.modes import MODE_NAMES, MODES  # noqa: E402
+from perfect_bvh_addon.settings.scene_settings import read_settings  # noqa: E402
+from perfect_bvh_addon.statistics.summary import statistics_rows  # noqa: E402
+
+SIZE = WIDTH, HEIGHT = 96, 54
+GUIDES = denoising_guides()
+
+
+@pytest.fixture
+def scene(registered: None) -> bpy.types.Scene:
+    """A cube on a floor under a lamp, seen obliquely, in few samples."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_plane_add(size=8.0)
+    bpy.ops.mesh.primitive_cube_add(size=2.0, location=(0.0, 0.0, 1.0))
+    bpy.ops.object.light_add(type="POINT", location=(3.0, -4.0, 5.0))
+    bpy.context.object.data.energy, bpy.context.object.data.shadow_soft_size = 500.0, 1.0
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location, camera.rotation_euler = (7.0, -7.0, 5.0), (1.109, 0.0, 0.785)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.render.engine = "PERFECT_BVH"
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.perfect_bvh.samples = 2
+    return scene
+
+
+def render(job: RenderJob | None = None) -> Frame:
+    with attend(job or RenderJob()) as attended:
+        bpy.ops.render.render()
+    assert attended.frame is not None
+    return attended.frame
+
+
+def combined(scene: bpy.types.Scene, **settings: object) -> np.ndarray:
+    """Of a render with other settings."""
+    with preserved(*((scene.perfect_bvh, name, value) for name, value in settings.items())):
+        return render().images["combined"]
+
+
+def ask_for_data(scene: bpy.types.Scene) -> None:
+    scene.view_layers[0].cycles.denoising_store_passes = True
+
+
+# When ----------------------------------------------------------------------------------------------------------------
+
+
+def test_renders_are_denoised_unless_told_otherwise(scene: bpy.types.Scene) -> None:
+    ask_for_data(scene)
+    frame = render()
+    assert set(frame.images) == {"combined", NOISY, *GUIDES}
+    expected = denoise(frame.images[NOISY], *(frame.images[name] for name in GUIDES))
+    np.testing.assert_array_equal(frame.images["combined"], expected)
+    assert frame.statistics.denoiser == denoiser_in_use() and frame.statistics.denoise_milliseconds > 0.0
+    assert not frame.statistics.complaints
+    assert "Denoise" in dict(statistics_rows(frame.statistics))
+    np.testing.assert_array_equal(combined(scene, use_denoising=False), frame.images[NOISY])
+
+
+def test_without_it_the_image_is_the_renderer_s_for_any_threads(scene: bpy.types.Scene) -> None:
+    scene.perfect_bvh.use_denoising = False
+    scene.render.threads_mode = "FIXED"
+    images = []
+    for threads in (1, 3):
+        scene.render.threads = threads
+        frame = render()
+        assert frame.statistics.denoiser is None and "Denoise" not in dict(statistics_rows(frame.statistics))
+        images.append(frame.images["combined"])
+    np.testing.assert_array_equal(*images)
+
+
+@pytest.mark.parametrize("mode", [mode.name for mode in MODES if not mode.is_noisy])
+def test_what_has_no_noise_is_never_denoised(scene: bpy.types.Scene, mode: str) -> None:
+    scene.perfect_bvh.mode = mode.upper()
+    frame = render()
+    assert frame.statistics.denoiser is None
+    np.testing.assert_array_equal(combined(scene, use_denoising=False), frame.images["combined"])
+
+
+def test_data_is_no_noise() -> None:
+    assert {mode.name for mode in MODES if mode.is_noisy} == {"preview", "clay"}
+    assert not any(mode.is_noisy and mode.view is not None for mode in MODES) and len(MODES) == len(MODE_NAMES)
+
+
+def test_a_border_is_denoised_alone(scene: bpy.types.Scene) -> None:
+    ask_for_data(scene)
+    scene.render.use_border = True
+    scene.render.border_min_x, scene.render.border_max_x = 0.3, 0.71
+    scene.render.border_min_y, scene.render.border_max_y = 0.25, 0.9
+    frame = render()
+    left, right, bottom, top = plan_render(scene, read_settings(scene)).window
+    part = slice(HEIGHT - top, HEIGHT - bottom), slice(left, right)
+    expected = denoise(*(frame.images[name][part] for name in (NOISY, *GUIDES)))
+    np.testing.assert_array_equal(frame.images["combined"][part], expected)
+    outside = np.ones((HEIGHT, WIDTH), bool)
+    outside[part] = False
+    assert not frame.images["combined"][outside].any()
+
+
+def test_alpha_is_the_renderer_s(scene: bpy.types.Scene) -> None:
+    scene.render.film_transparent = True
+    scene.view_layers[0].objects["Plane"].hide_render = True
+    ask_for_data(scene)
+    images = render().images
+    np.testing.assert_array_equal(images["combined"][..., 3], images[NOISY][..., 3])
+    assert not images["combined"][images[NOISY][..., 3] == 0.0].any()
+
+
+# Compositing ---------------------------------------------------------------------------------------------------------
+
+
+def test_compositors_get_what_denoisers_need_under_cycles_names(scene: bpy.types.Scene) -> None:
+    ask_for_data(scene)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "passes.exr"
+        write_multilayer(path, scene, "PERFECT_BVH", is_denoised=True)
+        planes = read_exr(path)
+    images = render().images
+    for name, source, channels in (
+        ("Combined", "combined", "RGBA"),
+        ("Noisy Image", NOISY, "RGBA"),
+        *zip(("Denoising Albedo", "Denoising Normal"), GUIDES, ("RGB", "XYZ"), strict=False),
+    ):
+        stack = np.stack([planes[f"{scene.view_layers[0].name}.{name}.{channel}"] for channel in channels], axis=-1)
+        np.testing.assert_array_equal(stack, images[source])
+
+
+def test_guides_are_traced_for_those_who_ask_alone(scene: bpy.types.Scene) -> None:
+    scene.perfect_bvh.use_denoising = False
+    plan = plan_render(scene, read_settings(scene))
+    assert plan.traced_passes == ()
+    assert plan_render(scene, read_settings(scene), (NOISY, *GUIDES)).traced_passes == GUIDES
+
+
+# Failures ------------------------------------------------------------------------------------------------------------
+
+
+class Failing:
+    """In place of a denoiser."""
+
+    complaints = ()
+    name = "Failing"
+
+    def __init__(self, problem: BaseException, at_once: bool) -> None:
+        self._problem, self._at_once = problem, at_once
+
+    def __call__(self, *_: object, **__: object) -> Failing:
+        if self._at_once:
+            raise self._problem
+        return self
+
+    def denoise(self, *_: object, **__: object) -> np.ndarray:
+        raise self._problem
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+@pytest.mark.parametrize(
+    ("problem", "reason"),
+    [
+        (perfect_bvh.EngineError("it is broken"), "it is broken"),
+        (MemoryError(), "there is no memory left"),
+        (ValueError("no"), "no"),
+    ],
+)
+def test_a_failure_leaves_the_raw_image_and_says_so(
+    scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch, problem: BaseException, reason: str, at_once: bool
+) -> None:
+    raw = combined(scene, use_denoising=False)
+    monkeypatch.setattr(perfect_bvh, "Denoiser", Failing(problem, at_once))
+    frame = render()
+    np.testing.assert_array_equal(frame.images["combined"], raw)
+    assert frame.statistics.denoiser is None
+    assert frame.statistics.complaints == (f"The image is not denoised: {reason}",)
+
+
+def test_too_little_memory_is_found_before(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(denoising, "MOST_BYTES", 1 << 60)
+    monkeypatch.setattr(denoising, "BYTES_A_PIXEL", 1 << 50)
+    (complaint,) = render().statistics.complaints
+    assert complaint.startswith("The image is not denoised: Denoising it needs about") and "are free" in complaint
+
+
+def test_a_library_that_is_there_and_does_not_work_is_told_of(
+    scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    broken = tmp_path / "libOpenImageDenoise.so.2"
+    broken.write_text("no library")
+    monkeypatch.setattr(denoising, "denoiser_libraries", lambda: (broken,))
+    frame = render()
+    (complaint,) = frame.statistics.complaints
+    assert complaint.startswith(f"{frame.statistics.denoiser} denoises in place of another: ")
+    assert str(broken) in complaint
+
+
+def test_a_render_is_cancelled_while_it_is_denoised(scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(perfect_bvh, "Denoiser", Failing(perfect_bvh.Cancelled("cancelled"), False))
+    job = RenderJob()
+    with attend(job):
+        bpy.ops.render.render()
+    assert job.is_cancelled and job.frame is None
+
+
+def test_blender_s_library_is_where_it_is_looked_for() -> None:
+    assert all(path.exists() for path in denoiser_libraries())
+    assert denoiser_in_use() == perfect_bvh.denoiser_name(denoiser_libraries())
+
+
+def test_one_denoiser_serves_a_view_as_it_gets_better(scene: bpy.types.Scene) -> None:
+    plan: RenderPlan = plan_view(read_settings(scene, is_viewport=True), SIZE)
+    assert plan.is_denoised
+    ask_for_data(scene)
+    made = render().images
+    raw, guides = made[NOISY], [made[name] for name in GUIDES]
+    images = {"combined": raw, **dict(zip(GUIDES, guides, strict=True))}
+    viewer = ImageDenoiser(plan, quality="fast", prefilter="none")
+    expected = denoise(raw, *guides, quality="fast", prefilter="none")
+    for _ in range(2):
+        result = viewer.denoise(images)
+        np.testing.assert_array_equal(result.image, expected)
+        assert result.name == denoiser_in_use() and result.complaint is None
+    unguided = viewer.denoise({"combined": raw}).image
+    np.testing.assert_array_equal(unguided, denoise(raw, quality="fast", prefilter="none"))
+
+
+# Sampling ------------------------------------------------------------------------------------------------------------
+
+
+def test_viewports_and_renders_have_samples_and_switches_of_their_own(scene: bpy.types.Scene) -> None:
+    settings = scene.perfect_bvh
+    settings.samples, settings.viewport_samples, settings.time_limit = 7, 5, 3.0
+    settings.use_denoising, settings.use_viewport_denoising = True, False
+    still, view = read_settings(scene), read_settings(scene, is_viewport=True)
+    assert (still.samples, still.denoise, still.time_limit) == (7, True, 3.0)
+    assert (view.samples, view.denoise, view.time_limit) == (5, False, 0.0)
+
+
+def test_a_viewport_of_an_older_file_takes_as_many_samples_as_it_did(scene: bpy.types.Scene) -> None:
+    """There was one number for both: where the viewport has none of its own, that holds."""
+    scene.perfect_bvh.samples = 48
+    assert read_settings(scene, is_viewport=True).samples == read_settings(scene).samples == 48
+
+
+def test_another_seed_gives_another_noise(scene: bpy.types.Scene) -> None:
+    scene.perfect_bvh.use_denoising = False
+    first, again, other = (combined(scene, seed=seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert np.abs(first - other).max() > 1e-3
+
+
+def test_a_time_limit_leaves_the_first_sample(scene: bpy.types.Scene) -> None:
+    scene.perfect_bvh.use_denoising, scene.perfect_bvh.samples = False, 4096
+    one = combined(scene, samples=1)
+    scene.perfect_bvh.time_limit = 1e-6
+    frame = render()
+    np.testing.assert_array_equal(frame.images["combined"], one)
+    assert frame.statistics.camera_rays == WIDTH * HEIGHT
+
+
+def test_a_time_limit_that_is_long_enough_changes_nothing(scene: bpy.types.Scene) -> None:
+    np.testing.assert_array_equal(combined(scene, time_limit=1e6), combined(scene))
+
+
+def test_the_command_line_says_as_much(scene: bpy.types.Scene) -> None:
+    from perfect_bvh_addon.cli import build_parser
+    from perfect_bvh_addon.cli.blender import apply_settings
+
+    command = ["render", "scene.blend", "-o", "out.png"]
+    settings = scene.perfect_bvh
+    settings.use_denoising, settings.time_limit, settings.seed = False, 4.0, 9
+    apply_settings(scene, build_parser().parse_args(command))
+    assert (settings.use_denoising, settings.time_limit, settings.seed) == (False, 4.0, 9)
+    apply_settings(scene, build_parser().parse_args([*command, "--denoise", "--time-limit", "0", "--seed", "0"]))
+    assert (settings.use_denoising, settings.time_limit, settings.seed) == (True, 0.0, 0)
+    apply_settings(scene, build_parser().parse_args([*command, "--no-denoise"]))
+    assert not settings.use_denoising
+
+
+@pytest.mark.parametrize("wrong", [("--time-limit", "-1"), ("--time-limit", "nan"), ("--seed", "-1"), ("--seed", "x")])
+def test_the_command_line_refuses_what_makes_no_sense(wrong: tuple[str, str]) -> None:
+    from perfect_bvh_addon.cli import build_parser
+
+    with pytest.raises(SystemExit):
+        build_parser().parse_args(["render", "scene.blend", "-o", "out.png", *itertools.chain(wrong)])
