@@ -3,16 +3,10 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "builders/builder.h"
+
 namespace perfect_bvh::bench {
 namespace {
-
-BuilderKind parse_builder(const std::string& name) {
-  for (const BuilderKind kind : {BuilderKind::kAuto, BuilderKind::kMedian, BuilderKind::kSweep, BuilderKind::kBinned,
-                                 BuilderKind::kSpatial, BuilderKind::kFast}) {
-    if (name == builder_name(kind)) return kind;
-  }
-  throw std::runtime_error("no builder is called " + name);
-}
 
 void set(BuildConfig& config, const std::string& setting, const std::string& value) {
   const auto whole = [&] { return static_cast<std::uint32_t>(std::stoul(value)); };
@@ -53,7 +47,7 @@ TreeChoice parse_tree(const std::string& text) {
   std::istringstream parts(text.substr(colon + 1));
   std::string part;
   std::getline(parts, part, ',');
-  choice.config.builder = parse_builder(part);
+  choice.config.builder = find_builder(part);
   while (std::getline(parts, part, ',')) {
     const std::size_t equals = part.find('=');
     if (equals == std::string::npos) throw std::runtime_error("--tree wants SETTING=VALUE, got " + part);

@@ -6,19 +6,10 @@
 #include "bindings/arrays.h"
 #include "bindings/bind.h"
 #include "bindings/progress.h"
+#include "builders/builder.h"
 
 namespace perfect_bvh::bindings {
 namespace {
-
-BuilderKind parse_builder(const std::string& name) {
-  if (name == "auto") return BuilderKind::kAuto;
-  if (name == "median") return BuilderKind::kMedian;
-  if (name == "sweep") return BuilderKind::kSweep;
-  if (name == "binned") return BuilderKind::kBinned;
-  if (name == "spatial") return BuilderKind::kSpatial;
-  if (name == "fast") return BuilderKind::kFast;
-  throw InvalidArgument("BuildConfig: unknown builder '" + name + "'");
-}
 
 TreeLayout parse_layout(const std::string& name) {
   if (name == "default") return TreeLayout::kDefault;
@@ -28,7 +19,7 @@ TreeLayout parse_layout(const std::string& name) {
 
 BuildConfig parse_config(const py::dict& settings) {
   BuildConfig config;
-  config.builder = parse_builder(settings["builder"].cast<std::string>());
+  config.builder = find_builder(settings["builder"].cast<std::string>());
   config.layout = parse_layout(settings["layout"].cast<std::string>());
   config.optimize_passes = settings["optimize"].cast<std::uint32_t>();
   config.optimize_milliseconds = settings["optimize_milliseconds"].cast<double>();

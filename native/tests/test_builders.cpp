@@ -12,6 +12,7 @@
 #include "tests/box_sets.h"
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"
+#include "tests/tree_faults.h"
 
 namespace perfect_bvh::test {
 namespace {
@@ -36,7 +37,10 @@ BuildConfig config_of(BuilderKind kind) {
 }
 
 std::vector<Case> cases() {
-  std::vector<Case> all{{"auto", config_of(BuilderKind::kAuto)}, {"binned", config_of(BuilderKind::kBinned)}};
+  std::vector<Case> all;
+  for (const auto& [kind, name] : kBuilders) {
+    if (kind != BuilderKind::kSpatial) all.push_back({name, config_of(kind)});  // adds references: test_spatial.cpp
+  }
   BuildConfig config = config_of(BuilderKind::kBinned);
   config.bins = 2, config.axes = 1;
   all.push_back({"binned_two_bins_one_axis", config});
@@ -45,20 +49,17 @@ std::vector<Case> cases() {
   config.bins = 16, config.max_leaf_size = 255, config.traversal_cost = 100.0f;
   all.push_back({"binned_large_leaves", config});
   config = config_of(BuilderKind::kSweep);
-  all.push_back({"sweep", config});
   config.max_leaf_size = 1;
   all.push_back({"sweep_single_leaves", config});
   config = config_of(BuilderKind::kBinned);
   config.optimize_passes = 3;
   all.push_back({"binned_optimized", config});
   config = config_of(BuilderKind::kFast);
-  all.push_back({"fast", config});
   config.max_leaf_size = 1;
   all.push_back({"fast_single_leaves", config});
   config.bins = 2, config.axes = 1, config.max_leaf_size = 255, config.traversal_cost = 100.0f;
   all.push_back({"fast_large_leaves", config});
   config = config_of(BuilderKind::kMedian);
-  all.push_back({"median", config});
   config.max_leaf_size = 1;
   all.push_back({"median_single_leaves", config});
   return all;

@@ -13,6 +13,7 @@
 #include "tests/reference_trace.h"
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"
+#include "tests/tree_faults.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
 #include "wide/wide_boxes.h"
@@ -31,11 +32,11 @@ std::ostream& operator<<(std::ostream& out, const Way& way) { return out << way.
 
 std::vector<Way> ways() {
   std::vector<Way> list;
-  for (const BuilderKind kind :
-       {BuilderKind::kMedian, BuilderKind::kSweep, BuilderKind::kBinned, BuilderKind::kSpatial, BuilderKind::kFast}) {
+  for (const auto& [kind, name] : kBuilders) {
+    if (kind == BuilderKind::kAuto) continue;
     BuildConfig config;
     config.builder = kind;
-    list.push_back({builder_name(kind), config, Usage::kDeforming});
+    list.push_back({name, config, Usage::kDeforming});
   }
   BuildConfig optimized;
   optimized.builder = BuilderKind::kBinned;

@@ -5,11 +5,11 @@
 
 #include "builders/builder.h"
 #include "builders/combine.h"
-#include "builders/quality.h"
 #include "core/errors.h"
 #include "query/trace.h"
 #include "tests/box_sets.h"
 #include "tests/reference_trace.h"
+#include "tests/tree_faults.h"
 #include "tlas/instance.h"
 #include "tlas/top_level.h"
 #include "tlas/trace_view.h"

@@ -2,6 +2,7 @@
 // stays as it was, the edits go on waiting, and the next attempt succeeds.
 #include <gtest/gtest.h>
 
+#include <iterator>
 #include <new>
 #include <vector>
 
@@ -44,10 +45,10 @@ struct EditedScene {
   void edit() {
     scene.update_mesh<float>(deforming, soup(120, 4).mesh().positions);
     scene.replace_mesh(changing, soup(70, 5).mesh());
-    for (const BuilderKind builder :
-         {BuilderKind::kMedian, BuilderKind::kSweep, BuilderKind::kSpatial, BuilderKind::kFast}) {
+    for (const auto& builder : kBuilders) {
+      if (builder.kind == BuilderKind::kAuto) continue;
       BuildConfig config;
-      config.builder = builder, config.optimize_passes = 1;
+      config.builder = builder.kind, config.optimize_passes = 1;
       const auto added = scene.add_mesh(soup(30, 6).mesh(), config, Usage::kStatic);
       scene.add_instances(std::vector<InstanceInput>{{added, Affine{}, 1, {}}});
     }
@@ -87,7 +88,7 @@ TEST_P(Memory, RunsOutDuringACommit) {
     try {
       const CommitReport report = edited.commit();
       const bool ran_out = fault.end();
-      EXPECT_EQ(report.meshes.size(), 6u);
+      EXPECT_EQ(report.meshes.size(), 1 + std::size(kBuilders));
       if (ran_out) continue;  // where less memory is only slower
       break;
     } catch (const std::bad_alloc&) {

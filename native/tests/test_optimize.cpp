@@ -9,6 +9,7 @@
 #include "builders/quality.h"
 #include "core/errors.h"
 #include "tests/box_sets.h"
+#include "tests/tree_faults.h"
 
 namespace perfect_bvh::test {
 namespace {

@@ -5,9 +5,9 @@
 #include "tests/calibrations.h"
 #include "tests/mesh_sets.h"
 #include "tests/same_bytes.h"
+#include "tests/tree_faults.h"
 #include "tests/wide_trees.h"
 #include "update/rest.h"
-#include "wide/wide_quality.h"
 
 namespace perfect_bvh::test {
 namespace {

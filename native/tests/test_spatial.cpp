@@ -15,6 +15,7 @@
 #include "tests/box_sets.h"
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"
+#include "tests/tree_faults.h"
 
 namespace perfect_bvh::test {
 namespace {

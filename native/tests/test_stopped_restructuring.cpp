@@ -8,8 +8,8 @@
 #include "tests/failing_memory.h"
 #include "tests/mesh_sets.h"
 #include "tests/same_bytes.h"
+#include "tests/tree_faults.h"
 #include "tests/wide_trees.h"
-#include "wide/wide_quality.h"
 
 namespace perfect_bvh::test {
 namespace {

@@ -8,6 +8,7 @@
 #include "builders/refit.h"
 #include "core/errors.h"
 #include "tests/box_sets.h"
+#include "tests/tree_faults.h"
 
 namespace perfect_bvh::test {
 namespace {

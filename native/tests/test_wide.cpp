@@ -7,11 +7,11 @@
 
 #include "blas/build_tree.h"
 #include "builders/builder.h"
-#include "builders/quality.h"
 #include "core/errors.h"
 #include "tests/mesh_sets.h"
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"
+#include "tests/tree_faults.h"
 #include "wide/collapse.h"
 #include "wide/fast_wide.h"
 #include "wide/leaf_block.h"

@@ -10,8 +10,8 @@
 #include "tests/reference_trace.h"
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"
+#include "tests/tree_faults.h"
 #include "tests/wide_trees.h"
-#include "wide/wide_quality.h"
 #include "wide/wide_refit.h"
 
 namespace perfect_bvh::test {

@@ -9,9 +9,9 @@
 #include "tests/reference_trace.h"
 #include "tests/same_bytes.h"
 #include "tests/thread_counts.h"
+#include "tests/tree_faults.h"
 #include "tests/wide_trees.h"
 #include "tlas/instance.h"
-#include "wide/wide_quality.h"
 #include "wide/wide_rebuild.h"
 #include "wide/wide_rotation.h"
 

@@ -8,23 +8,26 @@ namespace perfect_bvh {
 
 enum class BuilderKind : std::uint8_t { kAuto, kMedian, kSweep, kBinned, kSpatial, kFast };
 
-// As users write it.
-[[nodiscard]] constexpr const char* builder_name(BuilderKind kind) noexcept {
-  switch (kind) {
-    case BuilderKind::kAuto:
-      return "auto";
-    case BuilderKind::kMedian:
-      return "median";
-    case BuilderKind::kSweep:
-      return "sweep";
-    case BuilderKind::kBinned:
-      return "binned";
-    case BuilderKind::kSpatial:
-      return "spatial";
-    case BuilderKind::kFast:
-      return "fast";
+struct BuilderName {
+  BuilderKind kind;
+  const char* name;  // as users write it
+};
+
+// All of them, in the order of BuilderKind.
+inline constexpr BuilderName kBuilders[] = {{BuilderKind::kAuto, "auto"},       {BuilderKind::kMedian, "median"},
+                                            {BuilderKind::kSweep, "sweep"},     {BuilderKind::kBinned, "binned"},
+                                            {BuilderKind::kSpatial, "spatial"}, {BuilderKind::kFast, "fast"}};
+
+static_assert([] {
+  std::uint8_t place = 0;
+  for (const BuilderName& builder : kBuilders) {
+    if (builder.kind != BuilderKind{place++}) return false;
   }
-  return "";
+  return true;
+}());
+
+[[nodiscard]] constexpr const char* builder_name(BuilderKind kind) noexcept {
+  return kBuilders[static_cast<std::uint8_t>(kind)].name;
 }
 
 // What a leaf of the tree that rays are traced through holds: its vertices, or only the numbers of its triangles, whose

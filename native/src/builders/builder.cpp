@@ -50,6 +50,13 @@ Bvh2 build_unoptimized(std::span<const PrimRef> prims, const BuildConfig& config
 
 }  // namespace
 
+BuilderKind find_builder(std::string_view name) {
+  for (const BuilderName& builder : kBuilders) {
+    if (name == builder.name) return builder.kind;
+  }
+  throw InvalidArgument("BuildConfig: unknown builder '" + std::string(name) + "'");
+}
+
 Bvh2 build_bvh2(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel,
                 const PrimClipper* clipper, const LeafLimit* leaf_limit) {
   check(config);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <span>
+#include <string_view>
 
 #include "builders/build_config.h"
 #include "builders/bvh2.h"
@@ -11,6 +12,9 @@
 #include "core/thread_pool.h"
 
 namespace perfect_bvh {
+
+// The builder that users write so. Throws InvalidArgument if there is none.
+[[nodiscard]] BuilderKind find_builder(std::string_view name);
 
 // References with an empty or non-finite box must not be passed. Counts prims.size() units of work on `cancel`. Throws
 // InvalidArgument for settings out of range (naming them), Cancelled, bad_alloc. Spatial splits ask the clipper;

@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <string>
 
 #include "builders/bvh2.h"
 #include "core/cancel.h"
@@ -42,10 +41,6 @@ struct TreeQuality {
 // The same number for any thread count.
 [[nodiscard]] double measure_leaf_count_variability(const Bvh2& tree, std::uint32_t line_count, ThreadPool& pool,
                                                     CancelToken& cancel);
-
-// Empty if the tree is sound: every primitive below primitive_count reachable, children inside their parents, parents
-// first, siblings adjacent, no node reached twice, depth as stored. Otherwise a sentence that names the first fault.
-[[nodiscard]] std::string find_fault(const Bvh2& tree, std::size_t primitive_count);
 
 // Sum over nodes of cost * (area of the triangles inside the node's box that are not below the node), divided by the
 // area of all triangles; 0 if they have none. The same number for any thread count. About a microsecond for each node

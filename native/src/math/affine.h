@@ -39,11 +39,6 @@ struct Affine {
   return result;
 }
 
-// first, then second.
-[[nodiscard]] constexpr Affine compose(const Affine& second, const Affine& first) noexcept {
-  return {second.vector(first.x), second.vector(first.y), second.vector(first.z), second.point(first.translation)};
-}
-
 // Rounds outward: the float box always contains the double one.
 [[nodiscard]] inline float round_down(double value) noexcept {
   const auto rounded = static_cast<float>(value);

@@ -1,4 +1,5 @@
-// The slab test: does a ray pass through a box, and from which t to which? With the bounds that make it lose no hit.
+// The slab test (traverse/node_test.inl): does a ray pass through a box, and from which t to which? Its constants, and
+// the bounds that make it lose no hit.
 //
 // What rounding does, in one mesh's frame. u = 2^-24; k is the direction's longest axis, a any axis, s = d_a / d_k,
 // R_a = (largest |coordinate| on a) + |o_a|. The triangle test (math/triangle.h) shears the vertices: x = v_a - o_a,
@@ -74,23 +75,6 @@ static inline void set_slab_ray(SlabRay& ray, const float origin[3], const float
     ray.near_offset[axis] = at_origin + slack;
     ray.far_offset[axis] = at_origin - slack;
   }
-}
-
-struct SlabRange {
-  float near, far;
-};
-
-// The range of t inside the box, intersected with [t_min, t_max]; empty (near > far) if the ray misses it.
-static inline SlabRange slab_range(const SlabRay& ray, const float lower[3], const float upper[3], float t_min,
-                                   float t_max) noexcept {
-  float near = t_min, far = t_max;
-  for (int axis = 0; axis < 3; ++axis) {
-    const bool runs_down = ray.inverse[axis] < 0.0f;
-    const float first = runs_down ? upper[axis] : lower[axis], last = runs_down ? lower[axis] : upper[axis];
-    near = larger(__builtin_fmaf(first, ray.inverse[axis], -ray.near_offset[axis]), near);
-    far = smaller(__builtin_fmaf(last, ray.inverse[axis], -ray.far_offset[axis]), far);
-  }
-  return {near, far};
 }
 
 }  // namespace perfect_bvh

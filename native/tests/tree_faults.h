@@ -1,0 +1,22 @@
+// Whether trees are sound, found by walking them with nothing taken for granted.
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "builders/bvh2.h"
+#include "mesh/triangle_mesh.h"
+#include "wide/wide_bvh.h"
+
+namespace perfect_bvh::test {
+
+// Empty if the tree is sound: every primitive below primitive_count reachable, children inside their parents, parents
+// first, siblings adjacent, no node reached twice, depth as stored. Otherwise a sentence that names the first fault.
+[[nodiscard]] std::string find_fault(const Bvh2& tree, std::size_t primitive_count);
+
+// Empty if the tree is sound: every triangle in some leaf (in one alone if `once`), every vertex where the mesh has it,
+// boxes inside their parents' and around what they hold, no node or leaf reached twice or not at all, every order a
+// permutation, depth as stored. Otherwise a sentence that names the first fault.
+[[nodiscard]] std::string find_wide_fault(const WideBvh& tree, const TriangleMesh& mesh, bool once);
+
+}  // namespace perfect_bvh::test
