@@ -41,6 +41,7 @@ _MODULES = (
     ".statistics.last_result",
     ".statistics.not_shown",
     ".image.saving",
+    ".view3d.redraws",
     ".engine",
     ".operators",
     ".view3d.overlay",

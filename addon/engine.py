@@ -149,17 +149,12 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             self._attempt(lambda: self._viewport().update(context, depsgraph))
 
     def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """Draw a viewport, and ask to be called again as long as its image can become better."""
+        """Draw a viewport. It asks to be drawn again by itself, when there is more of its image."""
         if not self._can_view():
             return
         viewport = self._viewport()
-        wants_more = self._attempt(lambda: viewport.draw(self, context, depsgraph))
-        if wants_more is None:
-            return
-        self.update_stats(viewport.complaint or line_of(depsgraph.scene), viewport.state)
-        # An animation's next frame comes by itself.
-        if wants_more and not context.screen.is_animation_playing:
-            self.tag_redraw()
+        if self._attempt(lambda: viewport.draw(self, context, depsgraph)) is not None:
+            self.update_stats(viewport.complaint or line_of(depsgraph.scene), viewport.state)
 
     def _can_view(self) -> bool:
         error = native_error()

@@ -1,30 +1,26 @@
-"""One view, refined step by step: a coarse image at once, then sample after sample, never more work than asked for.
+"""In which order the image of one view is traced: resolutions, bands of rows, samples. Pure logic; traces nothing.
 
-A viewport has a few hundredths of a second for each redraw. So the first image has as few pixels as fit, and the full
-one is traced in bands of rows, as many for each step as its time allows. What comes out in the end is bit for bit what
-`perfect_bvh.render_progressively` makes in one go. Knows no Blender.
+A coarse image comes first, as fine as the time for it allows, then finer ones, and over those the full one in bands of
+rows from the top. Finer ones cost time that the full image wants: unless that takes long, they get no more than a small
+share of it, and the half resolution covers the rows that come last, as far as that goes. Then samples follow in rounds
+of 1, 2, 4, 8 ..., as `perfect_bvh.render_progressively` adds them. Knows no Blender.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
 
-import numpy as np
-import numpy.typing as npt
+Rows = tuple[int, int]
 
-if TYPE_CHECKING:
-    from perfect_bvh import Appearance, Camera, Snapshot
-
-    from ..live.scene_sync import SceneSync
-    from .plan import RenderPlan
-
-Image = npt.NDArray[np.float32]
-
-# A coarse image has this many pixels less on each side.
-COARSE_STEPS = (1, 2, 3, 4, 6, 8)
+# A coarse image has so many pixels less on each side. They divide TILE_ROWS, so that each ends where a tile does.
+DIVISORS = (1, 2, 4, 8, 16, 32)
+# Rows in a tile of the renderer: bands that end with one trace next to nothing twice.
+TILE_ROWS = 32
+# Of bands, while a smaller one would still fit: each has fixed costs, and traces a few rows around it.
+FEWEST_ROWS = 2 * TILE_ROWS
+# Of the pixels of one full sample, what coarse images may have together; where that takes longer, all they want.
+COARSE_SHARE = 0.16
+LONG_SECONDS = 4.0
 # Before anything was measured: slow enough that the first image is not late on any machine.
 FIRST_GUESS_SECONDS_PER_PIXEL = 1e-6
 
@@ -40,142 +36,116 @@ class Pace:
         if pixel_samples > 0:
             self.seconds_per_pixel += 0.5 * (seconds / pixel_samples - self.seconds_per_pixel)
 
+    def learn_from_stopped(self, seconds: float, pixel_samples: int) -> None:
+        """Of what was stopped before its end: it would have taken longer than that."""
+        if seconds > self.seconds_per_pixel * pixel_samples:
+            self.learn(seconds, pixel_samples)
+
     def pixel_samples_in(self, seconds: float) -> int:
         """How many fit into `seconds`."""
         return int(seconds / max(self.seconds_per_pixel, 1e-12))
 
+    def seconds_for(self, pixel_samples: int) -> float:
+        """How long so many take."""
+        return pixel_samples * self.seconds_per_pixel
+
 
 @dataclass(frozen=True, slots=True)
-class View:
-    """What an image shows, and all that it depends on."""
+class Step:
+    """What is traced in one go: `count` samples of some rows, counted from the top of the full image.
 
-    snapshot: Snapshot
-    appearance: Appearance
-    camera: Camera
-    plan: RenderPlan
-
-    @staticmethod
-    def of(sync: SceneSync, camera: Camera, plan: RenderPlan) -> View:
-        """Of what a sync that is in step holds."""
-        return View(sync.scene.snapshot(), sync.appearance, camera, plan)
-
-
-class Refinement:
-    """The image of one view on its way to being finished.
-
-    image: (H, W, 4) float32 scene-linear, row 0 on top: the best there is, coarse at first, None before the first step.
-    view: what it shows. sample_count: samples that every pixel of it has; 0 while it is coarse.
-    seconds, ray_count: what tracing it has taken so far, and how many camera rays that were.
+    divisor: one pixel of it stands for so many of the full image each way.
     """
 
-    def __init__(self, view: View, pace: Pace, clock: Callable[[], float] = time.perf_counter) -> None:
-        self.image: Image | None = None
-        self.sample_count = 0
-        self.seconds = 0.0
-        self.ray_count = 0
-        self.view = view
-        self._pace = pace
-        self._clock = clock
-        self._film: Image | None = None
-        self._row_count = 0  # of the round under way
-        width, height = view.plan.size
-        left, right, bottom, top = view.camera.border
-        self._rows = (height - int(np.float32(top) * height), height - int(np.float32(bottom) * height))
-        self._columns = max(1, round((right - left) * width))
+    divisor: int
+    rows: Rows
+    first_sample: int = 0
+    count: int = 1
+
+
+@dataclass(slots=True)
+class Schedule:
+    """What comes next, and what is done.
+
+    columns: how many pixels a row has. rows: of the full image, those to trace. samples: of each pixel.
+    in_parts: whether parts of images are shown; if not, no coarse image covers a part alone.
+    """
+
+    columns: int
+    rows: Rows
+    samples: int
+    in_parts: bool = True
+    sample_count: int = 0
+    """Samples that every pixel of the full image has; 0 while there are but coarse ones."""
+    _divisor: int = 0  # of the finest coarse image; 0 before the first
+    _coarse_pixels: int = 0
+    _row: int = field(init=False)  # from which on the round under way is still to be traced
+
+    def __post_init__(self) -> None:
+        self._row = self.rows[0]
 
     @property
     def is_finished(self) -> bool:
-        """Whether there is nothing left to do."""
-        return self.sample_count >= self.view.plan.samples
+        """Whether there is nothing left to trace."""
+        return self.sample_count >= self.samples or self.rows[0] >= self.rows[1]
 
-    @property
-    def progress(self) -> float:
-        """The share done, 0 to 1."""
-        return self.sample_count / self.view.plan.samples
+    def next_step(self, pace: Pace, seconds: float) -> Step:
+        """What to trace next, of about `seconds` if that is possible: what is ready sooner is not seen."""
+        step = None
+        if self.sample_count == 0 and self._row == self.rows[0]:
+            step = self._first_step(pace, seconds) if self._divisor == 0 else self._finer_step(pace, seconds)
+        return step or self._band(pace, seconds)
 
-    def step(self, seconds: float) -> bool:
-        """Work for about `seconds`; whether the image has become better. The first step always makes an image."""
-        if self.is_finished:
-            return False
-        if self.image is None:
-            divisor = self._coarse_divisor(seconds)
-            if divisor > 1:
-                self.image = self._trace_coarse(divisor)
-                return True
-        return self._advance(seconds)
+    def note_done(self, step: Step) -> None:
+        """A step that `next_step` gave was traced."""
+        if step.divisor > 1:
+            self._divisor = step.divisor
+            self._coarse_pixels += self.pixels_of(step)
+            return
+        self._row = step.rows[1]
+        if self._row >= self.rows[1]:
+            self.sample_count += step.count
+            self._row = self.rows[0]
 
-    def _coarse_divisor(self, seconds: float) -> int:
-        width, height = self.view.plan.size
-        fitting = self._pace.pixel_samples_in(seconds)
-        for divisor in COARSE_STEPS:
-            if (width // divisor) * (height // divisor) <= fitting:
-                return divisor
-        return COARSE_STEPS[-1]
+    def pixels_of(self, step: Step) -> int:
+        """How many pixels it traces, each `step.count` times."""
+        return self._pixels(step.divisor, step.rows)
 
-    def _trace_coarse(self, divisor: int) -> Image:
-        width, height = self.view.plan.size
-        return self._trace((max(1, width // divisor), max(1, height // divisor)), self.view.camera, 0, 1)
+    def _pixels(self, divisor: int, rows: Rows) -> int:
+        return -(-self.columns // divisor) * -(-(rows[1] - rows[0]) // divisor)
 
-    def _advance(self, seconds: float) -> bool:
-        """Bands of the round under way, at least one; whether the image has changed."""
-        deadline = self._clock() + seconds
-        top, bottom = self._rows
-        first_row = top + self._row_count
-        count = self._round_samples()
-        while True:
-            wanted = self._pace.pixel_samples_in(deadline - self._clock()) // (self._columns * count)
-            end_row = min(bottom, first_row + max(wanted, 8))
-            self._trace_band(first_row, end_row, count)
-            first_row = end_row
-            if first_row >= bottom:
-                self._row_count = 0
-                self.sample_count += count
-                self.image = self._film
-                return True
-            self._row_count = first_row - top
-            if self._clock() >= deadline:
-                # A round over the finished first one shows as it goes; a half-traced first one does not.
-                return self.sample_count > 0
+    def _first_step(self, pace: Pace, seconds: float) -> Step | None:
+        """The finest that fits: None if that is the full image."""
+        fitting = pace.pixel_samples_in(seconds)
+        fits = (divisor for divisor in DIVISORS if self._pixels(divisor, self.rows) <= fitting)
+        divisor = next(fits, DIVISORS[-1])
+        return None if divisor == 1 else Step(divisor, self.rows)
 
-    def _round_samples(self) -> int:
-        """1, 1, 2, 4, 8 ...: as `render_progressively` does it."""
-        return min(max(self.sample_count, 1), self.view.plan.samples - self.sample_count)
+    def _finer_step(self, pace: Pace, seconds: float) -> Step | None:
+        """Another coarse image, maybe of the last rows only; None if it is time for the full one."""
+        whole = self._pixels(1, self.rows)
+        is_long = pace.seconds_for(whole) > LONG_SECONDS or not self.in_parts
+        budget = (whole if is_long else int(COARSE_SHARE * whole)) - self._coarse_pixels
+        fitting = pace.pixel_samples_in(seconds)
+        divisor = self._divisor // 2
+        while divisor > 2 and self._pixels(divisor // 2, self.rows) <= min(fitting, budget):
+            divisor //= 2
+        if divisor < 2 or whole <= fitting:
+            return None
+        if self._pixels(divisor, self.rows) <= budget:
+            return Step(divisor, self.rows)
+        affordable = max(budget, 0) // -(-self.columns // divisor) * divisor
+        first = -(-(self.rows[1] - affordable) // TILE_ROWS) * TILE_ROWS
+        if not self.in_parts or self.rows[1] - first < FEWEST_ROWS:
+            return None
+        return Step(divisor, (first, self.rows[1]))
 
-    def _trace_band(self, first_row: int, end_row: int, count: int) -> None:
-        """Add `count` samples to the film's rows from first_row to before end_row, counted from the top."""
-        width, height = self.view.plan.size
-        left, right, _, _ = self.view.camera.border
-        # The renderer truncates: half a pixel more keeps each edge on its row.
-        bottom, top = (height - end_row + 0.5) / height, min((height - first_row + 0.5) / height, 1.0)
-        camera = replace(self.view.camera, border=(left, right, 0.0 if end_row == height else bottom, top))
-        made = self._trace((width, height), camera, self.sample_count, count)
-        if self._film is None:
-            self._film = np.zeros_like(made)
-        rows = slice(first_row, end_row)
-        if self.sample_count == 0:
-            self._film[rows] = made[rows]
-        else:
-            weight = np.float32(count / (self.sample_count + count))
-            self._film[rows] += (made[rows] - self._film[rows]) * weight
-
-    def _trace(self, size: tuple[int, int], camera: Camera, first_sample: int, count: int) -> Image:
-        import perfect_bvh
-
-        view = self.view
-        started = self._clock()
-        image = perfect_bvh.render(
-            view.snapshot,
-            camera,
-            view.plan.settings.mode,  # type: ignore[arg-type]
-            size,
-            count,
-            view.appearance,
-            first_sample=first_sample,
-            **view.plan.options,
-        )
-        left, right, bottom, top = camera.border
-        seconds, rays = self._clock() - started, int((right - left) * size[0] * (top - bottom) * size[1] * count)
-        self._pace.learn(seconds, rays)
-        self.seconds += seconds
-        self.ray_count += rays
-        return image
+    def _band(self, pace: Pace, seconds: float) -> Step:
+        """Rows of the round under way, to the end of a tile."""
+        count = min(max(self.sample_count, 1), self.samples - self.sample_count)
+        fitting = pace.pixel_samples_in(seconds) // (self.columns * count)
+        end = (self._row + max(fitting, FEWEST_ROWS)) // TILE_ROWS * TILE_ROWS
+        bottom = self.rows[1]
+        if bottom - end < TILE_ROWS:
+            end = bottom
+        return Step(1, (self._row, min(end, bottom)), self.sample_count, count)

@@ -66,6 +66,16 @@ class PendingCommit:
         return self._building is None
 
     @property
+    def is_building(self) -> bool:
+        """Whether they were not there when they were looked for last."""
+        return self._building is not None
+
+    @property
+    def is_over(self) -> bool:
+        """Whether what was not there then has come since."""
+        return self._building is not None and not self._building.is_running
+
+    @property
     def state(self) -> str | None:
         """How far they are, as words for the user; None if nothing is being built."""
         return None if self._building is None else f"Building trees {self._building.share:.0%}"

@@ -12,16 +12,18 @@ from typing import ClassVar
 import bpy
 import numpy as np
 
-from ..image.progressive import Pace, Refinement
+from ..image.progressive import Pace
+from ..image.refinement import Refinement
 from ..live.pending_commit import LOOKING_SECONDS
 from ..settings.preferences import native_error
 from ..view3d.awaited_view import AwaitedView, await_view, find_view
 from ..view3d.screen_image import picture_of
 from ..view3d.view_statistics import remember_view
-from ..view3d.viewport import REFINING_SECONDS
 from .ticking import Ticking
 
 IMAGE_NAME = "Perfect BVH Preview"
+# What a tick of the timer may take.
+REFINING_SECONDS = 0.1
 
 
 class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):

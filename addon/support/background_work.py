@@ -28,12 +28,18 @@ class BackgroundWork(Generic[Made, Report]):
     work: called on the new thread with a progress callable, as the engine's long calls want it.
     finish: called at most once, with what `work` returned, by the first `settle`, `stop` or `result`, on the thread
         that calls that: whatever is to know of what was made learns it there and not before.
+    when_stopped: called as well when the work is asked to stop, on the thread that asks.
 
     A forked process has no such thread: there it has failed, unless it was over.
     """
 
-    def __init__(self, work: Callable[[Callable[[float], bool]], Made], finish: Callable[[Made], Report]) -> None:
-        self._work, self._finish = work, finish
+    def __init__(
+        self,
+        work: Callable[[Callable[[float], bool]], Made],
+        finish: Callable[[Made], Report],
+        when_stopped: Callable[[], object] | None = None,
+    ) -> None:
+        self._work, self._finish, self._when_stopped = work, finish, when_stopped
         self._share = 0.0
         self._shall_stop = False
         self._has_ended = threading.Event()
@@ -58,6 +64,7 @@ class BackgroundWork(Generic[Made, Report]):
         except BaseException as problem:  # noqa: BLE001 - handed on by `result`
             self._problem = problem
         finally:
+            self._work = _over  # what it held on to is free
             self._has_ended.set()
             _running.discard(self)
 
@@ -87,6 +94,8 @@ class BackgroundWork(Generic[Made, Report]):
     def ask_to_stop(self) -> None:
         """From any thread; the engine looks about every twentieth of a second. One that is too far gets done."""
         self._shall_stop = True
+        if self._when_stopped is not None:
+            self._when_stopped()
 
     def stop(self) -> None:
         """Asks for the end, and waits for it."""
@@ -121,6 +130,10 @@ class BackgroundWork(Generic[Made, Report]):
         if self._problem is not None:
             raise self._problem
         return self._reports[0]
+
+
+def _over(_: Callable[[float], bool]) -> Any:
+    """What a work that has ended is made of."""
 
 
 def _lose_all() -> None:

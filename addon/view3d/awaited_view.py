@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ..image.plan import RenderPlan, plan_render, plan_view
-from ..image.progressive import Pace, Refinement, View
+from ..image.progressive import Pace
+from ..image.refinement import Refinement, View
 from ..image.still import missing_camera
 from ..settings.scene_settings import read_settings
 from ..statistics.last_result import edits_of

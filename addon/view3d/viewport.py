@@ -1,5 +1,8 @@
 """The "Rendered" shading of one region of a 3D viewport: its scene in step, its view refined, its image on the screen.
 
+The image is traced on a thread of its own, whether Blender redraws or not. A redraw brings the scene and the view in
+step, awaits no more than a coarse image of what is new, and shows what there is.
+
 The trees belong to the cached sync, so all viewports of a Blender scene share them. A view that shows other objects
 than the rest (local view, filters by type) has trees of its own.
 
@@ -8,30 +11,34 @@ What needs the native engine is imported where it is used: without it the add-on
 
 from __future__ import annotations
 
+import math
+import traceback
+import weakref
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import bpy
 
 from ..image.plan import RenderPlan, plan_view
-from ..image.progressive import Pace, Refinement, View
+from ..image.progressive import Pace
+from ..image.refinement import DEFAULT_INTERVAL, Refinement, View
+from ..image.tracer import Tracer
 from ..live.pending_commit import PendingCommit
 from ..settings.scene_settings import read_settings
 from ..statistics.last_result import confirm_view, edits_of
 from ..sync.records import AttributeRequest, CameraRecord
+from . import redraws
 from .awaited_view import begin_view, filter_of
 from .region_camera import camera_of
-from .screen_image import draw_texture, texture_of
+from .screen_image import ScreenImage, draw_patches
 from .view_statistics import remember_view
 
 if TYPE_CHECKING:
-    import gpu
-
     from ..live.scene_sync import SceneSync
 
-# What a redraw may take: little while the view moves, somewhat more while it stands still and is refined.
-MOVING_SECONDS = 0.03
-REFINING_SECONDS = 0.1
+# The first image of what is new comes in the redraw that follows, if it takes no longer; while an animation plays,
+# however long it takes. It is made as coarse as it must be to be there in much less.
+AWAITING_SECONDS = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,14 +65,26 @@ class Viewport:
         self._pace = Pace()
         self._key: ViewKey | None = None
         self._refinement: Refinement | None = None
-        self._texture: gpu.types.GPUTexture | None = None
+        self._tracer = Tracer()
+        self._screen = ScreenImage()
+        self._shown: tuple[Refinement | None, int, bool] = (None, 0, False)  # whose news, their number, its end
+        self._is_remembered = False
+        self._told: BaseException | None = None
+        self.region_pointer = 0
+        """The address of the region that was drawn last."""
+        self.asked_at = float("-inf")
+        """When a redraw was asked for that has not come yet."""
         self.complaint: str | None = None
         """Why the view is not what it should be, as a sentence for the user."""
+        # Blender may forget its engine in the middle of something.
+        weakref.finalize(self, self._tracer.stop).atexit = False
 
     # The scene -------------------------------------------------------------------------------------------------------
 
     def update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Read an evaluated depsgraph and have the trees brought in step with it. Raises what the engine raises."""
+        self.stop()
+        redraws.watch(self)
         space = context.space_data
         sync = self._sync_for(space, depsgraph)
         filtering = space if sync is self._own_sync else None
@@ -97,15 +116,16 @@ class Viewport:
     # The image -------------------------------------------------------------------------------------------------------
 
     def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
-        """Work for a bounded time and draw the best image there is; whether there is more to do.
+        """Draw the best image there is, and have it refined; whether there is more to come.
 
         Raises what the engine raises.
         """
+        self.region_pointer, self.asked_at = context.region.as_pointer(), float("-inf")
+        redraws.watch(self)
         if self._trees.sync is None or self._needs_other_reading(context, depsgraph):
             self.update(context, depsgraph)
         if not self._trees.are_there(lambda: self.update(context, depsgraph)):
-            if self._texture is not None:
-                draw_texture(engine, depsgraph.scene, self._texture, (context.region.width, context.region.height))
+            self._draw_screen(engine, context, depsgraph)
             return True
         sync = self._trees.sync
         assert sync is not None
@@ -113,13 +133,68 @@ class Viewport:
         refinement = self._refinement
         if refinement is None:
             return False
-        was_finished = refinement.is_finished
-        if refinement.step(MOVING_SECONDS if view_is_new else REFINING_SECONDS) or self._texture is None:
-            self._texture = texture_of(refinement.image, depsgraph.scene.perfect_bvh.mode.lower())
-        draw_texture(engine, depsgraph.scene, self._texture, (context.region.width, context.region.height))
-        if refinement.is_finished and not was_finished:
+        self._trace(refinement, view_is_new, context.screen.is_animation_playing)
+        self._show(refinement, depsgraph.scene.perfect_bvh.mode.lower())
+        self._draw_screen(engine, context, depsgraph)
+        if refinement.is_finished and not self._is_remembered:
+            self._is_remembered = True
             remember_view("Viewport", sync, refinement, depsgraph.scene, edits_of(depsgraph.scene))
-        return not refinement.is_finished
+        return self.is_working
+
+    def _trace(self, refinement: Refinement, view_is_new: bool, is_playing: bool) -> None:
+        """Have it refined; what is new is awaited, so that it is shown as it is now."""
+        refinement.interval = max(redraws.budget.pause, DEFAULT_INTERVAL)
+        if refinement.is_finished:
+            return
+        self._tracer.trace(refinement)
+        if view_is_new:
+            self._tracer.wait_for_image(math.inf if is_playing else AWAITING_SECONDS)
+
+    def _show(self, refinement: Refinement, mode: str) -> None:
+        """Fetch what is new. What was there before stays as long as there is nothing."""
+        has_ended, number = self._has_ended(refinement), refinement.canvas.number
+        if self._shown[:2] != (refinement, number) and refinement.canvas.has_image.is_set():
+            self._screen.fetch(refinement.canvas, mode)
+        self._shown = (refinement, number, has_ended)
+
+    def _draw_screen(
+        self, engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph
+    ) -> None:
+        if self._screen.patches:
+            draw_patches(engine, depsgraph.scene, self._screen, (context.region.width, context.region.height))
+
+    def _has_ended(self, refinement: Refinement) -> bool:
+        return refinement.is_finished or self._tracer.problem is not None
+
+    # What redraws are asked for --------------------------------------------------------------------------------------
+
+    def stop(self) -> None:
+        """Trace no more until the next redraw; from any thread, waiting for nothing."""
+        self._tracer.stop()
+
+    @property
+    def is_working(self) -> bool:
+        """Whether there is anything that has not been shown yet, or will be."""
+        if self._trees.sync is None or self._trees.is_building:
+            return self._trees.sync is not None  # after a failure nothing is done until something changes
+        refinement = self._refinement
+        return refinement is not None and not (self._shown[0] is refinement and self._shown[2])
+
+    @property
+    def has_news(self) -> bool:
+        """Whether a redraw would show more than the last one."""
+        refinement = self._refinement
+        if self._trees.is_building or refinement is None:
+            return self._trees.is_building
+        news = (refinement, refinement.canvas.number, self._has_ended(refinement))
+        return news != self._shown or not self._tracer.is_running  # one that was stopped goes on in a redraw
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether nothing is worked on that a redraw could hold up."""
+        if self._trees.is_building:
+            return self._trees.is_over
+        return not self._tracer.is_running
 
     def _needs_other_reading(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
         """Whether what is wanted has changed, of which the depsgraph tells nothing: the view's filter, the mode."""
@@ -131,8 +206,20 @@ class Viewport:
         """How far the view is, as words for the user."""
         if self._trees.state is not None or self._refinement is None:
             return self._trees.state or ""
+        problem = self._tracer.problem
+        if problem is not None:
+            return self._tell(problem)
         done, wanted = self._refinement.sample_count, self._refinement.view.plan.samples
         return f"{'Finished' if self._refinement.is_finished else 'Sample'} {done}/{wanted}"
+
+    def _tell(self, problem: BaseException) -> str:
+        """Of what the thread has met, where nobody else would see it."""
+        from perfect_bvh import EngineError
+
+        if problem is not self._told and not isinstance(problem, (ValueError, EngineError, MemoryError)):
+            traceback.print_exception(problem)
+        self._told = problem
+        return str(problem) or type(problem).__name__
 
     def _follow_view(self, sync: SceneSync, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
         """Start over if what is seen is not what it was; whether it was so."""
@@ -140,13 +227,14 @@ class Viewport:
 
         camera, self.complaint = camera_of(context.region_data, context.space_data, depsgraph)
         if camera is None:
+            self.stop()
             self._key = self._refinement = None
             return True
         plan = _plan_of(context, depsgraph)
         key = ViewKey(sync.scene.scene_id, sync.revision, _camera_key(camera), plan)
         if key == self._key:
             return False
-        self._key = key
+        self._key, self._is_remembered = key, False
         self._refinement = Refinement(View.of(sync, as_camera(camera), plan), self._pace)
         return True
 

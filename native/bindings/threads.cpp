@@ -1,6 +1,8 @@
+#include <memory>
 #include <string>
 
 #include "bindings/bind.h"
+#include "bindings/progress.h"
 #include "core/errors.h"
 #include "core/thread_pool.h"
 
@@ -33,6 +35,21 @@ void bind_threads(py::module_& module) {
         ThreadPool::shutdown_shared();
       },
       "Ends the engine's threads; the next long call starts them again.");
+  py::class_<StopFlag, std::shared_ptr<StopFlag>> stop_flag(
+      module, "StopFlag",
+      "Ends long calls from another thread: given as their `progress`, which is otherwise asked about every twentieth\n"
+      "of a second and needs Python's lock for it, it is looked at by each thread of a call after every millisecond\n"
+      "or so of work. They then raise `Cancelled`. One that is set stays so. `make_stop_flag` makes them.");
+  stop_flag
+      .def(
+          "set", [](StopFlag& flag) { flag.is_set.store(true, std::memory_order_relaxed); },
+          "Ends the calls that were given it, and any that will be; from any thread.")
+      .def_property_readonly("is_set", [](const StopFlag& flag) { return flag.is_set.load(std::memory_order_relaxed); })
+      .def(
+          "__call__", [](const StopFlag& flag, double) { return !flag.is_set.load(std::memory_order_relaxed); },
+          py::arg("share"), "Whether to go on: what any `progress` is asked.");
+  make_only_natively(stop_flag);
+  module.def("make_stop_flag", [] { return std::make_shared<StopFlag>(); }, "A `StopFlag` that is not set.");
 }
 
 }  // namespace perfect_bvh::bindings

@@ -367,6 +367,19 @@ TEST(Cancel, CallsBackOnItsOwnersThreadOnly) {
   EXPECT_EQ(calls, 1);
 }
 
+TEST(Cancel, StopsOnEveryThreadAsSoonAsAFlagThatItFollowsIsSet) {
+  std::atomic<bool> flag{false};
+  int calls = 0;
+  CancelToken cancel([&](float) { return ++calls > 0; });
+  cancel.follow(flag);
+  cancel.checkpoint();
+  EXPECT_FALSE(cancel.stop_requested());
+  flag = true;
+  std::thread([&] { EXPECT_THROW(cancel.throw_if_stopped(), Cancelled); }).join();
+  EXPECT_THROW(cancel.checkpoint(), Cancelled);
+  EXPECT_EQ(calls, 0) << "nobody had to be asked";
+}
+
 TEST(Aligned, StartsOnACacheLineAndKeepsItsContents) {
   for (const std::size_t count : {1u, 3u, 1000u, 300'000u, 1'048'576u}) {  // the last ones reach huge pages
     AlignedVector<std::uint32_t> values(count);

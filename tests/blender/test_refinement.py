@@ -9,7 +9,8 @@ import perfect_bvh
 import pytest
 from oracles import meshes
 from perfect_bvh_addon.image.plan import plan_view
-from perfect_bvh_addon.image.progressive import Pace, Refinement, View
+from perfect_bvh_addon.image.progressive import Pace, Step
+from perfect_bvh_addon.image.refinement import SHORTEST_SECONDS, Refinement, View
 from perfect_bvh_addon.settings.scene_settings import RenderSettings
 
 SIZE = (97, 61)
@@ -50,42 +51,69 @@ def test_it_ends_as_a_render_does(view: View, border: tuple[float, ...], mode: s
     np.testing.assert_array_equal(refinement.image, passes["combined"])
 
 
-def test_the_first_step_always_makes_an_image(view: View) -> None:
-    slow = Pace(seconds_per_pixel=1.0)
-    refinement = Refinement(view, slow)
-    assert refinement.step(0.01)
-    assert refinement.image is not None and refinement.image.shape == (SIZE[1] // 8, SIZE[0] // 8, 4)
-    assert refinement.sample_count == 0
-    fast = Refinement(view, Pace(seconds_per_pixel=1e-12))
-    assert fast.step(10.0)
-    assert fast.image is not None and fast.image.shape == (SIZE[1], SIZE[0], 4)
+@pytest.mark.parametrize("border", [(0.0, 1.0, 0.0, 1.0), (0.2, 0.71, 0.33, 0.9)])
+def test_coarse_pixels_stand_for_exactly_so_many(view: View, border: tuple[float, ...]) -> None:
+    """One of an odd number of pixels lies where the middle one of those is; parts of an image fit together so."""
+    camera = replace(view.camera, border=border)
+    plan = replace(view.plan, settings=replace(view.plan.settings, mode="normal", samples=1))
+    full = perfect_bvh.render(view.snapshot, camera, "normal", (96, 63))
+    refinement = Refinement(replace(view, camera=camera, plan=replace(plan, size=(96, 63))), Pace())
+    left, top, bottom = round(border[0] * 96), 63 - int(border[3] * 63), 63 - int(border[2] * 63)
+    for divisor in (3, 9):
+        step = Step(divisor, (top // 9 * 9, bottom))
+        coarse = refinement._trace(step, None)
+        assert coarse.shape == (63 // divisor, -(-96 // divisor), 4)
+        expected = full[divisor // 2 :: divisor, divisor // 2 :: divisor]
+        inside = (slice(top // divisor + 1, bottom // divisor - 1), slice(left // divisor + 1, None))
+        seen = coarse[: expected.shape[0], : expected.shape[1]][inside][..., 3] > 0
+        np.testing.assert_allclose(
+            np.where(seen[..., None], coarse[: expected.shape[0], : expected.shape[1]][inside], 0.0),
+            expected[inside],
+            atol=1e-3,
+        )
 
 
-def test_a_step_is_bounded_by_its_time(view: View) -> None:
-    """The clock goes on by a second at each look: no step may look much longer than its time."""
-    now = 0.0
-
-    def clock() -> float:
-        nonlocal now
-        now += 1.0
-        return now
-
-    refinement = Refinement(view, Pace(), clock)
-    refinement.step(2.0)
-    while not refinement.is_finished:
-        before = now
-        refinement.step(2.0)
-        assert now - before <= 8.0
-
-
-def test_a_half_traced_first_image_does_not_show(view: View) -> None:
-    refinement = Refinement(view, Pace(seconds_per_pixel=1.0))
-    refinement.step(0.01)
-    coarse = refinement.image
+def test_what_it_shows_is_coarse_first_and_then_grows_from_the_top(view: View) -> None:
+    large = replace(view, plan=replace(view.plan, size=(256, 256)))
+    refinement = Refinement(large, Pace(seconds_per_pixel=1e-3))
+    assert refinement.canvas.patches({}) == []
+    seen = []
     while refinement.sample_count == 0:
-        assert refinement.image is coarse
-        refinement.step(0.0)
-    assert refinement.image is not coarse
+        refinement._pace.seconds_per_pixel = 1e-5
+        refinement.step(0.01)
+        seen.append([(patch.place.divisor, patch.place.rows) for patch in refinement.canvas.patches({})])
+    assert seen[0] == [(16, (0, 256))]
+    assert {divisor for shown in seen for divisor, _ in shown} >= {1, 2, 4, 16}
+    finest = [sum(256 // divisor * (end - first) for divisor, (first, end) in shown) for shown in seen]
+    assert finest == sorted(finest)
+    assert seen[-1] == [(1, (0, 128)), (1, (128, 256))]
+
+
+def test_a_reader_gets_only_what_has_changed(view: View) -> None:
+    large = replace(view, plan=replace(view.plan, size=(64, 256)))
+    refinement = Refinement(large, Pace(seconds_per_pixel=1e-9))
+    refinement.step(1.0)
+    patches = refinement.canvas.patches({})
+    held = {patch.place: patch.number for patch in patches}
+    assert [patch.pixels.shape for patch in patches] == [(128, 64, 4)] * 2
+    assert all(patch.pixels is None for patch in refinement.canvas.patches(held))
+    refinement._pace.seconds_per_pixel = 1.0
+    refinement.step(0.0)  # a band of the second sample
+    assert [patch.pixels is None for patch in refinement.canvas.patches(held)] == [False, True]
+
+
+def test_a_stopped_step_is_lost_and_the_next_are_shorter(view: View) -> None:
+    refinement = Refinement(view, Pace(seconds_per_pixel=1e-9))
+    stop = perfect_bvh.make_stop_flag()
+    stop.set()
+    for _ in range(3):
+        with pytest.raises(perfect_bvh.Cancelled):
+            refinement.step(1.0, stop)
+        assert refinement.image is None
+    assert refinement._longest == SHORTEST_SECONDS
+    finish(refinement, 1.0)
+    expected = perfect_bvh.render(view.snapshot, view.camera, "clay", SIZE, 1)
+    assert refinement.image.shape == expected.shape
 
 
 def test_nothing_is_done_to_a_finished_image(view: View) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 from collections.abc import Iterator
 from types import SimpleNamespace
@@ -17,12 +18,13 @@ import perfect_bvh_addon  # noqa: E402
 from blender.long_builds import PATIENCE, Gate, building_threads, patiently  # noqa: E402
 from perfect_bvh_addon import engine  # noqa: E402
 from perfect_bvh_addon.image.plan import plan_view  # noqa: E402
-from perfect_bvh_addon.image.progressive import Pace, Refinement, View  # noqa: E402
+from perfect_bvh_addon.image.progressive import Pace  # noqa: E402
+from perfect_bvh_addon.image.refinement import Refinement, View  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of  # noqa: E402
 from perfect_bvh_addon.sync.appearance import as_camera  # noqa: E402
 from perfect_bvh_addon.sync.records import CameraRecord  # noqa: E402
-from perfect_bvh_addon.view3d import viewport  # noqa: E402
+from perfect_bvh_addon.view3d import screen_image, viewport  # noqa: E402
 from perfect_bvh_addon.view3d.awaited_view import TYPE_FILTERS  # noqa: E402
 
 SIZE = (32, 18)
@@ -34,8 +36,9 @@ def without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     matrix = np.eye(4)
     matrix[2, 3] = 8.0
     camera = CameraRecord(matrix, (-1.0, 1.0, -0.5625, 0.5625), "perspective", 0.1, 100.0)
-    monkeypatch.setattr(viewport, "texture_of", lambda image, mode: image.copy())
-    monkeypatch.setattr(viewport, "draw_texture", lambda screen, scene, texture, size: screen.append(texture))
+    monkeypatch.setattr(screen_image, "texture_of", lambda image, mode: image)
+    monkeypatch.setattr(viewport, "draw_patches", lambda screen, scene, image, size: screen.append(whole_of(image)))
+    monkeypatch.setattr(viewport, "AWAITING_SECONDS", PATIENCE)  # however slow this machine is
     monkeypatch.setattr(viewport, "camera_of", lambda *_: (camera, None))
     monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.05)
     perfect_bvh_addon.register()
@@ -58,6 +61,17 @@ def cube(scene: bpy.types.Scene) -> bpy.types.Object:
     return bpy.context.object
 
 
+def whole_of(image: screen_image.ScreenImage) -> np.ndarray:
+    """What patches show together, coarse pixels as large as they are."""
+    width, height = image.size
+    shown = np.full((height, width, 4), np.nan, np.float32)
+    for place, patch in image.patches.items():
+        pixels = patch.texture.repeat(place.divisor, axis=0).repeat(place.divisor, axis=1)
+        first, end = place.rows
+        shown[first:end] = pixels[: end - first, :width]
+    return shown
+
+
 class Shown:
     """A region in Rendered shading. screen: what was drawn, in order. redraw: whether more is to come."""
 
@@ -67,7 +81,7 @@ class Shown:
         filters = dict.fromkeys(TYPE_FILTERS, True)
         self.context = SimpleNamespace(
             space_data=SimpleNamespace(local_view=None, use_local_collections=False, **filters),
-            region=SimpleNamespace(width=SIZE[0], height=SIZE[1]),
+            region=SimpleNamespace(width=SIZE[0], height=SIZE[1], as_pointer=lambda: 7),
             region_data=None,
             screen=SimpleNamespace(is_animation_playing=False),
         )
@@ -185,7 +199,7 @@ def test_the_last_image_stays_until_the_next_is_there(cube, gate: Gate) -> None:
     shown.update()
     shown.screen.clear()
     assert all(shown.redraw() for _ in range(3))
-    assert all(drawn is before for drawn in shown.screen) and len(shown.screen) == 3
+    assert all(np.array_equal(drawn, before) for drawn in shown.screen) and len(shown.screen) == 3
     gate.open()
     after = shown.finish()
     assert abs(after - before).max() > 0.01
@@ -239,7 +253,7 @@ def test_a_view_without_updates_waits_for_what_another_has_begun(cube, gate: Gat
     gate.wait_until_held()
     assert first.redraw()
     assert first.viewport.state == "Building trees 50%"
-    assert first.screen[-1] is before
+    np.testing.assert_array_equal(first.screen[-1], before)
     gate.open()
     np.testing.assert_array_equal(first.finish(), fresh())
 
@@ -343,3 +357,129 @@ def test_a_viewport_tells_in_one_line_what_it_does_not_show(cube, gate: Gate) ->
     assert redraw() == "1 object not shown, 1 setting ignored"
     shown.viewport.complaint = None
     shown.finish()
+
+
+class TracingGate:
+    """Holds whatever is traced, as soon as a view has its first image, until it is opened or stopped."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.is_open = threading.Event()
+        step = Refinement.step
+
+        def hold(refinement: Refinement, seconds: float, stop: Any = None) -> bool:
+            while refinement.canvas.has_image.is_set() and not self.is_open.wait(0.002) and not stop.is_set:
+                pass
+            return step(refinement, seconds, stop)
+
+        monkeypatch.setattr(Refinement, "step", hold)
+
+
+def is_tracing() -> bool:
+    return building_threads() > 0
+
+
+def wait_for_the_end_of_tracing() -> None:
+    for _ in patiently("something is still traced"):
+        if not is_tracing():
+            return
+
+
+def test_a_redraw_traces_nothing_and_awaits_only_the_first_image(cube, gate: Gate, monkeypatch) -> None:
+    tracing = TracingGate(monkeypatch)
+    shown = Shown()
+    shown.update()
+    for _ in range(3):
+        assert shown.redraw(), "there is more to come"
+    assert shown.viewport.state.startswith("Sample ")
+    refinement = shown.viewport._refinement
+    assert np.isfinite(shown.screen[-1]).all(), "the coarse image is not shown"
+    assert not shown.viewport.has_news
+    tracing.is_open.set()
+    for _ in patiently("nothing is traced without redraws"):
+        if refinement.is_finished:
+            break
+    assert shown.viewport.has_news
+    np.testing.assert_array_equal(shown.finish(), fresh())
+    assert not shown.viewport.is_working
+
+
+def test_an_edit_stops_what_is_traced_before_it_is_read(cube, gate: Gate, monkeypatch) -> None:
+    tracing = TracingGate(monkeypatch)
+    shown = Shown()
+    shown.update()
+    shown.redraw()
+    assert is_tracing()
+    begin_view, tracing_at_reading = viewport.begin_view, []
+
+    def begin(*arguments: Any) -> Any:
+        tracing_at_reading.append(shown.viewport._tracer.is_running)
+        return begin_view(*arguments)
+
+    monkeypatch.setattr(viewport, "begin_view", begin)
+    move(cube, 1.0)
+    shown.update()
+    assert tracing_at_reading == [False]
+    tracing.is_open.set()
+    np.testing.assert_array_equal(shown.finish(), fresh())
+
+
+def test_what_was_traced_before_an_update_that_changes_nothing_stays(cube, gate: Gate, monkeypatch) -> None:
+    tracing = TracingGate(monkeypatch)
+    shown = Shown()
+    shown.update()
+    shown.redraw()
+    refinement = shown.viewport._refinement
+    shown.update()
+    wait_for_the_end_of_tracing()
+    assert shown.redraw()
+    assert shown.viewport._refinement is refinement and is_tracing()
+    tracing.is_open.set()
+    np.testing.assert_array_equal(shown.finish(), fresh())
+
+
+def test_a_viewport_that_goes_takes_its_thread_with_it(cube, gate: Gate, monkeypatch) -> None:
+    TracingGate(monkeypatch)
+    shown = Shown()
+    shown.update()
+    shown.redraw()
+    assert is_tracing()
+    del shown
+    gc.collect()
+    wait_for_the_end_of_tracing()
+
+
+@pytest.mark.parametrize("what", ["unregister", "undo", "file"])
+def test_tracing_ends_with_what_it_shows(cube, gate: Gate, monkeypatch, what: str) -> None:
+    TracingGate(monkeypatch)
+    shown = Shown()
+    shown.update()
+    shown.redraw()
+    assert is_tracing()
+    if what == "unregister":
+        perfect_bvh_addon.unregister()
+    elif what == "undo":
+        bpy.app.handlers.undo_pre[0](bpy.context.scene, None)
+    else:
+        bpy.app.handlers.load_pre[0]("", None)
+    wait_for_the_end_of_tracing()
+
+
+@pytest.mark.parametrize("problem", [MemoryError("no room for an image"), ZeroDivisionError("never seen")])
+def test_what_fails_while_it_is_traced_is_told(cube, gate: Gate, monkeypatch, capsys, problem: Exception) -> None:
+    step = Refinement.step
+
+    def fail(*_: object) -> bool:
+        raise problem
+
+    monkeypatch.setattr(Refinement, "step", fail)
+    shown = Shown()
+    shown.update()
+    for _ in patiently("the failure is not told"):
+        if not shown.redraw():
+            break
+    assert shown.viewport.state == str(problem) == shown.viewport.state
+    assert capsys.readouterr().err.count("ZeroDivisionError: never seen") == isinstance(problem, ZeroDivisionError)
+    monkeypatch.setattr(Refinement, "step", step)
+    move(cube, 1.0)
+    shown.update()
+    np.testing.assert_array_equal(shown.finish(), fresh())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import fields, replace
 from typing import Any
 
@@ -142,6 +143,21 @@ def test_shared_samples_converge_to_the_image_under_the_filter(scene: Scene) -> 
     shared = render(scene, CAMERA, size=SIZE, samples=256, smooth=False)
     assert np.abs(shared - wanted)[inside].mean() < 0.002
     assert np.abs(shared - wanted)[inside].max() < 0.05
+
+
+def test_a_stop_flag_ends_a_render_from_another_thread(scene: Scene) -> None:
+    flag = perfect_bvh.make_stop_flag()
+    assert not flag.is_set and flag(0.5)
+    expected = render(scene, CAMERA, "clay", SIZE, 2)
+    np.testing.assert_array_equal(render(scene, CAMERA, "clay", SIZE, 2, None, flag), expected)
+    timer = threading.Timer(0.05, flag.set)
+    timer.start()
+    with pytest.raises(perfect_bvh.Cancelled):
+        render(scene, CAMERA, "clay", (2000, 2000), 60_000, None, flag)
+    timer.join()
+    assert flag.is_set and not flag(0.5)
+    with pytest.raises(perfect_bvh.Cancelled):
+        render(scene, CAMERA, "clay", SIZE, 2, None, flag)
 
 
 def test_progressive_rounds_refine_one_image(scene: Scene) -> None:

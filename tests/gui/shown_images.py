@@ -33,7 +33,7 @@ def override(window: bpy.types.Window, area: bpy.types.Area) -> Any:
 
 def expected_image(window: bpy.types.Window, area: bpy.types.Area) -> Any:
     """(H, W, 4): what an area has to show, from a sync that has read nothing but what it shows now."""
-    progressive, appearance = module("image.progressive"), module("sync.appearance")
+    refinement, appearance = module("image.refinement"), module("sync.appearance")
     space, region = area.spaces.active, region_of(area)
     with override(window, area):
         depsgraph = bpy.context.evaluated_depsgraph_get()
@@ -43,8 +43,8 @@ def expected_image(window: bpy.types.Window, area: bpy.types.Area) -> Any:
         sync.request(plan.attributes)
         sync.update(depsgraph, space=space)
         camera, _ = module("view3d.region_camera").camera_of(space.region_3d, space, depsgraph)
-    view = progressive.View.of(sync, appearance.as_camera(camera), plan)
-    made = progressive.Refinement(view, progressive.Pace())
+    view = refinement.View.of(sync, appearance.as_camera(camera), plan)
+    made = refinement.Refinement(view, module("image.progressive").Pace())
     while not made.is_finished:
         made.step(1.0)
     return made.image

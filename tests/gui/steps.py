@@ -62,6 +62,7 @@ STEPS = (
     render_steps.cancel_a_render,
     viewport_steps.switch_to_rendered,
     viewport_steps.show_each_mode,
+    viewport_steps.trace_while_nobody_redraws,
     viewport_steps.orbit,
     viewport_steps.look_orthographically,
     viewport_steps.look_through_the_camera,

@@ -57,6 +57,22 @@ def show_each_mode() -> Step:
     check(np.array_equal(image(), images["PREVIEW"]), "Preview shows something else the second time")
 
 
+def trace_while_nobody_redraws() -> Step:
+    """The image becomes better although Blender does not so much as look at it; then it shows by itself."""
+    before, settings().samples = settings().samples, 5
+    area_of("VIEW_3D").tag_redraw()
+    (shown,) = viewports()
+    yield from wait_until(lambda: shown._refinement.view.plan.samples == 5, "the new samples are not traced")
+    deadline = time.monotonic() + 120.0
+    while not shown._refinement.is_finished and time.monotonic() < deadline:
+        time.sleep(0.01)  # nothing else is done on this thread, which is Blender's
+    check(shown._refinement.is_finished, "nothing is traced without redraws")
+    yield from wait_until(lambda: not shown.is_working, "the finished image is not shown")
+    settings().samples = before
+    area_of("VIEW_3D").tag_redraw()
+    yield from finished("samples as before")
+
+
 def orbit() -> Step:
     before = region_view().view_rotation.copy()
     x, y = middle_of(area_of("VIEW_3D"))

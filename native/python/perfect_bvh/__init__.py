@@ -25,7 +25,7 @@ from .render import MODES, PASSES, RenderOptions, depth_to_grey, render, render_
 from .report import Alternative, CommitReport, MeshReport, SceneStatistics, TopLevelReport, TreeStatistics
 from .scene import Scene
 from .snapshot import Snapshot
-from .threads import set_thread_count, shutdown_threads, thread_count
+from .threads import StopFlag, make_stop_flag, set_thread_count, shutdown_threads, thread_count
 from .tree_boxes import TreeBoxes
 
 __all__ = [
@@ -58,6 +58,7 @@ __all__ = [
     "SceneStatistics",
     "Snapshot",
     "StaleSceneError",
+    "StopFlag",
     "TopLevelReport",
     "TreeBoxes",
     "TreeStatistics",
@@ -68,6 +69,7 @@ __all__ = [
     "denoise",
     "denoiser_name",
     "depth_to_grey",
+    "make_stop_flag",
     "render",
     "render_passes",
     "render_progressively",

@@ -1,12 +1,12 @@
-"""How many threads the engine uses."""
+"""How many threads the engine uses, and what ends their work from another one."""
 
 from __future__ import annotations
 
 from . import _core
 from ._arrays import check_count
-from ._core import shutdown_threads, thread_count
+from ._core import StopFlag, make_stop_flag, shutdown_threads, thread_count
 
-__all__ = ["set_thread_count", "shutdown_threads", "thread_count"]
+__all__ = ["StopFlag", "make_stop_flag", "set_thread_count", "shutdown_threads", "thread_count"]
 
 _MOST_THREADS = 1024
 

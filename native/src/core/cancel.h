@@ -28,7 +28,11 @@ class CancelToken {
   CancelToken& operator=(const CancelToken&) = delete;
 
   void request_stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
-  [[nodiscard]] bool stop_requested() const noexcept { return stop_.load(std::memory_order_relaxed); }
+  [[nodiscard]] bool stop_requested() const noexcept {
+    return stop_.load(std::memory_order_relaxed) || (followed_ && followed_->load(std::memory_order_relaxed));
+  }
+  // Stops as well as soon as `flag` is true, which whoever sets it may do without a token. The flag outlives this.
+  void follow(const std::atomic<bool>& flag) noexcept { followed_ = &flag; }
   void throw_if_stopped() const {
     if (stop_requested()) throw Cancelled();
   }
@@ -86,6 +90,7 @@ class CancelToken {
 
  private:
   std::atomic<bool> stop_{false};
+  const std::atomic<bool>* followed_ = nullptr;
   std::atomic<std::size_t> total_{0};
   std::atomic<std::size_t> done_{0};
   Callback callback_;

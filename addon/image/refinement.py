@@ -1,0 +1,186 @@
+"""The image of one view on its way to being finished: what `progressive.py` plans is traced, step by step.
+
+It may be traced by any thread, one at a time, while another reads what there is: a view holds nothing of Blender. What
+comes out in the end is bit for bit what `perfect_bvh.render_progressively` makes in one go. Knows no Blender.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..settings.modes import find_mode
+from .canvas import Canvas, Image
+from .progressive import Pace, Schedule, Step
+from .still import COST_PASSES, Images
+
+if TYPE_CHECKING:
+    from perfect_bvh import Appearance, Camera, Snapshot, StopFlag
+
+    from ..live.scene_sync import SceneSync
+    from .plan import RenderPlan
+
+# Which meshes the rays spend their work on is asked of one pixel in so many, each way: no one waits for it.
+COST_STEP = 4
+# A step that is stopped is lost, so the next ones are shorter: an image that is stopped again and again gets done, too.
+SHORTEST_SECONDS = 0.03
+DEFAULT_INTERVAL = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What an image shows, and all that it depends on."""
+
+    snapshot: Snapshot
+    appearance: Appearance
+    camera: Camera
+    plan: RenderPlan
+
+    @staticmethod
+    def of(sync: SceneSync, camera: Camera, plan: RenderPlan) -> View:
+        """Of what a sync that is in step holds."""
+        return View(sync.scene.snapshot(), sync.appearance, camera, plan)
+
+
+class Refinement:
+    """canvas: what there is of the image. view: what it shows.
+
+    seconds, ray_count: what tracing it has taken so far, and how many camera rays that were. costs: once it is
+    finished, `COST_PASSES` of one pixel in COST_STEP each way. is_finished: whether there is nothing left to do.
+    """
+
+    def __init__(self, view: View, pace: Pace, clock: Callable[[], float] = time.perf_counter) -> None:
+        self.view = view
+        self.seconds = 0.0
+        self.ray_count = 0
+        self.costs: Images = {}
+        self.is_finished = False
+        self.interval = DEFAULT_INTERVAL
+        """How long until something new can be shown, for whoever traces it: shorter steps would only cost more."""
+        self._pace = pace
+        self._clock = clock
+        self._longest = float("inf")
+        width, height = view.plan.size
+        left, right = _columns_of(view.camera, width)
+        _, _, bottom, top = view.camera.border
+        rows = (height - int(np.float32(top) * height), height - int(np.float32(bottom) * height))
+        in_parts = not find_mode(view.plan.settings.mode).has_range  # greys are between the least and the greatest
+        self._schedule = Schedule(max(1, right - left), rows, view.plan.samples, in_parts)
+        self.canvas = Canvas(view.plan.size, in_parts)
+
+    @property
+    def image(self) -> Image | None:
+        """The best whole image there is: (H, W, 4) float32 scene-linear, row 0 on top; coarse at first, None before."""
+        return self.canvas.image
+
+    @property
+    def sample_count(self) -> int:
+        """Samples that every pixel of the image has; 0 while it is coarse."""
+        return self._schedule.sample_count
+
+    @property
+    def progress(self) -> float:
+        """The share done, 0 to 1."""
+        return self.sample_count / self.view.plan.samples
+
+    def step(self, seconds: float, stop: StopFlag | None = None) -> bool:
+        """Work for about `seconds`; whether the whole image has become better.
+
+        stop: ends it with `perfect_bvh.Cancelled`; what was done in earlier steps stays.
+        """
+        if self.is_finished:
+            return False
+        if self._schedule.is_finished:
+            self._finish(stop)
+            return False
+        step = self._schedule.next_step(self._pace, min(seconds, self._longest))
+        is_whole = step.rows[1] >= self._schedule.rows[1]
+        if step.divisor > 1:
+            is_whole = step.rows == self._schedule.rows
+            self.canvas.put_coarse(self._trace(step, stop), step.divisor, step.rows, is_whole)
+        else:
+            self.canvas.add_samples(self._trace(step, stop), step.rows, step.first_sample, step.count, is_whole)
+        self._schedule.note_done(step)
+        return is_whole or step.first_sample > 0
+
+    def _trace(self, step: Step, stop: StopFlag | None) -> Image:
+        import perfect_bvh
+
+        view = self.view
+        camera, size = _seen_by(step, view.camera, view.plan.size)
+        count = self._schedule.pixels_of(step) * step.count
+        started = self._clock()
+        try:
+            image = perfect_bvh.render(
+                view.snapshot,
+                camera,
+                view.plan.settings.mode,  # type: ignore[arg-type]
+                size,
+                step.count,
+                view.appearance,
+                stop,
+                first_sample=step.first_sample,
+                **view.plan.options,
+            )
+        except perfect_bvh.Cancelled:
+            seconds = self._clock() - started
+            self._pace.learn_from_stopped(seconds, count)
+            self._longest = max(SHORTEST_SECONDS, 0.5 * min(self._longest, self._pace.seconds_for(count)))
+            raise
+        seconds = self._clock() - started
+        self._longest *= 2.0
+        self._pace.learn(seconds, count)
+        self.seconds += seconds
+        self.ray_count += count
+        return image
+
+    def _finish(self, stop: StopFlag | None) -> None:
+        import perfect_bvh
+
+        view = self.view
+        width, height = view.plan.size
+        if self.canvas.image is None:  # not a row lies within the border
+            self.canvas.replace(np.zeros((height, width, 4), np.float32))
+        self.costs = perfect_bvh.render_passes(
+            view.snapshot,
+            view.camera,
+            mode="cost",
+            size=(max(1, width // COST_STEP), max(1, height // COST_STEP)),
+            appearance=view.appearance,
+            passes=COST_PASSES,
+            progress=stop,
+            threads=view.plan.settings.threads,
+        )
+        self.is_finished = True
+
+
+def _seen_by(step: Step, camera: Camera, size: tuple[int, int]) -> tuple[Camera, tuple[int, int]]:
+    """What a step looks through, and the size of its image.
+
+    A coarse pixel covers exactly `divisor` pixels each way, so that coarse and full rows fit together: the coarse image
+    reaches as far beyond the lower and right edge as that takes.
+    """
+    width, height = size
+    divisor = step.divisor
+    columns, rows = -(-width // divisor), -(-height // divisor)
+    wider, higher = columns * divisor / width, rows * divisor / height
+    left, right, bottom, top = camera.window
+    window = (left, left + (right - left) * wider, top - (top - bottom) * higher, top)
+    # The renderer truncates: half a pixel more keeps each edge on its row and column.
+    first, end = step.rows[0] // divisor, -(-step.rows[1] // divisor)
+    below, above = (rows - end + 0.5) / rows, min((rows - first + 0.5) / rows, 1.0)
+    first, end = _columns_of(camera, width)
+    first, end = first // divisor, -(-end // divisor)
+    before, behind = (first + 0.5) / columns, min((end + 0.5) / columns, 1.0)
+    border = (before if first else 0.0, behind, below if step.rows[1] < height else 0.0, above)
+    return replace(camera, window=camera.window if divisor == 1 else window, border=border), (columns, rows)
+
+
+def _columns_of(camera: Camera, width: int) -> tuple[int, int]:
+    """Those within the border, as the renderer rounds."""
+    left, right, _, _ = camera.border
+    return int(np.float32(left) * width), int(np.float32(right) * width)
