@@ -89,7 +89,9 @@ class RenderPlan:
     def options(self) -> dict[str, Any]:
         """How `perfect_bvh.render` and its like are to trace it."""
         settings = self.settings
+        paths = {} if settings.light_paths is None else {"light_paths": settings.light_paths}
         return {
+            **paths,
             "threads": settings.threads,
             "seed": settings.seed,
             "ao_distance": settings.ao_distance or None,

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import bpy
 
+from .light_paths import read_light_paths
 from .modes import DEFAULT_MODE, MODES
+
+if TYPE_CHECKING:
+    from perfect_bvh import LightPaths
 
 ENGINE_NAME = "PERFECT_BVH"
 MODE_ITEMS = [(mode.name.upper(), mode.label, mode.description, mode.number) for mode in MODES]
@@ -20,7 +25,8 @@ class RenderSettings:
     """What one render uses, read from a scene's properties.
 
     threads: 0 for every core. audit_share: of the camera rays to check again, 0 for none. denoise: whether, where the
-    mode has noise. time_limit: seconds for tracing, 0 for any; the first sample is always finished.
+    mode has noise. time_limit: seconds for tracing, 0 for any; the first sample is always finished. light_paths: how far
+    light bounces, None for the renderer's own.
     """
 
     mode: str
@@ -32,6 +38,7 @@ class RenderSettings:
     denoise: bool = False
     seed: int = 0
     time_limit: float = 0.0
+    light_paths: LightPaths | None = None
 
 
 class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
@@ -233,6 +240,7 @@ def read_settings(scene: bpy.types.Scene, is_viewport: bool = False) -> RenderSe
         denoise=settings.use_viewport_denoising if is_viewport else settings.use_denoising,
         seed=settings.seed,
         time_limit=0.0 if is_viewport else settings.time_limit,
+        light_paths=read_light_paths(scene),
     )
 
 

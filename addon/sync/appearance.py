@@ -24,6 +24,7 @@ from .records import (
     VISIBLE_TO_DIFFUSE,
     VISIBLE_TO_GLOSSY,
     VISIBLE_TO_SHADOW,
+    VISIBLE_TO_TRANSMISSION,
     CameraRecord,
     Float32Array,
     Int32Array,
@@ -61,6 +62,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
         shadow_mask=VISIBLE_TO_SHADOW,
         diffuse_mask=VISIBLE_TO_DIFFUSE,
         glossy_mask=VISIBLE_TO_GLOSSY,
+        transmission_mask=VISIBLE_TO_TRANSMISSION,
         catcher_mask=CATCHES_SHADOWS,
         film_transparent=record.film_transparent,
         images=tuple(

@@ -40,6 +40,21 @@ Vec3f as_color(const py::handle& value) {
   return {r, g, b};
 }
 
+LightPaths read_light_paths(const py::dict& values) {
+  LightPaths paths;
+  paths.max_bounces = get<int>(values, "max_bounces");
+  paths.diffuse_bounces = get<int>(values, "diffuse_bounces");
+  paths.glossy_bounces = get<int>(values, "glossy_bounces");
+  paths.transmission_bounces = get<int>(values, "transmission_bounces");
+  paths.transparent_bounces = get<int>(values, "transparent_bounces");
+  paths.clamp_direct = get<float>(values, "clamp_direct");
+  paths.clamp_indirect = get<float>(values, "clamp_indirect");
+  paths.filter_glossy = get<float>(values, "filter_glossy");
+  paths.reflective_caustics = get<bool>(values, "reflective_caustics");
+  paths.refractive_caustics = get<bool>(values, "refractive_caustics");
+  return paths;
+}
+
 RenderSettings read_settings(const py::dict& values) {
   RenderSettings settings;
   settings.mode = kModes.at(get<std::string>(values, "mode"));
@@ -53,7 +68,8 @@ RenderSettings read_settings(const py::dict& values) {
   settings.threads = get<int>(values, "threads");
   settings.kept_share = get<float>(values, "kept_share");
   settings.clay.ao_distance = get<float>(values, "ao_distance");
-  settings.clay.light_rays = settings.preview.light_rays = get<int>(values, "light_rays");
+  settings.clay.light_rays = get<int>(values, "light_rays");
+  settings.light_paths = read_light_paths(values["light_paths"].cast<py::dict>());
   if (!values["clay_color"].is_none()) settings.clay.color = as_color(values["clay_color"]);
   settings.wireframe.width = get<float>(values, "wire_width");
   settings.wireframe.color = as_color(values["wire_color"]);
@@ -225,6 +241,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.shadow_mask = get<std::uint32_t>(values, "shadow_mask");
   appearance.diffuse_mask = get<std::uint32_t>(values, "diffuse_mask");
   appearance.glossy_mask = get<std::uint32_t>(values, "glossy_mask");
+  appearance.transmission_mask = get<std::uint32_t>(values, "transmission_mask");
   appearance.catcher_mask = get<std::uint32_t>(values, "catcher_mask");
   appearance.film_transparent = get<bool>(values, "film_transparent");
   for (const auto& [key, value] : values["meshes"].cast<py::dict>()) {
@@ -265,6 +282,8 @@ PassTargets read_targets(const py::dict& arrays, std::size_t pixel_count) {
   targets.instance = target<Integer, Integer>(arrays, "instance", pixel_count);
   targets.primitive = target<Integer, Integer>(arrays, "primitive", pixel_count);
   targets.nodes_visited = target<Integer, Integer>(arrays, "nodes_visited", pixel_count);
+  targets.denoising_albedo = target<Vec3f, float>(arrays, "denoising_albedo", pixel_count);
+  targets.denoising_normal = target<Vec3f, float>(arrays, "denoising_normal", pixel_count);
   targets.primitives_tested = target<Integer, Integer>(arrays, "primitives_tested", pixel_count);
   return targets;
 }

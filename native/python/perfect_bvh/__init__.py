@@ -20,6 +20,7 @@ from .denoise import Denoiser, denoise, denoiser_name
 from .errors import Cancelled, EngineError, StaleSceneError
 from .hits import Hits
 from .isa import active_isa, available_isas, set_active_isa
+from .light_paths import LightPaths
 from .queries import Intersections, Queries
 from .render import MODES, PASSES, RenderOptions, depth_to_grey, render, render_passes, render_progressively
 from .report import Alternative, CommitReport, MeshReport, SceneStatistics, TopLevelReport, TreeStatistics
@@ -47,6 +48,7 @@ __all__ = [
     "InstanceTable",
     "Intersections",
     "Lens",
+    "LightPaths",
     "LightTable",
     "MaterialTable",
     "MeshAppearance",

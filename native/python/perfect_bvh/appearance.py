@@ -196,8 +196,8 @@ class Appearance:
     """Materials, attributes and visibility of a scene's meshes (by mesh id) and instances.
 
     camera_mask: the bits of an instance's mask that camera rays see. shadow_mask: those that
-    ambient-occlusion and shadow rays see. diffuse_mask, glossy_mask: in "preview" those that rays see which look for
-    the light from all around a surface, and mirrored rays.
+    ambient-occlusion and shadow rays see. diffuse_mask, glossy_mask, transmission_mask: in "preview" those that rays see
+    which a surface spreads, mirrors or lets through.
     catcher_mask: in "preview" instances with one of these bits in their mask show nothing but the shadows that others
     throw on them: black, with as much alpha as the light that these take from them; over the world without
     `film_transparent`.
@@ -213,6 +213,7 @@ class Appearance:
     shadow_mask: int = 0xFFFFFFFF
     diffuse_mask: int = 0xFFFFFFFF
     glossy_mask: int = 0xFFFFFFFF
+    transmission_mask: int = 0xFFFFFFFF
     catcher_mask: int = 0
     film_transparent: bool = False
     images: tuple[ImageTexture, ...] = ()

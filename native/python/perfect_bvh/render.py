@@ -24,6 +24,7 @@ from ._render_arguments import (
 from .appearance import Appearance
 from .audit import RenderAudit
 from .camera import Camera
+from .light_paths import LightPaths, light_path_arguments
 from .scene import Scene
 from .snapshot import Snapshot
 
@@ -50,7 +51,12 @@ _PASSES: Mapping[str, tuple[tuple[int, ...], type[np.generic], float]] = {
     "primitive": ((), np.int32, -1),
     "nodes_visited": ((), np.int32, 0),
     "primitives_tested": ((), np.int32, 0),
+    "denoising_albedo": ((3,), np.float32, 0.0),
+    "denoising_normal": ((3,), np.float32, 0.0),
 }
+_GUIDES = ("denoising_albedo", "denoising_normal")
+# Those that samples add up to.
+_BLENDED = ("combined", *_GUIDES)
 PASSES: tuple[str, ...] = tuple(_PASSES)
 
 
@@ -64,12 +70,13 @@ class RenderOptions(TypedDict, total=False):
         pixel's centre; all others spread over the pixel filter.
     filter_width: how far the pixel filter (a Blackman-Harris window) reaches to each side, in pixels; default 1.5. 0
         puts every sample at the pixel's centre. Neighbouring pixels share samples, but while light is smoothed.
-    smooth: preview, clay: whether the light of few rays (below 8 a pixel) is averaged with that of neighbouring pixels
+    smooth: clay: whether the light of few rays (below 8 a pixel) is averaged with that of neighbouring pixels
         on the same surface; default True. Colours, normals and edges keep their detail; only fine shadows get softer.
     ao_distance: clay: how far away a surface still keeps light from another, in world units; its effect fades to
         nothing over that distance. None, the default: 0.35 of the diagonal of the scene's bounding box.
-    light_rays: preview, clay: rays to the sky and to each light for each sample. None, the default: 1 for a single
-        sample, else 2, which takes less time for an image of the same noise.
+    light_rays: clay: rays to the sky and to the key light for each sample. None, the default: 1 for a single sample,
+        else 2, which takes less time for an image of the same noise.
+    light_paths: preview: how far light is followed, see `LightPaths`.
     clay_color: clay, matcap, wireframe: one scene-linear colour for everything instead of the materials' viewport
         colours.
     wire_width: wireframe: the width of the lines in pixels; default 1.
@@ -84,6 +91,7 @@ class RenderOptions(TypedDict, total=False):
     smooth: bool
     ao_distance: float | None
     light_rays: int | None
+    light_paths: LightPaths
     clay_color: Color | None
     wire_width: float
     wire_color: Color
@@ -124,8 +132,9 @@ def render_passes(
 
     scene: a `Scene` without pending edits, or a `Snapshot`.
     mode: how the image looks:
-        "preview": the scene under its own lights and world: base colours and images, GGX specular, emission,
-            transparency, soft shadows, one bounce of light. Without a world in the appearance the studio's sky.
+        "preview": the scene under its own lights and world, by path tracing: base colours and images, metal, glass,
+            emission, transparency, soft shadows, light that bounces (`RenderOptions.light_paths`). Without a world in
+            the appearance the studio's sky.
         "clay": diffuse surfaces in a photographer's studio: soft sky, ambient occlusion, one soft key light.
         "matcap": form from the normals as the viewer sees them, without shadows: a ball in a studio.
         "wireframe": the edges of the triangles over softly lit surfaces.
@@ -149,6 +158,9 @@ def render_passes(
         "object_index", "material_index" (H, W) int32: pass indices; 0 on a miss.
         "instance", "primitive" (H, W) int32: instance id, triangle of its mesh; -1 on a miss.
         "nodes_visited", "primitives_tested" (H, W) int32: what the ray cost.
+        "denoising_albedo", "denoising_normal" (H, W, 3) float32: what guides a denoiser: the share of light that
+            surfaces give back and their normal in world space. Blended as "combined" is; "preview" looks for them
+            in mirrors and through panes.
     progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
     options: see `RenderOptions`.
 
@@ -179,7 +191,7 @@ def render_progressively(
         when not one more sample does. The first sample is always there. What the caller does in between counts.
 
     The arguments are those of `render_passes`; `progress` counts over all rounds. The arrays are the same objects each
-    time; "combined" is refined in place and the others are complete after the first round. The scene may be edited
+    time; "combined" and a denoiser's guides are refined in place and the others are complete after the first round. The scene may be edited
     meanwhile: all rounds show the state at the first one.
     """
     snapshot = _snapshot_of("render_progressively", scene)
@@ -198,13 +210,13 @@ def render_progressively(
                 return
         options["first_sample"] = start + done
         share = share_of(progress, done / total, count / total)
-        wanted = names if done == 0 else [name for name in names if name == "combined"]
+        blended = [name for name in names if name in _BLENDED]
+        wanted = names if done == 0 else blended
         made = _render("render_progressively", snapshot, camera, mode, size, count, appearance, wanted, share, options)
         if done == 0:
             result = made
-        elif "combined" in result:
-            weight = np.float32(count / (done + count))
-            result["combined"] += (made["combined"] - result["combined"]) * weight
+        for name in blended if done > 0 else ():
+            result[name] += (made[name] - result[name]) * np.float32(count / (done + count))
         done += count
         yield done, result
 
@@ -259,7 +271,8 @@ def _render(
     if mode == "preview" and looks["world"] is not None and 0 <= looks["world"]["image"] < len(looks["images"]):
         looks["bright_sky"] = find_bright_sky(looks["images"][looks["world"]["image"]], settings["threads"])
     arrays: Passes = {}
-    for name in _check_passes(function, passes):
+    wanted = _check_passes(function, passes)
+    for name in (*wanted, *_GUIDES) if any(name in _GUIDES for name in wanted) else wanted:
         shape, dtype, nothing = _PASSES[name]
         arrays[name] = np.full((height, width, *shape), nothing, dtype)
     audit = options.get("audit")
@@ -273,7 +286,7 @@ def _render(
     )
     if audit is not None:
         audit.check(snapshot._snapshot, kept, settings["threads"], share_of(progress, 0.5, 0.5))
-    return arrays
+    return {name: arrays[name] for name in wanted}
 
 
 def _snapshot_of(function: str, scene: Scene | Snapshot) -> Snapshot:
@@ -314,6 +327,7 @@ def _settings(function: str, options: RenderOptions, samples: int) -> dict[str, 
         "smooth": bool(options.get("smooth", True)),
         "ao_distance": 0.0 if distance is None else check_number(function, "ao_distance", distance, 1e-30, 1e30),
         "light_rays": check_count(function, "light_rays", light_rays, 1),
+        "light_paths": light_path_arguments(function, options.get("light_paths", LightPaths())),
         "clay_color": None if color is None else check_color(function, "clay_color", color),
         "wire_width": check_number(function, "wire_width", options.get("wire_width", 1.0), 0.01, 1000.0),
         "wire_color": check_color(function, "wire_color", options.get("wire_color", (0.02, 0.02, 0.025))),

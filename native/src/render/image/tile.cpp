@@ -10,8 +10,7 @@ namespace {
 // that neighbours share say more.
 int smoothing_radius(const RenderSettings& settings) noexcept {
   if (!settings.smooth) return 0;
-  const int light_rays = settings.mode == Mode::kPreview ? settings.preview.light_rays : settings.clay.light_rays;
-  const auto rays = settings.samples * static_cast<std::uint32_t>(light_rays);
+  const auto rays = settings.samples * static_cast<std::uint32_t>(settings.clay.light_rays);
   return rays < 2 ? 4 : rays < 4 ? 3 : rays < 8 ? 2 : 0;
 }
 
@@ -26,6 +25,7 @@ TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const Pas
       filter_dimension_(inputs.settings.seed, 0),
       lens_dimension_(inputs.settings.seed, 1),
       pass_needs_{.normals = !targets.normal.empty()},
+      sample_needs_(mode_->needs() | SurfaceNeeds{.normals = targets.any_guides(), .materials = targets.any_guides()}),
       sample_count_(mode_->is_exact() ? 1 : inputs.settings.samples),
       centred_(mode_->is_exact() || (sample_count_ == 1 && inputs.settings.first_sample == 0)),
       has_lens_(mode_->has_focus() && inputs.camera.lens().has_value()),
@@ -40,6 +40,7 @@ TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const Pas
   } else if (shared_reach() > 0 && !targets.combined.empty()) {
     film_.emplace(tiles_, filter_);
   }
+  if (film_ && targets.any_guides()) albedo_film_.emplace(tiles_, filter_), normal_film_.emplace(tiles_, filter_);
 }
 
 // In Z-order, so that neighbouring rays of a batch are neighbours in the image both ways. That of the whole tile,
@@ -62,6 +63,15 @@ void TileRenderer::place_pixels(std::size_t tile, TileScratch& scratch) const {
   scratch.hits.resize(scratch.pixels.size());
 }
 
+void TileRenderer::begin(std::size_t tile, TileScratch& scratch) const {
+  const std::size_t count = scratch.pixels.size();
+  scratch.sums.assign(count, Rgba{});
+  scratch.albedo_sums.assign(count, Vec3f{0, 0, 0}), scratch.normal_sums.assign(count, Vec3f{0, 0, 0});
+  if (film_) film_->begin(tile);
+  if (albedo_film_) albedo_film_->begin(tile), normal_film_->begin(tile);
+  if (layer_) scratch.gather.begin(count);
+}
+
 void TileRenderer::trace(TileScratch& scratch, std::uint32_t sample, bool with_counts) const {
   scratch.counts.assign(with_counts ? scratch.rays.size() : 0, RayCounts{});
   trace_closest(inputs_.snapshot, inputs_.cancel, scratch.rays, scratch.hits, Cull::kNone, scratch.counts);
@@ -75,7 +85,7 @@ void TileRenderer::trace_centres(TileScratch& scratch) const {
   }
   trace(scratch, inputs_.settings.first_sample, targets_.any_counts() || (shades_centres() && mode_->wants_counts()));
   scratch.points.clear();
-  const SurfaceNeeds needs = shades_centres() ? pass_needs_ | mode_->needs() : pass_needs_;
+  const SurfaceNeeds needs = shades_centres() ? pass_needs_ | sample_needs_ : pass_needs_;
   find_surfaces(inputs_.snapshot, inputs_.appearance, needs, scratch.rays, scratch.hits, scratch.points);
   store_passes(targets_, inputs_.snapshot, inputs_.appearance, border_, inputs_.settings.width,
                {scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points});
@@ -114,19 +124,39 @@ void TileRenderer::add_sample(std::uint32_t sample, std::size_t tile, TileScratc
     if (has_lens_) bend_rays(number, scratch);
     trace(scratch, number, mode_->wants_counts());
     scratch.points.clear();
-    find_surfaces(inputs_.snapshot, inputs_.appearance, mode_->needs(), scratch.rays, scratch.hits, scratch.points);
+    find_surfaces(inputs_.snapshot, inputs_.appearance, sample_needs_, scratch.rays, scratch.hits, scratch.points);
   }
   fill_background(scratch);
+  const std::size_t guided = targets_.any_guides() ? scratch.pixels.size() : 0;
+  scratch.albedos.assign(guided, Vec3f{0, 0, 0}), scratch.normals.assign(guided, Vec3f{0, 0, 0});
   mode_->shade({number, scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points, scratch.colors,
-                scratch.shade});
+                scratch.albedos, scratch.normals, scratch.shade});
+  if (guided > 0) add_guides(tile, scratch);
   if (layer_) {
     scratch.gather.add(inputs_.camera, scratch.rays, scratch.hits, scratch.points, scratch.shade.lit_points);
   }
-  if (film_) return film_->add(tile, scratch.pixels, scratch.offsets, scratch.colors);
+  if (film_) return film_->add<Rgba>(tile, scratch.pixels, scratch.offsets, scratch.colors);
   for (std::size_t i = 0; i < scratch.sums.size(); ++i) {
     Rgba& sum = scratch.sums[i];
     const Rgba& color = scratch.colors[i];
     sum = {sum.r + color.r, sum.g + color.g, sum.b + color.b, sum.a + color.a};
+  }
+}
+
+void TileRenderer::add_guides(std::size_t tile, TileScratch& scratch) const {
+  if (!mode_->has_guides()) {
+    for (const SurfacePoint& point : scratch.points) {
+      scratch.albedos[point.ray] = point.color, scratch.normals[point.ray] = point.light_normal;
+    }
+  }
+  if (albedo_film_) {
+    albedo_film_->add<Vec3f>(tile, scratch.pixels, scratch.offsets, scratch.albedos);
+    normal_film_->add<Vec3f>(tile, scratch.pixels, scratch.offsets, scratch.normals);
+    return;
+  }
+  for (std::size_t i = 0; i < scratch.albedos.size(); ++i) {
+    scratch.albedo_sums[i] = scratch.albedo_sums[i] + scratch.albedos[i];
+    scratch.normal_sums[i] = scratch.normal_sums[i] + scratch.normals[i];
   }
 }
 
@@ -150,7 +180,11 @@ void TileRenderer::store_combined(const TileScratch& scratch) const {
   for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
     if (!border_.contains(scratch.pixels[i].x, scratch.pixels[i].y)) continue;
     const Rgba& sum = scratch.sums[i];
-    targets_.combined[row_of(scratch.pixels[i])] = {sum.r * share, sum.g * share, sum.b * share, sum.a * share};
+    const std::size_t row = row_of(scratch.pixels[i]);
+    targets_.combined[row] = {sum.r * share, sum.g * share, sum.b * share, sum.a * share};
+    if (!targets_.any_guides()) continue;
+    targets_.denoising_albedo[row] = scratch.albedo_sums[i] * share;
+    targets_.denoising_normal[row] = scratch.normal_sums[i] * share;
   }
   if (layer_) store_light(scratch);
 }
@@ -182,7 +216,12 @@ void TileRenderer::develop(PixelRect tile) const {
   for (int y = tile.y0; y < tile.y1; ++y) {
     const Pixel first{static_cast<std::uint16_t>(tile.x0), static_cast<std::uint16_t>(y)};
     for (int x = tile.x0; x < tile.x1; ++x) {
-      targets_.combined[row_of(first) + static_cast<std::size_t>(x - tile.x0)] = film_->pixel(x, y);
+      const std::size_t row = row_of(first) + static_cast<std::size_t>(x - tile.x0);
+      targets_.combined[row] = film_->pixel(x, y);
+      if (!albedo_film_) continue;
+      const Rgba albedo = albedo_film_->pixel(x, y), normal = normal_film_->pixel(x, y);
+      targets_.denoising_albedo[row] = {albedo.r, albedo.g, albedo.b};
+      targets_.denoising_normal[row] = {normal.r, normal.g, normal.b};
     }
   }
 }

@@ -19,6 +19,7 @@ struct TileScratch {
   AlignedVector<RayCounts> counts;
   AlignedVector<SurfacePoint> points;
   AlignedVector<Rgba> colors, sums;
+  AlignedVector<Vec3f> albedos, normals, albedo_sums, normal_sums;  // if a denoiser's guides are wanted
   AlignedVector<Point2> offsets;  // of samples from the centres of their pixels
   ShadeScratch shade;
   IrradianceAccumulation gather;
@@ -40,9 +41,7 @@ class TileRenderer {
     place_pixels(tile, scratch);
     if (wants_centres_) trace_centres(scratch);
     if (targets_.combined.empty()) return;
-    scratch.sums.assign(scratch.pixels.size(), Rgba{});
-    if (film_) film_->begin(tile);
-    if (layer_) scratch.gather.begin(scratch.pixels.size());
+    begin(tile, scratch);
     for (std::uint32_t sample = 0; sample < sample_count_; ++sample) {
       cancel.throw_if_stopped();
       add_sample(sample, tile, scratch);
@@ -56,10 +55,12 @@ class TileRenderer {
   void finish(std::size_t tile, TileScratch& scratch) const;
 
  private:
+  void begin(std::size_t tile, TileScratch& scratch) const;
   void place_pixels(std::size_t tile, TileScratch& scratch) const;
   void trace_centres(TileScratch& scratch) const;
   void trace(TileScratch& scratch, std::uint32_t sample, bool with_counts) const;
   void add_sample(std::uint32_t sample, std::size_t tile, TileScratch& scratch) const;
+  void add_guides(std::size_t tile, TileScratch& scratch) const;
   void make_rays(std::uint32_t sample, TileScratch& scratch) const;
   void bend_rays(std::uint32_t sample, TileScratch& scratch) const;
   void fill_background(TileScratch& scratch) const;
@@ -84,7 +85,7 @@ class TileRenderer {
   std::unique_ptr<ShadingMode> mode_;
   PixelFilter filter_;
   Dimension filter_dimension_, lens_dimension_;
-  SurfaceNeeds pass_needs_;
+  SurfaceNeeds pass_needs_, sample_needs_;
   std::uint32_t sample_count_;
   bool centred_;          // samples stand at pixel centres
   bool has_lens_;         // samples pass all of the lens; passes its middle
@@ -93,6 +94,7 @@ class TileRenderer {
   TileGrid tiles_;
   mutable std::optional<DemodulatedIrradiance> layer_;  // if light is smoothed
   mutable std::optional<Film> film_;                    // if pixels share samples
+  mutable std::optional<Film> albedo_film_, normal_film_;  // and a denoiser's guides are wanted
   bool wants_centres_;                                  // rays through pixel centres are needed for the passes
 };
 

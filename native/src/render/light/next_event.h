@@ -1,62 +1,63 @@
 // Next-event estimation: rays to the scene's lights, its emissive triangles, and what is bright in its environment.
-// In: points, the number of the sample. Out: shadow rays with the light and the highlights that they may bring.
+// In: vertices of paths, the number of the sample. Out: shadow rays with the light that they may bring.
 // Of few lights each is asked; of many, two a sample are chosen by how much they may give (importance sampling).
 // Where the surface's own rays may find the same light, both count by multiple_importance.h.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "render/appearance/appearance.h"
 #include "render/light/emissive_triangles.h"
 #include "render/light/environment.h"
-#include "render/light/light_receivers.h"
+#include "render/light/path.h"
 #include "render/light/shadow_rays.h"
 
 namespace perfect_bvh {
 
 class NextEvent {
  public:
-  // Buffers of one thread.
-  struct Scratch {
-    std::vector<float> guesses;  // of each light at a point, added up
-    std::vector<float> sums;     // of them, a row a point
-  };
-
   // All of it outlives this.
   NextEvent(const Snapshot& snapshot, const Appearance& appearance, const Environment& environment, std::uint32_t seed);
 
-  [[nodiscard]] const EmissiveTriangles& glow() const noexcept { return emissive_; }
+  [[nodiscard]] const EmissiveTriangles& emissive() const noexcept { return emissive_; }
   [[nodiscard]] bool empty() const noexcept {
     return appearance_.lights.empty() && emissive_.empty() && !environment_.can_be_aimed_at();
   }
 
-  // A sample at each point. lobes: a row a point, where rays look that a surface mirrors; black where none does. Light
-  // that throws no shadow goes straight to the points.
-  void aim(const PointsToLight& at, std::span<const Mirrored> lobes, std::uint32_t index, std::uint32_t first_dimension,
-           Scratch& scratch, ShadowRays& shadows) const;
+  // A sample at each vertex. Tells the paths what they must know of it to find lights themselves. `guesses` is the
+  // caller's buffer.
+  void aim(std::span<Vertex> vertices, std::uint32_t index, std::uint32_t first_dimension, std::vector<float>& guesses,
+           ShadowRays& shadows) const;
+
+  // What the lights bring that a path's ray meets before its hit.
+  [[nodiscard]] Vec3f meet_lights(const Path& path, const Ray& ray, float hit_t) const;
+
+  // How many dimensions `aim` takes.
+  static constexpr std::uint32_t kDimensions = 11;
 
  private:
-  void aim_at_each(const PointsToLight& at, std::uint32_t index, std::uint32_t first_dimension,
+  void aim_at_each(std::span<Vertex> vertices, std::uint32_t index, std::uint32_t first_dimension,
                    ShadowRays& shadows) const;
-  void aim_at_some(const PointsToLight& at, std::uint32_t index, std::uint32_t first_dimension, Scratch& scratch,
-                   ShadowRays& shadows) const;
-  void aim_at_emissive(const PointsToLight& at, std::uint32_t index, std::uint32_t first_dimension,
+  void aim_at_some(std::span<Vertex> vertices, std::uint32_t index, std::uint32_t first_dimension,
+                   std::vector<float>& guesses, ShadowRays& shadows) const;
+  void aim_at_emissive(std::span<const Vertex> vertices, std::uint32_t index, std::uint32_t first_dimension,
                        ShadowRays& shadows) const;
-  void aim_at_sky(const PointsToLight& at, std::uint32_t index, std::uint32_t dimension, ShadowRays& shadows) const;
-  // tries: how many rays a point aims at this light in the mean.
-  void aim_at(const PointsToLight& at, std::uint32_t row, const Light& light, Point2 random, float tries,
+  void aim_at_sky(std::span<const Vertex> vertices, std::uint32_t index, std::uint32_t dimension,
+                  ShadowRays& shadows) const;
+  // tries: how many rays the vertex aims at this light in the mean.
+  void aim_at(const Vertex& vertex, std::uint32_t row, const Light& light, Point2 random, float tries,
               ShadowRays& shadows) const;
-  void meet_lights(const PointsToLight& at, std::span<const Mirrored> lobes, const Scratch& scratch,
-                   ShadowRays& shadows) const;
   [[nodiscard]] bool asks_each() const noexcept;
+  [[nodiscard]] bool can_be_met(const Light& light) const noexcept { return light.size_x > 0.0f && light.casts_shadow; }
 
   const Appearance& appearance_;
   const Environment& environment_;
   std::uint32_t seed_;
   EmissiveTriangles emissive_;
-  bool any_large_ = false;  // whether the surface's rays may meet a light
+  bool any_met_;  // whether any light may be met by rays
 };
 
 }  // namespace perfect_bvh

@@ -8,11 +8,10 @@
 namespace perfect_bvh {
 namespace {
 
-constexpr int kMostLayers = 8;  // of transparent surfaces that a ray passes
-
 // Surface after surface takes its share, until nothing is left or nothing is in the way.
-void pass_layers(const Snapshot& snapshot, const Appearance& appearance, CancelToken& cancel, ShadowRays& shadows) {
-  for (int layer = 0; layer < kMostLayers; ++layer) {
+void pass_layers(const Snapshot& snapshot, const Appearance& appearance, int most_layers, CancelToken& cancel,
+                 ShadowRays& shadows) {
+  for (int layer = 0; layer <= most_layers; ++layer) {
     shadows.hits.resize(shadows.rays.size());
     trace_closest(snapshot, cancel, shadows.rays, shadows.hits);
     bool goes_on = false;
@@ -25,8 +24,7 @@ void pass_layers(const Snapshot& snapshot, const Appearance& appearance, CancelT
       }
       const Instance& instance = snapshot.instances[hit.instance_index];
       const std::int32_t material = appearance.material_of(instance, hit.primitive_index);
-      const bool is_last = layer + 1 == kMostLayers;
-      const float passes = is_last ? 0.0f : material_at(appearance, instance, hit, material).lets_light_through();
+      const float passes = layer == most_layers ? 0.0f : material_at(appearance, instance, hit, material).through();
       shadows.passed[i] *= std::max(passes, 0.0f);
       ray.t_min = std::nextafter(hit.t, kInfiniteDistance);
       if (!(shadows.passed[i] > 0.0f)) ray.t_max = -1.0f;
@@ -38,10 +36,10 @@ void pass_layers(const Snapshot& snapshot, const Appearance& appearance, CancelT
 
 }  // namespace
 
-void find_what_passes(const Snapshot& snapshot, const Appearance& appearance, CancelToken& cancel,
+void find_what_passes(const Snapshot& snapshot, const Appearance& appearance, int most_layers, CancelToken& cancel,
                       ShadowRays& shadows) {
   shadows.passed.assign(shadows.rays.size(), 1.0f);
-  if (appearance.any_transparent()) return pass_layers(snapshot, appearance, cancel, shadows);
+  if (appearance.any_transparent()) return pass_layers(snapshot, appearance, most_layers, cancel, shadows);
   shadows.blocked.resize(shadows.rays.size());
   trace_occluded(snapshot, cancel, shadows.rays, shadows.blocked);
   for (std::size_t i = 0; i < shadows.rays.size(); ++i) {

@@ -17,19 +17,21 @@ namespace perfect_bvh {
 // Buffers of one thread; a row a ray.
 struct ShadowRays {
   AlignedVector<Ray> rays;
-  AlignedVector<std::uint32_t> targets;  // the row of the point that a ray belongs to
-  AlignedVector<Vec3f> carried, shine;   // light, and a highlight
+  AlignedVector<std::uint32_t> vertices;  // the row of the vertex that a ray belongs to
+  AlignedVector<Vec3f> carried;           // what it adds to the image if nothing is in its way
   AlignedVector<float> passed;
   AlignedVector<Hit> hits;
   AlignedVector<std::uint8_t> blocked;
 
-  void clear() noexcept { rays.clear(), targets.clear(), carried.clear(), shine.clear(); }
-  void add(const Ray& ray, std::uint32_t target, Vec3f light, Vec3f highlight) {
-    rays.push_back(ray), targets.push_back(target), carried.push_back(light), shine.push_back(highlight);
+  void clear() noexcept { rays.clear(), vertices.clear(), carried.clear(); }
+  void add(const Ray& ray, std::uint32_t vertex, Vec3f light) {
+    rays.push_back(ray), vertices.push_back(vertex), carried.push_back(light);
   }
 };
 
 // Fills `passed`. Spoils the rays.
-void find_what_passes(const Snapshot& snapshot, const Appearance& appearance, CancelToken& cancel, ShadowRays& shadows);
+// most_layers: of transparent surfaces that a ray passes; what is behind them is dark.
+void find_what_passes(const Snapshot& snapshot, const Appearance& appearance, int most_layers, CancelToken& cancel,
+                      ShadowRays& shadows);
 
 }  // namespace perfect_bvh

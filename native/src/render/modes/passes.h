@@ -15,7 +15,7 @@ namespace perfect_bvh {
 inline constexpr float kNoDepth = 1e10f;
 
 // A pass that is not wanted is empty; the others have a row a pixel. The caller fills them with what pixels outside the
-// camera's border get. All but `combined` hold what the ray through the pixel's centre hit: they are never blended.
+// camera's border get. All but `combined` and the guides hold what the ray through the pixel's centre hit: they are never blended.
 struct PassTargets {
   std::span<Rgba> combined;                     // scene-linear, premultiplied by alpha
   std::span<float> depth, distance;             // along the view axis, along the ray; kNoDepth
@@ -24,7 +24,11 @@ struct PassTargets {
   std::span<std::int32_t> material_index;       // the material's pass index; 0
   std::span<std::int32_t> instance, primitive;  // the scene's instance id, the triangle in its mesh; -1
   std::span<std::int32_t> nodes_visited, primitives_tested;
+  // What guides a denoiser: the share of light that surfaces give back and their normal in world space, as much blended
+  // as `combined`, and seen in mirrors and through panes. Both or neither; zero where nothing is seen.
+  std::span<Vec3f> denoising_albedo, denoising_normal;
 
+  [[nodiscard]] bool any_guides() const noexcept { return !denoising_albedo.empty(); }
   [[nodiscard]] bool any_surface() const noexcept {
     return !depth.empty() || !distance.empty() || !normal.empty() || !object_index.empty() || !material_index.empty() ||
            !instance.empty() || !primitive.empty();

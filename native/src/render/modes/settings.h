@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "math/vec3.h"
+#include "render/light/path.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {
@@ -30,10 +31,6 @@ struct ClaySettings {
   std::optional<Vec3f> color;  // instead of the materials' colours; matcap and wireframe take it, too
 };
 
-struct PreviewSettings {
-  int light_rays = 1;  // towards each light, and wherever else light may come from, for each camera sample
-};
-
 struct WireframeSettings {
   float width = 1.0f;  // pixels
   Vec3f color{0.02f, 0.02f, 0.025f};
@@ -48,7 +45,7 @@ struct RenderSettings {
   std::uint32_t seed = 0;
   int threads = 0;          // 0: all
   float kept_share = 0.0f;  // of the camera rays, to be checked: see RaySubset
-  PreviewSettings preview;
+  LightPaths light_paths;  // of the mode kPreview
   ClaySettings clay;
   WireframeSettings wireframe;
 };

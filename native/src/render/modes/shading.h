@@ -10,11 +10,10 @@
 #include "core/cancel.h"
 #include "render/appearance/appearance.h"
 #include "render/filter/irradiance.h"
-#include "render/light/illumination.h"
+#include "render/light/path_tracer.h"
 #include "render/modes/settings.h"
 #include "render/sampling/camera.h"
 #include "render/surface/surface.h"
-#include "render/surface/transparency_layer.h"
 #include "stats/ray_counts.h"
 
 namespace perfect_bvh {
@@ -25,9 +24,8 @@ struct ShadeScratch {
   AlignedVector<Hit> hits;
   AlignedVector<std::uint32_t> targets;  // rows in ShadeTask::points that the rays belong to
   AlignedVector<LitPoint> lit_points;    // a row a point, of a mode that keeps light apart
-  Illumination::Scratch illumination;
-  SurfaceLayer layer, next_layer;
-  CaughtLight caught;
+  PathTracer::Scratch paths, caught_paths;
+  AlignedVector<Rgba> caught_light, open_light;  // a row a point on a shadow catcher
 };
 
 struct ShadeTask {
@@ -38,6 +36,7 @@ struct ShadeTask {
   std::span<const RayCounts> counts;     // empty unless the mode wants them
   std::span<const SurfacePoint> points;  // hits that are not holdouts
   std::span<Rgba> colors;                // of the rays; the background where nothing was hit, else zero
+  std::span<Vec3f> albedos, normals;     // of the rays, zero: what guides a denoiser; empty unless wanted
   ShadeScratch& scratch;
 };
 
@@ -49,6 +48,8 @@ class ShadingMode {
 
   [[nodiscard]] virtual SurfaceNeeds needs() const noexcept { return {}; }
   [[nodiscard]] virtual bool wants_counts() const noexcept { return false; }
+  // Whether `shade` writes what guides a denoiser itself: it is then what is seen in mirrors and through panes.
+  [[nodiscard]] virtual bool has_guides() const noexcept { return false; }
   // True for numbers that must not be blended: one sample at the pixel's centre, whatever was asked for.
   [[nodiscard]] virtual bool is_exact() const noexcept { return false; }
   // Whether `shade` also writes the light of each point to ShadeScratch::lit_points, apart from colour. Such light can

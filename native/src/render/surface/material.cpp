@@ -54,20 +54,21 @@ Vec3f tinted(const TintTable& table, std::size_t row, Vec3f base, Vec3f color, f
   return color * Vec3f{raised(base.x), raised(base.y), raised(base.z)};
 }
 
-// A metal mirrors its colour and is not diffuse at all; what is clear is not diffuse either.
-void set_specular(const Appearance& appearance, std::size_t index, Material& material) {
-  if (!appearance.roughnesses.empty()) material.roughness = appearance.roughnesses[index];
-  if (!appearance.reflectances.empty()) {
-    const float reflectance = appearance.reflectances[index];
-    material.reflectance = {reflectance, reflectance, reflectance};
+void set_scattering(const Appearance& appearance, std::size_t index, Material& material) {
+  const auto set = [index]<class T>(std::span<const T> column, T& value) {
+    if (!column.empty()) value = column[index];
+  };
+  set(appearance.metallics, material.metallic), set(appearance.roughnesses, material.roughness);
+  set(appearance.reflectances, material.reflectance), set(appearance.specular_tints, material.specular_tint);
+  set(appearance.transmissions, material.transmission), set(appearance.iors, material.ior);
+  set(appearance.even_metals, material.even_metal), set(appearance.tinted_glasses, material.tinted_glass);
+  set(appearance.plain_refractions, material.plain_refraction);
+  set(appearance.translucencies, material.translucency);
+  material.metal = tinted(appearance.metal_tints, index, material.color, {1, 1, 1}, 1.0f);
+  if (material.transmission > 0.0f) {
+    material.tint = tinted(appearance.transmission_tints, index, material.color, {1, 1, 1}, 0.5f);
   }
-  const float metallic = appearance.metallics.empty() ? 0.0f : appearance.metallics[index];
-  if (metallic > 0.0f) {
-    const Vec3f metal = tinted(appearance.metal_tints, index, material.color, {1, 1, 1}, 1.0f);
-    material.reflectance = material.reflectance * (1.0f - metallic) + metal * metallic;
-  }
-  material.transmission *= 1.0f - metallic;
-  material.color = material.color * ((1.0f - metallic) * (1.0f - material.transmission));
+  material.translucent = tinted(appearance.translucent_tints, index, material.color, {0, 0, 0}, 0.0f);
 }
 
 void look_up_images(const Appearance& appearance, const Instance& instance, const Hit& hit, std::size_t index,
@@ -113,13 +114,12 @@ Material material_at(const Appearance& appearance, const Instance& instance, con
   if (!appearance.base_colors.empty()) material.color = appearance.base_colors[index];
   if (!appearance.emissions.empty()) material.emission = appearance.emissions[index];
   if (!appearance.alphas.empty()) material.alpha = appearance.alphas[index];
-  if (!appearance.transmissions.empty()) material.transmission = appearance.transmissions[index];
   if (!appearance.material_holdouts.empty()) material.holdout = appearance.material_holdouts[index];
   look_up_images(appearance, instance, hit, index, material);
   if (const std::int32_t tint = appearance.tints.empty() ? kNoTint : appearance.tints[index]; tint != kNoTint) {
     material.color = material.color * tint_at(appearance, instance, hit, tint);
   }
-  set_specular(appearance, index, material);
+  set_scattering(appearance, index, material);
   return material;
 }
 

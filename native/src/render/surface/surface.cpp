@@ -92,8 +92,10 @@ void set_normals(const Appearance& appearance, const Instance& instance, const R
   const double side = dot(outer, ray.direction) > 0.0 ? -1.0 : 1.0;
   const Vec3d facing = degenerate ? normalized(-ray.direction) : outer * side;
   point.geometric_normal = to_float(facing);
+  point.inside = side < 0.0;
   point.normal = point.light_normal = point.geometric_normal;
-  Vec3d object_point = triangle.point();
+  const Vec3d on_triangle = triangle.point();
+  Vec3d object_point = on_triangle;
   if (smooth) {
     appearance.check_fits(instance, *attributes);
     const CornerNormals normals = attributes->corner_normals.subspan(std::size_t{3} * hit.primitive_index).first<3>();
@@ -108,7 +110,9 @@ void set_normals(const Appearance& appearance, const Instance& instance, const R
     }
   }
   if (with_origin) {
-    point.origin = instance.object_to_world.point(object_point) + facing * clearance(instance, triangle);
+    const Vec3d clear = facing * clearance(instance, triangle);
+    point.origin = instance.object_to_world.point(object_point) + clear;
+    point.beyond = instance.object_to_world.point(on_triangle) - clear;
   }
 }
 

@@ -33,8 +33,10 @@ struct SurfacePoint {
   Vec3f light_normal{0, 0, 0};
   Vec3f color{0, 0, 0};  // of the material
   bool lifted = false;   // `origin` lies on the curved surface, above the triangle itself
+  bool inside = false;   // the viewer looks at the side that the mesh's winding makes the inner one
   // Off the surface towards the viewer, so far that no rounding brings a ray from here back to its own triangle.
   Vec3d origin{0, 0, 0};
+  Vec3d beyond{0, 0, 0};  // the same on the other side, for light that passes the surface
 };
 
 inline constexpr Vec3f kPlainColor{0.8f, 0.8f, 0.8f};  // where there is no material

@@ -1,0 +1,196 @@
+#include "render/surface/bsdf.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "render/surface/fresnel.h"
+
+namespace perfect_bvh {
+namespace {
+
+constexpr float kPi = std::numbers::pi_v<float>;
+constexpr float kLeastCosine = 1e-4f;
+constexpr Vec3f kWhite{1, 1, 1};
+constexpr float kSharpest = 0.075f;  // roughness of what a denoiser's guides look through, as in Cycles
+
+float largest(Vec3f color) noexcept { return std::max({color.x, color.y, color.z}); }
+
+}  // namespace
+
+Bsdf::Bsdf(const Material& material, Vec3f normal, Vec3f view, bool inside, const Limits& limits) noexcept
+    : frame_(normal),
+      view_{dot(view, frame_.x), dot(view, frame_.y), std::max(dot(view, normal), kLeastCosine)},
+      alpha_(std::max(material.roughness * material.roughness, limits.least_alpha)),
+      roughness_(std::sqrt(alpha_)) {
+  layer(material, inside, limits);
+  chances_.diffuse = largest(diffuse_), chances_.translucent = largest(translucent_);
+  chances_.glossy = largest(glossy_albedo_), chances_.refracted = largest(refracted_albedo_);
+  total_ = chances_.diffuse + chances_.translucent + chances_.glossy + chances_.refracted;
+}
+
+void Bsdf::layer(const Material& material, bool inside, const Limits& limits) noexcept {
+  const float metallic = material.metallic, clear = (1.0f - metallic) * material.transmission;
+  float below = (1.0f - metallic) * (1.0f - material.transmission) * (1.0f - material.translucency);
+  if (metallic > 0.0f && !limits.no_reflection) add_metal(material);
+  if (material.reflectance > 0.0f && below > 0.0f && !limits.no_reflection) below = add_dielectric(material, below);
+  if (clear > 0.0f) add_glass(material, clear, inside, limits);
+  diffuse_ = material.color * below, translucent_ = material.translucent;
+}
+
+void Bsdf::add_metal(const Material& material) noexcept {
+  const float cosine = view_.z, even = material.metallic * material.even_metal, rest = material.metallic - even;
+  metal_ = MetalFresnel(min(material.metal, kWhite), min(material.specular_tint, kWhite));
+  metal_share_ = with_what_bounces(metal_.mean(), cosine, roughness_) * rest;
+  even_ = material.metal * with_what_bounces(material.metal, cosine, roughness_) * even;
+  const float rise = FacetAlbedo::tables().metal_rise(cosine, roughness_);
+  glossy_albedo_ = metal_.risen(rise) * rest + material.metal * even;
+}
+
+float Bsdf::add_dielectric(const Material& material, float share) noexcept {
+  dielectric_ = DielectricFresnel(ior_of(material.reflectance), material.specular_tint);
+  const Vec3f mean = dielectric_.risen(dielectric_.rise(mean_fresnel(dielectric_.ior())));
+  dielectric_share_ = with_what_bounces(mean, view_.z, roughness_) * share;
+  const float rise = FacetAlbedo::tables().dielectric_rise(view_.z, roughness_, dielectric_.ior());
+  const Vec3f albedo = dielectric_.risen(rise);
+  glossy_albedo_ = glossy_albedo_ + albedo * share;
+  return share * (1.0f - largest(albedo));
+}
+
+void Bsdf::add_glass(const Material& material, float share, bool inside, const Limits& limits) noexcept {
+  glass_ = DielectricFresnel(inside ? 1.0f / material.ior : material.ior, material.specular_tint);
+  const float plain = share * material.plain_refraction, rest = share - plain;
+  const Vec3f reflected = glass_(view_.z);
+  if (!limits.no_reflection) {
+    const Vec3f tint = kWhite + (material.tint - kWhite) * material.tinted_glass;
+    glass_reflection_ = tint * rest;
+    glossy_albedo_ = glossy_albedo_ + glass_reflection_ * reflected;
+  }
+  if (limits.no_refraction) return;
+  glass_refraction_ = material.tint * rest, plain_refraction_ = material.tint * plain;
+  refracted_albedo_ = glass_refraction_ * (kWhite - reflected);
+  if (fresnel(view_.z, glass_.ior()).reflected < 1.0f) refracted_albedo_ = refracted_albedo_ + plain_refraction_;
+}
+
+Vec3f Bsdf::reflected(float cosine) const noexcept {
+  Vec3f share = even_;
+  if (largest(metal_share_) > 0.0f) share = share + metal_(cosine) * metal_share_;
+  if (largest(dielectric_share_) > 0.0f) share = share + dielectric_(cosine) * dielectric_share_;
+  if (largest(glass_reflection_) > 0.0f) share = share + glass_(cosine) * glass_reflection_;
+  return share;
+}
+
+// Where not all is reflected.
+Vec3f Bsdf::passed(float cosine) const noexcept {
+  return glass_refraction_ * (kWhite - glass_(cosine)) + plain_refraction_;
+}
+
+void Bsdf::evaluate_reflected(Vec3f out, Value& value) const noexcept {
+  value.share = value.share + diffuse_;
+  value.density += chances_.diffuse / total_ * out.z / kPi;
+  if (!(chances_.glossy > 0.0f) || is_smooth()) return;
+  const Facets facets(alpha_);
+  const Vec3f half = normalized(view_ + out);
+  const float slant = dot(view_, half);
+  if (!(slant > 0.0f)) return;
+  const float density = facets.seen_density(view_, half) / (4.0f * slant);
+  value.share = value.share + reflected(slant) * (kPi * density * facets.lit_of_seen(view_.z, out.z) / out.z);
+  value.density += chances_.glossy / total_ * density;
+}
+
+void Bsdf::evaluate_refracted(Vec3f out, Value& value) const noexcept {
+  const float down = std::max(-out.z, kLeastCosine);
+  value.share = value.share + translucent_;
+  value.density += chances_.translucent / total_ * down / kPi;
+  if (!(chances_.refracted > 0.0f) || is_smooth() || glass_.ior() == 1.0f) return;
+  Vec3f half = normalized(view_ + out * glass_.ior());
+  if (half.z < 0.0f) half = -half;
+  const float slant = dot(view_, half), beyond = dot(out, half);
+  if (!(slant > 0.0f) || !(beyond < 0.0f)) return;
+  const Facets facets(alpha_);
+  const float sum = slant + glass_.ior() * beyond;
+  const float density =
+      facets.seen_density(view_, half) * glass_.ior() * glass_.ior() * -beyond / std::max(sum * sum, 1e-12f);
+  value.share = value.share + passed(slant) * (kPi * density * facets.lit_of_seen(view_.z, down) / down);
+  value.density += chances_.refracted / total_ * density;
+}
+
+Bsdf::Value Bsdf::evaluate_local(Vec3f out) const noexcept {
+  Value value;
+  if (out.z > 0.0f) {
+    evaluate_reflected(out, value);
+  } else if (transmits()) {
+    evaluate_refracted(out, value);
+  }
+  return value;
+}
+
+Bsdf::Value Bsdf::evaluate(Vec3f direction) const noexcept {
+  return evaluate_local({dot(direction, frame_.x), dot(direction, frame_.y), dot(direction, frame_.z)});
+}
+
+// In the frame; the weight is that of a smooth surface.
+Bsdf::Sample Bsdf::sample_facet(Point2 random, bool refract) const noexcept {
+  const Vec3f facet = is_smooth() ? Vec3f{0, 0, 1} : Facets(alpha_).choose_seen(view_, random);
+  const float slant = dot(view_, facet);
+  if (!(slant > 0.0f)) return {};
+  Sample sample;
+  if (!refract) {
+    sample = {Scatter::kGlossy, facet * (2.0f * slant) - view_, reflected(slant), 0.0f};
+    return sample.direction.z > 0.0f ? sample : Sample{};
+  }
+  const Fresnel boundary = fresnel(slant, glass_.ior());
+  const float shrink = 1.0f / glass_.ior();
+  const Vec3f out = facet * (shrink * slant - boundary.cosine) - view_ * shrink;
+  if (!(boundary.reflected < 1.0f) || !(out.z < 0.0f)) return {};
+  return {Scatter::kRefracted, normalized(out), passed(slant), 0.0f};
+}
+
+Bsdf::Sample Bsdf::sample(float pick, Point2 random) const noexcept {
+  if (is_black()) return {};
+  Sample sample;
+  float left = pick * total_, chance = 0.0f;
+  const auto takes = [&](float part) {
+    if (left < part) return true;
+    left -= part;
+    return false;
+  };
+  if (takes(chances_.diffuse)) {
+    sample.kind = Scatter::kDiffuse, sample.direction = cosine_direction({0, 0, 1}, random);
+  } else if (takes(chances_.translucent)) {
+    sample.kind = Scatter::kTranslucent, sample.direction = -cosine_direction({0, 0, 1}, random);
+  } else {
+    const bool refract = !takes(chances_.glossy);
+    chance = (refract ? chances_.refracted : chances_.glossy) / total_;
+    if (!(chance > 0.0f)) return {};
+    sample = sample_facet(random, refract);
+    if (sample.kind == Scatter::kNone) return sample;
+  }
+  const Vec3f out = sample.direction;
+  sample.direction = frame_.world(out);
+  const bool is_facet = sample.kind == Scatter::kGlossy || sample.kind == Scatter::kRefracted;
+  if (is_facet && (is_smooth() || (sample.kind == Scatter::kRefracted && glass_.ior() == 1.0f))) {
+    sample.weight = sample.weight * (1.0f / chance);
+    sample.density = std::numeric_limits<float>::infinity();
+    return sample;
+  }
+  const Value value = evaluate_local(out);
+  if (!(value.density > 0.0f)) return {};
+  sample.weight = value.share * (std::abs(out.z) / (kPi * value.density)), sample.density = value.density;
+  return sample;
+}
+
+Bsdf::Albedo Bsdf::albedo() const noexcept {
+  Albedo albedo;
+  albedo.plain = diffuse_ + translucent_, albedo.plain_share = chances_.diffuse + chances_.translucent;
+  const Vec3f facets = glossy_albedo_ + refracted_albedo_;
+  const float share = chances_.glossy + chances_.refracted;
+  if (roughness_ > kSharpest) {
+    albedo.plain = albedo.plain + facets, albedo.plain_share += share;
+  } else {
+    albedo.mirrored = facets, albedo.mirrored_share = share;
+  }
+  return albedo;
+}
+
+}  // namespace perfect_bvh

@@ -1,0 +1,94 @@
+// How a surface scatters light: what Cycles' Principled BSDF does with base colour, metal, roughness, index of refraction
+// and transmission, and the plain Diffuse, Glossy, Glass, Refraction and Translucent BSDFs as cases of it.
+// In: a material at a hit, the normal, the way to the viewer. Out: for a direction, how much light from there is seen;
+// or a direction by chance, the likelier the more is seen from there.
+// Layers from top to bottom: rough facets (microfacets.h) that reflect as metal, as a dielectric over diffuse, or as
+// glass; glass refracts the rest; the diffuse base gets what the facets do not reflect (Burley 2015; Turquin 2019).
+#pragma once
+
+#include <cstdint>
+#include <limits>
+
+#include "render/sampling/directions.h"
+#include "render/surface/fresnel.h"
+#include "render/surface/material.h"
+#include "render/surface/microfacets.h"
+
+namespace perfect_bvh {
+
+enum class Scatter : std::uint8_t { kNone, kDiffuse, kGlossy, kTranslucent, kRefracted };
+
+class Bsdf {
+ public:
+  struct Value {
+    Vec3f share{0, 0, 0};  // what a light adds to a surface's colour, in parts of LightRay::light
+    float density = 0.0f;  // with which `sample` chooses the direction, over solid angle
+  };
+  struct Sample {
+    Scatter kind = Scatter::kNone;  // none: nothing is scattered
+    Vec3f direction{0, 0, 1};
+    Vec3f weight{0, 0, 0};  // of what comes from there
+    float density = 0.0f;   // infinite where a smooth surface leaves no choice: `evaluate` is then 0
+  };
+  // What the guides of a denoiser say of it.
+  struct Albedo {
+    Vec3f plain{0, 0, 0}, mirrored{0, 0, 0};
+    float plain_share = 0.0f, mirrored_share = 0.0f;  // of what is scattered, by its weight
+  };
+
+  // What it leaves out.
+  struct Limits {
+    float least_alpha = 0.0f;  // slopes of facets are at least so wide
+    bool no_reflection = false, no_refraction = false;
+  };
+
+  // normal, view: unit length, the normal on the viewer's side. inside: the viewer looks at the mesh's inner side.
+  Bsdf(const Material& material, Vec3f normal, Vec3f view, bool inside, const Limits& limits) noexcept;
+
+  [[nodiscard]] Value evaluate(Vec3f direction) const noexcept;
+  // pick: 0 to 1, apart from `random`.
+  [[nodiscard]] Sample sample(float pick, Point2 random) const noexcept;
+  // Whether any light from the normal's other side is seen.
+  [[nodiscard]] bool transmits() const noexcept { return chances_.translucent > 0.0f || chances_.refracted > 0.0f; }
+  [[nodiscard]] bool is_black() const noexcept { return !(total_ > 0.0f); }
+  [[nodiscard]] Albedo albedo() const noexcept;
+
+ private:
+  // Of what `sample` does, not normalised.
+  struct Chances {
+    float diffuse = 0.0f, glossy = 0.0f, translucent = 0.0f, refracted = 0.0f;
+  };
+
+  void layer(const Material& material, bool inside, const Limits& limits) noexcept;
+  void add_metal(const Material& material) noexcept;
+  // Returns the share of light that is left for what lies below.
+  float add_dielectric(const Material& material, float share) noexcept;
+  void add_glass(const Material& material, float share, bool inside, const Limits& limits) noexcept;
+  [[nodiscard]] Vec3f reflected(float cosine) const noexcept;
+  [[nodiscard]] Vec3f passed(float cosine) const noexcept;
+  // In the normal's frame. They add to `value`.
+  void evaluate_reflected(Vec3f out, Value& value) const noexcept;
+  void evaluate_refracted(Vec3f out, Value& value) const noexcept;
+  [[nodiscard]] Value evaluate_local(Vec3f out) const noexcept;
+  [[nodiscard]] Sample sample_facet(Point2 random, bool refract) const noexcept;
+  [[nodiscard]] bool is_smooth() const noexcept { return alpha_ < kSmooth; }
+
+  static constexpr float kSmooth = 5e-4f;  // narrower slopes scatter into one direction each
+
+  Frame frame_;
+  Vec3f view_;  // in the frame
+  float alpha_, roughness_;
+  // Colours of the layers, each with what its facets throw at one another.
+  MetalFresnel metal_;
+  Vec3f metal_share_{0, 0, 0}, even_{0, 0, 0};
+  DielectricFresnel dielectric_;
+  Vec3f dielectric_share_{0, 0, 0};
+  DielectricFresnel glass_;
+  Vec3f glass_reflection_{0, 0, 0}, glass_refraction_{0, 0, 0}, plain_refraction_{0, 0, 0};
+  Vec3f diffuse_{0, 0, 0}, translucent_{0, 0, 0};
+  Vec3f glossy_albedo_{0, 0, 0}, refracted_albedo_{0, 0, 0};
+  Chances chances_;
+  float total_ = 0.0f;
+};
+
+}  // namespace perfect_bvh

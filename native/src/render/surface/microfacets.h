@@ -1,0 +1,93 @@
+// Rough surfaces as facets, each a mirror or a pane (Walter et al. 2007): the GGX distribution of their slopes, which of
+// them are seen, and what they reflect in all.
+// In: vectors in the frame of the surface's normal (z), on its side; alpha, the width of the slopes. Out: densities
+// over solid angle and shares.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "math/vec3.h"
+#include "render/sampling/sampler.h"
+
+namespace perfect_bvh {
+
+class Facets {
+ public:
+  explicit Facets(float alpha) noexcept : alpha_(alpha), square_(alpha * alpha) {}
+
+  // Of normals over solid angle. From the sine rather than the cosine, which has no digits left where slopes are small.
+  [[nodiscard]] float density(Vec3f normal) const noexcept {
+    const float sine_square = normal.x * normal.x + normal.y * normal.y;
+    const float spread = normal.z * normal.z * square_ + sine_square;
+    return square_ * std::numbers::inv_pi_v<float> / (spread * spread);
+  }
+  // Of those that a viewer sees, as `choose_seen` does.
+  [[nodiscard]] float seen_density(Vec3f view, Vec3f normal) const noexcept {
+    return density(normal) * seen(view.z) * std::max(dot(view, normal), 0.0f) / view.z;
+  }
+  // Smith's share of facets that are seen from a direction of this cosine.
+  [[nodiscard]] float seen(float cosine) const noexcept { return 1.0f / (1.0f + hidden(cosine)); }
+  // The share that is lit, too, of those that are seen; heights correlated (Heitz 2014).
+  [[nodiscard]] float lit_of_seen(float view_cosine, float light_cosine) const noexcept {
+    const float view = 1.0f + hidden(view_cosine);
+    return view / (view + hidden(light_cosine));
+  }
+  // A facet's normal, as likely as it is seen (Heitz 2018; Dupuy and Benyoub 2023).
+  [[nodiscard]] Vec3f choose_seen(Vec3f view, Point2 random) const noexcept {
+    const Vec3f stretched = normalized(Vec3f{view.x * alpha_, view.y * alpha_, view.z});
+    const float angle = 2.0f * std::numbers::pi_v<float> * random.x;
+    const float height = (1.0f - random.y) * (1.0f + stretched.z) - stretched.z;
+    const float radius = std::sqrt(std::clamp(1.0f - height * height, 0.0f, 1.0f));
+    const Vec3f cap = Vec3f{radius * std::cos(angle), radius * std::sin(angle), height} + stretched;
+    return normalized(Vec3f{cap.x * alpha_, cap.y * alpha_, std::max(cap.z, 1e-6f)});
+  }
+
+ private:
+  [[nodiscard]] float hidden(float cosine) const noexcept {
+    const float square = cosine * cosine;
+    return 0.5f * (std::sqrt(1.0f + square_ * std::max(1.0f - square, 0.0f) / square) - 1.0f);
+  }
+
+  float alpha_, square_;
+};
+
+// What facets reflect of light from all around towards a viewer, in numbers worked out once a process.
+class FacetAlbedo {
+ public:
+  [[nodiscard]] static const FacetAlbedo& tables();
+
+  // Of perfect mirrors; less than 1, as light that a facet throws at another is not followed.
+  [[nodiscard]] float of_mirrors(float cosine, float roughness) const noexcept {
+    return look_up(mirrors_, cosine, roughness);
+  }
+  // The mean over all viewers, each as likely as the cosine.
+  [[nodiscard]] float mean_of_mirrors(float roughness) const noexcept;
+  // How far reflection has risen, in the mean over the facets that are seen, from that seen from straight above to all:
+  // of metals (Schlick), and of a boundary of this refractive index above 1.
+  [[nodiscard]] float metal_rise(float cosine, float roughness) const noexcept {
+    return look_up(metals_, cosine, roughness);
+  }
+  [[nodiscard]] float dielectric_rise(float cosine, float roughness, float ior) const noexcept;
+
+ private:
+  static constexpr int kSteps = 16;
+  using Row = std::array<float, kSteps>;
+  using Table = std::array<Row, kSteps>;  // by roughness, by cosine
+
+  FacetAlbedo();
+  void fill(int roughness, int cosine);
+  [[nodiscard]] static float look_up(const Table& table, float cosine, float roughness) noexcept;
+
+  Table mirrors_, metals_;
+  Row means_;
+  std::array<Table, kSteps> dielectrics_;  // by index
+};
+
+// Light that facets throw at each other and that leaves in the end, in parts of what leaves at once (Kulla and Conty
+// 2017, as Turquin 2019 adds it). mean_reflectance: of a facet, over all directions.
+[[nodiscard]] Vec3f with_what_bounces(Vec3f mean_reflectance, float cosine, float roughness) noexcept;
+
+}  // namespace perfect_bvh
