@@ -92,7 +92,7 @@ struct Appearance {
   std::uint32_t diffuse_mask = 0xFFFFFFFFu;  // of diffuse rays
   std::uint32_t glossy_mask = 0xFFFFFFFFu;   // of mirrored rays
   std::uint32_t transmission_mask = 0xFFFFFFFFu;
-  std::uint32_t catcher_mask = 0;            // of what shows the shadows alone that others throw on it
+  std::uint32_t catcher_mask = 0;  // of what shows the shadows alone that others throw on it
   bool film_transparent = false;
 
   void set_mesh(std::int32_t mesh_id, const MeshAttributes& attributes);

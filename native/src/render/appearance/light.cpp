@@ -98,12 +98,7 @@ std::optional<LightMet> meet_area(const Light& light, Vec3d point, Vec3f directi
   return LightMet{distance, light.power * radiance, square(distance) / (cosine * area)};
 }
 
-// A ball is a disk through its centre that faces the point. This is what it gives there, for one watt, straight on.
-float ball_share(const Light& light, Vec3f to_ball, float distance) noexcept {
-  const float nearest = std::max(distance, light.size_x);  // inside of the ball it gets no brighter
-  return cone_share(light, dot(to_ball, light.z)) / (4.0f * kPi * nearest * nearest);
-}
-
+// A ball is a disk through its centre that faces the point ("Soft Falloff"): what touches it is not lit without bounds.
 LightRay look_at_ball(const Light& light, Vec3d point, Vec3f normal, Point2 random) noexcept {
   const Vec3f to_centre = to_float(light.position - point);
   const float distance = length(to_centre);
@@ -113,10 +108,10 @@ LightRay look_at_ball(const Light& light, Vec3d point, Vec3f normal, Point2 rand
   const Vec3f way = to_centre + (frame.x * flat.x + frame.y * flat.y) * light.size_x;
   const float way_length = length(way);
   const Vec3f direction = way * (1.0f / way_length);
-  const float cosine = std::max(dot(direction, normal), 0.0f);
-  const float share = ball_share(light, frame.z, distance) * cosine / kPi;
-  const float density = square(way_length) / (kPi * square(light.size_x) * dot(direction, frame.z));
-  return {direction, way_length, light.power * share, density};
+  const float cosine = std::max(dot(direction, normal), 0.0f), light_cosine = dot(direction, frame.z);
+  const float share = cone_share(light, dot(frame.z, light.z)) * cosine * light_cosine;
+  const float density = square(way_length) / (kPi * square(light.size_x) * light_cosine);
+  return {direction, way_length, light.power * (share / (4.0f * kPi * kPi * square(way_length))), density};
 }
 
 std::optional<LightMet> meet_ball(const Light& light, Vec3d point, Vec3f direction) noexcept {
@@ -129,7 +124,8 @@ std::optional<LightMet> meet_ball(const Light& light, Vec3d point, Vec3f directi
   const float way_length = distance / cosine;
   if (!(length(direction * way_length - to_centre) <= light.size_x)) return std::nullopt;
   const float density = square(way_length) / (kPi * square(light.size_x) * cosine);
-  return LightMet{way_length, light.power * (ball_share(light, axis, distance) * density), density};
+  const float share = cone_share(light, dot(axis, light.z)) / (4.0f * kPi * kPi * square(light.size_x));
+  return LightMet{way_length, light.power * share, density};
 }
 
 }  // namespace

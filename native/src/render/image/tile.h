@@ -20,7 +20,7 @@ struct TileScratch {
   AlignedVector<SurfacePoint> points;
   AlignedVector<Rgba> colors, sums;
   AlignedVector<Vec3f> albedos, normals, albedo_sums, normal_sums;  // if a denoiser's guides are wanted
-  AlignedVector<Point2> offsets;  // of samples from the centres of their pixels
+  AlignedVector<Point2> offsets;                                    // of samples from the centres of their pixels
   ShadeScratch shade;
   IrradianceAccumulation gather;
   SmoothingScratch smoothing;
@@ -92,10 +92,10 @@ class TileRenderer {
   int smoothing_radius_;  // 0: none
   PixelRect border_;
   TileGrid tiles_;
-  mutable std::optional<DemodulatedIrradiance> layer_;  // if light is smoothed
-  mutable std::optional<Film> film_;                    // if pixels share samples
+  mutable std::optional<DemodulatedIrradiance> layer_;     // if light is smoothed
+  mutable std::optional<Film> film_;                       // if pixels share samples
   mutable std::optional<Film> albedo_film_, normal_film_;  // and a denoiser's guides are wanted
-  bool wants_centres_;                                  // rays through pixel centres are needed for the passes
+  bool wants_centres_;                                     // rays through pixel centres are needed for the passes
 };
 
 }  // namespace perfect_bvh

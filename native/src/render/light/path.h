@@ -21,9 +21,9 @@ struct LightPaths {
 };
 
 struct Path {
-  std::uint32_t owner = 0;         // the row of the camera ray
-  std::uint32_t place = 0;         // by which its random numbers differ from its neighbours' (sampling::z_order)
-  Vec3f throughput{1, 1, 1};       // what is left of light that comes along its ray
+  std::uint32_t owner = 0;          // the row of the camera ray
+  std::uint32_t place = 0;          // by which its random numbers differ from its neighbours' (sampling::z_order)
+  Vec3f throughput{1, 1, 1};        // what is left of light that comes along its ray
   Vec3f guide_throughput{1, 1, 1};  // the same for a denoiser's guides
   // Of its direction, over solid angle; infinite where it was without choice.
   float density = std::numeric_limits<float>::infinity();
@@ -33,10 +33,10 @@ struct Path {
   Vec3f normal{0, 0, 1};
   bool transmits = false;
   float guess_sum = 0.0f;
-  Scatter last = Scatter::kNone;                            // none: the camera sees it
-  bool guides = false;      // whether it still looks for what guides a denoiser
-  bool meets_lights = false;  // whether what it finds of lights counts
-  bool ends = false;        // at the next surface, whose own light is all that counts
+  Scatter last = Scatter::kNone;  // none: the camera sees it
+  bool guides = false;            // whether it still looks for what guides a denoiser
+  bool meets_lights = false;      // whether what it finds of lights counts
+  bool ends = false;              // at the next surface, whose own light is all that counts
   std::uint8_t bounces = 0, diffuse = 0, glossy = 0, transmission = 0, transparent = 0;
 
   [[nodiscard]] bool is_seen() const noexcept { return bounces == 0; }

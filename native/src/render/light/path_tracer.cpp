@@ -181,14 +181,12 @@ void PathTracer::scatter(const Step& step, Scratch& scratch) const {
   for (const Vertex& vertex : scratch.vertices) {
     Path path = vertex.path;
     const Point2 chance = (pick ^ picks.offset(path.place)).to_unit();
-    const Bsdf::Sample scattered =
-        vertex.bsdf.sample(chance.x, (direction ^ directions.offset(path.place)).to_unit());
+    const Bsdf::Sample scattered = vertex.bsdf.sample(chance.x, (direction ^ directions.offset(path.place)).to_unit());
     if (!goes_on(path, scattered, chance.y)) continue;
     const bool goes_beyond = scattered.kind == Scatter::kTranslucent || scattered.kind == Scatter::kRefracted;
     // What leaves on one side of the smooth normal and on the other of the triangle is lost, as in Cycles.
     if ((dot(scattered.direction, vertex.point.geometric_normal) < 0.0f) != goes_beyond) continue;
-    scratch.next.add(path,
-                     ray_from(vertex.point, scattered.direction, kInfiniteDistance, mask_of(scattered.kind)));
+    scratch.next.add(path, ray_from(vertex.point, scattered.direction, kInfiniteDistance, mask_of(scattered.kind)));
   }
 }
 
@@ -199,9 +197,7 @@ bool PathTracer::goes_on(Path& path, const Bsdf::Sample& scattered, float roulet
   path.least_density = std::min(path.least_density, scattered.density);
   if (!(largest(path.throughput) > 0.0f) || !is_finite(path.throughput)) return false;
   const bool passes = scattered.kind == Scatter::kTranslucent || scattered.kind == Scatter::kRefracted;
-  std::uint8_t& kind = passes                                ? path.transmission
-                       : scattered.kind == Scatter::kDiffuse ? path.diffuse
-                                                             : path.glossy;
+  std::uint8_t& kind = passes ? path.transmission : scattered.kind == Scatter::kDiffuse ? path.diffuse : path.glossy;
   const int most = passes                                ? limits_.transmission_bounces
                    : scattered.kind == Scatter::kDiffuse ? limits_.diffuse_bounces
                                                          : limits_.glossy_bounces;

@@ -1,7 +1,7 @@
 // Path tracing (Kajiya 1986) with next-event estimation: light that reaches the camera after any number of bounces.
 // In: what camera rays hit, the number of the sample. Out: colours of the camera rays, and the albedo and normal by
-// which a denoiser tells surfaces apart. The paths of a tile are followed together, bounce by bounce, so that their rays
-// go through the batch kernels; nothing depends on which other paths those are.
+// which a denoiser tells surfaces apart. The paths of a tile are followed together, bounce by bounce, so that their
+// rays go through the batch kernels; nothing depends on which other paths those are.
 #pragma once
 
 #include <cstdint>

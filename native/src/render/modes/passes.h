@@ -15,7 +15,8 @@ namespace perfect_bvh {
 inline constexpr float kNoDepth = 1e10f;
 
 // A pass that is not wanted is empty; the others have a row a pixel. The caller fills them with what pixels outside the
-// camera's border get. All but `combined` and the guides hold what the ray through the pixel's centre hit: they are never blended.
+// camera's border get. All but `combined` and the guides hold what the ray through the pixel's centre hit: they are
+// never blended.
 struct PassTargets {
   std::span<Rgba> combined;                     // scene-linear, premultiplied by alpha
   std::span<float> depth, distance;             // along the view axis, along the ray; kNoDepth

@@ -45,7 +45,7 @@ struct RenderSettings {
   std::uint32_t seed = 0;
   int threads = 0;          // 0: all
   float kept_share = 0.0f;  // of the camera rays, to be checked: see RaySubset
-  LightPaths light_paths;  // of the mode kPreview
+  LightPaths light_paths;   // of the mode kPreview
   ClaySettings clay;
   WireframeSettings wireframe;
 };

@@ -39,28 +39,36 @@ void Bsdf::layer(const Material& material, bool inside, const Limits& limits) no
 }
 
 void Bsdf::add_metal(const Material& material) noexcept {
-  const float cosine = view_.z, even = material.metallic * material.even_metal, rest = material.metallic - even;
+  const FacetShare mirrors = share_of_mirrors(view_.z, roughness_);
+  const float even = material.metallic * material.even_metal, rest = material.metallic - even;
   metal_ = MetalFresnel(min(material.metal, kWhite), min(material.specular_tint, kWhite));
-  metal_share_ = with_what_bounces(metal_.mean(), cosine, roughness_) * rest;
-  even_ = material.metal * with_what_bounces(material.metal, cosine, roughness_) * even;
-  const float rise = FacetAlbedo::tables().metal_rise(cosine, roughness_);
-  glossy_albedo_ = metal_.risen(rise) * rest + material.metal * even;
+  metal_share_ = with_what_bounces(metal_.mean(), mirrors) * rest;
+  even_ = material.metal * with_what_bounces(min(material.metal, kWhite), mirrors) * even;
+  const Vec3f risen = metal_.risen(FacetAlbedo::tables().metal_rise(view_.z, roughness_));
+  glossy_albedo_ = (risen * metal_share_ + even_) * mirrors.here;
 }
 
 float Bsdf::add_dielectric(const Material& material, float share) noexcept {
+  const FacetAlbedo& tables = FacetAlbedo::tables();
+  const FacetShare mirrors = share_of_mirrors(view_.z, roughness_);
   dielectric_ = DielectricFresnel(ior_of(material.reflectance), material.specular_tint);
   const Vec3f mean = dielectric_.risen(dielectric_.rise(mean_fresnel(dielectric_.ior())));
-  dielectric_share_ = with_what_bounces(mean, view_.z, roughness_) * share;
-  const float rise = FacetAlbedo::tables().dielectric_rise(view_.z, roughness_, dielectric_.ior());
-  const Vec3f albedo = dielectric_.risen(rise);
-  glossy_albedo_ = glossy_albedo_ + albedo * share;
+  const Vec3f gain = with_what_bounces(mean, mirrors);
+  const Vec3f risen = dielectric_.risen(tables.dielectric_rise(view_.z, roughness_, dielectric_.ior()));
+  const Vec3f albedo = risen * gain * mirrors.here;
+  dielectric_share_ = gain * share, glossy_albedo_ = glossy_albedo_ + albedo * share;
   return share * (1.0f - largest(albedo));
 }
 
 void Bsdf::add_glass(const Material& material, float share, bool inside, const Limits& limits) noexcept {
   glass_ = DielectricFresnel(inside ? 1.0f / material.ior : material.ior, material.specular_tint);
-  const float plain = share * material.plain_refraction, rest = share - plain;
-  const Vec3f reflected = glass_(view_.z);
+  const float plain = share * material.plain_refraction;
+  // Most of its colour is that of what it lets through.
+  const Vec3f gain = with_what_bounces(min(material.tint, kWhite), share_of_panes(view_.z, roughness_, glass_.ior()));
+  const Vec3f rest = gain * (share - plain);
+  // Some facets of rough glass let light through wherever they are seen from.
+  constexpr float kMost = 0.75f;
+  const Vec3f reflected = is_smooth() ? glass_(view_.z) : min(glass_(view_.z), Vec3f{kMost, kMost, kMost});
   if (!limits.no_reflection) {
     const Vec3f tint = kWhite + (material.tint - kWhite) * material.tinted_glass;
     glass_reflection_ = tint * rest;
@@ -69,7 +77,9 @@ void Bsdf::add_glass(const Material& material, float share, bool inside, const L
   if (limits.no_refraction) return;
   glass_refraction_ = material.tint * rest, plain_refraction_ = material.tint * plain;
   refracted_albedo_ = glass_refraction_ * (kWhite - reflected);
-  if (fresnel(view_.z, glass_.ior()).reflected < 1.0f) refracted_albedo_ = refracted_albedo_ + plain_refraction_;
+  if (!is_smooth() || fresnel(view_.z, glass_.ior()).reflected < 1.0f) {
+    refracted_albedo_ = refracted_albedo_ + plain_refraction_;
+  }
 }
 
 Vec3f Bsdf::reflected(float cosine) const noexcept {

@@ -1,5 +1,5 @@
-// How a surface scatters light: what Cycles' Principled BSDF does with base colour, metal, roughness, index of refraction
-// and transmission, and the plain Diffuse, Glossy, Glass, Refraction and Translucent BSDFs as cases of it.
+// How a surface scatters light: what Cycles' Principled BSDF does with base colour, metal, roughness, index of
+// refraction and transmission, and the plain Diffuse, Glossy, Glass, Refraction and Translucent BSDFs as cases of it.
 // In: a material at a hit, the normal, the way to the viewer. Out: for a direction, how much light from there is seen;
 // or a direction by chance, the likelier the more is seen from there.
 // Layers from top to bottom: rough facets (microfacets.h) that reflect as metal, as a dielectric over diffuse, or as

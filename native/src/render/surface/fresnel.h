@@ -47,9 +47,7 @@ class DielectricFresnel {
   [[nodiscard]] float rise(float share) const noexcept {
     return least_ < 1.0f ? std::max((share - least_) / (1.0f - least_), 0.0f) : 1.0f;
   }
-  [[nodiscard]] Vec3f risen(float rise) const noexcept {
-    return reflectance_ + (Vec3f{1, 1, 1} - reflectance_) * rise;
-  }
+  [[nodiscard]] Vec3f risen(float rise) const noexcept { return reflectance_ + (Vec3f{1, 1, 1} - reflectance_) * rise; }
 
  private:
   float ior_ = 1.0f, least_ = 0.0f;
@@ -80,9 +78,7 @@ class MetalFresnel {
     return reflectance_ + (Vec3f{1, 1, 1} - reflectance_) * (1.0f / 21.0f) - dip_ * (1.0f / 126.0f);
   }
   // Of rough metal, whose facets reflect so much more than seen from straight above.
-  [[nodiscard]] Vec3f risen(float rise) const noexcept {
-    return reflectance_ + (Vec3f{1, 1, 1} - reflectance_) * rise;
-  }
+  [[nodiscard]] Vec3f risen(float rise) const noexcept { return reflectance_ + (Vec3f{1, 1, 1} - reflectance_) * rise; }
 
  private:
   Vec3f reflectance_{0, 0, 0}, dip_{0, 0, 0};

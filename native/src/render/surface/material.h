@@ -17,19 +17,19 @@ struct Material {
   Vec3f emission{0, 0, 0};  // radiance
   float roughness = 1.0f;   // of all that is not diffuse
   float metallic = 0.0f;
-  Vec3f metal{1, 1, 1};               // what metal reflects seen from straight above
-  float even_metal = 0.0f;            // how much of the metal reflects so at all angles
-  float reflectance = 0.0f;           // of the dielectric, seen from straight above
-  Vec3f specular_tint{1, 1, 1};       // of that reflection; of what metal reflects at 82 degrees
+  Vec3f metal{1, 1, 1};          // what metal reflects seen from straight above
+  float even_metal = 0.0f;       // how much of the metal reflects so at all angles
+  float reflectance = 0.0f;      // of the dielectric, seen from straight above
+  Vec3f specular_tint{1, 1, 1};  // of that reflection; of what metal reflects at 82 degrees
   float transmission = 0.0f;
-  float ior = 1.5f;                   // refractive index of what is clear
-  Vec3f tint{1, 1, 1};                // of what passes into it
-  float tinted_glass = 0.0f;          // how much of it tints what it reflects, too
-  float plain_refraction = 0.0f;      // how much of it reflects nothing
+  float ior = 1.5f;               // refractive index of what is clear
+  Vec3f tint{1, 1, 1};            // of what passes into it
+  float tinted_glass = 0.0f;      // how much of it tints what it reflects, too
+  float plain_refraction = 0.0f;  // how much of it reflects nothing
   float translucency = 0.0f;
   Vec3f translucent{0, 0, 0};  // of all the light that meets the surface, what is scattered to the other side
   float alpha = 1.0f;
-  float holdout = 0.0f;        // of what is there, how much cuts a hole: it hides what is behind, and adds no alpha
+  float holdout = 0.0f;  // of what is there, how much cuts a hole: it hides what is behind, and adds no alpha
 
   // What passes by it, as if nothing was there.
   [[nodiscard]] float through() const noexcept { return 1.0f - alpha; }

@@ -26,7 +26,83 @@ Cell cell_at(float place, int steps) noexcept {
 }
 float between(float low, float high, float part) noexcept { return low + (high - low) * part; }
 
+Vec3f view_at(std::size_t cosine) noexcept {
+  const float upwards = std::max(static_cast<float>(cosine) / (kFacetSteps - 1), kLeastCosine);
+  return {std::sqrt(1.0f - upwards * upwards), 0.0f, upwards};
+}
+Facets facets_at(std::size_t roughness) noexcept {
+  const float rough = static_cast<float>(roughness) / (kFacetSteps - 1);
+  return Facets(std::max(rough * rough, kLeastAlpha));
+}
+
+float sum_of_panes(const Facets& facets, Vec3f view, float ior) noexcept {
+  constexpr std::uint32_t kPaneSamples = 64;
+  float sum = 0.0f;
+  for (std::uint32_t i = 0; i < kPaneSamples; ++i) {
+    const Vec3f normal = facets.choose_seen(view, sampling::scrambled_sobol(i, 0).to_unit());
+    const float slant = dot(view, normal), out = 2.0f * slant * normal.z - view.z;
+    const Fresnel boundary = fresnel(slant, ior);
+    const float down = (view.z - normal.z * slant) / ior + normal.z * boundary.cosine;
+    if (out > 0.0f) sum += boundary.reflected * facets.lit_of_seen(view.z, out);
+    if (down > 0.0f) sum += (1.0f - boundary.reflected) * facets.lit_of_seen(view.z, down);
+  }
+  return sum / kPaneSamples;
+}
+
+// The mean over the cosines of a row, each as likely as itself: trapezoids.
+float mean_of(const FacetRow& row) noexcept {
+  float sum = 0.0f, weight = 0.0f;
+  for (std::size_t cosine = 0; cosine < kFacetSteps; ++cosine) {
+    const float at = static_cast<float>(cosine) * (cosine + 1 == kFacetSteps ? 0.5f : 1.0f);
+    sum += at * row[cosine], weight += at;
+  }
+  return sum / weight;
+}
+FacetRow means_of(const FacetTable& table) noexcept {
+  FacetRow means;
+  std::transform(table.begin(), table.end(), means.begin(), mean_of);
+  return means;
+}
+float look_up_mean(const FacetRow& means, float roughness) noexcept {
+  const Cell row = cell_at(roughness, kFacetSteps);
+  return between(means[row.low], means[row.high], row.part);
+}
+
+// By index, of glass seen from outside or from inside.
+struct PaneTables {
+  std::array<FacetTable, kFacetSteps> shares;
+  std::array<FacetRow, kFacetSteps> means;
+
+  explicit PaneTables(bool inside) {
+    for (std::size_t step = 0; step < kFacetSteps; ++step) {
+      const float ior = ior_at(static_cast<float>(step) / (kFacetSteps - 1));
+      for (std::size_t row = 0; row < kFacetSteps; ++row) {
+        for (std::size_t column = 0; column < kFacetSteps; ++column) {
+          shares[step][row][column] = sum_of_panes(facets_at(row), view_at(column), inside ? 1.0f / ior : ior);
+        }
+      }
+      means[step] = means_of(shares[step]);
+    }
+  }
+};
+
 }  // namespace
+
+FacetShare share_of_mirrors(float cosine, float roughness) noexcept {
+  const FacetAlbedo& albedo = FacetAlbedo::tables();
+  return {albedo.of_mirrors(cosine, roughness), albedo.mean_of_mirrors(roughness)};
+}
+
+FacetShare share_of_panes(float cosine, float roughness, float ior) {
+  static const PaneTables outside(false), inside(true);
+  const bool is_inside = ior < 1.0f;
+  const PaneTables& tables = is_inside ? inside : outside;
+  const Cell layer = cell_at(place_of(is_inside ? 1.0f / ior : ior), kFacetSteps);
+  return {between(look_up(tables.shares[layer.low], cosine, roughness),
+                  look_up(tables.shares[layer.high], cosine, roughness), layer.part),
+          between(look_up_mean(tables.means[layer.low], roughness), look_up_mean(tables.means[layer.high], roughness),
+                  layer.part)};
+}
 
 const FacetAlbedo& FacetAlbedo::tables() {
   static const FacetAlbedo made;
@@ -34,67 +110,57 @@ const FacetAlbedo& FacetAlbedo::tables() {
 }
 
 FacetAlbedo::FacetAlbedo() {
-  for (int roughness = 0; roughness < kSteps; ++roughness) {
-    float sum = 0.0f, weight = 0.0f;
-    for (int cosine = 0; cosine < kSteps; ++cosine) {
-      fill(roughness, cosine);
-      const float at = static_cast<float>(cosine) * (cosine + 1 == kSteps ? 0.5f : 1.0f);  // trapezoids
-      sum += at * mirrors_[static_cast<std::size_t>(roughness)][static_cast<std::size_t>(cosine)], weight += at;
-    }
-    means_[static_cast<std::size_t>(roughness)] = sum / weight;
+  for (int roughness = 0; roughness < kFacetSteps; ++roughness) {
+    for (int cosine = 0; cosine < kFacetSteps; ++cosine) fill(roughness, cosine);
   }
+  means_ = means_of(mirrors_);
 }
 
 void FacetAlbedo::fill(int roughness, int cosine) {
   const auto row = static_cast<std::size_t>(roughness), column = static_cast<std::size_t>(cosine);
-  const float rough = static_cast<float>(roughness) / (kSteps - 1);
-  const float upwards = std::max(static_cast<float>(cosine) / (kSteps - 1), kLeastCosine);
-  const Facets facets(std::max(rough * rough, kLeastAlpha));
-  const Vec3f view{std::sqrt(1.0f - upwards * upwards), 0.0f, upwards};
+  const Facets facets = facets_at(row);
+  const Vec3f view = view_at(column);
   float all = 0.0f, metal = 0.0f;
-  std::array<float, kSteps> dielectric{};
+  FacetRow dielectric{};
   for (std::uint32_t i = 0; i < kSamples; ++i) {
     const Vec3f normal = facets.choose_seen(view, sampling::scrambled_sobol(i, 0).to_unit());
     const float slant = dot(view, normal), out = 2.0f * slant * normal.z - view.z;
     if (!(out > 0.0f)) continue;
-    const float leaves = facets.lit_of_seen(upwards, out);
+    const float leaves = facets.lit_of_seen(view.z, out);
     all += leaves, metal += leaves * schlick_rise(slant);
-    for (std::size_t step = 0; step < kSteps; ++step) {
-      const float ior = ior_at(static_cast<float>(step) / (kSteps - 1)), least = reflectance_of(ior);
+    for (std::size_t step = 0; step < kFacetSteps; ++step) {
+      const float ior = ior_at(static_cast<float>(step) / (kFacetSteps - 1)), least = reflectance_of(ior);
       dielectric[step] += leaves * (fresnel(slant, ior).reflected - least) / (1.0f - least);
     }
   }
   mirrors_[row][column] = all / kSamples;
   metals_[row][column] = all > 0.0f ? metal / all : 1.0f;
-  for (std::size_t step = 0; step < kSteps; ++step) {
+  for (std::size_t step = 0; step < kFacetSteps; ++step) {
     dielectrics_[step][row][column] = all > 0.0f ? std::clamp(dielectric[step] / all, 0.0f, 1.0f) : 1.0f;
   }
 }
 
-float FacetAlbedo::look_up(const Table& table, float cosine, float roughness) noexcept {
-  const Cell row = cell_at(roughness, kSteps), column = cell_at(cosine, kSteps);
-  const Row &low = table[row.low], &high = table[row.high];
+float look_up(const FacetTable& table, float cosine, float roughness) noexcept {
+  const Cell row = cell_at(roughness, kFacetSteps), column = cell_at(cosine, kFacetSteps);
+  const FacetRow &low = table[row.low], &high = table[row.high];
   return between(between(low[column.low], low[column.high], column.part),
                  between(high[column.low], high[column.high], column.part), row.part);
 }
 
-float FacetAlbedo::mean_of_mirrors(float roughness) const noexcept {
-  const Cell row = cell_at(roughness, kSteps);
-  return between(means_[row.low], means_[row.high], row.part);
-}
+float FacetAlbedo::mean_of_mirrors(float roughness) const noexcept { return look_up_mean(means_, roughness); }
 
 float FacetAlbedo::dielectric_rise(float cosine, float roughness, float ior) const noexcept {
-  const Cell layer = cell_at(place_of(ior), kSteps);
+  const Cell layer = cell_at(place_of(ior), kFacetSteps);
   return between(look_up(dielectrics_[layer.low], cosine, roughness),
                  look_up(dielectrics_[layer.high], cosine, roughness), layer.part);
 }
 
-Vec3f with_what_bounces(Vec3f mean_reflectance, float cosine, float roughness) noexcept {
-  const FacetAlbedo& albedo = FacetAlbedo::tables();
-  const float once = std::max(albedo.of_mirrors(cosine, roughness), 1e-3f), mean = albedo.mean_of_mirrors(roughness);
-  const float missing = (1.0f - once) / once;
-  const auto gain = [&](float fresnel) { return 1.0f + missing * fresnel * mean / (1.0f - fresnel * (1.0f - mean)); };
-  return {gain(mean_reflectance.x), gain(mean_reflectance.y), gain(mean_reflectance.z)};
+Vec3f with_what_bounces(Vec3f color, const FacetShare& share) noexcept {
+  const float once = std::max(share.here, 1e-3f), missing = (1.0f - once) / once;
+  const auto gain = [&](float channel) {
+    return 1.0f + missing * channel * share.mean / (1.0f - channel * (1.0f - share.mean));
+  };
+  return {gain(color.x), gain(color.y), gain(color.z)};
 }
 
 }  // namespace perfect_bvh

@@ -1,7 +1,6 @@
-// Rough surfaces as facets, each a mirror or a pane (Walter et al. 2007): the GGX distribution of their slopes, which of
-// them are seen, and what they reflect in all.
-// In: vectors in the frame of the surface's normal (z), on its side; alpha, the width of the slopes. Out: densities
-// over solid angle and shares.
+// Rough surfaces as facets, each a mirror or a pane (Walter et al. 2007): the GGX distribution of their slopes, which
+// of them are seen, and what they reflect in all. In: vectors in the frame of the surface's normal (z), on its side;
+// alpha, the width of the slopes. Out: densities over solid angle and shares.
 #pragma once
 
 #include <algorithm>
@@ -54,6 +53,13 @@ class Facets {
   float alpha_, square_;
 };
 
+// In even steps from 0 to 1: by roughness, by cosine.
+inline constexpr int kFacetSteps = 16;
+using FacetRow = std::array<float, kFacetSteps>;
+using FacetTable = std::array<FacetRow, kFacetSteps>;
+
+[[nodiscard]] float look_up(const FacetTable& table, float cosine, float roughness) noexcept;
+
 // What facets reflect of light from all around towards a viewer, in numbers worked out once a process.
 class FacetAlbedo {
  public:
@@ -63,7 +69,6 @@ class FacetAlbedo {
   [[nodiscard]] float of_mirrors(float cosine, float roughness) const noexcept {
     return look_up(mirrors_, cosine, roughness);
   }
-  // The mean over all viewers, each as likely as the cosine.
   [[nodiscard]] float mean_of_mirrors(float roughness) const noexcept;
   // How far reflection has risen, in the mean over the facets that are seen, from that seen from straight above to all:
   // of metals (Schlick), and of a boundary of this refractive index above 1.
@@ -73,21 +78,25 @@ class FacetAlbedo {
   [[nodiscard]] float dielectric_rise(float cosine, float roughness, float ior) const noexcept;
 
  private:
-  static constexpr int kSteps = 16;
-  using Row = std::array<float, kSteps>;
-  using Table = std::array<Row, kSteps>;  // by roughness, by cosine
-
   FacetAlbedo();
   void fill(int roughness, int cosine);
-  [[nodiscard]] static float look_up(const Table& table, float cosine, float roughness) noexcept;
 
-  Table mirrors_, metals_;
-  Row means_;
-  std::array<Table, kSteps> dielectrics_;  // by index
+  FacetTable mirrors_, metals_;
+  FacetRow means_;
+  std::array<FacetTable, kFacetSteps> dielectrics_;  // by index
 };
 
+// The share of light that leaves facets at once: towards a viewer, and in the mean over all viewers, each as likely as
+// the cosine.
+struct FacetShare {
+  float here, mean;
+};
+[[nodiscard]] FacetShare share_of_mirrors(float cosine, float roughness) noexcept;
+// Of glass, reflected and refracted together. ior: of the far side over that of the viewer's.
+[[nodiscard]] FacetShare share_of_panes(float cosine, float roughness, float ior);
+
 // Light that facets throw at each other and that leaves in the end, in parts of what leaves at once (Kulla and Conty
-// 2017, as Turquin 2019 adds it). mean_reflectance: of a facet, over all directions.
-[[nodiscard]] Vec3f with_what_bounces(Vec3f mean_reflectance, float cosine, float roughness) noexcept;
+// 2017, as Turquin 2019 adds it). color: what is left of light that meets a facet, over all directions.
+[[nodiscard]] Vec3f with_what_bounces(Vec3f color, const FacetShare& share) noexcept;
 
 }  // namespace perfect_bvh
