@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +13,11 @@ from perfect_bvh import (
     Camera,
     ImageTexture,
     InstanceTable,
+    LightPaths,
     LightTable,
     MaterialTable,
     MeshAppearance,
+    RenderOptions,
     Scene,
     World,
     render,
@@ -24,6 +26,7 @@ from perfect_bvh import (
 SIZE = (32, 32)
 BLACK, WHITE = World(), World((1.0, 1.0, 1.0))
 PLAIN = 0.8  # what a surface without a material gives back
+DIRECT = LightPaths(max_bounces=0)
 
 QUAD = np.array([(0, 1, 2), (0, 2, 3)], np.int32)
 CORNER_UVS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)[QUAD]  # of a square: u along x, v along y
@@ -160,18 +163,20 @@ def papered(image: ImageTexture, **columns: npt.NDArray[Any]) -> Appearance:
     )
 
 
-def brightness(scene: Scene, look: Appearance, camera: Camera = ABOVE, samples: int = 16) -> float:
+def brightness(
+    scene: Scene, look: Appearance, camera: Camera = ABOVE, samples: int = 16, **options: Unpack[RenderOptions]
+) -> float:
     """The mean of the image's middle."""
-    image = render(scene, camera, "preview", SIZE, samples, look)
+    image = render(scene, camera, "preview", SIZE, samples, look, **options)
     assert np.isfinite(image).all()
     return float(image[12:20, 12:20, 1].mean())
 
 
-def unsmoothed(scene: Scene, camera: Camera, look: Appearance, samples: int, seed: int = 0) -> npt.NDArray[np.float32]:
+def noisy(scene: Scene, camera: Camera, look: Appearance, samples: int, seed: int = 0) -> npt.NDArray[np.float32]:
     """(32, 32) brightness with all its noise."""
-    return render(scene, camera, "preview", SIZE, samples, look, smooth=False, seed=seed)[..., 1]
+    return render(scene, camera, "preview", SIZE, samples, look, seed=seed)[..., 1]
 
 
 def quick_and_converged(scene: Scene, camera: Camera, look: Appearance) -> tuple[npt.NDArray[np.float32], ...]:
     """16 samples a pixel, and 512 others."""
-    return unsmoothed(scene, camera, look, 16, seed=1), unsmoothed(scene, camera, look, 512, seed=2)
+    return noisy(scene, camera, look, 16, seed=1), noisy(scene, camera, look, 512, seed=2)

@@ -20,7 +20,7 @@ from engine.preview_looks import (
     made_of,
     quads,
     quick_and_converged,
-    unsmoothed,
+    noisy,
 )
 from perfect_bvh import Appearance, Scene
 
@@ -37,7 +37,7 @@ def test_emission_is_seen_and_gives_light():
 
 def test_an_emitter_lights_without_fireflies_however_small_it_is():
     """Radiance times the area over the distance squared, over pi; one ray in a thousand would find it by chance."""
-    image = unsmoothed(small_light_over_a_floor(), ABOVE, emissive(1000.0), 16)
+    image = noisy(small_light_over_a_floor(), ABOVE, emissive(1000.0), 32)
     places = 5 * math.tan(math.radians(2.5)) * (np.arange(1, 64, 2) / 32 - 1)
     expected = 1000.0 * 0.05**2 / math.pi / (1 + places[:, None] ** 2 + places**2) ** 2
     np.testing.assert_allclose(image, expected, rtol=0.03)
@@ -48,7 +48,7 @@ def test_an_emitter_lights_without_fireflies_however_small_it_is():
 def test_a_near_emitter_is_as_bright_sampled_as_hit_by_chance(height, radiance):
     """An emissive square so near that rays find it by themselves."""
     scene = quads(FLOOR, SMALL * (20, 20, height), masks=(0b11, 0b10))
-    image = unsmoothed(scene, looking((0, 0, 5), (0, 0, 0), 0.5), emissive(radiance), 64)
+    image = noisy(scene, looking((0, 0, 5), (0, 0, 0), 0.5), emissive(radiance), 64)
     # The view factor of a square seen from below its middle (four corners' closed form).
     x = 0.5 / height
     factor = 4 * x / math.sqrt(1 + x * x) * math.atan(x / math.sqrt(1 + x * x)) / math.pi

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from engine.preview_looks import (
     BLACK,
+    DIRECT,
     PLAIN,
     ROOF,
     TILTED,
@@ -57,7 +58,8 @@ def test_the_back_of_an_area_light_is_dark():
 def test_what_is_in_the_way_throws_a_shadow():
     from_the_side = looking((0, -5, 0.4), (0, 0, 0), 3.0)
     look = Appearance(lights=lights(1, power=math.pi), world=BLACK)
-    assert brightness(floor(ROOF), look, from_the_side) < 0.05
+    assert brightness(floor(ROOF), look, from_the_side, light_paths=DIRECT) < 0.05
+    assert 0.05 < brightness(floor(ROOF), look, from_the_side) < 0.5 * PLAIN  # the light that the floor throws there
     assert brightness(floor(), look, from_the_side) == pytest.approx(PLAIN, rel=0.01)
 
 
@@ -69,7 +71,7 @@ def test_a_grid_before_an_area_light_gathers_its_light_and_keeps_its_watts(kind,
     reach = 2.0 * math.tan(spread / 2) * 1.1  # the lamp is two above the floor
     wide = Camera.look_at((0, 0, 50), (0, 0, 0), up=(0, 1, 0), angle=2 * math.atan(reach / 50), aspect=1.0)
     look = Appearance(lights=lamp, world=BLACK)
-    image = render(floor(), wide, "preview", (128, 128), 16, look, smooth=False)[..., 1]
+    image = render(floor(), wide, "preview", (128, 128), 16, look)[..., 1]
     area = (2 * reach / 128) ** 2
     assert image.sum() * area * math.pi == pytest.approx(PLAIN, rel=0.03)
     assert image[0, 0] == 0.0
@@ -105,7 +107,7 @@ def test_large_lights_shine_in_smooth_metal_without_specks(kind, size, count):
     look = Appearance(**metal, lights=lights(kind, position=(0, 1, 2), size=size, count=count), world=BLACK)
     image, converged = quick_and_converged(floor(), TILTED, look)
     assert np.abs(image - converged).max() < 0.35 * converged.max()
-    assert math.sqrt(((image - converged) ** 2).mean()) < 0.12 * converged.mean()
+    assert math.sqrt(((image - converged) ** 2).mean()) < 0.13 * converged.mean()
     assert image.mean() == pytest.approx(converged.mean(), rel=0.01)
 
 

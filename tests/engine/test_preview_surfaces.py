@@ -11,6 +11,7 @@ from engine.preview_looks import (
     ABOVE,
     ASIDE,
     BLACK,
+    DIRECT,
     FLOOR,
     PLAIN,
     ROOF,
@@ -25,7 +26,7 @@ from engine.preview_looks import (
     quads,
     square,
 )
-from perfect_bvh import Appearance, World, render, render_passes
+from perfect_bvh import Appearance, LightPaths, World, render, render_passes
 
 
 def test_a_smooth_metal_is_a_coloured_mirror():
@@ -37,9 +38,9 @@ def test_a_smooth_metal_is_a_coloured_mirror():
     np.testing.assert_allclose(image[8:24, 8:24, :3].mean(axis=(0, 1)), np.multiply(gold, world.color), rtol=0.02)
 
 
-@pytest.mark.parametrize(("roughness", "least"), [(0.0, 0.995), (0.3, 0.98), (0.6, 0.95), (1.0, 0.5)])
+@pytest.mark.parametrize(("roughness", "least"), [(0.0, 0.995), (0.3, 0.98), (0.6, 0.98), (1.0, 0.98)])
 def test_a_white_metal_gives_back_no_more_than_it_gets(roughness, least):
-    """In a white furnace, from above and aside. A very rough one is too dark: it loses what bounces inside."""
+    """In a white furnace, from above and aside. What its facets throw at each other is not lost."""
     look = made_of(1, base_colors=(1.0, 1.0, 1.0), metallics=1.0, roughnesses=roughness)
     for camera, lost in ((ABOVE, 0.0), (ASIDE, 0.12)):
         seen = brightness(floor(), Appearance(**look, world=WHITE), camera, samples=64)
@@ -52,7 +53,7 @@ def test_plastic_and_glass_give_back_no_more_than_they_get(roughness, transmissi
     look = made_of(1, base_colors=(1.0, 1.0, 1.0), reflectances=0.04, roughnesses=roughness, transmissions=transmission)
     for camera in (ABOVE, ASIDE):
         seen = brightness(floor(), Appearance(**look, world=WHITE), camera, samples=64)
-        assert 0.9 <= seen <= 1.001
+        assert 0.97 <= seen <= 1.02
 
 
 @pytest.mark.parametrize(("power", "expected"), [(1.0, 0.25), (0.5, 0.5), (0.0, 1.0)])
@@ -63,17 +64,17 @@ def test_a_metal_has_its_colour_times_the_base_colour_to_a_power(power, expected
     assert brightness(floor(), look, ABOVE, samples=64) == pytest.approx(0.5 * expected, rel=0.02)
 
 
-def test_glass_is_seen_through_and_throws_a_light_shadow():
+def test_glass_bends_light_and_keeps_that_of_points_away():
     pane = square(3.0, 1.0)
     clear = made_of(1, base_colors=(1.0, 1.0, 1.0), reflectances=0.04, roughnesses=0.0, transmissions=1.0)
     table = replace(one_material(2), slot_offsets=np.array([0, 0, 1], np.int32))  # the floor has none
     look = Appearance(**{**clear, "instances": table}, lights=lights(1, power=math.pi), world=BLACK)
     aside = looking((0, -5, 5), (0, 0, 0), 5.0)  # no highlight comes here
-    assert brightness(floor(pane), look, aside) == pytest.approx(PLAIN * 0.6 * 0.96, rel=0.03)
+    assert brightness(floor(pane), look, aside, light_paths=LightPaths(max_bounces=1)) < 0.01
 
     look = Appearance(**clear, world=WHITE, film_transparent=True)
     image = render(quads(pane), ABOVE, "preview", SIZE, 4, look)
-    np.testing.assert_allclose(image[10:20, 10:20], 0.04, atol=0.015)  # what it mirrors, and that much of it is there
+    np.testing.assert_allclose(image[10:20, 10:20], 1.0, atol=0.015)  # it is there, and shows what it bends
 
 
 @pytest.mark.parametrize(("alpha", "through"), [(1.0, 0.0), (0.5, 0.5), (0.0, 1.0)])
@@ -138,7 +139,7 @@ def test_a_catcher_shows_the_shadow_alone(film_transparent):
         film_transparent=film_transparent,
     )
     scene = quads(FLOOR, ROOF, masks=(0b11, 0b01))
-    image = render(scene, ASIDE, "preview", SIZE, 4, look)
+    image = render(scene, ASIDE, "preview", SIZE, 4, look, light_paths=DIRECT)
     lit, dark = image[28:], image[15:17, 12:20]
     np.testing.assert_array_equal(
         lit.reshape(-1, 4), [(0, 0, 0, 0) if film_transparent else (0.5, 0.25, 0.125, 1)] * 128

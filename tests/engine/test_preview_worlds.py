@@ -20,7 +20,7 @@ from engine.preview_looks import (
     quads,
     square,
     sun_in_the_sky,
-    unsmoothed,
+    noisy,
 )
 from perfect_bvh import Appearance, ImageTexture, World, render
 
@@ -62,7 +62,7 @@ def test_a_sun_in_the_worlds_image_shines_as_a_light_would(rotation, columns):
     """With its shadow and its highlight, and without specks: a ray in ten thousand would find it by chance."""
     camera = looking((0, -9, 7), (0, 0, 0), 40.0)
     look = made_of(2, **columns)
-    by_image, by_light = (unsmoothed(floor(ROOF), camera, replace(lit, **look), 64) for lit in sun_in_the_sky(rotation))
+    by_image, by_light = (noisy(floor(ROOF), camera, replace(lit, **look), 64) for lit in sun_in_the_sky(rotation))
     assert np.abs(by_image - by_light).mean() < 0.03 * by_light.mean()
     assert np.abs(by_image - by_light).max() < 0.3 * by_light.max()
 

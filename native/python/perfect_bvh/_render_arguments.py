@@ -115,7 +115,14 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
         "holdout": column("instances.holdout", table.holdout, np.bool_),
         **{
             name: check_count(function, f"appearance.{name}", getattr(appearance, name), 0, _LARGEST_MASK)
-            for name in ("camera_mask", "shadow_mask", "diffuse_mask", "glossy_mask", "transmission_mask", "catcher_mask")
+            for name in (
+                "camera_mask",
+                "shadow_mask",
+                "diffuse_mask",
+                "glossy_mask",
+                "transmission_mask",
+                "catcher_mask",
+            )
         },
         "film_transparent": bool(appearance.film_transparent),
         "meshes": {

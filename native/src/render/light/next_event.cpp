@@ -152,7 +152,8 @@ void NextEvent::aim_at_emissive(std::span<const Vertex> vertices, std::uint32_t 
     const float slant = dot(direction, vertex.point.light_normal);
     const float density = light.density * distance * distance / std::abs(dot(direction, light.normal));
     if (!std::isfinite(density) || !(density > 0.0f)) continue;
-    const Bsdf::Value seen = vertex.bsdf.evaluate(direction);
+    const bool mirrored = (light.mask & appearance_.glossy_mask) != 0;
+    const Bsdf::Value seen = mirrored ? vertex.bsdf.evaluate(direction) : vertex.bsdf.evaluate_diffuse(direction);
     const float share = std::abs(slant) * std::numbers::inv_pi_v<float> / (density + seen.density);
     const Vec3f carried = vertex.path.throughput * light.radiance * seen.share * share;
     if (is_black(carried)) continue;

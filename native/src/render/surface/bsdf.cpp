@@ -139,6 +139,12 @@ Bsdf::Value Bsdf::evaluate(Vec3f direction) const noexcept {
   return evaluate_local({dot(direction, frame_.x), dot(direction, frame_.y), dot(direction, frame_.z)});
 }
 
+Bsdf::Value Bsdf::evaluate_diffuse(Vec3f direction) const noexcept {
+  const float height = dot(direction, frame_.z), slant = std::abs(height) / kPi;
+  if (height > 0.0f) return {diffuse_, chances_.diffuse > 0.0f ? chances_.diffuse / total_ * slant : 0.0f};
+  return {translucent_, chances_.translucent > 0.0f ? chances_.translucent / total_ * slant : 0.0f};
+}
+
 // In the frame; the weight is that of a smooth surface.
 Bsdf::Sample Bsdf::sample_facet(Point2 random, bool refract) const noexcept {
   const Vec3f facet = is_smooth() ? Vec3f{0, 0, 1} : Facets(alpha_).choose_seen(view_, random);

@@ -46,6 +46,8 @@ class Bsdf {
   Bsdf(const Material& material, Vec3f normal, Vec3f view, bool inside, const Limits& limits) noexcept;
 
   [[nodiscard]] Value evaluate(Vec3f direction) const noexcept;
+  // Without what facets reflect and refract: for light that only diffuse rays see.
+  [[nodiscard]] Value evaluate_diffuse(Vec3f direction) const noexcept;
   // pick: 0 to 1, apart from `random`.
   [[nodiscard]] Sample sample(float pick, Point2 random) const noexcept;
   // Whether any light from the normal's other side is seen.
