@@ -15,7 +15,7 @@ from blender.node_setups import SETUPS, new_red, paint, painted_plainly, tiled  
 from oracles.cycles import render_beside, render_passes  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import clear_syncs  # noqa: E402
 
-SIZE, PATCH, SAMPLES = (96, 64), 8, 32
+SIZE, PATCH, SAMPLES = (96, 64), 8, 64
 
 
 @pytest.fixture

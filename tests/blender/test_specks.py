@@ -18,6 +18,7 @@ bpy = pytest.importorskip("bpy")
 
 from oracles.cycles import preserved, render_passes  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
+from perfect_bvh_addon.settings.light_paths import read_light_paths  # noqa: E402
 from perfect_bvh_addon.sync.records import AttributeRequest  # noqa: E402
 
 Image = npt.NDArray[np.float32]
@@ -106,13 +107,13 @@ LIGHTS: dict[str, Callable[[bpy.types.Scene], None]] = {
 }
 
 
-def previews() -> tuple[Image, Image]:
+def previews(paths: perfect_bvh.LightPaths) -> tuple[Image, Image]:
     """(H, W, 3): of few samples, and converged with other random numbers."""
     sync = SceneSync(attributes=AttributeRequest(material_slots=True, corner_normals=True, shading=True))
     sync.update(bpy.context.evaluated_depsgraph_get())
     few, converged = (
         perfect_bvh.render(
-            sync.scene, sync.camera, "preview", SIZE, samples, appearance=sync.appearance, seed=seed, smooth=False
+            sync.scene, sync.camera, "preview", SIZE, samples, appearance=sync.appearance, seed=seed, light_paths=paths
         )[..., :3]
         for samples, seed in ((SAMPLES, 1), (CONVERGED, 2))
     )
@@ -130,21 +131,21 @@ def specks(image: Image, converged: Image) -> npt.NDArray[np.float64]:
 
 @pytest.mark.parametrize(("lit_by", "most"), [("emissive balls", 4.0), ("area lights", 0.35), ("sun in the sky", 1.5)])
 def test_shiny_things_beside_small_bright_ones_show_no_specks(shop: bpy.types.Scene, lit_by: str, most: float) -> None:
+    """In light that comes straight from them. That which shiny things throw at others is left to chance and denoising."""
     LIGHTS[lit_by](shop)
-    assert specks(*previews()).max() < most
+    assert specks(*previews(perfect_bvh.LightPaths(max_bounces=0))).max() < most
 
 
 @pytest.mark.parametrize("lit_by", LIGHTS)
 def test_shiny_things_look_as_in_cycles_under_small_bright_ones(shop: bpy.types.Scene, lit_by: str) -> None:
-    """By the light of larger patches: Cycles bounces it more than once between them."""
+    """By the light of larger patches."""
     LIGHTS[lit_by](shop)
-    _, ours = previews()
+    _, ours = previews(read_light_paths(shop))
     cycles = shop.cycles
     with preserved(
         (cycles, "samples", 64),
         (cycles, "use_denoising", False),
         (cycles, "use_adaptive_sampling", False),
-        (cycles, "max_bounces", 2),
     ):
         theirs = render_passes(shop, "CYCLES").combined[..., :3]
     ours, theirs = (np.minimum(each, 2.0).reshape(9, 4, 16, 4, 3).mean(axis=(1, 3)) for each in (ours, theirs))

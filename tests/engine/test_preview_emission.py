@@ -18,9 +18,9 @@ from engine.preview_looks import (
     floor,
     looking,
     made_of,
+    noisy,
     quads,
     quick_and_converged,
-    noisy,
 )
 from perfect_bvh import Appearance, Scene
 

@@ -17,10 +17,10 @@ from engine.preview_looks import (
     floor,
     looking,
     made_of,
+    noisy,
     quads,
     square,
     sun_in_the_sky,
-    noisy,
 )
 from perfect_bvh import Appearance, ImageTexture, World, render
 

@@ -196,8 +196,8 @@ class Appearance:
     """Materials, attributes and visibility of a scene's meshes (by mesh id) and instances.
 
     camera_mask: the bits of an instance's mask that camera rays see. shadow_mask: those that
-    ambient-occlusion and shadow rays see. diffuse_mask, glossy_mask, transmission_mask: in "preview" those that rays see
-    which a surface spreads, mirrors or lets through.
+    ambient-occlusion and shadow rays see. diffuse_mask, glossy_mask, transmission_mask: in "preview" those that rays
+    see which a surface spreads, mirrors or lets through.
     catcher_mask: in "preview" instances with one of these bits in their mask show nothing but the shadows that others
     throw on them: black, with as much alpha as the light that these take from them; over the world without
     `film_transparent`.
