@@ -42,12 +42,12 @@ class Mode:
 
 
 MODES: tuple[Mode, ...] = (
-    # Beside the camera's, a ray to the environment and one to a light; a mirrored one on glossy surfaces.
+    # Beside the camera's, some two bounces in the mean, each with a ray to a light.
     Mode(
         "preview",
         0,
         "Preview",
-        "The scene under its own lights and world, with one bounce of light: a quick look",
+        "The scene under its own lights and world, with all the bounces of light that its Light Paths allow",
         rays_per_sample=3,
         is_noisy=True,
         normals=True,

@@ -1,7 +1,7 @@
 """Who is seen and who keeps light away in the mode "preview", beside Cycles' picture of the same scene.
 
 Alpha follows from what the camera sees alone, so it is compared pixel by pixel. Colour is compared as the mean of small
-patches: Cycles' light bounces more often, and every patch that differs by more than that must not be there.
+patches, in which the noise of both is small.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def paint(obj: bpy.types.Object, color: tuple[float, float, float]) -> None:
 
 def render_both(scene: bpy.types.Scene) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """(H, W, 4), ours and that of Cycles."""
-    return render_beside(scene, SAMPLES, bounces=2)
+    return render_beside(scene, SAMPLES)
 
 
 def patches(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

@@ -62,7 +62,7 @@ def check(scene: Any) -> Image:
     """Ours, which looks like Cycles'."""
     ours, theirs = render_both(scene)
     difference = np.abs(patches(ours) - patches(theirs))
-    assert difference.max() < 0.1
+    assert difference.max() < 0.08
     assert difference.mean() < 0.012
     return ours
 

@@ -131,7 +131,7 @@ def specks(image: Image, converged: Image) -> npt.NDArray[np.float64]:
 
 @pytest.mark.parametrize(("lit_by", "most"), [("emissive balls", 4.0), ("area lights", 0.35), ("sun in the sky", 1.5)])
 def test_shiny_things_beside_small_bright_ones_show_no_specks(shop: bpy.types.Scene, lit_by: str, most: float) -> None:
-    """In light that comes straight from them. That which shiny things throw at others is left to chance and denoising."""
+    """In light that comes straight from them. What shiny things throw at others is left to chance and denoising."""
     LIGHTS[lit_by](shop)
     assert specks(*previews(perfect_bvh.LightPaths(max_bounces=0))).max() < most
 

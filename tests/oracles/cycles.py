@@ -81,18 +81,17 @@ def write_multilayer(path: Path, scene: bpy.types.Scene, engine: str, is_denoise
         bpy.ops.render.render(write_still=True, scene=scene.name)
 
 
-def render_beside(scene: bpy.types.Scene, samples: int, bounces: int = 1) -> tuple[Image, Image]:
-    """(H, W, 4), ours and that of Cycles, which casts every sample and has no denoiser."""
+def render_beside(scene: bpy.types.Scene, samples: int) -> tuple[Image, Image]:
+    """(H, W, 4), ours and that of Cycles, which casts every sample and has no denoiser; light bounces alike in both."""
     cycles = scene.cycles
     with preserved(
         (cycles, "samples", samples),
         (cycles, "use_denoising", False),
         (cycles, "use_adaptive_sampling", False),
-        (cycles, "max_bounces", bounces),
-        (cycles, "transparent_max_bounces", 8),
+        (scene.perfect_bvh, "samples", samples),
     ):
         theirs = render_passes(scene, "CYCLES").combined
-    return render_passes(scene, "PERFECT_BVH").combined, theirs
+        return render_passes(scene, "PERFECT_BVH").combined, theirs
 
 
 def render_cycles_uvs(scene: bpy.types.Scene) -> npt.NDArray[np.float32]:

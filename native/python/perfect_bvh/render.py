@@ -191,8 +191,8 @@ def render_progressively(
         when not one more sample does. The first sample is always there. What the caller does in between counts.
 
     The arguments are those of `render_passes`; `progress` counts over all rounds. The arrays are the same objects each
-    time; "combined" and a denoiser's guides are refined in place and the others are complete after the first round. The scene may be edited
-    meanwhile: all rounds show the state at the first one.
+    time; "combined" and a denoiser's guides are refined in place and the others are complete after the first round. The
+    scene may be edited meanwhile: all rounds show the state at the first one.
     """
     snapshot = _snapshot_of("render_progressively", scene)
     total = check_count("render_progressively", "samples", samples, 1)
