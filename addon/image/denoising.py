@@ -47,12 +47,11 @@ class ImageDenoiser:
     """Denoises the images of one plan, as often as they become better; what takes time to set up is kept.
 
     quality, prefilter: as `perfect_bvh.Denoiser` takes them. The defaults are for images that will be kept; while
-    someone looks on, "fast" and "none" take a fifth of the time.
+    someone looks on, quality "fast" takes half of the time. Guides are hardly noisy: denoising them first ("accurate")
+    takes three times as long, and the error of `courtyard` at 4 to 16 samples falls by 0 to 3 % for it.
     """
 
-    def __init__(
-        self, plan: RenderPlan, quality: DenoiseQuality = "balanced", prefilter: Prefilter = "accurate"
-    ) -> None:
+    def __init__(self, plan: RenderPlan, quality: DenoiseQuality = "balanced", prefilter: Prefilter = "fast") -> None:
         self._plan, self._quality, self._prefilter = plan, quality, prefilter
         self._denoiser: Denoiser | None = None
 
