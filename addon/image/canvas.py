@@ -98,6 +98,13 @@ class Canvas:
             self._whole = 1
             self._note((0, self.size[1]), 1)
 
+    def show_samples(self) -> None:
+        """Shows the samples again instead of what has replaced them."""
+        with self._lock:
+            self._is_replaced = False
+            self._images[1] = self._images[0]
+            self._note((0, self.size[1]), 1)
+
     @property
     def film(self) -> Image:
         """The mean of all samples: (H, W, 4) float32, still being added to unless it is finished."""

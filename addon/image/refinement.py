@@ -15,6 +15,8 @@ import numpy as np
 
 from ..settings.modes import find_mode
 from .canvas import Canvas, Image
+from .denoising import ImageDenoiser
+from .plan import denoising_guides
 from .progressive import Pace, Schedule, Step
 from .still import COST_PASSES, Images
 
@@ -51,6 +53,9 @@ class Refinement:
 
     seconds, ray_count: what tracing it has taken so far, and how many camera rays that were. costs: once it is
     finished, `COST_PASSES` of one pixel in COST_STEP each way. is_finished: whether there is nothing left to do.
+
+    Where the plan says so the full image is shown without its noise as soon as it has a sample, and again whenever its
+    samples have doubled. complaint: why that is not done as it should be, as a sentence for the user.
     """
 
     def __init__(self, view: View, pace: Pace, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -61,6 +66,10 @@ class Refinement:
         self.is_finished = False
         self.interval = DEFAULT_INTERVAL
         """How long until something new can be shown, for whoever traces it: shorter steps would only cost more."""
+        self.complaint: str | None = None
+        self._denoiser = ImageDenoiser(view.plan, "fast", "none") if view.plan.is_denoised else None
+        self._denoised_count = 0  # of how many samples the image was that was denoised last
+        self._guides: Images = {}
         self._pace = pace
         self._clock = clock
         self._longest = float("inf")
@@ -94,6 +103,9 @@ class Refinement:
         """
         if self.is_finished:
             return False
+        if self._denoiser is not None and self._is_worth_denoising:
+            self._denoise(self._denoiser, stop)
+            return True
         if self._schedule.is_finished:
             self._finish(stop)
             return False
@@ -113,16 +125,18 @@ class Refinement:
         view = self.view
         camera, size = _seen_by(step, view.camera, view.plan.size)
         count = self._schedule.pixels_of(step) * step.count
+        guides = denoising_guides() if step.divisor == 1 and self._denoiser is not None else ()
         started = self._clock()
         try:
-            image = perfect_bvh.render(
+            passes = perfect_bvh.render_passes(
                 view.snapshot,
                 camera,
-                view.plan.settings.mode,  # type: ignore[arg-type]
-                size,
-                step.count,
-                view.appearance,
-                stop,
+                mode=view.plan.settings.mode,  # type: ignore[arg-type]
+                size=size,
+                samples=step.count,
+                appearance=view.appearance,
+                passes=("combined", *guides),
+                progress=stop,
                 first_sample=step.first_sample,
                 **view.plan.options,
             )
@@ -136,7 +150,26 @@ class Refinement:
         self._pace.learn(seconds, count)
         self.seconds += seconds
         self.ray_count += count
-        return image
+        part = slice(*step.rows)
+        for name in guides:
+            blended = self._guides.setdefault(name, np.zeros_like(passes[name]))[part]
+            blended += (passes[name][part] - blended) * np.float32(step.count / (step.first_sample + step.count))
+        return passes["combined"]
+
+    @property
+    def _is_worth_denoising(self) -> bool:
+        """Whether the samples have doubled since the last time, or there will be no more."""
+        count, before = self.sample_count, self._denoised_count
+        return count >= max(2 * before, 1) or (self._schedule.is_finished and count > before)
+
+    def _denoise(self, denoiser: ImageDenoiser, stop: StopFlag | None) -> None:
+        made = denoiser.denoise({"combined": self.canvas.film, **self._guides}, stop)
+        self._denoised_count, self.complaint = self.sample_count, made.complaint
+        if made.name is None:
+            self._denoiser = None  # it would fail with the next samples, too
+            self.canvas.show_samples()
+        else:
+            self.canvas.replace(made.image)
 
     def _finish(self, stop: StopFlag | None) -> None:
         import perfect_bvh

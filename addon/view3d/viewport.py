@@ -152,6 +152,7 @@ class Viewport:
 
     def _show(self, refinement: Refinement, mode: str) -> None:
         """Fetch what is new. What was there before stays as long as there is nothing."""
+        self.complaint = self.complaint or refinement.complaint
         has_ended, number = self._has_ended(refinement), refinement.canvas.number
         if self._shown[:2] != (refinement, number) and refinement.canvas.has_image.is_set():
             self._screen.fetch(refinement.canvas, mode)

@@ -25,13 +25,18 @@ def pixels() -> np.ndarray:
 
 def test_it_renders_without_changing_the_engine(scene, cube) -> None:
     engine = scene.render.engine
+    scene.perfect_bvh.use_denoising = False
     assert bpy.ops.perfect_bvh.preview() == {"FINISHED"}
     assert scene.render.engine == engine
     (sync,) = syncs_of(scene)
     *_, (_, passes) = perfect_bvh.render_progressively(
         sync.scene, sync.camera, mode="preview", size=(32, 18), samples=4, appearance=sync.appearance
     )
-    np.testing.assert_array_equal(pixels(), passes["combined"])
+    raw = pixels()
+    np.testing.assert_array_equal(raw, passes["combined"])
+    scene.perfect_bvh.use_denoising = True
+    bpy.ops.perfect_bvh.preview()
+    assert 0.0 < abs(pixels() - raw).mean() < 0.1
 
 
 def test_it_follows_edits_and_sizes_in_one_image(scene, cube) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import perfect_bvh
 import pytest
 from oracles import meshes
-from perfect_bvh_addon.image.plan import plan_view
+from perfect_bvh_addon.image.denoising import Denoised, ImageDenoiser
+from perfect_bvh_addon.image.plan import denoising_guides, plan_view
 from perfect_bvh_addon.image.progressive import Pace, Step
 from perfect_bvh_addon.image.refinement import SHORTEST_SECONDS, Refinement, View
 from perfect_bvh_addon.settings.scene_settings import RenderSettings
@@ -114,6 +116,44 @@ def test_a_stopped_step_is_lost_and_the_next_are_shorter(view: View) -> None:
     finish(refinement, 1.0)
     expected = perfect_bvh.render(view.snapshot, view.camera, "clay", SIZE, 1)
     assert refinement.image.shape == expected.shape
+
+
+def test_it_is_denoised_whenever_samples_double_and_at_the_end(view: View, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = replace(view.plan, settings=replace(view.plan.settings, denoise=True))
+    counts: list[int] = []
+    denoise = ImageDenoiser.denoise
+
+    def note(denoiser: ImageDenoiser, images: Any, progress: Any = None) -> Any:
+        counts.append(refinement.sample_count)
+        return denoise(denoiser, images, progress)
+
+    monkeypatch.setattr(ImageDenoiser, "denoise", note)
+    refinement = Refinement(replace(view, plan=plan), Pace())
+    finish(refinement, 1e-4)
+    assert counts == [1, 2, 4, 7]
+    raw = Refinement(view, Pace())
+    finish(raw, 1e-4)
+    np.testing.assert_array_equal(refinement.canvas.film, raw.image)
+    *_, (_, passes) = perfect_bvh.render_progressively(
+        view.snapshot, view.camera, mode="clay", size=SIZE, samples=7, passes=("combined", *denoising_guides())
+    )
+    np.testing.assert_array_equal(passes["combined"], raw.image)
+    expected = denoise(ImageDenoiser(plan, "fast", "none"), passes)
+    assert expected.name is not None and refinement.complaint == expected.complaint
+    np.testing.assert_array_equal(refinement.image, expected.image)
+    shown = refinement.canvas.patches({})
+    np.testing.assert_array_equal(np.concatenate([patch.pixels for patch in shown]), expected.image)
+
+
+def test_what_cannot_be_denoised_is_shown_as_it_is_and_says_why(view: View, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = replace(view.plan, settings=replace(view.plan.settings, denoise=True))
+    made = lambda *_: Denoised(np.zeros(1), None, 0.0, "no room for it")  # noqa: E731
+    monkeypatch.setattr(ImageDenoiser, "denoise", made)
+    refinement, raw = Refinement(replace(view, plan=plan), Pace()), Refinement(view, Pace())
+    for each in (refinement, raw):
+        finish(each, 1.0)
+    assert refinement.complaint == "no room for it"
+    np.testing.assert_array_equal(refinement.image, raw.image)
 
 
 def test_nothing_is_done_to_a_finished_image(view: View) -> None:

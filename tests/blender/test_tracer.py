@@ -42,13 +42,13 @@ class Gate:
         self.is_open = threading.Event()
         self.is_open.set()
         self.calls = self.under_way = self.at_once = 0
-        render = perfect_bvh.render
+        render = perfect_bvh.render_passes
 
         def hold(*arguments: Any, **options: Any) -> Any:
             self.calls += 1
             self.under_way += 1
             self.at_once = max(self.at_once, self.under_way)
-            stop = arguments[6]
+            stop = options["progress"]
             try:
                 while not self.is_open.wait(0.001) and not stop.is_set:
                     pass
@@ -56,7 +56,7 @@ class Gate:
             finally:
                 self.under_way -= 1
 
-        monkeypatch.setattr(perfect_bvh, "render", hold)
+        monkeypatch.setattr(perfect_bvh, "render_passes", hold)
 
 
 @pytest.fixture
@@ -133,7 +133,7 @@ def test_what_fails_is_handed_on_and_not_tried_again(view: View, gate: Gate, mon
         gate.calls += 1
         raise ZeroDivisionError("no such thing")
 
-    monkeypatch.setattr(perfect_bvh, "render", fail)
+    monkeypatch.setattr(perfect_bvh, "render_passes", fail)
     tracer, refinement = Tracer(), Refinement(view, slow())
     tracer.trace(refinement)
     tracer.wait_for_image()

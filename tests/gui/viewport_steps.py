@@ -96,6 +96,9 @@ def look_through_the_camera() -> Step:
 
 
 def restrict_to_a_border() -> Step:
+    settings().use_viewport_denoising = False  # what is outside would be missed inside
+    area_of("VIEW_3D").tag_redraw()
+    yield from finished("without denoising")
     whole = image()
     render_settings = bpy.context.scene.render
     render_settings.use_border = True
@@ -109,6 +112,7 @@ def restrict_to_a_border() -> Step:
     check(difference < 1e-6, f"the image within a border differs by {difference}")
     screenshot("camera_border")
     render_settings.use_border = False
+    settings().use_viewport_denoising = True
     area_of("VIEW_3D").tag_redraw()
     yield from finished("border taken away")
 
