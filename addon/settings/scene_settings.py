@@ -25,8 +25,8 @@ class RenderSettings:
     """What one render uses, read from a scene's properties.
 
     threads: 0 for every core. audit_share: of the camera rays to check again, 0 for none. denoise: whether, where the
-    mode has noise. time_limit: seconds for tracing, 0 for any; the first sample is always finished. light_paths: how far
-    light bounces, None for the renderer's own.
+    mode has noise. time_limit: seconds for tracing, 0 for any; the first sample is always finished. light_paths: how
+    far light bounces, None for the renderer's own.
     """
 
     mode: str
