@@ -284,27 +284,28 @@ def test_errors_of_images_are_measured_with_raw_totals(repository: Path, tmp_pat
     pytest.importorskip("bpy", reason="Blender's module is not installed")
     out = tmp_path / "image_error.json"
     command = [sys.executable, str(repository / "tests" / "benchmarks" / "image_error.py"), "--json", str(out)]
-    command += ["--size", "80", "--most", "16", "--seeds", "1", "--converged", "64"]
+    command += ["--scenes", "gears", "cloth", "--size", "64", "--most", "4", "--seeds", "1", "--converged", "64"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     figures = json.loads(out.read_text())
-    assert figures["starts"] == 3
-    runs = {run["name"]: run for run in figures["runs"]}
-    assert {"preview", "preview, smoothed", "Cycles", "clay", "clay, 0.25 of the radius"} <= runs.keys()
-    for name, run in runs.items():
-        assert [point["samples"] for point in run["points"]] == [1, 4, 16], name
-        assert run["points"][-1]["error"]["median"] < run["points"][0]["error"]["median"], name
-        assert 0.0 <= run["sync_ms"]["low"] <= run["sync_ms"]["median"] <= run["sync_ms"]["high"], name
-        for point in run["points"]:
-            assert 0.0 <= point["ms"]["median"] <= point["total_ms"]["median"], name
-    assert [name for name, run in runs.items() if run["reads_each_time"]] == ["Cycles"]
+    assert [scene["name"] for scene in figures["scenes"]] == ["gears", "cloth"]
+    for scene in figures["scenes"]:
+        runs = {run["name"]: run["points"] for run in scene["runs"]}
+        assert list(runs) == ["ours", "ours, denoised", "Cycles", "Cycles, denoised"]
+        for name, points in runs.items():
+            assert [point["samples"] for point in points] == [1, 2, 4], name
+            assert points[-1]["error"]["median"] < points[0]["error"]["median"], name
+            assert all(point["cpu"]["median"] > 0.0 < point["wall"]["median"] for point in points), name
+        for engine in ("ours", "Cycles"):
+            assert runs[f"{engine}, denoised"][0]["error"]["median"] < runs[engine][0]["error"]["median"]
+    assert list(figures["cpu_to_equal_error"]) == ["4"]
+    assert set(figures["cpu_to_equal_error"]["4"]["scenes"]) == {"gears", "cloth"}
 
 
 @pytest.mark.parametrize(
     ("script", "constant", "source", "name"),
     [
         ("build_python.py", "COMMITS_OF_A_STATIC_TREE", "blas/make_blas.cpp", "kStaticCommits"),
-        ("image_error.py", "OPENNESS", "render/light/illumination.cpp", "kOpenness"),
     ],
 )
 def test_what_benchmarks_repeat_of_the_engine_is_the_engines(
