@@ -111,7 +111,7 @@ TEST(Film, EvenColoursStayEvenAcrossTiles) {
         const Pixel pixel{static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y)};
         const Point2 offset{0.4f - static_cast<float>(x % 3) * 0.4f, static_cast<float>(y % 2) * 0.5f - 0.3f};
         const Rgba color{0.25f, 1.0f, x == 64 && y == 32 ? 1.0f : 0.0f, 0.5f};
-        film.add<Rgba>(tile, {&pixel, 1}, {&offset, 1}, {&color, 1});
+        film.add(tile, {&pixel, 1}, {&offset, 1}, {&color, 1});
       }
     }
   }

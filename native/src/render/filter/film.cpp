@@ -14,9 +14,6 @@ double blackman_harris(double place) noexcept {
   return 0.35875 - 0.48829 * std::cos(angle) + 0.14128 * std::cos(2.0 * angle) - 0.01168 * std::cos(3.0 * angle);
 }
 
-Rgba as_rgba(const Rgba& color) noexcept { return color; }
-Rgba as_rgba(const Vec3f& color) noexcept { return {color.x, color.y, color.z, 0.0f}; }
-
 }  // namespace
 
 PixelFilter::PixelFilter(float width)
@@ -54,16 +51,15 @@ Film::Film(const TileGrid& grid, const PixelFilter& filter)
 
 void Film::begin(std::size_t tile) { tiles_[tile].assign(stride() * stride(), Sum{}); }
 
-template <class Color>
 void Film::add(std::size_t tile, std::span<const Pixel> pixels, std::span<const Point2> offsets,
-               std::span<const Color> colors) noexcept {
+               std::span<const Rgba> colors) noexcept {
   const PixelRect whole = grid_.whole_at(tile);
   const auto taps = static_cast<std::size_t>(2 * reach_ + 1);
   PixelFilter::Weights along_x, along_y;
   for (std::size_t i = 0; i < pixels.size(); ++i) {
     filter_.weigh(offsets[i].x, along_x);
     filter_.weigh(offsets[i].y, along_y);
-    const Rgba color = as_rgba(colors[i]);
+    const Rgba color = colors[i];
     // The tile's border is as wide as the filter's reach: the first tap is the pixel's own place in it.
     Sum* row = tiles_[tile].data() + static_cast<std::size_t>(pixels[i].y - whole.y0) * stride() +
                static_cast<std::size_t>(pixels[i].x - whole.x0);
@@ -78,9 +74,6 @@ void Film::add(std::size_t tile, std::span<const Pixel> pixels, std::span<const 
     }
   }
 }
-
-template void Film::add(std::size_t, std::span<const Pixel>, std::span<const Point2>, std::span<const Rgba>) noexcept;
-template void Film::add(std::size_t, std::span<const Pixel>, std::span<const Point2>, std::span<const Vec3f>) noexcept;
 
 Rgba Film::pixel(int x, int y) const noexcept {
   Sum all;

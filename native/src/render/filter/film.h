@@ -61,10 +61,9 @@ class Film {
 
   // Clears the tile's pixels.
   void begin(std::size_t tile);
-  // One sample of pixels in the tile: a row a pixel. Colors: Rgba, or Vec3f without alpha.
-  template <class Color>
+  // One sample of pixels in the tile: a row a pixel.
   void add(std::size_t tile, std::span<const Pixel> pixels, std::span<const Point2> offsets,
-           std::span<const Color> colors) noexcept;
+           std::span<const Rgba> colors) noexcept;
   // Of a pixel that lies so far inside of the area that all whose samples count in it do, too, or at the image's edge.
   [[nodiscard]] Rgba pixel(int x, int y) const noexcept;
 

@@ -40,7 +40,6 @@ TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const Pas
   } else if (shared_reach() > 0 && !targets.combined.empty()) {
     film_.emplace(tiles_, filter_);
   }
-  if (film_ && targets.any_guides()) albedo_film_.emplace(tiles_, filter_), normal_film_.emplace(tiles_, filter_);
 }
 
 // In Z-order, so that neighbouring rays of a batch are neighbours in the image both ways. That of the whole tile,
@@ -68,7 +67,6 @@ void TileRenderer::begin(std::size_t tile, TileScratch& scratch) const {
   scratch.sums.assign(count, Rgba{});
   scratch.albedo_sums.assign(count, Vec3f{0, 0, 0}), scratch.normal_sums.assign(count, Vec3f{0, 0, 0});
   if (film_) film_->begin(tile);
-  if (albedo_film_) albedo_film_->begin(tile), normal_film_->begin(tile);
   if (layer_) scratch.gather.begin(count);
 }
 
@@ -131,11 +129,11 @@ void TileRenderer::add_sample(std::uint32_t sample, std::size_t tile, TileScratc
   scratch.albedos.assign(guided, Vec3f{0, 0, 0}), scratch.normals.assign(guided, Vec3f{0, 0, 0});
   mode_->shade({number, scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points, scratch.colors,
                 scratch.albedos, scratch.normals, scratch.shade});
-  if (guided > 0) add_guides(tile, scratch);
+  if (guided > 0) add_guides(scratch);
   if (layer_) {
     scratch.gather.add(inputs_.camera, scratch.rays, scratch.hits, scratch.points, scratch.shade.lit_points);
   }
-  if (film_) return film_->add<Rgba>(tile, scratch.pixels, scratch.offsets, scratch.colors);
+  if (film_) return film_->add(tile, scratch.pixels, scratch.offsets, scratch.colors);
   for (std::size_t i = 0; i < scratch.sums.size(); ++i) {
     Rgba& sum = scratch.sums[i];
     const Rgba& color = scratch.colors[i];
@@ -143,16 +141,11 @@ void TileRenderer::add_sample(std::uint32_t sample, std::size_t tile, TileScratc
   }
 }
 
-void TileRenderer::add_guides(std::size_t tile, TileScratch& scratch) const {
+void TileRenderer::add_guides(TileScratch& scratch) const {
   if (!mode_->has_guides()) {
     for (const SurfacePoint& point : scratch.points) {
       scratch.albedos[point.ray] = point.color, scratch.normals[point.ray] = point.light_normal;
     }
-  }
-  if (albedo_film_) {
-    albedo_film_->add<Vec3f>(tile, scratch.pixels, scratch.offsets, scratch.albedos);
-    normal_film_->add<Vec3f>(tile, scratch.pixels, scratch.offsets, scratch.normals);
-    return;
   }
   for (std::size_t i = 0; i < scratch.albedos.size(); ++i) {
     scratch.albedo_sums[i] = scratch.albedo_sums[i] + scratch.albedos[i];
@@ -216,12 +209,7 @@ void TileRenderer::develop(PixelRect tile) const {
   for (int y = tile.y0; y < tile.y1; ++y) {
     const Pixel first{static_cast<std::uint16_t>(tile.x0), static_cast<std::uint16_t>(y)};
     for (int x = tile.x0; x < tile.x1; ++x) {
-      const std::size_t row = row_of(first) + static_cast<std::size_t>(x - tile.x0);
-      targets_.combined[row] = film_->pixel(x, y);
-      if (!albedo_film_) continue;
-      const Rgba albedo = albedo_film_->pixel(x, y), normal = normal_film_->pixel(x, y);
-      targets_.denoising_albedo[row] = {albedo.r, albedo.g, albedo.b};
-      targets_.denoising_normal[row] = {normal.r, normal.g, normal.b};
+      targets_.combined[row_of(first) + static_cast<std::size_t>(x - tile.x0)] = film_->pixel(x, y);
     }
   }
 }

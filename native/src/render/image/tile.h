@@ -60,7 +60,7 @@ class TileRenderer {
   void trace_centres(TileScratch& scratch) const;
   void trace(TileScratch& scratch, std::uint32_t sample, bool with_counts) const;
   void add_sample(std::uint32_t sample, std::size_t tile, TileScratch& scratch) const;
-  void add_guides(std::size_t tile, TileScratch& scratch) const;
+  void add_guides(TileScratch& scratch) const;
   void make_rays(std::uint32_t sample, TileScratch& scratch) const;
   void bend_rays(std::uint32_t sample, TileScratch& scratch) const;
   void fill_background(TileScratch& scratch) const;
@@ -69,8 +69,9 @@ class TileRenderer {
   void develop(PixelRect tile) const;
   void smooth(PixelRect tile, TileScratch& scratch) const;
 
-  // How far samples count in other pixels, where light is not smoothed.
-  [[nodiscard]] int shared_reach() const noexcept { return centred_ ? 0 : filter_.reach(); }
+  // How far samples count in other pixels, where light is not smoothed. A denoiser takes pixels for independent: noise
+  // that neighbours share would look like something to be kept.
+  [[nodiscard]] int shared_reach() const noexcept { return centred_ || targets_.any_guides() ? 0 : filter_.reach(); }
   // Whether the rays of the passes are those of the only sample, too.
   [[nodiscard]] bool shades_centres() const noexcept {
     return centred_ && wants_centres_ && !has_lens_ && !targets_.combined.empty();
@@ -93,8 +94,7 @@ class TileRenderer {
   PixelRect border_;
   TileGrid tiles_;
   mutable std::optional<DemodulatedIrradiance> layer_;     // if light is smoothed
-  mutable std::optional<Film> film_;                       // if pixels share samples
-  mutable std::optional<Film> albedo_film_, normal_film_;  // and a denoiser's guides are wanted
+  mutable std::optional<Film> film_;  // if pixels share samples
   bool wants_centres_;                                     // rays through pixel centres are needed for the passes
 };
 
