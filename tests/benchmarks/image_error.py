@@ -2,7 +2,7 @@
 
     python tests/benchmarks/image_error.py --json image_error.json
 
-Each example scene as it is, by its own light paths and view transform. All images are whole renders in Blender, from
+Each example scene as it is but for motion blur, by its own light paths and view transform. All images are whole renders in Blender, from
 the request to the file, of a scene that neither engine knows anything of; all take turns. Each engine denoises as its
 own settings do by default. Errors are of what is seen: the root of the mean square difference from the converged image
 after the view transform, in parts of 255. CPU seconds are those of all threads.
@@ -122,7 +122,8 @@ def render(scene: bpy.types.Scene, which: Renderer, width: int, samples: int, se
     settings: list[tuple[Any, str, Any]] = [
         (scene.render, "engine", which.engine), (scene.render, "use_persistent_data", False),
         (scene.render, "resolution_x", width), (scene.render, "resolution_y", width * 9 // 16),
-        (scene.render, "resolution_percentage", 100), (scene.render, "threads_mode", "FIXED"),
+        (scene.render, "resolution_percentage", 100), (scene.render, "use_motion_blur", False),
+        (scene.render, "threads_mode", "FIXED"),
         (scene.render, "threads", perfect_bvh.thread_count()), (scene.render, "use_file_extension", False),
         (ours, "mode", "PREVIEW"), (ours, "samples", samples), (ours, "seed", seed),
         (ours, "use_denoising", which.denoises),
