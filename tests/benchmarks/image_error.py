@@ -2,10 +2,10 @@
 
     python tests/benchmarks/image_error.py --json image_error.json
 
-Each example scene as it is but for motion blur, by its own light paths and view transform. All images are whole renders in Blender, from
-the request to the file, of a scene that neither engine knows anything of; all take turns. Each engine denoises as its
-own settings do by default. Errors are of what is seen: the root of the mean square difference from the converged image
-after the view transform, in parts of 255. CPU seconds are those of all threads.
+Each example scene as it is but for motion blur, by its own light paths and view transform. All images are whole renders
+in Blender, from the request to the file, of a scene that neither engine knows anything of; all take turns. Each engine
+denoises as its own settings do by default. Errors are of what is seen: the root of the mean square difference from the
+converged image after the view transform, in parts of 255. CPU seconds are those of all threads.
 """
 
 from __future__ import annotations
