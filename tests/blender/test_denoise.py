@@ -188,6 +188,7 @@ class Failing:
 def test_a_failure_leaves_the_raw_image_and_says_so(
     scene: bpy.types.Scene, monkeypatch: pytest.MonkeyPatch, problem: BaseException, reason: str, at_once: bool
 ) -> None:
+    ask_for_data(scene)  # so that pixels share no samples here either
     raw = combined(scene, use_denoising=False)
     monkeypatch.setattr(perfect_bvh, "Denoiser", Failing(problem, at_once))
     frame = render()

@@ -69,7 +69,8 @@ class RenderOptions(TypedDict, total=False):
         to 7, weighted by their counts, is as good as that of 0 to 7. A single sample with first_sample 0 stands at the
         pixel's centre; all others spread over the pixel filter.
     filter_width: how far the pixel filter (a Blackman-Harris window) reaches to each side, in pixels; default 1.5. 0
-        puts every sample at the pixel's centre. Neighbouring pixels share samples, but while light is smoothed.
+        puts every sample at the pixel's centre. Neighbouring pixels share samples, but while light is smoothed or a
+        denoiser's guides are asked for.
     smooth: clay: whether the light of few rays (below 8 a pixel) is averaged with that of neighbouring pixels
         on the same surface; default True. Colours, normals and edges keep their detail; only fine shadows get softer.
     ao_distance: clay: how far away a surface still keeps light from another, in world units; its effect fades to
@@ -160,7 +161,8 @@ def render_passes(
         "nodes_visited", "primitives_tested" (H, W) int32: what the ray cost.
         "denoising_albedo", "denoising_normal" (H, W, 3) float32: what guides a denoiser: the share of light that
             surfaces give back and their normal in world space. Blended as "combined" is; "preview" looks for them
-            in mirrors and through panes.
+            in mirrors and through panes. Beside them neighbouring pixels of "combined" share no samples: a denoiser
+            takes noise for independent.
     progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
     options: see `RenderOptions`.
 

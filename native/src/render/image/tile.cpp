@@ -144,7 +144,8 @@ void TileRenderer::add_sample(std::uint32_t sample, std::size_t tile, TileScratc
 void TileRenderer::add_guides(TileScratch& scratch) const {
   if (!mode_->has_guides()) {
     for (const SurfacePoint& point : scratch.points) {
-      scratch.albedos[point.ray] = point.color, scratch.normals[point.ray] = point.light_normal;
+      scratch.albedos[point.ray] = inputs_.settings.clay.color.value_or(point.color);
+      scratch.normals[point.ray] = point.light_normal;
     }
   }
   for (std::size_t i = 0; i < scratch.albedos.size(); ++i) {

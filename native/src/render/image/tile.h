@@ -93,9 +93,9 @@ class TileRenderer {
   int smoothing_radius_;  // 0: none
   PixelRect border_;
   TileGrid tiles_;
-  mutable std::optional<DemodulatedIrradiance> layer_;     // if light is smoothed
-  mutable std::optional<Film> film_;  // if pixels share samples
-  bool wants_centres_;                                     // rays through pixel centres are needed for the passes
+  mutable std::optional<DemodulatedIrradiance> layer_;  // if light is smoothed
+  mutable std::optional<Film> film_;                    // if pixels share samples
+  bool wants_centres_;                                  // rays through pixel centres are needed for the passes
 };
 
 }  // namespace perfect_bvh
