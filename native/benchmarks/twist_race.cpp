@@ -79,7 +79,7 @@ class Twist {
       return [&, tolerance](WideBvh& wide, WideCosts& costs) {
         refit(wide, costs);
         WideCosts compared = fresh;
-        const auto parts = find_degraded_parts(wide, costs, compared, tolerance);
+        const auto parts = find_degraded_parts(wide, costs, compared, tolerance, cancel_);
         costs = rebuild_parts(wide, compared, parts, config, pool_, cancel_);
       };
     };

@@ -198,6 +198,7 @@ TEST(FewBoxes, TakeTheBestPlaneOfUpToEight) {
 
 TEST(RadixSort, SortsByTheChosenBitsAndIsStable) {
   std::mt19937_64 random(1);
+  CancelToken never;
   for (const std::size_t count : {0u, 1u, 2u, 1000u, 50000u}) {
     for (const auto& [first_bit, bit_count] : {std::pair{32u, 32u}, {0u, 11u}, {20u, 30u}, {40u, 1u}}) {
       std::vector<std::uint64_t> items(count), scratch(count);
@@ -207,7 +208,7 @@ TEST(RadixSort, SortsByTheChosenBitsAndIsStable) {
       auto expected = items;
       std::stable_sort(expected.begin(), expected.end(),
                        [=](auto a, auto b) { return ((a >> shift) & mask) < ((b >> shift) & mask); });
-      const auto sorted = radix_sort(items, scratch, first_bit, bit_count);
+      const auto sorted = radix_sort(items, scratch, first_bit, bit_count, never);
       EXPECT_TRUE(std::equal(sorted.begin(), sorted.end(), expected.begin(), expected.end()));
     }
   }

@@ -112,7 +112,8 @@ TEST(Optimize, WorksOnTreesTooSmallToImprove) {
 
 TEST(LinkTreeTest, GivesBackTheTreeItWasMadeOf) {
   const Bvh2 tree = build(scattered(1000));
-  const Bvh2 again = LinkTree(tree).to_bvh2(tree);
+  CancelToken never;
+  const Bvh2 again = LinkTree(tree, never).to_bvh2(tree, never);
   EXPECT_EQ(find_fault(again, 1000), "");
   EXPECT_EQ(again.prim_indices, tree.prim_indices);
   for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
@@ -124,7 +125,8 @@ TEST(LinkTreeTest, GivesBackTheTreeItWasMadeOf) {
 
 TEST(LinkTreeTest, KeepsBoxesAndHeightsThroughMoves) {
   const Bvh2 tree = build(scattered(400));
-  LinkTree links(tree);
+  CancelToken never;
+  LinkTree links(tree, never);
   std::mt19937 random(7);
   std::uniform_int_distribution<LinkTree::Id> any(2, static_cast<LinkTree::Id>(links.size() - 1));
   int moved = 0;
@@ -137,7 +139,7 @@ TEST(LinkTreeTest, KeepsBoxesAndHeightsThroughMoves) {
     ++moved;
   }
   EXPECT_GT(moved, 100);
-  EXPECT_EQ(find_fault(links.to_bvh2(tree), 400), "");
+  EXPECT_EQ(find_fault(links.to_bvh2(tree, never), 400), "");
 }
 
 }  // namespace

@@ -70,7 +70,7 @@ TEST_P(WideRestructuring, RebuiltPartsGiveSoundTrees) {
       for (const double tolerance : {0.0, 1.05, 1.3}) {
         const std::string name = input.name + ", " + motion.name + ", " + std::to_string(tolerance);
         Moved now = moved;
-        const auto parts = find_degraded_parts(now.tree, now.costs, now.fresh, tolerance);
+        const auto parts = find_degraded_parts(now.tree, now.costs, now.fresh, tolerance, cancel_);
         if (now.tree.nodes.empty()) {
           EXPECT_TRUE(parts.empty()) << name;
         }
@@ -87,7 +87,7 @@ TEST_P(WideRestructuring, RestructuresATwist) {
   const double refitted = twisted.costs.whole(twisted.tree);
   Moved rotated = twisted, rebuilt = twisted;
   EXPECT_GT(rotate_wide(rotated.tree, rotated.costs, pool_, cancel_), 0u);
-  const auto parts = find_degraded_parts(rebuilt.tree, rebuilt.costs, rebuilt.fresh, 1.1);
+  const auto parts = find_degraded_parts(rebuilt.tree, rebuilt.costs, rebuilt.fresh, 1.1, cancel_);
   ASSERT_FALSE(parts.empty());
   rebuilt.costs = rebuild_parts(rebuilt.tree, rebuilt.fresh, parts, {}, pool_, cancel_);
   EXPECT_LT(rotated.costs.whole(rotated.tree), refitted);
@@ -98,13 +98,13 @@ TEST_P(WideRestructuring, GivesTheSameBytesForAnyThreadCount) {
   const Moved twisted = move(bumpy_sheet(150), motions()[1]);
   Moved alone = twisted;
   static_cast<void>(rotate_wide(alone.tree, alone.costs, pool_, cancel_));
-  const auto parts = find_degraded_parts(alone.tree, alone.costs, alone.fresh, 1.02);
+  const auto parts = find_degraded_parts(alone.tree, alone.costs, alone.fresh, 1.02, cancel_);
   alone.costs = rebuild_parts(alone.tree, alone.fresh, parts, {}, pool_, cancel_);
   for (const int thread_count : thread_counts()) {
     ThreadPool pool(thread_count);
     Moved shared = twisted;
     static_cast<void>(rotate_wide(shared.tree, shared.costs, pool, cancel_));
-    EXPECT_EQ(find_degraded_parts(shared.tree, shared.costs, shared.fresh, 1.02), parts);
+    EXPECT_EQ(find_degraded_parts(shared.tree, shared.costs, shared.fresh, 1.02, cancel_), parts);
     shared.costs = rebuild_parts(shared.tree, shared.fresh, parts, {}, pool, cancel_);
     EXPECT_TRUE(same_bytes(alone.tree, shared.tree));
     EXPECT_EQ(alone.costs.nodes, shared.costs.nodes);
@@ -129,7 +129,7 @@ TEST(WideRestructuring, RebuildsOnlyWhatIsDegraded) {
   }
   WideBvh tree;
   const WideCosts costs = refit_wide(still, plan_of(still, mesh), mesh, tree, false, pool, cancel);
-  const auto parts = find_degraded_parts(tree, costs, fresh, 1.1);
+  const auto parts = find_degraded_parts(tree, costs, fresh, 1.1, cancel);
   ASSERT_FALSE(parts.empty());
   for (const std::uint32_t part : parts) {
     Aabb box;

@@ -171,7 +171,8 @@ class Scene(Queries):
         expected_rays: how many rays are about to be cast until the next commit: what refitting and building is weighed
             against, and builders are chosen by. Without it builders are chosen by usage, and a refitted tree is
             restructured or rebuilt where a ray is expected to cost 5 percent more than when it was built.
-        progress: called with the share done; returning False raises `Cancelled`. It must not use this scene.
+        progress: called with the share done, up to 20 times a second; returning False raises `Cancelled`. It must not
+            use this scene. What is done between two looks at the time does not grow with the meshes. Ctrl-C works too.
 
         After a failed or cancelled commit the edits still wait, and snapshots taken before stay valid.
         """

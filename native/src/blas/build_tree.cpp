@@ -1,6 +1,7 @@
 #include "blas/build_tree.h"
 
 #include "builders/builder.h"
+#include "core/steps.h"
 #include "mesh/triangle_clip.h"
 #include "wide/leaf_block.h"
 
@@ -59,9 +60,7 @@ bool is_built_wide(const BuildConfig& config) noexcept {
 
 Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
   AlignedVector<PrimRef> prims(mesh.triangle_count());
-  constexpr std::size_t kGrain = 16384;
-  parallel_for(pool, prims.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    cancel.throw_if_stopped();
+  for_chunks(pool, prims.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Aabb box = mesh.triangle_box(i);
       prims[i] = {box.lower, static_cast<std::uint32_t>(i), box.upper, 0};

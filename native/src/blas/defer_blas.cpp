@@ -4,6 +4,7 @@
 #include "blas/deferred_tree.h"
 #include "blas/make_blas.h"
 #include "builders/builder.h"
+#include "core/steps.h"
 #include "core/stopwatch.h"
 
 namespace perfect_bvh {
@@ -20,13 +21,15 @@ const char* why_deferred(bool is_new, bool same_topology) {
 // A mesh that a ray has reached will be reached again: it is treated like any other from then on.
 bool is_deferred(const MeshState& state) noexcept { return state.is_lazy && (!state.blas || state.blas->deferred); }
 
-BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options) {
+BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options, CancelToken& caller) {
   const Stopwatch watch;
   const MeshState& state = *changed.state;
   BlasResult result;
   auto blas = std::make_shared<Blas>(state.edited);
   blas->config = choose_builder(state.config, state.usage);
-  for (std::size_t i = 0; i < blas->mesh.triangle_count(); ++i) blas->box.grow(blas->mesh.triangle_box(i));
+  for_steps(blas->mesh.triangle_count(), caller, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) blas->box.grow(blas->mesh.triangle_box(i));
+  });
   MeshState fresh;
   fresh.config = state.config, fresh.usage = state.usage, fresh.edited = state.edited;
   const auto build = [fresh, options, mesh_id = changed.mesh_id, rays = changed.rays](ThreadPool& pool,

@@ -42,7 +42,7 @@ void build(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel
     blas.config.optimize_milliseconds = std::numeric_limits<double>::infinity();
     report.optimize_milliseconds = watch.lap_milliseconds();
   }
-  blas.quality = measure_quality(tree);
+  blas.quality = measure_quality(tree, cancel);
   blas.box = tree.bounds();
   watch.lap_milliseconds();
   blas.wide = collapse_mesh(tree, blas.mesh, blas.config.layout, pool, cancel);
@@ -72,7 +72,7 @@ void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
                 ThreadPool& pool, CancelToken& cancel) {
   const MeshState& state = *changed.state;
   MeshReport& report = result.report;
-  const double density = measure_density(blas.mesh);
+  const double density = measure_density(blas.mesh, cancel);
   const bool deforms = is_resting(state) || (state.blas && state.same_topology);
   const Usage usage = usage_of(state.usage, deforms);
   BuildConfig config = choose_builder(state.config, usage);
@@ -98,7 +98,7 @@ void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
   }
   blas.shape = new_tree_shape();
   const UpdateHistory last = deforms ? state.history : UpdateHistory{};
-  const TraceWork work = measure_trace_work(blas.wide, blas.mesh);
+  const TraceWork work = measure_trace_work(blas.wide, blas.mesh, cancel);
   report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
   result.history = begin_history(last, work, result.history.sample_now, options.calibration);
 }

@@ -28,8 +28,8 @@ TraceWork work_of(const WideCosts& costs, const WideBvh& tree) {
 }
 
 // The parts of a refitted tree that its motion degraded, by their roots.
-std::vector<std::uint32_t> degraded_parts(const Blas& blas, const WideCosts& costs) {
-  auto parts = find_degraded_parts(blas.wide, costs, *blas.fresh_costs, kDegraded);
+std::vector<std::uint32_t> degraded_parts(const Blas& blas, const WideCosts& costs, CancelToken& cancel) {
+  auto parts = find_degraded_parts(blas.wide, costs, *blas.fresh_costs, kDegraded, cancel);
   if (parts.empty() && blas.wide.root < kBlockChild) parts.push_back(blas.wide.root);  // a little everywhere
   return parts;
 }
@@ -70,8 +70,8 @@ double restructure(Blas& blas, UpdateAction action, WideCosts& costs, ThreadPool
     return 0;
   }
   WideCosts fresh = *blas.fresh_costs;
-  const auto parts = degraded_parts(blas, costs);
-  const double share = share_of_leaves(blas.wide, parts);
+  const auto parts = degraded_parts(blas, costs, cancel);
+  const double share = share_of_leaves(blas.wide, parts, cancel);
   costs = rebuild_parts(blas.wide, fresh, parts, blas.config, pool, cancel);
   blas.fresh_costs = std::make_shared<const WideCosts>(std::move(fresh));
   return share;
@@ -79,15 +79,16 @@ double restructure(Blas& blas, UpdateAction action, WideCosts& costs, ThreadPool
 
 // What the governor wants to know beyond costs, where it can make a difference.
 void look_closer(UpdateQuestion& question, const Blas& before, const Blas& blas, const WideCosts& costs,
-                 const Calibration& calibration, ThreadPool& pool) {
+                 const Calibration& calibration, ThreadPool& pool, CancelToken& cancel) {
   const bool knows_rays = question.policy == Policy::kGoverned && question.rays;
   UpdateHistory& history = question.history;
   if (knows_rays && history.since_build.commit_count == 0 && !(history.sample > 0)) {
     history.sample = measure_tree_sample(before.mesh, pool);  // of the shape that the tree was built for
   }
   if (may_rebuild(question, calibration)) question.sample = measure_tree_sample(blas.mesh, pool);
-  if (may_restructure(question, calibration))
-    question.degraded_share = share_of_leaves(blas.wide, degraded_parts(blas, costs));
+  if (may_restructure(question, calibration)) {
+    question.degraded_share = share_of_leaves(blas.wide, degraded_parts(blas, costs, cancel), cancel);
+  }
 }
 
 }  // namespace
@@ -109,7 +110,7 @@ bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
                           .now = work_of(costs, blas.wide),
                           .reference = work_of(*blas.fresh_costs, before.wide),
                           .history = changed.state->history};
-  look_closer(question, before, blas, costs, options.calibration, pool);
+  look_closer(question, before, blas, costs, options.calibration, pool, cancel);
   const UpdateDecision decision = decide_update(question, options.calibration);
   report.reason = decision.reason;
   report.action = action_of(decision.action);

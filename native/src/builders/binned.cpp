@@ -22,7 +22,7 @@ BuildConfig down_to_single_primitives(BuildConfig config) noexcept {
 Bvh2 build_binned(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel,
                   const LeafLimit* leaf_limit) {
   const BuildConfig used = leaf_limit != nullptr ? down_to_single_primitives(config) : config;
-  BinnedSplitter splitter(prims, used, pool, leaf_limit);
+  BinnedSplitter splitter(prims, used, pool, cancel, leaf_limit);
   Bvh2 tree = TopDownBuilder(splitter, pool, cancel).build(splitter.root());
   tree.has_full_leaves = leaf_limit != nullptr;
   return tree;

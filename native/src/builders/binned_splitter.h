@@ -3,7 +3,6 @@
 // leaves, as top_down.h asks of a splitter.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
@@ -15,7 +14,9 @@
 #include "builders/grid_bins.h"
 #include "builders/grid_ref.h"
 #include "builders/primitives.h"
+#include "builders/select_nth.h"
 #include "builders/top_down.h"
+#include "core/steps.h"
 
 namespace perfect_bvh {
 
@@ -29,13 +30,18 @@ class BinnedSplitter {
   using Range = GridRange;
   static constexpr std::uint32_t kSubtreeSize = 4096;
 
-  // `config` and the limit must outlive the splitter. With a limit, config.max_leaf_size must be 1.
-  BinnedSplitter(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool,
+  // `config`, the token and the limit must outlive the splitter. With a limit, config.max_leaf_size must be 1.
+  BinnedSplitter(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel,
                  const LeafLimit* leaf_limit = nullptr)
-      : prims_(prims), config_(config), leaf_limit_(leaf_limit), refs_(prims.size()), scratch_(prims.size()) {
+      : prims_(prims),
+        config_(config),
+        cancel_(cancel),
+        leaf_limit_(leaf_limit),
+        refs_(prims.size()),
+        scratch_(prims.size()) {
     root_.count = static_cast<std::uint32_t>(prims.size());
     AlignedVector<Box4> boxes(chunk_count(root_.count));
-    for_chunks(&pool, root_.count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    for_rows(&pool, root_.count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
       Box4 box = Box4::empty();
       for (std::size_t i = begin; i < end; ++i) box.grow(Box4::load(&prims_[i]));
       boxes[chunk] = box;
@@ -43,7 +49,7 @@ class BinnedSplitter {
     Box4 box = Box4::empty();
     for (const Box4& each : boxes) box.grow(each);
     root_.frame = GridFrame::around(box);
-    for_chunks(&pool, root_.count, [&](std::size_t, std::size_t begin, std::size_t end) {
+    for_rows(&pool, root_.count, [&](std::size_t, std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         root_.frame.snap(Box4::load(&prims_[i]), static_cast<std::uint32_t>(i)).store(&refs_[i]);
       }
@@ -97,7 +103,7 @@ class BinnedSplitter {
   static constexpr std::uint32_t kSampleSize = 2048;
   static constexpr std::uint32_t kSampleSizeForLeaves = 1024;  // with a limit: half, and rays visit as many nodes
   static constexpr std::uint32_t kParallelSize = 65536;        // references from which on one node's work is shared out
-  static constexpr std::uint32_t kChunk = 16384;               // and what a thread then takes at a time
+  static constexpr std::uint32_t kChunk = kItemsBetweenAsking;  // and what a thread then takes at a time
   static constexpr std::uint32_t kFewestBoxes = 4;
   // Up to here a split decides how well leaves are filled. Measured: counting leaves makes 6 to 11% fewer of them, at
   // the same cost to rays; counting them in larger ranges gains no more.
@@ -105,10 +111,10 @@ class BinnedSplitter {
 
   // Calls body(chunk, begin, end) for the chunks of [0, count), on the pool if there is one.
   template <class Body>
-  static void for_chunks(ThreadPool* pool, std::uint32_t count, const Body& body) {
+  void for_rows(ThreadPool* pool, std::uint32_t count, const Body& body) {
     const auto run = [&](std::size_t begin, std::size_t end) { body(begin / kChunk, begin, end); };
-    if (pool != nullptr) return parallel_for(*pool, count, kChunk, run);
-    for (std::uint32_t begin = 0; begin < count; begin += kChunk) run(begin, std::min(count, begin + kChunk));
+    if (pool != nullptr) return for_chunks(*pool, count, kChunk, cancel_, run);
+    for_steps(count, cancel_, run);
   }
 
   [[nodiscard]] static std::size_t chunk_count(std::uint32_t count) noexcept { return (count + kChunk - 1) / kChunk; }
@@ -168,14 +174,23 @@ class BinnedSplitter {
   }
 
   template <class BoxOf>
-  static GridBounds gather(std::uint32_t count, ThreadPool* pool, const BoxOf& box_of) {
+  GridBounds gather(std::uint32_t count, ThreadPool* pool, const BoxOf& box_of) {
     GridBounds all;
+    const auto grow = [&](std::size_t begin, std::size_t end) {
+      GridBounds bounds = all;  // in registers
+      for (std::size_t i = begin; i < end; ++i) bounds.grow(box_of(i));
+      all = bounds;
+    };
+    if (count <= kChunk) {
+      grow(0, count);
+      return all;
+    }
     if (pool == nullptr) {
-      for (std::size_t i = 0; i < count; ++i) all.grow(box_of(i));
+      for_steps(count, cancel_, grow);
       return all;
     }
     AlignedVector<GridBounds> chunks(chunk_count(count));
-    for_chunks(pool, count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    for_rows(pool, count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
       GridBounds bounds;
       for (std::size_t i = begin; i < end; ++i) bounds.grow(box_of(i));
       chunks[chunk] = bounds;
@@ -226,18 +241,26 @@ class BinnedSplitter {
   std::uint32_t move_to_sides(const Range& range, std::uint32_t axis, std::int32_t border, ThreadPool* pool) {
     const GridRef* from = rows(range, range.in_scratch);
     GridRef* to = rows(range, !range.in_scratch);
-    if (pool == nullptr) {
+    if (range.count <= kChunk) {
       return static_cast<std::uint32_t>(partition(from, range.count, axis, border, to, to + range.count - 1));
+    }
+    if (pool == nullptr) {
+      std::size_t left = 0;
+      for_steps(range.count, cancel_, [&](std::size_t begin, std::size_t end) {
+        GridRef* const last_free = to + range.count - 1 - (begin - left);
+        left += partition(from + begin, end - begin, axis, border, to + left, last_free);
+      });
+      return static_cast<std::uint32_t>(left);
     }
     // How many go left before each chunk says where one thread would have put its rows.
     std::vector<std::size_t> left_before(chunk_count(range.count) + 1, 0);
-    for_chunks(pool, range.count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    for_rows(pool, range.count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
       std::size_t count = 0;
       for (std::size_t i = begin; i < end; ++i) count += is_left_of(from[i], axis, border);
       left_before[chunk + 1] = count;
     });
     for (std::size_t i = 1; i < left_before.size(); ++i) left_before[i] += left_before[i - 1];
-    for_chunks(pool, range.count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    for_rows(pool, range.count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
       const std::size_t right_before = begin - left_before[chunk];
       partition(from + begin, end - begin, axis, border, to + left_before[chunk], to + range.count - 1 - right_before);
     });
@@ -245,7 +268,7 @@ class BinnedSplitter {
   }
 
   // What is left to do where the SAH says nothing (all centroids equal, no area) or the depth runs out.
-  void split_in_halves(const Range& range, const GridBounds& bounds, Range& left, Range& right) noexcept {
+  void split_in_halves(const Range& range, const GridBounds& bounds, Range& left, Range& right) {
     GridRef* refs = rows(range, range.in_scratch);
     const std::uint32_t half = range.count / 2;
     if (bounds.has_spread()) {
@@ -253,14 +276,15 @@ class BinnedSplitter {
       const auto key = [axis](const GridRef& ref) {
         return std::pair(ref.lower[axis] - ref.negated_upper[axis], ref.position());
       };
-      std::nth_element(refs, refs + half, refs + range.count,
-                       [&](const GridRef& a, const GridRef& b) { return key(a) < key(b); });
+      select_nth(std::span(refs, range.count), half, cancel_,
+                 [&](const GridRef& a, const GridRef& b) { return key(a) < key(b); });
     }
     set_rows(range, half, range.in_scratch, left, right);
   }
 
   std::span<const PrimRef> prims_;
   const BuildConfig& config_;
+  CancelToken& cancel_;
   const LeafLimit* leaf_limit_;  // null: leaves by cost
   AlignedVector<GridRef> refs_, scratch_;
   Range root_;

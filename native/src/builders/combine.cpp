@@ -6,6 +6,7 @@
 
 #include "builders/top_down.h"
 #include "core/errors.h"
+#include "core/steps.h"
 
 namespace perfect_bvh {
 namespace {
@@ -25,7 +26,7 @@ void copy_leaf(Bvh2& out, const Pending& now, Bvh2Node leaf) {
 
 }  // namespace
 
-Bvh2 graft(const Bvh2& top, std::span<const TreePart> parts) {
+Bvh2 graft(const Bvh2& top, std::span<const TreePart> parts, CancelToken& cancel) {
   Bvh2 out;
   if (top.empty()) return out;
   out.nodes.resize(2);
@@ -33,7 +34,7 @@ Bvh2 graft(const Bvh2& top, std::span<const TreePart> parts) {
   out.refittable = top.refittable;
   std::vector<std::uint32_t> joints;  // nodes of `top` in the result, parents first
   std::vector<Pending> stack{{nullptr, 0, 0, 0}};
-  while (!stack.empty()) {
+  for (Steps steps(cancel); !stack.empty(); steps.step()) {
     Pending now = stack.back();
     stack.pop_back();
     if (now.part == nullptr && top.nodes[now.from].is_leaf()) {
@@ -81,7 +82,8 @@ Bvh2 combine(const Bvh2& left, const Bvh2& right, std::uint32_t right_offset) {
   } else {
     write_node(top.nodes[0], Box4::empty(), 0, 1);
   }
-  return graft(top, parts);
+  CancelToken never;
+  return graft(top, parts, never);
 }
 
 }  // namespace perfect_bvh

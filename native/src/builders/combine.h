@@ -6,6 +6,7 @@
 #include <span>
 
 #include "builders/bvh2.h"
+#include "core/cancel.h"
 
 namespace perfect_bvh {
 
@@ -17,8 +18,8 @@ struct TreePart {
 
 // A copy of `top` in which each leaf is replaced by a part: the one whose number is the leaf's only row. Parts must not
 // be empty. Boxes of `top` are not looked at: its nodes get the boxes of what stands below them. Throws
-// InvalidArgument if the result would be deeper than kMaxTreeDepth.
-[[nodiscard]] Bvh2 graft(const Bvh2& top, std::span<const TreePart> parts);
+// InvalidArgument if the result would be deeper than kMaxTreeDepth; Cancelled.
+[[nodiscard]] Bvh2 graft(const Bvh2& top, std::span<const TreePart> parts, CancelToken& cancel);
 
 // Two trees under a new root. The numbers of the right tree's primitives are raised by `right_offset`. An empty tree
 // adds nothing. Throws like graft().

@@ -12,6 +12,7 @@
 #include "builders/grid_ref.h"
 #include "builders/morton_clusters.h"
 #include "builders/top_down.h"
+#include "core/steps.h"
 
 namespace perfect_bvh {
 namespace {
@@ -32,11 +33,12 @@ class FastSplitter {
   using Range = FastRange;
   static constexpr std::uint32_t kSubtreeSize = 8192;
 
-  FastSplitter(const MortonClusters& clusters, const BuildConfig& config, ThreadPool& pool)
+  FastSplitter(const MortonClusters& clusters, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel)
       : clusters_(clusters),
         config_(config),
+        cancel_(cancel),
         cluster_config_(down_to_single_clusters(config)),
-        binned_(clusters.boxes, cluster_config_, pool),
+        binned_(clusters.boxes, cluster_config_, pool, cancel),
         refs_(clusters.prims.size()) {
     root_.count = static_cast<std::uint32_t>(clusters.prims.size());
     root_.clusters = binned_.root();
@@ -91,8 +93,14 @@ class FastSplitter {
     (void)binned_.split(range.clusters, left.clusters, right.clusters, pool);  // two clusters at least: it must
     const bool left_is_smaller = left.clusters.count <= right.clusters.count;
     std::uint32_t count = 0;
-    for (const GridRef& ref : binned_.refs(left_is_smaller ? left.clusters : right.clusters)) {
-      count += clusters_.rows[ref.position()].count;
+    const std::span<const GridRef> refs = binned_.refs(left_is_smaller ? left.clusters : right.clusters);
+    const auto add = [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) count += clusters_.rows[refs[i].position()].count;
+    };
+    if (refs.size() <= kItemsBetweenAsking) {
+      add(0, refs.size());
+    } else {
+      for_steps(refs.size(), cancel_, add);
     }
     set_rows(range, left_is_smaller ? count : range.count - count, left, right);
   }
@@ -158,6 +166,7 @@ class FastSplitter {
 
   const MortonClusters& clusters_;
   const BuildConfig& config_;
+  CancelToken& cancel_;
   const BuildConfig cluster_config_;
   BinnedSplitter binned_;
   AlignedVector<GridRef> refs_;  // single references; their positions are rows of clusters_.prims
@@ -168,7 +177,7 @@ class FastSplitter {
 
 Bvh2 build_fast(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
   const MortonClusters clusters = make_morton_clusters(prims, pool, cancel);
-  FastSplitter splitter(clusters, config, pool);
+  FastSplitter splitter(clusters, config, pool, cancel);
   return TopDownBuilder(splitter, pool, cancel).build(splitter.root());
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "builders/top_down.h"
+#include "core/steps.h"
 
 namespace perfect_bvh {
 namespace {
@@ -17,24 +18,28 @@ namespace {
 
 }  // namespace
 
-LinkTree::LinkTree(const Bvh2& tree)
+LinkTree::LinkTree(const Bvh2& tree, CancelToken& cancel)
     : nodes_(tree.nodes.size()), parents_(tree.nodes.size()), heights_(tree.nodes.size()) {
   const Float4 scale(unit_scale(tree.bounds()));
-  for (std::size_t i = tree.nodes.size(); i-- > 0;) {
-    const Bvh2Node& from = tree.nodes[i];
-    Node& to = nodes_[i];
-    const Box4 box = Box4::load(&from);
-    (box.lower.xyz0() * scale).store(&to.lower);
-    (box.upper.xyz0() * scale).store(&to.upper);
-    const auto id = static_cast<Id>(i);
-    if (from.is_leaf() || i == 1) {
-      to.left = id, to.right = 0;
-      continue;
-    }
-    to.left = from.first, to.right = from.first + 1;
-    parents_[to.left] = parents_[to.right] = id;
-    heights_[i] = std::max(heights_[to.left], heights_[to.right]) + 1;
+  for_steps_back(tree.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = end; i-- > begin;) copy_node(tree, static_cast<Id>(i), scale);
+  });
+}
+
+// Its children were copied before.
+void LinkTree::copy_node(const Bvh2& tree, Id id, Float4 scale) noexcept {
+  const Bvh2Node& from = tree.nodes[id];
+  Node& to = nodes_[id];
+  const Box4 box = Box4::load(&from);
+  (box.lower.xyz0() * scale).store(&to.lower);
+  (box.upper.xyz0() * scale).store(&to.upper);
+  if (from.is_leaf() || id == 1) {
+    to.left = id, to.right = 0;
+    return;
   }
+  to.left = from.first, to.right = from.first + 1;
+  parents_[to.left] = parents_[to.right] = id;
+  heights_[id] = std::max(heights_[to.left], heights_[to.right]) + 1;
 }
 
 void LinkTree::move(Id moving, Id target) noexcept {
@@ -86,7 +91,7 @@ void LinkTree::update_upwards(Id id) noexcept {
   }
 }
 
-Bvh2 LinkTree::to_bvh2(const Bvh2& original) const {
+Bvh2 LinkTree::to_bvh2(const Bvh2& original, CancelToken& cancel) const {
   Bvh2 tree;
   tree.refittable = original.refittable;
   tree.depth = heights_[kRoot];
@@ -99,7 +104,7 @@ Bvh2 LinkTree::to_bvh2(const Bvh2& original) const {
   };
   std::vector<Pending> stack{{kRoot, 0}};
   std::uint32_t next_node = 2, next_row = 0;
-  while (!stack.empty()) {
+  for (Steps steps(cancel); !stack.empty(); steps.step()) {
     const Pending now = stack.back();
     stack.pop_back();
     Bvh2Node& node = tree.nodes[now.to];
@@ -116,9 +121,11 @@ Bvh2 LinkTree::to_bvh2(const Bvh2& original) const {
     stack.push_back({left(now.from), next_node});
     next_node += 2;
   }
-  for (std::size_t i = tree.nodes.size(); i-- > 0;) {
-    if (!tree.nodes[i].is_leaf() && i != 1) enclose_children(tree.nodes[i], &tree.nodes[tree.nodes[i].first]);
-  }
+  for_steps_back(tree.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = end; i-- > begin;) {
+      if (!tree.nodes[i].is_leaf() && i != 1) enclose_children(tree.nodes[i], &tree.nodes[tree.nodes[i].first]);
+    }
+  });
   return tree;
 }
 

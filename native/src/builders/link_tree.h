@@ -7,6 +7,7 @@
 
 #include "builders/bvh2.h"
 #include "core/aligned.h"
+#include "core/cancel.h"
 #include "math/float4.h"
 
 namespace perfect_bvh {
@@ -17,8 +18,8 @@ class LinkTree {
   static constexpr Id kRoot = 0;
 
   // The tree must have at least one interior node.
-  explicit LinkTree(const Bvh2& tree);
-  [[nodiscard]] Bvh2 to_bvh2(const Bvh2& original) const;
+  LinkTree(const Bvh2& tree, CancelToken& cancel);
+  [[nodiscard]] Bvh2 to_bvh2(const Bvh2& original, CancelToken& cancel) const;
 
   [[nodiscard]] std::size_t size() const noexcept { return nodes_.size(); }
   [[nodiscard]] bool is_leaf(Id id) const noexcept { return nodes_[id].right == 0; }
@@ -49,6 +50,7 @@ class LinkTree {
     Id right;
   };
 
+  void copy_node(const Bvh2& tree, Id id, Float4 scale) noexcept;
   void link(Id parent, Id old_child, Id new_child) noexcept;
   void update(Id id) noexcept;
   void update_upwards(Id id) noexcept;

@@ -6,6 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/steps.h"
+
 namespace perfect_bvh {
 namespace {
 
@@ -40,28 +42,19 @@ class Row {
   }
 
   // Joins pairs into new clusters from `next` on; returns the first number left.
-  std::uint32_t join_pairs(Cluster* clusters, std::uint32_t next) noexcept {
-    choose_partners();
+  std::uint32_t join_pairs(Cluster* clusters, std::uint32_t next, CancelToken& cancel) {
+    set_padding();
+    measure_distances(cancel);
+    choose_partners(cancel);
     std::size_t pairs = 0;
-    for (std::size_t i = 0; i < count_; ++i) pairs += partners_[i] > i && partners_[partners_[i]] == i;
-    if (pairs * kLeastProgress < count_) {
-      for (std::size_t i = 0; i < count_; ++i) partners_[i] = static_cast<std::uint32_t>(std::min(i ^ 1, count_ - 1));
-    }
+    for_steps(count_, cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) pairs += partners_[i] > i && partners_[partners_[i]] == i;
+    });
+    if (pairs * kLeastProgress < count_) choose_neighbours(cancel);
     std::size_t kept = 0;
-    for (std::size_t i = 0; i < count_; ++i) {
-      const std::size_t partner = partners_[i];
-      const bool is_pair = partner != i && partners_[partner] == i;
-      if (is_pair && partner < i) continue;
-      Cluster cluster = get(i);
-      std::uint32_t number = numbers_[i];
-      if (is_pair) {
-        cluster = joined(cluster, get(partner), number, numbers_[partner]);
-        number = next++;
-        clusters[number] = cluster;
-      }
-      put(kept, cluster);  // a pair's second half stands further on, and is only asked for its partner from now on
-      numbers_[kept++] = number;
-    }
+    for_steps(count_, cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) next = keep_or_join(i, clusters, next, kept);
+    });
     count_ = kept;
     return next;
   }
@@ -98,10 +91,37 @@ class Row {
     return Int4(static_cast<std::int32_t>(i)) + Int4(0, 1, 2, 3);
   }
 
-  // Four places at a time.
-  void measure_distances() noexcept {
-    const auto count = static_cast<std::ptrdiff_t>(count_);
-    for (std::ptrdiff_t i = -4; i < count; i += 4) {
+  // Of place `i` what stays in the row, at its front: the cluster, or its union with its partner.
+  std::uint32_t keep_or_join(std::size_t i, Cluster* clusters, std::uint32_t next, std::size_t& kept) noexcept {
+    const std::size_t partner = partners_[i];
+    const bool is_pair = partner != i && partners_[partner] == i;
+    if (is_pair && partner < i) return next;
+    Cluster cluster = get(i);
+    std::uint32_t number = numbers_[i];
+    if (is_pair) {
+      cluster = joined(cluster, get(partner), number, numbers_[partner]);
+      number = next++;
+      clusters[number] = cluster;
+    }
+    put(kept, cluster);  // a pair's second half stands further on, and is only asked for its partner from now on
+    numbers_[kept++] = number;
+    return next;
+  }
+
+  void choose_neighbours(CancelToken& cancel) {
+    for_steps(count_, cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) partners_[i] = static_cast<std::uint32_t>(std::min(i ^ 1, count_ - 1));
+    });
+  }
+
+  // Four places at a time, from four before the first on.
+  void measure_distances(CancelToken& cancel) {
+    for_steps(count_ + 4, cancel, [&](std::size_t begin, std::size_t end) {
+      measure_distances(static_cast<std::ptrdiff_t>(begin) - 4, static_cast<std::ptrdiff_t>(end) - 4);
+    });
+  }
+  void measure_distances(std::ptrdiff_t begin, std::ptrdiff_t end) noexcept {
+    for (std::ptrdiff_t i = begin; i < end; i += 4) {
       std::array<Float4, 3> lower, upper;
       for (int axis = 0; axis < 3; ++axis) {
         lower[static_cast<std::size_t>(axis)] = Float4::load(plane(axis) + i);
@@ -120,10 +140,11 @@ class Row {
     }
   }
 
-  void choose_partners() noexcept {
-    set_padding();
-    measure_distances();
-    for (std::size_t i = 0; i < count_; i += 4) {
+  void choose_partners(CancelToken& cancel) {
+    for_steps(count_, cancel, [&](std::size_t begin, std::size_t end) { choose_partners(begin, end); });
+  }
+  void choose_partners(std::size_t begin, std::size_t end) noexcept {
+    for (std::size_t i = begin; i < end; i += 4) {
       Float4 best = Float4::load(distance(1) + i);
       for (int k = 1; k <= kRadius; ++k) {
         best = min(min(Float4::load(distance(k) + i), Float4::load_unaligned(distance(k) + i - k)), best);
@@ -220,8 +241,7 @@ ClusterTree cluster_along_curve(AlignedVector<Cluster> boxes, ThreadPool& pool, 
   tree.box_count = count;
   tree.regions.resize((count + kRegion - 1) / kRegion);
   std::vector<std::vector<std::uint32_t>> groups(tree.regions.size());
-  parallel_for(pool, count, kRegion, [&](std::size_t begin, std::size_t end) {
-    cancel.checkpoint();
+  for_chunks(pool, count, kRegion, cancel, [&](std::size_t begin, std::size_t end) {
     const RadixStack stack(tree, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end));
     tree.regions[begin / kRegion] = {static_cast<std::uint32_t>(count + begin), stack.next()};
     stack.list_groups(groups[begin / kRegion]);
@@ -230,13 +250,15 @@ ClusterTree cluster_along_curve(AlignedVector<Cluster> boxes, ThreadPool& pool, 
   for (const auto& numbers : groups) group_count += numbers.size();
   tree.clusters.resize(2 * std::size_t{count} + group_count);
   Row row(group_count);
-  for (const auto& numbers : groups) {
-    for (const std::uint32_t number : numbers) row.push_back(tree.clusters[number], number);
-  }
+  for_steps(groups.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      for (const std::uint32_t number : groups[i]) row.push_back(tree.clusters[number], number);
+    }
+  });
   tree.top = {2 * count, 2 * count};
   while (row.size() > 1) {
     cancel.checkpoint();
-    tree.top.end = row.join_pairs(tree.clusters.data(), tree.top.end);
+    tree.top.end = row.join_pairs(tree.clusters.data(), tree.top.end, cancel);
   }
   tree.root = row.number(0);
   return tree;

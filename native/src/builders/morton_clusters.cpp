@@ -6,6 +6,7 @@
 
 #include "builders/morton.h"
 #include "builders/radix_sort.h"
+#include "core/steps.h"
 #include "math/float4.h"
 
 namespace perfect_bvh {
@@ -21,17 +22,9 @@ constexpr float kLooseness = 1.0f;
 
 [[nodiscard]] std::size_t chunk_count(std::size_t count) noexcept { return (count + kChunk - 1) / kChunk; }
 
-template <class Body>
-void for_chunks(std::size_t count, ThreadPool& pool, CancelToken& cancel, const Body& body) {
-  parallel_for(pool, count, kChunk, [&](std::size_t begin, std::size_t end) {
-    cancel.checkpoint();
-    body(begin, end);
-  });
-}
-
 [[nodiscard]] Box4 measure_centers(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel) {
   AlignedVector<Box4> chunks(chunk_count(prims.size()));
-  for_chunks(prims.size(), pool, cancel, [&](std::size_t begin, std::size_t end) {
+  for_chunks(pool, prims.size(), kChunk, cancel, [&](std::size_t begin, std::size_t end) {
     Box4 centers = Box4::empty();
     for (std::size_t i = begin; i < end; ++i) centers.grow(MortonGrid::center(Box4::load(&prims[i])));
     chunks[begin / kChunk] = centers;
@@ -115,13 +108,14 @@ struct ChunkClusters {
 };
 
 // Strings the chunks' clusters together.
-void join(const std::vector<ChunkClusters>& chunks, MortonClusters& result) {
+void join(const std::vector<ChunkClusters>& chunks, MortonClusters& result, CancelToken& cancel) {
   std::size_t count = 0;
   for (const ChunkClusters& chunk : chunks) count += chunk.boxes.size();
   result.boxes.resize(count);
   result.rows.resize(count);
   std::uint32_t next = 0;
   for (const ChunkClusters& chunk : chunks) {
+    cancel.checkpoint();
     for (std::size_t i = 0; i < chunk.boxes.size(); ++i, ++next) {
       result.boxes[next] = chunk.boxes[i];
       result.boxes[next].prim_index = next;
@@ -135,23 +129,23 @@ void join(const std::vector<ChunkClusters>& chunks, MortonClusters& result) {
 MortonClusters make_morton_clusters(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel) {
   const MortonGrid grid(measure_centers(prims, pool, cancel));
   AlignedVector<Key> keys(prims.size()), scratch(prims.size());
-  for_chunks(prims.size(), pool, cancel, [&](std::size_t begin, std::size_t end) {
+  for_chunks(pool, prims.size(), kChunk, cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       keys[i] = Key{grid.code(MortonGrid::center(Box4::load(&prims[i])))} << 32 | i;
     }
   });
-  const std::span<const Key> sorted = radix_sort(keys, scratch, 32, kMortonBits, pool);
+  const std::span<const Key> sorted = radix_sort(keys, scratch, 32, kMortonBits, pool, cancel);
   MortonClusters result;
   result.prims.resize(prims.size());
   std::vector<ChunkClusters> chunks(chunk_count(prims.size()));
-  for_chunks(prims.size(), pool, cancel, [&](std::size_t begin, std::size_t end) {
+  for_chunks(pool, prims.size(), kChunk, cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) result.prims[i] = prims[static_cast<std::uint32_t>(sorted[i])];
     ChunkClusters& chunk = chunks[begin / kChunk];
     chunk.boxes.reserve(end - begin);
     chunk.rows.reserve(end - begin);
     ClusterCutter(sorted, result.prims, chunk.boxes, chunk.rows).cut(begin, end);
   });
-  join(chunks, result);
+  join(chunks, result, cancel);
   return result;
 }
 

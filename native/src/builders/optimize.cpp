@@ -2,10 +2,14 @@
 
 #include <algorithm>
 #include <chrono>
+#include <functional>
+#include <span>
 #include <utility>
 #include <vector>
 
 #include "builders/link_tree.h"
+#include "builders/select_nth.h"
+#include "core/steps.h"
 
 namespace perfect_bvh {
 namespace {
@@ -111,39 +115,61 @@ class Search {
 
 class Optimizer {
  public:
-  explicit Optimizer(const Bvh2& tree) : tree_(tree), is_settled_(tree_.size(), 0) {}
+  Optimizer(const Bvh2& tree, CancelToken& cancel) : tree_(tree, cancel), is_settled_(tree_.size(), 0) {}
 
   [[nodiscard]] const LinkTree& tree() const noexcept { return tree_; }
 
   // Returns how many nodes moved.
   std::size_t run_pass(double share, ThreadPool& pool, CancelToken& cancel) {
-    select(share);
+    select(share, cancel);
     found_.resize(candidates_.size());
-    parallel_for(pool, candidates_.size(), kSearchGrain, [&](std::size_t begin, std::size_t end) {
-      cancel.checkpoint();
+    for_chunks(pool, candidates_.size(), kSearchGrain, cancel, [&](std::size_t begin, std::size_t end) {
       Search search(tree_);
       for (std::size_t i = begin; i < end; ++i) found_[i] = search.run(candidates_[i].second);
     });
-    std::sort(found_.begin(), found_.end(), [](const Reinsertion& a, const Reinsertion& b) {
-      return a.gain != b.gain ? a.gain > b.gain : a.moving < b.moving;
-    });
+    sort_gains(cancel);
     std::size_t moved = 0;
-    for (const Reinsertion& each : found_) moved += apply(each);
+    for_steps(found_.size(), cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) moved += apply(found_[i]);
+    });
     return moved;
   }
 
  private:
   // The largest nodes, but those that found no better place the last time, and around which nothing has changed.
-  void select(double share) {
+  void select(double share, CancelToken& cancel) {
     candidates_.clear();
-    for (Id id = LinkTree::kRoot + 2; id < tree_.size(); ++id) {
-      if (tree_.parent(id) != LinkTree::kRoot) candidates_.emplace_back(-tree_.area(id), id);
-    }
+    candidates_.reserve(tree_.size());
+    for_steps(tree_.size() - kFirstId, cancel, [&](std::size_t begin, std::size_t end) {
+      for (auto id = static_cast<Id>(kFirstId + begin); id < kFirstId + end; ++id) {
+        if (tree_.parent(id) != LinkTree::kRoot) candidates_.emplace_back(-tree_.area(id), id);
+      }
+    });
     const auto count = static_cast<std::size_t>(std::min(1.0, share) * static_cast<double>(candidates_.size()));
-    const auto last = candidates_.begin() + static_cast<std::ptrdiff_t>(count);
-    std::nth_element(candidates_.begin(), last, candidates_.end());
-    candidates_.erase(last, candidates_.end());
-    std::erase_if(candidates_, [&](const auto& candidate) { return is_settled_[candidate.second] != 0; });
+    select_nth(std::span(candidates_), count, cancel, std::less<>());
+    std::size_t kept = 0;
+    for_steps(count, cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        if (is_settled_[candidates_[i].second] == 0) candidates_[kept++] = candidates_[i];
+      }
+    });
+    candidates_.resize(kept);
+  }
+
+  // The largest gain first. Where there is none nothing will move, so that the order is of no account.
+  void sort_gains(CancelToken& cancel) {
+    std::size_t count = 0;
+    for_steps(found_.size(), cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        if (found_[i].gain > 0.0f) std::swap(found_[count++], found_[i]);
+      }
+    });
+    Steps steps(cancel);
+    const auto end = found_.begin() + static_cast<std::ptrdiff_t>(count);
+    std::sort(found_.begin(), end, [&](const Reinsertion& a, const Reinsertion& b) {
+      steps.step();
+      return a.gain != b.gain ? a.gain > b.gain : a.moving < b.moving;
+    });
   }
 
   // What was found may no longer hold after the moves before it: it is priced again, and done only if it still gains.
@@ -194,6 +220,8 @@ class Optimizer {
     }
   }
 
+  static constexpr std::size_t kFirstId = LinkTree::kRoot + 2;
+
   LinkTree tree_;
   std::vector<std::uint8_t> is_settled_;
   std::vector<std::pair<float, Id>> candidates_;  // minus the area, node
@@ -210,7 +238,7 @@ OptimizeReport optimize_bvh2(Bvh2& tree, const OptimizeBudget& budget, ThreadPoo
     const std::chrono::duration<double, std::milli> spent = std::chrono::steady_clock::now() - start;
     return spent.count() >= budget.milliseconds;
   };
-  Optimizer optimizer(tree);
+  Optimizer optimizer(tree, cancel);
   double share = kFirstShare;
   while (report.passes < budget.passes && !time_is_over()) {
     const std::size_t moved = optimizer.run_pass(share, pool, cancel);
@@ -219,7 +247,7 @@ OptimizeReport optimize_bvh2(Bvh2& tree, const OptimizeBudget& budget, ThreadPoo
     if (moved == 0 && share >= 1.0) break;
     share = std::min(1.0, 2 * share);
   }
-  if (report.moved > 0) tree = optimizer.tree().to_bvh2(tree);
+  if (report.moved > 0) tree = optimizer.tree().to_bvh2(tree, cancel);
   return report;
 }
 

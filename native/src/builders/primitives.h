@@ -13,7 +13,7 @@ struct alignas(16) PrimRef {
   Vec3f lower;
   std::uint32_t prim_index;
   Vec3f upper;
-  std::uint32_t unused = 0;
+  std::uint32_t unused;
 
   [[nodiscard]] constexpr Aabb box() const noexcept { return {lower, upper}; }
   // Twice the centre: the factor is never needed.

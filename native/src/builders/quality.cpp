@@ -4,6 +4,8 @@
 #include <span>
 #include <vector>
 
+#include "core/steps.h"
+
 namespace perfect_bvh {
 namespace {
 
@@ -17,19 +19,25 @@ double overlap(const Bvh2Node& a, const Bvh2Node& b) noexcept {
   return e.x < 0 || e.y < 0 || e.z < 0 ? 0 : half_area(e);
 }
 
-std::size_t count_distinct(std::span<const std::uint32_t> numbers) {
-  std::vector<bool> is_seen(numbers.empty() ? 0 : *std::max_element(numbers.begin(), numbers.end()) + std::size_t{1});
+std::size_t count_distinct(std::span<const std::uint32_t> numbers, CancelToken& cancel) {
+  std::uint32_t largest = 0;
+  for_steps(numbers.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (const std::uint32_t number : numbers.subspan(begin, end - begin)) largest = std::max(largest, number);
+  });
+  std::vector<bool> is_seen(largest + std::size_t{1});
   std::size_t count = 0;
-  for (const std::uint32_t number : numbers) {
-    count += !is_seen[number];
-    is_seen[number] = true;
-  }
+  for_steps(numbers.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (const std::uint32_t number : numbers.subspan(begin, end - begin)) {
+      count += !is_seen[number];
+      is_seen[number] = true;
+    }
+  });
   return count;
 }
 
 }  // namespace
 
-TreeQuality measure_quality(const Bvh2& tree, float traversal_cost, float intersection_cost) {
+TreeQuality measure_quality(const Bvh2& tree, CancelToken& cancel, float traversal_cost, float intersection_cost) {
   TreeQuality quality;
   if (tree.empty()) return quality;
   quality.node_count = tree.node_count();
@@ -37,7 +45,7 @@ TreeQuality measure_quality(const Bvh2& tree, float traversal_cost, float inters
   quality.is_refittable = tree.refittable;
   quality.byte_count = tree.byte_count();
   double leaf_area = 0, interior_area = 0, overlap_area = 0;
-  for (std::size_t i = 0; i < tree.nodes.size(); ++i) {
+  const auto add = [&](std::size_t i) {
     const Bvh2Node& node = tree.nodes[i];
     if (node.is_leaf()) {
       ++quality.leaf_count;
@@ -48,8 +56,11 @@ TreeQuality measure_quality(const Bvh2& tree, float traversal_cost, float inters
       interior_area += half_area(node);
       overlap_area += overlap(tree.nodes[node.first], tree.nodes[node.first + 1]);
     }
-  }
-  quality.primitive_count = tree.refittable ? quality.reference_count : count_distinct(tree.prim_indices);
+  };
+  for_steps(tree.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) add(i);
+  });
+  quality.primitive_count = tree.refittable ? quality.reference_count : count_distinct(tree.prim_indices, cancel);
   quality.sibling_overlap = interior_area > 0 ? overlap_area / interior_area : 0;
   const double root_area = half_area(tree.nodes[0]);
   // A tree without area is hit by no random ray; its primitives stand in, as for any ray that does meet it.

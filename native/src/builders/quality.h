@@ -34,8 +34,13 @@ struct TreeQuality {
   }
 };
 
-[[nodiscard]] TreeQuality measure_quality(const Bvh2& tree, float traversal_cost = 1.0f,
+[[nodiscard]] TreeQuality measure_quality(const Bvh2& tree, CancelToken& cancel, float traversal_cost = 1.0f,
                                           float intersection_cost = 1.0f);
+[[nodiscard]] inline TreeQuality measure_quality(const Bvh2& tree, float traversal_cost = 1.0f,
+                                                 float intersection_cost = 1.0f) {
+  CancelToken never;
+  return measure_quality(tree, never, traversal_cost, intersection_cost);
+}
 
 // Leaf-count variability: the standard deviation of how many leaves' boxes a random line through the root's box meets.
 // The same number for any thread count.

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <span>
 
+#include "core/cancel.h"
 #include "core/thread_pool.h"
 
 namespace perfect_bvh {
@@ -21,9 +22,9 @@ namespace perfect_bvh {
 // Sorts by bits [first_bit, first_bit + bit_count), at most 33, 11 at a time. Returns where the result stands: items or
 // scratch.
 std::span<std::uint64_t> radix_sort(std::span<std::uint64_t> items, std::span<std::uint64_t> scratch,
-                                    unsigned first_bit, unsigned bit_count);
+                                    unsigned first_bit, unsigned bit_count, CancelToken& cancel);
 // The same, shared out over the pool's threads.
 std::span<std::uint64_t> radix_sort(std::span<std::uint64_t> items, std::span<std::uint64_t> scratch,
-                                    unsigned first_bit, unsigned bit_count, ThreadPool& pool);
+                                    unsigned first_bit, unsigned bit_count, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

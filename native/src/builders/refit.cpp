@@ -3,6 +3,7 @@
 #include <string>
 
 #include "core/errors.h"
+#include "core/steps.h"
 #include "math/float4.h"
 
 namespace perfect_bvh {
@@ -39,11 +40,13 @@ void refit_interior(Bvh2Node& node, const Bvh2Node* children) noexcept {
 [[nodiscard]] bool is_padding(std::size_t index) noexcept { return index == 1; }
 
 // From the last node to the first: no parent stands after its child.
-void refit_interiors(Bvh2& tree) noexcept {
-  for (std::size_t i = tree.nodes.size(); i-- > 0;) {
-    Bvh2Node& node = tree.nodes[i];
-    if (!node.is_leaf() && !is_padding(i)) refit_interior(node, &tree.nodes[node.first]);
-  }
+void refit_interiors(Bvh2& tree, CancelToken& cancel) {
+  for_steps_back(tree.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = end; i-- > begin;) {
+      Bvh2Node& node = tree.nodes[i];
+      if (!node.is_leaf() && !is_padding(i)) refit_interior(node, &tree.nodes[node.first]);
+    }
+  });
 }
 
 }  // namespace
@@ -51,13 +54,12 @@ void refit_interiors(Bvh2& tree) noexcept {
 void refit_bvh2(Bvh2& tree, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
   require_refittable(tree);
   // The leaves gather boxes from everywhere: worth sharing out. The rest is a short loop over what they left.
-  parallel_for(pool, tree.nodes.size(), kNodeGrain, [&](std::size_t begin, std::size_t end) {
-    cancel.checkpoint();
+  for_chunks(pool, tree.nodes.size(), kNodeGrain, cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       if (tree.nodes[i].is_leaf()) refit_leaf(tree, boxes, tree.nodes[i]);
     }
   });
-  refit_interiors(tree);
+  refit_interiors(tree, cancel);
 }
 
 }  // namespace perfect_bvh

@@ -15,9 +15,11 @@
 #include "builders/few_boxes.h"
 #include "builders/grid_bins.h"
 #include "builders/grid_ref.h"
+#include "builders/select_nth.h"
 #include "builders/spatial_partition.h"
 #include "builders/spatial_plane.h"
 #include "builders/top_down.h"
+#include "core/steps.h"
 
 namespace perfect_bvh {
 namespace {
@@ -39,6 +41,7 @@ struct SpatialRange : BuildRange {
 struct Job {
   const BuildConfig& config;
   const PrimClipper* clipper;
+  CancelToken& cancel;
   AlignedVector<PrimRef> refs;
   AreaScale scale;
   float least_overlap = 0.0f;
@@ -65,7 +68,7 @@ class SpatialWorker {
       chosen = choose_halves(range);
     }
     share_out(range, chosen, left, right);
-    partition_.move(rows(range), job_.refs.data() + right.begin);
+    partition_.move(rows(range), job_.refs.data() + right.begin, job_.cancel);
     return true;
   }
 
@@ -86,11 +89,13 @@ class SpatialWorker {
     const GridFrame frame = GridFrame::around(range.box);
     const std::span<const PrimRef> refs = rows(range);
     bounds_ = {};
-    for (std::uint32_t i = 0; i < range.count; ++i) {
-      const GridBox box = frame.snap(Box4::load(&refs[i]), i);
-      bounds_.grow(box);
-      box.store(&grid_[i]);
-    }
+    for_steps(range.count, job_.cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        const GridBox box = frame.snap(Box4::load(&refs[i]), static_cast<std::uint32_t>(i));
+        bounds_.grow(box);
+        box.store(&grid_[i]);
+      }
+    });
   }
 
   [[nodiscard]] Sides choose_object_split(const SpatialRange& range) {
@@ -105,7 +110,7 @@ class SpatialWorker {
     for (std::uint32_t i = 0; i < range.count; ++i) boxes[i] = Short8::load(&grid_[i]);
     const std::uint32_t is_left = split_few(boxes.data(), range.count, area, job_.config);
     if (is_left == 0) return {};
-    return partition_.assign(rows(range), [&](std::uint32_t i) { return ((is_left >> i) & 1u) != 0; });
+    return partition_.assign(rows(range), job_.cancel, [&](std::size_t i) { return ((is_left >> i) & 1u) != 0; });
   }
 
   [[nodiscard]] Sides choose_object_plane(const SpatialRange& range, float area) {
@@ -123,7 +128,7 @@ class SpatialWorker {
       if (!(split_cost < config.intersection_cost * area * static_cast<float>(count))) return {};
     }
     const std::int32_t border = map.border(plane.axis, plane.bin);
-    return partition_.assign(rows(range), [&](std::uint32_t i) {
+    return partition_.assign(rows(range), job_.cancel, [&](std::size_t i) {
       return grid_[i].lower[plane.axis] - grid_[i].negated_upper[plane.axis] < border;
     });
   }
@@ -136,16 +141,18 @@ class SpatialWorker {
       const auto key = [axis](const GridRef& ref) {
         return std::pair(ref.lower[axis] - ref.negated_upper[axis], ref.position());
       };
-      std::nth_element(grid_.begin(), grid_.begin() + half, grid_.end(),
-                       [&](const GridRef& a, const GridRef& b) { return key(a) < key(b); });
+      select_nth(std::span(grid_), half, job_.cancel,
+                 [&](const GridRef& a, const GridRef& b) { return key(a) < key(b); });
     }
     const std::span<const PrimRef> refs = rows(range);
     Sides sides;
-    for (std::uint32_t rank = 0; rank < range.count; ++rank) {
-      const std::uint32_t row = grid_[rank].position();
-      partition_.set(row, rank < half);
-      sides.add(rank < half, Box4::load(&refs[row]));
-    }
+    for_steps(range.count, job_.cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t rank = begin; rank < end; ++rank) {
+        const std::uint32_t row = grid_[rank].position();
+        partition_.set(row, rank < half);
+        sides.add(rank < half, Box4::load(&refs[row]));
+      }
+    });
     return sides;
   }
 
@@ -163,10 +170,10 @@ class SpatialWorker {
     }
     // Slices are costly. An even number of bins has a plane in the middle, which is often the best.
     const std::uint32_t bin_count = std::min(std::max(job_.config.bins / 4 * 2, 2u), range.count / 8 * 2 + 4);
-    const SpatialPlane plane =
-        find_spatial_plane(rows(range), range.box, bin_count, job_.clipper, job_.scale, limit, range.capacity);
+    const SpatialPlane plane = find_spatial_plane(rows(range), range.box, bin_count, job_.clipper, job_.scale, limit,
+                                                  range.capacity, job_.cancel);
     if (plane.axis < 0) return {};
-    return partition_.part(rows(range), plane, job_.clipper, job_.scale, range.capacity);
+    return partition_.part(rows(range), plane, job_.clipper, job_.scale, range.capacity, job_.cancel);
   }
 
   // Spare rows go where the cost is.
@@ -201,8 +208,9 @@ class SpatialSplitter {
   using Range = SpatialRange;
   static constexpr std::uint32_t kSubtreeSize = 4096;
 
-  SpatialSplitter(std::span<const PrimRef> prims, const BuildConfig& config, const PrimClipper* clipper)
-      : job_{config, clipper, {}, {}} {
+  SpatialSplitter(std::span<const PrimRef> prims, const BuildConfig& config, const PrimClipper* clipper,
+                  CancelToken& cancel)
+      : job_{config, clipper, cancel, {}, {}} {
     // Rows have 32-bit numbers, and so have the nodes over them.
     constexpr double kMostRows = std::numeric_limits<std::int32_t>::max();
     const auto count = static_cast<double>(prims.size());
@@ -210,9 +218,13 @@ class SpatialSplitter {
     root_.count = root_.work = static_cast<std::uint32_t>(prims.size());
     root_.capacity = static_cast<std::uint32_t>(std::min(wanted, kMostRows));
     job_.refs.resize(root_.capacity);
-    std::copy(prims.begin(), prims.end(), job_.refs.begin());
     root_.box = Box4::empty();
-    for (const PrimRef& prim : prims) root_.box.grow(Box4::load(&prim));
+    for_steps(prims.size(), cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        job_.refs[i] = prims[i];
+        root_.box.grow(Box4::load(&prims[i]));
+      }
+    });
     job_.scale.multiplier = GridFrame::around(root_.box).multiplier;
     job_.least_overlap = kLeastOverlap * job_.scale.half_area(root_.box);
   }
@@ -229,17 +241,22 @@ class SpatialSplitter {
 };
 
 // Leaves' rows without the unused ones between them.
-void close_up(Bvh2& tree) {
+void close_up(Bvh2& tree, CancelToken& cancel) {
   std::size_t count = 0;
-  for (const Bvh2Node& node : tree.nodes) count += node.count;
+  for_steps(tree.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) count += tree.nodes[i].count;
+  });
   AlignedVector<std::uint32_t> packed(count);
   std::uint32_t next = 0;
-  for (Bvh2Node& node : tree.nodes) {
-    if (!node.is_leaf()) continue;
-    std::copy_n(tree.prim_indices.begin() + node.first, node.count, packed.begin() + next);
-    node.first = next;
-    next += node.count;
-  }
+  for_steps(tree.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      Bvh2Node& node = tree.nodes[i];
+      if (!node.is_leaf()) continue;
+      std::copy_n(tree.prim_indices.begin() + node.first, node.count, packed.begin() + next);
+      node.first = next;
+      next += node.count;
+    }
+  });
   tree.prim_indices = std::move(packed);
 }
 
@@ -247,9 +264,9 @@ void close_up(Bvh2& tree) {
 
 Bvh2 build_spatial(std::span<const PrimRef> prims, const BuildConfig& config, const PrimClipper* clipper,
                    ThreadPool& pool, CancelToken& cancel) {
-  SpatialSplitter splitter(prims, config, clipper);
+  SpatialSplitter splitter(prims, config, clipper, cancel);
   Bvh2 tree = TopDownBuilder(splitter, pool, cancel).build(splitter.root());
-  close_up(tree);
+  close_up(tree, cancel);
   tree.refittable = false;
   return tree;
 }

@@ -48,53 +48,62 @@ PlaneSide unsplit(SpatialPlane& now, const Box4& box, const std::array<Box4, 2>&
 
 }  // namespace
 
+PlaneSide SpatialPartition::plan_row(const PrimRef& ref, const SpatialPlane& plane, const PrimClipper* clipper,
+                                     const AreaScale& scale, SpatialPlane& now, Sides& sides) {
+  const Box4 box = Box4::load(&ref);
+  PlaneSide side = side_of(ref, plane.axis, plane.place);
+  std::array<Box4, 2> slices;
+  if (side == PlaneSide::kBoth) {
+    slice_reference(ref, plane.axis, {&plane.place, 1}, clipper, slices.data());
+    side = unsplit(now, box, slices, scale);
+  }
+  if (side == PlaneSide::kBoth) {
+    parts_.push_back({slices[0], slices[1]});
+    sides.add(true, slices[0]);
+    sides.add(false, slices[1]);
+  } else {
+    sides.add(side == PlaneSide::kLeft, box);
+  }
+  return side;
+}
+
 Sides SpatialPartition::part(std::span<const PrimRef> refs, const SpatialPlane& plane, const PrimClipper* clipper,
-                             const AreaScale& scale, std::uint32_t most_references) {
+                             const AreaScale& scale, std::uint32_t most_references, CancelToken& cancel) {
   SpatialPlane now = plane;
   Sides sides;
   parts_.clear();
   planned_.resize(refs.size());
-  for (std::size_t i = 0; i < refs.size(); ++i) {
-    const Box4 box = Box4::load(&refs[i]);
-    PlaneSide side = side_of(refs[i], plane.axis, plane.place);
-    std::array<Box4, 2> slices;
-    if (side == PlaneSide::kBoth) {
-      slice_reference(refs[i], plane.axis, {&plane.place, 1}, clipper, slices.data());
-      side = unsplit(now, box, slices, scale);
-    }
-    planned_[i] = side;
-    if (side == PlaneSide::kBoth) {
-      parts_.push_back({slices[0], slices[1]});
-      sides.add(true, slices[0]);
-      sides.add(false, slices[1]);
-    } else {
-      sides.add(side == PlaneSide::kLeft, box);
-    }
-  }
+  for_steps(refs.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) planned_[i] = plan_row(refs[i], plane, clipper, scale, now, sides);
+  });
   if (!sides.is_split() || sides.left_count + sides.right_count > most_references) return {};
   std::swap(sides_, planned_);
   return sides;
 }
 
-void SpatialPartition::move(std::span<PrimRef> refs, PrimRef* right) {
+void SpatialPartition::move(std::span<PrimRef> refs, PrimRef* right, CancelToken& cancel) {
   moved_.clear();
   PrimRef* to_left = refs.data();
   const Parts* parts = parts_.data();
-  for (std::size_t i = 0; i < refs.size(); ++i) {
-    PrimRef ref = refs[i];
-    if (sides_[i] == PlaneSide::kLeft) {
-      *to_left++ = ref;
-    } else if (sides_[i] == PlaneSide::kRight) {
-      moved_.push_back(ref);
-    } else {
-      set_box(ref, parts->left);
-      *to_left++ = ref;
-      set_box(ref, parts->right);
-      moved_.push_back(ref);
-      ++parts;
+  for_steps(refs.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      PrimRef ref = refs[i];
+      if (sides_[i] == PlaneSide::kLeft) {
+        *to_left++ = ref;
+      } else if (sides_[i] == PlaneSide::kRight) {
+        moved_.push_back(ref);
+      } else {
+        set_box(ref, parts->left);
+        *to_left++ = ref;
+        set_box(ref, parts->right);
+        moved_.push_back(ref);
+        ++parts;
+      }
     }
-  }
-  std::copy(moved_.begin(), moved_.end(), right);
+  });
+  for_steps(moved_.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) right[i] = moved_[i];
+  });
 }
 
 }  // namespace perfect_bvh

@@ -11,6 +11,7 @@
 #include "builders/primitives.h"
 #include "builders/spatial_plane.h"
 #include "core/aligned.h"
+#include "core/steps.h"
 #include "math/float4.h"
 
 namespace perfect_bvh {
@@ -40,30 +41,36 @@ class SpatialPartition {
   void resize(std::size_t count) { sides_.resize(count); }
 
   // An object split: every reference goes to one side.
-  void set(std::uint32_t row, bool is_left) noexcept { sides_[row] = is_left ? PlaneSide::kLeft : PlaneSide::kRight; }
+  void set(std::size_t row, bool is_left) noexcept { sides_[row] = is_left ? PlaneSide::kLeft : PlaneSide::kRight; }
   template <class IsLeft>
-  [[nodiscard]] Sides assign(std::span<const PrimRef> refs, const IsLeft& is_left) noexcept {
+  [[nodiscard]] Sides assign(std::span<const PrimRef> refs, CancelToken& cancel, const IsLeft& is_left) {
     Sides sides;
-    for (std::uint32_t i = 0; i < refs.size(); ++i) {
-      const bool left = is_left(i);
-      set(i, left);
-      sides.add(left, Box4::load(&refs[i]));
-    }
+    for_steps(refs.size(), cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        const bool left = is_left(i);
+        set(i, left);
+        sides.add(left, Box4::load(&refs[i]));
+      }
+    });
     return sides;
   }
 
   // A spatial split. Where one side would get nothing, or both together more than `most_references`, it is none, and
   // references go where they went before.
   [[nodiscard]] Sides part(std::span<const PrimRef> refs, const SpatialPlane& plane, const PrimClipper* clipper,
-                           const AreaScale& scale, std::uint32_t most_references);
+                           const AreaScale& scale, std::uint32_t most_references, CancelToken& cancel);
 
   // Moves what goes to the left to the front of `refs`, and what goes to the right to `right`, for which there is room.
-  void move(std::span<PrimRef> refs, PrimRef* right);
+  void move(std::span<PrimRef> refs, PrimRef* right, CancelToken& cancel);
 
  private:
   struct Parts {
     Box4 left, right;
   };
+
+  // Where a reference goes, added to the sides; what is cut is added to the parts.
+  [[nodiscard]] PlaneSide plan_row(const PrimRef& ref, const SpatialPlane& plane, const PrimClipper* clipper,
+                                   const AreaScale& scale, SpatialPlane& now, Sides& sides);
 
   std::vector<PlaneSide> sides_, planned_;  // of each row; kBoth: the next of parts_
   std::vector<Parts> parts_;

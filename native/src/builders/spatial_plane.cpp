@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "core/steps.h"
+
 namespace perfect_bvh {
 namespace {
 
@@ -65,7 +67,6 @@ class Planes {
 void fill_bins(std::span<const PrimRef> refs, int axis, const Planes& planes, const PrimClipper* clipper,
                std::span<SpatialBin> bins) noexcept {
   std::array<Box4, kMaxSpatialBins> slices;
-  for (SpatialBin& bin : bins) bin = {Box4::empty(), 0, 0};
   for (const PrimRef& ref : refs) {
     const std::uint32_t first = planes.first_bin(ref.lower[axis]);
     const std::uint32_t last = std::max(first, planes.last_bin(ref.upper[axis]));
@@ -82,21 +83,31 @@ void fill_bins(std::span<const PrimRef> refs, int axis, const Planes& planes, co
   }
 }
 
+// How many references enter and leave each bin.
+struct BinCounts {
+  std::array<std::uint32_t, kMaxSpatialBins> entries{}, exits{};
+
+  void add(std::span<const PrimRef> refs, int axis, const Planes& planes) noexcept {
+    for (const PrimRef& ref : refs) {
+      const std::uint32_t first = planes.first_bin(ref.lower[axis]);
+      ++entries[first];
+      ++exits[std::max(first, planes.last_bin(ref.upper[axis]))];
+    }
+  }
+};
+
 // Whether some plane of the axis leaves few enough references. Counting them is cheap, slicing them is not: where all
 // overlap each other (duplicates), there is nothing to slice for.
 [[nodiscard]] bool some_plane_fits(std::span<const PrimRef> refs, int axis, const Planes& planes,
-                                   std::uint32_t bin_count, std::uint32_t most_references) noexcept {
-  std::array<std::uint32_t, kMaxSpatialBins> entries{}, exits{};
-  for (const PrimRef& ref : refs) {
-    const std::uint32_t first = planes.first_bin(ref.lower[axis]);
-    ++entries[first];
-    ++exits[std::max(first, planes.last_bin(ref.upper[axis]))];
-  }
+                                   std::uint32_t bin_count, std::uint32_t most_references, CancelToken& cancel) {
+  BinCounts counts;
+  for_steps(refs.size(), cancel,
+            [&](std::size_t begin, std::size_t end) { counts.add(refs.subspan(begin, end - begin), axis, planes); });
   auto right_count = static_cast<std::uint32_t>(refs.size());
   std::uint32_t left_count = 0;
   for (std::uint32_t k = 0; k + 1 < bin_count; ++k) {
-    left_count += entries[k];
-    right_count -= exits[k];
+    left_count += counts.entries[k];
+    right_count -= counts.exits[k];
     if (left_count > 0 && right_count > 0 && left_count + right_count <= most_references) return true;
   }
   return false;
@@ -149,7 +160,7 @@ void slice_reference(const PrimRef& ref, int axis, std::span<const float> planes
 
 SpatialPlane find_spatial_plane(std::span<const PrimRef> refs, const Box4& box, std::uint32_t bin_count,
                                 const PrimClipper* clipper, const AreaScale& scale, float limit,
-                                std::uint32_t most_references) noexcept {
+                                std::uint32_t most_references, CancelToken& cancel) {
   SpatialPlane best{.cost = limit, .left = Box4::empty(), .right = Box4::empty()};
   alignas(16) std::array<float, 4> lower, upper;
   box.lower.store(lower.data());
@@ -157,9 +168,12 @@ SpatialPlane find_spatial_plane(std::span<const PrimRef> refs, const Box4& box, 
   std::array<SpatialBin, kMaxSpatialBins> bins;
   for (int axis = 0; axis < 3; ++axis) {
     const Planes planes(lower[static_cast<std::size_t>(axis)], upper[static_cast<std::size_t>(axis)], bin_count);
-    if (!planes.usable() || !some_plane_fits(refs, axis, planes, bin_count, most_references)) continue;
+    if (!planes.usable() || !some_plane_fits(refs, axis, planes, bin_count, most_references, cancel)) continue;
     const std::span<SpatialBin> used(bins.data(), bin_count);
-    fill_bins(refs, axis, planes, clipper, used);
+    for (SpatialBin& bin : used) bin = {Box4::empty(), 0, 0};
+    for_steps(refs.size(), cancel, [&](std::size_t begin, std::size_t end) {
+      fill_bins(refs.subspan(begin, end - begin), axis, planes, clipper, used);
+    });
     price_planes(used, axis, planes, scale, most_references, best);
   }
   return best;

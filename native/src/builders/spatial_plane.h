@@ -7,6 +7,7 @@
 #include <span>
 
 #include "builders/primitives.h"
+#include "core/cancel.h"
 #include "math/float4.h"
 
 namespace perfect_bvh {
@@ -48,7 +49,7 @@ void slice_reference(const PrimRef& ref, int axis, std::span<const float> planes
 // boxes.
 [[nodiscard]] SpatialPlane find_spatial_plane(std::span<const PrimRef> refs, const Box4& box, std::uint32_t bin_count,
                                               const PrimClipper* clipper, const AreaScale& scale, float limit,
-                                              std::uint32_t most_references) noexcept;
+                                              std::uint32_t most_references, CancelToken& cancel);
 
 inline constexpr std::uint32_t kMaxSpatialBins = 256;
 

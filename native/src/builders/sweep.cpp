@@ -10,6 +10,7 @@
 #include "builders/radix_sort.h"
 #include "builders/sweep_subtree.h"
 #include "builders/top_down.h"
+#include "core/steps.h"
 
 namespace perfect_bvh {
 namespace {
@@ -21,25 +22,59 @@ struct Candidate {
 
 // The cheapest plane among references in one order, if it costs less than `limit`. Costs on a side only grow with its
 // size, so each sweep may stop where its side alone reaches the limit.
-Candidate sweep(std::span<const GridRef> refs, float* right_costs, float limit) noexcept {
-  GridBox box = empty_grid_box();
-  std::size_t first = refs.size() - 1;  // the least left side that is worth a look
-  for (; first > 0; --first) {
-    box = min(box, Short8::load(&refs[first]));
-    right_costs[first] = static_cast<float>(half_area(box)) * static_cast<float>(refs.size() - first);
-    if (right_costs[first] >= limit) break;
+class Sweep {
+ public:
+  Sweep(std::span<const GridRef> refs, float* right_costs, float limit) noexcept
+      : refs_(refs), right_costs_(right_costs), limit_(limit) {}
+
+  [[nodiscard]] Candidate run(CancelToken& cancel) {
+    const std::size_t first = price_right_sides(cancel);
+    GridBox box = empty_grid_box();
+    for_steps(first, cancel, [&](std::size_t begin, std::size_t end) {
+      GridBox grown = box;  // in a register
+      for (const GridRef& ref : refs_.subspan(begin, end - begin)) grown = min(grown, Short8::load(&ref));
+      box = grown;
+    });
+    return price_planes(first, box, cancel);
   }
-  box = empty_grid_box();
-  for (std::size_t i = 0; i < first; ++i) box = min(box, Short8::load(&refs[i]));
-  Candidate best{limit, 0};
-  for (std::size_t i = first + 1; i < refs.size(); ++i) {
-    box = min(box, Short8::load(&refs[i - 1]));
-    const float left_cost = static_cast<float>(half_area(box)) * static_cast<float>(i);
-    if (left_cost >= best.cost) break;
-    if (left_cost + right_costs[i] < best.cost) best = {left_cost + right_costs[i], static_cast<std::uint32_t>(i)};
+
+ private:
+  // Returns the first reference of the last of them; smaller left sides are not worth a look.
+  [[nodiscard]] std::size_t price_right_sides(CancelToken& cancel) {
+    GridBox box = empty_grid_box();
+    std::size_t first = refs_.size() - 1;
+    while (first > 0) {
+      const std::size_t end = first - std::min(first, kItemsBetweenAsking);
+      for (; first > end; --first) {
+        box = min(box, Short8::load(&refs_[first]));
+        right_costs_[first] = static_cast<float>(half_area(box)) * static_cast<float>(refs_.size() - first);
+        if (right_costs_[first] >= limit_) return first;
+      }
+      cancel.checkpoint();
+    }
+    return 0;
   }
-  return best;
-}
+
+  // `box`: of the references before `first`.
+  [[nodiscard]] Candidate price_planes(std::size_t first, GridBox box, CancelToken& cancel) {
+    Candidate best{limit_, 0};
+    for (std::size_t i = first + 1; i < refs_.size(); cancel.checkpoint()) {
+      const std::size_t end = std::min(refs_.size(), i + kItemsBetweenAsking);
+      for (; i < end; ++i) {
+        box = min(box, Short8::load(&refs_[i - 1]));
+        const float left_cost = static_cast<float>(half_area(box)) * static_cast<float>(i);
+        if (left_cost >= best.cost) return best;
+        const float cost = left_cost + right_costs_[i];
+        if (cost < best.cost) best = {cost, static_cast<std::uint32_t>(i)};
+      }
+    }
+    return best;
+  }
+
+  std::span<const GridRef> refs_;
+  float* const right_costs_;
+  const float limit_;
+};
 
 // Keeps three copies of the references, each in the order of one axis: the sweeps read them from end to end.
 class SweepSplitter {
@@ -47,11 +82,13 @@ class SweepSplitter {
   using Range = SweepRange;
   static constexpr std::uint32_t kSubtreeSize = 16384;
 
-  SweepSplitter(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool)
-      : prims_(prims), config_(config), is_left_(prims.size()), number_of_(prims.size()) {
+  SweepSplitter(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel)
+      : prims_(prims), config_(config), cancel_(cancel), is_left_(prims.size()), number_of_(prims.size()) {
     for (auto& each : scratch_) each.resize(prims.size());
     Box4 box = Box4::empty();
-    for (const PrimRef& prim : prims) box.grow(Box4::load(&prim));
+    for_steps(prims.size(), cancel, [&](std::size_t begin, std::size_t end) {
+      for (const PrimRef& prim : prims.subspan(begin, end - begin)) box.grow(Box4::load(&prim));
+    });
     root_.count = static_cast<std::uint32_t>(prims.size());
     root_.frame = GridFrame::around(box);
     for_axes(&pool, [&](std::size_t axis) { sort(axis); });
@@ -74,7 +111,7 @@ class SweepSplitter {
       for_axes(pool, [&](std::size_t a) {
         // What another axis has found limits the search, if it is known already; the result is the same.
         const float limit = pool == nullptr && a > 0 ? std::min(best[0].cost, best[a - 1].cost) : unsplit;
-        best[a] = sweep(rows(range, a), &costs_[a][range.begin], limit);
+        best[a] = Sweep(rows(range, a), &costs_[a][range.begin], limit).run(cancel_);
       });
       const auto cheapest = static_cast<std::size_t>(
           std::min_element(best.begin(), best.end(), [](auto& a, auto& b) { return a.cost < b.cost; }) - best.begin());
@@ -93,47 +130,65 @@ class SweepSplitter {
     return {sorted_[axis].data() + range.begin, range.count};
   }
 
+  // body(references) for parts of them, in the order of an axis.
   template <class Body>
-  static void for_axes(ThreadPool* pool, const Body& body) {
+  void for_rows(const Range& range, std::size_t axis, const Body& body) {
+    const std::span<GridRef> refs = rows(range, axis);
+    for_steps(refs.size(), cancel_,
+              [&](std::size_t begin, std::size_t end) { body(refs.subspan(begin, end - begin)); });
+  }
+
+  template <class Body>
+  void for_axes(ThreadPool* pool, const Body& body) {
     if (pool == nullptr) {
       for (std::size_t axis = 0; axis < 3; ++axis) body(axis);
       return;
     }
-    parallel_for(*pool, 3, 1, [&](std::size_t axis, std::size_t) { body(axis); });
+    for_chunks(*pool, 3, 1, cancel_, [&](std::size_t axis, std::size_t) { body(axis); });
   }
 
   void sort(std::size_t axis) {
-    std::vector<std::uint64_t> keys(prims_.size()), scratch(prims_.size());
-    for (std::size_t i = 0; i < keys.size(); ++i) {
-      const int a = static_cast<int>(axis);
-      const float centroid = prims_[i].lower[a] + prims_[i].upper[a];
-      keys[i] = (std::uint64_t{ordered_bits(centroid + 0.0f)} << 32) | i;
-    }
+    AlignedVector<std::uint64_t> keys(prims_.size()), scratch(prims_.size());
+    const int a = static_cast<int>(axis);
+    for_steps(keys.size(), cancel_, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        const float centroid = prims_[i].lower[a] + prims_[i].upper[a];
+        keys[i] = (std::uint64_t{ordered_bits(centroid + 0.0f)} << 32) | i;
+      }
+    });
     sorted_[axis].resize(keys.size());
     costs_[axis].resize(keys.size());
-    std::size_t rank = 0;
-    for (const std::uint64_t key : radix_sort(keys, scratch, 32, 32)) {
-      const auto position = static_cast<std::uint32_t>(key);
-      root_.frame.snap(Box4::load(&prims_[position]), position).store(&sorted_[axis][rank++]);
-    }
+    const std::span<const std::uint64_t> in_order = radix_sort(keys, scratch, 32, 32, cancel_);
+    for_steps(in_order.size(), cancel_, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t rank = begin; rank < end; ++rank) {
+        const auto position = static_cast<std::uint32_t>(in_order[rank]);
+        root_.frame.snap(Box4::load(&prims_[position]), position).store(&sorted_[axis][rank]);
+      }
+    });
   }
 
   // The bounds of a range, snapped to a frame of its own first if its present one is too coarse.
-  GridBounds measure_finely(Range& range) noexcept {
+  GridBounds measure_finely(Range& range) {
     GridBounds bounds;
-    for (const GridRef& ref : rows(range, 0)) bounds.grow(Short8::load(&ref));
+    for_rows(range, 0, [&](std::span<const GridRef> refs) {
+      GridBounds grown = bounds;  // in registers
+      for (const GridRef& ref : refs) grown.grow(Short8::load(&ref));
+      bounds = grown;
+    });
     if (longest_extent(bounds.box) >= kCoarseSteps) return bounds;
     const GridFrame frame = range.frame.around(bounds.box);
     if (frame.steps == range.frame.steps) return bounds;
     range.frame = frame;
     bounds = {};
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      for (GridRef& ref : rows(range, axis)) {
-        const std::uint32_t position = ref.position();
-        const GridBox box = frame.snap(Box4::load(&prims_[position]), position);
-        box.store(&ref);
-        bounds.grow(box);
-      }
+      for_rows(range, axis, [&](std::span<GridRef> refs) {
+        for (GridRef& ref : refs) {
+          const std::uint32_t position = ref.position();
+          const GridBox box = frame.snap(Box4::load(&prims_[position]), position);
+          box.store(&ref);
+          bounds.grow(box);
+        }
+      });
     }
     return bounds;
   }
@@ -141,28 +196,35 @@ class SweepSplitter {
   // Brings the left side to the front of every order, both sides keeping theirs.
   void divide(const Range& range, std::size_t split_axis, std::uint32_t left_count, ThreadPool* pool) {
     const std::span<GridRef> split_rows = rows(range, split_axis);
-    for (std::size_t i = 0; i < split_rows.size(); ++i) is_left_[split_rows[i].position()] = i < left_count;
+    for_steps(split_rows.size(), cancel_, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) is_left_[split_rows[i].position()] = i < left_count;
+    });
     for_axes(pool, [&](std::size_t axis) {
       if (axis == split_axis) return;
-      const std::span<GridRef> refs = rows(range, axis);
-      GridRef* left = refs.data();
+      GridRef* left = rows(range, axis).data();
       GridRef* const moved = scratch_[axis == (split_axis + 1) % 3].data() + range.begin;
       GridRef* right = moved;
-      for (const GridRef& ref : refs) {
-        const bool is_left = is_left_[ref.position()] != 0;
-        Short8::load(&ref).store(is_left ? left : right);
-        left += is_left;
-        right += !is_left;
-      }
-      std::copy(moved, right, left);
+      for_rows(range, axis, [&](std::span<const GridRef> refs) {
+        GridRef *to_left = left, *to_right = right;  // in registers
+        for (const GridRef& ref : refs) {
+          const bool is_left = is_left_[ref.position()] != 0;
+          Short8::load(&ref).store(is_left ? to_left : to_right);
+          to_left += is_left;
+          to_right += !is_left;
+        }
+        left = to_left, right = to_right;
+      });
+      for_steps(static_cast<std::size_t>(right - moved), cancel_,
+                [&](std::size_t begin, std::size_t end) { std::copy(moved + begin, moved + end, left + begin); });
     });
   }
 
   std::span<const PrimRef> prims_;
   const BuildConfig& config_;
+  CancelToken& cancel_;
   std::array<AlignedVector<GridRef>, 3> sorted_;
   std::array<AlignedVector<GridRef>, 2> scratch_;  // for the two axes that are divided
-  std::array<std::vector<float>, 3> costs_;
+  std::array<AlignedVector<float>, 3> costs_;
   std::vector<std::uint8_t> is_left_;       // by position
   AlignedVector<std::uint16_t> number_of_;  // by position, within its subtree
   Range root_;
@@ -171,7 +233,7 @@ class SweepSplitter {
 }  // namespace
 
 Bvh2 build_sweep(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
-  SweepSplitter splitter(prims, config, pool);
+  SweepSplitter splitter(prims, config, pool, cancel);
   return TopDownBuilder(splitter, pool, cancel).build(splitter.root());
 }
 

@@ -17,7 +17,9 @@
 //     false: make a leaf;
 //   Box4 write_leaf(const Range& range, std::uint32_t* prim_indices)
 //     fills in the leaf's rows and returns its box, zeros positive.
-// All must respect depth_allows_any_split(). Answers depend on the range alone, never on the threads.
+// All must respect depth_allows_any_split(). Answers depend on the range alone, never on the threads. Whatever goes
+// through a range of any size asks as it goes (core/steps.h); a subtree is small enough to be made between two
+// questions.
 #pragma once
 
 #include <algorithm>
@@ -30,6 +32,7 @@
 
 #include "builders/bvh2.h"
 #include "core/cancel.h"
+#include "core/steps.h"
 #include "core/thread_pool.h"
 #include "math/float4.h"
 
@@ -216,7 +219,7 @@ class TopDownBuilder {
 
     std::vector<Copy> copies;
     const Extent extent = place(top, 0, kFirstPair, copies);
-    parallel_for(pool_, copies.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for_chunks(pool_, copies.size(), 1, cancel_, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) copy_subtree(copies[i]);
     });
     return extent;

@@ -6,6 +6,7 @@
 
 #include "blas/build_tree.h"
 #include "blas/make_blas.h"
+#include "core/steps.h"
 #include "core/stopwatch.h"
 #include "scene/ray_shares.h"
 #include "scene/scene.h"
@@ -20,15 +21,17 @@ std::size_t byte_count(const Snapshot& snapshot) {
   return count;
 }
 
-Aabb bounds_of(const TriangleMesh& mesh) noexcept {
+Aabb bounds_of(const TriangleMesh& mesh, CancelToken& cancel) {
   Aabb box;
-  for (const Vec3f& position : mesh.positions) box.grow(position);
+  for_steps(mesh.positions.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) box.grow(mesh.positions[i]);
+  });
   return box;
 }
 
 }  // namespace
 
-std::vector<ChangedMesh> Scene::find_changed(const CommitOptions& options) const {
+std::vector<ChangedMesh> Scene::find_changed(const CommitOptions& options, CancelToken& cancel) const {
   std::vector<ChangedMesh> changed;
   for (const auto& [mesh_id, slot] : meshes_) {
     if (needs_decision(slot, options)) changed.push_back({mesh_id, &slot, std::nullopt});
@@ -42,14 +45,17 @@ std::vector<ChangedMesh> Scene::find_changed(const CommitOptions& options) const
   };
   std::map<std::int32_t, Place> places;  // by mesh id
   std::size_t row = 0;
+  Steps steps(cancel);
   for (const auto& [mesh_id, slot] : meshes_) {
-    const Aabb box = slot.edited ? bounds_of(*slot.edited) : slot.blas->box;
+    steps.step();
+    const Aabb box = slot.edited ? bounds_of(*slot.edited, cancel) : slot.blas->box;
     const Vec3d centre = slot.edited ? slot.edited->centre : slot.blas->mesh.centre;
     places[mesh_id] = {box, centre, needs_decision(slot, options) ? row++ : RayShares::kOther};
   }
   RayShares shares(changed.size());
   auto found = places.end();
   for (const Placement& slot : instances_) {
+    steps.step();
     if (found == places.end() || found->first != slot.mesh_id) found = places.find(slot.mesh_id);
     Affine map = slot.object_to_world;
     map.translation = map.point(found->second.centre);
@@ -61,22 +67,17 @@ std::vector<ChangedMesh> Scene::find_changed(const CommitOptions& options) const
 
 std::vector<BlasResult> Scene::make_changed_blases(const CommitOptions& options, ThreadPool& pool,
                                                    CancelToken& cancel) const {
-  const std::vector<ChangedMesh> changed = find_changed(options);
+  const std::vector<ChangedMesh> changed = find_changed(options, cancel);
   std::size_t triangle_count = 0;
   for (const ChangedMesh& mesh : changed)
     triangle_count += mesh.state->edited ? mesh.state->edited->triangle_count() : 0;
   cancel.expect(2 * triangle_count);  // first for a binary tree, then for a wide one
   std::vector<BlasResult> results(changed.size());
-  const auto make = [&](std::size_t begin, std::size_t end) {
+  for_chunks(pool, changed.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      cancel.throw_if_stopped();
-      results[i] = is_deferred(*changed[i].state) ? defer_blas(changed[i], options)
+      results[i] = is_deferred(*changed[i].state) ? defer_blas(changed[i], options, cancel)
                                                   : make_blas(changed[i], options, pool, cancel);
     }
-  };
-  parallel_for(pool, changed.size(), 1, make, 0, [&] {
-    cancel.poll();
-    cancel.throw_if_stopped();
   });
   return results;
 }

@@ -110,7 +110,7 @@ class Scene {
   InstanceRows find_instances(std::span<const std::int32_t> ids, const char* function) const;
   void mark_edited();
 
-  std::vector<ChangedMesh> find_changed(const CommitOptions& options) const;
+  std::vector<ChangedMesh> find_changed(const CommitOptions& options, CancelToken& cancel) const;
   std::vector<BlasResult> make_changed_blases(const CommitOptions& options, ThreadPool& pool,
                                               CancelToken& cancel) const;
   [[nodiscard]] PlacedMeshes meshes_to_place(std::span<const BlasResult> results) const;

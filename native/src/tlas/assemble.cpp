@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <mutex>
 
+#include "core/steps.h"
 #include "core/stopwatch.h"
 #include "tlas/instance.h"
 #include "tlas/lazy_trees.h"
@@ -49,7 +50,7 @@ bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, std::optional
     report.reason = "there was no tree";
     return false;
   }
-  if (!is_over(snapshot.tlas, boxes)) {
+  if (!is_over(snapshot.tlas, boxes, cancel)) {
     report.reason = "instances came or went";
     return false;
   }
@@ -62,9 +63,19 @@ bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, std::optional
   return is_kept;
 }
 
+void drop_empty(AlignedVector<PrimRef>& boxes, CancelToken& cancel) {
+  std::size_t kept = 0;
+  for_steps(boxes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!boxes[i].box().is_empty()) boxes[kept++] = boxes[i];
+    }
+  });
+  boxes.resize(kept);
+}
+
 void build(Snapshot& snapshot, AlignedVector<PrimRef>& boxes, TopLevelReport& report, ThreadPool& pool,
            CancelToken& cancel) {
-  std::erase_if(boxes, [](const PrimRef& prim) { return prim.box().is_empty(); });
+  drop_empty(boxes, cancel);
   TopLevel top = build_top_level(boxes, pool, cancel);
   snapshot.tlas = std::move(top.tree);
   snapshot.top_level_builder = top.builder;
@@ -86,6 +97,7 @@ AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& m
   const auto place = [&](std::size_t begin, std::size_t end) {
     auto found = meshes.end();
     bool has_table = false;
+    std::size_t vertex_count = 0;  // gone through since it was asked
     for (std::size_t i = begin; i < end; ++i) {
       const Placement& slot = placements[i];
       if (found == meshes.end() || found->first != slot.mesh_id) {
@@ -93,6 +105,10 @@ AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& m
         has_table = is_worth_table(found->second);
       }
       const Blas& blas = *found->second.blas;
+      if (!has_table && (vertex_count += blas.mesh.positions.size()) > kManyVertices) {
+        vertex_count = 0;
+        cancel.checkpoint();
+      }
       Instance& instance = snapshot.instances[i];
       instance.id = slot.id, instance.mesh_id = slot.mesh_id, instance.mask = slot.mask, instance.order = slot.order;
       Placing placing;
@@ -103,9 +119,8 @@ AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& m
       snapshot.instance_views[i] = view_of(instance, placing.world_to_object);
       boxes[i] = {placing.world_bounds.lower, static_cast<std::uint32_t>(i), placing.world_bounds.upper, 0};
     }
-    cancel.throw_if_stopped();
   };
-  parallel_for(pool, placements.size(), kGrain, place, 0, [&] { cancel.checkpoint(); });
+  for_chunks(pool, placements.size(), kGrain, cancel, place);
   baked.move_to(snapshot.blases);
   return boxes;
 }
@@ -126,7 +141,7 @@ TopLevelReport assemble(Snapshot& snapshot, const PlacedMeshes& meshes, std::spa
   report.is_refitted = try_refit(snapshot, boxes, expected_rays, report, pool, cancel);
   if (!report.is_refitted) build(snapshot, boxes, report, pool, cancel);
   make_trace_view(snapshot, pool, cancel);
-  snapshot.lazy_trees = LazyTrees::of(snapshot);
+  snapshot.lazy_trees = LazyTrees::of(snapshot, cancel);
   return report;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "blas/build_tree.h"
+#include "core/steps.h"
 #include "tlas/trace_view.h"
 #include "wide/collapse.h"
 
@@ -66,13 +67,15 @@ std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, 
   mesh->triangles = blas.mesh.triangles;
   mesh->centre = centre;
   mesh->positions.resize(blas.mesh.positions.size());
-  for (std::size_t i = 0; i < mesh->positions.size(); ++i) {
-    mesh->positions[i] = to_float(to_world.point(to_double(blas.mesh.positions[i])) - centre);
-  }
+  for_steps(mesh->positions.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      mesh->positions[i] = to_float(to_world.point(to_double(blas.mesh.positions[i])) - centre);
+    }
+  });
   auto baked = std::make_shared<Blas>(std::move(mesh));
   const Bvh2 tree = build_tree(baked->mesh, config, pool, cancel);
   baked->config = config;
-  baked->quality = measure_quality(tree);
+  baked->quality = measure_quality(tree, cancel);
   baked->box = tree.bounds();
   baked->wide = collapse_mesh(tree, baked->mesh, config.layout, pool, cancel);
   baked->indexed_leaves = view_leaves(baked->wide, baked->mesh);

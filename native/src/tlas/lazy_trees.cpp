@@ -3,19 +3,22 @@
 #include <algorithm>
 
 #include "blas/deferred_tree.h"
+#include "core/steps.h"
 #include "core/thread_pool.h"
 #include "tlas/trace_view.h"
 
 namespace perfect_bvh {
 
-std::shared_ptr<LazyTrees> LazyTrees::of(Snapshot& snapshot) {
+std::shared_ptr<LazyTrees> LazyTrees::of(Snapshot& snapshot, CancelToken& cancel) {
   const auto is_deferred = [](const auto& blas) { return blas->deferred != nullptr; };
   if (std::none_of(snapshot.blases.begin(), snapshot.blases.end(), is_deferred)) return nullptr;
   std::shared_ptr<LazyTrees> trees(new LazyTrees(snapshot));
-  for (std::size_t row = 0; row < snapshot.instances.size(); ++row) {
-    const Blas* const blas = snapshot.instances[row].blas;
-    if (blas->deferred) trees->rows_[blas].push_back(static_cast<std::uint32_t>(row));
-  }
+  for_steps(snapshot.instances.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t row = begin; row < end; ++row) {
+      const Blas* const blas = snapshot.instances[row].blas;
+      if (blas->deferred) trees->rows_[blas].push_back(static_cast<std::uint32_t>(row));
+    }
+  });
   trees->missing_count_ = trees->rows_.size();
   return trees->rows_.empty() ? nullptr : trees;
 }

@@ -24,7 +24,7 @@ namespace perfect_bvh {
 class LazyTrees {
  public:
   // Of a snapshot that is ready but for this, and stays where it is. Null if it lacks no tree.
-  [[nodiscard]] static std::shared_ptr<LazyTrees> of(Snapshot& snapshot);
+  [[nodiscard]] static std::shared_ptr<LazyTrees> of(Snapshot& snapshot, CancelToken& cancel);
 
   [[nodiscard]] bool are_all_shown() const noexcept { return missing_count_.load(std::memory_order_acquire) == 0; }
   // See with_trees().

@@ -7,6 +7,7 @@
 #include "builders/agglomerative.h"
 #include "builders/builder.h"
 #include "builders/combine.h"
+#include "core/steps.h"
 #include "core/stopwatch.h"
 
 namespace perfect_bvh {
@@ -88,10 +89,10 @@ double inner_area(const Bvh2& tree) {
   return sum;
 }
 
-std::uint32_t levels_below(const Bvh2& tree, std::uint32_t root) {
+std::uint32_t levels_below(const Bvh2& tree, std::uint32_t root, Steps& steps) {
   std::uint32_t deepest = 0;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> stack{{root, 0}};
-  while (!stack.empty()) {
+  for (; !stack.empty(); steps.step()) {
     const auto [node, depth] = stack.back();
     stack.pop_back();
     deepest = std::max(deepest, depth);
@@ -107,9 +108,10 @@ bool cluster_top(Bvh2& tree, std::uint32_t most_clusters, CancelToken& cancel) {
   const Bvh2 clustered = build_agglomerative(cut.top, 0, cut.boxes, cancel);
   if (!(inner_area(clustered) < inner_area(cut.top))) return false;
   std::uint32_t depth = 0;
-  for (const TreePart& part : cut.parts) depth = std::max(depth, levels_below(tree, part.root));
+  Steps steps(cancel);
+  for (const TreePart& part : cut.parts) depth = std::max(depth, levels_below(tree, part.root, steps));
   if (clustered.depth + depth > kMaxTreeDepth) return false;
-  tree = graft(clustered, cut.parts);
+  tree = graft(clustered, cut.parts, cancel);
   return true;
 }
 

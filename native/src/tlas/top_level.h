@@ -58,7 +58,7 @@ struct TopLevelCost {
 [[nodiscard]] TopLevelCost measure_cost(const WideBvh& wide, ThreadPool& pool, CancelToken& cancel);
 
 // Whether both trees stand over the instances that have a box now. boxes: one a row, empty over nothing.
-[[nodiscard]] bool is_over(const Bvh2& tree, std::span<const PrimRef> boxes);
+[[nodiscard]] bool is_over(const Bvh2& tree, std::span<const PrimRef> boxes, CancelToken& cancel);
 
 // New boxes and visiting orders for both trees of one top level, which must stand over `boxes`.
 void refit_top_level(Bvh2& tree, WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel);

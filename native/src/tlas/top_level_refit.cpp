@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "builders/refit.h"
+#include "core/steps.h"
 #include "tlas/top_level.h"
 #include "wide/visit_order.h"
 #include "wide/wide_boxes.h"
@@ -54,12 +55,19 @@ std::uint32_t child_count(const WideNode& node) noexcept {
   return count;
 }
 
+void enclose_nodes_below(const WideBvh& wide, WideNode& node) noexcept {
+  for (std::uint32_t lane = 0; lane < kWideWidth && node.child[lane] != kNoChild; ++lane) {
+    if (is_instance(node.child[lane])) continue;
+    const Aabb box = bounds_of_children(wide.nodes[node.child[lane]]);
+    set_lane(node, lane, box.lower, box.upper, 1.0f);
+  }
+}
+
 // No node stands before its parent: the rows are gone through from the last to the first. Only the instances' own boxes
 // have to be fetched from everywhere, and that is shared out.
 void refit_wide(WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
   const auto for_nodes = [&](const auto& body) {
-    parallel_for(pool, wide.nodes.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-      cancel.checkpoint();
+    for_chunks(pool, wide.nodes.size(), kGrain, cancel, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) body(wide.nodes[i]);
     });
   };
@@ -70,14 +78,9 @@ void refit_wide(WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool,
       set_lane(node, lane, box.lower, box.upper, wide.scale);
     }
   });
-  for (std::size_t i = wide.nodes.size(); i-- > 0;) {
-    WideNode& node = wide.nodes[i];
-    for (std::uint32_t lane = 0; lane < kWideWidth && node.child[lane] != kNoChild; ++lane) {
-      if (is_instance(node.child[lane])) continue;
-      const Aabb box = bounds_of_children(wide.nodes[node.child[lane]]);
-      set_lane(node, lane, box.lower, box.upper, 1.0f);
-    }
-  }
+  for_steps_back(wide.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = end; i-- > begin;) enclose_nodes_below(wide, wide.nodes[i]);
+  });
   for_nodes([](WideNode& node) { set_visit_order(node, child_count(node)); });
 }
 
@@ -99,8 +102,7 @@ TopLevelCost measure_cost(const WideBvh& wide, ThreadPool& pool, CancelToken& ca
   if (!(whole > 0)) return {};
   // By parts whose borders do not depend on the threads: sums of floating point numbers do on their order.
   std::vector<TopLevelCost> parts((wide.nodes.size() + kGrain - 1) / kGrain);
-  parallel_for(pool, wide.nodes.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    cancel.checkpoint();
+  for_chunks(pool, wide.nodes.size(), kGrain, cancel, [&](std::size_t begin, std::size_t end) {
     parts[begin / kGrain] = areas_of(std::span(wide.nodes).subspan(begin, end - begin));
   });
   TopLevelCost cost{1, 0};
@@ -110,14 +112,22 @@ TopLevelCost measure_cost(const WideBvh& wide, ThreadPool& pool, CancelToken& ca
   return cost;
 }
 
-bool is_over(const Bvh2& tree, std::span<const PrimRef> boxes) {
+bool is_over(const Bvh2& tree, std::span<const PrimRef> boxes, CancelToken& cancel) {
   const auto is_filled = [](const PrimRef& ref) { return !ref.box().is_empty(); };
-  const auto filled = static_cast<std::size_t>(std::count_if(boxes.begin(), boxes.end(), is_filled));
+  std::size_t filled = 0;
+  for_steps(boxes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) filled += is_filled(boxes[i]) ? 1 : 0;
+  });
   if (filled != tree.prim_indices.size()) return false;
   // Where no row is empty, no box has to be looked up.
-  return std::all_of(tree.prim_indices.begin(), tree.prim_indices.end(), [&](std::uint32_t row) {
-    return row < boxes.size() && (filled == boxes.size() || is_filled(boxes[row]));
+  bool all_there = true;
+  for_steps(tree.prim_indices.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end && all_there; ++i) {
+      const std::uint32_t row = tree.prim_indices[i];
+      all_there = row < boxes.size() && (filled == boxes.size() || is_filled(boxes[row]));
+    }
   });
+  return all_there;
 }
 
 void refit_top_level(Bvh2& tree, WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <mutex>
 
+#include "core/steps.h"
+
 namespace perfect_bvh {
 namespace {
 
@@ -23,7 +25,7 @@ void bring_to_scale(AlignedVector<InstanceView>& views, double world_scale, Thre
   const auto divide = [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) bring_to_scale(views[i], world_scale);
   };
-  parallel_for(pool, views.size(), kGrain, divide, 0, [&] { cancel.checkpoint(); });
+  for_chunks(pool, views.size(), kGrain, cancel, divide);
 }
 
 Aabb bounds_of_meshes(const std::vector<Instance>& instances, ThreadPool& pool, CancelToken& cancel) {
@@ -38,7 +40,7 @@ Aabb bounds_of_meshes(const std::vector<Instance>& instances, ThreadPool& pool, 
     const std::lock_guard lock(mutex);
     bounds.grow(part);
   };
-  parallel_for(pool, instances.size(), kGrain, grow, 0, [&] { cancel.checkpoint(); });
+  for_chunks(pool, instances.size(), kGrain, cancel, grow);
   return bounds;
 }
 

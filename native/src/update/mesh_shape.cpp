@@ -4,6 +4,7 @@
 
 #include "builders/builder.h"
 #include "builders/quality.h"
+#include "core/steps.h"
 #include "math/float4.h"
 
 namespace perfect_bvh {
@@ -16,9 +17,12 @@ double half_area(const Aabb& box) noexcept {
   return e.x * e.y + e.y * e.z + e.z * e.x;
 }
 
-Aabb box_of(const AlignedVector<Vec3f>& positions) noexcept {
+Aabb box_of(const AlignedVector<Vec3f>& positions, CancelToken& cancel) {
   Box4 box = Box4::empty();
-  for (const Vec3f& position : positions) box.grow(Float4::load_unaligned(&position));  // fourth lanes mean nothing
+  for_steps(positions.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    // Fourth lanes mean nothing.
+    for (std::size_t i = begin; i < end; ++i) box.grow(Float4::load_unaligned(&positions[i]));
+  });
   alignas(16) float corners[8];
   box.lower.store(&corners[0]);
   box.upper.store(&corners[4]);
@@ -45,11 +49,11 @@ double measure_tree_sample(const TriangleMesh& mesh, ThreadPool& pool) {
   return half_area(tree.bounds()) > 0 ? measure_quality(tree).sah : 0;
 }
 
-double measure_density(const TriangleMesh& mesh) noexcept {
+double measure_density(const TriangleMesh& mesh, CancelToken& cancel) {
   const std::size_t step = std::max<std::size_t>(1, mesh.triangle_count() / kSamples);
   double sum = 0;
   for (std::size_t i = 0; i < mesh.triangle_count(); i += step) sum += half_area(mesh.triangle_box(i));
-  const Aabb whole = box_of(mesh.positions);
+  const Aabb whole = box_of(mesh.positions, cancel);
   const double area = whole.is_empty() ? 0 : half_area(whole);
   return area > 0 ? sum * static_cast<double>(step) / area : 0;
 }

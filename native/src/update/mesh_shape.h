@@ -1,6 +1,7 @@
 // What the governor knows of a mesh's shape, from a sample of its triangles.
 #pragma once
 
+#include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "mesh/triangle_mesh.h"
 
@@ -21,6 +22,6 @@ namespace perfect_bvh {
 // How much of a mesh's box its triangles' boxes fill: what the cost of a tree over them grows with as the mesh bends.
 // In: a mesh. Out: the area of the triangles' boxes over that of the mesh's, from every so-many-th triangle.
 // 0 for a mesh whose box has no area. Looks at some thousand triangles and at every vertex.
-[[nodiscard]] double measure_density(const TriangleMesh& mesh) noexcept;
+[[nodiscard]] double measure_density(const TriangleMesh& mesh, CancelToken& cancel);
 
 }  // namespace perfect_bvh

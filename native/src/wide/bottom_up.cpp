@@ -10,9 +10,9 @@ constexpr std::size_t kManySubtrees = 32;
 bool is_node(std::uint32_t child) noexcept { return child != kNoChild && child < kBlockChild; }
 
 // The rows of `root` and of the nodes below it, depth first.
-std::vector<std::uint32_t> list_subtree(const WideBvh& tree, std::uint32_t root) {
+std::vector<std::uint32_t> list_subtree(const WideBvh& tree, std::uint32_t root, CancelToken& cancel) {
   std::vector<std::uint32_t> rows, waiting{root};
-  while (!waiting.empty()) {
+  for (Steps steps(cancel); !waiting.empty(); steps.step()) {
     const std::uint32_t row = waiting.back();
     waiting.pop_back();
     rows.push_back(row);
@@ -43,11 +43,8 @@ BottomUpOrder order_bottom_up(const WideBvh& tree, ThreadPool& pool, CancelToken
     roots.swap(below);
   }
   order.subtrees.resize(roots.size());
-  parallel_for(pool, roots.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      cancel.checkpoint();
-      order.subtrees[i] = list_subtree(tree, roots[i]);
-    }
+  for_chunks(pool, roots.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) order.subtrees[i] = list_subtree(tree, roots[i], cancel);
   });
   return order;
 }

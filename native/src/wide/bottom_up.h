@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/cancel.h"
+#include "core/steps.h"
 #include "core/thread_pool.h"
 #include "wide/wide_bvh.h"
 
@@ -21,16 +22,18 @@ struct BottomUpOrder {
 
 [[nodiscard]] BottomUpOrder order_bottom_up(const WideBvh& tree, ThreadPool& pool, CancelToken& cancel);
 
-// Calls visit(rows) with each list, the upper one last and all others in no order, on any thread.
+// Calls visit(rows) with each list, the upper one last and all others in no order, on any thread. Of a long list the
+// last rows come first, a part at a time.
 template <class Visit>
 void visit_bottom_up(const BottomUpOrder& order, ThreadPool& pool, CancelToken& cancel, const Visit& visit) {
-  parallel_for(pool, order.subtrees.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      cancel.checkpoint();
-      visit(std::span<const std::uint32_t>(order.subtrees[i]));
-    }
+  const auto visit_list = [&](std::span<const std::uint32_t> rows) {
+    for_steps_back(rows.size(), cancel,
+                   [&](std::size_t begin, std::size_t end) { visit(rows.subspan(begin, end - begin)); });
+  };
+  for_chunks(pool, order.subtrees.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) visit_list(order.subtrees[i]);
   });
-  visit(std::span<const std::uint32_t>(order.upper));
+  visit_list(order.upper);
 }
 
 template <class Visit>

@@ -1,5 +1,6 @@
 #include "wide/cluster_plan.h"
 
+#include "core/steps.h"
 #include "math/float4.h"
 #include "wide/collapse_steps.h"
 
@@ -64,12 +65,15 @@ class Planner {
 
 AlignedVector<PlacesPlan> plan_places(const ClusterTree& tree, ThreadPool& pool, CancelToken& cancel) {
   AlignedVector<PlacesPlan> plans(tree.top.end - tree.box_count);
-  parallel_for(pool, tree.regions.size(), 1, [&](std::size_t begin, std::size_t end) {
-    cancel.checkpoint();
+  for_chunks(pool, tree.regions.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
     Planner planner(tree, plans);
     for (std::size_t region = begin; region < end; ++region) planner.plan(tree.regions[region]);
   });
-  Planner(tree, plans).plan(tree.top);
+  Planner planner(tree, plans);
+  for_steps(tree.top.end - tree.top.begin, cancel, [&](std::size_t begin, std::size_t end) {
+    const auto first = tree.top.begin;
+    planner.plan({first + static_cast<std::uint32_t>(begin), first + static_cast<std::uint32_t>(end)});
+  });
   return plans;
 }
 

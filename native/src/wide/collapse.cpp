@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/steps.h"
 #include "wide/collapse_steps.h"
 #include "wide/wide_boxes.h"
 
@@ -46,9 +47,13 @@ WideBvh collapse_top_level(const Bvh2& tree, ThreadPool& pool, CancelToken& canc
 
 AlignedVector<WideNode> collapse_over_leaves(const Bvh2& tree, ThreadPool& pool, CancelToken& cancel) {
   WideBvh wide = collapse(tree, nullptr, TreeLayout::kDefault, 1.0f, pool, cancel);
-  for (WideNode& node : wide.nodes) {
-    for (std::uint32_t& child : node.child) child -= child >= kInstanceChild ? kInstanceChild - kBlockChild : 0;
-  }
+  for_steps(wide.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      for (std::uint32_t& child : wide.nodes[i].child) {
+        child -= child >= kInstanceChild ? kInstanceChild - kBlockChild : 0;
+      }
+    }
+  });
   return std::move(wide.nodes);
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/errors.h"
+#include "core/steps.h"
 #include "math/float4.h"
 #include "wide/collapse_steps.h"
 #include "wide/small_set.h"
@@ -208,11 +209,10 @@ AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const TriangleIn
   AlignedVector<CollapseDecision> decisions(tree.nodes.size());
   const std::vector<Part> parts = make_parts(tree);
   std::vector<PlannedPair> planned(parts.size());
-  parallel_for(pool, parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+  for_chunks(pool, parts.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
     Planner planner(tree, triangles, layout, costs, decisions.data());
     for (std::size_t i = begin; i < end; ++i) {
       if (!parts[i].is_subtree) continue;
-      cancel.checkpoint();
       planned[i] = planner.plan_below(parts[i].begin, parts[i].end);
       cancel.advance(tree.prim_indices.size() * (parts[i].end - parts[i].begin) / (2 * tree.nodes.size()));
     }

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "core/errors.h"
+#include "core/steps.h"
 #include "wide/collapse_steps.h"
 #include "wide/leaf_block.h"
 #include "wide/subtree_range.h"
@@ -205,13 +206,14 @@ std::vector<Part> make_parts(const Plan& plan) {
   return parts;
 }
 
-void check_limits(const Totals& totals, const Bvh2& tree, bool is_top_level) {
+void check_limits(const Totals& totals, const Bvh2& tree, bool is_top_level, CancelToken& cancel) {
   if (totals.nodes >= kBlockChild) throw EngineError("the tree has more nodes than a child can refer to");
   if (is_top_level) {
-    const auto& rows = tree.prim_indices;
-    if (*std::max_element(rows.begin(), rows.end()) >= kMostInstances) {
-      throw EngineError("the scene has more instances than a tree can refer to");
-    }
+    std::uint32_t largest = 0;
+    for_steps(tree.prim_indices.size(), cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) largest = std::max(largest, tree.prim_indices[i]);
+    });
+    if (largest >= kMostInstances) throw EngineError("the scene has more instances than a tree can refer to");
   } else if (totals.leaves >= kMostBlocks) {
     throw EngineError("the mesh has more leaves than a tree can refer to");
   }
@@ -224,12 +226,9 @@ void emit_wide(const Bvh2& tree, const TriangleMesh* mesh, std::span<const Colla
   const Plan plan(tree, decisions);
   std::vector<Part> parts = make_parts(plan);
   const auto for_parts = [&](const auto& body) {
-    parallel_for(pool, parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for_chunks(pool, parts.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
       Emitter emitter(plan, mesh, wide);
-      for (std::size_t i = begin; i < end; ++i) {
-        cancel.checkpoint();
-        body(emitter, parts[i]);
-      }
+      for (std::size_t i = begin; i < end; ++i) body(emitter, parts[i]);
     });
   };
   for_parts([](Emitter& emitter, Part& part) {
@@ -243,7 +242,7 @@ void emit_wide(const Bvh2& tree, const TriangleMesh* mesh, std::span<const Colla
     totals.leaves += part.totals.leaves;
     totals.depth = std::max(totals.depth, part.totals.depth);
   }
-  check_limits(totals, tree, mesh == nullptr);
+  check_limits(totals, tree, mesh == nullptr, cancel);
   wide.depth = totals.depth;
   wide.nodes.resize(totals.nodes);
   if (mesh != nullptr && wide.layout == TreeLayout::kCompact) wide.indexed_leaves.resize(totals.leaves);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "builders/locally_ordered.h"
+#include "core/steps.h"
 #include "wide/cluster_plan.h"
 #include "wide/morton_leaves.h"
 #include "wide/visit_order.h"
@@ -32,9 +33,9 @@ class Writer {
       : tree_(tree), plans_(plans), leaf_count_(tree.box_count) {}
 
   // Everything below `root`; clusters numbered below `end` are left to others and added to `left`.
-  void write(const Child& root, std::uint32_t end, Nodes& nodes, std::vector<Child>& left) {
+  void write(const Child& root, std::uint32_t end, Nodes& nodes, std::vector<Child>& left, CancelToken& cancel) {
     waiting_.assign(1, root);
-    while (!waiting_.empty()) {
+    for (Steps steps(cancel); !waiting_.empty(); steps.step()) {
       const Child now = waiting_.back();
       waiting_.pop_back();
       const auto row = static_cast<std::uint32_t>(nodes.rows.size());
@@ -94,17 +95,16 @@ class Assembly {
 
   void run(WideBvh& wide) {
     Nodes upper;
-    Writer(tree_, plans_).write({tree_.root, Writer::kNoParent, 0, 1}, tree_.top.begin, upper, subtrees_);
+    Writer(tree_, plans_).write({tree_.root, Writer::kNoParent, 0, 1}, tree_.top.begin, upper, subtrees_, cancel_);
     std::vector<Nodes> groups((subtrees_.size() + kGroup - 1) / kGroup);
     std::vector<std::uint32_t> rows(subtrees_.size());  // of a subtree's root in its group
-    parallel_for(pool_, subtrees_.size(), kGroup, [&](std::size_t begin, std::size_t end) {
-      cancel_.checkpoint();
+    for_chunks(pool_, subtrees_.size(), kGroup, cancel_, [&](std::size_t begin, std::size_t end) {
       Nodes& group = groups[begin / kGroup];
       Writer writer(tree_, plans_);
       std::vector<Child> none;
       for (std::size_t i = begin; i < end; ++i) {
         rows[i] = static_cast<std::uint32_t>(group.rows.size());
-        writer.write({subtrees_[i].cluster, Writer::kNoParent, 0, subtrees_[i].depth}, 0, group, none);
+        writer.write({subtrees_[i].cluster, Writer::kNoParent, 0, subtrees_[i].depth}, 0, group, none, cancel_);
       }
     });
     std::vector<std::size_t> first_rows(groups.size() + 1, upper.rows.size());
@@ -113,13 +113,17 @@ class Assembly {
       first_rows[i + 1] = first_rows[i] + groups[i].rows.size();
       wide.depth = std::max(wide.depth, groups[i].depth);
     }
-    for (std::size_t i = 0; i < subtrees_.size(); ++i) {
-      upper.rows[subtrees_[i].row].child[subtrees_[i].lane] =
-          static_cast<std::uint32_t>(first_rows[i / kGroup]) + rows[i];
-    }
+    for_steps(subtrees_.size(), cancel_, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        upper.rows[subtrees_[i].row].child[subtrees_[i].lane] =
+            static_cast<std::uint32_t>(first_rows[i / kGroup]) + rows[i];
+      }
+    });
     wide.nodes.resize(first_rows.back());
-    std::copy(upper.rows.begin(), upper.rows.end(), wide.nodes.begin());
-    parallel_for(pool_, groups.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for_steps(upper.rows.size(), cancel_, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) wide.nodes[i] = upper.rows[i];
+    });
+    for_chunks(pool_, groups.size(), 1, cancel_, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         copy(groups[i], static_cast<std::uint32_t>(first_rows[i]), wide);
         groups[i] = {};

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/errors.h"
+#include "core/steps.h"
 #include "wide/leaf_block.h"
 #include "wide/run_cutter.h"
 #include "wide/triangle_order.h"
@@ -81,8 +82,8 @@ void cut_chunks(const TriangleMesh& mesh, const TriangleOrder& order, TreeLayout
                 ThreadPool& pool, CancelToken& cancel) {
   const auto threads = static_cast<std::size_t>(pool.thread_count());
   const std::size_t part = (chunks.size() + threads - 1) / threads;
-  parallel_for(pool, chunks.size(), part, [&](std::size_t begin, std::size_t end) {
-    RunCutter cutter(mesh, order, layout);
+  for_chunks(pool, chunks.size(), part, cancel, [&](std::size_t begin, std::size_t end) {
+    RunCutter cutter(mesh, order, layout, cancel);
     for (std::size_t i = begin; i < end; ++i) {
       cancel.checkpoint();
       cutter.cut(i * kRunChunk, std::min(mesh.triangle_count(), (i + 1) * kRunChunk), chunks[i]);
@@ -150,8 +151,7 @@ MortonLeaves make_morton_leaves(const TriangleMesh& mesh, TreeLayout layout, Thr
   leaves.indexed_leaves.resize(is_compact ? first_leaves.back() : 0);
   leaves.boxes.reserve(most_clusters(first_leaves.back()));
   leaves.boxes.resize(first_leaves.back());
-  parallel_for(pool, count, kRunChunk, [&](std::size_t begin, std::size_t end) {
-    cancel.checkpoint();
+  for_chunks(pool, count, kRunChunk, cancel, [&](std::size_t begin, std::size_t end) {
     RunChunk& chunk = chunks[begin / kRunChunk];
     const std::size_t row = first_leaves[begin / kRunChunk];
     if (is_compact) {

@@ -3,6 +3,8 @@
 #include <cstddef>
 #include <span>
 
+#include "core/steps.h"
+
 namespace perfect_bvh {
 namespace {
 
@@ -25,8 +27,7 @@ void list_vertices(const LeafBlock& leaf, const TriangleIndices* triangles, Vert
 LeafVertices list_leaf_vertices(const WideBvh& tree, const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel) {
   LeafVertices vertices(tree.blocks.size());
   const TriangleIndices* const triangles = mesh.triangles.data();
-  parallel_for(pool, tree.blocks.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    cancel.checkpoint();
+  for_chunks(pool, tree.blocks.size(), kGrain, cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t row = begin; row < end; ++row) {
       if (row + kAhead < end) {
         for (const std::uint32_t primitive : tree.blocks[row + kAhead].primitives) {
@@ -40,25 +41,26 @@ LeafVertices list_leaf_vertices(const WideBvh& tree, const TriangleMesh& mesh, T
 }
 
 // Nodes from the last to the first, their places in turn.
-std::vector<std::uint32_t> list_leaves(const WideBvh& tree, std::span<const std::uint32_t> rows) {
+std::vector<std::uint32_t> list_leaves(const WideBvh& tree, std::span<const std::uint32_t> rows, CancelToken& cancel) {
   std::vector<std::uint32_t> leaves;
   leaves.reserve(6 * rows.size());
-  for (std::size_t i = rows.size(); i-- > 0;) {
-    for (const std::uint32_t child : tree.nodes[rows[i]].child) {
-      if (child >= kBlockChild) leaves.push_back(child - kBlockChild);
+  for_steps_back(rows.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = end; i-- > begin;) {
+      for (const std::uint32_t child : tree.nodes[rows[i]].child) {
+        if (child >= kBlockChild) leaves.push_back(child - kBlockChild);
+      }
     }
-  }
+  });
   return leaves;
 }
 
 RefitOrder order_refit(const WideBvh& tree, ThreadPool& pool, CancelToken& cancel) {
   RefitOrder order{order_bottom_up(tree, pool, cancel), {}, {}};
   order.leaves.resize(order.nodes.subtrees.size());
-  parallel_for(pool, order.leaves.size(), 1, [&](std::size_t begin, std::size_t end) {
-    cancel.checkpoint();
-    for (std::size_t i = begin; i < end; ++i) order.leaves[i] = list_leaves(tree, order.nodes.subtrees[i]);
+  for_chunks(pool, order.leaves.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) order.leaves[i] = list_leaves(tree, order.nodes.subtrees[i], cancel);
   });
-  order.upper_leaves = list_leaves(tree, order.nodes.upper);
+  order.upper_leaves = list_leaves(tree, order.nodes.upper, cancel);
   return order;
 }
 

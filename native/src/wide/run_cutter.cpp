@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "core/steps.h"
+
 namespace perfect_bvh {
 namespace {
 
@@ -26,12 +28,16 @@ constexpr Newness kNewness = make_newness();
 
 }  // namespace
 
-RunCutter::RunCutter(const TriangleMesh& mesh, const TriangleOrder& order, TreeLayout layout)
+RunCutter::RunCutter(const TriangleMesh& mesh, const TriangleOrder& order, TreeLayout layout, CancelToken& cancel)
     : mesh_(mesh),
       order_(order),
       limits_vertices_(layout == TreeLayout::kDefault),
-      last_corner_(limits_vertices_ ? mesh.positions.size() : 0, kLongAgo),
-      newness_(kRunChunk, 0u) {}
+      last_corner_(limits_vertices_ ? mesh.positions.size() : 0),
+      newness_(kRunChunk, 0u) {
+  for_steps(last_corner_.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    std::fill(&last_corner_[begin], last_corner_.data() + end, kLongAgo);
+  });
+}
 
 void RunCutter::cut(std::size_t begin, std::size_t end, RunChunk& chunk) {
   if (limits_vertices_) match_corners(begin, end, chunk);

@@ -8,6 +8,7 @@
 
 #include "builders/build_config.h"
 #include "core/aligned.h"
+#include "core/cancel.h"
 #include "mesh/triangle_mesh.h"
 #include "wide/triangle_order.h"
 
@@ -27,7 +28,7 @@ struct RunChunk {
 // One for each thread: it remembers where in the order a vertex occurred last.
 class RunCutter {
  public:
-  RunCutter(const TriangleMesh& mesh, const TriangleOrder& order, TreeLayout layout);
+  RunCutter(const TriangleMesh& mesh, const TriangleOrder& order, TreeLayout layout, CancelToken& cancel);
 
   // Triangles in places [begin, end) of the order, at most kRunChunk of them.
   void cut(std::size_t begin, std::size_t end, RunChunk& chunk);

@@ -1,6 +1,7 @@
 #include <atomic>
 #include <vector>
 
+#include "core/steps.h"
 #include "wide/collapse_steps.h"
 #include "wide/leaf_block.h"
 
@@ -16,8 +17,7 @@ bool all_fit(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layo
              CancelToken& cancel) {
   constexpr std::size_t kGrain = 32768;
   std::atomic<bool> all{true};
-  parallel_for(pool, tree.nodes.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    cancel.checkpoint();
+  for_chunks(pool, tree.nodes.size(), kGrain, cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end && all.load(std::memory_order_relaxed); ++i) {
       if (tree.nodes[i].is_leaf() && !fits(tree, tree.nodes[i], triangles, layout))
         all.store(false, std::memory_order_relaxed);
@@ -42,7 +42,7 @@ Bvh2 split_leaves(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout
     std::uint32_t to;
   };
   std::vector<Waiting> waiting{{tree.nodes[0], 0}};
-  while (!waiting.empty()) {
+  for (Steps steps(cancel); !waiting.empty(); steps.step()) {
     const auto [node, to] = waiting.back();
     waiting.pop_back();
     result.nodes[to] = node;

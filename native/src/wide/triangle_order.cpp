@@ -6,6 +6,7 @@
 
 #include "builders/morton.h"
 #include "builders/radix_sort.h"
+#include "core/steps.h"
 
 namespace perfect_bvh {
 namespace {
@@ -29,10 +30,11 @@ constexpr std::size_t kChunk = 16384;
 }
 
 // Copies the vertices; returns their box.
-[[nodiscard]] Box4 widen_vertices(const TriangleMesh& mesh, AlignedVector<Float4>& vertices, ThreadPool& pool) {
+[[nodiscard]] Box4 widen_vertices(const TriangleMesh& mesh, AlignedVector<Float4>& vertices, ThreadPool& pool,
+                                  CancelToken& cancel) {
   vertices.resize(mesh.positions.size());
   AlignedVector<Box4> chunks(chunk_count(vertices.size()));
-  parallel_for(pool, vertices.size(), kChunk, [&](std::size_t begin, std::size_t end) {
+  for_chunks(pool, vertices.size(), kChunk, cancel, [&](std::size_t begin, std::size_t end) {
     Box4 box = Box4::empty();
     for (std::size_t i = begin; i < end; ++i) {
       const Vec3f p = mesh.positions[i];
@@ -49,8 +51,7 @@ constexpr std::size_t kChunk = 16384;
                               AlignedVector<Key>& keys, ThreadPool& pool, CancelToken& cancel) {
   const MortonGrid grid(space);
   AlignedVector<Box4> chunks(chunk_count(keys.size()));
-  parallel_for(pool, keys.size(), kChunk, [&](std::size_t begin, std::size_t end) {
-    cancel.checkpoint();
+  for_chunks(pool, keys.size(), kChunk, cancel, [&](std::size_t begin, std::size_t end) {
     Box4 all = Box4::empty();
     for (std::size_t i = begin; i < end; ++i) {
       const TriangleIndices corners = mesh.triangles[i];
@@ -69,14 +70,14 @@ constexpr std::size_t kChunk = 16384;
 
 TriangleOrder order_triangles(const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel) {
   TriangleOrder order;
-  const Box4 space = widen_vertices(mesh, order.vertices, pool);
+  const Box4 space = widen_vertices(mesh, order.vertices, pool, cancel);
   AlignedVector<Key> keys(mesh.triangle_count()), scratch(mesh.triangle_count());
   order.bounds = write_keys(mesh, order.vertices, space, keys, pool, cancel);
   // Loose vertices far away would leave all triangles in a few cells.
   if (longest_side(order.bounds) < 0.5f * longest_side(space)) {
     static_cast<void>(write_keys(mesh, order.vertices, order.bounds, keys, pool, cancel));
   }
-  const bool is_in_scratch = radix_sort(keys, scratch, 32, kMortonBits, pool).data() == scratch.data();
+  const bool is_in_scratch = radix_sort(keys, scratch, 32, kMortonBits, pool, cancel).data() == scratch.data();
   order.sorted = std::move(is_in_scratch ? scratch : keys);
   return order;
 }

@@ -1,5 +1,6 @@
 #include "wide/wide_cost.h"
 
+#include "core/steps.h"
 #include "wide/bottom_up.h"
 #include "wide/wide_boxes.h"
 
@@ -13,18 +14,21 @@ double half_area(const Aabb& box) noexcept {
 
 }  // namespace
 
-TraceWork measure_trace_work(const WideBvh& tree, const TriangleMesh& mesh) noexcept {
+TraceWork measure_trace_work(const WideBvh& tree, const TriangleMesh& mesh, CancelToken& cancel) {
   if (tree.is_empty) return {};
   const double root_area = half_area(bounds_of(tree, mesh));
   if (!(root_area > 0)) return {};
   if (tree.nodes.empty()) return {0, 1};
   double node_area = root_area, leaf_area = 0;
-  for (const WideNode& node : tree.nodes) {
+  const auto add = [&](const WideNode& node) {
     for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
       if (node.child[lane] == kNoChild) continue;
       (node.child[lane] < kBlockChild ? node_area : leaf_area) += half_area(child_box(node, lane));
     }
-  }
+  };
+  for_steps(tree.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) add(tree.nodes[i]);
+  });
   return {node_area / root_area, leaf_area / root_area};
 }
 

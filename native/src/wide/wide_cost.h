@@ -44,7 +44,7 @@ struct TraceWork {
 };
 
 // One pass over the nodes. Zero where the box of the whole has no area, and for an empty tree.
-[[nodiscard]] TraceWork measure_trace_work(const WideBvh& tree, const TriangleMesh& mesh) noexcept;
+[[nodiscard]] TraceWork measure_trace_work(const WideBvh& tree, const TriangleMesh& mesh, CancelToken& cancel);
 
 // Of a ray that meets a node's box: 1 for the node, and for each child its own cost times its share of the node's
 // surface. So neither size nor place matters. 0 where the node has no surface: there is nothing to compare with.

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "builders/builder.h"
+#include "core/steps.h"
 #include "wide/collapse.h"
 #include "wide/wide_boxes.h"
 
@@ -25,10 +26,10 @@ double cost_of_arrangement(const WideNode& node, const WideCosts& fresh) noexcep
   return kWideNodeCost + sum / area;
 }
 
-std::vector<PrimRef> leaves_below(const WideBvh& tree, std::uint32_t root) {
+std::vector<PrimRef> leaves_below(const WideBvh& tree, std::uint32_t root, CancelToken& cancel) {
   std::vector<PrimRef> leaves;
   std::vector<std::uint32_t> waiting{root};
-  while (!waiting.empty()) {
+  for (Steps steps(cancel); !waiting.empty(); steps.step()) {
     const WideNode& node = tree.nodes[waiting.back()];
     waiting.pop_back();
     for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
@@ -47,7 +48,7 @@ AlignedVector<WideNode> build_over_leaves(const WideBvh& tree, std::uint32_t roo
   BuildConfig config;
   config.builder = given.builder, config.bins = given.bins, config.axes = given.axes;
   config.max_leaf_size = 1;
-  return collapse_over_leaves(build_bvh2(leaves_below(tree, root), config, pool, cancel), pool, cancel);
+  return collapse_over_leaves(build_bvh2(leaves_below(tree, root, cancel), config, pool, cancel), pool, cancel);
 }
 
 // Writes the tree again, depth first, with the new parts in their places.
@@ -65,9 +66,9 @@ class Splicer {
     for (std::size_t i = 0; i < parts.size(); ++i) part_at_[parts[i]] = i;
   }
 
-  void run(std::uint32_t root) {
+  void run(std::uint32_t root, CancelToken& cancel) {
     waiting_.push_back({origin_of(kKept, root), kNoParent, 0, 1});
-    while (!waiting_.empty()) {
+    for (Steps steps(cancel); !waiting_.empty(); steps.step()) {
       const Waiting now = waiting_.back();
       waiting_.pop_back();
       const auto row = static_cast<std::uint32_t>(nodes_.size());
@@ -112,24 +113,46 @@ class Splicer {
 
 // How much of the leaves' cost in each part is not their motion's fault.
 std::vector<double> shares_of_fresh_leaves(const WideCosts& now, const Splicer& splicer, const WideCosts& fresh,
-                                           std::span<const std::uint32_t> parts) {
+                                           std::span<const std::uint32_t> parts, CancelToken& cancel) {
   std::vector<double> shares(parts.size(), 1.0);
-  for (std::size_t row = 0; row < splicer.origins().size(); ++row) {
-    const auto [part, part_row] = splicer.origins()[row];
-    if (part == Splicer::kKept || part_row != 0) continue;
-    const auto before = static_cast<double>(fresh.leaves[parts[part]]), today = static_cast<double>(now.leaves[row]);
-    shares[part] = before > 0 && before < today ? before / today : 1.0;
-  }
+  for_steps(splicer.origins().size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t row = begin; row < end; ++row) {
+      const auto [part, part_row] = splicer.origins()[row];
+      if (part == Splicer::kKept || part_row != 0) continue;
+      const auto before = static_cast<double>(fresh.leaves[parts[part]]), today = static_cast<double>(now.leaves[row]);
+      shares[part] = before > 0 && before < today ? before / today : 1.0;
+    }
+  });
   return shares;
+}
+
+// What a spliced tree is to be compared with from now on: see rebuild_parts().
+WideCosts costs_to_compare(const WideCosts& now, const Splicer& splicer, const WideCosts& fresh,
+                           std::span<const std::uint32_t> parts, CancelToken& cancel) {
+  const std::vector<double> shares = shares_of_fresh_leaves(now, splicer, fresh, parts, cancel);
+  WideCosts compared = now;
+  for_steps(splicer.origins().size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t row = begin; row < end; ++row) {
+      const auto [part, old_row] = splicer.origins()[row];
+      if (part == Splicer::kKept) {
+        compared.nodes[row] = fresh.nodes[old_row], compared.leaves[row] = fresh.leaves[old_row];
+      } else {
+        const double leaves = static_cast<double>(now.leaves[row]), kept_leaves = leaves * shares[part];
+        compared.leaves[row] = static_cast<float>(kept_leaves);
+        compared.nodes[row] = static_cast<float>(static_cast<double>(now.nodes[row]) - leaves + kept_leaves);
+      }
+    }
+  });
+  return compared;
 }
 
 }  // namespace
 
 std::vector<std::uint32_t> find_degraded_parts(const WideBvh& tree, const WideCosts& costs, const WideCosts& fresh,
-                                               double tolerance) {
+                                               double tolerance, CancelToken& cancel) {
   std::vector<std::uint32_t> parts, waiting;
   if (!tree.nodes.empty()) waiting.push_back(tree.root);
-  while (!waiting.empty()) {
+  for (Steps steps(cancel); !waiting.empty(); steps.step()) {
     const std::uint32_t row = waiting.back();
     waiting.pop_back();
     const WideNode& node = tree.nodes[row];
@@ -145,10 +168,10 @@ std::vector<std::uint32_t> find_degraded_parts(const WideBvh& tree, const WideCo
   return parts;
 }
 
-double share_of_leaves(const WideBvh& tree, std::span<const std::uint32_t> roots) {
+double share_of_leaves(const WideBvh& tree, std::span<const std::uint32_t> roots, CancelToken& cancel) {
   std::vector<std::uint32_t> waiting(roots.begin(), roots.end());
   std::size_t count = 0;
-  while (!waiting.empty()) {
+  for (Steps steps(cancel); !waiting.empty(); steps.step()) {
     const WideNode& node = tree.nodes[waiting.back()];
     waiting.pop_back();
     for (const std::uint32_t child : node.child) {
@@ -163,27 +186,15 @@ WideCosts rebuild_parts(WideBvh& tree, WideCosts& fresh, std::span<const std::ui
                         const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
   if (parts.empty()) return measure_wide_costs(tree, pool, cancel);
   std::vector<AlignedVector<WideNode>> built(parts.size());
-  parallel_for(pool, parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+  for_chunks(pool, parts.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) built[i] = build_over_leaves(tree, parts[i], config, pool, cancel);
   });
   Splicer splicer(tree.nodes, parts, built);
-  splicer.run(tree.root);
+  splicer.run(tree.root, cancel);
   std::swap(tree.nodes, splicer.nodes());
   tree.root = 0, tree.depth = splicer.depth();
   WideCosts now = measure_wide_costs(tree, pool, cancel);
-  const std::vector<double> shares = shares_of_fresh_leaves(now, splicer, fresh, parts);
-  WideCosts compared = now;
-  for (std::size_t row = 0; row < splicer.origins().size(); ++row) {
-    const auto [part, old_row] = splicer.origins()[row];
-    if (part == Splicer::kKept) {
-      compared.nodes[row] = fresh.nodes[old_row], compared.leaves[row] = fresh.leaves[old_row];
-    } else {
-      const double leaves = static_cast<double>(now.leaves[row]), kept_leaves = leaves * shares[part];
-      compared.leaves[row] = static_cast<float>(kept_leaves);
-      compared.nodes[row] = static_cast<float>(static_cast<double>(now.nodes[row]) - leaves + kept_leaves);
-    }
-  }
-  fresh = std::move(compared);
+  fresh = costs_to_compare(now, splicer, fresh, parts, cancel);
   return now;
 }
 

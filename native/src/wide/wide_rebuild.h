@@ -21,10 +21,11 @@ namespace perfect_bvh {
 // did when built even if everything below their children did not. By row; none inside another. `fresh` is by the same
 // rows as `costs`.
 [[nodiscard]] std::vector<std::uint32_t> find_degraded_parts(const WideBvh& tree, const WideCosts& costs,
-                                                             const WideCosts& fresh, double tolerance);
+                                                             const WideCosts& fresh, double tolerance,
+                                                             CancelToken& cancel);
 
 // How many of a tree's leaves stand below these nodes, none inside another: 0 to 1.
-[[nodiscard]] double share_of_leaves(const WideBvh& tree, std::span<const std::uint32_t> roots);
+[[nodiscard]] double share_of_leaves(const WideBvh& tree, std::span<const std::uint32_t> roots, CancelToken& cancel);
 
 // Rebuilds what is below each of `parts` (none inside another) over its leaves. `config` chooses the builder; what
 // it says of leaves and reinsertion is ignored. `fresh` becomes what is to be compared with from now on: present

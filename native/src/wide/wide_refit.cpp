@@ -4,6 +4,7 @@
 #include <array>
 
 #include "core/errors.h"
+#include "core/steps.h"
 #include "wide/leaf_refit.h"
 #include "wide/visit_order.h"
 #include "wide/wide_boxes.h"
@@ -26,13 +27,10 @@ class Refitter {
       refit_leaves(from_, vertices_, mesh_, {&row, 1}, to_, &bounds_);
       return;
     }
-    parallel_for(pool, order_.leaves.size(), 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        cancel.checkpoint();
-        refit_nodes(order_.nodes.subtrees[i], order_.leaves[i]);
-      }
+    for_chunks(pool, order_.leaves.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) refit_nodes(order_.nodes.subtrees[i], order_.leaves[i], cancel);
     });
-    refit_nodes(order_.nodes.upper, order_.upper_leaves);
+    refit_nodes(order_.nodes.upper, order_.upper_leaves, cancel);
     bounds_ = node_boxes_[from_.root];
   }
 
@@ -41,15 +39,19 @@ class Refitter {
 
  private:
   // First all leaves of these nodes, then the nodes, parents last.
-  void refit_nodes(std::span<const std::uint32_t> rows, std::span<const std::uint32_t> leaves) {
+  void refit_nodes(std::span<const std::uint32_t> rows, std::span<const std::uint32_t> leaves, CancelToken& cancel) {
     AlignedVector<Box4> leaf_boxes(leaves.size());
-    refit_leaves(from_, vertices_, mesh_, leaves, to_, leaf_boxes.data());
+    for_steps(leaves.size(), cancel, [&](std::size_t begin, std::size_t end) {
+      refit_leaves(from_, vertices_, mesh_, leaves.subspan(begin, end - begin), to_, leaf_boxes.data() + begin);
+    });
     const Box4* next_leaf = leaf_boxes.data();
     constexpr std::size_t kAhead = 4;
-    for (std::size_t i = rows.size(); i-- > 0;) {
-      if (i >= kAhead) fetch_node(rows[i - kAhead]);
-      refit_node(rows[i], next_leaf);
-    }
+    for_steps_back(rows.size(), cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = end; i-- > begin;) {
+        if (i >= kAhead) fetch_node(rows[i - kAhead]);
+        refit_node(rows[i], next_leaf);
+      }
+    });
   }
 
   void fetch_node(std::uint32_t row) const noexcept {
@@ -92,9 +94,11 @@ Aabb in_mesh(const Box4& stored, float scale) noexcept {
 }
 
 // Coordinates that left the range of a scale have lost what it takes to tell where they are: the mesh itself is asked.
-float scale_of(const TriangleMesh& mesh) noexcept {
+float scale_of(const TriangleMesh& mesh, CancelToken& cancel) {
   Aabb box;
-  for (std::size_t i = 0; i < mesh.triangle_count(); ++i) box.grow(mesh.triangle_box(i));
+  for_steps(mesh.triangle_count(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) box.grow(mesh.triangle_box(i));
+  });
   return tree_scale(box);
 }
 
@@ -118,7 +122,7 @@ WideCosts refit_wide(const WideBvh& from, const RefitPlan& plan, const TriangleM
   Refitter refitter(shape, plan, mesh, to);
   refitter.run(pool, cancel);
   if (tree_scale(in_mesh(refitter.bounds(), to.scale)) != to.scale) {
-    to.scale = scale_of(mesh);
+    to.scale = scale_of(mesh, cancel);
     refitter.run(pool, cancel);
   }
   to.extent = tree_extent(in_mesh(refitter.bounds(), to.scale), to.scale);
