@@ -11,6 +11,7 @@
 #include "query/closest_points.h"
 #include "query/intersections.h"
 #include "query/ray_batch.h"
+#include "render/image/render.h"
 #include "tests/scenes_to_trace.h"
 #include "wide/run_cutter.h"
 
@@ -185,6 +186,46 @@ TEST_P(Cancelling, TellsWhatTheCallbackThrew) {
   Query query(cast.rays_for(4));
   EXPECT_ANY_THROW(cast.query(*snapshot, query, pool, cancel));
   EXPECT_THROW(cancel.rethrow_callback_error(), std::runtime_error);
+}
+
+constexpr Mode kModes[] = {Mode::kPreview, Mode::kClay,     Mode::kMatcap,   Mode::kWireframe, Mode::kNormal, Mode::kUv,
+                           Mode::kDepth,   Mode::kDistance, Mode::kInstance, Mode::kMaterial,  Mode::kCost};
+constexpr int kPixels = 64;  // a side; each looks at the triangles
+
+void render_mode(Mode mode, const Snapshot& snapshot, CancelToken& cancel) {
+  constexpr std::int32_t kNoSlots[] = {0};
+  Appearance appearance;
+  appearance.slot_offsets = kNoSlots;
+  appearance.finish();
+  Camera camera;
+  camera.camera_to_world = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 1}};
+  RenderSettings settings;
+  settings.mode = mode, settings.width = settings.height = kPixels, settings.threads = 1;
+  std::vector<Rgba> pixels(kPixels * kPixels);
+  PassTargets targets;
+  targets.combined = pixels;
+  static_cast<void>(render(snapshot, camera, appearance, settings, targets, cancel));
+}
+
+TEST(CancellingRender, IsAskedEverySoManyLeafVisitsInEachMode) {
+  const auto snapshot = make_snapshot(TreeLayout::kDefault, false);
+  constexpr std::size_t kVisits = kPixels * kPixels * kLeafVisits;  // of camera rays alone
+  for (const Mode mode : kModes) {
+    std::size_t asked = 0;
+    CancelToken cancel([&](float) { return ++asked != 0; }, milliseconds(0));
+    render_mode(mode, *snapshot, cancel);
+    EXPECT_GE(asked, kVisits / (kStepsBetweenAsking * kMostRaysInFlight)) << "mode " << static_cast<int>(mode);
+  }
+}
+
+TEST(CancellingRender, StopsAtTheQuestionThatSaysSo) {
+  const auto snapshot = make_snapshot(TreeLayout::kDefault, false);
+  for (const Mode mode : kModes) {
+    std::size_t asked = 0;
+    CancelToken cancel([&](float) { return ++asked < 5; }, milliseconds(0));
+    EXPECT_THROW(render_mode(mode, *snapshot, cancel), Cancelled);
+    EXPECT_EQ(asked, 5u) << "mode " << static_cast<int>(mode);
+  }
 }
 
 TEST(CancellingAudit, IsAskedEverySoManyTests) {
