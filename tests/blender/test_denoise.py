@@ -72,7 +72,7 @@ def test_renders_are_denoised_unless_told_otherwise(scene: bpy.types.Scene) -> N
     ask_for_data(scene)
     frame = render()
     assert set(frame.images) == {"combined", NOISY, *GUIDES}
-    expected = denoise(frame.images[NOISY], *(frame.images[name] for name in GUIDES), prefilter="fast")
+    expected = denoise(frame.images[NOISY], *(frame.images[name] for name in GUIDES))
     np.testing.assert_array_equal(frame.images["combined"], expected)
     assert frame.statistics.denoiser == denoiser_in_use() and frame.statistics.denoise_milliseconds > 0.0
     assert not frame.statistics.complaints
@@ -113,7 +113,7 @@ def test_a_border_is_denoised_alone(scene: bpy.types.Scene) -> None:
     frame = render()
     left, right, bottom, top = plan_render(scene, read_settings(scene)).window
     part = slice(HEIGHT - top, HEIGHT - bottom), slice(left, right)
-    expected = denoise(*(frame.images[name][part] for name in (NOISY, *GUIDES)), prefilter="fast")
+    expected = denoise(*(frame.images[name][part] for name in (NOISY, *GUIDES)))
     np.testing.assert_array_equal(frame.images["combined"][part], expected)
     outside = np.ones((HEIGHT, WIDTH), bool)
     outside[part] = False
