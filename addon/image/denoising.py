@@ -47,8 +47,8 @@ class ImageDenoiser:
     """Denoises the images of one plan, as often as they become better; what takes time to set up is kept.
 
     quality, prefilter: as `perfect_bvh.Denoiser` takes them. The defaults are for images that will be kept: guides are
-    noisy where pixels see many small things, and denoising them first keeps those (of a crowd, 4 samples: an error of 11
-    in place of 15). While someone looks on, "fast" and "none" take a fifth of the time.
+    noisy where pixels see many small things, and denoising them first keeps those (of a crowd, 4 samples: an error of
+    11 in place of 15). While someone looks on, "fast" and "none" take a fifth of the time.
     """
 
     def __init__(
