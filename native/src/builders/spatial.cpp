@@ -68,7 +68,7 @@ class SpatialWorker {
       chosen = choose_halves(range);
     }
     share_out(range, chosen, left, right);
-    partition_.move(rows(range), job_.refs.data() + right.begin, job_.cancel);
+    partition_.move(rows(range), job_.refs.data() + right.begin, right.count, job_.cancel);
     return true;
   }
 

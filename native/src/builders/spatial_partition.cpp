@@ -81,8 +81,9 @@ Sides SpatialPartition::part(std::span<const PrimRef> refs, const SpatialPlane& 
   return sides;
 }
 
-void SpatialPartition::move(std::span<PrimRef> refs, PrimRef* right, CancelToken& cancel) {
+void SpatialPartition::move(std::span<PrimRef> refs, PrimRef* right, std::uint32_t right_count, CancelToken& cancel) {
   moved_.clear();
+  moved_.reserve(right_count);
   PrimRef* to_left = refs.data();
   const Parts* parts = parts_.data();
   for_steps(refs.size(), cancel, [&](std::size_t begin, std::size_t end) {

@@ -61,7 +61,7 @@ class SpatialPartition {
                            const AreaScale& scale, std::uint32_t most_references, CancelToken& cancel);
 
   // Moves what goes to the left to the front of `refs`, and what goes to the right to `right`, for which there is room.
-  void move(std::span<PrimRef> refs, PrimRef* right, CancelToken& cancel);
+  void move(std::span<PrimRef> refs, PrimRef* right, std::uint32_t right_count, CancelToken& cancel);
 
  private:
   struct Parts {

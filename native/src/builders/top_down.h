@@ -247,7 +247,9 @@ class TopDownBuilder {
   }
 
   // Gives every part the place that build_alone would have given it.
+  // The few nodes written here are the first in their pages: what takes long is that the system clears those.
   Extent place(const Top& top, std::uint32_t node, std::uint32_t next, std::vector<Copy>& copies) {
+    cancel_.checkpoint();
     if (!top.left) {
       nodes_[node] = moved(top.root, next);
       copies.push_back({&top, next});
