@@ -10,14 +10,11 @@ from __future__ import annotations
 import time
 import weakref
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import bpy
 
 from ..events.changes import listen, stop_listening
-
-if TYPE_CHECKING:
-    from .viewport import Viewport
 
 # Of all time, what redraws for the sake of new images may take.
 SHARE = 0.1
@@ -52,11 +49,36 @@ class RedrawBudget:
         return self._begun is None and now >= self._ended + self.pause
 
 
+class Traced(Protocol):
+    """A viewport, as far as redraws are concerned. asked_at: when a redraw of it was last asked for."""
+
+    asked_at: float
+
+    @property
+    def region_pointer(self) -> int:
+        """The address of what is drawn."""
+
+    @property
+    def is_working(self) -> bool:
+        """Whether more of its image is to come."""
+
+    @property
+    def has_news(self) -> bool:
+        """Whether its image is better than what was drawn."""
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether it is as good as it gets."""
+
+    def stop(self) -> None:
+        """Have it traced no further; from any thread."""
+
+
 budget = RedrawBudget()
-_viewports: weakref.WeakSet[Viewport] = weakref.WeakSet()
+_viewports: weakref.WeakSet[Traced] = weakref.WeakSet()
 
 
-def watch(viewport: Viewport) -> None:
+def watch(viewport: Traced) -> None:
     """It works on its image: it is drawn again when there is news of that, and for as long as it exists."""
     _viewports.add(viewport)
     if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
