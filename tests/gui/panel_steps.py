@@ -234,5 +234,7 @@ def choose_passes() -> Step:
     names = ("use_pass_z", "use_pass_normal", "use_pass_object_index", "use_pass_material_index")
     yield from change_all(layer, dict.fromkeys(names))(buttons)
     screenshot("passes")
+    for _ in range(2):  # on, and off again
+        yield from change_all(layer.cycles, {"denoising_store_passes": None})(buttons)
     area.spaces.active.context = "RENDER"
     yield from at_rest(area)
