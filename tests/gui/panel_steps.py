@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import bpy
 from addon_state import MODULE, close_image_windows, is_working, module, settings
 from buttons import (
+    COLUMN,
     HEADER_HEIGHT,
     Button,
     change,
@@ -16,12 +19,12 @@ from buttons import (
     toggle_panel,
     with_panel_open,
 )
-from drawn import drawn, pressed
+from drawn import drawn, note_pressed, pressed
 from driver import Step, at_rest, check, redrawn, screenshot, wait_until
 from gates import gate_of_steps
-from hands import hover, press_here, press_key, set_viewport_size
+from hands import click, hover, press_here, press_key, set_viewport_size
 from panels import SUB_PANELS, change_all, header_of, main_buttons, open_sub_panel
-from places import area_of, main_area, middle_of
+from places import area_of, main_area, middle_of, region_of
 
 MAIN_BUTTONS = [
     "render.engine",
@@ -31,6 +34,7 @@ MAIN_BUTTONS = [
     "perfect_bvh.samples",
 ]
 HEADER_CHECKBOX_OF_PANEL = 0.13
+ROW_AND_GAP = 26  # from the middle of a button to that of the next group
 WITH_REPORTS = (*SUB_PANELS[:5], "Statistics", "Plan", *SUB_PANELS[5:])
 
 
@@ -222,6 +226,21 @@ def show_the_viewport() -> Step:
     bpy.ops.ed.undo_push(message="start")
 
 
+def is_set(owner: object, name: str, value: object) -> bool:
+    return getattr(owner, name) == value
+
+
+def press_denoising_data(area: bpy.types.Area, buttons: list[Button]) -> Step:
+    """On, and off again. Blender cannot tell what stands there, as Cycles keeps it: it is the row below the last."""
+    above = next(button for button in buttons if button.what.endswith("use_pass_material_index"))
+    region, switches = region_of(area), bpy.context.view_layer.cycles
+    for wanted in (True, False):
+        yield from click(region.x + region.width * COLUMN, above.y - ROW_AND_GAP)
+        is_pressed = partial(is_set, switches, "denoising_store_passes", wanted)
+        yield from wait_until(is_pressed, "Denoising Data cannot be pressed")
+    note_pressed("cycles.denoising_store_passes")
+
+
 def choose_passes() -> Step:
     area, layer = area_of("PROPERTIES"), bpy.context.view_layer
     area.spaces.active.context = "VIEW_LAYER"
@@ -234,7 +253,6 @@ def choose_passes() -> Step:
     names = ("use_pass_z", "use_pass_normal", "use_pass_object_index", "use_pass_material_index")
     yield from change_all(layer, dict.fromkeys(names))(buttons)
     screenshot("passes")
-    for _ in range(2):  # on, and off again
-        yield from change_all(layer.cycles, {"denoising_store_passes": None})(buttons)
+    yield from press_denoising_data(area, buttons)
     area.spaces.active.context = "RENDER"
     yield from at_rest(area)
