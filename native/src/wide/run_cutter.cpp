@@ -35,7 +35,7 @@ RunCutter::RunCutter(const TriangleMesh& mesh, const TriangleOrder& order, TreeL
       last_corner_(limits_vertices_ ? mesh.positions.size() : 0),
       newness_(kRunChunk, 0u) {
   for_steps(last_corner_.size(), cancel, [&](std::size_t begin, std::size_t end) {
-    std::fill(&last_corner_[begin], last_corner_.data() + end, kLongAgo);
+    std::fill(last_corner_.data() + begin, last_corner_.data() + end, kLongAgo);
   });
 }
 
