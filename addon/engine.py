@@ -14,7 +14,7 @@ from typing import TypeVar
 import bpy
 import numpy as np
 
-from .image.plan import NOISY, RenderPlan, denoising_guides, plan_render
+from .image.plan import NOISY, RenderPlan, plan_render
 from .image.still import Frame, Images, Progress, render_frame
 from .settings.denoisers import denoising_data_settings
 from .settings.preferences import native_error
@@ -63,12 +63,7 @@ DENOISING_PASSES = (
 def enabled_passes(view_layer: bpy.types.ViewLayer) -> tuple[PassSpec, ...]:
     """The passes beside Combined that the view layer asks for."""
     switches = denoising_data_settings(view_layer)
-    known = (NOISY, *denoising_guides())
-    denoising = [
-        spec
-        for spec in DENOISING_PASSES
-        if spec.source in known and switches is not None and getattr(switches, spec.switch)
-    ]
+    denoising = () if switches is None else (spec for spec in DENOISING_PASSES if getattr(switches, spec.switch))
     return (*(spec for spec in PASSES if getattr(view_layer, spec.switch)), *denoising)
 
 

@@ -65,7 +65,7 @@ class RenderPlan:
     def traced_passes(self) -> tuple[str, ...]:
         """What the renderer is to make beside "combined": what is wanted, and what denoising needs."""
         wanted = (name for name in self.passes if name != NOISY)
-        return tuple(dict.fromkeys((*wanted, *(denoising_guides() if self.is_denoised else ()))))
+        return tuple(dict.fromkeys((*wanted, *(GUIDES if self.is_denoised else ()))))
 
     @property
     def expected_rays(self) -> int:
@@ -103,13 +103,6 @@ class RenderPlan:
         width, height = self.size
         what = f"An image of {width:,} x {height:,} pixels"
         check_fits(what, width * height * BYTES_A_PIXEL, "choose a smaller size")
-
-
-def denoising_guides() -> tuple[str, ...]:
-    """Those of `GUIDES` that the renderer makes."""
-    import perfect_bvh
-
-    return tuple(name for name in GUIDES if name in perfect_bvh.PASSES)
 
 
 def plan_render(scene: bpy.types.Scene, settings: RenderSettings, passes: tuple[str, ...] = ()) -> RenderPlan:

@@ -16,7 +16,7 @@ import numpy as np
 from ..settings.modes import find_mode
 from .canvas import Canvas, Image
 from .denoising import ImageDenoiser
-from .plan import denoising_guides
+from .plan import GUIDES
 from .progressive import Pace, Schedule, Step
 from .still import COST_PASSES, Images
 
@@ -125,7 +125,7 @@ class Refinement:
         view = self.view
         camera, size = _seen_by(step, view.camera, view.plan.size)
         count = self._schedule.pixels_of(step) * step.count
-        guides = denoising_guides() if step.divisor == 1 and self._denoiser is not None else ()
+        guides = GUIDES if step.divisor == 1 and self._denoiser is not None else ()
         started = self._clock()
         try:
             passes = perfect_bvh.render_passes(

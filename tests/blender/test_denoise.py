@@ -18,7 +18,7 @@ from perfect_bvh.denoise import denoise  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.image import denoising  # noqa: E402
 from perfect_bvh_addon.image.denoising import ImageDenoiser  # noqa: E402
-from perfect_bvh_addon.image.plan import NOISY, RenderPlan, denoising_guides, plan_render, plan_view  # noqa: E402
+from perfect_bvh_addon.image.plan import GUIDES, NOISY, RenderPlan, plan_render, plan_view  # noqa: E402
 from perfect_bvh_addon.image.still import Frame  # noqa: E402
 from perfect_bvh_addon.settings.denoisers import denoiser_in_use, denoiser_libraries  # noqa: E402
 from perfect_bvh_addon.settings.modes import MODE_NAMES, MODES  # noqa: E402
@@ -26,7 +26,6 @@ from perfect_bvh_addon.settings.scene_settings import read_settings  # noqa: E40
 from perfect_bvh_addon.statistics.summary import statistics_rows  # noqa: E402
 
 SIZE = WIDTH, HEIGHT = 96, 54
-GUIDES = denoising_guides()
 
 
 @pytest.fixture

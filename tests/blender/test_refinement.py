@@ -10,7 +10,7 @@ import perfect_bvh
 import pytest
 from oracles import meshes
 from perfect_bvh_addon.image.denoising import Denoised, ImageDenoiser
-from perfect_bvh_addon.image.plan import denoising_guides, plan_view
+from perfect_bvh_addon.image.plan import GUIDES, plan_view
 from perfect_bvh_addon.image.progressive import Pace, Step
 from perfect_bvh_addon.image.refinement import SHORTEST_SECONDS, Refinement, View
 from perfect_bvh_addon.settings.scene_settings import RenderSettings
@@ -135,7 +135,7 @@ def test_it_is_denoised_whenever_samples_double_and_at_the_end(view: View, monke
     finish(raw, 1e-4)
     np.testing.assert_array_equal(refinement.canvas.film, raw.image)
     *_, (_, passes) = perfect_bvh.render_progressively(
-        view.snapshot, view.camera, mode="clay", size=SIZE, samples=7, passes=("combined", *denoising_guides())
+        view.snapshot, view.camera, mode="clay", size=SIZE, samples=7, passes=("combined", *GUIDES)
     )
     np.testing.assert_array_equal(passes["combined"], raw.image)
     expected = denoise(ImageDenoiser(plan, "fast", "none"), passes)
