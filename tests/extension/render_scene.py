@@ -52,6 +52,7 @@ def main() -> None:
     scene = bpy.context.scene
     scene.render.engine = "PERFECT_BVH"
     scene.perfect_bvh.samples = 4
+    scene.perfect_bvh.use_denoising = False  # each Blender has a library of its own for that
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 320, 180, 100
     images = {}
     for mode in MODES:

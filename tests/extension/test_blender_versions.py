@@ -60,6 +60,12 @@ def check_same(rendered: Render, expected: Render, tolerance: float = BLENDERS_R
     assert list(rendered["isas"]) == list(expected["isas"])
     for mode in MODES:
         assert np.ptp(expected[mode][..., :3]) > 0.1
+        if mode == "preview" and tolerance > 0.0:
+            # Where a colour rounds otherwise a path may choose otherwise: few of them do.
+            is_same = np.isclose(rendered[mode], expected[mode], rtol=10 * tolerance, atol=tolerance)
+            assert is_same.mean() > 0.998
+            assert np.abs(rendered[mode] - expected[mode]).mean() < tolerance
+            continue
         np.testing.assert_allclose(rendered[mode], expected[mode], rtol=10 * tolerance, atol=tolerance, err_msg=mode)
 
 
