@@ -280,7 +280,7 @@ def test_scans_are_measured_beside_blenders_own_rays(repository: Path, tmp_path:
         assert row["times_as_fast"] > 0.0
 
 
-def test_errors_of_images_are_measured_with_raw_totals(repository: Path, tmp_path: Path) -> None:
+def test_errors_of_images_are_measured_beside_cycles(repository: Path, tmp_path: Path) -> None:
     pytest.importorskip("bpy", reason="Blender's module is not installed")
     out = tmp_path / "image_error.json"
     command = [sys.executable, str(repository / "tests" / "benchmarks" / "image_error.py"), "--json", str(out)]

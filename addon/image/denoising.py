@@ -46,6 +46,8 @@ class Denoised:
 class ImageDenoiser:
     """Denoises the images of one plan, as often as they become better; what takes time to set up is kept.
 
+    Made on Blender's main thread or within a render.
+
     quality, prefilter: as `perfect_bvh.Denoiser` takes them. The defaults are for images that will be kept: guides are
     noisy where pixels see many small things, and denoising them first keeps those (of a crowd, 4 samples: an error of
     11 in place of 15). While someone looks on, "fast" and "none" take a fifth of the time.
@@ -55,6 +57,7 @@ class ImageDenoiser:
         self, plan: RenderPlan, quality: DenoiseQuality = "balanced", prefilter: Prefilter = "accurate"
     ) -> None:
         self._plan, self._quality, self._prefilter = plan, quality, prefilter
+        self._libraries = denoiser_libraries()  # Blender is asked here: images may be denoised on any thread
         self._denoiser: Denoiser | None = None
 
     def denoise(
@@ -108,7 +111,7 @@ class ImageDenoiser:
             quality=self._quality,
             prefilter=self._prefilter,
             threads=self._plan.settings.threads,
-            libraries=denoiser_libraries(),
+            libraries=self._libraries,
         )
 
 

@@ -42,7 +42,8 @@ class Mode:
 
 
 MODES: tuple[Mode, ...] = (
-    # Beside the camera's, some two bounces in the mean, each with a ray to a light.
+    # The camera's, one to the light there, one that bounces. How many more follow is not known before; what is planned
+    # for fewer rays is at worst a tree that a little more work would have made better.
     Mode(
         "preview",
         0,

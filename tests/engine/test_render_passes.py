@@ -359,3 +359,14 @@ def test_passes_can_be_had_without_the_picture(mode: str) -> None:
     beside = render_passes(scene, camera, passes=("combined", "depth"), **asked)
     assert list(alone) == ["depth"]
     np.testing.assert_array_equal(alone["depth"], beside["depth"])
+
+
+@pytest.mark.parametrize("name", ["denoising_albedo", "denoising_normal"])
+def test_a_guide_alone_is_what_it_is_beside_the_others(name: str):
+    scene, camera = quad_scene(np.eye(4)), Camera.look_at((0.0, -3.0, 3.0), (0.0, 0.0, 0.0))
+    for mode in ("preview", "clay"):
+        asked: dict[str, Any] = {"mode": mode, "size": SIZE, "samples": 2}
+        alone = render_passes(scene, camera, passes=(name,), **asked)
+        assert list(alone) == [name] and alone[name].any()
+        beside = render_passes(scene, camera, passes=("combined", "denoising_albedo", "denoising_normal"), **asked)
+        np.testing.assert_array_equal(alone[name], beside[name])

@@ -274,7 +274,8 @@ def _render(
         looks["bright_sky"] = find_bright_sky(looks["images"][looks["world"]["image"]], settings["threads"])
     arrays: Passes = {}
     wanted = _check_passes(function, passes)
-    for name in (*wanted, *_GUIDES) if any(name in _GUIDES for name in wanted) else wanted:
+    # Guides are made together, and beside the image that they are for.
+    for name in (*wanted, *_BLENDED) if any(name in _GUIDES for name in wanted) else wanted:
         shape, dtype, nothing = _PASSES[name]
         arrays[name] = np.full((height, width, *shape), nothing, dtype)
     audit = options.get("audit")

@@ -65,7 +65,9 @@ void TileRenderer::place_pixels(std::size_t tile, TileScratch& scratch) const {
 void TileRenderer::begin(std::size_t tile, TileScratch& scratch) const {
   const std::size_t count = scratch.pixels.size();
   scratch.sums.assign(count, Rgba{});
-  scratch.albedo_sums.assign(count, Vec3f{0, 0, 0}), scratch.normal_sums.assign(count, Vec3f{0, 0, 0});
+  if (targets_.any_guides()) {
+    scratch.albedo_sums.assign(count, Vec3f{0, 0, 0}), scratch.normal_sums.assign(count, Vec3f{0, 0, 0});
+  }
   if (film_) film_->begin(tile);
   if (layer_) scratch.gather.begin(count);
 }
