@@ -26,7 +26,7 @@ CLAY_GREY = (0.8, 0.8, 0.8)
 GUIDES = ("denoising_albedo", "denoising_normal")
 # A pass that is "combined" before it is denoised.
 NOISY = "noisy"
-# Of a render at its greatest: two images, the light that is smoothed, passes, Blender's copies of them.
+# Of a render at its greatest: two images, shared samples, passes, Blender's copies of them.
 BYTES_A_PIXEL = 192
 
 

@@ -63,7 +63,6 @@ RenderSettings read_settings(const py::dict& values) {
   settings.samples = get<std::uint32_t>(values, "samples");
   settings.first_sample = get<std::uint32_t>(values, "first_sample");
   settings.filter_width = get<float>(values, "filter_width");
-  settings.smooth = get<bool>(values, "smooth");
   settings.seed = get<std::uint32_t>(values, "seed");
   settings.threads = get<int>(values, "threads");
   settings.kept_share = get<float>(values, "kept_share");

@@ -7,7 +7,6 @@
 
 #include "core/errors.h"
 #include "render/filter/film.h"
-#include "render/filter/irradiance.h"
 #include "render/modes/palette.h"
 #include "render/sampling/camera.h"
 #include "render/sampling/sampler.h"
@@ -252,29 +251,6 @@ TEST(Palette, NearIdsLookUnlike) {
     const Vec3f difference = id_color(id) - id_color(id + 1);
     EXPECT_GT(length(difference), 0.1f) << id;
   }
-}
-
-LightPixel lit_pixel(float x, float key) {
-  LightPixel pixel;
-  pixel.normal = {0, 0, 1}, pixel.position = {x, 0, -5}, pixel.footprint = 1.0f;
-  pixel.light = {{key, key, key}, key, 1.0f};
-  return pixel;
-}
-
-TEST(DemodulatedIrradiance, NeighboursOnOneSurfaceAreAveragedAndOthersAreNot) {
-  const PixelRect area{10, 20, 14, 21};
-  DemodulatedIrradiance layer(area);
-  for (int x = 0; x < 3; ++x) layer.store(10 + x, 20, lit_pixel(static_cast<float>(x), x == 1 ? 1.0f : 0.0f));
-  LightPixel behind = lit_pixel(3.0f, 100.0f);
-  behind.position.z = -50.0f;
-  layer.store(13, 20, behind);
-  SmoothingScratch scratch;
-  std::array<LightPixel, 4> out;
-  layer.smooth(area, 1, scratch, out);
-  EXPECT_FLOAT_EQ(out[1].light.key, 0.5f);         // weights 1/2, 1, 1/2
-  EXPECT_FLOAT_EQ(out[0].light.key, 1.0f / 3.0f);  // weights 1, 1/2
-  EXPECT_FLOAT_EQ(out[2].light.sky.x, 1.0f / 3.0f);
-  EXPECT_FLOAT_EQ(out[3].light.key, 100.0f);
 }
 
 }  // namespace

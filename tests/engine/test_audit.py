@@ -154,12 +154,12 @@ def camera() -> perfect_bvh.Camera:
 def test_a_render_can_be_audited(scene_and_triangles, camera, mode, samples):
     scene, _ = scene_and_triangles
     audit = perfect_bvh.RenderAudit(0.1)
-    image = perfect_bvh.render(scene, camera, mode, (80, 45), samples, smooth=False, audit=audit)
+    image = perfect_bvh.render(scene, camera, mode, (80, 45), samples, audit=audit)
     ray_count = 80 * 45 * (1 if mode == "depth" else samples)
     assert 0.07 * ray_count < audit.result.checked_count < 0.13 * ray_count
     assert audit.result.wrong_rows.size == 0
     assert audit.seconds > 0.0
-    np.testing.assert_array_equal(image, perfect_bvh.render(scene, camera, mode, (80, 45), samples, smooth=False))
+    np.testing.assert_array_equal(image, perfect_bvh.render(scene, camera, mode, (80, 45), samples))
 
 
 def test_the_rays_of_an_audit_do_not_depend_on_threads_or_rounds(scene_and_triangles, camera):

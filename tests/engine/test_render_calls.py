@@ -93,14 +93,14 @@ def test_cost_is_brighter_where_more_was_visited(scene: Scene) -> None:
 
 
 def test_other_seeds_give_other_noise_and_the_same_seed_the_same(scene: Scene) -> None:
-    first, again, other = (render(scene, CAMERA, size=SIZE, seed=seed, smooth=False) for seed in (1, 1, 2))
+    first, again, other = (render(scene, CAMERA, size=SIZE, seed=seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
 
 
 def test_continued_samples_make_the_same_image(scene: Scene) -> None:
     def render_both(filter_width: float) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-        options: dict[str, Any] = {"size": SIZE, "filter_width": filter_width, "smooth": False}
+        options: dict[str, Any] = {"size": SIZE, "filter_width": filter_width}
         whole = render(scene, CAMERA, samples=8, **options)
         parts = [render(scene, CAMERA, samples=4, first_sample=first, **options) for first in (0, 4)]
         return whole, (parts[0] + parts[1]) / 2
@@ -109,13 +109,13 @@ def test_continued_samples_make_the_same_image(scene: Scene) -> None:
     np.testing.assert_allclose(continued, whole, atol=1e-5)
     # Samples that pixels share weigh a little more in one part than in the other.
     whole, continued = render_both(1.5)
-    exact = render(scene, CAMERA, size=SIZE, samples=256, smooth=False)
+    exact = render(scene, CAMERA, size=SIZE, samples=256)
     assert np.abs(continued - exact).mean() < 1.05 * np.abs(whole - exact).mean()
 
 
 def test_a_part_of_an_image_is_the_same_as_the_whole_one_there(scene: Scene) -> None:
     """Bit for bit, though pixels share samples across tiles and across the border."""
-    options: dict[str, Any] = {"size": SIZE, "samples": 8, "smooth": False}
+    options: dict[str, Any] = {"size": SIZE, "samples": 8}
     whole = render(scene, CAMERA, **options)
     for border in ((0.13, 0.61, 0.2, 0.77), (0.5, 0.52, 0.0, 1.0)):
         part = render(scene, replace(CAMERA, border=border), **options)
@@ -129,7 +129,7 @@ def test_shared_samples_converge_to_the_image_under_the_filter(scene: Scene) -> 
     width, height = SIZE
     parts = 5
     size = (width * parts, height * parts)
-    fine = render(scene, CAMERA, size=size, samples=16, smooth=False, filter_width=0.5)
+    fine = render(scene, CAMERA, size=size, samples=16, filter_width=0.5)
     place = (np.arange(-2 * parts, 2 * parts + 1)) / (3.0 * parts) + 0.5
     angle = 2.0 * np.pi * place
     window = 0.35875 - 0.48829 * np.cos(angle) + 0.14128 * np.cos(2 * angle) - 0.01168 * np.cos(3 * angle)
@@ -140,7 +140,7 @@ def test_shared_samples_converge_to_the_image_under_the_filter(scene: Scene) -> 
         blurred = np.apply_along_axis(np.convolve, axis, blurred, window, "same")
     wanted = blurred[parts // 2 :: parts, parts // 2 :: parts]
     inside = np.s_[2:-2, 2:-2]
-    shared = render(scene, CAMERA, size=SIZE, samples=256, smooth=False)
+    shared = render(scene, CAMERA, size=SIZE, samples=256)
     assert np.abs(shared - wanted)[inside].mean() < 0.002
     assert np.abs(shared - wanted)[inside].max() < 0.05
 
@@ -167,12 +167,10 @@ def test_progressive_rounds_refine_one_image(scene: Scene) -> None:
         shares.append(share)
         return True
 
-    rounds = render_progressively(
-        scene, CAMERA, size=SIZE, samples=7, passes=("combined", "depth"), progress=progress, smooth=False
-    )
+    rounds = render_progressively(scene, CAMERA, size=SIZE, samples=7, passes=("combined", "depth"), progress=progress)
     counts, images = zip(*((count, passes["combined"].copy()) for count, passes in rounds), strict=True)
     assert counts == (1, 2, 4, 7)
-    exact = render(scene, CAMERA, size=SIZE, samples=64, smooth=False)
+    exact = render(scene, CAMERA, size=SIZE, samples=64)
     errors = [float(np.abs(image - exact).mean()) for image in images]
     assert errors == sorted(errors, reverse=True)
     assert shares == sorted(shares)

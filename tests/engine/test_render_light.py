@@ -118,7 +118,7 @@ def test_float32_vertices_far_from_zero_throw_no_shadow_on_themselves() -> None:
 
 def assert_all_open(scene: Scene, camera: Camera, look: Appearance) -> None:
     """Each pixel has as much light as the same thing whose rays meet nothing."""
-    options: dict[str, object] = {"samples": 8, "smooth": False, "filter_width": 0.0}
+    options: dict[str, object] = {"samples": 8, "filter_width": 0.0}
     light = light_of(scene, camera, look, **options)
     nothing = Appearance(look.meshes, look.instances, look.materials, shadow_mask=0)
     open_light = light_of(scene, camera, nothing, **options)
@@ -157,7 +157,7 @@ def test_occlusion_fades_with_distance() -> None:
 
 
 def test_the_mean_over_seeds_does_not_depend_on_the_number_of_samples() -> None:
-    """Unbiased without smoothing: few samples are noisy, not brighter or darker."""
+    """Unbiased: few samples are noisy, not brighter or darker."""
     positions, triangles = sphere(12, 24)
     scene = Scene()
     scene.add_instance(scene.add_mesh(positions.astype(np.float32), triangles), np.eye(4))
@@ -166,33 +166,12 @@ def test_the_mean_over_seeds_does_not_depend_on_the_number_of_samples() -> None:
     scene.add_instance(scene.add_mesh(QUAD, QUAD_TRIANGLES), ground)
     scene.commit()
     camera = looking_at((0, 0, 0), 2.0)
-    options: dict[str, object] = {"smooth": False, "filter_width": 0.0, "ao_distance": 3.0}
+    options: dict[str, object] = {"filter_width": 0.0, "ao_distance": 3.0}
     exact = light_of(scene, camera, samples=512, **options)
     few = np.mean([light_of(scene, camera, samples=1, seed=seed, **options) for seed in range(64)], axis=0)
     shadow = exact < DARK_SHADOW * np.nanmax(exact)
     assert shadow.sum() > 100
     assert np.nanmean(few[shadow]) == pytest.approx(np.nanmean(exact[shadow]), rel=0.003)
-
-
-def test_smoothing_keeps_the_mean_and_removes_noise() -> None:
-    positions, triangles = sphere(24, 48)
-    scene = Scene()
-    mesh = scene.add_mesh(positions.astype(np.float32), triangles)
-    scene.add_instance(mesh, np.eye(4))
-    ground = np.diag((20.0, 20.0, 1.0, 1.0))
-    ground[2, 3] = -1.0
-    scene.add_instance(scene.add_mesh(QUAD, QUAD_TRIANGLES), ground)
-    scene.commit()
-    look = Appearance(meshes={mesh: MeshAppearance(corner_normals=positions[triangles].astype(np.float32))})
-    camera = looking_at((0, 0, 0), 2.0)
-    options: dict[str, object] = {"filter_width": 0.0, "ao_distance": 3.0, "size": (200, 150)}
-    exact = light_of(scene, camera, look, samples=64, smooth=False, **options)
-    rough = light_of(scene, camera, look, samples=1, smooth=False, **options)
-    smooth = light_of(scene, camera, look, samples=1, smooth=True, **options)
-    np.testing.assert_array_equal(np.isnan(smooth), np.isnan(exact))
-    assert np.nanmean(smooth) == pytest.approx(np.nanmean(exact), rel=0.005)
-    rough_error, smooth_error = (math.sqrt(np.nanmean((image - exact) ** 2)) for image in (rough, smooth))
-    assert smooth_error < 0.5 * rough_error
 
 
 def test_shadows_come_only_from_the_shadow_mask() -> None:

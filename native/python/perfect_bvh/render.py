@@ -69,10 +69,8 @@ class RenderOptions(TypedDict, total=False):
         to 7, weighted by their counts, is as good as that of 0 to 7. A single sample with first_sample 0 stands at the
         pixel's centre; all others spread over the pixel filter.
     filter_width: how far the pixel filter (a Blackman-Harris window) reaches to each side, in pixels; default 1.5. 0
-        puts every sample at the pixel's centre. Neighbouring pixels share samples, but while light is smoothed or a
-        denoiser's guides are asked for.
-    smooth: clay: whether the light of few rays (below 8 a pixel) is averaged with that of neighbouring pixels
-        on the same surface; default True. Colours, normals and edges keep their detail; only fine shadows get softer.
+        puts every sample at the pixel's centre. Neighbouring pixels share samples, unless a denoiser's guides
+        are asked for.
     ao_distance: clay: how far away a surface still keeps light from another, in world units; its effect fades to
         nothing over that distance. None, the default: 0.35 of the diagonal of the scene's bounding box.
     light_rays: clay: rays to the sky and to the key light for each sample. None, the default: 1 for a single sample,
@@ -89,7 +87,6 @@ class RenderOptions(TypedDict, total=False):
     seed: int
     first_sample: int
     filter_width: float
-    smooth: bool
     ao_distance: float | None
     light_rays: int | None
     light_paths: LightPaths
@@ -327,7 +324,6 @@ def _settings(function: str, options: RenderOptions, samples: int) -> dict[str, 
         "seed": check_count(function, "seed", options.get("seed", 0), 0),
         "first_sample": check_count(function, "first_sample", options.get("first_sample", 0), 0),
         "filter_width": check_number(function, "filter_width", options.get("filter_width", 1.5), 0.0, 16.0),
-        "smooth": bool(options.get("smooth", True)),
         "ao_distance": 0.0 if distance is None else check_number(function, "ao_distance", distance, 1e-30, 1e30),
         "light_rays": check_count(function, "light_rays", light_rays, 1),
         "light_paths": light_path_arguments(function, options.get("light_paths", LightPaths())),

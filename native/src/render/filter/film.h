@@ -3,7 +3,7 @@
 // (Harris 1978), as in Cycles. Samples spread evenly over their pixel, and count in each pixel that the filter reaches
 // from there, as Reyes did it (Cook, Carpenter and Catmull 1987): at a width of 1.5 that has 0.45 of the variance of
 // samples which are drawn from the filter for one pixel alone (Ernst et al. 2006). Those are for pixels that must be
-// known apart, to be smoothed.
+// known apart, to be denoised.
 #pragma once
 
 #include <array>

@@ -76,7 +76,7 @@ std::vector<SubsetRay> render(const Snapshot& snapshot, const Camera& camera, co
     cancel.advance(1);
   });
   if (renderer.needs_finish()) {
-    for_tiles([&](std::size_t tile, TileScratch& scratch) { renderer.finish(tile, scratch); });
+    for_tiles([&](std::size_t tile, TileScratch&) { renderer.finish(tile); });
   }
   cancel.throw_if_stopped();
   return kept.take();

@@ -4,18 +4,6 @@
 
 namespace perfect_bvh {
 
-namespace {
-
-// How far the light of a pixel is averaged: the less, the more rays the pixel has of its own. From eight on, samples
-// that neighbours share say more.
-int smoothing_radius(const RenderSettings& settings) noexcept {
-  if (!settings.smooth) return 0;
-  const auto rays = settings.samples * static_cast<std::uint32_t>(settings.clay.light_rays);
-  return rays < 2 ? 4 : rays < 4 ? 3 : rays < 8 ? 2 : 0;
-}
-
-}  // namespace
-
 TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets, RaySubset& kept)
     : inputs_(inputs),
       targets_(targets),
@@ -29,17 +17,10 @@ TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const Pas
       sample_count_(mode_->is_exact() ? 1 : inputs.settings.samples),
       centred_(mode_->is_exact() || (sample_count_ == 1 && inputs.settings.first_sample == 0)),
       has_lens_(mode_->has_focus() && inputs.camera.lens().has_value()),
-      smoothing_radius_(mode_->keeps_light_apart() && !targets.combined.empty() ? smoothing_radius(inputs.settings)
-                                                                                : 0),
       border_(border),
-      tiles_(border.grown(smoothing_radius_ > 0 ? smoothing_radius_ : shared_reach(), inputs.settings.width,
-                          inputs.settings.height)),
+      tiles_(border.grown(shared_reach(), inputs.settings.width, inputs.settings.height)),
       wants_centres_(targets.any_surface() || targets.any_counts()) {
-  if (smoothing_radius_ > 0) {
-    layer_.emplace(tiles_.area());
-  } else if (shared_reach() > 0 && !targets.combined.empty()) {
-    film_.emplace(tiles_, filter_);
-  }
+  if (shared_reach() > 0 && !targets.combined.empty()) film_.emplace(tiles_, filter_);
 }
 
 // In Z-order, so that neighbouring rays of a batch are neighbours in the image both ways. That of the whole tile,
@@ -69,7 +50,6 @@ void TileRenderer::begin(std::size_t tile, TileScratch& scratch) const {
     scratch.albedo_sums.assign(count, Vec3f{0, 0, 0}), scratch.normal_sums.assign(count, Vec3f{0, 0, 0});
   }
   if (film_) film_->begin(tile);
-  if (layer_) scratch.gather.begin(count);
 }
 
 void TileRenderer::trace(TileScratch& scratch, std::uint32_t sample, bool with_counts) const {
@@ -132,9 +112,6 @@ void TileRenderer::add_sample(std::uint32_t sample, std::size_t tile, TileScratc
   mode_->shade({number, scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points, scratch.colors,
                 scratch.albedos, scratch.normals, scratch.shade});
   if (guided > 0) add_guides(scratch);
-  if (layer_) {
-    scratch.gather.add(inputs_.camera, scratch.rays, scratch.hits, scratch.points, scratch.shade.lit_points);
-  }
   if (film_) return film_->add(tile, scratch.pixels, scratch.offsets, scratch.colors);
   for (std::size_t i = 0; i < scratch.sums.size(); ++i) {
     Rgba& sum = scratch.sums[i];
@@ -182,50 +159,15 @@ void TileRenderer::store_combined(const TileScratch& scratch) const {
     targets_.denoising_albedo[row] = scratch.albedo_sums[i] * share;
     targets_.denoising_normal[row] = scratch.normal_sums[i] * share;
   }
-  if (layer_) store_light(scratch);
 }
 
-// Until the light is smoothed, pixels hold what is not on their surface.
-void TileRenderer::store_light(const TileScratch& scratch) const {
-  const float share = 1.0f / static_cast<float>(sample_count_);
-  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
-    const Pixel pixel = scratch.pixels[i];
-    const LightPixel light = scratch.gather.pixel(i, sample_count_);
-    layer_->store(pixel.x, pixel.y, light);
-    if (!light.on_surface() || !border_.contains(pixel.x, pixel.y)) continue;
-    const Vec3f rest = scratch.gather.rest(i, scratch.sums[i]) * share;
-    targets_.combined[row_of(pixel)] = {rest.x, rest.y, rest.z, scratch.sums[i].a * share};
-  }
-}
-
-void TileRenderer::finish(std::size_t tile, TileScratch& scratch) const {
+void TileRenderer::finish(std::size_t tile) const {
   const PixelRect inside = tiles_.at(tile).overlap(border_);
-  if (inside.empty()) return;
-  if (film_) {
-    develop(inside);
-  } else {
-    smooth(inside, scratch);
-  }
-}
-
-void TileRenderer::develop(PixelRect tile) const {
-  for (int y = tile.y0; y < tile.y1; ++y) {
-    const Pixel first{static_cast<std::uint16_t>(tile.x0), static_cast<std::uint16_t>(y)};
-    for (int x = tile.x0; x < tile.x1; ++x) {
-      targets_.combined[row_of(first) + static_cast<std::size_t>(x - tile.x0)] = film_->pixel(x, y);
+  for (int y = inside.y0; y < inside.y1; ++y) {
+    const Pixel first{static_cast<std::uint16_t>(inside.x0), static_cast<std::uint16_t>(y)};
+    for (int x = inside.x0; x < inside.x1; ++x) {
+      targets_.combined[row_of(first) + static_cast<std::size_t>(x - inside.x0)] = film_->pixel(x, y);
     }
-  }
-}
-
-void TileRenderer::smooth(PixelRect tile, TileScratch& scratch) const {
-  const auto width = static_cast<std::size_t>(tile.width());
-  scratch.lights.resize(width * static_cast<std::size_t>(tile.height()));
-  layer_->smooth(tile, smoothing_radius_, scratch.smoothing, scratch.lights);
-  for (int y = tile.y0; y < tile.y1; ++y) {
-    const Pixel first{static_cast<std::uint16_t>(tile.x0), static_cast<std::uint16_t>(y)};
-    const std::span<const LightPixel> lights = scratch.lights;
-    mode_->relight(lights.subspan(static_cast<std::size_t>(y - tile.y0) * width, width),
-                   targets_.combined.subspan(row_of(first), width));
   }
 }
 

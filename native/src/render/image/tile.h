@@ -4,7 +4,6 @@
 
 #include "core/cancel.h"
 #include "render/filter/film.h"
-#include "render/filter/irradiance_accumulation.h"
 #include "render/image/ray_subset.h"
 #include "render/modes/passes.h"
 #include "render/modes/shading.h"
@@ -22,9 +21,6 @@ struct TileScratch {
   AlignedVector<Vec3f> albedos, normals, albedo_sums, normal_sums;  // if a denoiser's guides are wanted
   AlignedVector<Point2> offsets;                                    // of samples from the centres of their pixels
   ShadeScratch shade;
-  IrradianceAccumulation gather;
-  SmoothingScratch smoothing;
-  AlignedVector<LightPixel> lights;
 };
 
 class TileRenderer {
@@ -32,7 +28,7 @@ class TileRenderer {
   // Camera rays are offered to `kept`, which outlives this.
   TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets, RaySubset& kept);
 
-  // Of the pixels to render: those in the border, and as many around it as smoothing or the pixel filter looks at.
+  // Of the pixels to render: those in the border, and as many around it as the pixel filter looks at.
   [[nodiscard]] const TileGrid& tiles() const noexcept { return tiles_; }
 
   // Throws Cancelled between samples. `between_samples` is called on the same thread.
@@ -51,8 +47,8 @@ class TileRenderer {
   }
 
   // Whether `finish` has work, once every tile of the image is rendered.
-  [[nodiscard]] bool needs_finish() const noexcept { return layer_ || film_; }
-  void finish(std::size_t tile, TileScratch& scratch) const;
+  [[nodiscard]] bool needs_finish() const noexcept { return film_.has_value(); }
+  void finish(std::size_t tile) const;
 
  private:
   void begin(std::size_t tile, TileScratch& scratch) const;
@@ -65,11 +61,8 @@ class TileRenderer {
   void bend_rays(std::uint32_t sample, TileScratch& scratch) const;
   void fill_background(TileScratch& scratch) const;
   void store_combined(const TileScratch& scratch) const;
-  void store_light(const TileScratch& scratch) const;
-  void develop(PixelRect tile) const;
-  void smooth(PixelRect tile, TileScratch& scratch) const;
 
-  // How far samples count in other pixels, where light is not smoothed. A denoiser takes pixels for independent: noise
+  // How far samples count in other pixels. A denoiser takes pixels for independent: noise
   // that neighbours share would look like something to be kept.
   [[nodiscard]] int shared_reach() const noexcept { return centred_ || targets_.any_guides() ? 0 : filter_.reach(); }
   // Whether the rays of the passes are those of the only sample, too.
@@ -88,14 +81,12 @@ class TileRenderer {
   Dimension filter_dimension_, lens_dimension_;
   SurfaceNeeds pass_needs_, sample_needs_;
   std::uint32_t sample_count_;
-  bool centred_;          // samples stand at pixel centres
-  bool has_lens_;         // samples pass all of the lens; passes its middle
-  int smoothing_radius_;  // 0: none
+  bool centred_;   // samples stand at pixel centres
+  bool has_lens_;  // samples pass all of the lens; passes its middle
   PixelRect border_;
   TileGrid tiles_;
-  mutable std::optional<DemodulatedIrradiance> layer_;  // if light is smoothed
-  mutable std::optional<Film> film_;                    // if pixels share samples
-  bool wants_centres_;                                  // rays through pixel centres are needed for the passes
+  mutable std::optional<Film> film_;  // if pixels share samples
+  bool wants_centres_;                // rays through pixel centres are needed for the passes
 };
 
 }  // namespace perfect_bvh

@@ -39,11 +39,10 @@ class ClayMode final : public ShadingMode {
   }
   [[nodiscard]] bool has_backdrop() const noexcept override { return true; }
   [[nodiscard]] Vec3f backdrop(const Ray& /*ray*/, float x, float y) const override { return Studio::backdrop(x, y); }
-  [[nodiscard]] bool keeps_light_apart() const noexcept override { return true; }
 
   void shade(const ShadeTask& task) const override {
     ShadeScratch& scratch = task.scratch;
-    scratch.lit_points.assign(task.points.size(), LitPoint{});
+    scratch.lights.assign(task.points.size(), StudioLight{});
     const auto count = static_cast<std::uint32_t>(settings_.light_rays);
     const float share = 1.0f / static_cast<float>(count);
     for (std::uint32_t i = 0; i < count; ++i) {
@@ -53,24 +52,13 @@ class ClayMode final : public ShadingMode {
     }
     for (std::size_t row = 0; row < task.points.size(); ++row) {
       const SurfacePoint& point = task.points[row];
-      LitPoint& lit_point = scratch.lit_points[row];
-      const Vec3f color = lit(point.color, point.light_normal, lit_point.light);
-      lit_point.color = point.color, lit_point.lit = color;
+      const Vec3f color = lit(point.color, point.light_normal, scratch.lights[row]);
       task.colors[point.ray] = {color.x, color.y, color.z, 1.0f};
     }
   }
 
-  void relight(std::span<const LightPixel> pixels, std::span<Rgba> colors) const override {
-    for (std::size_t i = 0; i < pixels.size(); ++i) {
-      const LightPixel& pixel = pixels[i];
-      if (!pixel.on_surface()) continue;
-      const Vec3f color = lit(pixel.color, pixel.normal, pixel.light) * pixel.share;
-      colors[i] = {colors[i].r + color.x, colors[i].g + color.y, colors[i].b + color.z, colors[i].a};
-    }
-  }
-
  private:
-  [[nodiscard]] Vec3f lit(Vec3f color, Vec3f normal, const LightSample& light) const noexcept {
+  [[nodiscard]] Vec3f lit(Vec3f color, Vec3f normal, const StudioLight& light) const noexcept {
     const Vec3f sky = max(light.sky, Vec3f{0, 0, 0});  // few rays may find more missing than there is
     return settings_.color.value_or(color) * (Studio::dome_mean(normal.z) * sky + Studio::kKey * light.key);
   }
@@ -95,7 +83,7 @@ class ClayMode final : public ShadingMode {
         const Vec3f lost = Vec3f{dome.x / mean.x, dome.y / mean.y, dome.z / mean.z} - color_at(hit) * kBounce;
         sky = sky - lost * obstruction(hit.t, reach_);
       }
-      scratch.lit_points[row].light.sky = scratch.lit_points[row].light.sky + sky * share;
+      scratch.lights[row].sky = scratch.lights[row].sky + sky * share;
     }
   }
 
@@ -107,9 +95,7 @@ class ClayMode final : public ShadingMode {
     scratch.rays.clear(), scratch.targets.clear();
     for (std::uint32_t row = 0; row < task.points.size(); ++row) {
       const SurfacePoint& point = task.points[row];
-      const float open = studio_.key_cosine(point.light_normal);
-      if (!(open > 0.0f)) continue;
-      scratch.lit_points[row].light.key_open += open * share;
+      if (!(studio_.key_cosine(point.light_normal) > 0.0f)) continue;
       const Point2 flat = uniform_disk((shared ^ key_.offset(place_of(task, point))).to_unit());
       Vec3f direction = normalized(key_frame_.world({flat.x * Studio::kKeyRadius, flat.y * Studio::kKeyRadius, 1.0f}));
       // The part of the disk below the horizon gives nothing; its rays help to learn about the part above.
@@ -123,7 +109,7 @@ class ClayMode final : public ShadingMode {
       const std::uint32_t row = scratch.targets[i];
       const Hit& hit = scratch.hits[i];
       const float visible = hit.found() ? 1.0f - obstruction(hit.t, reach) : 1.0f;
-      scratch.lit_points[row].light.key += studio_.key_cosine(task.points[row].light_normal) * visible * share;
+      scratch.lights[row].key += studio_.key_cosine(task.points[row].light_normal) * visible * share;
     }
   }
 

@@ -9,7 +9,6 @@
 
 #include "core/cancel.h"
 #include "render/appearance/appearance.h"
-#include "render/filter/irradiance.h"
 #include "render/light/path_tracer.h"
 #include "render/modes/settings.h"
 #include "render/sampling/camera.h"
@@ -18,12 +17,18 @@
 
 namespace perfect_bvh {
 
+// What reaches a point in the clay mode's studio.
+struct StudioLight {
+  Vec3f sky{0, 0, 0};  // relative to the open sky
+  float key = 0.0f;    // cosine times visibility
+};
+
 // Buffers of one thread, kept from tile to tile so that nothing is allocated once they have grown.
 struct ShadeScratch {
   AlignedVector<Ray> rays;
   AlignedVector<Hit> hits;
   AlignedVector<std::uint32_t> targets;  // rows in ShadeTask::points that the rays belong to
-  AlignedVector<LitPoint> lit_points;    // a row a point, of a mode that keeps light apart
+  AlignedVector<StudioLight> lights;     // a row a point
   PathTracer::Scratch paths, caught_paths;
   AlignedVector<Rgba> caught_light, open_light;  // a row a point on a shadow catcher
 };
@@ -52,11 +57,6 @@ class ShadingMode {
   [[nodiscard]] virtual bool has_guides() const noexcept { return false; }
   // True for numbers that must not be blended: one sample at the pixel's centre, whatever was asked for.
   [[nodiscard]] virtual bool is_exact() const noexcept { return false; }
-  // Whether `shade` also writes the light of each point to ShadeScratch::lit_points, apart from colour. Such light can
-  // be smoothed; `relight` then makes the final colour from it.
-  [[nodiscard]] virtual bool keeps_light_apart() const noexcept { return false; }
-  // Adds to `colors` what the pixels that show a surface get from it.
-  virtual void relight(std::span<const LightPixel> /*pixels*/, std::span<Rgba> /*colors*/) const {}
   // Whether what is out of focus is blurred, if the camera has a lens.
   [[nodiscard]] virtual bool has_focus() const noexcept { return false; }
   // Whether something stands behind the surfaces, and its colour in the direction of a camera ray; x and y are the

@@ -50,7 +50,6 @@ RayMaker::RayMaker(const Camera& camera, int width, int height)
   step_x_ = right_ * angle_x_;
   step_y_ = up_ * -angle_y_;
   const Vec3d corner = right_ * camera.left + up_ * camera.top;
-  pixel_size_ = static_cast<float>(std::max(angle_x_, angle_y_));
   corner_ = corner + (orthographic() ? origin_ : axis_);
 }
 

@@ -81,15 +81,6 @@ class RayMaker {
   // Leads a ray that came `through` the middle of the lens through another point of it: to the same point in focus.
   void bend(Ray& ray, Point2 on_lens) const noexcept;
 
-  // A point of a ray, relative to the camera.
-  [[nodiscard]] Vec3f from_camera(const Ray& ray, float t) const noexcept {
-    return to_float(ray.origin - origin_ + ray.direction * static_cast<double>(t));
-  }
-  // The size of a pixel at a depth, in world units.
-  [[nodiscard]] float footprint(float depth) const noexcept {
-    return orthographic() ? pixel_size_ : pixel_size_ * depth;
-  }
-
   [[nodiscard]] Vec3d right() const noexcept { return right_; }
   [[nodiscard]] Vec3d up() const noexcept { return up_; }
   [[nodiscard]] Vec3d axis() const noexcept { return axis_; }  // the way it looks
@@ -107,7 +98,6 @@ class RayMaker {
   Vec3d corner_, step_x_, step_y_;  // directions, or origins if orthographic
   float t_min_, t_max_;
   double left_, top_, angle_x_, angle_y_;  // of a panorama: where it begins, and the size of a pixel
-  float pixel_size_;                       // on the window's plane, or in radians; the longer side
   Projection projection_;
   std::optional<Lens> lens_;
 };
