@@ -10,7 +10,7 @@ import perfect_bvh
 import pytest
 from oracles import meshes
 from perfect_bvh_addon.image.denoising import Denoised, ImageDenoiser
-from perfect_bvh_addon.image.plan import GUIDES, plan_view
+from perfect_bvh_addon.image.plan import GUIDES, RenderPlan, plan_view
 from perfect_bvh_addon.image.progressive import Pace, Step
 from perfect_bvh_addon.image.refinement import SHORTEST_SECONDS, Refinement, View
 from perfect_bvh_addon.settings.scene_settings import RenderSettings
@@ -128,6 +128,9 @@ def test_it_is_denoised_whenever_samples_double_and_at_the_end(view: View, monke
         return denoise(denoiser, images, progress)
 
     monkeypatch.setattr(ImageDenoiser, "denoise", note)
+    # At their centres pixels share no samples, whether they are denoised or not.
+    options = {**plan.options, "filter_width": 0.0}
+    monkeypatch.setattr(RenderPlan, "options", options)
     refinement = Refinement(replace(view, plan=plan), Pace())
     finish(refinement, 1e-4)
     assert counts == [1, 2, 4, 7]
@@ -135,7 +138,7 @@ def test_it_is_denoised_whenever_samples_double_and_at_the_end(view: View, monke
     finish(raw, 1e-4)
     np.testing.assert_array_equal(refinement.canvas.film, raw.image)
     *_, (_, passes) = perfect_bvh.render_progressively(
-        view.snapshot, view.camera, mode="clay", size=SIZE, samples=7, passes=("combined", *GUIDES)
+        view.snapshot, view.camera, mode="clay", size=SIZE, samples=7, passes=("combined", *GUIDES), **options
     )
     np.testing.assert_array_equal(passes["combined"], raw.image)
     expected = denoise(ImageDenoiser(plan, "fast", "none"), passes)
