@@ -67,7 +67,7 @@ class Refinement:
         self.interval = DEFAULT_INTERVAL
         """How long until something new can be shown, for whoever traces it: shorter steps would only cost more."""
         self.complaint: str | None = None
-        self._denoiser = ImageDenoiser(view.plan, "fast", "none") if view.plan.is_denoised else None
+        self._denoiser = ImageDenoiser(view.plan) if view.plan.is_denoised else None
         self._denoised_count = 0  # of how many samples the image was that was denoised last
         self._guides: Images = {}
         self._pace = pace

@@ -118,7 +118,7 @@ def _trace(
         if progress is not None and not progress(done / plan.samples) and done < plan.samples:
             raise perfect_bvh.Cancelled("the render was cancelled")
     seconds = time.perf_counter() - start - (audit.seconds if audit else 0.0)
-    denoised = _denoise(plan, images, progress)
+    denoised = _denoise(plan, images, done, progress)
     statistics = FrameStatistics(
         frame=frame,
         size=plan.size,
@@ -138,11 +138,11 @@ def _trace(
     return Frame(shown, statistics, plan.window if plan.is_cropped else None)
 
 
-def _denoise(plan: RenderPlan, images: Images, progress: Progress | None) -> Denoised:
+def _denoise(plan: RenderPlan, images: Images, samples: int, progress: Progress | None) -> Denoised:
     """As the plan says; the bar stays at its end meanwhile."""
     if not plan.is_denoised:
         return Denoised(images["combined"], None, 0.0)
-    return ImageDenoiser(plan).denoise(images, None if progress is None else lambda _: progress(1.0))
+    return ImageDenoiser(plan, samples).denoise(images, None if progress is None else lambda _: progress(1.0))
 
 
 def missing_camera(scene: bpy.types.Scene, sync: SceneSync) -> str:

@@ -14,10 +14,10 @@ bpy = pytest.importorskip("bpy")
 
 from oracles.cycles import preserved, write_multilayer  # noqa: E402
 from oracles.exr import read_exr  # noqa: E402
-from perfect_bvh.denoise import denoise  # noqa: E402
+from perfect_bvh.denoise import DenoiseQuality, Prefilter, denoise  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.image import denoising  # noqa: E402
-from perfect_bvh_addon.image.denoising import ImageDenoiser  # noqa: E402
+from perfect_bvh_addon.image.denoising import MANY_SAMPLES, ImageDenoiser  # noqa: E402
 from perfect_bvh_addon.image.plan import GUIDES, NOISY, RenderPlan, plan_render, plan_view  # noqa: E402
 from perfect_bvh_addon.image.still import Frame  # noqa: E402
 from perfect_bvh_addon.settings.denoisers import denoiser_in_use, denoiser_libraries  # noqa: E402
@@ -67,11 +67,19 @@ def ask_for_data(scene: bpy.types.Scene) -> None:
 # When ----------------------------------------------------------------------------------------------------------------
 
 
-def test_renders_are_denoised_unless_told_otherwise(scene: bpy.types.Scene) -> None:
+@pytest.mark.parametrize(
+    ("samples", "quality", "prefilter"),
+    [(1, "fast", "fast"), (MANY_SAMPLES - 1, "fast", "fast"), (MANY_SAMPLES, "balanced", "accurate")],
+)
+def test_renders_are_denoised_unless_told_otherwise(
+    scene: bpy.types.Scene, samples: int, quality: DenoiseQuality, prefilter: Prefilter
+) -> None:
     ask_for_data(scene)
+    scene.perfect_bvh.samples = samples
     frame = render()
     assert set(frame.images) == {"combined", NOISY, *GUIDES}
-    expected = denoise(frame.images[NOISY], *(frame.images[name] for name in GUIDES))
+    guides = [frame.images[name] for name in GUIDES]
+    expected = denoise(frame.images[NOISY], *guides, quality=quality, prefilter=prefilter)
     np.testing.assert_array_equal(frame.images["combined"], expected)
     assert frame.statistics.denoiser == denoiser_in_use() and frame.statistics.denoise_milliseconds > 0.0
     assert not frame.statistics.complaints
@@ -112,7 +120,8 @@ def test_a_border_is_denoised_alone(scene: bpy.types.Scene) -> None:
     frame = render()
     left, right, bottom, top = plan_render(scene, read_settings(scene)).window
     part = slice(HEIGHT - top, HEIGHT - bottom), slice(left, right)
-    expected = denoise(*(frame.images[name][part] for name in (NOISY, *GUIDES)))
+    given = [frame.images[name][part] for name in (NOISY, *GUIDES)]
+    expected = denoise(*given, quality="fast", prefilter="fast")
     np.testing.assert_array_equal(frame.images["combined"][part], expected)
     outside = np.ones((HEIGHT, WIDTH), bool)
     outside[part] = False
@@ -235,14 +244,14 @@ def test_one_denoiser_serves_a_view_as_it_gets_better(scene: bpy.types.Scene) ->
     made = render().images
     raw, guides = made[NOISY], [made[name] for name in GUIDES]
     images = {"combined": raw, **dict(zip(GUIDES, guides, strict=True))}
-    viewer = ImageDenoiser(plan, quality="fast", prefilter="none")
-    expected = denoise(raw, *guides, quality="fast", prefilter="none")
+    viewer = ImageDenoiser(plan)
+    expected = denoise(raw, *guides, quality="fast", prefilter="fast")
     for _ in range(2):
         result = viewer.denoise(images)
         np.testing.assert_array_equal(result.image, expected)
         assert result.name == denoiser_in_use() and result.complaint is None
     unguided = viewer.denoise({"combined": raw}).image
-    np.testing.assert_array_equal(unguided, denoise(raw, quality="fast", prefilter="none"))
+    np.testing.assert_array_equal(unguided, denoise(raw, quality="fast", prefilter="fast"))
 
 
 # Sampling ------------------------------------------------------------------------------------------------------------

@@ -141,7 +141,7 @@ def test_it_is_denoised_whenever_samples_double_and_at_the_end(view: View, monke
         view.snapshot, view.camera, mode="clay", size=SIZE, samples=7, passes=("combined", *GUIDES), **options
     )
     np.testing.assert_array_equal(passes["combined"], raw.image)
-    expected = denoise(ImageDenoiser(plan, "fast", "none"), passes)
+    expected = denoise(ImageDenoiser(plan), passes)
     assert expected.name is not None and refinement.complaint == expected.complaint
     np.testing.assert_array_equal(refinement.image, expected.image)
     shown = refinement.canvas.patches({})
