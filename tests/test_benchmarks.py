@@ -302,6 +302,27 @@ def test_errors_of_images_are_measured_beside_cycles(repository: Path, tmp_path:
     assert set(figures["cpu_to_equal_error"]["4"]["scenes"]) == {"gears", "cloth"}
 
 
+def test_the_first_image_is_timed_beside_cycles(repository: Path, tmp_path: Path) -> None:
+    pytest.importorskip("bpy", reason="Blender's module is not installed")
+    words = ["--scenes", "gears", "--size", "64", "--rounds", "2"]
+    figures = figures_of(repository, tmp_path, "first_image.py", *words)
+    (scene,) = figures["scenes"]
+    runs = {run["name"]: run for run in scene["runs"]}
+    assert list(runs) == ["ours", "ours, denoised", "Cycles", "Cycles, denoised"]
+    for name, run in runs.items():
+        for key in ("engine", "engine_cpu", "blender"):
+            check_spread(run[key])
+        assert ("read" in run) == name.startswith("ours")
+    for name in ("ours", "ours, denoised"):
+        parts = {key: runs[name]["first"][key] for key in ("read", "build", "trace", "denoise", "rest")}
+        assert sum(parts.values()) == pytest.approx(runs[name]["first"]["engine"])
+        assert (parts["denoise"] > 0.0) == (name != "ours")
+        assert min(parts["read"], parts["build"], parts["trace"], parts["rest"], runs[name]["first"]["save"]) > 0.0
+    for pair, (ours, theirs) in {"raw": ("ours", "Cycles"), "denoised": ("ours, denoised", "Cycles, denoised")}.items():
+        share = runs[ours]["engine"]["median"] / runs[theirs]["engine"]["median"]
+        assert scene["share_of_cycles"][pair]["engine"] == pytest.approx(share)
+
+
 @pytest.mark.parametrize(
     ("script", "constant", "source", "name"),
     [

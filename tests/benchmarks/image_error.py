@@ -118,8 +118,26 @@ def measure(name: str, width: int, counts: list[int], seeds: int, converged: int
 def render(scene: bpy.types.Scene, which: Renderer, width: int, samples: int, seed: int) -> Rendered:
     """From the request to a file, with nothing kept from before."""
     clear_syncs()
-    ours, cycles, picture = scene.perfect_bvh, scene.cycles, scene.render.image_settings
-    settings: list[tuple[Any, str, Any]] = [
+    picture = scene.render.image_settings
+    settings: list[tuple[Any, str, Any]] = settings_of(scene, which, width, samples, seed)
+    if hasattr(picture, "media_type"):
+        settings.append((picture, "media_type", "IMAGE"))
+    settings += [(picture, "file_format", "PNG"), (picture, "color_mode", "RGB"), (picture, "color_depth", "16")]
+    with tempfile.TemporaryDirectory() as folder, preserved(*settings):
+        path = Path(folder) / "image.png"
+        with preserved((scene.render, "filepath", str(path))):
+            started, worked = time.perf_counter(), time.process_time()
+            bpy.ops.render.render(write_still=True)
+            wall, cpu = time.perf_counter() - started, time.process_time() - worked
+        return Rendered(read(path), wall, cpu)
+
+
+def settings_of(
+    scene: bpy.types.Scene, which: Renderer, width: int, samples: int, seed: int
+) -> list[tuple[Any, str, Any]]:
+    """(owner, property, value) of what makes a scene's images comparable."""
+    ours, cycles = scene.perfect_bvh, scene.cycles
+    return [
         (scene.render, "engine", which.engine), (scene.render, "use_persistent_data", False),
         (scene.render, "resolution_x", width), (scene.render, "resolution_y", width * 9 // 16),
         (scene.render, "resolution_percentage", 100), (scene.render, "use_motion_blur", False),
@@ -131,16 +149,6 @@ def render(scene: bpy.types.Scene, which: Renderer, width: int, samples: int, se
         (cycles, "use_adaptive_sampling", False), (cycles, "use_denoising", which.denoises),
         (cycles, "denoiser", "OPENIMAGEDENOISE"),
     ]  # fmt: skip
-    if hasattr(picture, "media_type"):
-        settings.append((picture, "media_type", "IMAGE"))
-    settings += [(picture, "file_format", "PNG"), (picture, "color_mode", "RGB"), (picture, "color_depth", "16")]
-    with tempfile.TemporaryDirectory() as folder, preserved(*settings):
-        path = Path(folder) / "image.png"
-        with preserved((scene.render, "filepath", str(path))):
-            started, worked = time.perf_counter(), time.process_time()
-            bpy.ops.render.render(write_still=True)
-            wall, cpu = time.perf_counter() - started, time.process_time() - worked
-        return Rendered(read(path), wall, cpu)
 
 
 def read(path: Path) -> Image:
