@@ -15,10 +15,11 @@ import numpy as np
 
 from ..settings.modes import find_mode
 from .canvas import Canvas, Image
+from .costs import trace_costs
 from .denoising import ImageDenoiser
 from .plan import GUIDES
 from .progressive import Pace, Schedule, Step
-from .still import COST_PASSES, Images
+from .still import Images
 
 if TYPE_CHECKING:
     from perfect_bvh import Appearance, Camera, Snapshot, StopFlag
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
     from ..live.scene_sync import SceneSync
     from .plan import RenderPlan
 
-# Which meshes the rays spend their work on is asked of one pixel in so many, each way: no one waits for it.
-COST_STEP = 4
 # A step that is stopped is lost, so the next ones are shorter: an image that is stopped again and again gets done, too.
 SHORTEST_SECONDS = 0.03
 DEFAULT_INTERVAL = 0.1
@@ -52,7 +51,7 @@ class Refinement:
     """canvas: what there is of the image. view: what it shows.
 
     seconds, ray_count: what tracing it has taken so far, and how many camera rays that were. costs: once it is
-    finished, `COST_PASSES` of one pixel in COST_STEP each way. is_finished: whether there is nothing left to do.
+    finished, what `trace_costs` returns. is_finished: whether there is nothing left to do.
 
     Where the plan says so the full image is shown without its noise as soon as it has a sample, and again whenever its
     samples have doubled. complaint: why that is not done as it should be, as a sentence for the user.
@@ -172,21 +171,12 @@ class Refinement:
             self.canvas.replace(made.image)
 
     def _finish(self, stop: StopFlag | None) -> None:
-        import perfect_bvh
-
         view = self.view
         width, height = view.plan.size
         if self.canvas.image is None:  # not a row lies within the border
             self.canvas.replace(np.zeros((height, width, 4), np.float32))
-        self.costs = perfect_bvh.render_passes(
-            view.snapshot,
-            view.camera,
-            mode="cost",
-            size=(max(1, width // COST_STEP), max(1, height // COST_STEP)),
-            appearance=view.appearance,
-            passes=COST_PASSES,
-            progress=stop,
-            threads=view.plan.settings.threads,
+        self.costs = trace_costs(
+            view.snapshot, view.camera, view.plan.size, view.appearance, view.plan.settings.threads, stop
         )
         self.is_finished = True
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import numpy.typing as npt
 
 from ..statistics.frame_statistics import FrameStatistics
+from .costs import mesh_costs, trace_costs
 from .denoising import Denoised, ImageDenoiser
 from .plan import NOISY, RenderPlan, Window
 
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
 
 Progress = Callable[[float], bool]
 Images = dict[str, npt.NDArray[Any]]
-
-# What tells which meshes the camera rays spent their work on.
-COST_PASSES = ("instance", "nodes_visited", "primitives_tested")
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +104,7 @@ def _trace(
         size=plan.size,
         samples=plan.samples,
         appearance=sync.appearance,
-        passes=("combined", *plan.traced_passes, *COST_PASSES),
+        passes=("combined", *plan.traced_passes),
         time_limit=plan.settings.time_limit,
         progress=progress,
         audit=audit,
@@ -118,7 +116,9 @@ def _trace(
         if progress is not None and not progress(done / plan.samples) and done < plan.samples:
             raise perfect_bvh.Cancelled("the render was cancelled")
     seconds = time.perf_counter() - start - (audit.seconds if audit else 0.0)
-    denoised = _denoise(plan, images, done, progress)
+    at_end = None if progress is None else partial(_stay_at_end, progress)
+    costs = trace_costs(sync.scene, sync.camera, plan.size, sync.appearance, plan.settings.threads, at_end)
+    denoised = _denoise(plan, images, done, at_end)
     statistics = FrameStatistics(
         frame=frame,
         size=plan.size,
@@ -131,18 +131,23 @@ def _trace(
         denoiser=denoised.name,
         denoise_milliseconds=denoised.milliseconds,
         complaints=() if denoised.complaint is None else (denoised.complaint,),
-        mesh_costs=mesh_costs(sync, images),
+        mesh_costs=mesh_costs(sync, costs),
     )
     made = images | {NOISY: images["combined"], "combined": denoised.image}
     shown = {name: made[name] for name in ("combined", *plan.passes)}
     return Frame(shown, statistics, plan.window if plan.is_cropped else None)
 
 
+def _stay_at_end(progress: Progress, _: float) -> bool:
+    """What the bar does during what follows the last sample, which can be cancelled, too."""
+    return progress(1.0)
+
+
 def _denoise(plan: RenderPlan, images: Images, samples: int, progress: Progress | None) -> Denoised:
-    """As the plan says; the bar stays at its end meanwhile."""
+    """As the plan says."""
     if not plan.is_denoised:
         return Denoised(images["combined"], None, 0.0)
-    return ImageDenoiser(plan, samples).denoise(images, None if progress is None else lambda _: progress(1.0))
+    return ImageDenoiser(plan, samples).denoise(images, progress)
 
 
 def missing_camera(scene: bpy.types.Scene, sync: SceneSync) -> str:
@@ -150,16 +155,3 @@ def missing_camera(scene: bpy.types.Scene, sync: SceneSync) -> str:
     # What is wrong with the camera that it has is the last of what could not be read.
     reason = f". {sync.warnings[-1]}" if scene.camera is not None and sync.warnings else ""
     return f"scene {scene.name!r} has no camera that can be rendered{reason}"
-
-
-def mesh_costs(sync: SceneSync, images: Images) -> dict[int, float]:
-    """The share of the work of all rays through pixel centres that went into those that end on each mesh, by its id."""
-    seen = images["instance"].ravel()
-    work = (images["nodes_visited"] + images["primitives_tested"]).ravel()
-    ids, hit = sync.appearance.instances.ids, seen >= 0
-    if not hit.any():
-        return {}
-    by_instance = np.bincount(seen[hit], weights=work[hit], minlength=int(ids.max()) + 1)[ids]
-    by_mesh = np.bincount(sync.record.instances.mesh_indices, weights=by_instance)
-    total = float(work.sum())
-    return {int(sync.mesh_ids[row]): float(by_mesh[row]) / total for row in np.flatnonzero(by_mesh)}

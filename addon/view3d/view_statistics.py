@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..image.costs import mesh_costs
 from ..image.refinement import Refinement
-from ..image.still import mesh_costs
 from ..statistics.frame_statistics import FrameStatistics, Source
 from ..statistics.last_result import remember
 

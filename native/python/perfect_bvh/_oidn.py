@@ -153,6 +153,19 @@ class Device:
         raise EngineError(f"denoise: {NAME} failed at {what} ({text}): denoise with backend='joint'")
 
 
+class _Run:
+    """How far a filter is, which the library says on whichever thread it has, and whether it is to go on."""
+
+    def __init__(self) -> None:
+        self.share = 0.0
+        self.shall_stop = False
+
+    def note(self, _: object, share: float) -> bool:
+        """Called by the library."""
+        self.share = share
+        return not self.shall_stop
+
+
 class Filter:
     """A network over images in memory that the caller keeps; ready to be run again and again.
 
@@ -173,32 +186,28 @@ class Filter:
         for name, value in switches.items():
             calls.oidnSetFilterBool(self._handle, name.encode(), value)
         calls.oidnSetFilterInt(self._handle, b"quality", QUALITIES[quality])
-        self._share = 0.0
-        self._shall_stop = False
-        self._monitor = _Monitor(self._note)  # as long as the filter may call it
+        # What the library calls must not hold the filter: its memory, which is much, would wait for the collector.
+        self._run = _Run()
+        self._monitor = _Monitor(self._run.note)  # as long as the filter may call it
         calls.oidnSetFilterProgressMonitorFunction(self._handle, self._monitor, None)
         calls.oidnCommitFilter(self._handle)
         device.check("a filter")
-
-    def _note(self, _: object, share: float) -> bool:
-        """Called by the library, on whichever thread it has."""
-        self._share = share
-        return not self._shall_stop
 
     def run(self, progress: Share | None) -> None:
         """Filters what the images hold now. progress: called on this thread with 0 to 1, False stops it."""
         if has_forked():
             raise EngineError(f"denoise: this process was forked, and {NAME} was not: make another Denoiser")
-        self._share, self._shall_stop = 0.0, False
+        state = self._run
+        state.share, state.shall_stop = 0.0, False
         # On a thread of its own, so that this one can be asked, and interrupted: the library's own would not say.
         work = _Work(self._execute)
         is_wanted = True
         try:
             while not work.has_ended.wait(_ASKING_SECONDS):
-                if is_wanted and progress is not None and progress(self._share) is False:
-                    is_wanted, self._shall_stop = False, True
+                if is_wanted and progress is not None and progress(state.share) is False:
+                    is_wanted, state.shall_stop = False, True
         finally:  # Ctrl-C, too: nothing writes into the images once this has returned
-            self._shall_stop = True
+            state.shall_stop = True
             work.has_ended.wait()
         if not is_wanted:
             raise Cancelled("denoise: cancelled")
