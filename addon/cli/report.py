@@ -31,6 +31,8 @@ TIME_COLUMNS = (
 )
 RATE_COLUMN = ("Mrays/s", 8)
 MAX_NAMES = 4
+# What a run's summary tells of the steps of a frame.
+SUMMED = ("blender", "read", "build", "trace", "denoise", "save")
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,8 +141,7 @@ def format_summary(reports: Sequence[SyncReport], times: Sequence[FrameTimes], w
         f"trees: {totals['built']:,} built, {totals['refitted']:,} refits, {totals['rebuilt']:,} rebuilt; "
         f"instances moved: {moved:,}; {reports[-1].byte_count / 2**20:.1f} MiB",
     ]
-    if count > 1:
-        parts = (("blender", "blender"), ("read", "read"), ("build", "build"), ("trace", "trace"), ("save", "save"))
-        medians = ", ".join(f"{label} {median(getattr(time, name) for time in times):.0f}" for label, name in parts)
-        lines.append(f"median frame {median(time.total for time in times):.0f} ms: {medians}")
+    parts = [f"{name} {median(getattr(time, name) for time in times):.0f}" for name in SUMMED]
+    what = "median frame" if count > 1 else "frame"
+    lines.append(f"{what} {median(time.total for time in times):.0f} ms: {', '.join(parts)}")
     return "\n".join(lines)

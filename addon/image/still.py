@@ -115,9 +115,9 @@ def _trace(
         # The renderer asks at intervals of time; a quick round would not be asked about at all.
         if progress is not None and not progress(done / plan.samples) and done < plan.samples:
             raise perfect_bvh.Cancelled("the render was cancelled")
-    seconds = time.perf_counter() - start - (audit.seconds if audit else 0.0)
     at_end = None if progress is None else partial(_stay_at_end, progress)
     costs = trace_costs(sync.scene, sync.camera, plan.size, sync.appearance, plan.settings.threads, at_end)
+    seconds = time.perf_counter() - start - (audit.seconds if audit else 0.0)
     denoised = _denoise(plan, images, done, at_end)
     statistics = FrameStatistics(
         frame=frame,

@@ -416,6 +416,14 @@ def test_an_animation_refits_and_says_so(small_file: Path, tmp_path: Path, capsy
     assert "2 built, 1 refits, 0 rebuilt; instances moved: 1" in text
 
 
+@pytest.mark.parametrize(("frames", "what"), [("1", "frame"), ("1-3", "median frame")])
+def test_each_run_says_where_its_time_went(frames: str, what: str, small_file: Path, tmp_path: Path, capsys) -> None:
+    assert run("render", small_file, "-o", tmp_path / "f_#.png", "--frames", frames, "--size", "40x30") == 0
+    number = r"\d+"
+    parts = ", ".join(f"{name} {number}" for name in ("blender", "read", "build", "trace", "denoise", "save"))
+    assert re.search(rf"^{what} {number} ms: {parts}$", capsys.readouterr().out, re.MULTILINE)
+
+
 def test_an_audit_says_how_many_rays_were_wrong(small_file: Path, tmp_path: Path, capsys) -> None:
     assert run("render", small_file, "-o", tmp_path, "--frames", "1-2", "--samples", "4", "--audit", "0.5") == 0
     (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("audit: ")]
