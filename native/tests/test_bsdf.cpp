@@ -5,10 +5,12 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <string>
 
 #include "render/appearance/light.h"
 #include "render/light/multiple_importance.h"
 #include "render/sampling/sampler.h"
+#include "render/surface/bent_normal.h"
 #include "render/surface/bsdf.h"
 
 namespace perfect_bvh {
@@ -56,7 +58,9 @@ std::array<Surface, 4> surfaces(float roughness) {
            {"mixture", mixture(roughness)}}};
 }
 Vec3f view_at(float slant) { return {std::sin(slant), 0, std::cos(slant)}; }
-Bsdf bsdf_of(const Material& material, Vec3f view, bool inside = false) { return {material, kUp, view, inside, {}}; }
+Bsdf bsdf_of(const Material& material, Vec3f view, bool inside = false) {
+  return {material, kUp, kUp, view, inside, {}};
+}
 
 Point2 random(std::uint32_t index, std::uint32_t seed = 1) { return sampling::scrambled_sobol(index, seed).to_unit(); }
 
@@ -112,31 +116,69 @@ TEST(Bsdf, DirectionsThatAreSampledHaveTheDensityAndTheWeightThatEvaluationTells
 }
 
 // What is found along directions from everywhere is what sampling finds: nothing is chosen too rarely or too often.
-TEST(Bsdf, SamplingGivesWhatAllDirectionsGive) {
+void expect_same_by_sampling_as_from_everywhere(const Bsdf& bsdf, const std::string& name) {
   constexpr std::uint32_t kCount = 1u << 17;
+  Estimate everywhere, sampled;
+  for (std::uint32_t i = 0; i < kCount; ++i) {
+    const Point2 at = random(i, 3);
+    const float height = 2.0f * at.x - 1.0f, radius = std::sqrt(1.0f - height * height);
+    const Vec3f to{radius * std::cos(2.0f * kPi * at.y), radius * std::sin(2.0f * kPi * at.y), height};
+    // A light that is brighter on one side, so that directions count.
+    const float light = 1.0f + 0.5f * to.x;
+    everywhere.add(static_cast<double>(bsdf.evaluate(to).share.y * std::abs(height) * 4.0f * light));
+    const Bsdf::Sample way = bsdf.sample(pick(i), random(i, 5));
+    sampled.add(way.kind == Scatter::kNone ? 0.0 : static_cast<double>(way.weight.y * (1.0f + 0.5f * way.direction.x)));
+  }
+  EXPECT_NEAR(sampled.mean(), everywhere.mean(), 6.0 * everywhere.error() + 0.01) << name;
+}
+
+TEST(Bsdf, SamplingGivesWhatAllDirectionsGive) {
   for (const float roughness : {0.45f, 0.6f, 0.9f}) {
     for (const Surface& surface : surfaces(roughness)) {
       for (const float slant : {0.1f, 0.6f, 1.2f}) {
         for (const bool inside : {false, true}) {
-          const Bsdf bsdf = bsdf_of(surface.material, view_at(slant), inside);
-          Estimate everywhere, sampled;
-          for (std::uint32_t i = 0; i < kCount; ++i) {
-            const Point2 at = random(i, 3);
-            const float height = 2.0f * at.x - 1.0f, radius = std::sqrt(1.0f - height * height);
-            const Vec3f to{radius * std::cos(2.0f * kPi * at.y), radius * std::sin(2.0f * kPi * at.y), height};
-            // A light that is brighter on one side, so that directions count.
-            const float light = 1.0f + 0.5f * to.x;
-            everywhere.add(static_cast<double>(bsdf.evaluate(to).share.y * std::abs(height) * 4.0f * light));
-            const Bsdf::Sample way = bsdf.sample(pick(i), random(i, 5));
-            sampled.add(
-                way.kind == Scatter::kNone ? 0.0 : static_cast<double>(way.weight.y * (1.0f + 0.5f * way.direction.x)));
-          }
-          EXPECT_NEAR(sampled.mean(), everywhere.mean(), 6.0 * everywhere.error() + 0.01)
-              << surface.name << ' ' << roughness << ' ' << slant << ' ' << inside;
+          const std::string name = std::string(surface.name) + ' ' + std::to_string(roughness) + ' ' +
+                                   std::to_string(slant) + (inside ? " inside" : "");
+          expect_same_by_sampling_as_from_everywhere(bsdf_of(surface.material, view_at(slant), inside), name);
         }
       }
     }
   }
+}
+
+// Its triangle lies so aslant that facets are spread around another normal than the diffuse light.
+TEST(Bsdf, SamplingGivesWhatAllDirectionsGiveWhereFacetsAreBent) {
+  const Vec3f triangle = normalized(Vec3f{0.7f, 0.3f, 0.6f});
+  const Vec3f view = view_at(1.2f);
+  ASSERT_GT(length(bent_normal(kUp, triangle, view) - kUp), 0.1f);
+  for (const float roughness : {0.45f, 0.6f, 0.9f}) {
+    for (const Surface& surface : surfaces(roughness)) {
+      const Bsdf bsdf(surface.material, kUp, triangle, view, false, {});
+      expect_same_by_sampling_as_from_everywhere(bsdf, std::string(surface.name) + ' ' + std::to_string(roughness));
+    }
+  }
+}
+
+TEST(BentNormal, MirrorsWhatLiesAboveTheTriangleAndIsBentNoFurtherThanThat) {
+  int bent_count = 0;
+  for (std::uint32_t i = 0; i < 4096; ++i) {
+    const Vec3f triangle = cosine_direction(kUp, random(i, 7)), view = cosine_direction(triangle, random(i, 8));
+    const Vec3f smooth = cosine_direction(triangle, random(i, 9));
+    const float least = std::min(0.9f * dot(view, triangle), 0.01f);
+    const auto height = [&](Vec3f normal) { return dot(normal * (2.0f * dot(normal, view)) - view, triangle); };
+    const Vec3f bent = bent_normal(smooth, triangle, view);
+    if (height(smooth) >= least) {
+      EXPECT_EQ(bent, smooth);
+      continue;
+    }
+    ++bent_count;
+    EXPECT_NEAR(length(bent), 1.0f, 1e-5f);
+    EXPECT_NEAR(height(bent), least, 1e-5f);
+    EXPECT_NEAR(dot(cross(smooth, triangle), bent), 0.0f, 1e-5f) << "it leaves the plane of both";
+    EXPECT_GT(dot(bent, triangle), dot(smooth, triangle));
+  }
+  EXPECT_GT(bent_count, 500);
+  EXPECT_EQ(bent_normal(kUp, kUp, view_at(1.5f)), kUp);
 }
 
 // White surfaces in a white furnace give back all: what facets throw at each other is not lost.
@@ -176,9 +218,9 @@ TEST(Bsdf, SmoothSurfacesMirrorAndRefractByTheLaws) {
 
 TEST(Bsdf, LimitsLeaveOutWhatTheyName) {
   const Vec3f view = view_at(0.3f);
-  const Bsdf neither(glass(0.1f), kUp, view, false, {.no_reflection = true, .no_refraction = true});
+  const Bsdf neither(glass(0.1f), kUp, kUp, view, false, {.no_reflection = true, .no_refraction = true});
   EXPECT_TRUE(neither.is_black());
-  const Bsdf wide(metal(0.0f), kUp, view, false, {.least_alpha = 0.3f});
+  const Bsdf wide(metal(0.0f), kUp, kUp, view, false, {.least_alpha = 0.3f});
   EXPECT_FALSE(std::isinf(wide.sample(0.5f, {0.3f, 0.4f}).density));
 }
 

@@ -136,7 +136,7 @@ void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Scratc
   if (path.is_seen()) step.targets.colors[path.owner].a += path.throughput.x * (1.0f - material.holdout);
   add(step, path, path.throughput * emitted(path, ray, hit, point, material), std::max(path.bounces - 1, 0));
   if (path.ends || material.holdout >= 1.0f) return;
-  const Bsdf bsdf(material, point.light_normal, view, point.inside, limits_of(path));
+  const Bsdf bsdf(material, point.light_normal, point.geometric_normal, view, point.inside, limits_of(path));
   guide_by(step, bsdf, point, material.emission, path);
   if (!bsdf.is_black()) scratch.vertices.push_back({point, bsdf, path});
 }
@@ -258,7 +258,7 @@ void PathTracer::light_white(std::span<const CaughtPoint> points, std::uint32_t 
     Path path;
     path.owner = row, path.place = points[row].place;
     const SurfacePoint& point = points[row].point;
-    const Bsdf white(Material{.color = {1, 1, 1}}, point.light_normal, points[row].view, false, {});
+    const Bsdf white({.color = {1, 1, 1}}, point.light_normal, point.geometric_normal, points[row].view, false, {});
     scratch.vertices.push_back({point, white, path});
   }
   light_vertices(first, scratch);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "render/surface/bent_normal.h"
 #include "render/surface/fresnel.h"
 
 namespace perfect_bvh {
@@ -18,11 +19,14 @@ float largest(Vec3f color) noexcept { return std::max({color.x, color.y, color.z
 
 }  // namespace
 
-Bsdf::Bsdf(const Material& material, Vec3f normal, Vec3f view, bool inside, const Limits& limits) noexcept
-    : frame_(normal),
-      view_{dot(view, frame_.x), dot(view, frame_.y), std::max(dot(view, normal), kLeastCosine)},
+Bsdf::Bsdf(const Material& material, Vec3f normal, Vec3f geometric_normal, Vec3f view, bool inside,
+           const Limits& limits) noexcept
+    : frame_(bent_normal(normal, geometric_normal, view)),
+      normal_(local(normal)),
+      view_(local(view)),
       alpha_(std::max(material.roughness * material.roughness, limits.least_alpha)),
       roughness_(std::sqrt(alpha_)) {
+  view_.z = std::max(view_.z, kLeastCosine);
   layer(material, inside, limits);
   chances_.diffuse = largest(diffuse_), chances_.translucent = largest(translucent_);
   chances_.glossy = largest(glossy_albedo_), chances_.refracted = largest(refracted_albedo_);
@@ -95,24 +99,24 @@ Vec3f Bsdf::passed(float cosine) const noexcept {
   return glass_refraction_ * (kWhite - glass_(cosine)) + plain_refraction_;
 }
 
-void Bsdf::evaluate_reflected(Vec3f out, Value& value) const noexcept {
+void Bsdf::evaluate_reflected(Vec3f out, float height, Value& value) const noexcept {
   value.share = value.share + diffuse_;
-  value.density += chances_.diffuse / total_ * out.z / kPi;
-  if (!(chances_.glossy > 0.0f) || is_smooth()) return;
+  value.density += chances_.diffuse / total_ * height / kPi;
+  if (!(chances_.glossy > 0.0f) || is_smooth() || !(out.z > 0.0f)) return;
   const Facets facets(alpha_);
   const Vec3f half = normalized(view_ + out);
   const float slant = dot(view_, half);
   if (!(slant > 0.0f)) return;
   const float density = facets.seen_density(view_, half) / (4.0f * slant);
-  value.share = value.share + reflected(slant) * (kPi * density * facets.lit_of_seen(view_.z, out.z) / out.z);
+  value.share = value.share + reflected(slant) * (kPi * density * facets.lit_of_seen(view_.z, out.z) / height);
   value.density += chances_.glossy / total_ * density;
 }
 
-void Bsdf::evaluate_refracted(Vec3f out, Value& value) const noexcept {
-  const float down = std::max(-out.z, kLeastCosine);
+void Bsdf::evaluate_refracted(Vec3f out, float height, Value& value) const noexcept {
+  const float depth = std::max(-height, kLeastCosine);
   value.share = value.share + translucent_;
-  value.density += chances_.translucent / total_ * down / kPi;
-  if (!(chances_.refracted > 0.0f) || is_smooth() || glass_.ior() == 1.0f) return;
+  value.density += chances_.translucent / total_ * depth / kPi;
+  if (!(chances_.refracted > 0.0f) || is_smooth() || glass_.ior() == 1.0f || out.z > 0.0f) return;
   Vec3f half = normalized(view_ + out * glass_.ior());
   if (half.z < 0.0f) half = -half;
   const float slant = dot(view_, half), beyond = dot(out, half);
@@ -121,26 +125,26 @@ void Bsdf::evaluate_refracted(Vec3f out, Value& value) const noexcept {
   const float sum = slant + glass_.ior() * beyond;
   const float density =
       facets.seen_density(view_, half) * glass_.ior() * glass_.ior() * -beyond / std::max(sum * sum, 1e-12f);
-  value.share = value.share + passed(slant) * (kPi * density * facets.lit_of_seen(view_.z, down) / down);
+  const float down = std::max(-out.z, kLeastCosine);
+  value.share = value.share + passed(slant) * (kPi * density * facets.lit_of_seen(view_.z, down) / depth);
   value.density += chances_.refracted / total_ * density;
 }
 
 Bsdf::Value Bsdf::evaluate_local(Vec3f out) const noexcept {
   Value value;
-  if (out.z > 0.0f) {
-    evaluate_reflected(out, value);
+  const float height = dot(out, normal_);
+  if (height > 0.0f) {
+    evaluate_reflected(out, height, value);
   } else if (transmits()) {
-    evaluate_refracted(out, value);
+    evaluate_refracted(out, height, value);
   }
   return value;
 }
 
-Bsdf::Value Bsdf::evaluate(Vec3f direction) const noexcept {
-  return evaluate_local({dot(direction, frame_.x), dot(direction, frame_.y), dot(direction, frame_.z)});
-}
+Bsdf::Value Bsdf::evaluate(Vec3f direction) const noexcept { return evaluate_local(local(direction)); }
 
 Bsdf::Value Bsdf::evaluate_diffuse(Vec3f direction) const noexcept {
-  const float height = dot(direction, frame_.z), slant = std::abs(height) / kPi;
+  const float height = dot(local(direction), normal_), slant = std::abs(height) / kPi;
   if (height > 0.0f) return {diffuse_, chances_.diffuse > 0.0f ? chances_.diffuse / total_ * slant : 0.0f};
   return {translucent_, chances_.translucent > 0.0f ? chances_.translucent / total_ * slant : 0.0f};
 }
@@ -172,9 +176,9 @@ Bsdf::Sample Bsdf::sample(float pick, Point2 random) const noexcept {
     return false;
   };
   if (takes(chances_.diffuse)) {
-    sample.kind = Scatter::kDiffuse, sample.direction = cosine_direction({0, 0, 1}, random);
+    sample.kind = Scatter::kDiffuse, sample.direction = cosine_direction(normal_, random);
   } else if (takes(chances_.translucent)) {
-    sample.kind = Scatter::kTranslucent, sample.direction = -cosine_direction({0, 0, 1}, random);
+    sample.kind = Scatter::kTranslucent, sample.direction = -cosine_direction(normal_, random);
   } else {
     const bool refract = !takes(chances_.glossy);
     chance = (refract ? chances_.refracted : chances_.glossy) / total_;
@@ -183,6 +187,9 @@ Bsdf::Sample Bsdf::sample(float pick, Point2 random) const noexcept {
     if (sample.kind == Scatter::kNone) return sample;
   }
   const Vec3f out = sample.direction;
+  const float height = dot(out, normal_);
+  const bool goes_beyond = sample.kind == Scatter::kTranslucent || sample.kind == Scatter::kRefracted;
+  if (goes_beyond ? height > 0.0f : !(height > 0.0f)) return {};
   sample.direction = frame_.world(out);
   const bool is_facet = sample.kind == Scatter::kGlossy || sample.kind == Scatter::kRefracted;
   if (is_facet && (is_smooth() || (sample.kind == Scatter::kRefracted && glass_.ior() == 1.0f))) {
@@ -192,7 +199,7 @@ Bsdf::Sample Bsdf::sample(float pick, Point2 random) const noexcept {
   }
   const Value value = evaluate_local(out);
   if (!(value.density > 0.0f)) return {};
-  sample.weight = value.share * (std::abs(out.z) / (kPi * value.density)), sample.density = value.density;
+  sample.weight = value.share * (std::abs(height) / (kPi * value.density)), sample.density = value.density;
   return sample;
 }
 

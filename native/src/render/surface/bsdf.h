@@ -42,8 +42,10 @@ class Bsdf {
     bool no_reflection = false, no_refraction = false;
   };
 
-  // normal, view: unit length, the normal on the viewer's side. inside: the viewer looks at the mesh's inner side.
-  Bsdf(const Material& material, Vec3f normal, Vec3f view, bool inside, const Limits& limits) noexcept;
+  // normal, geometric_normal, view: unit length; the triangle's own normal, and mostly the other, on the viewer's side.
+  // inside: the viewer looks at the mesh's inner side.
+  Bsdf(const Material& material, Vec3f normal, Vec3f geometric_normal, Vec3f view, bool inside,
+       const Limits& limits) noexcept;
 
   [[nodiscard]] Value evaluate(Vec3f direction) const noexcept;
   // Without what facets reflect and refract: for light that only diffuse rays see.
@@ -68,17 +70,20 @@ class Bsdf {
   void add_glass(const Material& material, float share, bool inside, const Limits& limits) noexcept;
   [[nodiscard]] Vec3f reflected(float cosine) const noexcept;
   [[nodiscard]] Vec3f passed(float cosine) const noexcept;
-  // In the normal's frame. They add to `value`.
-  void evaluate_reflected(Vec3f out, Value& value) const noexcept;
-  void evaluate_refracted(Vec3f out, Value& value) const noexcept;
+  // In the facets' frame; height: along the normal. They add to `value`.
+  void evaluate_reflected(Vec3f out, float height, Value& value) const noexcept;
+  void evaluate_refracted(Vec3f out, float height, Value& value) const noexcept;
   [[nodiscard]] Value evaluate_local(Vec3f out) const noexcept;
+  [[nodiscard]] Vec3f local(Vec3f world) const noexcept {
+    return {dot(world, frame_.x), dot(world, frame_.y), dot(world, frame_.z)};
+  }
   [[nodiscard]] Sample sample_facet(Point2 random, bool refract) const noexcept;
   [[nodiscard]] bool is_smooth() const noexcept { return alpha_ < kSmooth; }
 
   static constexpr float kSmooth = 5e-4f;  // narrower slopes scatter into one direction each
 
-  Frame frame_;
-  Vec3f view_;  // in the frame
+  Frame frame_;          // of the facets: about the normal, bent where they would mirror what is below the surface
+  Vec3f normal_, view_;  // in the frame
   float alpha_, roughness_;
   // Colours of the layers, each with what its facets throw at one another.
   MetalFresnel metal_;
