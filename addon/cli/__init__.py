@@ -49,6 +49,16 @@ def _seconds(text: str) -> float:
 _seconds.__name__ = "number of seconds"
 
 
+def _threshold(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"must be 0 to 1, got {text}")
+    return value
+
+
+_threshold.__name__ = "noise threshold"
+
+
 def _share(text: str) -> float:
     value = float(text)
     if not 0.0 < value <= 1.0:
@@ -118,6 +128,12 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
         type=_seconds,
         metavar="S",
         help="seconds for tracing a frame, at the cost of samples; 0 for no limit (default: as the file says)",
+    )
+    parser.add_argument(
+        "--noise-threshold",
+        type=_threshold,
+        metavar="T",
+        help="where the noise of preview and clay is below this, sampling ends; 0: never (default: as the file says)",
     )
     parser.add_argument("--seed", type=_count, metavar="N", help="the pattern of noise (default: as the file says)")
     parser.add_argument(

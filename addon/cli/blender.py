@@ -97,16 +97,25 @@ def apply_settings(scene: bpy.types.Scene, arguments: argparse.Namespace) -> Non
         render.resolution_percentage = 100
     if getattr(arguments, "mode", None) is not None:
         scene.perfect_bvh.mode = arguments.mode.upper()
-    if getattr(arguments, "samples", None) is not None:
-        scene.perfect_bvh.samples = arguments.samples
-    if getattr(arguments, "denoise", None) is not None:
-        scene.perfect_bvh.use_denoising = arguments.denoise
-    if getattr(arguments, "time_limit", None) is not None:
-        scene.perfect_bvh.time_limit = arguments.time_limit
-    if getattr(arguments, "seed", None) is not None:
-        scene.perfect_bvh.seed = arguments.seed
-    if getattr(arguments, "audit", None) is not None:
-        scene.perfect_bvh.audit = arguments.audit
+    _apply_sampling(scene.perfect_bvh, arguments)
+
+
+def _apply_sampling(settings: bpy.types.bpy_struct, arguments: argparse.Namespace) -> None:
+    """settings: the add-on's. Commands that make no images have no such choices."""
+    chosen = {
+        "samples": "samples",
+        "denoise": "use_denoising",
+        "time_limit": "time_limit",
+        "noise_threshold": "noise_threshold",
+        "seed": "seed",
+        "audit": "audit",
+    }
+    for argument, name in chosen.items():
+        value = getattr(arguments, argument, None)
+        if value is not None:
+            setattr(settings, name, value)
+    if getattr(arguments, "noise_threshold", None) is not None:
+        settings.use_noise_threshold = arguments.noise_threshold > 0.0
 
 
 def active_view_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:

@@ -29,6 +29,7 @@ TIME_COLUMNS = (
     ("save", 6),
     ("total", 8),
 )
+SAMPLES_COLUMN = ("samples", 8)
 RATE_COLUMN = ("Mrays/s", 8)
 MAX_NAMES = 4
 # What a run's summary tells of the steps of a frame.
@@ -74,8 +75,8 @@ class FrameTimes:
 
 
 def format_header() -> str:
-    """Titles of the columns of `format_frame`; all times are milliseconds."""
-    return "".join(title.rjust(width) for title, width in (*TREE_COLUMNS, *TIME_COLUMNS, RATE_COLUMN))
+    """Titles of the columns of `format_frame`; all times are milliseconds, samples those of a pixel on average."""
+    return "".join(title.rjust(width) for title, width in (*TREE_COLUMNS, *TIME_COLUMNS, SAMPLES_COLUMN, RATE_COLUMN))
 
 
 def format_frame(number: int, statistics: FrameStatistics, times: FrameTimes) -> str:
@@ -93,6 +94,7 @@ def format_frame(number: int, statistics: FrameStatistics, times: FrameTimes) ->
     )
     cells = [f"{count:,}".rjust(width) for count, (_, width) in zip(counts, TREE_COLUMNS, strict=True)]
     cells += [f"{getattr(times, title):.1f}".rjust(width) for title, width in TIME_COLUMNS]
+    cells.append(f"{statistics.samples:.4g}".rjust(SAMPLES_COLUMN[1]))
     cells.append(f"{statistics.rays_per_second / 1e6:.2f}".rjust(RATE_COLUMN[1]))
     return "\n".join(["".join(cells), *(f"        {line}" for line in (*describe_changes(report), *stages_of(commit)))])
 

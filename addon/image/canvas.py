@@ -17,6 +17,7 @@ import numpy.typing as npt
 from .progressive import TILE_ROWS, Rows
 
 Image = npt.NDArray[np.float32]
+Pixels = npt.NDArray[np.bool_]
 
 # Full rows are read in pieces of so many tiles: one that has not changed stays with the reader.
 STRIP_TILES = 4
@@ -71,15 +72,22 @@ class Canvas:
                 self._whole = divisor
             self._note(rows, divisor)
 
-    def add_samples(self, made: Image, rows: Rows, done: int, count: int, is_whole: bool) -> None:
-        """`count` samples of rows of the full image, which have `done` already. is_whole: now all rows have them."""
+    def add_samples(
+        self, made: Image, rows: Rows, done: int, count: int, is_whole: bool, pixels: Pixels | None = None
+    ) -> None:
+        """`count` samples of rows of the full image, which have `done` already.
+
+        is_whole: now all rows have them. pixels: which of the full image have got them, None for all of those rows.
+        """
+        from perfect_bvh.render import add_samples
+
         part = slice(*rows)
         with self._lock:
             film = self._images.setdefault(0, np.zeros_like(made))  # 0: of the samples, whatever is shown
             if done == 0:
                 film[part] = made[part]
             else:
-                film[part] += (made[part] - film[part]) * np.float32(count / (done + count))
+                add_samples(film[part], made[part], done, count, None if pixels is None else pixels[part])
             if is_whole:
                 self._whole = 1
             if self._is_replaced:

@@ -16,6 +16,7 @@ from ..sync.records import AttributeRequest
 
 if TYPE_CHECKING:
     import bpy
+    from perfect_bvh import AdaptiveSampling
 
     from ..settings.scene_settings import RenderSettings
 
@@ -60,6 +61,15 @@ class RenderPlan:
     def is_denoised(self) -> bool:
         """Whether its noise is to be taken out."""
         return self.settings.denoise and find_mode(self.settings.mode).is_noisy
+
+    def make_sampling(self) -> AdaptiveSampling | None:
+        """What says where there are samples enough; None if all pixels get all of them."""
+        import perfect_bvh
+
+        threshold = self.settings.noise_threshold
+        if threshold == 0.0 or not find_mode(self.settings.mode).is_noisy:
+            return None
+        return perfect_bvh.AdaptiveSampling(self.size, threshold, self.settings.min_samples)
 
     @property
     def traced_passes(self) -> tuple[str, ...]:

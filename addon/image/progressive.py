@@ -3,11 +3,12 @@
 A coarse image comes first, as fine as the time for it allows, then finer ones, and over those the full one in bands of
 rows from the top. Finer ones cost time that the full image wants: unless that takes long, they get no more than a small
 share of it, and the half resolution covers the rows that come last, as far as that goes. Then samples follow in rounds
-of 1, 2, 4, 8 ..., as `perfect_bvh.render_progressively` adds them. Knows no Blender.
+of 1, 2, 4, 8 ..., as `perfect_bvh.render_progressively` adds them, where they are wanted. Knows no Blender.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 Rows = tuple[int, int]
@@ -76,18 +77,22 @@ class Schedule:
     samples: int
     in_parts: bool = True
     sample_count: int = 0
-    """Samples that every pixel of the full image has; 0 while there are but coarse ones."""
+    """Samples that every pixel of the full image has, or needs no more of; 0 while there are but coarse ones."""
     _divisor: int = 0  # of the finest coarse image; 0 before the first
     _coarse_pixels: int = 0
     _row: int = field(init=False)  # from which on the round under way is still to be traced
+    _columns_left: Sequence[int] = field(init=False)  # of each row of tiles: where samples are wanted
 
     def __post_init__(self) -> None:
         self._row = self.rows[0]
+        self._columns_left = [self.columns] * -(-self.rows[1] // TILE_ROWS)
 
     @property
     def is_finished(self) -> bool:
         """Whether there is nothing left to trace."""
-        return self.sample_count >= self.samples or self.rows[0] >= self.rows[1]
+        if self.sample_count >= self.samples or self.rows[0] >= self.rows[1]:
+            return True
+        return self.sample_count > 0 and self._row == self.rows[0] and not any(self._columns_left)
 
     def next_step(self, pace: Pace, seconds: float) -> Step:
         """What to trace next, of about `seconds` if that is possible: what is ready sooner is not seen."""
@@ -107,9 +112,23 @@ class Schedule:
             self.sample_count += step.count
             self._row = self.rows[0]
 
+    def note_left(self, columns: Sequence[int]) -> None:
+        """In how many columns of pixels each row of tiles of the full image, from its top, wants more samples."""
+        self._columns_left = columns
+
     def pixels_of(self, step: Step) -> int:
         """How many pixels it traces, each `step.count` times."""
-        return self._pixels(step.divisor, step.rows)
+        if step.divisor > 1:
+            return self._pixels(step.divisor, step.rows)
+        first, end = step.rows
+        return sum(
+            self._pixels_left(row, end) for row in (first, *range((first // TILE_ROWS + 1) * TILE_ROWS, end, TILE_ROWS))
+        )
+
+    def _pixels_left(self, row: int, end: int) -> int:
+        """Of a row and those below it in its tiles, before `end`."""
+        tile = row // TILE_ROWS
+        return int(self._columns_left[tile]) * (min((tile + 1) * TILE_ROWS, end) - row)
 
     def _pixels(self, divisor: int, rows: Rows) -> int:
         return -(-self.columns // divisor) * -(-(rows[1] - rows[0]) // divisor)
@@ -143,9 +162,12 @@ class Schedule:
     def _band(self, pace: Pace, seconds: float) -> Step:
         """Rows of the round under way, to the end of a tile."""
         count = min(max(self.sample_count, 1), self.samples - self.sample_count)
-        fitting = pace.pixel_samples_in(seconds) // (self.columns * count)
-        end = (self._row + max(fitting, FEWEST_ROWS)) // TILE_ROWS * TILE_ROWS
         bottom = self.rows[1]
-        if bottom - end < TILE_ROWS:
-            end = bottom
-        return Step(1, (self._row, min(end, bottom)), self.sample_count, count)
+        end = min((self._row + FEWEST_ROWS) // TILE_ROWS * TILE_ROWS, bottom)
+        left = pace.pixel_samples_in(seconds) // count - self.pixels_of(Step(1, (self._row, end)))
+        while end < bottom:
+            more = self._pixels_left(end, bottom)
+            if more > max(left, 0) and bottom - end >= TILE_ROWS:
+                break
+            left, end = left - more, min(end + TILE_ROWS, bottom)
+        return Step(1, (self._row, end), self.sample_count, count)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..settings.modes import find_mode
-from .canvas import Canvas, Image
+from .canvas import Canvas, Image, Pixels
 from .costs import trace_costs
 from .denoising import ImageDenoiser
 from .plan import GUIDES
@@ -79,6 +79,9 @@ class Refinement:
         in_parts = not find_mode(view.plan.settings.mode).has_range  # greys are between the least and the greatest
         self._schedule = Schedule(max(1, right - left), rows, view.plan.samples, in_parts)
         self.canvas = Canvas(view.plan.size, in_parts)
+        self._sampling = view.plan.make_sampling()
+        if self._sampling is not None:
+            self._sampling.keep_within(view.camera.border)
 
     @property
     def image(self) -> Image | None:
@@ -87,13 +90,18 @@ class Refinement:
 
     @property
     def sample_count(self) -> int:
-        """Samples that every pixel of the image has; 0 while it is coarse."""
+        """Samples that every pixel of the image has, or needs no more of; 0 while it is coarse."""
         return self._schedule.sample_count
+
+    @property
+    def mean_samples(self) -> float:
+        """Samples of a pixel, on average."""
+        return self.sample_count if self._sampling is None else self._sampling.mean_samples
 
     @property
     def progress(self) -> float:
         """The share done, 0 to 1."""
-        return self.sample_count / self.view.plan.samples
+        return 1.0 if self._schedule.is_finished else self.sample_count / self.view.plan.samples
 
     def step(self, seconds: float, stop: StopFlag | None = None) -> bool:
         """Work for about `seconds`; whether the whole image has become better.
@@ -114,17 +122,31 @@ class Refinement:
             is_whole = step.rows == self._schedule.rows
             self.canvas.put_coarse(self._trace(step, stop), step.divisor, step.rows, is_whole)
         else:
-            self.canvas.add_samples(self._trace(step, stop), step.rows, step.first_sample, step.count, is_whole)
+            self._add_samples(step, self._trace(step, stop), is_whole)
         self._schedule.note_done(step)
         return is_whole or step.first_sample > 0
 
+    def _add_samples(self, step: Step, made: Image, is_whole: bool) -> None:
+        pixels, sampling, done = self._pixels, self._sampling, step.first_sample
+        if sampling is not None:
+            sampling.note_round(made if done == 0 else self.canvas.film, made, done, step.count, step.rows)
+            self._schedule.note_left(sampling.columns_left.tolist())
+        self.canvas.add_samples(made, step.rows, done, step.count, is_whole, pixels)
+
+    @property
+    def _pixels(self) -> Pixels | None:
+        """Those of the full image that get more samples; None for all."""
+        return None if self._sampling is None else self._sampling.pixels()
+
     def _trace(self, step: Step, stop: StopFlag | None) -> Image:
         import perfect_bvh
+        from perfect_bvh.render import add_samples
 
         view = self.view
         camera, size = _seen_by(step, view.camera, view.plan.size)
         count = self._schedule.pixels_of(step) * step.count
         guides = GUIDES if step.divisor == 1 and self._denoiser is not None else ()
+        tiles = None if self._sampling is None or step.divisor > 1 else self._sampling.tiles
         started = self._clock()
         try:
             passes = perfect_bvh.render_passes(
@@ -137,6 +159,7 @@ class Refinement:
                 passes=("combined", *guides),
                 progress=stop,
                 first_sample=step.first_sample,
+                tiles=tiles,
                 **view.plan.options,
             )
         except perfect_bvh.Cancelled:
@@ -150,9 +173,10 @@ class Refinement:
         self.seconds += seconds
         self.ray_count += count
         part = slice(*step.rows)
+        pixels = None if tiles is None else self._pixels[part]
         for name in guides:
             blended = self._guides.setdefault(name, np.zeros_like(passes[name]))[part]
-            blended += (passes[name][part] - blended) * np.float32(step.count / (step.first_sample + step.count))
+            add_samples(blended, passes[name][part], step.first_sample, step.count, pixels)
         return passes["combined"]
 
     @property

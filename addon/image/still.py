@@ -95,6 +95,7 @@ def _trace(
     start = time.perf_counter()
     images: Images = {}
     done = 0
+    sampling = plan.make_sampling()
     audit_share = plan.settings.audit_share
     audit = perfect_bvh.RenderAudit(audit_share) if audit_share else None
     for done, images in perfect_bvh.render_progressively(
@@ -106,6 +107,7 @@ def _trace(
         appearance=sync.appearance,
         passes=("combined", *plan.traced_passes),
         time_limit=plan.settings.time_limit,
+        sampling=sampling,
         progress=progress,
         audit=audit,
         **plan.options,
@@ -113,7 +115,8 @@ def _trace(
         if show is not None:
             show(images | {NOISY: images["combined"]})
         # The renderer asks at intervals of time; a quick round would not be asked about at all.
-        if progress is not None and not progress(done / plan.samples) and done < plan.samples:
+        share = 1.0 if sampling is not None and sampling.is_finished else done / plan.samples
+        if progress is not None and not progress(share) and share < 1.0:
             raise perfect_bvh.Cancelled("the render was cancelled")
     at_end = None if progress is None else partial(_stay_at_end, progress)
     costs = trace_costs(sync.scene, sync.camera, plan.size, sync.appearance, plan.settings.threads, at_end)
@@ -125,7 +128,8 @@ def _trace(
         settings=plan.settings,
         report=report,
         trace_milliseconds=seconds * 1e3,
-        camera_rays=plan.pixel_count * done,
+        camera_rays=plan.pixel_count * done if sampling is None else sampling.ray_count,
+        samples=done if sampling is None else sampling.mean_samples,
         audit=audit.result if audit else None,
         audit_milliseconds=audit.seconds * 1e3 if audit else 0.0,
         denoiser=denoised.name,

@@ -49,7 +49,9 @@ class PERFECT_BVH_PT_sampling(SubPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
         settings = context.scene.perfect_bvh
+        _draw_threshold(layout, settings, "", "Noise Threshold")
         layout.prop(settings, "viewport_samples")
+        _draw_threshold(layout, settings, "viewport_", "Viewport Threshold")
         layout.prop(settings, "time_limit")
         layout.prop(settings, "seed")
         column = layout.column(heading="Denoise", align=True)
@@ -110,6 +112,18 @@ class PERFECT_BVH_PT_simplify_render(RenderPanel, bpy.types.Panel):
     bl_parent_id = "PERFECT_BVH_PT_simplify"
 
     draw = bpy.types.RENDER_PT_simplify_render.draw
+
+
+def _draw_threshold(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, kind: str, heading: str) -> None:
+    """A switch with its value beside it, as Cycles has it, and what counts only then. kind: of the properties."""
+    column = layout.column()
+    column.active = find_mode(settings.mode.lower()).is_noisy
+    row = column.column(heading=heading, align=True).row(align=True)
+    row.prop(settings, f"use_{kind}noise_threshold", text="")
+    value, least = row.row(), column.row()
+    value.active = least.active = getattr(settings, f"use_{kind}noise_threshold")
+    value.prop(settings, f"{kind}noise_threshold", text="")
+    least.prop(settings, f"{kind}min_samples")
 
 
 def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:

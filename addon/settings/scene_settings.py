@@ -25,8 +25,9 @@ class RenderSettings:
     """What one render uses, read from a scene's properties.
 
     threads: 0 for every core. audit_share: of the camera rays to check again, 0 for none. denoise: whether, where the
-    mode has noise. time_limit: seconds for tracing, 0 for any; the first sample is always finished. light_paths: how
-    far light bounces, None for the renderer's own.
+    mode has noise. time_limit: seconds for tracing, 0 for any; the first sample is always finished. noise_threshold:
+    where noise is below it, there are no more samples than min_samples; 0 for none. min_samples: 0 for the renderer's
+    own. light_paths: how far light bounces, None for the renderer's own.
     """
 
     mode: str
@@ -38,6 +39,8 @@ class RenderSettings:
     denoise: bool = False
     seed: int = 0
     time_limit: float = 0.0
+    noise_threshold: float = 0.0
+    min_samples: int = 0
     light_paths: LightPaths | None = None
 
 
@@ -173,6 +176,52 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
         soft_max=256,
         max=65536,
     )
+    use_noise_threshold: bpy.props.BoolProperty(
+        name="Noise Threshold",
+        description="End the sampling of a render where there is little noise left",
+        default=True,
+    )
+    noise_threshold: bpy.props.FloatProperty(
+        name="Noise Threshold",
+        description="How much noise may stay; the lower, the more samples; 0 for all of them",
+        default=0.01,
+        min=0.0,
+        soft_min=0.001,
+        max=1.0,
+        step=1,
+        precision=4,
+    )
+    min_samples: bpy.props.IntProperty(
+        name="Min Samples",
+        description="Samples that every pixel of a render gets, however little noise there is; 0 for 16",
+        default=0,
+        min=0,
+        soft_max=256,
+        max=65536,
+    )
+    use_viewport_noise_threshold: bpy.props.BoolProperty(
+        name="Viewport Noise Threshold",
+        description="End the sampling of a Rendered viewport where there is little noise left",
+        default=True,
+    )
+    viewport_noise_threshold: bpy.props.FloatProperty(
+        name="Viewport Noise Threshold",
+        description="How much noise may stay in a Rendered viewport; the lower, the more samples; 0 for all of them",
+        default=0.1,
+        min=0.0,
+        soft_min=0.001,
+        max=1.0,
+        step=1,
+        precision=4,
+    )
+    viewport_min_samples: bpy.props.IntProperty(
+        name="Viewport Min Samples",
+        description="Samples that every pixel of a Rendered viewport gets, however little noise there is; 0 for 16",
+        default=0,
+        min=0,
+        soft_max=256,
+        max=65536,
+    )
     use_denoising: bpy.props.BoolProperty(
         name="Denoise",
         description="Take the noise out of renders and previews, guided by what colors and normals surfaces have",
@@ -230,6 +279,8 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
 def read_settings(scene: bpy.types.Scene, is_viewport: bool = False) -> RenderSettings:
     """The settings of `scene`, for a render or a viewport; threads follow Blender's own setting."""
     settings = scene.perfect_bvh
+    is_adaptive = settings.use_viewport_noise_threshold if is_viewport else settings.use_noise_threshold
+    threshold = settings.viewport_noise_threshold if is_viewport else settings.noise_threshold
     return RenderSettings(
         mode=settings.mode.lower(),
         samples=(settings.viewport_samples if is_viewport else 0) or settings.samples,
@@ -240,6 +291,8 @@ def read_settings(scene: bpy.types.Scene, is_viewport: bool = False) -> RenderSe
         denoise=settings.use_viewport_denoising if is_viewport else settings.use_denoising,
         seed=settings.seed,
         time_limit=0.0 if is_viewport else settings.time_limit,
+        noise_threshold=threshold if is_adaptive else 0.0,
+        min_samples=settings.viewport_min_samples if is_viewport else settings.min_samples,
         light_paths=read_light_paths(scene),
     )
 

@@ -19,9 +19,10 @@ Source = Literal["Render", "Preview", "Viewport"]
 class FrameStatistics:
     """What one frame cost.
 
-    source: what it was made for. size: (width, height). camera_rays: pixels in the border times samples, 0 if untraced.
-    trace_milliseconds: without those of the audit. audit: what checking a share of the camera rays has shown, None if
-    it was not asked for. denoiser: its name, None if the image was not denoised; trace_milliseconds are without it too.
+    source: what it was made for. size: (width, height). camera_rays: of all pixels in the border, 0 if untraced.
+    samples: of a pixel, on average. trace_milliseconds: without those of the audit. audit: what checking a share of the
+    camera rays has shown, None if it was not asked for. denoiser: its name, None if the image was not denoised;
+    trace_milliseconds are without it too.
     complaints: what went wrong beside the scene itself, a sentence each.
     mesh_costs: by mesh id, the share of the camera rays' work of those that end on the mesh.
     """
@@ -32,6 +33,7 @@ class FrameStatistics:
     report: SyncReport
     trace_milliseconds: float
     camera_rays: int
+    samples: float = 0.0
     audit: Audit | None = None
     audit_milliseconds: float = 0.0
     denoiser: str | None = None

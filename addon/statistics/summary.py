@@ -52,6 +52,7 @@ def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
         ("Build", f"{report.commit_milliseconds:.1f} ms"),
         ("Trace", f"{statistics.trace_milliseconds:.1f} ms"),
         *([("Denoise", f"{statistics.denoise_milliseconds:.1f} ms")] if statistics.denoiser else []),
+        ("Samples", f"{statistics.samples:.4g} a pixel"),
         ("Camera Rays", f"{statistics.rays_per_second / 1e6:.2f} M/s"),
         ("Instances", f"{report.commit.instance_count:,}"),
         ("Memory", format_bytes(report.byte_count)),

@@ -31,6 +31,7 @@ def view_statistics(source: Source, sync: SceneSync, refinement: Refinement) -> 
         report=sync.last_change,
         trace_milliseconds=refinement.seconds * 1e3,
         camera_rays=refinement.ray_count,
+        samples=refinement.mean_samples,
         mesh_costs=mesh_costs(sync, refinement.costs),
         source=source,
     )

@@ -55,6 +55,20 @@ LightPaths read_light_paths(const py::dict& values) {
   return paths;
 }
 
+// A view of an array that `values` keeps alive. C-contiguous and of the exact dtype, or the cast throws.
+template <class T>
+std::span<const T> view(const py::dict& values, const char* name) {
+  const auto array = py::cast<py::array>(values[name]);
+  if (!py::isinstance<Array<T>>(array)) throw std::invalid_argument(std::string("_core: wrong dtype of ") + name);
+  return {static_cast<const T*>(array.data()), static_cast<std::size_t>(array.size())};
+}
+
+template <class T, class Scalar>
+std::span<const T> rows_of(std::span<const Scalar> scalars) {
+  constexpr std::size_t kWidth = sizeof(T) / sizeof(Scalar);
+  return {reinterpret_cast<const T*>(scalars.data()), scalars.size() / kWidth};
+}
+
 RenderSettings read_settings(const py::dict& values) {
   RenderSettings settings;
   settings.mode = kModes.at(get<std::string>(values, "mode"));
@@ -66,6 +80,7 @@ RenderSettings read_settings(const py::dict& values) {
   settings.seed = get<std::uint32_t>(values, "seed");
   settings.threads = get<int>(values, "threads");
   settings.kept_share = get<float>(values, "kept_share");
+  if (!values["tiles"].is_none()) settings.wanted_tiles = rows_of<std::uint8_t>(view<bool>(values, "tiles"));
   settings.clay.ao_distance = get<float>(values, "ao_distance");
   settings.clay.light_rays = get<int>(values, "light_rays");
   settings.light_paths = read_light_paths(values["light_paths"].cast<py::dict>());
@@ -94,20 +109,6 @@ Camera read_camera(const py::dict& values) {
                        get<double>(lens, "rotation"), get<double>(lens, "ratio")};
   }
   return camera;
-}
-
-// A view of an array that `values` keeps alive. C-contiguous and of the exact dtype, or the cast throws.
-template <class T>
-std::span<const T> view(const py::dict& values, const char* name) {
-  const auto array = py::cast<py::array>(values[name]);
-  if (!py::isinstance<Array<T>>(array)) throw std::invalid_argument(std::string("_core: wrong dtype of ") + name);
-  return {static_cast<const T*>(array.data()), static_cast<std::size_t>(array.size())};
-}
-
-template <class T, class Scalar>
-std::span<const T> rows_of(std::span<const Scalar> scalars) {
-  constexpr std::size_t kWidth = sizeof(T) / sizeof(Scalar);
-  return {reinterpret_cast<const T*>(scalars.data()), scalars.size() / kWidth};
 }
 
 void read_pixels(const py::dict& values, const char* name, Texture& texture) {

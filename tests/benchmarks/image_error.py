@@ -144,7 +144,7 @@ def settings_of(
         (scene.render, "threads_mode", "FIXED"),
         (scene.render, "threads", perfect_bvh.thread_count()), (scene.render, "use_file_extension", False),
         (ours, "mode", "PREVIEW"), (ours, "samples", samples), (ours, "seed", seed),
-        (ours, "use_denoising", which.denoises),
+        (ours, "use_noise_threshold", False), (ours, "use_denoising", which.denoises),
         (cycles, "device", "CPU"), (cycles, "samples", samples), (cycles, "seed", seed),
         (cycles, "use_adaptive_sampling", False), (cycles, "use_denoising", which.denoises),
         (cycles, "denoiser", "OPENIMAGEDENOISE"),

@@ -39,7 +39,7 @@ def scene() -> Iterator[bpy.types.Scene]:
     scene.camera = bpy.context.object
     scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 2.0
     scene.render.resolution_x = scene.render.resolution_y = SIDE
-    scene.perfect_bvh.samples = SAMPLES
+    scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = SAMPLES, False
     yield scene
     clear_syncs()
     perfect_bvh_addon.unregister()

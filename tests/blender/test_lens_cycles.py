@@ -42,7 +42,7 @@ def scene() -> Iterator[Any]:
     paint_world(scene, 0.0)
     scene.render.resolution_x = scene.render.resolution_y = SIZE
     scene.render.engine = "PERFECT_BVH"
-    scene.perfect_bvh.samples = SAMPLES
+    scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = SAMPLES, False
     yield scene
     clear_syncs()
     perfect_bvh_addon.unregister()

@@ -35,7 +35,7 @@ def scene() -> Iterator[bpy.types.Scene]:
     scene.world = bpy.data.worlds.new("World")
     scene.world.color, scene.world.use_nodes = (0.3, 0.3, 0.3), False
     scene.render.resolution_x, scene.render.resolution_y = SIZE
-    scene.perfect_bvh.samples = SAMPLES
+    scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = SAMPLES, False
     yield scene
     clear_syncs()
     perfect_bvh_addon.unregister()

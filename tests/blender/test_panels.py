@@ -101,6 +101,13 @@ def test_a_panel_can_be_drawn_after_a_render(panel: type) -> None:
     assert drawn(panel)
 
 
+def test_noise_thresholds_have_a_switch_a_value_and_a_least() -> None:
+    names = drawn(render.PERFECT_BVH_PT_sampling)
+    for kind in ("", "viewport_"):
+        start = names.index(f"use_{kind}noise_threshold")
+        assert names[start + 1 : start + 3] == [f"{kind}noise_threshold", f"{kind}min_samples"]
+
+
 def test_a_panorama_can_be_set_up_without_cycles() -> None:
     camera = bpy.context.scene.camera.data
     camera.type = "PANO"

@@ -108,7 +108,7 @@ def test_escape_before_there_is_an_image_says_so(gate: Gate, cube) -> None:
 
 
 def test_escape_while_it_is_refined_keeps_what_there_is(cube, scene) -> None:
-    scene.perfect_bvh.samples = 4096
+    scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = 4096, False
     operator, window = press()
     while NAME not in bpy.data.images or operator._refinement.sample_count < 2:
         assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
@@ -120,7 +120,7 @@ def test_escape_while_it_is_refined_keeps_what_there_is(cube, scene) -> None:
 
 def test_closing_the_window_of_the_image_stops_it(cube, scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """Esc over that window closes it, and no one else hears of it."""
-    scene.perfect_bvh.samples = 4096
+    scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = 4096, False
     operator, window = press()
     main, opened = (SimpleNamespace(screen=SimpleNamespace(areas=()), as_pointer=lambda at=at: at) for at in (1, 2))
     windows = window.window_manager.windows = [main]
@@ -167,7 +167,7 @@ def test_the_panels_tell_of_it(cube, scene) -> None:
 
 
 def edit_while_it_refines(cube, scene) -> tuple[FakeOperator, FakeWindow]:
-    scene.perfect_bvh.samples = 64
+    scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = 64, False
     operator, window = press()
     for _ in patiently("there is no image"):
         operator.modal(window, TIMER)

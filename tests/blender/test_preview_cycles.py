@@ -40,7 +40,7 @@ def scene(registered: None) -> bpy.types.Scene:
     scene.world.color = (0.3, 0.3, 0.3)
     scene.world.use_nodes = False
     scene.render.resolution_x, scene.render.resolution_y = SIZE
-    scene.perfect_bvh.samples = SAMPLES
+    scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = SAMPLES, False
     return scene
 
 

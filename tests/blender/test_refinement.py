@@ -165,3 +165,42 @@ def test_nothing_is_done_to_a_finished_image(view: View) -> None:
     before = refinement.image.copy()
     assert not refinement.step(1.0)
     np.testing.assert_array_equal(refinement.image, before)
+
+
+@pytest.mark.parametrize("border", [(0.0, 1.0, 0.0, 1.0), (0.2, 0.71, 0.33, 0.9), (0.5, 0.5, 0.0, 1.0)])
+@pytest.mark.parametrize("denoise", [False, True])
+def test_samples_end_where_they_end_in_a_render(view: View, border: tuple[float, ...], denoise: bool) -> None:
+    settings = replace(view.plan.settings, samples=128, noise_threshold=0.004, denoise=denoise)
+    view = replace(view, camera=replace(view.camera, border=border), plan=replace(view.plan, settings=settings))
+    sampling = perfect_bvh.AdaptiveSampling(SIZE, 0.004)
+    rounds = perfect_bvh.render_progressively(
+        view.snapshot,
+        view.camera,
+        size=SIZE,
+        samples=128,
+        passes=("combined", *(GUIDES if denoise else ())),
+        sampling=sampling,
+    )
+    *_, (count, passes) = rounds
+    refinement = Refinement(view, Pace())
+    finish(refinement, 1e-4)
+    assert refinement.sample_count == count and refinement.progress == 1.0
+    assert refinement.mean_samples == sampling.mean_samples
+    assert border[0] == border[1] or 16 <= sampling.mean_samples < count
+    np.testing.assert_array_equal(refinement.canvas.film, passes["combined"])
+    for name in GUIDES if denoise else ():
+        np.testing.assert_array_equal(refinement._guides[name], passes[name])
+
+
+def test_data_has_no_noise_that_could_end_its_samples(view: View) -> None:
+    settings = replace(view.plan.settings, noise_threshold=1.0, samples=32)
+    noisy = replace(view.plan, settings=settings)
+    data = replace(view.plan, settings=replace(settings, mode="normal"))
+    assert noisy.make_sampling() is not None and data.make_sampling() is None
+    assert replace(view.plan, settings=replace(settings, noise_threshold=0.0)).make_sampling() is None
+    counts = []
+    for plan in (noisy, data):
+        refinement = Refinement(replace(view, plan=plan), Pace())
+        finish(refinement, 1.0)
+        counts.append(refinement.sample_count)
+    assert counts == [16, 32]

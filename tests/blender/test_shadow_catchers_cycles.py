@@ -42,7 +42,7 @@ def scene() -> Iterator[Any]:
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.2, 0.3, 0.4, 1.0)
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.render.film_transparent = True
-    scene.perfect_bvh.samples = SAMPLES
+    scene.perfect_bvh.samples, scene.perfect_bvh.use_noise_threshold = SAMPLES, False
     yield scene
     clear_syncs()
     perfect_bvh_addon.unregister()

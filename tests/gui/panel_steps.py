@@ -87,6 +87,9 @@ def press_sampling_film_and_performance() -> Step:
     render = bpy.context.scene.render
     sampling = {"viewport_samples": "3", "time_limit": "9", "seed": "5"}
     switches = {"use_denoising": None, "use_viewport_denoising": None}
+    for kind, text in (("", "0.05"), ("viewport_", "0.5")):
+        sampling |= {f"{kind}noise_threshold": text, f"{kind}min_samples": "7"}
+        switches |= {f"use_{kind}noise_threshold": None}
     yield from open_sub_panel("Sampling", change_all(settings(), sampling | switches))
     settings().time_limit = 0.0
     yield from open_sub_panel("Film", change_all(render, {"film_transparent": None}))

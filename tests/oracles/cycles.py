@@ -89,6 +89,7 @@ def render_beside(scene: bpy.types.Scene, samples: int) -> tuple[Image, Image]:
         (cycles, "use_denoising", False),
         (cycles, "use_adaptive_sampling", False),
         (scene.perfect_bvh, "samples", samples),
+        (scene.perfect_bvh, "use_noise_threshold", False),
     ):
         theirs = render_passes(scene, "CYCLES").combined
         return render_passes(scene, "PERFECT_BVH").combined, theirs

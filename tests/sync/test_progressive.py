@@ -93,3 +93,39 @@ def test_what_is_stopped_says_that_it_takes_longer_only_if_it_did() -> None:
 
 def test_nothing_is_planned_without_rows() -> None:
     assert Schedule(WIDTH, (0, 0), 4).is_finished
+
+
+def test_rows_that_want_no_more_samples_take_no_time() -> None:
+    """Those of finished tiles are passed over with what comes before them."""
+    schedule = Schedule(WIDTH, (0, HEIGHT), 64)
+    pace = Pace(1.0 / PIXELS)
+    while schedule.sample_count < 16:
+        schedule.note_done(schedule.next_step(pace, 1000.0))
+    left = [0] * 17
+    left[0], left[9], left[10] = 960, 96, 32
+    schedule.note_left(left)
+    steps = []
+    while schedule.sample_count == 16:
+        steps.append(schedule.next_step(pace, 1e-9))
+        schedule.note_done(steps[-1])
+    assert [step.rows for step in steps] == [(0, 288), (288, HEIGHT)]
+    assert [schedule.pixels_of(step) for step in steps] == [32 * 960, 32 * 96 + 32 * 32]
+    assert all((step.first_sample, step.count) == (16, 16) for step in steps)
+    assert schedule.next_step(pace, 1000.0) == Step(1, (0, HEIGHT), 32, 32)
+
+
+def test_it_is_finished_when_no_row_wants_more_and_the_round_is_over() -> None:
+    schedule = Schedule(WIDTH, (40, HEIGHT), 64)
+    pace = Pace(1.0 / PIXELS)
+    while schedule.sample_count < 16:
+        schedule.note_done(schedule.next_step(pace, 1000.0))
+    schedule.note_left([0, 960, 960, *[0] * 12, 960, 0])
+    step = schedule.next_step(pace, 1e-9)
+    assert step.rows[0] == 40 and step.rows[1] < HEIGHT and schedule.pixels_of(step) == 960 * (96 - 40)
+    schedule.note_done(step)
+    schedule.note_left([0] * 17)
+    assert not schedule.is_finished
+    step = schedule.next_step(pace, 1e-9)
+    assert step.rows[1] == HEIGHT and schedule.pixels_of(step) == 0
+    schedule.note_done(step)
+    assert schedule.is_finished and schedule.sample_count == 32

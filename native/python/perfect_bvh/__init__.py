@@ -10,6 +10,7 @@
 """
 
 from ._core import __version__
+from .adaptive_sampling import AdaptiveSampling
 from .appearance import Appearance, ImageTexture, InstanceTable, LightTable, MaterialTable, MeshAppearance, World
 from .audit import Audit, RenderAudit
 from .build_config import BuildConfig
@@ -32,6 +33,7 @@ from .tree_boxes import TreeBoxes
 __all__ = [
     "MODES",
     "PASSES",
+    "AdaptiveSampling",
     "Alternative",
     "Appearance",
     "Audit",

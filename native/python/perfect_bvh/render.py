@@ -21,6 +21,7 @@ from ._render_arguments import (
     check_number,
     check_size,
 )
+from .adaptive_sampling import TILE_SIZE, AdaptiveSampling
 from .appearance import Appearance
 from .audit import RenderAudit
 from .camera import Camera
@@ -80,6 +81,8 @@ class RenderOptions(TypedDict, total=False):
         colours.
     wire_width: wireframe: the width of the lines in pixels; default 1.
     wire_color: wireframe: their scene-linear colour.
+    tiles: (rows, columns) bool, which tiles of the image to trace, 32 x 32 pixels each, the first in the upper left
+        corner; what lies in others is as outside of a border. None, the default: all.
     audit: a `RenderAudit`, which says what share of the camera rays to check again and takes what that shows.
     """
 
@@ -93,6 +96,7 @@ class RenderOptions(TypedDict, total=False):
     clay_color: Color | None
     wire_width: float
     wire_color: Color
+    tiles: npt.NDArray[np.bool_] | None
     audit: RenderAudit | None
 
 
@@ -181,6 +185,7 @@ def render_progressively(
     appearance: Appearance | None = None,
     passes: Iterable[str] = ("combined",),
     time_limit: float = 0.0,
+    sampling: AdaptiveSampling | None = None,
     progress: Progress | None = None,
     **options: Unpack[RenderOptions],
 ) -> Iterator[tuple[int, Passes]]:
@@ -188,6 +193,9 @@ def render_progressively(
 
     time_limit: in seconds, 0 for none: rounds are made smaller, so that what they are expected to take fits, and end
         when not one more sample does. The first sample is always there. What the caller does in between counts.
+    sampling: a new `AdaptiveSampling` of this size: tiles that are good enough get no more samples, and rounds end when
+        all are. It holds how many each has got; the samples done are those of the others. None, the default: as many
+        everywhere.
 
     The arguments are those of `render_passes`; `progress` counts over all rounds. The arrays are the same objects each
     time; "combined" and a denoiser's guides are refined in place and the others are complete after the first round. The
@@ -197,30 +205,58 @@ def render_progressively(
     total = check_count("render_progressively", "samples", samples, 1)
     names = _check_passes("render_progressively", passes)
     limit = check_number("render_progressively", "time_limit", time_limit, 0.0, 1e9)
+    if sampling is not None:
+        _check_sampling(sampling, size, names, options)
+        sampling.keep_within(camera.border)
     start = options.get("first_sample", 0)
     started = time.perf_counter()
-    done = 0
+    done, work = 0, 0  # samples; those of tiles
     result: Passes = {}
-    while done < total:
+    while done == 0 or (done < total and not (sampling and sampling.is_finished)):
         count = min(max(done, 1), total - done)
+        tile_count = 1 if sampling is None else sampling.tile_count
         if limit and done:
-            count = min(count, samples_within(limit, time.perf_counter() - started, done))
+            count = min(count, samples_within(limit, time.perf_counter() - started, work / tile_count))
             if count == 0:
                 return
         options["first_sample"] = start + done
+        if done and sampling is not None:
+            options["tiles"] = sampling.tiles
         share = share_of(progress, done / total, count / total)
-        blended = [name for name in names if name in _BLENDED]
-        wanted = names if done == 0 else blended
+        wanted = names if done == 0 else [name for name in names if name in _BLENDED]
         made = _render("render_progressively", snapshot, camera, mode, size, count, appearance, wanted, share, options)
-        if done == 0:
-            result = made
-        for name in blended if done > 0 else ():
-            result[name] += (made[name] - result[name]) * np.float32(count / (done + count))
-        done += count
+        result = result or made
+        _add_round(result, made, done, count, sampling)
+        done, work = done + count, work + count * tile_count
         yield done, result
 
 
-def samples_within(limit: float, seconds: float, done: int) -> int:
+def _add_round(result: Passes, made: Passes, done: int, count: int, sampling: AdaptiveSampling | None) -> None:
+    """What a round of samples has made goes into what the `done` before it have, and is judged."""
+    pixels = None
+    if sampling is not None:
+        pixels = sampling.pixels()
+        sampling.note_round(result["combined"], made["combined"], done, count)
+    for name in made if done else ():
+        add_samples(result[name], made[name], done, count, pixels)
+
+
+def add_samples(
+    mean: npt.NDArray[np.float32],
+    made: npt.NDArray[np.float32],
+    done: int,
+    count: int,
+    pixels: npt.NDArray[np.bool_] | None = None,
+) -> None:
+    """Makes the mean of `done` samples of pixels, (H, W, C), that of `count` more, too, in place.
+
+    made: the mean of those. pixels: (H, W), which have them; None for all.
+    """
+    change = (made - mean) * np.float32(count / (done + count))
+    np.add(mean, change, out=mean, where=True if pixels is None else pixels[..., np.newaxis])
+
+
+def samples_within(limit: float, seconds: float, done: float) -> int:
     """How many more samples fit into a limit if each takes as long as those that have taken so many seconds so far."""
     return max(0, int((limit - seconds) / max(seconds / done, 1e-9)))
 
@@ -260,11 +296,13 @@ def _render(
     snapshot = _snapshot_of(function, scene)
     width, height = check_size(function, size)
     count = check_count(function, "samples", samples, 1)
+    tiles = options.get("tiles")
     settings = _settings(function, options, count) | {
         "mode": check_choice(function, "mode", mode, MODES),
         "width": width,
         "height": height,
         "samples": count,
+        "tiles": None if tiles is None else _check_tiles(function, tiles, (width, height)),
     }
     looks = appearance_arguments(function, appearance or Appearance())
     if mode == "preview" and looks["world"] is not None and 0 <= looks["world"]["image"] < len(looks["images"]):
@@ -295,6 +333,29 @@ def _snapshot_of(function: str, scene: Scene | Snapshot) -> Snapshot:
     if isinstance(scene, Snapshot):
         return scene
     raise ValueError(f"{function}: scene must be a Scene or a Snapshot, got {type(scene).__name__}")
+
+
+def _check_sampling(sampling: object, size: tuple[int, int], passes: list[str], options: RenderOptions) -> None:
+    function = "render_progressively"
+    if not isinstance(sampling, AdaptiveSampling):
+        raise ValueError(f"{function}: sampling must be a perfect_bvh.AdaptiveSampling, got {type(sampling).__name__}")
+    if sampling.size != check_size(function, size):
+        raise ValueError(f"{function}: sampling must be for an image of {tuple(size)} pixels, got {sampling.size}")
+    if sampling.sample_counts.any():
+        raise ValueError(f"{function}: sampling must be new, got one of an image that was rendered before")
+    if "combined" not in passes:
+        raise ValueError(f"{function}: passes must hold 'combined', which sampling judges, got {', '.join(passes)}")
+    if options.get("tiles") is not None:
+        raise ValueError(f"{function}: tiles cannot be given beside sampling, which chooses them")
+
+
+def _check_tiles(function: str, tiles: npt.ArrayLike, size: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    array = np.ascontiguousarray(tiles)
+    width, height = size
+    expected = (-(-height // TILE_SIZE), -(-width // TILE_SIZE))
+    if array.shape != expected or array.dtype != np.bool_:
+        raise ValueError(f"{function}: tiles must be bool of shape {expected}, got {array.dtype} of {array.shape}")
+    return array
 
 
 def _check_passes(function: str, passes: Iterable[str]) -> list[str]:

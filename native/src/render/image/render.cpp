@@ -41,6 +41,11 @@ void check(const RenderSettings& settings) {
   }
   if (settings.samples < 1) throw InvalidArgument("render: samples must be at least 1, got 0");
   if (settings.clay.light_rays < 1) throw InvalidArgument("render: light_rays must be at least 1");
+  const std::size_t tiles = tile_count(settings.width) * tile_count(settings.height);
+  if (!settings.wanted_tiles.empty() && settings.wanted_tiles.size() != tiles) {
+    throw InvalidArgument("render: tiles must say of each of the " + std::to_string(tiles) +
+                          " whether to trace it, got " + std::to_string(settings.wanted_tiles.size()));
+  }
 }
 
 }  // namespace

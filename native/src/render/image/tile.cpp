@@ -23,6 +23,17 @@ TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const Pas
   if (shared_reach() > 0 && !targets.combined.empty()) film_.emplace(tiles_, filter_);
 }
 
+// Whether a pixel lies in a tile that is wanted, or has samples that count there. They reach no farther than a tile is
+// wide, so that the corners of what they reach lie in all the tiles that they reach.
+bool TileRenderer::is_needed(int x, int y) const noexcept {
+  if (is_wanted(x, y)) return true;
+  const int reach = film_ ? filter_.reach() : 0;
+  if (reach == 0) return false;
+  const int left = std::max(x - reach, 0), right = std::min(x + reach, inputs_.settings.width - 1);
+  const int top = std::max(y - reach, 0), bottom = std::min(y + reach, inputs_.settings.height - 1);
+  return is_wanted(left, top) || is_wanted(right, top) || is_wanted(left, bottom) || is_wanted(right, bottom);
+}
+
 // In Z-order, so that neighbouring rays of a batch are neighbours in the image both ways. That of the whole tile,
 // whatever part of it is rendered: sums depend on the order.
 void TileRenderer::place_pixels(std::size_t tile, TileScratch& scratch) const {
@@ -35,7 +46,7 @@ void TileRenderer::place_pixels(std::size_t tile, TileScratch& scratch) const {
       return static_cast<int>(result);
     };
     const int x = whole.x0 + even_bits(place), y = whole.y0 + even_bits(place >> 1);
-    if (part.contains(x, y)) {
+    if (part.contains(x, y) && is_needed(x, y)) {
       scratch.pixels.push_back({static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y)});
     }
   }
@@ -163,6 +174,7 @@ void TileRenderer::store_combined(const TileScratch& scratch) const {
 
 void TileRenderer::finish(std::size_t tile) const {
   const PixelRect inside = tiles_.at(tile).overlap(border_);
+  if (inside.empty() || !is_wanted(tiles_.whole_at(tile))) return;
   for (int y = inside.y0; y < inside.y1; ++y) {
     const Pixel first{static_cast<std::uint16_t>(inside.x0), static_cast<std::uint16_t>(y)};
     for (int x = inside.x0; x < inside.x1; ++x) {

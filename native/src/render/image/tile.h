@@ -35,7 +35,8 @@ class TileRenderer {
   template <class Idle>
   void render(std::size_t tile, TileScratch& scratch, const CancelToken& cancel, const Idle& between_samples) const {
     place_pixels(tile, scratch);
-    if (wants_centres_) trace_centres(scratch);
+    if (scratch.pixels.empty()) return;
+    if (wants_centres_ && is_wanted(tiles_.whole_at(tile))) trace_centres(scratch);
     if (targets_.combined.empty()) return;
     begin(tile, scratch);
     for (std::uint32_t sample = 0; sample < sample_count_; ++sample) {
@@ -61,6 +62,16 @@ class TileRenderer {
   void bend_rays(std::uint32_t sample, TileScratch& scratch) const;
   void fill_background(TileScratch& scratch) const;
   void store_combined(const TileScratch& scratch) const;
+
+  // Whether the tile that holds a pixel is to be traced.
+  [[nodiscard]] bool is_wanted(int x, int y) const noexcept {
+    const auto& wanted = inputs_.settings.wanted_tiles;
+    if (wanted.empty()) return true;
+    const std::size_t row = static_cast<std::size_t>(y / kTileSize) * tile_count(inputs_.settings.width);
+    return wanted[row + static_cast<std::size_t>(x / kTileSize)] != 0;
+  }
+  [[nodiscard]] bool is_wanted(PixelRect whole_tile) const noexcept { return is_wanted(whole_tile.x0, whole_tile.y0); }
+  [[nodiscard]] bool is_needed(int x, int y) const noexcept;
 
   // How far samples count in other pixels. A denoiser takes pixels for independent: noise
   // that neighbours share would look like something to be kept.

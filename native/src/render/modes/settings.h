@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string_view>
 
 #include "math/vec3.h"
@@ -44,7 +45,9 @@ struct RenderSettings {
   std::uint32_t seed = 0;
   int threads = 0;          // 0: all
   float kept_share = 0.0f;  // of the camera rays, to be checked: see RaySubset
-  LightPaths light_paths;   // of the mode kPreview
+  // Which tiles of the image to trace, row by row, 0 for those to leave out; all if empty. See TileGrid.
+  std::span<const std::uint8_t> wanted_tiles;
+  LightPaths light_paths;  // of the mode kPreview
   ClaySettings clay;
   WireframeSettings wireframe;
 };

@@ -10,6 +10,11 @@ namespace perfect_bvh {
 
 inline constexpr int kTileSize = 32;
 
+// Along one side of an image of so many pixels.
+[[nodiscard]] constexpr std::size_t tile_count(int pixels) noexcept {
+  return static_cast<std::size_t>((pixels + kTileSize - 1) / kTileSize);
+}
+
 class TileGrid {
  public:
   // area: the pixels to render; not empty.
