@@ -13,6 +13,7 @@ bpy = pytest.importorskip("bpy")
 from blender.test_panels import drawn  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.panels import reports  # noqa: E402
+from perfect_bvh_addon.settings.scene_settings import read_settings  # noqa: E402
 from perfect_bvh_addon.statistics import last_result, summary  # noqa: E402
 
 OUTDATED = "The scene has changed since"
@@ -148,7 +149,8 @@ def test_a_viewport_that_finds_nothing_changed_confirms_what_a_viewport_did() ->
     edit_object()
     last_result.confirm_view(scene, statistics.report)
     assert last_result.is_outdated(scene)  # a render: what viewports show says nothing of it
-    last_result.remember(scene, replace(statistics, source="Viewport"), last_result.edits_of(scene))
+    shown = replace(statistics, source="Viewport", settings=read_settings(scene, is_viewport=True))
+    last_result.remember(scene, shown, last_result.edits_of(scene))
     edit_object()
     last_result.confirm_view(scene, replace(statistics.report))
     assert last_result.is_outdated(scene)  # a viewport with other trees, as in local view, says nothing of it either
