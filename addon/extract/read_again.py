@@ -31,6 +31,7 @@ from ..sync.records import (
 )
 from .geometry.instancer_survey import SILENT_TYPES
 from .looks.images import ImageCache
+from .looks.lights import lights_few
 from .visibility import VisibilityReader
 
 _NOT_SHOWN = -1
@@ -48,6 +49,7 @@ class SceneParts:
     world: WorldRecord | None
     variants: MaterialVariants | None
     unseen: tuple[UnseenMesh, ...]
+    instances_lights: bool
     warnings: tuple[str, ...]
     not_shown: tuple[NotShown, ...]
 
@@ -130,6 +132,9 @@ def _is_as_before(obj: Any, row: int, parts: SceneParts, visibility: VisibilityR
     """Whether an evaluated object differs in its transform alone, if at all."""
     if obj.original.mode != "OBJECT" or obj.is_instancer:
         return False
+    uid = obj.original.session_uid
+    if lights_few(obj) or any(row.session_uid == uid for row in parts.not_shown if row.kind == "light"):
+        return False  # what is said of its light may be so no more
     if row == _NOT_SHOWN:
         return obj.type in SILENT_TYPES
     record = parts.objects[parts.instances.object_indices[row]]

@@ -16,6 +16,7 @@ from .geometry.instance_columns import InstanceColumns
 from .geometry.instances import InstanceCache, read_instances
 from .geometry.mesh_cache import MeshCache
 from .geometry.mesh_table import MeshTable
+from .geometry.subdivision import AdaptiveSubdivision
 from .ignored_settings import find_ignored_settings
 from .libraries import find_missing_libraries
 from .looks.images import ImageCache, ImageReader
@@ -81,7 +82,9 @@ def read_scene(
         not_shown = [*find_missing_libraries(), *parts.not_shown]
         lights = LightRecords()
         if attributes.shading:
-            lights = read_lights(depsgraph, visibility, ImageReader(cache.images), not_shown)
+            lights = read_lights(
+                depsgraph, visibility, ImageReader(cache.images), not_shown, instanced=parts.instances_lights
+            )
     not_shown += find_ignored_settings(depsgraph, attributes, for_viewport)
 
     frame = read_frame(scene, size)
@@ -117,7 +120,7 @@ def _read_parts(
     meshes = MeshTable(depsgraph, attributes, reader, cache.meshes, log)
     images = ImageReader(cache.images)
     materials = MaterialReader(depsgraph.view_layer_eval.material_override, images if attributes.shading else None)
-    groups = GroupTable(meshes, materials, visibility)
+    groups = GroupTable(meshes, materials, visibility, AdaptiveSubdivision(depsgraph))
     warnings: list[str] = []
     instances = read_instances(depsgraph, groups, reader, cache.instances, warnings)
     of_world: list[NotShown] = []
@@ -134,6 +137,7 @@ def _read_parts(
         world=world,
         variants=variants,
         unseen=groups.unseen,
+        instances_lights=groups.instances_lights,
         warnings=(*meshes.warnings, *groups.warnings, *map(str, images.not_shown), *warnings),
         not_shown=(*groups.not_shown, *materials.not_shown, *images.not_shown, *of_world),
     )

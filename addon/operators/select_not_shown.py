@@ -37,10 +37,10 @@ class PERFECT_BVH_OT_select_not_shown(bpy.types.Operator):
 
     def _is_meant(self, obj: Any) -> bool:
         uid = self.session_uid
-        if self.kind == "object":
+        if self.kind in {"object", "shape"}:
             return bool(obj.session_uid == uid)
         if self.kind == "light":
-            return obj.type == "LIGHT" and obj.data.session_uid == uid
+            return obj.session_uid == uid or (obj.type == "LIGHT" and obj.data.session_uid == uid)
         if self.kind == "library":
             return any(block is not None and _is_of(block.library, uid) for block in (obj, obj.data))
         return any(_is_of(slot.material, uid) for slot in obj.material_slots)

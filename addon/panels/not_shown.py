@@ -14,6 +14,7 @@ ICONS = {
     "library": "LIBRARY_DATA_BROKEN",
     "dark": "OUTLINER_OB_LIGHT",
     "object": "OBJECT_DATA",
+    "shape": "MOD_SUBSURF",
     "material": "MATERIAL",
     "image": "IMAGE_DATA",
     "light": "LIGHT",

@@ -6,13 +6,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["library", "dark", "object", "material", "image", "light", "world", "setting"]
+Kind = Literal["library", "dark", "object", "shape", "material", "image", "light", "world", "setting"]
 
 # In the order in which users want to know of them: one of it and several, and what became of it.
 _COUNTED: dict[Kind, tuple[str, str, str]] = {
     "library": ("library", "libraries", "missing"),
     "material": ("material", "materials", "simplified"),
     "object": ("object", "objects", "not shown"),
+    "shape": ("object", "objects", "simplified"),
     "image": ("image", "images", "not found"),
     "light": ("light", "lights", "simplified"),
     "world": ("world", "worlds", "simplified"),
@@ -22,8 +23,9 @@ _COUNTED: dict[Kind, tuple[str, str, str]] = {
 # Of what objects can be found by, and what they are to it.
 SELECTABLE: dict[Kind, str] = {
     "object": "is it",
+    "shape": "has this shape",
     "material": "has this material",
-    "light": "has this light",
+    "light": "has this light or is it",
     "library": "comes out of this library",
 }
 
@@ -32,8 +34,9 @@ SELECTABLE: dict[Kind, str] = {
 class NotShown:
     """One thing that is not shown, or shown otherwise.
 
-    kind: what name is of; "dark" is a scene in which nothing shines. session_uid: of the object, material, image, light
-    or world, 0 for others. text: a sentence without its subject: what is not shown; what is shown instead.
+    kind: what name is of; "dark" is a scene in which nothing shines, "shape" an object's, "light" one or an object that
+    shines. session_uid: of the object, material, image, light or world, 0 for others. text: a sentence without its
+    subject: what is not shown; what is shown instead.
     """
 
     kind: Kind
@@ -47,7 +50,7 @@ class NotShown:
 
 def without_looks(not_shown: Iterable[NotShown]) -> tuple[NotShown, ...]:
     """What counts where materials, lights and the world are not shown at all."""
-    return tuple([row for row in not_shown if row.kind in {"library", "object", "setting"}])
+    return tuple([row for row in not_shown if row.kind in {"library", "object", "shape", "setting"}])
 
 
 def summarize(not_shown: Iterable[NotShown]) -> str:

@@ -9,7 +9,18 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from blender.builders import collection, collection_instance, evaluated, in_render, mesh_object
+from blender.builders import (
+    SQUARE,
+    NodeGroup,
+    collection,
+    collection_instance,
+    evaluated,
+    in_render,
+    instances_on_grid,
+    mesh_data,
+    mesh_object,
+    object_info,
+)
 from mathutils import Matrix
 from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.extract import read_scene
@@ -329,6 +340,50 @@ def test_instanced_and_hidden_lights() -> None:
     record = in_render(lambda depsgraph: read_scene(depsgraph, SHADING))
     assert record.lights.kinds == ("point", "point")
     assert sorted(record.lights.positions.tolist()) == [[0, 6, 0], [5, 0, 0]]
+
+
+def shown_by_nodes(lamp: Any) -> None:
+    instances_on_grid("field", object_info(lamp))
+
+
+def shown_by_nodes_of_a_collection(lamp: Any) -> None:
+    def lamps(group: NodeGroup) -> Any:
+        return group.node("GeometryNodeCollectionInfo", Collection=lamp.users_collection[0]).outputs["Instances"]
+
+    instances_on_grid("field", lamps)
+
+
+def shown_by_particles(lamp: Any) -> None:
+    emitter = mesh_object("emitter", mesh_data("emitter", *SQUARE))
+    settings = emitter.modifiers.new("particles", "PARTICLE_SYSTEM").particle_system.settings
+    settings.count, settings.frame_end, settings.physics_type = 4, 1.0, "NO"
+    settings.render_type, settings.instance_object = "OBJECT", lamp
+
+
+def shown_by_vertices(lamp: Any) -> None:
+    parent = mesh_object("parent", mesh_data("parent", *SQUARE))
+    lamp.parent, parent.instance_type = parent, "VERTS"
+
+
+@pytest.mark.parametrize(
+    "show",
+    [shown_by_nodes, shown_by_nodes_of_a_collection, shown_by_particles, shown_by_vertices],
+    ids=lambda show: show.__name__,
+)
+def test_lights_are_where_whatever_instances_them_has_them(show: Any) -> None:
+    lamps = collection("lamps", linked=show is not shown_by_nodes_of_a_collection)
+    lamp = new_light("POINT")
+    bpy.context.scene.collection.objects.unlink(lamp)
+    lamps.objects.link(lamp)
+    show(lamp)
+    bpy.context.scene.frame_set(2)
+    listed = [
+        np.array(entry.matrix_world)[:3, 3].tolist()
+        for entry in evaluated().object_instances
+        if entry.object.type == "LIGHT"
+    ]
+    assert len(listed) >= 4
+    assert sorted(read().lights.positions.tolist()) == sorted(listed)
 
 
 # World ---------------------------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from blender.builders import evaluated
 from blender.node_setups import SETUPS, add, image_node, new_red, one_sided, paint, shader, surface
 from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.extract.looks.shown_nodes import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES
-from perfect_bvh_addon.sync.not_shown import NotShown
+from perfect_bvh_addon.sync.not_shown import NotShown, summarize, without_looks
 from perfect_bvh_addon.sync.records import AttributeRequest
 
 SHADING = AttributeRequest(shading=True)
@@ -467,6 +467,59 @@ def test_what_of_a_light_is_not_shown(setup: Callable[[Any], str], material: Any
     twin = bpy.data.objects.new("Twin", obj.data)
     bpy.context.scene.collection.objects.link(twin)
     assert len(sentences()) == 1
+
+
+def test_light_linking_of_what_shines_is_named(material: Any) -> None:
+    cube = bpy.context.object
+    cube.light_linking.receiver_collection = bpy.data.collections.new("Few")
+    assert sentences() == [], "it lights nothing"
+    inputs = shader(material).inputs
+    inputs["Emission Color"].default_value, inputs["Emission Strength"].default_value = (1.0, 1.0, 1.0, 1.0), 2.0
+    for linking in ("receiver_collection", "blocker_collection"):
+        cube.light_linking.receiver_collection = cube.light_linking.blocker_collection = None
+        assert sentences() == []
+        setattr(cube.light_linking, linking, bpy.data.collections["Few"])
+        (row,) = rows()
+        assert (row.kind, row.session_uid) == ("light", cube.session_uid)
+        assert str(row) == "Cube: its light linking is not shown; it lights everything"
+    assert read_scene(evaluated()).not_shown == (), "nothing shines in this mode"
+
+
+def test_light_linking_of_what_instances_what_shines_is_named(material: Any) -> None:
+    inputs = shader(material).inputs
+    inputs["Emission Color"].default_value, inputs["Emission Strength"].default_value = (1.0, 1.0, 1.0, 1.0), 2.0
+    collection = bpy.data.collections.new("Shining")
+    collection.objects.link(bpy.context.object)
+    empty = bpy.data.objects.new("Empty", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", collection
+    bpy.context.scene.collection.objects.link(empty)
+    assert sentences() == []
+    empty.light_linking.receiver_collection = bpy.data.collections.new("Few")
+    assert sentences() == ["Empty: its light linking is not shown; it lights everything"]
+
+
+def test_adaptive_subdivision_is_named_in_every_mode(material: Any) -> None:
+    cube = bpy.context.object
+    modifier = cube.modifiers.new("Subdivision", "SUBSURF")
+    assert sentences() == []
+    if bpy.app.version >= (5, 0, 0):
+        modifier.use_adaptive_subdivision = True
+    else:
+        cube.cycles.use_adaptive_subdivision = True
+        cube.update_tag()
+        assert sentences() == []
+        bpy.context.scene.cycles.feature_set = "EXPERIMENTAL"
+    for attributes in (None, SHADING):
+        (row,) = read_scene(evaluated(), attributes).not_shown
+        assert (row.kind, row.session_uid) == ("shape", cube.session_uid)
+        assert str(row) == "Cube: its adaptive subdivision is not shown; the modifier's levels are"
+        assert without_looks([row]) == (row,)
+        assert summarize([row]) == "1 object simplified"
+    modifier.show_viewport = False
+    assert sentences() == []
+    modifier.show_viewport = True
+    cube.modifiers.new("Weld", "WELD")
+    assert sentences() == [], "another modifier comes after it"
 
 
 def test_settings_that_are_ignored_are_named(material: Any) -> None:

@@ -18,7 +18,7 @@ from perfect_bvh_addon.panels import common, render, reports  # noqa: E402
 from perfect_bvh_addon.settings import preferences  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import ENGINE_NAME  # noqa: E402
 from perfect_bvh_addon.statistics import last_result, not_shown, summary  # noqa: E402
-from perfect_bvh_addon.sync.not_shown import Kind  # noqa: E402
+from perfect_bvh_addon.sync.not_shown import Kind, NotShown  # noqa: E402
 from perfect_bvh_addon.view3d import overlay  # noqa: E402
 
 
@@ -211,6 +211,18 @@ def test_what_is_not_shown_is_listed_and_can_be_selected() -> None:
     assert bpy.ops.perfect_bvh.select_not_shown(kind="material", session_uid=material.session_uid) == {"CANCELLED"}
     bpy.ops.render.render()
     assert not_shown.list_rows()
+
+
+@pytest.mark.parametrize("kind", ["shape", "light"])
+def test_objects_whose_shape_or_light_is_simplified_can_be_selected(kind: Kind) -> None:
+    cube = bpy.data.objects["Cube"]
+    row = NotShown(kind, cube.name, cube.session_uid, "something is not shown; something else is")
+    not_shown.tell(bpy.context.scene, (row,))
+    assert not_shown.list_rows()
+    (panel,) = panels.not_shown.CLASSES
+    assert drawn(panel)[-1] == "perfect_bvh.select_not_shown"
+    assert bpy.ops.perfect_bvh.select_not_shown(kind=kind, session_uid=cube.session_uid) == {"FINISHED"}
+    assert [obj.name for obj in bpy.context.selected_objects] == ["Cube"]
     assert "Wall" not in " ".join(drawn(panel))
 
 

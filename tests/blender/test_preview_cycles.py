@@ -12,6 +12,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from blender.builders import SQUARE, instances_on_grid, mesh_data, mesh_object, object_info  # noqa: E402
 from bpy_extras.object_utils import world_to_camera_view  # noqa: E402
 from mathutils import Vector  # noqa: E402
 from oracles.cycles import render_beside  # noqa: E402
@@ -233,3 +234,24 @@ def test_a_holdout_behind_glass_stays_a_hole(scene) -> None:
     ours, _ = check(scene)
     half = np.abs(ours[..., 3] - 0.5) < 0.02
     assert half.mean() > 0.05
+
+
+def shown_by_nodes(lamp: bpy.types.Object) -> bpy.types.Object:
+    return instances_on_grid("Lamps", object_info(lamp))
+
+
+def shown_by_vertices(lamp: bpy.types.Object) -> bpy.types.Object:
+    lamp.parent = parent = mesh_object("Lamps", mesh_data("Lamps", *SQUARE))
+    parent.instance_type = "VERTS"
+    return parent
+
+
+@pytest.mark.parametrize("show", [shown_by_nodes, shown_by_vertices])
+def test_lights_that_are_instanced_shine_as_in_cycles(scene, show) -> None:
+    alone, _ = render_both(scene)
+    bpy.ops.object.light_add(type="POINT", location=(0.0, 0.0, -2.0))
+    lamp = bpy.context.object
+    lamp.data.energy, lamp.data.shadow_soft_size = 60.0, 0.5
+    show(lamp).location = (0.0, 0.0, 4.0)
+    ours, _ = check(scene)
+    assert ours[..., :3].mean() > 1.05 * alone[..., :3].mean()

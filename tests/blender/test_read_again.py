@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import pytest
 from blender.builders import SQUARE, camera_object, collection, collection_instance, evaluated, mesh_data, mesh_object
+from blender.node_setups import new_red, shader
 from blender.syncing import height
 from perfect_bvh_addon import AttributeRequest, SceneSync
 from perfect_bvh_addon.events.evaluation_log import EvaluationLog
@@ -136,6 +137,16 @@ def another_material_of_the_object() -> None:
     thing("own").material_slots[0].material = bpy.data.materials.new("other")
 
 
+def ask_for_adaptive_subdivision() -> None:
+    modifier = thing("own").modifiers.new("fine", "SUBSURF")
+    evaluated()
+    if bpy.app.version >= (5, 0, 0):
+        modifier.use_adaptive_subdivision = True
+    else:
+        bpy.context.scene.cycles.feature_set = "EXPERIMENTAL"
+        thing("own").cycles.use_adaptive_subdivision = True
+
+
 LOUD: dict[str, Callable[[], None]] = {
     "lens": lambda: setattr(thing("camera").data, "lens", 20.0),
     "hidden": lambda: thing("square 0").hide_set(True),
@@ -165,6 +176,7 @@ LOUD: dict[str, Callable[[], None]] = {
     "modifier": lambda: thing("own").modifiers.new("solid", "SOLIDIFY") and None,
     "instancer": lambda: setattr(thing("square 0"), "instance_type", "VERTS"),
     "not finite": lambda: setattr(thing("square 0").location, "z", float("inf")),
+    "adaptive subdivision": ask_for_adaptive_subdivision,
     "world": lambda: setattr(bpy.context.scene, "world", bpy.data.worlds.new("sky")),
 }
 
@@ -218,6 +230,19 @@ def test_edit_mode_is_read_again(sync: SceneSync, readings: list[bool]) -> None:
     finally:
         bpy.ops.object.mode_set(mode="OBJECT")
     assert sync.update(evaluated(), verify=True).mismatches == ()
+
+
+def test_light_linking_of_what_shines_is_read_again(sync: SceneSync, readings: list[bool]) -> None:
+    own, few = thing("own"), bpy.data.collections.new("few")
+    own.data.materials[0] = new_red("shine")
+    shader(own.data.materials[0]).inputs["Emission Strength"].default_value = 1.0
+    assert sync.update(evaluated()).not_shown == ()
+    for receivers, told in ((few, ["own: its light linking is not shown; it lights everything"]), (None, [])):
+        readings.clear()
+        own.light_linking.receiver_collection = receivers
+        report = sync.update(evaluated(), verify=True)
+        assert (list(map(str, report.not_shown)), report.mismatches) == (told, ())
+        assert True in readings
 
 
 def test_the_log_tells_what_it_does_not_know() -> None:

@@ -7,12 +7,14 @@ from typing import Any
 
 import bpy
 
-from ...sync.not_shown import NotShown
+from ...sync.not_shown import Kind, NotShown
 from ...sync.records import NO_LAYERS, LayerRequest, MeshRecord, UnseenMesh
+from ..looks.lights import LIGHT_LINKING, LIGHTS_ALL, lights_few
 from ..looks.materials import MaterialReader
 from ..visibility import VisibilityReader
 from .mesh_table import NO_MESH, MeshTable
 from .objects import ObjectTable
+from .subdivision import AdaptiveSubdivision
 
 _Mesh = bpy.types.Mesh  # looking it up is slow
 NOT_SHOWN = -1
@@ -30,16 +32,19 @@ _UNREADABLE_TYPES = {
 class GroupTable:
     """Gives each different (mesh, object, instancer) a row; fills the tables it is given.
 
-    rows: (mesh row, object row, instancer's object row or -1, mask, numbering) of each group.
+    rows: (mesh row, object row, instancer's object row or -1, mask, numbering) of each group. instances_lights: whether
+    any of what was met is a light that an instancer shows.
     """
 
     meshes: MeshTable
     materials: MaterialReader
     visibility: VisibilityReader
+    subdivision: AdaptiveSubdivision
     objects: ObjectTable = field(default_factory=ObjectTable)
     warnings: list[str] = field(default_factory=list)
     not_shown: dict[NotShown, None] = field(default_factory=dict)  # in the order in which they are met
     rows: list[tuple[int, int, int, int, int]] = field(default_factory=list)
+    instances_lights: bool = False
     _warned: set[int] = field(default_factory=set)
     _left_out: dict[tuple[str, int], UnseenMesh] = field(default_factory=dict)
 
@@ -52,6 +57,7 @@ class GroupTable:
         is_own: whether data is the object's own and not what geometry nodes made beside it. numbering: how the
         instances of this group are numbered.
         """
+        self.instances_lights |= parent is not None and obj.type == "LIGHT"
         if self.visibility.is_hidden(obj, parent):
             return self._leave_out(obj, data, is_own, "what shows it is hidden")
         mask = self.visibility.mask(obj, parent)
@@ -67,6 +73,7 @@ class GroupTable:
             return NOT_SHOWN
         if self.materials.are_volumes(slots):
             self._note(obj, "its material has a volume and no surface; nothing of it is shown")
+        self._note_simplified(obj, slots, obj if parent is None else parent, is_own)
         if layers is not NO_LAYERS:
             self._note_missing_layers(obj, slots, layers, self.meshes.records[mesh_row])
         object_row = self.objects.row(obj, slots, self.visibility.is_holdout(obj, parent))
@@ -101,9 +108,17 @@ class GroupTable:
             self.warnings.append(f"{obj.original.name}: {reason}; left out")
             self._note(obj, f"{reason}; left out")
 
-    def _note(self, obj: Any, text: str) -> None:
+    def _note(self, obj: Any, text: str, kind: Kind = "object") -> None:
         original = obj.original
-        self.not_shown[NotShown("object", original.name, original.session_uid, text)] = None
+        self.not_shown[NotShown(kind, original.name, original.session_uid, text)] = None
+
+    def _note_simplified(self, obj: Any, slots: tuple[int, ...], linked: Any, is_own: bool) -> None:
+        """linked: what says whom it lights, if it shines."""
+        if self.materials.shine(slots) and lights_few(linked):
+            original, text = linked.original, f"{LIGHT_LINKING} is not shown; {LIGHTS_ALL}"
+            self.not_shown[NotShown("light", original.name, original.session_uid, text)] = None
+        if is_own and self.subdivision.is_asked_for(obj):
+            self._note(obj, "its adaptive subdivision is not shown; the modifier's levels are", "shape")
 
     def _note_missing_layers(self, obj: Any, slots: tuple[int, ...], wanted: LayerRequest, mesh: MeshRecord) -> None:
         """What materials look up on a mesh that does not have it. wanted: all that those of these slots do."""

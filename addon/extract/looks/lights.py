@@ -25,15 +25,20 @@ _KINDS = {"POINT": "point", "SUN": "sun", "SPOT": "spot"}
 _DEEPEST = 64
 _WORLD_RAYS = ("camera", "diffuse", "glossy", "transmission")
 _LIGHT_RAYS = ("visible_diffuse", "visible_glossy", "visible_transmission")
+LIGHT_LINKING, LIGHTS_ALL = "its light linking", "it lights everything"
 
 Color = tuple[float, float, float]
 
 
 def read_lights(
-    depsgraph: Any, visibility: VisibilityReader, images: ImageReader, not_shown: list[NotShown]
+    depsgraph: Any, visibility: VisibilityReader, images: ImageReader, not_shown: list[NotShown], *, instanced: bool
 ) -> LightRecords:
-    """Every light that shows and has a place, instanced ones included, as columns. not_shown: takes what is not."""
-    placed = [(obj, matrix) for obj, matrix in _list_lights(depsgraph, visibility) if np.isfinite(matrix).all()]
+    """Every light that shows and has a place as columns.
+
+    instanced: whether Blender's list of instances may hold lights. not_shown: takes what of them is not.
+    """
+    listed = _list_lights(depsgraph, visibility, instanced)
+    placed = [(obj, matrix) for obj, matrix in listed if np.isfinite(matrix).all()]
     noted: dict[NotShown, None] = {}
     rows = []
     for obj, matrix in placed:
@@ -160,16 +165,14 @@ def _record(value: Value, images: ImageReader, omissions: Omissions) -> WorldRec
     return WorldRecord((1.0, 1.0, 1.0), images.row(value), math.atan2(up, across))
 
 
-def _list_lights(depsgraph: Any, visibility: VisibilityReader) -> Iterator[tuple[Any, npt.NDArray[np.float64]]]:
-    """Lights' objects with their matrices. Blender's list of instances is walked only where it may hold lights."""
-    holds_instances = False
+def _list_lights(
+    depsgraph: Any, visibility: VisibilityReader, instanced: bool
+) -> Iterator[tuple[Any, npt.NDArray[np.float64]]]:
+    """Lights' objects with their matrices."""
     for obj in depsgraph.objects:
-        if obj.type == "LIGHT":
-            if not visibility.is_hidden(obj, None):
-                yield obj, np.array(obj.matrix_world, np.float64)
-        elif obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
-            holds_instances |= any(member.type == "LIGHT" for member in obj.instance_collection.all_objects)
-    if not holds_instances:
+        if obj.type == "LIGHT" and not visibility.is_hidden(obj, None):
+            yield obj, np.array(obj.matrix_world, np.float64)
+    if not instanced:
         return
     for instance in depsgraph.object_instances:
         if not instance.is_instance or instance.object.type != "LIGHT":
@@ -178,13 +181,18 @@ def _list_lights(depsgraph: Any, visibility: VisibilityReader) -> Iterator[tuple
             yield instance.object, np.array(instance.matrix_world, np.float64)
 
 
+def lights_few(obj: Any) -> bool:
+    """Whether light linking says of an object that shines that it lights some objects alone, or some block it."""
+    linking = obj.light_linking
+    return linking is not None and bool(linking.receiver_collection or linking.blocker_collection)
+
+
 def _note_object(obj: Any, omissions: Omissions) -> None:
     """What the object of a light says of whom it lights."""
-    linking = obj.light_linking
-    if linking is not None and (linking.receiver_collection or linking.blocker_collection):
-        omissions.note("its light linking", "it lights everything")
+    if lights_few(obj):
+        omissions.note(LIGHT_LINKING, LIGHTS_ALL)
     if not all(getattr(obj, name) for name in _LIGHT_RAYS):
-        omissions.note("its ray visibility", "it lights everything")
+        omissions.note("its ray visibility", LIGHTS_ALL)
     settings = getattr(obj.data, "cycles", None)
     if settings is not None and getattr(settings, "is_portal", False) and obj.data.type == "AREA":
         omissions.note("Portal", "a lamp is")

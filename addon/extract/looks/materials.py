@@ -70,6 +70,11 @@ class MaterialReader:
         """Whether what has these materials shows nothing, for they have no surface."""
         return bool(self._volumes) and bool(slots) and self._volumes.issuperset(slots)
 
+    def shine(self, slots: tuple[int, ...]) -> bool:
+        """Whether one of these materials emits light, as far as they were read."""
+        records = (self.records[row] for row in slots if row >= 0)
+        return any(any(record.emission) or record.emission_image >= 0 for record in records)
+
     def slots(self, obj: Any, data: Any) -> tuple[int, ...]:
         """Rows of an evaluated object's material slots, -1 for an empty slot; object-linked slots included.
 
