@@ -51,7 +51,7 @@ class PERFECT_BVH_PT_sampling(SubPanel, bpy.types.Panel):
         settings = context.scene.perfect_bvh
         _draw_threshold(layout, settings, "", "Noise Threshold")
         layout.prop(settings, "viewport_samples")
-        _draw_threshold(layout, settings, "viewport_", "Viewport Threshold")
+        _draw_threshold(layout, settings, "viewport_", "Viewport Noise")
         layout.prop(settings, "time_limit")
         layout.prop(settings, "seed")
         column = layout.column(heading="Denoise", align=True)
@@ -123,7 +123,7 @@ def _draw_threshold(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, 
     value, least = row.row(), column.row()
     value.active = least.active = getattr(settings, f"use_{kind}noise_threshold")
     value.prop(settings, f"{kind}noise_threshold", text="")
-    least.prop(settings, f"{kind}min_samples")
+    least.prop(settings, f"{kind}min_samples", text="Min Samples")
 
 
 def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:

@@ -9,6 +9,7 @@ from addon_state import MODULE, close_image_windows, is_working, module, setting
 from buttons import (
     COLUMN,
     HEADER_HEIGHT,
+    STEP,
     Button,
     change,
     find_and_press,
@@ -34,6 +35,7 @@ MAIN_BUTTONS = [
     "perfect_bvh.samples",
 ]
 HEADER_CHECKBOX_OF_PANEL = 0.13
+SWITCHES = 0.44  # of the region's width: those beside the values that they turn on
 ROW_AND_GAP = 26  # from the middle of a button to that of the next group
 WITH_REPORTS = (*SUB_PANELS[:5], "Statistics", "Plan", *SUB_PANELS[5:])
 
@@ -89,14 +91,22 @@ def press_sampling_film_and_performance() -> Step:
     switches = {"use_denoising": None, "use_viewport_denoising": None}
     for kind, text in (("", "0.05"), ("viewport_", "0.5")):
         sampling |= {f"{kind}noise_threshold": text, f"{kind}min_samples": "7"}
-        switches |= {f"use_{kind}noise_threshold": None}
     yield from open_sub_panel("Sampling", change_all(settings(), sampling | switches))
+    yield from open_sub_panel("Sampling", switch_thresholds)
     settings().time_limit = 0.0
     yield from open_sub_panel("Film", change_all(render, {"film_transparent": None}))
     yield from open_sub_panel("Performance", change_all(render, {"threads_mode": None, "use_persistent_data": None}))
     render.threads_mode = "FIXED"
     yield from open_sub_panel("Performance", change_all(render, {"threads": None}))
     render.threads_mode = "AUTO"
+
+
+def switch_thresholds(buttons: list[Button]) -> Step:
+    """Their switches stand left of the values."""
+    area, top = area_of("PROPERTIES"), max(button.y for button in buttons)
+    found = yield from list_buttons(area, top=top + STEP, column=SWITCHES)
+    names = ("use_noise_threshold", "use_viewport_noise_threshold")
+    yield from change_all(settings(), dict.fromkeys(names))(found)
 
 
 def fill_in_the_rays_panel() -> Step:
