@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import bpy
 import numpy as np
@@ -14,6 +15,8 @@ from blender.builders import (
 )
 from blender.object_kinds import add_mesh, only_mesh
 from perfect_bvh_addon.extract import read_scene
+from perfect_bvh_addon.extract.geometry.attributes import read_corner_normals
+from perfect_bvh_addon.extract.pointer_views import ArrayReader
 from perfect_bvh_addon.sync.records import AttributeRequest
 
 
@@ -103,3 +106,16 @@ def test_the_view_layers_override_stands_for_every_material(scene: Any) -> None:
     record = read_scene(evaluated())
     assert [material.name for material in record.materials] == ["override"]
     assert {obj.material_slots for obj in record.objects} == {(0,)}
+
+
+def test_corner_normals_that_are_no_numbers_stand_for_the_triangle_s_own() -> None:
+    normals = np.arange(18, dtype=np.float32).reshape(6, 3)
+    normals[1, 2], normals[4] = np.nan, np.inf
+    normals.flags.writeable = False  # Blender's own memory
+    corners = np.array([[0, 1, 2], [2, 3, 0], [3, 4, 5]], np.int32)
+    mesh = SimpleNamespace(normals_domain="CORNER", corner_normals=None)
+    reader = cast(ArrayReader, SimpleNamespace(view=lambda *_: normals))
+    expected = np.where(np.isfinite(normals).all(axis=1)[:, None], normals, 0.0)[corners]
+    read = read_corner_normals(mesh, corners, reader)
+    assert read is not None and read.flags.owndata
+    np.testing.assert_array_equal(read, expected)

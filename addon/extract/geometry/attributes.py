@@ -29,7 +29,7 @@ def read_material_slots(
     face_slots = reader.view(attribute.data, FACE_INTEGERS)
     if last is not None and are_triangles(face_slots, polygon_ids, last):
         return last
-    slots: Int32Array = face_slots[polygon_ids]
+    slots: Int32Array = np.take(face_slots, polygon_ids, mode="clip")
     return np.maximum(slots, 0, out=slots)
 
 
@@ -49,10 +49,10 @@ def read_corner_normals(mesh: Any, corner_triangles: Int32Array, reader: ArrayRe
     """
     if mesh.normals_domain == "FACE":
         return None
-    normals = reader.read(mesh.corner_normals, CORNER_NORMALS)
+    normals = reader.view(mesh.corner_normals, CORNER_NORMALS)
+    # Blender's own indices need no check of their range, and one number of all arrays is sooner had than one a row.
+    gathered: Float32Array = np.take(normals, corner_triangles, axis=0, mode="clip")
     # Custom normals can be garbage in a damaged file; a zero normal means "use the triangle's own".
-    finite = np.isfinite(normals).all(axis=1)
-    if not finite.all():
-        normals[~finite] = 0.0
-    gathered: Float32Array = normals[corner_triangles]
+    if not np.isfinite(gathered).all():
+        gathered[~np.isfinite(gathered).all(axis=2)] = 0.0
     return gathered

@@ -48,17 +48,22 @@ def read_uv_maps(mesh: Any, request: LayerRequest, corners: Corners, reader: Arr
     active = next((layer for layer in layers if layer.active_render), layers[0]) if len(layers) else None
     found: dict[str, Float32Array] = {}
     if "" in request.uvs and active is not None:
-        found[""] = reader.read(active.uv, CORNER_UVS)[corners.corner_triangles]
+        found[""] = _gather(reader.view(active.uv, CORNER_UVS), corners)
     for name in request.uvs - {""}:
         if active is not None and active.name == name and "" in found:
             found[name] = found[""]
         elif name in layers:
-            found[name] = reader.read(layers[name].uv, CORNER_UVS)[corners.corner_triangles]
+            found[name] = _gather(reader.view(layers[name].uv, CORNER_UVS), corners)
         else:
             values = _read_attribute(mesh.attributes.get(name), corners, 2)
             if values is not None:
                 found[name] = values
     return found
+
+
+def _gather(values: Float32Array, corners: Corners) -> Float32Array:
+    """Of each triangle's corners; Blender's own indices need no check of their range."""
+    return np.take(values, corners.corner_triangles, axis=0, mode="clip")
 
 
 def read_colors(mesh: Any, request: LayerRequest, corners: Corners) -> dict[str, Float32Array]:
