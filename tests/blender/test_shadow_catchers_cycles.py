@@ -1,4 +1,8 @@
-"""Shadow catchers in the mode "preview" beside Cycles' picture: the shadows alone, over nothing or over the world."""
+"""Shadow catchers in the mode "preview" beside Cycles' picture: the shadows alone, over nothing or over the world.
+
+Both divide the light on them by what it would be without shadows, Cycles the means over all samples, and ours that of
+each sample. Where things throw light back onto what they shade that is not the same.
+"""
 
 from __future__ import annotations
 
@@ -58,12 +62,12 @@ def patches(image: Image) -> Image:
     return image.reshape(SIZE[1] // PATCH, PATCH, SIZE[0] // PATCH, PATCH, 4).mean(axis=(1, 3))
 
 
-def check(scene: Any) -> Image:
-    """Ours, which looks like Cycles'."""
+def check(scene: Any, most: float = 0.06, mean: float = 0.004) -> Image:
+    """Ours, which looks like Cycles'. most, mean: how far patches may be off."""
     ours, theirs = render_both(scene)
     difference = np.abs(patches(ours) - patches(theirs))
-    assert difference.max() < 0.08
-    assert difference.mean() < 0.012
+    assert difference.max() < most
+    assert difference.mean() < mean
     return ours
 
 
@@ -96,16 +100,26 @@ def glass_in_front(scene: Any) -> None:
     bpy.context.object.data.materials.append(material)
 
 
-@pytest.mark.parametrize("change", [sun_and_sky, sky_alone, sun_alone, over_the_world, wall_in_front, glass_in_front])
-def test_caught_shadows_look_as_in_cycles(scene, change) -> None:
+@pytest.mark.parametrize(
+    ("change", "most", "mean"),
+    [
+        (sun_and_sky, 0.06, 0.004),
+        (sky_alone, 0.01, 0.001),
+        (sun_alone, 0.01, 0.001),
+        (over_the_world, 0.03, 0.004),
+        (wall_in_front, 0.08, 0.003),
+        (glass_in_front, 0.035, 0.003),
+    ],
+)
+def test_caught_shadows_look_as_in_cycles(scene, change, most: float, mean: float) -> None:
     change(scene)
-    check(scene)
+    check(scene, most, mean)
 
 
 def test_what_no_shadow_reaches_is_clear_and_without_noise(scene) -> None:
     sun_alone(scene)
     scene.cycles.max_bounces = 0  # light that bounces reaches shadows, too
-    image = check(scene)
+    image = check(scene, 0.01, 0.001)
     assert (image[..., 3] == 0.0).mean() > 0.1
     dark = (image[..., 3] == 1.0) & ~image[..., :3].any(axis=-1)
     assert dark.mean() > 0.02

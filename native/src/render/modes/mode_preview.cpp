@@ -62,8 +62,8 @@ class PreviewMode final : public ShadingMode {
   }
 
   // Shadow catchers show the light that they get beside that which they get by the same rays where nothing but catchers
-  // is: what no shadow reaches is without noise. The mean of these quotients is shown, Cycles has the quotient of the
-  // means.
+  // is: what no shadow reaches is without noise. The mean of these quotients is shown, which can be added to later;
+  // Cycles has the quotient of the means. It differs where light that bounces is more than what shadows take.
   void show_shadows(const ShadeTask& task) const {
     ShadeScratch& scratch = task.scratch;
     const std::span<const CaughtPoint> caught = scratch.paths.caught;
