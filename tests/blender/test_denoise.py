@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import tempfile
+import weakref
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import perfect_bvh
@@ -14,6 +17,7 @@ bpy = pytest.importorskip("bpy")
 
 from oracles.cycles import preserved, write_multilayer  # noqa: E402
 from oracles.exr import read_exr  # noqa: E402
+from perfect_bvh import _oidn  # noqa: E402
 from perfect_bvh.denoise import DenoiseQuality, Prefilter, denoise  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.image import denoising  # noqa: E402
@@ -235,6 +239,24 @@ def test_a_render_is_cancelled_while_it_is_denoised(scene: bpy.types.Scene, monk
 def test_blender_s_library_is_where_it_is_looked_for() -> None:
     assert all(path.exists() for path in denoiser_libraries())
     assert denoiser_in_use() == perfect_bvh.denoiser_name(denoiser_libraries())
+
+
+def test_the_memory_of_a_denoiser_goes_with_it_and_waits_for_no_collector(monkeypatch: pytest.MonkeyPatch) -> None:
+    filters: list[weakref.ref[_oidn.Filter]] = []
+    make = _oidn.Filter.__init__
+
+    def note(made: _oidn.Filter, *given: Any, **switches: bool) -> None:
+        filters.append(weakref.ref(made))
+        make(made, *given, **switches)
+
+    monkeypatch.setattr(_oidn.Filter, "__init__", note)
+    image = np.ones((32, 32, 3), np.float32)
+    gc.disable()
+    try:
+        denoise(image, image, backend="oidn", libraries=denoiser_libraries())
+        assert [made() for made in filters] == [None, None]
+    finally:
+        gc.enable()
 
 
 def test_one_denoiser_serves_a_view_as_it_gets_better(scene: bpy.types.Scene) -> None:

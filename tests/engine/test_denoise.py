@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import gc
 import shutil
 import subprocess
-import weakref
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import perfect_bvh
@@ -312,21 +309,3 @@ def test_a_forked_child_does_without_a_library(libraries: Libraries) -> None:
 
     assert run_in_child(work) == 0
     np.testing.assert_array_equal(before.denoise(color), color + perfect_bvh.thread_count())
-
-
-@pytest.mark.skipif(denoiser_name() == JOINT_NAME, reason="there is no OpenImageDenoise")
-def test_its_memory_goes_with_it_and_waits_for_no_collector(picture: Picture, monkeypatch: pytest.MonkeyPatch) -> None:
-    filters: list[weakref.ref[_oidn.Filter]] = []
-    make = _oidn.Filter.__init__
-
-    def note(made: _oidn.Filter, *given: Any, **switches: bool) -> None:
-        filters.append(weakref.ref(made))
-        make(made, *given, **switches)
-
-    monkeypatch.setattr(_oidn.Filter, "__init__", note)
-    gc.disable()
-    try:
-        denoise(picture.noisy(ONE_SAMPLE), picture.albedo, backend="oidn")
-        assert [made() for made in filters] == [None, None]
-    finally:
-        gc.enable()
