@@ -31,6 +31,7 @@ class MaterialReader:
         self.records: list[MaterialRecord] = []
         self.not_shown: list[NotShown] = []
         self._volumes: set[int] = set()  # rows of those that show nothing
+        self._shining: set[int] = set()  # rows of those that emit light
         self.asking: dict[int, Any] = {}  # the evaluated materials whose nodes ask for the instance, by their rows
         self.asked: set[Source] = set()
 
@@ -64,7 +65,10 @@ class MaterialReader:
         self.not_shown += omissions.rows(material)
         if surface.has_volume:
             self._volumes.add(row)
-        return _with_surface(record, surface, self._images)
+        record = _with_surface(record, surface, self._images)
+        if any(record.emission):
+            self._shining.add(row)
+        return record
 
     def are_volumes(self, slots: tuple[int, ...]) -> bool:
         """Whether what has these materials shows nothing, for they have no surface."""
@@ -72,8 +76,7 @@ class MaterialReader:
 
     def shine(self, slots: tuple[int, ...]) -> bool:
         """Whether one of these materials emits light, as far as they were read."""
-        records = (self.records[row] for row in slots if row >= 0)
-        return any(any(record.emission) or record.emission_image >= 0 for record in records)
+        return not self._shining.isdisjoint(slots)
 
     def slots(self, obj: Any, data: Any) -> tuple[int, ...]:
         """Rows of an evaluated object's material slots, -1 for an empty slot; object-linked slots included.
