@@ -114,6 +114,11 @@ class Canvas:
             self._note((0, self.size[1]), 1)
 
     @property
+    def is_replaced(self) -> bool:
+        """Whether something else is shown than the samples."""
+        return self._is_replaced
+
+    @property
     def film(self) -> Image:
         """The mean of all samples: (H, W, 4) float32, still being added to unless it is finished."""
         return self._images[0]

@@ -2,7 +2,8 @@
 
 A redraw takes the processor from the tracer, without a graphics card most of a tenth of a second. So what redraws cost
 is measured, and there is a pause of several times that after each. All of this is on Blender's main thread, in a timer
-that runs only while a viewport works on its image; what ends is shown at once.
+that runs only while a viewport works on its image. What ends is shown at once, and so is what was denoised: that comes
+seldom, whenever samples have doubled, and is much better than what it replaces.
 """
 
 from __future__ import annotations
@@ -67,6 +68,10 @@ class Traced(Protocol):
         """Whether its image is better than what was drawn."""
 
     @property
+    def is_denoised(self) -> bool:
+        """Whether it is one without noise."""
+
+    @property
     def has_ended(self) -> bool:
         """Whether it is as good as it gets."""
 
@@ -94,7 +99,7 @@ def _tick() -> float | None:
     if _is_playing():  # the next frame comes by itself
         return TICK_SECONDS
     news = [viewport for viewport in working if viewport.has_news and now >= viewport.asked_at + ASKING_SECONDS]
-    if not news or not (budget.allows(now) or any(viewport.has_ended for viewport in news)):
+    if not news or not (budget.allows(now) or any(viewport.has_ended or viewport.is_denoised for viewport in news)):
         return TICK_SECONDS
     regions = {viewport.region_pointer for viewport in news}
     for viewport in news:

@@ -191,6 +191,11 @@ class Viewport:
         return news != self._shown or not self._tracer.is_running  # one that was stopped goes on in a redraw
 
     @property
+    def is_denoised(self) -> bool:
+        """Whether a redraw shows an image without noise."""
+        return self._refinement is not None and self._refinement.canvas.is_replaced
+
+    @property
     def has_ended(self) -> bool:
         """Whether nothing is worked on that a redraw could hold up."""
         if self._trees.is_building:

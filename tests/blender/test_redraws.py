@@ -45,7 +45,7 @@ class Working:
     def __init__(self, pointer: int) -> None:
         self.region_pointer = pointer
         self.is_working = self.has_news = True
-        self.has_ended = False
+        self.has_ended = self.is_denoised = False
         self.asked_at = float("-inf")
         self.stops = 0
 
@@ -103,16 +103,28 @@ def test_only_those_with_news_are_drawn_and_all_of_them_at_once(screen: Screen) 
     assert sorted(screen.tagged[1:]) == [1, 2]
 
 
-def test_what_has_ended_is_shown_at_once(screen: Screen) -> None:
+@pytest.mark.parametrize("why", ["has_ended", "is_denoised"])
+def test_what_has_ended_or_lost_its_noise_is_shown_at_once(screen: Screen, why: str) -> None:
     viewport = Working(1)
     redraws.watch(viewport)  # type: ignore[arg-type]
     screen.tick(0.0)
     draw(viewport)
     screen.tick(0.1)
     assert screen.tagged == [1]
-    viewport.has_ended = True
+    setattr(viewport, why, True)
     screen.tick(0.12)
     assert screen.tagged == [1, 1]
+
+
+def test_what_has_lost_its_noise_is_drawn_once(screen: Screen) -> None:
+    viewport = Working(1)
+    redraws.watch(viewport)  # type: ignore[arg-type]
+    viewport.is_denoised = True
+    screen.tick(0.0)
+    draw(viewport)
+    viewport.has_news = False
+    screen.tick(5.0)
+    assert screen.tagged == [1]
 
 
 def test_a_region_that_is_hidden_is_not_asked_for_all_the_time(screen: Screen) -> None:

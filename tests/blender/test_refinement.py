@@ -132,10 +132,15 @@ def test_it_is_denoised_whenever_samples_double_and_at_the_end(view: View, monke
     options = {**plan.options, "filter_width": 0.0}
     monkeypatch.setattr(RenderPlan, "options", options)
     refinement = Refinement(replace(view, plan=plan), Pace())
+    while not counts:
+        assert not refinement.canvas.is_replaced
+        refinement.step(1e-4)
+    assert refinement.canvas.is_replaced
     finish(refinement, 1e-4)
     assert counts == [1, 2, 4, 7]
     raw = Refinement(view, Pace())
     finish(raw, 1e-4)
+    assert not raw.canvas.is_replaced
     np.testing.assert_array_equal(refinement.canvas.film, raw.image)
     *_, (_, passes) = perfect_bvh.render_progressively(
         view.snapshot, view.camera, mode="clay", size=SIZE, samples=7, passes=("combined", *GUIDES), **options
@@ -155,7 +160,7 @@ def test_what_cannot_be_denoised_is_shown_as_it_is_and_says_why(view: View, monk
     refinement, raw = Refinement(replace(view, plan=plan), Pace()), Refinement(view, Pace())
     for each in (refinement, raw):
         finish(each, 1.0)
-    assert refinement.complaint == "no room for it"
+    assert refinement.complaint == "no room for it" and not refinement.canvas.is_replaced
     np.testing.assert_array_equal(refinement.image, raw.image)
 
 
