@@ -25,7 +25,7 @@ Bsdf::Bsdf(const Material& material, Vec3f normal, Vec3f geometric_normal, Vec3f
       normal_(local(normal)),
       view_(local(view)),
       alpha_(std::max(material.roughness * material.roughness, limits.least_alpha)),
-      roughness_(std::sqrt(alpha_)) {
+      roughness_(material.roughness) {
   view_.z = std::max(view_.z, kLeastCosine);
   layer(material, inside, limits);
   chances_.diffuse = largest(diffuse_), chances_.translucent = largest(translucent_);
