@@ -199,7 +199,7 @@ def build_output(machine: Any, paints: Paints, root: Any) -> None:
     phase = angle + 180.0 + 180.0 / PINION + angle * ratio
     turn_steadily(shaft, -CARRIER_TURN * ratio, phase)
     add_gear("Pinion", wheel(PINION, 0.3, 0.24, 0), [paints["steel"]], machine, shaft, (0.0, depth, 0.0))
-    place("Fan axle", make_mesh("Fan axle", axle(0.12, -2.0, 0.9), [paints["dark"]]), machine, parent=shaft)
+    place("Fan axle", make_mesh("Fan axle", axle(0.12, -2.04, 0.9), [paints["dark"]]), machine, parent=shaft)
     fan = place(
         "Fan", make_mesh("Fan hub", axle(0.2, -0.2, 0.2), [paints["red"]]), machine, (0.0, -1.8, 0.0), parent=shaft
     )
