@@ -21,7 +21,7 @@ from .ignored_settings import find_ignored_settings
 from .libraries import find_missing_libraries
 from .looks.images import ImageCache, ImageReader
 from .looks.lights import read_lights, read_world
-from .looks.materials import MaterialReader
+from .looks.materials import PLAIN_REFLECTANCE, MaterialReader
 from .looks.variants import read_variants
 from .pointer_views import ArrayReader
 from .read_again import PlainReading, SceneParts, read_again, remember
@@ -99,6 +99,7 @@ def read_scene(
         camera=camera_record,
         size=(frame.width, frame.height),
         film_transparent=scene.render.film_transparent,
+        plain_reflectance=PLAIN_REFLECTANCE,
         images=parts.images,
         lights=lights,
         world=parts.world,

@@ -65,6 +65,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
         transmission_mask=VISIBLE_TO_TRANSMISSION,
         catcher_mask=CATCHES_SHADOWS,
         film_transparent=record.film_transparent,
+        plain_reflectance=record.plain_reflectance,
         images=tuple(
             [
                 ImageTexture(image.pixels, image.extension, image.uv_transform, image.uv_map, image.tiles)

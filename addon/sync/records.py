@@ -344,6 +344,7 @@ class SceneRecord:
     camera: CameraRecord | None
     size: tuple[int, int]
     film_transparent: bool = False
+    plain_reflectance: float = 0.0  # of what has no material
     images: tuple[ImageRecord, ...] = ()
     lights: LightRecords = field(default_factory=LightRecords)
     world: WorldRecord | None = None

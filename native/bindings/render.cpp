@@ -244,6 +244,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
   appearance.transmission_mask = get<std::uint32_t>(values, "transmission_mask");
   appearance.catcher_mask = get<std::uint32_t>(values, "catcher_mask");
   appearance.film_transparent = get<bool>(values, "film_transparent");
+  appearance.plain_reflectance = get<float>(values, "plain_reflectance");
   for (const auto& [key, value] : values["meshes"].cast<py::dict>()) {
     const auto mesh = value.cast<py::dict>();
     MeshAttributes attributes;

@@ -125,6 +125,9 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
             )
         },
         "film_transparent": bool(appearance.film_transparent),
+        "plain_reflectance": check_number(
+            function, "appearance.plain_reflectance", appearance.plain_reflectance, 0.0, 1.0
+        ),
         "meshes": {
             check_id(function, "appearance.meshes' keys", mesh): _mesh_arrays(
                 function, mesh, value, uv_numbers, tint_numbers

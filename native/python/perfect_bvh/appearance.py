@@ -202,6 +202,8 @@ class Appearance:
     throw on them: black, with as much alpha as the light that these take from them; over the world without
     `film_transparent`.
     film_transparent: the background has alpha 0 instead of showing the sky.
+    plain_reflectance: in "preview", how much of the light from straight above is mirrored by what has no material, like
+        a dielectric of roughness 0.5; 0 to 1.
     images, lights, world: for the mode "preview". Without a world the studio's soft sky stands for it.
     backdrop: what the camera sees instead of the world, and nothing is lit by. None: the world.
     """
@@ -216,6 +218,7 @@ class Appearance:
     transmission_mask: int = 0xFFFFFFFF
     catcher_mask: int = 0
     film_transparent: bool = False
+    plain_reflectance: float = 0.0
     images: tuple[ImageTexture, ...] = ()
     lights: LightTable = field(default_factory=LightTable)
     world: World | None = None

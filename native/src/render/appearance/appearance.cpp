@@ -38,10 +38,7 @@ void Appearance::finish() {
   const auto is_below_one = [](float alpha) { return alpha < 1.0f; };
   const auto is_above_zero = [](float share) { return share > 0.0f; };
   any_transparent_ = std::any_of(alphas.begin(), alphas.end(), is_below_one) ||
-                     std::any_of(alpha_images.begin(), alpha_images.end(), [](auto image) { return image >= 0; }) ||
-                     std::any_of(transmissions.begin(), transmissions.end(), is_above_zero);
-  any_glossy_ = std::any_of(metallics.begin(), metallics.end(), is_above_zero) ||
-                std::any_of(reflectances.begin(), reflectances.end(), is_above_zero);
+                     std::any_of(alpha_images.begin(), alpha_images.end(), [](auto image) { return image >= 0; });
   any_holdout_ = std::any_of(holdout.begin(), holdout.end(), [](std::uint8_t flag) { return flag != 0; }) ||
                  std::any_of(material_holdouts.begin(), material_holdouts.end(), is_above_zero);
 }

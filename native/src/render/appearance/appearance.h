@@ -94,6 +94,7 @@ struct Appearance {
   std::uint32_t transmission_mask = 0xFFFFFFFFu;
   std::uint32_t catcher_mask = 0;  // of what shows the shadows alone that others throw on it
   bool film_transparent = false;
+  float plain_reflectance = 0.0f;  // of what has no material
 
   void set_mesh(std::int32_t mesh_id, const MeshAttributes& attributes);
   // Call after the tables are set. Throws InvalidArgument for tables that do not fit one another.
@@ -117,8 +118,6 @@ struct Appearance {
   [[nodiscard]] bool is_catcher(const Instance& instance) const noexcept { return (instance.mask & catcher_mask) != 0; }
   // Whether some material lets anything through.
   [[nodiscard]] bool any_transparent() const noexcept { return any_transparent_; }
-  // Whether some material mirrors anything.
-  [[nodiscard]] bool any_glossy() const noexcept { return any_glossy_; }
   // The row in the material table.
   [[nodiscard]] std::int32_t material_of(const Instance& instance, std::uint32_t primitive) const;
 
@@ -137,7 +136,7 @@ struct Appearance {
   std::vector<MeshAttributes> meshes_;
   std::vector<std::int32_t> mesh_rows_;      // by mesh id: ids are small and never reused
   std::vector<std::int32_t> instance_rows_;  // by instance id
-  bool any_holdout_ = false, any_transparent_ = false, any_glossy_ = false;
+  bool any_holdout_ = false, any_transparent_ = false;
 };
 
 }  // namespace perfect_bvh

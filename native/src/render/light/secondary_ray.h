@@ -1,6 +1,8 @@
 // Rays that leave a surface: towards lights, the environment and other surfaces.
 #pragma once
 
+#include <algorithm>
+
 #include "render/surface/surface.h"
 
 namespace perfect_bvh {
@@ -14,7 +16,7 @@ namespace perfect_bvh {
 // neighbours; from the triangle itself they would end in it, and are mirrored.
 [[nodiscard]] inline Vec3f above(const SurfacePoint& point, Vec3f direction) noexcept {
   const float height = dot(direction, point.geometric_normal);
-  if (height >= 0.0f || point.lifted || leads_beyond(point, direction)) return direction;
+  if (height >= 0.0f || !(point.lift == Vec3f{0, 0, 0}) || leads_beyond(point, direction)) return direction;
   return direction - point.geometric_normal * (2.0f * height);
 }
 
@@ -25,6 +27,20 @@ namespace perfect_bvh {
   ray.direction = to_double(direction);
   ray.t_max = reach;
   ray.mask = mask;
+  return ray;
+}
+
+// The same towards a light. Where that is low over a coarse mesh's triangle, the neighbours are in the way that the
+// curved surface would not have: there, as in Cycles, the ray starts on that surface.
+[[nodiscard]] inline Ray shadow_ray(const SurfacePoint& point, Vec3f direction, float reach,
+                                    std::uint32_t mask) noexcept {
+  Ray ray = ray_from(point, direction, reach, mask);
+  if (leads_beyond(point, direction)) return ray;
+  constexpr float kLow = 0.1f;  // a cosine; up to twice that it fades
+  const float over_curve = dot(direction, point.light_normal) / kLow;
+  const float over_triangle = dot(direction, point.geometric_normal) / kLow;
+  const float share = std::clamp(1.0f - over_triangle + std::max(1.0f - over_curve, 0.0f), 0.0f, 1.0f);
+  ray.origin = ray.origin + to_double(point.lift * share);
   return ray;
 }
 

@@ -9,6 +9,8 @@ namespace perfect_bvh {
 
 namespace {
 
+constexpr float kPlainRoughness = 0.5f;
+
 // What a mesh's layer of some number has at the corners of the triangle that was hit; none if the mesh lacks it.
 template <class T>
 std::optional<std::span<const T, 3>> corners_of(const Appearance& appearance, const Instance& instance, const Hit& hit,
@@ -109,7 +111,10 @@ void look_up_images(const Appearance& appearance, const Instance& instance, cons
 Material material_at(const Appearance& appearance, const Instance& instance, const Hit& hit, std::int32_t row) {
   Material material;
   material.color = material_color(appearance, row);
-  if (row == kNoMaterial) return material;
+  if (row == kNoMaterial) {
+    material.reflectance = appearance.plain_reflectance, material.roughness = kPlainRoughness;
+    return material;
+  }
   const auto index = static_cast<std::size_t>(row);
   if (!appearance.base_colors.empty()) material.color = appearance.base_colors[index];
   if (!appearance.emissions.empty()) material.emission = appearance.emissions[index];

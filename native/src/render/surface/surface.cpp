@@ -45,7 +45,11 @@ Vec3d smooth_normal(const Instance& instance, CornerNormals normals, const Objec
                     Vec3d fallback) noexcept {
   const Vec3d object = to_double(normals[0]) * triangle.weights[0] + to_double(normals[1]) * triangle.weights[1] +
                        to_double(normals[2]) * triangle.weights[2];
-  const Vec3d world = inverse(instance.object_to_world).transposed_vector(object);
+  // By the cofactors, which are the inverse's transpose but for a factor.
+  const Affine& map = instance.object_to_world;
+  const Vec3d world =
+      (cross(map.y, map.z) * object.x + cross(map.z, map.x) * object.y + cross(map.x, map.y) * object.z) *
+      (instance.mirrored ? -1.0 : 1.0);
   const double size = length(world);
   return size > 0.0 && std::isfinite(size) ? world * (1.0 / size) : fallback;
 }
@@ -95,7 +99,6 @@ void set_normals(const Appearance& appearance, const Instance& instance, const R
   point.inside = side < 0.0;
   point.normal = point.light_normal = point.geometric_normal;
   const Vec3d on_triangle = triangle.point();
-  Vec3d object_point = on_triangle;
   if (smooth) {
     appearance.check_fits(instance, *attributes);
     const CornerNormals normals = attributes->corner_normals.subspan(std::size_t{3} * hit.primitive_index).first<3>();
@@ -105,13 +108,12 @@ void set_normals(const Appearance& appearance, const Instance& instance, const R
     point.light_normal = to_float(normal * light_side);
     if (with_origin) {
       const Vec3d lift = lift_of(normals, triangle, side * light_side);
-      object_point = object_point + lift;
-      point.lifted = !(lift == Vec3d{0, 0, 0});
+      point.lift = to_float(instance.object_to_world.vector(lift));
     }
   }
   if (with_origin) {
     const Vec3d clear = facing * clearance(instance, triangle);
-    point.origin = instance.object_to_world.point(object_point) + clear;
+    point.origin = instance.object_to_world.point(on_triangle) + clear;
     point.beyond = instance.object_to_world.point(on_triangle) - clear;
   }
 }
