@@ -50,6 +50,11 @@ void TileRenderer::place_pixels(std::size_t tile, TileScratch& scratch) const {
       scratch.pixels.push_back({static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y)});
     }
   }
+  scratch.places.resize(scratch.pixels.size());
+  std::transform(scratch.pixels.begin(), scratch.pixels.end(), scratch.places.begin(), [this](Pixel pixel) {
+    const std::uint32_t place = sampling::z_order(pixel.x, pixel.y);
+    return are_apart() ? sampling::mix(place) : place;
+  });
   scratch.rays.resize(scratch.pixels.size());
   scratch.hits.resize(scratch.pixels.size());
 }
@@ -89,7 +94,7 @@ void TileRenderer::make_rays(std::uint32_t sample, TileScratch& scratch) const {
     const Pixel pixel = scratch.pixels[i];
     Point2& offset = scratch.offsets[i];
     if (!centred_) {
-      const FixedPoint2 shift = filter_dimension_.offset(sampling::z_order(pixel.x, pixel.y));
+      const FixedPoint2 shift = filter_dimension_.offset(scratch.places[i]);
       const Point2 random = (point ^ shift).to_unit();
       offset = film_ ? Point2{random.x - 0.5f, random.y - 0.5f} : filter_.offset(random);
     }
@@ -102,8 +107,7 @@ void TileRenderer::make_rays(std::uint32_t sample, TileScratch& scratch) const {
 void TileRenderer::bend_rays(std::uint32_t sample, TileScratch& scratch) const {
   const FixedPoint2 point = lens_dimension_.sample(sample);
   for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
-    const Pixel pixel = scratch.pixels[i];
-    const FixedPoint2 shift = lens_dimension_.offset(sampling::z_order(pixel.x, pixel.y));
+    const FixedPoint2 shift = lens_dimension_.offset(scratch.places[i]);
     inputs_.camera.bend(scratch.rays[i], inputs_.camera.lens()->point((point ^ shift).to_unit()));
   }
 }
@@ -120,7 +124,7 @@ void TileRenderer::add_sample(std::uint32_t sample, std::size_t tile, TileScratc
   fill_background(scratch);
   const std::size_t guided = targets_.any_guides() ? scratch.pixels.size() : 0;
   scratch.albedos.assign(guided, Vec3f{0, 0, 0}), scratch.normals.assign(guided, Vec3f{0, 0, 0});
-  mode_->shade({number, scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points, scratch.colors,
+  mode_->shade({number, scratch.places, scratch.rays, scratch.hits, scratch.counts, scratch.points, scratch.colors,
                 scratch.albedos, scratch.normals, scratch.shade});
   if (guided > 0) add_guides(scratch);
   if (film_) return film_->add(tile, scratch.pixels, scratch.offsets, scratch.colors);

@@ -10,8 +10,10 @@
 namespace perfect_bvh {
 namespace {
 
+// What the camera sees asks each of a few lights, or two of many. Surfaces further on ask one: a ray to each, at each
+// bounce, would cost most of the time and be seen in little of the light.
 constexpr std::size_t kFewLights = 4;
-constexpr int kPicks = 2;
+constexpr std::uint8_t kPicksSeen = 2, kPicks = 1;
 // Rays ask every light whether they meet it; of more than these, none.
 constexpr std::size_t kMostMet = 64;
 // Rays end short of the light: what it hangs on should not put it out.
@@ -45,19 +47,22 @@ NextEvent::NextEvent(const Snapshot& snapshot, const Appearance& appearance, con
                std::any_of(appearance.lights.begin(), appearance.lights.end(),
                            [this](const Light& light) { return can_be_met(light); })) {}
 
-bool NextEvent::asks_each() const noexcept { return appearance_.lights.size() <= kFewLights; }
+std::uint8_t NextEvent::picks_of(const Path& path) const noexcept {
+  if (!path.is_seen()) return kPicks;
+  return appearance_.lights.size() <= kFewLights ? kAll : kPicksSeen;
+}
 
 void NextEvent::aim(std::span<Vertex> vertices, std::uint32_t index, std::uint32_t first_dimension,
                     std::vector<float>& guesses, ShadowRays& shadows) const {
+  bool any_all = false, any_some = false;
   for (Vertex& vertex : vertices) {
     vertex.path.normal = vertex.point.light_normal, vertex.path.transmits = vertex.bsdf.transmits();
     vertex.path.meets_lights = any_met_;
+    vertex.path.picks = picks_of(vertex.path);
+    (vertex.path.picks == kAll ? any_all : any_some) = true;
   }
-  if (asks_each()) {
-    aim_at_each(vertices, index, first_dimension, shadows);
-  } else {
-    aim_at_some(vertices, index, first_dimension, guesses, shadows);
-  }
+  if (any_all) aim_at_each(vertices, index, first_dimension, shadows);
+  if (any_some) aim_at_some(vertices, index, first_dimension, guesses, shadows);
   if (!emissive_.empty()) aim_at_emissive(vertices, index, first_dimension + kEmissiveDimensions, shadows);
   if (environment_.can_be_aimed_at()) aim_at_sky(vertices, index, first_dimension + kSkyDimension, shadows);
 }
@@ -69,6 +74,7 @@ void NextEvent::aim_at_each(std::span<Vertex> vertices, std::uint32_t index, std
     const Dimension dimension(seed_, first_dimension + number);
     const FixedPoint2 shared = dimension.sample(index);
     for (std::uint32_t row = 0; row < vertices.size(); ++row) {
+      if (vertices[row].path.picks != kAll) continue;
       const Point2 random = (shared ^ dimension.offset(vertices[row].path.place)).to_unit();
       aim_at(vertices[row], row, appearance_.lights[number], random, 1.0f, shadows);
     }
@@ -83,6 +89,8 @@ void NextEvent::aim_at_some(std::span<Vertex> vertices, std::uint32_t index, std
   for (std::uint32_t row = 0; row < vertices.size(); ++row) {
     Vertex& vertex = vertices[row];
     Path& path = vertex.path;
+    if (path.picks == kAll) continue;
+    const auto picks = static_cast<float>(path.picks);
     float sum = 0.0f;
     for (std::size_t i = 0; i < lights.size(); ++i) {
       sum += guess(lights[i], vertex.point.origin, path.normal, path.transmits);
@@ -92,15 +100,15 @@ void NextEvent::aim_at_some(std::span<Vertex> vertices, std::uint32_t index, std
     path.guess_sum = any ? sum : 0.0f;
     if (!any) continue;
     const Point2 chosen = (choice.sample(index) ^ choice.offset(path.place)).to_unit();
-    for (int pick = 0; pick < kPicks; ++pick) {
-      const float wanted = sum * (static_cast<float>(pick) + chosen.x) / static_cast<float>(kPicks);
+    for (int pick = 0; pick < path.picks; ++pick) {
+      const float wanted = sum * (static_cast<float>(pick) + chosen.x) / picks;
       const auto found = std::upper_bound(guesses.begin(), guesses.end() - 1, wanted);
       const auto number = static_cast<std::size_t>(found - guesses.begin());
       const float part = guesses[number] - (number > 0 ? guesses[number - 1] : 0.0f);
       if (!(part > 0.0f)) continue;
       const Dimension& dimension = pick == 0 ? first : second;
       const Point2 random = (dimension.sample(index) ^ dimension.offset(path.place)).to_unit();
-      aim_at(vertex, row, lights[number], random, static_cast<float>(kPicks) * part / sum, shadows);
+      aim_at(vertex, row, lights[number], random, picks * part / sum, shadows);
     }
   }
 }
@@ -117,7 +125,7 @@ void NextEvent::aim_at(const Vertex& vertex, std::uint32_t row, const Light& lig
   // What throws no shadow is not hidden by anything.
   const float reach = light.casts_shadow ? to_light.length * kShort : -1.0f;
   const Vec3f direction = above(vertex.point, to_light.direction);
-  shadows.add(ray_from(vertex.point, direction, reach, appearance_.shadow_mask), row, carried);
+  shadows.add(shadow_ray(vertex.point, direction, reach, appearance_.shadow_mask), row, carried);
 }
 
 Vec3f NextEvent::meet_lights(const Path& path, const Ray& ray, float hit_t) const {
@@ -128,9 +136,9 @@ Vec3f NextEvent::meet_lights(const Path& path, const Ray& ray, float hit_t) cons
     const std::optional<LightMet> met = meet_light(light, ray.origin, direction);
     if (!met || met->length > hit_t || met->length < ray.t_min) continue;
     float tries = 1.0f;
-    if (!asks_each()) {
+    if (path.picks != kAll) {
       const float part = guess(light, ray.origin, path.normal, path.transmits);
-      tries = path.guess_sum > 0.0f ? static_cast<float>(kPicks) * part / path.guess_sum : 0.0f;
+      tries = path.guess_sum > 0.0f ? static_cast<float>(path.picks) * part / path.guess_sum : 0.0f;
     }
     sum = sum + met->radiance * balance(path.density, met->density * tries);
   }
@@ -157,7 +165,7 @@ void NextEvent::aim_at_emissive(std::span<const Vertex> vertices, std::uint32_t 
     const float share = std::abs(slant) * std::numbers::inv_pi_v<float> / (density + seen.density);
     const Vec3f carried = vertex.path.throughput * light.radiance * seen.share * share;
     if (is_black(carried)) continue;
-    shadows.add(ray_from(vertex.point, direction, distance * kShort, appearance_.shadow_mask), row, carried);
+    shadows.add(shadow_ray(vertex.point, direction, distance * kShort, appearance_.shadow_mask), row, carried);
   }
 }
 
@@ -174,7 +182,7 @@ void NextEvent::aim_at_sky(std::span<const Vertex> vertices, std::uint32_t index
     const Vec3f carried = vertex.path.throughput * environment_.parts(sky.direction).bright * seen.share * share;
     if (is_black(carried)) continue;
     const Vec3f direction = above(vertex.point, sky.direction);
-    shadows.add(ray_from(vertex.point, direction, kInfiniteDistance, appearance_.shadow_mask), row, carried);
+    shadows.add(shadow_ray(vertex.point, direction, kInfiniteDistance, appearance_.shadow_mask), row, carried);
   }
 }
 

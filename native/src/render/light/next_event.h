@@ -50,7 +50,9 @@ class NextEvent {
   // tries: how many rays the vertex aims at this light in the mean.
   void aim_at(const Vertex& vertex, std::uint32_t row, const Light& light, Point2 random, float tries,
               ShadowRays& shadows) const;
-  [[nodiscard]] bool asks_each() const noexcept;
+  static constexpr std::uint8_t kAll = 0;
+  // How many lights a vertex of the path asks, or kAll.
+  [[nodiscard]] std::uint8_t picks_of(const Path& path) const noexcept;
   [[nodiscard]] bool can_be_met(const Light& light) const noexcept { return light.size_x > 0.0f && light.casts_shadow; }
 
   const Appearance& appearance_;

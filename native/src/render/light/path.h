@@ -22,16 +22,17 @@ struct LightPaths {
 
 struct Path {
   std::uint32_t owner = 0;          // the row of the camera ray
-  std::uint32_t place = 0;          // by which its random numbers differ from its neighbours' (sampling::z_order)
+  std::uint32_t place = 0;          // by which its random numbers differ from its neighbours' (ShadeTask::places)
   Vec3f throughput{1, 1, 1};        // what is left of light that comes along its ray
   Vec3f guide_throughput{1, 1, 1};  // the same for a denoiser's guides
   // Of its direction, over solid angle; infinite where it was without choice.
   float density = std::numeric_limits<float>::infinity();
   float least_density = std::numeric_limits<float>::max();  // of all its directions
-  // The last surface, as next-event estimation saw it: its normal, whether it lets light through, and the sum of what
-  // all lights were thought to bring.
+  // The last surface, as next-event estimation saw it: its normal, whether it lets light through, how many lights it
+  // asked (0: each), and the sum of what all lights were thought to bring.
   Vec3f normal{0, 0, 1};
   bool transmits = false;
+  std::uint8_t picks = 0;
   float guess_sum = 0.0f;
   Scatter last = Scatter::kNone;  // none: the camera sees it
   bool guides = false;            // whether it still looks for what guides a denoiser

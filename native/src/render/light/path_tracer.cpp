@@ -203,7 +203,7 @@ bool PathTracer::goes_on(Path& path, const Bsdf::Sample& scattered, float roulet
                                                          : limits_.glossy_bounces;
   path.ends = ++path.bounces > limits_.max_bounces || ++kind > most;
   if (path.ends || path.bounces <= kSureBounces) return true;
-  const float stays = std::min(std::sqrt(largest(path.throughput)), 1.0f);
+  const float stays = std::min(largest(path.throughput), 1.0f);
   if (!(roulette < stays)) return false;
   path.throughput = path.throughput * (1.0f / stays);
   return true;

@@ -69,9 +69,9 @@ class ClayMode final : public ShadingMode {
     const FixedPoint2 shared = sky_.sample(index);
     scratch.rays.clear();
     for (const SurfacePoint& point : task.points) {
-      const Point2 random = (shared ^ sky_.offset(place_of(task, point))).to_unit();
+      const Point2 random = (shared ^ sky_.offset(task.places[point.ray])).to_unit();
       const Vec3f direction = above(point, cosine_direction(point.light_normal, random));
-      scratch.rays.push_back(ray_from(point, direction, reach_, shadow_mask_));
+      scratch.rays.push_back(shadow_ray(point, direction, reach_, shadow_mask_));
     }
     trace(scratch);
     for (std::size_t row = 0; row < task.points.size(); ++row) {
@@ -96,12 +96,12 @@ class ClayMode final : public ShadingMode {
     for (std::uint32_t row = 0; row < task.points.size(); ++row) {
       const SurfacePoint& point = task.points[row];
       if (!(studio_.key_cosine(point.light_normal) > 0.0f)) continue;
-      const Point2 flat = uniform_disk((shared ^ key_.offset(place_of(task, point))).to_unit());
+      const Point2 flat = uniform_disk((shared ^ key_.offset(task.places[point.ray])).to_unit());
       Vec3f direction = normalized(key_frame_.world({flat.x * Studio::kKeyRadius, flat.y * Studio::kKeyRadius, 1.0f}));
       // The part of the disk below the horizon gives nothing; its rays help to learn about the part above.
       const float cosine = dot(direction, point.light_normal);
       if (cosine < 0.0f) direction = direction - point.light_normal * (2.0f * cosine);
-      scratch.rays.push_back(ray_from(point, above(point, direction), reach, shadow_mask_));
+      scratch.rays.push_back(shadow_ray(point, above(point, direction), reach, shadow_mask_));
       scratch.targets.push_back(row);
     }
     trace(scratch);
@@ -116,11 +116,6 @@ class ClayMode final : public ShadingMode {
   void trace(ShadeScratch& scratch) const {
     scratch.hits.resize(scratch.rays.size());
     trace_closest(snapshot_, cancel_, scratch.rays, scratch.hits);
-  }
-
-  [[nodiscard]] static std::uint32_t place_of(const ShadeTask& task, const SurfacePoint& point) noexcept {
-    const Pixel pixel = task.pixels[point.ray];
-    return sampling::z_order(pixel.x, pixel.y);
   }
 
   // How much of a direction's light something at t keeps away: all at 0, nothing at `reach`, without a kink there.

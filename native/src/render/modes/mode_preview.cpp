@@ -44,7 +44,7 @@ class PreviewMode final : public ShadingMode {
     wave.clear();
     for (std::uint32_t row = 0; row < task.rays.size(); ++row) {
       Path path;
-      path.owner = row, path.place = sampling::z_order(task.pixels[row].x, task.pixels[row].y);
+      path.owner = row, path.place = task.places[row];
       path.guides = !task.albedos.empty();
       wave.add(path, task.rays[row]);
       if (path.guides && !task.hits[row].found()) guide_by_backdrop(task, row);

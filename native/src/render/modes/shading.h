@@ -35,7 +35,7 @@ struct ShadeScratch {
 
 struct ShadeTask {
   std::uint32_t sample;
-  std::span<const Pixel> pixels;  // of the rays
+  std::span<const std::uint32_t> places;  // of the rays: by which their random numbers differ
   std::span<const Ray> rays;
   std::span<const Hit> hits;
   std::span<const RayCounts> counts;     // empty unless the mode wants them
