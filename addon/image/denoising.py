@@ -90,6 +90,21 @@ class ImageDenoiser:
             complaint = f"{denoiser.name} denoises in place of another: {'; '.join(denoiser.complaints)}"
         return Denoised(image, denoiser.name, _since(started), complaint)
 
+    def denoise_coarse(
+        self, images: Mapping[str, npt.NDArray[Any]], progress: Callable[[float], object] | None = None
+    ) -> Image:
+        """The same for all or some rows of a coarse image; they stay where it fails: the full image will say why."""
+        import perfect_bvh
+
+        raw: Image = images["combined"]
+        guides = {name.removeprefix("denoising_"): images[name] for name in GUIDES}
+        try:
+            return self._make((raw.shape[1], raw.shape[0])).denoise(raw, **guides, progress=progress)
+        except perfect_bvh.Cancelled:
+            raise
+        except (ValueError, perfect_bvh.EngineError, MemoryError):
+            return raw
+
     def _denoise(
         self, images: Mapping[str, npt.NDArray[Any]], progress: Callable[[float], object] | None
     ) -> tuple[Image, Denoiser]:

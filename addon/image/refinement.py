@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 # A step that is stopped is lost, so the next ones are shorter: an image that is stopped again and again gets done, too.
 SHORTEST_SECONDS = 0.03
 DEFAULT_INTERVAL = 0.1
+COARSEST_DENOISED = 4  # pixels that one of a coarse image stands for each way
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +54,9 @@ class Refinement:
     seconds, ray_count: what tracing it has taken so far, and how many camera rays that were. costs: once it is
     finished, what `trace_costs` returns. is_finished: whether there is nothing left to do.
 
-    Where the plan says so the full image is shown without its noise as soon as it has a sample, and again whenever its
-    samples have doubled. complaint: why that is not done as it should be, as a sentence for the user.
+    Where the plan says so images are shown without their noise: coarse ones but for the coarsest, the full one as soon
+    as it is whole, and again whenever its samples have doubled. complaint: why that is not done as it should be, as a
+    sentence for the user.
     """
 
     def __init__(self, view: View, pace: Pace, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -119,12 +121,26 @@ class Refinement:
         step = self._schedule.next_step(self._pace, min(seconds, self._longest))
         is_whole = step.rows[1] >= self._schedule.rows[1]
         if step.divisor > 1:
-            is_whole = step.rows == self._schedule.rows
-            self.canvas.put_coarse(self._trace(step, stop), step.divisor, step.rows, is_whole)
-        else:
-            self._add_samples(step, self._trace(step, stop), is_whole)
+            return self._add_coarse(step, stop)
+        self._add_samples(step, self._trace(step, stop)["combined"], is_whole)
         self._schedule.note_done(step)
         return is_whole or step.first_sample > 0
+
+    def _add_coarse(self, step: Step, stop: StopFlag | None) -> bool:
+        is_whole = step.rows == self._schedule.rows
+        passes = self._trace(step, stop)
+        self.canvas.put_coarse(passes["combined"], step.divisor, step.rows, is_whole)
+        self._schedule.note_done(step)
+        if self._denoiser is not None and self._denoises(step):
+            part = slice(step.rows[0] // step.divisor, -(-step.rows[1] // step.divisor))
+            made = passes["combined"].copy()
+            made[part] = self._denoiser.denoise_coarse({name: passes[name][part] for name in passes}, stop)
+            self.canvas.put_coarse(made, step.divisor, step.rows, is_whole)
+        return is_whole
+
+    def _denoises(self, step: Step) -> bool:
+        """The coarsest image is soon replaced, and all that there is of a scene in motion: it waits for nothing."""
+        return self._denoiser is not None and step.divisor <= COARSEST_DENOISED
 
     def _add_samples(self, step: Step, made: Image, is_whole: bool) -> None:
         pixels, sampling, done = self._pixels, self._sampling, step.first_sample
@@ -138,14 +154,14 @@ class Refinement:
         """Those of the full image that get more samples; None for all."""
         return None if self._sampling is None else self._sampling.pixels()
 
-    def _trace(self, step: Step, stop: StopFlag | None) -> Image:
+    def _trace(self, step: Step, stop: StopFlag | None) -> Images:
         import perfect_bvh
         from perfect_bvh.render import add_samples
 
         view = self.view
         camera, size = _seen_by(step, view.camera, view.plan.size)
         count = self._schedule.pixels_of(step) * step.count
-        guides = GUIDES if step.divisor == 1 and self._denoiser is not None else ()
+        guides = GUIDES if self._denoises(step) else ()
         tiles = None if self._sampling is None or step.divisor > 1 else self._sampling.tiles
         started = self._clock()
         try:
@@ -174,10 +190,10 @@ class Refinement:
         self.ray_count += count
         part = slice(*step.rows)
         pixels = None if tiles is None else self._pixels[part]
-        for name in guides:
+        for name in guides if step.divisor == 1 else ():
             blended = self._guides.setdefault(name, np.zeros_like(passes[name]))[part]
             add_samples(blended, passes[name][part], step.first_sample, step.count, pixels)
-        return passes["combined"]
+        return passes
 
     @property
     def _is_worth_denoising(self) -> bool:

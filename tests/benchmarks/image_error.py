@@ -76,12 +76,13 @@ def main() -> None:
     add("--most", type=int, default=64, metavar="N", help="samples a pixel at most")
     add("--seeds", type=int, default=3, metavar="N", help="images of each number of samples")
     add("--converged", type=int, default=2048, metavar="N", help="Cycles' samples of what images are compared with")
+    add("--truths", type=Path, metavar="DIR", help="where converged images are kept, and found again")
     chosen = parser.parse_args()
     perfect_bvh_addon.register()
     counts = [2**power for power in range(chosen.most.bit_length()) if 2**power <= chosen.most]
     steps = len(chosen.scenes) * (1 + len(counts) * chosen.seeds * len(RENDERERS))
     with tqdm(total=steps, unit="image") as bar:
-        scenes = [measure(name, chosen.size, counts, chosen.seeds, chosen.converged, bar) for name in chosen.scenes]
+        scenes = [measure(name, chosen, counts, bar) for name in chosen.scenes]
     figures = {
         "width": chosen.size,
         "converged_samples": chosen.converged,
@@ -92,12 +93,13 @@ def main() -> None:
     chosen.json.write_text(json.dumps({"machine": describe(), **figures}, indent=1) + "\n", encoding="utf-8")
 
 
-def measure(name: str, width: int, counts: list[int], seeds: int, converged: int, bar: tqdm[Any]) -> dict[str, Any]:
+def measure(name: str, chosen: argparse.Namespace, counts: list[int], bar: tqdm[Any]) -> dict[str, Any]:
     """One scene: the figures of each renderer."""
+    width, seeds = chosen.size, chosen.seeds
     bar.set_description(name)
     bpy.ops.wm.open_mainfile(filepath=str(SCENES / f"{name}.blend"))
     scene = bpy.context.scene
-    truth = render(scene, RENDERERS[2], width, converged, REFERENCE_SEED).image
+    truth, converged = converge(scene, name, chosen)
     bar.update()
     taken: dict[tuple[str, int], list[tuple[float, Rendered]]] = defaultdict(list)
     for samples in counts:
@@ -109,10 +111,25 @@ def measure(name: str, width: int, counts: list[int], seeds: int, converged: int
                 bar.update()
     return {
         "name": name,
+        "converged_samples": converged,
         "runs": [
             {"name": which.name, "points": [point_of(n, taken[which.name, n]) for n in counts]} for which in RENDERERS
         ],
     }
+
+
+def converge(scene: bpy.types.Scene, name: str, chosen: argparse.Namespace) -> tuple[Image, int]:
+    """Cycles' image of at least as many samples as were asked for, the best that is kept, and how many it has."""
+    if chosen.truths is None:
+        return render(scene, RENDERERS[2], chosen.size, chosen.converged, REFERENCE_SEED).image, chosen.converged
+    kept = {int(path.stem.rsplit("_", 1)[1]): path for path in chosen.truths.glob(f"{name}_{chosen.size}_*.npy")}
+    most = max(kept, default=0)
+    if most >= chosen.converged:
+        return np.load(kept[most]), most
+    image = render(scene, RENDERERS[2], chosen.size, chosen.converged, REFERENCE_SEED).image
+    chosen.truths.mkdir(parents=True, exist_ok=True)
+    np.save(chosen.truths / f"{name}_{chosen.size}_{chosen.converged}.npy", image)
+    return image, chosen.converged
 
 
 def render(scene: bpy.types.Scene, which: Renderer, width: int, samples: int, seed: int) -> Rendered:

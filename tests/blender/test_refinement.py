@@ -12,7 +12,7 @@ from oracles import meshes
 from perfect_bvh_addon.image.denoising import Denoised, ImageDenoiser
 from perfect_bvh_addon.image.plan import GUIDES, RenderPlan, plan_view
 from perfect_bvh_addon.image.progressive import Pace, Step
-from perfect_bvh_addon.image.refinement import SHORTEST_SECONDS, Refinement, View
+from perfect_bvh_addon.image.refinement import COARSEST_DENOISED, SHORTEST_SECONDS, Refinement, View
 from perfect_bvh_addon.settings.scene_settings import RenderSettings
 
 SIZE = (97, 61)
@@ -63,7 +63,7 @@ def test_coarse_pixels_stand_for_exactly_so_many(view: View, border: tuple[float
     left, top, bottom = round(border[0] * 96), 63 - int(border[3] * 63), 63 - int(border[2] * 63)
     for divisor in (3, 9):
         step = Step(divisor, (top // 9 * 9, bottom))
-        coarse = refinement._trace(step, None)
+        coarse = refinement._trace(step, None)["combined"]
         assert coarse.shape == (63 // divisor, -(-96 // divisor), 4)
         expected = full[divisor // 2 :: divisor, divisor // 2 :: divisor]
         inside = (slice(top // divisor + 1, bottom // divisor - 1), slice(left // divisor + 1, None))
@@ -151,6 +151,52 @@ def test_it_is_denoised_whenever_samples_double_and_at_the_end(view: View, monke
     np.testing.assert_array_equal(refinement.image, expected.image)
     shown = refinement.canvas.patches({})
     np.testing.assert_array_equal(np.concatenate([patch.pixels for patch in shown]), expected.image)
+
+
+def trace_coarse(view: View) -> dict[int, list[Any]]:
+    """Of a denoised view: what is shown of coarse images, by their divisors, as they come."""
+    plan = replace(view.plan, size=(256, 256), settings=replace(view.plan.settings, denoise=True))
+    refinement = Refinement(replace(view, plan=plan), Pace(seconds_per_pixel=1e-3))
+    found: dict[int, list[Any]] = {}
+    put = refinement.canvas.put_coarse
+    refinement.canvas.put_coarse = lambda image, divisor, rows, is_whole: (  # type: ignore[method-assign]
+        found.setdefault(divisor, []).append((rows, image)),
+        put(image, divisor, rows, is_whole),
+    )
+    while refinement.sample_count == 0:
+        refinement._pace.seconds_per_pixel = 1e-5
+        refinement.step(0.01)
+    return found
+
+
+def test_coarse_images_are_denoised_but_for_the_coarsest(view: View, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their rows come in parts: each is shown at once, and again when it is denoised."""
+    found = trace_coarse(view)
+    assert max(found) > COARSEST_DENOISED >= min(found) > 1
+    for divisor, shown in found.items():
+        rows = [rows for rows, _ in shown]
+        if divisor > COARSEST_DENOISED:
+            assert len(set(rows)) == len(rows)
+            continue
+        assert rows[::2] == rows[1::2] == sorted(set(rows))
+        for (first, end), raw, (_, made) in zip(
+            rows[::2], [image for _, image in shown[::2]], shown[1::2], strict=True
+        ):
+            part = slice(first // divisor, -(-end // divisor))
+            assert made.shape == raw.shape and np.isfinite(made).all()
+            assert not np.array_equal(made[part], raw[part])
+            np.testing.assert_allclose(made[part].mean(), raw[part].mean(), rtol=0.2)
+
+
+def test_coarse_images_that_cannot_be_denoised_stay_as_they_are(view: View, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any, **__: Any) -> Any:
+        raise MemoryError
+
+    monkeypatch.setattr(perfect_bvh, "Denoiser", fail)
+    for divisor, shown in trace_coarse(view).items():
+        if divisor <= COARSEST_DENOISED:
+            for (_, raw), (_, made) in zip(shown[::2], shown[1::2], strict=True):
+                np.testing.assert_array_equal(made, raw)
 
 
 def test_what_cannot_be_denoised_is_shown_as_it_is_and_says_why(view: View, monkeypatch: pytest.MonkeyPatch) -> None:

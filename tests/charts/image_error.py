@@ -24,7 +24,7 @@ def chart(figures: Figures | None = None) -> Chart:
         f"To the error of Cycles' 4 denoised samples ours take {few:.2f} of its CPU time, to that of 16 {many:.2f}",
         f"The example scenes as they are, {figures['width']} pixels wide, whole renders in Blender from the request to "
         f"the file, by turns; 1, 2, 4 ... {_most(figures)} samples a pixel. Error: root mean square difference after "
-        f"the view transform from Cycles' {figures['converged_samples']:,} samples. Geometric means over the scenes; "
+        f"the view transform from Cycles' {_converged(figures)} samples. Geometric means over the scenes; "
         f"the worst of 16: {worst[0]}, {worst[1]:.2f}. {_threads(figures)}; bars: quartiles.",
         [_panel(scene) for scene in figures["scenes"]],
         footer(figures),
@@ -41,6 +41,11 @@ def share_of_cycles(figures: Figures) -> tuple[float, float]:
 
 def _most(figures: Figures) -> int:
     return int(figures["scenes"][0]["runs"][0]["points"][-1]["samples"])
+
+
+def _converged(figures: Figures) -> str:
+    counts = sorted({scene.get("converged_samples", figures["converged_samples"]) for scene in figures["scenes"]})
+    return f"{counts[0]:,}" if len(counts) == 1 else f"{counts[0]:,} to {counts[-1]:,}"
 
 
 def _threads(figures: Figures) -> str:

@@ -56,6 +56,13 @@ def test_plastic_and_glass_give_back_no_more_than_they_get(roughness, transmissi
         assert 0.97 <= seen <= 1.02
 
 
+def test_what_has_no_material_mirrors_as_a_material_of_roughness_a_half_does():
+    plain = render(floor(), ASIDE, "preview", SIZE, 4, Appearance(world=WHITE, plain_reflectance=0.3))
+    look = made_of(1, base_colors=(PLAIN, PLAIN, PLAIN), reflectances=0.3, roughnesses=0.5)
+    np.testing.assert_array_equal(plain, render(floor(), ASIDE, "preview", SIZE, 4, Appearance(**look, world=WHITE)))
+    assert plain[..., :3].mean() > brightness(floor(), Appearance(world=WHITE), ASIDE)
+
+
 @pytest.mark.parametrize(("power", "expected"), [(1.0, 0.25), (0.5, 0.5), (0.0, 1.0)])
 def test_a_metal_has_its_colour_times_the_base_colour_to_a_power(power, expected):
     """In a white furnace, from above: of its own, and of that of the surface."""
