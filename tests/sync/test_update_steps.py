@@ -41,6 +41,7 @@ CHANGES: dict[str, Any] = {
     "camera": CameraRecord(np.eye(4), (-1.0, 1.0, -1.0, 1.0), "perspective", 0.1, 100.0),
     "size": (3, 4),
     "film_transparent": True,
+    "plain_reflectance": 0.5,
     "images": (ImageRecord("i", 1, np.zeros((1, 1, 4), np.float32), "repeat"),),
     "lights": LightRecords(kinds=("point",)),
     "world": WorldRecord(),
