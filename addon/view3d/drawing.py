@@ -1,0 +1,245 @@
+"""Text, panels, colour bars and lines over a 3D viewport, in the pixels of its region, (0, 0) the lower left corner.
+
+For handlers of "POST_PIXEL". Places and extents are pixels; sizes of text and widths of lines are points, which the
+interface's resolution scale makes pixels of, as `pixels` does for whatever else is to grow with it. Colours are RGB or
+RGBA, those of the user's theme where none is given; text without a panel behind it has a shadow, to be read over
+anything.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import bpy
+
+Color = Sequence[float]
+Point = tuple[float, float]
+
+FONT = 0  # the interface's own
+TEXT_SIZE = 11.0
+LINE_HEIGHT = 1.5  # of the size of the text
+MARGIN = 8.0  # between what is drawn and the edges of a region or of a panel, in points
+CORNER_STEPS = 4
+TICK = 3.0
+# Regions that lie over the main one, and from which side they do.
+SIDES = {"TOOLS": "left", "UI": "right", "HEADER": "top", "TOOL_HEADER": "top", "ASSET_SHELF": "bottom"}
+
+
+@dataclass(frozen=True, slots=True)
+class Rect:
+    """Pixels of a region: left and bottom included, right and top not."""
+
+    left: float
+    bottom: float
+    right: float
+    top: float
+
+
+# Measures ------------------------------------------------------------------------------------------------------------
+
+
+def pixels(points: float) -> float:
+    """How many pixels something of the interface takes, that has this size at a resolution scale of 1."""
+    return points * bpy.context.preferences.system.ui_scale
+
+
+def text_size(text: str, size: float = TEXT_SIZE) -> tuple[float, float]:
+    """The (width, height) of a line in pixels; the height is that of all lines of this size."""
+    import blf
+
+    blf.size(FONT, pixels(size))
+    return blf.dimensions(FONT, text)[0], pixels(size * LINE_HEIGHT)
+
+
+def free_rect(area: bpy.types.Area, region: bpy.types.Region) -> Rect:
+    """The part of a 3D viewport's main region that no toolbar, sidebar or header lies over.
+
+    region: one of the area's "WINDOW" regions; in a quad view there are four.
+    """
+    left, bottom, right, top = 0.0, 0.0, float(region.width), float(region.height)
+    for other in area.regions:
+        side = SIDES.get(other.type)
+        if side is None or not _is_over(other, region):
+            continue
+        if side == "left":
+            left = max(left, other.x + other.width - region.x)
+        elif side == "right":
+            right = min(right, other.x - region.x)
+        elif side == "top":
+            top = min(top, other.y - region.y)
+        else:
+            bottom = max(bottom, other.y + other.height - region.y)
+    return Rect(left, bottom, max(left, right), max(bottom, top))
+
+
+def _is_over(other: bpy.types.Region, region: bpy.types.Region) -> bool:
+    """Whether a region that is shown shares pixels with another. What is hidden has no more than one pixel."""
+    if other.width <= 1 or other.height <= 1:
+        return False
+    beside = other.x >= region.x + region.width or other.x + other.width <= region.x
+    return not (beside or other.y >= region.y + region.height or other.y + other.height <= region.y)
+
+
+# Colours -------------------------------------------------------------------------------------------------------------
+
+
+def panel_color() -> tuple[float, ...]:
+    """Behind text, RGBA: that of the theme's menus, dense enough to read on."""
+    red, green, blue, alpha = bpy.context.preferences.themes[0].user_interface.wcol_menu_back.inner
+    return red, green, blue, max(alpha, 0.85)
+
+
+def panel_text_color() -> tuple[float, ...]:
+    """Text on a panel, RGBA: that of what stands in menus."""
+    return (*bpy.context.preferences.themes[0].user_interface.wcol_menu_item.text, 1.0)
+
+
+def view_text_color() -> tuple[float, ...]:
+    """Text over the view itself, RGBA; it has a shadow."""
+    return (*bpy.context.preferences.themes[0].view_3d.space.text_hi, 1.0)
+
+
+def with_alpha(color: Color) -> tuple[float, ...]:
+    """RGBA of RGB or RGBA."""
+    return tuple(color) if len(color) == 4 else (*color, 1.0)
+
+
+# Drawing -------------------------------------------------------------------------------------------------------------
+
+
+def draw_text(x: float, y: float, text: str, size: float = TEXT_SIZE, color: Color | None = None) -> None:
+    """A line of text that begins at x on the base line y. With no colour it is the view's, and has a shadow."""
+    import blf
+
+    blf.size(FONT, pixels(size))
+    blf.position(FONT, round(x), round(y), 0.0)
+    chosen = view_text_color() if color is None else with_alpha(color)
+    blf.color(FONT, *chosen)
+    if color is None:
+        shade = 0.0 if sum(chosen[:3]) > 1.5 else 1.0
+        blf.enable(FONT, blf.SHADOW)
+        blf.shadow(FONT, 5, shade, shade, shade, 0.9)
+        blf.shadow_offset(FONT, 1, -1)
+    blf.draw(FONT, text)
+    blf.disable(FONT, blf.SHADOW)
+
+
+def draw_rect(x: float, y: float, w: float, h: float, color: Color, radius: float = 0.0) -> None:
+    """A filled rectangle from its lower left corner. radius: of its corners, in pixels."""
+    _draw(_rounded(x, y, w, h, radius), "TRI_FAN", with_alpha(color))
+
+
+def draw_panel(x: float, y: float, w: float, h: float) -> None:
+    """A rectangle as menus have it, to write on with `panel_text_color`."""
+    draw_rect(x, y, w, h, panel_color(), pixels(4.0))
+
+
+def draw_text_panel(x: float, y: float, lines: Sequence[str], size: float = TEXT_SIZE) -> None:
+    """Lines of text on a panel of their size, which `text_panel_size` tells; (x, y) is its lower left corner."""
+    width, height = text_panel_size(lines, size)
+    draw_panel(x, y, width, height)
+    margin, step = pixels(MARGIN), text_size("", size)[1]
+    for number, line in enumerate(reversed(lines)):
+        draw_text(x + margin, y + margin + number * step + 0.2 * step, line, size, panel_text_color())
+
+
+def text_panel_size(lines: Sequence[str], size: float = TEXT_SIZE) -> tuple[float, float]:
+    """The (width, height) in pixels of what `draw_text_panel` draws."""
+    widths = [text_size(line, size)[0] for line in lines]
+    return max(widths, default=0.0) + 2 * pixels(MARGIN), len(lines) * text_size("", size)[1] + 2 * pixels(MARGIN)
+
+
+def draw_bar(
+    x: float,
+    y: float,
+    w: float,
+    h: float,
+    labels: Sequence[tuple[float, str]],
+    colors: Sequence[Color],
+    color: Color | None = None,
+    size: float = TEXT_SIZE,
+) -> None:
+    """A colour bar from left to right, with numbers under it.
+
+    labels: (where, from 0 to 1, and what stands there). colors: two or more, of places that are evenly apart.
+    color: of the text.
+    """
+    step = w / (len(colors) - 1)
+    corners = [(x + step * (place // 2), y + h * (place % 2)) for place in range(2 * len(colors))]
+    _draw_smooth(corners, [with_alpha(stop) for stop in colors for _ in range(2)])
+    mark = view_text_color() if color is None else color
+    for place, label in labels:
+        middle = x + w * place
+        draw_rect(round(middle - 0.5), y - pixels(TICK), max(1.0, round(pixels(1.0))), pixels(TICK), mark)
+        width = text_size(label, size)[0]
+        left = min(max(middle - width / 2, x), x + w - width)  # the first and the last stay within the bar's ends
+        draw_text(left, y - pixels(TICK + 1.0 + size), label, size, color)
+
+
+def draw_lines_2d(points: Sequence[Point], color: Color, width: float = 1.0, *, is_closed: bool = False) -> None:
+    """A line through points, smooth at its edges. width: in points."""
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    if len(points) < 2:
+        return
+    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
+    ends = [(x, y, 0.0) for x, y in ([*points, points[0]] if is_closed else points)]
+    batch = batch_for_shader(shader, "LINE_STRIP", {"pos": ends})
+    with blended():
+        shader.bind()
+        shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+        shader.uniform_float("lineWidth", pixels(width))
+        shader.uniform_float("color", with_alpha(color))
+        batch.draw(shader)
+
+
+@contextmanager
+def blended() -> Iterator[None]:
+    """What is drawn meanwhile lets through what is behind it, as its opacity says."""
+    import gpu
+
+    gpu.state.blend_set("ALPHA")
+    try:
+        yield
+    finally:
+        gpu.state.blend_set("NONE")
+
+
+def _draw(points: Sequence[Point], kind: str, color: Color) -> None:
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    batch = batch_for_shader(shader, kind, {"pos": [(px, py, 0.0) for px, py in points]})
+    with blended():
+        shader.bind()
+        shader.uniform_float("color", color)
+        batch.draw(shader)
+
+
+def _draw_smooth(points: Sequence[Point], colors: Sequence[Color]) -> None:
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
+    content = {"pos": [(px, py, 0.0) for px, py in points], "color": colors}
+    with blended():
+        batch_for_shader(shader, "TRI_STRIP", content).draw(shader)
+
+
+def _rounded(x: float, y: float, w: float, h: float, radius: float) -> list[Point]:
+    """The corners of a convex shape, counter-clockwise."""
+    radius = min(radius, w / 2, h / 2)
+    if radius <= 0.0:
+        return [(x, y), (x + w, y), (x + w, y + h), (x, y + h)]
+    points = []
+    centres = ((x + w - radius, y + h - radius), (x + radius, y + h - radius), (x + radius, y + radius))
+    for quarter, (cx, cy) in enumerate((*centres, (x + w - radius, y + radius))):
+        for step in range(CORNER_STEPS + 1):
+            angle = math.pi / 2 * (quarter + step / CORNER_STEPS)
+            points.append((cx + radius * math.cos(angle), cy + radius * math.sin(angle)))
+    return points
