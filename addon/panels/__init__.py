@@ -1,21 +1,21 @@
-"""The panels in the Render and View Layer properties, in the order in which they are shown."""
+"""The panels in the properties and in the sidebar of 3D viewports, in the order in which they are shown."""
 
 from __future__ import annotations
 
 import bpy
 
 from ..settings.scene_settings import ENGINE_NAME
-from . import bench, borrowed, not_shown, overlay, rays, render, reports
+from . import bench, borrowed, not_shown, overlay, render, reports, scan
 
 CLASSES = (
     *render.CLASSES,
     *not_shown.CLASSES,
-    *rays.CLASSES,
     *overlay.CLASSES,
     *reports.CLASSES,
-    *bench.CLASSES,
     *render.LAST_CLASSES,
     *borrowed.CLASSES,
+    *scan.CLASSES,
+    *bench.CLASSES,
 )
 
 

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
+from typing import ClassVar
 
 import bpy
 
 from ..bench.results import last_results
 from ..bench.table import HEADINGS, Row
-from .common import SubPanel, draw_lines
+from .common import SidebarPanel, draw_lines
 
 
-class PERFECT_BVH_PT_bench(SubPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_bench(SidebarPanel, bpy.types.Panel):
     """Measures the scene and shows what that has found."""
 
     bl_label = "Bench"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         text = "Measures builders, layouts and policies on this scene for about a minute"

@@ -39,6 +39,18 @@ class SubPanel(RenderPanel):
         return super().poll(context) and native_error() is None
 
 
+class SidebarPanel:
+    """A panel of the add-on's own tab in the sidebar of 3D viewports, whatever the render engine is."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Perfect BVH"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return native_error() is None
+
+
 def settings_layout(panel: bpy.types.Panel) -> bpy.types.UILayout:
     """A panel's layout with names on the left and values on the right, as Blender has settings."""
     layout = panel.layout

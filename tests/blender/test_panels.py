@@ -340,9 +340,9 @@ def test_bytes_are_readable(count: int, text: str) -> None:
     assert summary.format_bytes(count) == text
 
 
-def test_the_rays_panel_shows_what_belongs_to_the_pattern() -> None:
+def test_the_scan_panel_shows_what_belongs_to_the_pattern() -> None:
     settings = bpy.context.scene.perfect_bvh.scan
-    (panel,) = panels.rays.CLASSES
+    (panel,) = panels.scan.CLASSES
     assert {"width", "height"} <= set(drawn(panel)) and "rate" not in drawn(panel)
     settings.pattern, settings.use_frame_range = "LIDAR", True
     assert {"elevations", "columns", "rate", "steps_per_frame"} <= set(drawn(panel)) and "width" not in drawn(panel)

@@ -1,16 +1,16 @@
-"""Rays as a tool: what the Scan button casts, and the button."""
+"""What the Scan button casts, and the button."""
 
 from __future__ import annotations
 
 import bpy
 
-from .common import SubPanel, settings_layout
+from .common import SidebarPanel, settings_layout
 
 
-class PERFECT_BVH_PT_rays(SubPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
     """From where which rays are cast, and what becomes of the points."""
 
-    bl_label = "Rays"
+    bl_label = "Scan"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
@@ -33,4 +33,4 @@ class PERFECT_BVH_PT_rays(SubPanel, bpy.types.Panel):
         layout.operator("perfect_bvh.scan", icon="OUTLINER_OB_POINTCLOUD")
 
 
-CLASSES = (PERFECT_BVH_PT_rays,)
+CLASSES = (PERFECT_BVH_PT_scan,)
