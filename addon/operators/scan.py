@@ -142,9 +142,9 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
         if not len(cloud):
             self.report({"WARNING"}, f"None of {cloud.ray_count:,} rays met anything: no points were made")
             return {"CANCELLED"}
-        _add_object(context, cloud)
+        made = _add_object(context, cloud)
         seconds = time.perf_counter() - self._started
-        found = f"{len(cloud):,} points on {len(cloud.object_names):,} objects, {cloud.ray_count:,} rays"
+        found = f"{made.name}: {len(cloud):,} points on {len(cloud.object_names):,} objects, {cloud.ray_count:,} rays"
         path = _path_of(context.scene.perfect_bvh.scan)
         try:
             where = "" if path is None else f", written to {cloud.save(path)}"
@@ -209,18 +209,17 @@ def _path_of(settings: bpy.types.PropertyGroup) -> Path | None:
     return path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
 
 
-def _add_object(context: bpy.types.Context, cloud: PointCloud) -> None:
-    """The points as an object in the active collection, or the scene's if that is linked; selected and active."""
-    from ..scanning import make_point_mesh
+def _add_object(context: bpy.types.Context, cloud: PointCloud) -> bpy.types.Object:
+    """The points as an object in the active collection, or the scene's if that is linked.
 
-    made = bpy.data.objects.new(NAME, make_point_mesh(cloud, NAME))
+    Not selected: its outlines would hide its colours, and the next scan shall find what is selected and active now.
+    """
+    from ..scanning import make_point_object
+
+    made = make_point_object(cloud, NAME, context.scene.perfect_bvh.scan.color_by)
     is_linked = context.collection.library is not None
     (context.scene.collection if is_linked else context.collection).objects.link(made)
-    for selected in context.selected_objects:
-        selected.select_set(False)
-    if made.name in context.view_layer.objects:
-        made.select_set(True)
-        context.view_layer.objects.active = made
+    return made
 
 
 def _sentence(problem: Exception) -> str:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from perfect_bvh import Hits
 
     from ..live.scene_sync import SceneSync
+    from .patterns import Rays
 
 EMPTY = {
     "positions": np.empty((0, 3)),
@@ -23,7 +24,14 @@ EMPTY = {
     "material_ids": np.empty(0, np.int32),
     "times": np.empty(0),
     "ray_ids": np.empty(0, np.int64),
+    "ring_ids": np.empty(0, np.int32),
+    "incidences": np.empty(0, np.float32),
+    "intensities": np.empty(0, np.float32),
+    "spacings": np.empty(0, np.float32),
 }
+
+LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear Rec. 709
+WITHOUT_MATERIAL = 0.8  # as Blender shows it
 
 
 class _Names:
@@ -49,10 +57,15 @@ class Collector:
         self._materials = _Names()
         self._ray_count = 0
 
-    def add(self, hits: Hits, times: npt.NDArray[np.float64], sync: SceneSync) -> None:
-        """Keeps the hits of a batch. sync: what was traced, not updated since; its material slots were read."""
+    def add(self, hits: Hits, rays: Rays, directions: npt.NDArray[np.float64], sync: SceneSync) -> None:
+        """Keeps the hits of a batch of rays. directions: (R, 3) of the rays, in world space.
+
+        sync: what was traced, not updated since; its material slots were read.
+        """
         rows = np.flatnonzero(hits.instance_ids >= 0)
         if len(rows):
+            materials = sync.material_ids(hits)[rows]
+            incidences = _incidences(directions[rows], hits.geometric_normals[rows])
             self._pieces.append(
                 {
                     "positions": hits.positions[rows],
@@ -60,12 +73,16 @@ class Collector:
                     "normals": hits.geometric_normals[rows],
                     "object_ids": self._object_ids(hits.instance_ids[rows], sync),
                     "instance_ids": hits.instance_ids[rows],
-                    "material_ids": self._material_ids(sync.material_ids(hits)[rows], sync),
-                    "times": times[rows],
+                    "material_ids": self._material_ids(materials, sync),
+                    "times": rays.times[rows],
                     "ray_ids": self._ray_count + rows.astype(np.int64),
+                    "ring_ids": rays.ring_ids[rows],
+                    "incidences": incidences,
+                    "intensities": incidences * _luminances(materials, sync),
+                    "spacings": (rays.gap + rays.spread * hits.distances[rows]).astype(np.float32),
                 }
             )
-        self._ray_count += len(times)
+        self._ray_count += len(rays)
 
     def point_cloud(self, warnings: tuple[str, ...]) -> PointCloud:
         """Everything that was added."""
@@ -94,3 +111,17 @@ class Collector:
             for row in present
         ]
         return np.array(rows, np.int32)[inverse]
+
+
+def _incidences(
+    directions: npt.NDArray[np.float64], normals: npt.NDArray[np.float32]
+) -> npt.NDArray[np.float32]:
+    """(N,) cosines between rays and normals, whichever side of the surface is met."""
+    along = np.einsum("ij,ij->i", directions, normals) / np.linalg.norm(directions, axis=1)
+    return np.minimum(np.abs(along), 1.0).astype(np.float32)
+
+
+def _luminances(material_ids: npt.NDArray[np.int32], sync: SceneSync) -> npt.NDArray[np.float32]:
+    """(N,) of the viewport colours of materials; id -1: none."""
+    known = [float(np.dot(LUMINANCE, material.color[:3])) for material in sync.record.materials]
+    return np.array([*known, WITHOUT_MATERIAL], np.float32)[material_ids]

@@ -7,7 +7,7 @@ a LiDAR goes on spinning from one stretch to the next.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -24,17 +24,26 @@ class Rays:
     """R rays in the sensor's space: it looks along -Z with +Y up, as a camera does.
 
     origins, directions: (R, 3) float64; directions need not be unit vectors. times: (R,) float64, seconds since the
-    scan began. t_min, t_max: the range, in multiples of the directions' lengths.
+    scan began. ring_ids: (R,) int32, the line of a LiDAR or the row of a picture, from 0. t_min, t_max: the range, in
+    multiples of the directions' lengths. gap, spread: neighbouring rays are `gap + spread * distance` apart.
     """
 
     origins: Float64Array
     directions: Float64Array
     times: Float64Array
+    ring_ids: npt.NDArray[np.int32]
     t_min: float
     t_max: float
+    gap: float
+    spread: float
 
     def __len__(self) -> int:
         return len(self.directions)
+
+    def part(self, rows: slice) -> Rays:
+        """Some of them."""
+        columns = ("origins", "directions", "times", "ring_ids")
+        return replace(self, **{name: getattr(self, name)[rows] for name in columns})
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,12 +123,17 @@ class CameraGrid:
             "orthographic": (plane, forward),
             "equirectangular": (nowhere, _directions(-plane[:, 0], plane[:, 1])),
         }[view.projection]
+        apart = abs(right - left) / self.width
+        is_parallel = view.projection == "orthographic"
         return Rays(
             origins=origins,
             directions=directions,
             times=np.full(len(plane), start),
+            ring_ids=np.repeat(np.arange(self.height, dtype=np.int32), self.width),
             t_min=view.clip_start,
             t_max=view.clip_end,
+            gap=apart if is_parallel else 0.0,
+            spread=0.0 if is_parallel else apart,
         )
 
 
@@ -189,8 +203,11 @@ class SpinningLidar:
             origins=np.zeros_like(directions),
             directions=directions,
             times=np.repeat(columns / a_second, len(elevations)),
+            ring_ids=np.tile(np.arange(len(elevations), dtype=np.int32), len(columns)),
             t_min=self.min_distance,
             t_max=self.max_distance,
+            gap=0.0,
+            spread=math.radians(self.sweep) / self.columns,
         )
 
 

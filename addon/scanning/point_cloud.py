@@ -22,6 +22,10 @@ COLUMNS = (
     "material_ids",
     "times",
     "ray_ids",
+    "ring_ids",
+    "incidences",
+    "intensities",
+    "spacings",
 )
 
 
@@ -34,6 +38,10 @@ class PointCloud:
     object_ids: (N,) int32, rows of object_names. material_ids: (N,) int32, rows of material_names, -1 for none.
     instance_ids: (N,) int32: what is shown several times has a number for each; it lasts through a scan, no longer.
     times: (N,) float64, seconds since the scan began. ray_ids: (N,) int64: which ray, counted over the whole scan.
+    ring_ids: (N,) int32: the line of a LiDAR, in the order of its elevations, or the row of a camera's picture.
+    incidences: (N,) float32, cosine of the angle between ray and normal: 1 straight on, 0 grazing.
+    intensities: (N,) float32, what comes back of a diffuse surface, whatever the distance: the luminance of the
+    material's viewport colour times the incidence. spacings: (N,) float32, how far neighbouring rays are apart there.
     ray_count: how many were cast. warnings: what could not be read, as sentences.
     """
 
@@ -45,6 +53,10 @@ class PointCloud:
     material_ids: npt.NDArray[np.int32]
     times: npt.NDArray[np.float64]
     ray_ids: npt.NDArray[np.int64]
+    ring_ids: npt.NDArray[np.int32]
+    incidences: npt.NDArray[np.float32]
+    intensities: npt.NDArray[np.float32]
+    spacings: npt.NDArray[np.float32]
     object_names: tuple[str, ...]
     material_names: tuple[str, ...]
     ray_count: int

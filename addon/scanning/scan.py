@@ -34,7 +34,7 @@ RAYS_IN_A_STEP = 1 << 18
 BUILD_STEP_SECONDS = 0.02
 BUILD_SHARE = 0.5
 # Of the rays of a stretch, and of the points if all of them hit.
-BYTES_A_RAY = 300
+BYTES_A_RAY = 350
 FIELDS = ("instance_ids", "mesh_ids", "primitive_ids", "geometric_normals", "positions", "distances")
 
 # A camera looks along -Z with +Y up; anything else along +Y with +Z up, as Blender's front view has it.
@@ -170,7 +170,7 @@ class Scanner:
                 fields=FIELDS,
                 threads=self._threads,
             )
-            self._collector.add(hits, rays.times[rows], sync)
+            self._collector.add(hits, rays.part(rows), directions[rows], sync)
             cast = min(1.0, (first + RAYS_IN_A_STEP) / len(rays))
             yield before_rays + (1.0 - before_rays) * cast
 

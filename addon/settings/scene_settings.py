@@ -104,6 +104,21 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         min=1,
         max=1000,
     )
+    color_by: bpy.props.EnumProperty(
+        name="Color",
+        description="What the colors of the points tell",
+        items=[
+            ("DISTANCE", "Distance", "How far away the sensor was: yellow near, violet far", 0),
+            ("OBJECT", "Object", "Which object was met", 1),
+            (
+                "INTENSITY",
+                "Intensity",
+                "How much comes back: the viewport color of the material, darker where rays graze it",
+                2,
+            ),
+        ],
+        default="DISTANCE",
+    )
     filepath: bpy.props.StringProperty(
         name="File",
         description="Also write the points into this .npz file; none if empty",

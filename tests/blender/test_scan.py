@@ -12,10 +12,14 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
-from perfect_bvh_addon import CameraGrid, SpinningLidar, scan  # noqa: E402
+from perfect_bvh_addon import CameraGrid, SceneSync, SpinningLidar, scan  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.operators.scan import parse_elevations  # noqa: E402
 from perfect_bvh_addon.scanning import Scanner  # noqa: E402
+from perfect_bvh_addon.scanning.collector import LUMINANCE  # noqa: E402
+from perfect_bvh_addon.scanning.point_cloud import COLUMNS  # noqa: E402
+from perfect_bvh_addon.scanning.point_colors import colors_of  # noqa: E402
+from perfect_bvh_addon.scanning.point_data import ATTRIBUTES  # noqa: E402
 
 LIDAR = SpinningLidar(elevations=(-30.0, -10.0, 0.0, 20.0), columns=36, rate=10.0)
 
@@ -190,7 +194,7 @@ def test_a_file_holds_all_columns(room, tmp_path: Path) -> None:
     path = cloud.save(tmp_path / "points")
     assert path == tmp_path / "points.npz"
     with np.load(path) as file:
-        for name in ("positions", "distances", "normals", "object_ids", "instance_ids", "material_ids", "times"):
+        for name in COLUMNS:
             np.testing.assert_array_equal(file[name], getattr(cloud, name))
         assert tuple(file["object_names"]) == cloud.object_names
         assert int(file["ray_count"]) == 16 * 9
@@ -217,19 +221,23 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(room, tmp_path: Path) 
 def test_the_button_makes_an_object_with_attributes(room, tmp_path: Path) -> None:
     settings = room.perfect_bvh.scan
     settings.width, settings.height, settings.filepath = 32, 18, str(tmp_path / "made")
+    before, meshes = (bpy.context.view_layer.objects.active, bpy.context.selected_objects), len(bpy.data.meshes)
     assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
-    made = bpy.context.view_layer.objects.active
-    assert made.name == "Scan" and made.select_get()
+    made = bpy.data.objects["Scan"]
+    assert made.type == ("MESH" if bpy.app.version < (4, 4) else "POINTCLOUD")
+    assert len(bpy.data.meshes) == meshes + (made.type == "MESH")
+    assert bpy.context.view_layer.objects.active == before[0]
+    assert bpy.context.selected_objects == before[1]
     cloud = scan(CameraGrid(32, 18))
-    assert len(made.data.vertices) == len(cloud)
-    places = np.empty(len(cloud) * 3, np.float32)
-    made.data.vertices.foreach_get("co", places)
-    np.testing.assert_array_equal(places.reshape(-1, 3), cloud.positions.astype(np.float32))
-    for name, kind in (("distance", "FLOAT"), ("time", "FLOAT"), ("normal", "FLOAT_VECTOR"), ("object_id", "INT")):
-        assert (made.data.attributes[name].data_type, made.data.attributes[name].domain) == (kind, "POINT")
-    distances = np.empty(len(cloud), np.float32)
-    made.data.attributes["distance"].data.foreach_get("value", distances)
-    np.testing.assert_array_equal(distances, cloud.distances.astype(np.float32))
+    places = values_of(made, "position", "vector", 3)
+    np.testing.assert_array_equal(places, cloud.positions.astype(np.float32))
+    for name, kind, field, column in ATTRIBUTES:
+        attribute = made.data.attributes[name]
+        assert (attribute.data_type, attribute.domain) == (kind, "POINT")
+        expected = getattr(cloud, column)
+        found = values_of(made, name, field, expected.size // len(cloud))
+        np.testing.assert_array_equal(found, expected.astype(np.int32 if kind == "INT" else np.float32))
+    np.testing.assert_array_equal(values_of(made, "radius", "value"), 0.5 * cloud.spacings)
     assert list(made.data["object_names"]) == list(cloud.object_names)
     assert (tmp_path / "made.npz").is_file()
 
@@ -240,7 +248,72 @@ def test_the_button_scans_with_a_lidar_over_frames(room) -> None:
     settings.elevations, settings.columns, settings.use_frame_range = "-30:20:6", 36, True
     assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
     pattern = SpinningLidar(elevations=parse_elevations("-30:20:6"), columns=36, max_distance=100.0)
-    assert len(bpy.context.object.data.vertices) == len(scan(pattern, bpy.data.objects["Head"], frames=(1, 3)))
+    cloud = scan(pattern, bpy.data.objects["Head"], frames=(1, 3))
+    assert len(values_of(bpy.data.objects["Scan"], "distance", "value")) == len(cloud)
+
+
+def values_of(obj: bpy.types.Object, attribute: str, field: str, width: int = 1) -> np.ndarray:
+    """(N,) or (N, width) of an attribute of a scan's points."""
+    data = obj.data.attributes[attribute].data
+    is_whole = obj.data.attributes[attribute].data_type == "INT"
+    values = np.empty(len(data) * width, np.int32 if is_whole else np.float32)
+    data.foreach_get(field, values)
+    return values if width == 1 else values.reshape(-1, width)
+
+
+@pytest.mark.parametrize("color_by", ["DISTANCE", "OBJECT", "INTENSITY"])
+def test_points_are_colored_by_what_was_chosen_and_the_material_shows_it(room, color_by: str) -> None:
+    settings = room.perfect_bvh.scan
+    settings.width, settings.height, settings.color_by = 32, 18, color_by
+    bpy.data.materials["red"].diffuse_color = (1.0, 0.0, 0.0, 1.0)
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    made, cloud = bpy.data.objects["Scan"], scan(CameraGrid(32, 18))
+    colors = values_of(made, "Color", "color", 4)
+    np.testing.assert_array_equal(colors, colors_of(cloud, color_by))
+    (material,) = made.data.materials
+    (attribute,) = [node for node in material.node_tree.nodes if node.type == "ATTRIBUTE"]
+    assert (attribute.attribute_name, attribute.outputs["Color"].links[0].to_socket.name) == ("Color", "Base Color")
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    assert list(bpy.data.objects["Scan.001"].data.materials) == [material]
+
+
+def test_colors_tell_near_from_far_and_one_object_from_another(room) -> None:
+    bpy.data.materials["red"].diffuse_color = (1.0, 0.0, 0.0, 1.0)
+    cloud = scan(CameraGrid(64, 36))
+    assert len(cloud.object_names) == 3
+    of_object = [colors_of(cloud, "OBJECT")[cloud.object_ids == row] for row in range(3)]
+    assert all((np.ptp(colors, axis=0) == 0.0).all() for colors in of_object)
+    assert len({tuple(colors[0]) for colors in of_object}) == 3
+    lightness = colors_of(cloud, "DISTANCE")[:, :3] @ LUMINANCE
+    order = np.argsort(cloud.distances)
+    assert (np.diff(lightness[order]) <= 1e-6).all() and lightness[order[0]] > 5.0 * lightness[order[-1]]
+    red = cloud.object_ids == cloud.object_names.index("Red")
+    ratio = cloud.intensities / cloud.incidences
+    np.testing.assert_allclose(ratio[red], LUMINANCE[0], rtol=1e-5)
+    np.testing.assert_allclose(ratio[~red], 0.8, rtol=1e-5)
+    greys = colors_of(cloud, "INTENSITY")
+    assert greys[:, :3].max() == 1.0 and (np.ptp(greys[:, :3], axis=1) == 0.0).all()
+
+
+def test_points_know_their_line_how_they_were_met_and_how_far_their_neighbours_are(room) -> None:
+    head = bpy.data.objects["Head"]
+    cloud = scan(LIDAR, head)
+    np.testing.assert_array_equal(cloud.ring_ids, cloud.ray_ids % 4)
+    directions = np.array([direction for _, direction, _ in lidar_rays(head, LIDAR, range(36))])[cloud.ray_ids]
+    along = np.abs(np.einsum("ij,ij->i", directions, cloud.normals))
+    np.testing.assert_allclose(cloud.incidences, along, atol=1e-5)
+    np.testing.assert_allclose(cloud.spacings, cloud.distances * 2.0 * np.pi / 36, rtol=1e-5)
+    room.camera.data.type, room.camera.data.ortho_scale = "ORTHO", 12.0
+    picture = scan(CameraGrid(24, 14))
+    np.testing.assert_array_equal(picture.ring_ids, picture.ray_ids // 24)
+    np.testing.assert_allclose(picture.spacings, 12.0 / 24, rtol=1e-5)
+
+
+def test_a_scan_that_is_not_shown_is_named(room) -> None:
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    sync = SceneSync()
+    sync.update(bpy.context.evaluated_depsgraph_get())
+    assert any("Scan" in sentence and "a point cloud has no triangles" in sentence for sentence in sync.warnings)
 
 
 @pytest.mark.parametrize(
@@ -302,7 +375,7 @@ def test_points_are_kept_when_the_file_cannot_be_written(room, tmp_path: Path) -
             bpy.ops.perfect_bvh.scan()
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert bpy.data.objects["Scan"].data.vertices
+    assert len(bpy.data.objects["Scan"].data.attributes["distance"].data)
     assert not list(tmp_path.iterdir())
 
 

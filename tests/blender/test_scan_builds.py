@@ -34,7 +34,7 @@ from perfect_bvh_addon.operators.scan import PERFECT_BVH_OT_scan  # noqa: E402
 from perfect_bvh_addon.scanning import Scanner  # noqa: E402
 
 LIDAR = SpinningLidar(elevations=(-30.0, -10.0, 0.0, 20.0), columns=36, rate=10.0)
-COLUMNS = ("positions", "distances", "normals", "object_ids", "instance_ids", "times", "ray_ids")
+COLUMNS = ("positions", "distances", "normals", "object_ids", "instance_ids", "times", "ray_ids", "intensities")
 
 
 @pytest.fixture(autouse=True)
@@ -273,9 +273,9 @@ def test_the_button_scans_when_the_trees_are_built(gate: Gate, room, pressed) ->
     assert answer == {"FINISHED"}
     assert window.progress == sorted(window.progress)
     assert (window.status, window.timers) == (None, 0)
-    made = bpy.context.view_layer.objects.active
-    places = np.empty(3 * len(made.data.vertices), np.float32)
-    made.data.vertices.foreach_get("co", places)
+    points = bpy.data.objects["Scan"].data.attributes["position"].data
+    places = np.empty(3 * len(points), np.float32)
+    points.foreach_get("vector", places)
     np.testing.assert_array_equal(places.reshape(-1, 3), scan(CameraGrid(32, 18)).positions.astype(np.float32))
 
 
