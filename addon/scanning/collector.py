@@ -113,9 +113,7 @@ class Collector:
         return np.array(rows, np.int32)[inverse]
 
 
-def _incidences(
-    directions: npt.NDArray[np.float64], normals: npt.NDArray[np.float32]
-) -> npt.NDArray[np.float32]:
+def _incidences(directions: npt.NDArray[np.float64], normals: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """(N,) cosines between rays and normals, whichever side of the surface is met."""
     along = np.einsum("ij,ij->i", directions, normals) / np.linalg.norm(directions, axis=1)
     return np.minimum(np.abs(along), 1.0).astype(np.float32)

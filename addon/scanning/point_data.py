@@ -71,7 +71,7 @@ def _convert(mesh: bpy.types.Mesh) -> Any:
     holder = bpy.data.objects.new(mesh.name, mesh)
     bpy.context.scene.collection.objects.link(holder)
     chosen = dict.fromkeys(("active_object", "object"), holder)
-    lists = dict.fromkeys(("selected_objects", "selected_editable_objects"), [holder])
+    lists = {key: [holder] for key in ("selected_objects", "selected_editable_objects")}
     try:
         with bpy.context.temp_override(**chosen, **lists):
             if bpy.ops.object.convert.poll():

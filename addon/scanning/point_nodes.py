@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import bpy
@@ -52,7 +53,7 @@ def _points_group(material: bpy.types.Material) -> bpy.types.NodeTree:
     radius.inputs["Name"].default_value = "radius"
     radius.location = 0.0, -140.0
     shown.inputs["Material"].default_value = material
-    for left, right in zip(nodes, nodes[1:], strict=False):
+    for left, right in pairwise(nodes):
         group.links.new(left.outputs[0], right.inputs[0])
     group.links.new(radius.outputs["Attribute"], points.inputs["Radius"])
     return group

@@ -14,7 +14,7 @@ from hands import hover, press_key
 from panels import open_sub_panel
 from places import area_of, middle_of
 
-ATTRIBUTES = {"distance", "normal", "time", "object_id", "instance_id", "material_id"}
+ATTRIBUTES = {"distance", "normal", "time", "object_id", "instance_id", "material_id", "ring", "intensity", "Color"}
 
 
 def scans() -> list[bpy.types.Object]:
@@ -77,11 +77,14 @@ def scan() -> Step:
         yield from redrawn()
         screenshot("scan")
 
+    active = bpy.context.view_layer.objects.active
     yield from press_scan(finish)
     (made,) = scans()
-    check(bpy.context.view_layer.objects.active == made, "the points are not the active object")
+    check(made.type == "POINTCLOUD", f"the points are a {made.type}")
+    check(bpy.context.view_layer.objects.active == active, "the points have become the active object")
+    check(not made.select_get(), "the points are selected")
     check(set(made.data.attributes.keys()) >= ATTRIBUTES, f"attributes: {made.data.attributes.keys()}")
-    count = len(made.data.vertices)
+    count = len(made.data.points)
     check(count > 1000, f"only {count} points")
     yield from wait_for_report(f"{count:,} points on")
     hover(*middle_of(area_of("VIEW_3D")))
