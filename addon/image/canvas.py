@@ -73,11 +73,19 @@ class Canvas:
             self._note(rows, divisor)
 
     def add_samples(
-        self, made: Image, rows: Rows, done: int, count: int, is_whole: bool, pixels: Pixels | None = None
+        self,
+        made: Image,
+        rows: Rows,
+        done: int,
+        count: int,
+        is_whole: bool,
+        pixels: Pixels | None = None,
+        noise: Image | None = None,
     ) -> None:
         """`count` samples of rows of the full image, which have `done` already.
 
         is_whole: now all rows have them. pixels: which of the full image have got them, None for all of those rows.
+        noise: of the full image, see `perfect_bvh.render_progressively`.
         """
         from perfect_bvh.render import add_samples
 
@@ -87,7 +95,8 @@ class Canvas:
             if done == 0:
                 film[part] = made[part]
             else:
-                add_samples(film[part], made[part], done, count, None if pixels is None else pixels[part])
+                got = None if pixels is None else pixels[part]
+                add_samples(film[part], made[part], done, count, got, None if noise is None else noise[part])
             if is_whole:
                 self._whole = 1
             if self._is_replaced:

@@ -15,25 +15,20 @@ import numpy.typing as npt
 
 from ..settings.denoisers import denoiser_libraries
 from ..support.memory import check_fits
-from .plan import GUIDES, RenderPlan
+from .plan import GUIDES, NOISY, RenderPlan
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from perfect_bvh import Denoiser
-    from perfect_bvh.denoise import DenoiseQuality, Prefilter
+    from perfect_bvh.denoise import DenoiseQuality
 
 Image = npt.NDArray[np.float32]
 
-# How images are denoised, from so many samples a pixel on; viewports as if they had one. What takes longer is worth it
-# where it is a small part of the whole: a network of twice the size lowers errors by some 5 % (of images 480 pixels
-# wide in 0.2 s more), guides that are denoised first by as much again in scenes of many small things (in 0.8 s more).
-# One that knows guides to be noisy is otherwise as near to the converged image.
-WAYS: tuple[tuple[int, DenoiseQuality, Prefilter], ...] = (
-    (1, "fast", "fast"),
-    (8, "balanced", "fast"),
-    (32, "balanced", "accurate"),
-)
+# How well images are denoised, from so many samples a pixel on; viewports as if they had one. What takes longer is
+# worth it where it is a small part of the whole: a network of twice the size lowers errors by some 3 % (of images 480
+# pixels wide in 0.3 s more). Guides are blended from so many samples that nothing is gained by denoising them first.
+QUALITIES: tuple[tuple[int, DenoiseQuality], ...] = ((1, "fast"), (16, "balanced"))
 # Of OpenImageDenoise: the images, and what the layers of its network hold; it cuts large images into tiles.
 BYTES_A_PIXEL, MOST_BYTES = 1100, 3 << 30
 
@@ -57,28 +52,34 @@ class ImageDenoiser:
 
     Made on Blender's main thread or within a render.
 
-    samples: how many each pixel has; 1 where that changes, see `WAYS`.
+    samples: how many each pixel has; 1 where that changes, see `QUALITIES`.
     """
 
     def __init__(self, plan: RenderPlan, samples: int = 1) -> None:
         self._plan = plan
-        _, self._quality, self._prefilter = next(way for way in reversed(WAYS) if samples >= way[0])
+        self._quality = next(quality for least, quality in reversed(QUALITIES) if samples >= least)
         self._libraries = denoiser_libraries()  # Blender is asked here: images may be denoised on any thread
         self._denoiser: Denoiser | None = None
 
     def denoise(
-        self, images: Mapping[str, npt.NDArray[Any]], progress: Callable[[float], object] | None = None
+        self,
+        images: Mapping[str, npt.NDArray[Any]],
+        noise: Mapping[str, npt.NDArray[Any]] | None,
+        progress: Callable[[float], object] | None = None,
     ) -> Denoised:
-        """A new image from "combined" and what of `GUIDES` is there, all of the plan's size. From any thread.
+        """A new image from "combined" and `GUIDES`, all of the plan's size. From any thread.
 
-        progress: called with the share done, 0 to 1, False cancels. Raises `perfect_bvh.Cancelled` and nothing else.
+        noise: of "combined" and `NOISY`, see `perfect_bvh.restore_detail`; None as long as there is a single round of
+        samples. progress: called with the share done, 0 to 1, False cancels.
+
+        Raises `perfect_bvh.Cancelled` and nothing else.
         """
         import perfect_bvh
 
         started = time.perf_counter()
         raw: Image = images["combined"]
         try:
-            image, denoiser = self._denoise(images, progress)
+            image, denoiser = self._denoise(images, noise, progress)
         except perfect_bvh.Cancelled:
             raise
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
@@ -97,25 +98,28 @@ class ImageDenoiser:
         import perfect_bvh
 
         raw: Image = images["combined"]
-        guides = {name.removeprefix("denoising_"): images[name] for name in GUIDES}
         try:
-            return self._make((raw.shape[1], raw.shape[0])).denoise(raw, **guides, progress=progress)
+            return self._make((raw.shape[1], raw.shape[0])).denoise(**_arguments(images), progress=progress)
         except perfect_bvh.Cancelled:
             raise
         except (ValueError, perfect_bvh.EngineError, MemoryError):
             return raw
 
     def _denoise(
-        self, images: Mapping[str, npt.NDArray[Any]], progress: Callable[[float], object] | None
+        self,
+        images: Mapping[str, npt.NDArray[Any]],
+        noise: Mapping[str, npt.NDArray[Any]] | None,
+        progress: Callable[[float], object] | None,
     ) -> tuple[Image, Denoiser]:
         raw: Image = images["combined"]
         left, right, bottom, top = self._plan.window
         part = slice(len(raw) - top, len(raw) - bottom), slice(left, right)
-        guides = {name.removeprefix("denoising_"): images[name][part] for name in GUIDES if name in images}
         denoiser = self._denoiser
         if denoiser is None:
             denoiser = self._denoiser = self._make((right - left, top - bottom))
-        made = denoiser.denoise(raw[part], **guides, progress=progress)
+        seen = {name: image[part] for name, image in images.items() if name in ("combined", *GUIDES)}
+        errors = None if noise is None else {name: noise[name][part] for name in ("combined", NOISY)}
+        made = _without_noise(denoiser, seen, errors, progress)
         if made.shape == raw.shape:
             return made, denoiser
         whole = raw.copy()
@@ -129,11 +133,35 @@ class ImageDenoiser:
         check_fits("Denoising it", byte_count, "choose a smaller size")
         return perfect_bvh.Denoiser(
             size,
+            prefilter="none",
             quality=self._quality,
-            prefilter=self._prefilter,
             threads=self._plan.settings.threads,
             libraries=self._libraries,
         )
+
+
+def _without_noise(
+    denoiser: Denoiser,
+    images: Mapping[str, Image],
+    noise: Mapping[str, Image] | None,
+    progress: Callable[[float], object] | None,
+) -> Image:
+    """What is no noise is put back, where it is known how much of that there is."""
+    import perfect_bvh
+    from perfect_bvh._batches import share_of
+
+    given = _arguments(images)
+    if noise is None:
+        return denoiser.denoise(**given, progress=progress)
+    denoised = denoiser.denoise(**given, progress=share_of(progress, 0.0, 0.5))
+    other = given | {"color": given["color"] - noise[NOISY]}
+    again = denoiser.denoise(**other, progress=share_of(progress, 0.5, 0.5))
+    return perfect_bvh.restore_detail(images["combined"], noise["combined"], denoised, again)
+
+
+def _arguments(images: Mapping[str, Image]) -> dict[str, Image]:
+    """Of a denoiser, by its names."""
+    return {name.removeprefix("denoising_"): images[name] for name in GUIDES}
 
 
 def _since(started: float) -> float:

@@ -23,12 +23,11 @@ if TYPE_CHECKING:
 Window = tuple[int, int, int, int]
 
 CLAY_GREY = (0.8, 0.8, 0.8)
-# The renderer's names of what guides a denoiser.
-GUIDES = ("denoising_albedo", "denoising_normal")
-# A pass that is "combined" before it is denoised.
-NOISY = "noisy"
-# Of a render at its greatest: two images, shared samples, passes, Blender's copies of them.
-BYTES_A_PIXEL = 192
+# The renderer's names of what a denoiser takes: the image of pixels' own samples, and what guides it.
+NOISY = "denoising_color"
+GUIDES = (NOISY, "denoising_albedo", "denoising_normal")
+# Of a render at its greatest: two images, their noise, shared samples, passes, Blender's copies of them.
+BYTES_A_PIXEL = 288
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +35,7 @@ class RenderPlan:
     """Of one image.
 
     size: (width, height) in pixels. window: (left, right, bottom, top), the pixels to trace, from the lower left.
-    passes: the renderer's names of what is wanted beside "combined", and `NOISY`. is_cropped: whether files hold the
+    passes: the renderer's names of what is wanted beside "combined". is_cropped: whether files hold the
     window alone.
     """
 
@@ -74,8 +73,7 @@ class RenderPlan:
     @property
     def traced_passes(self) -> tuple[str, ...]:
         """What the renderer is to make beside "combined": what is wanted, and what denoising needs."""
-        wanted = (name for name in self.passes if name != NOISY)
-        return tuple(dict.fromkeys((*wanted, *(GUIDES if self.is_denoised else ()))))
+        return tuple(dict.fromkeys((*self.passes, *(GUIDES if self.is_denoised else ()))))
 
     @property
     def expected_rays(self) -> int:

@@ -17,7 +17,7 @@ from ..settings.modes import find_mode
 from .canvas import Canvas, Image, Pixels
 from .costs import trace_costs
 from .denoising import ImageDenoiser
-from .plan import GUIDES
+from .plan import GUIDES, NOISY
 from .progressive import Pace, Schedule, Step
 from .still import Images
 
@@ -71,6 +71,7 @@ class Refinement:
         self._denoiser = ImageDenoiser(view.plan) if view.plan.is_denoised else None
         self._denoised_count = 0  # of how many samples the image was that was denoised last
         self._guides: Images = {}
+        self._noise: Images = {}  # of the image and what is denoised, from the second round of samples on
         self._pace = pace
         self._clock = clock
         self._longest = float("inf")
@@ -147,7 +148,8 @@ class Refinement:
         if sampling is not None:
             sampling.note_round(made if done == 0 else self.canvas.film, made, done, step.count, step.rows)
             self._schedule.note_left(sampling.columns_left.tolist())
-        self.canvas.add_samples(made, step.rows, done, step.count, is_whole, pixels)
+        noise = self._noise_of("combined", made) if self._denoiser is not None else None
+        self.canvas.add_samples(made, step.rows, done, step.count, is_whole, pixels, noise)
 
     @property
     def _pixels(self) -> Pixels | None:
@@ -175,6 +177,7 @@ class Refinement:
                 passes=("combined", *guides),
                 progress=stop,
                 first_sample=step.first_sample,
+                is_continued=step.divisor == 1 and view.plan.samples > 1,
                 tiles=tiles,
                 **view.plan.options,
             )
@@ -192,8 +195,13 @@ class Refinement:
         pixels = None if tiles is None else self._pixels[part]
         for name in guides if step.divisor == 1 else ():
             blended = self._guides.setdefault(name, np.zeros_like(passes[name]))[part]
-            add_samples(blended, passes[name][part], step.first_sample, step.count, pixels)
+            noise = self._noise_of(name, passes[name])[part] if name == NOISY and step.first_sample else None
+            add_samples(blended, passes[name][part], step.first_sample, step.count, pixels, noise)
         return passes
+
+    def _noise_of(self, name: str, like: Image) -> Image:
+        noise: Image = self._noise.setdefault(name, np.zeros_like(like))
+        return noise
 
     @property
     def _is_worth_denoising(self) -> bool:
@@ -202,7 +210,8 @@ class Refinement:
         return count >= max(2 * before, 1) or (self._schedule.is_finished and count > before)
 
     def _denoise(self, denoiser: ImageDenoiser, stop: StopFlag | None) -> None:
-        made = denoiser.denoise({"combined": self.canvas.film, **self._guides}, stop)
+        noise = self._noise if self.sample_count > 1 else None
+        made = denoiser.denoise({"combined": self.canvas.film, **self._guides}, noise, stop)
         self._denoised_count, self.complaint = self.sample_count, made.complaint
         if made.name is None:
             self._denoiser = None  # it would fail with the next samples, too

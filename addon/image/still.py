@@ -13,7 +13,7 @@ import numpy.typing as npt
 from ..statistics.frame_statistics import FrameStatistics
 from .costs import mesh_costs, trace_costs
 from .denoising import Denoised, ImageDenoiser
-from .plan import NOISY, RenderPlan, Window
+from .plan import RenderPlan, Window
 
 if TYPE_CHECKING:
     import bpy
@@ -95,6 +95,7 @@ def _trace(
     start = time.perf_counter()
     images: Images = {}
     done = 0
+    noise: Images | None = {} if plan.is_denoised else None
     sampling = plan.make_sampling()
     audit_share = plan.settings.audit_share
     audit = perfect_bvh.RenderAudit(audit_share) if audit_share else None
@@ -108,12 +109,13 @@ def _trace(
         passes=("combined", *plan.traced_passes),
         time_limit=plan.settings.time_limit,
         sampling=sampling,
+        noise=noise,
         progress=progress,
         audit=audit,
         **plan.options,
     ):
         if show is not None:
-            show(images | {NOISY: images["combined"]})
+            show(images)
         # The renderer asks at intervals of time; a quick round would not be asked about at all.
         share = 1.0 if sampling is not None and sampling.is_finished else done / plan.samples
         if progress is not None and not progress(share) and share < 1.0:
@@ -121,7 +123,7 @@ def _trace(
     at_end = None if progress is None else partial(_stay_at_end, progress)
     costs = trace_costs(sync.scene, sync.camera, plan.size, sync.appearance, plan.settings.threads, at_end)
     seconds = time.perf_counter() - start - (audit.seconds if audit else 0.0)
-    denoised = _denoise(plan, images, done, at_end)
+    denoised = _denoise(plan, images, noise if done > 1 else None, done, at_end)
     statistics = FrameStatistics(
         frame=frame,
         size=plan.size,
@@ -137,7 +139,7 @@ def _trace(
         complaints=() if denoised.complaint is None else (denoised.complaint,),
         mesh_costs=mesh_costs(sync, costs),
     )
-    made = images | {NOISY: images["combined"], "combined": denoised.image}
+    made = images | {"combined": denoised.image}
     shown = {name: made[name] for name in ("combined", *plan.passes)}
     return Frame(shown, statistics, plan.window if plan.is_cropped else None)
 
@@ -147,11 +149,13 @@ def _stay_at_end(progress: Progress, _: float) -> bool:
     return progress(1.0)
 
 
-def _denoise(plan: RenderPlan, images: Images, samples: int, progress: Progress | None) -> Denoised:
+def _denoise(
+    plan: RenderPlan, images: Images, noise: Images | None, samples: int, progress: Progress | None
+) -> Denoised:
     """As the plan says."""
     if not plan.is_denoised:
         return Denoised(images["combined"], None, 0.0)
-    return ImageDenoiser(plan, samples).denoise(images, progress)
+    return ImageDenoiser(plan, samples).denoise(images, noise, progress)
 
 
 def missing_camera(scene: bpy.types.Scene, sync: SceneSync) -> str:

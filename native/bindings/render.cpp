@@ -76,6 +76,7 @@ RenderSettings read_settings(const py::dict& values) {
   settings.height = get<int>(values, "height");
   settings.samples = get<std::uint32_t>(values, "samples");
   settings.first_sample = get<std::uint32_t>(values, "first_sample");
+  settings.is_continued = get<bool>(values, "is_continued");
   settings.filter_width = get<float>(values, "filter_width");
   settings.seed = get<std::uint32_t>(values, "seed");
   settings.threads = get<int>(values, "threads");
@@ -283,6 +284,7 @@ PassTargets read_targets(const py::dict& arrays, std::size_t pixel_count) {
   targets.instance = target<Integer, Integer>(arrays, "instance", pixel_count);
   targets.primitive = target<Integer, Integer>(arrays, "primitive", pixel_count);
   targets.nodes_visited = target<Integer, Integer>(arrays, "nodes_visited", pixel_count);
+  targets.denoising_color = target<Rgba, float>(arrays, "denoising_color", pixel_count);
   targets.denoising_albedo = target<Vec3f, float>(arrays, "denoising_albedo", pixel_count);
   targets.denoising_normal = target<Vec3f, float>(arrays, "denoising_normal", pixel_count);
   targets.primitives_tested = target<Integer, Integer>(arrays, "primitives_tested", pixel_count);

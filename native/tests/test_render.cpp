@@ -100,7 +100,7 @@ TEST(Film, SamplesCountInThePixelsThatTheFilterReaches) {
 TEST(Film, EvenColoursStayEvenAcrossTiles) {
   const PixelFilter filter(1.5f);
   const TileGrid grid({28, 30, 70, 36});
-  Film film(grid, filter);
+  Film film(grid, filter, true);
   EXPECT_EQ(grid.count(), 6u);
   for (std::size_t tile = 0; tile < grid.count(); ++tile) {
     film.begin(tile);
@@ -110,13 +110,19 @@ TEST(Film, EvenColoursStayEvenAcrossTiles) {
         const Pixel pixel{static_cast<std::uint16_t>(x), static_cast<std::uint16_t>(y)};
         const Point2 offset{0.4f - static_cast<float>(x % 3) * 0.4f, static_cast<float>(y % 2) * 0.5f - 0.3f};
         const Rgba color{0.25f, 1.0f, x == 64 && y == 32 ? 1.0f : 0.0f, 0.5f};
-        film.add(tile, {&pixel, 1}, {&offset, 1}, {&color, 1});
+        const Vec3f albedo{0.5f, x < 40 ? 0.0f : 1.0f, 0.125f}, normal{0, 0, -1};
+        film.add(tile, {&pixel, 1}, {&offset, 1}, {&color, 1}, {&albedo, 1}, {&normal, 1});
       }
     }
   }
   for (int y = 31; y < 35; ++y) {
     for (int x = 29; x < 69; ++x) {
-      const Rgba color = film.pixel(x, y);
+      const FilmColor seen = film.pixel(x, y);
+      const Rgba color = seen.color;
+      EXPECT_NEAR(seen.albedo.x, 0.5f, 1e-6f);
+      EXPECT_NEAR(seen.albedo.z, 0.125f, 1e-6f);
+      EXPECT_NEAR(seen.normal.z, -1.0f, 1e-6f);
+      EXPECT_EQ(seen.albedo.y > 0.0f && seen.albedo.y < 0.9999f, x == 39 || x == 40) << x;  // blended as colours are
       EXPECT_NEAR(color.r, 0.25f, 1e-6f);
       EXPECT_NEAR(color.g, 1.0f, 1e-6f);
       EXPECT_NEAR(color.a, 0.5f, 1e-6f);

@@ -6,6 +6,7 @@ import gc
 import itertools
 import tempfile
 import weakref
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,13 @@ bpy = pytest.importorskip("bpy")
 from oracles.cycles import preserved, write_multilayer  # noqa: E402
 from oracles.exr import read_exr  # noqa: E402
 from perfect_bvh import _oidn  # noqa: E402
-from perfect_bvh.denoise import DenoiseQuality, Prefilter, denoise  # noqa: E402
+from perfect_bvh.denoise import DenoiseQuality, denoise  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.image import denoising  # noqa: E402
 from perfect_bvh_addon.image.denoising import ImageDenoiser  # noqa: E402
 from perfect_bvh_addon.image.plan import GUIDES, NOISY, RenderPlan, plan_render, plan_view  # noqa: E402
 from perfect_bvh_addon.image.still import Frame  # noqa: E402
+from perfect_bvh_addon.live.scene_sync import SceneSync  # noqa: E402
 from perfect_bvh_addon.settings.denoisers import denoiser_in_use, denoiser_libraries  # noqa: E402
 from perfect_bvh_addon.settings.modes import MODE_NAMES, MODES  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import read_settings  # noqa: E402
@@ -71,24 +73,55 @@ def ask_for_data(scene: bpy.types.Scene) -> None:
 # When ----------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("samples", "quality", "prefilter"),
-    [(1, "fast", "fast"), (7, "fast", "fast"), (8, "balanced", "fast"), (32, "balanced", "accurate")],
-)
+def expect(
+    images: Mapping[str, np.ndarray], noise: Mapping[str, np.ndarray] | None, quality: DenoiseQuality
+) -> np.ndarray:
+    """What is to come of a traced image."""
+    color, *guides = (images[name] for name in GUIDES)
+    clean = denoise(color, *guides, quality=quality, prefilter="none")
+    if noise is None:
+        return clean
+    again = denoise(color - noise[NOISY], *guides, quality=quality, prefilter="none")
+    return perfect_bvh.restore_detail(images["combined"], noise["combined"], clean, again)
+
+
+def trace(scene: bpy.types.Scene) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """The images of a render before they are denoised, and their noise."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    plan = plan_render(scene, read_settings(scene))
+    sync = SceneSync(attributes=plan.attributes)
+    sync.update(depsgraph)
+    noise: dict[str, np.ndarray] = {}
+    *_, (_, images) = perfect_bvh.render_progressively(
+        sync.scene,
+        sync.camera,
+        mode=plan.settings.mode,
+        size=plan.size,
+        samples=plan.samples,
+        appearance=sync.appearance,
+        passes=("combined", *GUIDES),
+        sampling=plan.make_sampling(),
+        noise=noise,
+        **plan.options,
+    )
+    return images, noise
+
+
+@pytest.mark.parametrize(("samples", "quality"), [(1, "fast"), (2, "fast"), (15, "fast"), (16, "balanced")])
 def test_renders_are_denoised_unless_told_otherwise(
-    scene: bpy.types.Scene, samples: int, quality: DenoiseQuality, prefilter: Prefilter
+    scene: bpy.types.Scene, samples: int, quality: DenoiseQuality
 ) -> None:
     ask_for_data(scene)
     scene.perfect_bvh.samples = samples
     frame = render()
-    assert set(frame.images) == {"combined", NOISY, *GUIDES}
-    guides = [frame.images[name] for name in GUIDES]
-    expected = denoise(frame.images[NOISY], *guides, quality=quality, prefilter=prefilter)
-    np.testing.assert_array_equal(frame.images["combined"], expected)
+    assert set(frame.images) == {"combined", *GUIDES}
+    images, noise = trace(scene)
+    for name in GUIDES:
+        np.testing.assert_array_equal(frame.images[name], images[name])
+    np.testing.assert_array_equal(frame.images["combined"], expect(images, noise if samples > 1 else None, quality))
     assert frame.statistics.denoiser == denoiser_in_use() and frame.statistics.denoise_milliseconds > 0.0
     assert not frame.statistics.complaints
     assert "Denoise" in dict(statistics_rows(frame.statistics))
-    np.testing.assert_array_equal(combined(scene, use_denoising=False), frame.images[NOISY])
 
 
 def test_without_it_the_image_is_the_renderer_s_for_any_threads(scene: bpy.types.Scene) -> None:
@@ -124,21 +157,24 @@ def test_a_border_is_denoised_alone(scene: bpy.types.Scene) -> None:
     frame = render()
     left, right, bottom, top = plan_render(scene, read_settings(scene)).window
     part = slice(HEIGHT - top, HEIGHT - bottom), slice(left, right)
-    given = [frame.images[name][part] for name in (NOISY, *GUIDES)]
-    expected = denoise(*given, quality="fast", prefilter="fast")
-    np.testing.assert_array_equal(frame.images["combined"][part], expected)
+    images, noise = ({name: array[part] for name, array in made.items()} for made in trace(scene))
+    np.testing.assert_array_equal(frame.images["combined"][part], expect(images, noise, "fast"))
     outside = np.ones((HEIGHT, WIDTH), bool)
     outside[part] = False
     assert not frame.images["combined"][outside].any()
 
 
-def test_alpha_is_the_renderer_s(scene: bpy.types.Scene) -> None:
+def test_what_is_opaque_or_not_there_stays_so(scene: bpy.types.Scene) -> None:
     scene.render.film_transparent = True
     scene.view_layers[0].objects["Plane"].hide_render = True
-    ask_for_data(scene)
-    images = render().images
-    np.testing.assert_array_equal(images["combined"][..., 3], images[NOISY][..., 3])
-    assert not images["combined"][images[NOISY][..., 3] == 0.0].any()
+    made = render().images["combined"]
+    raw = combined(scene, use_denoising=False)
+    for alpha in (0.0, 1.0):
+        surely = raw[..., 3] == alpha
+        assert surely.any()
+        np.testing.assert_allclose(made[surely, 3], alpha, atol=0.02)
+    assert not made[made[..., 3] == 0.0].any()
+    assert made[..., 3].min() >= 0.0 and made[..., 3].max() <= 1.0
 
 
 # Compositing ---------------------------------------------------------------------------------------------------------
@@ -154,7 +190,8 @@ def test_compositors_get_what_denoisers_need_under_cycles_names(scene: bpy.types
     for name, source, channels in (
         ("Combined", "combined", "RGBA"),
         ("Noisy Image", NOISY, "RGBA"),
-        *zip(("Denoising Albedo", "Denoising Normal"), GUIDES, ("RGB", "XYZ"), strict=False),
+        ("Denoising Albedo", "denoising_albedo", "RGB"),
+        ("Denoising Normal", "denoising_normal", "XYZ"),
     ):
         stack = np.stack([planes[f"{scene.view_layers[0].name}.{name}.{channel}"] for channel in channels], axis=-1)
         np.testing.assert_array_equal(stack, images[source])
@@ -164,7 +201,7 @@ def test_guides_are_traced_for_those_who_ask_alone(scene: bpy.types.Scene) -> No
     scene.perfect_bvh.use_denoising = False
     plan = plan_render(scene, read_settings(scene))
     assert plan.traced_passes == ()
-    assert plan_render(scene, read_settings(scene), (NOISY, *GUIDES)).traced_passes == GUIDES
+    assert plan_render(scene, read_settings(scene), GUIDES).traced_passes == GUIDES
 
 
 # Failures ------------------------------------------------------------------------------------------------------------
@@ -262,18 +299,12 @@ def test_the_memory_of_a_denoiser_goes_with_it_and_waits_for_no_collector(monkey
 def test_one_denoiser_serves_a_view_as_it_gets_better(scene: bpy.types.Scene) -> None:
     plan: RenderPlan = plan_view(read_settings(scene, is_viewport=True), SIZE)
     assert plan.is_denoised
-    ask_for_data(scene)
-    made = render().images
-    raw, guides = made[NOISY], [made[name] for name in GUIDES]
-    images = {"combined": raw, **dict(zip(GUIDES, guides, strict=True))}
+    images, noise = trace(scene)
     viewer = ImageDenoiser(plan)
-    expected = denoise(raw, *guides, quality="fast", prefilter="fast")
-    for _ in range(2):
-        result = viewer.denoise(images)
-        np.testing.assert_array_equal(result.image, expected)
+    for known in (None, noise, None):
+        result = viewer.denoise(images, known)
+        np.testing.assert_array_equal(result.image, expect(images, known, "fast"))
         assert result.name == denoiser_in_use() and result.complaint is None
-    unguided = viewer.denoise({"combined": raw}).image
-    np.testing.assert_array_equal(unguided, denoise(raw, quality="fast", prefilter="fast"))
 
 
 # Sampling ------------------------------------------------------------------------------------------------------------
@@ -303,10 +334,10 @@ def test_another_seed_gives_another_noise(scene: bpy.types.Scene) -> None:
 
 def test_a_time_limit_leaves_the_first_sample(scene: bpy.types.Scene) -> None:
     scene.perfect_bvh.use_denoising, scene.perfect_bvh.samples = False, 4096
-    one = combined(scene, samples=1)
-    scene.perfect_bvh.time_limit = 1e-6
+    first = combined(scene, time_limit=1e-6)
+    scene.perfect_bvh.time_limit = 1e-5
     frame = render()
-    np.testing.assert_array_equal(frame.images["combined"], one)
+    np.testing.assert_array_equal(frame.images["combined"], first)
     assert frame.statistics.camera_rays == WIDTH * HEIGHT
 
 

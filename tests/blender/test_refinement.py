@@ -10,7 +10,7 @@ import perfect_bvh
 import pytest
 from oracles import meshes
 from perfect_bvh_addon.image.denoising import Denoised, ImageDenoiser
-from perfect_bvh_addon.image.plan import GUIDES, RenderPlan, plan_view
+from perfect_bvh_addon.image.plan import GUIDES, plan_view
 from perfect_bvh_addon.image.progressive import Pace, Step
 from perfect_bvh_addon.image.refinement import COARSEST_DENOISED, SHORTEST_SECONDS, Refinement, View
 from perfect_bvh_addon.settings.scene_settings import RenderSettings
@@ -123,14 +123,11 @@ def test_it_is_denoised_whenever_samples_double_and_at_the_end(view: View, monke
     counts: list[int] = []
     denoise = ImageDenoiser.denoise
 
-    def note(denoiser: ImageDenoiser, images: Any, progress: Any = None) -> Any:
+    def note(denoiser: ImageDenoiser, images: Any, noise: Any, progress: Any = None) -> Any:
         counts.append(refinement.sample_count)
-        return denoise(denoiser, images, progress)
+        return denoise(denoiser, images, noise, progress)
 
     monkeypatch.setattr(ImageDenoiser, "denoise", note)
-    # At their centres pixels share no samples, whether they are denoised or not.
-    options = {**plan.options, "filter_width": 0.0}
-    monkeypatch.setattr(RenderPlan, "options", options)
     refinement = Refinement(replace(view, plan=plan), Pace())
     while not counts:
         assert not refinement.canvas.is_replaced
@@ -138,15 +135,19 @@ def test_it_is_denoised_whenever_samples_double_and_at_the_end(view: View, monke
     assert refinement.canvas.is_replaced
     finish(refinement, 1e-4)
     assert counts == [1, 2, 4, 7]
-    raw = Refinement(view, Pace())
-    finish(raw, 1e-4)
-    assert not raw.canvas.is_replaced
-    np.testing.assert_array_equal(refinement.canvas.film, raw.image)
+    noise: dict[str, Any] = {}
     *_, (_, passes) = perfect_bvh.render_progressively(
-        view.snapshot, view.camera, mode="clay", size=SIZE, samples=7, passes=("combined", *GUIDES), **options
+        view.snapshot,
+        view.camera,
+        mode="clay",
+        size=SIZE,
+        samples=7,
+        passes=("combined", *GUIDES),
+        noise=noise,
+        **plan.options,
     )
-    np.testing.assert_array_equal(passes["combined"], raw.image)
-    expected = denoise(ImageDenoiser(plan), passes)
+    np.testing.assert_array_equal(refinement.canvas.film, passes["combined"])
+    expected = denoise(ImageDenoiser(plan), passes, noise)
     assert expected.name is not None and refinement.complaint == expected.complaint
     np.testing.assert_array_equal(refinement.image, expected.image)
     shown = refinement.canvas.patches({})
@@ -207,7 +208,8 @@ def test_what_cannot_be_denoised_is_shown_as_it_is_and_says_why(view: View, monk
     for each in (refinement, raw):
         finish(each, 1.0)
     assert refinement.complaint == "no room for it" and not refinement.canvas.is_replaced
-    np.testing.assert_array_equal(refinement.image, raw.image)
+    np.testing.assert_array_equal(refinement.image, refinement.canvas.film)
+    np.testing.assert_allclose(refinement.image.mean((0, 1)), raw.image.mean((0, 1)), rtol=0.01)
 
 
 def test_nothing_is_done_to_a_finished_image(view: View) -> None:

@@ -15,7 +15,7 @@ from perfect_bvh import AdaptiveSampling, Camera, Scene, render_passes, render_p
 SIZE = (150, 70)  # no multiple of the tile size
 TILES = (3, 5)
 CAMERA = Camera.look_at((3.0, 2.0, 1.5), (0.0, 0.0, 0.0), aspect=150 / 70)
-GUIDES = ("denoising_albedo", "denoising_normal")
+GUIDES = ("denoising_color", "denoising_albedo", "denoising_normal")
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +130,7 @@ def test_as_many_samples_as_are_asked_for_at_least(scene: Scene) -> None:
 
 
 def test_a_time_limit_ends_samples_too(scene: Scene) -> None:
-    one = perfect_bvh.render(scene, CAMERA, size=SIZE)
+    one = perfect_bvh.render(scene, CAMERA, size=SIZE, is_continued=True)
     passes, done, sampling = finish(scene, 0.01, time_limit=1e-6)
     np.testing.assert_array_equal(passes["combined"], one)
     assert done == 1 == sampling.mean_samples

@@ -127,7 +127,7 @@ def test_the_blur_has_the_shape_of_the_aperture(blades: int, ratio: float) -> No
 def test_only_preview_and_only_its_picture_see_the_lens() -> None:
     scene = squares((0, 0, -4.0), (0.8, 0.2, -8.0), half=0.3)
     camera = Camera(window=WINDOW)
-    blended = {"combined", "denoising_albedo", "denoising_normal"}
+    blended = {"combined", "denoising_color", "denoising_albedo", "denoising_normal"}
     blurred = replace(camera, lens=Lens(0.3, 1.0))
     for mode in ("preview", "clay", "matcap", "wireframe", "normal", "depth", "cost"):
         for samples in (1, 4):
@@ -142,7 +142,6 @@ def test_only_preview_and_only_its_picture_see_the_lens() -> None:
 
 
 def test_rounds_of_samples_add_up_to_the_blur() -> None:
-    """The first of them, too, which has one sample at each pixel's centre."""
     scene = squares((0, 0, -6.0), half=0.15)
     camera = Camera(window=WINDOW, lens=Lens(0.6, 2.0))
     reference = picture(scene, camera, 512)
@@ -153,7 +152,6 @@ def test_rounds_of_samples_add_up_to_the_blur() -> None:
     ]
     assert [done for done, _ in rounds] == [1, 2, 4, 8, 16, 32, 64]
     errors = [float(np.sqrt(np.mean((image - reference) ** 2))) for _, image in rounds]
-    assert rounds[0][1].max() > 0.9
     assert errors[-1] < errors[0] / 8.0  # samples that are independent end at an eighth
 
 

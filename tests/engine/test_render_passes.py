@@ -20,6 +20,7 @@ from perfect_bvh import (
     Scene,
     render,
     render_passes,
+    render_progressively,
 )
 
 WIDTH, HEIGHT = 64, 36
@@ -361,12 +362,54 @@ def test_passes_can_be_had_without_the_picture(mode: str) -> None:
     np.testing.assert_array_equal(alone["depth"], beside["depth"])
 
 
-@pytest.mark.parametrize("name", ["denoising_albedo", "denoising_normal"])
+GUIDES = ("denoising_color", "denoising_albedo", "denoising_normal")
+
+
+@pytest.mark.parametrize("name", GUIDES)
 def test_a_guide_alone_is_what_it_is_beside_the_others(name: str):
     scene, camera = quad_scene(np.eye(4)), Camera.look_at((0.0, -3.0, 3.0), (0.0, 0.0, 0.0))
     for mode in ("preview", "clay"):
         asked: dict[str, Any] = {"mode": mode, "size": SIZE, "samples": 2}
         alone = render_passes(scene, camera, passes=(name,), **asked)
         assert list(alone) == [name] and alone[name].any()
-        beside = render_passes(scene, camera, passes=("combined", "denoising_albedo", "denoising_normal"), **asked)
+        beside = render_passes(scene, camera, passes=("combined", *GUIDES), **asked)
         np.testing.assert_array_equal(alone[name], beside[name])
+
+
+def noise_of(name: str, **asked: Any) -> npt.NDArray[np.float64]:
+    """Of a floor that fills the image, under a roof that hides a part of the sky: by how much two images differ."""
+    scene = quad_scene(np.eye(4), placed(x=0.9, z=0.5))
+    camera = Camera.look_at((0.0, 0.0, 0.3), (0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0))
+    one, other = (
+        render_passes(
+            scene, camera, mode="clay", size=(64, 64), samples=2, passes=("combined", *GUIDES), seed=seed, **asked
+        )[name][..., 1].astype(np.float64)
+        for seed in (1, 2)
+    )
+    return one - other
+
+
+def test_pixels_share_samples_and_what_a_denoiser_takes_does_not() -> None:
+    correlations = {}
+    for name in ("combined", "denoising_color"):
+        noise = noise_of(name)
+        assert noise.std() > 1e-4
+        correlations[name] = float((noise[:, 1:] * noise[:, :-1]).mean() / noise.var())
+    assert correlations["combined"] > 0.2
+    assert abs(correlations["denoising_color"]) < 0.08
+
+
+def test_at_pixel_centres_both_are_the_same() -> None:
+    for asked in ({"filter_width": 0.0}, {"filter_width": 0.5}):
+        np.testing.assert_array_equal(noise_of("combined", **asked), noise_of("denoising_color", **asked))
+
+
+def test_a_sample_that_others_follow_spreads_like_them() -> None:
+    scene, camera = quad_scene(np.eye(4)), Camera.look_at((0.0, -3.0, 3.0), (0.0, 0.0, 0.0))
+    asked: dict[str, Any] = {"mode": "normal", "size": SIZE}
+    alone, first = (render(scene, camera, **asked, is_continued=is_continued) for is_continued in (False, True))
+    assert not np.array_equal(alone, first)
+    rounds = [passes["combined"].copy() for _, passes in render_progressively(scene, camera, **asked, samples=2)]
+    np.testing.assert_array_equal(rounds[0], first)
+    (one,) = (passes["combined"].copy() for _, passes in render_progressively(scene, camera, **asked, samples=1))
+    np.testing.assert_array_equal(one, alone)

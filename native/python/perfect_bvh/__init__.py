@@ -25,6 +25,7 @@ from .light_paths import LightPaths
 from .queries import Intersections, Queries
 from .render import MODES, PASSES, RenderOptions, depth_to_grey, render, render_passes, render_progressively
 from .report import Alternative, CommitReport, MeshReport, SceneStatistics, TopLevelReport, TreeStatistics
+from .restore_detail import restore_detail
 from .scene import Scene
 from .snapshot import Snapshot
 from .threads import StopFlag, make_stop_flag, set_thread_count, shutdown_threads, thread_count
@@ -77,6 +78,7 @@ __all__ = [
     "render",
     "render_passes",
     "render_progressively",
+    "restore_detail",
     "set_active_isa",
     "set_thread_count",
     "shutdown_threads",

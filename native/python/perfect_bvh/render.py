@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Literal, TypedDict, Unpack, get_args
@@ -52,10 +53,11 @@ _PASSES: Mapping[str, tuple[tuple[int, ...], type[np.generic], float]] = {
     "primitive": ((), np.int32, -1),
     "nodes_visited": ((), np.int32, 0),
     "primitives_tested": ((), np.int32, 0),
+    "denoising_color": ((4,), np.float32, 0.0),
     "denoising_albedo": ((3,), np.float32, 0.0),
     "denoising_normal": ((3,), np.float32, 0.0),
 }
-_GUIDES = ("denoising_albedo", "denoising_normal")
+_GUIDES = ("denoising_color", "denoising_albedo", "denoising_normal")
 # Those that samples add up to.
 _BLENDED = ("combined", *_GUIDES)
 PASSES: tuple[str, ...] = tuple(_PASSES)
@@ -69,9 +71,9 @@ class RenderOptions(TypedDict, total=False):
     first_sample: the number of the first sample, so that an image can be continued: the mean of samples 0 to 3 and 4
         to 7, weighted by their counts, is as good as that of 0 to 7. A single sample with first_sample 0 stands at the
         pixel's centre; all others spread over the pixel filter.
+    is_continued: whether other samples will follow, so that a single first one spreads like them; default False.
     filter_width: how far the pixel filter (a Blackman-Harris window) reaches to each side, in pixels; default 1.5. 0
-        puts every sample at the pixel's centre. Neighbouring pixels share samples, unless a denoiser's guides
-        are asked for.
+        puts every sample at the pixel's centre. Neighbouring pixels share samples.
     ao_distance: clay: how far away a surface still keeps light from another, in world units; its effect fades to
         nothing over that distance. None, the default: 0.35 of the diagonal of the scene's bounding box.
     light_rays: clay: rays to the sky and to the key light for each sample. None, the default: 1 for a single sample,
@@ -89,6 +91,7 @@ class RenderOptions(TypedDict, total=False):
     threads: int
     seed: int
     first_sample: int
+    is_continued: bool
     filter_width: float
     ao_distance: float | None
     light_rays: int | None
@@ -160,10 +163,11 @@ def render_passes(
         "object_index", "material_index" (H, W) int32: pass indices; 0 on a miss.
         "instance", "primitive" (H, W) int32: instance id, triangle of its mesh; -1 on a miss.
         "nodes_visited", "primitives_tested" (H, W) int32: what the ray cost.
+        "denoising_color" (H, W, 4) float32: the image as a denoiser wants it, which takes noise for independent: the
+            mean of each pixel's own samples, whereas neighbours share samples in "combined".
         "denoising_albedo", "denoising_normal" (H, W, 3) float32: what guides a denoiser: the share of light that
             surfaces give back and their normal in world space. Blended as "combined" is; "preview" looks for them
-            in mirrors and through panes. Beside them neighbouring pixels of "combined" share no samples: a denoiser
-            takes noise for independent.
+            in mirrors and through panes.
     progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
     options: see `RenderOptions`.
 
@@ -186,6 +190,7 @@ def render_progressively(
     passes: Iterable[str] = ("combined",),
     time_limit: float = 0.0,
     sampling: AdaptiveSampling | None = None,
+    noise: Passes | None = None,
     progress: Progress | None = None,
     **options: Unpack[RenderOptions],
 ) -> Iterator[tuple[int, Passes]]:
@@ -196,6 +201,9 @@ def render_progressively(
     sampling: a new `AdaptiveSampling` of this size: tiles that are good enough get no more samples, and rounds end when
         all are. It holds how many each has got; the samples done are those of the others. None, the default: as many
         everywhere.
+    noise: a dictionary that takes, by the name of each pass that is refined, an array of the pass's shape and dtype: an
+        error as large as that of the pass may be, see `restore_detail`. Zero as long as there is one round alone. None,
+        the default: it is not worked out.
 
     The arguments are those of `render_passes`; `progress` counts over all rounds. The arrays are the same objects each
     time; "combined" and a denoiser's guides are refined in place and the others are complete after the first round. The
@@ -209,6 +217,7 @@ def render_progressively(
         _check_sampling(sampling, size, names, options)
         sampling.keep_within(camera.border)
     start = options.get("first_sample", 0)
+    options["is_continued"] = options.get("is_continued", False) or total > 1
     started = time.perf_counter()
     done, work = 0, 0  # samples; those of tiles
     result: Passes = {}
@@ -226,19 +235,23 @@ def render_progressively(
         wanted = names if done == 0 else [name for name in names if name in _BLENDED]
         made = _render("render_progressively", snapshot, camera, mode, size, count, appearance, wanted, share, options)
         result = result or made
-        _add_round(result, made, done, count, sampling)
+        _add_round(result, made, done, count, sampling, noise)
         done, work = done + count, work + count * tile_count
         yield done, result
 
 
-def _add_round(result: Passes, made: Passes, done: int, count: int, sampling: AdaptiveSampling | None) -> None:
+def _add_round(
+    result: Passes, made: Passes, done: int, count: int, sampling: AdaptiveSampling | None, noise: Passes | None
+) -> None:
     """What a round of samples has made goes into what the `done` before it have, and is judged."""
     pixels = None
     if sampling is not None:
         pixels = sampling.pixels()
         sampling.note_round(result["combined"], made["combined"], done, count)
-    for name in made if done else ():
-        add_samples(result[name], made[name], done, count, pixels)
+    for name in (name for name in made if name in _BLENDED):
+        error = None if noise is None else noise.setdefault(name, np.zeros_like(result[name]))
+        if done:
+            add_samples(result[name], made[name], done, count, pixels, error)
 
 
 def add_samples(
@@ -247,13 +260,19 @@ def add_samples(
     done: int,
     count: int,
     pixels: npt.NDArray[np.bool_] | None = None,
+    noise: npt.NDArray[np.float32] | None = None,
 ) -> None:
     """Makes the mean of `done` samples of pixels, (H, W, C), that of `count` more, too, in place.
 
-    made: the mean of those. pixels: (H, W), which have them; None for all.
+    made: the mean of those. pixels: (H, W), which have them; None for all. noise: like `mean`, for an error as large as
+    that of the new mean may be. Both means, of the samples before and of all, are off by errors of known proportion,
+    so that their difference, scaled, has the new one's variance.
     """
     change = (made - mean) * np.float32(count / (done + count))
-    np.add(mean, change, out=mean, where=True if pixels is None else pixels[..., np.newaxis])
+    where = True if pixels is None else pixels[..., np.newaxis]
+    np.add(mean, change, out=mean, where=where)
+    if noise is not None:
+        np.multiply(change, np.float32(math.sqrt(done / count)), out=noise, where=where)
 
 
 def samples_within(limit: float, seconds: float, done: float) -> int:
@@ -384,6 +403,7 @@ def _settings(function: str, options: RenderOptions, samples: int) -> dict[str, 
         "threads": check_count(function, "threads", options.get("threads", 0), 0),
         "seed": check_count(function, "seed", options.get("seed", 0), 0),
         "first_sample": check_count(function, "first_sample", options.get("first_sample", 0), 0),
+        "is_continued": bool(options.get("is_continued", False)),
         "filter_width": check_number(function, "filter_width", options.get("filter_width", 1.5), 0.0, 16.0),
         "ao_distance": 0.0 if distance is None else check_number(function, "ao_distance", distance, 1e-30, 1e30),
         "light_rays": check_count(function, "light_rays", light_rays, 1),

@@ -46,13 +46,21 @@ void PixelFilter::weigh(float offset, Weights& weights) const noexcept {
   }
 }
 
-Film::Film(const TileGrid& grid, const PixelFilter& filter)
-    : grid_(grid), filter_(filter), reach_(filter.reach()), tiles_(grid.count()) {}
+Film::Film(const TileGrid& grid, const PixelFilter& filter, bool has_guides)
+    : grid_(grid),
+      filter_(filter),
+      reach_(filter.reach()),
+      has_guides_(has_guides),
+      tiles_(grid.count()),
+      guides_(has_guides ? grid.count() : 0) {}
 
-void Film::begin(std::size_t tile) { tiles_[tile].assign(stride() * stride(), Sum{}); }
+void Film::begin(std::size_t tile) {
+  tiles_[tile].assign(stride() * stride(), Sum{});
+  if (has_guides_) guides_[tile].assign(stride() * stride(), Guides{});
+}
 
 void Film::add(std::size_t tile, std::span<const Pixel> pixels, std::span<const Point2> offsets,
-               std::span<const Rgba> colors) noexcept {
+               std::span<const Rgba> colors, std::span<const Vec3f> albedos, std::span<const Vec3f> normals) noexcept {
   const PixelRect whole = grid_.whole_at(tile);
   const auto taps = static_cast<std::size_t>(2 * reach_ + 1);
   PixelFilter::Weights along_x, along_y;
@@ -61,33 +69,45 @@ void Film::add(std::size_t tile, std::span<const Pixel> pixels, std::span<const 
     filter_.weigh(offsets[i].y, along_y);
     const Rgba color = colors[i];
     // The tile's border is as wide as the filter's reach: the first tap is the pixel's own place in it.
-    Sum* row = tiles_[tile].data() + static_cast<std::size_t>(pixels[i].y - whole.y0) * stride() +
-               static_cast<std::size_t>(pixels[i].x - whole.x0);
+    std::size_t row =
+        static_cast<std::size_t>(pixels[i].y - whole.y0) * stride() + static_cast<std::size_t>(pixels[i].x - whole.x0);
     for (std::size_t y = 0; y < taps; ++y, row += stride()) {
       for (std::size_t x = 0; x < taps; ++x) {
         const float weight = along_y[y] * along_x[x];
-        Sum& sum = row[x];
+        Sum& sum = tiles_[tile][row + x];
         sum.color = {sum.color.r + weight * color.r, sum.color.g + weight * color.g, sum.color.b + weight * color.b,
                      sum.color.a + weight * color.a};
         sum.weight += weight;
+        if (!has_guides_) continue;
+        Guides& guides = guides_[tile][row + x];
+        guides.albedo = guides.albedo + albedos[i] * weight;
+        guides.normal = guides.normal + normals[i] * weight;
       }
     }
   }
 }
 
-Rgba Film::pixel(int x, int y) const noexcept {
+FilmColor Film::pixel(int x, int y) const noexcept {
   Sum all;
+  Guides guides;
   grid_.visit({std::max(x - reach_, 0), std::max(y - reach_, 0), x + reach_ + 1, y + reach_ + 1},
               [&](std::size_t tile) {
                 const PixelRect whole = grid_.whole_at(tile);
-                const Sum& sum = tiles_[tile][static_cast<std::size_t>(y - whole.y0 + reach_) * stride() +
-                                              static_cast<std::size_t>(x - whole.x0 + reach_)];
+                const std::size_t row = static_cast<std::size_t>(y - whole.y0 + reach_) * stride() +
+                                        static_cast<std::size_t>(x - whole.x0 + reach_);
+                const Sum& sum = tiles_[tile][row];
                 all.color = {all.color.r + sum.color.r, all.color.g + sum.color.g, all.color.b + sum.color.b,
                              all.color.a + sum.color.a};
                 all.weight += sum.weight;
+                if (!has_guides_) return;
+                guides.albedo = guides.albedo + guides_[tile][row].albedo;
+                guides.normal = guides.normal + guides_[tile][row].normal;
               });
   // Divided, not multiplied: what is opaque in every sample then has an alpha of exactly 1.
-  return {all.color.r / all.weight, all.color.g / all.weight, all.color.b / all.weight, all.color.a / all.weight};
+  const float weight = all.weight;
+  return {{all.color.r / weight, all.color.g / weight, all.color.b / weight, all.color.a / weight},
+          guides.albedo * (1.0f / weight),
+          guides.normal * (1.0f / weight)};
 }
 
 }  // namespace perfect_bvh

@@ -2,8 +2,8 @@
 // In: a sample's place in its pixel and its colour. Out: pixels. The filter's shape is the Blackman-Harris window
 // (Harris 1978), as in Cycles. Samples spread evenly over their pixel, and count in each pixel that the filter reaches
 // from there, as Reyes did it (Cook, Carpenter and Catmull 1987): at a width of 1.5 that has 0.45 of the variance of
-// samples which are drawn from the filter for one pixel alone (Ernst et al. 2006). Those are for pixels that must be
-// known apart, to be denoised.
+// samples which are drawn from the filter for one pixel alone (Ernst et al. 2006). A denoiser's guides gain as much;
+// its colours are the means of pixels' own samples, so that their noise is theirs alone.
 #pragma once
 
 #include <array>
@@ -53,24 +53,33 @@ class PixelFilter {
   Table inverse_{};  // of the cumulative distribution
 };
 
+// What samples show; the last two are a denoiser's guides.
+struct FilmColor {
+  Rgba color{};
+  Vec3f albedo{0, 0, 0}, normal{0, 0, 0};
+};
+
 // The samples of tiles, each with the pixels around it that its samples count in. Tiles may be filled by any threads,
 // and afterwards pixels be read: their sums are made in the order of the tiles.
 class Film {
  public:
-  Film(const TileGrid& grid, const PixelFilter& filter);
+  Film(const TileGrid& grid, const PixelFilter& filter, bool has_guides);
 
   // Clears the tile's pixels.
   void begin(std::size_t tile);
-  // One sample of pixels in the tile: a row a pixel.
+  // One sample of pixels in the tile: a row a pixel. The last two are empty without guides.
   void add(std::size_t tile, std::span<const Pixel> pixels, std::span<const Point2> offsets,
-           std::span<const Rgba> colors) noexcept;
+           std::span<const Rgba> colors, std::span<const Vec3f> albedos, std::span<const Vec3f> normals) noexcept;
   // Of a pixel that lies so far inside of the area that all whose samples count in it do, too, or at the image's edge.
-  [[nodiscard]] Rgba pixel(int x, int y) const noexcept;
+  [[nodiscard]] FilmColor pixel(int x, int y) const noexcept;
 
  private:
   struct Sum {
     Rgba color;
     float weight = 0.0f;
+  };
+  struct Guides {
+    Vec3f albedo{0, 0, 0}, normal{0, 0, 0};
   };
   // The tile's first pixel is `reach` rows and columns further on.
   [[nodiscard]] std::size_t stride() const noexcept { return static_cast<std::size_t>(kTileSize + 2 * reach_); }
@@ -78,7 +87,9 @@ class Film {
   TileGrid grid_;
   const PixelFilter& filter_;
   int reach_;
+  bool has_guides_;
   std::vector<AlignedVector<Sum>> tiles_;
+  std::vector<AlignedVector<Guides>> guides_;  // as large, or empty
 };
 
 }  // namespace perfect_bvh

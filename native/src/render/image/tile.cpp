@@ -15,12 +15,13 @@ TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const Pas
       pass_needs_{.normals = !targets.normal.empty()},
       sample_needs_(mode_->needs() | SurfaceNeeds{.normals = targets.any_guides(), .materials = targets.any_guides()}),
       sample_count_(mode_->is_exact() ? 1 : inputs.settings.samples),
-      centred_(mode_->is_exact() || (sample_count_ == 1 && inputs.settings.first_sample == 0)),
+      centred_(mode_->is_exact() ||
+               (sample_count_ == 1 && inputs.settings.first_sample == 0 && !inputs.settings.is_continued)),
       has_lens_(mode_->has_focus() && inputs.camera.lens().has_value()),
       border_(border),
       tiles_(border.grown(shared_reach(), inputs.settings.width, inputs.settings.height)),
       wants_centres_(targets.any_surface() || targets.any_counts()) {
-  if (shared_reach() > 0 && !targets.combined.empty()) film_.emplace(tiles_, filter_);
+  if (shared_reach() > 0 && !targets.combined.empty()) film_.emplace(tiles_, filter_, are_apart());
 }
 
 // Whether a pixel lies in a tile that is wanted, or has samples that count there. They reach no farther than a tile is
@@ -127,7 +128,8 @@ void TileRenderer::add_sample(std::uint32_t sample, std::size_t tile, TileScratc
   mode_->shade({number, scratch.places, scratch.rays, scratch.hits, scratch.counts, scratch.points, scratch.colors,
                 scratch.albedos, scratch.normals, scratch.shade});
   if (guided > 0) add_guides(scratch);
-  if (film_) return film_->add(tile, scratch.pixels, scratch.offsets, scratch.colors);
+  if (film_) film_->add(tile, scratch.pixels, scratch.offsets, scratch.colors, scratch.albedos, scratch.normals);
+  if (film_ && !are_apart()) return;
   for (std::size_t i = 0; i < scratch.sums.size(); ++i) {
     Rgba& sum = scratch.sums[i];
     const Rgba& color = scratch.colors[i];
@@ -142,6 +144,7 @@ void TileRenderer::add_guides(TileScratch& scratch) const {
       scratch.normals[point.ray] = point.light_normal;
     }
   }
+  if (film_) return;
   for (std::size_t i = 0; i < scratch.albedos.size(); ++i) {
     scratch.albedo_sums[i] = scratch.albedo_sums[i] + scratch.albedos[i];
     scratch.normal_sums[i] = scratch.normal_sums[i] + scratch.normals[i];
@@ -163,14 +166,19 @@ void TileRenderer::fill_background(TileScratch& scratch) const {
   }
 }
 
-void TileRenderer::store_combined(const TileScratch& scratch) const {
+// What pixels' own samples show: of the film's pixels what a denoiser takes, of others all.
+void TileRenderer::store_own(const TileScratch& scratch) const {
   const float share = 1.0f / static_cast<float>(sample_count_);
   for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
-    if (!border_.contains(scratch.pixels[i].x, scratch.pixels[i].y)) continue;
+    const auto [x, y] = scratch.pixels[i];
+    if (!border_.contains(x, y) || !is_wanted(x, y)) continue;  // they count on the film alone
     const Rgba& sum = scratch.sums[i];
+    const Rgba mean{sum.r * share, sum.g * share, sum.b * share, sum.a * share};
     const std::size_t row = row_of(scratch.pixels[i]);
-    targets_.combined[row] = {sum.r * share, sum.g * share, sum.b * share, sum.a * share};
-    if (!targets_.any_guides()) continue;
+    if (are_apart()) targets_.denoising_color[row] = mean;
+    if (film_) continue;
+    targets_.combined[row] = mean;
+    if (!are_apart()) continue;
     targets_.denoising_albedo[row] = scratch.albedo_sums[i] * share;
     targets_.denoising_normal[row] = scratch.normal_sums[i] * share;
   }
@@ -182,7 +190,12 @@ void TileRenderer::finish(std::size_t tile) const {
   for (int y = inside.y0; y < inside.y1; ++y) {
     const Pixel first{static_cast<std::uint16_t>(inside.x0), static_cast<std::uint16_t>(y)};
     for (int x = inside.x0; x < inside.x1; ++x) {
-      targets_.combined[row_of(first) + static_cast<std::size_t>(x - inside.x0)] = film_->pixel(x, y);
+      const FilmColor pixel = film_->pixel(x, y);
+      const std::size_t row = row_of(first) + static_cast<std::size_t>(x - inside.x0);
+      targets_.combined[row] = pixel.color;
+      if (!are_apart()) continue;
+      targets_.denoising_albedo[row] = pixel.albedo;
+      targets_.denoising_normal[row] = pixel.normal;
     }
   }
 }

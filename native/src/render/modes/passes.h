@@ -25,9 +25,10 @@ struct PassTargets {
   std::span<std::int32_t> material_index;       // the material's pass index; 0
   std::span<std::int32_t> instance, primitive;  // the scene's instance id, the triangle in its mesh; -1
   std::span<std::int32_t> nodes_visited, primitives_tested;
-  // What guides a denoiser: the share of light that surfaces give back and their normal in world space, as much blended
-  // as `combined`, and seen in mirrors and through panes. Both or neither, beside `combined`; zero where nothing is
-  // seen.
+  // What a denoiser takes, all or none of it, beside `combined`: the colour of samples that count in one pixel each,
+  // and what guides it: the share of light that surfaces give back and their normal in world space, as much blended as
+  // `combined`, and seen in mirrors and through panes; zero where nothing is seen.
+  std::span<Rgba> denoising_color;
   std::span<Vec3f> denoising_albedo, denoising_normal;
 
   [[nodiscard]] bool any_guides() const noexcept { return !denoising_albedo.empty(); }

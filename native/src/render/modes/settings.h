@@ -41,7 +41,8 @@ struct RenderSettings {
   Mode mode = Mode::kClay;
   int width = 960, height = 540;
   std::uint32_t samples = 1, first_sample = 0;
-  float filter_width = 1.5f;  // pixels to each side; a single sample stands at the pixel's centre
+  bool is_continued = false;  // whether other samples follow; if not, a single one stands at the pixel's centre
+  float filter_width = 1.5f;  // pixels to each side
   std::uint32_t seed = 0;
   int threads = 0;          // 0: all
   float kept_share = 0.0f;  // of the camera rays, to be checked: see RaySubset
