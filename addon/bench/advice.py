@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from ..statistics.words import memory
+
 Figures = dict[str, Any]
 FIXED_POLICIES = ("refit", "rebuild")
 NOTICEABLE = 1.05  # a difference below that is not worth a change
@@ -89,7 +91,7 @@ def _layouts(figures: Figures) -> str:
     saved = 1.0 - rows["compact"]["byte_count"] / rows["default"]["byte_count"]
     slower = rows["compact"]["trace_ms"]["typical"] / rows["default"]["trace_ms"]["typical"] - 1.0
     cost = f"make rays {100 * slower:.0f} % slower" if slower >= 0.01 else "make rays no slower"
-    sizes = " become ".join(f"{rows[name]['byte_count'] / 2**20:,.1f} MiB" for name in ("default", "compact"))
+    sizes = " become ".join(memory(rows[name]["byte_count"]) for name in ("default", "compact"))
     return f"BuildConfig(layout='compact') would take {100 * saved:.0f} % less memory and {cost}: {sizes}."
 
 

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
+from ..statistics.words import duration, number, rate
 from .advice import rays_per_second
 
 Figures = dict[str, Any]
+DIGITS = 3  # rows are compared with one another
 HEADINGS = {  # of what the rows of each part cost and gain
     "Builder": ("Build", "Rays"),
     "Layout": ("Memory", "Rays"),
@@ -43,12 +45,14 @@ def format_table(rows: Sequence[Row]) -> str:
 
 def _builders(figures: Figures) -> Iterator[Row]:
     for row in figures.get("builders", ()):
-        yield Row("Builder", row["name"], _time(row["build_ms"]["typical"]), _speed(rays_per_second(figures, row)))
+        yield Row(
+            "Builder", row["name"], duration(row["build_ms"]["typical"], DIGITS), _speed(rays_per_second(figures, row))
+        )
 
 
 def _layouts(figures: Figures) -> Iterator[Row]:
     for row in figures.get("layouts", ()):
-        memory = f"{_three_digits(row['byte_count'] / 2**20)} MiB"
+        memory = f"{number(row['byte_count'] / 2**20, DIGITS)} MiB"
         yield Row("Layout", row["name"], memory, _speed(rays_per_second(figures, row)))
 
 
@@ -59,7 +63,7 @@ def _policies(figures: Figures) -> Iterator[Row]:
         rows = [row["policies"][policy] for row in frames]
         update = sum(row["update_ms"] for row in rows) / len(rows)
         rays, trace = sum(row["rays"] for row in frames), sum(row["trace_ms"] for row in rows)
-        yield Row("Policy", policy, _time(update), _speed(rays / trace / 1e3))
+        yield Row("Policy", policy, duration(update, DIGITS), _speed(rays / trace / 1e3))
 
 
 def _answers(figures: Figures) -> Iterator[Row]:
@@ -68,16 +72,5 @@ def _answers(figures: Figures) -> Iterator[Row]:
         yield Row("Answers", "audited", f"{answers['checked']:,}", f"{answers['wrong']:,}")
 
 
-def _time(milliseconds: float) -> str:
-    if milliseconds >= 1000.0:
-        return f"{_three_digits(milliseconds / 1e3)} s"
-    return f"{_three_digits(milliseconds)} ms"
-
-
 def _speed(millions: float) -> str:
-    return f"{_three_digits(millions)} M rays/s"
-
-
-def _three_digits(value: float) -> str:
-    """1,234, 123, 12.3, 1.23: never a power of ten."""
-    return f"{value:,.0f}" if value >= 99.95 else f"{value:.1f}" if value >= 9.995 else f"{value:.2f}"
+    return rate(1e6 * millions, DIGITS)

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, TextIO
 
 from ..settings.modes import find_mode
-from ..statistics.summary import format_bytes
+from ..statistics.words import memory
 from .arguments import CommandError, check_blend_file
 from .blender import apply_settings, go_to_frame, open_scene, render_job, stop_on_interrupt
 from .console import format_table, quiet_blender
@@ -80,8 +80,8 @@ def _write(out: TextIO, scene: bpy.types.Scene, sync: SceneSync, planned: FrameS
     out.write(
         f"{len(statistics.meshes):,} meshes, {statistics.triangle_count:,} triangles; "
         f"{statistics.instance_count:,} instances show {statistics.instanced_triangle_count:,}; "
-        f"top level {top.node_count:,} nodes, depth {top.depth}, {format_bytes(top.byte_count)}; "
-        f"all {format_bytes(statistics.byte_count)}\n"
+        f"top level {top.node_count:,} nodes, depth {top.depth}, {memory(top.byte_count)}; "
+        f"all {memory(statistics.byte_count)}\n"
     )
     settings, (width, height) = planned.settings, planned.size
     samples = 1 if find_mode(settings.mode).has_range else settings.samples
@@ -107,7 +107,7 @@ def _mesh_rows(sync: SceneSync, report: SyncReport, statistics: SceneStatistics)
             f"{tree.node_count:,}",
             str(tree.depth),
             f"{tree.sah:.1f}",
-            format_bytes(tree.byte_count),
+            memory(tree.byte_count),
             *_expected_costs(decisions.get(tree.mesh_id)),
             changes[tree.mesh_id].usage_reason,
         )

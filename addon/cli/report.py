@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING
 
+from ..statistics.words import count_of, duration, memory
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -118,9 +120,9 @@ def stages_of(commit: CommitReport) -> list[str]:
     levels = (("trees of meshes", commit.mesh_stages), ("top level", commit.top_level.stages))
     lines = []
     for level, stages in levels:
-        parts = [f"{name} {milliseconds:.1f}" for name, milliseconds in stages.items() if milliseconds >= 0.05]
+        parts = [f"{name} {duration(milliseconds)}" for name, milliseconds in stages.items() if milliseconds >= 0.05]
         if parts:
-            lines.append(f"{level}, ms: {', '.join(parts)}")
+            lines.append(f"{level}: {', '.join(parts)}")
     return lines
 
 
@@ -131,7 +133,7 @@ def _shorten(names: Sequence[str]) -> str:
 
 def format_summary(reports: Sequence[SyncReport], times: Sequence[FrameTimes], where: str) -> str:
     """What a run did in all. reports, times: one for each frame that was written, at least one."""
-    seconds = sum(time.total for time in times) / 1e3
+    total = sum(time.total for time in times)
     count = len(times)
     totals = {
         name: sum(report.commit.count(*actions) for report in reports)
@@ -139,11 +141,11 @@ def format_summary(reports: Sequence[SyncReport], times: Sequence[FrameTimes], w
     }
     moved = sum(report.moved_count for report in reports)
     lines = [
-        f"{where}: {count} frame{'s' if count > 1 else ''} in {seconds:.2f} s",
+        f"{where}: {count_of(count, 'frame')} in {duration(total)}",
         f"trees: {totals['built']:,} built, {totals['refitted']:,} refits, {totals['rebuilt']:,} rebuilt; "
-        f"instances moved: {moved:,}; {reports[-1].byte_count / 2**20:.1f} MiB",
+        f"instances moved: {moved:,}; {memory(reports[-1].byte_count)}",
     ]
-    parts = [f"{name} {median(getattr(time, name) for time in times):.0f}" for name in SUMMED]
+    parts = [f"{name} {duration(median(getattr(time, name) for time in times))}" for name in SUMMED]
     what = "median frame" if count > 1 else "frame"
-    lines.append(f"{what} {median(time.total for time in times):.0f} ms: {', '.join(parts)}")
+    lines.append(f"{what} {duration(median(time.total for time in times))}: {', '.join(parts)}")
     return "\n".join(lines)

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import bpy
 
 from ..statistics.last_result import is_outdated, last_statistics
-from ..statistics.summary import PlanRow, count_meshes, format_bytes, plan_rows, statistics_rows
+from ..statistics.summary import PlanRow, count_meshes, plan_rows, statistics_rows
+from ..statistics.words import duration, memory
 from .common import RenderPanel, SubPanel, draw_lines
 
 SHOWN_WARNINGS = 3
@@ -72,13 +73,13 @@ def _draw_row(context: bpy.types.Context, layout: bpy.types.UILayout, row: PlanR
     column = layout.box().column(align=True)
     button = column.operator("perfect_bvh.select_mesh", text=row.name, icon="RESTRICT_SELECT_OFF")
     button.source, button.session_uid = row.source, row.session_uid
-    size = f", {format_bytes(row.byte_count)}" if row.byte_count else ""
+    size = f", {memory(row.byte_count)}" if row.byte_count else ""
     if row.triangle_count:
         draw_lines(context, column, f"{row.triangle_count:,} triangle{'s' * (row.triangle_count > 1)}{size}")
     if row.ray_share > 0.0:
         draw_lines(context, column, f"{row.ray_share:.1%} of the camera rays' work")
     draw_lines(context, column, f"{row.usage.capitalize()}: {row.usage_reason}")
-    done = f"{row.action}, {row.builder}, {row.milliseconds:.1f} ms" if row.builder else row.action
+    done = f"{row.action}, {row.builder}, {duration(row.milliseconds)}" if row.builder else row.action
     draw_lines(context, column, f"{done[0].upper()}{done[1:]}: {row.reason}")
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from .words import duration, memory, rate
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -48,14 +50,14 @@ def statistics_rows(statistics: FrameStatistics) -> list[tuple[str, str]]:
     rows = [
         (statistics.source, f"Frame {statistics.frame:g}"),
         ("Resolution", f"{width} x {height} px"),
-        ("Sync", f"{report.read_milliseconds + report.compare_milliseconds + report.apply_milliseconds:.1f} ms"),
-        ("Build", f"{report.commit_milliseconds:.1f} ms"),
-        ("Trace", f"{statistics.trace_milliseconds:.1f} ms"),
-        *([("Denoise", f"{statistics.denoise_milliseconds:.1f} ms")] if statistics.denoiser else []),
+        ("Sync", duration(report.read_milliseconds + report.compare_milliseconds + report.apply_milliseconds)),
+        ("Build", duration(report.commit_milliseconds)),
+        ("Trace", duration(statistics.trace_milliseconds)),
+        *([("Denoise", duration(statistics.denoise_milliseconds))] if statistics.denoiser else []),
         ("Samples", f"{statistics.samples:.4g} a pixel"),
-        ("Camera Rays", f"{statistics.rays_per_second / 1e6:.2f} M/s"),
+        ("Camera Rays", rate(statistics.rays_per_second)),
         ("Instances", f"{report.commit.instance_count:,}"),
-        ("Memory", format_bytes(report.byte_count)),
+        ("Memory", memory(report.byte_count)),
     ]
     for action in ("built", "rebuilt", "refitted", "rotated", "partly_rebuilt"):
         count = sum(mesh.action == action for mesh in report.commit.meshes)
@@ -119,13 +121,3 @@ def _row_of_unseen(mesh: UnseenMesh) -> PlanRow:
 def count_meshes(report: SyncReport) -> int:
     """How many distinct meshes the scene has."""
     return len(report.meshes) - report.count_meshes("removed")
-
-
-def format_bytes(count: int) -> str:
-    """In the unit that gives one to four digits before the point."""
-    size = float(count)
-    for unit in ("B", "KiB", "MiB"):
-        if size < 1024.0:
-            return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"
-        size /= 1024.0
-    return f"{size:.2f} GiB"

@@ -2,9 +2,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <utility>
 
 #include "tests/calibrations.h"
 #include "update/governor.h"
+#include "update/wording.h"
 
 namespace perfect_bvh::test {
 namespace {
@@ -242,6 +244,24 @@ TEST(Governor, PoliciesDecideRegardless) {
     asked.policy = Policy::kRebuild;
     EXPECT_EQ(decide(asked), UpdateAction::kRebuild);
   }
+}
+
+TEST(Governor, TimesInReasonsAreThoseThatAPersonWouldSay) {
+  const std::pair<double, const char*> said[] = {
+      {0, "under 0.01 ms"}, {4.9e3, "under 0.01 ms"}, {5e3, "0.01 ms"},   {0.283e6, "0.28 ms"}, {0.996e6, "1.0 ms"},
+      {1.26e6, "1.3 ms"},   {9.96e6, "10 ms"},        {12.4e6, "12 ms"},  {99.4e6, "99 ms"},    {99.6e6, "0.10 s"},
+      {0.28e9, "0.28 s"},   {3.14e9, "3.1 s"},        {121.07e9, "121 s"}};
+  for (const auto& [nanoseconds, words] : said) EXPECT_EQ(as_time(nanoseconds), words) << nanoseconds;
+}
+
+TEST(Governor, WhatRaysLoseIsWeighedInWords) {
+  UpdateQuestion asked = question(1000, 1);
+  EXPECT_EQ(decide_update(asked, machine()).reason,
+            "positions changed; what rays lose in the refitted tree is too little to pay for a new one (39 ms)");
+  asked = question(1e5, 2);
+  EXPECT_EQ(decide_update(asked, machine()).reason.find("positions changed; rays lose 26 ms in the refitted tree, "),
+            0u)
+      << decide_update(asked, machine()).reason;
 }
 
 TEST(Governor, TheLedgerHoldsWhatWasWeighed) {

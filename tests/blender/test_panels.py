@@ -333,13 +333,6 @@ def test_long_texts_are_broken_where_the_panel_ends(width: int, scale: float, co
     assert " ".join(lines) == text
 
 
-@pytest.mark.parametrize(
-    ("count", "text"), [(0, "0 B"), (1023, "1023 B"), (1536, "1.5 KiB"), (5 << 20, "5.0 MiB"), (3 << 30, "3.00 GiB")]
-)
-def test_bytes_are_readable(count: int, text: str) -> None:
-    assert summary.format_bytes(count) == text
-
-
 def test_the_scan_panel_shows_what_belongs_to_the_pattern() -> None:
     settings = bpy.context.scene.perfect_bvh.scan
     (panel,) = panels.scan.CLASSES

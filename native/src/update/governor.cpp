@@ -44,6 +44,15 @@ Forecast forecast(const UpdateQuestion& question, const Calibration& calibration
 // k e(k) - (e(1) + ... + e(k-1)).
 double gain_of(double excess, const Excess& past) { return (past.commit_count + 1.0) * excess - past.nanoseconds; }
 
+// What rays lose in the refitted tree, against the price of an action: whether that `pays`.
+std::string weigh(double lost, UpdateAction action, double price, bool pays) {
+  if (!pays && is_next_to_nothing(lost)) {
+    return "what rays lose in the refitted tree is too little to pay for a new one (" + as_time(price) + ")";
+  }
+  return "rays lose " + as_time(lost) + " in the refitted tree, " + (pays ? "enough to " : "too little to ") +
+         verb_of(action) + " for " + as_time(price);
+}
+
 void decide_by_rays(const UpdateQuestion& question, UpdateDecision& decision, const Forecast& costs) {
   const double rays = *question.rays;
   const UpdateHistory& history = question.history;
@@ -60,10 +69,8 @@ void decide_by_rays(const UpdateQuestion& question, UpdateDecision& decision, co
   }
   decision.action = static_cast<UpdateAction>(best);
   const std::size_t named = best == 0 ? 3 : best;
-  decision.reason = "positions changed; rays lose " +
-                    as_milliseconds(rays * std::max(costs.ray[0] - costs.ray[named], 0.0)) + " in the refitted tree, " +
-                    (best == 0 ? "too little to " : "enough to ") + verb_of(static_cast<UpdateAction>(named)) +
-                    " for " + as_milliseconds(costs.update[named]);
+  decision.reason = "positions changed; " + weigh(rays * std::max(costs.ray[0] - costs.ray[named], 0.0),
+                                                  static_cast<UpdateAction>(named), costs.update[named], best != 0);
 }
 
 // In visits to nodes, as trees are collapsed by: where no machine's numbers are needed, decisions do without them.

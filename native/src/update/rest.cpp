@@ -17,9 +17,9 @@ std::string tell(const RestQuestion& question, const Excess& at_rest, double bui
   }
   const std::string commits =
       at_rest.commit_count == 1 ? "1 commit" : std::to_string(at_rest.commit_count) + " commits";
-  return "the triangles rest; rays have lost " + as_milliseconds(at_rest.nanoseconds) + " in " + commits +
+  return "the triangles rest; rays have lost " + as_time(at_rest.nanoseconds) + " in " + commits +
          " of the refitted tree, " + (at_rest.nanoseconds > build ? "enough to " : "too little to ") +
-         verb_of(UpdateAction::kRebuild) + " for " + as_milliseconds(build);
+         verb_of(UpdateAction::kRebuild) + " for " + as_time(build);
 }
 
 }  // namespace

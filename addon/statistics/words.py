@@ -1,0 +1,65 @@
+"""Numbers as a person would say them: how long, how fast, how large, which part. Knows nothing of what they are of."""
+
+from __future__ import annotations
+
+# Of seconds and of minutes: from here on the larger unit tells more.
+MOST_SECONDS, MOST_MINUTES = 600.0, 120
+# Less is a number that nobody measures twice.
+LEAST_MILLISECONDS = 0.005
+
+
+def number(value: float, digits: int = 2) -> str:
+    """As many digits as told, at most two of them after the point; what stands before it is never rounded away.
+
+    With two: "1,234", "123", "12", "1.2", "0.12"; never a power of ten.
+    """
+    for decimals in (0, 1):
+        if value >= 10.0 ** (digits - 1 - decimals) - 0.5 * 10.0 ** -(decimals + 1):
+            return f"{value:,.{decimals}f}"
+    return f"{value:.2f}"
+
+
+def duration(milliseconds: float, digits: int = 2) -> str:
+    """Such as "1.2 ms", "0.28 s", "121 s", "12 min" or "3 h 20 min"."""
+    if milliseconds < LEAST_MILLISECONDS:
+        return "under 0.01 ms" if milliseconds > 0.0 else "0 ms"
+    if milliseconds < 99.5:
+        return f"{number(milliseconds, digits)} ms"
+    seconds = milliseconds / 1e3
+    if seconds < MOST_SECONDS - 0.5:
+        return f"{number(seconds, digits)} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < MOST_MINUTES else f"{minutes // 60:,} h {minutes % 60} min"
+
+
+def rate(rays_per_second: float, digits: int = 2) -> str:
+    """Such as "950 rays/s", "24 k rays/s" or "3.1 M rays/s"."""
+    for unit, size in (("M ", 1e6), ("k ", 1e3)):
+        if rays_per_second >= 0.9995 * size:
+            return f"{number(rays_per_second / size, digits)} {unit}rays/s"
+    return f"{rays_per_second:.0f} rays/s"
+
+
+def memory(byte_count: float) -> str:
+    """In the unit that gives one to four digits before the point."""
+    size = float(byte_count)
+    for unit in ("B", "KiB", "MiB"):
+        if size < 1024.0:
+            return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"
+        size /= 1024.0
+    return f"{size:.2f} GiB"
+
+
+def share(part: float) -> str:
+    """Of a whole that is 1: "45%", and "<1%" of what is more than nothing."""
+    return "<1%" if 0.0 < part < 0.01 else f"{part:.0%}"
+
+
+def count_of(count: int, one: str, many: str = "") -> str:
+    """Such as "1 triangle" and "1,200 triangles". many: where that is not the one with an s."""
+    return f"{count:,} {one if count == 1 else many or one + 's'}"
+
+
+def sentence(text: str) -> str:
+    """With a capital at its beginning. Not for what begins with a name that users gave."""
+    return text[:1].upper() + text[1:]
