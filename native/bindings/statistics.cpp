@@ -56,10 +56,12 @@ Array<T> to_column(const std::vector<T>& values) {
 }
 
 py::dict to_dict(const TreeBoxes& boxes) {
-  return py::dict(py::arg("boxes") = to_column(boxes.corners).reshape({-1, 2, 3}),
-                  py::arg("levels") = to_column(boxes.levels), py::arg("leaf_sizes") = to_column(boxes.leaf_sizes),
-                  py::arg("costs") = to_column(boxes.costs), py::arg("overlaps") = to_column(boxes.overlaps),
-                  py::arg("depth") = boxes.depth);
+  return py::dict(
+      py::arg("boxes") = to_column(boxes.corners).reshape({-1, 2, 3}), py::arg("levels") = to_column(boxes.levels),
+      py::arg("leaf_sizes") = to_column(boxes.leaf_sizes), py::arg("costs") = to_column(boxes.costs),
+      py::arg("subtree_costs") = to_column(boxes.subtree_costs), py::arg("overlaps") = to_column(boxes.overlaps),
+      py::arg("ranges") = to_column(boxes.ranges).reshape({-1, 2}), py::arg("primitives") = to_column(boxes.primitives),
+      py::arg("depth") = boxes.depth, py::arg("sah") = boxes.sah, py::arg("built_sah") = boxes.built_sah);
 }
 
 }  // namespace
@@ -78,12 +80,13 @@ void bind_statistics(py::module_& module) {
   module.def(
       "tree_boxes",
       [](const Snapshot& snapshot, std::optional<std::int32_t> mesh_id, std::uint32_t first_level,
-         std::uint32_t last_level) {
+         std::uint32_t last_level, bool with_leaves_above) {
         return to_dict(with_progress(py::none(), [&](CancelToken& cancel) {
-          return list_tree_boxes(snapshot, mesh_id, {first_level, last_level}, cancel);
+          return list_tree_boxes(snapshot, mesh_id, {first_level, last_level, with_leaves_above}, cancel);
         }));
       },
-      py::arg("snapshot"), py::arg("mesh_id"), py::arg("first_level"), py::arg("last_level"));
+      py::arg("snapshot"), py::arg("mesh_id"), py::arg("first_level"), py::arg("last_level"),
+      py::arg("with_leaves_above"));
 }
 
 }  // namespace perfect_bvh::bindings

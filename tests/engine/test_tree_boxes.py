@@ -12,7 +12,7 @@ from oracles import meshes
 from perfect_bvh import BuildConfig, TreeBoxes
 from perfect_bvh.build_config import BUILDERS
 
-COLUMNS = ("boxes", "levels", "leaf_sizes", "costs", "overlaps")
+COLUMNS = ("boxes", "levels", "leaf_sizes", "costs", "subtree_costs", "overlaps", "ranges")
 FAR = np.array([1e6, -2e6, 3e6])
 
 
@@ -61,6 +61,109 @@ def test_costs_are_shares_of_area_and_add_up_to_the_heuristic() -> None:
     areas = half_areas(boxes.boxes)
     np.testing.assert_allclose(boxes.costs, areas / areas[0] * np.maximum(boxes.leaf_sizes, 1), rtol=1e-6)
     assert boxes.costs.sum(dtype=np.float64) == pytest.approx(snapshot.statistics().meshes[0].sah, rel=1e-5)
+
+
+def test_chances_of_being_hit_are_shares_of_area() -> None:
+    boxes = snapshot_of(meshes.soup(500, 1, 0.1)).tree_boxes(0)
+    areas = half_areas(boxes.boxes)
+    np.testing.assert_allclose(boxes.hit_chances, areas / areas[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("build", BUILDERS)
+def test_a_level_with_the_leaves_above_is_a_cut(build: str) -> None:
+    positions, triangles = meshes.soup(700, 3, 0.1)
+    snapshot = snapshot_of((positions, triangles), build=BuildConfig(builder=build))
+    whole = snapshot.tree_boxes(0)
+    had_leaves_above = 0
+    for level in range(whole.depth + 1):
+        cut = snapshot.tree_boxes(0, first_level=level, last_level=level, with_leaves_above=True)
+        assert cut.levels.max() == level and (np.diff(cut.levels) >= 0).all()
+        above = cut.levels < level
+        had_leaves_above += above.sum()
+        assert (cut.leaf_sizes[above] > 0).all()
+        held = [cut.primitives_of(row) for row in range(len(cut))]
+        assert sum(map(len, held)) == len(whole.primitives)  # each reference once
+        np.testing.assert_array_equal(np.unique(np.concatenate(held)), np.arange(len(triangles)))
+        rows = (whole.levels == level) | ((whole.levels < level) & (whole.leaf_sizes > 0))
+        for name in COLUMNS:
+            np.testing.assert_array_equal(getattr(cut, name), getattr(whole, name)[rows])
+    assert had_leaves_above > 0 or build == "median"  # whose leaves all stand on one level here
+    np.testing.assert_array_equal(np.sort(whole.levels[whole.leaf_sizes > 0]), np.sort(cut.levels))
+
+
+def test_boxes_tell_what_they_hold() -> None:
+    positions, triangles = meshes.soup(700, 3, 0.1)
+    positions = positions.astype(np.float32)
+    boxes = snapshot_of((positions, triangles)).tree_boxes(0)
+    corners = positions[triangles]
+    for row in range(0, len(boxes), 7):
+        held = corners[boxes.primitives_of(row)].reshape(-1, 3)
+        lower, upper = boxes.boxes[row]
+        np.testing.assert_array_equal((lower, upper), (held.min(axis=0), held.max(axis=0)))
+    sizes = boxes.ranges[:, 1] - boxes.ranges[:, 0]
+    is_leaf = boxes.leaf_sizes > 0
+    np.testing.assert_array_equal(sizes[is_leaf], boxes.leaf_sizes[is_leaf])
+    assert sizes[0] == len(triangles)
+
+
+def test_costs_below_add_up() -> None:
+    boxes = snapshot_of(meshes.soup(900, 4, 0.1)).tree_boxes(0)
+    assert boxes.sah == pytest.approx(boxes.costs.sum(dtype=np.float64), rel=1e-6)
+    assert boxes.built_sah == boxes.sah == pytest.approx(float(boxes.subtree_costs[0]), rel=1e-6)
+    begins, ends = boxes.ranges.T
+    for row in range(len(boxes)):
+        is_below = (begins >= begins[row]) & (ends <= ends[row]) & (boxes.levels >= boxes.levels[row])
+        assert boxes.subtree_costs[row] == pytest.approx(boxes.costs[is_below].sum(dtype=np.float64), rel=1e-5)
+
+
+def test_what_refitting_costs_is_told_until_the_tree_is_built_again() -> None:
+    positions, triangles = meshes.soup(2000, 6, 0.05)
+    scene = perfect_bvh.Scene(policy="refit")
+    mesh = scene.add_mesh(positions, triangles, usage="deforming")
+    scene.add_instance(mesh)
+    scene.commit()
+    fresh = scene.snapshot().tree_boxes(mesh)
+    assert fresh.sah == fresh.built_sah
+    scattered = np.random.default_rng(2).permuted(positions.reshape(-1, 3, 3), axis=0).reshape(-1, 3)
+    for share in (0.2, 0.4):
+        scene.update_mesh(mesh, positions + share * (scattered - positions))
+        scene.commit()
+        moved = scene.snapshot().tree_boxes(mesh)
+        assert moved.built_sah == pytest.approx(fresh.sah, rel=1e-6) and moved.sah > 1.2 * fresh.sah
+        assert moved.sah == pytest.approx(scene.statistics().meshes[0].sah, rel=1e-5)
+
+
+def test_a_tree_that_was_built_again_is_as_it_was_built() -> None:
+    positions, triangles = meshes.soup(2000, 6, 0.05)
+    scene = perfect_bvh.Scene()
+    mesh = scene.add_mesh(positions, triangles, usage="deforming")
+    scene.add_instance(mesh)
+    scene.commit(10**9)
+    scattered = np.random.default_rng(2).permuted(positions.reshape(-1, 3, 3), axis=0).reshape(-1, 3)
+    scene.update_mesh(mesh, scattered)
+    (report,) = scene.commit(10**9).meshes
+    assert report.action == "rebuilt" and report.refitted_cost > 0.0  # a refit was tried first
+    boxes = scene.snapshot().tree_boxes(mesh)
+    assert boxes.built_sah == boxes.sah
+
+
+def test_the_top_level_tells_what_it_cost_when_it_was_built() -> None:
+    scene = perfect_bvh.Scene()
+    mesh = scene.add_mesh(*meshes.soup(20, 1, 0.1))
+    places = np.tile(np.eye(4), (200, 1, 1))
+    places[:, :3, 3] = np.random.default_rng(3).uniform(-50.0, 50.0, (200, 3))
+    instances = scene.add_instances(np.full(200, mesh), places)
+    scene.commit()
+    built = scene.snapshot().tree_boxes()
+    assert built.built_sah == pytest.approx(built.sah, rel=1e-6)
+    np.testing.assert_array_equal(np.sort(built.primitives), np.sort(instances))
+    places[:20, :3, 3] += 3.0
+    scene.set_transforms(instances, places)
+    report = scene.commit(expected_rays=1)  # too few to pay for another tree
+    assert report.top_level.is_refitted
+    moved = scene.snapshot().tree_boxes()
+    assert moved.built_sah == pytest.approx(built.sah, rel=1e-6)
+    assert moved.sah > 1.001 * built.sah
 
 
 def test_overlaps_are_those_of_siblings() -> None:

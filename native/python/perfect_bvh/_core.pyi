@@ -30,7 +30,9 @@ def are_triangles(corner_verts: _Int, corner_triangles: _Int, triangles: _Int) -
 def measure(
     snapshot: Snapshot, detailed: bool, traversal_cost: float, intersection_cost: float, progress: _Progress
 ) -> dict[str, Any]: ...
-def tree_boxes(snapshot: Snapshot, mesh_id: int | None, first_level: int, last_level: int) -> dict[str, Any]: ...
+def tree_boxes(
+    snapshot: Snapshot, mesh_id: int | None, first_level: int, last_level: int, with_leaves_above: bool
+) -> dict[str, Any]: ...
 def render(
     snapshot: Snapshot,
     camera: dict[str, Any],

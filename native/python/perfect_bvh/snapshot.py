@@ -31,13 +31,22 @@ class Snapshot(Queries):
         """Which `Scene` of this process it came from."""
         return self._snapshot.scene_id
 
-    def tree_boxes(self, mesh: int | None = None, *, first_level: int = 0, last_level: int | None = None) -> TreeBoxes:
+    def tree_boxes(
+        self,
+        mesh: int | None = None,
+        *,
+        first_level: int = 0,
+        last_level: int | None = None,
+        with_leaves_above: bool = False,
+    ) -> TreeBoxes:
         """The boxes that rays meet on their way down one tree, for drawing it or judging it.
 
         mesh: the id of a mesh, for its tree; None for the top level, over the instances.
         first_level, last_level: which levels, both included; the root is level 0, and None is the deepest. A node has
             up to eight children, so that each level may hold eight times as many boxes as the one above.
+        with_leaves_above: also the leaves that stand above the first level. One level with them is a cut through the
+            tree: its boxes together hold all that the tree holds.
 
         Raises ValueError for a mesh that this snapshot does not have, and for levels out of order.
         """
-        return list_tree_boxes(self._snapshot, mesh, first_level, last_level)
+        return list_tree_boxes(self._snapshot, mesh, first_level, last_level, with_leaves_above)

@@ -37,10 +37,11 @@ struct Blas {
   IndexedLeaves indexed_leaves;  // of `wide`, in the compact layout
   std::uint64_t shape = 0;
   std::shared_ptr<const WideCosts> fresh_costs;  // of each part of `wide` when it was built; null before it is refitted
-  RefitPlan refit_plan;                          // of `wide`; likewise
-  std::shared_ptr<SpareTree> spare;              // where `wide` goes at the end; null: nowhere
-  Aabb box;                                      // around the triangles
-  LazySupport support;                           // of `wide`, made when one of many instances is turned
+  double built_sah = 0;              // of `wide` when it was built, as tree_boxes.h reckons it; 0 before it is refitted
+  RefitPlan refit_plan;              // of `wide`; likewise
+  std::shared_ptr<SpareTree> spare;  // where `wide` goes at the end; null: nowhere
+  Aabb box;                          // around the triangles
+  LazySupport support;               // of `wide`, made when one of many instances is turned
   // Of a mesh that is built when the first ray reaches it, else null. There is then no tree here, only the one to come.
   std::shared_ptr<DeferredTree> deferred;
 };

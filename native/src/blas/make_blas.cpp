@@ -122,6 +122,7 @@ BlasResult make_blas(const ChangedMesh& changed, const CommitOptions& options, T
   if (!deforms || !refit_blas(*blas, changed, options, result, pool, cancel)) {
     report.action = state.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
     blas->fresh_costs.reset();
+    blas->built_sah = 0;
     blas->refit_plan = {};
     build_blas(*blas, changed, options, result, pool, cancel);
   }

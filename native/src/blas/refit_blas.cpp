@@ -47,6 +47,7 @@ WideCosts follow(Blas& blas, const Blas& before, MeshReport& report, ThreadPool&
   if (!blas.fresh_costs) {
     blas.fresh_costs = std::make_shared<const WideCosts>(measure_wide_costs(before.wide, pool, cancel));
   }
+  blas.built_sah = before.built_sah > 0 ? before.built_sah : measure_sah(before.wide, before.mesh, cancel);
   report.fresh_cost = blas.fresh_costs->whole(before.wide);
   blas.config = before.config;
   ShapedTree spare = blas.spare->take();

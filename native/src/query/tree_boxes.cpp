@@ -1,11 +1,12 @@
 #include "query/tree_boxes.h"
 
-#include <algorithm>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "blas/deferred_tree.h"
+#include "core/steps.h"
 #include "wide/wide_boxes.h"
 
 namespace perfect_bvh {
@@ -44,25 +45,119 @@ void add_children(const WideNode& node, std::vector<Entry>& entries) {
   }
 }
 
+// What stands below a child: a part of the list of all primitives, and the costs of all, times the root's area.
+struct Subtree {
+  std::int64_t begin = 0, end = 0;
+  double cost = 0;
+};
+
+// Goes through a whole tree, depth first, so that what stands below a child is one part of the list.
+class SubtreeLister {
+ public:
+  // instances: of a top level, else empty.
+  SubtreeLister(const WideBvh& tree, std::span<const Instance> instances)
+      : tree_(tree), instances_(instances), nodes_(tree.nodes.size()) {
+    leaves_.resize(instances.empty() ? tree.leaf_count() : instances.size());
+  }
+
+  void list(double root_area, CancelToken& cancel) {
+    open(tree_.root, root_area);
+    for (Steps steps(cancel); !ways_.empty();) {
+      steps.step();
+      Way& way = ways_.back();
+      const WideNode& node = tree_.nodes[way.row];
+      while (way.lane < kWideWidth && node.child[way.lane] == kNoChild) ++way.lane;
+      if (way.lane < kWideWidth) {
+        const std::uint32_t lane = way.lane++;  // first: `way` moves when another is begun
+        open(node.child[lane], half_area(child_box(node, lane)));
+      } else {
+        close();
+      }
+    }
+  }
+
+  [[nodiscard]] const Subtree& of(std::uint32_t child) const noexcept {
+    return child < kBlockChild ? nodes_[child] : leaves_[row_of(child)];
+  }
+  [[nodiscard]] std::vector<std::int32_t>& primitives() noexcept { return primitives_; }
+
+  [[nodiscard]] std::int32_t leaf_size(std::uint32_t child) const noexcept {
+    if (child < kBlockChild) return 0;
+    if (child >= kInstanceChild) return 1;
+    return static_cast<std::int32_t>(triangle_count_of(tree_, row_of(child)));
+  }
+
+ private:
+  struct Way {
+    std::uint32_t row, lane;
+  };
+
+  static std::uint32_t row_of(std::uint32_t leaf) noexcept {
+    return leaf - (leaf >= kInstanceChild ? kInstanceChild : kBlockChild);
+  }
+
+  void open(std::uint32_t child, double area) {
+    const auto begin = static_cast<std::int64_t>(primitives_.size());
+    if (child < kBlockChild) {
+      nodes_[child] = {begin, begin, area};
+      ways_.push_back({child, 0});
+      return;
+    }
+    add_primitives(child);
+    const auto end = static_cast<std::int64_t>(primitives_.size());
+    leaves_[row_of(child)] = {begin, end, area * static_cast<double>(end - begin)};
+    if (!ways_.empty()) nodes_[ways_.back().row].cost += leaves_[row_of(child)].cost;
+  }
+
+  void close() {
+    Subtree& done = nodes_[ways_.back().row];
+    done.end = static_cast<std::int64_t>(primitives_.size());
+    ways_.pop_back();
+    if (!ways_.empty()) nodes_[ways_.back().row].cost += done.cost;
+  }
+
+  void add_primitives(std::uint32_t leaf) {
+    if (leaf >= kInstanceChild) {
+      primitives_.push_back(instances_[row_of(leaf)].id);
+      return;
+    }
+    const std::uint32_t* const found = primitives_of(tree_, row_of(leaf));
+    const std::int32_t count = leaf_size(leaf);
+    for (std::int32_t i = 0; i < count; ++i) primitives_.push_back(static_cast<std::int32_t>(found[i]));
+  }
+
+  const WideBvh& tree_;
+  const std::span<const Instance> instances_;
+  std::vector<Subtree> nodes_, leaves_;  // by row
+  std::vector<std::int32_t> primitives_;
+  std::vector<Way> ways_;  // from the root to where it is
+};
+
 // Goes down a tree, a level at a time.
 class BoxLister {
  public:
-  BoxLister(const WideBvh& tree, const Aabb& bounds, Vec3d centre)
-      : tree_(tree), bounds_(bounds), centre_(centre), root_area_(half_area(bounds)) {}
+  BoxLister(const WideBvh& tree, const Aabb& bounds, Vec3d centre, std::span<const Instance> instances = {})
+      : tree_(tree), bounds_(bounds), centre_(centre), root_area_(half_area(bounds)), subtrees_(tree, instances) {}
 
-  TreeBoxes list(LevelRange levels, CancelToken& cancel) {
+  // built_sah: 0 for a tree that is as it was built.
+  TreeBoxes list(LevelRange levels, double built_sah, CancelToken& cancel) {
     if (tree_.is_empty) return {};
+    subtrees_.list(root_area_, cancel);
     boxes_.depth = tree_.depth;
+    boxes_.sah = share_of(tree_.root, subtrees_.of(tree_.root).cost);
+    boxes_.built_sah = built_sah > 0 ? built_sah : boxes_.sah;
     std::vector<Entry> entries{{tree_.root, bounds_, 0.0f}}, below;
     for (std::uint32_t level = 0; !entries.empty() && level <= levels.last; ++level) {
       cancel.checkpoint();
       below.clear();
       for (const Entry& entry : entries) {
-        if (level >= levels.first) add(entry, level);
+        const bool is_leaf = entry.child >= kBlockChild;
+        if (level >= levels.first || (is_leaf && levels.with_leaves_above)) add(entry, level);
         if (entry.child < kBlockChild && level < levels.last) add_children(tree_.nodes[entry.child], below);
       }
       entries.swap(below);
     }
+    boxes_.primitives = std::move(subtrees_.primitives());
     return std::move(boxes_);
   }
 
@@ -73,25 +168,30 @@ class BoxLister {
       const Vec3d place = to_double(corner) * (1.0 / scale) + centre_;
       boxes_.corners.insert(boxes_.corners.end(), {place.x, place.y, place.z});
     }
-    const std::int32_t size = leaf_size(entry.child);
-    // A tree without area is hit by no random ray; its triangles stand in, as for any ray that does meet it.
-    const double share = root_area_ > 0 ? half_area(entry.box) / root_area_ : (size > 0 ? 1.0 : 0.0);
+    const std::int32_t size = subtrees_.leaf_size(entry.child);
+    const Subtree& below = subtrees_.of(entry.child);
+    const double whole = share_of(entry.child, below.cost);
+    const double own = size > 0 ? whole : (root_area_ > 0 ? half_area(entry.box) / root_area_ : 0.0);
     boxes_.levels.push_back(static_cast<std::int32_t>(level));
     boxes_.leaf_sizes.push_back(size);
-    boxes_.costs.push_back(static_cast<float>(share * std::max(size, 1)));
+    boxes_.costs.push_back(static_cast<float>(own));
+    boxes_.subtree_costs.push_back(static_cast<float>(whole));
     boxes_.overlaps.push_back(entry.overlap);
+    boxes_.ranges.insert(boxes_.ranges.end(), {below.begin, below.end});
   }
 
-  [[nodiscard]] std::int32_t leaf_size(std::uint32_t child) const noexcept {
-    if (child < kBlockChild) return 0;
-    if (child >= kInstanceChild) return 1;
-    return static_cast<std::int32_t>(triangle_count_of(tree_, child - kBlockChild));
+  // A tree without area is hit by no random ray; its triangles stand in, as for any ray that does meet it.
+  [[nodiscard]] double share_of(std::uint32_t child, double cost) const noexcept {
+    if (root_area_ > 0) return cost / root_area_;
+    const Subtree& below = subtrees_.of(child);
+    return static_cast<double>(below.end - below.begin);
   }
 
   const WideBvh& tree_;
   const Aabb bounds_;
   const Vec3d centre_;
   const double root_area_;
+  SubtreeLister subtrees_;
   TreeBoxes boxes_;
 };
 
@@ -115,9 +215,13 @@ Aabb bounds_of_top_level(const Snapshot& snapshot) {
 
 TreeBoxes list_tree_boxes(const Snapshot& snapshot, std::optional<std::int32_t> mesh_id, LevelRange levels,
                           CancelToken& cancel) {
-  if (!mesh_id) return BoxLister(snapshot.top_level, bounds_of_top_level(snapshot), {0, 0, 0}).list(levels, cancel);
+  if (!mesh_id) {
+    const TopLevelCost& built = snapshot.built_cost;
+    return BoxLister(snapshot.top_level, bounds_of_top_level(snapshot), {0, 0, 0}, snapshot.instances)
+        .list(levels, built.node_visits + built.instance_entries, cancel);
+  }
   const Blas& blas = find_mesh(snapshot, *mesh_id);
-  return BoxLister(blas.wide, bounds_of(blas.wide, blas.mesh), blas.mesh.centre).list(levels, cancel);
+  return BoxLister(blas.wide, bounds_of(blas.wide, blas.mesh), blas.mesh.centre).list(levels, blas.built_sah, cancel);
 }
 
 }  // namespace perfect_bvh

@@ -18,22 +18,29 @@ struct TreeBoxes {
   std::vector<std::int32_t> levels;      // 0 for the root
   std::vector<std::int32_t> leaf_sizes;  // triangles of a leaf, 1 for an instance, 0 for an interior node
   std::vector<float> costs;              // its share of the surface area heuristic's cost
+  std::vector<float> subtree_costs;      // that of it and of all below it
   std::vector<float> overlaps;           // area shared with its siblings, as a share of its own
+  std::vector<std::int64_t> ranges;      // two a box: where in `primitives` what it holds begins, and ends
+  std::vector<std::int32_t> primitives;  // of the whole tree, leaf after leaf: triangles of the mesh, ids of instances
   std::uint32_t depth = 0;               // the deepest level of the whole tree
+  double sah = 0;                        // of the whole tree: all costs together
+  double built_sah = 0;                  // the same when it was built; it may have been refitted since
   [[nodiscard]] std::size_t count() const noexcept { return levels.size(); }
 };
 
-// From `first` to `last`, both included; the root is level 0.
+// From `first` to `last`, both included; the root is level 0. With the leaves above, one level is a cut through the
+// tree: each way down from the root to a primitive meets one of its boxes.
 struct LevelRange {
   std::uint32_t first = 0;
   std::uint32_t last = std::numeric_limits<std::uint32_t>::max();
+  bool with_leaves_above = false;
 };
 
 // The tree of a mesh, in the space of its object as the caller gave it, or the top level (no mesh_id), in the world.
 // A lazy mesh that no ray has reached has no boxes.
 // Costs are those of a random ray through the root's box, 1 for each visited node and each tested triangle or instance:
-// over all levels they add up to the SAH of the tree that is traced. Throws InvalidArgument for an unknown mesh,
-// Cancelled, bad_alloc.
+// over all levels they add up to the SAH of the tree that is traced. Whichever levels are listed, the whole tree is
+// gone through once. Throws InvalidArgument for an unknown mesh, Cancelled, bad_alloc.
 [[nodiscard]] TreeBoxes list_tree_boxes(const Snapshot& snapshot, std::optional<std::int32_t> mesh_id,
                                         LevelRange levels, CancelToken& cancel);
 
