@@ -3,6 +3,7 @@
 
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>
@@ -12,6 +13,7 @@
 #include "bindings/progress.h"
 #include "core/errors.h"
 #include "render/light/bright_sky.h"
+#include "render/modes/cost_scale.h"
 
 namespace perfect_bvh::bindings {
 namespace {
@@ -336,12 +338,23 @@ std::shared_ptr<BrightSky> make_bright_sky(const py::dict& values, int threads) 
   return std::make_shared<BrightSky>(image, threads);
 }
 
+Array<float> cost_colors(const Array<float>& costs) {
+  const ColorRamp ramp;
+  Array<float> colors({costs.size(), py::ssize_t{3}});
+  for (py::ssize_t i = 0; i < costs.size(); ++i) {
+    const Vec3f color = cost_color(ramp, costs.data()[i]);
+    std::copy_n(&color.x, 3, colors.mutable_data() + 3 * i);
+  }
+  return colors;
+}
+
 }  // namespace
 
 void bind_render(py::module_& module) {
   const py::class_<BrightSky, std::shared_ptr<BrightSky>> bright_sky(module, "BrightSky");
   make_only_natively(bright_sky);
   module.def("make_bright_sky", &make_bright_sky, py::arg("image"), py::arg("threads"));
+  module.def("cost_colors", &cost_colors, py::arg("costs").noconvert());
   module.def("render", &render_passes, py::arg("snapshot"), py::arg("camera"), py::arg("appearance"),
              py::arg("settings"), py::arg("targets"), py::arg("progress"));
 }

@@ -19,6 +19,7 @@ from perfect_bvh import (
     MaterialTable,
     MeshAppearance,
     Scene,
+    cost_to_color,
     depth_to_grey,
     render,
     render_passes,
@@ -213,6 +214,16 @@ def test_a_snapshot_is_rendered_while_its_scene_has_edits() -> None:
     scene.commit()
     assert (render(scene, CAMERA, "instance", SIZE) == 0.0).all()
     assert (render(scene, CAMERA, "clay", SIZE)[..., 3] == 1.0).all()
+
+
+def test_costs_have_the_colors_that_the_mode_shows(scene: Scene) -> None:
+    names = ("combined", "nodes_visited", "primitives_tested")
+    passes = render_passes(scene, CAMERA, mode="cost", size=SIZE, passes=names)
+    costs = passes["nodes_visited"] + passes["primitives_tested"]
+    assert len(np.unique(costs)) > 10
+    np.testing.assert_allclose(cost_to_color(costs), passes["combined"][..., :3], atol=1e-6)
+    np.testing.assert_array_equal(cost_to_color([0, 1, 2]), cost_to_color([2, 2, 2]))
+    np.testing.assert_array_equal(cost_to_color(4096), cost_to_color(512))
 
 
 def test_depths_as_greys() -> None:

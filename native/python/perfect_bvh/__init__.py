@@ -23,7 +23,16 @@ from .hits import Hits
 from .isa import active_isa, available_isas, set_active_isa
 from .light_paths import LightPaths
 from .queries import Intersections, Queries
-from .render import MODES, PASSES, RenderOptions, depth_to_grey, render, render_passes, render_progressively
+from .render import (
+    MODES,
+    PASSES,
+    RenderOptions,
+    cost_to_color,
+    depth_to_grey,
+    render,
+    render_passes,
+    render_progressively,
+)
 from .report import Alternative, CommitReport, MeshReport, SceneStatistics, TopLevelReport, TreeStatistics
 from .restore_detail import restore_detail
 from .scene import Scene
@@ -71,6 +80,7 @@ __all__ = [
     "__version__",
     "active_isa",
     "available_isas",
+    "cost_to_color",
     "denoise",
     "denoiser_name",
     "depth_to_grey",

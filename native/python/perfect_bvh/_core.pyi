@@ -33,6 +33,7 @@ def measure(
 def tree_boxes(
     snapshot: Snapshot, mesh_id: int | None, first_level: int, last_level: int, with_leaves_above: bool
 ) -> dict[str, Any]: ...
+def cost_colors(costs: _Float) -> _Float: ...
 def render(
     snapshot: Snapshot,
     camera: dict[str, Any],

@@ -300,6 +300,15 @@ def depth_to_grey(
     return grey
 
 
+def cost_to_color(costs: npt.ArrayLike) -> npt.NDArray[np.float32]:
+    """What the mode "cost" shows for these numbers of nodes visited and triangles tested together, for a legend.
+
+    costs: (...) numbers. Returns (..., 3) float32, RGB as screens take it.
+    """
+    values = np.ascontiguousarray(costs, np.float32)
+    return _core.cost_colors(values.reshape(-1)).reshape(*values.shape, 3)
+
+
 def _render(
     function: str,
     scene: Scene | Snapshot,
