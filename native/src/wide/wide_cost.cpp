@@ -37,17 +37,16 @@ double measure_sah(const WideBvh& tree, const TriangleMesh& mesh, CancelToken& c
   const double root_area = half_area(bounds_of(tree, mesh));
   if (tree.nodes.empty()) return triangle_count_of(tree, tree.root - kBlockChild);
   double area = root_area, triangle_count = 0;
-  const auto add = [&](const WideNode& node) {
+  Steps steps(cancel);  // one a child: leaves are looked into
+  for (const WideNode& node : tree.nodes) {
     for (std::uint32_t lane = 0; lane < kWideWidth && node.child[lane] != kNoChild; ++lane) {
+      steps.step();
       const std::uint32_t child = node.child[lane];
       const double size = child < kBlockChild ? 0 : triangle_count_of(tree, child - kBlockChild);
       area += half_area(child_box(node, lane)) * (child < kBlockChild ? 1 : size);
       triangle_count += size;
     }
-  };
-  for_steps(tree.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) add(tree.nodes[i]);
-  });
+  }
   return root_area > 0 ? area / root_area : triangle_count;
 }
 
