@@ -47,7 +47,7 @@ _MODULES = (
     ".view3d.overlay",
     ".panels",
 )
-_NATIVE_MODULES = (".live.sync_cache",)
+_NATIVE_MODULES = (".live.sync_cache", ".view3d.compare_view")
 _LANDMARK = "PERFECT_BVH_PT_render"
 
 _registered: list[Any] = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..settings.scene_settings import ENGINE_NAME
-from . import bench, borrowed, not_shown, overlay, render, reports, scan
+from . import bench, borrowed, not_shown, overlay, render, reports, scan, trees
 
 CLASSES = (
     *render.CLASSES,
@@ -14,6 +14,7 @@ CLASSES = (
     *reports.CLASSES,
     *render.LAST_CLASSES,
     *borrowed.CLASSES,
+    *trees.CLASSES,
     *scan.CLASSES,
     *bench.CLASSES,
 )

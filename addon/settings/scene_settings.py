@@ -9,6 +9,8 @@ import bpy
 
 from .light_paths import read_light_paths
 from .modes import DEFAULT_MODE, MODES
+from .tree_settings import CLASSES as TREE_CLASSES
+from .tree_settings import PERFECT_BVH_PG_compare, PERFECT_BVH_PG_decay
 
 if TYPE_CHECKING:
     from perfect_bvh import LightPaths
@@ -171,6 +173,12 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     overlay: bpy.props.PointerProperty(
         name="Overlay", description="Which boxes of the trees 3D viewports show", type=PERFECT_BVH_PG_overlay
     )
+    compare: bpy.props.PointerProperty(
+        name="Compare", description="Which two trees of the active object are compared", type=PERFECT_BVH_PG_compare
+    )
+    decay: bpy.props.PointerProperty(
+        name="Decay", description="Over which frames trees are followed", type=PERFECT_BVH_PG_decay
+    )
 
     mode: bpy.props.EnumProperty(
         name="Mode", description="What the image shows", items=MODE_ITEMS, default=DEFAULT_MODE.upper()
@@ -312,7 +320,7 @@ def read_settings(scene: bpy.types.Scene, is_viewport: bool = False) -> RenderSe
     )
 
 
-CLASSES = (PERFECT_BVH_PG_scan, PERFECT_BVH_PG_overlay, PERFECT_BVH_PG_settings)
+CLASSES = (PERFECT_BVH_PG_scan, PERFECT_BVH_PG_overlay, *TREE_CLASSES, PERFECT_BVH_PG_settings)
 
 
 def register() -> None:

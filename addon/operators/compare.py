@@ -1,0 +1,170 @@
+"""The Compare button: two trees of the active object side by side in the viewport that it was pressed in.
+
+In a window trees are built and measured beside Blender, and Esc gives that up. Without one, or when a script calls it,
+it does the same in one go, and reports what it has found.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, ClassVar
+
+import bpy
+
+from ..events.changes import edit_count
+from ..settings.preferences import native_error
+from ..settings.tree_settings import REFITTED, choice_of
+from .ticking import Ticking
+
+SHAPES = ("MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME")
+
+
+class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
+    """Waits in a timer for what is built and measured beside it."""
+
+    bl_idname = "perfect_bvh.compare"
+    bl_label = "Compare"
+    bl_description = "Build two trees of the active object, and show them side by side with what they cost"
+    bl_options: ClassVar = {"REGISTER"}
+
+    # Blender evaluates these annotations, and what they are of needs the native engine.
+    _work: Any
+    _area: bpy.types.Area | None
+    _edits: int
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        complaint = native_error() or find_complaint(context)
+        if complaint is not None:
+            cls.poll_message_set(complaint)
+        return complaint is None
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if not self._begin(context):
+            return {"CANCELLED"}
+        self._begin_ticking(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC":
+            self._end(context)
+            self.report({"INFO"}, "Comparing was stopped")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        if self._work.is_running:
+            context.window_manager.progress_update(100 * self._work.share)
+            self._tell(context, f"Comparing trees {self._work.share:.0%}: Esc stops it")
+            return {"RUNNING_MODAL"}
+        self._end(context)
+        return self._finish(context)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Blender ends or opens another file."""
+        self._end(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return self._finish(context) if self._begin(context) else {"CANCELLED"}
+
+    # The parts -------------------------------------------------------------------------------------------------------
+
+    def _begin(self, context: bpy.types.Context) -> bool:
+        """False if there is nothing to compare, with the reason reported."""
+        from ..support.background_work import BackgroundWork
+        from ..view3d.compare_trees import compare
+        from ..view3d.reading import read_object
+
+        scene, settings = context.scene, context.scene.perfect_bvh.compare
+        choices = choice_of(settings.left), choice_of(settings.right)
+        self._area = find_area(context)
+        self._edits = edit_count(scene.session_uid)
+        try:
+            shown = read_object(context, context.object)
+            is_refitted = any(choice.identifier == REFITTED for choice in choices)
+            first = read_object(context, context.object, scene.frame_start) if is_refitted else None
+        except ValueError as problem:
+            self.report({"ERROR"}, str(problem))
+            return False
+        self._work = BackgroundWork(
+            partial(compare, shown, scene.frame_current, choices, first), lambda comparison: comparison
+        )
+        return True
+
+    def _finish(self, context: bpy.types.Context) -> set[str]:
+        import perfect_bvh
+
+        from ..view3d import compare_view
+
+        try:
+            comparison = self._work.result()
+        except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
+            self.report({"ERROR"}, str(problem) or type(problem).__name__)
+            return {"CANCELLED"}
+        if self._area is not None:
+            compare_view.show(comparison, context.scene, self._area, self._edits)
+        left, right = comparison.left, comparison.right
+        self.report({"INFO"}, f"SAH: {left.label} {left.sah:,.1f}, {right.label} {right.sah:,.1f}")
+        return {"FINISHED"}
+
+    def _end(self, context: bpy.types.Context) -> None:
+        self._work.stop()
+        self._end_ticking(context)
+
+
+class PERFECT_BVH_OT_end_comparison(bpy.types.Operator):
+    """Shows the scene again."""
+
+    bl_idname = "perfect_bvh.end_comparison"
+    bl_label = "End Comparison"
+    bl_description = "Show the scene again instead of the two trees"
+    bl_options: ClassVar = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if native_error() is not None or not _is_shown():
+            cls.poll_message_set("No trees are compared")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        from ..view3d import compare_view
+
+        compare_view.hide()
+        return {"FINISHED"}
+
+
+def find_complaint(context: bpy.types.Context) -> str | None:
+    """Why the tree of the active object cannot be looked into."""
+    if context.object is None:
+        return "There is no active object"
+    if context.object.type not in SHAPES and context.object.instance_type == "NONE":
+        return "The active object has no triangles that rays could meet"
+    if context.mode != "OBJECT":
+        return "Leave the mode of the active object first: its triangles are those of Object Mode"
+    return None
+
+
+def _is_shown() -> bool:
+    from ..view3d import compare_view
+
+    return compare_view.shown() is not None
+
+
+def find_area(context: bpy.types.Context) -> bpy.types.Area | None:
+    """The 3D viewport that a button was pressed in, or else the largest; None if there is none."""
+    if context.area is not None and context.area.type == "VIEW_3D":
+        return context.area
+    areas = [] if context.window is None else context.window.screen.areas
+    return max(
+        (area for area in areas if area.type == "VIEW_3D"), key=lambda area: area.width * area.height, default=None
+    )
+
+
+def register() -> None:
+    bpy.utils.register_class(PERFECT_BVH_OT_compare)
+    bpy.utils.register_class(PERFECT_BVH_OT_end_comparison)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(PERFECT_BVH_OT_end_comparison)
+    bpy.utils.unregister_class(PERFECT_BVH_OT_compare)

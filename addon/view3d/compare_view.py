@@ -1,0 +1,216 @@
+"""Two trees of one object side by side over a 3D viewport: the object with its boxes in each half, seen as in the view.
+
+The halves are pictures of their own, made again only where the view, the boxes or the size are others. What is compared
+stays as it was measured; where the scene has changed since, that is said.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import bpy
+
+from ..events.changes import edit_count, listen, stop_listening, watch_again
+from . import drawing
+from .compare_words import Row, heading_of, level_line, rows_of
+from .half_picture import Framing, HalfPicture, background_color, frame_box
+
+if TYPE_CHECKING:
+    from .compare_trees import Comparison, Side
+
+GAP = 12.0  # between the halves and what is around them, in points
+HEADING_SIZE, TITLE_SIZE = 12.0, 15.0
+NAME_WIDTH, VALUE_WIDTH, RATIO_WIDTH = 118.0, 172.0, 50.0  # of the columns of words, in points
+BETTER, WORSE = (0.35, 0.78, 0.42), (0.95, 0.45, 0.35)
+DIM = 0.65  # of what names a number
+LEAST_SCALE = 0.7  # of words in narrow halves
+LEAST_HALF = 64.0  # of what can show anything, in points
+
+
+@dataclass(slots=True)
+class Shown:
+    """What is compared and where: an area's address, and counts of the scene's edits and its frame when it was read."""
+
+    comparison: Comparison
+    scene_uid: int
+    area: int
+    edits: int
+    frame: int
+
+
+class _Watcher:
+    """Ends what is shown with the file, or with the object."""
+
+    is_unsure = False
+
+    def on_change(self, what: str) -> None:
+        self.is_unsure = True
+
+    def on_file_change(self) -> None:
+        hide()
+
+
+@dataclass(slots=True)
+class _Region:
+    """The pictures of one region."""
+
+    framing: Framing
+    halves: tuple[HalfPicture, HalfPicture]
+
+
+_shown: Shown | None = None
+_regions: dict[int, _Region] = {}  # by address
+_watcher = _Watcher()
+_handle: Any = None
+
+
+def show(comparison: Comparison, scene: bpy.types.Scene, area: bpy.types.Area, edits: int) -> None:
+    """In this viewport from now on, until `hide`. edits: the `edit_count` of the scene when the object was read."""
+    global _shown
+    hide()
+    listen(_watcher)
+    _shown = Shown(comparison, scene.session_uid, area.as_pointer(), edits, scene.frame_current)
+    redraw()
+
+
+def hide() -> None:
+    """Show nothing any more; does nothing where nothing is shown."""
+    global _shown
+    if _shown is None:
+        return
+    redraw()
+    _shown = None
+    _regions.clear()
+    stop_listening(_watcher)
+
+
+def shown() -> Shown | None:
+    """What is compared, in whichever viewport; None if nothing is."""
+    return _shown
+
+
+def shown_in(context: bpy.types.Context) -> Shown | None:
+    """What the context's viewport shows instead of the scene; None if it shows that."""
+    found = _shown
+    if found is None or context.area is None or context.area.as_pointer() != found.area:
+        return None
+    return found if context.scene.session_uid == found.scene_uid else None
+
+
+def is_old(found: Shown, scene: bpy.types.Scene) -> bool:
+    """Whether the scene is another one by now, as far as is known."""
+    return scene.frame_current != found.frame or edit_count(scene.session_uid) != found.edits
+
+
+def redraw() -> None:
+    """The viewports, and the panels in them."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+# Drawing -------------------------------------------------------------------------------------------------------------
+
+
+def _draw() -> None:
+    context = bpy.context
+    found = shown_in(context)
+    if found is None:
+        return
+    watch_again()
+    if _watcher.is_unsure:
+        _watcher.is_unsure = False
+        if not any(obj.session_uid == found.comparison.shown.session_uid for obj in bpy.data.objects):
+            hide()
+            return
+    draw_comparison(context, found)
+
+
+def draw_comparison(context: bpy.types.Context, found: Shown) -> None:
+    """Over all of the region that is being drawn."""
+    region = context.region
+    drawing.draw_rect(0.0, 0.0, region.width, region.height, background_color())
+    free = drawing.free_rect(context.area, region)
+    gap, step = drawing.pixels(GAP), drawing.text_size("")[1]
+    columns = rows_of(found.comparison.left), rows_of(found.comparison.right, found.comparison.left)
+    words = drawing.text_size("", TITLE_SIZE)[1] + (1 + max(map(len, columns))) * step
+    top = free.top - gap - drawing.text_size("", HEADING_SIZE)[1]
+    text_color = drawing.view_text_color()
+    _draw_centered((free.left + free.right) / 2, top, _heading(context, found), HEADING_SIZE, text_color)
+    bottom = free.bottom + gap + words
+    middle = (free.left + free.right) / 2
+    left = drawing.Rect(free.left + gap, bottom + gap, middle - gap / 2, top - gap)
+    right = replace(left, left=middle + gap / 2, right=free.right - gap)
+    if min(left.right - left.left, left.top - left.bottom) < drawing.pixels(LEAST_HALF):
+        _draw_centered(middle, free.bottom + gap, "There is too little room here", HEADING_SIZE, text_color)
+        return
+    pictures = _pictures_of(context, found, left)
+    settings = context.scene.perfect_bvh.overlay
+    for side, rect, picture, rows in zip(
+        (found.comparison.left, found.comparison.right), (left, right), pictures.halves, columns, strict=True
+    ):
+        picture.draw(context, rect, pictures.framing, settings)
+        line = level_line(picture.level, side.depth, picture.count)
+        _draw_words(side, rect, bottom, line, rows)
+
+
+def _pictures_of(context: bpy.types.Context, found: Shown, rect: drawing.Rect) -> _Region:
+    """Made when a region is drawn first: the object then fits, and further on the view's zoom is that of the halves."""
+    address = context.region.as_pointer()
+    if address not in _regions:
+        size = rect.right - rect.left, rect.top - rect.bottom
+        matrix = context.region_data.perspective_matrix
+        framing = frame_box(found.comparison, matrix, (context.region.width, context.region.height), size)
+        depth = max(found.comparison.left.depth, found.comparison.right.depth)
+        left, right = (
+            HalfPicture(found.comparison, side, depth) for side in (found.comparison.left, found.comparison.right)
+        )
+        _regions[address] = _Region(framing, (left, right))
+    return _regions[address]
+
+
+def _heading(context: bpy.types.Context, found: Shown) -> str:
+    text = heading_of(found.comparison)
+    return f"{text} (the scene has changed since)" if is_old(found, context.scene) else text
+
+
+def _draw_words(side: Side, rect: drawing.Rect, top: float, level: str, rows: list[Row]) -> None:
+    """Centered below a half, as a table; in narrow halves smaller."""
+    bright = drawing.view_text_color()
+    dim = (*bright[:3], DIM)
+    room = (rect.right - rect.left) / drawing.pixels(NAME_WIDTH + VALUE_WIDTH + RATIO_WIDTH)
+    scale = min(1.0, max(LEAST_SCALE, room))
+    size, step = drawing.TEXT_SIZE * scale, drawing.text_size("")[1]
+    middle = (rect.left + rect.right) / 2
+    y = top - drawing.text_size("", TITLE_SIZE)[1] * 0.8
+    _draw_centered(middle, y, side.label, TITLE_SIZE, bright)
+    y -= step
+    _draw_centered(middle, y, level, drawing.TEXT_SIZE, dim)
+    widths = [drawing.pixels(width) * scale for width in (NAME_WIDTH, VALUE_WIDTH, RATIO_WIDTH)]
+    left = middle - sum(widths) / 2
+    for row in rows:
+        y -= step
+        drawing.draw_text(left, y, row.name, size, dim)
+        drawing.draw_text(left + widths[0], y, row.value, size, bright)
+        color = BETTER if row.is_better else WORSE if row.is_worse else dim
+        drawing.draw_text(left + widths[0] + widths[1], y, row.ratio_text, size, color)
+
+
+def _draw_centered(x: float, y: float, text: str, size: float, color: drawing.Color) -> None:
+    drawing.draw_text(x - drawing.text_size(text, size)[0] / 2, y, text, size, color)
+
+
+def register() -> None:
+    """Draw where something is compared."""
+    global _handle
+    _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+
+
+def unregister() -> None:
+    """Draw no more, and forget what was compared."""
+    global _handle
+    hide()
+    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
+    _handle = None

@@ -1,0 +1,87 @@
+"""What is written under two trees that are compared: rows of a name, a value and a ratio. Knows no Blender."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .compare_trees import Comparison, Side
+    from .sample_rays import RayCost
+
+SAME = 0.005  # ratios as near to 1 as that are told to be 1
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """ratio: to the other side's value, None where there is none to compare with; below 1 is better."""
+
+    name: str
+    value: str
+    ratio: float | None = None
+
+    @property
+    def ratio_text(self) -> str:
+        """Such as "0.76 x"."""
+        if self.ratio is None:
+            return ""
+        return f"{self.ratio:.2f} x" if self.ratio < 9.995 else f"{self.ratio:,.0f} x"
+
+    @property
+    def is_better(self) -> bool:
+        """Noticeably."""
+        return self.ratio is not None and self.ratio < 1.0 - SAME
+
+    @property
+    def is_worse(self) -> bool:
+        """Noticeably."""
+        return self.ratio is not None and self.ratio > 1.0 + SAME
+
+
+def rows_of(side: Side, other: Side | None = None) -> list[Row]:
+    """Of one side; other: what it is compared with."""
+    ratio = _ratio if other is not None else _no_ratio
+    rows = [Row("SAH", f"{side.sah:,.1f}", ratio(side.sah, other and other.sah))]
+    if side.epo is not None:
+        rows.append(Row("End-Point Overlap", f"{side.epo:,.2f}", ratio(side.epo, other and other.epo)))
+    rows.append(Row("Nodes", f"{side.nodes:,}"))
+    rows.append(Row("Leaves", f"{side.leaves:,}"))
+    name = "Refit" if side.is_refitted else "Build"
+    rows.append(Row(name, milliseconds(side.milliseconds), ratio(side.milliseconds, other and other.milliseconds)))
+    rows.append(_of_rays("Primary Ray", side.primary, other and other.primary))
+    if side.diffuse is not None:
+        rows.append(_of_rays("Diffuse Ray", side.diffuse, other and other.diffuse))
+    return rows
+
+
+def heading_of(comparison: Comparison) -> str:
+    """What is compared."""
+    count = len(comparison.shown.mesh.triangles)
+    return f"{comparison.shown.name}, frame {comparison.frame}: {count:,} triangles"
+
+
+def level_line(level: int, depth: int, count: int) -> str:
+    """Which boxes of a side are drawn."""
+    return f"Level {min(level, depth)} of {depth}: {count:,} {'box' if count == 1 else 'boxes'}"
+
+
+def milliseconds(number: float) -> str:
+    """As short as it may be, and no shorter."""
+    if number >= 1000.0:
+        return f"{number / 1000.0:.2f} s"
+    return f"{number:.0f} ms" if number >= 20.0 else f"{number:.1f} ms" if number >= 1.0 else f"{number:.2f} ms"
+
+
+def _of_rays(name: str, cost: RayCost, other: RayCost | None) -> Row:
+    value = f"{cost.nodes:.1f} nodes, {cost.triangles:.1f} triangles"
+    if other is None:
+        return Row(name, value)
+    return Row(name, value, _ratio(cost.nodes + cost.triangles, other.nodes + other.triangles))
+
+
+def _ratio(value: float, other: float | None) -> float | None:
+    return value / other if other else None
+
+
+def _no_ratio(value: float, other: float | None) -> float | None:
+    return None
