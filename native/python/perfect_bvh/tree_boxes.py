@@ -29,8 +29,8 @@ class TreeBoxes:
     ranges: (N, 2) int64: the rows of `primitives` that the box holds, from the first to before the second.
 
     Of the whole tree, whichever levels were listed:
-    primitives: (M,) int32: the triangles of the mesh, or the ids of the instances, leaf after leaf. Where spatial splits
-        have cut triangles, these stand in several leaves.
+    primitives: (M,) int32: the triangles of the mesh, or the ids of the instances, leaf after leaf. Where spatial
+        splits have cut triangles, these stand in several leaves.
     depth: the deepest level.
     sah: all costs together. built_sah: the same when the tree was built; `sah` where it was not refitted since.
     """
@@ -53,7 +53,8 @@ class TreeBoxes:
     @property
     def hit_chances(self) -> npt.NDArray[np.float32]:
         """(N,) float32: how likely a random ray that meets the root's box meets each: its area over the root's."""
-        return self.costs / np.maximum(self.leaf_sizes, 1).astype(np.float32)
+        chances: npt.NDArray[np.float32] = self.costs / np.maximum(self.leaf_sizes, 1).astype(np.float32)
+        return chances
 
     def primitives_of(self, row: int) -> npt.NDArray[np.int32]:
         """(K,) int32: the triangles, or the ids of the instances, that one of the boxes holds."""
