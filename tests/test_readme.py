@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from perfect_bvh_addon.settings.modes import MODE_NAMES
+from perfect_bvh_addon.settings.modes import MODES
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 TEXT = README.read_text(encoding="utf-8")
@@ -21,7 +21,7 @@ def test_there_are_examples() -> None:
 
 def test_it_lists_the_modes() -> None:
     table = TEXT.split("| mode | shows |")[1].split("\n\n")[0]
-    assert sorted(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == sorted(MODE_NAMES)
+    assert sorted(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == sorted(mode.word for mode in MODES)
 
 
 def test_both_commands_install_the_same_system_packages() -> None:

@@ -99,7 +99,7 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
         help="render one frame or an animation",
         description="Render one frame or an animation.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="modes:\n" + "\n".join(f"  {mode.name:<10} {mode.description}" for mode in MODES),
+        epilog="modes:\n" + "\n".join(f"  {mode.word:<10} {mode.description}" for mode in MODES),
     )
     _add_file(parser)
     parser.add_argument(
@@ -121,7 +121,7 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--denoise",
         action=argparse.BooleanOptionalAction,
-        help="whether the noise of preview and clay is taken out (default: as the file says)",
+        help="whether the noise of lit and clay is taken out (default: as the file says)",
     )
     parser.add_argument(
         "--time-limit",
@@ -133,7 +133,7 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
         "--noise-threshold",
         type=_threshold,
         metavar="T",
-        help="where the noise of preview and clay is below this, sampling ends; 0: never (default: as the file says)",
+        help="where the noise of lit and clay is below this, sampling ends; 0: never (default: as the file says)",
     )
     parser.add_argument("--seed", type=_count, metavar="N", help="the pattern of noise (default: as the file says)")
     parser.add_argument(

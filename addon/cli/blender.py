@@ -12,6 +12,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from ..settings.modes import find_mode
 from .arguments import CommandError
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ def apply_settings(scene: bpy.types.Scene, arguments: argparse.Namespace) -> Non
         render.resolution_x, render.resolution_y = arguments.size
         render.resolution_percentage = 100
     if getattr(arguments, "mode", None) is not None:
-        scene.perfect_bvh.mode = arguments.mode.upper()
+        scene.perfect_bvh.mode = find_mode(arguments.mode).name.upper()
     _apply_sampling(scene.perfect_bvh, arguments)
 
 

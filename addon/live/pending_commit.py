@@ -1,9 +1,9 @@
 """Trees that several views share, as one of them sees them: waited for a moment, then built while Blender goes on.
 
-The Rendered viewports of a scene, its overlay and the Preview button look at the same trees. Any of them may read
-Blender again, which stops what another has begun, and Esc gives up what others wait for. So all wait for whatever was
-begun last, and what one view has given up is begun again by the next that needs it. All of this is on Blender's main
-thread.
+The Rendered viewports of a scene, its overlay and views that are rendered to an image look at the same trees. Any of
+them may read Blender again, which stops what another has begun, and Esc gives up what others wait for. So all wait for
+whatever was begun last, and what one view has given up is begun again by the next that needs it. All of this is on
+Blender's main thread.
 """
 
 from __future__ import annotations

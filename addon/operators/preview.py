@@ -1,4 +1,4 @@
-"""The Preview button: the view of a 3D viewport as an image in the Image Editor, whatever the render engine is.
+"""The button Render View to Image: what a 3D viewport shows in the Image Editor, whatever the render engine is.
 
 In a window it works while Blender goes on: trees are built beside it, the image is refined in steps of a timer, each
 round is shown, and Esc stops it with what it has. Without one it does the same in one go, through the scene's camera.
@@ -21,7 +21,7 @@ from ..view3d.screen_image import picture_of
 from ..view3d.view_statistics import remember_view
 from .ticking import Ticking
 
-IMAGE_NAME = "Perfect BVH Preview"
+IMAGE_NAME = "Perfect BVH View"
 # What a tick of the timer may take.
 REFINING_SECONDS = 0.1
 
@@ -30,8 +30,10 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
     """Refines the view in steps of a timer."""
 
     bl_idname = "perfect_bvh.preview"
-    bl_label = "Preview"
-    bl_description = "Render the current view with these settings into an image that the Image Editor shows"
+    bl_label = "Render View to Image"
+    bl_description = (
+        "Render what the 3D viewport shows with these settings into an image, and show it in the Image Editor"
+    )
     bl_options: ClassVar = {"REGISTER"}
 
     _scene_uid: int
@@ -159,7 +161,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         if self._refinement is None:
             state = f"Building trees {self._view.building.share:.0%}"
         else:
-            state = f"Preview: sample {self._refinement.sample_count}/{self._refinement.view.plan.samples}"
+            state = f"Rendering the view: sample {self._refinement.sample_count}/{self._refinement.view.plan.samples}"
         self._tell(context, f"{state}: Esc stops it")
 
     def _end(self, context: bpy.types.Context) -> None:

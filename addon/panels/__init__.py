@@ -5,17 +5,42 @@ from __future__ import annotations
 import bpy
 
 from ..settings.scene_settings import ENGINE_NAME
-from . import bench, borrowed, not_shown, overlay, render, reports, scan, trees
+from . import (
+    bench,
+    borrowed,
+    camera,
+    light,
+    light_paths,
+    material,
+    not_shown,
+    overlay,
+    render,
+    reports,
+    sampling,
+    scan,
+    trees,
+    view_layer,
+    view_menu,
+    visibility,
+    world,
+)
 
 CLASSES = (
     *render.CLASSES,
     *not_shown.CLASSES,
+    *sampling.CLASSES,
+    *light_paths.CLASSES,
+    *render.LAST_CLASSES,
     *overlay.CLASSES,
     *reports.CLASSES,
-    *render.LAST_CLASSES,
-    *borrowed.CLASSES,
-    *trees.CLASSES,
+    *view_layer.CLASSES,
+    *visibility.CLASSES,
+    *camera.CLASSES,
+    *light.CLASSES,
+    *material.CLASSES,
+    *world.CLASSES,
     *scan.CLASSES,
+    *trees.CLASSES,
     *bench.CLASSES,
 )
 
@@ -25,9 +50,13 @@ def register() -> None:
         bpy.utils.register_class(panel)
     for panel in borrowed.shared_panels():
         panel.COMPAT_ENGINES.add(ENGINE_NAME)
+    for module in (view_menu, visibility):
+        module.register()
 
 
 def unregister() -> None:
+    for module in (visibility, view_menu):
+        module.unregister()
     for panel in borrowed.shared_panels():
         panel.COMPAT_ENGINES.discard(ENGINE_NAME)
     for panel in reversed((*not_shown.LISTS, *CLASSES)):

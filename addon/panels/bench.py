@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from typing import ClassVar
 
 import bpy
 
@@ -17,7 +16,6 @@ class PERFECT_BVH_PT_bench(SidebarPanel, bpy.types.Panel):
     """Measures the scene and shows what that has found."""
 
     bl_label = "Bench"
-    bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         text = "Measures builders, layouts and policies on this scene for about a minute"

@@ -28,10 +28,9 @@ class RenderPanel:
         return context.engine in cls.COMPAT_ENGINES
 
 
-class SubPanel(RenderPanel):
-    """One of the panels that fold out under the main one: not where that says that the engine cannot run."""
+class EnginePanel(RenderPanel):
+    """A panel of the engine's settings: not where the first one says that the engine cannot run."""
 
-    bl_parent_id = "PERFECT_BVH_PT_render"
     bl_options: ClassVar = {"DEFAULT_CLOSED"}
 
     @classmethod

@@ -8,7 +8,7 @@ import bpy
 
 from ..statistics.not_shown import line_of, told
 from ..sync.not_shown import SELECTABLE
-from .common import SubPanel, draw_lines
+from .common import EnginePanel, draw_lines
 
 ICONS = {
     "library": "LIBRARY_DATA_BROKEN",
@@ -47,7 +47,7 @@ class PERFECT_BVH_UL_not_shown(bpy.types.UIList):
         return [self.bitflag_filter_item if is_shown else 0 for is_shown in shown], []
 
 
-class PERFECT_BVH_PT_not_shown(SubPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_not_shown(EnginePanel, bpy.types.Panel):
     """The list, and a button that selects what the chosen row is about."""
 
     bl_label = "Not Shown"

@@ -5,10 +5,10 @@ from __future__ import annotations
 import bpy
 
 from ..view3d.overlay import Shown, overlay_of
-from .common import SubPanel, draw_lines, settings_layout
+from .common import EnginePanel, draw_lines, settings_layout
 
 
-class PERFECT_BVH_PT_overlay(SubPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_overlay(EnginePanel, bpy.types.Panel):
     """The trees' boxes, level by level."""
 
     bl_label = "Tree Overlay"

@@ -1,4 +1,4 @@
-"""What the image shows, how it is computed, and Blender's own Simplify settings."""
+"""What the image shows, its background, threads, and Blender's own Simplify settings."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from typing import ClassVar
 
 import bpy
 
-from ..settings.denoisers import denoiser_in_use
 from ..settings.modes import find_mode
 from ..settings.preferences import native_error
-from .common import RenderPanel, SubPanel, draw_lines, settings_layout
+from .common import EnginePanel, RenderPanel, draw_lines, settings_layout
 
 
 class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
-    """What the image shows and how many samples it takes."""
+    """What the image shows: the first thing below the choice of the engine, like Cycles' device."""
 
     bl_label = "Perfect BVH"
+    bl_options: ClassVar = {"HIDE_HEADER"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = settings_layout(self)
@@ -26,42 +26,19 @@ class PERFECT_BVH_PT_render(RenderPanel, bpy.types.Panel):
             box.label(text="The engine cannot run", icon="ERROR")
             draw_lines(context, box, error)
             return
-        scene = context.scene
-        settings = scene.perfect_bvh
-        column = layout.column(align=True)
-        column.use_property_split = False
-        column.operator("perfect_bvh.preview", icon="IMAGE_DATA")
-        column.prop(settings, "preview_percentage", text="Size")
+        settings = context.scene.perfect_bvh
         layout.prop(settings, "mode")
-        layout.prop(settings, "samples")
         if find_mode(settings.mode.lower()).offers_grey:
             layout.prop(settings, "use_material_colors")
         if settings.mode == "CLAY":
             layout.prop(settings, "ao_distance")
         _draw_view_hint(context, layout)
+        column = layout.column(align=True)
+        column.operator("perfect_bvh.preview", icon="RENDER_STILL")
+        column.prop(settings, "preview_percentage", text="Size")
 
 
-class PERFECT_BVH_PT_sampling(SubPanel, bpy.types.Panel):
-    """How much work goes into images beside a render's samples, and what is done about the noise that is left."""
-
-    bl_label = "Sampling"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = settings_layout(self)
-        settings = context.scene.perfect_bvh
-        _draw_threshold(layout, settings, "", "Noise Threshold")
-        layout.prop(settings, "viewport_samples")
-        _draw_threshold(layout, settings, "viewport_", "Viewport Noise")
-        layout.prop(settings, "time_limit")
-        layout.prop(settings, "seed")
-        column = layout.column(heading="Denoise", align=True)
-        column.active = find_mode(settings.mode.lower()).is_noisy
-        column.prop(settings, "use_denoising", text="Render")
-        column.prop(settings, "use_viewport_denoising", text="Viewport")
-        draw_lines(context, column, f"by {denoiser_in_use()}")
-
-
-class PERFECT_BVH_PT_film(SubPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_film(EnginePanel, bpy.types.Panel):
     """The background's alpha."""
 
     bl_label = "Film"
@@ -71,7 +48,7 @@ class PERFECT_BVH_PT_film(SubPanel, bpy.types.Panel):
         layout.prop(context.scene.render, "film_transparent", text="Transparent")
 
 
-class PERFECT_BVH_PT_performance(SubPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_performance(EnginePanel, bpy.types.Panel):
     """Threads, and whether Blender keeps its evaluated scene from frame to frame."""
 
     bl_label = "Performance"
@@ -114,18 +91,6 @@ class PERFECT_BVH_PT_simplify_render(RenderPanel, bpy.types.Panel):
     draw = bpy.types.RENDER_PT_simplify_render.draw
 
 
-def _draw_threshold(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, kind: str, heading: str) -> None:
-    """A switch with its value beside it, as Cycles has it, and what counts only then. kind: of the properties."""
-    column = layout.column()
-    column.active = find_mode(settings.mode.lower()).is_noisy
-    row = column.column(heading=heading, align=True).row(align=True)
-    row.prop(settings, f"use_{kind}noise_threshold", text="")
-    value, least = row.row(), column.row()
-    value.active = least.active = getattr(settings, f"use_{kind}noise_threshold")
-    value.prop(settings, f"{kind}noise_threshold", text="")
-    least.prop(settings, f"{kind}min_samples", text="Min Samples")
-
-
 def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
     """Files of data modes bypass the scene's view transform; what the Image Editor shows does not."""
     scene = context.scene
@@ -136,6 +101,12 @@ def _draw_view_hint(context: bpy.types.Context, layout: bpy.types.UILayout) -> N
         column.prop(scene.view_settings, "view_transform", text="View Transform")
 
 
-CLASSES = (PERFECT_BVH_PT_render, PERFECT_BVH_PT_sampling, PERFECT_BVH_PT_film, PERFECT_BVH_PT_performance)
-# After everything that belongs into the panel above.
-LAST_CLASSES = (PERFECT_BVH_PT_simplify, PERFECT_BVH_PT_simplify_viewport, PERFECT_BVH_PT_simplify_render)
+CLASSES = (PERFECT_BVH_PT_render,)
+# After the panels of Sampling and of Light Paths.
+LAST_CLASSES = (
+    PERFECT_BVH_PT_film,
+    PERFECT_BVH_PT_simplify,
+    PERFECT_BVH_PT_simplify_viewport,
+    PERFECT_BVH_PT_simplify_render,
+    PERFECT_BVH_PT_performance,
+)

@@ -9,7 +9,7 @@ import bpy
 from ..statistics.last_result import is_outdated, last_statistics
 from ..statistics.summary import PlanRow, count_meshes, plan_rows, statistics_rows
 from ..statistics.words import duration, memory
-from .common import RenderPanel, SubPanel, draw_lines
+from .common import EnginePanel, RenderPanel, draw_lines
 
 SHOWN_WARNINGS = 3
 
@@ -18,7 +18,6 @@ class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
     """How long each step of the last render, preview or view of this scene took, and what it was done to."""
 
     bl_label = "Statistics"
-    bl_parent_id = "PERFECT_BVH_PT_render"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -40,7 +39,7 @@ class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
             draw_lines(context, self.layout, "The scene has changed since", icon="INFO")
 
 
-class PERFECT_BVH_PT_plan(SubPanel, bpy.types.Panel):
+class PERFECT_BVH_PT_plan(EnginePanel, bpy.types.Panel):
     """What was done last with each mesh's tree, and why; first those that cost the camera rays most."""
 
     bl_label = "Plan"

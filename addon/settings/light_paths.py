@@ -25,14 +25,19 @@ _NAMES = {
 _MOST_BOUNCES = 250
 
 
+def light_path_settings(scene: bpy.types.Scene) -> bpy.types.bpy_struct | None:
+    """What holds them; None where Cycles is disabled."""
+    return getattr(scene, "cycles", None)
+
+
 def read_light_paths(scene: bpy.types.Scene) -> LightPaths:
     """Cycles' settings of `scene`; the engine's own where Cycles is not there."""
     import perfect_bvh
 
-    cycles = getattr(scene, "cycles", None)
-    if cycles is None:
+    settings = light_path_settings(scene)
+    if settings is None:
         return perfect_bvh.LightPaths()
-    values = {ours: getattr(cycles, name) for name, ours in _NAMES.items()}
+    values = {ours: getattr(settings, name) for name, ours in _NAMES.items()}
     return perfect_bvh.LightPaths(
         **{name: min(value, _MOST_BOUNCES) if name.endswith("_bounces") else value for name, value in values.items()}
     )

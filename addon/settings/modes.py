@@ -16,8 +16,8 @@ from dataclasses import dataclass
 class Mode:
     """A shading mode.
 
-    name: as `perfect_bvh.render` and the command line take it. number: what a .blend file keeps of the choice, so it
-    never changes. view: the view transform that shows it, None for the scene's own. has_range: its values are
+    name: as `perfect_bvh.render` takes it. label: as users see it. number: what a .blend file keeps of the choice, so
+    it never changes. view: the view transform that shows it, None for the scene's own. has_range: its values are
     distances, which an image file of bytes cannot hold as they are. rays_per_sample: how many rays a sample of a pixel
     casts at most. is_noisy: whether its light comes from rays at random, so that a denoiser is of use.
 
@@ -40,6 +40,11 @@ class Mode:
     offers_grey: bool = False
     shading: bool = False
 
+    @property
+    def word(self) -> str:
+        """What users type for it: the word that they see."""
+        return self.label.lower()
+
 
 MODES: tuple[Mode, ...] = (
     # The camera's, one to the light there, one that bounces. How many more follow is not known before; what is planned
@@ -47,7 +52,7 @@ MODES: tuple[Mode, ...] = (
     Mode(
         "preview",
         0,
-        "Preview",
+        "Lit",
         "The scene under its own lights and world, with all the bounces of light that its Light Paths allow",
         rays_per_sample=3,
         is_noisy=True,
@@ -101,8 +106,8 @@ DEFAULT_MODE = "preview"
 
 
 def find_mode(name: str) -> Mode:
-    """The mode called `name`; a ValueError that lists them all if there is none."""
+    """The mode of this name, or of this word; a ValueError that lists them all if there is none."""
     for mode in MODES:
-        if mode.name == name:
+        if name in (mode.name, mode.word):
             return mode
-    raise ValueError(f"unknown mode {name!r}; the modes are {', '.join(MODE_NAMES)}")
+    raise ValueError(f"unknown mode {name!r}; the modes are {', '.join(mode.word for mode in MODES)}")

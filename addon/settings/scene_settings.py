@@ -185,7 +185,7 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     )
     samples: bpy.props.IntProperty(
         name="Samples",
-        description="Camera rays for each pixel of a render, and of what the Preview button makes",
+        description="Camera rays for each pixel of a render, and of a view that is rendered to an image",
         default=16,
         min=1,
         soft_max=256,
@@ -247,7 +247,7 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     )
     use_denoising: bpy.props.BoolProperty(
         name="Denoise",
-        description="Take the noise out of renders and previews, guided by what colors and normals surfaces have",
+        description="Take the noise out of renders, guided by what colors and normals surfaces have",
         default=True,
     )
     use_viewport_denoising: bpy.props.BoolProperty(
@@ -280,8 +280,8 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
         name="Material Colors", description="The viewport colors of the materials instead of grey", default=True
     )
     preview_percentage: bpy.props.IntProperty(
-        name="Preview Size",
-        description="Size of the preview, compared with the viewport, or with the render where there is no viewport",
+        name="Image Size",
+        description="Size of the image, compared with the viewport, or with the render where there is no viewport",
         default=100,
         min=1,
         max=100,

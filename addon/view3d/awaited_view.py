@@ -102,7 +102,7 @@ def await_view(context: bpy.types.Context) -> AwaitedView:
 
 
 def _scaled(plan: RenderPlan, scene: bpy.types.Scene) -> RenderPlan:
-    """What the Preview button makes of it."""
+    """As large as the image is to be that the view is rendered to."""
     percentage = scene.perfect_bvh.preview_percentage
     width, height = (max(1, round(length * percentage / 100)) for length in plan.size)
     return plan_view(plan.settings, (width, height))

@@ -237,7 +237,7 @@ def run(*arguments: object) -> int:
         unregister()
 
 
-@pytest.mark.parametrize("mode", MODE_NAMES)
+@pytest.mark.parametrize("mode", [*MODE_NAMES, "lit"])
 def test_every_mode_writes_an_image(mode: str, small_file: Path, tmp_path: Path, capfd) -> None:
     from oracles.png import read_png
 

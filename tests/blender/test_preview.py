@@ -10,7 +10,7 @@ bpy = pytest.importorskip("bpy")
 import perfect_bvh  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import syncs_of  # noqa: E402
 
-NAME = "Perfect BVH Preview"
+NAME = "Perfect BVH View"
 
 
 pytestmark = pytest.mark.usefixtures("registered")

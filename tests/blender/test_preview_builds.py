@@ -30,7 +30,7 @@ from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
 from perfect_bvh_addon.operators import preview  # noqa: E402
 from perfect_bvh_addon.statistics import last_result  # noqa: E402
 
-NAME = "Perfect BVH Preview"
+NAME = "Perfect BVH View"
 
 
 @pytest.fixture(autouse=True)

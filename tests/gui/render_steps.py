@@ -36,7 +36,7 @@ def press_preview() -> Step:
     """Its image takes the place of the 3D viewport, or a window of its own, until that is closed."""
     settings().preview_percentage = 50
     yield from find_and_press_preview()
-    yield from wait_until(lambda: "Perfect BVH Preview" in bpy.data.images, "no image of the preview")
+    yield from wait_until(lambda: "Perfect BVH View" in bpy.data.images, "no image of the preview")
     yield from wait_until(lambda: not is_working(), "the preview does not end")
     yield from redrawn()
     screenshot("preview")
@@ -44,7 +44,7 @@ def press_preview() -> Step:
     editors = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
     shown = [area for area in editors if area.type == "IMAGE_EDITOR"]
     names = [area.spaces.active.image.name for area in shown]
-    check(names == ["Perfect BVH Preview"], f"Image Editors show {names}")
+    check(names == ["Perfect BVH View"], f"Image Editors show {names}")
     check_shows_whole(shown[0])
     settings().preview_percentage = 100
     yield from close_image_windows()
@@ -52,7 +52,7 @@ def press_preview() -> Step:
 
 def stop_a_preview_while_it_builds() -> Step:
     """Escape before there is an image; the next one is built and shown."""
-    name = "Perfect BVH Preview"
+    name = "Perfect BVH View"
     if name in bpy.data.images:
         bpy.data.images.remove(bpy.data.images[name])
 

@@ -1,0 +1,32 @@
+"""The passes that the engine writes beside Combined."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..settings.denoisers import denoising_data_settings
+from .common import RenderPanel, settings_layout
+
+
+class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
+    """The passes that the engine writes beside Combined."""
+
+    bl_label = "Data"
+    bl_context = "view_layer"
+    bl_parent_id = "VIEWLAYER_PT_layer_passes"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = settings_layout(self)
+        view_layer = context.view_layer
+        column = layout.column(heading="Include", align=True)
+        column.prop(view_layer, "use_pass_z")
+        column.prop(view_layer, "use_pass_normal")
+        column = layout.column(heading="Indexes", align=True)
+        column.prop(view_layer, "use_pass_object_index")
+        column.prop(view_layer, "use_pass_material_index")
+        denoising = denoising_data_settings(view_layer)
+        if denoising is not None:
+            layout.prop(denoising, "denoising_store_passes", text="Denoising Data")
+
+
+CLASSES = (PERFECT_BVH_PT_passes,)
