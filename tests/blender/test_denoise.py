@@ -82,7 +82,7 @@ def expect(
     if noise is None:
         return clean
     again = denoise(color - noise[NOISY], *guides, quality=quality, prefilter="none")
-    return perfect_bvh.restore_detail(images["combined"], noise["combined"], clean, again)
+    return perfect_bvh.restore_detail(images["combined"], noise["combined"], clean, again, *guides)
 
 
 def trace(scene: bpy.types.Scene) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -107,7 +107,9 @@ def trace(scene: bpy.types.Scene) -> tuple[dict[str, np.ndarray], dict[str, np.n
     return images, noise
 
 
-@pytest.mark.parametrize(("samples", "quality"), [(1, "fast"), (2, "fast"), (15, "fast"), (16, "balanced")])
+@pytest.mark.parametrize(
+    ("samples", "quality"), [(1, "fast"), (2, "fast"), (15, "fast"), (16, "balanced"), (64, "high")]
+)
 def test_renders_are_denoised_unless_told_otherwise(
     scene: bpy.types.Scene, samples: int, quality: DenoiseQuality
 ) -> None:

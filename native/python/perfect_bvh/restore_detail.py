@@ -7,6 +7,9 @@ let through; none of which takes the converged image to be known (Stein 1981, "E
 Normal Distribution"). How much comes through is found by trying: the same image with other noise is denoised as well
 (Ramani, Blu and Unser 2008, "Monte-Carlo SURE"). Renderers' images are mixed like that, by a network, in Firmino,
 Frisvad and Jensen 2022, "Progressive Denoising of Monte Carlo Rendered Images".
+
+Detail is looked for where surfaces have some. On an even one light alone varies, of which denoisers make more; and what
+few samples find there, bright and seldom, would be taken for detail wherever it is not seen in the noise.
 """
 
 from __future__ import annotations
@@ -24,10 +27,18 @@ _BLOCK_SIZE = 8  # pixels each way that are judged together, smoothly between th
 _DARK = 0.03
 # What is farther off than its own brightness is no matter of degree: fireflies would decide over their blocks.
 _FARTHEST = 1.0
+# By so much colours or normals of neighbouring pixels differ where there is surely none, surely some detail.
+_EVEN, _UNEVEN = 0.03, 0.2
+_NORMAL_WEIGHT = 0.5  # of -1 to 1, beside colours of 0 to 1
 
 
 def restore_detail(
-    image: npt.ArrayLike, noise: npt.ArrayLike, denoised: npt.ArrayLike, denoised_again: npt.ArrayLike
+    image: npt.ArrayLike,
+    noise: npt.ArrayLike,
+    denoised: npt.ArrayLike,
+    denoised_again: npt.ArrayLike,
+    albedo: npt.ArrayLike,
+    normal: npt.ArrayLike,
 ) -> Image:
     """The mean of a traced image and the denoised one that is nearest to the converged image, weighed place by place.
 
@@ -36,8 +47,11 @@ def restore_detail(
     denoised: what a `Denoiser` makes of "denoising_color".
     denoised_again: what the same one, with the same guides, makes of "denoising_color" less its `noise`.
 
-    All of one shape. Where `noise` is zero all around, `image` stays; so it must not be of a single round of samples.
-    `denoised` stays in pixels of `image` that are not finite. Returns float32 of that shape, a new array.
+    albedo, normal: (H, W, 3), what guides it.
+
+    All but the guides of one shape. Where `noise` is zero all around, `image` counts alone; so it must not be of a
+    single round of samples. `denoised` stays in pixels of `image` that are not finite, and on even surfaces. Returns
+    float32 of that shape, a new array.
 
     Raises ValueError for arrays of another shape.
     """
@@ -50,9 +64,34 @@ def restore_detail(
         if array.shape != shape:
             raise ValueError(f"restore_detail: {name} must have the shape of image, {shape}, got {array.shape}")
     raw, error, clean, again = (array.astype(np.float32, copy=False) for array in arrays.values())
-    share = _share_of_raw(raw[..., :3], error[..., :3], clean[..., :3], again[..., :3])[..., np.newaxis]
+    share = _share_of_raw(raw[..., :3], error[..., :3], clean[..., :3], again[..., :3])
+    share = (share * _unevenness(_guide("albedo", albedo, shape), _guide("normal", normal, shape)))[..., np.newaxis]
     mixed = clean + (raw - clean) * share
     return np.where(np.isfinite(mixed), mixed, clean)
+
+
+def _guide(name: str, value: npt.ArrayLike, shape: tuple[int, ...]) -> Image:
+    array = as_array("restore_detail", name, value)
+    if array.shape != (*shape[:2], 3):
+        raise ValueError(f"restore_detail: {name} must have shape {(*shape[:2], 3)}, got {array.shape}")
+    return _finite(array.astype(np.float32))
+
+
+def _unevenness(albedo: Image, normal: Image) -> Values:
+    """(H, W) 0 to 1, whether surfaces differ between a pixel or one beside it and its neighbours."""
+    largest = np.zeros(albedo.shape[:2], np.float32)
+    for guide, weight in ((albedo, 1.0), (normal, _NORMAL_WEIGHT)):
+        for ahead, behind in ((np.s_[1:], np.s_[:-1]), (np.s_[:, 1:], np.s_[:, :-1])):
+            step = np.abs(guide[ahead] - guide[behind]).max(axis=2, initial=0.0) * np.float32(weight)
+            for side in (ahead, behind):
+                np.maximum(largest[side], step, out=largest[side])
+    for ahead, behind in ((np.s_[1:], np.s_[:-1]), (np.s_[:, 1:], np.s_[:, :-1])):
+        before = largest.copy()
+        np.maximum(largest[ahead], before[behind], out=largest[ahead])
+        np.maximum(largest[behind], before[ahead], out=largest[behind])
+    place = np.clip((largest - _EVEN) / (_UNEVEN - _EVEN), 0.0, 1.0)
+    smooth: Values = place * place * (3.0 - 2.0 * place)
+    return smooth
 
 
 def _share_of_raw(raw: Image, error: Image, clean: Image, again: Image) -> Values:
