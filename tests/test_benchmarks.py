@@ -302,6 +302,17 @@ def test_errors_of_images_are_measured_beside_cycles(repository: Path, tmp_path:
     assert set(figures["cpu_to_equal_error"]["4"]["scenes"]) == {"gears", "cloth"}
 
 
+def test_converged_images_are_compared_with_cycles(repository: Path, tmp_path: Path) -> None:
+    pytest.importorskip("bpy", reason="Blender's module is not installed")
+    words = ["--scenes", "gears", "--size", "96", "--samples", "32"]
+    (scene,) = figures_of(repository, tmp_path, "converged.py", *words)["scenes"]
+    assert scene["name"] == "gears" and len(scene["mean"]) == 3
+    assert all(abs(off) < 0.03 for off in scene["mean"])
+    for kind in ("pixels", "blocks"):
+        assert 0.0 < scene[kind]["p50"] < scene[kind]["p95"]
+    assert scene["blocks"]["p95"] < 0.5 * scene["pixels"]["p95"], "most of it is noise"
+
+
 def test_the_first_image_is_timed_beside_cycles(repository: Path, tmp_path: Path) -> None:
     pytest.importorskip("bpy", reason="Blender's module is not installed")
     words = ["--scenes", "gears", "--size", "64", "--rounds", "2"]

@@ -1,0 +1,97 @@
+"""How far our image is from Cycles' once both have converged: the same light, to within the noise that is left.
+
+    python tests/benchmarks/converged.py --json converged.json
+
+Each example scene as it is but for motion blur, without denoisers, each engine from numbers of its own. The difference
+of the means, by channel; that of pixels and of blocks of 8 x 8, whose noise is an eighth, in parts of their brightness,
+of at least 0.02 of the image's mean. Much work: some 20 minutes a scene at 2,048 samples on two cores.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+import perfect_bvh_addon
+from benchmarks.image_error import REFERENCE_SEED, SCENES
+from benchmarks.machine import describe
+from benchmarks.tables import format_table
+from oracles.cycles import preserved, render_beside
+from tqdm import tqdm
+
+Image = npt.NDArray[np.float64]
+BLOCK = 8
+DARKEST = 0.02
+HEADINGS = ("scene", "red %", "green %", "blue %", "pixels p50 %", "p95 %", "blocks p50 %", "p95 %")
+
+
+def main() -> None:
+    """Render, write the JSON, print a table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = parser.add_argument
+    add("--json", type=Path, required=True, metavar="OUT.json", help="where the figures go")
+    add("--scenes", nargs="+", default=sorted(path.stem for path in SCENES.glob("*.blend")), help="of blend_scenes")
+    add("--size", type=int, default=480, metavar="W", help="of the images, 16:9")
+    add("--samples", type=int, default=2048, metavar="N", help="of each pixel")
+    chosen = parser.parse_args()
+    perfect_bvh_addon.register()
+    rows = [measure(name, chosen.size, chosen.samples) for name in tqdm(chosen.scenes, unit="scene")]
+    figures = {"machine": describe(), "width": chosen.size, "samples": chosen.samples, "scenes": rows}
+    chosen.json.parent.mkdir(parents=True, exist_ok=True)
+    chosen.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    print(format_table(HEADINGS, [cells_of(row) for row in rows]))
+
+
+def measure(name: str, width: int, samples: int) -> dict[str, Any]:
+    """One scene."""
+    bpy.ops.wm.open_mainfile(filepath=str(SCENES / f"{name}.blend"))
+    scene = bpy.context.scene
+    render = scene.render
+    with preserved(
+        (render, "resolution_x", width),
+        (render, "resolution_y", width * 9 // 16),
+        (render, "resolution_percentage", 100),
+        (render, "use_motion_blur", False),
+        (scene.cycles, "seed", REFERENCE_SEED),
+    ):
+        ours, theirs = (image[..., :3].astype(np.float64) for image in render_beside(scene, samples))
+    off = ours.mean(axis=(0, 1)) / theirs.mean(axis=(0, 1)) - 1.0
+    return {
+        "name": name,
+        "mean": off.tolist(),
+        "pixels": quantiles(ours, theirs),
+        "blocks": quantiles(blocks(ours), blocks(theirs)),
+    }
+
+
+def blocks(image: Image) -> Image:
+    """Their means; what does not fill one at the right and below is left out."""
+    height, width = image.shape[0] // BLOCK, image.shape[1] // BLOCK
+    whole = image[: height * BLOCK, : width * BLOCK]
+    means: Image = whole.reshape(height, BLOCK, width, BLOCK, 3).mean(axis=(1, 3))
+    return means
+
+
+def quantiles(ours: Image, theirs: Image) -> dict[str, float]:
+    """Of the differences, in parts of the brightness."""
+    brightness = np.maximum(theirs.mean(axis=2), DARKEST * theirs.mean())
+    difference = np.abs(ours - theirs).mean(axis=2) / brightness
+    return {f"p{part}": float(np.quantile(difference, part / 100)) for part in (50, 95)}
+
+
+def cells_of(row: dict[str, Any]) -> tuple[str, ...]:
+    """As a line of the table."""
+    parts = [*row["mean"], *(row[kind][part] for kind in ("pixels", "blocks") for part in ("p50", "p95"))]
+    return row["name"], *(f"{100 * part:.2f}" for part in parts)
+
+
+if __name__ == "__main__":
+    main()
