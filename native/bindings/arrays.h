@@ -7,6 +7,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "math/vec3.h"
 
@@ -28,6 +29,12 @@ std::span<const Vec3<T>> as_vectors(const Array<T>& array) {
 template <class T>
 std::span<const T> as_span(const Array<T>& array) {
   return {array.data(), static_cast<std::size_t>(array.size())};
+}
+
+// A copy.
+template <class T>
+Array<T> to_column(const std::vector<T>& values) {
+  return Array<T>(static_cast<py::ssize_t>(values.size()), values.data());
 }
 
 }  // namespace perfect_bvh::bindings

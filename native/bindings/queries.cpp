@@ -10,6 +10,7 @@
 #include "query/closest_points.h"
 #include "query/intersections.h"
 #include "query/ray_batch.h"
+#include "query/ray_walk.h"
 
 namespace perfect_bvh::bindings {
 namespace {
@@ -132,6 +133,19 @@ void check_splits(std::span<const std::int64_t> splits) {
   }
 }
 
+py::dict to_dict(const RayWalk& walk) {
+  static_assert(sizeof(WalkEvent) == 1);
+  const Array<std::uint8_t> events(static_cast<py::ssize_t>(walk.count()),
+                                   reinterpret_cast<const std::uint8_t*>(walk.events.data()));
+  return py::dict(py::arg("events") = events, py::arg("bounds") = to_column(walk.bounds).reshape({-1, 2, 3}),
+                  py::arg("transforms") = to_column(walk.transforms).reshape({-1, 3, 4}),
+                  py::arg("triangles") = to_column(walk.triangles).reshape({-1, 3, 3}),
+                  py::arg("t") = to_column(walk.t), py::arg("nearest_t") = to_column(walk.nearest_t),
+                  py::arg("levels") = to_column(walk.levels), py::arg("instance_ids") = to_column(walk.instance_ids),
+                  py::arg("mesh_ids") = to_column(walk.mesh_ids),
+                  py::arg("primitive_ids") = to_column(walk.primitive_ids));
+}
+
 }  // namespace
 
 void bind_queries(py::module_& module) {
@@ -243,6 +257,19 @@ void bind_queries(py::module_& module) {
       },
       py::arg("points").noconvert(), py::arg("max_distances").noconvert(), py::arg("masks").noconvert(),
       py::arg("outputs"), py::arg("threads"), py::arg("progress"));
+  snapshot.def(
+      "walk_ray",
+      [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
+         const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull,
+         const py::object& progress) {
+        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
+        if (rays.count != 1) throw std::invalid_argument("_core: walk_ray takes one ray");
+        const Ray ray = load_ray(rays, 0);
+        return to_dict(
+            with_progress(progress, [&](CancelToken& cancel) { return walk_ray(self, ray, rays.cull, cancel); }));
+      },
+      py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
+      py::arg("masks").noconvert(), py::arg("cull"), py::arg("progress"));
 }
 
 }  // namespace perfect_bvh::bindings

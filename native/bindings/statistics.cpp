@@ -50,11 +50,6 @@ py::dict to_dict(const SceneStatistics& statistics) {
                   py::arg("generation") = statistics.generation);
 }
 
-template <class T>
-Array<T> to_column(const std::vector<T>& values) {
-  return Array<T>(static_cast<py::ssize_t>(values.size()), values.data());
-}
-
 py::dict to_dict(const TreeBoxes& boxes) {
   return py::dict(
       py::arg("boxes") = to_column(boxes.corners).reshape({-1, 2, 3}), py::arg("levels") = to_column(boxes.levels),

@@ -226,6 +226,7 @@ QUERIES: dict[str, Callable[[SceneSync], object]] = {
     "count_intersections": lambda sync: sync.scene.count_intersections(ORIGINS, DOWN),
     "list_intersections": lambda sync: sync.scene.list_intersections(ORIGINS, DOWN),
     "compute_closest_points": lambda sync: sync.scene.compute_closest_points(ORIGINS),
+    "walk_ray": lambda sync: sync.scene.walk_ray(ORIGINS[0, 0], DOWN),
     "statistics": lambda sync: sync.scene.statistics(),
     "snapshot": lambda sync: sync.scene.snapshot(),
     "render": lambda sync: perfect_bvh.render(sync.scene, camera(sync), mode="normal", size=(8, 4), samples=1),

@@ -23,6 +23,7 @@ from .hits import Hits
 from .isa import active_isa, available_isas, set_active_isa
 from .light_paths import LightPaths
 from .queries import Intersections, Queries
+from .ray_walk import RayWalk, WalkEvent
 from .render import (
     MODES,
     PASSES,
@@ -66,6 +67,7 @@ __all__ = [
     "MeshAppearance",
     "MeshReport",
     "Queries",
+    "RayWalk",
     "RenderAudit",
     "RenderOptions",
     "Scene",
@@ -76,6 +78,7 @@ __all__ = [
     "TopLevelReport",
     "TreeBoxes",
     "TreeStatistics",
+    "WalkEvent",
     "World",
     "__version__",
     "active_isa",

@@ -137,6 +137,16 @@ class Snapshot:
         threads: int,
         progress: _Progress,
     ) -> int: ...
+    def walk_ray(
+        self,
+        origins: npt.NDArray[Any],
+        directions: npt.NDArray[Any],
+        t_min: _Float,
+        t_max: _Float,
+        masks: _Mask,
+        cull: str,
+        progress: _Progress,
+    ) -> dict[str, npt.NDArray[Any]]: ...
 
 def make_scene() -> Scene: ...
 

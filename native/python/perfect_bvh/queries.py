@@ -15,6 +15,7 @@ from .audit import AUDITED_FIELDS, audit_answers
 from .build_config import COSTS, checked_number
 from .closest_points import ClosestPoints, allocate_closest
 from .hits import DEFAULT_FIELDS, Hits, allocate_columns
+from .ray_walk import RayWalk
 from .report import SceneStatistics
 
 Cull = Literal["none", "back", "front"]
@@ -205,6 +206,30 @@ class Queries:
             inner = inner if first == 0 else inner - first
             invalid += snapshot.list_intersections(*_five(piece.columns), cull, inner, part, threads, piece.progress)
         return Intersections(Hits(columns, invalid, snapshot.generation, snapshot.scene_id), splits)
+
+    def walk_ray(
+        self,
+        origin: npt.ArrayLike,
+        direction: npt.ArrayLike,
+        t_min: float = 0.0,
+        t_max: float = np.inf,
+        mask: int = ALL_MASK,
+        cull: Cull = "none",
+        progress: Progress | None = None,
+    ) -> RayWalk:
+        """What one ray does on its way through the trees: each box and each triangle that it looks at, in order.
+
+        origin, direction: (3,), float32 or float64. For the other arguments see `Queries`.
+
+        Returns `RayWalk`. It ends at the hit that `cast_rays` answers, after as many nodes and triangles as its
+        nodes_visited and primitives_tested count. An invalid ray hits nothing. Some 300 bytes for each event; a ray
+        through a usual scene has some hundreds.
+        """
+        batch = ray_batch("walk_ray", origin, direction, t_min, t_max, mask, cull, 0)
+        if batch.shape != ():
+            raise ValueError(f"walk_ray: origin and direction must have shape (3,), got rays of shape {batch.shape}")
+        piece = next(batch.pieces(progress))
+        return RayWalk(**self._committed().walk_ray(*_five(piece.columns), cull, progress))
 
     def compute_closest_points(
         self,

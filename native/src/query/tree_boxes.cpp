@@ -202,7 +202,8 @@ const Blas& find_mesh(const Snapshot& snapshot, std::int32_t mesh_id) {
   throw InvalidArgument("tree_boxes: mesh_id " + std::to_string(mesh_id) + " is not in this snapshot");
 }
 
-// The top level's own root box, in its stored scale: a root that is an instance has no node around it.
+}  // namespace
+
 Aabb bounds_of_top_level(const Snapshot& snapshot) {
   const WideBvh& tree = snapshot.top_level;
   if (tree.is_empty) return {};
@@ -210,8 +211,6 @@ Aabb bounds_of_top_level(const Snapshot& snapshot) {
   const Aabb box = snapshot.tlas.nodes[0].box();
   return {box.lower * tree.scale, box.upper * tree.scale};
 }
-
-}  // namespace
 
 TreeBoxes list_tree_boxes(const Snapshot& snapshot, std::optional<std::int32_t> mesh_id, LevelRange levels,
                           CancelToken& cancel) {

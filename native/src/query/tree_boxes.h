@@ -36,6 +36,9 @@ struct LevelRange {
   bool with_leaves_above = false;
 };
 
+// The top level's own root box, in its stored scale: a root that is an instance has no node around it.
+[[nodiscard]] Aabb bounds_of_top_level(const Snapshot& snapshot);
+
 // The tree of a mesh, in the space of its object as the caller gave it, or the top level (no mesh_id), in the world.
 // A lazy mesh that no ray has reached has no boxes.
 // Costs are those of a random ray through the root's box, 1 for each visited node and each tested triangle or instance:

@@ -114,6 +114,26 @@ inline bool wins_tie(const InstanceView* instances, std::uint32_t instance, std:
   return mine.order != holder.order ? mine.order < holder.order : mine.id < holder.id;
 }
 
+// A candidate becomes the slot's best hit, if it is one.
+template <class Leaf>
+PERFECT_BVH_INLINE bool take_hit(Slot& slot, const InstanceView* instances, const Ray& ray, Cull cull, const Leaf& leaf,
+                                 int lane, const LeafCandidates& candidates) noexcept {
+  const double t = candidate_t(candidates, lane, leaf, slot.triangle.ray, slot.time);
+  if (!(is_in_range(t, ray) && t <= slot.best_t)) return false;
+  if (is_culled(cull, candidates.sums[lane], slot.triangle.ray, instances[slot.instance])) return false;
+  const std::uint32_t primitive = leaf.primitives[lane];
+  if (t == slot.best_t && slot.hit_instance != kNoHit &&
+      !wins_tie(instances, slot.instance, primitive, slot.hit_instance, slot.hit_primitive)) {
+    return false;
+  }
+  slot.best_t = t;
+  slot.u = candidates.weights_v1[lane] / candidates.sums[lane];
+  slot.v = candidates.weights_v2[lane] / candidates.sums[lane];
+  slot.hit_instance = slot.instance;
+  slot.hit_primitive = primitive;
+  return true;
+}
+
 // Without the last one's repetitions.
 template <class Leaf>
 inline std::uint32_t count_triangles(const Leaf& leaf) noexcept {

@@ -96,25 +96,11 @@ PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
 template <bool kAny, class Leaf>
 bool take_hits(Slot& slot, const Stream& stream, const Leaf& leaf, unsigned lanes,
                const LeafCandidates& candidates) noexcept {
-  const InstanceView& instance = stream.scene.instances[slot.instance];
   const Ray& ray = stream.batch.rays[slot.ray];
-  const Cull cull = stream.batch.cull;
+  const InstanceView* const instances = stream.scene.instances;
   bool is_new = false;
   for (; lanes != 0; lanes &= lanes - 1) {
-    const int lane = __builtin_ctz(lanes);
-    const double t = candidate_t(candidates, lane, leaf, slot.triangle.ray, slot.time);
-    if (!(is_in_range(t, ray) && t <= slot.best_t)) continue;
-    if (is_culled(cull, candidates.sums[lane], slot.triangle.ray, instance)) continue;
-    const std::uint32_t primitive = leaf.primitives[lane];
-    if (t == slot.best_t && slot.hit_instance != kNoHit &&
-        !wins_tie(stream.scene.instances, slot.instance, primitive, slot.hit_instance, slot.hit_primitive)) {
-      continue;
-    }
-    slot.best_t = t;
-    slot.u = candidates.weights_v1[lane] / candidates.sums[lane];
-    slot.v = candidates.weights_v2[lane] / candidates.sums[lane];
-    slot.hit_instance = slot.instance;
-    slot.hit_primitive = primitive;
+    if (!take_hit(slot, instances, ray, stream.batch.cull, leaf, __builtin_ctz(lanes), candidates)) continue;
     if constexpr (kAny) return true;
     is_new = true;
   }

@@ -1,0 +1,261 @@
+#include "query/ray_walk.h"
+
+#include <array>
+#include <limits>
+
+#include "blas/deferred_tree.h"
+#include "query/trace.h"
+#include "query/tree_boxes.h"
+#include "tlas/lazy_trees.h"
+#include "traverse/default_floating_point.h"
+#include "wide/wide_boxes.h"
+
+// The kernels' own tests, lane by lane.
+#include "traverse/gather_scalar.h"
+#include "traverse/ray_setup_scalar.h"
+#include "traverse/simd_scalar.h"
+
+namespace perfect_bvh {
+namespace {
+
+// After the vectors and the ray's set-up.
+#include "traverse/pace.inl"
+#include "traverse/ray_slot.inl"
+// After the slot.
+#include "traverse/leaf_test.inl"
+#include "traverse/node_test.inl"
+
+constexpr double kNone = std::numeric_limits<double>::infinity();
+
+// What the walk knows of an entry of the ray's stack.
+struct Waiting {
+  Aabb box;  // as stored
+  std::uint32_t level = 0;
+  float near = 0;  // where the ray enters it
+};
+
+// Of a tree that is being walked: where its boxes are, and whose it is.
+struct Space {
+  Affine to_world;  // from the tree's own frame, whose origin stands at `centre` of the caller's
+  Vec3d centre{0, 0, 0};
+  double scale = 1;  // of the boxes as stored
+  std::int32_t instance_id = -1, mesh_id = -1;
+};
+
+Space space_of(const Instance& instance, const Blas& blas) {
+  return {instance.object_to_world, blas.mesh.centre, static_cast<double>(blas.wide.scale), instance.id,
+          instance.mesh_id};
+}
+
+// Takes the steps of stream_kernel.inl, one ray alone, and writes each of them down.
+class Walker {
+ public:
+  Walker(const Snapshot& snapshot, const SceneView& view, const Ray& ray, Cull cull)
+      : snapshot_(snapshot), view_(view), ray_(ray), cull_(cull), waiting_(entries()) {
+    memory_.resize(1 + (entries() * sizeof(std::uint32_t) + sizeof(Slot) - 1) / sizeof(Slot));
+    top_level_.scale = static_cast<double>(snapshot.top_level.scale);
+    space_ = top_level_;
+  }
+
+  RayWalk walk() {
+    if (view_.is_empty || !start_ray(slot(), view_, ray_)) return {};
+    slot().time = slot().world.time;  // a single instance has no level around it
+    waiting_[1] = {bounds_of_top_level(snapshot_), 0, to_local_min(slot().time, static_cast<double>(ray_.t_min))};
+    if (view_.root < kBlockChild) begin_level();
+    Pace pace(view_.interruption);
+    while (next() != kDoneMark && !pace.should_stop()) {
+      if (next() < kBlockChild) {
+        visit_node();
+      } else if (next() < kInstanceChild) {
+        visit_leaf();
+      } else if (next() == kLeaveMark) {
+        leave();
+      } else {
+        visit_instance();
+      }
+    }
+    return std::move(walk_);
+  }
+
+ private:
+  // Those any ray can need, and 8 more.
+  [[nodiscard]] std::size_t entries() const noexcept { return std::size_t{view_.stack_entries} + 8; }
+  Slot& slot() noexcept { return memory_[0]; }
+  std::uint32_t next() noexcept { return stack_of(slot())[slot().top]; }
+
+  // Its root stands on the stack, and no node around it knows where the ray enters it.
+  void begin_level() {
+    level_limit_ = to_local_max(slot().time, last_t(ray_.t_max));
+    Waiting& root = waiting_[slot().top];
+    WideNode around{};
+    for (int axis = 0; axis < 3; ++axis) {
+      around.planes[2 * axis][0] = (&root.box.lower.x)[axis];
+      around.planes[2 * axis + 1][0] = (&root.box.upper.x)[axis];
+    }
+    root.near = test_node(around, slot().box).near.lane[0];
+  }
+
+  void visit_node() {
+    const std::uint32_t top = slot().top;
+    const Waiting here = waiting_[top];
+    const WideNode& node = slot().nodes[next()];
+    note(WalkEvent::kEnterNode, here);
+    const NodeTest test = test_node(node, slot().box);
+    BoxState without_hit = slot().box;
+    without_hit.t_limit = level_limit_;
+    const Mask8 reached = test_node(node, without_hit).hit;
+    std::array<Waiting, kWideWidth> children;
+    for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
+      if (node.child[lane] == kNoChild) continue;
+      const unsigned bit = 1u << lane;
+      children[lane] = {child_box(node, lane), here.level + 1, test.near.lane[lane]};
+      const WalkEvent pruned = (reached & bit) != 0 ? WalkEvent::kBoxPruned : WalkEvent::kBoxMissed;
+      note((test.hit & bit) != 0 ? WalkEvent::kBoxHit : pruned, children[lane]);
+    }
+    push(node, test.hit, children, top);
+  }
+
+  // In place of the node, the farthest first.
+  void push(const WideNode& node, Mask8 hit, const std::array<Waiting, kWideWidth>& children, std::uint32_t top) {
+    for (int i = 0; i < 8; ++i) {
+      const std::uint32_t place = (node.order[i] >> slot().box.rows.order_shift) & 7;
+      if ((hit >> place & 1) == 0) continue;
+      stack_of(slot())[top] = node.child[place];
+      waiting_[top++] = children[place];
+    }
+    slot().top = top - 1;
+  }
+
+  void visit_leaf() {
+    const std::uint32_t row = next() - kBlockChild;
+    if (slot().blocks != nullptr) return test_triangles(slot().blocks[row]);
+    GatheredLeaf leaf;
+    gather_leaf(leaf, *view_.instances[slot().instance].indexed_leaves, row);
+    test_triangles(leaf);
+  }
+
+  template <class Leaf>
+  void test_triangles(const Leaf& leaf) {
+    const Waiting here = waiting_[slot().top];
+    note(WalkEvent::kEnterLeaf, here);
+    const BoxState& box = slot().box;
+    const LeafTest test = test_leaf(leaf, slot().triangle, box.t_min, box.t_limit);
+    const LeafTest anywhere = test_leaf(leaf, slot().triangle, -kInfiniteDistance, kInfiniteDistance);
+    const LeafCandidates candidates(anywhere);
+    bool is_new = false;
+    for (int lane = 0; lane < 8; ++lane) {
+      if (lane > 0 && leaf.primitives[lane] == leaf.primitives[lane - 1]) continue;
+      const bool is_met = (anywhere.lanes >> lane & 1) != 0;
+      const bool is_hit =
+          (test.lanes >> lane & 1) != 0 && take_hit(slot(), view_.instances, ray_, cull_, leaf, lane, candidates);
+      is_new = is_new || is_hit;
+      const double t = is_met ? candidate_t(candidates, lane, leaf, slot().triangle.ray, slot().time) : kNone;
+      const WalkEvent other = is_met ? WalkEvent::kTriangleRejected : WalkEvent::kTriangleMissed;
+      note_triangle(is_hit ? WalkEvent::kTriangleHit : other, here, leaf.primitives[lane], t);
+    }
+    --slot().top;
+    if (!is_new) return;
+    slot().box.t_limit = to_local_max(slot().time, slot().best_t);
+    drop_far();
+  }
+
+  // As drop_far_entries() does.
+  void drop_far() {
+    std::uint32_t kept = slot().floor + 1;
+    for (std::uint32_t i = kept; i <= slot().top; ++i) {
+      if (!(waiting_[i].near <= slot().box.t_limit)) {
+        note(WalkEvent::kWaitingPruned, waiting_[i]);
+        continue;
+      }
+      stack_of(slot())[kept] = stack_of(slot())[i];
+      waiting_[kept++] = waiting_[i];
+    }
+    slot().top = kept - 1;
+  }
+
+  void visit_instance() {
+    const Waiting here = waiting_[slot().top];
+    const Instance& instance = snapshot_.instances[next() - kInstanceChild];
+    const double t = to_ray_t(slot().time, here.near);
+    const bool is_entered = enter_instance(slot(), view_, ray_);
+    const WalkEvent event = is_entered ? WalkEvent::kEnterInstance : WalkEvent::kSkipInstance;
+    note(event, here, t, instance.id, instance.mesh_id);
+    if (!is_entered) {
+      --slot().top;
+      return;
+    }
+    const Blas& blas = newest_of(*instance.blas);
+    space_ = space_of(instance, blas);
+    waiting_[slot().top] = {bounds_of(blas.wide, blas.mesh), 0, 0};
+    begin_level();
+  }
+
+  void leave() {
+    leave_instance<true>(slot(), view_, 0);
+    space_ = top_level_;
+    level_limit_ = to_local_max(slot().time, last_t(ray_.t_max));
+    drop_far();
+  }
+
+  void note(WalkEvent event, const Waiting& box) {
+    note(event, box, to_ray_t(slot().time, box.near), space_.instance_id, space_.mesh_id);
+  }
+  void note(WalkEvent event, const Waiting& box, double t, std::int32_t instance_id, std::int32_t mesh_id) {
+    append(event, box, event == WalkEvent::kBoxMissed ? kNone : t);
+    walk_.instance_ids.push_back(instance_id);
+    walk_.mesh_ids.push_back(mesh_id);
+    walk_.primitive_ids.push_back(-1);
+    walk_.triangles.insert(walk_.triangles.end(), 9, std::numeric_limits<double>::quiet_NaN());
+  }
+
+  void note_triangle(WalkEvent event, const Waiting& leaf, std::uint32_t primitive, double t) {
+    append(event, leaf, t);
+    walk_.instance_ids.push_back(space_.instance_id);
+    walk_.mesh_ids.push_back(space_.mesh_id);
+    walk_.primitive_ids.push_back(static_cast<std::int32_t>(primitive));
+    const WorldTriangle corners = world_triangle(snapshot_, {0, 0, 0, slot().instance, primitive});
+    for (const Vec3d& corner : {corners.v0, corners.v1, corners.v2}) append_vector(walk_.triangles, corner);
+  }
+
+  // What boxes and triangles have.
+  void append(WalkEvent event, const Waiting& box, double t) {
+    walk_.events.push_back(event);
+    walk_.levels.push_back(static_cast<std::int32_t>(box.level));
+    walk_.t.push_back(t);
+    walk_.nearest_t.push_back(slot().hit_instance == kNoHit ? kNone : slot().best_t);
+    for (const Vec3f corner : {box.box.lower, box.box.upper}) {
+      append_vector(walk_.bounds, to_double(corner) * (1.0 / space_.scale) + space_.centre);
+    }
+    const Affine& map = space_.to_world;
+    const Vec3d origin = map.translation - map.vector(space_.centre);
+    for (int row = 0; row < 3; ++row) {
+      for (const Vec3d* column : {&map.x, &map.y, &map.z, &origin}) walk_.transforms.push_back((&column->x)[row]);
+    }
+  }
+  static void append_vector(std::vector<double>& column, const Vec3d& vector) {
+    column.insert(column.end(), {vector.x, vector.y, vector.z});
+  }
+
+  const Snapshot& snapshot_;
+  const SceneView& view_;
+  const Ray& ray_;
+  const Cull cull_;
+  std::vector<Waiting> waiting_;  // by place on the stack
+  AlignedVector<Slot> memory_;    // the ray, and its stack behind it
+  Space top_level_, space_;
+  float level_limit_ = 0;  // as if nothing had been hit
+  RayWalk walk_;
+};
+
+}  // namespace
+
+RayWalk walk_ray(const Snapshot& snapshot, const Ray& ray, Cull cull, CancelToken& cancel) {
+  RayWalk walk;
+  with_trees(snapshot, cancel, [&](const SceneView& view) {
+    const DefaultFloatingPoint environment;
+    walk = Walker(snapshot, view, ray, cull).walk();
+  });
+  return walk;
+}
+
+}  // namespace perfect_bvh
