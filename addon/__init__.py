@@ -42,9 +42,11 @@ _MODULES = (
     ".statistics.not_shown",
     ".image.saving",
     ".view3d.redraws",
+    ".view3d.opening",
     ".engine",
     ".operators",
     ".view3d.overlay",
+    ".view3d.scan_points",
     ".panels",
 )
 _NATIVE_MODULES = (".live.sync_cache", ".view3d.compare_view")

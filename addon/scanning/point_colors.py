@@ -23,7 +23,7 @@ DISTANCE_RAMP = np.array(
 # The nearest and the farthest hundredth get the ends, so that a single far point does not take all of the ramp.
 DISTANCE_SHARES = (1.0, 99.0)
 GOLDEN = 0.6180339887498949
-SATURATIONS, VALUES = (0.62, 0.45, 0.75), (0.95, 0.8, 0.65)
+SATURATIONS, VALUES = (0.55, 0.4, 0.65), (0.9, 0.75, 0.6)
 
 
 def colors_of(cloud: PointCloud, color_by: str) -> Float32Array:

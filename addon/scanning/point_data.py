@@ -6,14 +6,16 @@ shows its vertices as points, so that both look alike.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
 import numpy as np
+import numpy.typing as npt
 
 from .point_cloud import PointCloud
 from .point_colors import colors_of
-from .point_nodes import add_points_modifier, point_material
+from .point_nodes import NAME, add_points_modifier, point_material
 
 # Attribute, its type, the field of its values, the column.
 ATTRIBUTES = (
@@ -28,7 +30,8 @@ ATTRIBUTES = (
     ("intensity", "FLOAT", "value", "intensities"),
 )
 # Cycles finds no attribute that is called "color" on points.
-COLOR, RADIUS = "Color", "radius"
+COLOR, RADIUS, POSITION = "Color", "radius", "position"
+OBJECT_NAMES, MATERIAL_NAMES = "object_names", "material_names"
 HAS_RESIZE = "resize" in bpy.types.PointCloud.bl_rna.functions
 
 
@@ -41,7 +44,7 @@ def make_point_object(cloud: PointCloud, name: str, color_by: str = "DISTANCE") 
     """
     make = _make_point_cloud if HAS_RESIZE else _make_converted
     data = make(cloud, name, color_by)
-    data["object_names"], data["material_names"] = list(cloud.object_names), list(cloud.material_names)
+    data[OBJECT_NAMES], data[MATERIAL_NAMES] = list(cloud.object_names), list(cloud.material_names)
     made = bpy.data.objects.new(name, data)
     if isinstance(data, bpy.types.Mesh):
         add_points_modifier(made, data.materials[0])
@@ -52,7 +55,7 @@ def _make_point_cloud(cloud: PointCloud, name: str, color_by: str) -> Any:
     made: Any = bpy.data.pointclouds.new(name)
     try:
         made.resize(len(cloud))
-        _set_position(made.attributes["position"].data, "vector", cloud)
+        _set_position(made.attributes[POSITION].data, "vector", cloud)
         _add_attributes(made, cloud, color_by)
     except BaseException:
         bpy.data.pointclouds.remove(made)
@@ -109,3 +112,48 @@ def _add_attributes(data: Any, cloud: PointCloud, color_by: str) -> None:
     colors = data.attributes.new(COLOR, "FLOAT_COLOR", "POINT")
     colors.data.foreach_set("color", colors_of(cloud, color_by).ravel())
     data.materials.append(point_material(COLOR))
+
+
+# Read again ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """What is seen of N points. positions: (N, 3) in object space. radii: (N,). colors: (N, 4) linear. All float32."""
+
+    positions: npt.NDArray[np.float32]
+    radii: npt.NDArray[np.float32]
+    colors: npt.NDArray[np.float32]
+
+    def equals(self, other: Points) -> bool:
+        """Whether they are alike in all."""
+        return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in self.__slots__)
+
+
+def may_have_points() -> bool:
+    """Whether the file may hold a scan; quick to ask where it holds none."""
+    return any(OBJECT_NAMES in data for data in bpy.data.pointclouds) or NAME in bpy.data.node_groups
+
+
+def has_points(obj: bpy.types.Object) -> bool:
+    """Whether an object is a scan that still has its colours and radii."""
+    if obj.type not in {"POINTCLOUD", "MESH"}:
+        return False
+    data: Any = obj.data
+    return (
+        OBJECT_NAMES in data
+        and {COLOR, RADIUS}.issubset(data.attributes.keys())
+        and len(data.attributes[COLOR].data) > 0
+    )
+
+
+def read_points(data: Any) -> Points:
+    """Of the data of an object that `has_points`."""
+    columns = ((POSITION, "vector", 3), (RADIUS, "value", 1), (COLOR, "color", 4))
+    found = []
+    for name, field, width in columns:
+        values = data.attributes[name].data
+        column = np.empty(len(values) * width, np.float32)
+        values.foreach_get(field, column)
+        found.append(column if width == 1 else column.reshape(-1, width))
+    return Points(*found)

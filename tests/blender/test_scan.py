@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import resource
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,8 @@ from perfect_bvh_addon.scanning import Scanner  # noqa: E402
 from perfect_bvh_addon.scanning.collector import LUMINANCE  # noqa: E402
 from perfect_bvh_addon.scanning.point_cloud import COLUMNS  # noqa: E402
 from perfect_bvh_addon.scanning.point_colors import colors_of  # noqa: E402
-from perfect_bvh_addon.scanning.point_data import ATTRIBUTES  # noqa: E402
+from perfect_bvh_addon.scanning.point_data import ATTRIBUTES, may_have_points, read_points  # noqa: E402
+from perfect_bvh_addon.view3d.scan_points import shown_scans  # noqa: E402
 
 LIDAR = SpinningLidar(elevations=(-30.0, -10.0, 0.0, 20.0), columns=36, rate=10.0)
 
@@ -307,6 +309,37 @@ def test_points_know_their_line_how_they_were_met_and_how_far_their_neighbours_a
     picture = scan(CameraGrid(24, 14))
     np.testing.assert_array_equal(picture.ring_ids, picture.ray_ids // 24)
     np.testing.assert_allclose(picture.spacings, 12.0 / 24, rtol=1e-5)
+
+
+def test_points_are_drawn_where_blender_would_show_them_in_one_color(room) -> None:
+    area = next(area for area in bpy.data.screens["Layout"].areas if area.type == "VIEW_3D")
+    space = area.spaces.active
+
+    def shown(shading: str, engine: str = "PERFECT_BVH") -> list[str]:
+        space.shading.type = shading
+        context = SimpleNamespace(space_data=space, engine=engine, view_layer=bpy.context.view_layer)
+        return [obj.name for obj in shown_scans(context)]
+
+    assert not may_have_points() and shown("SOLID") == []
+    room.perfect_bvh.scan.width, room.perfect_bvh.scan.height = 32, 18
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    assert shown("SOLID") == shown("WIREFRAME") == shown("RENDERED") == ["Scan"]
+    assert shown("MATERIAL") == shown("RENDERED", "CYCLES") == []
+    space.overlay.show_overlays = False
+    assert shown("SOLID") == []
+    space.overlay.show_overlays = True
+    made = bpy.data.objects["Scan"]
+    made.hide_set(True)
+    assert shown("SOLID") == []
+    made.hide_set(False)
+    cloud, points = scan(CameraGrid(32, 18)), read_points(made.data)
+    np.testing.assert_array_equal(points.positions, cloud.positions.astype(np.float32))
+    np.testing.assert_array_equal(points.radii, 0.5 * cloud.spacings)
+    assert points.equals(read_points(made.data))
+    made.data.attributes["Color"].data[3].color = (0.0, 0.5, 0.0, 1.0)
+    assert not points.equals(read_points(made.data))
+    made.data.attributes.remove(made.data.attributes["Color"])
+    assert shown("SOLID") == []
 
 
 def test_a_scan_that_is_not_shown_is_named(room) -> None:

@@ -1,0 +1,186 @@
+"""The points of scans in their colours, drawn over 3D viewports that would not show these.
+
+Solid shading draws point clouds in one colour, and this engine draws none yet. Each point is a disc as large as it is
+in Blender, a radius nearer to the eye than its middle: so it covers what Blender draws of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+
+from ..events.changes import listen, stop_listening, watch_again
+from ..scanning.point_data import has_points, may_have_points, read_points
+from ..settings.scene_settings import ENGINE_NAME
+
+if TYPE_CHECKING:
+    import gpu
+
+    from ..scanning.point_data import Points
+
+LEAST_SIZE = 2.0  # of a point, in pixels: smaller ones would be seen or not by chance
+
+VERTEX_SOURCE = """
+void main()
+{
+  vec3 to_eye = (eye.w > 0.5) ? normalize(eye.xyz - pos) : eye.xyz;
+  gl_Position = matrix * vec4(pos + to_eye * radius * 1.02, 1.0);
+  gl_PointSize = clamp(size * radius / gl_Position.w, least_size, 256.0);
+  point_color = color;
+}
+"""
+# Linear: what is drawn over viewports is encoded when it is written.
+FRAGMENT_SOURCE = """
+void main()
+{
+  vec2 place = gl_PointCoord * 2.0 - 1.0;
+  float beyond = dot(place, place);
+  if (beyond > 1.0) {
+    discard;
+  }
+  float light = 0.6 + 0.4 * sqrt(1.0 - beyond);
+  shown = vec4(point_color.rgb * light, 1.0);
+}
+"""
+
+
+@dataclass(slots=True)
+class _Kept:
+    """What was read of a scan, and the batch that draws it."""
+
+    points: Points
+    batch: gpu.types.GPUBatch
+
+
+class _Scans:
+    """What is drawn of each scan, by its data's session uid; read again where something may have changed."""
+
+    def __init__(self) -> None:
+        self._kept: dict[int, _Kept] = {}
+        self._unsure: set[int] = set()
+
+    def on_change(self, what: str) -> None:
+        """Of the data-blocks, or of anything else."""
+        self._unsure |= self._kept.keys()
+
+    def on_file_change(self) -> None:
+        self.forget()
+
+    def forget(self) -> None:
+        self._kept.clear()
+        self._unsure.clear()
+
+    def batch_of(self, obj: bpy.types.Object) -> gpu.types.GPUBatch:
+        """Made again only if the points are others."""
+        data: Any = obj.data
+        uid = data.session_uid
+        kept = self._kept.get(uid)
+        if kept is None or uid in self._unsure:
+            self._unsure.discard(uid)
+            points = read_points(data)
+            if kept is None or not kept.points.equals(points):
+                kept = self._kept[uid] = _Kept(points, _make_batch(points))
+        return kept.batch
+
+
+_scans = _Scans()
+_shader: Any = None
+_handle: Any = None
+
+
+def shown_scans(context: bpy.types.Context) -> Iterator[bpy.types.Object]:
+    """The scans whose points this viewport is to show, if Blender does not."""
+    space: Any = context.space_data
+    if not space.overlay.show_overlays or not may_have_points():
+        return
+    shading = space.shading.type
+    if shading == "MATERIAL" or (shading == "RENDERED" and context.engine != ENGINE_NAME):
+        return
+    for obj in context.view_layer.objects:
+        if has_points(obj) and obj.visible_get(view_layer=context.view_layer, viewport=space):
+            yield obj
+
+
+def _draw() -> None:
+    context = bpy.context
+    scans = list(shown_scans(context))
+    if not scans:
+        return
+    listen(_scans)
+    watch_again()
+    for obj in scans:
+        _draw_scan(context, obj)
+
+
+def _draw_scan(context: bpy.types.Context, obj: bpy.types.Object) -> None:
+    import gpu
+
+    view: Any = context.region_data
+    to_world = obj.matrix_world
+    to_object = to_world.inverted_safe() @ view.view_matrix.inverted()
+    eye = to_object.translation if view.is_perspective else to_object.to_3x3().col[2].normalized()
+    height = view.window_matrix[1][1] * context.region.height
+    shader = _point_shader()
+    shader.bind()
+    shader.uniform_float("matrix", view.perspective_matrix @ to_world)
+    shader.uniform_float("eye", (*eye, 1.0 if view.is_perspective else 0.0))
+    shader.uniform_float("size", height * to_world.median_scale)
+    shader.uniform_float("least_size", LEAST_SIZE)
+    gpu.state.depth_test_set("LESS_EQUAL")
+    gpu.state.program_point_size_set(True)
+    try:
+        _scans.batch_of(obj).draw(shader)
+    finally:
+        gpu.state.program_point_size_set(False)
+        gpu.state.depth_test_set("NONE")
+
+
+def _point_shader() -> Any:
+    global _shader
+    if _shader is None:
+        import gpu
+
+        between = gpu.types.GPUStageInterfaceInfo("perfect_bvh_scan_points")
+        between.flat("VEC4", "point_color")
+        info = gpu.types.GPUShaderCreateInfo()
+        for kind, name in (("MAT4", "matrix"), ("VEC4", "eye"), ("FLOAT", "size"), ("FLOAT", "least_size")):
+            info.push_constant(kind, name)
+        for slot, (kind, name) in enumerate((("VEC3", "pos"), ("FLOAT", "radius"), ("VEC4", "color"))):
+            info.vertex_in(slot, kind, name)
+        info.vertex_out(between)
+        info.fragment_out(0, "VEC4", "shown")
+        info.vertex_source(VERTEX_SOURCE)
+        info.fragment_source(FRAGMENT_SOURCE)
+        _shader = gpu.shader.create_from_info(info)
+    return _shader
+
+
+def _make_batch(points: Points) -> gpu.types.GPUBatch:
+    import gpu
+
+    layout = gpu.types.GPUVertFormat()
+    columns = (("pos", 3, points.positions), ("radius", 1, points.radii), ("color", 4, points.colors))
+    slots = [layout.attr_add(id=name, comp_type="F32", len=width, fetch_mode="FLOAT") for name, width, _ in columns]
+    vertices = gpu.types.GPUVertBuf(layout, len(points.positions))
+    for slot, (_, _, values) in zip(slots, columns, strict=True):
+        vertices.attr_fill(slot, np.ascontiguousarray(values, np.float32))
+    return gpu.types.GPUBatch(type="POINTS", buf=vertices)
+
+
+def register() -> None:
+    """Draw over every 3D viewport from now on, where there is a scan."""
+    global _handle
+    _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
+
+
+def unregister() -> None:
+    """Draw no more, and forget what was drawn."""
+    global _handle, _shader
+    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
+    _handle = _shader = None
+    stop_listening(_scans)
+    _scans.forget()
