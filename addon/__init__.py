@@ -46,10 +46,9 @@ _MODULES = (
     ".engine",
     ".operators",
     ".view3d.overlay",
-    ".view3d.scan_points",
     ".panels",
 )
-_NATIVE_MODULES = (".live.sync_cache", ".view3d.compare_view")
+_NATIVE_MODULES = (".live.sync_cache", ".view3d.compare_view", ".view3d.scan_points")
 _LANDMARK = "PERFECT_BVH_PT_render"
 
 _registered: list[Any] = []
