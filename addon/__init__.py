@@ -38,6 +38,7 @@ _EXPORTS = {
 _MODULES = (
     ".settings.preferences",
     ".settings.scene_settings",
+    ".settings.shading_settings",
     ".statistics.last_result",
     ".statistics.not_shown",
     ".image.saving",

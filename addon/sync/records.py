@@ -240,7 +240,10 @@ class ImageRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LightRecords:
-    """L lights as the columns of `perfect_bvh.LightTable`, their kinds by name."""
+    """L lights as the columns of `perfect_bvh.LightTable`, their kinds by name.
+
+    of_world: how many of the last belong to the world.
+    """
 
     kinds: tuple[str, ...] = ()
     positions: Float64Array = field(default_factory=lambda: np.empty((0, 3), np.float64))
@@ -249,6 +252,7 @@ class LightRecords:
     sizes: Float32Array = field(default_factory=lambda: np.empty((0, 2), np.float32))
     cones: Float32Array = field(default_factory=lambda: np.empty((0, 2), np.float32))
     casts_shadow: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, np.bool_))
+    of_world: int = 0
 
 
 @dataclass(frozen=True, slots=True)

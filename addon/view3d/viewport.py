@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import traceback
 import weakref
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -24,13 +24,14 @@ from ..image.progressive import Pace
 from ..image.refinement import DEFAULT_INTERVAL, Refinement, View
 from ..image.tracer import Tracer
 from ..live.pending_commit import PendingCommit
-from ..settings.scene_settings import read_settings
+from ..settings.shading_settings import read_view_settings
 from ..statistics.last_result import confirm_view, edits_of
 from ..sync.records import AttributeRequest, CameraRecord
 from . import redraws
 from .awaited_view import begin_view, filter_of
 from .region_camera import camera_of
 from .screen_image import ScreenImage, draw_patches
+from .view_lighting import ViewLighting, lighting_of
 from .view_statistics import remember_view
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ class ViewKey:
     revision: int
     camera: tuple[Any, ...]
     plan: RenderPlan
+    lighting: ViewLighting
 
 
 class Viewport:
@@ -134,7 +136,7 @@ class Viewport:
         if refinement is None:
             return False
         self._trace(refinement, view_is_new, context.screen.is_animation_playing)
-        self._show(refinement, depsgraph.scene.perfect_bvh.mode.lower())
+        self._show(refinement)
         self._draw_screen(engine, context, depsgraph)
         if refinement.is_finished and not self._is_remembered:
             self._is_remembered = True
@@ -150,12 +152,12 @@ class Viewport:
         if view_is_new:
             self._tracer.wait_for_image(math.inf if is_playing else AWAITING_SECONDS)
 
-    def _show(self, refinement: Refinement, mode: str) -> None:
+    def _show(self, refinement: Refinement) -> None:
         """Fetch what is new. What was there before stays as long as there is nothing."""
         self.complaint = self.complaint or refinement.complaint
         has_ended, number = self._has_ended(refinement), refinement.canvas.number
         if self._shown[:2] != (refinement, number) and refinement.canvas.has_image.is_set():
-            self._screen.fetch(refinement.canvas, mode)
+            self._screen.fetch(refinement.canvas, refinement.view.plan.settings.mode)
         self._shown = (refinement, number, has_ended)
 
     def _draw_screen(
@@ -237,11 +239,14 @@ class Viewport:
             self._key = self._refinement = None
             return True
         plan = _plan_of(context, depsgraph)
-        key = ViewKey(sync.scene.scene_id, sync.revision, _camera_key(camera), plan)
+        lighting = lighting_of(context.space_data.shading, depsgraph.scene)
+        key = ViewKey(sync.scene.scene_id, sync.revision, _camera_key(camera), plan, lighting)
         if key == self._key:
             return False
         self._key, self._is_remembered = key, False
-        self._refinement = Refinement(View.of(sync, as_camera(camera), plan), self._pace)
+        view = View.of(sync, as_camera(camera), plan)
+        lit = lighting.light(view.appearance, sync.record.lights.of_world)
+        self._refinement = Refinement(replace(view, appearance=lit), self._pace)
         return True
 
 
@@ -259,4 +264,5 @@ def _camera_key(camera: CameraRecord) -> tuple[Any, ...]:
 
 def _plan_of(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> RenderPlan:
     """Of the whole region, under the scene's settings as they are now."""
-    return plan_view(read_settings(depsgraph.scene, is_viewport=True), (context.region.width, context.region.height))
+    settings = read_view_settings(depsgraph.scene, context.space_data.shading)
+    return plan_view(settings, (context.region.width, context.region.height))

@@ -64,6 +64,9 @@ class RecordingLayout:
     def template_preview(self, block: Any) -> None:
         self.texts.append(f"preview of {block.name}")
 
+    def template_icon_view(self, owner: Any, name: str, **_: Any) -> None:
+        self.prop(owner, name)
+
     def template_node_view(self, tree: Any, node: Any, socket: Any) -> None:
         assert node.name in tree.nodes and socket.name in node.inputs
         self.texts.append(f"{node.name}, {socket.name}")
@@ -90,12 +93,20 @@ def rendered(registered: None) -> None:
     bpy.ops.render.render()
 
 
+def shaded_space() -> Any:
+    """A 3D viewport in Rendered shading."""
+    areas = [area for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D"]
+    areas[0].spaces.active.shading.type = "RENDERED"
+    return areas[0].spaces.active
+
+
 def drawn(panel: type) -> list[str]:
     class Context:
         engine, scene, view_layer = "PERFECT_BVH", bpy.context.scene, bpy.context.view_layer
         window_manager = bpy.context.window_manager
         camera, object = bpy.context.scene.camera.data, bpy.data.objects["Cube"]
         light, world, material = (items["Tried"] for items in (bpy.data.lights, bpy.data.worlds, bpy.data.materials))
+        space_data = shaded_space()
         preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))  # 0 without a window
         region = SimpleNamespace(width=280)
 
@@ -124,6 +135,17 @@ def test_light_paths_say_where_they_can_be_set(monkeypatch) -> None:
     assert " ".join(drawn(paths)) == panels.light_paths.CYCLES_IS_OFF
     context = SimpleNamespace(engine=ENGINE_NAME, scene=bpy.context.scene)
     assert not any(panel.poll(context) for panel in others)
+
+
+def test_a_studio_light_can_be_chosen_where_the_world_is_not_shown() -> None:
+    panel = panels.shading.PERFECT_BVH_PT_shading_lighting
+    assert drawn(panel) == ["use_scene_lights_render", "use_scene_world_render"]
+    shaded_space().shading.use_scene_world_render = False
+    names = ["studio_light", "studiolight_rotate_z", "studiolight_intensity", "studiolight_background_alpha"]
+    assert set(names) < set(drawn(panel))
+    space = shaded_space()
+    space.shading.type = "SOLID"
+    assert not panel.poll(SimpleNamespace(engine=ENGINE_NAME, space_data=space))
 
 
 def test_noise_thresholds_have_a_switch_a_value_and_a_least() -> None:

@@ -22,6 +22,7 @@ from perfect_bvh_addon.image.progressive import Pace  # noqa: E402
 from perfect_bvh_addon.image.refinement import Refinement, View  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of  # noqa: E402
+from perfect_bvh_addon.settings.scene_settings import read_settings  # noqa: E402
 from perfect_bvh_addon.sync.appearance import as_camera  # noqa: E402
 from perfect_bvh_addon.sync.records import CameraRecord  # noqa: E402
 from perfect_bvh_addon.view3d import screen_image, viewport  # noqa: E402
@@ -80,7 +81,16 @@ class Shown:
         self.screen: list[Any] = []
         filters = dict.fromkeys(TYPE_FILTERS, True)
         self.context = SimpleNamespace(
-            space_data=SimpleNamespace(local_view=None, use_local_collections=False, **filters),
+            space_data=SimpleNamespace(
+                local_view=None,
+                use_local_collections=False,
+                shading=SimpleNamespace(
+                    use_scene_lights_render=True,
+                    use_scene_world_render=True,
+                    perfect_bvh=SimpleNamespace(mode="RENDER"),
+                ),
+                **filters,
+            ),
             region=SimpleNamespace(width=SIZE[0], height=SIZE[1], as_pointer=lambda: 7),
             region_data=None,
             screen=SimpleNamespace(is_animation_playing=False),
@@ -103,7 +113,7 @@ def fresh() -> np.ndarray:
     """The finished image of the scene as it is, by trees of its own."""
     sync = perfect_bvh_addon.SceneSync(watch=False)
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    plan = plan_view(viewport.read_settings(depsgraph.scene), SIZE)
+    plan = plan_view(read_settings(depsgraph.scene), SIZE)
     sync.request(plan.attributes)
     sync.update(depsgraph)
     camera = as_camera(viewport.camera_of()[0])

@@ -47,7 +47,8 @@ def read_lights(
         rows.append(_read_light(obj.data, matrix, images, omissions))
         noted |= dict.fromkeys(omissions.rows(obj.data))
     not_shown += noted
-    rows += _read_sky_sun(depsgraph.scene_eval.world, images)
+    suns = _read_sky_sun(depsgraph.scene_eval.world, images)
+    rows += suns
     if not rows:
         return LightRecords()
     kinds, positions, axes, powers, sizes, cones, shadows = zip(*rows, strict=True)
@@ -59,6 +60,7 @@ def read_lights(
         sizes=np.array(sizes, np.float32),
         cones=np.array(cones, np.float32),
         casts_shadow=np.array(shadows, np.bool_),
+        of_world=len(suns),
     )
 
 

@@ -1,0 +1,55 @@
+"""The settings that a 3D viewport carries: `space.shading.perfect_bvh`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import bpy
+
+from .modes import MODES
+from .scene_settings import RenderSettings, read_settings
+
+AS_RENDER = "RENDER"
+# Its number must be no mode's, of which there may be more one day.
+_MODE_ITEMS = [
+    (AS_RENDER, "As Render", "What a render shows: the mode in the Render properties", 1000),
+    *((mode.name.upper(), mode.label, mode.description, mode.number) for mode in MODES),
+]
+
+
+def _draw_again(settings: PERFECT_BVH_PG_shading, context: bpy.types.Context) -> None:
+    """Blender does so for properties of its own."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+class PERFECT_BVH_PG_shading(bpy.types.PropertyGroup):
+    """Saved with the screen in the .blend file."""
+
+    mode: bpy.props.EnumProperty(
+        name="Mode",
+        description="What this viewport shows in Rendered shading",
+        items=_MODE_ITEMS,
+        default=AS_RENDER,
+        update=_draw_again,
+    )
+
+
+def read_view_settings(scene: bpy.types.Scene, shading: bpy.types.View3DShading) -> RenderSettings:
+    """The settings of a Rendered viewport of `scene`."""
+    settings, mode = read_settings(scene, is_viewport=True), shading.perfect_bvh.mode
+    return settings if mode == AS_RENDER else replace(settings, mode=mode.lower())
+
+
+def register() -> None:
+    bpy.utils.register_class(PERFECT_BVH_PG_shading)
+    bpy.types.View3DShading.perfect_bvh = bpy.props.PointerProperty(
+        name="Perfect BVH", description="What this viewport shows in Rendered shading", type=PERFECT_BVH_PG_shading
+    )
+
+
+def unregister() -> None:
+    del bpy.types.View3DShading.perfect_bvh
+    bpy.utils.unregister_class(PERFECT_BVH_PG_shading)

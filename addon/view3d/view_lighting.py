@@ -1,0 +1,87 @@
+"""Whether a Rendered viewport shows the scene's lights and its world: the switches in its Shading popover.
+
+Without the world a studio light stands for it, as with Blender's own engines: turned and as bright as the popover says,
+behind the scene only as far as its World Opacity says, and before that the world's plain color.
+
+What needs the native engine is imported where it is used: without it the add-on must still register.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import bpy
+import numpy as np
+
+from .studio_images import StudioImage, studio_image
+
+if TYPE_CHECKING:
+    from perfect_bvh import Appearance
+
+# Where Blender has no image, or has not loaded it yet.
+GREY = (0.5, 0.5, 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class Studio:
+    """What stands for the world. rotation: in radians. opacity: of the image behind the scene, before `color`."""
+
+    image: StudioImage | None
+    rotation: float
+    intensity: float
+    opacity: float
+    color: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ViewLighting:
+    """uses_lights: those of the scene. studio: None for the scene's own world."""
+
+    uses_lights: bool = True
+    studio: Studio | None = None
+
+    def light(self, appearance: Appearance, world_lights: int) -> Appearance:
+        """The same under other light. world_lights: how many of the last lights belong to the world."""
+        if appearance.world is None:  # a mode that asks for no light
+            return appearance
+        if not (self.uses_lights and self.studio is None):
+            count = len(appearance.lights.kinds)
+            is_of_world = np.arange(count) >= count - world_lights
+            kept = np.where(is_of_world, self.studio is None, self.uses_lights)
+            names = ("kinds", "positions", "axes", "powers", "sizes", "cones", "casts_shadow")
+            columns = {name: getattr(appearance.lights, name)[kept] for name in names}
+            appearance = replace(appearance, lights=replace(appearance.lights, **columns))
+        return appearance if self.studio is None else _with_studio(appearance, self.studio)
+
+
+def lighting_of(shading: bpy.types.View3DShading, scene: bpy.types.Scene) -> ViewLighting:
+    """What a viewport's shading says."""
+    uses_lights = shading.use_scene_lights_render
+    if shading.use_scene_world_render:
+        return ViewLighting(uses_lights)
+    light = shading.selected_studio_light
+    image = studio_image(light.path) if light is not None and light.type == "WORLD" else None
+    color = (0.0, 0.0, 0.0) if scene.world is None else tuple(scene.world.color)
+    numbers = (shading.studiolight_rotate_z, shading.studiolight_intensity, shading.studiolight_background_alpha)
+    return ViewLighting(uses_lights, Studio(image, *numbers, color))
+
+
+def _with_studio(appearance: Appearance, studio: Studio) -> Appearance:
+    from perfect_bvh.appearance import ImageTexture, World
+
+    behind = np.array(studio.color) * (1.0 - studio.opacity)
+    strength = studio.intensity
+    if studio.image is None or not studio.image.pixels.size:
+        world = World(tuple(np.multiply(GREY, strength).tolist()))
+        backdrop = World(tuple((behind + np.multiply(GREY, strength * studio.opacity)).tolist()))
+        return replace(appearance, world=world, backdrop=backdrop)
+    images, first = [*appearance.images, ImageTexture(studio.image.pixels)], len(appearance.images)
+    world = World((strength,) * 3, first, studio.rotation)
+    backdrop = World(tuple(behind.tolist()))
+    if studio.opacity > 0.0:
+        pixels = studio.image.pixels.copy()
+        pixels[..., :3] = pixels[..., :3] * (strength * studio.opacity) + behind
+        images.append(ImageTexture(pixels))
+        backdrop = World((1.0,) * 3, first + 1, studio.rotation)
+    return replace(appearance, images=tuple(images), world=world, backdrop=backdrop)
