@@ -26,10 +26,11 @@ if TYPE_CHECKING:
 Image = npt.NDArray[np.float32]
 
 # How well images are denoised, from so many samples a pixel on; viewports as if they had one. What takes longer is
-# worth it where it is a small part of the whole: a network of twice the size lowers errors by some 3 %, of five times
-# by as much again (of images 480 pixels wide in 0.3 and 1.3 s more). Guides are blended from so many samples that
-# nothing is gained by denoising them first.
-QUALITIES: tuple[tuple[int, DenoiseQuality], ...] = ((1, "fast"), (16, "balanced"), (64, "high"))
+# worth it where it is a small part of the whole: "high" lowers errors by some 10 % (of images 480 pixels wide in 0.7 s
+# more). Guides are blended from so many samples that nothing is gained by denoising them first.
+QUALITIES: tuple[tuple[int, DenoiseQuality], ...] = ((1, "fast"), (16, "high"))
+# That tells how much noise comes through, of which a rough idea is enough.
+QUICK: DenoiseQuality = "fast"
 # Of OpenImageDenoise: the images, and what the layers of its network hold; it cuts large images into tiles.
 BYTES_A_PIXEL, MOST_BYTES = 1100, 3 << 30
 
@@ -60,7 +61,7 @@ class ImageDenoiser:
         self._plan = plan
         self._quality = next(quality for least, quality in reversed(QUALITIES) if samples >= least)
         self._libraries = denoiser_libraries()  # Blender is asked here: images may be denoised on any thread
-        self._denoiser: Denoiser | None = None
+        self._denoisers: dict[DenoiseQuality, Denoiser] = {}
 
     def denoise(
         self,
@@ -80,14 +81,14 @@ class ImageDenoiser:
         started = time.perf_counter()
         raw: Image = images["combined"]
         try:
-            image, denoiser = self._denoise(images, noise, progress)
+            image = self._denoise(images, noise, progress)
         except perfect_bvh.Cancelled:
             raise
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
-            self._denoiser = None  # the next one may have more luck
+            self._denoisers.clear()  # the next ones may have more luck
             reason = str(problem) or "there is no memory left"
             return Denoised(raw, None, _since(started), f"The image is not denoised: {reason}")
-        complaint = None
+        complaint, denoiser = None, self._denoisers[self._quality]
         if denoiser.complaints:
             complaint = f"{denoiser.name} denoises in place of another: {'; '.join(denoiser.complaints)}"
         return Denoised(image, denoiser.name, _since(started), complaint)
@@ -100,7 +101,8 @@ class ImageDenoiser:
 
         raw: Image = images["combined"]
         try:
-            return self._make((raw.shape[1], raw.shape[0])).denoise(**_arguments(images), progress=progress)
+            denoiser = self._make(self._quality, (raw.shape[1], raw.shape[0]))
+            return denoiser.denoise(**_arguments(images), progress=progress)
         except perfect_bvh.Cancelled:
             raise
         except (ValueError, perfect_bvh.EngineError, MemoryError):
@@ -111,23 +113,49 @@ class ImageDenoiser:
         images: Mapping[str, npt.NDArray[Any]],
         noise: Mapping[str, npt.NDArray[Any]] | None,
         progress: Callable[[float], object] | None,
-    ) -> tuple[Image, Denoiser]:
+    ) -> Image:
         raw: Image = images["combined"]
         left, right, bottom, top = self._plan.window
         part = slice(len(raw) - top, len(raw) - bottom), slice(left, right)
-        denoiser = self._denoiser
-        if denoiser is None:
-            denoiser = self._denoiser = self._make((right - left, top - bottom))
         seen = {name: image[part] for name, image in images.items() if name in ("combined", *GUIDES)}
         errors = None if noise is None else {name: noise[name][part] for name in ("combined", NOISY)}
-        made = _without_noise(denoiser, seen, errors, progress)
+        made = self._without_noise(seen, errors, progress)
         if made.shape == raw.shape:
-            return made, denoiser
+            return made
         whole = raw.copy()
         whole[part] = made
-        return whole, denoiser
+        return whole
 
-    def _make(self, size: tuple[int, int]) -> Denoiser:
+    def _without_noise(
+        self,
+        images: Mapping[str, Image],
+        noise: Mapping[str, Image] | None,
+        progress: Callable[[float], object] | None,
+    ) -> Image:
+        """What is no noise is put back, where it is known how much of that there is."""
+        import perfect_bvh
+        from perfect_bvh._batches import share_of
+
+        size = images["combined"].shape[1], images["combined"].shape[0]
+        given = _arguments(images)
+        if noise is None:
+            return self._denoiser(self._quality, size).denoise(**given, progress=progress)
+        denoised = self._denoiser(self._quality, size).denoise(**given, progress=share_of(progress, 0.0, 0.6))
+        quick, part = denoised, share_of(progress, 0.6, 0.2)
+        if self._quality != QUICK:
+            quick = self._denoiser(QUICK, size).denoise(**given, progress=part)
+        other = given | {"color": given["color"] - noise[NOISY]}
+        let_through = quick - self._denoiser(QUICK, size).denoise(**other, progress=share_of(progress, 0.8, 0.2))
+        guides = {"albedo": given["albedo"], "normal": given["normal"]}
+        return perfect_bvh.restore_detail(images["combined"], noise["combined"], denoised, let_through, **guides)
+
+    def _denoiser(self, quality: DenoiseQuality, size: tuple[int, int]) -> Denoiser:
+        """Of images of the size that was asked for first."""
+        if quality not in self._denoisers:
+            self._denoisers[quality] = self._make(quality, size)
+        return self._denoisers[quality]
+
+    def _make(self, quality: DenoiseQuality, size: tuple[int, int]) -> Denoiser:
         import perfect_bvh
 
         byte_count = min(size[0] * size[1] * BYTES_A_PIXEL, MOST_BYTES)
@@ -135,30 +163,10 @@ class ImageDenoiser:
         return perfect_bvh.Denoiser(
             size,
             prefilter="none",
-            quality=self._quality,
+            quality=quality,
             threads=self._plan.settings.threads,
             libraries=self._libraries,
         )
-
-
-def _without_noise(
-    denoiser: Denoiser,
-    images: Mapping[str, Image],
-    noise: Mapping[str, Image] | None,
-    progress: Callable[[float], object] | None,
-) -> Image:
-    """What is no noise is put back, where it is known how much of that there is."""
-    import perfect_bvh
-    from perfect_bvh._batches import share_of
-
-    given = _arguments(images)
-    if noise is None:
-        return denoiser.denoise(**given, progress=progress)
-    denoised = denoiser.denoise(**given, progress=share_of(progress, 0.0, 0.5))
-    other = given | {"color": given["color"] - noise[NOISY]}
-    again = denoiser.denoise(**other, progress=share_of(progress, 0.5, 0.5))
-    guides = {"albedo": given["albedo"], "normal": given["normal"]}
-    return perfect_bvh.restore_detail(images["combined"], noise["combined"], denoised, again, **guides)
 
 
 def _arguments(images: Mapping[str, Image]) -> dict[str, Image]:

@@ -81,8 +81,10 @@ def expect(
     clean = denoise(color, *guides, quality=quality, prefilter="none")
     if noise is None:
         return clean
-    again = denoise(color - noise[NOISY], *guides, quality=quality, prefilter="none")
-    return perfect_bvh.restore_detail(images["combined"], noise["combined"], clean, again, *guides)
+    with_noise, without = (
+        denoise(image, *guides, quality="fast", prefilter="none") for image in (color, color - noise[NOISY])
+    )
+    return perfect_bvh.restore_detail(images["combined"], noise["combined"], clean, with_noise - without, *guides)
 
 
 def trace(scene: bpy.types.Scene) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -107,9 +109,7 @@ def trace(scene: bpy.types.Scene) -> tuple[dict[str, np.ndarray], dict[str, np.n
     return images, noise
 
 
-@pytest.mark.parametrize(
-    ("samples", "quality"), [(1, "fast"), (2, "fast"), (15, "fast"), (16, "balanced"), (64, "high")]
-)
+@pytest.mark.parametrize(("samples", "quality"), [(1, "fast"), (2, "fast"), (15, "fast"), (16, "high")])
 def test_renders_are_denoised_unless_told_otherwise(
     scene: bpy.types.Scene, samples: int, quality: DenoiseQuality
 ) -> None:

@@ -36,7 +36,7 @@ def restore_detail(
     image: npt.ArrayLike,
     noise: npt.ArrayLike,
     denoised: npt.ArrayLike,
-    denoised_again: npt.ArrayLike,
+    let_through: npt.ArrayLike,
     albedo: npt.ArrayLike,
     normal: npt.ArrayLike,
 ) -> Image:
@@ -45,7 +45,8 @@ def restore_detail(
     image: (H, W, C) with C 3 or 4, scene-linear: "combined" of `render_progressively`.
     noise: what that puts into its `noise` under the same name.
     denoised: what a `Denoiser` makes of "denoising_color".
-    denoised_again: what the same one, with the same guides, makes of "denoising_color" less its `noise`.
+    let_through: by how much that is less if "denoising_color" is less its own `noise`. The difference of two images
+        that a quicker denoiser has made with the same guides will do.
 
     albedo, normal: (H, W, 3), what guides it.
 
@@ -55,7 +56,7 @@ def restore_detail(
 
     Raises ValueError for arrays of another shape.
     """
-    given = {"image": image, "noise": noise, "denoised": denoised, "denoised_again": denoised_again}
+    given = {"image": image, "noise": noise, "denoised": denoised, "let_through": let_through}
     arrays = {name: as_array("restore_detail", name, array) for name, array in given.items()}
     shape = arrays["image"].shape
     if len(shape) != 3 or shape[2] not in (3, 4) or 0 in shape:
@@ -63,8 +64,8 @@ def restore_detail(
     for name, array in arrays.items():
         if array.shape != shape:
             raise ValueError(f"restore_detail: {name} must have the shape of image, {shape}, got {array.shape}")
-    raw, error, clean, again = (array.astype(np.float32, copy=False) for array in arrays.values())
-    share = _share_of_raw(raw[..., :3], error[..., :3], clean[..., :3], again[..., :3])
+    raw, error, clean, through = (array.astype(np.float32, copy=False) for array in arrays.values())
+    share = _share_of_raw(raw[..., :3], error[..., :3], clean[..., :3], through[..., :3])
     share = (share * _unevenness(_guide("albedo", albedo, shape), _guide("normal", normal, shape)))[..., np.newaxis]
     mixed = clean + (raw - clean) * share
     return np.where(np.isfinite(mixed), mixed, clean)
@@ -94,7 +95,7 @@ def _unevenness(albedo: Image, normal: Image) -> Values:
     return smooth
 
 
-def _share_of_raw(raw: Image, error: Image, clean: Image, again: Image) -> Values:
+def _share_of_raw(raw: Image, error: Image, clean: Image, through: Image) -> Values:
     """(H, W) 0 to 1, how much of the traced image is in the mean.
 
     With it off by e, the denoised one by f, the error E[(f + s (e - f))^2] is least at s = 1 - E[e (e - f)] /
@@ -103,7 +104,7 @@ def _share_of_raw(raw: Image, error: Image, clean: Image, again: Image) -> Value
     with np.errstate(invalid="ignore", over="ignore"):
         brightness = np.maximum(clean, 0.0).mean(axis=2)
         scale = (1.0 / (brightness + _DARK * _finite(brightness).mean() + 1e-12))[..., np.newaxis]
-        own, let_through = _seen(error * scale), _seen((clean - again) * scale)
+        own, let_through = _seen(error * scale), _seen(through * scale)
         apart = _block_means(np.square(_seen((raw - clean) * scale)).mean(axis=2))
         noise = _block_means((own * (own - let_through)).mean(axis=2))
         shares = 1.0 - np.maximum(noise, 0.0) / np.maximum(apart, 1e-12)
