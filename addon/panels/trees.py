@@ -49,4 +49,27 @@ class PERFECT_BVH_PT_compare(TreePanel, bpy.types.Panel):
             row.operator("perfect_bvh.end_comparison", text="", icon="X")
 
 
-CLASSES = (PERFECT_BVH_PT_trees, PERFECT_BVH_PT_compare)
+class PERFECT_BVH_PT_decay(TreePanel, bpy.types.Panel):
+    """What is followed through which frames, and the button."""
+
+    bl_label = "Decay"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        from ..view3d import decay_view
+
+        layout = settings_layout(self)
+        decay = context.scene.perfect_bvh.decay
+        layout.prop(decay, "subject")
+        layout.prop(decay, "expected_rays")
+        layout.prop(decay, "use_custom_range")
+        if decay.use_custom_range:
+            column = layout.column(align=True)
+            column.prop(decay, "frame_start")
+            column.prop(decay, "frame_end")
+        row = layout.row(align=True)
+        row.operator("perfect_bvh.decay", icon="FCURVE")
+        if decay_view.shown() is not None:
+            row.operator("perfect_bvh.end_decay", text="", icon="X")
+
+
+CLASSES = (PERFECT_BVH_PT_trees, PERFECT_BVH_PT_compare, PERFECT_BVH_PT_decay)

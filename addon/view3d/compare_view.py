@@ -6,6 +6,7 @@ stays as it was measured; where the scene has changed since, that is said.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ import bpy
 
 from ..events.changes import edit_count, listen, stop_listening, watch_again
 from . import drawing
+from .close_button import close_rect, contains, draw_close
 from .compare_words import Row, heading_of, level_line, rows_of
 from .half_picture import Framing, HalfPicture, background_color, frame_box
 
@@ -138,6 +140,7 @@ def draw_comparison(context: bpy.types.Context, found: Shown) -> None:
     words = drawing.text_size("", TITLE_SIZE)[1] + (1 + max(map(len, columns))) * step
     top = free.top - gap - drawing.text_size("", HEADING_SIZE)[1]
     text_color = drawing.view_text_color()
+    draw_close(close_rect(free.right, free.top), text_color)
     _draw_centered((free.left + free.right) / 2, top, _heading(context, found), HEADING_SIZE, text_color)
     bottom = free.bottom + gap + words
     middle = (free.left + free.right) / 2
@@ -202,9 +205,60 @@ def _draw_centered(x: float, y: float, text: str, size: float, color: drawing.Co
     drawing.draw_text(x - drawing.text_size(text, size)[0] / 2, y, text, size, color)
 
 
+# The mouse -----------------------------------------------------------------------------------------------------------
+
+
+class PERFECT_BVH_GT_compare(bpy.types.Gizmo):
+    """The cross that ends it."""
+
+    bl_idname = "PERFECT_BVH_GT_compare"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The handler does."""
+
+    def test_select(self, context: bpy.types.Context, location: Sequence[int]) -> int:
+        """Whether the mouse is over it."""
+        if shown_in(context) is None:
+            return -1
+        free = drawing.free_rect(context.area, context.region)
+        return 0 if contains(close_rect(free.right, free.top), *location) else -1
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event, tweak: set[str]) -> set[str]:
+        return {"RUNNING_MODAL"}
+
+    def exit(self, context: bpy.types.Context, cancel: bool) -> None:
+        if not cancel:
+            hide()
+
+
+class PERFECT_BVH_GGT_compare(bpy.types.GizmoGroup):
+    """Holds the cross."""
+
+    bl_idname = "PERFECT_BVH_GGT_compare"
+    bl_label = "Compare"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options = {"PERSISTENT"}  # noqa: RUF012 - as Blender wants it
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return shown_in(context) is not None
+
+    def setup(self, context: bpy.types.Context) -> None:
+        self.gizmos.new(PERFECT_BVH_GT_compare.bl_idname)
+
+
+CLASSES = (PERFECT_BVH_GT_compare, PERFECT_BVH_GGT_compare)
+
+
 def register() -> None:
     """Draw where something is compared."""
     global _handle
+    for owner in CLASSES:
+        bpy.utils.register_class(owner)
     _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
 
 
@@ -214,3 +268,5 @@ def unregister() -> None:
     hide()
     bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
     _handle = None
+    for owner in reversed(CLASSES):
+        bpy.utils.unregister_class(owner)

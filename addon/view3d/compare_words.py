@@ -41,7 +41,8 @@ class Row:
 def rows_of(side: Side, other: Side | None = None) -> list[Row]:
     """Of one side; other: what it is compared with."""
     ratio = _ratio if other is not None else _no_ratio
-    rows = [Row("SAH", f"{side.sah:,.1f}", ratio(side.sah, other and other.sah))]
+    built = f" (built: {side.built_sah:,.1f})" if side.is_refitted else ""
+    rows = [Row("SAH", f"{side.sah:,.1f}{built}", ratio(side.sah, other and other.sah))]
     if side.epo is not None:
         rows.append(Row("End-Point Overlap", f"{side.epo:,.2f}", ratio(side.epo, other and other.epo)))
     rows.append(Row("Nodes", f"{side.nodes:,}"))

@@ -117,10 +117,10 @@ def _measure(
         scene = state.scene
         assert isinstance(scene, perfect_bvh.Scene)
         snapshot = scene.snapshot()
-        costs = [snapshot.tree_boxes(int(mesh)).costs.sum(dtype=np.float64) for mesh in state.mesh_ids]
+        costs = [snapshot.tree_boxes(int(mesh), last_level=0).sah for mesh in state.mesh_ids]
         done = _dearest(report)
         found[policy] = PolicyFrame(
-            sah=float(sum(costs)),
+            sah=sum(costs),
             rays=cost_of(snapshot, _rays_at(snapshot)),
             action="" if done is None else done.action,
             reason="" if done is None else done.reason,

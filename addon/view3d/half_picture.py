@@ -18,7 +18,7 @@ from .overlay import MOST_BOXES
 
 if TYPE_CHECKING:
     import gpu
-    from perfect_bvh import TreeBoxes
+    from perfect_bvh import Snapshot, TreeBoxes
 
     from .compare_trees import Comparison, Side
     from .shaded_mesh import ShadedMesh
@@ -67,13 +67,11 @@ def frame_box(
     return Framing(float(x), float(y), scale)
 
 
-def cut_of(boxes: TreeBoxes, level: int, use_all: bool) -> TreeBoxes:
-    """Of all boxes down to a level those of the level and the leaves above it, which hold every triangle; or all."""
+def cut_of(snapshot: Snapshot, mesh: int, level: int, use_all: bool) -> TreeBoxes:
+    """The boxes of a level and the leaves above it, which hold every triangle; or all boxes down to it."""
     if use_all:
-        return boxes
-    rows = np.flatnonzero((boxes.levels == level) | (boxes.leaf_sizes > 0))
-    columns = {name: getattr(boxes, name)[rows] for name in ("boxes", "levels", "leaf_sizes", "costs", "overlaps")}
-    return replace(boxes, **columns)
+        return snapshot.tree_boxes(mesh, last_level=level)
+    return snapshot.tree_boxes(mesh, first_level=level, last_level=level, with_leaves_above=True)
 
 
 class HalfPicture:
@@ -118,9 +116,8 @@ class HalfPicture:
         if asked == self._asked:
             return
         self._asked = asked
-        boxes = self._side.snapshot.tree_boxes(self._side.mesh, last_level=settings.level)
-        self.level = min(settings.level, boxes.depth)
-        boxes = cut_of(boxes, self.level, settings.use_all_to_level)
+        self.level = min(settings.level, self._side.depth)
+        boxes = cut_of(self._side.snapshot, self._side.mesh, self.level, settings.use_all_to_level)
         self.count = len(boxes)
         self._has_width = self.count <= MOST_WIDE_BOXES
         lines = box_lines(replace(boxes.head(MOST_BOXES), depth=self._depth), settings.color_by)

@@ -136,8 +136,8 @@ def test_a_level_is_a_cut_through_the_tree(ball: Any) -> None:
     whole = side.snapshot.tree_boxes(side.mesh)
     for level in range(whole.depth + 1):
         boxes = side.snapshot.tree_boxes(side.mesh, last_level=level)
-        cut = cut_of(boxes, level, use_all=False)
-        assert len(cut) <= len(cut_of(boxes, level, use_all=True)) == len(boxes)
+        cut = cut_of(side.snapshot, side.mesh, level, use_all=False)
+        assert len(cut) <= len(cut_of(side.snapshot, side.mesh, level, use_all=True)) == len(boxes)
         above = cut.levels < level
         assert (cut.leaf_sizes[above] > 0).all() and (cut.levels == level).any()
     assert cut.leaf_sizes.sum() == side.references  # of the deepest level: all leaves

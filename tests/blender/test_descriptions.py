@@ -18,7 +18,7 @@ from perfect_bvh_addon.statistics import not_shown  # noqa: E402
 OPERATORS = [
     found
     for module in (
-        *(operators.preview, operators.scan, operators.bench, operators.compare),
+        *(operators.preview, operators.scan, operators.bench, operators.compare, operators.decay),
         *(operators.select_mesh, operators.select_not_shown),
     )
     for found in vars(module).values()

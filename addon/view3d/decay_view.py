@@ -1,0 +1,322 @@
+"""What trees cost from frame to frame, as curves over a 3D viewport: where a click goes, the scene goes.
+
+Drawn by a handler; a gizmo in the same place takes the mouse, so that all else of the viewport works as ever.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import bpy
+
+from ..events.changes import listen, stop_listening
+from . import drawing
+from .chart_layout import ChartLayout, cost_range, cost_ticks, frame_ticks, without_crowd
+from .close_button import close_rect, contains, draw_close
+from .decay_words import ACTIONS, heading_of, key_of, sentence_of
+
+if TYPE_CHECKING:
+    from .decay import Decay
+
+# In points.
+HEIGHT, LEAST_HEIGHT, MARGIN = 250.0, 150.0, 12.0
+AXIS_WIDTH, CURVE_WIDTH, MARK_SIZE = 44.0, 1.8, 3.6
+SHARE = 0.45  # of the viewport's height, at most
+COLORS = {"refit": (0.90, 0.62, 0.0), "governed": (0.34, 0.71, 0.91), "rebuild": (0.84, 0.37, 0.0)}
+ORDER = ("refit", "rebuild", "governed")  # the last is drawn over the others
+MARKED = ("rebuilt", "partly_rebuilt", "rotated")
+FAINT = 0.2
+
+
+@dataclass(slots=True)
+class Shown:
+    """What is drawn, and in which area, by its address."""
+
+    decay: Decay
+    area: int
+
+
+class _Watcher:
+    """Ends what is shown with the file."""
+
+    def on_change(self, what: str) -> None:
+        """Curves stay as they were measured."""
+
+    def on_file_change(self) -> None:
+        hide()
+
+
+_shown: Shown | None = None
+_watcher = _Watcher()
+_handle: Any = None
+
+
+def show(decay: Decay, area: bpy.types.Area) -> None:
+    """In this viewport from now on, until `hide`; also what is added to it later."""
+    global _shown
+    listen(_watcher)
+    _shown = Shown(decay, area.as_pointer())
+    redraw()
+
+
+def hide() -> None:
+    """Draw it no more; does nothing where nothing is drawn."""
+    global _shown
+    if _shown is None:
+        return
+    _shown = None
+    stop_listening(_watcher)
+    redraw()
+
+
+def shown() -> Shown | None:
+    """What is drawn, in whichever viewport; None if nothing is."""
+    return _shown
+
+
+def shown_in(context: bpy.types.Context) -> Decay | None:
+    """What the context's viewport shows; None if it shows none, or none of its scene."""
+    found = _shown
+    if found is None or context.area is None or context.area.as_pointer() != found.area:
+        return None
+    return found.decay if context.scene.session_uid == found.decay.scene_uid else None
+
+
+def redraw() -> None:
+    """The viewports, and the panels in them."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+# Places --------------------------------------------------------------------------------------------------------------
+
+
+def panel_of(area: bpy.types.Area, region: bpy.types.Region) -> drawing.Rect:
+    """What the chart covers: the lowest part of what is free."""
+    free, margin = drawing.free_rect(area, region), drawing.pixels(MARGIN)
+    height = max(drawing.pixels(LEAST_HEIGHT), min(drawing.pixels(HEIGHT), SHARE * (free.top - free.bottom)))
+    bottom = free.bottom + margin
+    return drawing.Rect(free.left + margin, bottom, free.right - margin, bottom + height)
+
+
+def layout_of(decay: Decay, panel: drawing.Rect) -> ChartLayout:
+    """Of the curves within the panel."""
+    step, margin = drawing.text_size("")[1], drawing.pixels(MARGIN)
+    axis = drawing.pixels(AXIS_WIDTH)
+    bottom = panel.bottom + margin + 2.2 * step
+    top = panel.top - margin - 2.9 * step
+    costs = [cost for policy in COLORS for cost in decay.costs(policy)]
+    low, high = cost_range(costs)
+    width, height = max(panel.right - panel.left - axis - 2 * margin, 1.0), max(top - bottom, 1.0)
+    return ChartLayout(panel.left + axis, bottom, width, height, decay.frames[0], decay.frames[-1], low, high)
+
+
+def go_to(context: bpy.types.Context, x: float) -> None:
+    """Show the frame that stands at a place of the region, in pixels."""
+    decay = shown_in(context)
+    if decay is None or not decay.rows:
+        return
+    layout = layout_of(decay, panel_of(context.area, context.region))
+    frame = layout.frame_at(x, [row.frame for row in decay.rows])
+    if frame != context.scene.frame_current:
+        context.scene.frame_set(frame)
+        redraw()
+
+
+# Drawing -------------------------------------------------------------------------------------------------------------
+
+
+def _draw() -> None:
+    context = bpy.context
+    decay = shown_in(context)
+    if decay is not None:
+        draw_chart(context, decay)
+
+
+def draw_chart(context: bpy.types.Context, decay: Decay) -> None:
+    """Over the region that is being drawn."""
+    panel = panel_of(context.area, context.region)
+    margin, step = drawing.pixels(MARGIN), drawing.text_size("")[1]
+    drawing.draw_panel(panel.left, panel.bottom, panel.right - panel.left, panel.top - panel.bottom)
+    text = drawing.panel_text_color()
+    drawing.draw_text(panel.left + margin, panel.top - margin - 0.8 * step, heading_of(decay), 12.0, text)
+    draw_close(close_rect(panel.right, panel.top), text)
+    if not decay.rows:
+        return
+    frame = context.scene.frame_current
+    row = next((number for number, one in enumerate(decay.rows) if one.frame == frame), None)
+    lines = _keys_in_lines(decay, row, panel.right - panel.left - 2 * margin)
+    layout = layout_of(decay, panel)
+    _draw_keys(lines, panel.left + margin, panel.top - margin - 2.0 * step)
+    _draw_axes(layout, text)
+    _draw_curves(decay, layout)
+    if layout.first <= frame <= layout.last:
+        x = layout.x_of(frame)
+        drawing.draw_lines_2d([(x, layout.bottom), (x, layout.bottom + layout.height)], text, 1.0)
+    if row is not None:
+        _draw_sentence(sentence_of(decay.rows[row]), panel, margin, text)
+
+
+def _draw_axes(layout: ChartLayout, text: drawing.Color) -> None:
+    """Lines at round costs, numbers at them and at frames."""
+    faint, step = (*text[:3], FAINT), drawing.text_size("")[1]
+    right = layout.left + layout.width
+    for cost in cost_ticks(layout.low, layout.high):
+        y = layout.place(layout.first, cost)[1]
+        drawing.draw_lines_2d([(layout.left, y), (right, y)], faint, 1.0)
+        label = f"{cost:,.10g}"
+        width = drawing.text_size(label, 10.0)[0]
+        drawing.draw_text(layout.left - width - drawing.pixels(6.0), y - 0.25 * step, label, 10.0, text)
+    room = drawing.pixels(44.0)
+    most = max(2, int(layout.width / room))
+    for frame in without_crowd(frame_ticks(layout.first, layout.last, most), layout, room):
+        x, label = layout.x_of(frame), str(frame)
+        width = drawing.text_size(label, 10.0)[0]
+        drawing.draw_text(x - width / 2, layout.bottom - step, label, 10.0, text)
+
+
+def _draw_curves(decay: Decay, layout: ChartLayout) -> None:
+    frames = [row.frame for row in decay.rows]
+    for policy in ORDER:
+        points = [layout.place(*point) for point in zip(frames, decay.costs(policy), strict=True)]
+        drawing.draw_lines_2d(points, COLORS[policy], CURVE_WIDTH if policy != "rebuild" else 2.0 * CURVE_WIDTH)
+        if len(points) == 1:
+            _draw_mark("rotated", points[0], COLORS[policy])
+    costs = decay.costs("governed")
+    for number in decay.rebuilds():
+        _draw_mark(decay.rows[number].policies["governed"].action, layout.place(frames[number], costs[number]))
+
+
+def _draw_mark(action: str, place: drawing.Point, color: drawing.Color | None = None) -> None:
+    """A square for a new tree, a diamond for new parts, a small square for rotations."""
+    x, y = place
+    size = drawing.pixels(MARK_SIZE)
+    color = drawing.panel_text_color() if color is None else color
+    if action == "partly_rebuilt":
+        size *= 1.35
+        corners = [(x - size, y), (x, y - size), (x + size, y), (x, y + size)]
+        drawing.draw_polygon(corners, color)
+    else:
+        size *= 1.0 if action == "rebuilt" else 0.6
+        drawing.draw_rect(x - size, y - size, 2 * size, 2 * size, color)
+
+
+@dataclass(frozen=True, slots=True)
+class _Key:
+    """Of a curve, or of a mark where there is no color."""
+
+    text: str
+    width: float
+    color: drawing.Color | None = None
+    action: str = ""
+
+
+def _keys_in_lines(decay: Decay, row: int | None, room: float) -> list[_Key]:
+    found = [(key_of(decay, policy, row), COLORS[policy], "") for policy in ("refit", "governed", "rebuild")]
+    taken = {decay.rows[number].policies["governed"].action for number in decay.rebuilds()}
+    marks = [(f"Governor: {ACTIONS[action].lower()}", None, action) for action in MARKED if action in taken]
+    sample = drawing.pixels(26.0)
+    keys = [_Key(text, sample + drawing.text_size(text)[0], color, action) for text, color, action in (*found, *marks)]
+    while len(keys) > len(found) and sum(key.width + sample for key in keys) > room:
+        keys.pop()
+    return keys
+
+
+def _draw_keys(keys: Sequence[_Key], x: float, y: float) -> None:
+    text, gap = drawing.panel_text_color(), drawing.pixels(18.0)
+    middle = y + drawing.pixels(4.0)
+    for key in keys:
+        if key.color is not None:
+            drawing.draw_lines_2d([(x, middle), (x + drawing.pixels(18.0), middle)], key.color, 3.0)
+        else:
+            _draw_mark(key.action, (x + drawing.pixels(9.0), middle))
+        drawing.draw_text(x + drawing.pixels(24.0), y, key.text, color=text)
+        x += key.width + gap
+
+
+def _draw_sentence(sentence: str, panel: drawing.Rect, margin: float, color: drawing.Color) -> None:
+    """In the lowest line; as small as it must be to be read whole, to a point."""
+    room = panel.right - panel.left - 2 * margin
+    size = 10.0
+    while size > 7.0 and drawing.text_size(sentence, size)[0] > room:
+        size -= 0.5
+    drawing.draw_text(panel.left + margin, panel.bottom + margin * 0.8, sentence, size, color)
+
+
+# The mouse -----------------------------------------------------------------------------------------------------------
+
+
+class PERFECT_BVH_GT_decay(bpy.types.Gizmo):
+    """The chart, as far as the mouse is concerned: its cross closes it, elsewhere a frame is chosen."""
+
+    bl_idname = "PERFECT_BVH_GT_decay"
+
+    def setup(self) -> None:
+        self.is_closing = False
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """The handler does."""
+
+    def test_select(self, context: bpy.types.Context, location: Sequence[int]) -> int:
+        """Whether the mouse is over it."""
+        is_over = shown_in(context) is not None and contains(panel_of(context.area, context.region), *location)
+        return 0 if is_over else -1
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        panel = panel_of(context.area, context.region)
+        cross = close_rect(panel.right, panel.top)
+        self.is_closing = contains(cross, event.mouse_region_x, event.mouse_region_y)
+        if not self.is_closing:
+            go_to(context, event.mouse_region_x)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event, tweak: set[str]) -> set[str]:
+        if event.type == "MOUSEMOVE" and not self.is_closing:
+            go_to(context, event.mouse_region_x)
+        return {"RUNNING_MODAL"}
+
+    def exit(self, context: bpy.types.Context, cancel: bool) -> None:
+        if self.is_closing and not cancel:
+            hide()
+
+
+class PERFECT_BVH_GGT_decay(bpy.types.GizmoGroup):
+    """Holds the chart."""
+
+    bl_idname = "PERFECT_BVH_GGT_decay"
+    bl_label = "Decay"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options = {"PERSISTENT"}  # noqa: RUF012 - as Blender wants it
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return shown_in(context) is not None
+
+    def setup(self, context: bpy.types.Context) -> None:
+        self.gizmos.new(PERFECT_BVH_GT_decay.bl_idname)
+
+
+CLASSES = (PERFECT_BVH_GT_decay, PERFECT_BVH_GGT_decay)
+
+
+def register() -> None:
+    """Draw where something is shown."""
+    global _handle
+    for owner in CLASSES:
+        bpy.utils.register_class(owner)
+    _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+
+
+def unregister() -> None:
+    """Draw no more, and forget what was measured."""
+    global _handle
+    hide()
+    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
+    _handle = None
+    for owner in reversed(CLASSES):
+        bpy.utils.unregister_class(owner)

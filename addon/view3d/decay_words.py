@@ -1,0 +1,50 @@
+"""What is written in a chart of trees that decay. Knows no Blender."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .decay import Decay, DecayFrame
+
+LABELS = {"refit": "Refitted", "governed": "Governed", "rebuild": "Rebuilt Each Frame"}
+ACTIONS = {
+    "rebuilt": "Rebuilt",
+    "partly_rebuilt": "Parts rebuilt",
+    "rotated": "Rotated",
+    "refitted": "Refitted",
+    "built": "Built",
+}
+
+
+def heading_of(decay: Decay) -> str:
+    """What is shown, and how far it is."""
+    count = f"{len(decay.rows)} of {len(decay.frames)}" if len(decay.rows) < len(decay.frames) else f"{len(decay.rows)}"
+    return f"Decay of {decay.name}: {decay.measure}, {count} frames"
+
+
+def key_of(decay: Decay, policy: str, row: int | None) -> str:
+    """Of a curve; with its number in a row."""
+    return LABELS[policy] if row is None else f"{LABELS[policy]} {decay.costs(policy)[row]:,.1f}"
+
+
+def sentence_of(row: DecayFrame) -> str:
+    """What the governor did in a frame, and why."""
+    done = row.policies["governed"]
+    if not done.action:
+        return f"Frame {row.frame}: nothing moved, the tree is kept"
+    return f"Frame {row.frame}: {ACTIONS[done.action]}. {done.reason[:1].upper()}{done.reason[1:]}"
+
+
+def summary_of(decay: Decay) -> str:
+    """All frames in a sentence."""
+    counts = dict.fromkeys(ACTIONS, 0)
+    for row in decay.rows[1:]:
+        action = row.policies["governed"].action
+        if action:
+            counts[action] += 1
+    told = [f"{ACTIONS[action].lower()} in {count}" for action, count in counts.items() if count]
+    done = ", ".join(told) if told else "kept in all"
+    costs = {policy: decay.costs(policy) for policy in LABELS}
+    last = ", ".join(f"{LABELS[policy].lower()} {values[-1]:,.1f}" for policy, values in costs.items())
+    return f"{decay.measure} in the end: {last}; governed, the tree was {done} of {len(decay.rows) - 1} frames"
