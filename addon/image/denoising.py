@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from perfect_bvh import Denoiser
-    from perfect_bvh.denoise import DenoiseQuality
+    from perfect_bvh.denoise import DenoiseQuality, Prefilter
 
 Image = npt.NDArray[np.float32]
 
-# How well images are denoised, from so many samples a pixel on; viewports as if they had one. What takes longer is
-# worth it where it is a small part of the whole: "high" lowers errors by some 10 % (of images 480 pixels wide in 0.7 s
-# more). Guides are blended from so many samples that nothing is gained by denoising them first.
-QUALITIES: tuple[tuple[int, DenoiseQuality], ...] = ((1, "fast"), (16, "high"))
+# How images are denoised, from so many samples a pixel on; viewports as if they had one. "high" lowers errors by some
+# 10 %, which is worth it where it is a small part of the whole (of images 480 pixels wide it takes 0.7 s more). Guides
+# are blended from so many samples, neighbours' too, that they soon pass for free of noise.
+WAYS: tuple[tuple[int, DenoiseQuality, Prefilter], ...] = ((1, "fast", "fast"), (16, "high", "none"))
 # That tells how much noise comes through, of which a rough idea is enough.
 QUICK: DenoiseQuality = "fast"
 # Of OpenImageDenoise: the images, and what the layers of its network hold; it cuts large images into tiles.
@@ -54,12 +54,12 @@ class ImageDenoiser:
 
     Made on Blender's main thread or within a render.
 
-    samples: how many each pixel has; 1 where that changes, see `QUALITIES`.
+    samples: how many each pixel has; 1 where that changes, see `WAYS`.
     """
 
     def __init__(self, plan: RenderPlan, samples: int = 1) -> None:
         self._plan = plan
-        self._quality = next(quality for least, quality in reversed(QUALITIES) if samples >= least)
+        _, self._quality, self._prefilter = next(way for way in reversed(WAYS) if samples >= way[0])
         self._libraries = denoiser_libraries()  # Blender is asked here: images may be denoised on any thread
         self._denoisers: dict[DenoiseQuality, Denoiser] = {}
 
@@ -162,7 +162,7 @@ class ImageDenoiser:
         check_fits("Denoising it", byte_count, "choose a smaller size")
         return perfect_bvh.Denoiser(
             size,
-            prefilter="none",
+            prefilter=self._prefilter,
             quality=quality,
             threads=self._plan.settings.threads,
             libraries=self._libraries,

@@ -19,7 +19,7 @@ bpy = pytest.importorskip("bpy")
 from oracles.cycles import preserved, write_multilayer  # noqa: E402
 from oracles.exr import read_exr  # noqa: E402
 from perfect_bvh import _oidn  # noqa: E402
-from perfect_bvh.denoise import DenoiseQuality, denoise  # noqa: E402
+from perfect_bvh.denoise import DenoiseQuality, Prefilter, denoise  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.image import denoising  # noqa: E402
 from perfect_bvh_addon.image.denoising import ImageDenoiser  # noqa: E402
@@ -74,15 +74,16 @@ def ask_for_data(scene: bpy.types.Scene) -> None:
 
 
 def expect(
-    images: Mapping[str, np.ndarray], noise: Mapping[str, np.ndarray] | None, quality: DenoiseQuality
+    images: Mapping[str, np.ndarray], noise: Mapping[str, np.ndarray] | None, quality: DenoiseQuality = "fast"
 ) -> np.ndarray:
     """What is to come of a traced image."""
     color, *guides = (images[name] for name in GUIDES)
-    clean = denoise(color, *guides, quality=quality, prefilter="none")
+    prefilter: Prefilter = "fast" if quality == "fast" else "none"
+    clean = denoise(color, *guides, quality=quality, prefilter=prefilter)
     if noise is None:
         return clean
     with_noise, without = (
-        denoise(image, *guides, quality="fast", prefilter="none") for image in (color, color - noise[NOISY])
+        denoise(image, *guides, quality="fast", prefilter=prefilter) for image in (color, color - noise[NOISY])
     )
     return perfect_bvh.restore_detail(images["combined"], noise["combined"], clean, with_noise - without, *guides)
 
@@ -160,7 +161,7 @@ def test_a_border_is_denoised_alone(scene: bpy.types.Scene) -> None:
     left, right, bottom, top = plan_render(scene, read_settings(scene)).window
     part = slice(HEIGHT - top, HEIGHT - bottom), slice(left, right)
     images, noise = ({name: array[part] for name, array in made.items()} for made in trace(scene))
-    np.testing.assert_array_equal(frame.images["combined"][part], expect(images, noise, "fast"))
+    np.testing.assert_array_equal(frame.images["combined"][part], expect(images, noise))
     outside = np.ones((HEIGHT, WIDTH), bool)
     outside[part] = False
     assert not frame.images["combined"][outside].any()
@@ -305,7 +306,7 @@ def test_one_denoiser_serves_a_view_as_it_gets_better(scene: bpy.types.Scene) ->
     viewer = ImageDenoiser(plan)
     for known in (None, noise, None):
         result = viewer.denoise(images, known)
-        np.testing.assert_array_equal(result.image, expect(images, known, "fast"))
+        np.testing.assert_array_equal(result.image, expect(images, known))
         assert result.name == denoiser_in_use() and result.complaint is None
 
 

@@ -65,9 +65,9 @@ class Denoiser:
 
     size: (width, height) in pixels.
     prefilter: "accurate": albedo and normal are denoised first, then taken as they are, which keeps most detail and
-        takes three times as long; "fast": they are taken as noisy, which with the quality "fast" is as good below some
-        32 samples a pixel; "none": as free of noise, which few images of samples are. Cycles' settings of the same
-        names. The joint filter knows no difference.
+        takes three times as long; "fast": they are taken as noisy; "none": as free of noise, which those of
+        `render_passes` are from some 16 samples a pixel on. Cycles' settings of the same names. The joint filter knows
+        no difference.
     quality: of OpenImageDenoise. "balanced" takes twice as long as "fast", and "high" five times.
     threads: at most so many; 0, the default, for as many as the engine uses (`set_thread_count`).
     backend: "oidn": OpenImageDenoise; "joint": an edge-avoiding wavelet of our own, which needs no library and leaves
