@@ -46,6 +46,7 @@ _MODULES = (
     ".view3d.opening",
     ".engine",
     ".operators",
+    ".view3d.pointer",
     ".view3d.overlay",
     ".panels",
 )

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from . import drawing
 from .box_lines import BoxLines, box_lines
-from .overlay import MOST_BOXES
+from .tree_lines import MOST_BOXES
 
 if TYPE_CHECKING:
     import gpu

@@ -1,9 +1,12 @@
 """The boxes of the trees, drawn over 3D viewports: the top level, and the tree of the active object.
 
-The boxes are those of the cached sync, which is brought in step when something has changed and a viewport is drawn.
-The lines of a tree are made once and kept until its boxes are others: moving an object only draws its lines elsewhere.
-While trees are built, the last boxes are drawn in grey, not to be taken for those of the scene as it is. An animation
-that plays waits for each frame's own.
+The boxes are those of the cached sync, which is brought in step when something has changed and a viewport is drawn,
+whatever render engine the scene has. The lines of a tree are made once and kept until its boxes are others: moving an
+object only draws its lines elsewhere. While trees are built, the last boxes are drawn in grey, not to be taken for
+those of the scene as it is. An animation that plays waits for each frame's own.
+
+The box under the mouse is looked for when the mouse moves, or when there are other boxes; not while only the view
+moves, as all boxes would have to be gone through again for each redraw.
 
 What needs the native engine is imported where it is used: without it the add-on must still register, and say why.
 """
@@ -12,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -20,94 +22,40 @@ import numpy as np
 
 from ..live.pending_commit import PendingCommit
 from ..settings.preferences import native_error
-from ..settings.scene_settings import ENGINE_NAME
-from .box_lines import BoxLines, box_lines
+from . import pointer
+from .box_lines import ramp_colors
+from .box_words import describe
+from .hovered_box import HoveredBox, HoveredPicture, Pointed, box_under, view_of
+from .legend import Section, draw_legend, draw_tip
+from .tree_lines import TreeLines
 
 if TYPE_CHECKING:
-    import gpu
-    from perfect_bvh import Snapshot, TreeBoxes
-
     from ..live.scene_sync import SceneSync
 
-# More can no longer be told apart, and every viewport that is drawn would wait for them.
-MOST_BOXES = 100_000
-# Of boxes that are about to be others: as RGBA.
-GREY = (0.5, 0.5, 0.5, 0.4)
 # Between two looks whether the trees are there.
 REDRAW_SECONDS = 0.05
-
-
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """What is drawn of a tree. level: the one that was asked for, or the deepest that there is.
-
-    count: boxes drawn; total: of those levels, more than count where not all are drawn. depth: of the whole tree.
-    """
-
-    level: int
-    count: int
-    total: int
-    depth: int
-
-
-class TreeLines:
-    """The lines of one tree, made again only where its boxes or their colours are others."""
-
-    def __init__(self) -> None:
-        self.shown: Shown | None = None
-        self._asked: tuple[Any, ...] = ()
-        self._boxes: TreeBoxes | None = None
-        self._lines: BoxLines | None = None
-        self._batch: gpu.types.GPUBatch | None = None
-        self._grey_batch: gpu.types.GPUBatch | None = None
-
-    def follow(self, snapshot: Snapshot, mesh: int | None, settings: bpy.types.PropertyGroup) -> None:
-        """Make the lines those of a tree (None: the top level) as a snapshot has it, if they are not."""
-        choice = (settings.level, settings.use_all_to_level, settings.color_by)
-        asked = (snapshot.scene_id, snapshot.generation, mesh, *choice)
-        if asked == self._asked:
-            return
-        boxes, level = list_levels(snapshot, mesh, settings.level, settings.use_all_to_level)
-        had_same_colors = self._asked[3:] == choice
-        self._asked = asked
-        if had_same_colors and self._boxes is not None and are_equal(boxes, self._boxes):
-            return
-        self._boxes = boxes
-        self._lines = box_lines(boxes.head(MOST_BOXES), settings.color_by) if len(boxes) else None
-        self.shown = Shown(level, min(len(boxes), MOST_BOXES), len(boxes), boxes.depth)
-        self._batch = None if self._lines is None else _make_batch(self._lines)
-        self._grey_batch = None
-
-    def draw(self, matrix: Any = None, *, in_grey: bool = False) -> None:
-        """Draw them in the 3D viewport that is being drawn. matrix: (4, 4) from the boxes' space to the world."""
-        if self._batch is None:
-            return
-        batch = self._in_grey() if in_grey else self._batch
-        import gpu
-        from mathutils import Matrix
-
-        with gpu.matrix.push_pop():
-            if matrix is not None:
-                gpu.matrix.multiply_matrix(Matrix(matrix.tolist()))
-            batch.draw(gpu.shader.from_builtin("FLAT_COLOR"))
-
-    def _in_grey(self) -> gpu.types.GPUBatch:
-        if self._grey_batch is None:
-            assert self._lines is not None
-            self._grey_batch = _make_batch(replace(self._lines, colors=np.full_like(self._lines.colors, GREY)))
-        return self._grey_batch
+BAR_STOPS = 9
 
 
 class SceneOverlay:
-    """The overlay of one scene's view layer. message: why it cannot be shown, "" if all is well."""
+    """The overlay of one scene's view layer. message: why it cannot be shown, "" if all is well.
+
+    hovered: the box under the mouse, None if there is none.
+    """
 
     def __init__(self) -> None:
         self.message = ""
         self.top_level: TreeLines | None = None
         self.active: TreeLines | None = None
+        self.hovered: HoveredBox | None = None
+        self._pointed: Pointed | None = None
+        self._looked_at: tuple[Any, ...] = ()
+        self._picture = HoveredPicture()
         self._is_stale = True
         self._trees = PendingCommit()
-        self._matrix: Any = None
+        self._asked: tuple[int, ...] = ()
+        self._found: tuple[int, Any] | None = None  # the active object's mesh and where it is placed
+        self._name = ""
 
     def on_change(self, what: str) -> None:
         """Something of the scene may have changed."""
@@ -116,7 +64,8 @@ class SceneOverlay:
     def on_file_change(self) -> None:
         """All data is about to go, or has just come."""
         self._is_stale, self._trees = True, PendingCommit()
-        self.top_level = self.active = None
+        self.top_level = self.active = self.hovered = self._pointed = self._found = None
+        self._asked = self._looked_at = ()
 
     def draw(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
         """Bring the trees in step and draw what the settings ask for."""
@@ -139,6 +88,15 @@ class SceneOverlay:
                 top_level.draw(in_grey=not is_there)
             if active is not None:
                 active.draw(self._matrix, in_grey=not is_there)
+        if is_there and self._is_hovered(context):
+            assert self.hovered is not None
+            assert self._trees.sync is not None
+            with _drawing_state(is_in_front=True):
+                self._picture.draw(self.hovered, self._trees.sync)
+
+    @property
+    def _matrix(self) -> Any:
+        return None if self._found is None else self._found[1]
 
     def _follow(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> bool:
         """Whether there are trees to draw."""
@@ -156,12 +114,19 @@ class SceneOverlay:
         self.top_level = (self.top_level or TreeLines()) if settings.show_top_level else None
         if self.top_level is not None:
             self.top_level.follow(snapshot, None, settings)
-        found = find_object(sync, context.active_object) if settings.show_active else None
+        found = self._find_active(sync, context.active_object) if settings.show_active else None
         self.active = (self.active or TreeLines()) if found is not None else None
-        if self.active is not None:
-            mesh, self._matrix = found
-            self.active.follow(snapshot, mesh, settings)
+        if self.active is not None and found is not None:
+            self.active.follow(snapshot, found[0], settings)
         return True
+
+    def _find_active(self, sync: SceneSync, obj: bpy.types.Object | None) -> tuple[int, Any] | None:
+        """As `find_object`, which goes through all instances, does; asked again only when it may answer otherwise."""
+        asked = (sync.scene.scene_id, sync.revision, 0 if obj is None else obj.session_uid)
+        if asked != self._asked:
+            self._asked, self._found = asked, find_object(sync, obj)
+        self._name = "" if obj is None else obj.name
+        return self._found
 
     def _begin(self, context: bpy.types.Context) -> None:
         from ..live.sync_cache import sync_of
@@ -171,20 +136,77 @@ class SceneOverlay:
         is_playing = context.screen.is_animation_playing  # the next frame would stop what this one has begun
         self._trees.begin(sync, lambda: sync.begin_update(depsgraph), to_the_end=is_playing)
 
+    # The box under the mouse -----------------------------------------------------------------------------------------
 
-def list_levels(snapshot: Snapshot, mesh: int | None, level: int, use_all: bool) -> tuple[TreeBoxes, int]:
-    """The boxes of a level, or of all to it, and which it is: the tree's deepest if it is not so deep."""
-    boxes = snapshot.tree_boxes(mesh, first_level=0 if use_all else level, last_level=level)
-    if level <= boxes.depth:
-        return boxes, level
-    return list_levels(snapshot, mesh, boxes.depth, use_all)
+    def point(self, context: bpy.types.Context, place: tuple[int, int] | None) -> None:
+        """The mouse is at a place in the context's region, or nowhere: have drawn what changes by that."""
+        before = self.hovered
+        self._pointed = None if place is None else Pointed.of(context, place)
+        self._look(context)
+        if before is None and self.hovered is None:
+            return
+        if place is None:
+            _redraw()
+        else:
+            context.region.tag_redraw()
+
+    def _is_hovered(self, context: bpy.types.Context) -> bool:
+        """Whether there is a box under the mouse to draw in the context's region."""
+        pointed = self._pointed
+        if pointed is None or pointed.region != context.region.as_pointer():
+            return False
+        if pointed.view != view_of(context):
+            return False
+        self._look(context)
+        return self.hovered is not None
+
+    def _look(self, context: bpy.types.Context) -> None:
+        """Find the box under the mouse, if that or the boxes are others than when it was looked for last."""
+        trees: list[tuple[TreeLines, int | None, Any]] = []
+        if self.active is not None and self._found is not None:
+            trees.append((self.active, *self._found))  # it stands within the boxes of the top level
+        if self.top_level is not None:
+            trees.append((self.top_level, None, None))
+        numbers = tuple((id(tree), tree.number) for tree, _, _ in trees)
+        looked_at = (self._pointed, numbers, None if self._matrix is None else self._matrix.tobytes())
+        if looked_at == self._looked_at:
+            return
+        self._looked_at = looked_at
+        self.hovered = None if self._pointed is None else box_under(context, self._pointed.place, trees)
+
+    # What is told ----------------------------------------------------------------------------------------------------
+
+    def sections(self, settings: bpy.types.PropertyGroup) -> list[Section]:
+        """The parts of the legend."""
+        sections = []
+        for name, tree in (("Top Level", self.top_level), (self._name, self.active)):
+            if tree is not None and tree.shown is not None:
+                sections.append(section_of(name, tree))
+        if settings.show_active and self.active is None and not self.message:
+            sections.append(Section(("The active object has no triangles that rays could meet",)))
+        if self.message:
+            sections.append(Section((self.message,)))
+        return sections
+
+    def draw_words(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
+        """The legend, and what is under the mouse, in the pixels of the region that is being drawn."""
+        draw_legend(context, self.sections(settings))
+        if not self.message and self._is_hovered(context):
+            assert self.hovered is not None
+            assert self._trees.sync is not None
+            assert self._pointed is not None
+            draw_tip(context, self._pointed.place, self.hovered.lines(self._trees.sync))
 
 
-def are_equal(one: TreeBoxes, other: TreeBoxes) -> bool:
-    """Whether two lists hold the same boxes, levels, costs and overlaps."""
-    return one.depth == other.depth and all(
-        np.array_equal(getattr(one, name), getattr(other, name)) for name in ("boxes", "levels", "costs", "overlaps")
-    )
+def section_of(name: str, tree: TreeLines) -> Section:
+    """The part of a legend that tells of a tree."""
+    shown, scale = tree.shown, tree.scale
+    assert shown is not None
+    assert scale is not None
+    places = [place for place, _ in scale.labels] if scale.levels else np.linspace(0.0, 1.0, BAR_STOPS)
+    levels = tree.levels if scale.levels else frozenset()
+    colors = tuple(tuple(color[:3]) for color in ramp_colors(np.array(places)).tolist())
+    return Section((name, describe(shown)), scale if shown.total else None, colors, levels)
 
 
 def find_object(sync: SceneSync, obj: bpy.types.Object | None) -> tuple[int, Any] | None:
@@ -209,7 +231,7 @@ def find_object(sync: SceneSync, obj: bpy.types.Object | None) -> tuple[int, Any
 # Blender's side ------------------------------------------------------------------------------------------------------
 
 _overlays: dict[tuple[int, str], SceneOverlay] = {}
-_handle: Any = None
+_handles: list[Any] = []
 
 
 def overlay_of(context: bpy.types.Context) -> SceneOverlay | None:
@@ -217,12 +239,16 @@ def overlay_of(context: bpy.types.Context) -> SceneOverlay | None:
     return _overlays.get((context.scene.session_uid, context.view_layer.name))
 
 
+def is_wanted(context: bpy.types.Context) -> bool:
+    """Whether the context's scene asks for boxes, and can have them."""
+    settings = context.scene.perfect_bvh.overlay
+    return (settings.show_top_level or settings.show_active) and native_error() is None
+
+
 def _draw() -> None:
     context = bpy.context
-    settings = context.scene.perfect_bvh.overlay
     key = (context.scene.session_uid, context.view_layer.name)
-    is_wanted = settings.show_top_level or settings.show_active
-    if not is_wanted or context.engine != ENGINE_NAME or native_error() is not None:
+    if not is_wanted(context):
         _drop(key)
         return
     if not context.space_data.overlay.show_overlays:
@@ -232,7 +258,33 @@ def _draw() -> None:
 
         _overlays[key] = SceneOverlay()
         listen(_overlays[key])
-    _overlays[key].draw(context, settings)
+    _overlays[key].draw(context, context.scene.perfect_bvh.overlay)
+
+
+def _draw_words() -> None:
+    context = bpy.context
+    overlay = overlay_of(context)
+    if overlay is not None and context.space_data.overlay.show_overlays:
+        overlay.draw_words(context, context.scene.perfect_bvh.overlay)
+
+
+class _Pointing:
+    """The mouse, as the overlays hear of it."""
+
+    def wants_pointer(self, context: bpy.types.Context) -> bool:
+        return is_wanted(context) and context.space_data.overlay.show_overlays
+
+    def on_pointer(self, context: bpy.types.Context, place: tuple[int, int]) -> None:
+        overlay = overlay_of(context)
+        if overlay is not None:
+            overlay.point(context, place)
+
+    def on_pointer_left(self) -> None:
+        for overlay in _overlays.values():
+            overlay.point(bpy.context, None)
+
+
+_pointing = _Pointing()
 
 
 def _redraw_soon() -> None:
@@ -256,18 +308,6 @@ def _drop(key: tuple[int, str]) -> None:
         stop_listening(overlay)
 
 
-def _make_batch(lines: BoxLines) -> gpu.types.GPUBatch:
-    import gpu
-
-    layout = gpu.types.GPUVertFormat()
-    position = layout.attr_add(id="pos", comp_type="F32", len=3, fetch_mode="FLOAT")
-    color = layout.attr_add(id="color", comp_type="F32", len=4, fetch_mode="FLOAT")
-    vertices = gpu.types.GPUVertBuf(layout, len(lines.positions))
-    vertices.attr_fill(position, lines.positions)
-    vertices.attr_fill(color, lines.colors)
-    return gpu.types.GPUBatch(type="LINES", buf=vertices, elem=gpu.types.GPUIndexBuf(type="LINES", seq=lines.lines))
-
-
 @contextmanager
 def _drawing_state(is_in_front: bool) -> Iterator[None]:
     import gpu
@@ -285,15 +325,16 @@ def _drawing_state(is_in_front: bool) -> Iterator[None]:
 
 def register() -> None:
     """Draw over every 3D viewport from now on, where the scene asks for it."""
-    global _handle
-    _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
+    for draw, when in ((_draw, "POST_VIEW"), (_draw_words, "POST_PIXEL")):
+        _handles.append(bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", when))
+    pointer.listeners.append(_pointing)
 
 
 def unregister() -> None:
     """Draw no more, and forget what was drawn."""
-    global _handle
-    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-    _handle = None
+    pointer.listeners.remove(_pointing)
+    while _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
     if bpy.app.timers.is_registered(_redraw):
         bpy.app.timers.unregister(_redraw)
     for key in list(_overlays):

@@ -14,12 +14,13 @@ import perfect_bvh_addon  # noqa: E402
 from perfect_bvh_addon import operators  # noqa: E402
 from perfect_bvh_addon.settings import preferences, scene_settings  # noqa: E402
 from perfect_bvh_addon.statistics import not_shown  # noqa: E402
+from perfect_bvh_addon.view3d import pointer  # noqa: E402
 
 OPERATORS = [
     found
     for module in (
         *(operators.preview, operators.scan, operators.bench, operators.compare, operators.decay),
-        *(operators.select_mesh, operators.select_not_shown),
+        *(operators.select_mesh, operators.select_not_shown, pointer),
     )
     for found in vars(module).values()
     if isinstance(found, type) and issubclass(found, bpy.types.Operator)

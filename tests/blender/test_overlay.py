@@ -18,7 +18,7 @@ from blender.long_builds import PATIENCE, Gate, building_threads  # noqa: E402
 from perfect_bvh_addon.events.changes import listen, stop_listening  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
-from perfect_bvh_addon.view3d import overlay  # noqa: E402
+from perfect_bvh_addon.view3d import overlay, tree_lines  # noqa: E402
 from perfect_bvh_addon.view3d.box_lines import RAMP, box_lines, shares  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
@@ -33,7 +33,7 @@ def drawn_batches(monkeypatch) -> list:
         made.append(lines)
         return object()
 
-    monkeypatch.setattr(overlay, "_make_batch", keep)
+    monkeypatch.setattr(tree_lines, "_make_batch", keep)
     monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 60.0)  # however slow this machine is
     return made
 
@@ -84,17 +84,26 @@ def test_colours_run_from_least_to_most() -> None:
 def test_a_level_beyond_the_deepest_is_the_deepest() -> None:
     bpy.ops.mesh.primitive_uv_sphere_add()
     snapshot = synced().scene.snapshot()
-    boxes, level = overlay.list_levels(snapshot, 0, 40, False)
-    assert level == boxes.depth and set(boxes.levels) == {boxes.depth}
-    boxes, level = overlay.list_levels(snapshot, 0, 1, True)
+    boxes, level = tree_lines.list_levels(snapshot, 0, 40, False)
+    assert level == boxes.depth == boxes.levels.max()
+    boxes, level = tree_lines.list_levels(snapshot, 0, 1, True)
     assert (level, set(boxes.levels)) == (1, {0, 1})
+
+
+def test_a_level_is_a_cut() -> None:
+    bpy.ops.mesh.primitive_monkey_add()
+    snapshot = synced().scene.snapshot()
+    whole = boxes_of(snapshot, mesh=0)
+    boxes, level = tree_lines.list_levels(snapshot, 0, whole.depth, False)
+    assert level == whole.depth and len(set(boxes.levels)) > 1
+    assert len(boxes) == (whole.leaf_sizes > 0).sum() and boxes.leaf_sizes.sum() == len(whole.primitives)
 
 
 def test_lines_are_made_again_only_when_the_boxes_change(scene, drawn_batches) -> None:
     bpy.ops.mesh.primitive_monkey_add()
     obj = bpy.context.object
     settings = scene.perfect_bvh.overlay
-    lines = overlay.TreeLines()
+    lines = tree_lines.TreeLines()
 
     def follow() -> int:
         sync = synced()
@@ -111,14 +120,16 @@ def test_lines_are_made_again_only_when_the_boxes_change(scene, drawn_batches) -
     assert follow() == 3
     settings.level = 0
     assert follow() == 4
-    assert lines.shown == overlay.Shown(0, 1, 1, lines.shown.depth)
+    shown, boxes = lines.shown, lines.boxes
+    assert (shown.level, shown.first_level, shown.count, shown.total) == (0, 0, 1, 1)
+    assert (shown.depth, shown.sah, shown.built_sah) == (boxes.depth, boxes.sah, boxes.built_sah)
 
 
 def test_it_shows_no_more_boxes_than_can_be_seen(scene, drawn_batches, monkeypatch) -> None:
-    monkeypatch.setattr(overlay, "MOST_BOXES", 5)
+    monkeypatch.setattr(tree_lines, "MOST_BOXES", 5)
     bpy.ops.mesh.primitive_monkey_add()
     scene.perfect_bvh.overlay.level, scene.perfect_bvh.overlay.use_all_to_level = 64, True
-    lines = overlay.TreeLines()
+    lines = tree_lines.TreeLines()
     lines.follow(synced().scene.snapshot(), 0, scene.perfect_bvh.overlay)
     assert lines.shown.count == 5 < lines.shown.total
     assert len(drawn_batches[0].positions) == 5 * 8
@@ -154,7 +165,7 @@ def test_it_follows_frames_and_forgets_files(scene, drawn_batches) -> None:
     for frame, x in ((1, 0.0), (10, 9.0)):
         scene.frame_set(frame)
         shown._follow(bpy.context, settings)
-        top = shown.top_level._boxes.boxes[0]
+        top = shown.top_level.boxes.boxes[0]
         np.testing.assert_allclose(top, [[x - 1.0, -1.0, -1.0], [x + 1.0, 1.0, 1.0]], atol=1e-3)
         assert shown._matrix[0, 3] == pytest.approx(x)
     count = len(drawn_batches)
@@ -178,7 +189,7 @@ def test_it_follows_edits_although_somebody_removed_its_handlers(scene, drawn_ba
         bpy.context.object.location.z = z
         bpy.context.view_layer.update()
         shown._follow(bpy.context, settings)
-        np.testing.assert_allclose(shown.top_level._boxes.boxes[0, :, 2], [z - 1.0, z + 1.0], atol=1e-3)
+        np.testing.assert_allclose(shown.top_level.boxes.boxes[0, :, 2], [z - 1.0, z + 1.0], atol=1e-3)
         bpy.app.handlers.depsgraph_update_post.clear()
     stop_listening(shown)
 
@@ -195,7 +206,7 @@ class Screen:
             shader=SimpleNamespace(from_builtin=lambda name: name),
         )
         monkeypatch.setitem(sys.modules, "gpu", gpu)
-        monkeypatch.setattr(overlay, "_make_batch", self._batch_of)
+        monkeypatch.setattr(tree_lines, "_make_batch", self._batch_of)
 
     def _batch_of(self, lines: Any) -> SimpleNamespace:
         return SimpleNamespace(draw=lambda shader: self.drawn.append(lines))
@@ -203,7 +214,7 @@ class Screen:
     def take(self) -> tuple[list[float], bool]:
         """How high the drawn boxes reach, and whether they all are grey."""
         drawn, self.drawn = self.drawn, []
-        greys = {bool((lines.colors == np.float32(overlay.GREY)).all()) for lines in drawn}
+        greys = {bool((lines.colors == np.float32(tree_lines.GREY)).all()) for lines in drawn}
         assert len(greys) <= 1
         return [round(float(lines.positions[:, 2].max()), 3) for lines in drawn], greys == {True}
 

@@ -19,7 +19,6 @@ from perfect_bvh_addon.settings import preferences  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import ENGINE_NAME  # noqa: E402
 from perfect_bvh_addon.statistics import last_result, not_shown, summary  # noqa: E402
 from perfect_bvh_addon.sync.not_shown import Kind, NotShown  # noqa: E402
-from perfect_bvh_addon.view3d import overlay  # noqa: E402
 
 
 class RecordingLayout:
@@ -109,6 +108,7 @@ def drawn(panel: type) -> list[str]:
         space_data = shaded_space()
         preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))  # 0 without a window
         region = SimpleNamespace(width=280)
+        space_data = SimpleNamespace(overlay=SimpleNamespace(show_overlays=True))
 
     class Stand:
         layout = RecordingLayout()
@@ -390,17 +390,6 @@ def test_the_scan_panel_shows_what_belongs_to_the_pattern() -> None:
     assert {"width", "height"} <= set(drawn(panel)) and "rate" not in drawn(panel)
     settings.pattern, settings.use_frame_range = "LIDAR", True
     assert {"elevations", "columns", "rate", "steps_per_frame"} <= set(drawn(panel)) and "width" not in drawn(panel)
-
-
-@pytest.mark.parametrize(
-    ("shown", "text"),
-    [
-        (overlay.Shown(level=3, count=200, total=200, depth=5), "level 3 of 5, 200 boxes"),
-        (overlay.Shown(level=5, count=100_000, total=262_144, depth=5), "level 5 of 5, 100,000 of 262,144 boxes"),
-    ],
-)
-def test_the_overlay_panel_tells_what_is_drawn(shown: overlay.Shown, text: str) -> None:
-    assert panels.overlay.describe(shown) == text
 
 
 def test_panels_for_materials_lights_and_the_world_stay_usable() -> None:

@@ -10,7 +10,7 @@ from driver import OUTPUT, Step, check, screenshot
 from places import area_of
 
 # In the order of the panel, while nothing was rendered yet.
-SUB_PANELS = ("Sampling", "Film", "Performance", "Rays", "Tree Overlay", "Bench")
+SUB_PANELS = ("Sampling", "Film", "Performance", "Rays", "Bench")
 
 # As long as the window keeps its size, the panel's last button stays where it is.
 _last_button: dict[str, Button] = {}

@@ -49,6 +49,7 @@ STEPS = (
     bad_use_steps.scan_onto_bad_disks,
     bad_use_steps.delete_and_undo_while_scanning,
     overlay_steps.show_the_top_level,
+    overlay_steps.point_at_a_box,
     overlay_steps.show_the_active_object,
     overlay_steps.follow_an_animation,
     overlay_steps.draw_100000_boxes,

@@ -53,8 +53,7 @@ class TreeBoxes:
     @property
     def hit_chances(self) -> npt.NDArray[np.float32]:
         """(N,) float32: how likely a random ray that meets the root's box meets each: its area over the root's."""
-        chances: npt.NDArray[np.float32] = self.costs / np.maximum(self.leaf_sizes, 1).astype(np.float32)
-        return chances
+        return np.divide(self.costs, np.maximum(self.leaf_sizes, 1), dtype=np.float32)
 
     def primitives_of(self, row: int) -> npt.NDArray[np.int32]:
         """(K,) int32: the triangles, or the ids of the instances, that one of the boxes holds."""

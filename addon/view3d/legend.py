@@ -1,0 +1,141 @@
+"""What stands beside the pictures in a 3D viewport: what colours mean, in numbers, and what is under the mouse.
+
+A legend stands in the lower left corner, above what Blender puts there; a tip beside the mouse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import bpy
+
+from .box_words import Scale
+from .drawing import (
+    MARGIN,
+    TEXT_SIZE,
+    Color,
+    draw_bar,
+    draw_lines_2d,
+    draw_panel,
+    draw_rect,
+    draw_text,
+    draw_text_panel,
+    free_rect,
+    panel_text_color,
+    pixels,
+    text_panel_size,
+    text_size,
+)
+
+# In points.
+SCALE_WIDTH = 220.0
+BAR_HEIGHT = 10.0
+SWATCH = 14.0
+GAP = 6.0
+TIP_OFFSET = 18.0
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A part of a legend.
+
+    colors: of its scale, evenly apart from 0 to 1. shown: levels that are drawn, of a scale with swatches.
+    """
+
+    lines: tuple[str, ...]
+    scale: Scale | None = None
+    colors: tuple[Color, ...] = ()
+    shown: frozenset[int] = frozenset()
+
+
+def draw_legend(context: bpy.types.Context, sections: Sequence[Section]) -> None:
+    """In the region that is being drawn; of a quad view in one of the four."""
+    area, region = context.area, context.region
+    if not sections or not is_main(area, region):
+        return
+    free = free_rect(area, region)
+    widths = [_size_of(section)[0] for section in sections]
+    heights = [_size_of(section)[1] for section in sections]
+    width = max(widths) + 2 * pixels(MARGIN)
+    height = sum(heights) + pixels(GAP) * (len(sections) - 1) + 2 * pixels(MARGIN)
+    left, bottom = free.left + pixels(MARGIN), max(free.bottom, _hud_top(area, region)) + pixels(MARGIN)
+    if left + width > free.right or bottom + height > free.top:
+        return  # what it would explain is smaller than it
+    draw_panel(left, bottom, width, height)
+    top = bottom + height - pixels(MARGIN)
+    for section, section_height in zip(sections, heights, strict=True):
+        _draw_section(section, left + pixels(MARGIN), top)
+        top -= section_height + pixels(GAP)
+
+
+def draw_tip(context: bpy.types.Context, place: tuple[int, int], lines: Sequence[str]) -> None:
+    """Lines of text to the right of the mouse and below it, or wherever they have room."""
+    width, height = text_panel_size(lines)
+    free = free_rect(context.area, context.region)
+    offset = pixels(TIP_OFFSET)
+    x, y = place[0] + offset, place[1] - offset - height
+    if x + width > free.right:
+        x = place[0] - offset - width
+    if y < free.bottom:
+        y = place[1] + offset
+    draw_text_panel(max(x, free.left), y, lines)
+
+
+def is_main(area: bpy.types.Area, region: bpy.types.Region) -> bool:
+    """Whether it is the one of a quad view that stands lower left, or the only one."""
+    views = [other for other in area.regions if other.type == "WINDOW" and min(other.width, other.height) > 1]
+    return min(views, key=lambda view: (view.x, view.y), default=region) == region
+
+
+def _hud_top(area: bpy.types.Area, region: bpy.types.Region) -> float:
+    """Above where Blender shows how the last operation can be adjusted."""
+    shown = [other for other in area.regions if other.type == "HUD" and other.height > 1 and other.width > 1]
+    return max((other.y + other.height - region.y for other in shown), default=0.0)
+
+
+def _size_of(section: Section) -> tuple[float, float]:
+    """(width, height) in pixels."""
+    line_height = text_size("")[1]
+    width = max((text_size(line)[0] for line in section.lines), default=0.0)
+    height = line_height * len(section.lines)
+    if section.scale is not None:
+        width = max(width, _scale_width(section.scale))
+        height += line_height * 2 + pixels(SWATCH if section.scale.levels else BAR_HEIGHT) + pixels(GAP)
+    return width, height
+
+
+def _scale_width(scale: Scale) -> float:
+    return pixels((SWATCH + GAP) * scale.levels) if scale.levels else pixels(SCALE_WIDTH)
+
+
+def _draw_section(section: Section, left: float, top: float) -> None:
+    line_height, color = text_size("")[1], panel_text_color()
+    for line in section.lines:
+        top -= line_height
+        draw_text(left, top + 0.25 * line_height, line, color=color)
+    scale = section.scale
+    if scale is None:
+        return
+    top -= line_height + pixels(GAP) / 2
+    draw_text(left, top + 0.25 * line_height, scale.caption, color=color)
+    if scale.levels:
+        _draw_swatches(section, scale, left, top - pixels(SWATCH))
+    else:
+        height = pixels(BAR_HEIGHT)
+        draw_bar(left, top - height, pixels(SCALE_WIDTH), height, scale.labels, section.colors, color)
+
+
+def _draw_swatches(section: Section, scale: Scale, left: float, bottom: float) -> None:
+    """One a level, those that are drawn filled."""
+    size, color = pixels(SWATCH), panel_text_color()
+    for level, (_, label) in enumerate(scale.labels):
+        x = left + level * pixels(SWATCH + GAP)
+        own = section.colors[level]
+        if level in section.shown:
+            draw_rect(x, bottom, size, size, own)
+        else:
+            inner = [(x + 1, bottom + 1), (x + size - 1, bottom + 1), (x + size - 1, bottom + size - 1)]
+            draw_lines_2d([*inner, (x + 1, bottom + size - 1)], own, 1.0, is_closed=True)
+        width = text_size(label)[0]
+        draw_text(x + (size - width) / 2, bottom - pixels(TEXT_SIZE + 2.0), label, color=color)

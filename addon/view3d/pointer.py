@@ -1,0 +1,156 @@
+"""Where the mouse is over 3D viewports, told to whoever listens, while nothing is held up by that.
+
+Blender asks each gizmo, at each move of the mouse over a region, whether the mouse is over it. Ours answers that it is
+not, and remembers where it was asked. So no operator runs, clicks and keys go where they always go, each region of each
+window is heard of, and what Blender makes anew after an undo or for another file is made anew here, too.
+
+Nobody is asked when the mouse leaves a region. So as long as it is in one that is listened to, a timer looks for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar, Protocol
+
+import bpy
+
+LOOKING_SECONDS = 0.2
+
+
+class PointerListener(Protocol):
+    """Who wants to know."""
+
+    def wants_pointer(self, context: bpy.types.Context) -> bool:
+        """Whether it does, in the 3D viewport of the context."""
+
+    def on_pointer(self, context: bpy.types.Context, place: tuple[int, int]) -> None:
+        """The mouse has moved. place: in pixels of the context's region."""
+
+    def on_pointer_left(self) -> None:
+        """The mouse is no longer where it was told to be."""
+
+
+listeners: list[PointerListener] = []
+_region: tuple[int, int] | None = None  # the addresses of the window and of the region that the mouse was in last
+_found: tuple[int, int] | None = None  # the window and where the mouse is in it, as the operator has seen it
+
+
+def _note(context: bpy.types.Context, place: tuple[int, int]) -> None:
+    global _region
+    told = False
+    for listener in listeners:
+        if listener.wants_pointer(context):
+            listener.on_pointer(context, place)
+            told = True
+    if not told:
+        return
+    _region = context.window.as_pointer(), context.region.as_pointer()
+    if not bpy.app.timers.is_registered(_look):
+        bpy.app.timers.register(_look, first_interval=LOOKING_SECONDS)
+
+
+def _look() -> float | None:
+    """Whether the mouse is still in its region."""
+    global _region
+    if _region is not None and _is_inside(*_region):
+        return LOOKING_SECONDS
+    _region = None
+    for listener in listeners:
+        listener.on_pointer_left()
+    return None
+
+
+def _is_inside(window_pointer: int, region_pointer: int) -> bool:
+    for window in bpy.context.window_manager.windows:
+        if window.as_pointer() != window_pointer:
+            continue
+        for area in window.screen.areas:
+            for region in area.regions:
+                if region.as_pointer() == region_pointer:
+                    return _is_over(region, area, _mouse_in(window))
+    return False
+
+
+def _mouse_in(window: bpy.types.Window) -> tuple[int, int]:
+    global _found
+    with bpy.context.temp_override(window=window):
+        bpy.ops.perfect_bvh.find_pointer("INVOKE_DEFAULT")
+    assert _found is not None
+    return _found
+
+
+def _is_over(region: bpy.types.Region, area: bpy.types.Area, place: tuple[int, int]) -> bool:
+    """Whether a place in a window is in a region, and in none that lies over it."""
+    if not _holds(region, place):
+        return False
+    others = (other for other in area.regions if other.type != "WINDOW" and min(other.width, other.height) > 1)
+    return not any(_holds(other, place) for other in others if other.type not in {"HEADER", "TOOL_HEADER", "HUD"})
+
+
+def _holds(region: bpy.types.Region, place: tuple[int, int]) -> bool:
+    return 0 <= place[0] - region.x < region.width and 0 <= place[1] - region.y < region.height
+
+
+class PERFECT_BVH_OT_find_pointer(bpy.types.Operator):
+    """Looks where the mouse is in a window."""
+
+    bl_idname = "perfect_bvh.find_pointer"
+    bl_label = "Find Pointer"
+    bl_description = "Look where the mouse is in a window"
+    bl_options: ClassVar = {"INTERNAL"}
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        global _found
+        _found = event.mouse_x, event.mouse_y
+        return {"CANCELLED"}
+
+
+class PERFECT_BVH_GT_pointer(bpy.types.Gizmo):
+    """Never under the mouse, and never seen."""
+
+    bl_idname = "PERFECT_BVH_GT_pointer"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Nothing."""
+
+    def test_select(self, context: bpy.types.Context, location: Any) -> int:
+        _note(context, (int(location[0]), int(location[1])))
+        return -1
+
+
+class PERFECT_BVH_GGT_pointer(bpy.types.GizmoGroup):
+    """There where somebody listens."""
+
+    bl_idname = "PERFECT_BVH_GGT_pointer"
+    bl_label = "Pointer over Trees"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options: ClassVar = {"PERSISTENT", "SCALE"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return any(listener.wants_pointer(context) for listener in listeners)
+
+    def setup(self, context: bpy.types.Context) -> None:
+        self.gizmos.new(PERFECT_BVH_GT_pointer.bl_idname)
+
+
+CLASSES: tuple[Callable[..., Any], ...] = (
+    PERFECT_BVH_OT_find_pointer,
+    PERFECT_BVH_GT_pointer,
+    PERFECT_BVH_GGT_pointer,
+)
+
+
+def register() -> None:
+    for kind in CLASSES:
+        bpy.utils.register_class(kind)
+
+
+def unregister() -> None:
+    global _region
+    for kind in reversed(CLASSES):
+        bpy.utils.unregister_class(kind)
+    _region = None
+    if bpy.app.timers.is_registered(_look):
+        bpy.app.timers.unregister(_look)
