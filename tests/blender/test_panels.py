@@ -108,7 +108,6 @@ def drawn(panel: type) -> list[str]:
         space_data = shaded_space()
         preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))  # 0 without a window
         region = SimpleNamespace(width=280)
-        space_data = SimpleNamespace(overlay=SimpleNamespace(show_overlays=True))
 
     class Stand:
         layout = RecordingLayout()
