@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import bpy
 
 from ..settings.denoisers import denoising_data_settings
@@ -29,4 +31,16 @@ class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
             layout.prop(denoising, "denoising_store_passes", text="Denoising Data")
 
 
-CLASSES = (PERFECT_BVH_PT_passes,)
+class PERFECT_BVH_PT_override(RenderPanel, bpy.types.Panel):
+    """Blender before 5.0 has it with its own engines only."""
+
+    bl_label = "Override"
+    bl_context = "view_layer"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings_layout(self).prop(context.view_layer, "material_override")
+
+
+HAS_OVERRIDE = hasattr(bpy.types, "VIEWLAYER_PT_override")
+CLASSES = (PERFECT_BVH_PT_passes, *(() if HAS_OVERRIDE else (PERFECT_BVH_PT_override,)))

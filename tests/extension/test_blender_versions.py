@@ -1,4 +1,4 @@
-"""The same zip in every Blender that can be had here, and the installed package, render the same image.
+"""The same zip in every Blender that can be had here, and the installed package, render the same and show each setting.
 
 `nox -s blenders` puts older modules of Blender into .cache/blenders, and a chroot beside them that has Blender 5.2
 as Debian ships it (CPython 3.14) and as a module (3.13).
@@ -24,6 +24,7 @@ IN_CHROOT = {
     "5.2 of Debian": ("3.14", ("blender", "--background", "--python-exit-code", "1", "--python")),
 }
 SCRIPT = "tests/extension/render_scene.py"
+SETTINGS_SCRIPT = "tests/extension/shown_settings.py"
 MODES = ("preview", "clay", "normal", "depth", "instance")
 
 # Blender's versions round colors and matrices differently: a fortieth of what a byte of an image can tell, and where a
@@ -54,6 +55,12 @@ def expected(repository: Path, blend_file, tmp_path_factory) -> Render:
     """What the package renders that this Python has."""
     folder = tmp_path_factory.mktemp("package")
     return render_here(Path(sys.executable), repository, folder, blend_file("courtyard"), None)
+
+
+def check_settings(command: list[str | Path], environment: dict[str, str], version: str) -> None:
+    """That every setting is shown, and nothing twice."""
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0 and f"ALL SETTINGS SHOWN in {version}." in done.stdout, done.stdout + done.stderr
 
 
 def check_same(rendered: Render, expected: Render, tolerance: float = BLENDERS_ROUNDING) -> None:
@@ -90,6 +97,15 @@ def test_an_older_blender_renders_the_same(
     check_same(rendered, expected)
 
 
+@pytest.mark.parametrize("version", MODULES)
+def test_an_older_blender_shows_each_setting(version: str, extension: Path, repository: Path, tmp_path: Path) -> None:
+    interpreters = sorted((repository / ".cache" / "blenders").glob(f"{version}.*/bin/python"))
+    if not interpreters:
+        pytest.skip(f"no Blender {version} in .cache/blenders: `nox -s blenders` installs it")
+    environment = os.environ | {"EXTENSION": str(extension), "BLENDER_USER_RESOURCES": str(tmp_path)}
+    check_settings([interpreters[-1], repository / SETTINGS_SCRIPT], environment, version)
+
+
 @pytest.mark.parametrize("name", IN_CHROOT)
 def test_a_newer_blender_renders_the_same(name: str, extension: Path, expected: Render, repository: Path) -> None:
     if not list((repository / ".cache" / "blender-gui").glob(".ready-*")):
@@ -117,3 +133,15 @@ def test_a_newer_blender_renders_the_same(name: str, extension: Path, expected: 
     assert str(rendered["blender"]).startswith("5.2.")
     assert str(rendered["python"]).startswith(f"{python}.")
     check_same(rendered, expected)
+
+
+@pytest.mark.parametrize("name", IN_CHROOT)
+def test_a_newer_blender_shows_each_setting(name: str, extension: Path, repository: Path) -> None:
+    if not list((repository / ".cache" / "blender-gui").glob(".ready-*")):
+        pytest.skip("no Blender 5.2 in .cache/blender-gui: `nox -s blenders` installs it")
+    python, interpreter = IN_CHROOT[name]
+    user = f"/tmp/user-{python}"
+    variables = (f"EXTENSION=/host/{extension.relative_to(repository)}", f"BLENDER_USER_RESOURCES={user}")
+    started = " ".join(("env", *variables, *interpreter, f"/host/{SETTINGS_SCRIPT}"))
+    chroot = repository / "tests" / "gui" / "blender_chroot.sh"
+    check_settings([chroot, "run", "sh", "-c", f"rm -rf {user} && mkdir {user} && {started}"], dict(os.environ), "5.2")
