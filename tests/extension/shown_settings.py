@@ -93,6 +93,9 @@ EXCUSED = {
 MAY_STAND_TWICE = {("Material", "diffuse_color")}
 
 
+POPOVERS_AND_SIDEBAR = ("shading", "overlay", "sidebar")
+
+
 class Recorder:
     """Takes whatever `UILayout` takes, and keeps what settings are drawn, as (type, name)."""
 
@@ -181,7 +184,8 @@ def contexts() -> Iterator[tuple[str, Context]]:
     space.shading.type = "RENDERED"
     for uses_world in (True, False):
         space.shading.use_scene_world_render = uses_world
-        yield "view_3d", Context(**base, space_data=space)
+        for place in POPOVERS_AND_SIDEBAR:
+            yield place, Context(**base, space_data=space)
 
 
 def _properties(obj: Any) -> SimpleNamespace:
@@ -237,10 +241,11 @@ def _all_panels(base: type = bpy.types.Panel) -> Iterator[type]:
 
 
 def _is_in(panel: type, tab: str) -> bool:
-    """view_3d: the Shading and Overlays popovers, and the add-on's tab of the sidebar."""
-    if tab == "view_3d":
-        in_popover = getattr(panel, "bl_parent_id", "").startswith(("VIEW3D_PT_shading", "VIEW3D_PT_overlay"))
-        return panel.bl_space_type == "VIEW_3D" and (in_popover or is_ours(panel))
+    """Of the sidebar it is the add-on's own tab."""
+    if tab == "sidebar":
+        return bool(panel.bl_space_type == "VIEW_3D" and panel.bl_region_type == "UI" and is_ours(panel))
+    if tab in POPOVERS_AND_SIDEBAR:
+        return panel.bl_space_type == "VIEW_3D" and getattr(panel, "bl_parent_id", "").startswith(f"VIEW3D_PT_{tab}")
     return panel.bl_space_type == "PROPERTIES" and getattr(panel, "bl_context", "") == tab
 
 
