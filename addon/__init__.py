@@ -41,6 +41,7 @@ _MODULES = (
     ".settings.shading_settings",
     ".statistics.last_result",
     ".statistics.not_shown",
+    ".statistics.update_list",
     ".image.saving",
     ".view3d.redraws",
     ".view3d.opening",

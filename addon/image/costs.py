@@ -1,4 +1,4 @@
-"""Which meshes the camera rays of an image spend their work on, asked of a part of its pixels. Knows no Blender."""
+"""Which objects the camera rays of an image spend their work on, asked of a part of its pixels. Knows no Blender."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+
+from ..statistics.owners import Owners
 
 if TYPE_CHECKING:
     from perfect_bvh import Appearance, Camera, Scene, Snapshot
@@ -42,14 +44,26 @@ def trace_costs(
     )
 
 
-def mesh_costs(sync: SceneSync, costs: Passes) -> dict[int, float]:
-    """The share of the work of all these rays that went into those that end on each mesh, by its id."""
+def owners_of(sync: SceneSync, costs: Passes | None = None) -> Owners:
+    """Which objects show which meshes of what a sync holds, with the shares of the work of these rays."""
+    record = sync.record
+    instances = record.instances
+    return Owners(
+        mesh_ids=sync.mesh_ids,
+        objects=record.objects,
+        mesh_rows=instances.mesh_indices,
+        object_rows=instances.object_indices,
+        parent_rows=instances.parent_indices,
+        shares=instance_shares(sync, costs) if costs else None,
+    )
+
+
+def instance_shares(sync: SceneSync, costs: Passes) -> npt.NDArray[np.float64]:
+    """(I,): the share of the work of all these rays that went into those that end on each instance of the record."""
     seen: npt.NDArray[np.int32] = costs["instance"].ravel()
     work = (costs["nodes_visited"] + costs["primitives_tested"]).ravel()
     ids, hit = sync.appearance.instances.ids, seen >= 0
     if not hit.any():
-        return {}
-    by_instance = np.bincount(seen[hit], weights=work[hit], minlength=int(ids.max()) + 1)[ids]
-    by_mesh = np.bincount(sync.record.instances.mesh_indices, weights=by_instance)
-    total = float(work.sum())
-    return {int(sync.mesh_ids[row]): float(by_mesh[row]) / total for row in np.flatnonzero(by_mesh)}
+        return np.zeros(len(ids))
+    by_id = np.bincount(seen[hit], weights=work[hit], minlength=int(ids.max()) + 1)
+    return np.asarray(by_id[ids] / float(work.sum()))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy.typing as npt
 
 from ..statistics.frame_statistics import FrameStatistics
-from .costs import mesh_costs, trace_costs
+from .costs import owners_of, trace_costs
 from .denoising import Denoised, ImageDenoiser
 from .plan import RenderPlan, Window
 
@@ -74,7 +74,7 @@ def render_frame(
     )
     frame = depsgraph.scene.frame_current_final
     if not trace:
-        return Frame({}, FrameStatistics(frame, plan.size, plan.settings, report, 0.0, 0))
+        return Frame({}, FrameStatistics(frame, plan.size, plan.settings, report, 0.0, 0, owners=owners_of(sync)))
     if sync.camera is None:
         raise ValueError(missing_camera(depsgraph.scene, sync))
     return _trace(sync, plan, frame, report, progress, show)
@@ -137,7 +137,7 @@ def _trace(
         denoiser=denoised.name,
         denoise_milliseconds=denoised.milliseconds,
         complaints=() if denoised.complaint is None else (denoised.complaint,),
-        mesh_costs=mesh_costs(sync, costs),
+        owners=owners_of(sync, costs),
     )
     made = images | {"combined": denoised.image}
     shown = {name: made[name] for name in ("combined", *plan.passes)}

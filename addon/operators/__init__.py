@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from . import bench, compare, decay, preview, scan, select_mesh, select_not_shown
+from . import bench, compare, decay, preview, scan, select_not_shown, select_updated
 
-_MODULES = (preview, scan, bench, compare, decay, select_mesh, select_not_shown)
+_MODULES = (preview, scan, bench, compare, decay, select_not_shown, select_updated)
 
 
 def register() -> None:

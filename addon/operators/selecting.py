@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import bpy
@@ -25,13 +25,22 @@ def select_only(
     if not found:
         operator.report({"WARNING"}, f"No object that is visible here {what}")
         return {"CANCELLED"}
-    for obj in found:
-        obj.select_set(True)
-    selected = [obj for obj in found if obj.select_get()]
-    if not selected:
+    if not select_visible(layer, found):
         operator.report({"WARNING"}, f"The Outliner disables selection of every object that {what}")
         return {"CANCELLED"}
-    for obj in layer.objects:
-        obj.select_set(obj in selected)
-    layer.objects.active = selected[0]
     return {"FINISHED"}
+
+
+def select_visible(layer: bpy.types.ViewLayer, objects: Sequence[bpy.types.Object]) -> bool:
+    """Select these of a view layer and no others, the first one as the active one; False if none can be selected."""
+    for obj in objects:
+        obj.select_set(True)
+    selected = [obj for obj in objects if obj.select_get()]
+    if not selected:
+        return False
+    wanted = {obj.session_uid for obj in selected}
+    for obj in layer.objects:
+        if obj.select_get() and obj.session_uid not in wanted:
+            obj.select_set(False)
+    layer.objects.active = selected[0]
+    return True

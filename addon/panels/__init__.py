@@ -20,6 +20,7 @@ from . import (
     scan,
     shading,
     trees,
+    updates,
     view_layer,
     view_menu,
     visibility,
@@ -42,13 +43,15 @@ CLASSES = (
     *world.CLASSES,
     *shading.CLASSES,
     *scan.CLASSES,
+    *updates.CLASSES,
     *trees.CLASSES,
     *bench.CLASSES,
 )
+LISTS = (*not_shown.LISTS, *updates.LISTS)
 
 
 def register() -> None:
-    for panel in (*not_shown.LISTS, *CLASSES):
+    for panel in (*LISTS, *CLASSES):
         bpy.utils.register_class(panel)
     for panel in borrowed.shared_panels():
         panel.COMPAT_ENGINES.add(ENGINE_NAME)
@@ -61,5 +64,5 @@ def unregister() -> None:
         module.unregister()
     for panel in borrowed.shared_panels():
         panel.COMPAT_ENGINES.discard(ENGINE_NAME)
-    for panel in reversed((*not_shown.LISTS, *CLASSES)):
+    for panel in reversed((*LISTS, *CLASSES)):
         bpy.utils.unregister_class(panel)

@@ -58,14 +58,16 @@ def settings_layout(panel: bpy.types.Panel) -> bpy.types.UILayout:
     return layout
 
 
-def wrapped(context: bpy.types.Context, text: str) -> list[str]:
-    """The lines of `text` as the panel that is being drawn has room for."""
-    width = context.region.width / context.preferences.system.ui_scale - MARGIN
+def wrapped(context: bpy.types.Context, text: str, inset: float = 0.0) -> list[str]:
+    """The lines of `text` as the panel that is being drawn has room for. inset: what is lost of that."""
+    width = context.region.width / context.preferences.system.ui_scale - MARGIN - inset
     return textwrap.wrap(text, max(SHORTEST_LINE, int(width / CHARACTER_WIDTH)))
 
 
-def draw_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
-    """A text of several lines, the first with an icon and the others flush with it."""
+def draw_lines(
+    context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str = "NONE", inset: float = 0.0
+) -> None:
+    """A text of several lines, the first with an icon and the others flush with it. inset: as `wrapped` takes it."""
     column = layout.column(align=True)
-    for number, line in enumerate(wrapped(context, text)):
+    for number, line in enumerate(wrapped(context, text, inset)):
         column.label(text=line, icon="BLANK1" if number and icon != "NONE" else icon)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -11,6 +10,7 @@ if TYPE_CHECKING:
 
     from ..settings.scene_settings import RenderSettings
     from ..sync.report import SyncReport
+    from .owners import Owners
 
 Source = Literal["Render", "Preview", "Viewport"]
 
@@ -24,7 +24,7 @@ class FrameStatistics:
     camera rays has shown, None if it was not asked for. denoiser: its name, None if the image was not denoised;
     trace_milliseconds are without it too.
     complaints: what went wrong beside the scene itself, a sentence each.
-    mesh_costs: by mesh id, the share of the camera rays' work of those that end on the mesh.
+    owners: which objects show which meshes, and how much of the camera rays' work each takes.
     """
 
     frame: float
@@ -39,7 +39,7 @@ class FrameStatistics:
     denoiser: str | None = None
     denoise_milliseconds: float = 0.0
     complaints: tuple[str, ...] = ()
-    mesh_costs: Mapping[int, float] = field(default_factory=dict)
+    owners: Owners | None = None
     source: Source = "Render"
 
     @property

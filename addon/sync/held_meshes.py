@@ -176,6 +176,7 @@ class HeldMeshes:
             triangle_count=len(mesh.triangles),
             usage=expected.usage,
             usage_reason=expected.reason,
+            remade_by=mesh.remade_by,
         )
         # Only what stayed the very same record may be told again in the same words.
         held.change, held.expected_until = change, expected.until if difference is UNCHANGED else 0.0

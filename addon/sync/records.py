@@ -80,6 +80,7 @@ class MeshRecord:
     usage: what will happen to the mesh as far as its object tells: nothing ("static"), other transforms ("rigid"),
         other positions ("deforming"), other triangles ("changing"). Sync learns better from what it sees, see `plan`.
     usage_reason: the sentence that says why.
+    remade_by: the name of the modifier that is to blame if its triangles change; "" if there is none.
     """
 
     key: Hashable
@@ -98,6 +99,7 @@ class MeshRecord:
     triangle_ids: Int32Array | None = None
     usage: Usage = "static"
     usage_reason: str = "nothing animates it"
+    remade_by: str = ""
     was_read: bool = True
 
     def narrowed(self, layers: LayerRequest) -> MeshRecord:
@@ -134,12 +136,15 @@ class UnseenMesh:
     """A mesh that is in the scene and that no ray can meet: it is neither read nor built.
 
     source, session_uid: what it would come from, as the first two parts of a `MeshRecord`'s key. reason: a sentence.
+    owner, owner_uid: an object that has it.
     """
 
     name: str
     source: str
     session_uid: int
     reason: str
+    owner: str
+    owner_uid: int
 
 
 @dataclass(frozen=True, slots=True)

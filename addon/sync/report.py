@@ -36,6 +36,7 @@ class MeshChange:
 
     action is what the data did: what the engine made of it (refit or rebuild) is in `SyncReport.commit`.
     usage: the class by which the engine plans, see `plan`; usage_reason: the sentence that says why.
+    remade_by: as a `MeshRecord` has it.
     """
 
     key: Hashable
@@ -46,6 +47,7 @@ class MeshChange:
     triangle_count: int
     usage: Usage = "static"
     usage_reason: str = ""
+    remade_by: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..image.costs import mesh_costs
+from ..image.costs import owners_of
 from ..image.refinement import Refinement
 from ..statistics.frame_statistics import FrameStatistics, Source
 from ..statistics.last_result import remember
@@ -32,6 +32,6 @@ def view_statistics(source: Source, sync: SceneSync, refinement: Refinement) -> 
         trace_milliseconds=refinement.seconds * 1e3,
         camera_rays=refinement.ray_count,
         samples=refinement.mean_samples,
-        mesh_costs=mesh_costs(sync, refinement.costs),
+        owners=owners_of(sync, refinement.costs),
         source=source,
     )

@@ -13,6 +13,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from perfect_bvh_addon.cli import main  # noqa: E402
+from perfect_bvh_addon.statistics import update_list  # noqa: E402
 from perfect_bvh_addon.support import memory  # noqa: E402
 from perfect_bvh_addon.support.files import check_writable, replacing  # noqa: E402
 
@@ -224,15 +225,20 @@ def test_what_is_locked_is_rendered_and_scanned_and_stays_as_it_is(scene):
     cube.hide_select = scene.render.use_lock_interface = True
     scene.perfect_bvh.scan.width, scene.perfect_bvh.scan.height = 16, 9
     place = cube.matrix_world.copy()
-    uid = cube.data.session_uid
-    assert bpy.ops.perfect_bvh.select_mesh(source="mesh", session_uid=uid) == {"CANCELLED"}
+    assert bpy.ops.render.render() == {"FINISHED"}
+    assert update_list.rows_of(scene) is None and update_list.fill()
+    assert update_list.rows_of(scene).rows[0].name == "Cube"
+    assert bpy.ops.perfect_bvh.select_updated() == {"CANCELLED"}
+    assert "disables selection" in update_list.rows_of(scene).note
     assert bpy.context.selected_objects == [camera] and bpy.context.view_layer.objects.active == camera
     assert bpy.ops.render.render() == {"FINISHED"}
     assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
     assert bpy.ops.perfect_bvh.preview() == {"FINISHED"}
     assert all(cube.lock_location) and cube.hide_select and cube.matrix_world == place
     cube.hide_select = False
-    assert bpy.ops.perfect_bvh.select_mesh(source="mesh", session_uid=uid) == {"FINISHED"}
+    assert update_list.rows_of(scene) is not None and update_list.fill()
+    update_list.rows_of(scene).active = [row.name for row in update_list.rows_of(scene).rows].index("Cube")
+    assert update_list.rows_of(scene).note == ""
     assert bpy.context.selected_objects == [cube]
 
 

@@ -13,19 +13,25 @@ bpy = pytest.importorskip("bpy")
 import perfect_bvh_addon  # noqa: E402
 from perfect_bvh_addon import operators  # noqa: E402
 from perfect_bvh_addon.settings import preferences, scene_settings  # noqa: E402
-from perfect_bvh_addon.statistics import not_shown  # noqa: E402
+from perfect_bvh_addon.statistics import not_shown, update_list  # noqa: E402
 from perfect_bvh_addon.view3d import pointer  # noqa: E402
 
 OPERATORS = [
     found
     for module in (
         *(operators.preview, operators.scan, operators.bench, operators.compare, operators.decay),
-        *(operators.select_mesh, operators.select_not_shown, pointer),
+        *(operators.select_updated, operators.select_not_shown, pointer),
     )
     for found in vars(module).values()
     if isinstance(found, type) and issubclass(found, bpy.types.Operator)
 ]
-OWNERS = [*scene_settings.CLASSES, *not_shown.CLASSES, preferences.PERFECT_BVH_AP_preferences, *OPERATORS]
+OWNERS = [
+    *scene_settings.CLASSES,
+    *not_shown.CLASSES,
+    *update_list.CLASSES,
+    preferences.PERFECT_BVH_AP_preferences,
+    *OPERATORS,
+]
 
 
 @pytest.fixture(autouse=True)
@@ -115,7 +121,7 @@ def nothing_is_there() -> None:
         ("preview", nothing_is_there, "neither a 3D viewport nor a camera"),
         ("scan", nothing_is_there, "neither a sensor nor an active camera"),
         ("scan", edit_a_mesh, "leave the mode"),
-        ("select_mesh", edit_a_mesh, "in Object Mode only"),
+        ("select_updated", edit_a_mesh, "in Object Mode only"),
         ("select_not_shown", edit_a_mesh, "in Object Mode only"),
     ],
 )

@@ -17,7 +17,8 @@ from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.panels import common, render, reports  # noqa: E402
 from perfect_bvh_addon.settings import preferences  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import ENGINE_NAME  # noqa: E402
-from perfect_bvh_addon.statistics import last_result, not_shown, summary  # noqa: E402
+from perfect_bvh_addon.statistics import last_result, not_shown, update_list  # noqa: E402
+from perfect_bvh_addon.statistics.updates import STATES  # noqa: E402
 from perfect_bvh_addon.sync.not_shown import Kind, NotShown  # noqa: E402
 
 
@@ -48,7 +49,7 @@ class RecordingLayout:
     def template_list(self, kind: str, _: str, data: Any, name: str, active_data: Any, active: str, **__: Any) -> None:
         """Draws each row that the list's filter leaves."""
         assert active in active_data.bl_rna.properties
-        made = vars(panels.not_shown)[kind]
+        (made,) = (one for one in panels.LISTS if one.__name__ == kind)
         stand = SimpleNamespace(filter_name="", bitflag_filter_item=1)
         context = SimpleNamespace(scene=bpy.context.scene)
         flags, order = made.filter_items(stand, context, data, name)
@@ -103,20 +104,22 @@ def drawn(panel: type) -> list[str]:
     class Context:
         engine, scene, view_layer = "PERFECT_BVH", bpy.context.scene, bpy.context.view_layer
         window_manager = bpy.context.window_manager
-        camera, object = bpy.context.scene.camera.data, bpy.data.objects["Cube"]
-        light, world, material = (items["Tried"] for items in (bpy.data.lights, bpy.data.worlds, bpy.data.materials))
+        camera, object = bpy.context.scene.camera.data, bpy.data.objects.get("Cube")
+        light, world = bpy.data.lights.get("Tried"), bpy.data.worlds.get("Tried")
+        material = bpy.data.materials.get("Tried")
         space_data = shaded_space()
         preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))  # 0 without a window
         region = SimpleNamespace(width=280)
 
-    class Stand:
-        layout = RecordingLayout()
-
+    stand = SimpleNamespace(layout=RecordingLayout())
     assert panel.poll(Context)
+    if panel is panels.updates.PERFECT_BVH_PT_updates:  # what it shows is listed once it was asked for
+        panel.draw(SimpleNamespace(layout=RecordingLayout()), Context)
+        update_list.fill()
     if "draw_header" in vars(panel):
-        panel.draw_header(Stand, Context)
-    panel.draw(Stand, Context)
-    return Stand.layout.texts
+        panel.draw_header(stand, Context)
+    panel.draw(stand, Context)
+    return stand.layout.texts
 
 
 @pytest.mark.parametrize("panel", panels.CLASSES, ids=lambda panel: panel.__name__)
@@ -308,57 +311,8 @@ def test_every_kind_has_an_icon_that_blender_has() -> None:
     icons = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys()
     assert set(panels.not_shown.ICONS.values()) <= set(icons)
     assert set(get_args(Kind)) == set(panels.not_shown.ICONS)
-
-
-def test_the_plan_names_the_mesh_and_what_was_done() -> None:
-    texts = " ".join(drawn(reports.PERFECT_BVH_PT_plan))
-    assert "12 triangles" in texts
-    assert "Built" in texts
-    (row,) = summary.plan_rows(last_result.last_statistics(bpy.context.scene).report)
-    assert (row.triangle_count, row.action) == (12, "built")
-
-
-def test_the_plan_begins_with_what_costs_camera_rays_most() -> None:
-    """Few triangles that fill the picture, and many in a corner: the first are those that rays work on."""
-    scene = bpy.context.scene
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=60, y_subdivisions=60, size=0.5, location=(1.5, 0.8, 3.0))
-    grid = bpy.context.object
-    bpy.ops.mesh.primitive_plane_add(size=50.0, location=(0.0, 0.0, -2.0))
-    plane = bpy.context.object
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=8, location=(0.0, 0.0, 30.0))  # behind the camera
-    bpy.ops.render.render()
-    statistics = last_result.last_statistics(scene)
-    rows = {row.name: row for row in summary.plan_rows(statistics.report, statistics.mesh_costs)}
-    names = list(rows)
-    assert names[-1] == "Sphere"
-    assert rows["Sphere"].ray_share == 0.0
-    assert sum(row.ray_share for row in rows.values()) == pytest.approx(1.0)
-    assert rows[plane.data.name].ray_share > rows[grid.data.name].ray_share > 0.0
-    assert "of the camera rays' work" in " ".join(drawn(reports.PERFECT_BVH_PT_plan))
-
-
-def test_the_second_render_keeps_the_tree() -> None:
-    bpy.ops.render.render()
-    (row,) = summary.plan_rows(last_result.last_statistics(bpy.context.scene).report)
-    assert (row.action, row.builder, row.milliseconds) == ("kept", "", 0.0)
-
-
-def test_a_row_of_the_plan_selects_the_objects_that_show_its_mesh() -> None:
-    cube = bpy.data.objects["Cube"]
-    twin = bpy.data.objects.new("Twin", cube.data)
-    bent = bpy.data.objects.new("Bent", cube.data.copy())
-    bent.modifiers.new("Bend", "SIMPLE_DEFORM")
-    for obj in (twin, bent):
-        bpy.context.scene.collection.objects.link(obj)
-    bpy.ops.render.render()
-    rows = summary.plan_rows(last_result.last_statistics(bpy.context.scene).report)
-    selected = []
-    for row in rows:
-        bpy.ops.perfect_bvh.select_mesh(source=row.source, session_uid=row.session_uid)
-        selected.append({obj.name for obj in bpy.context.view_layer.objects if obj.select_get()})
-    assert sorted(selected, key=len) == [{"Bent"}, {"Cube", "Twin"}]
-    assert bpy.ops.perfect_bvh.select_mesh(source="object", session_uid=-1) == {"CANCELLED"}
-    assert len(bpy.context.selected_objects) > 0
+    assert set(panels.updates.ICONS.values()) <= set(icons)
+    assert set(STATES) == set(panels.updates.ICONS)
 
 
 def test_a_missing_engine_is_explained_in_the_panel(monkeypatch) -> None:

@@ -11,7 +11,9 @@ bpy: Any = pytest.importorskip("bpy")
 
 from blender.builders import collection, evaluated, mesh_data, mesh_object  # noqa: E402
 from perfect_bvh_addon import SceneSync  # noqa: E402
-from perfect_bvh_addon.statistics.summary import plan_rows  # noqa: E402
+from perfect_bvh_addon.image.costs import owners_of  # noqa: E402
+from perfect_bvh_addon.statistics.update_words import what_to_do, what_was_done  # noqa: E402
+from perfect_bvh_addon.statistics.updates import find_updates  # noqa: E402
 
 
 def classes_of(path: Path, frames: int) -> list[dict[str, tuple[str, str, int]]]:
@@ -87,9 +89,12 @@ def test_what_no_ray_can_meet_is_unseen_and_not_read(scene: Any, monkeypatch: py
         "eye": "what shows it is hidden",
         "rays": "what shows it is visible to no kind of ray",
     }
-    rows = {row.name: row for row in plan_rows(report)}
-    assert {name: row.usage for name, row in rows.items()} == {"shared": "static", "eye": "unseen", "rays": "unseen"}
-    assert all(row.usage_reason and row.reason for row in rows.values())
+    updates = find_updates(report, owners_of(sync))
+    rows = {row.name: row for row in (*updates.changed, *updates.unchanged)}
+    assert {name: row.state for name, row in rows.items()} == {"shown": "built", "eye": "unseen", "rays": "unseen"}
+    assert rows["shown"].mesh.usage == "static"
+    assert all(what_was_done(row) and what_to_do(row) for row in rows.values())
+    assert all(reasons[row.name] in what_was_done(row) for row in updates.unchanged)
     objects["shown"].location.x = 1.0
     assert sync.update(evaluated()).unseen == report.unseen
     objects["rays"].visible_shadow = True

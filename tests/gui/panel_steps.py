@@ -37,7 +37,6 @@ MAIN_BUTTONS = [
 HEADER_CHECKBOX_OF_PANEL = 0.13
 SWITCHES = 0.44  # of the region's width: those beside the values that they turn on
 ROW_AND_GAP = 26  # from the middle of a button to that of the next group
-WITH_REPORTS = (*SUB_PANELS[:5], "Statistics", "Plan", *SUB_PANELS[5:])
 
 
 def enable() -> Step:
@@ -196,34 +195,6 @@ def press_the_panorama() -> Step:
     area.spaces.active.context = "RENDER"
     layer.objects.active = before
     yield from at_rest(area)
-
-
-def press_rows_of_the_plan() -> Step:
-    """Each row selects the objects that show its mesh. The last render left Statistics, which is open, and Plan."""
-    area, layer = area_of("PROPERTIES"), bpy.context.view_layer
-    buttons = yield from main_buttons()
-    samples = buttons["perfect_bvh.samples"]
-    statistics, plan = (header_height(samples, WITH_REPORTS.index(name)) for name in ("Statistics", "Plan"))
-    screenshot("panel_statistics")
-    yield from toggle_panel(area, statistics)
-
-    def work(found: list[Button]) -> Step:
-        rows = [button for button in found if "select_mesh(" in button.what]
-        check(len(rows) >= 2, f"the plan has {len(rows)} rows")
-        yield from leave(area)
-        screenshot("panel_plan")
-        for row in rows[:3]:
-            for obj in layer.objects:
-                obj.select_set(False)
-            yield from press(area, row)
-            yield from wait_until(lambda: bpy.context.selected_objects, f"{row.what} selects nothing")
-            uid = int(row.what.partition("session_uid=")[2].rstrip(")"))
-            uids = {obj.session_uid for obj in layer.objects if obj.select_get()}
-            uids |= {obj.data.session_uid for obj in layer.objects if obj.select_get() and obj.data}
-            check(uid in uids, f"{row.what} selects {[obj.name for obj in bpy.context.selected_objects]}")
-
-    yield from with_panel_open(area, plan, work)
-    yield from toggle_panel(area, statistics)
 
 
 def every_button_was_pressed() -> Step:

@@ -23,6 +23,7 @@ import scan_steps
 import split_view_steps
 import tooltip_steps
 import two_window_steps
+import update_steps
 import viewport_steps
 from driver import run
 
@@ -58,7 +59,7 @@ STEPS = (
     render_steps.render_without_a_camera,
     render_steps.render,
     render_steps.let_statistics_come_by_themselves,
-    panel_steps.press_rows_of_the_plan,
+    update_steps.choose_rows_of_what_was_updated,
     panel_steps.every_button_was_pressed,
     render_steps.cancel_a_render,
     viewport_steps.switch_to_rendered,

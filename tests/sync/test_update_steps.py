@@ -46,7 +46,7 @@ CHANGES: dict[str, Any] = {
     "lights": LightRecords(kinds=("point",)),
     "world": WorldRecord(),
     "variants": MaterialVariants(np.zeros(1, np.int32), np.zeros(1, np.int32), {"alpha": np.zeros(1, np.float32)}),
-    "unseen": (UnseenMesh("a", "mesh", 2, "hidden"),),
+    "unseen": (UnseenMesh("a", "mesh", 2, "hidden", "A", 3),),
     "warnings": ("something",),
     "not_shown": (NotShown("material", "Wall", 7, "Noise Texture is not shown; its flat colour is"),),
 }

@@ -93,8 +93,10 @@ class GroupTable:
 
     def _leave_out(self, obj: Any, data: Any, is_own: bool, reason: str) -> int:
         if is_own and isinstance(data, _Mesh) and len(data.polygons):
-            key = self.meshes.own_key(obj.original)
-            self._left_out.setdefault(key, UnseenMesh(data.name, *key, reason))
+            original = obj.original
+            key = self.meshes.own_key(original)
+            unseen = UnseenMesh(data.name, *key, reason, original.name, original.session_uid)
+            self._left_out.setdefault(key, unseen)
         return NOT_SHOWN
 
     def _warn_of_unreadable(self, obj: Any, data: Any, shows_particles: bool) -> None:

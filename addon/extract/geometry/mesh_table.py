@@ -29,7 +29,7 @@ from ...sync.records import MESH_COLUMNS, NO_LAYERS, AttributeRequest, LayerRequ
 from ..pointer_views import ArrayReader
 from .mesh_cache import CachedMesh, MeshCache, place_of
 from .meshes import read_mesh
-from .usage import guess_usage
+from .usage import find_remaker, guess_usage
 
 NO_MESH = -1
 
@@ -97,7 +97,13 @@ class MeshTable:
         token = self._tokens[row]
         read = self._read(original, mesh, token, layers)
         assert read is not None
-        read = replace(read, key=record.key, usage=record.usage, usage_reason=record.usage_reason)
+        read = replace(
+            read,
+            key=record.key,
+            usage=record.usage,
+            usage_reason=record.usage_reason,
+            remade_by=record.remade_by,
+        )
         self.records[row] = read
         if token in self.cache.meshes:
             self.cache.meshes[token] = replace(self.cache.meshes[token], record=read)
@@ -119,7 +125,9 @@ class MeshTable:
         if twin is None:
             guess = guess_usage(original)
             key = self._lasting_key(origin, record)
-            self.records.append(replace(record, key=key, usage=guess.usage, usage_reason=guess.reason))
+            remade_by = find_remaker(original)
+            record = replace(record, key=key, usage=guess.usage, usage_reason=guess.reason, remade_by=remade_by)
+            self.records.append(record)
             twin = len(self.records) - 1
             self._tokens[twin] = token
         self._counts[origin] += 1

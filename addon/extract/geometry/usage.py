@@ -23,11 +23,30 @@ _DEFORMING_MODIFIERS = frozenset(
 _CHANGING_MODIFIERS = frozenset({"BUILD", "EXPLODE", "FLUID", "MESH_SEQUENCE_CACHE"})
 # What makes other triangles of other vertices, even where no setting of its own is animated.
 _RETOPOLOGISING_MODIFIERS = frozenset({"BOOLEAN", "DECIMATE", "REMESH", "WELD"})
+# What can make other triangles, the likeliest first.
+_REMAKING_MODIFIERS = (
+    _CHANGING_MODIFIERS,
+    _RETOPOLOGISING_MODIFIERS,
+    frozenset({"NODES"}),
+    frozenset(
+        {
+            *("ARRAY", "BEVEL", "EDGE_SPLIT", "MASK", "MIRROR", "MULTIRES", "PARTICLE_INSTANCE", "SCREW", "SKIN"),
+            *("SOLIDIFY", "SUBSURF", "TRIANGULATE", "WIREFRAME"),
+        }
+    ),
+)
 
 
 def guess_usage(original: Any) -> MeshUsage:
     """What the meshes of an original object are likely to do from frame to frame, and why."""
     return _guess_from_shape(original) or _guess_from_motion(original) or MeshUsage("static", "nothing animates it")
+
+
+def find_remaker(original: Any) -> str:
+    """The name of the modifier that is likely to blame where an original object's triangles change; "" for none."""
+    modifiers = [(modifier.type, modifier.name) for modifier in original.modifiers]
+    found = (name for kinds in _REMAKING_MODIFIERS for kind, name in modifiers if kind in kinds)
+    return next(found, "")
 
 
 def _guess_from_shape(original: Any) -> MeshUsage | None:

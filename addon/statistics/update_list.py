@@ -1,0 +1,263 @@
+"""What was updated for the last image of each scene, as rows of a list that Blender draws.
+
+Filled by a timer on the main thread, and only while somebody looks: a panel asks for it when it is drawn. It belongs to
+the window manager, so that no scene seems edited by it. What a row is about stays in Python, by the row's number.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..events.changes import listen, stop_listening
+from .frame_statistics import FrameStatistics
+from .last_result import last_statistics
+from .update_words import facts_of, what_to_do, what_was_done
+from .updates import UpdateRow, Updates, find_instancers, find_updates
+from .words import count_of, duration, share
+
+TIMER_SECONDS = 0.1
+# Of rows that are not about objects.
+FOLD, MORE = "fold", "more"
+
+_asked: set[int] = set()  # session uids of scenes
+_listed: dict[int, tuple[FrameStatistics, Updates]] = {}  # by the scene's session uid, as the collection has it
+_is_filling = False
+
+
+def _on_active(rows: Any, _: bpy.types.Context) -> None:
+    if not _is_filling:
+        choose(rows)
+
+
+class PERFECT_BVH_PG_update(bpy.types.PropertyGroup):
+    """A row of the list."""
+
+    state: bpy.props.StringProperty(name="State", description="What happened to the objects")
+    time: bpy.props.StringProperty(name="Time", description="What the tree of the mesh took")
+    share: bpy.props.StringProperty(name="Share", description="Part of the camera rays' work")
+    is_changed: bpy.props.BoolProperty(name="Changed", description="Whether anything was done")
+    number: bpy.props.IntProperty(name="Number", description="Which of the updates it is")
+
+
+class PERFECT_BVH_PG_updates(bpy.types.PropertyGroup):
+    """The rows of one scene, and which of them is chosen."""
+
+    rows: bpy.props.CollectionProperty(
+        name="Updates",
+        description="Objects, and what was done to them for the last image",
+        type=PERFECT_BVH_PG_update,
+        options={"SKIP_SAVE"},
+    )
+    active: bpy.props.IntProperty(
+        name="Active",
+        description="Select the objects of this row in the scene",
+        default=-1,
+        update=_on_active,
+        options={"SKIP_SAVE"},
+    )
+    is_unfolded: bpy.props.BoolProperty(
+        name="Show Unchanged", description="List objects to which nothing was done, too", options={"SKIP_SAVE"}
+    )
+    scene_uid: bpy.props.IntProperty(name="Scene UID", description="Number of the scene that the list is of")
+    done: bpy.props.StringProperty(name="Done", description="What was done to the objects of the row, and why")
+    advice: bpy.props.StringProperty(name="Advice", description="What can be done about it")
+    facts: bpy.props.StringProperty(name="Facts", description="How large the mesh is, and what it costs rays")
+    note: bpy.props.StringProperty(name="Note", description="Why the objects could not be selected")
+
+
+def rows_of(scene: bpy.types.Scene) -> PERFECT_BVH_PG_updates | None:
+    """The list of a scene; None if it has none yet. What is missing or old is filled in soon."""
+    statistics = last_statistics(scene)
+    known = _listed.get(scene.session_uid)
+    if statistics is not None and (known is None or known[0] is not statistics):
+        _asked.add(scene.session_uid)
+    return _find(scene.session_uid)
+
+
+def updates_of(scene_uid: int) -> Updates:
+    """What the list of a scene is made of."""
+    known = _listed.get(scene_uid)
+    return Updates() if known is None else known[1]
+
+
+def row_of(rows: PERFECT_BVH_PG_updates, index: int) -> UpdateRow | None:
+    """What a row of the list is about; None if that is no objects."""
+    if not 0 <= index < len(rows.rows) or rows.rows[index].state in {FOLD, MORE}:
+        return None
+    updates = updates_of(rows.scene_uid)
+    found = (*updates.changed, *updates.unchanged)
+    number = rows.rows[index].number
+    return found[number] if number < len(found) else None
+
+
+def instancers_of(rows: PERFECT_BVH_PG_updates, row: UpdateRow) -> set[int]:
+    """The uids of what shows the objects of a row of the list as instances."""
+    known = _listed.get(rows.scene_uid)
+    return set() if known is None or known[0].owners is None else find_instancers(row, known[0].owners)
+
+
+def choose(rows: PERFECT_BVH_PG_updates) -> None:
+    """Tell of the active row, and select its objects."""
+    _describe(rows)
+    if row_of(rows, rows.active) is None or bpy.context.scene.session_uid != rows.scene_uid:
+        return
+    operator = bpy.ops.perfect_bvh.select_updated
+    if operator.poll():
+        operator("EXEC_DEFAULT", True)
+    else:
+        rows.note = "Objects can be selected in Object Mode only"
+
+
+def _describe(rows: PERFECT_BVH_PG_updates) -> None:
+    row = row_of(rows, rows.active)
+    rows.note = ""
+    rows.done, rows.advice, rows.facts = (
+        ("",) * 3 if row is None else (what_was_done(row), what_to_do(row), facts_of(row))
+    )
+
+
+def fill() -> bool:
+    """Bring the lists in step with what is known of the scenes that were asked for; whether any has changed."""
+    global _is_filling
+    if not _asked:
+        return False
+    asked = [scene for scene in bpy.data.scenes if scene.session_uid in _asked]
+    _asked.clear()
+    _is_filling = True
+    try:
+        for scene in asked:
+            _fill_scene(scene)
+    finally:
+        _is_filling = False
+    return bool(asked)
+
+
+def _fill_scene(scene: bpy.types.Scene) -> None:
+    uid, statistics = scene.session_uid, last_statistics(scene)
+    if statistics is None:
+        return
+    made = _find(uid)
+    if made is None:
+        made = bpy.context.window_manager.perfect_bvh_updates.add()
+        made.scene_uid = uid
+    before = row_of(made, made.active)
+    owners = statistics.owners
+    updates = Updates() if owners is None else find_updates(statistics.report, owners)
+    _listed[uid] = statistics, updates
+    _write(made, updates)
+    made.active = _index_of(made, before)
+    _describe(made)
+
+
+def _write(made: PERFECT_BVH_PG_updates, updates: Updates) -> None:
+    made.rows.clear()
+    for number, row in enumerate((*updates.changed, *updates.unchanged)):
+        if number == len(updates.changed):
+            _write_fold(made, updates)
+        _write_row(made, number, row, is_changed=number < len(updates.changed))
+    if not updates.unchanged:
+        _write_more(made, updates.changed_more, is_changed=True)
+    _write_more(made, updates.unchanged_more, is_changed=False)
+
+
+def _write_fold(made: PERFECT_BVH_PG_updates, updates: Updates) -> None:
+    _write_more(made, updates.changed_more, is_changed=True)
+    fold = made.rows.add()
+    fold.name, fold.state, fold.is_changed = f"{updates.unchanged_count:,} unchanged", FOLD, True
+
+
+def _write_row(made: PERFECT_BVH_PG_updates, number: int, row: UpdateRow, *, is_changed: bool) -> None:
+    item = made.rows.add()
+    item.name, item.state, item.number, item.is_changed = row.title, row.state, number, is_changed
+    if row.milliseconds:
+        item.time = duration(row.milliseconds)
+    if row.share > 0.0:
+        item.share = share(row.share)
+
+
+def _write_more(made: PERFECT_BVH_PG_updates, count: int, *, is_changed: bool) -> None:
+    if count > 0:
+        item = made.rows.add()
+        item.name, item.state, item.is_changed = f"And {count_of(count, 'more object')}", MORE, is_changed
+
+
+def _index_of(made: PERFECT_BVH_PG_updates, before: UpdateRow | None) -> int:
+    """The row about what was chosen before, wherever it has got to: the first changed one if it is not there."""
+    found = [*updates_of(made.scene_uid).changed, *updates_of(made.scene_uid).unchanged]
+    if before is not None and len(before.uids):
+        uid = before.uids[0]
+        numbers = {number for number, row in enumerate(found) if uid in row.uids[:1] or uid in row.uids}
+        for index, item in enumerate(made.rows):
+            if item.number in numbers and item.state not in {FOLD, MORE}:
+                return index
+    return 0 if updates_of(made.scene_uid).changed else -1
+
+
+def _find(scene_uid: int) -> PERFECT_BVH_PG_updates | None:
+    lists = bpy.context.window_manager.perfect_bvh_updates
+    return next((made for made in lists if made.scene_uid == scene_uid), None)
+
+
+def _show_news() -> float:
+    if fill():
+        redraw_sidebars()
+    return TIMER_SECONDS
+
+
+def redraw_sidebars() -> None:
+    """Of all 3D viewports, and nothing else of them."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
+
+
+class _FileWatcher:
+    """What was listed of a scene is forgotten with it, or with its file."""
+
+    def on_change(self, what: str) -> None:
+        there = {scene.session_uid for scene in bpy.data.scenes}
+        for uid in [uid for uid in list(_listed) if uid not in there]:
+            _listed.pop(uid, None)
+
+    def on_file_change(self) -> None:
+        _forget()
+
+
+def _forget() -> None:
+    _asked.clear()
+    _listed.clear()
+    for manager in bpy.data.window_managers:
+        manager.perfect_bvh_updates.clear()
+
+
+_watcher = _FileWatcher()
+CLASSES = (PERFECT_BVH_PG_update, PERFECT_BVH_PG_updates)
+
+
+def register() -> None:
+    for group in CLASSES:
+        bpy.utils.register_class(group)
+    bpy.types.WindowManager.perfect_bvh_updates = bpy.props.CollectionProperty(
+        name="Updates",
+        description="What was updated for the last image of each scene",
+        type=PERFECT_BVH_PG_updates,
+        options={"SKIP_SAVE"},
+    )
+    listen(_watcher)
+    if not bpy.app.background:
+        bpy.app.timers.register(_show_news, persistent=True)
+
+
+def unregister() -> None:
+    stop_listening(_watcher)
+    if bpy.app.timers.is_registered(_show_news):
+        bpy.app.timers.unregister(_show_news)
+    _forget()
+    del bpy.types.WindowManager.perfect_bvh_updates
+    for group in reversed(CLASSES):
+        bpy.utils.unregister_class(group)

@@ -1,0 +1,238 @@
+"""What the last image had done, object by object: those of one mesh to which the same happened are one row.
+
+Made of columns, because a scene may have a hundred thousand objects: only so many rows become Python objects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from perfect_bvh import MeshReport
+
+    from ..sync.records import UnseenMesh
+    from ..sync.report import MeshChange, SyncReport
+    from .owners import Owners
+
+State = Literal[
+    "kept",
+    "unseen",
+    "masked",
+    "moved",
+    "recounted",
+    "replaced",
+    "added",
+    "removed",
+    "deferred",
+    "refitted",
+    "rotated",
+    "partly_rebuilt",
+    "rebuilt",
+    "built",
+]
+# What happens to objects, and then to the trees of their meshes, which tells more.
+STATES: tuple[State, ...] = (
+    *("kept", "unseen", "masked", "moved", "recounted", "replaced", "added", "removed"),
+    *("deferred", "refitted", "rotated", "partly_rebuilt", "rebuilt", "built"),
+)
+OF_TREES = frozenset(STATES[STATES.index("deferred") :])
+MOST_CHANGED, MOST_UNCHANGED = 200, 300
+_RANK = {state: rank for rank, state in enumerate(STATES)}
+
+Int64Array = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UpdateRow:
+    """Objects of one mesh, to which the same happened.
+
+    name: of the first, count: how many they are. uids: theirs, as Blender has them. mesh_row: of the scene's meshes.
+    milliseconds: of the mesh's tree. share: of the camera rays' work. mesh, tree: what the data did, and the engine;
+    None where that was not looked at. reason: why they are left out.
+    """
+
+    state: State
+    name: str
+    count: int
+    uids: Int64Array
+    mesh_row: int = -1
+    share: float = 0.0
+    mesh: MeshChange | None = None
+    tree: MeshReport | None = None
+    reason: str = ""
+
+    @property
+    def milliseconds(self) -> float:
+        """What the tree took, if anything was done to it."""
+        return self.tree.milliseconds if self.tree is not None and self.state in OF_TREES else 0.0
+
+    @property
+    def title(self) -> str:
+        """Such as "Cube", or "Cube and 19 more"."""
+        return self.name if self.count <= 1 else f"{self.name} and {self.count - 1:,} more"
+
+
+@dataclass(frozen=True, slots=True)
+class Updates:
+    """Of one image. The rows are the first of those that there are, what took longest and costs rays most first.
+
+    changed_count, unchanged_count: how many objects there are of each. changed_more, unchanged_more: how many of them
+    no row names.
+    """
+
+    changed: tuple[UpdateRow, ...] = ()
+    unchanged: tuple[UpdateRow, ...] = ()
+    changed_count: int = 0
+    unchanged_count: int = 0
+
+    @property
+    def changed_more(self) -> int:
+        return self.changed_count - sum(row.count for row in self.changed)
+
+    @property
+    def unchanged_more(self) -> int:
+        return self.unchanged_count - sum(row.count for row in self.unchanged)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Groups:
+    """Objects by mesh and by what happened, as columns: (G,) each but for members.
+
+    members: (P,) rows of the scene's objects, a group's one after the other, from starts on.
+    """
+
+    mesh_rows: Int64Array
+    states: Int64Array
+    starts: Int64Array
+    counts: Int64Array
+    shares: npt.NDArray[np.float64]
+    members: Int64Array
+
+
+def find_updates(report: SyncReport, owners: Owners) -> Updates:
+    """What a sync did for an image. owners: of the scene that the image shows."""
+    uids = np.array([obj.session_uid for obj in owners.objects], np.int64)
+    trees = {tree.mesh_id: tree for tree in (*report.commit.resting, *report.commit.meshes)}
+    groups = _group(owners, uids, _states_of_trees(owners, trees), _states_of_objects(report, uids))
+    milliseconds = np.zeros(len(owners.mesh_ids))
+    for row, mesh_id in enumerate(owners.mesh_ids.tolist()):
+        tree = trees.get(mesh_id)
+        if tree is not None:
+            milliseconds[row] = tree.milliseconds
+    meshes = {mesh.mesh_id: mesh for mesh in report.meshes if mesh.action != "removed"}
+
+    def make(group: int) -> UpdateRow:
+        mesh_id = int(owners.mesh_ids[groups.mesh_rows[group]])
+        members = slice(groups.starts[group], groups.starts[group] + groups.counts[group])
+        rows = groups.members[members]
+        return UpdateRow(
+            state=STATES[groups.states[group]],
+            name=owners.objects[rows[0]].name,
+            count=len(rows),
+            uids=uids[rows],
+            mesh_row=int(groups.mesh_rows[group]),
+            share=float(groups.shares[group]),
+            mesh=meshes.get(mesh_id),
+            tree=trees.get(mesh_id),
+        )
+
+    is_changed = groups.states != _RANK["kept"]
+    took = np.where(is_changed, milliseconds[groups.mesh_rows], 0.0)
+    removed, unseen = tuple(_removed(report)), tuple(map(_row_of_unseen, report.unseen))
+    changed = (*_first(make, is_changed, took, groups, MOST_CHANGED - len(removed)), *removed)
+    unchanged = (*_first(make, ~is_changed, took, groups, MOST_UNCHANGED), *unseen)[:MOST_UNCHANGED]
+    return Updates(
+        changed=changed,
+        unchanged=unchanged,
+        changed_count=int(groups.counts[is_changed].sum()) + sum(row.count for row in removed),
+        unchanged_count=int(groups.counts[~is_changed].sum()) + len(unseen),
+    )
+
+
+def find_instancers(row: UpdateRow, owners: Owners) -> set[int]:
+    """The uids of what shows the objects of a row as instances."""
+    uids = np.array([obj.session_uid for obj in owners.objects], np.int64)
+    is_of_row = (owners.mesh_rows == row.mesh_row) & np.isin(uids, row.uids)[owners.object_rows]
+    parents = np.unique(owners.parent_rows[is_of_row & (owners.parent_rows >= 0)])
+    return set(uids[parents].tolist())
+
+
+def _first(
+    make: Callable[[int], UpdateRow],
+    wanted: npt.NDArray[np.bool_],
+    took: npt.NDArray[np.float64],
+    groups: _Groups,
+    most: int,
+) -> list[UpdateRow]:
+    """The rows of those groups whose trees took longest, then of those that cost rays most, then of many objects."""
+    rows = np.flatnonzero(wanted)
+    order = np.lexsort((-groups.counts[rows], -groups.shares[rows], -took[rows]))
+    return [make(int(row)) for row in rows[order[:most]]]
+
+
+def _states_of_trees(owners: Owners, trees: dict[int, MeshReport]) -> Int64Array:
+    """(M,): what happened to each mesh's tree; "kept" also where its objects tell more."""
+    return np.array(
+        [_RANK[trees[mesh_id].action if mesh_id in trees else "kept"] for mesh_id in owners.mesh_ids.tolist()], np.int64
+    )
+
+
+def _states_of_objects(report: SyncReport, uids: Int64Array) -> Int64Array:
+    """(O,): what happened to each object beside its mesh."""
+    from ..sync.report import OBJECT_ACTIONS
+
+    columns = report.object_columns
+    states = np.zeros(len(uids), np.int64)
+    if not len(columns.session_uids):
+        return states
+    order = np.argsort(columns.session_uids)
+    sorted_uids = columns.session_uids[order]
+    places = np.minimum(np.searchsorted(sorted_uids, uids), len(order) - 1)
+    is_known = sorted_uids[places] == uids
+    # That a mesh was deformed is said by its tree.
+    ranks = np.array([_RANK.get(action, 0) for action in OBJECT_ACTIONS])  # type: ignore[call-overload]
+    states[is_known] = ranks[columns.actions[order[places[is_known]]]]
+    return states
+
+
+def _group(owners: Owners, uids: Int64Array, of_trees: Int64Array, of_objects: Int64Array) -> _Groups:
+    """An object has several rows where its materials differ: the first one stands for all."""
+    _, first, object_of = np.unique(uids, return_index=True, return_inverse=True)
+    objects = first[object_of].astype(np.int64)[owners.object_rows]
+    meshes = owners.mesh_rows.astype(np.int64)
+    pairs, where, inverse = np.unique(meshes * max(len(uids), 1) + objects, return_index=True, return_inverse=True)
+    shares = np.bincount(inverse, weights=owners.shares, minlength=len(pairs)) if owners.shares is not None else None
+    mesh_rows, members = meshes[where], objects[where]
+    states = np.where(of_trees[mesh_rows] != 0, of_trees[mesh_rows], of_objects[members])
+    keys = mesh_rows * len(STATES) + states
+    order = np.argsort(keys, kind="stable")
+    found, starts, counts = np.unique(keys[order], return_index=True, return_counts=True)
+    sums = np.zeros(len(found)) if shares is None or not len(found) else np.add.reduceat(shares[order], starts)
+    return _Groups(
+        mesh_rows=found // len(STATES),
+        states=found % len(STATES),
+        starts=starts,
+        counts=counts,
+        shares=sums,
+        members=members[order],
+    )
+
+
+def _removed(report: SyncReport) -> Iterator[UpdateRow]:
+    """One row for all objects that are gone."""
+    from ..sync.report import OBJECT_ACTIONS
+
+    columns = report.object_columns
+    gone = np.flatnonzero(columns.actions == OBJECT_ACTIONS.index("removed"))
+    if len(gone):
+        yield UpdateRow("removed", str(columns.names[gone[0]]), len(gone), np.empty(0, np.int64))
+
+
+def _row_of_unseen(mesh: UnseenMesh) -> UpdateRow:
+    uids = np.array([mesh.owner_uid], np.int64)
+    return UpdateRow("unseen", mesh.owner, 1, uids, reason=mesh.reason)

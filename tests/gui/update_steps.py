@@ -1,0 +1,62 @@
+"""What Was Updated, in the sidebar: rows are chosen with the mouse, and select their objects."""
+
+from __future__ import annotations
+
+import bpy
+from addon_state import module
+from driver import Step, check, redrawn, screenshot, wait_until
+from hands import click, handled, hover
+from places import context_of, main_area, region_of
+
+ROW = 20  # the height of one, at the resolution scale that a new user has
+STEP = 5
+COLUMN = 0.2  # of the sidebar's width
+
+
+def is_of_list(area: bpy.types.Area) -> bool:
+    """Whether a row of the list is under the mouse."""
+    with bpy.context.temp_override(**context_of(area) | {"region": region_of(area, "UI")}):
+        found = bpy.context.property
+        return found is not None and found[0] == bpy.context.window_manager and found[1].endswith(".active")
+
+
+def find_rows(area: bpy.types.Area, x: float) -> Step:
+    """Returns the heights of the list's upper and lower end."""
+    sidebar, found = region_of(area, "UI"), []
+    for y in range(sidebar.y + sidebar.height - STEP, sidebar.y, -STEP):
+        hover(x, y)
+        yield from handled()
+        if is_of_list(area):
+            found.append(y)
+        elif found:
+            break
+    check(found, "there is no list in the sidebar")
+    return found[0], found[-1]
+
+
+def choose_rows_of_what_was_updated() -> Step:
+    """The last render is listed by itself once the panel is seen."""
+    area, layer, scene = main_area(), bpy.context.view_layer, bpy.context.scene
+    area.spaces.active.show_region_ui = True
+    yield from redrawn()
+    sidebar = region_of(area, "UI")
+    sidebar.active_panel_category = "Perfect BVH"
+    sidebar.tag_redraw()
+    rows_of = module("statistics.update_list").rows_of
+    yield from wait_until(lambda: rows_of(scene) is not None and len(rows_of(scene).rows), "nothing is listed")
+    yield from redrawn()
+    screenshot("what_was_updated")
+    rows, x = rows_of(scene), sidebar.x + COLUMN * sidebar.width
+    top, bottom = yield from find_rows(area, x)
+    check((top - bottom) / ROW > 2, f"the list has {(top - bottom) / ROW:.1f} rows")
+    for number in (1, 0):
+        for obj in layer.objects:
+            obj.select_set(False)
+        yield from click(x, top - (number + 0.5) * ROW)
+        yield from wait_until(lambda number=number: rows.active == number, f"row {number} cannot be chosen")
+        check(rows.note or bpy.context.selected_objects, f"{rows.rows[number].name} selects nothing")
+        check(rows.done and rows.advice, f"nothing is said of {rows.rows[number].name}")
+    yield from redrawn()
+    screenshot("a_row_of_what_was_updated")
+    area.spaces.active.show_region_ui = False
+    yield from redrawn()
