@@ -51,7 +51,13 @@ _MODULES = (
     ".view3d.overlay",
     ".panels",
 )
-_NATIVE_MODULES = (".live.sync_cache", ".view3d.compare_view", ".view3d.decay_view", ".view3d.scan_points")
+_NATIVE_MODULES = (
+    ".live.sync_cache",
+    ".view3d.compare_view",
+    ".view3d.decay_view",
+    ".view3d.scan_points",
+    ".view3d.walk_view",
+)
 _LANDMARK = "PERFECT_BVH_PT_render"
 
 _registered: list[Any] = []

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from . import bench, compare, decay, preview, scan, select_not_shown, select_updated
+from . import bench, compare, decay, preview, scan, select_not_shown, select_updated, walk_ray
 
-_MODULES = (preview, scan, bench, compare, decay, select_not_shown, select_updated)
+_MODULES = (preview, scan, bench, compare, decay, select_not_shown, select_updated, walk_ray)
 
 
 def register() -> None:

@@ -24,6 +24,7 @@ from . import (
     view_layer,
     view_menu,
     visibility,
+    walk_ray,
     world,
 )
 
@@ -45,6 +46,7 @@ CLASSES = (
     *scan.CLASSES,
     *updates.CLASSES,
     *trees.CLASSES,
+    *walk_ray.CLASSES,
     *bench.CLASSES,
 )
 LISTS = (*not_shown.LISTS, *updates.LISTS)

@@ -1,0 +1,46 @@
+"""The button that walks a ray, and those that step through what it does."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import bpy
+
+from .trees import TreePanel
+
+BUTTONS = (
+    ("FIRST", "REW"),
+    ("PREVIOUS", "PREV_KEYFRAME"),
+    ("PLAY", "PLAY"),
+    ("NEXT", "NEXT_KEYFRAME"),
+    ("LAST", "FF"),
+)
+
+
+class PERFECT_BVH_PT_walk_ray(TreePanel, bpy.types.Panel):
+    """Which step is shown is told in the viewport."""
+
+    bl_label = "Walk a Ray"
+    bl_options: ClassVar = set()
+
+    def draw(self, context: bpy.types.Context) -> None:
+        from ..view3d import walk_view
+
+        layout = self.layout
+        walk = walk_view.shown()
+        row = layout.row(align=True)
+        row.operator("perfect_bvh.walk_ray", icon="CURVE_PATH")
+        if walk is None:
+            return
+        row.operator("perfect_bvh.walk_step", text="", icon="X").to = "OFF"
+        row = layout.row(align=True)
+        row.alignment = "CENTER"
+        for to, icon in BUTTONS:
+            shown = "PAUSE" if to == "PLAY" and walk.is_playing else icon
+            row.operator("perfect_bvh.walk_step", text="", icon=shown).to = to
+        row = layout.row()
+        row.alignment = "CENTER"
+        row.label(text=f"Step {walk.index + 1:,} of {len(walk.steps):,}")
+
+
+CLASSES = (PERFECT_BVH_PT_walk_ray,)

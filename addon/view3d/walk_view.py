@@ -1,0 +1,217 @@
+"""A ray's walk over 3D viewports: which step is shown, and its picture.
+
+The ray and its boxes are drawn in every viewport of the scene, over a veil, so that it can be seen from aside as well;
+what they mean and what they cost is told in the viewport in which the ray was chosen. What is shown stays as it was
+when the ray was cast; where the scene has changed since, that is said. It ends with an undo or another file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..events.changes import edit_count, listen, stop_listening, watch_again
+from . import drawing
+from .walk_legend import draw_legend
+from .walk_picture import Lines, Picture, WalkedRay, picture_of
+from .walk_steps import WalkStep
+
+VEIL = (0.02, 0.02, 0.03, 0.62)
+PLAY_SECONDS = 0.35  # a step, while it plays
+ENDING_CHANGES = frozenset({"a step was undone", "a step was redone"})
+
+
+@dataclass(slots=True)
+class Shown:
+    """A walk and where it is told of.
+
+    area: the viewport's address. edits, frame: the scene's when it was read. index: of the step that is shown.
+    """
+
+    ray: WalkedRay
+    steps: list[WalkStep]
+    scene_uid: int
+    area: int
+    edits: int
+    frame: int
+    index: int = 0
+    is_playing: bool = False
+    _drawn: tuple[int, Picture] | None = None
+
+    @property
+    def step(self) -> WalkStep:
+        """The one that is shown."""
+        return self.steps[self.index]
+
+    @property
+    def picture(self) -> Picture:
+        """Of that step, made when it is drawn first."""
+        if self._drawn is None or self._drawn[0] != self.index:
+            self._drawn = self.index, picture_of(self.ray, self.step)
+        return self._drawn[1]
+
+    def go(self, index: int) -> None:
+        """To a step, or the nearest that there is; at the last one nothing plays any more."""
+        self.index = min(max(index, 0), len(self.steps) - 1)
+        if self.index == len(self.steps) - 1:
+            self.is_playing = False
+
+    def play_or_pause(self) -> None:
+        """From the beginning, if the end is shown."""
+        if not self.is_playing and self.index == len(self.steps) - 1:
+            self.index = 0
+        self.is_playing = not self.is_playing and len(self.steps) > 1
+
+    def is_old(self, scene: bpy.types.Scene) -> bool:
+        """Whether the scene is another one by now, as far as is known."""
+        return scene.frame_current != self.frame or edit_count(scene.session_uid) != self.edits
+
+
+class _Watcher:
+    """Ends what is shown with the file, and where a step is undone."""
+
+    def on_change(self, what: str) -> None:
+        if what in ENDING_CHANGES:
+            hide()
+
+    def on_file_change(self) -> None:
+        hide()
+
+
+_shown: Shown | None = None
+_watcher = _Watcher()
+_handles: list[Any] = []
+
+
+def show(walk: Shown) -> None:
+    """From its first step on, until `hide`."""
+    global _shown
+    hide()
+    listen(_watcher)
+    _shown = walk
+    for draw, when in ((_draw_in_space, "POST_VIEW"), (_draw_in_pixels, "POST_PIXEL")):
+        _handles.append(bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", when))
+    redraw()
+
+
+def hide() -> None:
+    """Show nothing any more; does nothing where nothing is shown."""
+    global _shown
+    if _shown is None:
+        return
+    _shown = None
+    while _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    stop_listening(_watcher)
+    redraw()
+
+
+def shown() -> Shown | None:
+    """What is shown, in whichever viewports; None if nothing is."""
+    return _shown
+
+
+def redraw() -> None:
+    """The viewports, and the panels in them."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+# Drawing -------------------------------------------------------------------------------------------------------------
+
+
+def _shown_here(context: bpy.types.Context) -> Shown | None:
+    found = _shown
+    return found if found is not None and context.scene.session_uid == found.scene_uid else None
+
+
+def _draw_in_space() -> None:
+    found = _shown_here(bpy.context)
+    if found is None:
+        return
+    watch_again()
+    with drawing.blended():
+        _draw_veil()
+        _draw_triangles(found.picture)
+        for lines in found.picture.lines:
+            _draw_lines(lines)
+
+
+def _draw_in_pixels() -> None:
+    context = bpy.context
+    found = _shown_here(context)
+    if found is None:
+        return
+    _draw_hit(context, found.picture)
+    if context.area is not None and context.area.as_pointer() == found.area:
+        note = "The scene has changed since" if found.is_old(context.scene) else ""
+        draw_legend(context, found.steps, found.index, note)
+
+
+def _draw_veil() -> None:
+    """Over the scene and below the ray."""
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+    from mathutils import Matrix
+
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    corners = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
+    batch = batch_for_shader(shader, "TRI_FAN", {"pos": corners})
+    gpu.state.depth_test_set("NONE")
+    with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+        gpu.matrix.load_matrix(Matrix.Identity(4))
+        gpu.matrix.load_projection_matrix(Matrix.Identity(4))
+        shader.bind()
+        shader.uniform_float("color", VEIL)
+        batch.draw(shader)
+
+
+def _draw_triangles(picture: Picture) -> None:
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    if not len(picture.triangles):
+        return
+    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
+    content = {"pos": picture.triangles, "color": picture.triangle_colors}
+    batch_for_shader(shader, "TRIS", content).draw(shader)
+
+
+def _draw_lines(lines: Lines) -> None:
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+
+    shader = gpu.shader.from_builtin("POLYLINE_SMOOTH_COLOR")
+    batch = batch_for_shader(shader, "LINES", {"pos": lines.positions, "color": lines.colors})
+    shader.bind()
+    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+    shader.uniform_float("lineWidth", drawing.pixels(lines.width))
+    batch.draw(shader)
+
+
+def _draw_hit(context: bpy.types.Context, picture: Picture) -> None:
+    """A dot where the nearest hit is so far."""
+    from bpy_extras.view3d_utils import location_3d_to_region_2d
+    from mathutils import Vector
+
+    if picture.hit is None or not np.isfinite(picture.hit).all():
+        return
+    place = location_3d_to_region_2d(context.region, context.region_data, Vector(picture.hit))
+    if place is None:
+        return
+    for points, color in ((5.0, (0.0, 0.0, 0.0)), (3.5, (1.0, 1.0, 1.0))):
+        radius = drawing.pixels(points)
+        drawing.draw_rect(place.x - radius, place.y - radius, 2 * radius, 2 * radius, color, radius)
+
+
+def register() -> None:
+    """Nothing is shown until somebody walks a ray."""
+
+
+def unregister() -> None:
+    hide()
