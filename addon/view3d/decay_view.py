@@ -21,13 +21,15 @@ if TYPE_CHECKING:
     from .decay import Decay
 
 # In points.
-HEIGHT, LEAST_HEIGHT, MARGIN = 250.0, 150.0, 12.0
+HEIGHT, LEAST_HEIGHT, MARGIN = 250.0, 215.0, 12.0
+KEY_SAMPLE, KEY_GAP = 24.0, 18.0
 AXIS_WIDTH, CURVE_WIDTH, MARK_SIZE = 44.0, 1.8, 3.6
 SHARE = 0.45  # of the viewport's height, at most
-COLORS = {"refit": (0.90, 0.62, 0.0), "governed": (0.34, 0.71, 0.91), "rebuild": (0.84, 0.37, 0.0)}
+COLORS = {"refit": (0.90, 0.62, 0.0), "governed": (0.25, 0.62, 0.88), "rebuild": (0.84, 0.37, 0.0)}
 ORDER = ("refit", "rebuild", "governed")  # the last is drawn over the others
 MARKED = ("rebuilt", "partly_rebuilt", "rotated")
 FAINT = 0.2
+SMALL = 10.0  # text beside the curves, in points
 
 
 @dataclass(slots=True)
@@ -36,6 +38,16 @@ class Shown:
 
     decay: Decay
     area: int
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """Of a curve, or of a mark where there is no color. width: with what is between it and the next, in pixels."""
+
+    text: str
+    width: float
+    color: drawing.Color | None = None
+    action: str = ""
 
 
 class _Watcher:
@@ -103,12 +115,12 @@ def panel_of(area: bpy.types.Area, region: bpy.types.Region) -> drawing.Rect:
     return drawing.Rect(free.left + margin, bottom, free.right - margin, bottom + height)
 
 
-def layout_of(decay: Decay, panel: drawing.Rect) -> ChartLayout:
-    """Of the curves within the panel."""
+def layout_of(decay: Decay, panel: drawing.Rect, key_lines: int = 1, sentence_lines: int = 1) -> ChartLayout:
+    """Of the curves within the panel, above and below which there are so many lines of text."""
     step, margin = drawing.text_size("")[1], drawing.pixels(MARGIN)
     axis = drawing.pixels(AXIS_WIDTH)
-    bottom = panel.bottom + margin + 2.2 * step
-    top = panel.top - margin - 2.9 * step
+    bottom = panel.bottom + margin + (1.2 + sentence_lines) * step
+    top = panel.top - margin - (1.9 + key_lines) * step
     costs = [cost for policy in COLORS for cost in decay.costs(policy)]
     low, high = cost_range(costs)
     width, height = max(panel.right - panel.left - axis - 2 * margin, 1.0), max(top - bottom, 1.0)
@@ -149,16 +161,43 @@ def draw_chart(context: bpy.types.Context, decay: Decay) -> None:
         return
     frame = context.scene.frame_current
     row = next((number for number, one in enumerate(decay.rows) if one.frame == frame), None)
-    lines = _keys_in_lines(decay, row, panel.right - panel.left - 2 * margin)
-    layout = layout_of(decay, panel)
-    _draw_keys(lines, panel.left + margin, panel.top - margin - 2.0 * step)
+    room = panel.right - panel.left - 2 * margin
+    keys = in_lines(_keys_of(decay, row), room)
+    sentence = [] if row is None else wrapped(sentence_of(decay.rows[row]), room, SMALL)
+    # Curves stay where they are, whichever frame is shown: the longest of all sentences has room.
+    longest = max((sentence_of(one) for one in decay.rows), key=len)
+    layout = layout_of(decay, panel, len(keys), len(wrapped(longest, room, SMALL)))
+    for number, line in enumerate(keys):
+        _draw_keys(line, panel.left + margin, panel.top - margin - (2.0 + number) * step)
     _draw_axes(layout, text)
     _draw_curves(decay, layout)
     if layout.first <= frame <= layout.last:
         x = layout.x_of(frame)
         drawing.draw_lines_2d([(x, layout.bottom), (x, layout.bottom + layout.height)], text, 1.0)
-    if row is not None:
-        _draw_sentence(sentence_of(decay.rows[row]), panel, margin, text)
+    for number, part in enumerate(reversed(sentence)):
+        drawing.draw_text(panel.left + margin, panel.bottom + 0.8 * margin + number * step, part, SMALL, text)
+
+
+def wrapped(text: str, room: float, size: float) -> list[str]:
+    """Its lines, each no wider than so many pixels, unless it is a single word."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and drawing.text_size(longer, size)[0] > room:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
+
+
+def in_lines(keys: Sequence[Key], room: float) -> list[list[Key]]:
+    """As many in a line as are no wider than so many pixels."""
+    lines: list[list[Key]] = [[]]
+    for key in keys:
+        if lines[-1] and sum(one.width for one in (*lines[-1], key)) > room:
+            lines.append([])
+        lines[-1].append(key)
+    return lines
 
 
 def _draw_axes(layout: ChartLayout, text: drawing.Color) -> None:
@@ -169,14 +208,14 @@ def _draw_axes(layout: ChartLayout, text: drawing.Color) -> None:
         y = layout.place(layout.first, cost)[1]
         drawing.draw_lines_2d([(layout.left, y), (right, y)], faint, 1.0)
         label = f"{cost:,.10g}"
-        width = drawing.text_size(label, 10.0)[0]
-        drawing.draw_text(layout.left - width - drawing.pixels(6.0), y - 0.25 * step, label, 10.0, text)
+        width = drawing.text_size(label, SMALL)[0]
+        drawing.draw_text(layout.left - width - drawing.pixels(6.0), y - 0.25 * step, label, SMALL, text)
     room = drawing.pixels(44.0)
     most = max(2, int(layout.width / room))
     for frame in without_crowd(frame_ticks(layout.first, layout.last, most), layout, room):
         x, label = layout.x_of(frame), str(frame)
-        width = drawing.text_size(label, 10.0)[0]
-        drawing.draw_text(x - width / 2, layout.bottom - step, label, 10.0, text)
+        width = drawing.text_size(label, SMALL)[0]
+        drawing.draw_text(x - width / 2, layout.bottom - step, label, SMALL, text)
 
 
 def _draw_curves(decay: Decay, layout: ChartLayout) -> None:
@@ -205,46 +244,25 @@ def _draw_mark(action: str, place: drawing.Point, color: drawing.Color | None = 
         drawing.draw_rect(x - size, y - size, 2 * size, 2 * size, color)
 
 
-@dataclass(frozen=True, slots=True)
-class _Key:
-    """Of a curve, or of a mark where there is no color."""
-
-    text: str
-    width: float
-    color: drawing.Color | None = None
-    action: str = ""
-
-
-def _keys_in_lines(decay: Decay, row: int | None, room: float) -> list[_Key]:
-    found = [(key_of(decay, policy, row), COLORS[policy], "") for policy in ("refit", "governed", "rebuild")]
+def _keys_of(decay: Decay, row: int | None) -> list[Key]:
+    """Of the curves, with what they cost in a row, and of the marks that there are."""
+    found = [(key_of(decay, policy, row), COLORS[policy], "") for policy in COLORS]
     taken = {decay.rows[number].policies["governed"].action for number in decay.rebuilds()}
     marks = [(f"Governor: {ACTIONS[action].lower()}", None, action) for action in MARKED if action in taken]
-    sample = drawing.pixels(26.0)
-    keys = [_Key(text, sample + drawing.text_size(text)[0], color, action) for text, color, action in (*found, *marks)]
-    while len(keys) > len(found) and sum(key.width + sample for key in keys) > room:
-        keys.pop()
-    return keys
+    around = drawing.pixels(KEY_SAMPLE + KEY_GAP)
+    return [Key(text, around + drawing.text_size(text)[0], color, action) for text, color, action in (*found, *marks)]
 
 
-def _draw_keys(keys: Sequence[_Key], x: float, y: float) -> None:
-    text, gap = drawing.panel_text_color(), drawing.pixels(18.0)
+def _draw_keys(keys: Sequence[Key], x: float, y: float) -> None:
+    text, sample = drawing.panel_text_color(), drawing.pixels(KEY_SAMPLE)
     middle = y + drawing.pixels(4.0)
     for key in keys:
         if key.color is not None:
-            drawing.draw_lines_2d([(x, middle), (x + drawing.pixels(18.0), middle)], key.color, 3.0)
+            drawing.draw_lines_2d([(x, middle), (x + 0.75 * sample, middle)], key.color, 3.0)
         else:
-            _draw_mark(key.action, (x + drawing.pixels(9.0), middle))
-        drawing.draw_text(x + drawing.pixels(24.0), y, key.text, color=text)
-        x += key.width + gap
-
-
-def _draw_sentence(sentence: str, panel: drawing.Rect, margin: float, color: drawing.Color) -> None:
-    """In the lowest line; as small as it must be to be read whole, to a point."""
-    room = panel.right - panel.left - 2 * margin
-    size = 10.0
-    while size > 7.0 and drawing.text_size(sentence, size)[0] > room:
-        size -= 0.5
-    drawing.draw_text(panel.left + margin, panel.bottom + margin * 0.8, sentence, size, color)
+            _draw_mark(key.action, (x + 0.4 * sample, middle))
+        drawing.draw_text(x + sample, y, key.text, color=text)
+        x += key.width
 
 
 # The mouse -----------------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .decay import Decay, DecayFrame
 
-LABELS = {"refit": "Refitted", "governed": "Governed", "rebuild": "Rebuilt Each Frame"}
+LABELS = {"refit": "Refitted", "governed": "Governed", "rebuild": "Rebuilt"}
 ACTIONS = {
     "rebuilt": "Rebuilt",
     "partly_rebuilt": "Parts rebuilt",
@@ -37,14 +37,14 @@ def sentence_of(row: DecayFrame) -> str:
 
 
 def summary_of(decay: Decay) -> str:
-    """All frames in a sentence."""
+    """All frames in two sentences."""
     counts = dict.fromkeys(ACTIONS, 0)
     for row in decay.rows[1:]:
         action = row.policies["governed"].action
         if action:
             counts[action] += 1
-    told = [f"{ACTIONS[action].lower()} in {count}" for action, count in counts.items() if count]
-    done = ", ".join(told) if told else "kept in all"
+    told = [f"{ACTIONS[action].lower()} {count}" for action, count in counts.items() if count]
+    done = ", ".join(told) if told else "nothing"
     costs = {policy: decay.costs(policy) for policy in LABELS}
     last = ", ".join(f"{LABELS[policy].lower()} {values[-1]:,.1f}" for policy, values in costs.items())
-    return f"{decay.measure} in the end: {last}; governed, the tree was {done} of {len(decay.rows) - 1} frames"
+    return f"{decay.measure} in the end: {last}. What the governor did: {done}"

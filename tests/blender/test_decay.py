@@ -233,7 +233,7 @@ def test_words_tell_of_the_frame_that_is_shown(twisted: Any) -> None:
     assert key_of(decay, "refit", None) == LABELS["refit"]
     assert key_of(decay, "refit", 2) == f"{LABELS['refit']} {decay.costs('refit')[2]:,.1f}"
     assert sentence_of(decay.rows[1]).startswith("Frame 2: Refitted. Positions changed")
-    assert summary_of(decay).endswith(f"refitted in {FRAMES - 1} of {FRAMES - 1} frames")
+    assert summary_of(decay).endswith(f"What the governor did: refitted {FRAMES - 1}")
 
 
 def test_a_click_shows_a_frame_and_the_chart_ends_with_its_file(twisted: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -255,3 +255,14 @@ def test_a_click_shows_a_frame_and_the_chart_ends_with_its_file(twisted: Any, mo
         assert scene.frame_current == frame
     bpy.ops.wm.read_factory_settings(use_empty=True)
     assert decay_view.shown() is None
+
+
+def test_words_take_more_lines_where_there_is_less_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drawing, "text_size", lambda text, size=11.0: (10.0 * len(text), size))
+    assert decay_view.wrapped("one two three", 1000.0, 10.0) == ["one two three"]
+    assert decay_view.wrapped("one two three", 75.0, 10.0) == ["one two", "three"]
+    assert decay_view.wrapped("unbreakable one", 20.0, 10.0) == ["unbreakable", "one"]
+    keys = [decay_view.Key(name, 40.0) for name in "abc"]
+    assert [len(line) for line in decay_view.in_lines(keys, 120.0)] == [3]
+    assert [len(line) for line in decay_view.in_lines(keys, 100.0)] == [2, 1]
+    assert [len(line) for line in decay_view.in_lines(keys, 10.0)] == [1, 1, 1]
