@@ -22,6 +22,7 @@ import render_steps
 import scan_steps
 import split_view_steps
 import tooltip_steps
+import tree_steps
 import two_window_steps
 import update_steps
 import viewport_steps
@@ -54,6 +55,8 @@ STEPS = (
     overlay_steps.show_the_active_object,
     overlay_steps.follow_an_animation,
     overlay_steps.draw_100000_boxes,
+    tree_steps.compare_two_trees,
+    tree_steps.follow_the_decay,
     render_steps.press_preview,
     render_steps.stop_a_preview_while_it_builds,
     render_steps.render_without_a_camera,

@@ -1,0 +1,111 @@
+"""Looking into trees: two compared side by side, their decay followed; both are closed by their crosses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from addon_state import is_working, module, settings, wait_for_report
+from driver import Step, area_pixels, check, redrawn, screenshot, wait_until
+from gates import always, gate_of_builds
+from hands import click, handled, hover, press_here, press_key
+from places import context_of, main_area, region_of
+
+STEP = 8  # less than half of a button
+FRAMES = 6
+
+
+def open_sidebar(area: bpy.types.Area) -> Step:
+    area.spaces.active.show_region_ui = True
+    yield from redrawn()
+    sidebar = region_of(area, "UI")
+    sidebar.active_panel_category = "Perfect BVH"
+    sidebar.tag_redraw()
+    yield from redrawn()
+
+
+def call_in_sidebar(area: bpy.types.Area) -> str:
+    """Of the operator whose button is under the mouse; "" where there is none."""
+    with bpy.context.temp_override(**context_of(area) | {"region": region_of(area, "UI")}):
+        if not bpy.ops.ui.copy_python_command_button.poll():
+            return ""
+        bpy.ops.ui.copy_python_command_button()
+    return bpy.context.window_manager.clipboard
+
+
+def press_in_sidebar(area: bpy.types.Area, call: str) -> Step:
+    """An operator's button, which is looked for from above."""
+    sidebar = region_of(area, "UI")
+    for y in range(sidebar.y + sidebar.height - STEP, sidebar.y, -STEP):
+        hover(sidebar.x + 0.5 * sidebar.width, y)
+        yield from handled()
+        if f"{call}(" in call_in_sidebar(area):
+            yield from press_here()
+            return
+    raise AssertionError(f"no button of {call} in the sidebar")
+
+
+def click_cross(area: bpy.types.Area, right: float, top: float) -> Step:
+    """That in the corner of what is drawn, by the corner's place in the region."""
+    region, rect = region_of(area), module("view3d.close_button").close_rect(right, top)
+    yield from click(region.x + (rect.left + rect.right) / 2, region.y + (rect.bottom + rect.top) / 2)
+
+
+def differ(one: Any, other: Any) -> float:
+    """The share of bytes that do."""
+    return float((one != other).mean())
+
+
+def compare_two_trees() -> Step:
+    area, view = main_area(), module("view3d.compare_view")
+    bpy.context.view_layer.objects.active = bpy.data.objects["Tree"]
+    yield from open_sidebar(area)
+    before = area_pixels(area)
+    with gate_of_builds() as gate:
+        gate.hold_when(always)
+        yield from press_in_sidebar(area, "perfect_bvh.compare")
+        yield from gate.wait("building two trees")
+        yield from press_key("Escape")
+        yield from wait_for_report("Comparing was stopped")
+    check(view.shown() is None and not is_working(), "comparing was stopped, but goes on")
+    yield from press_in_sidebar(area, "perfect_bvh.compare")
+    yield from wait_until(view.shown, "no trees are shown")
+    yield from wait_until(lambda: view._regions, "the two trees are not drawn")
+    shows = lambda: differ(area_pixels(area), before) > 0.3  # noqa: E731
+    yield from wait_until(shows, "the viewport does not show two trees", every=0.2)
+    (found,) = view._regions.values()
+    check([half.count > 20 for half in found.halves] == [True, True], "a half has hardly any boxes")
+    screenshot("compare")
+    counts = [half.count for half in found.halves]
+    settings().overlay.level += 1
+    yield from wait_until(lambda: counts != [half.count for half in found.halves], "the level stays", every=0.2)
+    settings().overlay.level -= 1
+    free = module("view3d.drawing").free_rect(area, region_of(area))
+    yield from click_cross(area, free.right, free.top)
+    yield from wait_until(lambda: view.shown() is None, "the cross does not end the comparison")
+
+
+def follow_the_decay() -> Step:
+    area, view, scene = main_area(), module("view3d.decay_view"), bpy.context.scene
+    chosen, frame = settings().decay, scene.frame_current
+    chosen.use_custom_range, chosen.frame_start, chosen.frame_end = True, 1, FRAMES
+    with bpy.context.temp_override(**context_of(area)):
+        bpy.ops.perfect_bvh.decay("INVOKE_DEFAULT")
+    yield from wait_until(lambda: not is_working(), "the decay is not measured")
+    yield from wait_for_report("SAH in the end: refitted ")
+    check(scene.frame_current == frame, f"frame {scene.frame_current} is shown, not {frame} as before")
+    decay = view.shown().decay
+    check(len(decay.rows) == FRAMES, f"{len(decay.rows)} frames were measured")
+    region, panel = region_of(area), view.panel_of(area, region_of(area))
+    layout = view.layout_of(decay, panel)
+    for wanted in (4, 2):
+        yield from click(region.x + layout.x_of(wanted), region.y + layout.bottom + layout.height / 2)
+        yield from wait_until(lambda wanted=wanted: scene.frame_current == wanted, f"a click shows no frame {wanted}")
+    yield from redrawn()
+    screenshot("decay")
+    yield from click_cross(area, panel.right, panel.top)
+    yield from wait_until(lambda: view.shown() is None, "the cross does not close the curves")
+    chosen.use_custom_range = False
+    scene.frame_set(frame)
+    area.spaces.active.show_region_ui = False
+    yield from redrawn()
