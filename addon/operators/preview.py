@@ -6,7 +6,7 @@ round is shown, and Esc stops it with what it has. Without one it does the same 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import ClassVar
 
 import bpy
@@ -40,6 +40,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
     _view: AwaitedView
     _refinement: Refinement | None = None
     _revision: int  # of the trees that the image shows
+    _image_uid: int
     _window: int | None = None  # the one that was opened for the image
 
     @classmethod
@@ -77,6 +78,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
             return {"RUNNING_MODAL"}
         self._end(context)
         self._remember(self._refinement)
+        self._tell_where(context, "is")
         return {"FINISHED"}
 
     def cancel(self, context: bpy.types.Context) -> None:
@@ -141,8 +143,17 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         _redraw_viewports(context)  # their overlays have waited for the trees, too
         self._refinement.step(REFINING_SECONDS)
         before = _windows(context)
-        show_in_editor(context, _store(self._refinement))
+        image = _store(self._refinement)
+        show_in_editor(context, image)
+        self._image_uid = image.session_uid
+        self._tell_where(context, "is being rendered")
         self._window = next(iter(_windows(context) - before), None)
+
+    def _tell_where(self, context: bpy.types.Context, what: str) -> None:
+        """Which image to look at, where the user has Blender open no editor for renders and none is open."""
+        image = next((image for image in bpy.data.images if image.session_uid == self._image_uid), None)
+        if image is not None and not any(area.spaces.active.image == image for _, area in _image_editors(context)):
+            self.report({"INFO"}, f'The view {what} in the image "{image.name}", for an Image Editor to show')
 
     def _refine(self, context: bpy.types.Context) -> None:
         assert self._refinement is not None
@@ -207,22 +218,29 @@ def _redraw_viewports(context: bpy.types.Context) -> None:
 
 
 def _set_in_editors(context: bpy.types.Context, image: bpy.types.Image) -> bool:
-    """Show it in the first Image Editor of any window; whether there is one."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR" and area.ui_type == "IMAGE_EDITOR":
-                area.spaces.active.image = image
-                _show_whole(window, area)
-                return True
+    """Show it in the first Image Editor of any window whose image is not pinned; whether there is one."""
+    for window, area in _image_editors(context):
+        space = area.spaces.active
+        if area.ui_type == "IMAGE_EDITOR" and not space.use_image_pin:
+            space.image = image
+            _show_whole(window, area)
+            return True
     return False
 
 
 def _fit_editors(context: bpy.types.Context, image: bpy.types.Image) -> None:
     """Show the whole of it where it is shown."""
+    for window, area in _image_editors(context):
+        if area.spaces.active.image == image:
+            _show_whole(window, area)
+
+
+def _image_editors(context: bpy.types.Context) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
+    """All that are open, with their windows; the UV Editor is one, too."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR" and area.spaces.active.image == image:
-                _show_whole(window, area)
+            if area.type == "IMAGE_EDITOR":
+                yield window, area
 
 
 def _show_whole(window: bpy.types.Window, area: bpy.types.Area) -> None:

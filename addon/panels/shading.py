@@ -10,6 +10,7 @@ from ..settings.modes import find_mode
 from ..settings.preferences import native_error
 from ..settings.scene_settings import ENGINE_NAME
 from ..settings.shading_settings import read_view_settings
+from ..view3d import opening
 
 
 class ShadingPanel:
@@ -41,12 +42,13 @@ class PERFECT_BVH_PT_shading_lighting(ShadingPanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_shading_render_pass(ShadingPanel, bpy.types.Panel):
-    """What this viewport shows."""
+    """What this viewport shows, and whether it does so when the file is opened."""
 
     bl_label = "Render Pass"
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.prop(context.space_data.shading.perfect_bvh, "mode", text="")
+        self.layout.prop(context.screen, opening.PROPERTY)
 
 
 def _draw_studio(layout: bpy.types.UILayout, shading: Any) -> None:

@@ -116,18 +116,33 @@ def test_a_file_opens_on_what_fails(case: FailureCase, blend_file: Callable[[str
     assert (scene.render.engine, scene.perfect_bvh.mode) == ("PERFECT_BVH", lesson.mode)
     assert scene.frame_current == frame_of(lesson.state)
     assert scene.camera is not None
+    assert bpy.context.view_layer.objects.active.type == "MESH"
+    if lesson.compare is not None:
+        assert (scene.perfect_bvh.compare.left, scene.perfect_bvh.compare.right) == lesson.compare
     (screen,) = bpy.data.screens
     areas = {area.type: area.spaces.active for area in screen.areas}
     assert areas["VIEW_3D"].region_3d.view_perspective == "CAMERA"
+    assert screen.perfect_bvh_open_rendered
+    assert ("IMAGE_EDITOR" in areas) == ("Below it is the same picture" in " ".join(lesson.text.split()))
+    if "IMAGE_EDITOR" in areas:
+        assert_shows_the_usual_method(areas["IMAGE_EDITOR"].image, lesson.method)
     text = areas["TEXT_EDITOR"].text
     assert (text.current_line_index, text.current_character, areas["TEXT_EDITOR"].top) == (0, 0, 0)
     assert text.as_string() == lesson.text, f"python blend_scenes/make_scenes.py zoo/{case.name}"
-    assert text.as_string().lstrip('"').startswith(("Press F12", "Press Shift Z", "Press Run Script"))
-    assert ("then Play (Space)" in lesson.text[:200].replace("\n", " ")) == (
-        len(case.states()) > 1 and not DO[case.name].script
-    )
+    assert text.as_string().lstrip('"').startswith(("On the left:", "Press Space", "Press Run Script"))
+    assert lesson.text.startswith("Press Space to play") == (len(case.states()) > 1 and not DO[case.name].script)
     assert all(words in " ".join(lesson.text.split()) for words in (case.breaks, case.held, case.source))
     assert shades_of_a_render(scene, tmp_path / "picture.png") > 1
+
+
+def assert_shows_the_usual_method(image: Any, method: str) -> None:
+    """By its name; and it is in the file, with something to be seen, or nothing where all rays are lost."""
+    assert image.name == f"The usual method: {method}"
+    assert image.packed_file is not None
+    shades = np.unique(np.array(image.pixels[:]).reshape(-1, 4), axis=0)
+    assert (len(shades) > 1) != (
+        method == "Möller-Trumbore, epsilon 1e-8" and bpy.context.scene.name == "Small triangles"
+    )
 
 
 def shades_of_a_render(scene: Any, path: Path) -> int:

@@ -12,7 +12,7 @@ bpy: Any = pytest.importorskip("bpy")
 
 from perfect_bvh_addon.view3d.opening import show_rendered  # noqa: E402
 
-SCENES = ("courtyard", "tree_in_wind", "gears", "crowd", "cloth", "ocean")
+SCENES = ("courtyard", "tree_in_wind", "gears", "crowd", "cloth", "ocean", "zoo/twist", "zoo/few_triangles")
 
 pytestmark = pytest.mark.usefixtures("registered")
 

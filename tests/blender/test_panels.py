@@ -107,7 +107,7 @@ def drawn(panel: type) -> list[str]:
         camera, object = bpy.context.scene.camera.data, bpy.data.objects.get("Cube")
         light, world = bpy.data.lights.get("Tried"), bpy.data.worlds.get("Tried")
         material = bpy.data.materials.get("Tried")
-        space_data = shaded_space()
+        space_data, screen = shaded_space(), bpy.data.screens["Layout"]
         preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))  # 0 without a window
         region = SimpleNamespace(width=280)
 

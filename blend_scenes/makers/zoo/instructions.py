@@ -18,23 +18,26 @@ class Do:
     script: bool = False
 
 
-_PLAY = "Press Shift Z over the view on the left for Rendered shading, then Play (Space):"
-_PLAN = "Plan in the Render properties says of each frame whether its tree was refitted or rebuilt, and why."
+_PLAY = "Press Space to play, with the mouse over the picture on the left:"
+_PLAN = (
+    "In the sidebar of the view (N), tab Perfect BVH, What Was Updated says of each frame whether its tree was "
+    "refitted or rebuilt, and why."
+)
 
 DO: dict[str, Do] = {
-    "teapot_in_stadium": Do("Press F12 to render a fine ball that stands in a hall a thousand times as wide."),
-    "ground_under_gravel": Do("Press F12 to render gravel that lies on two triangles as large as all of it."),
-    "far_clusters": Do("Press F12 to render a swarm of small triangles; one of large ones is a thousand units away."),
-    "nested_boxes": Do("Press F12 to render boxes of triangles about one corner, each half as wide as the last."),
-    "diagonal_sticks": Do("Press F12 to render straws that lie aslant through one another."),
-    "hair_in_wind": Do("Press F12 to render two thousand hairs, all blown the same way."),
+    "teapot_in_stadium": Do("On the left: a fine ball that stands in a hall a thousand times as wide."),
+    "ground_under_gravel": Do("On the left: gravel that lies on two triangles as large as all of it."),
+    "far_clusters": Do("On the left: a swarm of small triangles; one of large ones is a thousand units away."),
+    "nested_boxes": Do("On the left: boxes of triangles about one corner, each half as wide as the last."),
+    "diagonal_sticks": Do("On the left: straws that lie aslant through one another."),
+    "hair_in_wind": Do("On the left: two thousand hairs, all blown the same way."),
     "grazed_slivers": Do(
-        "Press F12 to render triangles up to 100,000 times as long as they are wide. Those rays fail that graze them.",
+        "On the left: triangles up to 100,000 times as long as they are wide. Those rays fail that graze them.",
         "NORMAL",
     ),
-    "interleaved_instances": Do("Press F12 to render balls that reach deep into their neighbours."),
+    "interleaved_instances": Do("On the left: balls that reach deep into their neighbours."),
     "skewed_matrices": Do(
-        "Press F12 to render balls and sheets that are stretched, mirrored, sheared, flattened and shrunk.", "NORMAL"
+        "On the left: balls and sheets that are stretched, mirrored, sheared, flattened and shrunk.", "NORMAL"
     ),
     "explosion": Do(f"{_PLAY} loose triangles fly apart. {_PLAN}"),
     "shuffle": Do(f"{_PLAY} loose triangles change places. {_PLAN}"),
@@ -52,15 +55,15 @@ DO: dict[str, Do] = {
     "topology_on_some_frames": Do(
         f"{_PLAY} a ball grows; on the frames 17 and 33 its triangles are dealt out anew.", "WIREFRAME", 2
     ),
-    "identical_centroids": Do("Press F12 to render triangles of many sizes whose boxes all have the same centre."),
+    "identical_centroids": Do("On the left: triangles of many sizes whose boxes all have the same centre."),
     "few_triangles": Do(f"{_PLAY} there is no triangle, then one, up to five.", "WIREFRAME"),
-    "flat_boxes": Do("Press F12 to render sheets in the coordinate planes, whose boxes have no thickness.", "NORMAL"),
+    "flat_boxes": Do("On the left: sheets in the coordinate planes, whose boxes have no thickness.", "NORMAL"),
     "axis_parallel_rays": Do(
-        "Press F12 to render a ball in a room. Those rays fail that run along an axis, from a wall's own plane.",
+        "On the left: a ball in a room. Those rays fail that run along an axis, from a wall's own plane.",
         "NORMAL",
     ),
     "edges_and_vertices": Do(
-        "Press F12 to render a closed ball by its edges. Those rays fail that run from inside through an edge.",
+        "On the left: a closed ball by its edges. Those rays fail that run from inside through an edge.",
         "WIREFRAME",
     ),
     "extreme_magnitudes": Do(
@@ -68,17 +71,17 @@ DO: dict[str, Do] = {
         "The camera keeps in step, so that all pictures should be alike.",
         "NORMAL",
     ),
-    "small_triangles": Do("Press F12 to render a ball that is a thousandth of a unit wide.", "NORMAL"),
+    "small_triangles": Do("On the left: a ball that is a thousandth of a unit wide.", "NORMAL"),
     "non_finite_vertices": Do(
-        "Press F12 to render a ball of which four vertices are not numbers. The triangles at those are left out; "
+        "On the left: a ball of which four vertices are not numbers. The triangles at those are left out; "
         "Statistics in the Render properties says how many.",
         "WIREFRAME",
     ),
-    "incoherent_packets": Do("Press F12 to render a ball in a cloud of loose triangles, which parts packets of rays."),
+    "incoherent_packets": Do("On the left: a ball in a cloud of loose triangles, which parts packets of rays."),
     "other_instruction_set": Do(
-        "Press F12 to render a ball; on another processor the picture is the same, bit by bit.", "NORMAL"
+        "On the left: a ball; on another processor the picture is the same, bit by bit.", "NORMAL"
     ),
-    "own_ancestor": Do("Press F12 to render swarms of very different sizes, where an optimiser moves many nodes."),
+    "own_ancestor": Do("On the left: swarms of very different sizes, where an optimiser moves many nodes."),
     "deleted_objects": Do(
         f"{_PLAY} balls are hidden, then others go and copies come, then all are back.", "INSTANCE", 1
     ),
@@ -104,3 +107,29 @@ DO: dict[str, Do] = {
         script=True,
     ),
 }
+
+# Those beside which there is a picture of the usual method.
+PICTURED = frozenset(
+    {
+        "teapot_in_stadium",
+        "ground_under_gravel",
+        "far_clusters",
+        "explosion",
+        "shuffle",
+        "twist",
+        "born_in_a_point",
+        "long_refit_chain",
+        "skinned_walk",
+        "crumpled_cloth",
+        "equal_counts",
+        "grazed_slivers",
+        "extreme_magnitudes",
+        "small_triangles",
+        "flat_boxes",
+        "non_finite_vertices",
+        "skewed_matrices",
+        "deleted_objects",
+        "stopped_halfway",
+        "one_frame_late",
+    }
+)
