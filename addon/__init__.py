@@ -49,6 +49,8 @@ _MODULES = (
     ".operators",
     ".view3d.pointer",
     ".view3d.overlay",
+    ".view3d.cost_scale",
+    ".view3d.view_words",
     ".panels",
 )
 _NATIVE_MODULES = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 COST_PASSES = ("instance", "nodes_visited", "primitives_tested")
 # Of one pixel in so many, each way: counted rays take longer, and no one waits for shares to a thousandth.
 COST_STEP = 4
+WHOLE = (0.0, 1.0, 0.0, 1.0)
 
 
 def trace_costs(
@@ -42,6 +44,35 @@ def trace_costs(
         progress=progress,
         threads=threads,
     )
+
+
+def trace_visits(
+    scene: Scene | Snapshot, camera: Camera, size: tuple[int, int], appearance: Appearance, pixel: tuple[int, int]
+) -> tuple[int, int] | None:
+    """How many nodes the ray through the middle of a pixel visits, and how many triangles it tests.
+
+    pixel: its column, and its row from below, of an image of `size` pixels. None beyond the image or its border.
+    Arguments and errors: `render_passes`.
+    """
+    import perfect_bvh
+
+    (width, height), (column, row) = size, pixel
+    x, y = (column + 0.5) / width, (row + 0.5) / height
+    first, end, below, above = camera.border
+    if not (first <= x < end and below <= y < above and 0 <= column < width and 0 <= row < height):
+        return None
+    left, right, bottom, top = camera.window
+    wide, high = (right - left) / width, (top - bottom) / height
+    window = (left + column * wide, left + (column + 1) * wide, bottom + row * high, bottom + (row + 1) * high)
+    passes = perfect_bvh.render_passes(
+        scene,
+        replace(camera, window=window, border=WHOLE),
+        mode="cost",
+        size=(1, 1),
+        appearance=appearance,
+        passes=COST_PASSES,
+    )
+    return int(passes["nodes_visited"][0, 0]), int(passes["primitives_tested"][0, 0])
 
 
 def owners_of(sync: SceneSync, costs: Passes | None = None) -> Owners:

@@ -26,7 +26,7 @@ from . import pointer
 from .box_lines import ramp_colors
 from .box_words import describe
 from .hovered_box import HoveredBox, HoveredPicture, Pointed, box_under, view_of
-from .legend import Section, draw_legend, draw_tip
+from .legend import Section
 from .tree_lines import TreeLines
 
 if TYPE_CHECKING:
@@ -188,14 +188,14 @@ class SceneOverlay:
             sections.append(Section((self.message,)))
         return sections
 
-    def draw_words(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> None:
-        """The legend, and what is under the mouse, in the pixels of the region that is being drawn."""
-        draw_legend(context, self.sections(settings))
-        if not self.message and self._is_hovered(context):
-            assert self.hovered is not None
-            assert self._trees.sync is not None
-            assert self._pointed is not None
-            draw_tip(context, self._pointed.place, self.hovered.lines(self._trees.sync))
+    def tip(self, context: bpy.types.Context) -> tuple[tuple[int, int], list[str]] | None:
+        """Where the mouse is in the region that is being drawn, and what is told there."""
+        if self.message or not self._is_hovered(context):
+            return None
+        assert self.hovered is not None
+        assert self._trees.sync is not None
+        assert self._pointed is not None
+        return self._pointed.place, self.hovered.lines(self._trees.sync)
 
 
 def section_of(name: str, tree: TreeLines) -> Section:
@@ -231,7 +231,7 @@ def find_object(sync: SceneSync, obj: bpy.types.Object | None) -> tuple[int, Any
 # Blender's side ------------------------------------------------------------------------------------------------------
 
 _overlays: dict[tuple[int, str], SceneOverlay] = {}
-_handles: list[Any] = []
+_handle: Any = None
 
 
 def overlay_of(context: bpy.types.Context) -> SceneOverlay | None:
@@ -261,11 +261,16 @@ def _draw() -> None:
     _overlays[key].draw(context, context.scene.perfect_bvh.overlay)
 
 
-def _draw_words() -> None:
-    context = bpy.context
-    overlay = overlay_of(context)
-    if overlay is not None and context.space_data.overlay.show_overlays:
-        overlay.draw_words(context, context.scene.perfect_bvh.overlay)
+def sections(context: bpy.types.Context) -> list[Section]:
+    """What a viewport's legend is to tell of the boxes."""
+    overlay = overlay_of(context) if context.space_data.overlay.show_overlays else None
+    return [] if overlay is None else overlay.sections(context.scene.perfect_bvh.overlay)
+
+
+def tip(context: bpy.types.Context) -> tuple[tuple[int, int], list[str]] | None:
+    """Where the mouse is in the region that is being drawn, and what is told of the box there."""
+    overlay = overlay_of(context) if context.space_data.overlay.show_overlays else None
+    return None if overlay is None else overlay.tip(context)
 
 
 class _Pointing:
@@ -325,16 +330,17 @@ def _drawing_state(is_in_front: bool) -> Iterator[None]:
 
 def register() -> None:
     """Draw over every 3D viewport from now on, where the scene asks for it."""
-    for draw, when in ((_draw, "POST_VIEW"), (_draw_words, "POST_PIXEL")):
-        _handles.append(bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", when))
+    global _handle
+    _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
     pointer.listeners.append(_pointing)
 
 
 def unregister() -> None:
     """Draw no more, and forget what was drawn."""
+    global _handle
     pointer.listeners.remove(_pointing)
-    while _handles:
-        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
+    _handle = None
     if bpy.app.timers.is_registered(_redraw):
         bpy.app.timers.unregister(_redraw)
     for key in list(_overlays):

@@ -78,6 +78,9 @@ class Traced(Protocol):
     def stop(self) -> None:
         """Have it traced no further; from any thread."""
 
+    def visits_at(self, place: tuple[int, int]) -> tuple[int, int] | None:
+        """What the camera ray through a pixel of the region visits: nodes, and triangles; None outside the image."""
+
 
 budget = RedrawBudget()
 _viewports: weakref.WeakSet[Traced] = weakref.WeakSet()
@@ -88,6 +91,12 @@ def watch(viewport: Traced) -> None:
     _viewports.add(viewport)
     if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=TICK_SECONDS, persistent=True)
+
+
+def viewport_at(region_pointer: int) -> Traced | None:
+    """The viewport that was drawn into a region last, by the address of that."""
+    found = [viewport for viewport in _viewports if viewport.region_pointer == region_pointer]
+    return found[0] if len(found) == 1 else None
 
 
 def _tick() -> float | None:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
+from ..image.costs import trace_visits
 from ..image.plan import RenderPlan, plan_view
 from ..image.progressive import Pace
 from ..image.refinement import DEFAULT_INTERVAL, Refinement, View
@@ -168,6 +169,13 @@ class Viewport:
 
     def _has_ended(self, refinement: Refinement) -> bool:
         return refinement.is_finished or self._tracer.problem is not None
+
+    def visits_at(self, place: tuple[int, int]) -> tuple[int, int] | None:
+        """See `redraws.Traced`."""
+        if self._refinement is None or self._trees.is_building:
+            return None
+        view = self._refinement.view
+        return trace_visits(view.snapshot, view.camera, view.plan.size, view.appearance, place)
 
     # What redraws are asked for --------------------------------------------------------------------------------------
 

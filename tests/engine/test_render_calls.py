@@ -224,6 +224,7 @@ def test_costs_have_the_colors_that_the_mode_shows(scene: Scene) -> None:
     np.testing.assert_allclose(cost_to_color(costs), passes["combined"][..., :3], atol=1e-6)
     np.testing.assert_array_equal(cost_to_color([0, 1, 2]), cost_to_color([2, 2, 2]))
     np.testing.assert_array_equal(cost_to_color(4096), cost_to_color(512))
+    assert cost_to_color(7).shape == (3,)
 
 
 def test_depths_as_greys() -> None:

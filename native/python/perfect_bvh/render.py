@@ -303,10 +303,10 @@ def depth_to_grey(
 def cost_to_color(costs: npt.ArrayLike) -> npt.NDArray[np.float32]:
     """What the mode "cost" shows for these numbers of nodes visited and triangles tested together, for a legend.
 
-    costs: (...) numbers. Returns (..., 3) float32, RGB as screens take it.
+    costs: (...) numbers. Returns (..., 3) float32, scene-linear RGB, as the image has it.
     """
-    values = np.ascontiguousarray(costs, np.float32)
-    return _core.cost_colors(values.reshape(-1)).reshape(*values.shape, 3)
+    values = np.asarray(costs, np.float32)
+    return _core.cost_colors(np.ascontiguousarray(values.reshape(-1))).reshape(*values.shape, 3)
 
 
 def _render(

@@ -1,0 +1,125 @@
+"""The scale of the mode "cost" beside what it colours, and what the camera ray under the mouse has visited.
+
+In viewports whose Rendered shading is ours, and beside a render's result in image editors.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+
+from ..settings.preferences import native_error
+from ..settings.scene_settings import ENGINE_NAME
+from ..statistics.last_result import last_statistics
+from . import pointer
+from .box_words import Scale
+from .hovered_box import Pointed, view_of
+from .legend import Section, draw_legend
+from .redraws import viewport_at
+
+# As native/src/render/modes/cost_scale.h has it, from the first colour to the last.
+LEAST, DOUBLINGS = 2, 8
+STOPS = 2 * DOUBLINGS + 1
+SCALE = Scale(
+    "Nodes visited and triangles tested",
+    tuple((place / 4, str(LEAST << (place * DOUBLINGS // 4))) for place in range(5)),
+)
+
+_colors: tuple[tuple[float, ...], ...] = ()
+_pointed: Pointed | None = None
+_visits: tuple[int, int] | None = None
+_handle: Any = None
+
+
+def is_shown(context: bpy.types.Context) -> bool:
+    """Whether the context's 3D viewport shows an image in the mode "cost"."""
+    space = context.space_data
+    is_ours = context.engine == ENGINE_NAME and space.shading.type == "RENDERED" and native_error() is None
+    return is_ours and context.scene.perfect_bvh.mode == "COST" and space.overlay.show_overlays
+
+
+def section() -> Section:
+    """The part of a legend that tells of it."""
+    global _colors
+    if not _colors:
+        from perfect_bvh import cost_to_color
+
+        costs = [LEAST * 2.0 ** (DOUBLINGS * stop / (STOPS - 1)) for stop in range(STOPS)]
+        _colors = tuple(tuple(color) for color in encoded(cost_to_color(costs)).tolist())
+    return Section(("Cost of a camera ray",), SCALE, _colors)
+
+
+def encoded(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Scene-linear colours as the Standard view transform shows them, which the mode's files get (sRGB)."""
+    return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055).astype(np.float32)
+
+
+def sections(context: bpy.types.Context) -> list[Section]:
+    """What a viewport's legend is to tell of it."""
+    return [section()] if is_shown(context) else []
+
+
+def tip(context: bpy.types.Context) -> tuple[tuple[int, int], list[str]] | None:
+    """Where the mouse is in the region that is being drawn, and what is told there."""
+    if _pointed is None or _visits is None or _pointed.region != context.region.as_pointer():
+        return None
+    if not is_shown(context) or _pointed.view != view_of(context):
+        return None
+    nodes, triangles = _visits
+    visited = f"{nodes:,} node{'' if nodes == 1 else 's'} visited"
+    tested = f"{triangles:,} triangle{'' if triangles == 1 else 's'} tested"
+    return _pointed.place, [visited, tested]
+
+
+class _Pointing:
+    """The mouse, as far as rays under it are concerned."""
+
+    def wants_pointer(self, context: bpy.types.Context) -> bool:
+        return is_shown(context)
+
+    def on_pointer(self, context: bpy.types.Context, place: tuple[int, int]) -> None:
+        global _pointed, _visits
+        before = _visits
+        viewport = viewport_at(context.region.as_pointer())
+        _pointed = Pointed.of(context, place)
+        _visits = None if viewport is None else viewport.visits_at(place)
+        if before is not None or _visits is not None:
+            context.region.tag_redraw()
+
+    def on_pointer_left(self) -> None:
+        global _pointed, _visits
+        if _visits is not None:
+            for window in bpy.context.window_manager.windows:
+                for area in window.screen.areas:
+                    if area.type == "VIEW_3D":
+                        area.tag_redraw()
+        _pointed = _visits = None
+
+
+_pointing = _Pointing()
+
+
+def _draw_beside_render() -> None:
+    context = bpy.context
+    image = context.space_data.image
+    if image is None or image.type != "RENDER_RESULT" or not context.space_data.overlay.show_overlays:
+        return
+    done = last_statistics(context.scene)
+    if native_error() is None and done is not None and done.source == "Render" and done.settings.mode == "cost":
+        draw_legend(context, [section()])
+
+
+def register() -> None:
+    global _handle
+    _handle = bpy.types.SpaceImageEditor.draw_handler_add(_draw_beside_render, (), "WINDOW", "POST_PIXEL")
+    pointer.listeners.append(_pointing)
+
+
+def unregister() -> None:
+    global _handle, _pointed, _visits
+    pointer.listeners.remove(_pointing)
+    bpy.types.SpaceImageEditor.draw_handler_remove(_handle, "WINDOW")
+    _handle = _pointed = _visits = None

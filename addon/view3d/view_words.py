@@ -1,0 +1,31 @@
+"""One legend and one tip in a 3D viewport, whatever there is to tell of: the boxes of trees, the costs of rays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from . import cost_scale, overlay
+from .legend import draw_legend, draw_tip
+
+_handle: Any = None
+
+
+def _draw() -> None:
+    context = bpy.context
+    draw_legend(context, [*cost_scale.sections(context), *overlay.sections(context)])
+    tips = [found for found in (cost_scale.tip(context), overlay.tip(context)) if found is not None]
+    if tips:
+        draw_tip(context, tips[0][0], [line for _, lines in tips for line in lines])
+
+
+def register() -> None:
+    global _handle
+    _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+
+
+def unregister() -> None:
+    global _handle
+    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
+    _handle = None
