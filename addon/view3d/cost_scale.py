@@ -22,7 +22,7 @@ from .redraws import viewport_at
 
 # As native/src/render/modes/cost_scale.h has it, from the first colour to the last.
 LEAST, DOUBLINGS = 2, 8
-STOPS = 2 * DOUBLINGS + 1
+STOPS = 8 * DOUBLINGS + 1
 SCALE = Scale(
     "Nodes visited and triangles tested",
     tuple((place / 4, str(LEAST << (place * DOUBLINGS // 4))) for place in range(5)),
