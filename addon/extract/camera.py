@@ -197,7 +197,8 @@ def camera_from_projection(matrix: Float64Array, projection: Float64Array, borde
     if is_perspective:
         left, right = (p[0, 2] - 1.0) / p[0, 0], (p[0, 2] + 1.0) / p[0, 0]
         bottom, top = (p[1, 2] - 1.0) / p[1, 1], (p[1, 2] + 1.0) / p[1, 1]
-        clip_start, clip_end = p[2, 3] / (p[2, 2] - 1.0), p[2, 3] / (p[2, 2] + 1.0)
+        # Blender's matrix is of float32, to which an end ten million times as far away as the start is at infinity.
+        clip_start, clip_end = p[2, 3] / (p[2, 2] - 1.0), p[2, 3] / (p[2, 2] + 1.0) if p[2, 2] < -1.0 else np.inf
     else:
         left, right = (-1.0 - p[0, 3]) / p[0, 0], (1.0 - p[0, 3]) / p[0, 0]
         bottom, top = (-1.0 - p[1, 3]) / p[1, 1], (1.0 - p[1, 3]) / p[1, 1]

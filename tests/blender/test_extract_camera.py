@@ -9,11 +9,13 @@ from typing import Any
 import bpy
 import numpy as np
 import numpy.typing as npt
+import perfect_bvh
 import pytest
 from blender.builders import camera_object, evaluated, in_render, mesh_object
 from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.extract.camera import Frame, camera_from_projection, panorama_settings, read_camera, read_frame
+from perfect_bvh_addon.sync.appearance import as_camera
 from perfect_bvh_addon.sync.records import CameraRecord
 
 
@@ -236,6 +238,24 @@ def test_a_camera_comes_back_from_its_projection(scene: Any, kind: str) -> None:
     assert again.projection == camera.projection
     assert again.clip_start == pytest.approx(0.5, rel=1e-4)
     assert again.clip_end == pytest.approx(40.0, rel=1e-4)
+
+
+def test_a_view_without_an_end_comes_back_from_its_projection(scene: Any) -> None:
+    camera_object(clip_start=1e-6, clip_end=100.0)
+    camera = read_scene(evaluated()).camera
+    assert camera is not None
+    again = camera_from_projection(camera.matrix, blenders_projection(scene, 32, 18), camera.border)
+    assert again.clip_start == pytest.approx(1e-6, rel=1e-4)
+    assert again.clip_end == np.inf
+    sync = SceneSync(watch=False)
+    bpy.ops.mesh.primitive_ico_sphere_add(radius=1e-4, location=camera.matrix[:3, 3] - 3e-4 * camera.matrix[:3, 2])
+    sync.update(evaluated())
+    shown = {
+        name: perfect_bvh.render(sync.scene, as_camera(record), "normal", (32, 18))
+        for name, record in (("read", camera), ("again", again))
+    }
+    assert len(np.unique(shown["read"].reshape(-1, 4), axis=0)) > 10
+    np.testing.assert_allclose(shown["again"], shown["read"], atol=1e-3)
 
 
 def test_an_orthographic_view_that_sees_behind_itself_steps_back() -> None:
