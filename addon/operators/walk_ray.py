@@ -57,9 +57,10 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
         return complaint is None
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        from ..view3d import walk_view
+        from ..view3d import compare_view, decay_view, walk_view
 
-        walk_view.hide()
+        for view in (walk_view, compare_view, decay_view):  # what lies over the pixels
+            view.hide()
         PERFECT_BVH_OT_walk_ray._newest += 1
         self._number = PERFECT_BVH_OT_walk_ray._newest
         self._reading = self._walk = None

@@ -240,9 +240,13 @@ def overlay_of(context: bpy.types.Context) -> SceneOverlay | None:
 
 
 def is_wanted(context: bpy.types.Context) -> bool:
-    """Whether the context's scene asks for boxes, and can have them."""
+    """Whether the context's scene asks for boxes, and can have them: not while a ray is walked, which shows its own."""
     settings = context.scene.perfect_bvh.overlay
-    return (settings.show_top_level or settings.show_active) and native_error() is None
+    if not (settings.show_top_level or settings.show_active) or native_error() is not None:
+        return False
+    from . import walk_view
+
+    return walk_view.shown_in(context) is None
 
 
 def _draw() -> None:

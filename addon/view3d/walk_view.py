@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ..events.changes import edit_count, listen, stop_listening, watch_again
-from . import drawing
+from . import compare_view, drawing
 from .walk_legend import draw_legend
 from .walk_picture import Lines, Picture, WalkedRay, picture_of
 from .walk_steps import WalkStep
@@ -114,6 +114,14 @@ def shown() -> Shown | None:
     return _shown
 
 
+def shown_in(context: bpy.types.Context) -> Shown | None:
+    """What the context's viewport shows; None if it is another scene's, or shows two trees instead of its own."""
+    found = _shown
+    if found is None or context.scene.session_uid != found.scene_uid or compare_view.shown_in(context) is not None:
+        return None
+    return found
+
+
 def redraw() -> None:
     """The viewports, and the panels in them."""
     for window in bpy.context.window_manager.windows:
@@ -125,13 +133,8 @@ def redraw() -> None:
 # Drawing -------------------------------------------------------------------------------------------------------------
 
 
-def _shown_here(context: bpy.types.Context) -> Shown | None:
-    found = _shown
-    return found if found is not None and context.scene.session_uid == found.scene_uid else None
-
-
 def _draw_in_space() -> None:
-    found = _shown_here(bpy.context)
+    found = shown_in(bpy.context)
     if found is None:
         return
     watch_again()
@@ -144,7 +147,7 @@ def _draw_in_space() -> None:
 
 def _draw_in_pixels() -> None:
     context = bpy.context
-    found = _shown_here(context)
+    found = shown_in(context)
     if found is None:
         return
     _draw_hit(context, found.picture)

@@ -26,6 +26,7 @@ import tree_steps
 import two_window_steps
 import update_steps
 import viewport_steps
+import walk_steps
 from driver import run
 
 STEPS = (
@@ -57,6 +58,8 @@ STEPS = (
     overlay_steps.draw_100000_boxes,
     tree_steps.compare_two_trees,
     tree_steps.follow_the_decay,
+    walk_steps.walk_a_ray,
+    walk_steps.undo_while_walking,
     render_steps.press_preview,
     render_steps.stop_a_preview_while_it_builds,
     render_steps.render_without_a_camera,

@@ -1,0 +1,70 @@
+"""Walk a Ray: pixels are clicked, keys step and play, and it ends with Esc and with an undo; nothing is changed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from addon_state import module
+from driver import Step, at_rest, check, redrawn, screen_pixels, screenshot, wait_until
+from hands import click, hover, press_key
+from places import area_of, context_of, middle_of, region_of
+
+
+def walk() -> Any:
+    """What is shown."""
+    return module("view3d.walk_view").shown()
+
+
+def start() -> Step:
+    with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
+        check(bpy.ops.perfect_bvh.walk_ray("INVOKE_DEFAULT") == {"RUNNING_MODAL"}, "it does not begin")
+    yield from redrawn()
+
+
+def click_a_pixel(across: float, up: float) -> Step:
+    """Fractions of the viewport; returns what is shown then."""
+    region, before = region_of(area_of("VIEW_3D")), walk()
+    yield from click(region.x + across * region.width, region.y + up * region.height)
+    yield from wait_until(lambda: walk() is not None and walk() is not before, "no ray is walked")
+    yield from at_rest(area_of("VIEW_3D"))
+    return walk()
+
+
+def walk_a_ray() -> Step:
+    blocks = len(bpy.data.objects), len(bpy.data.meshes)
+    plain = screen_pixels()
+    yield from start()
+    shown = yield from click_a_pixel(0.5, 0.25)
+    check(shown.ray.walk.hit_row is not None, "the ray to the ground hits nothing")
+    check((screen_pixels() != plain).mean() > 0.1, "the screen does not show the walk")
+    screenshot("walk_first_step")
+    hover(*middle_of(area_of("VIEW_3D")))
+    for key, index in (("Right", 1), ("Right", 2), ("Left", 1), ("End", len(shown.steps) - 1), ("Home", 0)):
+        yield from press_key(key)
+        check(shown.index == index, f"{key} shows step {shown.index}, not {index}")
+    yield from press_key("space")
+    yield from wait_until(lambda: shown.index >= 3, "it does not play")
+    yield from press_key("space")
+    check(not shown.is_playing and not bpy.context.screen.is_animation_playing, "it does not pause")
+    yield from at_rest(area_of("VIEW_3D"))
+    screenshot("walk_in_the_middle")
+    other = yield from click_a_pixel(0.6, 0.3)
+    yield from press_key("End")
+    check(other.index == len(other.steps) - 1, "the other ray's end is not shown")
+    yield from at_rest(area_of("VIEW_3D"))
+    screenshot("walk_last_step")
+    yield from press_key("Escape")
+    yield from wait_until(lambda: walk() is None, "Esc does not end it")
+    check((len(bpy.data.objects), len(bpy.data.meshes)) == blocks, "something was changed")
+
+
+def undo_while_walking() -> Step:
+    bpy.context.scene.camera.location.x += 0.01
+    bpy.ops.ed.undo_push(message="moved")
+    yield from start()
+    yield from click_a_pixel(0.5, 0.25)
+    with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
+        bpy.ops.ed.undo()
+    yield from wait_until(lambda: walk() is None, "it survives an undo")
+    yield from redrawn()
