@@ -29,7 +29,7 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
 
     # Blender evaluates these annotations, and what they are of needs the native engine.
     _work: Any
-    _area: bpy.types.Area | None
+    _space: int | None
     _edits: int
 
     @classmethod
@@ -76,7 +76,7 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
 
         scene, settings = context.scene, context.scene.perfect_bvh.compare
         choices = choice_of(settings.left), choice_of(settings.right)
-        self._area = find_area(context)
+        self._space = find_space(context)
         self._edits = edit_count(scene.session_uid)
         try:
             shown = read_object(context, context.object)
@@ -100,8 +100,8 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
             self.report({"ERROR"}, str(problem) or type(problem).__name__)
             return {"CANCELLED"}
-        if self._area is not None:
-            compare_view.show(comparison, context.scene, self._area, self._edits)
+        if self._space is not None:
+            compare_view.show(comparison, context.scene, self._space, self._edits)
         left, right = comparison.left, comparison.right
         self.report({"INFO"}, f"SAH: {left.label} {left.sah:,.1f}, {right.label} {right.sah:,.1f}")
         return {"FINISHED"}
@@ -150,14 +150,17 @@ def _is_shown() -> bool:
     return compare_view.shown() is not None
 
 
-def find_area(context: bpy.types.Context) -> bpy.types.Area | None:
-    """The 3D viewport that a button was pressed in, or else the largest; None if there is none."""
-    if context.area is not None and context.area.type == "VIEW_3D":
-        return context.area
-    areas = [] if context.window is None else context.window.screen.areas
-    return max(
-        (area for area in areas if area.type == "VIEW_3D"), key=lambda area: area.width * area.height, default=None
-    )
+def find_space(context: bpy.types.Context) -> int | None:
+    """The address of the 3D viewport that a button was pressed in, or else of the largest; None if there is none.
+
+    Areas come and go when they are maximized, their spaces stay.
+    """
+    area = context.area
+    if area is None or area.type != "VIEW_3D":
+        areas = [] if context.window is None else context.window.screen.areas
+        viewports = [area for area in areas if area.type == "VIEW_3D"]
+        area = max(viewports, key=lambda area: area.width * area.height, default=None)
+    return None if area is None else area.spaces.active.as_pointer()
 
 
 def register() -> None:

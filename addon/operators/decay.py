@@ -15,7 +15,7 @@ import bpy
 from ..live.scene_reference import SceneReference
 from ..settings.preferences import native_error
 from ..settings.tree_settings import frames_of
-from .compare import find_area, find_complaint
+from .compare import find_complaint, find_space
 from .ticking import Ticking
 
 
@@ -34,7 +34,7 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
     _steps: Generator[tuple[float, int], None, None]
     _place: SceneReference
     _frame: tuple[int, float]
-    _area: bpy.types.Area | None
+    _space: int | None
     _row_count: int
 
     @classmethod
@@ -48,8 +48,8 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
         from ..view3d import decay_view
 
         self._begin(context)
-        if self._area is not None:
-            decay_view.show(self._decay, self._area)
+        if self._space is not None:
+            decay_view.show(self._decay, self._space)
         self._begin_ticking(context)
         return {"RUNNING_MODAL"}
 
@@ -76,8 +76,8 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
         self._begin(context)
         while self._step() is not None:
             pass
-        if self._area is not None and self._decay.rows:
-            decay_view.show(self._decay, self._area)
+        if self._space is not None and self._decay.rows:
+            decay_view.show(self._decay, self._space)
         return self._finish(context)
 
     # The parts -------------------------------------------------------------------------------------------------------
@@ -91,7 +91,7 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
         is_scene = settings.subject == "SCENE"
         self._place = SceneReference("decay", scene, context.view_layer)
         self._frame = scene.frame_current, scene.frame_subframe
-        self._area, self._row_count = find_area(context), 0
+        self._space, self._row_count = find_space(context), 0
         obj = None if is_scene else context.object
         name = scene.name if obj is None else obj.name
         self._decay = Decay(name, scene.session_uid, is_scene, frames_of(scene))

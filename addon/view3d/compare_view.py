@@ -32,11 +32,11 @@ LEAST_HALF = 64.0  # of what can show anything, in points
 
 @dataclass(slots=True)
 class Shown:
-    """What is compared and where: an area's address, and counts of the scene's edits and its frame when it was read."""
+    """What is compared and where: a viewport by its address, and the scene's count of edits and frame at that time."""
 
     comparison: Comparison
     scene_uid: int
-    area: int
+    space: int
     edits: int
     frame: int
 
@@ -67,12 +67,12 @@ _watcher = _Watcher()
 _handle: Any = None
 
 
-def show(comparison: Comparison, scene: bpy.types.Scene, area: bpy.types.Area, edits: int) -> None:
-    """In this viewport from now on, until `hide`. edits: the `edit_count` of the scene when the object was read."""
+def show(comparison: Comparison, scene: bpy.types.Scene, space: int, edits: int) -> None:
+    """In a viewport, by its address, until `hide`. edits: the `edit_count` of the scene when the object was read."""
     global _shown
     hide()
     listen(_watcher)
-    _shown = Shown(comparison, scene.session_uid, area.as_pointer(), edits, scene.frame_current)
+    _shown = Shown(comparison, scene.session_uid, space, edits, scene.frame_current)
     redraw()
 
 
@@ -95,7 +95,7 @@ def shown() -> Shown | None:
 def shown_in(context: bpy.types.Context) -> Shown | None:
     """What the context's viewport shows instead of the scene; None if it shows that."""
     found = _shown
-    if found is None or context.area is None or context.area.as_pointer() != found.area:
+    if found is None or context.space_data is None or context.space_data.as_pointer() != found.space:
         return None
     return found if context.scene.session_uid == found.scene_uid else None
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ..statistics.words import count_of, duration
+
 if TYPE_CHECKING:
     from .compare_trees import Comparison, Side
     from .sample_rays import RayCost
@@ -48,7 +50,7 @@ def rows_of(side: Side, other: Side | None = None) -> list[Row]:
     rows.append(Row("Nodes", f"{side.nodes:,}"))
     rows.append(Row("Leaves", f"{side.leaves:,}"))
     name = "Refit" if side.is_refitted else "Build"
-    rows.append(Row(name, milliseconds(side.milliseconds), ratio(side.milliseconds, other and other.milliseconds)))
+    rows.append(Row(name, duration(side.milliseconds), ratio(side.milliseconds, other and other.milliseconds)))
     rows.append(_of_rays("Primary Ray", side.primary, other and other.primary))
     if side.diffuse is not None:
         rows.append(_of_rays("Diffuse Ray", side.diffuse, other and other.diffuse))
@@ -57,20 +59,13 @@ def rows_of(side: Side, other: Side | None = None) -> list[Row]:
 
 def heading_of(comparison: Comparison) -> str:
     """What is compared."""
-    count = len(comparison.shown.mesh.triangles)
-    return f"{comparison.shown.name}, frame {comparison.frame}: {count:,} triangles"
+    triangles = count_of(len(comparison.shown.mesh.triangles), "triangle")
+    return f"{comparison.shown.name}, frame {comparison.frame}: {triangles}"
 
 
 def level_line(level: int, depth: int, count: int) -> str:
     """Which boxes of a side are drawn."""
-    return f"Level {min(level, depth)} of {depth}: {count:,} {'box' if count == 1 else 'boxes'}"
-
-
-def milliseconds(number: float) -> str:
-    """As short as it may be, and no shorter."""
-    if number >= 1000.0:
-        return f"{number / 1000.0:.2f} s"
-    return f"{number:.0f} ms" if number >= 20.0 else f"{number:.1f} ms" if number >= 1.0 else f"{number:.2f} ms"
+    return f"Level {min(level, depth)} of {depth}: {count_of(count, 'box', 'boxes')}"
 
 
 def _of_rays(name: str, cost: RayCost, other: RayCost | None) -> Row:

@@ -26,7 +26,7 @@ KEY_SAMPLE, KEY_GAP = 24.0, 18.0
 AXIS_WIDTH, CURVE_WIDTH, MARK_SIZE = 44.0, 1.8, 3.6
 SHARE = 0.45  # of the viewport's height, at most
 COLORS = {"refit": (0.90, 0.62, 0.0), "governed": (0.25, 0.62, 0.88), "rebuild": (0.84, 0.37, 0.0)}
-ORDER = ("refit", "rebuild", "governed")  # the last is drawn over the others
+ORDER = ("refit", "rebuild", "governed")  # the last is drawn over the others, and thinner
 MARKED = ("rebuilt", "partly_rebuilt", "rotated")
 FAINT = 0.2
 SMALL = 10.0  # text beside the curves, in points
@@ -34,10 +34,10 @@ SMALL = 10.0  # text beside the curves, in points
 
 @dataclass(slots=True)
 class Shown:
-    """What is drawn, and in which area, by its address."""
+    """What is drawn, and in which viewport, by its address."""
 
     decay: Decay
-    area: int
+    space: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +65,11 @@ _watcher = _Watcher()
 _handle: Any = None
 
 
-def show(decay: Decay, area: bpy.types.Area) -> None:
-    """In this viewport from now on, until `hide`; also what is added to it later."""
+def show(decay: Decay, space: int) -> None:
+    """In a viewport, by its address, until `hide`; also what is added to it later."""
     global _shown
     listen(_watcher)
-    _shown = Shown(decay, area.as_pointer())
+    _shown = Shown(decay, space)
     redraw()
 
 
@@ -91,7 +91,7 @@ def shown() -> Shown | None:
 def shown_in(context: bpy.types.Context) -> Decay | None:
     """What the context's viewport shows; None if it shows none, or none of its scene."""
     found = _shown
-    if found is None or context.area is None or context.area.as_pointer() != found.area:
+    if found is None or context.space_data is None or context.space_data.as_pointer() != found.space:
         return None
     return found.decay if context.scene.session_uid == found.decay.scene_uid else None
 
@@ -222,7 +222,7 @@ def _draw_curves(decay: Decay, layout: ChartLayout) -> None:
     frames = [row.frame for row in decay.rows]
     for policy in ORDER:
         points = [layout.place(*point) for point in zip(frames, decay.costs(policy), strict=True)]
-        drawing.draw_lines_2d(points, COLORS[policy], CURVE_WIDTH if policy != "rebuild" else 2.0 * CURVE_WIDTH)
+        drawing.draw_lines_2d(points, COLORS[policy], CURVE_WIDTH if policy == "governed" else 2.0 * CURVE_WIDTH)
         if len(points) == 1:
             _draw_mark("rotated", points[0], COLORS[policy])
     costs = decay.costs("governed")

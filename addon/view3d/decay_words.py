@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..statistics.words import count_of, sentence
+
 if TYPE_CHECKING:
     from .decay import Decay, DecayFrame
 
@@ -19,8 +21,8 @@ ACTIONS = {
 
 def heading_of(decay: Decay) -> str:
     """What is shown, and how far it is."""
-    count = f"{len(decay.rows)} of {len(decay.frames)}" if len(decay.rows) < len(decay.frames) else f"{len(decay.rows)}"
-    return f"Decay of {decay.name}: {decay.measure}, {count} frames"
+    done = f"{len(decay.rows):,} of " if len(decay.rows) < len(decay.frames) else ""
+    return f"Decay of {decay.name}: {decay.measure}, {done}{count_of(len(decay.frames), 'frame')}"
 
 
 def key_of(decay: Decay, policy: str, row: int | None) -> str:
@@ -33,7 +35,7 @@ def sentence_of(row: DecayFrame) -> str:
     done = row.policies["governed"]
     if not done.action:
         return f"Frame {row.frame}: nothing moved, the tree is kept"
-    return f"Frame {row.frame}: {ACTIONS[done.action]}. {done.reason[:1].upper()}{done.reason[1:]}"
+    return f"Frame {row.frame}: {ACTIONS[done.action]}. {sentence(done.reason)}"
 
 
 def summary_of(decay: Decay) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from perfect_bvh_addon.operators.compare import PERFECT_BVH_OT_compare  # noqa: 
 from perfect_bvh_addon.settings.tree_settings import CHOICES, REFITTED, choice_of  # noqa: E402
 from perfect_bvh_addon.view3d import compare_view  # noqa: E402
 from perfect_bvh_addon.view3d.compare_trees import compare  # noqa: E402
-from perfect_bvh_addon.view3d.compare_words import heading_of, level_line, milliseconds, rows_of  # noqa: E402
+from perfect_bvh_addon.view3d.compare_words import heading_of, level_line, rows_of  # noqa: E402
 from perfect_bvh_addon.view3d.half_picture import FILLS, Framing, cut_of, frame_box  # noqa: E402
 from perfect_bvh_addon.view3d.reading import read_object  # noqa: E402
 from perfect_bvh_addon.view3d.sample_rays import SIDE, primary_rays  # noqa: E402
@@ -126,8 +125,7 @@ def test_rows_say_how_the_right_side_compares_to_the_left_one(ball: Any) -> None
     assert heading_of(found) == f"{ball.name}, frame 3: 1,280 triangles"
 
 
-def test_numbers_are_short() -> None:
-    assert [milliseconds(number) for number in (0.1234, 3.21, 45.6, 2345.0)] == ["0.12 ms", "3.2 ms", "46 ms", "2.35 s"]
+def test_a_level_is_named_with_its_boxes() -> None:
     assert level_line(9, 4, 1) == "Level 4 of 4: 1 box"
 
 
@@ -200,7 +198,7 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """What would be shown in a viewport."""
     found: list[Any] = []
     monkeypatch.setattr(compare_view, "show", lambda comparison, *_: found.append(comparison))
-    monkeypatch.setattr("perfect_bvh_addon.operators.compare.find_area", lambda context: object())
+    monkeypatch.setattr("perfect_bvh_addon.operators.compare.find_space", lambda context: 7)
     return found
 
 
@@ -227,7 +225,6 @@ def test_a_comparison_knows_when_it_is_old(ball: Any) -> None:
 
 
 def show(obj: Any) -> Any:
-    area = SimpleNamespace(as_pointer=lambda: 7)
     edits = compare_view.edit_count(bpy.context.scene.session_uid)
-    compare_view.show(compared(obj, "AUTO", "MEDIAN"), bpy.context.scene, area, edits)
+    compare_view.show(compared(obj, "AUTO", "MEDIAN"), bpy.context.scene, 7, edits)
     return compare_view.shown()

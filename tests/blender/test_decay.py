@@ -239,11 +239,13 @@ def test_words_tell_of_the_frame_that_is_shown(twisted: Any) -> None:
 def test_a_click_shows_a_frame_and_the_chart_ends_with_its_file(twisted: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     decay = followed(twisted)
     scene = bpy.context.scene
-    area = SimpleNamespace(as_pointer=lambda: 7)
-    decay_view.show(decay, area)
-    context = SimpleNamespace(scene=scene, area=area, region=None)
+    decay_view.show(decay, 7)
+    context, other = (
+        SimpleNamespace(scene=scene, area=None, region=None, space_data=SimpleNamespace(as_pointer=lambda it=it: it))
+        for it in (7, 8)
+    )
     assert decay_view.shown_in(context) is decay
-    assert decay_view.shown_in(SimpleNamespace(scene=scene, area=SimpleNamespace(as_pointer=lambda: 8))) is None
+    assert decay_view.shown_in(other) is None
     panel = drawing.Rect(50.0, 10.0, 750.0, 260.0)
     monkeypatch.setattr(decay_view, "panel_of", lambda area, region: panel)
     monkeypatch.setattr(drawing, "pixels", lambda points: points)  # without a window the interface has no size
