@@ -30,7 +30,7 @@ CHOICES = (
     TreeChoice("FAST", "Fast", "The least time to build, over clusters along a curve", "fast", 5),
     TreeChoice("OPTIMIZED", "Optimized", "Binned, then improved by moving nodes to better places", "binned", 6, 100),
     TreeChoice(
-        REFITTED, "Refitted", "Built in the first frame of the scene, and refitted to the current one", "binned", 7
+        REFITTED, "Refitted", "Built in the first frame of the scene, and refitted to the current one", "auto", 7
     ),
 )
 _ITEMS = [(choice.identifier, choice.label, choice.description, choice.number) for choice in CHOICES]

@@ -1,6 +1,7 @@
 """One half of a comparison as a picture: an object, shaded, and the boxes of one of its trees.
 
 It is drawn twice as large as it is shown, so that its lines are smooth, and kept until something of it is another.
+Where that would take long without a graphics card it is drawn in its own size.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ LARGER = 2  # times as large as it is shown
 LINE_WIDTH = 1.2  # in points
 # Lines with a width take six times the vertices.
 MOST_WIDE_BOXES = 20_000
+MOST_SMOOTH_TRIANGLES = 200_000
 FILLS = 0.88  # of a half, by the object, at first
 LEAST_SCALE, LARGEST_SCALE = 0.05, 4.0
 
@@ -129,7 +131,8 @@ class HalfPicture:
         import gpu
         from mathutils import Matrix
 
-        large = tuple(min(LARGER * length, gpu.capabilities.max_texture_size_get()) for length in size)
+        factor = LARGER if self._is_smooth else 1
+        large = tuple(min(factor * length, gpu.capabilities.max_texture_size_get()) for length in size)
         if self._texture is None or (self._texture.width, self._texture.height) != large:
             self._texture = gpu.types.GPUTexture(large, format="RGBA8")
             depth = gpu.types.GPUTexture(large, format="DEPTH_COMPONENT32F")
@@ -145,9 +148,14 @@ class HalfPicture:
             gpu.state.depth_mask_set(False)
             gpu.state.depth_test_set("NONE" if is_in_front else "LESS_EQUAL")
             gpu.state.blend_set("ALPHA")
-            self._draw_boxes(large)
+            self._draw_boxes(large, factor)
             gpu.state.blend_set("NONE")
             gpu.state.depth_test_set("NONE")
+
+    @property
+    def _is_smooth(self) -> bool:
+        triangles = 0 if self._shaded is None else len(self._shaded.triangles)
+        return self._has_width and triangles <= MOST_SMOOTH_TRIANGLES
 
     def _draw_object(self) -> None:
         import gpu
@@ -158,7 +166,7 @@ class HalfPicture:
             self._object = _object_batch(self._shaded)
         self._object.draw(gpu.shader.from_builtin("SMOOTH_COLOR"))
 
-    def _draw_boxes(self, size: tuple[int, int]) -> None:
+    def _draw_boxes(self, size: tuple[int, ...], factor: int) -> None:
         import gpu
 
         if self._boxes is None:
@@ -169,7 +177,7 @@ class HalfPicture:
         shader = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR")
         shader.bind()
         shader.uniform_float("viewportSize", size)
-        shader.uniform_float("lineWidth", LARGER * drawing.pixels(LINE_WIDTH))
+        shader.uniform_float("lineWidth", factor * drawing.pixels(LINE_WIDTH))
         self._boxes.draw(shader)
 
 

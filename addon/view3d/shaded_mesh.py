@@ -12,7 +12,7 @@ from ..sync.records import MeshRecord
 Float32Array = npt.NDArray[np.float32]
 
 # More take long to hand to a graphics card; boxes are shown without the object then.
-MOST_TRIANGLES = 2_000_000
+MOST_TRIANGLES = 1_000_000
 LIGHT = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
 # Of what light does not reach, and of what faces it.
 DARKEST, BRIGHTEST = 0.22, 0.7
