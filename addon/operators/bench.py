@@ -151,7 +151,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
 def _redraw_panels(context: bpy.types.Context) -> None:
     for window in context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type == "PROPERTIES":
+            if area.type == "VIEW_3D":
                 area.tag_redraw()
 
 

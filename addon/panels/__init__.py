@@ -44,10 +44,10 @@ CLASSES = (
     *world.CLASSES,
     *shading.CLASSES,
     *scan.CLASSES,
+    *bench.CLASSES,
     *updates.CLASSES,
     *trees.CLASSES,
     *walk_ray.CLASSES,
-    *bench.CLASSES,
 )
 LISTS = (*not_shown.LISTS, *updates.LISTS)
 

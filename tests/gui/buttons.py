@@ -1,4 +1,4 @@
-"""The buttons of a Properties editor: which there are is found with the mouse, and each is pressed as its kind asks.
+"""The buttons of a Properties editor, or of a 3D viewport's sidebar: found with the mouse, pressed as their kinds ask.
 
 A property's button tells its data path, an operator's button its call, once the mouse is over it. Of a closed panel's
 header nothing tells where it is but the height of those above.
@@ -13,7 +13,7 @@ import bpy
 from drawn import OF_PREFERENCES, note_drawn, note_pressed
 from driver import Step, at_rest, check, redrawn, wait_until
 from hands import handled, hover, press_here, press_key, type_text
-from places import context_of, region_of
+from places import context_of, panel_region
 
 # In pixels, at the resolution scale that a new user has.
 STEP = 9  # less than half of a button
@@ -35,7 +35,7 @@ class Button:
 
 
 def button_under_mouse(area: bpy.types.Area) -> str | None:
-    with bpy.context.temp_override(**context_of(area)):
+    with bpy.context.temp_override(**context_of(area) | {"region": panel_region(area)}):
         found = bpy.context.property
         if found is not None:
             is_preference = isinstance(found[0], bpy.types.AddonPreferences)
@@ -57,7 +57,7 @@ def list_buttons(
 ) -> Step:
     """Returns the buttons between two heights, in their order; the whole region's without them."""
     note_drawn()
-    region = region_of(area)
+    region = panel_region(area)
     x = region.x + region.width * column
     y = region.y + region.height - STEP if top is None else top
     end = region.y + STEP if bottom is None else bottom
@@ -83,7 +83,7 @@ def find_button(area: bpy.types.Area, what: str) -> Step:
 
 
 def point_at(area: bpy.types.Area, button: Button) -> Step:
-    region = region_of(area)
+    region = panel_region(area)
     yield from leave(area)
     hover(region.x + region.width * button.column, button.y)
     yield from handled()
@@ -163,7 +163,7 @@ def header_height(last_above: Button, number: int) -> float:
 
 
 def toggle_panel(area: bpy.types.Area, y: float) -> Step:
-    region = region_of(area)
+    region = panel_region(area)
     hover(region.x + region.width * 0.4, y)
     yield from handled()
     yield from press_here()

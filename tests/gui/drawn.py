@@ -51,8 +51,10 @@ def note_drawn() -> None:
     stand = SimpleNamespace(layout=RecordingLayout())
     with bpy.context.temp_override(**context_of(area_of("PROPERTIES"))):
         tab = area_of("PROPERTIES").spaces.active.context.lower()
-        for panel in module("panels").CLASSES:
-            if panel.bl_context != tab or not panel.poll(bpy.context):
+        of_tab = [panel for panel in module("panels").CLASSES if getattr(panel, "bl_context", "") == tab]
+        # Of the sidebar those that stand for one thing each; the others have steps of their own.
+        for panel in (*of_tab, *module("panels.scan").CLASSES, *module("panels.bench").CLASSES):
+            if not panel.poll(bpy.context):
                 continue
             if hasattr(panel, "draw_header"):
                 panel.draw_header(stand, bpy.context)

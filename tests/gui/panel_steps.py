@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import bpy
@@ -24,15 +25,22 @@ from drawn import drawn, note_pressed, pressed
 from driver import Step, at_rest, check, redrawn, screenshot, wait_until
 from gates import gate_of_steps
 from hands import click, hover, press_here, press_key, set_viewport_size
-from panels import SUB_PANELS, change_all, header_of, main_buttons, open_sub_panel
+from panels import (
+    PANELS,
+    change_all,
+    close_the_open_one,
+    header_of,
+    main_buttons,
+    open_panel,
+    open_sidebar,
+)
 from places import area_of, main_area, middle_of, region_of
 
 MAIN_BUTTONS = [
     "render.engine",
+    "perfect_bvh.mode",
     "perfect_bvh.preview",
     "perfect_bvh.preview_percentage",
-    "perfect_bvh.mode",
-    "perfect_bvh.samples",
 ]
 HEADER_CHECKBOX_OF_PANEL = 0.13
 SWITCHES = 0.44  # of the region's width: those beside the values that they turn on
@@ -56,13 +64,13 @@ def enable() -> Step:
     yield from set_viewport_size(960, 860)
     hover(*middle_of(main_area()))
     yield from press_here()  # Blender swallows the first click
+    yield from close_the_open_one()
 
 
 def press_the_main_panels_buttons() -> Step:
     area = area_of("PROPERTIES")
     buttons = yield from main_buttons()
     check(list(buttons)[: len(MAIN_BUTTONS)] == MAIN_BUTTONS, f"the panel's buttons are {list(buttons)}")
-    yield from change(area, buttons["perfect_bvh.samples"], settings())
     yield from change(area, buttons["perfect_bvh.preview_percentage"], settings(), "50")
     yield from press(area, buttons["perfect_bvh.mode"])
     screenshot("menu_of_modes")
@@ -81,23 +89,45 @@ def press_the_main_panels_buttons() -> Step:
     yield from find_and_press(area, "view_settings.view_transform")
     yield from press_key("Escape")
     settings().mode = "PREVIEW"
+    area.tag_redraw()
     yield from at_rest(area)
 
 
 def press_sampling_film_and_performance() -> Step:
     render = bpy.context.scene.render
-    sampling = {"viewport_samples": "3", "time_limit": "9", "seed": "5"}
+    sampling = {"viewport_samples": "3", "samples": "4", "time_limit": "9"}
     switches = {"use_denoising": None, "use_viewport_denoising": None}
     for kind, text in (("", "0.05"), ("viewport_", "0.5")):
         sampling |= {f"{kind}noise_threshold": text, f"{kind}min_samples": "7"}
-    yield from open_sub_panel("Sampling", change_all(settings(), sampling | switches))
-    yield from open_sub_panel("Sampling", switch_thresholds)
+    yield from open_panel("Sampling", change_all(settings(), sampling | switches))
+    yield from open_panel("Sampling", switch_thresholds)
+    yield from open_panel("Sampling", lambda buttons: work_below(buttons, 0, change_all(settings(), {"seed": "5"})))
     settings().time_limit = 0.0
-    yield from open_sub_panel("Film", change_all(render, {"film_transparent": None}))
-    yield from open_sub_panel("Performance", change_all(render, {"threads_mode": None, "use_persistent_data": None}))
+    yield from open_panel("Film", change_all(render, {"film_transparent": None}))
+    yield from open_panel("Performance", change_all(render, {"threads_mode": None, "use_persistent_data": None}))
     render.threads_mode = "FIXED"
-    yield from open_sub_panel("Performance", change_all(render, {"threads": None}))
+    yield from open_panel("Performance", change_all(render, {"threads": None}))
     render.threads_mode = "AUTO"
+
+
+def work_below(buttons: list[Button], number: int, work: Callable[[list[Button]], Step]) -> Step:
+    """Open the number-th of the closed panels that follow these buttons, and do something in it."""
+    last = min(buttons, key=lambda button: button.y)
+    yield from with_panel_open(area_of("PROPERTIES"), header_height(last, number), work)
+
+
+def press_light_paths() -> Step:
+    cycles = bpy.context.scene.cycles
+    bounces = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces", "transparent_max_bounces")
+    clamps = {"sample_clamp_direct": "3", "sample_clamp_indirect": "4"}
+    caustics = {"blur_glossy": "0.5", "caustics_reflective": None, "caustics_refractive": None}
+
+    def work(buttons: list[Button]) -> Step:
+        yield from change_all(cycles, dict.fromkeys(bounces, "2"))(buttons)
+        yield from work_below(buttons, 0, change_all(cycles, clamps))
+        yield from work_below(buttons, 1, change_all(cycles, caustics))
+
+    yield from open_panel("Light Paths", work)
 
 
 def switch_thresholds(buttons: list[Button]) -> Step:
@@ -108,20 +138,20 @@ def switch_thresholds(buttons: list[Button]) -> Step:
     yield from change_all(settings(), dict.fromkeys(names))(found)
 
 
-def fill_in_the_rays_panel() -> Step:
+def fill_in_the_scan_panel() -> Step:
     scan = settings().scan
     camera_fields = {"pattern": None, "sensor": None, "width": "64", "height": "48", "use_frame_range": None}
-    yield from open_sub_panel("Rays", change_all(scan, camera_fields | {"filepath": "/tmp/points.npz"}))
+    yield from open_sidebar("Scan", change_all(scan, camera_fields | {"filepath": "/tmp/points.npz"}, "VIEW_3D"))
     scan.pattern, scan.use_frame_range = "LIDAR", True
     lidar_fields = {"elevations": "0:10:5", "columns": "100", "rate": "5", "max_distance": "20"}
-    yield from open_sub_panel("Rays", change_all(scan, lidar_fields | {"steps_per_frame": "3"}))
+    yield from open_sidebar("Scan", change_all(scan, lidar_fields | {"steps_per_frame": "3"}, "VIEW_3D"))
     scan.pattern, scan.use_frame_range = "CAMERA", False
 
 
 def press_simplify() -> Step:
-    """Blender's own settings, in a panel of the add-on's below its main one, which stands off by a little."""
+    """Blender's own settings, in a panel of the add-on's."""
     area, render = area_of("PROPERTIES"), bpy.context.scene.render
-    y = (yield from header_of(len(SUB_PANELS))) - 2
+    y = yield from header_of(PANELS.index("Simplify"))
     yield from change(area, Button("render.use_simplify", y, HEADER_CHECKBOX_OF_PANEL), render)
     render.use_simplify = True
 
@@ -153,7 +183,7 @@ def bench() -> Step:
         (button,) = [button for button in buttons if "perfect_bvh.bench(" in button.what]
         with gate_of_steps(module("bench.measurements").SceneBench) as gate:
             gate.hold_when(lambda measurement, _: len(measurement.figures.get("builders", ())) == 4)
-            yield from press(area_of("PROPERTIES"), button)
+            yield from press(area_of("VIEW_3D"), button)
             yield from gate.wait("a measurement")
             check(is_working(), "a measurement that is held has ended")
             screenshot("benching")
@@ -163,11 +193,11 @@ def bench() -> Step:
         results = last_results(uid)
         check(len(results.table) == 4, f"of four builders the table has {results.table}")
         check(results.can_draw == ("Perfect BVH Bench" in bpy.data.images), "charts are where matplotlib is not")
-        yield from at_rest(area_of("PROPERTIES"))
+        yield from at_rest(area_of("VIEW_3D"))
         screenshot("bench")
         yield from close_image_windows()
 
-    yield from open_sub_panel("Bench", work)
+    yield from open_sidebar("Bench", work)
     check(not is_working(), "the measurement goes on")
 
 

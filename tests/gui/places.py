@@ -51,6 +51,11 @@ def region_of(area: bpy.types.Area, kind: str = "WINDOW") -> bpy.types.Region:
     return next(region for region in area.regions if region.type == kind)
 
 
+def panel_region(area: bpy.types.Area) -> bpy.types.Region:
+    """Where its panels are."""
+    return region_of(area, "UI" if area.type == "VIEW_3D" else "WINDOW")
+
+
 def middle_of(area: bpy.types.Area) -> tuple[float, float]:
     region = region_of(area)
     return region.x + region.width / 2, region.y + region.height / 2

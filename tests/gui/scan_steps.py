@@ -11,7 +11,7 @@ from buttons import Button, press
 from driver import Step, check, redrawn, screenshot, wait_until
 from gates import Gate, always, gate_of_steps
 from hands import hover, press_key
-from panels import open_sub_panel
+from panels import open_sidebar
 from places import area_of, middle_of
 
 ATTRIBUTES = {"distance", "normal", "time", "object_id", "instance_id", "material_id", "ring", "intensity", "Color"}
@@ -32,10 +32,10 @@ def press_scan(after: Callable[[], Step]) -> Step:
     def work(buttons: list[Button]) -> Step:
         (button,) = [button for button in buttons if "perfect_bvh.scan(" in button.what]
         forget_reports()
-        yield from press(area_of("PROPERTIES"), button)
+        yield from press(area_of("VIEW_3D"), button)
         yield from after()
 
-    yield from open_sub_panel("Rays", work)
+    yield from open_sidebar("Scan", work)
 
 
 def stop_a_scan() -> Step:

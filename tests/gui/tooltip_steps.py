@@ -10,8 +10,8 @@ import numpy.typing as npt
 from buttons import Button
 from driver import Step, StepError, redrawn, screen_pixels, screenshot
 from hands import SCREEN_HEIGHT, handled, hover, screen_point, x_tool
-from panels import main_buttons, open_sub_panel
-from places import area_of, front_window, main_area, middle_of, region_of
+from panels import main_buttons, open_sidebar
+from places import area_of, front_window, main_area, middle_of, panel_region
 
 TOOLTIP_BYTES = 6000  # of the screen that a tooltip changes, at least
 # In pixels: what lights up at once, up and down from the middle of the button, and the status bar with its hints.
@@ -46,10 +46,9 @@ def same_twice(look: Callable[[], npt.NDArray[np.uint8]]) -> Step:
     raise StepError("the screen does not come to rest")
 
 
-def rest_on(button: Button, name: str) -> Step:
-    """One in each step: Blender lets a second one wait for more than the mouse."""
-    area = area_of("PROPERTIES")
-    region = region_of(area)
+def rest_on(button: Button, name: str, kind: str = "PROPERTIES") -> Step:
+    """One in each step: Blender lets a second one wait for more than the mouse. kind: of the button's area."""
+    region = panel_region(area_of(kind))
     yield from let_the_screen_rest()
     before = around(button)
     hover(region.x + region.width * button.column, button.y)
@@ -75,8 +74,8 @@ def show_why_scan_is_grey() -> Step:
 
     def work(buttons: list[Button]) -> Step:
         (button,) = [button for button in buttons if "perfect_bvh.scan(" in button.what]
-        yield from rest_on(button, "grey_scan")
+        yield from rest_on(button, "grey_scan", "VIEW_3D")
 
-    yield from open_sub_panel("Rays", work)
+    yield from open_sidebar("Scan", work)
     scene.camera = camera
     yield from redrawn()
