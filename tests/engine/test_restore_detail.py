@@ -100,6 +100,13 @@ def test_what_seldom_samples_find_on_an_even_surface_is_no_detail() -> None:
     assert error(made[8:-8, 8:56], truth[8:-8, 8:56]) < 0.02
 
 
+def test_no_grain_is_put_back() -> None:
+    truth = fine_and_flat()
+    image, noise = traced(truth, 0.35)
+    clean = blurred(truth)
+    np.testing.assert_array_equal(restored(image, noise, clean, np.zeros_like(noise)), clean)
+
+
 @pytest.mark.parametrize("shape", [(1, 9, 3), (9, 1, 3)])
 def test_neighbours_of_uneven_pixels_are_uneven(shape: tuple[int, int, int]) -> None:
     image, clean, zeros = np.ones(shape, np.float32), np.zeros(shape, np.float32), np.zeros(shape, np.float32)

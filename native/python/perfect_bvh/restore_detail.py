@@ -9,7 +9,8 @@ Normal Distribution"). How much comes through is found by trying: the same image
 Frisvad and Jensen 2022, "Progressive Denoising of Monte Carlo Rendered Images".
 
 Detail is looked for where surfaces have some. On an even one light alone varies, of which denoisers make more; and what
-few samples find there, bright and seldom, would be taken for detail wherever it is not seen in the noise.
+few samples find there, bright and seldom, would be taken for detail wherever it is not seen in the noise. Nor is any
+put back where noise is a good part of the brightness: it would be seen as grain, whatever the error.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ _DARK = 0.03
 _FARTHEST = 1.0
 # By so much colours or normals of neighbouring pixels differ where there is surely none, surely some detail.
 _EVEN, _UNEVEN = 0.03, 0.2
+# Noise, in parts of the brightness, at which detail is put back in full, not any more.
+_QUIET, _GRAINY = 0.15, 0.45
 _NORMAL_WEIGHT = 0.5  # of -1 to 1, beside colours of 0 to 1
 
 
@@ -51,7 +54,7 @@ def restore_detail(
     albedo, normal: (H, W, 3), what guides it.
 
     All but the guides of one shape. Where `noise` is zero all around, `image` counts alone; so it must not be of a
-    single round of samples. `denoised` stays in pixels of `image` that are not finite, and on even surfaces. Returns
+    single round of samples. `denoised` stays in pixels of `image` that are not finite, on even surfaces and in much noise. Returns
     float32 of that shape, a new array.
 
     Raises ValueError for arrays of another shape.
@@ -107,8 +110,10 @@ def _share_of_raw(raw: Image, error: Image, clean: Image, through: Image) -> Val
         own, let_through = _seen(error * scale), _seen(through * scale)
         apart = _block_means(np.square(_seen((raw - clean) * scale)).mean(axis=2))
         noise = _block_means((own * (own - let_through)).mean(axis=2))
-        shares = 1.0 - np.maximum(noise, 0.0) / np.maximum(apart, 1e-12)
-    return _spread(np.clip(shares, 0.0, 1.0).astype(np.float32), raw.shape[:2])
+        shares = np.clip(1.0 - np.maximum(noise, 0.0) / np.maximum(apart, 1e-12), 0.0, 1.0)
+        grain = np.sqrt(_block_means(np.square(own).mean(axis=2)))
+        shares *= np.clip((_GRAINY - grain) / (_GRAINY - _QUIET), 0.0, 1.0)
+    return _spread(shares.astype(np.float32), raw.shape[:2])
 
 
 def _seen(values: Image) -> Image:
