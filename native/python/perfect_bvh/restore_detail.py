@@ -54,8 +54,8 @@ def restore_detail(
     albedo, normal: (H, W, 3), what guides it.
 
     All but the guides of one shape. Where `noise` is zero all around, `image` counts alone; so it must not be of a
-    single round of samples. `denoised` stays in pixels of `image` that are not finite, on even surfaces and in much noise. Returns
-    float32 of that shape, a new array.
+    single round of samples. `denoised` stays in pixels of `image` that are not finite, on even surfaces and in much
+    noise. Returns float32 of that shape, a new array.
 
     Raises ValueError for arrays of another shape.
     """
