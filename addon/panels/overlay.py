@@ -32,7 +32,9 @@ class PERFECT_BVH_PT_overlay(bpy.types.Panel):
         row = column.row()
         row.prop(settings, "use_all_to_level")
         row.prop(settings, "use_in_front")
-        column.row(align=True).prop(settings, "color_by", expand=True)
+        split = column.split(factor=0.25)
+        split.label(text="Color")
+        split.row(align=True).prop(settings, "color_by", expand=True)
 
 
 CLASSES = (PERFECT_BVH_PT_overlay,)

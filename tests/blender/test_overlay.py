@@ -18,6 +18,7 @@ from blender.long_builds import PATIENCE, Gate, building_threads  # noqa: E402
 from perfect_bvh_addon.events.changes import listen, stop_listening  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
+from perfect_bvh_addon.settings import scene_settings  # noqa: E402
 from perfect_bvh_addon.view3d import overlay, tree_lines  # noqa: E402
 from perfect_bvh_addon.view3d.box_lines import RAMP, box_lines, shares  # noqa: E402
 
@@ -149,6 +150,59 @@ def test_the_active_object_is_found_where_it_stands(scene) -> None:
     scene.collection.objects.link(empty)
     assert overlay.find_object(synced(), empty) is None
     assert overlay.find_object(synced(), None) is None
+
+
+def test_a_redraw_goes_through_no_boxes_and_no_objects(scene, drawn_batches, monkeypatch) -> None:
+    bpy.ops.mesh.primitive_monkey_add()
+    settings = scene.perfect_bvh.overlay
+    settings.show_top_level = settings.show_active = True
+    asked = []
+    for module, name in ((overlay, "find_object"), (tree_lines, "list_levels"), (tree_lines, "are_equal")):
+        whole = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *args, whole=whole, name=name: asked.append(name) or whole(*args))
+    shown = overlay.SceneOverlay()
+    listen(shown)
+    assert shown._follow(bpy.context, settings)
+    assert asked.count("find_object") == 1 and "list_levels" in asked
+    asked.clear()
+    for _ in range(3):
+        assert shown._follow(bpy.context, settings)
+        assert len(shown.sections(settings)) == 2
+    assert not asked
+    bpy.context.object.location.x = 2.0
+    bpy.context.view_layer.update()
+    assert shown._follow(bpy.context, settings)
+    assert "find_object" in asked and shown._matrix[0, 3] == 2.0
+    stop_listening(shown)
+
+
+def test_what_a_script_changes_is_drawn(scene) -> None:
+    """Without a window nothing can be drawn, but the properties can be asked whom they tell."""
+    settings = scene.perfect_bvh.overlay
+    redrawn = []
+    area = SimpleNamespace(type="VIEW_3D", tag_redraw=lambda: redrawn.append(1))
+    windows = [SimpleNamespace(screen=SimpleNamespace(areas=[area, SimpleNamespace(type="PROPERTIES")]))]
+    scene_settings._redraw_viewports(settings, SimpleNamespace(window_manager=SimpleNamespace(windows=windows)))
+    assert redrawn == [1]
+    called = []
+    code = scene_settings._redraw_viewports.__code__
+    changes = {
+        "show_top_level": True,
+        "show_active": True,
+        "level": 5,
+        "use_all_to_level": True,
+        "color_by": "COST",
+        "use_in_front": True,
+    }
+    assert set(changes) == set(scene_settings.PERFECT_BVH_PG_overlay.__annotations__)
+    sys.setprofile(lambda frame, event, _: called.append(1) if event == "call" and frame.f_code is code else None)
+    try:
+        for name, value in changes.items():
+            before = len(called)
+            setattr(settings, name, value)
+            assert len(called) == before + 1, name
+    finally:
+        sys.setprofile(None)
 
 
 def test_it_follows_frames_and_forgets_files(scene, drawn_batches) -> None:
