@@ -106,7 +106,8 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
             return True
         if self._walk is None:
             return False
-        is_there = any(area.as_pointer() == self._walk.area for area in context.window.screen.areas)
+        spaces = (area.spaces.active for area in context.window.screen.areas)
+        is_there = any(space is not None and space.as_pointer() == self._walk.space for space in spaces)
         return walk_view.shown() is not self._walk or context.scene.session_uid != self._walk.scene_uid or not is_there
 
     def _take_click(

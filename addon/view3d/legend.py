@@ -59,7 +59,7 @@ def draw_legend(context: bpy.types.Context, sections: Sequence[Section]) -> None
     heights = [_size_of(section)[1] for section in sections]
     width = max(widths) + 2 * pixels(MARGIN)
     height = sum(heights) + pixels(GAP) * (len(sections) - 1) + 2 * pixels(MARGIN)
-    left, bottom = free.left + pixels(MARGIN), max(free.bottom, _hud_top(area, region)) + pixels(MARGIN)
+    left, bottom = free.left + pixels(MARGIN), max(free.bottom, hud_top(area, region)) + pixels(MARGIN)
     if left + width > free.right or bottom + height > free.top:
         return  # what it would explain is smaller than it
     draw_panel(left, bottom, width, height)
@@ -88,7 +88,7 @@ def is_main(area: bpy.types.Area, region: bpy.types.Region) -> bool:
     return min(views, key=lambda view: (view.x, view.y), default=region) == region
 
 
-def _hud_top(area: bpy.types.Area, region: bpy.types.Region) -> float:
+def hud_top(area: bpy.types.Area, region: bpy.types.Region) -> float:
     """Above where Blender shows how the last operation can be adjusted."""
     shown = [other for other in area.regions if other.type == "HUD" and other.height > 1 and other.width > 1]
     return max((other.y + other.height - region.y for other in shown), default=0.0)

@@ -14,12 +14,16 @@ Float64Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class PixelRay:
-    """origin, direction: (3,), of length one: t is a distance. t_min, t_max: where the view begins and ends."""
+    """origin, direction: (3,), of length one: t is a distance. t_min, t_max: where the view begins and ends.
+
+    has_eye: whether it begins where somebody could stand: rays of orthographic views begin far outside.
+    """
 
     origin: Float64Array
     direction: Float64Array
     t_min: float
     t_max: float
+    has_eye: bool
 
 
 def pixel_ray(camera: CameraRecord, x: float, y: float) -> PixelRay | None:
@@ -41,4 +45,5 @@ def pixel_ray(camera: CameraRecord, x: float, y: float) -> PixelRay | None:
         direction=turn @ (direction / length),
         t_min=camera.clip_start * length,  # clipping goes by the view's axis
         t_max=camera.clip_end * length,
+        has_eye=camera.projection != "orthographic",
     )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import bpy
 
 from . import drawing
+from .legend import hud_top
 
 if TYPE_CHECKING:
     from .walk_steps import Counters, WalkStep
@@ -21,6 +22,7 @@ SWATCH = 9.0  # in points
 COLUMN = 172.0  # of names, in points; the counts stand right of it
 COUNT_WIDTH = 72.0
 GAP = 14.0
+LEAST_LINE = 12  # characters
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,13 +57,22 @@ def heading(steps: Sequence[WalkStep], index: int) -> str:
 
 
 def draw_legend(context: bpy.types.Context, steps: Sequence[WalkStep], index: int, note: str = "") -> None:
-    """In the lower left corner of the region that is being drawn. note: a line below the sentence, "" for none."""
+    """In the lower left corner of the region that is being drawn; where there is little room, the sentence alone.
+
+    note: a line below the sentence, "" for none.
+    """
     free = drawing.free_rect(context.area, context.region)
-    left, bottom = free.left + drawing.pixels(GAP), free.bottom + drawing.pixels(GAP)
-    height = _draw_rows(left, bottom, rows_of(steps[index].counters, steps[-1].counters))
+    left = free.left + drawing.pixels(GAP)
+    bottom = max(free.bottom, hud_top(context.area, context.region)) + drawing.pixels(GAP)
     width = free.right - left - drawing.pixels(GAP + 2 * drawing.MARGIN)
     lines = wrap(heading(steps, index), width) + ([note] if note else [])
-    drawing.draw_text_panel(left, bottom + height + drawing.pixels(6.0), lines, SENTENCE_SIZE)
+    rows = rows_of(steps[index].counters, steps[-1].counters)
+    size, gap = _size_of(rows), drawing.pixels(6.0)
+    words = drawing.text_panel_size(lines, SENTENCE_SIZE)[1]
+    if left + size[0] <= free.right and bottom + size[1] + gap + words <= free.top:
+        _draw_rows(left, bottom, size, rows)
+        bottom += size[1] + gap
+    drawing.draw_text_panel(left, bottom, lines, SENTENCE_SIZE)
 
 
 def wrap(text: str, width: float) -> list[str]:
@@ -69,21 +80,31 @@ def wrap(text: str, width: float) -> list[str]:
     whole = drawing.text_size(text, SENTENCE_SIZE)[0]
     if whole <= width:
         return [text]
-    return textwrap.wrap(text, max(12, int(len(text) * width / whole)))
+    count = max(LEAST_LINE, int(len(text) * width / whole))
+    lines = textwrap.wrap(text, count)
+    while count > LEAST_LINE and max(drawing.text_size(line, SENTENCE_SIZE)[0] for line in lines) > width:
+        count -= 1
+        lines = textwrap.wrap(text, count)
+    return lines
 
 
-def _draw_rows(left: float, bottom: float, rows: Sequence[Row]) -> float:
-    """Returns how high they are."""
+def _size_of(rows: Sequence[Row]) -> tuple[float, float]:
+    margin = 2 * drawing.pixels(drawing.MARGIN)
+    return drawing.pixels(COLUMN + COUNT_WIDTH) + margin, len(rows) * drawing.text_size("")[1] + margin
+
+
+def _draw_rows(left: float, bottom: float, size: tuple[float, float], rows: Sequence[Row]) -> None:
     step, margin = drawing.text_size("")[1], drawing.pixels(drawing.MARGIN)
-    swatch, column = drawing.pixels(SWATCH), drawing.pixels(COLUMN)
-    width, height = column + drawing.pixels(COUNT_WIDTH) + 2 * margin, len(rows) * step + 2 * margin
-    drawing.draw_panel(left, bottom, width, height)
+    swatch, edge = drawing.pixels(SWATCH), drawing.pixels(1.0)
+    drawing.draw_panel(left, bottom, *size)
     color = drawing.panel_text_color()
     for number, row in enumerate(reversed(rows)):
         base = bottom + margin + number * step + 0.2 * step
         if row.color is not None:
-            drawing.draw_rect(left + margin, base - 0.05 * step, swatch, swatch, row.color, drawing.pixels(2.0))
+            x, y = left + margin, base - 0.05 * step
+            outline = (*color[:3], 0.5)  # of what would be too like the panel
+            drawing.draw_rect(x - edge, y - edge, swatch + 2 * edge, swatch + 2 * edge, outline, drawing.pixels(3.0))
+            drawing.draw_rect(x, y, swatch, swatch, row.color, drawing.pixels(2.0))
         drawing.draw_text(left + margin + 1.8 * swatch, base, row.name, color=color)
-        right = left + width - margin - drawing.text_size(row.count)[0]
+        right = left + size[0] - margin - drawing.text_size(row.count)[0]
         drawing.draw_text(right, base, row.count, color=color)
-    return height

@@ -64,11 +64,16 @@ class Lines:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """lines: the later ones over the earlier. triangles: (3N, 3) float32 with colors (3N, 4). hit: (3,) or None."""
+    """lines: the later ones over the earlier. triangles: (3N, 3) float32 with colors (3N, 4).
+
+    tip: (3,), the end of the ray's bright part, which the eye that looks along the ray sees as a point. hit: (3,) or
+    None.
+    """
 
     lines: list[Lines]
     triangles: Float32Array
     triangle_colors: Float32Array
+    tip: Float64Array
     hit: Float64Array | None
 
 
@@ -102,6 +107,7 @@ class WalkedRay:
 def picture_of(ray: WalkedRay, step: WalkStep) -> Picture:
     """Of one step, which is one of this ray's."""
     walk, rows = ray.walk, step.rows
+    span = span_in_box(ray, rows.start) if len(rows) else (ray.t_min, ray.end(-1))
     is_now = np.zeros(len(walk), bool)
     is_now[rows.start : rows.stop] = True
     is_box = walk.primitive_ids < 0
@@ -110,7 +116,7 @@ def picture_of(ray: WalkedRay, step: WalkStep) -> Picture:
     lines = [
         _boxes(ray, earlier, FAINT, THIN),
         _boxes(ray, np.flatnonzero(is_now & is_box)[::-1], BRIGHT, WIDE),  # the one that is entered over its children
-        *_ray_lines(ray, step),
+        *_ray_lines(ray, step, span),
     ]
     hits = np.flatnonzero((walk.events == WalkEvent.TRIANGLE_HIT) & (before | is_now))
     shown = np.flatnonzero(is_now & ~is_box)
@@ -122,6 +128,7 @@ def picture_of(ray: WalkedRay, step: WalkStep) -> Picture:
         lines=[part for part in lines if len(part.positions)],
         triangles=walk.triangles[shown].reshape(-1, 3).astype(np.float32),
         triangle_colors=colors,
+        tip=ray.at(span[1]),
         hit=ray.at(float(walk.t[hits[-1]])) if len(hits) else None,
     )
 
@@ -144,18 +151,15 @@ def _colors(events: npt.NDArray[np.uint8], opacity: float) -> Float32Array:
     return np.concatenate([table[events], opacity * shares[events][:, None]], axis=1)
 
 
-def _ray_lines(ray: WalkedRay, step: WalkStep) -> list[Lines]:
-    """All of it, and the part in the box that the step is about; the last step has the whole way that was needed."""
-    row = (step.rows.start if len(step.rows) else len(ray.walk)) - 1
-    whole = _line(ray, ray.t_min, ray.end(row) if row >= 0 else ray.exit, 0.55, THIN)
-    if not len(step.rows):
-        return [whole, _line(ray, ray.t_min, ray.end(row), BRIGHT, THICK)]
-    first, last = span_in_box(ray, step.rows.start)
-    return [whole, _line(ray, first, last, BRIGHT, THICK)]
+def _ray_lines(ray: WalkedRay, step: WalkStep, span: tuple[float, float]) -> list[Lines]:
+    """As far as it goes before the step, and the part that the step is about: that in its box, or the whole way."""
+    row = step.rows.start - 1
+    whole = _line(ray, (ray.t_min, ray.end(row) if row >= 0 else ray.exit), 0.55, THIN)
+    return [whole, _line(ray, span, BRIGHT, THICK)]
 
 
-def _line(ray: WalkedRay, first: float, last: float, opacity: float, width: float) -> Lines:
-    ends = np.stack([ray.at(first), ray.at(last)]).astype(np.float32)
+def _line(ray: WalkedRay, span: tuple[float, float], opacity: float, width: float) -> Lines:
+    ends = np.stack([ray.at(t) for t in span]).astype(np.float32)
     return Lines(ends, np.full((2, 4), (*RAY, opacity), np.float32), width)
 
 

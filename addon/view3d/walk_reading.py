@@ -23,10 +23,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A scene that was read for the sake of a ray. space: the viewport whose filters count, None if it has none."""
+    """A scene that was read for the sake of a ray.
+
+    address: of the viewport that it was chosen in. space: the viewport whose filters count, None if it has none.
+    """
 
     ray: PixelRay
-    area: int
+    address: int
     space: bpy.types.SpaceView3D | None
     sync: SceneSync
     trees: PendingCommit
@@ -46,9 +49,10 @@ class Reading:
         walk = snapshot.walk_ray(ray.origin, ray.direction, ray.t_min, ray.t_max, VISIBLE_TO_CAMERA)
         ids = sorted({int(ident) for ident in walk.instance_ids} - {-1})
         names = dict(zip(ids, map(str, self.sync.describe(ids).names), strict=True)) if ids else {}
-        steps = steps_of(walk, names, lambda t: written_length(scene, t))
+        length = (lambda t: written_length(scene, t)) if ray.has_eye else None
+        steps = steps_of(walk, names, length)
         walked = WalkedRay.of(walk, ray.origin, ray.direction, ray.t_min)
-        return Shown(walked, steps, scene.session_uid, self.area, edits, scene.frame_current)
+        return Shown(walked, steps, scene.session_uid, self.address, edits, scene.frame_current)
 
     @property
     def state(self) -> str:
@@ -73,7 +77,7 @@ def read_pixel(context: bpy.types.Context, area: bpy.types.Area, region: bpy.typ
         raise ValueError("Nothing is seen through this pixel")
     is_filtered = any(filter_of(space))
     sync = SceneSync(watch=False) if is_filtered else sync_of(depsgraph)
-    reading = Reading(ray, area.as_pointer(), space if is_filtered else None, sync, PendingCommit())
+    reading = Reading(ray, space.as_pointer(), space if is_filtered else None, sync, PendingCommit())
     reading.begin(context)
     return reading
 

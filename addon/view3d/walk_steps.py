@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from perfect_bvh import RayWalk
 
 TOP_LEVEL = "the top level"
+# How a distance from the ray's beginning is written; None where that tells nobody anything.
+Length = Callable[[float], str] | None
 _BEGINNINGS = (WalkEvent.ENTER_NODE, WalkEvent.ENTER_LEAF, WalkEvent.ENTER_INSTANCE, WalkEvent.SKIP_INSTANCE)
 _ENTERED = _BEGINNINGS[:3]
 
@@ -59,10 +61,8 @@ class WalkStep:
     counters: Counters
 
 
-def steps_of(
-    walk: RayWalk, names: Mapping[int, str], length: Callable[[float], str] = "{:.4g}".format
-) -> list[WalkStep]:
-    """All steps of a ray. names: of the instances it meets, by their ids. length: how a distance is written."""
+def steps_of(walk: RayWalk, names: Mapping[int, str], length: Length = "{:.4g}".format) -> list[WalkStep]:
+    """All steps of a ray. names: of the instances it meets, by their ids."""
     firsts = _first_rows(walk.events)
     found = []
     for first, end in zip(firsts, [*firsts[1:], len(walk)], strict=False):
@@ -99,7 +99,7 @@ def count(walk: RayWalk, end: int) -> Counters:
 # Sentences -----------------------------------------------------------------------------------------------------------
 
 
-def _sentence(walk: RayWalk, rows: range, names: Mapping[int, str], length: Callable[[float], str]) -> str:
+def _sentence(walk: RayWalk, rows: range, names: Mapping[int, str], length: Length) -> str:
     first = rows.start
     event, instance = WalkEvent(walk.events[first]), int(walk.instance_ids[first])
     name = names.get(instance, TOP_LEVEL)
@@ -123,15 +123,19 @@ def _sentence(walk: RayWalk, rows: range, names: Mapping[int, str], length: Call
 _OUTCOMES = ((WalkEvent.BOX_HIT, "hit"), (WalkEvent.BOX_MISSED, "missed"), (WalkEvent.BOX_PRUNED, "pruned"))
 
 
-def _outcome(walk: RayWalk, rows: range, length: Callable[[float], str]) -> str:
+def _outcome(walk: RayWalk, rows: range, length: Length) -> str:
     events = walk.events[rows.start : rows.stop]
     if (events == WalkEvent.TRIANGLE_HIT).any():
-        return f"hit at {length(float(walk.nearest_t[rows.stop - 1]))}"
+        return f"hit{_at(float(walk.nearest_t[rows.stop - 1]), length)}"
     return "none is nearer" if (events == WalkEvent.TRIANGLE_REJECTED).any() else "none is hit"
 
 
-def _ending(walk: RayWalk, names: Mapping[int, str], length: Callable[[float], str]) -> str:
+def _ending(walk: RayWalk, names: Mapping[int, str], length: Length) -> str:
     row = walk.hit_row
     if row is None:
         return "Ends without a hit"
-    return f"Ends: the nearest hit is {names[int(walk.instance_ids[row])]} at {length(float(walk.t[row]))}"
+    return f"Ends: the nearest hit is {names[int(walk.instance_ids[row])]}{_at(float(walk.t[row]), length)}"
+
+
+def _at(t: float, length: Length) -> str:
+    return "" if length is None else f" at {length(t)}"

@@ -16,10 +16,11 @@ import numpy as np
 from ..events.changes import edit_count, listen, stop_listening, watch_again
 from . import compare_view, drawing
 from .walk_legend import draw_legend
-from .walk_picture import Lines, Picture, WalkedRay, picture_of
+from .walk_picture import HIT, RAY, Lines, Picture, WalkedRay, picture_of
 from .walk_steps import WalkStep
 
 VEIL = (0.02, 0.02, 0.03, 0.62)
+RING = 7.0  # radius, in points
 PLAY_SECONDS = 0.35  # a step, while it plays
 ENDING_CHANGES = frozenset({"a step was undone", "a step was redone"})
 
@@ -28,13 +29,14 @@ ENDING_CHANGES = frozenset({"a step was undone", "a step was redone"})
 class Shown:
     """A walk and where it is told of.
 
-    area: the viewport's address. edits, frame: the scene's when it was read. index: of the step that is shown.
+    space: the viewport's address, which stays when its area is maximized. edits, frame: the scene's when it was read.
+    index: of the step that is shown.
     """
 
     ray: WalkedRay
     steps: list[WalkStep]
     scene_uid: int
-    area: int
+    space: int
     edits: int
     frame: int
     index: int = 0
@@ -150,8 +152,8 @@ def _draw_in_pixels() -> None:
     found = shown_in(context)
     if found is None:
         return
-    _draw_hit(context, found.picture)
-    if context.area is not None and context.area.as_pointer() == found.area:
+    _draw_points(context, found.picture)
+    if context.space_data.as_pointer() == found.space:
         note = "The scene has changed since" if found.is_old(context.scene) else ""
         draw_legend(context, found.steps, found.index, note)
 
@@ -197,19 +199,27 @@ def _draw_lines(lines: Lines) -> None:
     batch.draw(shader)
 
 
-def _draw_hit(context: bpy.types.Context, picture: Picture) -> None:
-    """A dot where the nearest hit is so far."""
+def _draw_points(context: bpy.types.Context, picture: Picture) -> None:
+    """A dot where the nearest hit is so far, and a ring where the ray is."""
+    if picture.hit is not None and (place := _place_of(context, picture.hit)) is not None:
+        for points, color in ((5.0, (0.0, 0.0, 0.0)), (3.5, HIT)):
+            radius = drawing.pixels(points)
+            drawing.draw_rect(place[0] - radius, place[1] - radius, 2 * radius, 2 * radius, color, radius)
+    place = _place_of(context, picture.tip)
+    if place is not None:
+        radius = drawing.pixels(RING)
+        angles = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
+        ring = [(place[0] + radius * np.cos(angle), place[1] + radius * np.sin(angle)) for angle in angles]
+        drawing.draw_lines_2d(ring, RAY, 1.5, is_closed=True)
+
+
+def _place_of(context: bpy.types.Context, point: Any) -> tuple[float, float] | None:
+    """In the region that is being drawn; None behind the eye."""
     from bpy_extras.view3d_utils import location_3d_to_region_2d
     from mathutils import Vector
 
-    if picture.hit is None or not np.isfinite(picture.hit).all():
-        return
-    place = location_3d_to_region_2d(context.region, context.region_data, Vector(picture.hit))
-    if place is None:
-        return
-    for points, color in ((5.0, (0.0, 0.0, 0.0)), (3.5, (1.0, 1.0, 1.0))):
-        radius = drawing.pixels(points)
-        drawing.draw_rect(place.x - radius, place.y - radius, 2 * radius, 2 * radius, color, radius)
+    place = location_3d_to_region_2d(context.region, context.region_data, Vector(point))
+    return None if place is None or not np.isfinite(place).all() else (place.x, place.y)
 
 
 def register() -> None:

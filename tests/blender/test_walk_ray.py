@@ -121,6 +121,7 @@ def test_sentences_tell_what_happens(crowd: perfect_bvh.Snapshot) -> None:
     assert row is not None
     end = f"Ends: the nearest hit is Ball.{ray.walk.instance_ids[row]:03} at {ray.walk.t[row]:.4g}"
     assert sentences[-1] == end
+    assert steps_of(ray.walk, {int(ray.walk.instance_ids[row]): "A"}, None)[-1].sentence == "Ends: the nearest hit is A"
     assert heading(steps, 0) == f"Step 1 of {len(steps)}: {sentences[0]}"
     for step in steps[:-1]:
         if ": of " in step.sentence or "inside: " in step.sentence:
@@ -202,6 +203,7 @@ def test_the_bright_part_of_the_ray_is_in_the_box(crowd: perfect_bvh.Snapshot) -
             for t in (first, last):
                 place = ray.at(t)
                 assert (corners.min(axis=0) - 1e-5 <= place).all() and (place <= corners.max(axis=0) + 1e-5).all()
+        np.testing.assert_allclose(picture_of(ray, step).tip, ray.at(last))
         (thick,) = (lines for lines in picture_of(ray, step).lines if lines.width == THICK)
         np.testing.assert_allclose(thick.positions, [ray.at(first), ray.at(last)], rtol=1e-6)
 
@@ -219,7 +221,12 @@ class Viewport:
             window_matrix=Matrix.Diagonal((0.5, 0.5, -0.01, 1.0)),
         )
         space = SimpleNamespace(
-            camera=None, use_render_border=False, local_view=None, use_local_collections=False, region_3d=data
+            camera=None,
+            use_render_border=False,
+            local_view=None,
+            use_local_collections=False,
+            region_3d=data,
+            as_pointer=lambda: 7,
         )
         for name in awaited_view.TYPE_FILTERS:
             setattr(space, name, True)
@@ -233,7 +240,6 @@ class Viewport:
             height=200,
             regions=[main, panel],
             spaces=SimpleNamespace(active=space),
-            as_pointer=lambda: 7,
         )
         self.cursor = "DEFAULT"
         self.context = FakeWindow()
@@ -282,7 +288,7 @@ def test_a_click_walks_the_pixels_ray(viewport: Viewport) -> None:
     assert walk_view.shown() is None
     viewport.click()
     walk = walk_view.shown()
-    assert walk is not None and walk.steps[-1].sentence.startswith("Ends: the nearest hit is Cube at ")
+    assert walk is not None and walk.steps[-1].sentence == "Ends: the nearest hit is Cube"
     assert viewport.cursor == "DEFAULT" and "Esc ends" in viewport.context.status
     assert walk.ray.at(walk.ray.end(-1))[2] == pytest.approx(1.0)
     viewport.click(101, 51)  # beside the cube
