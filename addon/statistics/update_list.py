@@ -231,7 +231,8 @@ class _FileWatcher:
 def _forget() -> None:
     _asked.clear()
     _listed.clear()
-    for manager in bpy.data.window_managers:
+    # While Blender starts, when a failure may undo what was registered, there is no data.
+    for manager in getattr(bpy.data, "window_managers", ()):
         manager.perfect_bvh_updates.clear()
 
 
