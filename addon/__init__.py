@@ -40,6 +40,7 @@ _MODULES = (
     ".settings.scene_settings",
     ".settings.shading_settings",
     ".statistics.last_result",
+    ".statistics.messages",
     ".statistics.not_shown",
     ".statistics.update_list",
     ".image.saving",

@@ -19,8 +19,10 @@ from .image.still import Frame, Images, Progress, render_frame
 from .settings.denoisers import denoising_data_settings
 from .settings.preferences import native_error
 from .settings.scene_settings import ENGINE_NAME, read_settings
+from .statistics import messages
 from .statistics.last_result import edits_of, remember
 from .statistics.not_shown import line_of, tell
+from .statistics.words import sentence
 from .sync.records import CameraRecord
 from .view3d.viewport import Viewport
 
@@ -107,6 +109,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
     bl_use_shading_nodes_custom = False
 
     _region_viewport: Viewport | None = None
+    _told: str | None = None  # of what the region shows
 
     def update_render_passes(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
         """Tell the compositor which sockets the engine's layer has."""
@@ -116,18 +119,19 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Render one view layer of one frame, with each eye if there are several."""
+        scene = depsgraph.scene
+        messages.begin_render(scene)
         error = native_error()
         if error is not None:
-            self._fail(error)
+            self._fail(scene, error)
             return
-        scene = depsgraph.scene
         specs = enabled_passes(depsgraph.view_layer)
         plan = plan_render(scene, read_settings(scene), tuple(spec.source for spec in specs))
-        if not self._has_room(plan):
+        if not self._has_room(scene, plan):
             return
         views = _view_names(scene)
         if not views:
-            self._fail(f'No active view found in scene "{scene.name}": enable one under Output > Stereoscopy')
+            self._fail(scene, f'No active view found in scene "{scene.name}": enable one under Output > Stereoscopy')
             return
         layer_name = depsgraph.view_layer.name
         for spec in specs:
@@ -141,15 +145,16 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
     def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Something of what a viewport shows has changed."""
         if self._can_view():
-            self._attempt(lambda: self._viewport().update(context, depsgraph))
+            self._attempt(depsgraph.scene, lambda: self._viewport().update(context, depsgraph))
 
     def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         """Draw a viewport. It asks to be drawn again by itself, when there is more of its image."""
         if not self._can_view():
             return
-        viewport = self._viewport()
-        if self._attempt(lambda: viewport.draw(self, context, depsgraph)) is not None:
-            self.update_stats(viewport.complaint or line_of(depsgraph.scene), viewport.state)
+        viewport, scene = self._viewport(), depsgraph.scene
+        if self._attempt(scene, lambda: viewport.draw(self, context, depsgraph)) is not None:
+            self.update_stats(viewport.complaint or line_of(scene), sentence(viewport.state))
+            self._tell_of_view(scene, viewport.complaint)
 
     def _can_view(self) -> bool:
         error = native_error()
@@ -163,14 +168,22 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             self._region_viewport = Viewport()
         return self._region_viewport
 
-    def _attempt(self, work: Callable[[], T]) -> T | None:
+    def _tell_of_view(self, scene: bpy.types.Scene, text: str | None, *, is_error: bool = False) -> None:
+        """Where it can be read for longer than in the viewport. Other viewports may have something to tell, too."""
+        if text != self._told:
+            self._told = text
+            messages.tell(scene, messages.VIEWPORT, *([text] if text else []), is_error=is_error)
+
+    def _attempt(self, scene: bpy.types.Scene, work: Callable[[], T]) -> T | None:
         """The result of `work`; None if it failed, with the reason shown in the viewport."""
         import perfect_bvh
 
         try:
             return work()
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
-            self.update_stats("", str(problem) or type(problem).__name__)
+            text = sentence(str(problem) or type(problem).__name__)
+            self.update_stats("", text)
+            self._tell_of_view(scene, text, is_error=True)
             return None
 
     # The parts of a render -------------------------------------------------------------------------------------------
@@ -206,14 +219,14 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         eye = Eye(np.array(self.camera_model_matrix(camera), np.float64), self.camera_shift_x(camera))
         return read_camera(camera.evaluated_get(depsgraph), read_frame(depsgraph.scene), eye)[0]
 
-    def _has_room(self, plan: RenderPlan) -> bool:
+    def _has_room(self, scene: bpy.types.Scene, plan: RenderPlan) -> bool:
         """Whether the image fits into memory, asked before Blender allocates it; if not, an error is reported."""
         if _job is not None and not _job.trace:
             return True
         try:
             plan.check_memory()
         except ValueError as problem:
-            self._fail(str(problem))
+            self._fail(scene, str(problem))
             return False
         return True
 
@@ -247,9 +260,9 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             job.is_cancelled = True
         except KeyboardInterrupt:
             job.is_cancelled = True
-            self._fail("The render was interrupted")
+            self._fail(scene, "The render was interrupted")
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
-            self._fail(str(problem) or type(problem).__name__)
+            self._fail(scene, str(problem) or type(problem).__name__)
         else:
             remember(scene, job.frame.statistics, edits)
             megabytes = job.frame.statistics.report.byte_count / 2**20
@@ -267,8 +280,10 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         wants_more = job.progress is None or job.progress(done)
         return wants_more and not self.test_break()
 
-    def _fail(self, message: str) -> None:
+    def _fail(self, scene: bpy.types.Scene, reason: str) -> None:
         """A script gets a RuntimeError from the operator, a user the message in the Image Editor's header."""
+        message = sentence(reason)
+        messages.tell(scene, messages.RENDER, message, is_error=True)
         self.error_set(message)
         self.report({"ERROR"}, message)
 

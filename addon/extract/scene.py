@@ -122,8 +122,7 @@ def _read_parts(
     images = ImageReader(cache.images)
     materials = MaterialReader(depsgraph.view_layer_eval.material_override, images if attributes.shading else None)
     groups = GroupTable(meshes, materials, visibility, AdaptiveSubdivision(depsgraph))
-    warnings: list[str] = []
-    instances = read_instances(depsgraph, groups, reader, cache.instances, warnings)
+    instances = read_instances(depsgraph, groups, reader, cache.instances)
     of_world: list[NotShown] = []
     world = read_world(depsgraph.scene_eval, images, of_world) if attributes.shading else None
     columns = InstanceColumns(depsgraph, groups.objects, instances, cache.instances.random_ids)
@@ -139,8 +138,8 @@ def _read_parts(
         variants=variants,
         unseen=groups.unseen,
         instances_lights=groups.instances_lights,
-        warnings=(*meshes.warnings, *groups.warnings, *map(str, images.not_shown), *warnings),
-        not_shown=(*groups.not_shown, *materials.not_shown, *images.not_shown, *of_world),
+        warnings=(*meshes.warnings, *groups.warnings, *map(str, images.not_shown)),
+        not_shown=(*meshes.not_shown, *groups.not_shown, *materials.not_shown, *images.not_shown, *of_world),
     )
 
 

@@ -162,4 +162,5 @@ def missing_camera(scene: bpy.types.Scene, sync: SceneSync) -> str:
     """Why a scene whose sync has no camera cannot be rendered through one, as a sentence for the user."""
     # What is wrong with the camera that it has is the last of what could not be read.
     reason = f". {sync.warnings[-1]}" if scene.camera is not None and sync.warnings else ""
-    return f"scene {scene.name!r} has no camera that can be rendered{reason}"
+    way_out = reason or ": add one with Add > Camera, or choose one in the scene's properties"
+    return f"scene {scene.name!r} has no camera that can be rendered{way_out}"

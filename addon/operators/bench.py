@@ -93,12 +93,12 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
         from ..bench.from_blender import subject_of
         from ..bench.measurements import SceneBench
 
+        self._forget_complaints()
         self._where = self._find_folder()
         try:
             prepare_folder(self._where)
         except OSError as problem:
-            reason = str(problem.strerror)
-            self.report({"ERROR"}, reason[0].upper() + reason[1:])
+            self._complain(problem)
             return False
         self._scene_uid = context.scene.session_uid
         self._place = SceneReference("bench", context.scene, context.view_layer)
@@ -114,7 +114,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
         try:
             return next(self._steps, None)
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
-            self.report({"ERROR"}, (str(problem) or type(problem).__name__).removeprefix("bench: "))
+            self._complain(problem)
             return None
 
     def _end(self, context: bpy.types.Context) -> None:
@@ -130,7 +130,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
         try:
             results = write(self._bench.figures, folder)
         except OSError as problem:
-            self.report({"ERROR"}, f"Cannot write into {folder}: {problem.strerror or problem}")
+            self._complain(f"Cannot write into {folder}: {problem.strerror or problem}")
             return {"CANCELLED"}
         if not results.table:
             return {"CANCELLED"}

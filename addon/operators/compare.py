@@ -76,6 +76,7 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
 
         scene, settings = context.scene, context.scene.perfect_bvh.compare
         choices = choice_of(settings.left), choice_of(settings.right)
+        self._forget_complaints()
         self._space = find_space(context)
         self._edits = edit_count(scene.session_uid)
         try:
@@ -83,7 +84,7 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
             is_refitted = any(choice.identifier == REFITTED for choice in choices)
             first = read_object(context, context.object, scene.frame_start) if is_refitted else None
         except ValueError as problem:
-            self.report({"ERROR"}, str(problem))
+            self._complain(problem)
             return False
         self._work = BackgroundWork(
             partial(compare, shown, scene.frame_current, choices, first), lambda comparison: comparison
@@ -98,7 +99,7 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
         try:
             comparison = self._work.result()
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
-            self.report({"ERROR"}, str(problem) or type(problem).__name__)
+            self._complain(problem)
             return {"CANCELLED"}
         if self._space is not None:
             compare_view.show(comparison, context.scene, self._space, self._edits)

@@ -86,6 +86,7 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
         from ..view3d.decay import Decay, follow
         from ..view3d.reading import read_frames
 
+        self._forget_complaints()
         scene = context.scene
         settings = scene.perfect_bvh.decay
         is_scene = settings.subject == "SCENE"
@@ -104,7 +105,7 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
         try:
             return next(self._steps, None)
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
-            self.report({"ERROR"}, (str(problem) or type(problem).__name__).removeprefix("decay: "))
+            self._complain(problem)
             return None
 
     def _show_rows(self) -> None:

@@ -105,12 +105,13 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         try:
             work()
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
-            self.report({"ERROR"}, str(problem) or type(problem).__name__)
+            self._complain(problem)
             return False
         return True
 
     def _read(self, context: bpy.types.Context) -> None:
         """What is shown is the scene as it is now, and its trees begin to be built."""
+        self._forget_complaints()
         self._scene_uid = context.scene.session_uid
         self._view = await_view(context)
 

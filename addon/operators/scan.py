@@ -16,6 +16,7 @@ import bpy
 import numpy as np
 
 from ..settings.preferences import native_error
+from ..statistics.words import duration
 from ..support.files import check_writable
 from .ticking import Ticking
 
@@ -92,6 +93,7 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
         scene = context.scene
         settings = scene.perfect_bvh.scan
         frames = (scene.frame_start, scene.frame_end) if settings.use_frame_range else None
+        self._forget_complaints()
         self._started = time.perf_counter()
         try:
             path = _path_of(settings)
@@ -105,7 +107,7 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
                 threads=scene.render.threads if scene.render.threads_mode == "FIXED" else 0,
             )
         except (ValueError, OSError) as problem:
-            self.report({"ERROR"}, _sentence(problem))
+            self._complain(problem)
             return False
         self._steps = self._scanner.steps()
         return True
@@ -122,7 +124,7 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
                     # The last step is over when the iterator is: it sets the frame back.
                     return min(done, 0.999)
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
-            self.report({"ERROR"}, _sentence(problem))
+            self._complain(problem)
             return None
         return 1.0
 
@@ -138,9 +140,9 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
     def _finish(self, context: bpy.types.Context) -> set[str]:
         cloud = self._scanner.result()
         for warning in cloud.warnings:
-            self.report({"WARNING"}, warning)
+            self._complain(warning, "WARNING")
         if not len(cloud):
-            self.report({"WARNING"}, f"None of {cloud.ray_count:,} rays met anything: no points were made")
+            self._complain(f"None of {cloud.ray_count:,} rays met anything: no points were made", "WARNING")
             return {"CANCELLED"}
         made = _add_object(context, cloud)
         seconds = time.perf_counter() - self._started
@@ -150,9 +152,9 @@ class PERFECT_BVH_OT_scan(Ticking, bpy.types.Operator):
             where = "" if path is None else f", written to {cloud.save(path)}"
         except OSError as problem:
             # The points are kept: only the file is missing.
-            self.report({"ERROR"}, f"{found}, but {problem.strerror or problem}")
+            self._complain(f"{found}, but {problem.strerror or problem}")
             return {"FINISHED"}
-        self.report({"INFO"}, f"{found}, {seconds:.1f} s{where}")
+        self.report({"INFO"}, f"{found}, {duration(1e3 * seconds)}{where}")
         return {"FINISHED"}
 
 
@@ -171,7 +173,7 @@ def pattern_of(settings: bpy.types.PropertyGroup) -> Pattern:
 
 
 def parse_elevations(text: str) -> tuple[float, ...]:
-    """Degrees from "-30.67, -29.33, ..." or from "LOWEST:HIGHEST:COUNT". Raises ValueError if it is neither."""
+    """Degrees from "-30.67, -29.33, ..." or from "lowest:highest:count". Raises ValueError if it is neither."""
     try:
         if ":" in text:
             lowest, highest, count = text.split(":")
@@ -181,7 +183,7 @@ def parse_elevations(text: str) -> tuple[float, ...]:
         return tuple(float(part) for part in text.split(",") if part.strip())
     except ValueError as problem:
         raise ValueError(
-            f"Elevations must be degrees with commas between, or LOWEST:HIGHEST:COUNT with a count of at most "
+            f"Elevations must be degrees with commas between, or lowest:highest:count with a count of at most "
             f"{MOST_LINES:,}, got {text!r}"
         ) from problem
 
@@ -220,12 +222,6 @@ def _add_object(context: bpy.types.Context, cloud: PointCloud) -> bpy.types.Obje
     is_linked = context.collection.library is not None
     (context.scene.collection if is_linked else context.collection).objects.link(made)
     return made
-
-
-def _sentence(problem: Exception) -> str:
-    text = problem.strerror if isinstance(problem, OSError) and problem.strerror else str(problem)
-    text = text.removeprefix("scan: ") or type(problem).__name__
-    return text[0].upper() + text[1:]
 
 
 def register() -> None:

@@ -2,9 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import bpy
 
+from ..statistics import messages
+from ..statistics.words import sentence
+
 TIMER_SECONDS = 0.01
+# Whose names errors begin with, for scripts.
+FUNCTIONS = ("scan", "bench", "compare", "decay")
+
+
+def sentence_of(problem: BaseException | str) -> str:
+    """What users read of it: neither a function's name nor a number of the operating system's."""
+    text = problem.strerror if isinstance(problem, OSError) and problem.strerror else str(problem)
+    for function in FUNCTIONS:
+        text = text.removeprefix(f"{function}: ")
+    return sentence(text or type(problem).__name__)
 
 
 class Ticking:
@@ -13,6 +28,8 @@ class Ticking:
     Without a window, or when a script calls them, none of it begins.
     """
 
+    bl_label: str
+    report: Callable[[set[str], str], None]
     _timer: bpy.types.Timer | None = None
     _told = ""
 
@@ -27,6 +44,16 @@ class Ticking:
         if state != self._told:  # each call draws the status bar again
             self._told = state
             context.workspace.status_text_set(state)
+
+    def _forget_complaints(self) -> None:
+        """It begins anew."""
+        messages.tell(bpy.context.scene, self.bl_label)
+
+    def _complain(self, problem: BaseException | str, kind: str = "ERROR") -> None:
+        """Report what went wrong, and leave it in the panels until it begins anew."""
+        text = sentence_of(problem)
+        self.report({kind}, text)
+        messages.add(bpy.context.scene, self.bl_label, text, is_error=kind == "ERROR")
 
     def _end_ticking(self, context: bpy.types.Context) -> None:
         """Nothing if it has not begun, or ended before."""

@@ -9,7 +9,7 @@ import bpy
 
 from ..bench.results import last_results
 from ..bench.table import HEADINGS, Row
-from .common import SidebarPanel, draw_lines
+from .common import SidebarPanel, draw_lines, draw_messages_of
 
 
 class PERFECT_BVH_PT_bench(SidebarPanel, bpy.types.Panel):
@@ -21,6 +21,7 @@ class PERFECT_BVH_PT_bench(SidebarPanel, bpy.types.Panel):
         text = "Measures builders, layouts and policies on this scene for about a minute"
         draw_lines(context, self.layout, text)
         self.layout.operator("perfect_bvh.bench", icon="TIME")
+        draw_messages_of(context, self.layout, "Bench This Scene")
         results = last_results(context.scene.session_uid)
         if results is not None:
             draw_table(self.layout, results.table)

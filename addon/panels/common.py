@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import ClassVar
 
+import blf
 import bpy
 
 from ..settings.preferences import native_error
 from ..settings.scene_settings import ENGINE_NAME
+from ..statistics.messages import Message, messages_of
 
-# Labels do not wrap, and a panel is as wide as its region. Pixels at the usual resolution scale, and no line shorter.
-MARGIN, CHARACTER_WIDTH = 60, 5.7
-SHORTEST_LINE = 20
+# Labels do not wrap, and a panel is as wide as its region: in pixels at the usual resolution scale, what is left free
+# of that for borders and an icon, and how long a line is at least. The font is the interface's own.
+MARGIN, SHORTEST_LINE = 58, 114
+FONT, FONT_SIZE = 0, 11
+TABS = 20  # of a sidebar's width
 
 
 class RenderPanel:
@@ -60,8 +63,28 @@ def settings_layout(panel: bpy.types.Panel) -> bpy.types.UILayout:
 
 def wrapped(context: bpy.types.Context, text: str, inset: float = 0.0) -> list[str]:
     """The lines of `text` as the panel that is being drawn has room for. inset: what is lost of that."""
-    width = context.region.width / context.preferences.system.ui_scale - MARGIN - inset
-    return textwrap.wrap(text, max(SHORTEST_LINE, int(width / CHARACTER_WIDTH)))
+    width = max(SHORTEST_LINE, context.region.width / context.preferences.system.ui_scale - MARGIN - inset)
+    blf.size(FONT, FONT_SIZE)
+    lines: list[str] = []
+    for word in text.split():
+        longer = f"{lines[-1]} {word}" if lines else word
+        if lines and blf.dimensions(FONT, longer)[0] <= width:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return lines
+
+
+def draw_message(context: bpy.types.Context, layout: bpy.types.UILayout, message: Message, inset: float = 0.0) -> None:
+    """Something that went wrong, or not as it should."""
+    draw_lines(context, layout, message.text, "CANCEL" if message.is_error else "ERROR", inset)
+
+
+def draw_messages_of(context: bpy.types.Context, layout: bpy.types.UILayout, source: str) -> None:
+    """What went wrong last in what a sidebar's panel is for: with other render engines it is told nowhere else."""
+    for message in messages_of(context.scene):
+        if message.source == source:
+            draw_message(context, layout, message, TABS)
 
 
 def draw_lines(

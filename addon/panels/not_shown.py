@@ -66,7 +66,9 @@ class PERFECT_BVH_PT_not_shown(EnginePanel, bpy.types.Panel):
         row = listed.rows[listed.active]
         if row.scene_uid != context.scene.session_uid:
             return
-        draw_lines(context, self.layout, f"{row.name}: {row.text}")
+        column = self.layout.column(align=True)
+        draw_lines(context, column, f"{row.name}: {row.text}", icon=ICONS[row.kind])
+        draw_lines(context, column, row.advice, icon="INFO")
         if row.kind in SELECTABLE:
             button = self.layout.operator("perfect_bvh.select_not_shown", icon="RESTRICT_SELECT_OFF")
             button.kind, button.session_uid = row.kind, row.session_uid

@@ -1,50 +1,61 @@
-"""What the last image of the scene cost."""
+"""What the last image of the scene cost, and what went wrong."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import bpy
 
 from ..statistics.last_result import is_outdated, last_statistics
+from ..statistics.messages import messages_of
+from ..statistics.not_shown import line_of
 from ..statistics.summary import statistics_rows
-from .common import RenderPanel, draw_lines
+from .common import RenderPanel, draw_lines, draw_message
 
-SHOWN_WARNINGS = 3
+# What a box takes of the width.
+BOX = 16
 
 
 class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
-    """How long each step of the last render, preview or view of this scene took, and what it was done to."""
+    """How long each step of the last render, preview or view of this scene took, what it was done to, and messages."""
 
     bl_label = "Statistics"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return super().poll(context) and last_statistics(context.scene) is not None
+        is_there = last_statistics(context.scene) is not None or bool(messages_of(context.scene))
+        return super().poll(context) and is_there
 
     def draw(self, context: bpy.types.Context) -> None:
-        statistics = last_statistics(context.scene)
-        is_old = is_outdated(context.scene)
-        split = self.layout.split(factor=0.4)
-        split.active = not is_old
-        names, values = split.column(align=True), split.column(align=True)
-        names.alignment = "RIGHT"
-        for name, value in statistics_rows(statistics):
-            names.label(text=name)
-            values.label(text=value)
-        _draw_warnings(context, self.layout, (*statistics.report.warnings, *statistics.complaints))
-        # A viewport renews them itself: panels would only jump meanwhile.
-        if is_old and statistics.source != "Viewport":
-            draw_lines(context, self.layout, "The scene has changed since", icon="INFO")
+        if last_statistics(context.scene) is not None:
+            _draw_steps(context, self.layout)
+        draw_messages(context, self.layout)
 
 
-def _draw_warnings(context: bpy.types.Context, layout: bpy.types.UILayout, warnings: Sequence[str]) -> None:
-    """What could not be read: reports of it are seen for a few seconds only."""
-    for warning in warnings[:SHOWN_WARNINGS]:
-        draw_lines(context, layout, warning, icon="ERROR")
-    more = len(warnings) - SHOWN_WARNINGS
-    if more > 0:
-        draw_lines(context, layout, f"and {more:,} more: see the Info editor", icon="BLANK1")
+def _draw_steps(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    statistics = last_statistics(context.scene)
+    is_old = is_outdated(context.scene)
+    split = layout.split(factor=0.4)
+    split.active = not is_old
+    names, values = split.column(align=True), split.column(align=True)
+    names.alignment = "RIGHT"
+    for name, value in statistics_rows(statistics):
+        names.label(text=name)
+        values.label(text=value)
+    # A viewport renews them itself: panels would only jump meanwhile.
+    if is_old and statistics.source != "Viewport":
+        draw_lines(context, layout, "The scene has changed since", icon="INFO")
+
+
+def draw_messages(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    """All of them, in a box: reports of Blender's are seen for a few seconds only."""
+    found, line = messages_of(context.scene), line_of(context.scene)
+    if not found and not line:
+        return
+    column = layout.box().column(align=True)
+    column.label(text="Messages")
+    for message in found:
+        draw_message(context, column, message, BOX)
+    if line:
+        draw_lines(context, column, f"{line}: see Not Shown", icon="INFO", inset=BOX)
 
 
 CLASSES = (PERFECT_BVH_PT_statistics,)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .common import SidebarPanel, settings_layout
+from .common import SidebarPanel, draw_messages_of, settings_layout
 
 
 class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
@@ -32,6 +32,7 @@ class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
         layout.prop(settings, "color_by")
         layout.prop(settings, "filepath")
         layout.operator("perfect_bvh.scan", icon="OUTLINER_OB_POINTCLOUD")
+        draw_messages_of(context, layout, "Scan")
 
 
 CLASSES = (PERFECT_BVH_PT_scan,)

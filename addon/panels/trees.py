@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import bpy
 
-from .common import SidebarPanel, settings_layout
+from .common import SidebarPanel, draw_messages_of, settings_layout
 
 
 class PERFECT_BVH_PT_trees(SidebarPanel, bpy.types.Panel):
@@ -47,6 +47,7 @@ class PERFECT_BVH_PT_compare(TreePanel, bpy.types.Panel):
         row.operator("perfect_bvh.compare", icon="MOD_MIRROR")
         if compare_view.shown() is not None:
             row.operator("perfect_bvh.end_comparison", text="", icon="X")
+        draw_messages_of(context, layout, "Compare")
 
 
 class PERFECT_BVH_PT_decay(TreePanel, bpy.types.Panel):
@@ -70,6 +71,7 @@ class PERFECT_BVH_PT_decay(TreePanel, bpy.types.Panel):
         row.operator("perfect_bvh.decay", icon="FCURVE")
         if decay_view.shown() is not None:
             row.operator("perfect_bvh.end_decay", text="", icon="X")
+        draw_messages_of(context, layout, "Measure Decay")
 
 
 CLASSES = (PERFECT_BVH_PT_trees, PERFECT_BVH_PT_compare, PERFECT_BVH_PT_decay)

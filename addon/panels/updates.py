@@ -7,7 +7,7 @@ import bpy
 from ..statistics.last_result import is_outdated, last_statistics
 from ..statistics.update_list import FOLD, MORE, row_of, rows_of, updates_of
 from ..statistics.words import count_of, duration
-from .common import SidebarPanel, draw_lines
+from .common import TABS, SidebarPanel, draw_lines
 
 ICONS = {
     "kept": "CHECKMARK",
@@ -26,8 +26,7 @@ ICONS = {
     "built": "ADD",
 }
 # Of a row: what a name has where there is a time beside it and where there is none; of the rest what a time has.
-NAME_PART, LONG_NAME_PART, TIME_PART = 0.5, 0.78, 0.62
-TABS = 20  # pixels of the sidebar that its tabs take
+NAME_PART, LONG_NAME_PART, TIME_PART = 0.46, 0.78, 0.62
 
 
 class PERFECT_BVH_UL_updates(bpy.types.UIList):
@@ -45,9 +44,9 @@ class PERFECT_BVH_UL_updates(bpy.types.UIList):
     ) -> None:
         if item.state == FOLD:
             arrow = "DOWNARROW_HLT" if data.is_unfolded else "RIGHTARROW"
-            row = layout.row()
-            row.alignment = "LEFT"
-            row.prop(data, "is_unfolded", text=item.name, icon=arrow, emboss=False)
+            row = layout.row(align=True)
+            row.prop(data, "is_unfolded", text="", icon=arrow, emboss=False)
+            row.label(text=item.name)
         elif item.state == MORE:
             layout.label(text=item.name, icon="BLANK1")
         else:

@@ -79,7 +79,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     )
     elevations: bpy.props.StringProperty(
         name="Elevations",
-        description="Degrees above the horizon of each line, with commas between; LOWEST:HIGHEST:COUNT for even steps",
+        description="Degrees above the horizon of each line, with commas between; lowest:highest:count for even steps",
         default="-15:15:16",
     )
     columns: bpy.props.IntProperty(

@@ -35,6 +35,7 @@ class _Done:
 
 _latest: dict[int, _Done] = {}  # by the scene's session uid
 _shown: dict[int, tuple[_Done, bool]] = {}  # as panels have it, with whether the scene was edited since
+_has_news = False  # beside that
 
 
 def edits_of(scene: bpy.types.Scene) -> int:
@@ -89,14 +90,25 @@ def forget() -> None:
     _latest.clear()
 
 
+def tell_of_news() -> None:
+    """Panels show something of a scene that is not kept here, and it has changed; from any thread."""
+    global _has_news
+    _has_news = True
+
+
 def _show_news() -> float:
-    global _shown
+    global _shown, _has_news
     before, _shown = _shown, {uid: (done, done.edits != edit_count(uid)) for uid, done in _latest.copy().items()}
-    if _shown != before:
+    if _shown != before or _has_news:
+        _has_news = False
         for window in bpy.context.window_manager.windows:
             for area in window.screen.areas:
                 if area.type == "PROPERTIES":
                     area.tag_redraw()
+                elif area.type == "VIEW_3D":  # its sidebar tells of it, too, and nothing else of it is new
+                    for region in area.regions:
+                        if region.type == "UI":
+                            region.tag_redraw()
     return TIMER_SECONDS
 
 

@@ -25,6 +25,7 @@ class PERFECT_BVH_PG_not_shown(bpy.types.PropertyGroup):
 
     kind: bpy.props.StringProperty(name="Kind", description="What it is that is not shown")
     text: bpy.props.StringProperty(name="Text", description="What is not shown, and what is shown instead")
+    advice: bpy.props.StringProperty(name="Advice", description="What can be done to have it shown")
     session_uid: bpy.props.IntProperty(name="Session UID", description="Number that Blender gave it, 0 for none")
     scene_uid: bpy.props.IntProperty(name="Scene UID", description="Number that Blender gave the scene")
 
@@ -67,7 +68,7 @@ def list_rows() -> bool:
     for scene_uid, rows in wanted.items():
         for row in rows:
             made = listed.rows.add()
-            made.name, made.kind, made.text = row.name, row.kind, row.text
+            made.name, made.kind, made.text, made.advice = row.name, row.kind, row.text, row.what_to_do
             made.session_uid, made.scene_uid = row.session_uid, scene_uid
     listed.active = min(listed.active, max(len(listed.rows) - 1, 0))
     _listed = wanted

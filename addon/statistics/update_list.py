@@ -99,8 +99,10 @@ def instancers_of(rows: PERFECT_BVH_PG_updates, row: UpdateRow) -> set[int]:
 
 
 def choose(rows: PERFECT_BVH_PG_updates) -> None:
-    """Tell of the active row, and select its objects."""
+    """Tell of the active row, and select its objects; unfold or fold, if it is the row for that."""
     _describe(rows)
+    if 0 <= rows.active < len(rows.rows) and rows.rows[rows.active].state == FOLD:
+        rows.is_unfolded = not rows.is_unfolded
     if row_of(rows, rows.active) is None or bpy.context.scene.session_uid != rows.scene_uid:
         return
     operator = bpy.ops.perfect_bvh.select_updated
@@ -172,7 +174,7 @@ def _write_row(made: PERFECT_BVH_PG_updates, number: int, row: UpdateRow, *, is_
     item = made.rows.add()
     item.name, item.state, item.number, item.is_changed = row.title, row.state, number, is_changed
     if row.milliseconds:
-        item.time = duration(row.milliseconds)
+        item.time = duration(row.milliseconds).replace("under ", "<")
     if row.share > 0.0:
         item.share = share(row.share)
 

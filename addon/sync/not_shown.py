@@ -20,6 +20,19 @@ _COUNTED: dict[Kind, tuple[str, str, str]] = {
     "setting": ("setting", "settings", "ignored"),
 }
 
+# What users can do about it, a sentence each.
+_WHAT_TO_DO: dict[Kind, str] = {
+    "library": "Relocate the library in the Outliner's Blender File view, and reload it",
+    "dark": "Add a light, or give the world a color",
+    "object": "Convert it to a mesh to have it shown",
+    "shape": "Give its mesh by other modifiers what it lacks",
+    "material": "Bake what is not shown into an image texture, or leave it as it is",
+    "image": "File > External Data > Find Missing Files looks for it in a folder",
+    "light": "Set it up without that, or leave it as it is",
+    "world": "Bake what is not shown into an environment texture, or leave it as it is",
+    "setting": "Turn it off, or leave it as it is",
+}
+
 # Of what objects can be found by, and what they are to it.
 SELECTABLE: dict[Kind, str] = {
     "object": "is it",
@@ -36,13 +49,20 @@ class NotShown:
 
     kind: what name is of; "dark" is a scene in which nothing shines, "shape" an object's, "light" one or an object that
     shines. session_uid: of the object, material, image, light or world, 0 for others. text: a sentence without its
-    subject: what is not shown; what is shown instead.
+    subject: what is not shown; what is shown instead. advice: what can be done about it, if that is not what can be
+    done about all of the kind.
     """
 
     kind: Kind
     name: str
     session_uid: int
     text: str
+    advice: str = ""
+
+    @property
+    def what_to_do(self) -> str:
+        """A sentence."""
+        return self.advice or _WHAT_TO_DO[self.kind]
 
     def __str__(self) -> str:
         return f"{self.name}: {self.text}"
@@ -64,4 +84,4 @@ def summarize(not_shown: Iterable[NotShown]) -> str:
         for kind, (one, many, what) in _COUNTED.items()
         if kind in found
     ]
-    return ", ".join([*(["no light at all"] if "dark" in found else []), *parts])
+    return ", ".join([*(["No light at all"] if "dark" in found else []), *parts])

@@ -270,7 +270,7 @@ def test_the_button_says_that_its_scene_is_gone(moving_ball: bpy.types.Scene, tm
     bpy.data.scenes.remove(moving_ball)
     while operator.modal(window, TIMER) == {"RUNNING_MODAL"}:
         pass
-    assert ("ERROR", "the scene was removed during the bench") in operator.reports
+    assert ("ERROR", "The scene was removed during the bench") in operator.reports
     assert (window.timers, window.status) == (0, None)
 
 

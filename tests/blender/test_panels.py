@@ -208,16 +208,20 @@ def test_an_audit_is_for_scripts_and_shows_in_no_panel() -> None:
     assert not any("audit" in name.lower() for panel in panels.CLASSES for name in drawn(panel))
 
 
-def test_what_could_not_be_read_stays_in_the_statistics() -> None:
+def test_all_that_could_not_be_read_stays_in_the_list_and_the_statistics_tell_of_it() -> None:
     for number in range(5):
         mesh = bpy.data.meshes.new(f"broken {number}")
         mesh.from_pydata([(0, 0, 0), (1, 0, 0), (float("nan"), 1, 0)], [], [(0, 1, 2)])
         bpy.context.scene.collection.objects.link(bpy.data.objects.new(f"Broken {number}", mesh))
-    assert "not finite" not in " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
+    assert "simplified" not in " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
     bpy.ops.render.render()
-    texts = " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
-    assert texts.count("not finite") == reports.SHOWN_WARNINGS
-    assert "and 2 more" in texts
+    not_shown.list_rows()
+    (panel,) = panels.not_shown.CLASSES
+    texts = drawn(panel)
+    assert [text for text in texts if text.startswith("Broken ") and "not finite" in text][:5] == [
+        f"Broken {number}: left out 1 triangle with a vertex that is not finite or beyond 1e18" for number in range(5)
+    ]
+    assert "5 objects simplified: see Not Shown" in " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
 
 
 def broken_scene() -> Any:

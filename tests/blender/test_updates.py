@@ -227,7 +227,8 @@ def test_what_is_unchanged_is_one_row_that_unfolds(listed: Any) -> None:
     assert shown(rows) == ["B", "2 unchanged"]
     rows.is_unfolded = True
     assert shown(rows)[:2] == ["B", "2 unchanged"] and set(shown(rows)[2:]) == {"A", "C"}
-    rows.is_unfolded = False
+    choose(rows, "2 unchanged")
+    assert not rows.is_unfolded and rows.done == "", "the whole row folds"
     assert shown(rows, "c") == ["C"], "what is searched for is found without unfolding"
     assert not update_list.fill(), "nothing is new"
 

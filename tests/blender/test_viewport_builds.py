@@ -344,7 +344,8 @@ def test_a_viewport_tells_in_one_line_what_it_does_not_show(cube, gate: Gate) ->
     screen = SimpleNamespace(
         _can_view=lambda: True,
         _viewport=lambda: shown.viewport,
-        _attempt=lambda work: work(),
+        _attempt=lambda scene, work: work(),
+        _tell_of_view=lambda scene, text: None,
         append=shown.screen.append,
         update_stats=lambda line, state: told.append(line),
         tag_redraw=lambda: None,
@@ -362,7 +363,7 @@ def test_a_viewport_tells_in_one_line_what_it_does_not_show(cube, gate: Gate) ->
     bpy.ops.object.volume_add()
     assert redraw() == "1 object not shown, 1 setting ignored"
     bpy.context.scene.world = None
-    assert redraw() == "no light at all, 1 object not shown, 1 setting ignored"
+    assert redraw() == "No light at all, 1 object not shown, 1 setting ignored"
     bpy.context.scene.perfect_bvh.mode = "CLAY"
     assert redraw() == "1 object not shown, 1 setting ignored"
     shown.viewport.complaint = None

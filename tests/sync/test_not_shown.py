@@ -21,7 +21,7 @@ def row(kind: Kind, uid: int, text: str = "x is not shown; y is") -> NotShown:
             [row("object", 9), row("material", 1), row("material", 2), row("material", 3), row("material", 3, "other")],
             "3 materials simplified, 1 object not shown",
         ),
-        ([row("setting", 0, "a"), row("setting", 0, "b"), row("dark", 0)], "no light at all, 2 settings ignored"),
+        ([row("setting", 0, "a"), row("setting", 0, "b"), row("dark", 0)], "No light at all, 2 settings ignored"),
         ([row("library", 4), row("library", 5), row("world", 1), row("light", 1)], _ALL),
     ],
 )

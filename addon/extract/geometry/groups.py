@@ -26,6 +26,14 @@ _UNREADABLE_TYPES = {
     "VOLUME": "a volume has no triangles",
     "GREASEPENCIL": "grease pencil strokes are not triangles",
 }
+# What users can do about those that are not simply converted.
+_ADVICE = {
+    "a point cloud has no triangles": "Instance a mesh on its points with Geometry Nodes to have them shown",
+    "a volume has no triangles": "Make a mesh of it with the modifier Volume to Mesh to have its surface shown",
+    "particle hair is not triangles": "Press Convert in its Particle System modifier, and give the mesh a thickness",
+}
+_OF_VOLUMES = "Give its material a surface shader to have the object shown"
+_OF_SUBDIVISION = "Raise the levels of the modifier until the surface is smooth enough"
 
 
 @dataclass(slots=True)
@@ -72,7 +80,7 @@ class GroupTable:
         if mesh_row == NO_MESH:
             return NOT_SHOWN
         if self.materials.are_volumes(slots):
-            self._note(obj, "its material has a volume and no surface; nothing of it is shown")
+            self._note(obj, "its material has a volume and no surface; nothing of it is shown", advice=_OF_VOLUMES)
         self._note_simplified(obj, slots, obj if parent is None else parent, is_own)
         if layers is not NO_LAYERS:
             self._note_missing_layers(obj, slots, layers, self.meshes.records[mesh_row])
@@ -81,9 +89,12 @@ class GroupTable:
         self.rows.append((mesh_row, object_row, parent_row, mask, numbering))
         return len(self.rows) - 1
 
-    def name(self, group: int) -> str:
-        """The name of a group's object."""
-        return self.objects.records[self.rows[group][1]].name
+    def warn_of(self, group: int, text: str, advice: str) -> None:
+        """Of a group's object: what of it is left out, and what can be done about it."""
+        record = self.objects.records[self.rows[group][1]]
+        told = NotShown("object", record.name, record.session_uid, text, advice)
+        self.not_shown[told] = None
+        self.warnings.append(str(told))
 
     @property
     def unseen(self) -> tuple[UnseenMesh, ...]:
@@ -108,11 +119,11 @@ class GroupTable:
         if reason is not None and obj.original.session_uid not in self._warned:
             self._warned.add(obj.original.session_uid)
             self.warnings.append(f"{obj.original.name}: {reason}; left out")
-            self._note(obj, f"{reason}; left out")
+            self._note(obj, f"{reason}; left out", advice=_ADVICE.get(reason, ""))
 
-    def _note(self, obj: Any, text: str, kind: Kind = "object") -> None:
+    def _note(self, obj: Any, text: str, kind: Kind = "object", advice: str = "") -> None:
         original = obj.original
-        self.not_shown[NotShown(kind, original.name, original.session_uid, text)] = None
+        self.not_shown[NotShown(kind, original.name, original.session_uid, text, advice)] = None
 
     def _note_simplified(self, obj: Any, slots: tuple[int, ...], linked: Any, is_own: bool) -> None:
         """linked: what says whom it lights, if it shines."""
@@ -120,7 +131,8 @@ class GroupTable:
             original, text = linked.original, f"{LIGHT_LINKING} is not shown; {LIGHTS_ALL}"
             self.not_shown[NotShown("light", original.name, original.session_uid, text)] = None
         if is_own and self.subdivision.is_asked_for(obj):
-            self._note(obj, "its adaptive subdivision is not shown; the modifier's levels are", "shape")
+            text = "its adaptive subdivision is not shown; the modifier's levels are"
+            self._note(obj, text, "shape", _OF_SUBDIVISION)
 
     def _note_missing_layers(self, obj: Any, slots: tuple[int, ...], wanted: LayerRequest, mesh: MeshRecord) -> None:
         """What materials look up on a mesh that does not have it. wanted: all that those of these slots do."""

@@ -15,6 +15,8 @@ from .geometry_instances import list_geometry_instances
 from .groups import NOT_SHOWN, GroupTable
 from .listing import Listing, list_instances
 
+_OF_MATRICES = "Clear or mend the object's transform, or look what drives it or its instances"
+
 
 @dataclass(slots=True)
 class InstanceCache:
@@ -32,14 +34,12 @@ class InstanceCache:
     random_ids: npt.NDArray[np.int64] | None = None
 
 
-def read_instances(
-    depsgraph: Any, groups: GroupTable, reader: ArrayReader, cache: InstanceCache, warnings: list[str]
-) -> InstanceRecords:
+def read_instances(depsgraph: Any, groups: GroupTable, reader: ArrayReader, cache: InstanceCache) -> InstanceRecords:
     """All visible instances that have triangles, in the depsgraph's own order."""
     listing = list_geometry_instances(depsgraph, groups, reader) if reader.use_views else None
     if listing is None:
         listing = list_instances(depsgraph, groups)
-    shown = _find_shown(listing, groups, warnings)
+    shown = _find_shown(listing, groups)
     cache.shown = shown if listing.is_plain else None
     listing = _only(listing, shown)
     cache.random_ids = listing.random_ids
@@ -66,15 +66,13 @@ def _is_same(cache: InstanceCache, rows: npt.NDArray[np.int64], listing: Listing
     return all(old is not None and are_equal(old, new) for old, new in pairs)
 
 
-def _find_shown(listing: Listing, groups: GroupTable, warnings: list[str]) -> npt.NDArray[np.bool_]:
+def _find_shown(listing: Listing, groups: GroupTable) -> npt.NDArray[np.bool_]:
     """(N,) bool: what is shown and has a matrix that is of use."""
     shown = listing.group_ids != NOT_SHOWN
     bad = listing.bad_rows[shown[listing.bad_rows]]
     for group, count in zip(*np.unique(listing.group_ids[bad], return_counts=True), strict=True):
-        warnings.append(
-            f"{groups.name(group)}: left out {count:,} instance{'s' * int(count > 1)} with a matrix that is not finite "
-            "or beyond 1e18"
-        )
+        text = f"left out {count:,} instance{'s' * int(count > 1)} with a matrix that is not finite or beyond 1e18"
+        groups.warn_of(int(group), text, _OF_MATRICES)
     shown[bad] = False
     return shown
 

@@ -25,6 +25,7 @@ from perfect_bvh.bulk import are_equal
 
 from ...events.evaluation_log import EvaluationLog
 from ...sync.compare import have_same_layers
+from ...sync.not_shown import NotShown
 from ...sync.records import MESH_COLUMNS, NO_LAYERS, AttributeRequest, LayerRequest, MeshRecord
 from ..pointer_views import ArrayReader
 from .mesh_cache import CachedMesh, MeshCache, place_of
@@ -32,6 +33,7 @@ from .meshes import read_mesh
 from .usage import find_remaker, guess_usage
 
 NO_MESH = -1
+_OF_VERTICES = "Delete such vertices in Edit Mode, or look which modifier or driver makes them"
 
 
 class MeshTable:
@@ -64,6 +66,7 @@ class MeshTable:
         self._twins = _TwinFinder()
         self.records: list[MeshRecord] = []
         self.warnings: list[str] = []
+        self.not_shown: list[NotShown] = []
 
     def row(self, obj: Any, mesh: Any, is_own: bool, layers: LayerRequest) -> int:
         """The row of an evaluated mesh, or NO_MESH if it has no faces.
@@ -117,10 +120,9 @@ class MeshTable:
             return NO_MESH
         if record.dropped_triangles:
             count = record.dropped_triangles
-            self.warnings.append(
-                f"{original.name}: left out {count:,} triangle{'s' * (count > 1)} with a vertex that is not finite "
-                "or beyond 1e18"
-            )
+            text = f"left out {count:,} triangle{'s' * (count > 1)} with a vertex that is not finite or beyond 1e18"
+            self.not_shown.append(NotShown("shape", original.name, original.session_uid, text, _OF_VERTICES))
+            self.warnings.append(str(self.not_shown[-1]))
         twin = self._twins.find(original.data, record, self.records)
         if twin is None:
             guess = guess_usage(original)

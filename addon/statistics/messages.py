@@ -1,0 +1,87 @@
+"""What went wrong last for each scene, to be read for as long as nothing newer was done.
+
+Blender shows reports for a few seconds only. What an image could not show is told by its own list (`not_shown.py`);
+here is what stopped an image, a scan or a measurement, and what an image's statistics complain of.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+
+from ..events.changes import listen, stop_listening
+from .last_result import last_statistics, tell_of_news
+
+# What problems are of. A render is the next image after a view, and the other way round.
+RENDER, VIEWPORT, VIEW = "Render", "Viewport", "Render View to Image"
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """source: what it is of. text: a sentence, with what can be done about it. is_error: whether there is no result."""
+
+    source: str
+    text: str
+    is_error: bool = False
+
+
+_told: dict[int, dict[str, tuple[Message, ...]]] = {}  # by the scene's session uid, and by what they are of
+
+
+def tell(scene: bpy.types.Scene, source: str, *texts: str, is_error: bool = False) -> None:
+    """What went wrong in doing something for `scene`, if anything, in place of what did before; from any thread."""
+    of_scene = _told.setdefault(scene.original.session_uid, {})
+    messages = tuple(Message(source, text, is_error) for text in texts)
+    if of_scene.get(source, ()) != messages:
+        of_scene[source] = messages
+        tell_of_news()
+
+
+def add(scene: bpy.types.Scene, source: str, text: str, *, is_error: bool = False) -> None:
+    """The same beside what was told of it."""
+    of_scene = _told.setdefault(scene.original.session_uid, {})
+    of_scene[source] = (*of_scene.get(source, ()), Message(source, text, is_error))
+    tell_of_news()
+
+
+def begin_render(scene: bpy.types.Scene) -> None:
+    """What images before it complained of is not of this one."""
+    for source in (RENDER, VIEWPORT, VIEW):
+        tell(scene, source)
+
+
+def messages_of(scene: bpy.types.Scene) -> tuple[Message, ...]:
+    """All there are of a scene, the gravest first, each once."""
+    found = [message for told in list(_told.get(scene.session_uid, {}).values()) for message in told]
+    found.sort(key=lambda message: not message.is_error)
+    statistics = last_statistics(scene)
+    if statistics is not None:
+        listed = {str(row) for row in statistics.report.not_shown}
+        texts = (*statistics.report.warnings, *statistics.complaints)
+        found += [Message(statistics.source, text) for text in texts if text not in listed]
+    return tuple({message.text: message for message in reversed(found)}.values())[::-1]
+
+
+class _FileWatcher:
+    """What was told of a scene is forgotten with it, or with its file."""
+
+    def on_change(self, what: str) -> None:
+        there = {scene.session_uid for scene in bpy.data.scenes}
+        for uid in [uid for uid in list(_told) if uid not in there]:
+            _told.pop(uid, None)
+
+    def on_file_change(self) -> None:
+        _told.clear()
+
+
+_watcher = _FileWatcher()
+
+
+def register() -> None:
+    listen(_watcher)
+
+
+def unregister() -> None:
+    stop_listening(_watcher)
+    _told.clear()

@@ -1,0 +1,102 @@
+"""What went wrong stays where users look for it, until something newer was done."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+import pytest
+
+bpy: Any = pytest.importorskip("bpy")
+
+from blender.builders import camera_object, mesh_object  # noqa: E402
+from blender.test_panels import drawn  # noqa: E402
+from perfect_bvh_addon import panels  # noqa: E402
+from perfect_bvh_addon.panels import reports  # noqa: E402
+from perfect_bvh_addon.statistics import messages, not_shown  # noqa: E402
+from perfect_bvh_addon.statistics.messages import messages_of  # noqa: E402
+from perfect_bvh_addon.sync.not_shown import Kind, NotShown  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def cube(registered: None, scene: Any) -> Any:
+    scene.render.engine = "PERFECT_BVH"
+    return mesh_object("Cube")
+
+
+def texts() -> list[str]:
+    return [message.text for message in messages_of(bpy.context.scene)]
+
+
+def test_why_a_render_failed_is_shown_until_the_next_one() -> None:
+    scene, camera = bpy.context.scene, camera_object()
+    camera.location.z, camera.data.clip_end = 5.0, camera.data.clip_start
+    with pytest.raises(RuntimeError):
+        bpy.ops.render.render()
+    (message,) = messages_of(scene)
+    assert message.is_error and message.text.startswith("Scene 'Scene' has no camera")
+    assert "clips everything" in message.text
+    camera.data.clip_end = 100.0
+    shown = drawn(reports.PERFECT_BVH_PT_statistics)
+    assert "Messages" in shown and "has no camera" in " ".join(shown)
+    bpy.ops.render.render()
+    assert texts() == []
+    assert "has no camera" not in " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
+
+
+def test_all_complaints_of_an_image_are_shown_and_what_is_listed_elsewhere_is_not_repeated() -> None:
+    camera_object().location.z = 5.0
+    bpy.ops.object.volume_add()
+    bpy.context.object.name = "Smoke"
+    bpy.ops.render.render()
+    statistics = messages.last_statistics(bpy.context.scene)
+    assert any("Smoke" in warning for warning in statistics.report.warnings)
+    assert texts() == []
+    shown = " ".join(drawn(reports.PERFECT_BVH_PT_statistics))
+    assert "1 object not shown" in shown and "see Not Shown" in shown
+    not_shown.list_rows()
+    listed = bpy.context.window_manager.perfect_bvh_not_shown
+    listed.active = [row.name for row in listed.rows].index("Smoke")
+    assert "Volume to Mesh" in " ".join(drawn(panels.not_shown.PERFECT_BVH_PT_not_shown))
+
+
+def test_a_scan_that_fails_says_so_in_its_panel_and_in_the_statistics() -> None:
+    camera_object().location.z = 5.0
+    scan = bpy.context.scene.perfect_bvh.scan
+    scan.pattern, scan.elevations = "LIDAR", "often"
+    with pytest.raises(RuntimeError):
+        bpy.ops.perfect_bvh.scan()
+    (message,) = messages_of(bpy.context.scene)
+    assert (message.source, message.is_error) == ("Scan", True) and message.text.startswith("Elevations must be")
+    assert "Elevations must be degrees" in " ".join(drawn(panels.scan.PERFECT_BVH_PT_scan))
+    assert reports.PERFECT_BVH_PT_statistics.poll(bpy.context)
+    scan.elevations, scan.columns = "-20:20:3", 12
+    assert bpy.ops.perfect_bvh.scan() in ({"FINISHED"}, {"CANCELLED"})
+    assert not any("Elevations" in text for text in texts())
+
+
+def test_the_same_is_told_once_and_errors_first() -> None:
+    scene = bpy.context.scene
+    messages.tell(scene, "Scan", "A thing")
+    messages.tell(scene, "Render", "Another", "A thing", is_error=True)
+    assert [(message.text, message.is_error) for message in messages_of(scene)] == [
+        ("Another", True),
+        ("A thing", True),
+    ]
+    messages.begin_render(scene)
+    assert texts() == ["A thing"]
+    other = bpy.data.scenes.new("Other")
+    messages.tell(other, "Scan", "Of the other")
+    assert texts() == ["A thing"]
+
+
+def test_messages_go_with_their_file() -> None:
+    messages.tell(bpy.context.scene, "Scan", "A thing")
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    assert texts() == [] and messages._told == {}
+
+
+@pytest.mark.parametrize("kind", get_args(Kind))
+def test_each_kind_of_what_is_not_shown_says_what_to_do(kind: Kind) -> None:
+    advice = NotShown(kind, "A", 1, "it is not shown; nothing is").what_to_do
+    assert advice[0].isupper() and not advice.endswith(".") and len(advice) > 20
+    assert NotShown(kind, "A", 1, "text", "Do that").what_to_do == "Do that"
