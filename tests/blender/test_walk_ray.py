@@ -20,7 +20,7 @@ from perfect_bvh_addon.sync.appearance import as_camera  # noqa: E402
 from perfect_bvh_addon.sync.records import CameraRecord  # noqa: E402
 from perfect_bvh_addon.view3d import awaited_view, walk_view  # noqa: E402
 from perfect_bvh_addon.view3d.pixel_ray import pixel_ray  # noqa: E402
-from perfect_bvh_addon.view3d.walk_legend import heading, rows_of  # noqa: E402
+from perfect_bvh_addon.view3d.walk_legend import heading, rows_of, wrap  # noqa: E402
 from perfect_bvh_addon.view3d.walk_picture import (  # noqa: E402
     ENTERED,
     HIT,
@@ -387,3 +387,14 @@ def test_scripts_are_told_that_it_needs_a_click(box: Any) -> None:
     operator = FakeOperator(operators.PERFECT_BVH_OT_walk_ray)
     assert operator.execute(FakeWindow()) == {"CANCELLED"}
     assert "needs a click" in operator.reports[0][1]
+
+
+def test_a_long_sentence_is_broken_where_there_is_little_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    # "W" is wider than others: lines of as many characters are not of the same width.
+    width = lambda text, *_: (sum(9.0 if letter == "W" else 6.0 for letter in text), 12.0)  # noqa: E731
+    monkeypatch.setattr("perfect_bvh_addon.view3d.drawing.text_size", width)
+    sentence = "Step 2 of 3: Enters a box of WWWWW WWWWW WWWW and tests 8 inside: 8 missed"
+    assert wrap(sentence, 1000.0) == [sentence]
+    lines = wrap(sentence, 150.0)
+    assert " ".join(lines) == sentence and len(lines) > 2
+    assert max(width(line)[0] for line in lines) <= 150.0
