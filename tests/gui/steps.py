@@ -14,6 +14,7 @@ import bpy
 sys.path.insert(0, str(Path(__file__).parent))
 
 import bad_use_steps
+import example_steps
 import file_steps
 import overlay_steps
 import panel_steps
@@ -94,6 +95,10 @@ STEPS = (
     file_steps.first_image_after_an_edit,
     file_steps.lose_the_engine,
     file_steps.disable_and_enable,
+    example_steps.press_f12_in_an_example,
+    example_steps.keep_the_interface,
+    example_steps.scan_an_example,
+    example_steps.play_a_failure_case,
     file_steps.report,
 )
 
