@@ -11,7 +11,7 @@ from ..opening import WORKSPACE, open_rendered
 VIEW_SHARE = 0.6  # of the width that the view and the text have together
 PICTURE_SHARE = 0.45  # of the height that the view and the picture have together
 PICTURE_ZOOM = 224.0
-CAMERA_ZOOM = -3.0  # as large as the picture
+CAMERA_ZOOM = 14.0  # as large as the picture
 
 
 def show_lesson(text: Any, picture: Any = None) -> None:
