@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -62,10 +63,13 @@ def describe_box(boxes: TreeBoxes, row: int, *, holds: str, name: str = "") -> l
 
 
 def format_cost(cost: float) -> str:
-    """Three digits of a number of visits and tests."""
-    if cost >= 1000.0 or cost == 0.0:
+    """Three digits of a number of visits and tests, two of one below 1."""
+    if cost >= 1000.0 or cost <= 0.0:
         return f"{cost:,.0f}"
-    return f"{cost:.1f}" if cost >= 10.0 else f"{cost:.2f}" if cost >= 1.0 else f"{float(f'{cost:.2g}'):.8g}"
+    if cost >= 1.0:
+        return f"{cost:.1f}" if cost >= 10.0 else f"{cost:.2f}"
+    decimals = 1 - math.floor(math.log10(cost))
+    return f"{cost:.{decimals}f}".rstrip("0")
 
 
 def format_share(share: float) -> str:
@@ -101,7 +105,7 @@ def scale_of(boxes: TreeBoxes, color_by: str) -> Scale:
             return Scale("Cost of a box", ((0.0, "0"),))
         places = np.linspace(0.0, 1.0, int(COST_DECADES) // 2 + 1)
         labels = [format_cost(dearest * 10.0 ** (COST_DECADES * (place - 1.0))) for place in places]
-        labels[0] = f"{labels[0]} or less"
+        labels[0] = f"\N{LESS-THAN OR EQUAL TO} {labels[0]}"
         return Scale("Cost of a box", tuple(zip(places.tolist(), labels, strict=True)))
     if boxes.depth < MOST_SWATCHES:
         places = np.arange(boxes.depth + 1) / max(boxes.depth, 1)

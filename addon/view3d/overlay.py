@@ -183,7 +183,8 @@ class SceneOverlay:
             if tree is not None and tree.shown is not None:
                 sections.append(section_of(name, tree))
         if settings.show_active and self.active is None and not self.message:
-            sections.append(Section(("The active object has no triangles that rays could meet",)))
+            text = "The active object has no triangles that rays could meet" if self._name else "No active object"
+            sections.append(Section((text,)))
         if self.message:
             sections.append(Section((self.message,)))
         return sections

@@ -55,6 +55,7 @@ def test_a_tree_is_described(changes: dict[str, float], text: str) -> None:
     [
         (0.0, "0"),
         (0.00123, "0.0012"),
+        (0.000069, "0.000069"),
         (0.5, "0.5"),
         (1.0, "1.00"),
         (9.87, "9.87"),
@@ -103,7 +104,7 @@ def test_the_cost_scale_tells_the_costs_of_its_colours(boxes: perfect_bvh.TreeBo
     dearest = float(boxes.costs.max())
     assert labels[1.0] == format_cost(dearest)
     assert labels[0.5] == format_cost(dearest / 100.0)
-    assert labels[0.0] == f"{format_cost(dearest / 10_000.0)} or less"
+    assert labels[0.0] == f"\N{LESS-THAN OR EQUAL TO} {format_cost(dearest / 10_000.0)}"
     box = replace(boxes, costs=np.array([dearest, dearest / 100.0, dearest / 1e6], np.float32))
     np.testing.assert_allclose(shares(box, "COST"), (1.0, 0.5, 0.0), atol=1e-6)
     assert scale_of(replace(boxes, costs=np.zeros(3, np.float32)), "COST").labels == ((0.0, "0"),)
