@@ -70,8 +70,8 @@ class Decay:
 
     @property
     def measure(self) -> str:
-        """What `costs` are."""
-        return "Nodes and triangles per ray" if self.is_scene else "SAH"
+        """What `costs` are: visits are those of nodes and of triangles."""
+        return "Visits per ray" if self.is_scene else "SAH"
 
     def rebuilds(self) -> list[int]:
         """Rows in which the governor built a tree, or parts of one, again; not the first, in which all do."""

@@ -24,11 +24,13 @@ if TYPE_CHECKING:
 HEIGHT, LEAST_HEIGHT, MARGIN = 250.0, 215.0, 12.0
 KEY_SAMPLE, KEY_GAP = 24.0, 18.0
 AXIS_WIDTH, CURVE_WIDTH, MARK_SIZE = 44.0, 1.8, 3.6
+LEAST_CURVES = 40.0  # how high they are at least
 SHARE = 0.45  # of the viewport's height, at most
 COLORS = {"refit": (0.90, 0.62, 0.0), "governed": (0.25, 0.62, 0.88), "rebuild": (0.84, 0.37, 0.0)}
 ORDER = ("refit", "rebuild", "governed")  # the last is drawn over the others, and thinner
 MARKED = ("rebuilt", "partly_rebuilt", "rotated")
 FAINT = 0.2
+HEADING_SIZE = 12.0
 SMALL = 10.0  # text beside the curves, in points
 
 
@@ -115,12 +117,12 @@ def panel_of(area: bpy.types.Area, region: bpy.types.Region) -> drawing.Rect:
     return drawing.Rect(free.left + margin, bottom, free.right - margin, bottom + height)
 
 
-def layout_of(decay: Decay, panel: drawing.Rect, key_lines: int = 1, sentence_lines: int = 1) -> ChartLayout:
-    """Of the curves within the panel, above and below which there are so many lines of text."""
+def layout_of(decay: Decay, panel: drawing.Rect, top: float | None = None, sentence_lines: int = 1) -> ChartLayout:
+    """Of the curves within the panel: below `top`, that of the panel without it, and above so many lines of text."""
     step, margin = drawing.text_size("")[1], drawing.pixels(MARGIN)
     axis = drawing.pixels(AXIS_WIDTH)
     bottom = panel.bottom + margin + (1.2 + sentence_lines) * step
-    top = panel.top - margin - (1.9 + key_lines) * step
+    top = (panel.top if top is None else top) - 0.9 * step
     costs = [cost for policy in COLORS for cost in decay.costs(policy)]
     low, high = cost_range(costs)
     width, height = max(panel.right - panel.left - axis - 2 * margin, 1.0), max(top - bottom, 1.0)
@@ -154,11 +156,19 @@ def draw_chart(context: bpy.types.Context, decay: Decay) -> None:
     panel = panel_of(context.area, context.region)
     margin, step = drawing.pixels(MARGIN), drawing.text_size("")[1]
     drawing.draw_panel(panel.left, panel.bottom, panel.right - panel.left, panel.top - panel.bottom)
-    text = drawing.panel_text_color()
-    drawing.draw_text(panel.left + margin, panel.top - margin - 0.8 * step, heading_of(decay), 12.0, text)
-    draw_close(close_rect(panel.right, panel.top), text)
-    if not decay.rows:
-        return
+    text, cross = drawing.panel_text_color(), close_rect(panel.right, panel.top)
+    draw_close(cross, text)
+    heading = wrapped(heading_of(decay), cross.left - panel.left - 2 * margin, HEADING_SIZE)
+    for number, line in enumerate(heading):
+        y = panel.top - margin - (0.8 + number) * step
+        drawing.draw_text(panel.left + margin, y, line, HEADING_SIZE, text)
+    if decay.rows:
+        _draw_rows(context, decay, panel, panel.top - margin - len(heading) * step)
+
+
+def _draw_rows(context: bpy.types.Context, decay: Decay, panel: drawing.Rect, top: float) -> None:
+    """What was measured. top: where the heading ends."""
+    margin, step, text = drawing.pixels(MARGIN), drawing.text_size("")[1], drawing.panel_text_color()
     frame = context.scene.frame_current
     row = next((number for number, one in enumerate(decay.rows) if one.frame == frame), None)
     room = panel.right - panel.left - 2 * margin
@@ -166,9 +176,15 @@ def draw_chart(context: bpy.types.Context, decay: Decay) -> None:
     sentence = [] if row is None else wrapped(sentence_of(decay.rows[row]), room, SMALL)
     # Curves stay where they are, whichever frame is shown: the longest of all sentences has room.
     longest = max((sentence_of(one) for one in decay.rows), key=len)
-    layout = layout_of(decay, panel, len(keys), len(wrapped(longest, room, SMALL)))
+    layout = layout_of(decay, panel, top - len(keys) * step, len(wrapped(longest, room, SMALL)))
+    if layout.height < drawing.pixels(LEAST_CURVES):  # rather curves than words
+        sentence = []
+        layout = layout_of(decay, panel, top - len(keys) * step, 0)
+    if layout.height < drawing.pixels(LEAST_CURVES):
+        keys = []
+        layout = layout_of(decay, panel, top, 0)
     for number, line in enumerate(keys):
-        _draw_keys(line, panel.left + margin, panel.top - margin - (2.0 + number) * step)
+        _draw_keys(line, panel.left + margin, top - (1.0 + number) * step)
     _draw_axes(layout, text)
     _draw_curves(decay, layout)
     if layout.first <= frame <= layout.last:

@@ -100,7 +100,7 @@ def test_the_more_rays_the_more_the_governor_rebuilds(twisted: Any) -> None:
 
 def test_of_a_scene_rays_tell_what_trees_cost(twisted: Any) -> None:
     decay = followed()
-    assert decay.is_scene and decay.measure == "Nodes and triangles per ray"
+    assert decay.is_scene and decay.measure == "Visits per ray"
     refit, rebuild = decay.costs("refit"), decay.costs("rebuild")
     assert refit[0] == rebuild[0] and refit[2] > rebuild[2]
     one = decay.rows[2].policies["refit"]
