@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 Point = tuple[float, float]
 
-# An axis of costs begins at zero if the least is below that share of the most.
-FROM_ZERO = 0.6
+# An axis of costs begins at zero if the least is below the first share of the most, where that is as good; and if it is
+# above the second: differences that hardly matter shall not look large.
+FROM_ZERO, ALIKE = 0.6, 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +50,7 @@ def cost_range(costs: Sequence[float]) -> tuple[float, float]:
     if not costs:
         return 0.0, 1.0
     least, most = min(costs), max(costs)
-    if least < FROM_ZERO * most or least == most:
+    if not FROM_ZERO * most <= least <= ALIKE * most:
         least = 0.0
     step = round_step((most - least) / 4.0 or 1.0)
     return math.floor(least / step) * step, max(math.ceil(most / step), math.floor(least / step) + 1) * step

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..statistics.words import count_of, sentence
+from ..statistics.words import count_of, number, sentence
 
 if TYPE_CHECKING:
     from .decay import Decay, DecayFrame
@@ -27,7 +27,7 @@ def heading_of(decay: Decay) -> str:
 
 def key_of(decay: Decay, policy: str, row: int | None) -> str:
     """Of a curve; with its number in a row."""
-    return LABELS[policy] if row is None else f"{LABELS[policy]} {decay.costs(policy)[row]:,.1f}"
+    return LABELS[policy] if row is None else f"{LABELS[policy]} {number(decay.costs(policy)[row], 3)}"
 
 
 def sentence_of(row: DecayFrame) -> str:
@@ -48,5 +48,5 @@ def summary_of(decay: Decay) -> str:
     told = [f"{ACTIONS[action].lower()} {count}" for action, count in counts.items() if count]
     done = ", ".join(told) if told else "nothing"
     costs = {policy: decay.costs(policy) for policy in LABELS}
-    last = ", ".join(f"{LABELS[policy].lower()} {values[-1]:,.1f}" for policy, values in costs.items())
+    last = ", ".join(f"{LABELS[policy].lower()} {number(values[-1], 3)}" for policy, values in costs.items())
     return f"{decay.measure} in the end: {last}. What the governor did: {done}"

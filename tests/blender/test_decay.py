@@ -16,6 +16,7 @@ from blender.long_builds import ESCAPE, TIMER, FakeOperator, FakeWindow  # noqa:
 from perfect_bvh_addon.live.scene_reference import SceneReference  # noqa: E402
 from perfect_bvh_addon.operators.decay import PERFECT_BVH_OT_decay  # noqa: E402
 from perfect_bvh_addon.settings.tree_settings import frames_of  # noqa: E402
+from perfect_bvh_addon.statistics import words  # noqa: E402
 from perfect_bvh_addon.view3d import decay_view, drawing  # noqa: E402
 from perfect_bvh_addon.view3d.chart_layout import (  # noqa: E402
     ChartLayout,
@@ -147,6 +148,7 @@ def test_a_place_of_the_chart_is_the_frame_that_stands_there() -> None:
     [
         ([22.0, 80.0], 0.0, 80.0),
         ([34.5, 38.0], 34.0, 38.0),
+        ([37.0, 38.0], 0.0, 40.0),
         ([5.0, 5.0], 0.0, 6.0),
         ([0.0, 0.0], 0.0, 1.0),
         ([], 0.0, 1.0),
@@ -231,7 +233,7 @@ def test_words_tell_of_the_frame_that_is_shown(twisted: Any) -> None:
     decay = followed(twisted, 10)
     assert heading_of(decay) == f"Decay of It: SAH, {FRAMES} frames"
     assert key_of(decay, "refit", None) == LABELS["refit"]
-    assert key_of(decay, "refit", 2) == f"{LABELS['refit']} {decay.costs('refit')[2]:,.1f}"
+    assert key_of(decay, "refit", 2) == f"{LABELS['refit']} {words.number(decay.costs('refit')[2], 3)}"
     assert sentence_of(decay.rows[1]).startswith("Frame 2: Refitted. Positions changed")
     assert summary_of(decay).endswith(f"What the governor did: refitted {FRAMES - 1}")
 
