@@ -1,7 +1,7 @@
 """What a ray does on its way, as steps with a sentence and counters. Knows no Blender.
 
 A step is what the processor does at a time: a node with the boxes of its children, a leaf with its triangles, an
-instance that is entered, waiting boxes that a new hit makes superfluous. The last one says how it ended.
+instance that is entered, waiting boxes that a new hit makes superfluous. The last one says what was hit.
 """
 
 from __future__ import annotations
@@ -133,8 +133,8 @@ def _outcome(walk: RayWalk, rows: range, length: Length) -> str:
 def _ending(walk: RayWalk, names: Mapping[int, str], length: Length) -> str:
     row = walk.hit_row
     if row is None:
-        return "Ends without a hit"
-    return f"Ends: the nearest hit is {names[int(walk.instance_ids[row])]}{_at(float(walk.t[row]), length)}"
+        return "Nothing is hit"
+    return f"The nearest hit is {names[int(walk.instance_ids[row])]}{_at(float(walk.t[row]), length)}"
 
 
 def _at(t: float, length: Length) -> str:

@@ -19,7 +19,9 @@ from .walk_legend import draw_legend
 from .walk_picture import HIT, RAY, Lines, Picture, WalkedRay, picture_of
 from .walk_steps import WalkStep
 
-VEIL = (0.02, 0.02, 0.03, 0.62)
+VEIL = (0.02, 0.02, 0.03)
+# Over what is shaded by the viewport itself; pictures of light are brighter, and blended as light is.
+VEIL_OPACITY, LIT_VEIL_OPACITY = 0.62, 0.85
 RING = 7.0  # radius, in points
 PLAY_SECONDS = 0.35  # a step, while it plays
 ENDING_CHANGES = frozenset({"a step was undone", "a step was redone"})
@@ -141,7 +143,8 @@ def _draw_in_space() -> None:
         return
     watch_again()
     with drawing.blended():
-        _draw_veil()
+        is_lit = bpy.context.space_data.shading.type in {"MATERIAL", "RENDERED"}
+        _draw_veil((*VEIL, LIT_VEIL_OPACITY if is_lit else VEIL_OPACITY))
         _draw_triangles(found.picture)
         for lines in found.picture.lines:
             _draw_lines(lines)
@@ -158,7 +161,7 @@ def _draw_in_pixels() -> None:
         draw_legend(context, found.steps, found.index, note)
 
 
-def _draw_veil() -> None:
+def _draw_veil(color: tuple[float, ...]) -> None:
     """Over the scene and below the ray."""
     import gpu
     from gpu_extras.batch import batch_for_shader
@@ -172,7 +175,7 @@ def _draw_veil() -> None:
         gpu.matrix.load_matrix(Matrix.Identity(4))
         gpu.matrix.load_projection_matrix(Matrix.Identity(4))
         shader.bind()
-        shader.uniform_float("color", VEIL)
+        shader.uniform_float("color", color)
         batch.draw(shader)
 
 

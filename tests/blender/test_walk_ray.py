@@ -119,9 +119,9 @@ def test_sentences_tell_what_happens(crowd: perfect_bvh.Snapshot) -> None:
     assert any(sentence.startswith("Drops ") and "behind the hit" in sentence for sentence in sentences)
     row = ray.walk.hit_row
     assert row is not None
-    end = f"Ends: the nearest hit is Ball.{ray.walk.instance_ids[row]:03} at {ray.walk.t[row]:.4g}"
+    end = f"The nearest hit is Ball.{ray.walk.instance_ids[row]:03} at {ray.walk.t[row]:.4g}"
     assert sentences[-1] == end
-    assert steps_of(ray.walk, {int(ray.walk.instance_ids[row]): "A"}, None)[-1].sentence == "Ends: the nearest hit is A"
+    assert steps_of(ray.walk, {int(ray.walk.instance_ids[row]): "A"}, None)[-1].sentence == "The nearest hit is A"
     assert heading(steps, 0) == f"Step 1 of {len(steps)}: {sentences[0]}"
     for step in steps[:-1]:
         if ": of " in step.sentence or "inside: " in step.sentence:
@@ -131,7 +131,7 @@ def test_sentences_tell_what_happens(crowd: perfect_bvh.Snapshot) -> None:
 
 def test_a_ray_without_a_hit_and_one_without_anything(crowd: perfect_bvh.Snapshot) -> None:
     ray, steps = walk_down(crowd, 2.9, 2.9)
-    assert ray.walk.hit_row is None and steps[-1].sentence == "Ends without a hit"
+    assert ray.walk.hit_row is None and steps[-1].sentence == "Nothing is hit"
     assert ray.exit > 9.0 - 3.0
     empty = perfect_bvh.Scene()
     empty.commit()
@@ -288,12 +288,12 @@ def test_a_click_walks_the_pixels_ray(viewport: Viewport) -> None:
     assert walk_view.shown() is None
     viewport.click()
     walk = walk_view.shown()
-    assert walk is not None and walk.steps[-1].sentence == "Ends: the nearest hit is Cube"
+    assert walk is not None and walk.steps[-1].sentence == "The nearest hit is Cube"
     assert viewport.cursor == "DEFAULT" and "Esc ends" in viewport.context.status
     assert walk.ray.at(walk.ray.end(-1))[2] == pytest.approx(1.0)
     viewport.click(101, 51)  # beside the cube
     other = walk_view.shown()
-    assert other is not None and other is not walk and other.steps[-1].sentence == "Ends without a hit"
+    assert other is not None and other is not walk and other.steps[-1].sentence == "Nothing is hit"
     assert viewport.send("ESC") == {"FINISHED"}
     assert walk_view.shown() is None and viewport.is_idle
 
