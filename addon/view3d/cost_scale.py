@@ -82,24 +82,30 @@ class _Pointing:
 
     def on_pointer(self, context: bpy.types.Context, place: tuple[int, int]) -> None:
         global _pointed, _visits
-        before = _visits
+        before, last = _visits, _pointed
         viewport = viewport_at(context.region.as_pointer())
         _pointed = Pointed.of(context, place)
         _visits = None if viewport is None else viewport.visits_at(place)
-        if before is not None or _visits is not None:
+        if before is not None and last is not None and last.region != _pointed.region:
+            _redraw()  # where it was it is no longer
+        elif before is not None or _visits is not None:
             context.region.tag_redraw()
 
     def on_pointer_left(self) -> None:
         global _pointed, _visits
         if _visits is not None:
-            for window in bpy.context.window_manager.windows:
-                for area in window.screen.areas:
-                    if area.type == "VIEW_3D":
-                        area.tag_redraw()
+            _redraw()
         _pointed = _visits = None
 
 
 _pointing = _Pointing()
+
+
+def _redraw() -> None:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
 
 
 def _draw_beside_render() -> None:

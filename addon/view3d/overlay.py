@@ -140,13 +140,13 @@ class SceneOverlay:
 
     def point(self, context: bpy.types.Context, place: tuple[int, int] | None) -> None:
         """The mouse is at a place in the context's region, or nowhere: have drawn what changes by that."""
-        before = self.hovered
+        before, last = self.hovered, self._pointed
         self._pointed = None if place is None else Pointed.of(context, place)
         self._look(context)
         if before is None and self.hovered is None:
             return
-        if place is None:
-            _redraw()
+        if place is None or (last is not None and last.region != context.region.as_pointer()):
+            _redraw()  # where it was it is no longer
         else:
             context.region.tag_redraw()
 
@@ -261,6 +261,9 @@ def _draw() -> None:
     if key not in _overlays:
         from ..events.changes import listen
 
+        there = {scene.session_uid for scene in bpy.data.scenes}
+        for gone in [other for other in _overlays if other[0] not in there]:
+            _drop(gone)
         _overlays[key] = SceneOverlay()
         listen(_overlays[key])
     _overlays[key].draw(context, context.scene.perfect_bvh.overlay)
