@@ -19,7 +19,6 @@ from hands import handled, hover, press_key
 from places import area_of, middle_of
 from tree_steps import differ, open_sidebar, press_in_sidebar
 
-
 # By its place on the keyboard: by its name xdotool presses Alt as well.
 F12 = "96"
 
