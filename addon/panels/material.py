@@ -1,4 +1,4 @@
-"""What a material is made of, a picture of it, and its number in passes."""
+"""What a material is made of, and its number in passes."""
 
 from __future__ import annotations
 
@@ -21,16 +21,6 @@ class MaterialPanel(RenderPanel):
         return super().poll(context) and material is not None and not material.grease_pencil
 
 
-class PERFECT_BVH_PT_material_preview(MaterialPanel, bpy.types.Panel):
-    """Blender makes it by itself."""
-
-    bl_label = "Preview"
-    bl_options: ClassVar = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: bpy.types.Context) -> None:
-        self.layout.template_preview(context.material)
-
-
 class PERFECT_BVH_PT_material_surface(MaterialPanel, bpy.types.Panel):
     """The nodes."""
 
@@ -50,4 +40,4 @@ class PERFECT_BVH_PT_material_settings(MaterialPanel, bpy.types.Panel):
         settings_layout(self).prop(context.material, "pass_index")
 
 
-CLASSES = (PERFECT_BVH_PT_material_preview, PERFECT_BVH_PT_material_surface, PERFECT_BVH_PT_material_settings)
+CLASSES = (PERFECT_BVH_PT_material_surface, PERFECT_BVH_PT_material_settings)

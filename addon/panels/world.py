@@ -1,8 +1,6 @@
-"""The world's light, and a picture of it."""
+"""The world's light."""
 
 from __future__ import annotations
-
-from typing import ClassVar
 
 import bpy
 
@@ -20,16 +18,6 @@ class WorldPanel(RenderPanel):
         return super().poll(context) and context.world is not None
 
 
-class PERFECT_BVH_PT_world_preview(WorldPanel, bpy.types.Panel):
-    """Blender makes it by itself."""
-
-    bl_label = "Preview"
-    bl_options: ClassVar = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: bpy.types.Context) -> None:
-        self.layout.template_preview(context.world)
-
-
 class PERFECT_BVH_PT_world_surface(WorldPanel, bpy.types.Panel):
     """What shines from all around."""
 
@@ -39,4 +27,4 @@ class PERFECT_BVH_PT_world_surface(WorldPanel, bpy.types.Panel):
         draw_surface(self.layout, context.world, "color")
 
 
-CLASSES = (PERFECT_BVH_PT_world_preview, PERFECT_BVH_PT_world_surface)
+CLASSES = (PERFECT_BVH_PT_world_surface,)

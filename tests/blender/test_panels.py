@@ -61,9 +61,6 @@ class RecordingLayout:
     def separator(self, **_: Any) -> None:
         """Nothing to read."""
 
-    def template_preview(self, block: Any) -> None:
-        self.texts.append(f"preview of {block.name}")
-
     def template_icon_view(self, owner: Any, name: str, **_: Any) -> None:
         self.prop(owner, name)
 
@@ -362,4 +359,4 @@ def test_panels_for_materials_lights_and_the_world_stay_usable() -> None:
         "RENDER_PT_color_management",
         "WORLD_PT_context_world",
     }
-    assert not names & {"RENDER_PT_simplify", "DATA_PT_light", "NODE_DATA_PT_light"}
+    assert not names & {"RENDER_PT_simplify", "DATA_PT_light", "NODE_DATA_PT_light", "DATA_PT_preview"}
