@@ -25,11 +25,13 @@ if TYPE_CHECKING:
 class Reading:
     """A scene that was read for the sake of a ray.
 
-    address: of the viewport that it was chosen in. space: the viewport whose filters count, None if it has none.
+    address, view: of the viewport that it was chosen in, and of its part. space: the viewport whose filters count, None
+    if it has none.
     """
 
     ray: PixelRay
     address: int
+    view: int
     space: bpy.types.SpaceView3D | None
     sync: SceneSync
     trees: PendingCommit
@@ -52,7 +54,7 @@ class Reading:
         length = (lambda t: written_length(scene, t)) if ray.has_eye else None
         steps = steps_of(walk, names, length)
         walked = WalkedRay.of(walk, ray.origin, ray.direction, ray.t_min)
-        return Shown(walked, steps, scene.session_uid, self.address, edits, scene.frame_current)
+        return Shown(walked, steps, scene.session_uid, self.address, self.view, edits, scene.frame_current)
 
     @property
     def state(self) -> str:
@@ -77,7 +79,9 @@ def read_pixel(context: bpy.types.Context, area: bpy.types.Area, region: bpy.typ
         raise ValueError("Nothing is seen through this pixel")
     is_filtered = any(filter_of(space))
     sync = SceneSync(watch=False) if is_filtered else sync_of(depsgraph)
-    reading = Reading(ray, space.as_pointer(), space if is_filtered else None, sync, PendingCommit())
+    reading = Reading(
+        ray, space.as_pointer(), region.data.as_pointer(), space if is_filtered else None, sync, PendingCommit()
+    )
     reading.begin(context)
     return reading
 

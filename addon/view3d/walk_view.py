@@ -31,14 +31,15 @@ ENDING_CHANGES = frozenset({"a step was undone", "a step was redone"})
 class Shown:
     """A walk and where it is told of.
 
-    space: the viewport's address, which stays when its area is maximized. edits, frame: the scene's when it was read.
-    index: of the step that is shown.
+    space: the viewport's address, which stays when its area is maximized; view: that of the part that was clicked, one
+    of four in a quad view. edits, frame: the scene's when it was read. index: of the step that is shown.
     """
 
     ray: WalkedRay
     steps: list[WalkStep]
     scene_uid: int
     space: int
+    view: int
     edits: int
     frame: int
     index: int = 0
@@ -126,6 +127,16 @@ def shown_in(context: bpy.types.Context) -> Shown | None:
     return found
 
 
+def tells(context: bpy.types.Context, found: Shown) -> bool:
+    """Whether the step is told of in the region that is being drawn: in one, whatever views there are."""
+    if context.space_data.as_pointer() != found.space:
+        return False
+    views = [view.as_pointer() for view in context.space_data.region_quadviews]
+    if not views:
+        return True
+    return context.region_data.as_pointer() == (found.view if found.view in views else views[-1])
+
+
 def redraw() -> None:
     """The viewports, and the panels in them."""
     for window in bpy.context.window_manager.windows:
@@ -156,7 +167,7 @@ def _draw_in_pixels() -> None:
     if found is None:
         return
     _draw_points(context, found.picture)
-    if context.space_data.as_pointer() == found.space:
+    if tells(context, found):
         note = "The scene has changed since" if found.is_old(context.scene) else ""
         draw_legend(context, found.steps, found.index, note)
 

@@ -216,6 +216,7 @@ class Viewport:
 
     def __init__(self) -> None:
         data = SimpleNamespace(
+            as_pointer=lambda: 8,
             view_perspective="ORTHO",
             view_matrix=Matrix.Translation((0.0, 0.0, -9.0)),
             window_matrix=Matrix.Diagonal((0.5, 0.5, -0.01, 1.0)),
@@ -380,6 +381,22 @@ def test_a_walk_changes_nothing_and_knows_when_it_is_old(viewport: Viewport, sce
     assert newer.ray.at(newer.ray.end(-1))[2] == pytest.approx(4.0)
     scene.frame_set(scene.frame_current + 1)
     assert newer.is_old(scene)
+
+
+def test_a_step_is_told_of_once_in_a_quad_view(viewport: Viewport) -> None:
+    viewport.click()
+    walk = walk_view.shown()
+    assert walk is not None
+
+    def told_in(space: int, views: tuple[int, ...], view: int) -> bool:
+        pointers = [SimpleNamespace(as_pointer=lambda number=number: number) for number in views]
+        area = SimpleNamespace(as_pointer=lambda: space, region_quadviews=pointers)
+        context = SimpleNamespace(space_data=area, region_data=SimpleNamespace(as_pointer=lambda: view))
+        return walk_view.tells(context, walk)
+
+    assert told_in(7, (), 8) and not told_in(6, (), 8)
+    assert [told_in(7, (1, 8, 2, 3), view) for view in (1, 8, 2, 3)] == [False, True, False, False]
+    assert [told_in(7, (1, 2, 3, 4), view) for view in (1, 2, 3, 4)] == [False, False, False, True]
 
 
 def test_scripts_are_told_that_it_needs_a_click(box: Any) -> None:
