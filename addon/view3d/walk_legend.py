@@ -65,7 +65,7 @@ def draw_legend(context: bpy.types.Context, steps: Sequence[WalkStep], index: in
     left = free.left + drawing.pixels(GAP)
     bottom = max(free.bottom, hud_top(context.area, context.region)) + drawing.pixels(GAP)
     width = free.right - left - drawing.pixels(GAP + 2 * drawing.MARGIN)
-    lines = wrap(heading(steps, index), width) + ([note] if note else [])
+    lines = [line for text in (heading(steps, index), note) if text for line in wrap(text, width)]
     rows = rows_of(steps[index].counters, steps[-1].counters)
     size, gap = _size_of(rows), drawing.pixels(6.0)
     words = drawing.text_panel_size(lines, SENTENCE_SIZE)[1]
