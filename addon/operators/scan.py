@@ -218,7 +218,7 @@ def _add_object(context: bpy.types.Context, cloud: PointCloud) -> bpy.types.Obje
     """
     from ..scanning import make_point_object
 
-    made = make_point_object(cloud, NAME, context.scene.perfect_bvh.scan.color_by)
+    made = make_point_object(cloud, NAME, context.scene.perfect_bvh.scan.point_color)
     is_linked = context.collection.library is not None
     (context.scene.collection if is_linked else context.collection).objects.link(made)
     return made

@@ -29,7 +29,7 @@ class PERFECT_BVH_PT_scan(SidebarPanel, bpy.types.Panel):
         layout.prop(settings, "use_frame_range")
         if settings.use_frame_range:
             layout.prop(settings, "steps_per_frame")
-        layout.prop(settings, "color_by")
+        layout.prop(settings, "point_color")
         layout.prop(settings, "filepath")
         layout.operator("perfect_bvh.scan", icon="OUTLINER_OB_POINTCLOUD")
         draw_messages_of(context, layout, "Scan")

@@ -106,7 +106,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         min=1,
         max=1000,
     )
-    color_by: bpy.props.EnumProperty(
+    point_color: bpy.props.EnumProperty(
         name="Color",
         description="What the colors of the points tell",
         items=[

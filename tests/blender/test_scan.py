@@ -266,7 +266,7 @@ def values_of(obj: bpy.types.Object, attribute: str, field: str, width: int = 1)
 @pytest.mark.parametrize("color_by", ["DISTANCE", "OBJECT", "INTENSITY"])
 def test_points_are_colored_by_what_was_chosen_and_the_material_shows_it(room, color_by: str) -> None:
     settings = room.perfect_bvh.scan
-    settings.width, settings.height, settings.color_by = 32, 18, color_by
+    settings.width, settings.height, settings.point_color = 32, 18, color_by
     bpy.data.materials["red"].diffuse_color = (1.0, 0.0, 0.0, 1.0)
     assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
     made, cloud = bpy.data.objects["Scan"], scan(CameraGrid(32, 18))
