@@ -16,6 +16,7 @@ from . import drawing
 from .chart_layout import ChartLayout, cost_range, cost_ticks, frame_ticks, without_crowd
 from .close_button import close_rect, contains, draw_close
 from .decay_words import ACTIONS, heading_of, key_of, sentence_of
+from .legend import is_main
 
 if TYPE_CHECKING:
     from .decay import Decay
@@ -147,12 +148,12 @@ def go_to(context: bpy.types.Context, x: float) -> None:
 def _draw() -> None:
     context = bpy.context
     decay = shown_in(context)
-    if decay is not None:
+    if decay is not None and is_main(context.area, context.region):
         draw_chart(context, decay)
 
 
 def draw_chart(context: bpy.types.Context, decay: Decay) -> None:
-    """Over the region that is being drawn."""
+    """Over the region that is being drawn; of a quad view that is one of the four."""
     panel = panel_of(context.area, context.region)
     margin, step = drawing.pixels(MARGIN), drawing.text_size("")[1]
     drawing.draw_panel(panel.left, panel.bottom, panel.right - panel.left, panel.top - panel.bottom)
@@ -297,8 +298,9 @@ class PERFECT_BVH_GT_decay(bpy.types.Gizmo):
 
     def test_select(self, context: bpy.types.Context, location: Sequence[int]) -> int:
         """Whether the mouse is over it."""
-        is_over = shown_in(context) is not None and contains(panel_of(context.area, context.region), *location)
-        return 0 if is_over else -1
+        if shown_in(context) is None or not is_main(context.area, context.region):
+            return -1
+        return 0 if contains(panel_of(context.area, context.region), *location) else -1
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         panel = panel_of(context.area, context.region)

@@ -87,6 +87,7 @@ def compare_two_trees() -> Step:
 
 def follow_the_decay() -> Step:
     area, view, scene = main_area(), module("view3d.decay_view"), bpy.context.scene
+    bpy.context.view_layer.objects.active = bpy.data.objects["Tree"]
     chosen, frame = settings().decay, scene.frame_current
     chosen.use_custom_range, chosen.frame_start, chosen.frame_end = True, 1, FRAMES
     with bpy.context.temp_override(**context_of(area)):
