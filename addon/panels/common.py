@@ -61,14 +61,19 @@ def settings_layout(panel: bpy.types.Panel) -> bpy.types.UILayout:
     return layout
 
 
+def text_width(text: str) -> float:
+    """Of one line, in pixels at the usual resolution scale."""
+    blf.size(FONT, FONT_SIZE)
+    return float(blf.dimensions(FONT, text)[0])
+
+
 def wrapped(context: bpy.types.Context, text: str, inset: float = 0.0) -> list[str]:
     """The lines of `text` as the panel that is being drawn has room for. inset: what is lost of that."""
     width = max(SHORTEST_LINE, context.region.width / context.preferences.system.ui_scale - MARGIN - inset)
-    blf.size(FONT, FONT_SIZE)
     lines: list[str] = []
     for word in text.split():
         longer = f"{lines[-1]} {word}" if lines else word
-        if lines and blf.dimensions(FONT, longer)[0] <= width:
+        if lines and text_width(longer) <= width:
             lines[-1] = longer
         else:
             lines.append(word)

@@ -8,10 +8,13 @@ from ..statistics.last_result import is_outdated, last_statistics
 from ..statistics.messages import messages_of
 from ..statistics.not_shown import line_of
 from ..statistics.summary import statistics_rows
-from .common import RenderPanel, draw_lines, draw_message
+from .common import RenderPanel, draw_lines, draw_message, text_width
 
 # What a box takes of the width.
 BOX = 16
+# Of names that stand left of values: what is left free of the panel's width and right of them, in pixels; their part.
+BORDERS, GAP = 40, 16
+LEAST_PART, MOST_PART = 0.4, 0.5
 
 
 class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
@@ -33,16 +36,23 @@ class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
 def _draw_steps(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
     statistics = last_statistics(context.scene)
     is_old = is_outdated(context.scene)
-    split = layout.split(factor=0.4)
+    rows = statistics_rows(statistics)
+    split = layout.split(factor=_part_of_names(context, [name for name, _ in rows]))
     split.active = not is_old
     names, values = split.column(align=True), split.column(align=True)
     names.alignment = "RIGHT"
-    for name, value in statistics_rows(statistics):
+    for name, value in rows:
         names.label(text=name)
         values.label(text=value)
     # A viewport renews them itself: panels would only jump meanwhile.
     if is_old and statistics.source != "Viewport":
         draw_lines(context, layout, "The scene has changed since", icon="INFO")
+
+
+def _part_of_names(context: bpy.types.Context, names: list[str]) -> float:
+    """Of the panel's width: what the longest takes, but where there is too little for both."""
+    width = context.region.width / context.preferences.system.ui_scale - BORDERS
+    return min(max(LEAST_PART, (max(map(text_width, names)) + GAP) / max(width, 1.0)), MOST_PART)
 
 
 def draw_messages(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -121,9 +122,13 @@ def test_what_was_done_goes_with_its_scene_and_its_file() -> None:
 def test_panels_are_drawn_again_by_the_main_thread_alone(monkeypatch) -> None:
     """A render's thread leaves a note; only who looks for it touches areas."""
     drawn: list[tuple[str, threading.Thread]] = []
+    regions: list[tuple[str, threading.Thread]] = []
+
+    def place(kind: str, tagged: list[tuple[str, threading.Thread]], **more: Any) -> SimpleNamespace:
+        return SimpleNamespace(type=kind, tag_redraw=lambda: tagged.append((kind, threading.current_thread())), **more)
 
     def area(kind: str) -> SimpleNamespace:
-        return SimpleNamespace(type=kind, tag_redraw=lambda: drawn.append((kind, threading.current_thread())))
+        return place(kind, drawn, regions=[place(region, regions) for region in ("WINDOW", "UI")])
 
     window = SimpleNamespace(screen=SimpleNamespace(areas=[area("PROPERTIES"), area("VIEW_3D")]))
     context = SimpleNamespace(window_manager=SimpleNamespace(windows=[window, window]))
@@ -139,6 +144,7 @@ def test_panels_are_drawn_again_by_the_main_thread_alone(monkeypatch) -> None:
     last_result._show_news()
     last_result._show_news()
     assert drawn == [("PROPERTIES", threading.main_thread())] * 2
+    assert regions == [("UI", threading.main_thread())] * 2, "of viewports the sidebars alone"
     for _ in range(2):
         edit_object()
         last_result._show_news()
