@@ -13,7 +13,7 @@ from .records import ImageRecord, MaterialVariants, SceneRecord
 def find_look_differences(old: SceneRecord, new: SceneRecord) -> tuple[str, ...]:
     """What differs, in words: "materials", "objects", "film", "world", "lights", "variants", "images"."""
     found = [name for name in ("materials", "objects", "world") if getattr(old, name) != getattr(new, name)]
-    if old.film_transparent != new.film_transparent:
+    if (old.film_transparent, old.plain_reflectance) != (new.film_transparent, new.plain_reflectance):
         found.append("film")
     if _differ(old.lights, new.lights):
         found.append("lights")
