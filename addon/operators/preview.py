@@ -66,7 +66,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
             self._end(context)
             count = None if self._refinement is None else self._refinement.sample_count
             when = "before there was an image" if count is None else f"after {count} samples"
-            self.report({"INFO"}, f"The preview was stopped {when}")
+            self.report({"INFO"}, f"Rendering the view was stopped {when}")
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
@@ -124,7 +124,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         view = self._view
         scene = next((scene for scene in bpy.data.scenes if scene.session_uid == self._scene_uid), None)
         if scene is not None and view.sync.revision == self._revision and view.sync.scene.is_current:
-            remember_view("Preview", view.sync, refinement, scene, view.edits)
+            remember_view("View to Image", view.sync, refinement, scene, view.edits)
 
     def _build(self, context: bpy.types.Context) -> None:
         """Look whether the trees are there; if they are, show the first image."""

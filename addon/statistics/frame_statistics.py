@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ..sync.report import SyncReport
     from .owners import Owners
 
-Source = Literal["Render", "Preview", "Viewport"]
+Source = Literal["Render", "View to Image", "Viewport"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,7 @@ def test_a_render_and_a_preview_say_what_they_were_of() -> None:
     assert first_rows() == [("Render", "Frame 1"), ("Resolution", "32 x 18 px")]
     bpy.context.scene.perfect_bvh.preview_percentage = 50
     assert bpy.ops.perfect_bvh.preview() == {"FINISHED"}
-    assert first_rows() == [("Preview", "Frame 1"), ("Resolution", "16 x 9 px")]
+    assert first_rows() == [("View to Image", "Frame 1"), ("Resolution", "16 x 9 px")]
     statistics = last_result.last_statistics(bpy.context.scene)
     assert statistics.camera_rays == 2 * 16 * 9
     assert statistics.trace_milliseconds > 0.0

@@ -36,7 +36,9 @@ NAME = "Perfect BVH View"
 @pytest.fixture(autouse=True)
 def registered(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     perfect_bvh_addon.register()
-    monkeypatch.setattr(preview, "show_in_editor", lambda context, image: None)  # there is no window
+    # There is no window: an editor is taken to show the image.
+    monkeypatch.setattr(preview, "show_in_editor", lambda context, image: None)
+    monkeypatch.setattr(preview.PERFECT_BVH_OT_preview, "_tell_where", lambda operator, context, what: None)
     yield
     perfect_bvh_addon.unregister()
     assert not building_threads()
@@ -98,7 +100,7 @@ def test_escape_before_there_is_an_image_says_so(gate: Gate, cube) -> None:
     operator, window = press()
     tick_until_half(operator, window)
     assert operator.modal(window, ESCAPE) == {"CANCELLED"}
-    assert operator.reports == [("INFO", "The preview was stopped before there was an image")]
+    assert operator.reports == [("INFO", "Rendering the view was stopped before there was an image")]
     assert (window.status, window.timers, building_threads()) == (None, 0, 0)
     assert NAME not in bpy.data.images
     gate.open()
@@ -114,7 +116,7 @@ def test_escape_while_it_is_refined_keeps_what_there_is(cube, scene) -> None:
         assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
     assert operator.modal(window, ESCAPE) == {"CANCELLED"}
     count = operator._refinement.sample_count
-    assert operator.reports == [("INFO", f"The preview was stopped after {count} samples")]
+    assert operator.reports == [("INFO", f"Rendering the view was stopped after {count} samples")]
     assert pixels().any()
 
 
@@ -130,7 +132,9 @@ def test_closing_the_window_of_the_image_stops_it(cube, scene, monkeypatch: pyte
     assert operator.modal(window, TIMER) == {"RUNNING_MODAL"}
     windows.remove(opened)
     assert operator.modal(window, TIMER) == {"CANCELLED"}
-    assert operator.reports == [("INFO", f"The preview was stopped after {operator._refinement.sample_count} samples")]
+    assert operator.reports == [
+        ("INFO", f"Rendering the view was stopped after {operator._refinement.sample_count} samples")
+    ]
     assert (window.status, window.timers) == (None, 0)
 
 
@@ -159,7 +163,7 @@ def test_the_panels_tell_of_it(cube, scene) -> None:
     tick_to_the_end(operator, window)
     statistics = last_result.last_statistics(scene)
     assert (statistics.source, statistics.frame, statistics.size) == (
-        "Preview",
+        "View to Image",
         7.0,
         operator._refinement.view.plan.size,
     )
@@ -180,7 +184,7 @@ def edit_while_it_refines(cube, scene) -> tuple[FakeOperator, FakeWindow]:
 def test_the_panels_tell_that_the_scene_was_edited_meanwhile(cube, scene) -> None:
     operator, window = edit_while_it_refines(cube, scene)
     tick_to_the_end(operator, window)
-    assert last_result.last_statistics(scene).source == "Preview"
+    assert last_result.last_statistics(scene).source == "View to Image"
     assert last_result.is_outdated(scene)
 
 
@@ -240,7 +244,7 @@ def test_another_file_or_scene_ends_it_with_a_reason(gate: Gate, cube) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     assert not building_threads()
     assert operator.modal(window, TIMER) == {"CANCELLED"}
-    assert operator.reports == [("ERROR", "the scene is no longer shown: there is no preview of it")]
+    assert operator.reports == [("ERROR", "The scene is no longer shown: there is no preview of it")]
     assert (window.status, window.timers) == (None, 0)
 
 
@@ -259,7 +263,7 @@ def test_what_fails_in_a_build_is_reported(cube, monkeypatch: pytest.MonkeyPatch
     operator, window = press()
     while (answer := operator.modal(window, TIMER)) == {"RUNNING_MODAL"}:
         pass
-    assert (answer, operator.reports) == ({"CANCELLED"}, [("ERROR", "no room for trees")])
+    assert (answer, operator.reports) == ({"CANCELLED"}, [("ERROR", "No room for trees")])
     assert (window.status, window.timers) == (None, 0)
 
 
