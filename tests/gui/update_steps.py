@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import bpy
-from addon_state import module
+from addon_state import close_image_windows, events, module
 from driver import Step, check, redrawn, screenshot, wait_until
 from hands import click, handled, hover
 from places import context_of, main_area, region_of
+from render_steps import start_render
 
 ROW = 20  # the height of one, at the resolution scale that a new user has
 STEP = 5
@@ -35,15 +36,20 @@ def find_rows(area: bpy.types.Area, x: float) -> Step:
 
 
 def choose_rows_of_what_was_updated() -> Step:
-    """The last render is listed by itself once the panel is seen."""
+    """A render that had everything to build is listed by itself once the panel is seen."""
     area, layer, scene = main_area(), bpy.context.view_layer, bpy.context.scene
+    module("live.sync_cache").clear_syncs()
+    events.clear()
+    start_render()
+    yield from wait_until(lambda: "render_complete" in events, "the render does not end")
+    yield from close_image_windows()
     area.spaces.active.show_region_ui = True
     yield from redrawn()
     sidebar = region_of(area, "UI")
     sidebar.active_panel_category = "Perfect BVH"
     sidebar.tag_redraw()
     rows_of = module("statistics.update_list").rows_of
-    yield from wait_until(lambda: rows_of(scene) is not None and len(rows_of(scene).rows), "nothing is listed")
+    yield from wait_until(lambda: rows_of(scene) is not None and len(rows_of(scene).rows) > 3, "nothing is listed")
     yield from redrawn()
     screenshot("what_was_updated")
     rows, x = rows_of(scene), sidebar.x + COLUMN * sidebar.width
