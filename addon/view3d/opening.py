@@ -49,5 +49,6 @@ def register() -> None:
 
 
 def unregister() -> None:
-    bpy.app.handlers.load_post.remove(_on_load)
+    if _on_load in bpy.app.handlers.load_post:  # somebody may have emptied the list
+        bpy.app.handlers.load_post.remove(_on_load)
     delattr(bpy.types.Screen, PROPERTY)
