@@ -7,7 +7,7 @@ import bpy
 from ..statistics.last_result import is_outdated, last_statistics
 from ..statistics.update_list import FOLD, MORE, row_of, rows_of, updates_of
 from ..statistics.words import count_of, duration
-from .common import TABS, SidebarPanel, draw_lines
+from .common import TABS, SidebarPanel, draw_lines, text_width
 
 ICONS = {
     "kept": "CHECKMARK",
@@ -27,6 +27,9 @@ ICONS = {
 }
 # Of a row: what a name has where there is a time beside it and where there is none; of the rest what a time has.
 NAME_PART, LONG_NAME_PART, TIME_PART = 0.46, 0.78, 0.62
+# What is left free of the sidebar's width for tabs and borders, and of a name's part for its icon, in pixels at the
+# usual resolution scale.
+LIST_BORDERS, ICON = 66, 34
 
 
 class PERFECT_BVH_UL_updates(bpy.types.UIList):
@@ -50,7 +53,7 @@ class PERFECT_BVH_UL_updates(bpy.types.UIList):
         elif item.state == MORE:
             layout.label(text=item.name, icon="BLANK1")
         else:
-            draw_cells(layout, item.name, item.time, item.share, ICONS[item.state])
+            draw_cells(layout, fitting_name(context, item), item.time, item.share, ICONS[item.state])
 
     def draw_filter(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         layout.prop(self, "filter_name", text="", icon="VIEWZOOM")
@@ -85,6 +88,13 @@ class PERFECT_BVH_PT_updates(SidebarPanel, bpy.types.Panel):
         draw_cells(column, "Object", "Time", "Share", "NONE")
         column.template_list("PERFECT_BVH_UL_updates", "", rows, "rows", rows, "active", rows=5, maxrows=10)
         _draw_active(context, layout, rows)
+
+
+def fitting_name(context: bpy.types.Context, item: bpy.types.PropertyGroup) -> str:
+    """A row's name, with the number of its objects short where there is no room for more words."""
+    width = context.region.width / context.preferences.system.ui_scale - LIST_BORDERS
+    room = width * (NAME_PART if item.time else LONG_NAME_PART) - ICON
+    return item.name if text_width(item.name) <= room else item.short_name
 
 
 def draw_cells(layout: bpy.types.UILayout, name: str, time: str, share: str, icon: str) -> None:

@@ -36,6 +36,7 @@ class PERFECT_BVH_PG_update(bpy.types.PropertyGroup):
     """A row of the list."""
 
     state: bpy.props.StringProperty(name="State", description="What happened to the objects")
+    short_name: bpy.props.StringProperty(name="Short Name", description="The name where there is little room")
     time: bpy.props.StringProperty(name="Time", description="What the tree of the mesh took")
     share: bpy.props.StringProperty(name="Share", description="Part of the camera rays' work")
     is_changed: bpy.props.BoolProperty(name="Changed", description="Whether anything was done")
@@ -174,6 +175,7 @@ def _write_fold(made: PERFECT_BVH_PG_updates, updates: Updates) -> None:
 def _write_row(made: PERFECT_BVH_PG_updates, number: int, row: UpdateRow, *, is_changed: bool) -> None:
     item = made.rows.add()
     item.name, item.state, item.number, item.is_changed = row.title, row.state, number, is_changed
+    item.short_name = row.short_title
     if row.milliseconds:
         item.time = duration(row.milliseconds).replace("under ", "<")
     if row.share > 0.0:

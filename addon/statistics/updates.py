@@ -76,6 +76,11 @@ class UpdateRow:
         """Such as "Cube", or "Cube and 19 more"."""
         return self.name if self.count <= 1 else f"{self.name} and {self.count - 1:,} more"
 
+    @property
+    def short_title(self) -> str:
+        """The same where there is little room, such as "Cube +19"."""
+        return self.name if self.count <= 1 else f"{self.name} +{self.count - 1:,}"
+
 
 @dataclass(frozen=True, slots=True)
 class Updates:

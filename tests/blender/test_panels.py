@@ -51,7 +51,9 @@ class RecordingLayout:
         assert active in active_data.bl_rna.properties
         (made,) = (one for one in panels.LISTS if one.__name__ == kind)
         stand = SimpleNamespace(filter_name="", bitflag_filter_item=1)
-        context = SimpleNamespace(scene=bpy.context.scene)
+        region, system = SimpleNamespace(width=280), SimpleNamespace(ui_scale=1.0)  # 0 without a window
+        preferences = SimpleNamespace(system=system)
+        context = SimpleNamespace(scene=bpy.context.scene, region=region, preferences=preferences)
         flags, order = made.filter_items(stand, context, data, name)
         assert order == []
         for row, flag in zip(getattr(data, name), flags, strict=True):

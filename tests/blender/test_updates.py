@@ -21,7 +21,7 @@ from blender.builders import (  # noqa: E402
 )
 from perfect_bvh_addon import SceneSync  # noqa: E402
 from perfect_bvh_addon.image.costs import owners_of  # noqa: E402
-from perfect_bvh_addon.panels.updates import PERFECT_BVH_UL_updates  # noqa: E402
+from perfect_bvh_addon.panels.updates import PERFECT_BVH_UL_updates, fitting_name  # noqa: E402
 from perfect_bvh_addon.statistics import update_list, updates  # noqa: E402
 from perfect_bvh_addon.statistics.owners import Owners  # noqa: E402
 from perfect_bvh_addon.statistics.update_words import facts_of, what_to_do, what_was_done  # noqa: E402
@@ -256,6 +256,21 @@ def test_a_row_selects_all_its_objects_and_no_others(listed: Any) -> None:
     bpy.data.objects["A"].hide_set(True)
     choose(rows, "A and 1 more")
     assert selected() == {"B"} and rows.note == ""
+
+
+def test_the_number_of_objects_is_seen_however_narrow_the_sidebar(listed: Any) -> None:
+    mesh = mesh_data("shared")
+    for number in range(9):
+        mesh_object(f"Figure {number}", mesh)
+    mesh_object("Alone")
+    items = {item.short_name: item for item in listed().rows if item.short_name}
+    (shared,) = (item for name, item in items.items() if name.endswith(" +8"))
+    assert shared.name.endswith(" and 8 more") and items["Alone"].name == "Alone"
+    preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1.5))
+    for width, expected in ((300, shared.short_name), (1200, shared.name)):
+        context = SimpleNamespace(region=SimpleNamespace(width=1.5 * width), preferences=preferences)
+        item = SimpleNamespace(name=shared.name, short_name=shared.short_name, time="0.24 ms")
+        assert fitting_name(context, item) == expected
 
 
 def test_what_cannot_be_selected_is_said_and_raises_nothing(listed: Any) -> None:
