@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import bpy
 
 from ..settings.preferences import native_error
+from ..statistics import messages
+from .ticking import sentence_of
 
 if TYPE_CHECKING:
     from ..view3d.walk_reading import Reading
@@ -64,6 +66,7 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
         PERFECT_BVH_OT_walk_ray._newest += 1
         self._number = PERFECT_BVH_OT_walk_ray._newest
         self._reading = self._walk = None
+        messages.tell(context.scene, self.bl_label)
         self._waited, self._owns_click = 0.0, False
         self._window = context.window
         self._timer = context.window_manager.event_timer_add(TIMER_SECONDS, window=context.window)
@@ -120,7 +123,8 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
             return {"PASS_THROUGH"}
         self._owns_click = True
         area, region = place
-        self._attempt(lambda: self._begin(context, area, region, event.mouse_x, event.mouse_y))
+        messages.tell(context.scene, self.bl_label)
+        self._attempt(context, lambda: self._begin(context, area, region, event.mouse_x, event.mouse_y))
         return {"RUNNING_MODAL"}
 
     def _begin(self, context: bpy.types.Context, area: Any, region: Any, x: int, y: int) -> None:
@@ -147,7 +151,7 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
         from ..view3d import walk_view
 
         if self._reading is not None:
-            self._attempt(lambda: self._look(context))
+            self._attempt(context, lambda: self._look(context))
         if self._walk is None or not self._walk.is_playing:
             self._waited = 0.0
             return
@@ -157,15 +161,17 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
             self._walk.go(self._walk.index + 1)
             walk_view.redraw()
 
-    def _attempt(self, work: Callable[[], None]) -> None:
-        """What cannot be done is reported, and another pixel can be clicked."""
+    def _attempt(self, context: bpy.types.Context, work: Callable[[], None]) -> None:
+        """What cannot be done is reported and left in the panels, and another pixel can be clicked."""
         import perfect_bvh
 
         try:
             work()
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
             self._reading = None
-            self.report({"WARNING"}, str(problem) or type(problem).__name__)
+            text = sentence_of(problem)
+            self.report({"WARNING"}, text)
+            messages.tell(context.scene, self.bl_label, text)
 
     def _end(self, context: bpy.types.Context) -> set[str]:
         from ..view3d import walk_view

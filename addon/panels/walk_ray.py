@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import bpy
 
+from .common import draw_messages_of
 from .trees import TreePanel
 
 BUTTONS = (
@@ -31,6 +32,7 @@ class PERFECT_BVH_PT_walk_ray(TreePanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("perfect_bvh.walk_ray", icon="CURVE_PATH")
         if walk is None:
+            draw_messages_of(context, layout, "Walk a Ray")
             return
         row.operator("perfect_bvh.walk_step", text="", icon="X").to = "OFF"
         row = layout.row(align=True)
@@ -41,6 +43,7 @@ class PERFECT_BVH_PT_walk_ray(TreePanel, bpy.types.Panel):
         row = layout.row()
         row.alignment = "CENTER"
         row.label(text=f"Step {walk.index + 1:,} of {len(walk.steps):,}")
+        draw_messages_of(context, layout, "Walk a Ray")
 
 
 CLASSES = (PERFECT_BVH_PT_walk_ray,)

@@ -16,9 +16,10 @@ from blender.long_builds import TIMER, FakeOperator, FakeWindow  # noqa: E402
 from mathutils import Euler, Matrix  # noqa: E402
 from perfect_bvh import WalkEvent  # noqa: E402
 from perfect_bvh_addon.operators import walk_ray as operators  # noqa: E402
+from perfect_bvh_addon.statistics.messages import messages_of  # noqa: E402
 from perfect_bvh_addon.sync.appearance import as_camera  # noqa: E402
 from perfect_bvh_addon.sync.records import CameraRecord  # noqa: E402
-from perfect_bvh_addon.view3d import awaited_view, walk_view  # noqa: E402
+from perfect_bvh_addon.view3d import awaited_view, walk_reading, walk_view  # noqa: E402
 from perfect_bvh_addon.view3d.pixel_ray import pixel_ray  # noqa: E402
 from perfect_bvh_addon.view3d.walk_legend import heading, rows_of, wrap  # noqa: E402
 from perfect_bvh_addon.view3d.walk_picture import (  # noqa: E402
@@ -297,6 +298,24 @@ def test_a_click_walks_the_pixels_ray(viewport: Viewport) -> None:
     assert other is not None and other is not walk and other.steps[-1].sentence == "Nothing is hit"
     assert viewport.send("ESC") == {"FINISHED"}
     assert walk_view.shown() is None and viewport.is_idle
+
+
+def test_what_cannot_be_walked_is_said_until_the_next_click(
+    viewport: Viewport, scene: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: Any) -> Any:
+        raise ValueError("the view has no usable matrix")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(walk_reading, "read_pixel", fail)
+        viewport.click()
+    said = "The view has no usable matrix"
+    assert viewport.operator.reports == [("WARNING", said)]
+    assert [message.text for message in messages_of(scene) if message.source == "Walk a Ray"] == [said]
+    assert viewport.cursor == "CROSSHAIR", "another pixel can be clicked"
+    viewport.click()
+    assert walk_view.shown() is not None
+    assert not [message for message in messages_of(scene) if message.source == "Walk a Ray"]
 
 
 def test_keys_and_buttons_step(viewport: Viewport) -> None:
