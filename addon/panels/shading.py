@@ -9,7 +9,7 @@ import bpy
 from ..settings.modes import find_mode
 from ..settings.preferences import native_error
 from ..settings.scene_settings import ENGINE_NAME
-from ..settings.shading_settings import read_view_settings
+from ..settings.shading_settings import mode_of
 from ..view3d import opening
 
 
@@ -33,8 +33,7 @@ class PERFECT_BVH_PT_shading_lighting(ShadingPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, shading = self.layout, context.space_data.shading
-        settings = read_view_settings(context.scene, shading)
-        layout.active = find_mode(settings.mode).shading
+        layout.active = find_mode(mode_of(context.scene, shading)).shading
         layout.prop(shading, "use_scene_lights_render")
         layout.prop(shading, "use_scene_world_render")
         if not shading.use_scene_world_render:

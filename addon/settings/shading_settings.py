@@ -37,10 +37,15 @@ class PERFECT_BVH_PG_shading(bpy.types.PropertyGroup):
     )
 
 
+def mode_of(scene: bpy.types.Scene, shading: bpy.types.View3DShading) -> str:
+    """What a Rendered viewport of `scene` shows, by the name that `find_mode` takes."""
+    own = shading.perfect_bvh.mode
+    return (scene.perfect_bvh.mode if own == AS_RENDER else own).lower()
+
+
 def read_view_settings(scene: bpy.types.Scene, shading: bpy.types.View3DShading) -> RenderSettings:
     """The settings of a Rendered viewport of `scene`."""
-    settings, mode = read_settings(scene, is_viewport=True), shading.perfect_bvh.mode
-    return settings if mode == AS_RENDER else replace(settings, mode=mode.lower())
+    return replace(read_settings(scene, is_viewport=True), mode=mode_of(scene, shading))
 
 
 def register() -> None:

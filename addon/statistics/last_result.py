@@ -1,4 +1,4 @@
-"""What was done last for each scene, by a render, a preview or a viewport, and whether the scene still is as it was.
+"""What was done last for each scene, by a render or of a view, and whether the scene still is as it was.
 
 That is told by the count of a scene's edits (`events/changes.py`), taken when the scene was read. Panels that tell of
 it are drawn again when it changes, without anybody moving the mouse. A render ends on a thread of its own, from which
@@ -10,7 +10,7 @@ What needs the native engine is imported where it is used: without it the add-on
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import bpy
@@ -34,6 +34,7 @@ class _Done:
 
 
 _latest: dict[int, _Done] = {}  # by the scene's session uid
+_render_modes: dict[int, str] = {}  # of each scene's last render, whatever its viewports have done since
 _shown: dict[int, tuple[_Done, bool]] = {}  # as panels have it, with whether the scene was edited since
 _has_news = False  # beside that
 
@@ -45,7 +46,10 @@ def edits_of(scene: bpy.types.Scene) -> int:
 
 def remember(scene: bpy.types.Scene, statistics: FrameStatistics, edits: int) -> None:
     """What was done last for `scene` as it was at so many edits; from any thread."""
-    _latest[scene.original.session_uid] = _Done(statistics, edits)
+    uid = scene.original.session_uid
+    _latest[uid] = _Done(statistics, edits)
+    if statistics.source == "Render":
+        _render_modes[uid] = statistics.settings.mode
 
 
 def confirm_view(scene: bpy.types.Scene, last_change: SyncReport | None) -> None:
@@ -65,16 +69,25 @@ def last_statistics(scene: bpy.types.Scene) -> FrameStatistics | None:
     return None if done is None else done.statistics
 
 
+def last_render_mode(scene: bpy.types.Scene) -> str | None:
+    """What the last render of `scene` shows, None if there was none."""
+    return _render_modes.get(scene.session_uid)
+
+
 def is_outdated(scene: bpy.types.Scene) -> bool:
     """Whether `scene` was edited, set to another frame or given other settings since."""
     done = _latest.get(scene.session_uid)
     if done is None:
         return False
     statistics = done.statistics
+    is_viewport = statistics.source == "Viewport"
+    settings = read_settings(scene, is_viewport=is_viewport)
+    if is_viewport:  # it may have a mode of its own
+        settings = replace(settings, mode=statistics.settings.mode)
     return (
         done.edits != edits_of(scene)
         or statistics.frame != scene.frame_current_final
-        or statistics.settings != read_settings(scene, is_viewport=statistics.source == "Viewport")
+        or statistics.settings != settings
     )
 
 
@@ -83,11 +96,13 @@ def drop_missing(scenes: Iterable[bpy.types.Scene]) -> None:
     there = {scene.session_uid for scene in scenes}
     for uid in [uid for uid in list(_latest) if uid not in there]:
         _latest.pop(uid, None)
+        _render_modes.pop(uid, None)
 
 
 def forget() -> None:
     """Forgets all of it."""
     _latest.clear()
+    _render_modes.clear()
 
 
 def tell_of_news() -> None:

@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from ..settings.preferences import native_error
 from ..settings.scene_settings import ENGINE_NAME
-from ..statistics.last_result import last_statistics
+from ..settings.shading_settings import mode_of
+from ..statistics.last_result import last_render_mode
 from . import pointer
 from .box_words import Scale
 from .hovered_box import Pointed, view_of
@@ -38,7 +39,7 @@ def is_shown(context: bpy.types.Context) -> bool:
     """Whether the context's 3D viewport shows an image in the mode "cost"."""
     space = context.space_data
     is_ours = context.engine == ENGINE_NAME and space.shading.type == "RENDERED" and native_error() is None
-    return is_ours and context.scene.perfect_bvh.mode == "COST" and space.overlay.show_overlays
+    return is_ours and space.overlay.show_overlays and mode_of(context.scene, space.shading) == "cost"
 
 
 def section() -> Section:
@@ -113,8 +114,7 @@ def _draw_beside_render() -> None:
     image = context.space_data.image
     if image is None or image.type != "RENDER_RESULT" or not context.space_data.overlay.show_overlays:
         return
-    done = last_statistics(context.scene)
-    if native_error() is None and done is not None and done.source == "Render" and done.settings.mode == "cost":
+    if native_error() is None and last_render_mode(context.scene) == "cost":
         draw_legend(context, [section()])
 
 

@@ -62,8 +62,10 @@ class Region:
         return 77
 
 
-def context_of(**shading: Any) -> SimpleNamespace:
-    space = SimpleNamespace(shading=SimpleNamespace(**shading), overlay=SimpleNamespace(show_overlays=True))
+def context_of(mode: str = "RENDER", **shading: Any) -> SimpleNamespace:
+    """mode: the viewport's own."""
+    shown = SimpleNamespace(perfect_bvh=SimpleNamespace(mode=mode), **shading)
+    space = SimpleNamespace(shading=shown, overlay=SimpleNamespace(show_overlays=True))
     view = SimpleNamespace(perspective_matrix=np.eye(4))
     scene = bpy.context.scene
     return SimpleNamespace(engine="PERFECT_BVH", scene=scene, space_data=space, region=Region(), region_data=view)
@@ -86,6 +88,20 @@ def test_what_is_under_the_mouse_is_told_where_costs_are_shown(monkeypatch: pyte
     cost_scale._pointing.on_pointer_left()
     context.region_data.perspective_matrix = np.eye(4)
     assert cost_scale.tip(context) is None
+
+
+@pytest.mark.parametrize(
+    ("of_scene", "of_viewport", "is_shown"),
+    [
+        ("PREVIEW", "COST", True),
+        ("COST", "PREVIEW", False),
+        ("COST", "RENDER", True),
+        ("PREVIEW", "RENDER", False),
+    ],
+)
+def test_the_scale_goes_by_the_mode_of_the_viewport(of_scene: str, of_viewport: str, is_shown: bool) -> None:
+    bpy.context.scene.perfect_bvh.mode = of_scene
+    assert cost_scale.is_shown(context_of(of_viewport, type="RENDERED")) == is_shown
 
 
 def test_a_viewport_is_found_by_its_region(monkeypatch: pytest.MonkeyPatch) -> None:

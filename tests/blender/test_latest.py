@@ -88,6 +88,33 @@ def test_an_edit_outdates_what_was_done_and_a_render_renews_it(edit) -> None:
     assert not last_result.is_outdated(scene)
 
 
+def of_viewport(mode: str) -> Any:
+    """What a Rendered viewport leaves that shows this mode."""
+    scene = bpy.context.scene
+    settings = replace(read_settings(scene, is_viewport=True), mode=mode)
+    return replace(last_result.last_statistics(scene), source="Viewport", settings=settings)
+
+
+def test_a_viewport_with_a_mode_of_its_own_is_not_outdated_by_that() -> None:
+    scene = bpy.context.scene
+    last_result.remember(scene, of_viewport("normal"), last_result.edits_of(scene))
+    assert not last_result.is_outdated(scene)
+    scene.perfect_bvh.viewport_samples = 7
+    assert last_result.is_outdated(scene)
+
+
+def test_what_the_last_render_shows_is_known_whatever_viewports_do() -> None:
+    scene = bpy.context.scene
+    assert last_result.last_render_mode(scene) == "preview"
+    last_result.remember(scene, of_viewport("cost"), last_result.edits_of(scene))
+    assert last_result.last_render_mode(scene) == "preview"
+    scene.perfect_bvh.mode = "COST"
+    bpy.ops.render.render()
+    assert last_result.last_render_mode(scene) == "cost"
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    assert last_result.last_render_mode(bpy.context.scene) is None
+
+
 def test_what_only_selects_outdates_nothing() -> None:
     bpy.data.objects["Cube"].select_set(True)
     bpy.context.view_layer.objects.active = bpy.data.objects["Cube"]
