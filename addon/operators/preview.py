@@ -137,7 +137,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         except perfect_bvh.Cancelled:
             # A viewport, which shares the trees, has found the scene changed and has others built: wait for those.
             if context.scene.session_uid != self._scene_uid:
-                raise ValueError("the scene is no longer shown: there is no preview of it") from None
+                raise ValueError("the scene is no longer shown: there is no image of it") from None
             self._read(context)
             return
         assert self._refinement is not None
@@ -183,7 +183,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
 
 
 def _store(refinement: Refinement) -> bpy.types.Image:
-    """Put an image into the data-block of previews, which is made when it is missing or has been given away."""
+    """Put an image into the data-block of such images, which is made when it is missing or has been given away."""
     assert refinement.image is not None
     pixels = picture_of(refinement.image, refinement.view.plan.settings.mode)
     height, width = pixels.shape[:2]

@@ -18,7 +18,7 @@ LEAST_PART, MOST_PART = 0.4, 0.5
 
 
 class PERFECT_BVH_PT_statistics(RenderPanel, bpy.types.Panel):
-    """How long each step of the last render, preview or view of this scene took, what it was done to, and messages."""
+    """How long each step of the last render or view of this scene took, what it was done to, and messages."""
 
     bl_label = "Statistics"
 

@@ -122,7 +122,7 @@ class PERFECT_BVH_GGT_pointer(bpy.types.GizmoGroup):
     """There where somebody listens."""
 
     bl_idname = "PERFECT_BVH_GGT_pointer"
-    bl_label = "Pointer over Trees"
+    bl_label = "Tree Pointer"
     bl_space_type = "VIEW_3D"
     bl_region_type = "WINDOW"
     bl_options: ClassVar = {"PERSISTENT", "SCALE"}
