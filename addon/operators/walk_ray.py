@@ -102,16 +102,17 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
     # The parts -------------------------------------------------------------------------------------------------------
 
     def _is_over(self, context: bpy.types.Context) -> bool:
-        """Whether another was started, or what was shown has gone, or the place where it was."""
+        """Whether another was started, or what was shown has gone, or the viewport where it was or is to be."""
         from ..view3d import walk_view
 
         if self._number != PERFECT_BVH_OT_walk_ray._newest:
             return True
-        if self._walk is None:
-            return False
+        walk, reading = self._walk, self._reading
+        used = ([] if walk is None else [walk.space]) + ([] if reading is None else [reading.address])
         spaces = (area.spaces.active for area in context.window.screen.areas)
-        is_there = any(space is not None and space.as_pointer() == self._walk.space for space in spaces)
-        return walk_view.shown() is not self._walk or context.scene.session_uid != self._walk.scene_uid or not is_there
+        if not {space.as_pointer() for space in spaces if space is not None}.issuperset(used):
+            return True
+        return walk is not None and (walk_view.shown() is not walk or context.scene.session_uid != walk.scene_uid)
 
     def _take_click(
         self, context: bpy.types.Context, event: bpy.types.Event, place: tuple[Any, Any] | None

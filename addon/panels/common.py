@@ -14,7 +14,7 @@ from ..statistics.messages import Message, messages_of
 # Labels do not wrap, and a panel is as wide as its region: in pixels at the usual resolution scale, what is left free
 # of that for borders and an icon, and how long a line is at least. The font is the interface's own.
 MARGIN, SHORTEST_LINE = 58, 114
-FONT, FONT_SIZE = 0, 11
+FONT = 0
 TABS = 20  # of a sidebar's width
 
 
@@ -63,7 +63,7 @@ def settings_layout(panel: bpy.types.Panel) -> bpy.types.UILayout:
 
 def text_width(text: str) -> float:
     """Of one line, in pixels at the usual resolution scale."""
-    blf.size(FONT, FONT_SIZE)
+    blf.size(FONT, bpy.context.preferences.ui_styles[0].widget.points)
     return float(blf.dimensions(FONT, text)[0])
 
 

@@ -76,8 +76,8 @@ def format_share(share: float) -> str:
     """As a percentage of two digits at least."""
     percent = 100.0 * share
     if percent >= 10.0 or percent == 0.0:
-        return f"{percent:.0f} %"
-    return f"{percent:.1f} %" if percent >= 1.0 else f"{percent:.2g} %" if percent >= 0.01 else "less than 0.01 %"
+        return f"{percent:.0f}%"
+    return f"{percent:.1f}%" if percent >= 1.0 else f"{percent:.2g}%" if percent >= 0.01 else "less than 0.01%"
 
 
 # Scales --------------------------------------------------------------------------------------------------------------
@@ -98,7 +98,7 @@ class Scale:
 def scale_of(boxes: TreeBoxes, color_by: str) -> Scale:
     """Of boxes as `box_lines.shares` colours them. color_by: "LEVEL", "OVERLAP" or "COST"."""
     if color_by == "OVERLAP":
-        return Scale("Overlap with siblings", ((0.0, "0 %"), (0.5, "50 %"), (1.0, "100 %")))
+        return Scale("Overlap with siblings", ((0.0, "0%"), (0.5, "50%"), (1.0, "100%")))
     if color_by == "COST":
         dearest = float(boxes.costs.max(initial=0.0))
         if not dearest > 0.0:

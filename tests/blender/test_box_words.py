@@ -69,7 +69,7 @@ def test_costs_have_three_digits_at_most(cost: float, text: str) -> None:
 
 @pytest.mark.parametrize(
     ("share", "text"),
-    [(1.0, "100 %"), (0.123, "12 %"), (0.0123, "1.2 %"), (0.00123, "0.12 %"), (1e-6, "less than 0.01 %"), (0.0, "0 %")],
+    [(1.0, "100%"), (0.123, "12%"), (0.0123, "1.2%"), (0.00123, "0.12%"), (1e-6, "less than 0.01%"), (0.0, "0%")],
 )
 def test_shares_are_percentages(share: float, text: str) -> None:
     assert format_share(share) == text
@@ -78,7 +78,7 @@ def test_shares_are_percentages(share: float, text: str) -> None:
 def test_boxes_are_described(boxes: perfect_bvh.TreeBoxes) -> None:
     root = describe_box(boxes, 0, holds="triangle")
     assert root[0] == "Node on level 0: 900 triangles"
-    assert root[1] == "Chance of being hit: 100 %"
+    assert root[1] == "Chance of being hit: 100%"
     assert root[2] == f"Cost: 1.00, with all below {format_cost(boxes.sah)} of {format_cost(boxes.sah)}"
     row = int(np.flatnonzero(boxes.leaf_sizes > 1)[-1])
     leaf = describe_box(boxes, row, holds="triangle")
@@ -108,4 +108,4 @@ def test_the_cost_scale_tells_the_costs_of_its_colours(boxes: perfect_bvh.TreeBo
     box = replace(boxes, costs=np.array([dearest, dearest / 100.0, dearest / 1e6], np.float32))
     np.testing.assert_allclose(shares(box, "COST"), (1.0, 0.5, 0.0), atol=1e-6)
     assert scale_of(replace(boxes, costs=np.zeros(3, np.float32)), "COST").labels == ((0.0, "0"),)
-    assert scale_of(boxes, "OVERLAP").labels[-1] == (1.0, "100 %")
+    assert scale_of(boxes, "OVERLAP").labels[-1] == (1.0, "100%")

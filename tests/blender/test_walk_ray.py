@@ -385,6 +385,17 @@ def test_it_ends_with_its_viewport_its_file_and_an_undo(viewport: Viewport) -> N
     assert walk_view.shown() is None and not walk_view._handles
 
 
+def test_trees_are_waited_for_no_longer_where_their_viewport_is_closed(
+    viewport: Viewport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reading = SimpleNamespace(address=7, state="Building trees", walk=lambda context: None, stop=lambda: None)
+    monkeypatch.setattr(walk_reading, "read_pixel", lambda *_: reading)
+    assert viewport.send("LEFTMOUSE") == {"RUNNING_MODAL"}
+    assert viewport.send("TIMER") == {"PASS_THROUGH"}
+    viewport.context.window.screen.areas.clear()
+    assert viewport.send("TIMER") == {"CANCELLED"} and viewport.is_idle
+
+
 def test_a_walk_changes_nothing_and_knows_when_it_is_old(viewport: Viewport, scene: Any) -> None:
     before = sorted(block.name for block in (*bpy.data.objects, *bpy.data.meshes, *bpy.data.scenes))
     viewport.click()
