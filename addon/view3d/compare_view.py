@@ -180,7 +180,7 @@ def _heading(context: bpy.types.Context, found: Shown) -> str:
 
 
 def _draw_words(side: Side, rect: drawing.Rect, top: float, level: str, rows: list[Row]) -> None:
-    """Centered below a half, as a table; in narrow halves smaller."""
+    """Centered below a half, as a table; in narrow halves smaller, or those alone that fit."""
     bright = drawing.view_text_color()
     dim = (*bright[:3], DIM)
     room = (rect.right - rect.left) / drawing.pixels(NAME_WIDTH + VALUE_WIDTH + RATIO_WIDTH)
@@ -191,6 +191,10 @@ def _draw_words(side: Side, rect: drawing.Rect, top: float, level: str, rows: li
     _draw_centered(middle, y, side.label, TITLE_SIZE, bright)
     y -= step
     _draw_centered(middle, y, level, drawing.TEXT_SIZE, dim)
+    if room < LEAST_SCALE:
+        for number, text in enumerate(fitting_lines(rows, rect.right - rect.left, size), 1):
+            _draw_centered(middle, y - number * step, text, size, bright)
+        return
     widths = [drawing.pixels(width) * scale for width in (NAME_WIDTH, VALUE_WIDTH, RATIO_WIDTH)]
     left = middle - sum(widths) / 2
     for row in rows:
@@ -199,6 +203,12 @@ def _draw_words(side: Side, rect: drawing.Rect, top: float, level: str, rows: li
         drawing.draw_text(left + widths[0], y, row.value, size, bright)
         color = BETTER if row.is_better else WORSE if row.is_worse else dim
         drawing.draw_text(left + widths[0] + widths[1], y, row.ratio_text, size, color)
+
+
+def fitting_lines(rows: list[Row], room: float, size: float) -> list[str]:
+    """Rows as lines, of those that are no wider than so many pixels."""
+    lines = [f"{row.name} {row.value}" for row in rows]
+    return [line for line in lines if drawing.text_size(line, size)[0] <= room]
 
 
 def _draw_centered(x: float, y: float, text: str, size: float, color: drawing.Color) -> None:

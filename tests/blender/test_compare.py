@@ -16,7 +16,7 @@ from perfect_bvh_addon.operators.compare import PERFECT_BVH_OT_compare  # noqa: 
 from perfect_bvh_addon.settings.tree_settings import CHOICES, REFITTED, choice_of  # noqa: E402
 from perfect_bvh_addon.view3d import compare_view  # noqa: E402
 from perfect_bvh_addon.view3d.compare_trees import compare  # noqa: E402
-from perfect_bvh_addon.view3d.compare_words import heading_of, level_line, rows_of  # noqa: E402
+from perfect_bvh_addon.view3d.compare_words import Row, heading_of, level_line, rows_of  # noqa: E402
 from perfect_bvh_addon.view3d.half_picture import FILLS, Framing, cut_of, frame_box  # noqa: E402
 from perfect_bvh_addon.view3d.reading import read_object  # noqa: E402
 from perfect_bvh_addon.view3d.sample_rays import SIDE, primary_rays  # noqa: E402
@@ -207,6 +207,14 @@ def test_a_comparison_ends_with_its_file(ball: Any) -> None:
     assert compare_view.shown() is not None
     bpy.ops.wm.read_factory_settings(use_empty=True)
     assert compare_view.shown() is None
+
+
+def test_narrow_halves_have_lines_that_fit_and_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("perfect_bvh_addon.view3d.drawing.text_size", lambda text, size: (len(text) * size, size))
+    rows = [Row("SAH", "79.9"), Row("Primary Ray", "7.3 nodes, 28.6 triangles"), Row("Nodes", "66")]
+    assert compare_view.fitting_lines(rows, 8.0, 1.0) == ["SAH 79.9", "Nodes 66"]
+    assert compare_view.fitting_lines(rows, 37.0, 1.0)[1] == "Primary Ray 7.3 nodes, 28.6 triangles"
+    assert compare_view.fitting_lines(rows, 7.0, 1.0) == []
 
 
 def test_a_comparison_knows_when_it_is_old(ball: Any) -> None:
