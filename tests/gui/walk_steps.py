@@ -17,8 +17,16 @@ def walk() -> Any:
 
 
 def start() -> Step:
+    """In the camera's view, wherever earlier steps have turned the viewport."""
+    area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
+    yield from redrawn()
     with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
         check(bpy.ops.perfect_bvh.walk_ray("INVOKE_DEFAULT") == {"RUNNING_MODAL"}, "it does not begin")
+    yield from redrawn()
+
+
+def look_freely() -> Step:
+    area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "PERSP"
     yield from redrawn()
 
 
@@ -33,8 +41,8 @@ def click_a_pixel(across: float, up: float) -> Step:
 
 def walk_a_ray() -> Step:
     blocks = len(bpy.data.objects), len(bpy.data.meshes)
-    plain = screen_pixels()
     yield from start()
+    plain = screen_pixels()
     shown = yield from click_a_pixel(0.5, 0.25)
     check(shown.ray.walk.hit_row is not None, "the ray to the ground hits nothing")
     check((screen_pixels() != plain).mean() > 0.1, "the screen does not show the walk")
@@ -57,6 +65,7 @@ def walk_a_ray() -> Step:
     yield from press_key("Escape")
     yield from wait_until(lambda: walk() is None, "Esc does not end it")
     check((len(bpy.data.objects), len(bpy.data.meshes)) == blocks, "something was changed")
+    yield from look_freely()
 
 
 def undo_while_walking() -> Step:
@@ -67,4 +76,4 @@ def undo_while_walking() -> Step:
     with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
         bpy.ops.ed.undo()
     yield from wait_until(lambda: walk() is None, "it survives an undo")
-    yield from redrawn()
+    yield from look_freely()
