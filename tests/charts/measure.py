@@ -25,7 +25,7 @@ SCENES = ("blend_scenes/courtyard.blend",)  # that are measured as one mesh
 # NAME.json: the benchmark and its arguments. Those in the second table measure meshes.
 WHOLE: dict[str, str] = {
     "zoo": "../stress/zoo.py",
-    "image_error": "image_error.py --size 320 --most 32 --seeds 1 --converged 1024",
+    "image_error": "image_error.py --size 480 --most 32 --seeds 1 --converged 1024",
     "stability": "stability.py",
     "policies": "sync.py --policies --rounds 3 --frames 24",
 }
