@@ -117,7 +117,7 @@ def _measure(
         scene = state.scene
         assert isinstance(scene, perfect_bvh.Scene)
         snapshot = scene.snapshot()
-        costs = [snapshot.tree_boxes(int(mesh), last_level=0).sah for mesh in state.mesh_ids]
+        costs = [snapshot.tree_sah(int(mesh)) for mesh in state.mesh_ids]
         done = _dearest(report)
         found[policy] = PolicyFrame(
             sah=sum(costs),

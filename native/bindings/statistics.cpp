@@ -82,6 +82,12 @@ void bind_statistics(py::module_& module) {
       },
       py::arg("snapshot"), py::arg("mesh_id"), py::arg("first_level"), py::arg("last_level"),
       py::arg("with_leaves_above"));
+  module.def(
+      "tree_sah",
+      [](const Snapshot& snapshot, std::int32_t mesh_id) {
+        return with_progress(py::none(), [&](CancelToken& cancel) { return tree_sah(snapshot, mesh_id, cancel); });
+      },
+      py::arg("snapshot"), py::arg("mesh_id"));
 }
 
 }  // namespace perfect_bvh::bindings

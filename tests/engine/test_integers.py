@@ -92,6 +92,8 @@ def test_expected_rays_are_a_number_of_at_least_none(rays: object) -> None:
 def test_boxes_of_a_mesh_want_its_id(mesh: object) -> None:
     with pytest.raises(ValueError, match=r"^tree_boxes: mesh must be "):
         one_triangle().snapshot().tree_boxes(mesh)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"^tree_sah: mesh must be "):
+        one_triangle().snapshot().tree_sah(mesh)  # type: ignore[arg-type]
 
 
 MAKE_WITHOUT_INIT = """

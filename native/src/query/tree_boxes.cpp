@@ -8,6 +8,7 @@
 #include "blas/deferred_tree.h"
 #include "core/steps.h"
 #include "wide/wide_boxes.h"
+#include "wide/wide_cost.h"
 
 namespace perfect_bvh {
 namespace {
@@ -195,11 +196,11 @@ class BoxLister {
   TreeBoxes boxes_;
 };
 
-const Blas& find_mesh(const Snapshot& snapshot, std::int32_t mesh_id) {
+const Blas& find_mesh(const Snapshot& snapshot, std::int32_t mesh_id, const char* function) {
   for (const auto& [id, blas] : snapshot.meshes) {
     if (id == mesh_id) return newest_of(*blas);
   }
-  throw InvalidArgument("tree_boxes: mesh_id " + std::to_string(mesh_id) + " is not in this snapshot");
+  throw InvalidArgument(std::string(function) + ": mesh_id " + std::to_string(mesh_id) + " is not in this snapshot");
 }
 
 }  // namespace
@@ -219,8 +220,13 @@ TreeBoxes list_tree_boxes(const Snapshot& snapshot, std::optional<std::int32_t> 
     return BoxLister(snapshot.top_level, bounds_of_top_level(snapshot), {0, 0, 0}, snapshot.instances)
         .list(levels, built.node_visits + built.instance_entries, cancel);
   }
-  const Blas& blas = find_mesh(snapshot, *mesh_id);
+  const Blas& blas = find_mesh(snapshot, *mesh_id, "tree_boxes");
   return BoxLister(blas.wide, bounds_of(blas.wide, blas.mesh), blas.mesh.centre).list(levels, blas.built_sah, cancel);
+}
+
+double tree_sah(const Snapshot& snapshot, std::int32_t mesh_id, CancelToken& cancel) {
+  const Blas& blas = find_mesh(snapshot, mesh_id, "tree_sah");
+  return measure_sah(blas.wide, blas.mesh, cancel);
 }
 
 }  // namespace perfect_bvh

@@ -47,4 +47,7 @@ struct LevelRange {
 [[nodiscard]] TreeBoxes list_tree_boxes(const Snapshot& snapshot, std::optional<std::int32_t> mesh_id,
                                         LevelRange levels, CancelToken& cancel);
 
+// Of a mesh's tree the `sah` that is listed there, but for rounding, without listing anything. Throws the same.
+[[nodiscard]] double tree_sah(const Snapshot& snapshot, std::int32_t mesh_id, CancelToken& cancel);
+
 }  // namespace perfect_bvh
