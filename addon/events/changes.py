@@ -22,6 +22,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import asking
+from .edits import is_edit
 from .evaluation_log import EvaluationLog
 
 
@@ -90,7 +91,7 @@ def are_installed() -> bool:
 def edit_count(scene_uid: int) -> int:
     """How often something of a scene was seen to be edited so far. What renders evaluate for themselves is no edit.
 
-    Nor is a new frame, of which handlers are told in another way, or a selection: there it names the scene alone.
+    Nor is a new frame, of which handlers are told in another way, or what `edits.py` knows to be none.
     """
     return _edit_counts[scene_uid] + _gap_count
 
@@ -127,8 +128,7 @@ def _before_evaluation(*_: Any) -> None:
 def _on_depsgraph_update(*arguments: Any) -> None:
     _note(arguments)
     scene, depsgraph = arguments[0], arguments[-1]
-    updates = depsgraph.updates if isinstance(depsgraph, bpy.types.Depsgraph) else ()
-    if any(not isinstance(update.id, bpy.types.Scene) for update in updates):
+    if isinstance(depsgraph, bpy.types.Depsgraph) and is_edit(depsgraph):
         _edit_counts[scene.session_uid] += 1
     _announce("the scene was evaluated again")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import weakref
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -21,7 +22,7 @@ from blender.builders import (
 )
 from blender.syncing import assert_stale, height, installed
 from perfect_bvh_addon import SceneSync
-from perfect_bvh_addon.events import asking, changes
+from perfect_bvh_addon.events import asking, changes, edits
 from perfect_bvh_addon.live import scene_sync, sync_cache
 from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of, syncs_of
 
@@ -126,7 +127,7 @@ def test_handlers_that_somebody_removed_are_missed_by_the_next_who_reads(scene: 
     obj = mesh_object("a", mesh_data("a", *SQUARE))
     sync = SceneSync()
     sync.update(evaluated())
-    edits = changes.edit_count(scene.session_uid)
+    count = changes.edit_count(scene.session_uid)
     for name, _ in changes._HANDLERS:
         getattr(bpy.app.handlers, name).clear()
     obj.location.z = 2.0
@@ -136,7 +137,7 @@ def test_handlers_that_somebody_removed_are_missed_by_the_next_who_reads(scene: 
     sync_of(evaluated()).update(evaluated())
     assert installed() == len(changes._HANDLERS)
     assert_stale(sync, "Blender's handlers were removed since the last update")
-    assert changes.edit_count(scene.session_uid) > edits
+    assert changes.edit_count(scene.session_uid) > count
     sync.update(evaluated())
     assert height(sync) == 2.0
 
@@ -145,6 +146,30 @@ def test_handlers_that_somebody_removed_are_missed_by_the_next_who_reads(scene: 
     assert_stale(sync, "Blender's handlers were removed since the last update")
     for one in (sync, other):
         one.close()
+
+
+def test_what_is_shown_anew_was_not_edited(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As Blender tells of it when a maximized editor or a window goes."""
+    obj = mesh_object("a", mesh_data("a", *SQUARE))
+    shading = {"is_updated_transform": False, "is_updated_geometry": False, "is_updated_shading": True}
+    of_object = SimpleNamespace(id=obj, **shading)
+    of_scene = SimpleNamespace(id=scene, **shading)
+    of_mesh = SimpleNamespace(id=obj.data, **shading)
+    moved = SimpleNamespace(id=obj, **shading | {"is_updated_transform": True})
+
+    def is_edit(screens: set[int], *updates: Any) -> bool:
+        monkeypatch.setattr(edits, "shown_screens", lambda: frozenset(screens))
+        return edits.is_edit(SimpleNamespace(updates=updates))
+
+    assert not is_edit({1, 2}, of_scene)
+    assert is_edit({1, 2}, of_scene, of_object), "all screens are still there"
+    assert is_edit({1, 2, 3}, of_scene, of_object), "one more"
+    assert not is_edit({1, 2}, of_scene, of_object)
+    assert is_edit({1, 2}, of_scene, of_object), "it is told of once"
+    for updates in ((of_object,), (of_scene, of_object, moved), (of_scene, of_object, of_mesh)):
+        assert not is_edit({1, 2})
+        assert is_edit({1}, *updates)
+    assert not is_edit({1})
 
 
 def test_handlers_only_mark_stale(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
