@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from oracles import meshes
 
 EMULATOR = "qemu-aarch64-static"
 SCRIPT = "tests/extension/trace_scene.py"
+HIT_TABLE = "tests/hit_table/table.py"
 PYTHONS = ("3.11", "3.13", "3.14")
 LIBRARIES_ROUNDING = 1e-6
 Answers = dict[str, np.ndarray]
@@ -66,32 +68,58 @@ def expected(repository: Path, inputs: Path, tmp_path_factory: pytest.TempPathFa
     return answers_of([sys.executable, repository / SCRIPT], inputs, folder, dict(os.environ))
 
 
-@pytest.mark.parametrize("python", PYTHONS)
-def test_it_answers_as_this_machine_does(
-    python: str, repository: Path, extension: Path, inputs: Path, expected: Answers, tmp_path: Path
-) -> None:
+@dataclass(frozen=True)
+class Emulated:
+    """A Python for 64-bit ARM with the zip's engine: how it is called, and in which environment."""
+
+    python: str
+    command: list[str | Path]
+    environment: dict[str, str]
+
+
+@pytest.fixture(scope="module", params=PYTHONS)
+def emulated(
+    request: pytest.FixtureRequest, repository: Path, extension: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Emulated:
+    python = str(request.param)
     root = repository / ".cache" / "arm64_pythons" / python
     if not (root / "packages").is_dir():
         pytest.skip("no Python in .cache/arm64_pythons: `nox -s arm64_pythons` unpacks it")
     if shutil.which(EMULATOR) is None:
         pytest.skip(f"no {EMULATOR}: Debian's qemu-user-static has it")
+    folder = tmp_path_factory.mktemp("engine")
     with zipfile.ZipFile(extension) as file:
         tag = "cp" + python.replace(".", "")
         (name,) = (name for name in file.namelist() if f"-{tag}-" in name and name.endswith("_aarch64.whl"))
-        wheel = file.extract(name, tmp_path)
+        wheel = file.extract(name, folder)
     with zipfile.ZipFile(wheel) as file:
-        file.extractall(tmp_path / "engine")
-    packages = os.pathsep.join(str(path) for path in (tmp_path / "engine", root / "packages"))
-    command = [EMULATOR, "-L", root, root / "usr" / "bin" / f"python{python}", repository / SCRIPT]
+        file.extractall(folder / "engine")
+    packages = os.pathsep.join(str(path) for path in (folder / "engine", root / "packages"))
+    command = [EMULATOR, "-L", root, root / "usr" / "bin" / f"python{python}"]
     # Compiling numpy's sources takes an emulator longer than all else here: what the first run makes of them is kept.
-    environment = os.environ | {"PYTHONPATH": packages, "PYTHONDONTWRITEBYTECODE": ""}
-    answers = answers_of(command, inputs, tmp_path, environment)
+    return Emulated(python, command, os.environ | {"PYTHONPATH": packages, "PYTHONDONTWRITEBYTECODE": ""})
+
+
+def test_it_answers_as_this_machine_does(
+    emulated: Emulated, repository: Path, inputs: Path, expected: Answers, tmp_path: Path
+) -> None:
+    answers = answers_of([*emulated.command, repository / SCRIPT], inputs, tmp_path, emulated.environment)
     assert str(answers.pop("machine")) == "aarch64"
-    assert str(answers.pop("python")) == python
-    assert str(answers.pop("module")).startswith(str(tmp_path))
+    assert str(answers.pop("python")) == emulated.python
+    assert str(answers.pop("module")).startswith(emulated.environment["PYTHONPATH"].split(os.pathsep)[0])
     assert list(answers.pop("isas")) == ["scalar"]
     assert "sse9" in str(answers.pop("refusal"))
     check_same(answers, expected)
+
+
+@pytest.mark.parametrize("emulated", PYTHONS[:1], indirect=True)
+def test_twelve_scenes_are_hit_as_recorded(emulated: Emulated, repository: Path) -> None:
+    command = [*emulated.command, repository / HIT_TABLE]
+    done = subprocess.run(command, env=emulated.environment, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stdout + done.stderr
+    lines = done.stdout.splitlines()
+    assert "aarch64" in lines[0] and emulated.python in lines[0]
+    assert lines[-1] == "Every row is as recorded."
 
 
 def check_same(answers: Answers, expected: Answers) -> None:
