@@ -12,11 +12,12 @@ from collections.abc import Sequence
 
 from ..settings.modes import MODES
 from .arguments import CommandError, parse_frames, parse_size
+from .console import is_reader_gone, write_any_text
 
 DEFAULT_AUDIT = 1e-3
 EXIT_ERROR = 2
 EXIT_INTERRUPTED = 130
-EXIT_PIPE = 141  # as a shell reports a program that SIGPIPE ended
+EXIT_PIPE = 141  # as a shell reports a program that SIGPIPE ended; the same where there is no such signal
 
 
 def _positive(text: str) -> int:
@@ -186,6 +187,7 @@ def _add_calibrate(commands: argparse._SubParsersAction) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; the process's exit status: 0, 2 for an error, 130 after Ctrl-C, 141 after a closed pipe."""
+    write_any_text()
     arguments = build_parser().parse_args(argv)
     try:
         if arguments.command == "render":
@@ -206,7 +208,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except CommandError as error:
         sys.stderr.write(f"perfect-bvh: error: {error}\n")
         return EXIT_ERROR
-    except BrokenPipeError:  # the reader went away, as `| head` does: there is no one to tell
+    except OSError as error:
+        if not is_reader_gone(error):
+            raise
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - or Python's last flush would complain
         return EXIT_PIPE
     except KeyboardInterrupt:

@@ -153,6 +153,10 @@ def render_job(scene: bpy.types.Scene, job: RenderJob) -> None:
             raise CommandError(f"scene {scene.name!r}: {_reason(error)}") from error
 
 
+# Ctrl-C, and on Windows Ctrl-Break as well: the only one of the two that a program can send to another.
+_INTERRUPTS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGBREAK") if hasattr(signal, name))
+
+
 class StopRequest:
     """Set by the first Ctrl-C. Polled instead of raised, for Blender swallows exceptions that handlers raise."""
 
@@ -161,7 +165,8 @@ class StopRequest:
 
     def _set(self, _signal: int, _frame: FrameType | None) -> None:
         self.is_set = True
-        signal.signal(signal.SIGINT, signal.default_int_handler)  # a second one interrupts wherever it may be
+        for number in _INTERRUPTS:
+            signal.signal(number, signal.default_int_handler)  # a second one interrupts wherever it may be
 
 
 @contextmanager
@@ -169,11 +174,12 @@ def stop_on_interrupt() -> Iterator[StopRequest]:
     """Catch Ctrl-C meanwhile."""
     request = StopRequest()
     try:
-        before = signal.signal(signal.SIGINT, request._set)
+        before = [signal.signal(number, request._set) for number in _INTERRUPTS]
     except ValueError:  # not the main thread: the program that runs it there has its own ways to stop it
         yield request
         return
     try:
         yield request
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in zip(_INTERRUPTS, before, strict=True):
+            signal.signal(number, handler)

@@ -42,4 +42,5 @@ def run_calibrate(arguments: argparse.Namespace) -> int:
             f"{name}: build {cost.build_nanoseconds:.0f} ns a triangle, trace {cost.trace_nanoseconds:.0f} ns a ray"
         )
     sys.stdout.write("\n".join([*lines, str(path)]) + "\n")
+    sys.stdout.flush()  # here it is noticed that nobody reads it
     return 0

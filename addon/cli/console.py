@@ -1,8 +1,10 @@
-"""A clean terminal: Blender's chatter is kept off standard output, and tables line up."""
+"""A clean terminal: Blender's chatter is kept off standard output, any text can be written, and tables line up."""
 
 from __future__ import annotations
 
 import ctypes
+import errno
+import io
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -13,10 +15,26 @@ from typing import TextIO
 def _flush_c_streams() -> None:
     """Push out what C code has printed but not yet written; without it the text would surface later."""
     sys.stdout.flush()
-    if os.name == "posix":
-        ctypes.CDLL(None).fflush(None)
-    else:
-        ctypes.cdll.msvcrt.fflush(None)
+    # On Windows Blender and Python print through the Universal C Runtime; msvcrt.dll is another, with other streams.
+    ctypes.CDLL("ucrtbase" if os.name == "nt" else None).fflush(None)
+
+
+def write_any_text() -> None:
+    """From now on what the output's encoding lacks is written as an escape, as Python does for errors.
+
+    Names in a file are of any language; a redirected output on Windows has one code page, as other systems may.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def is_reader_gone(error: OSError) -> bool:
+    """Whether it comes of writing to a pipe that nobody reads any more, as `| head` leaves it."""
+    if isinstance(error, BrokenPipeError):
+        return True
+    # Windows' C library knows but one of the two codes that a closed pipe has, and takes the other for a bad argument.
+    return os.name == "nt" and error.errno == errno.EINVAL and error.strerror == os.strerror(errno.EINVAL)
 
 
 def _writes_to_descriptor_1() -> bool:
@@ -34,7 +52,9 @@ def quiet_blender() -> Iterator[TextIO]:
     silence = os.open(os.devnull, os.O_WRONLY)
     os.dup2(silence, 1)
     python_stdout = sys.stdout
-    own = os.fdopen(os.dup(saved), "w", encoding=python_stdout.encoding) if _writes_to_descriptor_1() else python_stdout
+    own = python_stdout
+    if _writes_to_descriptor_1():
+        own = os.fdopen(os.dup(saved), "w", encoding=python_stdout.encoding, errors="backslashreplace")
     try:
         # Blender prints the errors of operators through Python's stream.
         with os.fdopen(silence, "w") as silent_stream, redirect_stdout(silent_stream):

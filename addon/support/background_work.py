@@ -17,6 +17,8 @@ Made = TypeVar("Made")
 Report = TypeVar("Report")
 
 THREAD_NAME = "Perfect BVH work"
+# How often whoever waits to the end hears of Ctrl-C: on Windows a wait is not interrupted by it, only followed.
+_HEARING_SECONDS = 0.05
 
 # Those whose thread lives, kept from being forgotten: a process that ends waits for each.
 _running: set[BackgroundWork[Any, Any]] = set()
@@ -107,7 +109,8 @@ class BackgroundWork(Generic[Made, Report]):
 
         What `finish` raises is the work's failure: it is raised by `result`, here only if it is no `Exception`.
         """
-        self._has_ended.wait()
+        while not self._has_ended.wait(_HEARING_SECONDS):
+            pass
         while self._made:
             try:
                 self._reports.append(self._finish(self._made.pop()))

@@ -11,7 +11,7 @@ from pathlib import Path
 import perfect_bvh
 import pytest
 from perfect_bvh import calibration
-from perfect_bvh.calibrate import calibrate
+from perfect_bvh.calibrate import COARSE_NANOSECONDS, calibrate, choose_clock
 from perfect_bvh.calibration import BuilderCost, Calibration, CalibrationError
 
 NUMBERS = Calibration(
@@ -100,6 +100,41 @@ def test_measuring_can_be_watched_and_stopped():
         calibrate(stop)
     assert len(seen) == 1 and 0 < seen[0] < 1
     assert perfect_bvh.thread_count() == threads
+
+
+class FakeTime:
+    """Two clocks that go on by 50 ns whenever one is looked at; a thread's own shows every `step` only."""
+
+    def __init__(self, step: int, start: int = 0) -> None:
+        self.now, self.step = start, step
+
+    def common(self) -> int:
+        self.now += 50
+        return self.now
+
+    def own(self) -> int:
+        self.now += 50
+        return self.now // self.step * self.step
+
+
+@pytest.mark.parametrize("step", [1, 100, 10_000])
+def test_a_fine_clock_of_the_thread_is_used(step):
+    fake = FakeTime(step)
+    assert choose_clock(fake.own, fake.common) == fake.own
+
+
+@pytest.mark.parametrize("start", [0, 15_624_950, 15_624_850])  # the latter two just before it moves
+@pytest.mark.parametrize("step", [15_625_000, 10_000_000_000])
+def test_a_coarse_clock_of_the_thread_is_not_used(step, start):
+    """As Windows has it, or as one that never moves."""
+    fake = FakeTime(step, start)
+    assert choose_clock(fake.own, fake.common) == fake.common
+    assert fake.now - start < 5 * COARSE_NANOSECONDS
+
+
+def test_the_clock_of_this_system_moves_while_it_is_looked_at():
+    clock = choose_clock()
+    assert len({clock() for _ in range(10_000)}) > 100
 
 
 def test_the_command_measures_and_keeps(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import subprocess
 import sys
 import threading
@@ -91,6 +92,32 @@ def test_without_a_thread_to_spare_it_is_done_at_once(monkeypatch: pytest.Monkey
     made = BackgroundWork(lambda advance: advance(1.0), lambda committed: committed)
     assert not made.is_running
     assert made.result() is True
+
+
+def test_ctrl_c_ends_the_waiting_where_it_does_not_interrupt_it() -> None:
+    """As on Windows: Python learns of it, but whoever waits for a lock goes on waiting."""
+    made = BackgroundWork(work_until_stopped, pytest.fail)
+    threading.Timer(0.02, _thread.interrupt_main).start()
+    with pytest.raises(KeyboardInterrupt):
+        made.result()
+    assert not made.is_running and not made.is_wanted
+
+
+@pytest.mark.usefixtures("one_thread")
+def test_ctrl_c_ends_a_call_of_the_engine() -> None:
+    """On the thread that called, of which alone Python asks it; `interrupt_main` stands for the system's signal."""
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh(*large_mesh()))
+    asked = []
+
+    def interrupt(share: float) -> None:
+        asked.append(share)
+        _thread.interrupt_main()
+
+    with pytest.raises(KeyboardInterrupt):
+        scene.commit(progress=interrupt)
+    assert len(asked) == 1
+    scene.commit()
 
 
 def test_a_process_that_ends_stops_what_is_at_work() -> None:

@@ -1,4 +1,4 @@
-"""Whether what is asked for fits into memory: else the system would end Blender in the middle, unsaved work and all."""
+"""Linux: what `/proc/meminfo` says of the machine, and the control groups of both versions of the process."""
 
 from __future__ import annotations
 
@@ -28,23 +28,11 @@ _VERSION_2 = _LimitFiles("sys/fs/cgroup", "memory.max", "memory.current", "memor
 
 
 def free_bytes(root: Path = Path("/")) -> int | None:
-    """What can still be allocated without pushing anything out; None where the system does not tell.
-
-    A container, or anything else that limits the process, counts as well as the machine. root: where `proc` and `sys`
-    are.
-    """
+    """As the package's; None where there is no `/proc`. root: where `proc` and `sys` are."""
     known = [_number_after(root / "proc/meminfo", "MemAvailable:")]
     free = [size << 10 for size in known if size is not None]
     free += _free_in_groups(root)
     return min(free, default=None)
-
-
-def check_fits(what: str, byte_count: int, remedy: str) -> None:
-    """Raises ValueError if `what` needs more than is free. remedy: the way out, as an order."""
-    free = free_bytes()
-    if free is not None and byte_count > free:
-        needed, left = (f"{size / 2**30:,.1f} GiB" for size in (byte_count, free))
-        raise ValueError(f"{what} needs about {needed} of memory, and {left} are free: {remedy}")
 
 
 def _free_in_groups(root: Path) -> Iterator[int]:
