@@ -185,7 +185,7 @@ def extension(session: nox.Session) -> None:
     """Build dist/perfect_bvh-<version>.zip: for Blender 4.2 and later on Linux, with wheels for its Pythons."""
     session.install(*BUILD_TOOLS, *WHEEL_TOOLS, BLENDER)
     folder = stage_extension()
-    session.run("python", "native/build_wheels.py", str(folder / "wheels"))
+    session.run("python", "native/build_wheels.py", str(folder / "wheels"), "--platform", "linux-x64", "linux-arm64")
     list_wheels(folder)
     scripts = str(
         session.run("python", "-c", "import bpy; print(bpy.utils.system_resource('SCRIPTS'))", silent=True)

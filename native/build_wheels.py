@@ -1,98 +1,115 @@
-"""Builds the engine's wheels for the Pythons that Blender releases carry: Linux, x86-64 and ARM, glibc 2.28 and later.
+"""Builds the engine's wheels for Blender's platforms and for the Pythons that its releases carry.
 
-python native/build_wheels.py OUTPUT_FOLDER
+python native/build_wheels.py OUTPUT_FOLDER [--platform linux-x64 windows-x64:3.11,3.13 ...] [--python 3.11 ...]
 
-One compiler, ziglang's, builds all of them on any machine. Of each Python nothing but its headers is needed: they are
-unpacked from Debian's packages into .cache, without installing anything. The interpreter that runs this must have
-cmake, ninja, pip, pybind11, scikit-build-core and ziglang; the system must have apt-get, dpkg and binutils.
+One compiler, ziglang's, builds all of them on any machine, and twice the same bytes. Of each Python nothing but its
+headers is needed, and what Windows links with: python_headers.py fetches them into .cache, without installing
+anything. The interpreter that runs this must have cmake, ninja, pip, pybind11, scikit-build-core and ziglang; the
+system must have apt-get, dpkg and binutils, and maven for other platforms than Linux.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import ziglang
-from debian_packages import ARCHITECTURES, CACHE, RELEASES, unpack_packages
+from debian_packages import CACHE
+from python_headers import ZIG, Headers, fetch_headers
+from weak_symbols import weak_functions
+from wheel_platforms import PLATFORMS, PYTHONS
 
 NATIVE = Path(__file__).resolve().parent
-# What compilers call the processor of Blender's platforms.
-PROCESSORS = {"linux-x64": "x86_64", "linux-arm64": "aarch64"}
+# As many platforms at a time: more would only wait for memory and for one another.
+PLATFORMS_AT_ONCE = 2
 
 
-def fetch_headers(python: str) -> Path:
-    """The folder of Python.h, unpacked from Debian's packages; what differs between platforms is in it for each."""
-    folder = CACHE / "python_headers" / python
-    include = folder / "usr" / "include"
-    headers = include / f"python{python}"
-    platforms = [f"{processor}-linux-gnu" for processor in PROCESSORS.values()]
-    if not all((headers / platform).is_dir() for platform in platforms):
-        shutil.rmtree(folder, ignore_errors=True)
-        packages = [f"libpython{python}-dev:{architecture}" for architecture in ARCHITECTURES.values()]
-        unpack_packages(folder, RELEASES[python], packages)
-        # Debian's pyconfig.h includes one for each processor, from beside the folder: have all below one.
-        for platform in platforms:
-            (include / platform).rename(headers / platform)
-    return headers
-
-
-def build_wheel(python: str, platform: str, output: Path) -> None:
-    """The wheel for one CPython, 3.13 say, on one platform, linux-arm64 say, into `output`."""
-    headers = fetch_headers(python)
-    tag = "cp" + python.replace(".", "")
-    processor = PROCESSORS[platform]
+def build_wheel(python: str, name: str, headers: Headers, output: Path) -> None:
+    """The wheel for one CPython, 3.13 say, on the platform of that name into `output`."""
+    platform = PLATFORMS[name]
+    digits = python.replace(".", "")
     # A platform's share one folder, so that only the bindings are compiled for each; what CMake found of the last
     # Python goes.
-    build = NATIVE.parent / "build" / f"engine-{platform}"
+    build = NATIVE.parent / "build" / f"engine-{name}"
     (build / "CMakeCache.txt").unlink(missing_ok=True)
     defines = {
-        "CMAKE_TOOLCHAIN_FILE": NATIVE / "cmake" / "zig-linux.cmake",
+        "CMAKE_TOOLCHAIN_FILE": NATIVE / "cmake" / "zig.cmake",
         "Python_FIND_STRATEGY": "LOCATION",
-        "Python_ROOT_DIR": headers.parent.parent,
-        "Python_INCLUDE_DIR": headers,
-        "PYTHON_MODULE_EXTENSION": f".cpython-{python.replace('.', '')}-{processor}-linux-gnu.so",
+        "Python_ROOT_DIR": headers.root,
+        "Python_INCLUDE_DIR": headers.include,
+        "PYTHON_MODULE_EXTENSION": platform.module_suffix.format(digits),
         "PYTHON_MODULE_DEBUG_POSTFIX": "",
         "PYTHON_IS_DEBUG": "0",
         "PYBIND11_USE_CROSSCOMPILING": "ON",  # the interpreter that runs CMake is another one
     }
+    if headers.library:
+        defines["Python_LIBRARY"] = headers.library
     settings = {
         "build-dir": build,
         "cmake.python-hints": "false",
-        "wheel.tags": f"{tag}-{tag}-manylinux_2_28_{processor}",
-    } | {f"cmake.define.{name}": value for name, value in defines.items()}
+        "wheel.tags": f"cp{digits}-cp{digits}-{platform.wheel_tag}",
+    } | {f"cmake.define.{key}": value for key, value in defines.items()}
     environment = os.environ | {
-        "ZIG": str(Path(ziglang.__file__).parent / "zig"),
-        "ZIG_PROCESSOR": processor,
-        "ZIG_GLOBAL_CACHE_DIR": str(CACHE / f"zig-{platform}"),
-        "ZIG_LOCAL_CACHE_DIR": str(CACHE / f"zig-{platform}"),
+        "ZIG": str(ZIG),
+        "ZIG_TARGET": platform.target,
+        "ZIG_GLOBAL_CACHE_DIR": str(CACHE / f"zig-{name}"),
+        "ZIG_LOCAL_CACHE_DIR": str(CACHE / f"zig-{name}"),
     }
     pip = (sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", str(output))
-    options = (f"-C{name}={value}" for name, value in settings.items())
+    options = (f"-C{key}={value}" for key, value in settings.items())
     subprocess.run([*pip, *options, str(NATIVE)], check=True, env=environment)
+    if platform.system != "linux":
+        check_kernels(build)
+
+
+def check_kernels(build: Path) -> None:
+    """End the program if the linker may have merged a kernel's function with one that is compiled for any machine."""
+    kernels = [*build.rglob("perfect_bvh_*.dir/traverse/*_avx*.o*")]
+    found = [f"{kernel.name}: {name}" for kernel in kernels for name in weak_functions(kernel)]
+    if found:
+        raise SystemExit("build_wheels: weak symbols; give them internal linkage:\n  " + "\n  ".join(found))
+
+
+def read_platform(text: str) -> tuple[str, tuple[str, ...]]:
+    """A platform and what Pythons are named behind it, none if none is: windows-x64:3.11,3.13."""
+    name, _, pythons = text.partition(":")
+    chosen = tuple(pythons.split(",")) if pythons else ()
+    if name not in PLATFORMS or not set(chosen) <= set(PYTHONS):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not PLATFORM or PLATFORM:PYTHON,... of {', '.join(PLATFORMS)} and {', '.join(PYTHONS)}"
+        )
+    return name, chosen
 
 
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="Build the engine's wheels for Blender's extension.")
     parser.add_argument("output", type=Path, help="folder for the wheels")
-    parser.add_argument("--python", nargs="+", default=list(RELEASES), choices=list(RELEASES))
-    parser.add_argument("--platform", nargs="+", default=list(PROCESSORS), choices=list(PROCESSORS))
+    parser.add_argument(
+        "--platform",
+        nargs="+",
+        type=read_platform,
+        default=[(name, ()) for name in PLATFORMS],
+        help="linux-x64 say, or windows-x64:3.11,3.13 for these Pythons only; all unless told",
+    )
+    parser.add_argument("--python", nargs="+", default=list(PYTHONS), choices=PYTHONS)
     arguments = parser.parse_args()
-    for python in arguments.python:
-        fetch_headers(python)
+    # All before the first compiles: apt's and Maven's folders are shared, and what cannot be fetched is said at once.
+    headers = {
+        name: {python: fetch_headers(python, name) for python in pythons or arguments.python}
+        for name, pythons in arguments.platform
+    }
 
-    def build_platform(platform: str) -> None:
-        for python in arguments.python:
-            build_wheel(python, platform, arguments.output)
+    def build_platform(name: str) -> None:
+        for python, found in headers[name].items():
+            build_wheel(python, name, found, arguments.output)
 
     # Side by side, for what cores would be idle in: CMake's questions to the compiler, and linking.
-    with ThreadPoolExecutor() as pool:
-        list(pool.map(build_platform, arguments.platform))
+    with ThreadPoolExecutor(PLATFORMS_AT_ONCE) as pool:
+        list(pool.map(build_platform, headers))
 
 
 if __name__ == "__main__":

@@ -12,11 +12,13 @@
 namespace perfect_bvh {
 namespace {
 
+#if defined(__linux__)
 constexpr std::size_t kHugePage = std::size_t{2} << 20;
 // Below, the translations of ordinary pages are cached anyhow.
 constexpr std::size_t kLeastHuge = 2 * kHugePage;
+#endif
 
-std::align_val_t alignment_of(std::size_t bytes) noexcept {
+std::align_val_t alignment_of([[maybe_unused]] std::size_t bytes) noexcept {
 #if defined(__linux__)
   if (bytes >= kLeastHuge) return std::align_val_t{kHugePage};
 #endif
@@ -34,6 +36,7 @@ void* allocate_aligned(std::size_t bytes) {
   return memory;
 }
 
-void free_aligned(void* memory, std::size_t bytes) noexcept { ::operator delete(memory, bytes, alignment_of(bytes)); }
+// By its alignment alone: the form that takes the size as well is missing from some C++ libraries.
+void free_aligned(void* memory, std::size_t bytes) noexcept { ::operator delete(memory, alignment_of(bytes)); }
 
 }  // namespace perfect_bvh
