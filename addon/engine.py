@@ -20,9 +20,11 @@ from .settings.denoisers import denoising_data_settings
 from .settings.preferences import native_error
 from .settings.scene_settings import ENGINE_NAME, read_settings
 from .statistics import messages
+from .statistics.frame_statistics import FrameStatistics
 from .statistics.last_result import edits_of, remember
-from .statistics.not_shown import line_of, tell
+from .statistics.not_shown import line_in_viewports, tell
 from .statistics.words import sentence
+from .sync.not_shown import summarize
 from .sync.records import CameraRecord
 from .view3d.viewport import Viewport
 
@@ -109,7 +111,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
     bl_use_shading_nodes_custom = False
 
     _region_viewport: Viewport | None = None
-    _told: str | None = None  # of what the region shows
+    _rendered: frozenset[tuple[int, float, str]] = frozenset()  # scene, frame and layer of the parts of one image
 
     def update_render_passes(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
         """Tell the compositor which sockets the engine's layer has."""
@@ -120,7 +122,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Render one view layer of one frame, with each eye if there are several."""
         scene = depsgraph.scene
-        messages.begin_render(scene)
+        self._begin_part(scene, depsgraph.view_layer.name)
         error = native_error()
         if error is not None:
             self._fail(scene, error)
@@ -153,8 +155,9 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             return
         viewport, scene = self._viewport(), depsgraph.scene
         if self._attempt(scene, lambda: viewport.draw(self, context, depsgraph)) is not None:
-            self.update_stats(viewport.complaint or line_of(scene), sentence(viewport.state))
-            self._tell_of_view(scene, viewport.complaint)
+            self.update_stats(viewport.complaint or line_in_viewports(scene), sentence(viewport.state))
+            failure = viewport.failure
+            messages.tell_of_view(scene, viewport, failure or viewport.complaint, is_error=failure is not None)
 
     def _can_view(self) -> bool:
         error = native_error()
@@ -168,12 +171,6 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             self._region_viewport = Viewport()
         return self._region_viewport
 
-    def _tell_of_view(self, scene: bpy.types.Scene, text: str | None, *, is_error: bool = False) -> None:
-        """Where it can be read for longer than in the viewport. Other viewports may have something to tell, too."""
-        if text != self._told:
-            self._told = text
-            messages.tell(scene, messages.VIEWPORT, *([text] if text else []), is_error=is_error)
-
     def _attempt(self, scene: bpy.types.Scene, work: Callable[[], T]) -> T | None:
         """The result of `work`; None if it failed, with the reason shown in the viewport."""
         import perfect_bvh
@@ -183,10 +180,18 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
             text = sentence(str(problem) or type(problem).__name__)
             self.update_stats("", text)
-            self._tell_of_view(scene, text, is_error=True)
+            messages.tell_of_view(scene, self._viewport(), text, is_error=True)
             return None
 
     # The parts of a render -------------------------------------------------------------------------------------------
+
+    def _begin_part(self, scene: bpy.types.Scene, layer_name: str) -> None:
+        """Of what was rendered before, only the other layers of the same image count."""
+        part = (scene.original.session_uid, scene.frame_current_final, layer_name)
+        goes_on = part not in self._rendered and any(part[:2] == other[:2] for other in self._rendered)
+        self._rendered = (self._rendered if goes_on else frozenset()) | {part}
+        if not goes_on:
+            messages.begin_render(scene)
 
     def _render_view(
         self, depsgraph: bpy.types.Depsgraph, plan: RenderPlan, specs: tuple[PassSpec, ...], view: str
@@ -267,13 +272,20 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             remember(scene, job.frame.statistics, edits)
             megabytes = job.frame.statistics.report.byte_count / 2**20
             self.update_memory_stats(memory_used=megabytes, memory_peak=megabytes)
-            statistics = job.frame.statistics
-            for warning in (*statistics.report.warnings, *statistics.complaints):
-                self.report({"WARNING"}, warning)
-            tell(scene, job.frame.statistics.report.not_shown)
-            if line := line_of(scene):
-                self.report({"WARNING"}, f"{line}: see Not Shown in the Render properties")
+            self._complain(scene, job.frame.statistics)
         return job.frame
+
+    def _complain(self, scene: bpy.types.Scene, statistics: FrameStatistics) -> None:
+        """Of an image that is there: for a few seconds, and where it can be read until the next one."""
+        not_shown = statistics.report.not_shown
+        tell(scene, not_shown, goes_on=len(self._rendered) > 1)
+        listed = {str(row) for row in not_shown}
+        for warning in (*statistics.report.warnings, *statistics.complaints):
+            self.report({"WARNING"}, warning)
+            if warning not in listed:
+                messages.add(scene, messages.RENDER, warning)
+        if line := summarize(not_shown):
+            self.report({"WARNING"}, f"{line}: see Not Shown in the Render properties")
 
     def _advance(self, job: RenderJob, done: float) -> bool:
         self.update_progress(done)

@@ -36,6 +36,7 @@ class ChangeListener(Protocol):
         """Called when all data-blocks are about to go, or have just come."""
 
 
+FRAME_CHANGED = "the frame was changed"
 HANDLERS_REMOVED = "Blender's handlers were removed"
 
 _listeners: weakref.WeakSet[Any] = weakref.WeakSet()
@@ -142,13 +143,13 @@ def _after_evaluation(*_: Any) -> None:
 def _before_frame_change(*_: Any) -> None:
     asking.begin("frame change")
     _move_to_the_end("frame_change_post", _after_frame_change)
-    _announce("the frame was changed")
+    _announce(FRAME_CHANGED)
 
 
 @persistent
 def _on_frame_change(*arguments: Any) -> None:
     _note(arguments)
-    _announce("the frame was changed")
+    _announce(FRAME_CHANGED)
 
 
 @persistent

@@ -37,7 +37,7 @@ class PERFECT_BVH_OT_select_not_shown(bpy.types.Operator):
 
     def _is_meant(self, obj: Any) -> bool:
         uid = self.session_uid
-        if self.kind in {"object", "shape"}:
+        if self.kind in {"object", "scan", "shape"}:
             return bool(obj.session_uid == uid)
         if self.kind == "light":
             return obj.session_uid == uid or (obj.type == "LIGHT" and obj.data.session_uid == uid)

@@ -14,6 +14,7 @@ ICONS = {
     "library": "LIBRARY_DATA_BROKEN",
     "dark": "OUTLINER_OB_LIGHT",
     "object": "OBJECT_DATA",
+    "scan": "OUTLINER_OB_POINTCLOUD",
     "shape": "MOD_SUBSURF",
     "material": "MATERIAL",
     "image": "IMAGE_DATA",

@@ -70,11 +70,21 @@ def _draw_samples(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, ki
     value.active = is_adaptive
     value.prop(settings, f"{kind}noise_threshold", text="")
     column = layout.column(align=True)
-    column.prop(settings, f"{kind}samples", text="Max Samples" if is_noisy and is_adaptive else "Samples")
+    _draw_max(column, settings, kind, "Max Samples" if is_noisy and is_adaptive else "Samples")
     if is_adaptive:
         least = column.row()
         least.active = is_noisy
         least.prop(settings, f"{kind}min_samples", text="Min Samples")
+
+
+def _draw_max(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, kind: str, name: str) -> None:
+    """Of viewports: as many as a render takes, or a number of their own."""
+    if not kind:
+        layout.prop(settings, "samples", text=name)
+        return
+    layout.column(heading=name, align=True).prop(settings, "use_render_samples", text="As Render")
+    if not settings.use_render_samples:
+        layout.prop(settings, "viewport_samples", text=" ")
 
 
 def _draw_denoising(layout: bpy.types.UILayout, settings: bpy.types.bpy_struct, name: str) -> None:

@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
+from ..extract.scans import COLOR, OBJECT_NAMES, RADIUS
 from .point_cloud import PointCloud
 from .point_colors import colors_of
 from .point_nodes import NAME, add_points_modifier, point_material
@@ -29,9 +30,8 @@ ATTRIBUTES = (
     ("incidence", "FLOAT", "value", "incidences"),
     ("intensity", "FLOAT", "value", "intensities"),
 )
-# Cycles finds no attribute that is called "color" on points.
-COLOR, RADIUS, POSITION = "Color", "radius", "position"
-OBJECT_NAMES, MATERIAL_NAMES = "object_names", "material_names"
+POSITION = "position"
+MATERIAL_NAMES = "material_names"
 HAS_RESIZE = "resize" in bpy.types.PointCloud.bl_rna.functions
 
 
@@ -135,20 +135,8 @@ def may_have_points() -> bool:
     return any(OBJECT_NAMES in data for data in bpy.data.pointclouds) or NAME in bpy.data.node_groups
 
 
-def has_points(obj: bpy.types.Object) -> bool:
-    """Whether an object is a scan that still has its colours and radii."""
-    if obj.type not in {"POINTCLOUD", "MESH"}:
-        return False
-    data: Any = obj.data
-    return (
-        OBJECT_NAMES in data
-        and {COLOR, RADIUS}.issubset(data.attributes.keys())
-        and len(data.attributes[COLOR].data) > 0
-    )
-
-
 def read_points(data: Any) -> Points:
-    """Of the data of an object that `has_points`."""
+    """Of the data of an object that has points (`extract/scans.py`)."""
     columns = ((POSITION, "vector", 3), (RADIUS, "value", 1), (COLOR, "color", 4))
     found = []
     for name, field, width in columns:

@@ -186,6 +186,12 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
     )
 
 
+def _take_render_samples(settings: bpy.types.PropertyGroup, value: bool) -> None:
+    """Otherwise the number begins as that of renders, to be changed from there."""
+    if value != settings.use_render_samples:
+        settings.viewport_samples = 0 if value else settings.samples
+
+
 class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
     """Saved in the .blend file, animatable like any other setting."""
 
@@ -220,6 +226,14 @@ class PERFECT_BVH_PG_settings(bpy.types.PropertyGroup):
         min=0,
         soft_max=256,
         max=65536,
+    )
+    # Not kept beside the number, which files had before, and which scripts set.
+    use_render_samples: bpy.props.BoolProperty(
+        name="Samples as Render",
+        description="Take as many samples in Rendered viewports as in a render",
+        get=lambda settings: settings.viewport_samples == 0,
+        set=_take_render_samples,
+        options=set(),
     )
     use_noise_threshold: bpy.props.BoolProperty(
         name="Noise Threshold",

@@ -6,6 +6,7 @@ here is what stopped an image, a scan or a measurement, and what an image's stat
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import dataclass
 
 import bpy
@@ -13,7 +14,7 @@ import bpy
 from ..events.changes import listen, stop_listening
 from .last_result import last_statistics, tell_of_news
 
-# What problems are of. A render is the next image after a view, and the other way round.
+# What problems are of. A render is the next image after a view of which one was made.
 RENDER, VIEWPORT, VIEW = "Render", "Viewport", "Render View to Image"
 
 
@@ -26,6 +27,7 @@ class Message:
     is_error: bool = False
 
 
+_of_views: weakref.WeakKeyDictionary[object, tuple[int, Message]] = weakref.WeakKeyDictionary()  # with the scene's uid
 _told: dict[int, dict[str, tuple[Message, ...]]] = {}  # by the scene's session uid, and by what they are of
 
 
@@ -45,15 +47,33 @@ def add(scene: bpy.types.Scene, source: str, text: str, *, is_error: bool = Fals
     tell_of_news()
 
 
+def tell_of_view(scene: bpy.types.Scene, view: object, text: str | None, *, is_error: bool = False) -> None:
+    """What is wrong with what one viewport shows of `scene`, None if nothing is; on the main thread.
+
+    view: whose it is, for as long as it lives. Nothing else ends it.
+    """
+    before = _of_views.get(view)
+    told = (scene.original.session_uid, Message(VIEWPORT, text, is_error)) if text else None
+    if told == before:
+        return
+    if told is None:
+        del _of_views[view]
+    else:
+        _of_views[view] = told
+        weakref.finalize(view, tell_of_news).atexit = False
+    tell_of_news()
+
+
 def begin_render(scene: bpy.types.Scene) -> None:
     """What images before it complained of is not of this one."""
-    for source in (RENDER, VIEWPORT, VIEW):
+    for source in (RENDER, VIEW):
         tell(scene, source)
 
 
 def messages_of(scene: bpy.types.Scene) -> tuple[Message, ...]:
     """All there are of a scene, the gravest first, each once."""
     found = [message for told in list(_told.get(scene.session_uid, {}).values()) for message in told]
+    found += [message for uid, message in list(_of_views.values()) if uid == scene.session_uid]
     found.sort(key=lambda message: not message.is_error)
     statistics = last_statistics(scene)
     if statistics is not None:
@@ -73,6 +93,7 @@ class _FileWatcher:
 
     def on_file_change(self) -> None:
         _told.clear()
+        _of_views.clear()
 
 
 _watcher = _FileWatcher()
@@ -85,3 +106,4 @@ def register() -> None:
 def unregister() -> None:
     stop_listening(_watcher)
     _told.clear()
+    _of_views.clear()

@@ -7,16 +7,32 @@ edited by it.
 
 from __future__ import annotations
 
+import weakref
+from dataclasses import dataclass, field
+
 import bpy
 
 from ..events.changes import listen, stop_listening
-from ..sync.not_shown import NotShown, summarize
+from ..sync.not_shown import NotShown, is_of_looks, summarize, without_looks
 
 TIMER_SECONDS = 0.2
 
 Rows = tuple[NotShown, ...]
 
-_told: dict[int, Rows] = {}  # by the scene's session uid
+
+@dataclass(slots=True)
+class _OfScene:
+    """image: of the last one that was rendered. views: of each viewport that was read since."""
+
+    image: Rows = ()
+    views: dict[weakref.ref[object], Rows] = field(default_factory=dict)
+
+    @property
+    def rows(self) -> Rows:
+        return _once(*self.image, *(row for rows in list(self.views.values()) for row in rows))
+
+
+_told: dict[int, _OfScene] = {}  # by the scene's session uid
 _listed: dict[int, Rows] | None = None  # as the collection has them; None if it may hold anything
 
 
@@ -42,14 +58,36 @@ class PERFECT_BVH_PG_not_shown_list(bpy.types.PropertyGroup):
     active: bpy.props.IntProperty(name="Active", description="The row that is chosen", options={"SKIP_SAVE"})
 
 
-def tell(scene: bpy.types.Scene, rows: Rows) -> None:
-    """What an image of `scene` as it was read last lacks; from any thread."""
-    _told[scene.original.session_uid] = rows
+def tell(scene: bpy.types.Scene, rows: Rows, *, goes_on: bool = False) -> None:
+    """What an image of `scene` as it was read last lacks; from any thread.
+
+    goes_on: whether it is another part of the last image, and lacks what that does as well.
+    """
+    of_scene = _of(scene)
+    of_scene.image = _once(*(of_scene.image if goes_on else ()), *rows)
+
+
+def tell_of_view(scene: bpy.types.Scene, view: object, read: Rows, *, with_looks: bool) -> None:
+    """What a viewport lacks beside what the last image does; on the main thread.
+
+    read: all that was found, for images, too. What the image lacked and is not among it was mended since.
+    view: whose it is, for as long as it lives. with_looks: whether the viewport shows materials, lights and the world.
+    """
+    of_scene, found = _of(scene), set(read)
+
+    def holds(row: NotShown) -> bool:
+        return row in found or not row.session_uid or (is_of_looks(row) and not with_looks)
+
+    of_scene.image = tuple([row for row in of_scene.image if holds(row)])
+    for gone in [reference for reference in of_scene.views if reference() is None]:
+        del of_scene.views[gone]
+    of_scene.views[weakref.ref(view)] = _in_viewports(read if with_looks else without_looks(read))
 
 
 def told(scene: bpy.types.Scene) -> Rows:
-    """What was told last of `scene`."""
-    return _told.get(scene.original.session_uid, ())
+    """What the last image of `scene` lacks, and what viewports do."""
+    of_scene = _told.get(scene.original.session_uid)
+    return () if of_scene is None else of_scene.rows
 
 
 def line_of(scene: bpy.types.Scene) -> str:
@@ -57,10 +95,28 @@ def line_of(scene: bpy.types.Scene) -> str:
     return summarize(told(scene))
 
 
+def line_in_viewports(scene: bpy.types.Scene) -> str:
+    """The same for what is drawn over viewports."""
+    return summarize(_in_viewports(told(scene)))
+
+
+def _of(scene: bpy.types.Scene) -> _OfScene:
+    return _told.setdefault(scene.original.session_uid, _OfScene())
+
+
+def _once(*rows: NotShown) -> Rows:
+    return tuple(dict.fromkeys(rows))
+
+
+def _in_viewports(rows: Rows) -> Rows:
+    """These show the points of scans by themselves."""
+    return tuple([row for row in rows if row.kind != "scan"])
+
+
 def list_rows() -> bool:
     """Bring the collection in step with what was told; whether anything was new. On the main thread."""
     global _listed
-    wanted = _told.copy()
+    wanted = {uid: of_scene.rows for uid, of_scene in _told.copy().items()}
     if wanted == _listed:
         return False
     listed = bpy.context.window_manager.perfect_bvh_not_shown

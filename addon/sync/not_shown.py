@@ -6,13 +6,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["library", "dark", "object", "shape", "material", "image", "light", "world", "setting"]
+Kind = Literal["library", "dark", "object", "scan", "shape", "material", "image", "light", "world", "setting"]
 
 # In the order in which users want to know of them: one of it and several, and what became of it.
 _COUNTED: dict[Kind, tuple[str, str, str]] = {
     "library": ("library", "libraries", "missing"),
     "material": ("material", "materials", "simplified"),
     "object": ("object", "objects", "not shown"),
+    "scan": ("scan", "scans", "shown in viewports only"),
     "shape": ("object", "objects", "simplified"),
     "image": ("image", "images", "not found"),
     "light": ("light", "lights", "simplified"),
@@ -25,6 +26,7 @@ _WHAT_TO_DO: dict[Kind, str] = {
     "library": "Relocate the library in the Outliner's Blender File view, and reload it",
     "dark": "Add a light, or give the world a color",
     "object": "Convert it to a mesh to have it shown",
+    "scan": "Instance a mesh on its points with Geometry Nodes to have them rendered",
     "shape": "Give its mesh by other modifiers what it lacks",
     "material": "Bake what is not shown into an image texture, or leave it as it is",
     "image": "File > External Data > Find Missing Files looks for it in a folder",
@@ -36,6 +38,7 @@ _WHAT_TO_DO: dict[Kind, str] = {
 # Of what objects can be found by, and what they are to it.
 SELECTABLE: dict[Kind, str] = {
     "object": "is it",
+    "scan": "is it",
     "shape": "has this shape",
     "material": "has this material",
     "light": "has this light or is it",
@@ -47,10 +50,10 @@ SELECTABLE: dict[Kind, str] = {
 class NotShown:
     """One thing that is not shown, or shown otherwise.
 
-    kind: what name is of; "dark" is a scene in which nothing shines, "shape" an object's, "light" one or an object that
-    shines. session_uid: of the object, material, image, light or world, 0 for others. text: a sentence without its
-    subject: what is not shown; what is shown instead. advice: what can be done about it, if that is not what can be
-    done about all of the kind.
+    kind: what name is of; "dark" is a scene in which nothing shines, "scan" an object whose points are drawn over
+    viewports, "shape" an object's, "light" one or an object that shines. session_uid: of the object, material, image,
+    light or world, 0 for others. text: a sentence without its subject: what is not shown; what is shown instead.
+    advice: what can be done about it, if that is not what can be done about all of the kind.
     """
 
     kind: Kind
@@ -68,9 +71,14 @@ class NotShown:
         return f"{self.name}: {self.text}"
 
 
+def is_of_looks(row: NotShown) -> bool:
+    """Whether it counts only where materials, lights and the world are shown."""
+    return row.kind not in {"library", "object", "scan", "shape", "setting"}
+
+
 def without_looks(not_shown: Iterable[NotShown]) -> tuple[NotShown, ...]:
     """What counts where materials, lights and the world are not shown at all."""
-    return tuple([row for row in not_shown if row.kind in {"library", "object", "shape", "setting"}])
+    return tuple([row for row in not_shown if not is_of_looks(row)])
 
 
 def summarize(not_shown: Iterable[NotShown]) -> str:

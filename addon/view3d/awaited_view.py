@@ -15,8 +15,8 @@ from ..image.progressive import Pace
 from ..image.refinement import Refinement, View
 from ..image.still import missing_camera
 from ..settings.scene_settings import read_settings
+from ..statistics import not_shown
 from ..statistics.last_result import edits_of
-from ..statistics.not_shown import tell
 from ..sync.not_shown import without_looks
 from .region_camera import camera_of
 
@@ -87,6 +87,7 @@ def await_view(context: bpy.types.Context) -> AwaitedView:
     if found is None:
         whole = plan_render(depsgraph.scene, settings)
         building = begin_view(sync, depsgraph, whole, None)
+        _tell_of(sync, depsgraph, whole)
         if sync.camera is None:
             building.stop()
             raise ValueError(missing_camera(depsgraph.scene, sync))
@@ -94,6 +95,7 @@ def await_view(context: bpy.types.Context) -> AwaitedView:
     space, region = found
     whole = plan_view(settings, (region.width, region.height))
     building = begin_view(sync, depsgraph, whole, filtering)
+    _tell_of(sync, depsgraph, whole)
     camera, _ = camera_of(space.region_3d, space, depsgraph)
     if camera is None:
         building.stop()
@@ -116,10 +118,13 @@ def begin_view(
     space: the viewport whose filters count; none do for the trees that all share, whichever view has them updated.
     """
     sync.request(plan.attributes)
-    building = sync.begin_update(depsgraph, plan.expected_rays, space=space)
-    not_shown = sync.record.not_shown  # views that share the trees may have more read than this one asks for
-    tell(depsgraph.scene, not_shown if plan.attributes.shading else without_looks(not_shown))
-    return building
+    return sync.begin_update(depsgraph, plan.expected_rays, space=space)
+
+
+def _tell_of(sync: SceneSync, depsgraph: bpy.types.Depsgraph, plan: RenderPlan) -> None:
+    """What the image will lack. Views that share the trees may have had more read than this one asks for."""
+    read = sync.record.not_shown
+    not_shown.tell(depsgraph.scene, read if plan.attributes.shading else without_looks(read))
 
 
 def filter_of(space: bpy.types.SpaceView3D) -> tuple[bool, ...]:

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
-from ..events.changes import listen, stop_listening, watch_again
-from ..scanning.point_data import has_points, may_have_points, read_points
+from ..events.changes import FRAME_CHANGED, listen, stop_listening, watch_again
+from ..extract.scans import has_points
+from ..scanning.point_data import may_have_points, read_points
 from ..settings.scene_settings import ENGINE_NAME
 
 if TYPE_CHECKING:
@@ -57,15 +58,21 @@ class _Kept:
 
 
 class _Scans:
-    """What is drawn of each scan, by its data's session uid; read again where something may have changed."""
+    """What is drawn of each scan, by its data's session uid; read again where something may have changed.
+
+    Which objects are scans is looked up again as well: all of them would have to be asked in each redraw.
+    """
 
     def __init__(self) -> None:
         self._kept: dict[int, _Kept] = {}
         self._unsure: set[int] = set()
+        self._found: dict[tuple[int, str], list[bpy.types.Object]] = {}  # by scene and view layer
 
     def on_change(self, what: str) -> None:
         """Of the data-blocks, or of anything else."""
         self._unsure |= self._kept.keys()
+        if what != FRAME_CHANGED:  # what handlers add meanwhile is evaluated again
+            self._found.clear()
 
     def on_file_change(self) -> None:
         self.forget()
@@ -73,6 +80,15 @@ class _Scans:
     def forget(self) -> None:
         self._kept.clear()
         self._unsure.clear()
+        self._found.clear()
+
+    def objects_of(self, view_layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
+        """Those that are scans, whether they can be seen or not."""
+        place = (view_layer.id_data.session_uid, view_layer.name)
+        found = self._found.get(place)
+        if found is None:
+            found = self._found[place] = [obj for obj in view_layer.objects if has_points(obj)]
+        return found
 
     def batch_of(self, obj: bpy.types.Object) -> gpu.types.GPUBatch:
         """Made again only if the points are others."""
@@ -100,19 +116,16 @@ def shown_scans(context: bpy.types.Context) -> Iterator[bpy.types.Object]:
     shading = space.shading.type
     if shading == "MATERIAL" or (shading == "RENDERED" and context.engine != ENGINE_NAME):
         return
-    for obj in context.view_layer.objects:
+    listen(_scans)
+    watch_again()
+    for obj in _scans.objects_of(context.view_layer):
         if has_points(obj) and obj.visible_get(view_layer=context.view_layer, viewport=space):
             yield obj
 
 
 def _draw() -> None:
     context = bpy.context
-    scans = list(shown_scans(context))
-    if not scans:
-        return
-    listen(_scans)
-    watch_again()
-    for obj in scans:
+    for obj in shown_scans(context):
         _draw_scan(context, obj)
 
 

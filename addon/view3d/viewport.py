@@ -26,6 +26,7 @@ from ..image.refinement import DEFAULT_INTERVAL, Refinement, View
 from ..image.tracer import Tracer
 from ..live.pending_commit import PendingCommit
 from ..settings.shading_settings import read_view_settings
+from ..statistics import not_shown
 from ..statistics.last_result import confirm_view, edits_of
 from ..sync.records import AttributeRequest, CameraRecord
 from . import redraws
@@ -36,7 +37,7 @@ from .view_lighting import ViewLighting, lighting_of
 from .view_statistics import remember_view
 
 if TYPE_CHECKING:
-    from ..live.scene_sync import SceneSync
+    from ..live.scene_sync import SceneSync, UpdateCommit
 
 # The first image of what is new comes in the redraw that follows, if it takes no longer; while an animation plays,
 # however long it takes. It is made as coarse as it must be to be there in much less.
@@ -95,12 +96,19 @@ class Viewport:
         self._read_for = plan.attributes
         report = self._trees.begin(
             sync,
-            lambda: begin_view(sync, depsgraph, plan, filtering),
+            lambda: self._begin(sync, depsgraph, plan, filtering),
             # An animation's next frame would stop what this one has begun: it waits, so that each is shown.
             to_the_end=context.screen.is_animation_playing,
         )
         if report is not None and not report.has_changes:
             confirm_view(depsgraph.scene, sync.last_change)
+
+    def _begin(
+        self, sync: SceneSync, depsgraph: bpy.types.Depsgraph, plan: RenderPlan, filtering: bpy.types.SpaceView3D | None
+    ) -> UpdateCommit:
+        building = begin_view(sync, depsgraph, plan, filtering)
+        not_shown.tell_of_view(depsgraph.scene, self, sync.record.not_shown, with_looks=plan.attributes.shading)
+        return building
 
     def _sync_for(self, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph) -> SceneSync:
         from ..live.scene_sync import SceneSync
@@ -218,13 +226,18 @@ class Viewport:
         return self._shown_filter != filter_of(context.space_data) or self._read_for != wanted
 
     @property
+    def failure(self) -> str | None:
+        """Why the view is traced no further."""
+        problem = self._tracer.problem
+        return None if problem is None else self._tell(problem)
+
+    @property
     def state(self) -> str:
         """How far the view is, as words for the user."""
         if self._trees.state is not None or self._refinement is None:
             return self._trees.state or ""
-        problem = self._tracer.problem
-        if problem is not None:
-            return self._tell(problem)
+        if (failure := self.failure) is not None:
+            return failure
         done, wanted = self._refinement.sample_count, self._refinement.view.plan.samples
         return f"{'Finished' if self._refinement.is_finished else 'Sample'} {done}/{wanted}"
 

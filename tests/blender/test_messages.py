@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, get_args
 
 import pytest
@@ -10,9 +11,10 @@ bpy: Any = pytest.importorskip("bpy")
 
 from blender.builders import camera_object, mesh_object  # noqa: E402
 from blender.test_panels import drawn  # noqa: E402
-from perfect_bvh_addon import panels  # noqa: E402
+from perfect_bvh_addon import engine, panels  # noqa: E402
+from perfect_bvh_addon.image import still  # noqa: E402
 from perfect_bvh_addon.panels import reports  # noqa: E402
-from perfect_bvh_addon.statistics import messages, not_shown  # noqa: E402
+from perfect_bvh_addon.statistics import last_result, messages, not_shown  # noqa: E402
 from perfect_bvh_addon.statistics.messages import messages_of  # noqa: E402
 from perfect_bvh_addon.sync.not_shown import Kind, NotShown  # noqa: E402
 
@@ -87,6 +89,91 @@ def test_the_same_is_told_once_and_errors_first() -> None:
     other = bpy.data.scenes.new("Other")
     messages.tell(other, "Scan", "Of the other")
     assert texts() == ["A thing"]
+
+
+class View:
+    """A viewport, of which nothing is known but that it is there."""
+
+
+def test_each_viewport_has_messages_of_its_own_and_renders_end_none_of_them() -> None:
+    scene, left, right = bpy.context.scene, View(), View()
+    messages.tell_of_view(scene, left, "Of the left one", is_error=True)
+    messages.tell_of_view(scene, right, "Of the right one")
+    assert texts() == ["Of the left one", "Of the right one"]
+    messages.tell_of_view(scene, right, None)
+    assert texts() == ["Of the left one"]
+    messages.tell_of_view(scene, right, "Of the right one")
+    messages.tell(scene, messages.RENDER, "Of a render")
+    messages.begin_render(scene)
+    assert texts() == ["Of the left one", "Of the right one"]
+    other = bpy.data.scenes.new("Other")
+    messages.tell_of_view(other, right, "Of the other scene")
+    assert texts() == ["Of the left one"] and [one.text for one in messages_of(other)] == ["Of the other scene"]
+    del left
+    assert texts() == []
+
+
+def test_what_a_render_complains_of_stays_when_a_view_is_done_after_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera_object().location.z = 5.0
+    with monkeypatch.context() as patch:
+        patch.setattr(engine, "render_frame", complaining)
+        bpy.ops.render.render()
+    assert texts() == ["No denoiser"]
+    done = messages.last_statistics(bpy.context.scene)
+    last_result.remember(bpy.context.scene, dataclasses.replace(done, source="Viewport", complaints=()), 0)
+    assert texts() == ["No denoiser"]
+    bpy.ops.render.render()
+    assert texts() == []
+
+
+def complaining(*arguments: Any, **options: Any) -> Any:
+    """An image that is there, with something wrong."""
+    made = still.render_frame(*arguments, **options)
+    return dataclasses.replace(made, statistics=dataclasses.replace(made.statistics, complaints=("No denoiser",)))
+
+
+def test_all_layers_of_an_image_say_what_they_lack_until_the_next_one() -> None:
+    scene = bpy.context.scene
+    camera_object().location.z = 5.0
+    bpy.ops.object.volume_add()
+    bpy.context.object.name = "Smoke"
+    bpy.ops.render.render()
+    dark, smoke = not_shown.told(scene)
+    scene.collection.children.link(bpy.data.collections.new("Hidden"))
+    scene.collection.objects.unlink(bpy.context.object)
+    bpy.data.collections["Hidden"].objects.link(bpy.data.objects["Smoke"])
+    scene.view_layers.new("Second").layer_collection.children["Hidden"].exclude = True
+    bpy.ops.render.render()
+    assert not_shown.told(scene) == (dark, smoke), "the second layer is without it, the first is not"
+    scene.view_layers[0].use = False
+    bpy.ops.render.render()
+    assert not_shown.told(scene) == (dark,)
+
+
+def test_viewports_do_not_hide_what_images_and_other_viewports_lack() -> None:
+    scene, lit, normals = bpy.context.scene, View(), View()
+    wall, smoke, cloud = (
+        NotShown("material", "Wall", 1, "a; b"),
+        NotShown("object", "Smoke", 2, "a; b"),
+        NotShown("scan", "Scan", 3, "a; b"),
+    )
+    passes = NotShown("setting", "Passes", 0, "a; b")
+    not_shown.tell(scene, (smoke, cloud, wall, passes))
+    assert not_shown.line_in_viewports(scene) == "1 material simplified, 1 object not shown, 1 setting ignored"
+    assert "1 scan shown in viewports only" in not_shown.line_of(scene)
+    not_shown.tell_of_view(scene, normals, (smoke, cloud), with_looks=False)
+    assert not_shown.told(scene) == (smoke, cloud, wall, passes), "the image lacks them still"
+    not_shown.tell_of_view(scene, lit, (cloud,), with_looks=True)
+    assert not_shown.told(scene) == (cloud, passes, smoke), "the wall was mended; one view still lacks the smoke"
+    not_shown.tell(scene, ())
+    not_shown.tell_of_view(scene, normals, (cloud, wall), with_looks=False)
+    assert not_shown.told(scene) == (), "what the viewport shows by itself"
+    not_shown.tell_of_view(scene, lit, (smoke, wall), with_looks=True)
+    not_shown.tell_of_view(scene, normals, (smoke,), with_looks=False)
+    assert not_shown.told(scene) == (smoke, wall)
+    del lit
+    not_shown.tell_of_view(scene, normals, (smoke,), with_looks=False)
+    assert not_shown.told(scene) == (smoke,)
 
 
 def test_messages_go_with_their_file() -> None:

@@ -16,7 +16,7 @@ from perfect_bvh_addon.bench.table import Row  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.panels import common, render, reports  # noqa: E402
 from perfect_bvh_addon.settings import preferences  # noqa: E402
-from perfect_bvh_addon.settings.scene_settings import ENGINE_NAME  # noqa: E402
+from perfect_bvh_addon.settings.scene_settings import ENGINE_NAME, read_settings  # noqa: E402
 from perfect_bvh_addon.statistics import last_result, not_shown, update_list  # noqa: E402
 from perfect_bvh_addon.statistics.updates import STATES  # noqa: E402
 from perfect_bvh_addon.sync.not_shown import Kind, NotShown  # noqa: E402
@@ -154,10 +154,24 @@ def test_noise_thresholds_have_a_switch_a_value_and_a_least() -> None:
         ("", panels.sampling.PERFECT_BVH_PT_sampling_render),
         ("viewport_", panels.sampling.PERFECT_BVH_PT_sampling_viewport),
     ):
-        names = [f"use_{kind}noise_threshold", f"{kind}noise_threshold", f"{kind}samples", f"{kind}min_samples"]
+        samples = ["use_render_samples"] if kind else ["samples"]
+        names = [f"use_{kind}noise_threshold", f"{kind}noise_threshold", *samples, f"{kind}min_samples"]
         assert drawn(panel)[:4] == names
         setattr(bpy.context.scene.perfect_bvh, names[0], False)
         assert drawn(panel)[:3] == names[:3] and names[3] not in drawn(panel)
+
+
+def test_viewports_take_the_samples_of_renders_or_their_own() -> None:
+    settings, panel = bpy.context.scene.perfect_bvh, panels.sampling.PERFECT_BVH_PT_sampling_viewport
+    settings.samples = 48
+    assert settings.use_render_samples and "viewport_samples" not in drawn(panel)
+    settings.use_render_samples = False
+    assert settings.viewport_samples == 48 and drawn(panel)[2:4] == ["use_render_samples", "viewport_samples"]
+    settings.viewport_samples = 5
+    settings.use_render_samples = False
+    assert settings.viewport_samples == 5
+    settings.use_render_samples = True
+    assert settings.viewport_samples == 0 and read_settings(bpy.context.scene, is_viewport=True).samples == 48
 
 
 def test_a_panorama_can_be_set_up_without_cycles() -> None:

@@ -14,6 +14,7 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
 from perfect_bvh_addon import CameraGrid, SceneSync, SpinningLidar, scan  # noqa: E402
+from perfect_bvh_addon.extract import scans  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.operators.scan import parse_elevations  # noqa: E402
 from perfect_bvh_addon.scanning import Scanner  # noqa: E402
@@ -21,6 +22,7 @@ from perfect_bvh_addon.scanning.collector import LUMINANCE  # noqa: E402
 from perfect_bvh_addon.scanning.point_cloud import COLUMNS  # noqa: E402
 from perfect_bvh_addon.scanning.point_colors import colors_of  # noqa: E402
 from perfect_bvh_addon.scanning.point_data import ATTRIBUTES, may_have_points, read_points  # noqa: E402
+from perfect_bvh_addon.view3d import scan_points  # noqa: E402
 from perfect_bvh_addon.view3d.scan_points import shown_scans  # noqa: E402
 
 LIDAR = SpinningLidar(elevations=(-30.0, -10.0, 0.0, 20.0), columns=36, rate=10.0)
@@ -346,7 +348,49 @@ def test_a_scan_that_is_not_shown_is_named(room) -> None:
     assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
     sync = SceneSync()
     sync.update(bpy.context.evaluated_depsgraph_get())
-    assert any("Scan" in sentence and "a point cloud has no triangles" in sentence for sentence in sync.warnings)
+    told = "Scan: its points are not rendered; 3D viewports show them"
+    assert told in sync.warnings
+    (row,) = [row for row in sync.record.not_shown if row.name == "Scan"]
+    assert (row.kind, row.session_uid, str(row)) == ("scan", bpy.data.objects["Scan"].session_uid, told)
+    assert "Geometry Nodes" in row.what_to_do
+
+
+def test_scans_are_looked_up_again_only_when_something_but_the_frame_has_changed(room, monkeypatch) -> None:
+    area = next(area for area in bpy.data.screens["Layout"].areas if area.type == "VIEW_3D")
+    space = area.spaces.active
+    space.shading.type = "SOLID"
+    context = SimpleNamespace(space_data=space, engine="PERFECT_BVH", view_layer=bpy.context.view_layer)
+
+    def asked() -> set[str]:
+        """Which objects are asked, and what is found is right."""
+        names: set[str] = set()
+        has_points = scans.has_points
+
+        def ask(obj: bpy.types.Object) -> bool:
+            names.add(obj.name)
+            return has_points(obj)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(scan_points, "has_points", ask)
+            wanted = [obj for obj in context.view_layer.objects if has_points(obj) and obj.visible_get()]
+            assert list(shown_scans(context)) == wanted
+        return names
+
+    room.perfect_bvh.scan.width, room.perfect_bvh.scan.height = 32, 18
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    every = {obj.name for obj in context.view_layer.objects}
+    assert asked() == every and len(every) > 1
+    assert asked() == {"Scan"}
+    room.frame_set(room.frame_current + 1)
+    assert asked() == {"Scan"}
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    context.view_layer.update()
+    assert asked() == every | {"Scan.001"}
+    bpy.data.objects.remove(bpy.data.objects["Scan"])
+    context.view_layer.update()
+    assert asked() == (every | {"Scan.001"}) - {"Scan"}
+    context.view_layer = room.view_layers.new("Other")
+    assert "Scan.001" in asked()
 
 
 @pytest.mark.parametrize(

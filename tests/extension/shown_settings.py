@@ -166,8 +166,8 @@ def contexts() -> Iterator[tuple[str, Context]]:
     base["preferences"] = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0), view=bpy.context.preferences.view)
     for name in ("output", "view_layer", "world", "scene"):
         yield name, Context(**base, space_data=SimpleNamespace(type="PROPERTIES"))
-    for mode in ("CLAY", "PREVIEW"):
-        scene.perfect_bvh.mode = mode
+    for mode, samples in (("CLAY", 0), ("PREVIEW", 4)):
+        scene.perfect_bvh.mode, scene.perfect_bvh.viewport_samples = mode, samples
         yield "render", Context(**base, space_data=SimpleNamespace(type="PROPERTIES"))
     for obj, material in _objects():
         own = base | {"object": obj, "active_object": obj, "material": material, "space_data": _properties(obj)}

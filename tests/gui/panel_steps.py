@@ -97,6 +97,7 @@ def press_sampling_film_and_performance() -> Step:
     render = bpy.context.scene.render
     sampling = {"viewport_samples": "3", "samples": "4", "time_limit": "9"}
     switches = {"use_denoising": None, "use_viewport_denoising": None}
+    settings().viewport_samples = 7  # of their own
     for kind, text in (("", "0.05"), ("viewport_", "0.5")):
         sampling |= {f"{kind}noise_threshold": text, f"{kind}min_samples": "7"}
     yield from open_panel("Sampling", change_all(settings(), sampling | switches))

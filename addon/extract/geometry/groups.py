@@ -11,6 +11,7 @@ from ...sync.not_shown import Kind, NotShown
 from ...sync.records import NO_LAYERS, LayerRequest, MeshRecord, UnseenMesh
 from ..looks.lights import LIGHT_LINKING, LIGHTS_ALL, lights_few
 from ..looks.materials import MaterialReader
+from ..scans import has_points
 from ..visibility import VisibilityReader
 from .mesh_table import NO_MESH, MeshTable
 from .objects import ObjectTable
@@ -32,6 +33,7 @@ _ADVICE = {
     "a volume has no triangles": "Make a mesh of it with the modifier Volume to Mesh to have its surface shown",
     "particle hair is not triangles": "Press Convert in its Particle System modifier, and give the mesh a thickness",
 }
+_OF_SCANS = "its points are not rendered; 3D viewports show them"
 _OF_VOLUMES = "Give its material a surface shader to have the object shown"
 _OF_SUBDIVISION = "Raise the levels of the modifier until the surface is smooth enough"
 
@@ -116,10 +118,14 @@ class GroupTable:
             reason = _UNREADABLE_TYPES.get(obj.type)
         elif shows_particles and any(map(_is_strands, obj.particle_systems)):
             reason = "particle hair is not triangles"
-        if reason is not None and obj.original.session_uid not in self._warned:
-            self._warned.add(obj.original.session_uid)
-            self.warnings.append(f"{obj.original.name}: {reason}; left out")
-            self._note(obj, f"{reason}; left out", advice=_ADVICE.get(reason, ""))
+        original = obj.original
+        if reason is None or original.session_uid in self._warned:
+            return
+        self._warned.add(original.session_uid)
+        is_scan = has_points(original)
+        text = _OF_SCANS if is_scan else f"{reason}; left out"
+        self.warnings.append(f"{original.name}: {text}")
+        self._note(obj, text, "scan" if is_scan else "object", "" if is_scan else _ADVICE.get(reason, ""))
 
     def _note(self, obj: Any, text: str, kind: Kind = "object", advice: str = "") -> None:
         original = obj.original
