@@ -32,7 +32,7 @@ class PERFECT_BVH_PT_panorama(RenderPanel, bpy.types.Panel):
         if settings is None:
             draw_lines(context, layout, "Enable the add-on Cycles: it keeps these settings", icon="ERROR")
             return
-        layout.prop(settings, "panorama_type")
+        layout.prop(settings, "panorama_type", text="Type")
         if settings.panorama_type != "EQUIRECTANGULAR":
             draw_lines(context, layout, ONLY_EQUIRECTANGULAR, icon="ERROR")
             return

@@ -40,7 +40,7 @@ class PERFECT_BVH_PT_light_settings(LightPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.use_property_split = True
-        self.layout.prop(context.light, "use_shadow", text="Cast Shadow")
+        self.layout.prop(context.light, "use_shadow", text="Shadow")
 
 
 class PERFECT_BVH_PT_light_nodes(LightPanel, bpy.types.Panel):

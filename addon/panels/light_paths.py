@@ -57,8 +57,8 @@ class PERFECT_BVH_PT_light_paths_clamping(LightPathsPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = _layout_of(self, context), light_path_settings(context.scene)
         column = layout.column(align=True)
-        column.prop(settings, "sample_clamp_direct", text="Direct Light")
-        column.prop(settings, "sample_clamp_indirect", text="Indirect Light")
+        column.prop(settings, "sample_clamp_direct", text="Direct")
+        column.prop(settings, "sample_clamp_indirect", text="Indirect")
 
 
 class PERFECT_BVH_PT_light_paths_caustics(LightPathsPanel, bpy.types.Panel):

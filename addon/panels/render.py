@@ -60,7 +60,7 @@ class PERFECT_BVH_PT_performance(EnginePanel, bpy.types.Panel):
         column = layout.column()
         column.enabled = render.threads_mode == "FIXED"
         column.prop(render, "threads")
-        layout.prop(render, "use_persistent_data", text="Persistent Data")
+        layout.column(heading="Persistent").prop(render, "use_persistent_data", text="Data")
 
 
 class PERFECT_BVH_PT_simplify(RenderPanel, bpy.types.Panel):

@@ -24,11 +24,11 @@ class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
         column.prop(view_layer, "use_pass_z")
         column.prop(view_layer, "use_pass_normal")
         column = layout.column(heading="Indexes", align=True)
-        column.prop(view_layer, "use_pass_object_index")
-        column.prop(view_layer, "use_pass_material_index")
+        column.prop(view_layer, "use_pass_object_index", text="Object")
+        column.prop(view_layer, "use_pass_material_index", text="Material")
         denoising = denoising_data_settings(view_layer)
         if denoising is not None:
-            layout.prop(denoising, "denoising_store_passes", text="Denoising Data")
+            layout.column(heading="Denoising").prop(denoising, "denoising_store_passes", text="Data")
 
 
 class PERFECT_BVH_PT_override(RenderPanel, bpy.types.Panel):
