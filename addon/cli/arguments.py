@@ -9,13 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..settings.modes import find_mode
-from ..support.files import prepare_folder
+from ..support.files import find_obstacle, prepare_folder
+from ..support.paths import find_fault, reachable
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
 MAX_SIZE = 65536
 MAX_FRAMES = 1_000_000
-MAX_NAME_BYTES = 255
-MAX_PATH_BYTES = 4095  # and a zero at its end
 # How a .blend file begins: plain, or compressed by Zstandard (Blender 3 and later) or gzip (before).
 BLEND_MAGICS = (b"BLENDER", b"\x28\xb5\x2f\xfd", b"\x1f\x8b")
 _FRAME_RANGE = re.compile(r"(-?\d+)(?:-(-?\d+)(?::(\d+))?)?")
@@ -71,24 +70,15 @@ def parse_path(argument: str, text: str) -> Path:
         path = Path(text).expanduser().absolute()
     except RuntimeError as error:
         raise CommandError(f"{argument} {text}: no such user; './{text}' is a file of that name") from error
-    check_length(argument, path)
+    check_name(argument, path)
     return path
 
 
-def check_length(argument: str, path: Path) -> None:
-    """A CommandError if a path or a name in it is longer than Linux takes, or holds a zero byte."""
-    encoded = os.fsencode(path)
-    if b"\0" in encoded:
-        raise CommandError(f"{argument}: a name cannot hold a zero byte, got {str(path)!r}; leave it out")
-    if len(encoded) > MAX_PATH_BYTES:
-        got = f"got {len(encoded)}"
-        raise CommandError(f"{argument}: a path may have {MAX_PATH_BYTES} bytes, {got}; give a shorter one")
-    longest = max(encoded.split(b"/"), key=len)
-    if len(longest) > MAX_NAME_BYTES:
-        start = os.fsdecode(longest)[:20]
-        raise CommandError(
-            f"{argument}: a name may have {MAX_NAME_BYTES} bytes, got {len(longest)} ({start}...); give a shorter one"
-        )
+def check_name(argument: str, path: Path) -> None:
+    """A CommandError if this system could hold no file of that name."""
+    fault = find_fault(path)
+    if fault is not None:
+        raise CommandError(f"{argument}: {fault}")
 
 
 def check_blend_file(text: str) -> Path:
@@ -146,11 +136,15 @@ class Output:
         return f"{self.path_of(frames[0])} ... {self.path_of(frames[-1]).name}"
 
     def check_frames(self, frames: tuple[int, ...], blend_file: Path) -> None:
-        """A CommandError if an image of these frames had too long a name, or took the place of the scene's file."""
+        """A CommandError if no image of these frames could be written, or one took the place of the scene's file."""
         for path in map(self.path_of, frames):
-            check_length("-o", path)
-            if path.exists() and path.samefile(blend_file):
+            check_name("-o", path)
+            target = reachable(path)
+            if target.exists() and target.samefile(blend_file):
                 raise CommandError(f"-o {path}: the image would replace the scene, FILE; give it another name")
+            obstacle = find_obstacle(path)
+            if obstacle is not None:
+                raise CommandError(f"cannot write {path}: {obstacle}")
 
     def prepare(self) -> None:
         """Make the folder, and try it with a file, before the work rather than after. Errors: CommandError."""

@@ -7,6 +7,8 @@ one id into many colours. The same holds for files that Blender itself writes fr
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -18,6 +20,7 @@ import numpy.typing as npt
 from ..settings.modes import Mode, find_mode
 from ..settings.scene_settings import ENGINE_NAME
 from ..support.files import replacing
+from ..support.paths import is_extended
 
 Image = npt.NDArray[np.float32]
 
@@ -81,6 +84,18 @@ def _file_format(scene: bpy.types.Scene, suffix: str) -> Iterator[None]:
         yield
 
 
+@contextmanager
+def _reachable_by_blender(name: Path) -> Iterator[Path]:
+    """The file itself, or one that takes its place: of a name that is too long for Blender on Windows."""
+    if not is_extended(name):
+        yield name
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        near = Path(folder, f"image{name.suffix}")
+        yield near
+        shutil.copyfile(near, name)
+
+
 def save_image(path: Path, pixels: Image, scene: bpy.types.Scene, mode: Mode) -> None:
     """Write an (H, W, 4) float32 scene-linear image, row 0 on top, with associated alpha.
 
@@ -96,11 +111,11 @@ def save_image(path: Path, pixels: Image, scene: bpy.types.Scene, mode: Mode) ->
             stack.enter_context(_file_format(scene, path.suffix))
             if mode.view is not None:
                 stack.enter_context(fixed_output(scene, mode.view))
-            with replacing(path) as name:
+            with replacing(path) as name, _reachable_by_blender(name) as reached:
                 try:
-                    image.save_render(str(name), scene=scene)
+                    image.save_render(str(reached), scene=scene)
                 except RuntimeError as error:
-                    raise OSError(" ".join(str(error).replace(str(name), path.name).split())) from error
+                    raise OSError(" ".join(str(error).replace(str(reached), path.name).split())) from error
     finally:
         bpy.data.images.remove(image)
 

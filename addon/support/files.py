@@ -2,33 +2,43 @@
 
 from __future__ import annotations
 
+import errno
 import os
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+import secrets
+import stat
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from .file_holders import programs_with
+from .paths import IS_WINDOWS, find_windows_fault, reachable
 
 # Writers that do not notice a full disk leave less room than this behind them.
 _ROOM = bytes(1 << 16)
 # Characters of a file's name in that of the one beside it, which must not be too long where the first just is not.
 _STEM_SHOWN = 32
+# On Windows virus scanners and indexers have each new file open for a moment: what is waited before trying again.
+_PATIENCE = (0.05, 0.1, 0.2, 0.4) if IS_WINDOWS else ()
+_SHARING_VIOLATION = 32
 
 
 def check_writable(path: Path) -> None:
-    """Raises OSError with the reason if no file could be made beside `path`: to know it before the work."""
+    """Raises OSError with the reason if no file could be made at `path`: to know it before the work."""
     with _explained(path):
-        if path.is_dir():
-            raise IsADirectoryError("it is a folder")
-        with tempfile.TemporaryFile(dir=path.parent):
-            pass
+        _check_place(path)
+        obstacle = find_obstacle(path)
+        if obstacle is not None:
+            raise PermissionError(errno.EACCES, obstacle)
+        os.unlink(_make_file(path.parent))
 
 
 def prepare_folder(folder: Path) -> None:
     """Makes a folder and tries it with a file: to know before the work. Raises OSError with the reason."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
+        _check_names(folder)
+        reachable(folder).mkdir(parents=True, exist_ok=True)
+        os.unlink(_make_file(folder))
     except OSError as error:
         raise OSError(error.errno, f"cannot write into {folder}: {error.strerror or error}") from error
 
@@ -37,25 +47,66 @@ def prepare_folder(folder: Path) -> None:
 def replacing(path: Path) -> Iterator[Path]:
     """The name of an empty file beside `path` to write into; it takes the place of `path` if that succeeds.
 
-    After a failure `path` is as it was, and nothing else is left. Raises OSError with the reason, also where the disk
-    is full and the writer said nothing.
+    After a failure `path` is as it was, and nothing else is left, unless only the last step failed, as it does on
+    Windows while another program has `path` open: then what was written is kept beside it, and the error names both.
+    Raises OSError with the reason, also where the disk is full and the writer said nothing.
     """
     with _explained(path):
-        if path.is_dir():
-            raise IsADirectoryError("it is a folder")
-        descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem[:_STEM_SHOWN]}.", suffix=path.suffix)
-        os.close(descriptor)
+        _check_place(path)
+        name = _make_file(path.parent, f".{path.stem[:_STEM_SHOWN]}.", path.suffix)
         try:
-            yield Path(name)
+            yield name
             _settle(name)
-            os.chmod(name, 0o666 & ~_umask())
-            os.replace(name, path)
         except BaseException:
-            os.unlink(name)
+            with suppress(OSError):  # what is told is why it failed, not that a remainder may not be removed
+                _patiently(os.unlink, name)
             raise
+        try:
+            _patiently(os.replace, name, reachable(path))
+        except OSError as error:
+            reason = find_obstacle(path) or error.strerror or str(error)
+            raise OSError(error.errno, f"{reason} (the new one is {_keep(name, path)})") from error
 
 
-def _settle(name: str) -> None:
+def _check_place(path: Path) -> None:
+    _check_names(path)
+    if reachable(path).is_dir():
+        raise IsADirectoryError(errno.EISDIR, "it is a folder")
+
+
+def _check_names(path: Path) -> None:
+    fault = find_windows_fault(path) if IS_WINDOWS else None
+    if fault is not None:
+        raise OSError(errno.EINVAL, fault)
+
+
+def find_obstacle(path: Path) -> str | None:
+    """Why Windows would not let a file be replaced, and the way out; None if it would, or the file is not there.
+
+    Elsewhere what is open, or write-protected itself, can be replaced.
+    """
+    target = reachable(path)
+    if not IS_WINDOWS or not target.exists():
+        return None
+    if not target.stat().st_mode & stat.S_IWRITE:
+        return "it is write-protected: clear that in its properties, or give another name"
+    try:
+        os.rename(target, target)  # does nothing, for which nobody else may have it open
+    except PermissionError as error:
+        if getattr(error, "winerror", None) == _SHARING_VIOLATION:
+            programs = " and ".join(programs_with(target)) or "another program"
+            return f"{programs} has it open: close it there, or give another name"
+    return None
+
+
+def _make_file(folder: Path, prefix: str = ".", suffix: str = "") -> Path:
+    """An empty file of a new name."""
+    path = reachable(folder / f"{prefix}{secrets.token_hex(4)}{suffix}")
+    os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666))
+    return path
+
+
+def _settle(name: Path) -> None:
     """Makes sure that all of a file is on the disk, and that the disk did not end with it."""
     with open(name, "r+b") as file:
         size = file.seek(0, os.SEEK_END)
@@ -64,16 +115,33 @@ def _settle(name: str) -> None:
         os.fsync(file.fileno())
 
 
+def _patiently(act: Callable[..., object], *paths: Path) -> None:
+    """Again, if it is refused, for as long as somebody may just be looking."""
+    for seconds in _PATIENCE:
+        try:
+            act(*paths)
+            return
+        except PermissionError:
+            time.sleep(seconds)
+    act(*paths)
+
+
+def _keep(name: Path, path: Path) -> Path:
+    """Gives what could not take its place a name that a user finds; where it is now."""
+    for mark in ("new", *(f"new {number}" for number in range(2, 100))):
+        kept = path.with_name(f"{path.stem} ({mark}){path.suffix}")
+        try:
+            if not reachable(kept).exists():
+                _patiently(os.rename, name, reachable(kept))
+                return kept
+        except OSError:  # too long a name, or a folder in which nothing may be renamed
+            break
+    return name
+
+
 @contextmanager
 def _explained(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
         raise OSError(error.errno, f"cannot write {path}: {error.strerror or error}") from error
-
-
-def _umask() -> int:
-    """Temporary files are private; what a user asks for is not."""
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask

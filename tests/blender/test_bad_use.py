@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import resource
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from limits import full_disk
 
 bpy = pytest.importorskip("bpy")
 
 from perfect_bvh_addon.cli import main  # noqa: E402
+from perfect_bvh_addon.image import saving  # noqa: E402
 from perfect_bvh_addon.statistics import update_list  # noqa: E402
 from perfect_bvh_addon.support import memory  # noqa: E402
 from perfect_bvh_addon.support.files import check_writable, replacing  # noqa: E402
@@ -34,17 +35,6 @@ def scene() -> bpy.types.Scene:
     scene.render.resolution_x, scene.render.resolution_y = 64, 36
     scene.perfect_bvh.samples = 2
     return scene
-
-
-@contextmanager
-def full_disk(size: int) -> Iterator[None]:
-    """No file can grow beyond `size` bytes meanwhile: writing fails as it does where nothing is left."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def save(tmp_path: Path, **options: object) -> Path:
@@ -82,6 +72,17 @@ def test_a_full_disk_leaves_the_older_image_and_nothing_else(scene, tmp_path, ca
     assert output.stat().st_size == size
 
 
+def test_an_image_of_a_name_that_blender_cannot_reach_is_written(scene, tmp_path: Path, monkeypatch):
+    """As one of more characters than Windows takes without a prefix, which Blender would cut off."""
+    file = save(tmp_path)
+    assert render(file, tmp_path / "plain.png") == 0
+    monkeypatch.setattr(saving, "is_extended", lambda _: True)
+    folder = tmp_path / "far"
+    assert render(file, folder / "a.png") == 0
+    assert [path.name for path in folder.iterdir()] == ["a.png"]
+    assert (folder / "a.png").read_bytes() == (tmp_path / "plain.png").read_bytes()
+
+
 def test_a_disk_that_ends_with_the_file_is_found(tmp_path: Path):
     """A writer that says nothing: its file reaches the very end."""
     path = tmp_path / "a.bin"
@@ -111,7 +112,8 @@ def test_what_fails_while_a_file_is_written_leaves_nothing(tmp_path: Path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("folder", ["/proc", "/sys"])  # where not even root can make a file
+@pytest.mark.skipif(sys.platform != "linux", reason="no folders where not even an administrator can make a file")
+@pytest.mark.parametrize("folder", ["/proc", "/sys"])
 def test_a_folder_that_takes_no_files_is_named_before_the_work(scene, tmp_path: Path, capsys, folder: str):
     assert render(save(tmp_path), Path(folder) / "a.png") == 2
     assert f"cannot write into {folder}" in capsys.readouterr().err

@@ -510,6 +510,9 @@ def test_mistakes_are_explained(
     assert not (tmp_path / "a.png").exists()
 
 
+# To Windows' programs a signal is an event of the console, for a whole group of them.
+INTERRUPT = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGINT)
+OWN_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 RUN_MAIN = "from perfect_bvh_addon.cli import main; sys.exit(main())"
 
 
@@ -518,9 +521,11 @@ def test_ctrl_c_stops_an_animation(small_file: Path, tmp_path: Path) -> None:
     code = f"import sys; sys.argv[0] = 'perfect-bvh'; {RUN_MAIN}"
     command = [sys.executable, "-c", code, "render", str(small_file), "-o", f"{tmp_path}/out/"]
     command += ["--frames", "1-5000", "--samples", "64", "--stats"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, creationflags=OWN_GROUP
+    ) as process:
         first = [process.stdout.readline() for _ in range(3)]  # the header, and a frame with what it built
-        process.send_signal(signal.SIGINT)
+        process.send_signal(INTERRUPT)
         output, errors = process.communicate(timeout=300)
     assert "built tree" in first[2]
     assert process.returncode == 130

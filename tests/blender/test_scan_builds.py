@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import _thread
 import os
-import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -219,15 +220,10 @@ def test_scripts_hear_of_the_build_and_can_stop_it(room, gate: Gate) -> None:
 def test_ctrl_c_ends_a_build(room, gate: Gate) -> None:
     def press_soon(done: float) -> None:
         if done == HALF / 2 / 3:  # the commit is held, and the scan waits for it until the signal comes
-            signal.setitimer(signal.ITIMER_REAL, 0.01)
+            threading.Timer(0.01, _thread.interrupt_main).start()
 
-    previous = signal.signal(signal.SIGALRM, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            scan(LIDAR, bpy.data.objects["Head"], frames=(1, 3), progress=press_soon)
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, previous)
+    with pytest.raises(KeyboardInterrupt):
+        scan(LIDAR, bpy.data.objects["Head"], frames=(1, 3), progress=press_soon)
     assert (gate.held, building_threads()) == (1, 0)
 
 

@@ -7,15 +7,15 @@ import subprocess
 import sys
 
 import pytest
+from process_memory import MEGABYTE
 
 RAYS = 10_000_000
-MEGABYTE = 2**20
 
 # {rays} and {call} are filled in; prints by how many megabytes the peak grew during the call.
 SCRIPT = """
-import resource
 import numpy as np
 import perfect_bvh
+from process_memory import peak_megabytes
 
 scene = perfect_bvh.Scene()
 scene.add_instance(scene.add_mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)]))
@@ -23,9 +23,9 @@ scene.commit()
 scene.cast_rays(np.zeros((5000, 3)), np.ones(3))
 origins = np.broadcast_to(np.array([0.2, 0.2, 1.0]), ({rays}, 3))
 down = np.array([0.0, 0.0, -1.0])
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+before = peak_megabytes()
 answer = {call}
-print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
+print(peak_megabytes() - before)
 """
 
 CALLS = {

@@ -5,17 +5,16 @@ And edits without end do not need ever more memory.
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import perfect_bvh
 from forks import needs_fork, run_in_child
 from oracles import meshes
+from process_memory import resident_megabytes
 
 SECONDS = 5.0
 PATIENCE = 60.0  # for the scene to be committed in the end
@@ -170,11 +169,6 @@ def test_memory_is_flat_over_edits_and_snapshots() -> None:
         for _ in range(60):
             edited.edit()
             edited.snapshots[0].cast_rays(*rays, threads=1)
-        resident.append(_resident_megabytes())
+        resident.append(resident_megabytes())
     # Of the first laps buffers and thread pools are left.
     assert resident[-1] < resident[2] + 8.0, resident
-
-
-def _resident_megabytes() -> float:
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
