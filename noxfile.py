@@ -22,6 +22,9 @@ nox.options.error_on_missing_interpreters = True
 RUFF = "ruff==0.17.5"
 MYPY = "mypy==2.4.1"
 CLANG_FORMAT = "clang-format==23.1.5"
+# Of .github/workflows: its form, and what makes such files unsafe.
+WORKFLOW_LINTERS = ("check-jsonschema==0.39.0", "zizmor==1.32.0")
+TWINE = "twine==7.0.0"
 EMBREEX = "embreex>=4.4"  # holds the library of Embree 4.4
 MATPLOTLIB = "matplotlib>=3.8"
 BUILD_TOOLS = ("cmake>=3.25", "ninja>=1.11")
@@ -46,8 +49,8 @@ NATIVE_SUFFIXES = (".h", ".inl", ".cpp")
 
 @nox.session
 def lint(session: nox.Session) -> None:
-    """Check style and types: ruff, mypy, clang-format."""
-    session.install(RUFF, MYPY, CLANG_FORMAT, "numpy>=2")
+    """Check style and types: ruff, mypy, clang-format, and the workflows' linters."""
+    session.install(RUFF, MYPY, CLANG_FORMAT, "numpy>=2", *WORKFLOW_LINTERS)
     session.run("ruff", "check")
     session.run("ruff", "format", "--check")
     session.run("mypy")
@@ -55,6 +58,9 @@ def lint(session: nox.Session) -> None:
     session.run(
         "clang-format", "--dry-run", "-Werror", *(str(path) for path in files if path.suffix in NATIVE_SUFFIXES)
     )
+    workflows = [str(path) for path in sorted(Path(".github/workflows").glob("*.yml"))]
+    session.run("check-jsonschema", "--builtin-schema", "vendor.github-workflows", *workflows)
+    session.run("zizmor", "--offline", "--no-progress", *workflows)
 
 
 @nox.session(default=False, reuse_venv=True)
@@ -155,6 +161,48 @@ def tests(session: nox.Session) -> None:
 
 
 @nox.session(default=False)
+def wheel_tests(session: nox.Session) -> None:
+    """Install the engine's wheel from dist/ that fits this system and Python, and run the Python tests on it.
+
+    Nothing is compiled, so that this runs on any system: what `extension` built elsewhere is tried where it will be
+    used. Arguments after `--` go to pytest.
+    """
+    project = nox.project.load_toml("pyproject.toml")["project"]
+    extras = project["optional-dependencies"]
+    session.install(*project["dependencies"], *extras["blender"], *extras["test"])
+    session.install("--no-deps", "--no-index", "--find-links", "dist/wheels", "perfect-bvh-engine")
+    asked = "import sysconfig; print(sysconfig.get_path('purelib'))"
+    packages = Path(str(session.run("python", "-c", asked, silent=True)).strip())
+    shutil.copytree("addon", packages / "perfect_bvh_addon", dirs_exist_ok=True)
+    session.run("pytest", *session.posargs)
+
+
+@nox.session(default=False)
+def publish(session: nox.Session) -> None:
+    """Upload what is in dist/ as the release of a tag, `-- v1.2.3`: wheels for pip, zips for Blender.
+
+    Wants GitHub's `gh` and rights to both; a workflow has them by its identity. Stops before the first upload if the
+    tag is not the version or a system's zip is missing.
+    """
+    if len(session.posargs) != 1:
+        session.error("which tag? nox -s publish -- v1.2.3")
+    (tag,) = session.posargs
+    if tag != f"v{version()}":
+        session.error(f"the tag {tag} is not that of version {version()} in addon/blender_manifest.toml")
+    zips = [str(path) for path in sorted(Path("dist").glob(f"perfect_bvh-{version()}-*.zip"))]
+    sys.path.insert(0, "native")
+    from wheel_platforms import PLATFORMS
+
+    if len(zips) != len(PLATFORMS):
+        session.error(f"dist/ has {len(zips)} zips of version {version()}, not {len(PLATFORMS)}: nox -s extension")
+    packages = [str(path) for path in sorted(Path("dist/wheels").glob(f"perfect_bvh_engine-{version()}*"))]
+    session.install(TWINE)
+    session.run("twine", "check", "--strict", *packages)
+    session.run("twine", "upload", "--skip-existing", *packages)
+    session.run("gh", "release", "create", tag, "--verify-tag", "--generate-notes", *zips, external=True)
+
+
+@nox.session(default=False)
 def charts(session: nox.Session) -> None:
     """Draw tests/charts/pictures from tests/charts/data; with `-- --measure [NAME ...]` measure again before that."""
     if session.posargs[:1] == ["--measure"]:
@@ -186,6 +234,7 @@ def extension(session: nox.Session) -> None:
     session.install(*BUILD_TOOLS, *WHEEL_TOOLS, BLENDER)
     folder = stage_extension()
     session.run("python", "native/build_wheels.py", str(folder / "wheels"), "--platform", "linux-x64", "linux-arm64")
+    session.run("python", "-m", "pip", "download", "--quiet", "--no-deps", TQDM, "--dest", str(folder / "wheels"))
     list_wheels(folder)
     scripts = str(
         session.run("python", "-c", "import bpy; print(bpy.utils.system_resource('SCRIPTS'))", silent=True)
@@ -241,11 +290,16 @@ def list_wheels(folder: Path) -> None:
     manifest.write_text(text.replace("\n[permissions]", f"\nwheels = [\n{wheels}]\n\n[permissions]"), encoding="utf-8")
 
 
+def version() -> str:
+    """The manifest's."""
+    manifest = Path("addon/blender_manifest.toml").read_text(encoding="utf-8")
+    (found,) = re.findall(r'^version = "(.+)"$', manifest, re.MULTILINE)
+    return str(found)
+
+
 def extension_zip() -> Path:
     """The zip of the manifest's version."""
-    manifest = Path("addon/blender_manifest.toml").read_text(encoding="utf-8")
-    (version,) = re.findall(r'^version = "(.+)"$', manifest, re.MULTILINE)
-    return Path("dist") / f"perfect_bvh-{version}.zip"
+    return Path("dist") / f"perfect_bvh-{version()}.zip"
 
 
 def run_native_preset(session: nox.Session, preset: str, *options: str) -> None:

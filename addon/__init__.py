@@ -53,6 +53,7 @@ _MODULES = (
     ".view3d.cost_scale",
     ".view3d.view_words",
     ".panels",
+    ".cli.blender_command",
 )
 _NATIVE_MODULES = (
     ".live.sync_cache",

@@ -70,10 +70,10 @@ def _share(text: str) -> float:
 _share.__name__ = "share"
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """The parser of the whole command line."""
+def build_parser(prog: str) -> argparse.ArgumentParser:
+    """The parser of the whole command line, which was started as `prog`."""
     parser = argparse.ArgumentParser(
-        prog="perfect-bvh", description="Render .blend files with a native BVH, and look at the trees it builds."
+        prog=prog, description="Render .blend files with a native BVH, and look at the trees it builds."
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_render(commands)
@@ -185,10 +185,10 @@ def _add_calibrate(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("-o", "--output", metavar="FILE", help="where to keep it (default: the user's cache folder)")
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None, prog: str = "perfect-bvh") -> int:
     """Run the command line; the process's exit status: 0, 2 for an error, 130 after Ctrl-C, 141 after a closed pipe."""
     write_any_text()
-    arguments = build_parser().parse_args(argv)
+    arguments = build_parser(prog).parse_args(argv)
     try:
         if arguments.command == "render":
             from .render import run_render

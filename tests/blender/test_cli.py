@@ -124,7 +124,7 @@ def run_command(*arguments: object) -> int:
     from perfect_bvh_addon.cli.bench import run_bench
     from perfect_bvh_addon.cli.render import run_render
 
-    parsed = build_parser().parse_args([str(argument) for argument in arguments])
+    parsed = build_parser("perfect-bvh").parse_args([str(argument) for argument in arguments])
     return {"render": run_render, "bench": run_bench}[parsed.command](parsed)
 
 
@@ -250,6 +250,32 @@ def test_every_mode_writes_an_image(mode: str, small_file: Path, tmp_path: Path,
     assert str(output) in printed.out
     assert "Blender" not in printed.out
     assert "Read blend" not in printed.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "told"),
+    [
+        (("render", "FILE", "-o", "OUT", "--samples", "1"), 0, "1 frame in"),
+        (("render", "FILE"), 2, "blender --command perfect_bvh render: error: the following arguments are required"),
+        (("--help",), 0, "usage: blender --command perfect_bvh"),
+        (("info", "missing.blend"), 2, "perfect-bvh: error: missing.blend: no such file"),
+    ],
+)
+def test_blenders_own_command_line_takes_the_same(
+    arguments: tuple[str, ...], status: int, told: str, small_file: Path, tmp_path: Path, monkeypatch, capfd
+) -> None:
+    from perfect_bvh_addon import unregister
+    from perfect_bvh_addon.cli import blender_command
+
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    places = {"FILE": str(small_file), "OUT": str(tmp_path / "a.png")}
+    try:
+        assert blender_command.run([places.get(argument, argument) for argument in arguments]) == status
+    finally:
+        unregister()
+    printed = capfd.readouterr()
+    assert told in printed.out + printed.err
+    assert (tmp_path / "a.png").is_file() == ("OUT" in arguments)
 
 
 @pytest.mark.parametrize("mode", ["normal", "depth"])

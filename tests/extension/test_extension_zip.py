@@ -31,7 +31,7 @@ def modules(extension: Path, tmp_path_factory: pytest.TempPathFactory) -> Module
     with zipfile.ZipFile(extension) as file:
         file.extractall(folder)
     found = {}
-    for wheel in folder.glob("wheels/*.whl"):
+    for wheel in folder.glob("wheels/perfect_bvh_engine-*.whl"):
         python, _, platform = wheel.stem.split("-")[2:]
         processor = platform.removeprefix("manylinux_{}_{}_".format(*GLIBC_FLOOR))
         place = folder / python / processor
@@ -68,6 +68,12 @@ def test_its_manifest_lists_what_is_in_it(extension: Path) -> None:
     listed = manifest_in(extension)["wheels"]
     assert len(listed) == len(wheels)
     assert set(listed) == wheels
+
+
+def test_it_brings_what_its_command_line_needs(extension: Path) -> None:
+    with zipfile.ZipFile(extension) as file:
+        others = {name for name in file.namelist() if name.startswith("wheels/") and "perfect_bvh" not in name}
+    assert [name.partition("-")[0] for name in others] == ["wheels/tqdm"]
 
 
 def test_its_modules_are_for_the_machine_that_their_wheels_name(modules: Modules) -> None:

@@ -25,6 +25,11 @@ preferences.view.show_splash, preferences.view.smooth_view = False, 0
 preferences.system.viewport_aa = 'OFF'
 bpy.ops.wm.save_userpref()" >/dev/null
 
+# The command line that the extension gives to Blender itself.
+"$chroot" run "$user" blender --command perfect_bvh render /host/blend_scenes/gears.blend --size 160x90 --mode normal \
+  -o "/host/$output/command.png"
+test -s "$repository/$output/command.png"
+
 status=0
 timeout --kill-after=10 "${WINDOWS_SECONDS:-1800}" "$chroot" run "$user" WINDOWS_OUTPUT=/host/$output "WINDOWS_STEPS=$steps" \
   xvfb-run -a -s "-screen 0 1280x1040x24" \
