@@ -25,6 +25,7 @@ CLANG_FORMAT = "clang-format==23.1.5"
 # Of .github/workflows: its form, and what makes such files unsafe.
 WORKFLOW_LINTERS = ("check-jsonschema==0.39.0", "zizmor==1.32.0")
 TWINE = "twine==7.0.0"
+TQDM = "tqdm==4.70.1"  # the command line's progress bar, in the zip
 EMBREEX = "embreex>=4.4"  # holds the library of Embree 4.4
 MATPLOTLIB = "matplotlib>=3.8"
 BUILD_TOOLS = ("cmake>=3.25", "ninja>=1.11")
