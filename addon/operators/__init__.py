@@ -2,9 +2,31 @@
 
 from __future__ import annotations
 
-from . import bench, compare, decay, preview, scan, select_not_shown, select_updated, walk_ray
+from . import (
+    bench,
+    compare,
+    decay,
+    preview,
+    scan,
+    select_not_shown,
+    select_updated,
+    status_bar,
+    walk_ray,
+    walk_step,
+)
 
-_MODULES = (preview, scan, bench, compare, decay, select_not_shown, select_updated, walk_ray)
+_MODULES = (
+    status_bar,
+    preview,
+    scan,
+    bench,
+    compare,
+    decay,
+    select_not_shown,
+    select_updated,
+    walk_ray,
+    walk_step,
+)
 
 
 def register() -> None:

@@ -8,6 +8,7 @@ import bpy
 
 from ..statistics import messages
 from ..statistics.words import sentence
+from . import status_bar
 
 TIMER_SECONDS = 0.01
 # Whose names errors begin with, for scripts.
@@ -43,7 +44,7 @@ class Ticking:
         """Shows a line until the end, or the next."""
         if state != self._told:  # each call draws the status bar again
             self._told = state
-            context.workspace.status_text_set(state)
+            status_bar.tell(context, state)
 
     def _forget_complaints(self) -> None:
         """It begins anew."""
@@ -61,5 +62,5 @@ class Ticking:
             return
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
-        context.workspace.status_text_set(None)
+        status_bar.clear(context)
         self._timer = None

@@ -1,7 +1,8 @@
 """Walk a Ray: click a pixel of a 3D viewport, and step through what the ray does that is cast through it.
 
-It runs beside Blender: the view can be turned, panels can be used, and another click walks another ray. It ends with
-Esc, with an undo, with another file or scene, and where its viewport is closed. Nothing of the scene is changed.
+It runs beside Blender: the view can be turned, panels can be used, and another click walks another ray. Where the scene
+changes, what was walked is shown no more, and another click is waited for. It ends with Esc, with an undo, with another
+file or scene, and where its viewport is closed. Nothing of the scene is changed.
 """
 
 from __future__ import annotations
@@ -13,14 +14,16 @@ import bpy
 
 from ..settings.preferences import native_error
 from ..statistics import messages
+from . import status_bar
 from .ticking import sentence_of
+from .walk_step import go
 
 if TYPE_CHECKING:
     from ..view3d.walk_reading import Reading
 
 TIMER_SECONDS = 0.05
 PICKING = "Walk a Ray: click a pixel of a 3D viewport; Esc cancels"
-WALKING = "Walk a Ray: Left and Right step, Space plays, Home and End, click another pixel; Esc ends"
+WALKING = "Walk a Ray: Left and Right step, with Shift box by box, Space plays, click another pixel; Esc ends"
 KEYS = {
     "LEFT_ARROW": "PREVIOUS",
     "RIGHT_ARROW": "NEXT",
@@ -28,6 +31,7 @@ KEYS = {
     "END": "LAST",
     "SPACE": "PLAY",
 }
+SHIFT_KEYS = {"LEFT_ARROW": "PREVIOUS_BOX", "RIGHT_ARROW": "NEXT_BOX"}
 
 
 class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
@@ -48,6 +52,7 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
     _walk: Any
     _waited: float
     _owns_click: bool
+    _knows_it_is_old: bool
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -67,11 +72,11 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
         self._number = PERFECT_BVH_OT_walk_ray._newest
         self._reading = self._walk = None
         messages.tell(context.scene, self.bl_label)
-        self._waited, self._owns_click = 0.0, False
+        self._waited, self._owns_click, self._knows_it_is_old = 0.0, False, False
         self._window = context.window
         self._timer = context.window_manager.event_timer_add(TIMER_SECONDS, window=context.window)
         self._window.cursor_modal_set("CROSSHAIR")
-        context.workspace.status_text_set(PICKING)
+        status_bar.tell(context, PICKING)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
@@ -90,9 +95,12 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
         region = find_region(context.window, event.mouse_x, event.mouse_y)
         if event.type == "LEFTMOUSE":
             return self._take_click(context, event, region)
-        if region is None or self._walk is None or event.value != "PRESS" or event.type not in KEYS:
+        if region is None or self._walk is None or self._walk.is_old(context.scene) or event.value != "PRESS":
             return {"PASS_THROUGH"}
-        step(KEYS[event.type])
+        to = (SHIFT_KEYS if event.shift else KEYS).get(event.type)
+        if to is None:
+            return {"PASS_THROUGH"}
+        go(to)
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
@@ -112,7 +120,9 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
         spaces = (area.spaces.active for area in context.window.screen.areas)
         if not {space.as_pointer() for space in spaces if space is not None}.issuperset(used):
             return True
-        return walk is not None and (walk_view.shown() is not walk or context.scene.session_uid != walk.scene_uid)
+        if any(one is not None and one.read.scene_uid != context.scene.session_uid for one in (walk, reading)):
+            return True
+        return walk is not None and walk_view.shown() is not walk
 
     def _take_click(
         self, context: bpy.types.Context, event: bpy.types.Event, place: tuple[Any, Any] | None
@@ -141,25 +151,29 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
         reading: Reading = self._reading
         walk = reading.walk(context)
         if walk is None:
-            context.workspace.status_text_set(f"{reading.state}: Esc stops it")
+            status_bar.tell(context, f"{reading.state}: Esc stops it")
             return
-        self._reading, self._walk = None, walk
+        self._reading, self._walk, self._knows_it_is_old = None, walk, False
         walk_view.show(walk)
         self._window.cursor_modal_restore()
-        context.workspace.status_text_set(WALKING)
+        status_bar.tell(context, WALKING)
 
     def _tick(self, context: bpy.types.Context) -> None:
         from ..view3d import walk_view
+        from ..view3d.shown_walk import CHANGED
 
         if self._reading is not None:
             self._attempt(context, lambda: self._look(context))
-        if self._walk is None or not self._walk.is_playing:
+        walk = self._walk
+        if walk is not None and walk.is_old(context.scene) and not self._knows_it_is_old:
+            self._ask_again(context, CHANGED)
+        if walk is None or not walk.is_playing:
             self._waited = 0.0
             return
         self._waited += TIMER_SECONDS
         if self._waited >= walk_view.PLAY_SECONDS:
             self._waited = 0.0
-            self._walk.go(self._walk.index + 1)
+            walk.go_on()
             walk_view.redraw()
 
     def _attempt(self, context: bpy.types.Context, work: Callable[[], None]) -> None:
@@ -169,10 +183,24 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
         try:
             work()
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
+            if self._reading is not None:
+                self._reading.stop()
             self._reading = None
-            text = sentence_of(problem)
-            self.report({"WARNING"}, text)
-            messages.tell(context.scene, self.bl_label, text)
+            self._ask_again(context, sentence_of(problem))
+
+    def _ask_again(self, context: bpy.types.Context, why: str) -> None:
+        """For a click, as in the beginning; a walk that holds stays."""
+        from ..view3d import walk_view
+
+        self.report({"WARNING"}, why)
+        messages.tell(context.scene, self.bl_label, why)
+        self._knows_it_is_old = self._walk is not None and self._walk.is_old(context.scene)
+        if self._walk is None or self._knows_it_is_old:
+            self._window.cursor_modal_set("CROSSHAIR")
+            status_bar.tell(context, PICKING)
+        else:
+            status_bar.tell(context, WALKING)
+        walk_view.redraw()
 
     def _end(self, context: bpy.types.Context) -> set[str]:
         from ..view3d import walk_view
@@ -183,71 +211,9 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
         if self._number != PERFECT_BVH_OT_walk_ray._newest:
             return {"CANCELLED"}  # the cursor and the status bar are the newer one's
         self._window.cursor_modal_restore()
-        context.workspace.status_text_set(None)
+        status_bar.clear(context)
         walk_view.hide()
         return {"CANCELLED"} if self._walk is None else {"FINISHED"}
-
-
-class PERFECT_BVH_OT_walk_step(bpy.types.Operator):
-    """The buttons that keys stand for."""
-
-    bl_idname = "perfect_bvh.walk_step"
-    bl_label = "Step"
-    bl_description = "Go to another step of the ray that is walked"
-    bl_options: ClassVar = {"INTERNAL"}
-
-    to: bpy.props.EnumProperty(
-        name="To",
-        description="Which step of the ray is shown next, or whether the steps play",
-        items=[
-            ("FIRST", "First", "Go to the first step of the ray"),
-            ("PREVIOUS", "Previous", "Go back to the step before"),
-            ("PLAY", "Play", "Play the steps one after the other, or pause"),
-            ("NEXT", "Next", "Go on to the next step"),
-            ("LAST", "Last", "Go to the last step, with the hit"),
-            ("OFF", "End", "Show the scene again without the ray"),
-        ],
-        options={"SKIP_SAVE"},
-    )
-
-    @classmethod
-    def description(cls, context: bpy.types.Context, properties: Any) -> str:
-        return cls.bl_rna.properties["to"].enum_items[properties.to].description
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if native_error() is not None or not is_walking():
-            cls.poll_message_set("No ray is walked")
-            return False
-        return True
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        step(self.to)
-        return {"FINISHED"}
-
-
-def step(to: str) -> None:
-    """Of the walk that is shown, to another step: see `PERFECT_BVH_OT_walk_step`."""
-    from ..view3d import walk_view
-
-    walk = walk_view.shown()
-    if walk is None:
-        return
-    if to == "OFF":
-        walk_view.hide()
-    elif to == "PLAY":
-        walk.play_or_pause()
-    else:
-        walk.is_playing = False
-        walk.go({"FIRST": 0, "PREVIOUS": walk.index - 1, "NEXT": walk.index + 1, "LAST": len(walk.steps) - 1}[to])
-    walk_view.redraw()
-
-
-def is_walking() -> bool:
-    """Whether a ray's walk is shown."""
-    from ..view3d import walk_view
-
-    return walk_view.shown() is not None
 
 
 def find_region(window: bpy.types.Window, x: int, y: int) -> tuple[Any, Any] | None:
@@ -273,9 +239,7 @@ def _has_viewport(context: bpy.types.Context) -> bool:
 
 def register() -> None:
     bpy.utils.register_class(PERFECT_BVH_OT_walk_ray)
-    bpy.utils.register_class(PERFECT_BVH_OT_walk_step)
 
 
 def unregister() -> None:
-    bpy.utils.unregister_class(PERFECT_BVH_OT_walk_step)
     bpy.utils.unregister_class(PERFECT_BVH_OT_walk_ray)

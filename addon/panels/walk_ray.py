@@ -12,7 +12,9 @@ from .trees import TreePanel
 BUTTONS = (
     ("FIRST", "REW"),
     ("PREVIOUS", "PREV_KEYFRAME"),
+    ("PREVIOUS_BOX", "FRAME_PREV"),
     ("PLAY", "PLAY"),
+    ("NEXT_BOX", "FRAME_NEXT"),
     ("NEXT", "NEXT_KEYFRAME"),
     ("LAST", "FF"),
 )
@@ -26,6 +28,7 @@ class PERFECT_BVH_PT_walk_ray(TreePanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         from ..view3d import walk_view
+        from ..view3d.shown_walk import place_of
 
         layout = self.layout
         walk = walk_view.shown()
@@ -35,6 +38,9 @@ class PERFECT_BVH_PT_walk_ray(TreePanel, bpy.types.Panel):
             draw_messages_of(context, layout, "Walk a Ray")
             return
         row.operator("perfect_bvh.walk_step", text="", icon="X").to = "OFF"
+        if walk.is_old(context.scene):
+            draw_messages_of(context, layout, "Walk a Ray")
+            return
         row = layout.row(align=True)
         row.alignment = "CENTER"
         for to, icon in BUTTONS:
@@ -42,7 +48,7 @@ class PERFECT_BVH_PT_walk_ray(TreePanel, bpy.types.Panel):
             row.operator("perfect_bvh.walk_step", text="", icon=shown).to = to
         row = layout.row()
         row.alignment = "CENTER"
-        row.label(text=f"Step {walk.index + 1:,} of {len(walk.steps):,}")
+        row.label(text=place_of(walk.index, len(walk.steps)))
         draw_messages_of(context, layout, "Walk a Ray")
 
 

@@ -1,4 +1,4 @@
-"""What is written over a viewport of a ray's walk: the step's sentence, what the colors mean, and a count of each."""
+"""What is written over a viewport of a ray's walk: what happens, what colors mean, each count and its cost."""
 
 from __future__ import annotations
 
@@ -8,68 +8,84 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import bpy
+from perfect_bvh import WalkEvent
+from perfect_bvh.ray_walk import BOX_TESTS, TRIANGLE_TESTS
 
+from ..statistics.words import count_of
 from . import drawing
 from .legend import hud_top
 
 if TYPE_CHECKING:
-    from .walk_steps import Counters, WalkStep
+    from .walk_steps import Counters
 
 Color = tuple[float, float, float]
 
 SENTENCE_SIZE = 13.0
 SWATCH = 9.0  # in points
-COLUMN = 172.0  # of names, in points; the counts stand right of it
-COUNT_WIDTH = 72.0
+# In points: of names, of counts, and of costs, the latter two with their right ends below one another.
+NAME_WIDTH, COUNT_WIDTH, COST_WIDTH = 176.0, 34.0, 112.0
 GAP = 14.0
 LEAST_LINE = 12  # characters
+SHADE = 0.7  # of what is a part of the row above
+_INSTANCES = (WalkEvent.ENTER_INSTANCE, WalkEvent.SKIP_INSTANCE)
+_NOT_HIT = (WalkEvent.TRIANGLE_MISSED, WalkEvent.TRIANGLE_REJECTED)
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """color: None for what has none in the picture."""
+    """color: None for what has none in the picture. cost: "" for what takes no time of its own.
+
+    is_part: whether it is a part of a row above.
+    """
 
     name: str
     count: str
     color: Color | None = None
+    cost: str = ""
+    is_part: bool = False
 
 
 def rows_of(counters: Counters, total: Counters) -> list[Row]:
-    """counters: with the step that is shown. total: with all of them."""
+    """counters: with the step that is shown. total: with all of them.
+
+    Costs of boxes, triangles and instances add up to the total, those of the parts to that of the row above them.
+    """
     from . import walk_picture as picture
 
+    def whole(name: str, count: int, *events: WalkEvent) -> Row:
+        return Row(name, f"{count:,}", cost=f"{counters.time(*events):,} ns")
+
+    def part(name: str, count: int, color: Color, *events: WalkEvent) -> Row:
+        return Row(name, f"{count:,}", color, f"{counters.time(*events):,} ns" if events else "", is_part=True)
+
+    nodes, leaves = counters.number(WalkEvent.ENTER_NODE), counters.number(WalkEvent.ENTER_LEAF)
+    in_nodes, in_leaves = count_of(nodes, "Node"), count_of(leaves, "Leaf", "Leaves")
+    other = counters.triangles_tested - counters.triangles_hit
     return [
-        Row("Boxes Tested", f"{counters.boxes_tested:,}"),
-        Row("Boxes Hit", f"{counters.boxes_hit:,}", picture.WAITING),
-        Row("Boxes Missed", f"{counters.boxes_missed:,}", picture.MISSED),
-        Row("Boxes Pruned", f"{counters.boxes_pruned:,}", picture.PRUNED),
-        Row("Boxes Entered", f"{counters.boxes_entered:,}", picture.ENTERED),
-        Row("Triangles Tested", f"{counters.triangles_tested:,}", picture.TESTED),
-        Row("Triangles Hit", f"{counters.triangles_hit:,}", picture.HIT),
-        Row("Nodes and Instances Visited", f"{counters.visits:,}"),
-        Row("Cost (Visits + Triangles)", f"{counters.cost:,} of {total.cost:,}"),
+        whole(f"Boxes Tested in {in_nodes}", counters.boxes_tested, *BOX_TESTS),
+        part("Hit", counters.boxes_hit, picture.WAITING, WalkEvent.BOX_HIT),
+        part("Missed", counters.boxes_missed, picture.MISSED, WalkEvent.BOX_MISSED),
+        part("Pruned", counters.boxes_pruned, picture.PRUNED, WalkEvent.BOX_PRUNED),
+        part("Entered", counters.boxes_entered, picture.ENTERED),
+        whole(f"Triangles Tested in {in_leaves}", counters.triangles_tested, *TRIANGLE_TESTS),
+        part("Hit", counters.triangles_hit, picture.HIT, WalkEvent.TRIANGLE_HIT),
+        part("Not Hit", other, picture.TESTED, *_NOT_HIT),
+        whole("Instances Reached", counters.number(*_INSTANCES), *_INSTANCES),
+        Row("Total", "", cost=f"{counters.total_time:,} of {total.total_time:,} ns"),
+        Row("Visits + Triangles, as in SAH", f"{counters.cost:,} of {total.cost:,}"),
     ]
 
 
-def heading(steps: Sequence[WalkStep], index: int) -> str:
-    """Such as "Step 12 of 57: Enters a box at level 3 of Tree.004: of 8 inside 2 hit, 6 missed"."""
-    return f"Step {index + 1:,} of {len(steps):,}: {steps[index].sentence}"
-
-
-def draw_legend(context: bpy.types.Context, steps: Sequence[WalkStep], index: int, note: str = "") -> None:
-    """In the lower left corner of the region that is being drawn; where there is little room, the sentence alone.
-
-    note: a line below the sentence, "" for none.
-    """
+def draw_legend(context: bpy.types.Context, sentence: str, rows: Sequence[Row]) -> None:
+    """In the lower left corner of the region that is being drawn; where there is little room, the sentence alone."""
     free = drawing.free_rect(context.area, context.region)
     left = free.left + drawing.pixels(GAP)
     bottom = max(free.bottom, hud_top(context.area, context.region)) + drawing.pixels(GAP)
     width = free.right - left - drawing.pixels(GAP + 2 * drawing.MARGIN)
-    lines = [line for text in (heading(steps, index), note) if text for line in wrap(text, width)]
-    rows = rows_of(steps[index].counters, steps[-1].counters)
+    lines = wrap(sentence, width)
     size, gap = _size_of(rows), drawing.pixels(6.0)
     words = drawing.text_panel_size(lines, SENTENCE_SIZE)[1]
-    if left + size[0] <= free.right and bottom + size[1] + gap + words <= free.top:
+    if rows and left + size[0] <= free.right and bottom + size[1] + gap + words <= free.top:
         _draw_rows(left, bottom, size, rows)
         bottom += size[1] + gap
     drawing.draw_text_panel(left, bottom, lines, SENTENCE_SIZE)
@@ -89,22 +105,31 @@ def wrap(text: str, width: float) -> list[str]:
 
 
 def _size_of(rows: Sequence[Row]) -> tuple[float, float]:
+    """With a line above, for what the columns are."""
     margin = 2 * drawing.pixels(drawing.MARGIN)
-    return drawing.pixels(COLUMN + COUNT_WIDTH) + margin, len(rows) * drawing.text_size("")[1] + margin
+    width = drawing.pixels(NAME_WIDTH + COUNT_WIDTH + COST_WIDTH)
+    return width + margin, (len(rows) + 1) * drawing.text_size("")[1] + margin
 
 
 def _draw_rows(left: float, bottom: float, size: tuple[float, float], rows: Sequence[Row]) -> None:
     step, margin = drawing.text_size("")[1], drawing.pixels(drawing.MARGIN)
-    swatch, edge = drawing.pixels(SWATCH), drawing.pixels(1.0)
     drawing.draw_panel(left, bottom, *size)
-    color = drawing.panel_text_color()
-    for number, row in enumerate(reversed(rows)):
-        base = bottom + margin + number * step + 0.2 * step
-        if row.color is not None:
-            x, y = left + margin, base - 0.05 * step
-            outline = (*color[:3], 0.5)  # of what would be too like the panel
-            drawing.draw_rect(x - edge, y - edge, swatch + 2 * edge, swatch + 2 * edge, outline, drawing.pixels(3.0))
-            drawing.draw_rect(x, y, swatch, swatch, row.color, drawing.pixels(2.0))
-        drawing.draw_text(left + margin + 1.8 * swatch, base, row.name, color=color)
-        right = left + size[0] - margin - drawing.text_size(row.count)[0]
-        drawing.draw_text(right, base, row.count, color=color)
+    left, right = left + margin, left + size[0] - margin
+    shown = [Row("", "Count", cost="Cost (Calibrated)", is_part=True), *rows]
+    for number, row in enumerate(reversed(shown)):
+        _draw_row(row, left, right, bottom + margin + number * step + 0.2 * step)
+
+
+def _draw_row(row: Row, left: float, right: float, base: float) -> None:
+    indent, swatch, edge = (drawing.pixels(points) for points in (1.8 * SWATCH, SWATCH, 1.0))
+    text = drawing.panel_text_color()
+    color = (*text[:3], SHADE) if row.is_part else text
+    if row.color is not None:
+        y = base - drawing.pixels(0.8)
+        outline = (*text[:3], 0.5)  # of what would be too like the panel
+        drawing.draw_rect(left - edge, y - edge, swatch + 2 * edge, swatch + 2 * edge, outline, drawing.pixels(3.0))
+        drawing.draw_rect(left, y, swatch, swatch, row.color, drawing.pixels(2.0))
+    drawing.draw_text(left + (indent if row.is_part else 0.0), base, row.name, color=color)
+    count_end = right - (drawing.pixels(COST_WIDTH) if row.is_part or row.cost else 0.0)
+    for end, written in ((count_end, row.count), (right, row.cost)):
+        drawing.draw_text(end - drawing.text_size(written)[0], base, written, color=color)

@@ -46,7 +46,7 @@ EVENT_COLORS = {
 }
 _ENTERING = (WalkEvent.ENTER_NODE, WalkEvent.ENTER_LEAF, WalkEvent.ENTER_INSTANCE)
 # Opacities, and widths in points.
-BRIGHT, FAINT, FILLED = 1.0, 0.25, 0.55
+BRIGHT, BESIDE, FAINT, FILLED = 1.0, 0.5, 0.25, 0.55
 MISSED_SHARE = 0.6  # of these: what the ray passes by is looked at last
 THICK, WIDE, THIN = 3.0, 1.8, 1.0
 # Of what was missed before nothing is left; of what was entered or tested before, the last ones.
@@ -104,25 +104,30 @@ class WalkedRay:
         return self.origin + t * self.direction
 
 
-def picture_of(ray: WalkedRay, step: WalkStep) -> Picture:
-    """Of one step, which is one of this ray's."""
+def picture_of(ray: WalkedRay, step: WalkStep, row: int | None = None) -> Picture:
+    """Of one step, which is one of this ray's. row: the only one of its rows that is bright; None for all."""
     walk, rows = ray.walk, step.rows
-    span = span_in_box(ray, rows.start) if len(rows) else (ray.t_min, ray.end(-1))
-    is_now = np.zeros(len(walk), bool)
-    is_now[rows.start : rows.stop] = True
+    span = span_in_box(ray, _spanned(ray, rows, row)) if len(rows) else (ray.t_min, ray.end(-1))
+    is_now, is_beside = np.zeros(len(walk), bool), np.zeros(len(walk), bool)
+    if row is None:
+        is_now[rows.start : rows.stop] = True
+    else:
+        is_now[row] = is_beside[rows.start : row] = True
+        is_beside[row] = False
     is_box = walk.primitive_ids < 0
     before = np.arange(len(walk)) < rows.start
     earlier = np.flatnonzero(before & np.isin(walk.events, _ENTERING))[-MOST_EARLIER:]
     lines = [
         _boxes(ray, earlier, FAINT, THIN),
+        _boxes(ray, np.flatnonzero(is_beside & is_box)[::-1], BESIDE, THIN),
         _boxes(ray, np.flatnonzero(is_now & is_box)[::-1], BRIGHT, WIDE),  # the one that is entered over its children
-        *_ray_lines(ray, step, span),
+        *_ray_lines(ray, rows.start if row is None else row, span),
     ]
-    hits = np.flatnonzero((walk.events == WalkEvent.TRIANGLE_HIT) & (before | is_now))
+    hits = np.flatnonzero((walk.events == WalkEvent.TRIANGLE_HIT) & (before | is_beside | is_now))
     shown = np.flatnonzero(is_now & ~is_box)
     if len(hits):
         shown = np.union1d(shown, hits[-1:])
-    lines.insert(1, _outlines(ray, np.flatnonzero(before & ~is_box)[-MOST_EARLIER:]))
+    lines.insert(1, _outlines(ray, np.flatnonzero((before | is_beside) & ~is_box)[-MOST_EARLIER:]))
     colors = _colors(walk.events[shown], FILLED).repeat(3, axis=0)
     return Picture(
         lines=[part for part in lines if len(part.positions)],
@@ -151,10 +156,14 @@ def _colors(events: npt.NDArray[np.uint8], opacity: float) -> Float32Array:
     return np.concatenate([table[events], opacity * shares[events][:, None]], axis=1)
 
 
-def _ray_lines(ray: WalkedRay, step: WalkStep, span: tuple[float, float]) -> list[Lines]:
-    """As far as it goes before the step, and the part that the step is about: that in its box, or the whole way."""
-    row = step.rows.start - 1
-    whole = _line(ray, (ray.t_min, ray.end(row) if row >= 0 else ray.exit), 0.55, THIN)
+def _spanned(ray: WalkedRay, rows: range, row: int | None) -> int:
+    """In whose box the ray is bright: what is missed or pruned has none of it."""
+    return row if row is not None and ray.walk.events[row] == WalkEvent.BOX_HIT else rows.start
+
+
+def _ray_lines(ray: WalkedRay, first: int, span: tuple[float, float]) -> list[Lines]:
+    """As far as it goes before a row, and the part that is told of: that in a box, or the whole way."""
+    whole = _line(ray, (ray.t_min, ray.end(first - 1) if first > 0 else ray.exit), 0.55, THIN)
     return [whole, _line(ray, span, BRIGHT, THICK)]
 
 

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..events.changes import edit_count
 from ..live.pending_commit import PendingCommit
 from ..sync.records import VISIBLE_TO_CAMERA
 from .awaited_view import filter_of
 from .pixel_ray import PixelRay, pixel_ray
 from .region_camera import camera_of
+from .shown_walk import CHANGED, SceneState, ShownWalk
 from .walk_picture import WalkedRay
 from .walk_steps import steps_of
-from .walk_view import Shown
+from .walk_words import WalkWords
 
 if TYPE_CHECKING:
     from ..live.scene_sync import SceneSync
@@ -25,11 +25,12 @@ if TYPE_CHECKING:
 class Reading:
     """A scene that was read for the sake of a ray.
 
-    address, view: of the viewport that it was chosen in, and of its part. space: the viewport whose filters count, None
-    if it has none.
+    read: the scene then. address, view: of the viewport that it was chosen in, and of its part. space: the viewport
+    whose filters count, None if it has none.
     """
 
     ray: PixelRay
+    read: SceneState
     address: int
     view: int
     space: bpy.types.SpaceView3D | None
@@ -41,20 +42,28 @@ class Reading:
         depsgraph = context.evaluated_depsgraph_get()
         self.trees.begin(self.sync, lambda: self.sync.begin_update(depsgraph, space=self.space))
 
-    def walk(self, context: bpy.types.Context) -> Shown | None:
-        """What the ray does; None as long as trees are being built. Raises what the engine raises."""
+    def walk(self, context: bpy.types.Context) -> ShownWalk | None:
+        """What the ray does; None as long as trees are being built.
+
+        Raises ValueError where the scene has changed since it was read, and what the engine raises.
+        """
+        self._check(context)
         if not self.trees.are_there(lambda: self.begin(context)):
             return None
-        scene = context.scene
-        edits, ray = edit_count(scene.session_uid), self.ray
+        self._check(context)  # reading it again may have found out
+        scene, ray = context.scene, self.ray
         snapshot = self.sync.scene.snapshot()
         walk = snapshot.walk_ray(ray.origin, ray.direction, ray.t_min, ray.t_max, VISIBLE_TO_CAMERA)
         ids = sorted({int(ident) for ident in walk.instance_ids} - {-1})
         names = dict(zip(ids, map(str, self.sync.describe(ids).names), strict=True)) if ids else {}
         length = (lambda t: written_length(scene, t)) if ray.has_eye else None
-        steps = steps_of(walk, names, length)
         walked = WalkedRay.of(walk, ray.origin, ray.direction, ray.t_min)
-        return Shown(walked, steps, scene.session_uid, self.address, self.view, edits, scene.frame_current)
+        words, steps = WalkWords(walk, names, length), steps_of(walk, names, length)
+        return ShownWalk(walked, words, steps, self.read, self.address, self.view)
+
+    def _check(self, context: bpy.types.Context) -> None:
+        if SceneState.of(context.scene) != self.read:
+            raise ValueError(CHANGED)
 
     @property
     def state(self) -> str:
@@ -79,9 +88,9 @@ def read_pixel(context: bpy.types.Context, area: bpy.types.Area, region: bpy.typ
         raise ValueError("Nothing is seen through this pixel")
     is_filtered = any(filter_of(space))
     sync = SceneSync(watch=False) if is_filtered else sync_of(depsgraph)
-    reading = Reading(
-        ray, space.as_pointer(), region.data.as_pointer(), space if is_filtered else None, sync, PendingCommit()
-    )
+    address, view = space.as_pointer(), region.data.as_pointer()
+    read = SceneState.of(context.scene)
+    reading = Reading(ray, read, address, view, space if is_filtered else None, sync, PendingCommit())
     reading.begin(context)
     return reading
 

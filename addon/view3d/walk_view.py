@@ -1,23 +1,22 @@
 """A ray's walk over 3D viewports: which step is shown, and its picture.
 
 The ray and its boxes are drawn in every viewport of the scene, over a veil, so that it can be seen from aside as well;
-what they mean and what they cost is told in the viewport in which the ray was chosen. What is shown stays as it was
-when the ray was cast; where the scene has changed since, that is said. It ends with an undo or another file.
+what they mean and what they cost is told in the viewport in which the ray was chosen. When the scene has changed, a
+line that says so stands there instead. It ends with an undo or another file.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import bpy
 import numpy as np
 
-from ..events.changes import edit_count, listen, stop_listening, watch_again
+from ..events.changes import listen, stop_listening, watch_again
 from . import compare_view, drawing
-from .walk_legend import draw_legend
-from .walk_picture import HIT, RAY, Lines, Picture, WalkedRay, picture_of
-from .walk_steps import WalkStep
+from .shown_walk import CHANGED, ShownWalk
+from .walk_legend import draw_legend, rows_of
+from .walk_picture import HIT, RAY, Lines, Picture
 
 VEIL = (0.02, 0.02, 0.03)
 # Over what is shaded by the viewport itself; pictures of light are brighter, and blended as light is.
@@ -25,54 +24,6 @@ VEIL_OPACITY, LIT_VEIL_OPACITY = 0.62, 0.85
 RING = 7.0  # radius, in points
 PLAY_SECONDS = 0.35  # a step, while it plays
 ENDING_CHANGES = frozenset({"a step was undone", "a step was redone"})
-
-
-@dataclass(slots=True)
-class Shown:
-    """A walk and where it is told of.
-
-    space: the viewport's address, which stays when its area is maximized; view: that of the part that was clicked, one
-    of four in a quad view. edits, frame: the scene's when it was read. index: of the step that is shown.
-    """
-
-    ray: WalkedRay
-    steps: list[WalkStep]
-    scene_uid: int
-    space: int
-    view: int
-    edits: int
-    frame: int
-    index: int = 0
-    is_playing: bool = False
-    _drawn: tuple[int, Picture] | None = None
-
-    @property
-    def step(self) -> WalkStep:
-        """The one that is shown."""
-        return self.steps[self.index]
-
-    @property
-    def picture(self) -> Picture:
-        """Of that step, made when it is drawn first."""
-        if self._drawn is None or self._drawn[0] != self.index:
-            self._drawn = self.index, picture_of(self.ray, self.step)
-        return self._drawn[1]
-
-    def go(self, index: int) -> None:
-        """To a step, or the nearest that there is; at the last one nothing plays any more."""
-        self.index = min(max(index, 0), len(self.steps) - 1)
-        if self.index == len(self.steps) - 1:
-            self.is_playing = False
-
-    def play_or_pause(self) -> None:
-        """From the beginning, if the end is shown."""
-        if not self.is_playing and self.index == len(self.steps) - 1:
-            self.index = 0
-        self.is_playing = not self.is_playing and len(self.steps) > 1
-
-    def is_old(self, scene: bpy.types.Scene) -> bool:
-        """Whether the scene is another one by now, as far as is known."""
-        return scene.frame_current != self.frame or edit_count(scene.session_uid) != self.edits
 
 
 class _Watcher:
@@ -86,12 +37,12 @@ class _Watcher:
         hide()
 
 
-_shown: Shown | None = None
+_shown: ShownWalk | None = None
 _watcher = _Watcher()
 _handles: list[Any] = []
 
 
-def show(walk: Shown) -> None:
+def show(walk: ShownWalk) -> None:
     """From its first step on, until `hide`."""
     global _shown
     hide()
@@ -114,20 +65,22 @@ def hide() -> None:
     redraw()
 
 
-def shown() -> Shown | None:
+def shown() -> ShownWalk | None:
     """What is shown, in whichever viewports; None if nothing is."""
     return _shown
 
 
-def shown_in(context: bpy.types.Context) -> Shown | None:
-    """What the context's viewport shows; None if it is another scene's, or shows two trees instead of its own."""
+def shown_in(context: bpy.types.Context) -> ShownWalk | None:
+    """What the context's viewport shows; None if that is old, another scene's, or two trees are there instead."""
     found = _shown
-    if found is None or context.scene.session_uid != found.scene_uid or compare_view.shown_in(context) is not None:
-        return None
-    return found
+    return None if found is None or not _is_of(context, found) or found.is_old(context.scene) else found
 
 
-def tells(context: bpy.types.Context, found: Shown) -> bool:
+def _is_of(context: bpy.types.Context, found: ShownWalk) -> bool:
+    return context.scene.session_uid == found.read.scene_uid and compare_view.shown_in(context) is None
+
+
+def tells(context: bpy.types.Context, found: ShownWalk) -> bool:
     """Whether the step is told of in the region that is being drawn: in one, whatever views there are."""
     if context.space_data.as_pointer() != found.space:
         return False
@@ -149,10 +102,12 @@ def redraw() -> None:
 
 
 def _draw_in_space() -> None:
+    if _shown is None:
+        return
+    watch_again()
     found = shown_in(bpy.context)
     if found is None:
         return
-    watch_again()
     with drawing.blended():
         is_lit = bpy.context.space_data.shading.type in {"MATERIAL", "RENDERED"}
         _draw_veil((*VEIL, LIT_VEIL_OPACITY if is_lit else VEIL_OPACITY))
@@ -162,14 +117,16 @@ def _draw_in_space() -> None:
 
 
 def _draw_in_pixels() -> None:
-    context = bpy.context
-    found = shown_in(context)
-    if found is None:
+    context, found = bpy.context, _shown
+    if found is None or not _is_of(context, found):
+        return
+    if found.is_old(context.scene):
+        if tells(context, found):
+            draw_legend(context, CHANGED, ())
         return
     _draw_points(context, found.picture)
     if tells(context, found):
-        note = "The scene has changed since" if found.is_old(context.scene) else ""
-        draw_legend(context, found.steps, found.index, note)
+        draw_legend(context, found.heading, rows_of(found.counters, found.steps[-1].counters))
 
 
 def _draw_veil(color: tuple[float, ...]) -> None:

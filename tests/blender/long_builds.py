@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
 import bpy
 import perfect_bvh
@@ -113,8 +114,12 @@ class FakeWindow:
         )
         self._known = {"window_manager": manager, "workspace": SimpleNamespace(status_text_set=self._show)}
 
-    def _show(self, text: str | None) -> None:
-        self.status = text
+    def _show(self, draw: Callable[[Any, Any], None] | None) -> None:
+        told: list[str] = []
+        layout = MagicMock(label=lambda text: told.append(text))
+        if draw is not None:
+            draw(SimpleNamespace(layout=layout), self)
+        self.status = told[0] if told else None
 
     def _add_timer(self, seconds: float, window: Any) -> str:
         self.timers += 1

@@ -20,7 +20,8 @@ OPERATORS = [
     found
     for module in (
         *(operators.preview, operators.scan, operators.bench, operators.compare, operators.decay),
-        *(operators.select_updated, operators.select_not_shown, operators.walk_ray, pointer),
+        *(operators.select_updated, operators.select_not_shown),
+        *(operators.walk_ray, operators.walk_step, pointer),
     )
     for found in vars(module).values()
     if isinstance(found, type) and issubclass(found, bpy.types.Operator)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ from engine.long_work import stack
 from oracles import meshes
 from perfect_bvh import BuildConfig, RayWalk, WalkEvent
 from perfect_bvh.build_config import BUILDERS
-from perfect_bvh.ray_walk import TRIANGLE_TESTS
+from perfect_bvh.calibration import current_calibration
+from perfect_bvh.ray_walk import BOX_TESTS, TRIANGLE_TESTS
 
 COUNTED = ("t_hit", "instance_ids", "primitive_ids", "nodes_visited", "primitives_tested")
 SPATIAL = BuildConfig(builder="spatial", duplication_budget=4.0)
@@ -112,6 +114,23 @@ def test_any_size_and_degenerate_triangles(size: float) -> None:
     origins, directions = meshes.random_rays(100, 9)
     walks = check(scene, origins * size, directions * size)
     assert any(walk.hit_row is not None for walk in walks)
+
+
+def test_costs_are_the_calibrations_and_shared_out_among_tests() -> None:
+    origins, directions = np.array([[0.1, 0.2, -5.0], [9.0, 9.0, 9.0]]), np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    costs = replace(current_calibration(), node_nanoseconds=80.0, leaf_nanoseconds=840.0)
+    for walk in check(crowd(), origins, directions):
+        spent = walk.nanoseconds(costs)
+        reached = count(walk, WalkEvent.ENTER_INSTANCE, WalkEvent.SKIP_INSTANCE)
+        visits = 80.0 * (count(walk, WalkEvent.ENTER_NODE) + reached) + 840.0 * count(walk, WalkEvent.ENTER_LEAF)
+        assert spent.shape == walk.t.shape and spent.sum() == pytest.approx(visits)
+        for row in np.flatnonzero(np.isin(walk.events, (WalkEvent.ENTER_NODE, WalkEvent.ENTER_LEAF))):
+            tests = np.isin(walk.events[row + 1 :], BOX_TESTS + TRIANGLE_TESTS)
+            end = row + 1 + int(np.argmin(np.append(tests, False)))
+            whole = 80.0 if walk.events[row] == WalkEvent.ENTER_NODE else 840.0
+            np.testing.assert_allclose(spent[row:end], [0.0] + [whole / (end - row - 1)] * (end - row - 1))
+        assert not spent[walk.events == WalkEvent.WAITING_PRUNED].any()
+        assert walk.nanoseconds().sum() == pytest.approx(walk.nanoseconds(current_calibration()).sum())
 
 
 def test_places_are_those_of_the_world() -> None:

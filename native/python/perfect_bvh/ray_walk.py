@@ -8,6 +8,8 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
+from .calibration import Calibration, current_calibration
+
 
 class WalkEvent(IntEnum):
     """What happens to a box or a triangle on a ray's way."""
@@ -92,6 +94,24 @@ class RayWalk:
     def cost(self) -> int:
         """In the units of `TreeBoxes.costs`: one for each visited node or instance and each tested triangle."""
         return self.nodes_visited + self.primitives_tested
+
+    def nanoseconds(self, calibration: Calibration | None = None) -> npt.NDArray[np.float64]:
+        """(N,) float64: what each event costs one thread, as the governor reckons; together, what the ray costs.
+
+        calibration: what visits cost; None for this machine's, as scenes have it. Boxes that are tested at once share
+        the visit of their node, triangles that of their leaf. An instance that is reached costs what a node does.
+        """
+        costs = current_calibration() if calibration is None else calibration
+        visits = np.zeros(len(WalkEvent))
+        visits[list(VISITS)] = costs.node_nanoseconds
+        visits[WalkEvent.ENTER_LEAF] = costs.leaf_nanoseconds
+        found = visits[self.events]
+        is_visit = np.isin(self.events, (WalkEvent.ENTER_NODE, WalkEvent.ENTER_LEAF))
+        tests = np.flatnonzero(np.isin(self.events, BOX_TESTS + TRIANGLE_TESTS))
+        visited = np.maximum.accumulate(np.where(is_visit, np.arange(len(self)), 0))[tests]
+        found[tests] = found[visited] / np.bincount(visited, minlength=len(self))[visited]
+        found[visited] = 0.0
+        return found
 
     def world_boxes(self) -> npt.NDArray[np.float64]:
         """(N, 8, 3) float64: the corners of each box in the world.
