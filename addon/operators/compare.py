@@ -78,6 +78,7 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
         choices = choice_of(settings.left), choice_of(settings.right)
         self._forget_complaints()
         self._space = find_space(context)
+        context.evaluated_depsgraph_get()  # what was edited before is no edit since
         self._edits = edit_count(scene.session_uid)
         try:
             shown = read_object(context, context.object)

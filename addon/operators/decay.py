@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import bpy
 
+from ..events.changes import edit_count
 from ..live.scene_reference import SceneReference
 from ..settings.preferences import native_error
 from ..settings.tree_settings import frames_of
@@ -36,6 +37,7 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
     _frame: tuple[int, float]
     _space: int | None
     _row_count: int
+    _edits: int
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -49,7 +51,7 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
 
         self._begin(context)
         if self._space is not None:
-            decay_view.show(self._decay, self._space)
+            decay_view.show(self._decay, self._space, self._edits)
         self._begin_ticking(context)
         return {"RUNNING_MODAL"}
 
@@ -77,7 +79,7 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
         while self._step() is not None:
             pass
         if self._space is not None and self._decay.rows:
-            decay_view.show(self._decay, self._space)
+            decay_view.show(self._decay, self._space, self._edits)
         return self._finish(context)
 
     # The parts -------------------------------------------------------------------------------------------------------
@@ -90,6 +92,8 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
         scene = context.scene
         settings = scene.perfect_bvh.decay
         is_scene = settings.subject == "SCENE"
+        context.evaluated_depsgraph_get()  # what was edited before is no edit since
+        self._edits = edit_count(scene.session_uid)
         self._place = SceneReference("decay", scene, context.view_layer)
         self._frame = scene.frame_current, scene.frame_subframe
         self._space, self._row_count = find_space(context), 0

@@ -19,10 +19,11 @@ ACTIONS = {
 }
 
 
-def heading_of(decay: Decay) -> str:
-    """What is shown, and how far it is."""
+def heading_of(decay: Decay, *, is_old: bool = False) -> str:
+    """What is shown, how far it is, and whether the scene is another one by now."""
     done = f"{len(decay.rows):,} of " if len(decay.rows) < len(decay.frames) else ""
-    return f"Decay of {decay.name}: {decay.measure}, {done}{count_of(len(decay.frames), 'frame')}"
+    since = " (the scene has changed since)" if is_old else ""
+    return f"Decay of {decay.name}: {decay.measure}, {done}{count_of(len(decay.frames), 'frame')}{since}"
 
 
 def key_of(decay: Decay, policy: str, row: int | None) -> str:

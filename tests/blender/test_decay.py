@@ -13,11 +13,12 @@ import pytest
 bpy: Any = pytest.importorskip("bpy")
 
 from blender.long_builds import ESCAPE, TIMER, FakeOperator, FakeWindow  # noqa: E402
+from perfect_bvh_addon.events.changes import edit_count  # noqa: E402
 from perfect_bvh_addon.live.scene_reference import SceneReference  # noqa: E402
 from perfect_bvh_addon.operators.decay import PERFECT_BVH_OT_decay  # noqa: E402
 from perfect_bvh_addon.settings.tree_settings import frames_of  # noqa: E402
 from perfect_bvh_addon.statistics import words  # noqa: E402
-from perfect_bvh_addon.view3d import decay_view, drawing  # noqa: E402
+from perfect_bvh_addon.view3d import decay_chart, decay_view, drawing  # noqa: E402
 from perfect_bvh_addon.view3d.chart_layout import (  # noqa: E402
     ChartLayout,
     cost_range,
@@ -178,6 +179,16 @@ def test_the_button_reports_and_shows_the_frame_again(twisted: Any) -> None:
     assert (scene.frame_current, scene.frame_subframe) == (3, 0.5)
     shown = decay_view.shown()
     assert shown is not None and len(shown.decay.rows) == FRAMES
+    assert not decay_view.is_old(shown, scene), "it takes its own frames for edits"
+    scene.frame_set(5)
+    assert not decay_view.is_old(shown, scene)
+    twisted.location.x += 1.0
+    bpy.context.view_layer.update()
+    assert decay_view.is_old(shown, scene)
+    twisted.location.x += 1.0  # Blender has yet to evaluate it
+    assert bpy.ops.perfect_bvh.decay() == {"FINISHED"}
+    newer = decay_view.shown()
+    assert newer is not None and not decay_view.is_old(newer, scene)
     assert bpy.ops.perfect_bvh.end_decay() == {"FINISHED"}
     assert decay_view.shown() is None and not bpy.ops.perfect_bvh.end_decay.poll()
 
@@ -232,6 +243,7 @@ def test_it_ends_with_a_reason_where_the_object_is_removed_meanwhile(twisted: An
 def test_words_tell_of_the_frame_that_is_shown(twisted: Any) -> None:
     decay = followed(twisted, 10)
     assert heading_of(decay) == f"Decay of It: SAH, {FRAMES} frames"
+    assert heading_of(decay, is_old=True) == f"Decay of It: SAH, {FRAMES} frames (the scene has changed since)"
     assert key_of(decay, "refit", None) == LABELS["refit"]
     assert key_of(decay, "refit", 2) == f"{LABELS['refit']} {words.number(decay.costs('refit')[2], 3)}"
     assert sentence_of(decay.rows[1]).startswith("Frame 2: Refitted. Positions changed")
@@ -241,7 +253,7 @@ def test_words_tell_of_the_frame_that_is_shown(twisted: Any) -> None:
 def test_a_click_shows_a_frame_and_the_chart_ends_with_its_file(twisted: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     decay = followed(twisted)
     scene = bpy.context.scene
-    decay_view.show(decay, 7)
+    decay_view.show(decay, 7, edit_count(decay.scene_uid))
     context, other = (
         SimpleNamespace(scene=scene, area=None, region=None, space_data=SimpleNamespace(as_pointer=lambda it=it: it))
         for it in (7, 8)
@@ -251,7 +263,7 @@ def test_a_click_shows_a_frame_and_the_chart_ends_with_its_file(twisted: Any, mo
     panel = drawing.Rect(50.0, 10.0, 750.0, 260.0)
     monkeypatch.setattr(decay_view, "panel_of", lambda area, region: panel)
     monkeypatch.setattr(drawing, "pixels", lambda points: points)  # without a window the interface has no size
-    layout = decay_view.layout_of(decay, panel)
+    layout = decay_chart.layout_of(decay, panel)
     assert panel.left < layout.left < layout.left + layout.width < panel.right
     assert panel.bottom < layout.bottom < layout.bottom + layout.height < panel.top
     for frame in (5, 1):
@@ -263,10 +275,10 @@ def test_a_click_shows_a_frame_and_the_chart_ends_with_its_file(twisted: Any, mo
 
 def test_words_take_more_lines_where_there_is_less_room(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drawing, "text_size", lambda text, size=11.0: (10.0 * len(text), size))
-    assert decay_view.wrapped("one two three", 1000.0, 10.0) == ["one two three"]
-    assert decay_view.wrapped("one two three", 75.0, 10.0) == ["one two", "three"]
-    assert decay_view.wrapped("unbreakable one", 20.0, 10.0) == ["unbreakable", "one"]
-    keys = [decay_view.Key(name, 40.0) for name in "abc"]
-    assert [len(line) for line in decay_view.in_lines(keys, 120.0)] == [3]
-    assert [len(line) for line in decay_view.in_lines(keys, 100.0)] == [2, 1]
-    assert [len(line) for line in decay_view.in_lines(keys, 10.0)] == [1, 1, 1]
+    assert decay_chart.wrapped("one two three", 1000.0, 10.0) == ["one two three"]
+    assert decay_chart.wrapped("one two three", 75.0, 10.0) == ["one two", "three"]
+    assert decay_chart.wrapped("unbreakable one", 20.0, 10.0) == ["unbreakable", "one"]
+    keys = [decay_chart.Key(name, 40.0) for name in "abc"]
+    assert [len(line) for line in decay_chart.in_lines(keys, 120.0)] == [3]
+    assert [len(line) for line in decay_chart.in_lines(keys, 100.0)] == [2, 1]
+    assert [len(line) for line in decay_chart.in_lines(keys, 10.0)] == [1, 1, 1]

@@ -95,14 +95,15 @@ def follow_the_decay() -> Step:
     yield from wait_until(lambda: not is_working(), "the decay is not measured")
     yield from wait_for_report("SAH in the end: refitted ")
     check(scene.frame_current == frame, f"frame {scene.frame_current} is shown, not {frame} as before")
-    decay = view.shown().decay
+    chart, decay = module("view3d.decay_chart"), view.shown().decay
     check(len(decay.rows) == FRAMES, f"{len(decay.rows)} frames were measured")
-    region, panel = region_of(area), view.panel_of(area, region_of(area))
-    layout = view.layout_of(decay, panel)
+    region, panel = region_of(area), chart.panel_of(area, region_of(area))
+    layout = chart.layout_of(decay, panel)
     for wanted in (4, 2):
         yield from click(region.x + layout.x_of(wanted), region.y + layout.bottom + layout.height / 2)
         yield from wait_until(lambda wanted=wanted: scene.frame_current == wanted, f"a click shows no frame {wanted}")
     yield from redrawn()
+    check(not view.is_old(view.shown(), scene), "frames that are shown are taken for edits")
     screenshot("decay")
     yield from click_cross(area, panel.right, panel.top)
     yield from wait_until(lambda: view.shown() is None, "the cross does not close the curves")
