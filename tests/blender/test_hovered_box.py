@@ -12,7 +12,7 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
-from perfect_bvh_addon.view3d import hovered_box, overlay, tree_lines  # noqa: E402
+from perfect_bvh_addon.view3d import hovered_box, scene_overlay, tree_lines  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
 
@@ -33,7 +33,7 @@ def sync(monkeypatch: pytest.MonkeyPatch) -> Any:
 def trees_of(sync: Any, level: int) -> tuple[tree_lines.TreeLines, int, Any]:
     settings = SimpleNamespace(level=level, use_all_to_level=False, color_by="LEVEL")
     lines = tree_lines.TreeLines()
-    mesh, matrix = overlay.find_object(sync, bpy.context.object)
+    mesh, matrix = scene_overlay.find_object(sync, bpy.context.object)
     lines.follow(sync.scene.snapshot(), mesh, settings)
     return lines, mesh, matrix
 

@@ -19,7 +19,7 @@ from perfect_bvh_addon.events.changes import listen, stop_listening  # noqa: E40
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
 from perfect_bvh_addon.settings import scene_settings  # noqa: E402
-from perfect_bvh_addon.view3d import overlay, tree_lines  # noqa: E402
+from perfect_bvh_addon.view3d import scene_overlay, tree_lines  # noqa: E402
 from perfect_bvh_addon.view3d.box_lines import RAMP, box_lines, shares  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
@@ -108,7 +108,7 @@ def test_lines_are_made_again_only_when_the_boxes_change(scene, drawn_batches) -
 
     def follow() -> int:
         sync = synced()
-        lines.follow(sync.scene.snapshot(), overlay.find_object(sync, obj)[0], settings)
+        lines.follow(sync.scene.snapshot(), scene_overlay.find_object(sync, obj)[0], settings)
         return len(drawn_batches)
 
     assert follow() == follow() == 1
@@ -143,13 +143,13 @@ def test_the_active_object_is_found_where_it_stands(scene) -> None:
     bpy.ops.mesh.primitive_monkey_add()
     bpy.context.view_layer.update()
     sync = synced()
-    mesh, matrix = overlay.find_object(sync, cube)
+    mesh, matrix = scene_overlay.find_object(sync, cube)
     np.testing.assert_allclose(matrix, np.array(cube.matrix_world), atol=1e-6)
     np.testing.assert_allclose(boxes_of(sync.scene.snapshot(), mesh=mesh).boxes[0], [[-1.0] * 3, [1.0] * 3])
     empty = bpy.data.objects.new("Empty", None)
     scene.collection.objects.link(empty)
-    assert overlay.find_object(synced(), empty) is None
-    assert overlay.find_object(synced(), None) is None
+    assert scene_overlay.find_object(synced(), empty) is None
+    assert scene_overlay.find_object(synced(), None) is None
 
 
 def test_a_redraw_goes_through_no_boxes_and_no_objects(scene, drawn_batches, monkeypatch) -> None:
@@ -157,10 +157,10 @@ def test_a_redraw_goes_through_no_boxes_and_no_objects(scene, drawn_batches, mon
     settings = scene.perfect_bvh.overlay
     settings.show_top_level = settings.show_active = True
     asked = []
-    for module, name in ((overlay, "find_object"), (tree_lines, "list_levels"), (tree_lines, "are_equal")):
+    for module, name in ((scene_overlay, "find_object"), (tree_lines, "list_levels"), (tree_lines, "are_equal")):
         whole = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *args, whole=whole, name=name: asked.append(name) or whole(*args))
-    shown = overlay.SceneOverlay()
+    shown = scene_overlay.SceneOverlay()
     listen(shown)
     assert shown._follow(bpy.context, settings)
     assert asked.count("find_object") == 1 and "list_levels" in asked
@@ -214,7 +214,7 @@ def test_it_follows_frames_and_forgets_files(scene, drawn_batches) -> None:
     settings = scene.perfect_bvh.overlay
     settings.show_top_level = settings.show_active = True
     settings.level = 0
-    shown = overlay.SceneOverlay()
+    shown = scene_overlay.SceneOverlay()
     listen(shown)
     for frame, x in ((1, 0.0), (10, 9.0)):
         scene.frame_set(frame)
@@ -237,7 +237,7 @@ def test_it_follows_edits_although_somebody_removed_its_handlers(scene, drawn_ba
     bpy.ops.mesh.primitive_cube_add()
     settings = scene.perfect_bvh.overlay
     settings.show_top_level, settings.level = True, 0
-    shown = overlay.SceneOverlay()
+    shown = scene_overlay.SceneOverlay()
     listen(shown)
     for z in (0.0, 2.0):
         bpy.context.object.location.z = z
@@ -280,7 +280,7 @@ def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, mo
     settings = scene.perfect_bvh.overlay
     settings.show_top_level = settings.show_active = True
     settings.level = 0
-    shown = overlay.SceneOverlay()
+    shown = scene_overlay.SceneOverlay()
     listen(shown)
     shown.draw(bpy.context, settings)
     assert screen.take() == ([], False), "there are none yet"
@@ -334,7 +334,7 @@ def test_no_frame_of_an_animation_that_plays_shows_the_boxes_of_another(scene, m
         cube.keyframe_insert("location", frame=frame)
     settings = scene.perfect_bvh.overlay
     settings.show_top_level, settings.level = True, 0
-    shown = overlay.SceneOverlay()
+    shown = scene_overlay.SceneOverlay()
     listen(shown)
     for frame in (1, 2, 3, 1):
         scene.frame_set(frame)
@@ -359,12 +359,12 @@ def test_boxes_wait_for_trees_that_take_long_and_blender_for_neither(drawn_batch
     bpy.ops.mesh.primitive_uv_sphere_add()
     settings = bpy.context.scene.perfect_bvh.overlay
     settings.show_top_level = True
-    shown = overlay.SceneOverlay()
+    shown = scene_overlay.SceneOverlay()
     shown.draw(bpy.context, settings)
     gate.wait_until_held()
     shown.draw(bpy.context, settings)
     assert shown.message == "Building trees 50%"
-    assert bpy.app.timers.is_registered(overlay._redraw)
+    assert bpy.app.timers.is_registered(scene_overlay.redraw)
     assert not drawn_batches
     assert building_threads() == 1
     gate.open()
