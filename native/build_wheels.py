@@ -50,10 +50,12 @@ def build_wheel(python: str, name: str, headers: Headers, output: Path) -> None:
     settings = {
         "build-dir": build,
         "cmake.python-hints": "false",
+        "install.strip": "false",  # the linker has done so; this machine's `strip` knows other systems' files badly
         "wheel.tags": f"cp{digits}-cp{digits}-{platform.wheel_tag}",
     } | {f"cmake.define.{key}": value for key, value in defines.items()}
     environment = os.environ | {
         "ZIG": str(ZIG),
+        "ZIG_PYTHON": sys.executable,
         "ZIG_TARGET": platform.target,
         "ZIG_GLOBAL_CACHE_DIR": str(CACHE / f"zig-{name}"),
         "ZIG_LOCAL_CACHE_DIR": str(CACHE / f"zig-{name}"),
