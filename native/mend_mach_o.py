@@ -2,10 +2,10 @@
 
 python native/mend_mach_o.py MODULE
 
-Exported are its PyInit_* alone, without what the linker adds of its own. Nothing of it is looked up by name among other
-libraries' inline functions and types, which the linker asks for although they are hidden: pybind11's exceptions would be
-those of another module. The load command that names the dynamic linker goes: it belongs in programs. The signature's
-hashes of changed pages follow, which 64-bit ARM asks for. No byte of code or data changes or moves.
+Exported are its PyInit_* alone, without what the linker adds of its own. Its inline functions and types are no longer
+looked up by name among those of other libraries, which the linker asks for although they are hidden: pybind11's
+exceptions would be those of another module. The load command that names the dynamic linker goes: it belongs in
+programs. The signature's hashes of changed pages follow, which 64-bit ARM asks for. No code or data changes or moves.
 """
 
 from __future__ import annotations

@@ -110,7 +110,8 @@ py::array_t<bool> find_moved(const Array<float>& old_transforms, const Array<flo
         const std::ptrdiff_t row = picked ? picked[i] : static_cast<std::ptrdiff_t>(i);
         const bool is_held = row >= 0 && static_cast<std::size_t>(row) < old_count;
         if (row >= 0 && !is_held) is_outside = true;
-        out[i] = is_held && std::memcmp(before + static_cast<std::size_t>(row) * kWidth, now + i * kWidth, kWidth * sizeof(float)) != 0;
+        out[i] = is_held && std::memcmp(before + static_cast<std::size_t>(row) * kWidth, now + i * kWidth,
+                                        kWidth * sizeof(float)) != 0;
       }
     });
   }
