@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import functools
+import sys
 from pathlib import Path
 
 import bpy
 
-_LIBRARY = "libOpenImageDenoise.so.2"
+# Where Blender has its own; the module bpy keeps Windows' libraries beside itself.
+_PLACES = {
+    "linux": ("lib/libOpenImageDenoise.so.2",),
+    "win32": ("blender.shared/OpenImageDenoise.dll", "OpenImageDenoise.dll"),
+    "darwin": ("lib/libOpenImageDenoise.dylib",),
+}
 
 
 def denoiser_libraries() -> tuple[Path, ...]:
     """The library that Blender carries, beside its own folder of scripts; empty where a distribution shares it."""
-    path = Path(bpy.utils.resource_path("LOCAL")).parent / "lib" / _LIBRARY
-    return (path,) if path.exists() else ()
+    home = Path(bpy.utils.resource_path("LOCAL")).parent
+    return tuple(path for place in _PLACES.get(sys.platform, ()) if (path := home / place).exists())
 
 
 def denoising_data_settings(view_layer: bpy.types.ViewLayer) -> bpy.types.bpy_struct | None:

@@ -26,6 +26,7 @@ from perfect_bvh_addon.image.denoising import ImageDenoiser  # noqa: E402
 from perfect_bvh_addon.image.plan import GUIDES, NOISY, RenderPlan, plan_render, plan_view  # noqa: E402
 from perfect_bvh_addon.image.still import Frame  # noqa: E402
 from perfect_bvh_addon.live.scene_sync import SceneSync  # noqa: E402
+from perfect_bvh_addon.settings import denoisers  # noqa: E402
 from perfect_bvh_addon.settings.denoisers import denoiser_in_use, denoiser_libraries  # noqa: E402
 from perfect_bvh_addon.settings.modes import MODE_NAMES, MODES  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import read_settings  # noqa: E402
@@ -279,6 +280,28 @@ def test_a_render_is_cancelled_while_it_is_denoised(scene: bpy.types.Scene, monk
 def test_blender_s_library_is_where_it_is_looked_for() -> None:
     assert all(path.exists() for path in denoiser_libraries())
     assert denoiser_in_use() == perfect_bvh.denoiser_name(denoiser_libraries())
+
+
+@pytest.mark.parametrize(
+    ("system", "places"),
+    [
+        ("linux", ["lib/libOpenImageDenoise.so.2"]),
+        ("win32", ["blender.shared/OpenImageDenoise.dll"]),
+        ("win32", ["OpenImageDenoise.dll"]),
+        ("darwin", ["lib/libOpenImageDenoise.dylib"]),
+        ("darwin", []),
+        ("freebsd14", []),
+    ],
+)
+def test_blender_s_library_is_found_where_each_system_s_blender_has_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, system: str, places: list[str]
+) -> None:
+    for place in places:
+        (tmp_path / place).parent.mkdir(exist_ok=True)
+        (tmp_path / place).touch()
+    monkeypatch.setattr(denoisers.bpy.utils, "resource_path", lambda _: str(tmp_path / "5.0"))
+    monkeypatch.setattr(denoisers.sys, "platform", system)
+    assert denoiser_libraries() == tuple(tmp_path / place for place in places)
 
 
 def test_the_memory_of_a_denoiser_goes_with_it_and_waits_for_no_collector(monkeypatch: pytest.MonkeyPatch) -> None:

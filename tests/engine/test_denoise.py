@@ -249,7 +249,8 @@ def test_a_library_that_cannot_be_used_is_told_of(libraries: Libraries, fails_at
     assert len(made.complaints) == 1 and str(broken) in made.complaints[0]
 
 
-def test_files_that_are_none_or_no_library_are_told_of(tmp_path: Path) -> None:
+def test_files_that_are_none_or_no_library_are_told_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_oidn, "_package_paths", list)
     text = tmp_path / "text.so"
     text.write_text("no library")
     paths = [tmp_path / "missing.so", text, ""]

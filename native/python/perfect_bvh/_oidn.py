@@ -9,9 +9,11 @@ from __future__ import annotations
 import ctypes
 import importlib.util
 import os
+import sys
 import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +25,9 @@ from .errors import Cancelled, EngineError
 Image = npt.NDArray[np.float32]
 Share = Callable[[float], object]
 
-LIBRARY_NAME = "libOpenImageDenoise.so.2"
+# As its own releases and Blender name it on each system.
+_NAMES = {"win32": "OpenImageDenoise.dll", "darwin": "libOpenImageDenoise.dylib"}
+LIBRARY_NAME = _NAMES.get(sys.platform, "libOpenImageDenoise.so.2")
 NAME = "OpenImageDenoise"
 
 # The numbers of the C interface.
@@ -86,7 +90,7 @@ def find_library(paths: tuple[str, ...]) -> tuple[Library | None, tuple[str, ...
             library = _load(path)
         except OSError as error:
             if path != LIBRARY_NAME:  # a name alone says only that the system has none
-                reasons.append(f"{NAME} cannot be loaded: {error}")
+                reasons.append(f"{NAME} cannot be loaded: {_reason(error, path)}")
         except (AttributeError, ValueError, EngineError, MemoryError) as error:
             reasons.append(f"{path!r} is no {NAME} that can be used: {error}")
         else:
@@ -104,12 +108,22 @@ def _package_paths() -> list[str]:
     """Of the package pyoidn, which is not imported: it would load its library with names that all others see."""
     found = importlib.util.find_spec("pyoidn")
     folders = [] if found is None else found.submodule_search_locations or []
-    paths = [Path(folder) / "oidn" / "lib" / LIBRARY_NAME for folder in folders]
+    place = "bin" if sys.platform == "win32" else "lib"
+    paths = [Path(folder) / "oidn" / place / LIBRARY_NAME for folder in folders]
     return [str(path) for path in paths if path.exists()]
 
 
+def _reason(error: OSError, path: str) -> str:
+    """Why a file cannot be loaded; Windows' words do not name it, or give advice to programmers."""
+    if isinstance(error, FileNotFoundError):
+        return f"{path!r} is missing, or a library that it needs"
+    return str(error) if path in str(error) else f"{path!r}: {error}"
+
+
 def _load(path: str) -> Library:
-    calls = ctypes.CDLL(path)
+    with _no_boxes():
+        _load_what_it_needs(Path(path))
+        calls = ctypes.CDLL(path)
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(calls, name)
         function.restype, function.argtypes = result, arguments
@@ -118,6 +132,27 @@ def _load(path: str) -> Library:
     if numbers[0] != 2:
         raise EngineError(f"its version is {numbers[0]}, and 2 is needed")
     return Library(calls, path, ".".join(map(str, numbers)))
+
+
+def _load_what_it_needs(path: Path) -> None:
+    """On Windows what the library loads later looks for this one in the program's folder, where it is not."""
+    threads = path.parent / "tbb12.dll"
+    if sys.platform == "win32" and path.is_absolute() and threads.is_file():
+        ctypes.CDLL(str(threads))
+
+
+@contextmanager
+def _no_boxes() -> Iterator[None]:
+    """Windows shows none meanwhile for a file that is no library, which else waits for the user to press a button."""
+    if sys.platform != "win32":
+        yield
+        return
+    set_mode, before, fail_silently = ctypes.CDLL("kernel32").SetThreadErrorMode, ctypes.c_uint32(), 1
+    set_mode(fail_silently, ctypes.byref(before))
+    try:
+        yield
+    finally:
+        set_mode(before.value, None)
 
 
 class Device:

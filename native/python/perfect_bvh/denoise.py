@@ -73,8 +73,9 @@ class Denoiser:
     backend: "oidn": OpenImageDenoise; "joint": an edge-avoiding wavelet of our own, which needs no library and leaves
         more noise; "auto", the default: the former where it can be used, and for images of 16 pixels or more each way,
         as it darkens what has no surroundings.
-    libraries: paths of OpenImageDenoise's library (libOpenImageDenoise.so.2) to try first. Then follow the one that
-        this process has loaded, as Blender does, the system's, and that of the package pyoidn.
+    libraries: paths of OpenImageDenoise's library (libOpenImageDenoise.so.2, OpenImageDenoise.dll or
+        libOpenImageDenoise.dylib) to try first. Then follow the one that this process has loaded, as Blender does, the
+        system's, and that of the package pyoidn.
 
     Raises ValueError for bad arguments, EngineError if "oidn" cannot be used, MemoryError.
     """
