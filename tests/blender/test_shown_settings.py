@@ -10,7 +10,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
-from extension import shown_settings  # noqa: E402
+from extension import drawn_panels, shown_settings, unshown_settings  # noqa: E402
 from perfect_bvh_addon import panels  # noqa: E402
 
 PACKAGE = Path(perfect_bvh_addon.__file__).parent
@@ -51,7 +51,7 @@ def test_the_list_follows_the_code() -> None:
 def test_no_excuse_is_out_of_date() -> None:
     read = shown_settings.settings_read(shown_settings.names_read(PACKAGE))
     of_older_blenders = {("Scene", "grease_pencil"), ("CyclesRenderSettings", "feature_set"), ("ViewLayer", "samples")}
-    assert set(shown_settings.EXCUSED) - read <= of_older_blenders
+    assert set(unshown_settings.EXCUSED) - read <= of_older_blenders
 
 
 @pytest.mark.parametrize("name", ["PERFECT_BVH_PT_ray_visibility", "PERFECT_BVH_PT_light_settings"])
@@ -65,17 +65,17 @@ def test_a_panel_that_is_gone_is_missed(monkeypatch: pytest.MonkeyPatch, name: s
 def test_a_panel_that_stands_twice_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """As the plain and the full panel of lights once did."""
     plain: Any = bpy.types.DATA_PT_light
-    plain.COMPAT_ENGINES.add(shown_settings.ENGINE)
+    plain.COMPAT_ENGINES.add(drawn_panels.ENGINE)
     try:
         assert "data: the panel Light stands twice" in shown_settings.what_is_wrong(PACKAGE)
     finally:
-        plain.COMPAT_ENGINES.discard(shown_settings.ENGINE)
+        plain.COMPAT_ENGINES.discard(drawn_panels.ENGINE)
 
 
 def test_panels_leave_nothing_behind() -> None:
     """Blender's own are as they were once the add-on is off."""
     perfect_bvh_addon.unregister()
-    found = [panel for panel in panels.borrowed.shared_panels() if shown_settings.ENGINE in panel.COMPAT_ENGINES]
+    found = [panel for panel in panels.borrowed.shared_panels() if drawn_panels.ENGINE in panel.COMPAT_ENGINES]
     names = [draw.__module__ for draw in bpy.types.OBJECT_PT_visibility.draw._draw_funcs]
     assert found == [] and not any("perfect_bvh" in name for name in names)
     perfect_bvh_addon.register()
