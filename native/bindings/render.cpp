@@ -5,13 +5,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <map>
 
 #include "bindings/arrays.h"
 #include "bindings/bind.h"
 #include "bindings/progress.h"
 #include "core/errors.h"
+#include "math/elementary.h"
 #include "render/light/bright_sky.h"
 #include "render/modes/cost_scale.h"
 
@@ -171,7 +171,7 @@ void read_lights(const py::dict& values, std::vector<Light>& lights) {
     light.x = axes[i][0], light.y = axes[i][1], light.z = axes[i][2];
     light.power = powers[i];
     light.size_x = sizes[i].x, light.size_y = sizes[i].y;
-    light.cone_cosine = std::cos(0.5f * cones[i].x), light.cone_blend = cones[i].y;
+    light.cone_cosine = cosine(0.5f * cones[i].x), light.cone_blend = cones[i].y;
     light.spread = 0.5f * cones[i].x;
   }
 }

@@ -1,7 +1,6 @@
 #include "query/hit_columns.h"
 
-#include <cmath>
-
+#include "math/elementary.h"
 #include "query/trace.h"
 
 namespace perfect_bvh {
@@ -25,9 +24,9 @@ void store_identity(const HitColumns& out, std::size_t row, const Snapshot& snap
 // The fields that need the triangle's corners.
 void store_geometry(const HitColumns& out, std::size_t row, const Snapshot& snapshot, const Hit& hit, const Ray& ray) {
   if (out.distances) {
-    // hypot: the square of a tiny or huge direction is not a number that a double can hold.
+    // Not length: the square of a tiny or huge direction is not a number that a double can hold.
     const Vec3d d = ray.direction;
-    out.distances[row] = hit.found() ? static_cast<double>(hit.t) * std::hypot(d.x, d.y, d.z) : kInfiniteDistance;
+    out.distances[row] = hit.found() ? static_cast<double>(hit.t) * hypotenuse(d.x, d.y, d.z) : kInfiniteDistance;
   }
   if (!out.normals && !out.positions && !out.front_face) return;
   Vec3d normal{0, 0, 0}, position{0, 0, 0};

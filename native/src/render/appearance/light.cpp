@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "math/elementary.h"
 #include "render/sampling/directions.h"
 
 namespace perfect_bvh {
@@ -28,7 +29,8 @@ float cone_share(const Light& light, float cosine) noexcept {
 // its watts stay what they are: the integral of this over the cosine is that without a grid.
 float grid_share(const Light& light, float cosine) noexcept {
   if (!(light.spread < 0.5f * kPi - 1e-4f)) return 1.0f;
-  const float farthest = std::tan(light.spread);
+  const auto [sine, cosine_of_spread] = sine_cosine(light.spread);
+  const float farthest = sine / cosine_of_spread;
   const float aslant = std::sqrt(std::max(1.0f - cosine * cosine, 0.0f)) / std::max(cosine, 1e-6f);
   // tan x - x loses its digits where x is small.
   const float rest = light.spread < 0.05f ? farthest * farthest * farthest / 3.0f : farthest - light.spread;
@@ -144,7 +146,8 @@ float guess_light(const Light& light, Vec3d point, Vec3f normal) noexcept {
   const float power = brightness(light.power);
   if (light.kind == LightKind::kSun) return power * std::clamp(dot(light.z, normal) + light.size_x, 0.0f, 1.0f) / kPi;
   const Vec3f way = to_float(light.position - point);
-  const float reach = is_area(light) ? 0.5f * std::hypot(light.size_x, light.size_y) : light.size_x;
+  const float reach =
+      is_area(light) ? 0.5f * std::sqrt(light.size_x * light.size_x + light.size_y * light.size_y) : light.size_x;
   const float distance = std::max(length(way), 1e-20f);
   const float spread = reach / distance;  // how far its border may be from the way to its centre
   const float cosine = std::clamp(dot(way, normal) / distance + spread, 0.0f, 1.0f);

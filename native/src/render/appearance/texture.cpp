@@ -6,13 +6,15 @@
 #include <cstddef>
 #include <numbers>
 
+#include "math/elementary.h"
+
 namespace perfect_bvh {
 namespace {
 
 // IEC 61966-2-1.
 float linear_of(int byte) noexcept {
   const float value = static_cast<float>(byte) / 255.0f;
-  return value <= 0.04045f ? value / 12.92f : std::pow((value + 0.055f) / 1.055f, 2.4f);
+  return value <= 0.04045f ? value / 12.92f : power((value + 0.055f) / 1.055f, 2.4f);
 }
 
 const std::array<float, 256>& linear_values() noexcept {
@@ -110,9 +112,11 @@ Rgba look_up_mapped(const Texture& texture, float u, float v) noexcept {
 }
 
 Point2 place_around(Vec3f direction) noexcept {
-  constexpr float kPi = std::numbers::pi_v<float>;
-  return {-std::atan2(direction.y, direction.x) / (2.0f * kPi) + 0.5f,
-          std::atan2(direction.z, std::hypot(direction.x, direction.y)) / kPi + 0.5f};
+  constexpr double kPi = std::numbers::pi;
+  const double x = static_cast<double>(direction.x), y = static_cast<double>(direction.y);
+  const double around = arc_tangent(y, x),
+               above = arc_tangent(static_cast<double>(direction.z), std::sqrt(x * x + y * y));
+  return {static_cast<float>(0.5 - around / (2.0 * kPi)), static_cast<float>(above / kPi + 0.5)};
 }
 
 Vec3f look_up_around(const Texture& texture, Vec3f direction) noexcept {

@@ -5,13 +5,15 @@
 #include <numbers>
 #include <vector>
 
+#include "math/elementary.h"
+
 namespace perfect_bvh {
 namespace {
 
 // The window over [0, 1]; 1 at the middle, nearly 0 at the ends.
 double blackman_harris(double place) noexcept {
   const double angle = 2.0 * std::numbers::pi * place;
-  return 0.35875 - 0.48829 * std::cos(angle) + 0.14128 * std::cos(2.0 * angle) - 0.01168 * std::cos(3.0 * angle);
+  return 0.35875 - 0.48829 * cosine(angle) + 0.14128 * cosine(2.0 * angle) - 0.01168 * cosine(3.0 * angle);
 }
 
 }  // namespace

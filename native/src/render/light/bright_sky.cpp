@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "core/thread_pool.h"
+#include "math/elementary.h"
 
 namespace perfect_bvh {
 namespace {
@@ -58,7 +59,7 @@ BrightSky::BrightSky(const Texture& image, int threads) : width_(image.width), h
 
 // The sine of the latitude of a row's lower border.
 double BrightSky::height_at(double row) const noexcept {
-  return std::sin(kPi * (std::clamp(row / height_, 0.0, 1.0) - 0.5));
+  return sine(kPi * (std::clamp(row / height_, 0.0, 1.0) - 0.5));
 }
 
 BrightSky::Parts BrightSky::split(Vec3f color) const noexcept {
@@ -152,8 +153,8 @@ BrightSky::Choice BrightSky::choose(Point2 random) const noexcept {
   // As in look_up_around.
   const double angle = (0.5 - (left + (right - left) * along) / width_) * 2.0 * kPi;
   const double flat = std::sqrt(std::max(0.0, 1.0 - z * z));
-  return {to_float(Vec3d{flat * std::cos(angle), flat * std::sin(angle), z}),
-          cell->light / static_cast<float>(total())};
+  const auto [sine, cosine] = sine_cosine(angle);
+  return {to_float(Vec3d{flat * cosine, flat * sine, z}), cell->light / static_cast<float>(total())};
 }
 
 float BrightSky::density(Vec3f direction) const noexcept {

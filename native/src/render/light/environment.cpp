@@ -1,15 +1,15 @@
 #include "render/light/environment.h"
 
 #include <algorithm>
-#include <cmath>
 
+#include "math/elementary.h"
 #include "render/light/studio.h"
 
 namespace perfect_bvh {
 namespace {
 
 Vec3f turned(Vec3f direction, float angle) noexcept {
-  const float c = std::cos(angle), s = std::sin(angle);
+  const auto [s, c] = sine_cosine(angle);
   return {direction.x * c - direction.y * s, direction.x * s + direction.y * c, direction.z};
 }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "math/elementary.h"
 #include "render/sampling/camera.h"
 
 namespace perfect_bvh {
@@ -42,14 +43,16 @@ struct Studio {
     if (cosine >= spread) return cosine;
     if (cosine <= -spread) return 0.0f;
     const float x = cosine / spread, rest = std::sqrt(1.0f - x * x);
-    const float above = 0.5f + std::numbers::inv_pi_v<float> * (x * rest + std::asin(x));
+    const float above =
+        0.5f + std::numbers::inv_pi_v<float> * (x * rest + static_cast<float>(arc_sine(static_cast<double>(x))));
     return spread * (x * above + std::numbers::inv_pi_v<float> * (2.0f / 3.0f) * rest * rest * rest);
   }
 
   // The colour behind everything at a place in the frame, from the upper left (0, 0) to the lower right (1, 1).
   [[nodiscard]] static Vec3f backdrop(float x, float y) noexcept {
     const float dx = x - 0.5f, dy = y - 0.42f;
-    const float fall = std::exp(-2.2f * (dx * dx + dy * dy));  // brighter behind the middle
+    const float fall = static_cast<float>(
+        exponential(static_cast<double>(-2.2f * (dx * dx + dy * dy))));  // brighter behind the middle
     return Vec3f{0.42f, 0.43f, 0.445f} * (0.45f + 0.55f * fall);
   }
 };

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 
+#include "math/elementary.h"
 #include "render/modes/palette.h"
 
 namespace perfect_bvh {
@@ -13,7 +13,8 @@ inline constexpr float kCostDoublings = 8.0f;
 
 // cost: nodes visited plus triangles tested.
 [[nodiscard]] inline Vec3f cost_color(const ColorRamp& ramp, float cost) noexcept {
-  return ramp.at(std::log2(std::max(cost, 1.0f) / kLeastCost) / kCostDoublings);
+  return ramp.at(static_cast<float>(logarithm2(static_cast<double>(std::max(cost, 1.0f) / kLeastCost))) /
+                 kCostDoublings);
 }
 
 }  // namespace perfect_bvh

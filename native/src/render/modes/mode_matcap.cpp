@@ -2,8 +2,8 @@
 // surface were a piece of one ball that was photographed in a studio. A soft key light from the upper left, a cool fill
 // from the right, a bright rim and a highlight, worked out instead of looked up in a picture. No shadows, no further
 // rays: it costs what the normal costs.
-#include <cmath>
 
+#include "math/elementary.h"
 #include "render/light/studio.h"
 #include "render/modes/shading.h"
 
@@ -22,7 +22,7 @@ Vec3f light_on(Vec3f normal, Vec3f color) noexcept {
   const float fill = std::max(dot(normal, kFillDirection), 0.0f);
   const float edge = 1.0f - std::clamp(normal.z, 0.0f, 1.0f), shine = std::max(dot(normal, kHalfway), 0.0f);
   const Vec3f diffuse = color * (kAmbient + kKey * (wrapped * wrapped) + kFill * fill);
-  return diffuse + kRim * (edge * edge * edge) + kHighlight * std::pow(shine, 48.0f);
+  return diffuse + kRim * (edge * edge * edge) + kHighlight * power(shine, 48.0f);
 }
 
 class MatcapMode final : public ShadingMode {

@@ -1,9 +1,9 @@
 #include "render/modes/palette.h"
 
 #include <algorithm>
-#include <cmath>
 #include <numbers>
 
+#include "math/elementary.h"
 #include "render/sampling/sampler.h"
 
 namespace perfect_bvh {
@@ -27,7 +27,7 @@ bool on_screen(Vec3d color) noexcept {
 
 Vec3f color_from_lch(double lightness, double chroma, double hue) noexcept {
   const double angle = 2.0 * std::numbers::pi * hue;
-  const double a = std::cos(angle), b = std::sin(angle);
+  const auto [b, a] = sine_cosine(angle);
   double low = 0.0, high = chroma;
   if (!on_screen(linear_from_oklab(lightness, a * high, b * high))) {
     for (int i = 0; i < 12; ++i) {  // to 1/4096 of the chroma
@@ -54,7 +54,7 @@ ColorRamp::ColorRamp() {
     const double amount = static_cast<double>(i) / kCells;
     const double lightness = 0.16 + 0.80 * amount;
     const double hue = 0.80 + 0.50 * amount;  // violet, magenta, red, orange, yellow
-    const double chroma = 0.10 + 0.12 * std::sin(std::numbers::pi * amount);
+    const double chroma = 0.10 + 0.12 * sine(std::numbers::pi * amount);
     colors_[static_cast<std::size_t>(i)] = color_from_lch(lightness, chroma, hue);
   }
 }

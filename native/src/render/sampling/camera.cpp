@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/errors.h"
+#include "math/elementary.h"
 
 namespace perfect_bvh {
 namespace {
@@ -54,8 +55,9 @@ RayMaker::RayMaker(const Camera& camera, int width, int height)
 }
 
 Vec3d RayMaker::towards(double longitude, double latitude) const noexcept {
-  const double flat = std::cos(latitude);
-  return right_ * (flat * std::sin(longitude)) + up_ * std::sin(latitude) + axis_ * (flat * std::cos(longitude));
+  const auto [height, flat] = sine_cosine(latitude);
+  const auto [aside, ahead] = sine_cosine(longitude);
+  return right_ * (flat * aside) + up_ * height + axis_ * (flat * ahead);
 }
 
 // A panorama's lens faces each ray; its width lies on the side of the middle of the image, as in Cycles.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "math/elementary.h"
 #include "math/vec3.h"
 #include "render/sampling/sampler.h"
 
@@ -30,7 +31,8 @@ struct Frame {
   const bool wide = std::abs(a) > std::abs(b);
   const float radius = wide ? a : b;
   const float angle = wide ? kQuarter * (b / a) : 2.0f * kQuarter - kQuarter * (a / b);
-  return {radius * std::cos(angle), radius * std::sin(angle)};
+  const auto [sine, cosine] = sine_cosine(angle);
+  return {radius * cosine, radius * sine};
 }
 
 // Spread like the cosine over the hemisphere of a unit normal.

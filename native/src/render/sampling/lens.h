@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "math/elementary.h"
 #include "render/sampling/directions.h"
 
 namespace perfect_bvh {
@@ -30,11 +31,12 @@ struct Lens {
   // evenly spread stay it. The middle of the first edge lies where `rotation` points to.
   [[nodiscard]] Point2 on_polygon(Point2 disk) const noexcept {
     const double sector = 2.0 * std::numbers::pi / blades;
-    const double turns = std::atan2(static_cast<double>(disk.y), static_cast<double>(disk.x)) / sector;
+    const double turns = arc_tangent(static_cast<double>(disk.y), static_cast<double>(disk.x)) / sector;
     const double edge = std::round(turns),
-                 outwards = std::hypot(static_cast<double>(disk.x), static_cast<double>(disk.y));
-    const double x = outwards * std::cos(sector / 2.0), y = outwards * std::sin(sector / 2.0) * 2.0 * (turns - edge);
-    const double angle = rotation + edge * sector, cosine = std::cos(angle), sine = std::sin(angle);
+                 outwards = hypotenuse(static_cast<double>(disk.x), static_cast<double>(disk.y));
+    const auto half = sine_cosine(sector / 2.0);
+    const double x = outwards * half.cosine, y = outwards * half.sine * 2.0 * (turns - edge);
+    const auto [sine, cosine] = sine_cosine(rotation + edge * sector);
     return {static_cast<float>(cosine * x - sine * y), static_cast<float>(sine * x + cosine * y)};
   }
 };

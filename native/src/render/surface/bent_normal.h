@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/elementary.h"
 #include "math/vec3.h"
 
 namespace perfect_bvh {
@@ -18,7 +19,7 @@ namespace perfect_bvh {
   const float least = std::min(0.9f * height, 0.01f);
   if (2.0f * dot(smooth, view) * along - height >= least) return smooth;
   const Vec3f across = normalized(smooth - geometric * along);
-  const float side = dot(view, across), radius = std::hypot(side, height);
+  const float side = dot(view, across), radius = std::sqrt(side * side + height * height);
   if (!(radius > 0.0f)) return smooth;
   const float sin_p = side / radius, cos_p = height / radius;
   const float cos_q = std::clamp(least / radius, -1.0f, 1.0f), sin_q = std::sqrt(1.0f - cos_q * cos_q);

@@ -1,8 +1,8 @@
 #include "render/surface/material.h"
 
 #include <algorithm>
-#include <cmath>
 
+#include "math/elementary.h"
 #include "render/surface/surface.h"
 
 namespace perfect_bvh {
@@ -52,7 +52,7 @@ Vec3f tinted(const TintTable& table, std::size_t row, Vec3f base, Vec3f color, f
   if (!table.powers.empty()) power = table.powers[row];
   if (power == 0.0f) return color;
   if (power == 1.0f) return color * base;
-  const auto raised = [power](float channel) { return std::pow(std::max(channel, 0.0f), power); };
+  const auto raised = [power](float channel) { return perfect_bvh::power(std::max(channel, 0.0f), power); };
   return color * Vec3f{raised(base.x), raised(base.y), raised(base.z)};
 }
 

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "math/elementary.h"
 #include "math/vec3.h"
 #include "render/sampling/sampler.h"
 
@@ -37,10 +38,10 @@ class Facets {
   // A facet's normal, as likely as it is seen (Heitz 2018; Dupuy and Benyoub 2023).
   [[nodiscard]] Vec3f choose_seen(Vec3f view, Point2 random) const noexcept {
     const Vec3f stretched = normalized(Vec3f{view.x * alpha_, view.y * alpha_, view.z});
-    const float angle = 2.0f * std::numbers::pi_v<float> * random.x;
+    const auto [sine, cosine] = sine_cosine(2.0f * std::numbers::pi_v<float> * random.x);
     const float height = (1.0f - random.y) * (1.0f + stretched.z) - stretched.z;
     const float radius = std::sqrt(std::clamp(1.0f - height * height, 0.0f, 1.0f));
-    const Vec3f cap = Vec3f{radius * std::cos(angle), radius * std::sin(angle), height} + stretched;
+    const Vec3f cap = Vec3f{radius * cosine, radius * sine, height} + stretched;
     return normalized(Vec3f{cap.x * alpha_, cap.y * alpha_, std::max(cap.z, 1e-6f)});
   }
 
