@@ -23,7 +23,7 @@ Color = tuple[float, float, float]
 SENTENCE_SIZE = 13.0
 SWATCH = 9.0  # in points
 # In points: of names, of counts, and of costs, the latter two with their right ends below one another.
-NAME_WIDTH, COUNT_WIDTH, COST_WIDTH = 176.0, 34.0, 112.0
+NAME_WIDTH, COUNT_WIDTH, COST_WIDTH = 166.0, 32.0, 104.0
 GAP = 14.0
 LEAST_LINE = 12  # characters
 SHADE = 0.7  # of what is a part of the row above
@@ -77,17 +77,22 @@ def rows_of(counters: Counters, total: Counters) -> list[Row]:
 
 
 def draw_legend(context: bpy.types.Context, sentence: str, rows: Sequence[Row]) -> None:
-    """In the lower left corner of the region that is being drawn; where there is little room, the sentence alone."""
+    """In the lower left corner of the region that is being drawn.
+
+    Where there is little room, without the parts of rows; where there is less, the sentence alone.
+    """
     free = drawing.free_rect(context.area, context.region)
     left = free.left + drawing.pixels(GAP)
     bottom = max(free.bottom, hud_top(context.area, context.region)) + drawing.pixels(GAP)
     width = free.right - left - drawing.pixels(GAP + 2 * drawing.MARGIN)
     lines = wrap(sentence, width)
-    size, gap = _size_of(rows), drawing.pixels(6.0)
-    words = drawing.text_panel_size(lines, SENTENCE_SIZE)[1]
-    if rows and left + size[0] <= free.right and bottom + size[1] + gap + words <= free.top:
-        _draw_rows(left, bottom, size, rows)
-        bottom += size[1] + gap
+    gap, words = drawing.pixels(6.0), drawing.text_panel_size(lines, SENTENCE_SIZE)[1]
+    for shown in (rows, [row for row in rows if not row.is_part]):
+        size = _size_of(shown)
+        if shown and left + size[0] <= free.right and bottom + size[1] + gap + words <= free.top:
+            _draw_rows(left, bottom, size, shown)
+            bottom += size[1] + gap
+            break
     drawing.draw_text_panel(left, bottom, lines, SENTENCE_SIZE)
 
 

@@ -61,6 +61,7 @@ STEPS = (
     tree_steps.compare_two_trees,
     tree_steps.follow_the_decay,
     walk_steps.walk_a_ray,
+    walk_steps.leave_the_workspace_while_walking,
     walk_steps.undo_while_walking,
     render_steps.press_preview,
     render_steps.stop_a_preview_while_it_builds,

@@ -30,6 +30,13 @@ def look_freely() -> Step:
     yield from redrawn()
 
 
+def maximize_and_restore() -> Step:
+    for _ in range(2):
+        with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
+            bpy.ops.screen.screen_full_area()
+        yield from at_rest(area_of("VIEW_3D"))
+
+
 def click_a_pixel(across: float, up: float) -> Step:
     """Fractions of the viewport; returns what is shown then."""
     region, before = region_of(area_of("VIEW_3D")), walk()
@@ -51,6 +58,11 @@ def walk_a_ray() -> Step:
     for key, index in (("Right", 1), ("Right", 2), ("Left", 1), ("End", len(shown.steps) - 1), ("Home", 0)):
         yield from press_key(key)
         check(shown.index == index, f"{key} shows step {shown.index}, not {index}")
+    last = len(shown.steps[0].rows) - 1
+    for key, part in (("shift+Left", last - 1), ("shift+Left", last - 2), ("shift+Right", last - 1)):
+        yield from press_key(key)
+        check((shown.index, shown.part) == (0, part), f"{key} shows part {shown.part} of step {shown.index}")
+    yield from press_key("Home")
     yield from press_key("space")
     yield from wait_until(lambda: shown.index >= 3, "it does not play")
     yield from press_key("space")
@@ -62,9 +74,29 @@ def walk_a_ray() -> Step:
     check(other.index == len(other.steps) - 1, "the other ray's end is not shown")
     yield from at_rest(area_of("VIEW_3D"))
     screenshot("walk_last_step")
+    yield from maximize_and_restore()
+    check(not other.is_old(bpy.context.scene), "a viewport that was maximized is taken for an edit")
+    bpy.context.scene.camera.location.x += 0.0
+    yield from wait_until(lambda: other.is_old(bpy.context.scene), "an edit is not noticed")
+    yield from at_rest(area_of("VIEW_3D"))
+    screenshot("walk_of_another_scene")
     yield from press_key("Escape")
     yield from wait_until(lambda: walk() is None, "Esc does not end it")
     check((len(bpy.data.objects), len(bpy.data.meshes)) == blocks, "something was changed")
+    yield from look_freely()
+
+
+def leave_the_workspace_while_walking() -> Step:
+    yield from start()
+    yield from click_a_pixel(0.5, 0.25)
+    window = bpy.context.window_manager.windows[0]
+    own, bar = window.workspace, module("operators.status_bar")
+    check(bar._is_told, "the status bar tells no keys")
+    window.workspace = next(other for other in bpy.data.workspaces if other != own)
+    yield from wait_until(lambda: walk() is None, "it survives another workspace")
+    check(not bar._is_told, "the status bar still tells keys")
+    window.workspace = own
+    yield from redrawn()
     yield from look_freely()
 
 
