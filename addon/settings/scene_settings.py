@@ -9,6 +9,8 @@ import bpy
 
 from .light_paths import read_light_paths
 from .modes import DEFAULT_MODE, MODES
+from .overlay_settings import PERFECT_BVH_PG_overlay
+from .scan_settings import PERFECT_BVH_PG_scan
 from .tree_settings import CLASSES as TREE_CLASSES
 from .tree_settings import PERFECT_BVH_PG_compare, PERFECT_BVH_PG_decay
 
@@ -17,9 +19,6 @@ if TYPE_CHECKING:
 
 ENGINE_NAME = "PERFECT_BVH"
 MODE_ITEMS = [(mode.name.upper(), mode.label, mode.description, mode.number) for mode in MODES]
-# Blender warns of paths that begin with // where a property does not say that it takes them; older ones do not ask.
-_KNOWS_RELATIVE_PATHS = "is_path_supports_blend_relative" in bpy.types.Property.bl_rna.properties
-PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if _KNOWS_RELATIVE_PATHS else set()
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,146 +43,6 @@ class RenderSettings:
     noise_threshold: float = 0.0
     min_samples: int = 0
     light_paths: LightPaths | None = None
-
-
-class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
-    """What the Scan button casts, from where, and what it makes of it."""
-
-    pattern: bpy.props.EnumProperty(
-        name="Pattern",
-        description="Which rays the sensor casts",
-        items=[
-            ("CAMERA", "Camera Grid", "One ray through the center of each pixel of the camera's picture", 0),
-            ("LIDAR", "Spinning LiDAR", "Several lines, one above the other, that turn about the sensor's axis", 1),
-        ],
-        default="CAMERA",
-    )
-    sensor: bpy.props.PointerProperty(
-        name="Sensor",
-        description=(
-            "Object that casts the rays; the active camera if empty. A camera looks along its own -Z with +Y up, "
-            "anything else along +Y with +Z up"
-        ),
-        type=bpy.types.Object,
-    )
-    width: bpy.props.IntProperty(
-        name="Resolution X", description="How many rays are in a row", default=640, min=1, max=65536, subtype="PIXEL"
-    )
-    height: bpy.props.IntProperty(
-        name="Resolution Y",
-        description="How many rows of rays there are",
-        default=360,
-        min=1,
-        max=65536,
-        subtype="PIXEL",
-    )
-    elevations: bpy.props.StringProperty(
-        name="Elevations",
-        description="Degrees above the horizon of each line, with commas between; lowest:highest:count for even steps",
-        default="-15:15:16",
-    )
-    columns: bpy.props.IntProperty(
-        name="Columns", description="Shots of all lines in one turn", default=1800, min=1, max=1 << 20
-    )
-    rate: bpy.props.FloatProperty(
-        name="Rate",
-        description="How often the sensor turns in a second",
-        default=10.0,
-        min=0.01,
-        soft_max=100.0,
-        max=10000.0,
-    )
-    max_distance: bpy.props.FloatProperty(
-        name="Range", description="How far the sensor can measure", default=100.0, min=0.001, subtype="DISTANCE"
-    )
-    use_frame_range: bpy.props.BoolProperty(
-        name="Frame Range", description="Scan the scene's frame range instead of the current frame", default=False
-    )
-    steps_per_frame: bpy.props.IntProperty(
-        name="Steps per Frame",
-        description="How often the scene is evaluated in each frame, for things that move while they are scanned",
-        default=1,
-        min=1,
-        max=1000,
-    )
-    point_color: bpy.props.EnumProperty(
-        name="Color",
-        description="What the colors of the points tell",
-        items=[
-            ("DISTANCE", "Distance", "How far away the sensor was: yellow near, violet far", 0),
-            ("OBJECT", "Object", "Which object was met", 1),
-            (
-                "INTENSITY",
-                "Intensity",
-                "How much comes back: the viewport color of the material, darker where rays graze it",
-                2,
-            ),
-        ],
-        default="DISTANCE",
-    )
-    filepath: bpy.props.StringProperty(
-        name="File",
-        description="Also write the points into this .npz file; none if empty",
-        subtype="FILE_PATH",
-        options=PATH_OPTIONS,
-    )
-
-
-def _redraw_viewports(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    """Whoever has changed what they show: panels redraw their own editor alone, scripts nothing."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
-
-
-class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
-    """Which boxes of the trees are drawn in 3D viewports."""
-
-    show_top_level: bpy.props.BoolProperty(
-        name="Top Level", description="Draw the tree over all instances", default=False, update=_redraw_viewports
-    )
-    show_active: bpy.props.BoolProperty(
-        name="Active Object",
-        description="Draw the tree over the active object's triangles",
-        default=False,
-        update=_redraw_viewports,
-    )
-    level: bpy.props.IntProperty(
-        name="Level",
-        description=(
-            "Depth in the tree; 0 is the box around everything, and each box holds up to eight others. "
-            "Leaves that end above are drawn as well"
-        ),
-        default=2,
-        min=0,
-        soft_max=12,
-        max=64,
-        update=_redraw_viewports,
-    )
-    use_all_to_level: bpy.props.BoolProperty(
-        name="All to Level",
-        description="Draw the nodes above the level as well",
-        default=False,
-        update=_redraw_viewports,
-    )
-    color_by: bpy.props.EnumProperty(
-        name="Color",
-        description="What the colors of the boxes tell",
-        items=[
-            ("LEVEL", "Level", "How deep in the tree a box is", 0),
-            ("OVERLAP", "Overlap", "How much of a box its siblings cover as well: blue none, red all of it", 1),
-            ("COST", "Cost", "What a random ray spends on a box: blue least, red most", 2),
-        ],
-        default="LEVEL",
-        update=_redraw_viewports,
-    )
-    use_in_front: bpy.props.BoolProperty(
-        name="In Front",
-        description="Draw boxes through what stands before them",
-        default=False,
-        update=_redraw_viewports,
-    )
 
 
 def _take_render_samples(settings: bpy.types.PropertyGroup, value: bool) -> None:

@@ -18,7 +18,7 @@ from blender.long_builds import PATIENCE, Gate, building_threads  # noqa: E402
 from perfect_bvh_addon.events.changes import listen, stop_listening  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
-from perfect_bvh_addon.settings import scene_settings  # noqa: E402
+from perfect_bvh_addon.settings import overlay_settings  # noqa: E402
 from perfect_bvh_addon.view3d import scene_overlay, tree_lines  # noqa: E402
 from perfect_bvh_addon.view3d.box_lines import RAMP, box_lines, shares  # noqa: E402
 
@@ -182,10 +182,10 @@ def test_what_a_script_changes_is_drawn(scene) -> None:
     redrawn = []
     area = SimpleNamespace(type="VIEW_3D", tag_redraw=lambda: redrawn.append(1))
     windows = [SimpleNamespace(screen=SimpleNamespace(areas=[area, SimpleNamespace(type="PROPERTIES")]))]
-    scene_settings._redraw_viewports(settings, SimpleNamespace(window_manager=SimpleNamespace(windows=windows)))
+    overlay_settings._redraw_viewports(settings, SimpleNamespace(window_manager=SimpleNamespace(windows=windows)))
     assert redrawn == [1]
     called = []
-    code = scene_settings._redraw_viewports.__code__
+    code = overlay_settings._redraw_viewports.__code__
     changes = {
         "show_top_level": True,
         "show_active": True,
@@ -194,7 +194,7 @@ def test_what_a_script_changes_is_drawn(scene) -> None:
         "color_by": "COST",
         "use_in_front": True,
     }
-    assert set(changes) == set(scene_settings.PERFECT_BVH_PG_overlay.__annotations__)
+    assert set(changes) == set(overlay_settings.PERFECT_BVH_PG_overlay.__annotations__)
     sys.setprofile(lambda frame, event, _: called.append(1) if event == "call" and frame.f_code is code else None)
     try:
         for name, value in changes.items():
