@@ -1,13 +1,15 @@
 """Checks that run apart from one another: `nox` runs them, `nox -s lint` one of them, `nox -s soak` the long one.
 
 `tests` wants the system packages that the README names; `native_tests` and `sanitize` want g++ and libgtest-dev;
-`extension` and `arm64_pythons` want Debian, the first its binutils; `windows` and `blenders` want root or sudo as well,
-the latter Python 3.11. `arm64` wants Debian's g++-aarch64-linux-gnu, libgtest-dev and qemu-user-static.
+`extension` and `arm64_pythons` want Debian, the first its binutils, and maven for other systems than Linux; `windows`
+and `blenders` want root or sudo as well, the latter Python 3.11. `arm64` wants Debian's g++-aarch64-linux-gnu,
+libgtest-dev and qemu-user-static.
 """
 
 from __future__ import annotations
 
 import os
+import platform
 import re
 import shutil
 import sys
@@ -25,6 +27,7 @@ CLANG_FORMAT = "clang-format==23.1.5"
 # Of .github/workflows: its form, and what makes such files unsafe.
 WORKFLOW_LINTERS = ("check-jsonschema==0.39.0", "zizmor==1.32.0")
 TWINE = "twine==7.0.0"
+BUILD = "build==1.6.1"
 TQDM = "tqdm==4.70.1"  # the command line's progress bar, in the zip
 EMBREEX = "embreex>=4.4"  # holds the library of Embree 4.4
 MATPLOTLIB = "matplotlib>=3.8"
@@ -231,19 +234,39 @@ def fuzz(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def extension(session: nox.Session) -> None:
-    """Build dist/perfect_bvh-<version>.zip: for Blender 4.2 and later on Linux, with wheels for its Pythons."""
+    """Build the engine's wheels in dist/wheels, and of them a zip in dist/ for each platform of Blender 4.2 and later.
+
+    All platforms and Pythons, or those that stand behind `--`: `-- linux-x64 windows-x64:3.11` makes two zips, the
+    second for one Python only.
+    """
     session.install(*BUILD_TOOLS, *WHEEL_TOOLS, BLENDER)
-    folder = stage_extension()
-    session.run("python", "native/build_wheels.py", str(folder / "wheels"), "--platform", "linux-x64", "linux-arm64")
-    session.run("python", "-m", "pip", "download", "--quiet", "--no-deps", TQDM, "--dest", str(folder / "wheels"))
-    list_wheels(folder)
+    for built in Path("dist").glob("perfect_bvh-*.zip"):
+        built.unlink()
+    shutil.rmtree("dist/wheels", ignore_errors=True)
+    chosen = ("--platform", *session.posargs) if session.posargs else ()
+    session.run("python", "native/build_wheels.py", "dist/wheels", *chosen)
+    shutil.rmtree("build/wheels", ignore_errors=True)
+    shutil.copytree("dist/wheels", "build/wheels")
+    session.run("python", "-m", "pip", "download", "--quiet", "--no-deps", TQDM, "--dest", "build/wheels")
+    session.run("python", "native/extension_folder.py", "build/extension", "build/wheels")
     scripts = str(
         session.run("python", "-c", "import bpy; print(bpy.utils.system_resource('SCRIPTS'))", silent=True)
     ).splitlines()[-1]
     tool = f"{scripts}/addons_core/bl_pkg/cli/blender_ext.py"
-    Path("dist").mkdir(exist_ok=True)
-    session.run("python", tool, "build", "--source-dir", str(folder), "--output-dir", "dist")
-    session.run("python", tool, "validate", str(extension_zip()))
+    folders = ("--source-dir", "build/extension", "--output-dir", "dist")
+    session.run("python", tool, "build", "--split-platforms", *folders)
+    for built in sorted(Path("dist").glob("perfect_bvh-*.zip")):
+        session.run("python", tool, "validate", str(built))
+
+
+@nox.session(default=False)
+def sdist(session: nox.Session) -> None:
+    """Build source distributions: the engine's in dist/wheels, the whole project's in dist/."""
+    session.install(BUILD, *WHEEL_TOOLS[:2])
+    session.run("python", "native/engine_sources.py", "build/engine-sources")
+    make = ("python", "-m", "build", "--sdist", "--no-isolation", "--outdir")
+    session.run(*make, "dist/wheels", "build/engine-sources")
+    session.run(*make, "dist", ".")
 
 
 @nox.session(default=False)
@@ -273,24 +296,6 @@ def is_installed(session: nox.Session, package: str) -> bool:
     return any(Path(session.virtualenv.location).glob(f"lib/python*/site-packages/{package}*"))
 
 
-def stage_extension() -> Path:
-    """The add-on's folder as the zip will have it, still without wheels."""
-    folder = Path("build/extension")
-    shutil.rmtree(folder, ignore_errors=True)
-    shutil.copytree("addon", folder, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy("LICENSE", folder)
-    (folder / "wheels").mkdir()
-    return folder
-
-
-def list_wheels(folder: Path) -> None:
-    """Name the wheels in the manifest; the one in addon/ has none, because there are none beside it."""
-    manifest = folder / "blender_manifest.toml"
-    wheels = "".join(f'  "./wheels/{path.name}",\n' for path in sorted((folder / "wheels").glob("*.whl")))
-    text = manifest.read_text(encoding="utf-8")
-    manifest.write_text(text.replace("\n[permissions]", f"\nwheels = [\n{wheels}]\n\n[permissions]"), encoding="utf-8")
-
-
 def version() -> str:
     """The manifest's."""
     manifest = Path("addon/blender_manifest.toml").read_text(encoding="utf-8")
@@ -299,8 +304,9 @@ def version() -> str:
 
 
 def extension_zip() -> Path:
-    """The zip of the manifest's version."""
-    return Path("dist") / f"perfect_bvh-{version()}.zip"
+    """The zip for Blender on this machine, where Linux's windows are tried."""
+    machine = "arm64" if platform.machine() == "aarch64" else "x64"
+    return Path("dist") / f"perfect_bvh-{version()}-linux_{machine}.zip"
 
 
 def run_native_preset(session: nox.Session, preset: str, *options: str) -> None:

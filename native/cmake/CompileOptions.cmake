@@ -4,19 +4,29 @@
 # bits from every translation unit, and the error bounds of the slab and triangle tests assume IEEE arithmetic.
 
 add_library(perfect_bvh_compile_options INTERFACE)
-target_compile_options(perfect_bvh_compile_options INTERFACE
-  -ffp-contract=off
-  -ffunction-sections
-  -fdata-sections
-  -Wall
-  -Wextra
-  -Wpedantic
-  -Wshadow
-  -Wconversion
-  -Wnon-virtual-dtor
-  -Wold-style-cast
-  -Woverloaded-virtual
-)
+if(NOT MSVC)
+  set(PERFECT_BVH_NO_EXCEPTIONS -fno-exceptions)
+  target_compile_options(perfect_bvh_compile_options INTERFACE
+    -ffp-contract=off
+    -ffunction-sections
+    -fdata-sections
+    -Wall
+    -Wextra
+    -Wpedantic
+    -Wshadow
+    -Wconversion
+    -Wnon-virtual-dtor
+    -Wold-style-cast
+    -Woverloaded-virtual
+  )
+elseif(CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
+  # clang-cl: what it has no option of its own for, it takes behind /clang:
+  set(PERFECT_BVH_NO_EXCEPTIONS /clang:-fno-exceptions)
+  target_compile_options(perfect_bvh_compile_options INTERFACE /clang:-ffp-contract=off /Gy /W4 /utf-8)
+else()
+  message(FATAL_ERROR "Perfect BVH is compiled by clang-cl, which Visual Studio brings, not by ${CMAKE_CXX_COMPILER}: "
+    "configure with -DCMAKE_CXX_COMPILER=clang-cl, or -T ClangCL for Visual Studio's own generators.")
+endif()
 
 if(PERFECT_BVH_WARNINGS_AS_ERRORS)
   target_compile_options(perfect_bvh_compile_options INTERFACE -Werror)

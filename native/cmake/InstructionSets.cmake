@@ -4,7 +4,8 @@
 #
 # A weak symbol in such a unit (an inline function or a template that was not inlined) could be the copy that the
 # linker keeps for the whole library, and would then run on machines without these instructions. So every unit is
-# checked after it is compiled, and the build stops if one holds a weak symbol.
+# checked after it is compiled, and the build stops if one holds a weak symbol. On Windows and macOS, whose objects `nm`
+# tells too little of, build_wheels.py does it.
 
 set(PERFECT_BVH_ISAS avx2 avx512)
 set(perfect_bvh_flags_avx2 -mavx2 -mfma -mbmi -mbmi2 -mlzcnt -mpopcnt -mf16c)
@@ -31,8 +32,12 @@ function(perfect_bvh_add_isa_unit engine isa)
   add_library(${units} OBJECT ${perfect_bvh_sources_${isa}})
   target_include_directories(${units} PRIVATE .)
   # Kernels throw nothing; without exceptions no terminate handler (a weak symbol) is emitted either.
-  target_compile_options(${units} PRIVATE ${perfect_bvh_flags_${isa}} -fno-exceptions)
+  target_compile_options(${units} PRIVATE ${perfect_bvh_flags_${isa}} ${PERFECT_BVH_NO_EXCEPTIONS})
   target_link_libraries(${units} PRIVATE perfect_bvh_compile_options Threads::Threads)
+  target_sources(${engine} PRIVATE $<TARGET_OBJECTS:${units}>)
+  if(WIN32 OR APPLE)
+    return()
+  endif()
 
   set(checked "${CMAKE_CURRENT_BINARY_DIR}/${units}.checked")
   set(script "${CMAKE_CURRENT_FUNCTION_LIST_DIR}/check_weak_symbols.cmake")
@@ -43,7 +48,7 @@ function(perfect_bvh_add_isa_unit engine isa)
     DEPENDS "$<TARGET_OBJECTS:${units}>" "${script}"
     COMMENT "Checking the ${isa} kernels for weak symbols"
     VERBATIM)
-  target_sources(${engine} PRIVATE $<TARGET_OBJECTS:${units}> "${checked}")
+  target_sources(${engine} PRIVATE "${checked}")
 endfunction()
 
 function(perfect_bvh_add_isa_units engine)

@@ -1,15 +1,18 @@
-"""The zip that `nox -s extension` has built."""
-
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+from extension.zips import need_zip, this_platform
 
 
 @pytest.fixture(scope="session")
-def extension(repository: Path) -> Path:
-    found = sorted((repository / "dist").glob("perfect_bvh-*.zip"))
-    if not found:
-        pytest.skip("no zip in dist: `nox -s extension` builds it")
-    return found[-1]
+def extension() -> Path:
+    """The zip for this machine."""
+    return need_zip(this_platform())
+
+
+@pytest.fixture(scope="session")
+def arm64_extension() -> Path:
+    """The zip for Linux on 64-bit ARM, which an emulator runs."""
+    return need_zip("linux-arm64")

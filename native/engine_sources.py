@@ -1,0 +1,43 @@
+"""Makes the folder that the engine's source distribution is built from: this one, so that it needs nothing outside.
+
+python native/engine_sources.py FOLDER
+
+FOLDER is made anew. The version, which is the manifest's of the add-on, stands in its pyproject.toml; what builds
+wheels for other systems is left out.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+from pathlib import Path
+
+NATIVE = Path(__file__).resolve().parent
+LEFT_OUT = ("__pycache__", "*.so", "*.pyd", "benchmarks", "CMakePresets.json")
+
+
+def make_folder(folder: Path) -> None:
+    """All that `pip install FOLDER` needs; SystemExit if a file does not have what is looked for."""
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(NATIVE, folder, ignore=shutil.ignore_patterns(*LEFT_OUT))
+    for tool in folder.glob("*.py"):
+        tool.unlink()
+    manifest = (NATIVE.parent / "addon" / "blender_manifest.toml").read_text(encoding="utf-8")
+    (version,) = re.findall(r'^version = "(.+)"$', manifest, re.MULTILINE)
+    project = folder / "pyproject.toml"
+    text = project.read_text(encoding="utf-8")
+    for pattern, replacement in (
+        (r'dynamic = \["version"\]', f'version = "{version}"'),
+        (r'build-dir = "\.\./build/engine-', 'build-dir = "build/'),
+        (r"(?s)\n# The add-on's manifest [^\n]*\n\[tool\.scikit-build\.metadata\.version\].*?(?=\n\[|\Z)", ""),
+        (r"(?s)\A# .*?\n\n", ""),
+    ):
+        text, count = re.subn(pattern, replacement, text)
+        if count != 1:
+            raise SystemExit(f"engine_sources: expected {pattern!r} once in native/pyproject.toml, got {count} times")
+    project.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    make_folder(Path(sys.argv[1]))
