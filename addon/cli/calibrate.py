@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
+from ..settings.native_fault import explain, read_manifest
 from .arguments import CommandError, parse_path
 
 
@@ -13,8 +14,8 @@ def run_calibrate(arguments: argparse.Namespace) -> int:
     try:
         from perfect_bvh.calibrate import calibrate
         from perfect_bvh.calibration import BUILDERS, user_file
-    except ImportError as error:
-        raise CommandError(f"the native engine cannot be loaded: {error}") from error
+    except (ImportError, OSError, RuntimeError) as error:
+        raise CommandError(explain(error, read_manifest())) from error
     from tqdm import tqdm
 
     path = user_file() if arguments.output is None else parse_path("-o", arguments.output)

@@ -1,30 +1,37 @@
 """The add-on's preferences, and whether its native engine could be loaded, in the version that it needs.
 
-Blender must survive a native module that cannot be loaded (a wrong platform, a damaged download), or another version's
-(left in use by an update, or installed elsewhere): the add-on then still registers, and says the reason here, in the
-render panel, and in the error of a render.
+Blender must survive a native module that cannot be loaded (see `native_fault`), or another version's (left in use by
+an update, or installed elsewhere): the add-on then still registers, and says the reason here, in the render panel, and
+in the error of a render.
 """
 
 from __future__ import annotations
 
 import functools
-import tomllib
+import textwrap
 from pathlib import Path
 
 import bpy
 
+from .native_fault import explain, read_manifest
+
 ADDON = __package__.rpartition(".")[0]  # as Blender knows it
 DEFAULT_CACHE_SIZE = 8192  # megabytes
+_INSTRUCTIONS = {"avx2": "AVX2", "avx512": "AVX-512", "neon": "NEON"}
+_SLOW = "This processor has no AVX2: rays take several times as long. The answers are the same"
+_LINE = 90  # characters of a label, which does not wrap
 
 
 @functools.cache
 def native_error() -> str | None:
-    """Why the native engine cannot be used, in one sentence; None if it can."""
+    """Why the native engine cannot be used, in a sentence or two; None if it can."""
     try:
         import perfect_bvh
-    except (ImportError, AttributeError) as error:  # the latter from parts of two versions
-        return f"The native engine could not be loaded: {error}"
-    found, needed = getattr(perfect_bvh, "__version__", "unknown"), _needed_version()
+    except (ImportError, AttributeError, OSError, RuntimeError) as error:
+        # The second from parts of two versions, the last from numpy on a processor that is too old for it.
+        return explain(error, read_manifest())
+    # The add-on's own, which is the engine's: both are built from the manifest.
+    found, needed = getattr(perfect_bvh, "__version__", "unknown"), str(read_manifest()["version"])
     if found == needed:
         return None
     return (
@@ -33,17 +40,20 @@ def native_error() -> str | None:
     )
 
 
-def _needed_version() -> str:
-    """The add-on's own, which is the engine's: both are built from the manifest."""
-    manifest = (Path(__file__).parents[1] / "blender_manifest.toml").read_text(encoding="utf-8")
-    return str(tomllib.loads(manifest)["version"])
-
-
 def native_summary() -> str:
-    """The engine's version and how many threads it uses, in one line."""
+    """The engine's version, how many threads it uses and which instructions, in one line."""
     import perfect_bvh
 
-    return f"Engine {perfect_bvh.__version__}, {perfect_bvh.thread_count()} threads"
+    instructions = _INSTRUCTIONS.get(perfect_bvh.available_isas()[-1])
+    kind = f", {instructions}" if instructions else ""
+    return f"Engine {perfect_bvh.__version__}, {perfect_bvh.thread_count()} threads{kind}"
+
+
+def is_processor_slow() -> bool:
+    """Whether this processor, or the system, lacks what the engine's fast kernels are made of."""
+    import perfect_bvh
+
+    return perfect_bvh.available_isas()[-1] == "scalar"
 
 
 def cache_byte_limit() -> int | None:
@@ -90,9 +100,12 @@ class PERFECT_BVH_AP_preferences(bpy.types.AddonPreferences):
         layout = self.layout
         error = native_error()
         if error is not None:
-            layout.label(text=error, icon="ERROR")
+            for number, line in enumerate(textwrap.wrap(error, _LINE)):
+                layout.label(text=line, icon="BLANK1" if number else "ERROR")
             return
         layout.label(text=native_summary(), icon="CHECKMARK")
+        if is_processor_slow():
+            layout.label(text=_SLOW, icon="INFO")
         layout.use_property_split = True
         layout.prop(self, "threads")
         layout.prop(self, "cache_size")

@@ -1,0 +1,174 @@
+"""Why the native engine cannot be loaded, and the way out, for users: another system's zip, another Python.
+
+Blender refuses to install most of what does not fit; what is copied by hand, kept over an update of Blender or shared
+by two computers comes here. Knows no Blender.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import platform
+import re
+import sys
+import sysconfig
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+# Blender's names of platforms, and what users call them.
+NAMES = {
+    "windows-x64": "Windows",
+    "windows-arm64": "Windows on ARM",
+    "macos-x64": "macOS on Intel",
+    "macos-arm64": "macOS on Apple silicon",
+    "linux-x64": "Linux",
+    "linux-arm64": "Linux on ARM",
+}
+# Which Blenders have which Python, as far as they are its makers' own.
+_BLENDERS = {"3.11": "Blender 4.2 to 5.0", "3.13": "Blender 5.1 and later"}
+_PROCESSORS = {"amd64": "x64", "x86_64": "x64", "aarch64": "arm64"}
+_SYSTEMS = {"win": "windows", "macosx": "macos"}
+_WHEEL = re.compile(r"-cp(\d)(\d+)-[^-]+-[^-]+\.whl$")
+_MODULE = re.compile(r"_core\.(?:cpython-|cp)(\d)(\d+)-(.+)\.(?:so|pyd)")
+# Of what macOS says of a file that came through a browser, and was not examined by Apple.
+_QUARANTINE = ("code signature", "library load disallowed", "system policy", "quarantine")
+
+
+def explain(error: BaseException, manifest: dict[str, Any], folder: Path | None = None) -> str:
+    """One sentence or two. error: what `import perfect_bvh` raised. manifest: the add-on's.
+
+    folder: of the package `perfect_bvh`, else where Python finds it.
+    """
+    found = folder or _engine_folder()
+    reason = (
+        _of_another_platform(manifest)
+        or _of_another_python(manifest)
+        or (_missing(manifest) if found is None else _other_module(found, manifest))
+        or _refused(str(error), found, manifest)
+        or str(error)
+    )
+    return f"The native engine could not be loaded: {reason}"
+
+
+def read_manifest() -> dict[str, Any]:
+    """The add-on's own, as its zip has it; empty if that was left out."""
+    file = Path(__file__).parents[1] / "blender_manifest.toml"
+    return tomllib.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+
+
+def this_platform() -> str:
+    """As Blender's manifests name it: that of the program, not that of a processor which emulates another."""
+    system, _, rest = sysconfig.get_platform().partition("-")
+    processor = rest.rpartition("-")[2].lower()
+    if processor == "universal2":
+        processor = platform.machine().lower()
+    return f"{_SYSTEMS.get(system, system)}-{_PROCESSORS.get(processor, processor)}"
+
+
+def _python() -> str:
+    return f"{sys.version_info[0]}.{sys.version_info[1]}"
+
+
+def _of_another_platform(manifest: dict[str, Any]) -> str | None:
+    """A zip is made for one platform, of which Blender's tool writes the name into it."""
+    generated = manifest.get("build", {}).get("generated", {})
+    platforms = generated.get("platforms", manifest.get("platforms"))
+    if platforms is None or this_platform() in platforms:
+        return None
+    theirs, ours = _listed(map(_name, platforms)), _name(this_platform())
+    return f"this add-on is for {theirs}, and this is {ours}: {_way_out(manifest)}"
+
+
+def _of_another_python(manifest: dict[str, Any]) -> str | None:
+    wheels = manifest.get("build", {}).get("generated", {}).get("wheels", manifest.get("wheels"))
+    pythons = [f"{match[1]}.{match[2]}" for wheel in wheels or () if (match := _WHEEL.search(wheel))]
+    if not pythons or _python() in pythons:
+        return None
+    return (
+        f"this Blender has Python {_python()}, and there are engines for Python {_listed(sorted(set(pythons)))} alone: "
+        f"use one of {_listed(f'{name} (Python {python})' for python, name in _BLENDERS.items())}"
+    )
+
+
+def _other_module(folder: Path, manifest: dict[str, Any]) -> str | None:
+    """If the module in the engine's folder is another Python's or system's."""
+    if any((folder / f"_core{suffix}").is_file() for suffix in _module_suffixes()):
+        return None
+    found = [match for path in sorted(folder.glob("_core.*")) if (match := _MODULE.fullmatch(path.name))]
+    if not found:
+        return f"{folder} has no module of it: install the add-on again"
+    others = dict.fromkeys(f"Python {match[1]}.{match[2]} on {_system_of(match[3])}" for match in found)
+    ours = f"Python {_python()} on {_system_of(sysconfig.get_platform())}"
+    return f"the one in {folder} is for {_listed(others)}, and this is {ours}: {_way_out(manifest)}"
+
+
+def _module_suffixes() -> tuple[str, ...]:
+    from importlib.machinery import EXTENSION_SUFFIXES
+
+    return tuple(EXTENSION_SUFFIXES)
+
+
+def _missing(manifest: dict[str, Any]) -> str:
+    if manifest.get("wheels") or manifest.get("build", {}).get("generated"):
+        return f"Blender has not installed it beside the add-on: restart Blender, then {_way_out(manifest)}"
+    return f"it is not part of the add-on's sources: {_way_out(manifest)}"
+
+
+def _refused(text: str, folder: Path | None, manifest: dict[str, Any]) -> str | None:
+    """If the module is there, and this one, and the system does not load it. text: what it says."""
+    if sys.platform == "win32" and not _has_c_runtime():
+        return "Windows lacks its Universal C Runtime (the update KB2999226): let Windows Update install it"
+    if sys.platform == "win32" and "DLL" in text:
+        return f"Windows does not load it ({text}): see whether a virus scanner holds {folder}, and install it again"
+    if sys.platform == "darwin" and "incompatible architecture" in text:
+        return f"the one in {folder} is for Macs of the other processor: {_way_out(manifest)}"
+    if sys.platform == "darwin" and any(word in text for word in _QUARANTINE):
+        return (
+            "macOS does not load what was downloaded until you allow it: in Terminal, enter "
+            f'xattr -dr com.apple.quarantine "{folder}", then restart Blender'
+        )
+    if "GLIBC_" in text:
+        return f"this Linux is older than Debian 10 and Ubuntu 20.04, whose C library it needs ({text})"
+    return None
+
+
+def _has_c_runtime() -> bool:
+    try:
+        ctypes.CDLL("ucrtbase")
+    except OSError:
+        return False
+    return True
+
+
+def _engine_folder() -> Path | None:
+    try:
+        found = importlib.util.find_spec("perfect_bvh")
+    except ValueError:  # what stands for it in this process is no module that was found
+        return None
+    return None if found is None or found.origin is None else Path(found.origin).parent
+
+
+def _way_out(manifest: dict[str, Any]) -> str:
+    here = this_platform()
+    if here not in NAMES:
+        return "there is none for this system"
+    return f"install perfect_bvh-{manifest.get('version', 'VERSION')}-{here.replace('-', '_')}.zip"
+
+
+def _name(blender_platform: str) -> str:
+    return NAMES.get(blender_platform, blender_platform)
+
+
+def _system_of(tag: str) -> str:
+    """Of a module's file name, or of this Python: win_amd64, x86_64-linux-gnu, darwin (of either processor)."""
+    for part, name in (("win", "Windows"), ("linux", "Linux"), ("darwin", "macOS"), ("macosx", "macOS")):
+        if tag.startswith(part) or f"-{part}" in tag:
+            return f"{name} on ARM" if re.search("arm64|aarch64", tag) and name != "macOS" else name
+    return tag
+
+
+def _listed(names: Iterable[str]) -> str:
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
