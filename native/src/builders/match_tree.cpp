@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace perfect_bvh {
@@ -163,7 +164,8 @@ void MatchTree::search(Query& query, std::uint32_t node, float area) noexcept {
 
 std::uint32_t MatchTree::find_best(std::uint32_t cluster, std::uint32_t hint) noexcept {
   const Cluster& asking = clusters_[cluster];
-  Query query{nodes_[asking.node].core, asking.id, asking.count, kNone, {__builtin_inff(), 0, 0, 0, 0}};
+  Query query{
+      nodes_[asking.node].core, asking.id, asking.count, kNone, {std::numeric_limits<float>::infinity(), 0, 0, 0, 0}};
   if (hint != kNone) {
     const Node& leaf = nodes_[clusters_[hint].node];
     take(query, leaf, bound_of(query, leaf));

@@ -43,7 +43,7 @@ PERFECT_BVH_INLINE void fetch_next(const Slot& slot, std::uint32_t next) noexcep
   const bool is_node = next < kBlockChild, is_block = !is_node & (next < kInstanceChild) & (slot.blocks != nullptr);
   const char* const base =
       is_block ? reinterpret_cast<const char*>(slot.blocks) : reinterpret_cast<const char*>(slot.nodes);
-  const std::size_t row = is_node | is_block ? next & ~kBlockChild : 0;
+  const std::size_t row = (is_node | is_block) ? next & ~kBlockChild : 0;
   const char* const lines = base + row * (is_block ? sizeof(LeafBlock) : sizeof(WideNode));
   for (int line = 0; line < 4; ++line) __builtin_prefetch(lines + 64 * line);
 }
