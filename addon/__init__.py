@@ -47,6 +47,7 @@ _MODULES = (
     ".view3d.redraws",
     ".view3d.opening",
     ".engine",
+    ".image.data_previews",
     ".operators",
     ".view3d.pointer",
     ".view3d.overlay",

@@ -14,11 +14,12 @@ from typing import TypeVar
 import bpy
 import numpy as np
 
+from .image.data_previews import render_preview
 from .image.plan import NOISY, RenderPlan, plan_render
 from .image.still import Frame, Images, Progress, render_frame
 from .settings.denoisers import denoising_data_settings
 from .settings.preferences import native_error
-from .settings.scene_settings import ENGINE_NAME, read_settings
+from .settings.scene_settings import ENGINE_NAME, preview_settings, read_settings
 from .statistics import messages
 from .statistics.frame_statistics import FrameStatistics
 from .statistics.last_result import edits_of, remember
@@ -105,7 +106,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
 
     bl_idname = ENGINE_NAME
     bl_label = "Perfect BVH"
-    bl_use_preview = False
+    bl_use_preview = True
     bl_use_postprocess = True
     bl_use_eevee_viewport = True
     bl_use_shading_nodes_custom = False
@@ -120,7 +121,10 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             self.register_pass(scene, view_layer, spec.name, len(spec.channels), spec.channels, spec.kind)
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """Render one view layer of one frame, with each eye if there are several."""
+        """Render one view layer of one frame, with each eye if there are several; or a preview."""
+        if self.is_preview:
+            self._render_preview(depsgraph)  # no render of the scene: nothing is kept or told of it
+            return
         scene = depsgraph.scene
         self._begin_part(scene, depsgraph.view_layer.name)
         error = native_error()
@@ -141,6 +145,25 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         for view in views:
             if not self._render_view(depsgraph, plan, specs, view):
                 return
+
+    def _render_preview(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """A material, a light or a world on Blender's own stage."""
+        error = native_error()
+        if error is not None:
+            self.error_set(error)
+            return
+        import perfect_bvh
+
+        plan = plan_render(depsgraph.scene, preview_settings())
+        result = self.begin_result(0, 0, *plan.size, layer=depsgraph.view_layer.name)
+        try:
+            image = render_preview(depsgraph, plan, self.test_break)
+            if image is not None:
+                _write_passes(result.layers[0], (), {"combined": image}, plan.window)
+        except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
+            self.error_set(sentence(str(problem) or type(problem).__name__))
+        finally:
+            self.end_result(result)
 
     # The viewport ----------------------------------------------------------------------------------------------------
 

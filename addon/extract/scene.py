@@ -52,8 +52,9 @@ def read_scene(
     space: Any = None,
     reader: ArrayReader | None = None,
     cache: ReadCache | None = None,
+    for_preview: bool = False,
 ) -> SceneRecord:
-    """Copies everything that a render of an evaluated depsgraph needs. Main thread only; nothing of Blender is kept.
+    """Copies everything that a render of an evaluated depsgraph needs. Nothing of Blender is kept.
 
     attributes: what to read beside the triangles; by default the material slots and viewport colours.
     for_viewport: whether viewport or render visibility counts; by default what the depsgraph was made for. A
@@ -64,27 +65,33 @@ def read_scene(
     space: the 3D viewport (`SpaceView3D`) whose local view and filters count.
     reader: how arrays are read; by default the process's own, see `ArrayReader`.
     cache: what the last reading left; without it everything is read, whatever is known of changes.
+    for_preview: the depsgraph is of one of Blender's previews, and this a thread beside the user's edits: nothing but
+        the depsgraph is asked, neither the open file nor the log of changes, and of a cache only images are used.
+
+    Main thread only, or a render's own.
 
     An empty scene is an empty record. What cannot be read is left out and named in the record's warnings.
     """
     scene = depsgraph.scene_eval
     if for_viewport is None:
         for_viewport = depsgraph.mode == "VIEWPORT"
-    log = None if cache is None else watched_evaluations(depsgraph)
+    log = None if cache is None or for_preview else watched_evaluations(depsgraph)
     cache = cache or ReadCache()
     attributes = attributes or AttributeRequest()
+    if for_preview:
+        reader = ArrayReader(use_views=False)  # a few small meshes; what is found out of layouts is shared otherwise
     visibility = VisibilityReader(depsgraph, for_viewport, space)
     with outside_viewports() if for_viewport else nullcontext():
         parts = read_again(cache.plain, depsgraph, attributes, visibility, log, cache.images)
         if parts is None:
-            parts = _read_parts(depsgraph, attributes, visibility, reader or _shared_reader, cache, log)
+            reader = reader or _shared_reader
+            parts = _read_parts(depsgraph, attributes, visibility, reader, cache, log, for_preview)
             cache.plain = remember(parts, cache.instances.shown, depsgraph, attributes, visibility, log)
-        not_shown = [*find_missing_libraries(), *parts.not_shown]
+        not_shown = [*([] if for_preview else find_missing_libraries()), *parts.not_shown]
         lights = LightRecords()
         if attributes.shading:
-            lights = read_lights(
-                depsgraph, visibility, ImageReader(cache.images), not_shown, instanced=parts.instances_lights
-            )
+            images = ImageReader(cache.images, for_preview=for_preview)
+            lights = read_lights(depsgraph, visibility, images, not_shown, instanced=parts.instances_lights)
     not_shown += find_ignored_settings(depsgraph, attributes, for_viewport)
 
     frame = read_frame(scene, size)
@@ -117,9 +124,10 @@ def _read_parts(
     reader: ArrayReader,
     cache: ReadCache,
     log: EvaluationLog | None,
+    for_preview: bool,
 ) -> SceneParts:
     meshes = MeshTable(depsgraph, attributes, reader, cache.meshes, log)
-    images = ImageReader(cache.images)
+    images = ImageReader(cache.images, for_preview=for_preview)
     materials = MaterialReader(depsgraph.view_layer_eval.material_override, images if attributes.shading else None)
     groups = GroupTable(meshes, materials, visibility, AdaptiveSubdivision(depsgraph))
     instances = read_instances(depsgraph, groups, reader, cache.instances)

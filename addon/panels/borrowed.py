@@ -11,8 +11,6 @@ import bpy
 UNSUPPORTED_PANELS = ("freestyle", "grease_pencil", "gpencil", "render_pt_simplify")
 # Those of which a fuller one is borrowed, and their copies in the Shader Editor.
 POORER_PANELS = ("DATA_PT_light", "NODE_DATA_PT_light")
-# Blender makes these pictures with engines alone that offer to, and leaves them empty with others.
-EMPTY_PANELS = ("DATA_PT_preview", "MATERIAL_PT_preview", "TEXTURE_PT_preview")
 # Panels of Blender's own engines whose settings this engine honours, or that a user wants to change all the same, so
 # that materials, lights and the world can be worked on without going to another engine and back.
 BORROWED_PANELS = (
@@ -20,6 +18,7 @@ BORROWED_PANELS = (
     "DATA_PT_camera_dof",
     "DATA_PT_camera_dof_aperture",
     "EEVEE_MATERIAL_PT_context_material",
+    "MATERIAL_PT_preview",
     "VIEWLAYER_PT_layer_passes",
     "VIEWLAYER_PT_override",
 )
@@ -32,7 +31,7 @@ def shared_panels() -> Iterator[type[bpy.types.Panel]]:
         if not isinstance(engines, set):
             continue
         name = panel.__name__
-        is_out = name in (*POORER_PANELS, *EMPTY_PANELS) or any(word in name.lower() for word in UNSUPPORTED_PANELS)
+        is_out = name in POORER_PANELS or any(word in name.lower() for word in UNSUPPORTED_PANELS)
         if name in BORROWED_PANELS or ("BLENDER_RENDER" in engines and not is_out):
             yield panel
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import bpy
 
 from .common import RenderPanel
@@ -18,6 +20,16 @@ class WorldPanel(RenderPanel):
         return super().poll(context) and context.world is not None
 
 
+class PERFECT_BVH_PT_world_preview(WorldPanel, bpy.types.Panel):
+    """Blender has panels of its own for those of materials and lights alone."""
+
+    bl_label = "Preview"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.template_preview(context.world)
+
+
 class PERFECT_BVH_PT_world_surface(WorldPanel, bpy.types.Panel):
     """What shines from all around."""
 
@@ -27,4 +39,4 @@ class PERFECT_BVH_PT_world_surface(WorldPanel, bpy.types.Panel):
         draw_surface(self.layout, context.world, "color")
 
 
-CLASSES = (PERFECT_BVH_PT_world_surface,)
+CLASSES = (PERFECT_BVH_PT_world_preview, PERFECT_BVH_PT_world_surface)

@@ -215,6 +215,13 @@ def read_settings(scene: bpy.types.Scene, is_viewport: bool = False) -> RenderSe
     )
 
 
+def preview_settings() -> RenderSettings:
+    """Of Blender's previews of materials, lights and worlds, which are made again while a value is dragged."""
+    return RenderSettings(
+        DEFAULT_MODE, samples=32, ao_distance=0.0, use_material_colors=True, threads=0, time_limit=1.0
+    )
+
+
 CLASSES = (PERFECT_BVH_PG_scan, PERFECT_BVH_PG_overlay, *TREE_CLASSES, PERFECT_BVH_PG_settings)
 
 

@@ -66,6 +66,9 @@ class RecordingLayout:
     def template_icon_view(self, owner: Any, name: str, **_: Any) -> None:
         self.prop(owner, name)
 
+    def template_preview(self, block: Any) -> None:
+        self.texts.append(f"preview of {block.name}")
+
     def template_node_view(self, tree: Any, node: Any, socket: Any) -> None:
         assert node.name in tree.nodes and socket.name in node.inputs
         self.texts.append(f"{node.name}, {socket.name}")
@@ -372,7 +375,9 @@ def test_panels_for_materials_lights_and_the_world_stay_usable() -> None:
         "EEVEE_MATERIAL_PT_context_material",
         "DATA_PT_EEVEE_light",
         "DATA_PT_lens",
+        "DATA_PT_preview",
+        "MATERIAL_PT_preview",
         "RENDER_PT_color_management",
         "WORLD_PT_context_world",
     }
-    assert not names & {"RENDER_PT_simplify", "DATA_PT_light", "NODE_DATA_PT_light", "DATA_PT_preview"}
+    assert not names & {"RENDER_PT_simplify", "DATA_PT_light", "NODE_DATA_PT_light"}

@@ -14,6 +14,7 @@ import bpy
 sys.path.insert(0, str(Path(__file__).parent))
 
 import bad_use_steps
+import data_preview_steps
 import example_steps
 import file_steps
 import overlay_steps
@@ -40,6 +41,7 @@ STEPS = (
     panel_steps.press_the_panorama,
     panel_steps.bench,
     panel_steps.choose_passes,
+    data_preview_steps.show_previews,
     preferences_steps.press_the_preferences,
     tooltip_steps.show_tooltips,
     tooltip_steps.show_why_scan_is_grey,

@@ -31,6 +31,8 @@ _MOVING = {"MOVIE", "SEQUENCE"}
 _LINEAR_SPACES = {"Non-Color", "Linear", "Linear Rec.709", "scene_linear", "Raw"}
 # What nodes change is worked out for no more pixels a side, some rows at a time; a mean is taken of fewer.
 _MOST_CHANGED, _ROWS, _SAMPLED = 2048, 64, 64
+# Previews have fewer pixels than that.
+_MOST_PREVIEWED = 1024
 
 
 @dataclass(slots=True)
@@ -50,10 +52,14 @@ class ImageCache:
 
 
 class ImageReader:
-    """Gives each image that is met a row, in the order they are met. The cache then holds those, and no others."""
+    """Gives each image that is met a row, in the order they are met. The cache then holds those, and no others.
 
-    def __init__(self, cache: ImageCache) -> None:
-        self._before = cache.held
+    for_preview: of images no more is read than a preview shows, and of tiles the first alone: reading the others makes
+    data-blocks for a moment.
+    """
+
+    def __init__(self, cache: ImageCache, *, for_preview: bool = False) -> None:
+        self._before, self._for_preview = cache.held, for_preview
         self.cache = ImageCache()
         self._rows: dict[tuple[Hashable, ...], int] = {}
         self.records: list[ImageRecord] = []
@@ -74,7 +80,7 @@ class ImageReader:
         if row is None:
             row = self._rows[place] = len(self.records)
             image, tiles = texture.image, {}
-            if is_tiled(image):
+            if self._shows_tiles(image):
                 tiles = self._changed_tiles(image, uid, key, color, alpha)
                 pixels = next(iter(tiles.values()), _MISSING)
             elif key == (None, None):
@@ -83,6 +89,9 @@ class ImageReader:
                 pixels = self._held(image, uid, key, lambda: _change(self._original(image, uid), color, alpha))
             self.records.append(ImageRecord(image.name, uid, pixels, *look_up, tiles))
         return row
+
+    def _shows_tiles(self, image: Any) -> bool:
+        return is_tiled(image) and not self._for_preview
 
     def _changed_tiles(self, image: Any, uid: int, key: Hashable, color: Value | None, alpha: Value | None) -> Tiles:
         if key == (None, None):
@@ -100,7 +109,7 @@ class ImageReader:
         uid = image.original.session_uid
 
         def sample() -> Pixels:
-            if not is_tiled(image):
+            if not self._shows_tiles(image):
                 return _sampled(self._original(image, uid))
             samples = [_sampled(pixels).reshape(-1, 1, 4) for pixels in self._tiles(image, uid).values()]
             return np.concatenate([_as_floats(pixels) for pixels in samples or [_MISSING]])
@@ -117,6 +126,9 @@ class ImageReader:
         if pixels is None:
             self._warn(image, f"it could not be loaded from {image.filepath!r}; magenta is shown")
             return _MISSING
+        if self._for_preview:
+            step = -(-max(pixels.shape[:2]) // _MOST_PREVIEWED)
+            return pixels if step == 1 else pixels[::step, ::step].copy()
         return pixels
 
     def _tiles(self, image: Any, uid: int) -> Tiles:
