@@ -16,6 +16,7 @@ from ..image.progressive import Pace
 from ..image.refinement import Refinement
 from ..live.pending_commit import LOOKING_SECONDS
 from ..settings.preferences import native_error
+from ..statistics.last_result import note_image
 from ..view3d.awaited_view import AwaitedView, await_view, find_view
 from ..view3d.screen_image import picture_of
 from ..view3d.view_statistics import remember_view
@@ -32,7 +33,8 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
     bl_idname = "perfect_bvh.preview"
     bl_label = "Render View to Image"
     bl_description = (
-        "Render what the 3D viewport shows with these settings into an image, and show it in the Image Editor"
+        "Render what the 3D viewport shows into an image, and show it in the Image Editor. A Rendered viewport has its "
+        "own Render Pass and lighting, any other these settings"
     )
     bl_options: ClassVar = {"REGISTER"}
 
@@ -124,7 +126,8 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
         view = self._view
         scene = next((scene for scene in bpy.data.scenes if scene.session_uid == self._scene_uid), None)
         if scene is not None and view.sync.revision == self._revision and view.sync.scene.is_current:
-            remember_view("View to Image", view.sync, refinement, scene, view.edits)
+            own = view.has_own_mode
+            remember_view("View to Image", view.sync, refinement, scene, view.edits, has_own_mode=own)
 
     def _build(self, context: bpy.types.Context) -> None:
         """Look whether the trees are there; if they are, show the first image."""
@@ -185,7 +188,8 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
 def _store(refinement: Refinement) -> bpy.types.Image:
     """Put an image into the data-block of such images, which is made when it is missing or has been given away."""
     assert refinement.image is not None
-    pixels = picture_of(refinement.image, refinement.view.plan.settings.mode)
+    mode = refinement.view.plan.settings.mode
+    pixels = picture_of(refinement.image, mode)
     height, width = pixels.shape[:2]
     image = bpy.data.images.get(IMAGE_NAME)
     if image is not None and (image.source != "GENERATED" or not image.is_float or image.library is not None):
@@ -197,6 +201,7 @@ def _store(refinement: Refinement) -> bpy.types.Image:
         image.scale(width, height)
     image.pixels.foreach_set(np.ascontiguousarray(pixels[::-1], np.float32).ravel())
     image.update()
+    note_image(image, mode)
     return image
 
 

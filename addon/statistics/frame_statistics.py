@@ -25,6 +25,7 @@ class FrameStatistics:
     trace_milliseconds are without it too.
     complaints: what went wrong beside the scene itself, a sentence each.
     owners: which objects show which meshes, and how much of the camera rays' work each takes.
+    has_own_mode: whether the mode is that of the viewport which it is a view of, and not the scene's.
     """
 
     frame: float
@@ -41,6 +42,7 @@ class FrameStatistics:
     complaints: tuple[str, ...] = ()
     owners: Owners | None = None
     source: Source = "Render"
+    has_own_mode: bool = False
 
     @property
     def rays_per_second(self) -> float:

@@ -35,6 +35,7 @@ class _Done:
 
 _latest: dict[int, _Done] = {}  # by the scene's session uid
 _render_modes: dict[int, str] = {}  # of each scene's last render, whatever its viewports have done since
+_image_modes: dict[int, str] = {}  # of the images that views were rendered to, by their session uid
 _shown: dict[int, tuple[_Done, bool]] = {}  # as panels have it, with whether the scene was edited since
 _has_news = False  # beside that
 
@@ -74,6 +75,16 @@ def last_render_mode(scene: bpy.types.Scene) -> str | None:
     return _render_modes.get(scene.session_uid)
 
 
+def note_image(image: bpy.types.Image, mode: str) -> None:
+    """A view was rendered to this image."""
+    _image_modes[image.session_uid] = mode
+
+
+def image_mode(image: bpy.types.Image) -> str | None:
+    """What the view shows that was last rendered to an image, None if none was."""
+    return _image_modes.get(image.session_uid)
+
+
 def is_outdated(scene: bpy.types.Scene) -> bool:
     """Whether `scene` was edited, set to another frame or given other settings since."""
     done = _latest.get(scene.session_uid)
@@ -82,7 +93,7 @@ def is_outdated(scene: bpy.types.Scene) -> bool:
     statistics = done.statistics
     is_viewport = statistics.source == "Viewport"
     settings = read_settings(scene, is_viewport=is_viewport)
-    if is_viewport:  # it may have a mode of its own
+    if is_viewport or statistics.has_own_mode:
         settings = replace(settings, mode=statistics.settings.mode)
     return (
         done.edits != edits_of(scene)
@@ -103,6 +114,7 @@ def forget() -> None:
     """Forgets all of it."""
     _latest.clear()
     _render_modes.clear()
+    _image_modes.clear()
 
 
 def tell_of_news() -> None:

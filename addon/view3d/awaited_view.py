@@ -5,7 +5,7 @@ What needs the native engine is imported where it is used: without it the add-on
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import bpy
@@ -14,11 +14,13 @@ from ..image.plan import RenderPlan, plan_render, plan_view
 from ..image.progressive import Pace
 from ..image.refinement import Refinement, View
 from ..image.still import missing_camera
-from ..settings.scene_settings import read_settings
+from ..settings.scene_settings import ENGINE_NAME, RenderSettings, read_settings
+from ..settings.shading_settings import AS_RENDER, mode_of
 from ..statistics import not_shown
 from ..statistics.last_result import edits_of
 from ..sync.not_shown import without_looks
 from .region_camera import camera_of
+from .view_lighting import ViewLighting, lighting_of
 
 if TYPE_CHECKING:
     from perfect_bvh import Camera
@@ -49,13 +51,19 @@ def find_view(context: bpy.types.Context) -> tuple[bpy.types.SpaceView3D, bpy.ty
 
 @dataclass(frozen=True, slots=True)
 class AwaitedView:
-    """One view of a scene that was read, and whose trees are being built. camera: None for the scene's."""
+    """One view of a scene that was read, and whose trees are being built.
+
+    camera: None for the scene's. edits: of the scene, when it was read. has_own_mode: whether it is the viewport's and
+    not the scene's.
+    """
 
     sync: SceneSync
     building: UpdateCommit
     camera: Camera | None
     plan: RenderPlan
     edits: int
+    lighting: ViewLighting
+    has_own_mode: bool = False
 
     def refine(self, pace: Pace) -> Refinement:
         """The image, not begun yet. Waits for the trees; raises what the engine raises, `Cancelled` without any."""
@@ -66,11 +74,15 @@ class AwaitedView:
             raise perfect_bvh.Cancelled("another view has other trees built")
         camera = self.camera or self.sync.camera
         assert camera is not None
-        return Refinement(View.of(self.sync, camera, self.plan), pace)
+        view = View.of(self.sync, camera, self.plan)
+        lit = self.lighting.light(view.appearance, self.sync.record.lights.of_world)
+        return Refinement(replace(view, appearance=lit), pace)
 
 
 def await_view(context: bpy.types.Context) -> AwaitedView:
     """Of what `find_view` finds, or else of what the scene's camera sees: read now, built while Blender goes on.
+
+    A viewport that this engine renders is shown in its own mode and under its own light, anything else in the scene's.
 
     Raises ValueError if there is neither, and what the engine raises.
     """
@@ -83,16 +95,18 @@ def await_view(context: bpy.types.Context) -> AwaitedView:
     is_filtered = found is not None and any(filter_of(found[0]))
     sync = SceneSync(watch=False) if is_filtered else sync_of(depsgraph)
     filtering = found[0] if found is not None and is_filtered else None
-    settings, edits = read_settings(context.scene), edits_of(context.scene)
+    edits = edits_of(context.scene)
     if found is None:
+        settings = read_settings(context.scene)
         whole = plan_render(depsgraph.scene, settings)
         building = begin_view(sync, depsgraph, whole, None)
         _tell_of(sync, depsgraph, whole)
         if sync.camera is None:
             building.stop()
             raise ValueError(missing_camera(depsgraph.scene, sync))
-        return AwaitedView(sync, building, None, _scaled(whole, context.scene), edits)
+        return AwaitedView(sync, building, None, _scaled(whole, context.scene), edits, ViewLighting())
     space, region = found
+    settings, lighting, has_own_mode = _look_of(space.shading, depsgraph.scene)
     whole = plan_view(settings, (region.width, region.height))
     building = begin_view(sync, depsgraph, whole, filtering)
     _tell_of(sync, depsgraph, whole)
@@ -100,7 +114,17 @@ def await_view(context: bpy.types.Context) -> AwaitedView:
     if camera is None:
         building.stop()
         raise ValueError("the 3D viewport has no usable view: its matrix is not finite")
-    return AwaitedView(sync, building, as_camera(camera), _scaled(whole, context.scene), edits)
+    plan = _scaled(whole, context.scene)
+    return AwaitedView(sync, building, as_camera(camera), plan, edits, lighting, has_own_mode)
+
+
+def _look_of(shading: bpy.types.View3DShading, scene: bpy.types.Scene) -> tuple[RenderSettings, ViewLighting, bool]:
+    """What a viewport shows of a scene, under which light, and whether the mode is its own."""
+    settings = read_settings(scene)
+    if shading.type != "RENDERED" or scene.render.engine != ENGINE_NAME:
+        return settings, ViewLighting(), False
+    has_own_mode = shading.perfect_bvh.mode != AS_RENDER
+    return replace(settings, mode=mode_of(scene, shading)), lighting_of(shading, scene), has_own_mode
 
 
 def _scaled(plan: RenderPlan, scene: bpy.types.Scene) -> RenderPlan:

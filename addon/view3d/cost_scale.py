@@ -1,6 +1,6 @@
 """The scale of the mode "cost" beside what it colours, and what the camera ray under the mouse has visited.
 
-In viewports whose Rendered shading is ours, and beside a render's result in image editors.
+In viewports whose Rendered shading is ours, and over a render's result, or a view's image, in image editors.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy.typing as npt
 from ..settings.preferences import native_error
 from ..settings.scene_settings import ENGINE_NAME
 from ..settings.shading_settings import mode_of
-from ..statistics.last_result import last_render_mode
+from ..statistics.last_result import image_mode, last_render_mode
 from . import pointer
 from .box_words import Scale
 from .hovered_box import Pointed, view_of
@@ -112,9 +112,10 @@ def _redraw() -> None:
 def _draw_beside_render() -> None:
     context = bpy.context
     image = context.space_data.image
-    if image is None or image.type != "RENDER_RESULT" or not context.space_data.overlay.show_overlays:
+    if image is None or not context.space_data.overlay.show_overlays:
         return
-    if native_error() is None and last_render_mode(context.scene) == "cost":
+    mode = last_render_mode(context.scene) if image.type == "RENDER_RESULT" else image_mode(image)
+    if native_error() is None and mode == "cost":
         draw_legend(context, [section()])
 
 

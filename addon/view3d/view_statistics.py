@@ -15,12 +15,22 @@ if TYPE_CHECKING:
     from ..live.scene_sync import SceneSync
 
 
-def remember_view(source: Source, sync: SceneSync, refinement: Refinement, scene: bpy.types.Scene, edits: int) -> None:
+def remember_view(
+    source: Source,
+    sync: SceneSync,
+    refinement: Refinement,
+    scene: bpy.types.Scene,
+    edits: int,
+    *,
+    has_own_mode: bool = False,
+) -> None:
     """Leave for the panels what an image took that shows what `sync` holds. edits: of the scene, when it was read."""
-    remember(scene, view_statistics(source, sync, refinement), edits)
+    remember(scene, view_statistics(source, sync, refinement, has_own_mode), edits)
 
 
-def view_statistics(source: Source, sync: SceneSync, refinement: Refinement) -> FrameStatistics:
+def view_statistics(
+    source: Source, sync: SceneSync, refinement: Refinement, has_own_mode: bool = False
+) -> FrameStatistics:
     """Of a finished image that shows what `sync` still holds; the report is that of its last change."""
     assert sync.last_change is not None
     plan = refinement.view.plan
@@ -34,4 +44,5 @@ def view_statistics(source: Source, sync: SceneSync, refinement: Refinement) -> 
         samples=refinement.mean_samples,
         owners=owners_of(sync, refinement.costs),
         source=source,
+        has_own_mode=has_own_mode,
     )

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
+from perfect_bvh_addon.extract.camera import read_camera, read_frame  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import syncs_of  # noqa: E402
+from perfect_bvh_addon.statistics import last_result  # noqa: E402
+from perfect_bvh_addon.view3d import awaited_view  # noqa: E402
 
 NAME = "Perfect BVH View"
 
@@ -78,3 +83,89 @@ def test_distances_are_shown_as_greys(scene, cube) -> None:
 def test_it_says_what_is_missing(scene) -> None:
     with pytest.raises(RuntimeError, match="neither a 3D viewport nor a camera"):
         bpy.ops.perfect_bvh.preview()
+
+
+# What a viewport shows ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def shading(scene, cube, monkeypatch: pytest.MonkeyPatch):
+    """Of the only 3D viewport, which looks through the scene's camera and is as large as its picture."""
+    areas = [area for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D"]
+    space = areas[0].spaces.active
+    space.region_3d.view_perspective = "CAMERA"
+    region = SimpleNamespace(width=32, height=18)
+    monkeypatch.setattr(awaited_view, "find_view", lambda context: (space, region))
+    monkeypatch.setattr(awaited_view, "camera_of", lambda *_: (camera_record(), None))
+    scene.render.engine = "PERFECT_BVH"
+    kept = (space.shading.type, space.shading.perfect_bvh.mode, space.shading.use_scene_lights_render)
+    yield space.shading
+    space.shading.type, space.shading.perfect_bvh.mode, space.shading.use_scene_lights_render = kept
+
+
+def camera_record():
+    graph = bpy.context.evaluated_depsgraph_get()
+    return read_camera(bpy.context.scene.camera.evaluated_get(graph), read_frame(bpy.context.scene))[0]
+
+
+def rendered(**settings: object) -> np.ndarray:
+    """The image, with settings of the scene for as long as it is made."""
+    owner = bpy.context.scene.perfect_bvh
+    kept = {name: getattr(owner, name) for name in settings}
+    for name, value in settings.items():
+        setattr(owner, name, value)
+    assert bpy.ops.perfect_bvh.preview() == {"FINISHED"}
+    for name, value in kept.items():
+        setattr(owner, name, value)
+    return pixels()
+
+
+def test_a_rendered_viewport_is_shown_in_its_own_mode(scene, shading) -> None:
+    normals, lit = rendered(mode="NORMAL"), rendered()
+    assert abs(normals - lit).max() > 0.1
+    shading.perfect_bvh.mode = "NORMAL"
+    np.testing.assert_array_equal(rendered(), lit)  # it is in Solid shading
+    shading.type = "RENDERED"
+    np.testing.assert_array_equal(rendered(), normals)
+    scene.render.engine = "BLENDER_WORKBENCH"
+    np.testing.assert_array_equal(rendered(), lit)  # another engine renders it
+
+
+def test_it_is_outdated_by_the_scenes_mode_only_if_it_shows_that(scene, shading) -> None:
+    shading.type = "RENDERED"
+    rendered()
+    assert not last_result.is_outdated(scene)
+    scene.perfect_bvh.mode = "CLAY"
+    assert last_result.is_outdated(scene)
+    shading.perfect_bvh.mode = "NORMAL"
+    rendered()
+    assert not last_result.is_outdated(scene)
+    scene.perfect_bvh.mode = "DEPTH"
+    assert not last_result.is_outdated(scene)
+    scene.perfect_bvh.samples += 1
+    assert last_result.is_outdated(scene)
+
+
+def test_a_rendered_viewport_is_shown_under_its_own_light(scene, shading) -> None:
+    scene.perfect_bvh.use_denoising = False
+    light = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    light.data.energy = 5.0
+    scene.collection.objects.link(light)
+    lit = rendered()
+    light.hide_render = light.hide_viewport = True
+    dark = rendered()
+    light.hide_render = light.hide_viewport = False
+    assert lit[..., :3].mean() > dark[..., :3].mean()
+    shading.use_scene_lights_render = False
+    np.testing.assert_array_equal(rendered(), lit)
+    shading.type = "RENDERED"
+    np.testing.assert_array_equal(rendered(), dark)
+
+
+def test_its_image_is_known_to_show_costs(scene, shading) -> None:
+    rendered()
+    assert last_result.image_mode(bpy.data.images[NAME]) == "preview"
+    shading.type, shading.perfect_bvh.mode = "RENDERED", "COST"
+    rendered()
+    assert last_result.image_mode(bpy.data.images[NAME]) == "cost"
+    assert last_result.image_mode(bpy.data.images.new("Other", 4, 4)) is None
