@@ -8,6 +8,7 @@ import bpy
 
 from ..settings.modes import find_mode
 from ..settings.preferences import native_error
+from ..view3d import opening
 from .common import EnginePanel, RenderPanel, draw_lines, settings_layout
 
 
@@ -63,6 +64,17 @@ class PERFECT_BVH_PT_performance(EnginePanel, bpy.types.Panel):
         layout.column(heading="Persistent").prop(render, "use_persistent_data", text="Data")
 
 
+class PERFECT_BVH_PT_performance_viewport(EnginePanel, bpy.types.Panel):
+    """What opening the file begins with."""
+
+    bl_label = "Viewport"
+    bl_parent_id = "PERFECT_BVH_PT_performance"
+    bl_options: ClassVar = set()
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings_layout(self).prop(context.screen, opening.PROPERTY)
+
+
 class PERFECT_BVH_PT_simplify(RenderPanel, bpy.types.Panel):
     """Blender's own Simplify settings. Its panel would stand above this engine's, which come first everywhere else."""
 
@@ -109,4 +121,5 @@ LAST_CLASSES = (
     PERFECT_BVH_PT_simplify_viewport,
     PERFECT_BVH_PT_simplify_render,
     PERFECT_BVH_PT_performance,
+    PERFECT_BVH_PT_performance_viewport,
 )

@@ -10,7 +10,6 @@ from ..settings.modes import find_mode
 from ..settings.preferences import native_error
 from ..settings.scene_settings import ENGINE_NAME
 from ..settings.shading_settings import mode_of
-from ..view3d import opening
 
 
 class ShadingPanel:
@@ -41,13 +40,12 @@ class PERFECT_BVH_PT_shading_lighting(ShadingPanel, bpy.types.Panel):
 
 
 class PERFECT_BVH_PT_shading_render_pass(ShadingPanel, bpy.types.Panel):
-    """What this viewport shows, and whether it does so when the file is opened."""
+    """What this viewport shows."""
 
     bl_label = "Render Pass"
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.prop(context.space_data.shading.perfect_bvh, "mode", text="")
-        self.layout.prop(context.screen, opening.PROPERTY)
 
 
 def _draw_studio(layout: bpy.types.UILayout, shading: Any) -> None:

@@ -109,6 +109,9 @@ def press_sampling_film_and_performance() -> Step:
     render.threads_mode = "FIXED"
     yield from open_panel("Performance", change_all(render, {"threads": None}))
     render.threads_mode = "AUTO"
+    screen = bpy.context.screen
+    yield from open_panel("Performance", change_all(screen, {"perfect_bvh_open_rendered": None}))
+    screen.perfect_bvh_open_rendered = False
 
 
 def work_below(buttons: list[Button], number: int, work: Callable[[list[Button]], Step]) -> Step:
