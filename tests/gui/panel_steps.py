@@ -96,14 +96,14 @@ def press_the_main_panels_buttons() -> Step:
 def press_sampling_film_and_performance() -> Step:
     render = bpy.context.scene.render
     sampling = {"viewport_samples": "3", "samples": "4", "time_limit": "9"}
-    switches = {"use_denoising": None, "use_viewport_denoising": None}
-    settings().viewport_samples = 7  # of their own
+    switches = dict.fromkeys(("use_render_samples", "use_denoising", "use_viewport_denoising"))
+    settings().viewport_samples = 7  # a number of their own
     for kind, text in (("", "0.05"), ("viewport_", "0.5")):
         sampling |= {f"{kind}noise_threshold": text, f"{kind}min_samples": "7"}
     yield from open_panel("Sampling", change_all(settings(), sampling | switches))
     yield from open_panel("Sampling", switch_thresholds)
     yield from open_panel("Sampling", lambda buttons: work_below(buttons, 0, change_all(settings(), {"seed": "5"})))
-    settings().time_limit = 0.0
+    settings().time_limit, settings().viewport_samples = 0.0, 0
     yield from open_panel("Film", change_all(render, {"film_transparent": None}))
     yield from open_panel("Performance", change_all(render, {"threads_mode": None, "use_persistent_data": None}))
     render.threads_mode = "FIXED"
