@@ -291,6 +291,20 @@ def windows(session: nox.Session) -> None:
     session.run("tests/gui/windows.sh", str(extension_zip()), external=True)
 
 
+@nox.session(default=False)
+def windows_wheel(session: nox.Session) -> None:
+    """Try the wheel and the zip for Windows under Wine, beside the same on Linux, which takes hours.
+
+    `-- short` is what needs no Blender and no more than four minutes; `-- images command_line` are two steps by name,
+    which tests/wine/try_wheel.py lists. `nox -s extension -- windows-x64` builds what is tried.
+    """
+    wheels = sorted(Path("dist/wheels").glob("*-cp311-win_amd64.whl"))
+    if not wheels:
+        session.error("no wheel for Windows in dist/wheels: `nox -s extension -- windows-x64` builds it")
+    session.install("numpy>=1.26" if session.posargs == ["short"] else ".[blender]")
+    session.run("python", "tests/wine/try_wheel.py", str(wheels[-1]), *session.posargs)
+
+
 def is_installed(session: nox.Session, package: str) -> bool:
     """Whether the session's environment has it from an earlier run."""
     return any(Path(session.virtualenv.location).glob(f"lib/python*/site-packages/{package}*"))
