@@ -26,7 +26,8 @@ SWATCH = 9.0  # in points
 NAME_WIDTH, COUNT_WIDTH, COST_WIDTH = 166.0, 32.0, 104.0
 GAP = 14.0
 LEAST_LINE = 12  # characters
-SHADE = 0.7  # of what is a part of the row above
+SHADE = 0.85  # of what is a part of the row above
+SHARE = 0.5  # of what is free, in height, at most: the ray is to be seen, too
 _INSTANCES = (WalkEvent.ENTER_INSTANCE, WalkEvent.SKIP_INSTANCE)
 _NOT_HIT = (WalkEvent.TRIANGLE_MISSED, WalkEvent.TRIANGLE_REJECTED)
 
@@ -89,7 +90,8 @@ def draw_legend(context: bpy.types.Context, sentence: str, rows: Sequence[Row]) 
     gap, words = drawing.pixels(6.0), drawing.text_panel_size(lines, SENTENCE_SIZE)[1]
     for shown in (rows, [row for row in rows if not row.is_part]):
         size = _size_of(shown)
-        if shown and left + size[0] <= free.right and bottom + size[1] + gap + words <= free.top:
+        has_room = size[1] <= SHARE * (free.top - free.bottom) and bottom + size[1] + gap + words <= free.top
+        if shown and has_room and left + size[0] <= free.right:
             _draw_rows(left, bottom, size, shown)
             bottom += size[1] + gap
             break

@@ -1,4 +1,4 @@
-"""A ray's walk without a screen: the pixel's ray, its steps and boxes, what they count and cost, what is drawn."""
+"""A ray's walk without a screen: the pixel's ray, its steps and boxes, what they count and cost."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 
 bpy: Any = pytest.importorskip("bpy")
 
+from blender.walked_rays import heap, names_in, shown, walk_down  # noqa: E402
 from mathutils import Euler  # noqa: E402
 from perfect_bvh import WalkEvent  # noqa: E402
 from perfect_bvh.calibration import current_calibration  # noqa: E402
@@ -18,57 +19,21 @@ from perfect_bvh.ray_walk import BOX_TESTS, TRIANGLE_TESTS  # noqa: E402
 from perfect_bvh_addon.sync.appearance import as_camera  # noqa: E402
 from perfect_bvh_addon.sync.records import CameraRecord  # noqa: E402
 from perfect_bvh_addon.view3d.pixel_ray import pixel_ray  # noqa: E402
-from perfect_bvh_addon.view3d.shown_walk import SceneState, ShownWalk  # noqa: E402
-from perfect_bvh_addon.view3d.walk_legend import rows_of, wrap  # noqa: E402
+from perfect_bvh_addon.view3d.walk_legend import rows_of  # noqa: E402
 from perfect_bvh_addon.view3d.walk_picture import (  # noqa: E402
-    ENTERED,
-    HIT,
-    MISSED,
-    PRUNED,
-    THICK,
-    WAITING,
-    WIDE,
-    WalkedRay,
     picture_of,
-    span_in_box,
 )
 from perfect_bvh_addon.view3d.walk_reading import written_length  # noqa: E402
 from perfect_bvh_addon.view3d.walk_steps import steps_of  # noqa: E402
 from perfect_bvh_addon.view3d.walk_words import WalkWords  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
-
-DOWN = np.array([0.0, 0.0, -1.0])
 SIZE = (12, 8)
 
 
 @pytest.fixture
 def crowd() -> perfect_bvh.Snapshot:
-    """Balls in a heap, seen from above in `WALKED`."""
-    from oracles import meshes
-
-    engine = perfect_bvh.Scene()
-    mesh = engine.add_mesh(*meshes.sphere(12, 16, 1.0))
-    places = np.tile(np.eye(4), (60, 1, 1))
-    places[:, :3, 3] = np.random.default_rng(2).uniform(-2.0, 2.0, (60, 3))
-    engine.add_instances(np.full(60, mesh), places)
-    engine.commit()
-    return engine.snapshot()
-
-
-def names_in(walk: perfect_bvh.RayWalk) -> dict[int, str]:
-    return {int(ident): f"Ball.{ident:03}" for ident in walk.instance_ids if ident >= 0}
-
-
-def shown(ray: WalkedRay, steps: list[Any]) -> ShownWalk:
-    words = WalkWords(ray.walk, names_in(ray.walk), "{:.4g}".format)
-    return ShownWalk(ray, words, steps, SceneState.of(bpy.context.scene), 7, 8)
-
-
-def walk_down(snapshot: perfect_bvh.Snapshot, x: float = 0.3, y: float = 0.2) -> tuple[WalkedRay, list[Any]]:
-    origin = np.array([x, y, 9.0])
-    walk = snapshot.walk_ray(origin, DOWN)
-    return WalkedRay.of(walk, origin, DOWN, 0.0), steps_of(walk, names_in(walk))
+    return heap()
 
 
 # The ray of a pixel --------------------------------------------------------------------------------------------------
@@ -204,25 +169,6 @@ def test_boxes_are_stepped_through_one_by_one(crowd: perfect_bvh.Snapshot) -> No
     assert (walk.index, walk.part) == (1, 1) and walk.is_playing, "it plays by boxes"
 
 
-def test_one_box_of_a_step_is_bright(crowd: perfect_bvh.Snapshot) -> None:
-    ray, steps = walk_down(crowd)
-    kinds = {WalkEvent.BOX_HIT: WAITING, WalkEvent.BOX_MISSED: MISSED, WalkEvent.BOX_PRUNED: PRUNED}
-    left = set(kinds)
-    for step in steps[:-1]:
-        for row in step.rows:
-            event = WalkEvent(ray.walk.events[row])
-            picture = picture_of(ray, step, row)
-            if event not in left:
-                continue
-            (bright,) = (lines for lines in picture.lines if lines.width == WIDE)
-            np.testing.assert_allclose(bright.colors[0, :3], kinds[event], rtol=1e-6)
-            assert len(bright.positions) == 24 and len(np.unique(bright.colors, axis=0)) == 1
-            wanted = row if event is WalkEvent.BOX_HIT else step.rows.start
-            np.testing.assert_allclose(picture.tip, ray.at(span_in_box(ray, wanted)[1]))
-            left.remove(event)
-    assert not left
-
-
 def test_without_distances_sentences_have_none(crowd: perfect_bvh.Snapshot) -> None:
     ray, steps = walk_down(crowd)
     words = WalkWords(ray.walk, names_in(ray.walk), None)
@@ -247,75 +193,3 @@ def test_lengths_are_in_the_scenes_units(scene: Any) -> None:
     assert written_length(scene, 7.25) == "7.25 cm"
     scene.unit_settings.system = "NONE"
     assert written_length(scene, 7.25) == "7.25"
-
-
-# Pictures ------------------------------------------------------------------------------------------------------------
-
-
-def colors_of(lines: Any, least_opacity: float = 0.5) -> set[tuple[float, ...]]:
-    rows = np.unique(lines.colors[lines.colors[:, 3] >= least_opacity][:, :3], axis=0)
-    return {tuple(round(float(value), 3) for value in row) for row in rows}
-
-
-def test_each_step_shows_its_boxes_in_the_color_of_what_becomes_of_them(crowd: perfect_bvh.Snapshot) -> None:
-    ray, steps = walk_down(crowd)
-    walk, seen = ray.walk, set()
-    colors = {
-        WalkEvent.ENTER_NODE: ENTERED,
-        WalkEvent.BOX_HIT: WAITING,
-        WalkEvent.BOX_MISSED: MISSED,
-        WalkEvent.BOX_PRUNED: PRUNED,
-    }
-    for step in steps[:-1]:
-        picture = picture_of(ray, step)
-        events = {WalkEvent(event) for event in walk.events[step.rows.start : step.rows.stop]}
-        bright = set().union(*(colors_of(lines) for lines in picture.lines if lines.width > 1.0))
-        for event in events & colors.keys():
-            assert tuple(round(value, 3) for value in colors[event]) in bright
-            seen.add(event)
-        for lines in picture.lines:
-            assert lines.positions.dtype == np.float32 and np.isfinite(lines.positions).all()
-            assert len(lines.positions) == len(lines.colors)
-    assert seen == colors.keys()
-
-
-def test_the_hit_is_filled_and_marked_from_when_it_is_found(crowd: perfect_bvh.Snapshot) -> None:
-    ray, steps = walk_down(crowd)
-    row = ray.walk.hit_row
-    assert row is not None
-    place = ray.origin + ray.walk.t[row] * ray.direction
-    is_found = False
-    for step in steps:
-        picture = picture_of(ray, step)
-        is_found = is_found or row in step.rows
-        is_marked = picture.hit is not None and np.allclose(picture.hit, place)
-        assert is_marked == is_found
-    assert picture.triangles.shape == (3, 3)
-    np.testing.assert_allclose(picture.triangles, ray.walk.triangles[row], rtol=1e-6)
-    np.testing.assert_allclose(picture.triangle_colors[0, :3], HIT, rtol=1e-6)
-
-
-def test_the_bright_part_of_the_ray_is_in_the_box(crowd: perfect_bvh.Snapshot) -> None:
-    ray, steps = walk_down(crowd)
-    for step in steps[:-1]:
-        first, last = span_in_box(ray, step.rows.start)
-        assert 0.0 <= first <= last <= ray.exit
-        corners = ray.corners[step.rows.start]
-        if step.sentence.startswith("Enters"):
-            for t in (first, last):
-                place = ray.at(t)
-                assert (corners.min(axis=0) - 1e-5 <= place).all() and (place <= corners.max(axis=0) + 1e-5).all()
-        np.testing.assert_allclose(picture_of(ray, step).tip, ray.at(last))
-        (thick,) = (lines for lines in picture_of(ray, step).lines if lines.width == THICK)
-        np.testing.assert_allclose(thick.positions, [ray.at(first), ray.at(last)], rtol=1e-6)
-
-
-def test_a_long_sentence_is_broken_where_there_is_little_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    # "W" is wider than others: lines of as many characters are not of the same width.
-    width = lambda text, *_: (sum(9.0 if letter == "W" else 6.0 for letter in text), 12.0)  # noqa: E731
-    monkeypatch.setattr("perfect_bvh_addon.view3d.drawing.text_size", width)
-    sentence = "Step 2 of 3: Enters a box of WWWWW WWWWW WWWW and tests 8 inside: 8 missed"
-    assert wrap(sentence, 1000.0) == [sentence]
-    lines = wrap(sentence, 150.0)
-    assert " ".join(lines) == sentence and len(lines) > 2
-    assert max(width(line)[0] for line in lines) <= 150.0

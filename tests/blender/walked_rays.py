@@ -1,0 +1,42 @@
+"""What tests of a ray's walk share: a heap of balls, and rays down into it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+import perfect_bvh
+from oracles import meshes
+from perfect_bvh_addon.view3d.shown_walk import SceneState, ShownWalk
+from perfect_bvh_addon.view3d.walk_picture import WalkedRay
+from perfect_bvh_addon.view3d.walk_steps import steps_of
+from perfect_bvh_addon.view3d.walk_words import WalkWords
+
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def heap() -> perfect_bvh.Snapshot:
+    """Balls in a heap, seen from above in `walk_down`."""
+    engine = perfect_bvh.Scene()
+    mesh = engine.add_mesh(*meshes.sphere(12, 16, 1.0))
+    places = np.tile(np.eye(4), (60, 1, 1))
+    places[:, :3, 3] = np.random.default_rng(2).uniform(-2.0, 2.0, (60, 3))
+    engine.add_instances(np.full(60, mesh), places)
+    engine.commit()
+    return engine.snapshot()
+
+
+def names_in(walk: perfect_bvh.RayWalk) -> dict[int, str]:
+    return {int(ident): f"Ball.{ident:03}" for ident in walk.instance_ids if ident >= 0}
+
+
+def shown(ray: WalkedRay, steps: list[Any]) -> ShownWalk:
+    words = WalkWords(ray.walk, names_in(ray.walk), "{:.4g}".format)
+    return ShownWalk(ray, words, steps, SceneState.of(bpy.context.scene), 7, 8)
+
+
+def walk_down(snapshot: perfect_bvh.Snapshot, x: float = 0.3, y: float = 0.2) -> tuple[WalkedRay, list[Any]]:
+    origin = np.array([x, y, 9.0])
+    walk = snapshot.walk_ray(origin, DOWN)
+    return WalkedRay.of(walk, origin, DOWN, 0.0), steps_of(walk, names_in(walk))
