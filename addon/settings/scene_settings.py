@@ -218,7 +218,7 @@ def read_settings(scene: bpy.types.Scene, is_viewport: bool = False) -> RenderSe
 def preview_settings() -> RenderSettings:
     """Of Blender's previews of materials, lights and worlds, which are made again while a value is dragged."""
     return RenderSettings(
-        DEFAULT_MODE, samples=32, ao_distance=0.0, use_material_colors=True, threads=0, time_limit=1.0
+        DEFAULT_MODE, samples=64, ao_distance=0.0, use_material_colors=True, threads=0, time_limit=1.0
     )
 
 
