@@ -72,7 +72,7 @@ class PERFECT_BVH_PT_performance_viewport(EnginePanel, bpy.types.Panel):
     bl_options: ClassVar = set()
 
     def draw(self, context: bpy.types.Context) -> None:
-        settings_layout(self).prop(context.screen, opening.PROPERTY)
+        settings_layout(self).column(heading="Open").prop(context.screen, opening.PROPERTY, text="Rendered")
 
 
 class PERFECT_BVH_PT_simplify(RenderPanel, bpy.types.Panel):
