@@ -1,12 +1,9 @@
-// Threads, cancelling, aligned memory: loops, nesting, exceptions, forks, and that no caller waits for another's work.
+// Threads, cancelling, aligned memory: loops, nesting, exceptions, and that no caller waits for another's work.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <array>
 #include <atomic>
 #include <chrono>
-#include <csignal>
 #include <cstdint>
 #include <functional>
 #include <latch>
@@ -24,12 +21,6 @@
 
 namespace perfect_bvh::test {
 namespace {
-
-#if defined(__SANITIZE_THREAD__)
-constexpr bool kForkIsTestable = false;  // the sanitizer refuses threads in a forked child of a threaded process
-#else
-constexpr bool kForkIsTestable = true;
-#endif
 
 std::uint64_t count_leaves(ThreadPool& pool, int depth) {
   if (depth == 0) return 1;
@@ -280,50 +271,6 @@ TEST(SharedPool, IsReplacedUnderWork) {
   busy.join();
   EXPECT_GT(right, 0);
   EXPECT_EQ(wrong, 0);
-  ThreadPool::set_shared_thread_count(0);
-}
-
-// The exit status of `body` in a forked child; -1 if it hangs.
-template <class Body>
-int run_in_child(const Body& body) {
-  const pid_t child = fork();
-  if (child == 0) _exit(body() ? 0 : 1);
-  for (int tenths = 0; tenths < 600; ++tenths) {
-    int status = 0;
-    if (waitpid(child, &status, WNOHANG) == child) return WIFEXITED(status) ? WEXITSTATUS(status) : -2;
-    usleep(100'000);
-  }
-  kill(child, SIGKILL);
-  waitpid(child, nullptr, 0);
-  return -1;
-}
-
-bool sums_right(ThreadPool& pool) {
-  std::atomic<std::size_t> total{0};
-  parallel_for(pool, 1000, 1, [&](std::size_t begin, std::size_t) { total += begin; });
-  return total == 499500;
-}
-
-TEST(SharedPool, WorksInAForkedChild) {
-  if (!kForkIsTestable) GTEST_SKIP() << "not under ThreadSanitizer";
-  ThreadPool::set_shared_thread_count(4);
-  ASSERT_TRUE(sums_right(ThreadPool::shared()));
-  EXPECT_EQ(run_in_child([] { return sums_right(ThreadPool::shared()) && ThreadPool::shared().thread_count() == 4; }),
-            0);
-  EXPECT_TRUE(sums_right(ThreadPool::shared())) << "the parent's pool lives on";
-  ThreadPool::set_shared_thread_count(0);
-}
-
-TEST(SharedPool, WorksInAChildForkedWhileOthersAreBusy) {
-  if (!kForkIsTestable) GTEST_SKIP() << "not under ThreadSanitizer";
-  ThreadPool::set_shared_thread_count(4);
-  std::atomic<bool> enough{false};
-  std::thread busy([&] {
-    while (!enough) (void)sums_right(ThreadPool::shared());
-  });
-  for (int i = 0; i < 10; ++i) EXPECT_EQ(run_in_child([] { return sums_right(ThreadPool::shared()); }), 0);
-  enough = true;
-  busy.join();
   ThreadPool::set_shared_thread_count(0);
 }
 

@@ -2,7 +2,6 @@
 
 #if defined(__unix__) || defined(__APPLE__)
 #include <pthread.h>
-#include <sched.h>
 #endif
 
 #include <algorithm>
@@ -12,6 +11,7 @@
 #include <utility>
 
 #include "core/errors.h"
+#include "core/processors.h"
 
 namespace perfect_bvh {
 namespace {
@@ -31,14 +31,6 @@ class CurrentGroup {
   TaskGroup* previous_;
 };
 
-int affinity_thread_count() {
-#ifdef __linux__
-  cpu_set_t set;
-  if (sched_getaffinity(0, sizeof(set), &set) == 0) return std::max(1, CPU_COUNT(&set));
-#endif
-  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-}
-
 struct SharedPool {
   std::mutex mutex;
   ThreadPool* pool = nullptr;
@@ -54,7 +46,8 @@ struct SharedPool {
 };
 
 // After fork only the calling thread exists: the child's copy of the pool has no workers and its mutex may stay locked
-// forever. The child therefore forgets the pool (leaks it: nothing in it can be destroyed safely).
+// forever. The child therefore forgets the pool (leaks it: nothing in it can be destroyed safely). Windows has no fork;
+// a process that ends there stops its threads wherever they are, which the pool outlives as well.
 SharedPool& shared_state() {
   static SharedPool* const state = [] {
     auto* made = new SharedPool;  // lives as long as the process: workers may outlast static destructors
@@ -75,7 +68,7 @@ SharedPool& shared_state() {
 // Pool ------------------------------------------------------------------------------------------------------------
 
 ThreadPool::ThreadPool(int thread_count) {
-  const int total = thread_count > 0 ? thread_count : affinity_thread_count();
+  const int total = thread_count > 0 ? thread_count : usable_processor_count();
   try {
     workers_.reserve(static_cast<std::size_t>(total - 1));
     for (int i = 1; i < total; ++i) workers_.emplace_back([this] { work(); });
