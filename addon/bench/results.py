@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..support.files import replacing
+from ..support.paths import reachable
 from .advice import advice
 from .table import Row, table
 
@@ -35,7 +36,7 @@ _last: dict[int, Results] = {}  # by the scene's session uid, which no other sce
 
 def write(figures: dict[str, Any], folder: Path) -> Results:
     """All of it, the JSON first. Each file is whole, or as it was before. Errors: OSError."""
-    folder.mkdir(parents=True, exist_ok=True)
+    reachable(folder).mkdir(parents=True, exist_ok=True)
     sentences = advice(figures)
     path = folder / JSON_NAME
     with replacing(path) as file:

@@ -153,5 +153,5 @@ class Output:
             prepare_folder(folder)
         except OSError as error:
             raise CommandError(str(error.strerror)) from error
-        if self.pattern.is_dir():
+        if reachable(self.pattern).is_dir():
             raise CommandError(f"cannot write {self.pattern}: it is a folder")
