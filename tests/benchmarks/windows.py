@@ -75,7 +75,9 @@ def main() -> None:
                 assert status == 0
             else:
                 environment = os.environ | {"PYTHONPATH": str(engines["linux"])}
-                subprocess.run([sys.executable, *arguments], check=True, env=environment, timeout=SECONDS)
+                command = [sys.executable, *arguments]
+                # A session of its own, as Wine's: Linux shares processors out among sessions.
+                subprocess.run(command, check=True, env=environment, timeout=SECONDS, start_new_session=True)
             figures: dict[str, float] = json.loads(output.read_text(encoding="utf-8"))
             return figures
 

@@ -17,6 +17,7 @@ import perfect_bvh_addon.bench as bench_room
 import pytest
 from blender.long_builds import TIMER, FakeOperator, FakeWindow, Gate, building_threads
 from limits import full_disk
+from oracles.png import load_image
 from perfect_bvh_addon import register
 from perfect_bvh_addon.bench.advice import advice
 from perfect_bvh_addon.bench.from_blender import subject_of
@@ -96,11 +97,11 @@ def test_charts_are_drawn_where_matplotlib_is(moving_ball: bpy.types.Scene, tmp_
     assert set(results.pictures) == WITH_CHARTS
     for name, path in results.pictures.items():
         assert path == tmp_path / f"{name}.png"
-        image = bpy.data.images.load(str(path))
+        image = load_image(path)
         assert image.size[0] == 1600 and image.size[1] > 700
         assert np.array(image.pixels).reshape(-1, 4)[:, :3].std() > 0.02  # there is something on the paper
     assert results.overview is not None
-    image = bpy.data.images.load(str(results.overview))
+    image = load_image(results.overview)
     assert image.size[0] == 1600 and image.size[1] > 2800
 
 

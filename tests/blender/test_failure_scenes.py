@@ -21,6 +21,7 @@ from makers.zoo.case import finite, world_corners  # noqa: E402
 from makers.zoo.instructions import DO  # noqa: E402
 from makers.zoo.lessons import lesson_of  # noqa: E402
 from makers.zoo.scenes import frame_of, stored_states  # noqa: E402
+from oracles.png import load_image  # noqa: E402
 
 RAYS = 200
 LARGEST_FILE = 400_000
@@ -150,7 +151,7 @@ def shades_of_a_render(scene: Any, path: Path) -> int:
     scene.render.resolution_x, scene.render.resolution_y = 64, 36
     scene.render.filepath = str(path)
     assert bpy.ops.render.render(write_still=True) == {"FINISHED"}
-    pixels = np.array(bpy.data.images.load(str(path)).pixels).reshape(-1, 4)
+    pixels = np.array(load_image(path).pixels).reshape(-1, 4)
     return len(np.unique(pixels, axis=0))
 
 

@@ -21,6 +21,7 @@ from blender.builders import (
     mesh_object,
     object_info,
 )
+from oracles.png import load_image
 from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.sync.records import VISIBLE_TO_CAMERA
 
@@ -155,7 +156,7 @@ def cycles_outcome(scene: Any, path: Path) -> str:
     scene.render.filepath = str(path)
     scene.render.resolution_x = scene.render.resolution_y = 8
     bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(str(path))
+    image = load_image(path)
     pixels = np.empty(8 * 8 * 4, np.float32)
     image.pixels.foreach_get(pixels)
     red, green, _, alpha = pixels.reshape(8, 8, 4)[4, 4]

@@ -1,4 +1,4 @@
-"""The bytes of an image file, as Blender decodes them."""
+"""Image files, as Blender decodes them."""
 
 from __future__ import annotations
 
@@ -9,9 +9,18 @@ import numpy as np
 import numpy.typing as npt
 
 
+def load_image(path: Path) -> bpy.types.Image:
+    """The file as an image of Blender, from memory: Wine cannot map files as Blender does when it loads one itself."""
+    data = path.read_bytes()
+    image = bpy.data.images.new(path.name, 1, 1)
+    image.pack(data=data, data_len=len(data))
+    image.source = "FILE"
+    return image
+
+
 def read_png(path: Path) -> npt.NDArray[np.uint8]:
     """(H, W, 4) uint8 as stored, row 0 on top; alpha is 255 where the file has none."""
-    image = bpy.data.images.load(str(path))
+    image = load_image(path)
     try:
         image.colorspace_settings.name = "Non-Color"
         image.alpha_mode = "CHANNEL_PACKED"  # colour and alpha as they are, not multiplied

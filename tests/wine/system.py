@@ -6,6 +6,7 @@ that Java programs use. They are for these tests alone and are never shipped.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import signal
@@ -66,11 +67,17 @@ class WineSystem:
 
     def __enter__(self) -> WineSystem:
         (self.folder / "home").mkdir(parents=True, exist_ok=True)
+        self._lock = (self.folder / "lock").open("w")
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise SystemExit(f"{self.folder} is used by another run, which this one would end") from None
         self._install_python()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._end_programs()
+        self._lock.close()
 
     def _end_programs(self) -> None:
         subprocess.run([SERVER, "-k"], env=self.environment, check=False, timeout=60)
