@@ -1,15 +1,19 @@
-# Kernels are compiled once for each instruction set: src/traverse/*_avx2.cpp and *_avx512.cpp get their own flags,
-# everything else stays baseline x86-64. The engine is told which sets it holds by PERFECT_BVH_HAVE_AVX2 and
-# PERFECT_BVH_HAVE_AVX512 (0 or 1).
+# Kernels are compiled once for each instruction set: src/traverse/*_avx2.cpp, *_avx512.cpp and *_neon.cpp get their own
+# flags, on the processors that they are for; everything else stays baseline x86-64 or 64-bit ARM, of which NEON is a
+# part. The engine is told which sets it holds by PERFECT_BVH_HAVE_AVX2, ..._AVX512 and ..._NEON (0 or 1).
 #
 # A weak symbol in such a unit (an inline function or a template that was not inlined) could be the copy that the
 # linker keeps for the whole library, and would then run on machines without these instructions. So every unit is
 # checked after it is compiled, and the build stops if one holds a weak symbol. On Windows and macOS, whose objects `nm`
 # tells too little of, build_wheels.py does it.
 
-set(PERFECT_BVH_ISAS avx2 avx512)
+set(PERFECT_BVH_ISAS avx2 avx512 neon)
+set(perfect_bvh_processors_avx2 "^(x86_64|AMD64)$")
+set(perfect_bvh_processors_avx512 ${perfect_bvh_processors_avx2})
+set(perfect_bvh_processors_neon "^(aarch64|arm64|ARM64)$")
 set(perfect_bvh_flags_avx2 -mavx2 -mfma -mbmi -mbmi2 -mlzcnt -mpopcnt -mf16c)
 set(perfect_bvh_flags_avx512 ${perfect_bvh_flags_avx2} -mavx512f -mavx512bw -mavx512dq -mavx512vl)
+set(perfect_bvh_flags_neon)
 
 # Moves the sources of each instruction set out of the list named by `sources_variable`.
 function(perfect_bvh_take_isa_sources sources_variable)
@@ -18,7 +22,7 @@ function(perfect_bvh_take_isa_sources sources_variable)
     set(isa_sources ${sources})
     list(FILTER isa_sources INCLUDE REGEX "/src/traverse/[^/]*_${isa}\\.cpp$")
     list(FILTER sources EXCLUDE REGEX "_${isa}\\.cpp$")
-    if(NOT CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64)$")
+    if(NOT CMAKE_SYSTEM_PROCESSOR MATCHES "${perfect_bvh_processors_${isa}}")
       set(isa_sources "")
     endif()
     set(perfect_bvh_sources_${isa} ${isa_sources} PARENT_SCOPE)

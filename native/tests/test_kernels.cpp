@@ -171,6 +171,30 @@ TEST_P(Kernels, TakeBadRaysForMisses) {
   expect_reference(*snapshot, rays);
 }
 
+// Among rays that go the same way, some whose ranges are nowhere or that are none: packets keep limits for all their rays.
+TEST_P(Kernels, TakeNothingFromTheRaysBesideBadOnes) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto spoil = [&](Ray& ray, unsigned kind) {
+    const float far = kind % 2 == 0 ? kInfiniteDistance : 1e38f;
+    if (kind >= 6) ray.direction = ray.direction * 1e300;  // local t beyond every double
+    if (kind / 2 % 3 == 0) ray.t_min = ray.t_max = -far;
+    if (kind / 2 % 3 == 1) ray.t_min = ray.t_max = far;
+    if (kind / 2 % 3 == 2) ray.t_min = -kInfiniteDistance, ray.origin.y = far == kInfiniteDistance ? nan : 0.0;
+  };
+  for (const bool is_single : {true, false}) {
+    const auto snapshot = commit({{soup(300, 1), is_single ? std::vector<Affine>(1) : many_places(10, 2)}});
+    for (unsigned kind = 0; kind < 12; ++kind) {
+      std::vector<Ray> rays(256);
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        rays[i].origin = {0.1, -3.0, 0.2};
+        rays[i].direction = {static_cast<double>(i % 16) / 40 - 0.2, 1.0, static_cast<double>(i / 16) / 40 - 0.2};
+        if (i % 64 == 5 * kind || i % 11 == 10) spoil(rays[i], kind);
+      }
+      expect_reference(*snapshot, rays);
+    }
+  }
+}
+
 TEST_P(Kernels, AnswerEmptyScenes) {
   Scene scene;
   ThreadPool pool(1);
@@ -228,6 +252,10 @@ TEST(Dispatch, RefusesUnknownKernels) {
   EXPECT_THROW(set_active_kernels("sse9"), InvalidArgument);
   EXPECT_STREQ(available_kernels().front()->name, "scalar");
 }
+
+#if defined(__aarch64__)
+TEST(Dispatch, PrefersVectorsWhereverTheyAre) { EXPECT_STREQ(active_kernels().name, "neon"); }
+#endif
 
 }  // namespace
 }  // namespace perfect_bvh::test

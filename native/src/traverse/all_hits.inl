@@ -51,8 +51,7 @@ inline std::size_t walk_whole_ray(Slot& slot, const SceneView& scene, const RayB
     if (entry < kBlockChild) {
       const WideNode& node = slot.nodes[entry];
       const NodeTest test = test_node(node, slot.box);
-      push_unsorted(node, test.hit, stack + slot.top);
-      slot.top += count_bits(bits(test.hit)) - 1;
+      slot.top += push_unsorted(node, test.hit, stack + slot.top) - 1;
     } else if (pace.should_stop()) {
       return count;
     } else if (entry < kInstanceChild) {

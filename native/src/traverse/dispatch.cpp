@@ -29,6 +29,9 @@ struct Available {
 #if PERFECT_BVH_HAVE_AVX512
     if (cpu_runs_avx512()) tables[count++] = &kAvx512Kernels;
 #endif
+#if PERFECT_BVH_HAVE_NEON
+    tables[count++] = &kNeonKernels;  // every processor of the kind has it
+#endif
   }
 };
 

@@ -1,4 +1,5 @@
-// Which kernels run: the best that this machine has, unless PERFECT_BVH_ISA names another ("scalar", "avx2", "avx512").
+// Which kernels run: the best that this machine has, unless PERFECT_BVH_ISA names another ("scalar", "avx2",
+// "avx512", "neon").
 #pragma once
 
 #include <span>

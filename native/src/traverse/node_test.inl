@@ -8,15 +8,14 @@ struct NodeTest {
 };
 
 PERFECT_BVH_INLINE NodeTest test_node(const WideNode& node, const BoxState& box) noexcept {
-  const Float8 inverse_x = broadcast(box.slab.inverse[0]);
-  const Float8 inverse_y = broadcast(box.slab.inverse[1]);
-  const Float8 inverse_z = broadcast(box.slab.inverse[2]);
-  const Float8 near_x = fmsub(load_row(&node, box.rows.near_row[0]), inverse_x, broadcast(box.slab.near_offset[0]));
-  const Float8 near_y = fmsub(load_row(&node, box.rows.near_row[1]), inverse_y, broadcast(box.slab.near_offset[1]));
-  const Float8 near_z = fmsub(load_row(&node, box.rows.near_row[2]), inverse_z, broadcast(box.slab.near_offset[2]));
-  const Float8 far_x = fmsub(load_row(&node, box.rows.far_row[0]), inverse_x, broadcast(box.slab.far_offset[0]));
-  const Float8 far_y = fmsub(load_row(&node, box.rows.far_row[1]), inverse_y, broadcast(box.slab.far_offset[1]));
-  const Float8 far_z = fmsub(load_row(&node, box.rows.far_row[2]), inverse_z, broadcast(box.slab.far_offset[2]));
+  const float *const inverse = box.slab.inverse, *const near_offset = box.slab.near_offset;
+  const float* const far_offset = box.slab.far_offset;
+  const Float8 near_x = plane_depths<0>(load_row(&node, box.rows.near_row[0]), inverse, near_offset);
+  const Float8 near_y = plane_depths<1>(load_row(&node, box.rows.near_row[1]), inverse, near_offset);
+  const Float8 near_z = plane_depths<2>(load_row(&node, box.rows.near_row[2]), inverse, near_offset);
+  const Float8 far_x = plane_depths<0>(load_row(&node, box.rows.far_row[0]), inverse, far_offset);
+  const Float8 far_y = plane_depths<1>(load_row(&node, box.rows.far_row[1]), inverse, far_offset);
+  const Float8 far_z = plane_depths<2>(load_row(&node, box.rows.far_row[2]), inverse, far_offset);
   const Float8 near = max(max(near_x, near_y), max(near_z, broadcast(box.t_min)));
   const Float8 far = min(min(far_x, far_y), min(far_z, broadcast(box.t_limit)));
   return {near, less_equal(near, far)};

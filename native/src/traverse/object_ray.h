@@ -85,21 +85,24 @@ static inline double to_ray_t(const TimeFrame& time, float local_t) noexcept {
 
 // No t beyond this becomes a float of at most t_max: hits are compared with the range as they are reported.
 static inline double last_t(float t_max) noexcept {
-  const double t = static_cast<double>(t_max);
-  return t + (0x1p-24 * __builtin_fabs(t) + 0x1p-150);
+  const double t = static_cast<double>(t_max), last = t + (0x1p-24 * __builtin_fabs(t) + 0x1p-150);
+  return last == last ? last : t;  // of minus infinity
 }
 
 // The local range of a range of the ray's own t, widened beyond every rounding between them (underflow to 0 included):
-// a hit outside it is outside the range; one inside is compared again, in the ray's own terms.
+// a hit outside it is outside the range; one inside is compared again, in the ray's own terms. Never NaN, which packets
+// would take for all their rays' limit: a range that is nowhere, or too far away for a double, holds nothing.
 static inline float to_local_min(const TimeFrame& time, double t) noexcept {
   if (time.is_direct) return static_cast<float>(t);
   const double exact = (t - (0x1p-22 * __builtin_fabs(t) + 0x1p-149) - time.offset) / time.scale;
-  return static_cast<float>(exact - 0x1p-22 * __builtin_fabs(exact));
+  const double least = exact - 0x1p-22 * __builtin_fabs(exact);
+  return least == least ? static_cast<float>(least) : __builtin_inff();
 }
 static inline float to_local_max(const TimeFrame& time, double t) noexcept {
   if (time.is_direct) return static_cast<float>(t);
   const double exact = (t + (0x1p-22 * __builtin_fabs(t) + 0x1p-149) - time.offset) / time.scale;
-  return static_cast<float>(exact + 0x1p-22 * __builtin_fabs(exact));
+  const double most = exact + 0x1p-22 * __builtin_fabs(exact);
+  return most == most ? static_cast<float>(most) : -__builtin_inff();
 }
 
 }  // namespace perfect_bvh

@@ -52,11 +52,10 @@ struct PacketWalk {
       const WideNode& node = level.nodes[next];
       const NodeTest test = test_node(node, lone.box);
       if constexpr (kAny) {
-        push_unsorted(node, test.hit, children + top);
+        top += push_unsorted(node, test.hit, children + top);
       } else {
-        push_sorted(node, order_shift, test.hit, test.near, children + top, nears + top);
+        top += push_sorted(node, order_shift, test.hit, test.near, children + top, nears + top);
       }
-      top += count_bits(bits(test.hit));
     }
   }
 
@@ -80,10 +79,9 @@ struct PacketWalk {
     const WideNode& node = level.nodes[row];
     const NodeTest test = test_bounds(node, level.key.rows, level.bounds);
     const PacketStack& stack = packet.stack;
-    push_boxes(node, level.key.rows.order_shift, test.hit, test.near, first << 3, stack.children + top,
-               stack.nears + top, stack.places + top);
     for (unsigned i = 0; i < 8; ++i) stack.parents[top + i] = row;
-    top += count_bits(bits(test.hit));
+    top += push_boxes(node, level.key.rows.order_shift, test.hit, test.near, first << 3, stack.children + top,
+                      stack.nears + top, stack.places + top);
   }
 
   // All of `rays`, of one key, through the tree of `level`.

@@ -175,8 +175,10 @@ template <bool kAny>
 void set_ranges(PacketBoxes& boxes, const Packet& packet, const PacketRays& rays, RaySet members) noexcept {
   for (unsigned i = 0; i < packet.lanes; i += kRayLanes) {
     const RayFloat limit = load_narrowed(packet.hits.t + i);
-    store_rays(boxes.t_min + i, load_rays(packet.t_min + i));
-    store_rays(boxes.t_limit + i, select(ray_mask(lanes_of(members, i)), limit, every_ray(kDead)));
+    const RayMask mask = ray_mask(lanes_of(members, i));
+    // Both ends: what others have for constants may be NaN, and -infinity to -infinity is still a range.
+    store_rays(boxes.t_min + i, select(mask, load_rays(packet.t_min + i), every_ray(kInfiniteDistance)));
+    store_rays(boxes.t_limit + i, select(mask, limit, every_ray(kDead)));
   }
   for (RaySet moved = rays.moved & members; moved != 0; moved &= moved - 1) {
     const unsigned i = first_ray(moved);

@@ -36,6 +36,12 @@ PERFECT_BVH_INLINE Float8 min(Float8 a, Float8 b) noexcept { return _mm256_min_p
 PERFECT_BVH_INLINE Float8 max(Float8 a, Float8 b) noexcept { return _mm256_max_ps(a, b); }
 PERFECT_BVH_INLINE Float8 abs(Float8 a) noexcept { return _mm256_andnot_ps(_mm256_set1_ps(-0.0f), a); }
 
+// t where a ray meets eight planes across an axis; `inverse` and `offset` are those of a SlabRay, followed by more.
+template <int kAxis>
+PERFECT_BVH_INLINE Float8 plane_depths(Float8 planes, const float* inverse, const float* offset) noexcept {
+  return fmsub(planes, broadcast(inverse[kAxis]), broadcast(offset[kAxis]));
+}
+
 PERFECT_BVH_INLINE unsigned count_bits(unsigned mask) noexcept { return static_cast<unsigned>(_mm_popcnt_u32(mask)); }
 
 template <int kCount>

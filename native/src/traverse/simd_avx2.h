@@ -35,18 +35,20 @@ PERFECT_BVH_INLINE Int8 compressing(unsigned mask) noexcept {
 }
 
 // Writes the children in `hit` to `children` (all 8 places may be overwritten), the farthest first, and where each
-// is entered to `nears`.
-PERFECT_BVH_INLINE void push_sorted(const WideNode& node, std::uint32_t order_shift, Mask8 hit, Float8 near,
+// is entered to `nears`. Returns how many they are.
+PERFECT_BVH_INLINE unsigned push_sorted(const WideNode& node, std::uint32_t order_shift, Mask8 hit, Float8 near,
                                     std::uint32_t* children, float* nears) noexcept {
   const Int8 order = _mm256_srlv_epi32(load(node.order), _mm256_set1_epi32(static_cast<int>(order_shift)));
   const unsigned kept = bits(permute(hit, order));
   const Int8 places = _mm256_permutevar8x32_epi32(order, compressing(kept));
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(children), _mm256_permutevar8x32_epi32(load(node.child), places));
   _mm256_storeu_ps(nears, permute(near, places));
+  return count_bits(bits(hit));
 }
-PERFECT_BVH_INLINE void push_unsorted(const WideNode& node, Mask8 hit, std::uint32_t* children) noexcept {
+PERFECT_BVH_INLINE unsigned push_unsorted(const WideNode& node, Mask8 hit, std::uint32_t* children) noexcept {
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(children),
                       _mm256_permutevar8x32_epi32(load(node.child), compressing(bits(hit))));
+  return count_bits(bits(hit));
 }
 // Moves the first `count` (at most 8) entries whose `nears` do not exceed `limit` to the front of `to_*`, which may
 // be the same place or lie before it; all 8 places there may be overwritten. Returns how many they are.

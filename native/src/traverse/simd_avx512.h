@@ -17,17 +17,19 @@ PERFECT_BVH_INLINE Mask8 either(Mask8 a, Mask8 b) noexcept { return static_cast<
 PERFECT_BVH_INLINE unsigned bits(Mask8 mask) noexcept { return mask; }
 
 // Writes the children in `hit` to `children` (all 8 places may be overwritten), the farthest first, and where each
-// is entered to `nears`.
-PERFECT_BVH_INLINE void push_sorted(const WideNode& node, std::uint32_t order_shift, Mask8 hit, Float8 near,
+// is entered to `nears`. Returns how many they are.
+PERFECT_BVH_INLINE unsigned push_sorted(const WideNode& node, std::uint32_t order_shift, Mask8 hit, Float8 near,
                                     std::uint32_t* children, float* nears) noexcept {
   const Int8 order = _mm256_srlv_epi32(load(node.order), _mm256_set1_epi32(static_cast<int>(order_shift)));
   const Int8 child = _mm256_permutevar8x32_epi32(_mm256_maskz_load_epi32(hit, node.child), order);
   const Mask8 kept = _mm256_test_epi32_mask(child, child);  // a child is never 0
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(children), _mm256_maskz_compress_epi32(kept, child));
   _mm256_storeu_ps(nears, _mm256_maskz_compress_ps(kept, permute(near, order)));
+  return count_bits(hit);
 }
-PERFECT_BVH_INLINE void push_unsorted(const WideNode& node, Mask8 hit, std::uint32_t* children) noexcept {
+PERFECT_BVH_INLINE unsigned push_unsorted(const WideNode& node, Mask8 hit, std::uint32_t* children) noexcept {
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(children), _mm256_maskz_compress_epi32(hit, load(node.child)));
+  return count_bits(hit);
 }
 // Moves the first `count` (at most 8) entries whose `nears` do not exceed `limit` to the front of `to_*`, which may
 // be the same place or lie before it; all 8 places there may be overwritten. Returns how many they are.

@@ -90,7 +90,7 @@ PERFECT_BVH_INLINE unsigned used_corners(const std::uint32_t* corners) noexcept 
 }
 
 // As push_sorted, with `flags` + which place of the node each child has, to `places`.
-PERFECT_BVH_INLINE void push_boxes(const WideNode& node, std::uint32_t order_shift, Mask8 hit, Float8 near,
+PERFECT_BVH_INLINE unsigned push_boxes(const WideNode& node, std::uint32_t order_shift, Mask8 hit, Float8 near,
                                    std::uint32_t flags, std::uint32_t* children, float* nears,
                                    std::uint32_t* places) noexcept {
   const Int8 order = _mm256_srlv_epi32(load(node.order), _mm256_set1_epi32(static_cast<int>(order_shift)));
@@ -101,6 +101,7 @@ PERFECT_BVH_INLINE void push_boxes(const WideNode& node, std::uint32_t order_shi
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(children), _mm256_permutevar8x32_epi32(load(node.child), from));
   _mm256_storeu_ps(nears, permute(near, from));
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(places), place);
+  return count_bits(bits(hit));
 }
 
 }  // namespace

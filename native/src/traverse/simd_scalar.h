@@ -81,6 +81,12 @@ inline Float8 abs(const Float8& a) noexcept {
   return each([&](int i) { return __builtin_fabsf(a.lane[i]); });
 }
 
+// t where a ray meets eight planes across an axis; `inverse` and `offset` are those of a SlabRay, followed by more.
+template <int kAxis>
+inline Float8 plane_depths(const Float8& planes, const float* inverse, const float* offset) noexcept {
+  return fmsub(planes, broadcast(inverse[kAxis]), broadcast(offset[kAxis]));
+}
+
 inline Mask8 less_equal(const Float8& a, const Float8& b) noexcept {
   return each_bit([&](int i) { return a.lane[i] <= b.lane[i]; });
 }
@@ -106,20 +112,23 @@ inline Float8 permute(const Float8& a, const Int8& index) noexcept {
   return each([&](int i) { return a.lane[index.lane[i] & 7]; });
 }
 
-// Writes the children in `hit` to `children`, the farthest first, and where each is entered to `nears`.
-inline void push_sorted(const WideNode& node, std::uint32_t order_shift, Mask8 hit, const Float8& near,
-                        std::uint32_t* children, float* nears) noexcept {
+// Writes the children in `hit` to `children`, the farthest first, and where each is entered to `nears`. Returns how many
+// they are.
+inline unsigned push_sorted(const WideNode& node, std::uint32_t order_shift, Mask8 hit, const Float8& near,
+                            std::uint32_t* children, float* nears) noexcept {
   for (int i = 0; i < 8; ++i) {
     const std::uint32_t place = (node.order[i] >> order_shift) & 7;
     if ((hit >> place & 1) == 0) continue;
     *children++ = node.child[place];
     *nears++ = near.lane[place];
   }
+  return count_bits(hit);
 }
-inline void push_unsorted(const WideNode& node, Mask8 hit, std::uint32_t* children) noexcept {
+inline unsigned push_unsorted(const WideNode& node, Mask8 hit, std::uint32_t* children) noexcept {
   for (unsigned i = 0; i < 8; ++i) {
     if (hit >> i & 1) *children++ = node.child[i];
   }
+  return count_bits(hit);
 }
 // Moves the first `count` (at most 8) entries whose `nears` do not exceed `limit` to the front of `to_*`, which may
 // be the same place or lie before it. Returns how many they are.

@@ -74,12 +74,12 @@ PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
     if constexpr (kCounts) ++stream.batch.counts[slot.ray].nodes_visited;
     const NodeTest test = test_node(node, slot.box);
     if constexpr (kAny) {
-      push_unsorted(node, test.hit, stack + top);
+      top += push_unsorted(node, test.hit, stack + top) - 1;
     } else {
-      push_sorted(node, slot.box.rows.order_shift, test.hit, test.near, stack + top,
-                  reinterpret_cast<float*>(stack + nears_offset) + top);
+      top += push_sorted(node, slot.box.rows.order_shift, test.hit, test.near, stack + top,
+                         reinterpret_cast<float*>(stack + nears_offset) + top) -
+             1;
     }
-    top += count_bits(bits(test.hit)) - 1;
     slot.top = top;
     at_node[i - others] = &slot;
     at_other[others] = &slot;
