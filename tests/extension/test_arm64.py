@@ -1,5 +1,7 @@
 """The zip's modules for 64-bit ARM, run by an emulator, answer every ray as this machine's engine does, bit for bit.
 
+They do so with NEON, which they choose by themselves, and without.
+
 Images are within a few roundings of this machine's: the sines in samples' directions are those of each C library.
 
 `nox -s arm64_pythons` puts Pythons of that kind into .cache/arm64_pythons; the system must have qemu-user-static.
@@ -12,7 +14,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -102,16 +104,29 @@ def emulated(
     return Emulated(python, command, os.environ | {"PYTHONPATH": packages, "PYTHONDONTWRITEBYTECODE": ""})
 
 
-def test_it_answers_as_this_machine_does(
-    emulated: Emulated, repository: Path, inputs: Path, expected: Answers, tmp_path: Path
-) -> None:
-    answers = answers_of([*emulated.command, repository / SCRIPT], inputs, tmp_path, emulated.environment)
+def check_answers(emulated: Emulated, isa: str, script: Path, inputs: Path, expected: Answers, folder: Path) -> None:
+    answers = answers_of([*emulated.command, script], inputs, folder, emulated.environment)
     assert str(answers.pop("machine")) == "aarch64"
     assert str(answers.pop("python")) == emulated.python
     assert str(answers.pop("module")).startswith(emulated.environment["PYTHONPATH"].split(os.pathsep)[0])
-    assert list(answers.pop("isas")) == ["scalar"]
+    assert list(answers.pop("isas")) == ["scalar", "neon"]
+    assert str(answers.pop("isa")) == isa
     assert "sse9" in str(answers.pop("refusal"))
     check_same(answers, expected)
+
+
+def test_it_answers_as_this_machine_does(
+    emulated: Emulated, repository: Path, inputs: Path, expected: Answers, tmp_path: Path
+) -> None:
+    check_answers(emulated, "neon", repository / SCRIPT, inputs, expected, tmp_path)
+
+
+@pytest.mark.parametrize("emulated", ["3.13"], indirect=True)
+def test_so_it_does_without_neon(
+    emulated: Emulated, repository: Path, inputs: Path, expected: Answers, tmp_path: Path
+) -> None:
+    scalar = replace(emulated, environment=emulated.environment | {"PERFECT_BVH_ISA": "scalar"})
+    check_answers(scalar, "scalar", repository / SCRIPT, inputs, expected, tmp_path)
 
 
 @pytest.mark.parametrize("emulated", ["3.13"], indirect=True)
@@ -128,7 +143,7 @@ def check_same(answers: Answers, expected: Answers) -> None:
     assert np.isfinite(expected["auto: scattered t_hit"]).sum() > 250
     assert np.isfinite(expected["auto: coherent t_hit"]).sum() > 500
     assert np.ptp(expected["image: preview"][..., :3]) > 0.1
-    assert set(answers) == set(expected) - {"machine", "python", "module", "isas", "refusal"}
+    assert set(answers) == set(expected) - {"machine", "python", "module", "isas", "isa", "refusal"}
     for name, value in answers.items():
         assert value.dtype == expected[name].dtype
         if name.startswith("image"):

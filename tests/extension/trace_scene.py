@@ -85,6 +85,7 @@ def main() -> None:
         python="{}.{}".format(*sys.version_info),
         module=perfect_bvh.__file__,
         isas=perfect_bvh.available_isas(),
+        isa=perfect_bvh.active_isa(),
         refusal=refusal,
         **trace_all(inputs),
         **draw(inputs),

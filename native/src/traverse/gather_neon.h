@@ -1,6 +1,6 @@
-// Reads a leaf of the compact layout with NEON: each vertex by one load of four floats (the fourth is the next vertex's,
-// or lies behind the last), four of them turned into three rows.
-// Included by one translation unit only; everything in it has internal linkage.
+// Reads a leaf of the compact layout with NEON: each vertex by one load of four floats (the fourth is the next
+// vertex's, or lies behind the last), four of them turned into three rows. Included by one translation unit only;
+// everything in it has internal linkage.
 #pragma once
 
 #include <arm_neon.h>

@@ -19,7 +19,7 @@ PERFECT_BVH_INLINE unsigned bits(Mask8 mask) noexcept { return mask; }
 // Writes the children in `hit` to `children` (all 8 places may be overwritten), the farthest first, and where each
 // is entered to `nears`. Returns how many they are.
 PERFECT_BVH_INLINE unsigned push_sorted(const WideNode& node, std::uint32_t order_shift, Mask8 hit, Float8 near,
-                                    std::uint32_t* children, float* nears) noexcept {
+                                        std::uint32_t* children, float* nears) noexcept {
   const Int8 order = _mm256_srlv_epi32(load(node.order), _mm256_set1_epi32(static_cast<int>(order_shift)));
   const Int8 child = _mm256_permutevar8x32_epi32(_mm256_maskz_load_epi32(hit, node.child), order);
   const Mask8 kept = _mm256_test_epi32_mask(child, child);  // a child is never 0

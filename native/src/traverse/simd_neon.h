@@ -180,8 +180,7 @@ PERFECT_BVH_INLINE SortedChildren sort_children(const WideNode& node, std::uint3
   const Int8 orders = load(node.order);
   // Four times the places: where the children's first bytes stand.
   const int32x4_t shift = vdupq_n_s32(2 - static_cast<std::int32_t>(order_shift));
-  const uint8x16_t pairs =
-      vreinterpretq_u8_u16(narrowed(vshlq_u32(orders.low, shift), vshlq_u32(orders.high, shift)));
+  const uint8x16_t pairs = vreinterpretq_u8_u16(narrowed(vshlq_u32(orders.low, shift), vshlq_u32(orders.high, shift)));
   const uint8x16_t order = vandq_u8(vuzp1q_u8(pairs, pairs), vdupq_n_u8(4 * 7));
   const uint8x8_t hit_places = vqtbl2_u8(table_of(hit), vget_low_u8(order));
   const unsigned mask = vaddv_u8(vand_u8(hit_places, vld1_u8(kBitOfByte)));

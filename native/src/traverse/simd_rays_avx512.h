@@ -104,8 +104,8 @@ PERFECT_BVH_INLINE unsigned used_corners(const std::uint32_t* corners) noexcept 
 
 // As push_sorted, with `flags` + which place of the node each child has, to `places`.
 PERFECT_BVH_INLINE unsigned push_boxes(const WideNode& node, std::uint32_t order_shift, Mask8 hit, Float8 near,
-                                   std::uint32_t flags, std::uint32_t* children, float* nears,
-                                   std::uint32_t* places) noexcept {
+                                       std::uint32_t flags, std::uint32_t* children, float* nears,
+                                       std::uint32_t* places) noexcept {
   const Int8 order = _mm256_srlv_epi32(load(node.order), _mm256_set1_epi32(static_cast<int>(order_shift)));
   const Int8 child = _mm256_permutevar8x32_epi32(_mm256_maskz_load_epi32(hit, node.child), order);
   const Mask8 kept = _mm256_test_epi32_mask(child, child);

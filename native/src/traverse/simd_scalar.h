@@ -112,8 +112,8 @@ inline Float8 permute(const Float8& a, const Int8& index) noexcept {
   return each([&](int i) { return a.lane[index.lane[i] & 7]; });
 }
 
-// Writes the children in `hit` to `children`, the farthest first, and where each is entered to `nears`. Returns how many
-// they are.
+// Writes the children in `hit` to `children`, the farthest first, and where each is entered to `nears`. Returns how
+// many they are.
 inline unsigned push_sorted(const WideNode& node, std::uint32_t order_shift, Mask8 hit, const Float8& near,
                             std::uint32_t* children, float* nears) noexcept {
   for (int i = 0; i < 8; ++i) {
