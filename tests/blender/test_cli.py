@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from perfect_bvh_addon.cli.arguments import CommandError, Output, check_blend_fi
 from perfect_bvh_addon.cli.console import format_table
 from perfect_bvh_addon.settings.modes import MODE_NAMES
 from perfect_bvh_addon.support.files import replacing
+from perfect_bvh_addon.support.paths import reachable
 
 # Arguments ---------------------------------------------------------------------------------------------------------
 
@@ -145,6 +147,16 @@ def test_an_image_never_replaces_its_scene(name: str, tmp_path: Path) -> None:
             run_command("render", scene, "-o", tmp_path / output, "--frames", "7")
     assert scene.read_bytes() == b"BLENDER-v405"
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_files_may_have_names_of_any_language_and_length(small_file: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "Jörg Müller 立方体"
+    folder.mkdir()
+    scene, image = folder / "scène 1.blend", folder.joinpath(*["x" * 60] * 5, "立方体.png")
+    shutil.copy(small_file, scene)
+    assert run("render", scene, "-o", image) == 0
+    assert reachable(image).read_bytes().startswith(b"\x89PNG")
+    assert [path.name for path in reachable(image.parent).iterdir()] == [image.name]
 
 
 def test_the_longest_name_can_be_written(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from command_line import compare_command_lines
+from press_ctrl_c import check_interrupts
 from system import BLENDER_PACKAGES, NUMPY, REPOSITORY, TEST_PACKAGES, WineSystem, windows_path
 
 PYTEST = ("-m", "pytest", "-n", "0", "-q", "-p", "no:cacheprovider")
@@ -87,6 +88,10 @@ class Trial:
         """`perfect-bvh render` of one file, each system with its own Blender."""
         compare_command_lines(self, REPOSITORY / "blend_scenes" / "courtyard.blend", OUTPUT)
 
+    def ctrl_c(self) -> None:
+        """Ctrl-C in a console ends whatever is waited for."""
+        check_interrupts(self.system, [self.engine, self.addon, self.tests], OUTPUT)
+
     def blender_tests(self) -> None:
         """Every test that needs Blender's module."""
         self.run(*PYTEST, "tests/blender", seconds=4 * 3600, blender=True)
@@ -111,6 +116,7 @@ STEPS: dict[str, Callable[[Trial], None]] = {
     "engine": Trial.engine_tests,
     "images": Trial.images,
     "command_line": Trial.command_line,
+    "ctrl_c": Trial.ctrl_c,
     "extension": Trial.extension,
     "blender": Trial.blender_tests,
 }
