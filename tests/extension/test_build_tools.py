@@ -1,0 +1,127 @@
+"""What makes wheels and zips for other systems, on small inputs written here byte by byte."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import struct
+import tomllib
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from extension.zips import REPOSITORY
+
+
+@pytest.fixture
+def tools(monkeypatch: pytest.MonkeyPatch) -> dict[str, ModuleType]:
+    monkeypatch.syspath_prepend(str(REPOSITORY / "native"))
+    names = ("weak_symbols", "mend_mach_o", "extension_folder", "import_library")
+    return {name: importlib.import_module(name) for name in names}
+
+
+# Object files --------------------------------------------------------------------------------------------------------
+
+
+def coff(selection: int) -> bytes:
+    """A COFF object with one function in a section that the linker may merge, as `selection` says."""
+    flags = 0x20 | 0x1000  # code, merged
+    header = struct.pack("<2H 3I 2H", 0x8664, 1, 0, 60, 3, 0, 0)
+    section = struct.pack("<8s 6I 2H I", b".text$f", 0, 0, 0, 0, 0, 0, 0, 0, flags)
+    own = struct.pack("<8s I h H 2B", b".text$f", 0, 1, 0, 3, 1) + struct.pack(
+        "<I 2H I H B 3x", 4, 0, 0, 0, 1, selection
+    )
+    function = struct.pack("<2I I h H 2B", 0, 4, 0, 1, 0x20, 2, 0)
+    return header + section + own + function + struct.pack("<I", 4 + 12) + b"long_name_f\0"
+
+
+def mach_o_object(description: int) -> bytes:
+    """A Mach-O object with one function of that description, and one that is defined elsewhere."""
+    header = struct.pack("<8I", 0xFEEDFACF, 0x0100000C, 0, 1, 1, 24, 0, 0)
+    command = struct.pack("<6I", 2, 24, 56, 2, 88, 8)
+    symbols = struct.pack("<I2BHQ", 1, 0x0F, 1, description, 0) + struct.pack("<I2BHQ", 4, 0x01, 0, 0x80, 0)
+    return header + command + symbols + b"\0_f\0_g\0\0"
+
+
+@pytest.mark.parametrize(("content", "weak"), [(coff(2), ["long_name_f"]), (coff(1), [])], ids=["any", "one only"])
+def test_functions_that_windows_linker_may_merge_are_named(content, weak, tools, tmp_path: Path) -> None:
+    (tmp_path / "object").write_bytes(content)
+    assert tools["weak_symbols"].weak_functions(tmp_path / "object") == weak
+
+
+@pytest.mark.parametrize(("description", "weak"), [(0x80, ["_f"]), (0, [])])
+def test_functions_that_macos_linker_may_merge_are_named(description, weak, tools, tmp_path: Path) -> None:
+    (tmp_path / "object").write_bytes(mach_o_object(description))
+    assert tools["weak_symbols"].weak_functions(tmp_path / "object") == weak
+
+
+def test_other_objects_are_refused(tools, tmp_path: Path) -> None:
+    (tmp_path / "object").write_bytes(b"\x7fELF")
+    with pytest.raises(ValueError, match="neither a COFF nor a 64-bit Mach-O object"):
+        tools["weak_symbols"].weak_functions(tmp_path / "object")
+
+
+# Modules for macOS ---------------------------------------------------------------------------------------------------
+
+TRIE = (
+    bytes([0, 2])
+    + b"_PyInit_x\0"
+    + bytes([21])
+    + b"_other\0"
+    + bytes([26])
+    + bytes([3, 0, 0x80, 0x20, 0])
+    + bytes([2, 0, 8, 0])
+)
+PAGE = 0x1000
+
+
+def mach_o_module() -> bytearray:
+    """A module of one page that exports two names, looks one up among others', and names the dynamic linker."""
+    linker = struct.pack("<3I", 0xE, 32, 12) + b"/usr/lib/dyld".ljust(20, b"\0")
+    info = struct.pack("<12I", 0x80000022, 48, 0, 0, 0, 0, 0x400, 8, 0, 0, 0x500, len(TRIE))
+    signature = struct.pack("<4I", 0x1D, 16, PAGE, 120)
+    commands = linker + info + signature
+    flags = 0x4 | 0x8000 | 0x10000
+    module = bytearray(struct.pack("<8I", 0xFEEDFACF, 0x0100000C, 0, 6, 3, len(commands), flags, 0) + commands)
+    module = module.ljust(PAGE, b"\0")
+    module[0x400:0x408] = b"weakbind"
+    module[0x500 : 0x500 + len(TRIE)] = TRIE
+    directory = struct.pack(">9I4B I", 0xFADE0C02, 76, 0x20400, 2, 44, 0, 0, 1, PAGE, 32, 2, 0, 12, 0) + bytes(32)
+    return module + struct.pack(">5I", 0xFADE0CC0, 96, 1, 0, 20) + directory
+
+
+def test_a_module_is_mended(tools) -> None:
+    mend = tools["mend_mach_o"]
+    module = mach_o_module()
+    mend.mend_module(module)
+    assert [command for command, _, _ in mend.load_commands(module)] == [0x80000022, 0x1D]
+    assert list(mend.read_trie(bytes(module[0x500 : 0x500 + len(TRIE)]))) == [("_PyInit_x", bytes([0, 0x80, 0x20]))]
+    assert struct.unpack_from("<I", module, 24) == (0x4,)
+    assert module[0x400:0x408] == bytes(8)
+    assert module[PAGE + 20 + 44 : PAGE + 20 + 76] == hashlib.sha256(module[:PAGE]).digest()
+    assert len(module) == len(mach_o_module())
+
+
+def test_a_module_without_entry_point_is_refused(tools) -> None:
+    module = mach_o_module()
+    place = module.index(b"_PyInit_x")
+    module[place : place + 9] = b"_PyOther_"
+    with pytest.raises(ValueError, match=r"expected one _PyInit_\* that is exported"):
+        tools["mend_mach_o"].mend_module(module)
+
+
+# The extension's folder ----------------------------------------------------------------------------------------------
+
+
+def test_the_manifest_names_the_wheels_and_their_platforms(tools) -> None:
+    manifest = (REPOSITORY / "addon" / "blender_manifest.toml").read_text(encoding="utf-8")
+    names = ["perfect_bvh_engine-1-cp311-cp311-win_amd64.whl", "other-1-py3-none-any.whl"]
+    listed = tomllib.loads(tools["extension_folder"].list_wheels(manifest, names))
+    assert listed["platforms"] == ["windows-x64"]
+    assert listed["wheels"] == [f"./wheels/{name}" for name in sorted(names)]
+    assert listed["permissions"] == tomllib.loads(manifest)["permissions"]
+
+
+def test_an_extension_for_no_platform_is_refused(tools) -> None:
+    with pytest.raises(SystemExit, match="no wheel of the engine"):
+        tools["extension_folder"].list_wheels("", ["other-1-py3-none-any.whl"])
