@@ -211,7 +211,7 @@ def main(argv: Sequence[str] | None = None, prog: str = "perfect-bvh") -> int:
     except OSError as error:
         if not is_reader_gone(error):
             raise
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - or Python's last flush would complain
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - or Python's last flush would complain
         return EXIT_PIPE
     except KeyboardInterrupt:
         sys.stderr.write("perfect-bvh: stopped\n")

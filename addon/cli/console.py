@@ -57,7 +57,7 @@ def quiet_blender() -> Iterator[TextIO]:
         own = os.fdopen(os.dup(saved), "w", encoding=python_stdout.encoding, errors="backslashreplace")
     try:
         # Blender prints the errors of operators through Python's stream.
-        with os.fdopen(silence, "w") as silent_stream, redirect_stdout(silent_stream):
+        with os.fdopen(silence, "w", encoding="utf-8") as silent_stream, redirect_stdout(silent_stream):
             yield own
     finally:
         _flush_c_streams()

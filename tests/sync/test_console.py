@@ -16,6 +16,7 @@ NAMES = "Würfel, 立方体"
 def run(code: str, **options: object) -> subprocess.CompletedProcess[bytes]:
     """In a process whose output has one code page, as that of a Windows program has that is redirected."""
     environment = {**os.environ, "PYTHONIOENCODING": "cp1252", "PYTHONUTF8": "0"}
+    environment |= {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"}  # so that Python does not choose UTF-8 by itself
     environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
     command = [sys.executable, "-c", code]
     return subprocess.run(command, env=environment, timeout=300, **options)  # type: ignore[call-overload]
@@ -24,7 +25,7 @@ def run(code: str, **options: object) -> subprocess.CompletedProcess[bytes]:
 OWN_WORDS = f"""
 from perfect_bvh_addon.cli.console import quiet_blender
 with quiet_blender() as out:
-    out.write({NAMES!r})
+    out.write({NAMES!a})
 """
 # {body} is what the command does.
 COMMAND = """
@@ -38,7 +39,7 @@ def run(arguments):
 calibrate.run_calibrate = run
 sys.exit(cli.main(["calibrate"]))
 """
-FAILING = COMMAND.format(body=f"sys.stdout.write({NAMES!r}); raise cli.CommandError({NAMES!r})")
+FAILING = COMMAND.format(body=f"sys.stdout.write({NAMES!a}); raise cli.CommandError({NAMES!a})")
 
 
 @pytest.mark.parametrize("code", [OWN_WORDS, FAILING])
@@ -48,14 +49,14 @@ def test_what_the_encoding_lacks_is_written_as_an_escape(code: str) -> None:
     assert b"Traceback" not in done.stderr
 
 
-CHATTER = """
+CHATTER = f"""
 import ctypes, os, sys
 from perfect_bvh_addon.cli.console import quiet_blender
 c = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
 c.puts(b"before")
 with quiet_blender() as out:
     c.puts(b"of C's")
-    print("of Python's")
+    print("of Python's", {NAMES!a})
     os.write(1, b"of the system's")
     out.write("own ")
 c.puts(b"after")
