@@ -33,6 +33,9 @@ MOST_WIDE_BOXES = 20_000
 MOST_SMOOTH_TRIANGLES = 200_000
 FILLS = 0.88  # of a half, by the object, at first
 LEAST_SCALE, LARGEST_SCALE = 0.05, 4.0
+# Older viewports encode what is drawn, so that a picture must be decoded as it is read, and is encoded as it is made.
+IS_ENCODED = bpy.app.version < (5, 0, 0)
+PICTURE_FORMAT = "SRGB8_A8" if IS_ENCODED else "RGBA8"
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,12 +137,12 @@ class HalfPicture:
         factor = LARGER if self._is_smooth else 1
         large = tuple(min(factor * length, gpu.capabilities.max_texture_size_get()) for length in size)
         if self._texture is None or (self._texture.width, self._texture.height) != large:
-            self._texture = gpu.types.GPUTexture(large, format="RGBA8")
+            self._texture = gpu.types.GPUTexture(large, format=PICTURE_FORMAT)
             depth = gpu.types.GPUTexture(large, format="DEPTH_COMPONENT32F")
             self._target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(self._texture,))
         target = self._target
         with target.bind(), gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
-            target.clear(color=background, depth=1.0)
+            target.clear(color=_as_cleared(background), depth=1.0)
             gpu.matrix.load_matrix(Matrix(before.tolist()))
             gpu.matrix.load_projection_matrix(Matrix(after.tolist()))
             gpu.state.depth_test_set("LESS_EQUAL")
@@ -184,6 +187,13 @@ class HalfPicture:
 def background_color() -> tuple[float, ...]:
     """Of the halves and all around them, RGBA: the theme's 3D viewport."""
     return (*bpy.context.preferences.themes[0].view_3d.space.gradients.high_gradient, 1.0)
+
+
+def _as_cleared(color: tuple[float, ...]) -> tuple[float, ...]:
+    """What a picture must be cleared with to show a color of the theme: shaders convert theirs themselves."""
+    from mathutils import Color
+
+    return (*Color(color[:3]).from_srgb_to_scene_linear(), color[3]) if IS_ENCODED else color
 
 
 def _object_batch(shaded: ShadedMesh) -> gpu.types.GPUBatch:

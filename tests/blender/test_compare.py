@@ -14,7 +14,7 @@ bpy: Any = pytest.importorskip("bpy")
 from blender.long_builds import ESCAPE, TIMER, FakeOperator, FakeWindow  # noqa: E402
 from perfect_bvh_addon.operators.compare import PERFECT_BVH_OT_compare  # noqa: E402
 from perfect_bvh_addon.settings.tree_settings import CHOICES, REFITTED, choice_of  # noqa: E402
-from perfect_bvh_addon.view3d import compare_view  # noqa: E402
+from perfect_bvh_addon.view3d import compare_view, half_picture  # noqa: E402
 from perfect_bvh_addon.view3d.compare_trees import compare  # noqa: E402
 from perfect_bvh_addon.view3d.compare_words import Row, heading_of, level_line, rows_of  # noqa: E402
 from perfect_bvh_addon.view3d.half_picture import FILLS, Framing, cut_of, frame_box  # noqa: E402
@@ -236,3 +236,15 @@ def show(obj: Any) -> Any:
     edits = compare_view.edit_count(bpy.context.scene.session_uid)
     compare_view.show(compared(obj, "AUTO", "MEDIAN"), bpy.context.scene, 7, edits)
     return compare_view.shown()
+
+
+@pytest.mark.parametrize("is_encoded", [False, True])
+def test_halves_have_the_viewports_background(monkeypatch: pytest.MonkeyPatch, is_encoded: bool) -> None:
+    """Whether Blender encodes what is drawn into a viewport, as it does before 5.0, or not."""
+    from mathutils import Color
+
+    monkeypatch.setattr(half_picture, "IS_ENCODED", is_encoded)
+    background = half_picture.background_color()
+    cleared = half_picture._as_cleared(background)
+    shown = Color(cleared[:3]).from_scene_linear_to_srgb() if is_encoded else cleared[:3]
+    assert tuple(shown) == pytest.approx(background[:3], abs=1e-4) and cleared[3] == background[3]
