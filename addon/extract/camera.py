@@ -122,9 +122,7 @@ def _find_complaint(data: Any) -> str | None:
             return "is panoramic: this Blender keeps its settings in Cycles, which is disabled in the preferences"
         if settings.panorama_type != "EQUIRECTANGULAR":
             kind = settings.panorama_type.replace("_", " ").title()
-            return (
-                f"is a {kind} panorama, and only equirectangular ones can be rendered: choose that as its Panorama Type"
-            )
+            return f"cannot be a {kind} panorama: choose Equirectangular as its Panorama Type"
         if not (settings.longitude_min < settings.longitude_max and settings.latitude_min < settings.latitude_max):
             return "sees nothing: the least longitude and latitude must be below the greatest"
     if not data.clip_start < data.clip_end:

@@ -303,7 +303,7 @@ def test_a_camera_that_cannot_be_rendered_is_named_with_the_way_out(scene) -> No
     camera.type = "PANO"
     panorama_settings(camera).panorama_type = "FISHEYE_EQUISOLID"
     with pytest.raises(
-        RuntimeError, match=r"'Camera.*' is a Fisheye Equisolid panorama.* choose that as its Panorama Type"
+        RuntimeError, match=r"'Camera.*' cannot be a Fisheye Equisolid panorama: choose Equirectangular as its Panorama"
     ):
         bpy.ops.render.render()
 

@@ -169,7 +169,7 @@ def test_cameras_that_cannot_be_read_are_named(scene: Any) -> None:
     settings.panorama_type = "MIRRORBALL"
     record = read_scene(evaluated())
     assert record.camera is None
-    assert "'eye' is a Mirrorball panorama, and only equirectangular ones can be rendered" in record.warnings[0]
+    assert "'eye' cannot be a Mirrorball panorama: choose Equirectangular as its Panorama Type" in record.warnings[0]
 
     settings.panorama_type = "EQUIRECTANGULAR"
     settings.latitude_min, settings.latitude_max = 0.3, 0.2

@@ -545,7 +545,7 @@ def test_scan_names_what_is_wrong(room) -> None:
         scan(LIDAR, head)
     room.camera.data.type = "PANO"
     panorama_settings(room.camera.data).panorama_type = "FISHEYE_EQUISOLID"
-    with pytest.raises(ValueError, match="only equirectangular ones can be rendered"):
+    with pytest.raises(ValueError, match="choose Equirectangular as its Panorama Type"):
         scan(CameraGrid(4, 4))
     room.camera = None
     with pytest.raises(ValueError, match="has no active camera: name a sensor"):
