@@ -21,10 +21,9 @@ inline __attribute__((always_inline)) void gather_corner(float (*rows)[8], int f
   const float32x4_t first = load_vertex(0), second = load_vertex(1), third = load_vertex(2), fourth = load_vertex(3);
   const float32x4_t odd_xy = vzip1q_f32(first, third), even_xy = vzip1q_f32(second, fourth);
   const float32x4_t odd_z = vzip2q_f32(first, third), even_z = vzip2q_f32(second, fourth);
-  const float scale = from.scale;
-  vst1q_f32(rows[0] + first_lane, vmulq_n_f32(vzip1q_f32(odd_xy, even_xy), scale));
-  vst1q_f32(rows[1] + first_lane, vmulq_n_f32(vzip2q_f32(odd_xy, even_xy), scale));
-  vst1q_f32(rows[2] + first_lane, vmulq_n_f32(vzip1q_f32(odd_z, even_z), scale));
+  vst1q_f32(rows[0] + first_lane, vzip1q_f32(odd_xy, even_xy));
+  vst1q_f32(rows[1] + first_lane, vzip2q_f32(odd_xy, even_xy));
+  vst1q_f32(rows[2] + first_lane, vzip1q_f32(odd_z, even_z));
 }
 
 inline __attribute__((always_inline)) void gather_leaf(GatheredLeaf& leaf, const IndexedLeaves& from,
@@ -40,6 +39,13 @@ inline __attribute__((always_inline)) void gather_leaf(GatheredLeaf& leaf, const
     gather_corner(leaf.corners[0], lane, from, first);
     gather_corner(leaf.corners[1], lane, from, second);
     gather_corner(leaf.corners[2], lane, from, third);
+  }
+  if (from.scale == 1.0f) return;  // nearly all are
+  for (auto& corner : leaf.corners) {
+    for (float* const axis : corner) {
+      vst1q_f32(axis, vmulq_n_f32(vld1q_f32(axis), from.scale));
+      vst1q_f32(axis + 4, vmulq_n_f32(vld1q_f32(axis + 4), from.scale));
+    }
   }
 }
 
