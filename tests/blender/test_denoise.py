@@ -378,11 +378,13 @@ def test_the_command_line_says_as_much(scene: bpy.types.Scene) -> None:
     command = ["render", "scene.blend", "-o", "out.png"]
     settings = scene.perfect_bvh
     settings.use_denoising, settings.time_limit, settings.seed = False, 4.0, 9
-    apply_settings(scene, build_parser().parse_args(command))
+    apply_settings(scene, build_parser("perfect-bvh").parse_args(command))
     assert (settings.use_denoising, settings.time_limit, settings.seed) == (False, 4.0, 9)
-    apply_settings(scene, build_parser().parse_args([*command, "--denoise", "--time-limit", "0", "--seed", "0"]))
+    apply_settings(
+        scene, build_parser("perfect-bvh").parse_args([*command, "--denoise", "--time-limit", "0", "--seed", "0"])
+    )
     assert (settings.use_denoising, settings.time_limit, settings.seed) == (True, 0.0, 0)
-    apply_settings(scene, build_parser().parse_args([*command, "--no-denoise"]))
+    apply_settings(scene, build_parser("perfect-bvh").parse_args([*command, "--no-denoise"]))
     assert not settings.use_denoising
 
 
@@ -391,4 +393,4 @@ def test_the_command_line_refuses_what_makes_no_sense(wrong: tuple[str, str]) ->
     from perfect_bvh_addon.cli import build_parser
 
     with pytest.raises(SystemExit):
-        build_parser().parse_args(["render", "scene.blend", "-o", "out.png", *itertools.chain(wrong)])
+        build_parser("perfect-bvh").parse_args(["render", "scene.blend", "-o", "out.png", *itertools.chain(wrong)])
