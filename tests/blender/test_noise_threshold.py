@@ -104,16 +104,16 @@ def test_a_border_counts_its_own_pixels(scene: bpy.types.Scene) -> None:
 def test_the_command_line_sets_it_and_turns_it_off(scene: bpy.types.Scene) -> None:
     settings = scene.perfect_bvh
     settings.noise_threshold, settings.use_noise_threshold = 0.5, False
-    apply_settings(scene, build_parser().parse_args(COMMAND))
+    apply_settings(scene, build_parser("perfect-bvh").parse_args(COMMAND))
     assert (settings.use_noise_threshold, settings.noise_threshold) == (False, 0.5)
-    apply_settings(scene, build_parser().parse_args([*COMMAND, "--noise-threshold", "0.125"]))
+    apply_settings(scene, build_parser("perfect-bvh").parse_args([*COMMAND, "--noise-threshold", "0.125"]))
     assert (settings.use_noise_threshold, settings.noise_threshold) == (True, 0.125)
-    apply_settings(scene, build_parser().parse_args([*COMMAND, "--noise-threshold", "0"]))
+    apply_settings(scene, build_parser("perfect-bvh").parse_args([*COMMAND, "--noise-threshold", "0"]))
     assert read_settings(scene).noise_threshold == 0.0
 
 
 @pytest.mark.parametrize("wrong", ["-0.1", "nan", "2", "much"])
 def test_the_command_line_refuses_what_makes_no_sense(wrong: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        build_parser().parse_args([*COMMAND, f"--noise-threshold={wrong}"])
+        build_parser("perfect-bvh").parse_args([*COMMAND, f"--noise-threshold={wrong}"])
     assert "--noise-threshold" in capsys.readouterr().err
