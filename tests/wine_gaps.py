@@ -20,3 +20,6 @@ def lacking_in_wine(what: str) -> pytest.MarkDecorator:
 
 loading_images = lacking_in_wine("the mapping of files by which Blender loads images")
 symbolic_links = lacking_in_wine("symbolic links")
+console_events = lacking_in_wine(
+    "a console where a program is started without a terminal: tests/wine/press_ctrl_c.py has one"
+)

@@ -18,7 +18,7 @@ from perfect_bvh_addon.cli.console import format_table
 from perfect_bvh_addon.settings.modes import MODE_NAMES
 from perfect_bvh_addon.support.files import replacing
 from perfect_bvh_addon.support.paths import reachable
-from wine_gaps import symbolic_links
+from wine_gaps import console_events, symbolic_links
 
 needs_users = pytest.mark.skipif(os.name == "nt", reason="Windows knows no names of other users' folders")
 
@@ -570,6 +570,7 @@ OWN_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 RUN_MAIN = "from perfect_bvh_addon.cli import main; sys.exit(main())"
 
 
+@console_events
 def test_ctrl_c_stops_an_animation(small_file: Path, tmp_path: Path) -> None:
     """In a process of its own, as a user has it: the signal comes while frames are traced."""
     code = f"import sys; sys.argv[0] = 'perfect-bvh'; {RUN_MAIN}"
