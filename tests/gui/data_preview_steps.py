@@ -12,7 +12,8 @@ from places import main_area
 
 PANELS = ("MATERIAL_PT_preview", "PERFECT_BVH_PT_world_preview", "DATA_PT_preview")
 RED, GREEN = (0.9, 0.02, 0.02, 1.0), (0.02, 0.9, 0.02, 1.0)
-LEAST_PIXELS = 3000  # a preview has far more; a button that shows a color has, too, but not the color of before
+BUTTON_PIXELS = 12_000  # more than a button that shows a color has; each preview has as many again
+REMAINING_PIXELS = 3000  # of another color that a preview had before
 EDITS = 15
 
 Paint = Callable[[tuple[float, ...]], None]
@@ -37,11 +38,11 @@ def is_mostly(area: bpy.types.Area, channel: int, not_: int) -> bool:
     """Whether a large part of an editor has this channel of red, green and blue above the others, and none another."""
     pixels = area_pixels(area).reshape(-1, 3).astype(int)
 
-    def is_large(strong: int) -> bool:
+    def count(strong: int) -> int:
         others = np.delete(pixels, strong, axis=1).max(axis=1)
-        return int(((pixels[:, strong] > 80) & (pixels[:, strong] * 4 > others * 5)).sum()) > LEAST_PIXELS
+        return int(((pixels[:, strong] > 80) & (pixels[:, strong] * 4 > others * 5)).sum())
 
-    return is_large(channel) and not is_large(not_)
+    return count(channel) > BUTTON_PIXELS and count(not_) < REMAINING_PIXELS
 
 
 def show_previews() -> Step:
