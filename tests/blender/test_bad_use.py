@@ -39,7 +39,7 @@ def scene() -> bpy.types.Scene:
 
 def save(tmp_path: Path, **options: object) -> Path:
     path = tmp_path / "scene.blend"
-    bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=False, **options)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), **({"compress": True} | options))  # Wine reads no other
     return path
 
 
@@ -130,7 +130,7 @@ def test_a_folder_that_takes_no_files_is_named_before_the_work(scene, tmp_path: 
 
 
 def test_a_file_of_a_newer_blender_is_rendered_with_a_warning(scene, tmp_path: Path, capsys):
-    file = save(tmp_path)
+    file = save(tmp_path, compress=False)
     start = file.read_bytes()[:24]
     number = f"{bpy.app.version[0]:02}{bpy.app.version[1]:02}".encode()
     old = start[start.index(b"v") :][:5] if start[12:13] == b"v" else start[12:17]

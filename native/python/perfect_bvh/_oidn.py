@@ -92,7 +92,7 @@ def find_library(paths: tuple[str, ...]) -> tuple[Library | None, tuple[str, ...
             if path != LIBRARY_NAME:  # a name alone says only that the system has none
                 reasons.append(f"{NAME} cannot be loaded: {_reason(error, path)}")
         except (AttributeError, ValueError, EngineError, MemoryError) as error:
-            reasons.append(f"{path!r} is no {NAME} that can be used: {error}")
+            reasons.append(f"'{path}' is no {NAME} that can be used: {error}")
         else:
             _found[paths] = library, tuple(reasons)
             return _found[paths]
@@ -116,8 +116,8 @@ def _package_paths() -> list[str]:
 def _reason(error: OSError, path: str) -> str:
     """Why a file cannot be loaded; Windows' words do not name it, or give advice to programmers."""
     if isinstance(error, FileNotFoundError):
-        return f"{path!r} is missing, or a library that it needs"
-    return str(error) if path in str(error) else f"{path!r}: {error}"
+        return f"'{path}' is missing, or a library that it needs"
+    return str(error) if path in str(error) else f"'{path}': {error}"
 
 
 def _load(path: str) -> Library:
