@@ -1,8 +1,6 @@
 """The zip's modules for 64-bit ARM, run by an emulator, answer every ray as this machine's engine does, bit for bit.
 
-They do so with NEON, which they choose by themselves, and without.
-
-So does every pixel of its images.
+They do so with NEON, which they choose by themselves, and without; and every pixel of their images has the same bits.
 
 `nox -s arm64_pythons` puts Pythons of that kind into .cache/arm64_pythons; the system must have qemu-user-static.
 """
