@@ -18,7 +18,9 @@ def lacking_in_wine(what: str) -> pytest.MarkDecorator:
     return pytest.mark.skipif(is_wine(), reason=f"Wine lacks {what}")
 
 
-loading_images = lacking_in_wine("the mapping of files by which Blender loads images")
+plain_files = lacking_in_wine(
+    "the mapping of files by which Blender reads images and .blend files that are not compressed"
+)
 symbolic_links = lacking_in_wine("symbolic links")
 console_events = lacking_in_wine(
     "a console where a program is started without a terminal: tests/wine/press_ctrl_c.py has one"

@@ -17,6 +17,7 @@ from perfect_bvh_addon.image import saving  # noqa: E402
 from perfect_bvh_addon.statistics import update_list  # noqa: E402
 from perfect_bvh_addon.support import memory  # noqa: E402
 from perfect_bvh_addon.support.files import check_writable, replacing  # noqa: E402
+from wine_gaps import plain_files  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -129,6 +130,7 @@ def test_a_folder_that_takes_no_files_is_named_before_the_work(scene, tmp_path: 
 # .blend files --------------------------------------------------------------------------------------------------------
 
 
+@plain_files
 def test_a_file_of_a_newer_blender_is_rendered_with_a_warning(scene, tmp_path: Path, capsys):
     file = save(tmp_path, compress=False)
     start = file.read_bytes()[:24]
