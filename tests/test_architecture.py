@@ -10,7 +10,7 @@ from test_layers import ADDON_LAYERS, NATIVE_LAYERS, RENDER_LAYERS
 
 LONGEST = 250
 # Folders that a path in the text begins with, and the names in it that stand for what a reader adds.
-TOP = ("addon", "blend_scenes", "native", "tests")
+TOP = ("addon", "blend_scenes", "native", "release", "tests")
 INVENTED = re.compile(r"(^|_)x(\.|$)")
 
 

@@ -16,9 +16,10 @@ def text(repository: Path) -> str:
 
 def test_the_sessions_exist(text: str, repository: Path) -> None:
     named = set(re.findall(r"nox -s (\w+)", text))
-    noxfile = (repository / "noxfile.py").read_text(encoding="utf-8")
+    files = (repository / "noxfile.py", repository / "release" / "sessions.py")
+    sessions = "".join(path.read_text(encoding="utf-8") for path in files)
     assert {"quick", "lint", "extension"} <= named
-    assert [name for name in named if not re.search(rf"^@nox\.session.*\ndef {name}\(", noxfile, re.MULTILINE)] == []
+    assert [name for name in named if not re.search(rf"^@nox\.session.*\ndef {name}\(", sessions, re.MULTILINE)] == []
 
 
 def test_the_presets_exist(text: str, repository: Path) -> None:
@@ -29,7 +30,7 @@ def test_the_presets_exist(text: str, repository: Path) -> None:
 
 
 def test_the_tests_and_paths_exist(text: str, repository: Path) -> None:
-    named = set(re.findall(r"(?<![\w/])((?:addon|native|tests|\.ci)/[\w./]*\w)", text))
+    named = set(re.findall(r"(?<![\w/])((?:addon|native|release|tests|\.ci)/[\w./]*\w)", text))
     assert len(named) > 5
     assert [path for path in sorted(named) if not (repository / path).exists()] == []
 

@@ -10,7 +10,7 @@ def test_modules_have_the_names_that_tests_import() -> None:
     assert module_name("addon/extract/__init__.py") == "perfect_bvh_addon.extract"
     assert module_name("native/python/perfect_bvh/queries.py") == "perfect_bvh.queries"
     assert module_name("tests/oracles/brute_force.py") == "oracles.brute_force"
-    assert module_name("native/build_wheels.py") is None
+    assert module_name("release/build_wheels.py") is None
 
 
 def test_what_imports_a_changed_module_is_near() -> None:

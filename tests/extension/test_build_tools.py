@@ -15,7 +15,7 @@ from extension.zips import REPOSITORY
 
 @pytest.fixture
 def tools(monkeypatch: pytest.MonkeyPatch) -> dict[str, ModuleType]:
-    monkeypatch.syspath_prepend(str(REPOSITORY / "native"))
+    monkeypatch.syspath_prepend(str(REPOSITORY / "release"))
     names = ("weak_symbols", "mend_mach_o", "extension_folder", "import_library")
     return {name: importlib.import_module(name) for name in names}
 

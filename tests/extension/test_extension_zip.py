@@ -88,5 +88,5 @@ def test_it_holds_no_leftovers(built: Path) -> None:
 def test_the_manifest_names_all_platforms_in_the_order_of_the_wheels() -> None:
     manifest = (REPOSITORY / "addon" / "blender_manifest.toml").read_text(encoding="utf-8")
     assert tomllib.loads(manifest)["platforms"] == list(PLATFORMS)
-    table = (REPOSITORY / "native" / "wheel_platforms.py").read_text(encoding="utf-8")
+    table = (REPOSITORY / "release" / "wheel_platforms.py").read_text(encoding="utf-8")
     assert re.findall(r'^    "(\w+-\w+)": Platform', table, re.MULTILINE) == list(PLATFORMS)

@@ -18,7 +18,7 @@ from pathlib import Path
 
 TESTS = Path(__file__).resolve().parent.parent
 REPOSITORY = TESTS.parent
-sys.path[:0] = [str(REPOSITORY / "native"), str(TESTS)]
+sys.path[:0] = [str(REPOSITORY / "release"), str(TESTS)]
 
 from maven_pythons import fetch_package, unpack_package, unpack_python
 

@@ -1,6 +1,6 @@
 """Makes the folder that Blender's tool packs as the extension: the add-on, its licence and wheels.
 
-python native/extension_folder.py FOLDER WHEELS
+python release/extension_folder.py FOLDER WHEELS
 
 FOLDER is made anew; WHEELS is a folder with the engine's wheels, and with those of what the add-on wants of others. The
 manifest in FOLDER names them, and of Blender's platforms those alone that the engine has wheels for.

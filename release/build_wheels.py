@@ -1,6 +1,6 @@
 """Builds the engine's wheels for Blender's platforms and for the Pythons that its releases carry.
 
-python native/build_wheels.py OUTPUT_FOLDER [--platform linux-x64 windows-x64:3.11,3.13 ...] [--python 3.11 ...]
+python release/build_wheels.py OUTPUT_FOLDER [--platform linux-x64 windows-x64:3.11,3.13 ...] [--python 3.11 ...]
 
 One compiler, ziglang's, builds all of them on any machine, and twice the same bytes. Of each Python nothing but its
 headers is needed, and what Windows links with: python_headers.py fetches them into .cache, without installing
@@ -22,7 +22,8 @@ from python_headers import ZIG, Headers, fetch_headers
 from weak_symbols import weak_functions
 from wheel_platforms import PLATFORMS, PYTHONS
 
-NATIVE = Path(__file__).resolve().parent
+REPOSITORY = Path(__file__).resolve().parent.parent
+NATIVE = REPOSITORY / "native"
 # As many platforms at a time: more would only wait for memory and for one another.
 PLATFORMS_AT_ONCE = 2
 # The time that a wheel says its files are of: the first that a zip can.
@@ -35,7 +36,7 @@ def build_wheel(python: str, name: str, headers: Headers, output: Path) -> None:
     digits = python.replace(".", "")
     # A platform's share one folder, so that only the bindings are compiled for each; what CMake found of the last
     # Python goes.
-    build = NATIVE.parent / "build" / f"engine-{name}"
+    build = REPOSITORY / "build" / f"engine-{name}"
     (build / "CMakeCache.txt").unlink(missing_ok=True)
     defines = {
         "CMAKE_TOOLCHAIN_FILE": NATIVE / "cmake" / "zig.cmake",

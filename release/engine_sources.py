@@ -1,9 +1,8 @@
-"""Makes the folder that the engine's source distribution is built from: this one, so that it needs nothing outside.
+"""Makes the folder that the engine's source distribution is built from: native/, but in need of nothing outside it.
 
-python native/engine_sources.py FOLDER
+python release/engine_sources.py FOLDER
 
-FOLDER is made anew. The version, which is the manifest's of the add-on, stands in its pyproject.toml; what builds
-wheels for other systems is left out.
+FOLDER is made anew. The version, which is the manifest's of the add-on, stands in its pyproject.toml.
 """
 
 from __future__ import annotations
@@ -13,7 +12,8 @@ import shutil
 import sys
 from pathlib import Path
 
-NATIVE = Path(__file__).resolve().parent
+REPOSITORY = Path(__file__).resolve().parent.parent
+NATIVE = REPOSITORY / "native"
 LEFT_OUT = ("__pycache__", "*.so", "*.pyd", "benchmarks", "CMakePresets.json")
 
 
@@ -21,9 +21,7 @@ def make_folder(folder: Path) -> None:
     """All that `pip install FOLDER` needs; SystemExit if a file does not have what is looked for."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(NATIVE, folder, ignore=shutil.ignore_patterns(*LEFT_OUT))
-    for tool in folder.glob("*.py"):
-        tool.unlink()
-    manifest = (NATIVE.parent / "addon" / "blender_manifest.toml").read_text(encoding="utf-8")
+    manifest = (REPOSITORY / "addon" / "blender_manifest.toml").read_text(encoding="utf-8")
     (version,) = re.findall(r'^version = "(.+)"$', manifest, re.MULTILINE)
     project = folder / "pyproject.toml"
     text = project.read_text(encoding="utf-8")

@@ -1,6 +1,6 @@
 """Mends a macOS module (a 64-bit Mach-O library) that ziglang has linked; zig-macos-rules.cmake runs it after that.
 
-python native/mend_mach_o.py MODULE
+python release/mend_mach_o.py MODULE
 
 Exported are its PyInit_* alone, without what the linker adds of its own. Its inline functions and types are no longer
 looked up by name among those of other libraries, which the linker asks for although they are hidden: pybind11's

@@ -1,6 +1,6 @@
 """Unpacks CPython and numpy for 64-bit ARM, of the Pythons that Blender releases carry, for an emulator to run.
 
-python native/arm64_pythons.py
+python release/arm64_pythons.py
 
 They go into .cache/arm64_pythons, without installing anything: a folder for each Python, as a root directory of that
 machine (`qemu-aarch64-static -L FOLDER FOLDER/usr/bin/python3.13`), and its numpy in FOLDER/packages.

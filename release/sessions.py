@@ -1,0 +1,135 @@
+"""The sessions that make, try and publish what is released; noxfile.py has those that check the sources.
+
+`extension` and `arm64_pythons` want Debian, the first its binutils, and maven for other systems than Linux;
+`windows_wheel` wants Debian's wine64 and maven, `publish` GitHub's gh.
+"""
+
+from __future__ import annotations
+
+import platform
+import re
+import shutil
+from pathlib import Path
+
+import nox
+from wheel_platforms import PLATFORMS
+
+BUILD_TOOLS = ("cmake>=3.25", "ninja>=1.11")
+# Pinned: one compiler for the wheels of all Pythons, and the Blender whose tools make the zip of them.
+PYBIND11 = "pybind11==3.1.0"
+WHEEL_TOOLS = (PYBIND11, "scikit-build-core==1.1.2", "ziglang==0.17.1")
+BLENDER = "bpy==5.0.1"
+BUILD = "build==1.6.1"
+TQDM = "tqdm==4.70.1"  # the command line's progress bar, in the zip
+TWINE = "twine==7.0.0"
+
+
+@nox.session(default=False)
+def extension(session: nox.Session) -> None:
+    """Build the engine's wheels in dist/wheels, and of them a zip in dist/ for each platform of Blender 4.2 and later.
+
+    All platforms and Pythons, or those that stand behind `--`: `-- linux-x64 windows-x64:3.11` makes two zips, the
+    second for one Python only.
+    """
+    session.install(*BUILD_TOOLS, *WHEEL_TOOLS, BLENDER)
+    for built in Path("dist").glob("perfect_bvh-*.zip"):
+        built.unlink()
+    shutil.rmtree("dist/wheels", ignore_errors=True)
+    chosen = ("--platform", *session.posargs) if session.posargs else ()
+    session.run("python", "release/build_wheels.py", "dist/wheels", *chosen)
+    shutil.rmtree("build/wheels", ignore_errors=True)
+    shutil.copytree("dist/wheels", "build/wheels")
+    session.run("python", "-m", "pip", "download", "--quiet", "--no-deps", TQDM, "--dest", "build/wheels")
+    session.run("python", "release/extension_folder.py", "build/extension", "build/wheels")
+    scripts = str(
+        session.run("python", "-c", "import bpy; print(bpy.utils.system_resource('SCRIPTS'))", silent=True)
+    ).splitlines()[-1]
+    tool = f"{scripts}/addons_core/bl_pkg/cli/blender_ext.py"
+    folders = ("--source-dir", "build/extension", "--output-dir", "dist")
+    session.run("python", tool, "build", "--split-platforms", *folders)
+    for built in sorted(Path("dist").glob("perfect_bvh-*.zip")):
+        session.run("python", tool, "validate", str(built))
+
+
+@nox.session(default=False)
+def sdist(session: nox.Session) -> None:
+    """Build source distributions: the engine's in dist/wheels, the whole project's in dist/."""
+    session.install(BUILD, *WHEEL_TOOLS[:2])
+    session.run("python", "release/engine_sources.py", "build/engine-sources")
+    make = ("python", "-m", "build", "--sdist", "--no-isolation", "--outdir")
+    session.run(*make, "dist/wheels", "build/engine-sources")
+    session.run(*make, "dist", ".")
+
+
+@nox.session(default=False)
+def arm64_pythons(session: nox.Session) -> None:
+    """Unpack Pythons for 64-bit ARM into .cache/arm64_pythons, for tests/extension to try the zip's wheels in."""
+    session.run("python", "release/arm64_pythons.py")
+
+
+@nox.session(default=False)
+def windows_wheel(session: nox.Session) -> None:
+    """Try the wheel and the zip for Windows under Wine, beside the same on Linux, which takes hours.
+
+    `-- short` is what needs no Blender and no more than four minutes; `-- images command_line` are two steps by name,
+    which tests/wine/try_wheel.py lists. `nox -s extension -- windows-x64` builds what is tried.
+    """
+    wheels = sorted(Path("dist/wheels").glob("*-cp311-win_amd64.whl"))
+    if not wheels:
+        session.error("no wheel for Windows in dist/wheels: `nox -s extension -- windows-x64` builds it")
+    session.install("numpy>=1.26" if session.posargs == ["short"] else ".[blender]")
+    session.run("python", "tests/wine/try_wheel.py", str(wheels[-1]), *session.posargs)
+
+
+@nox.session(default=False)
+def wheel_tests(session: nox.Session) -> None:
+    """Install the engine's wheel from dist/ that fits this system and Python, and run the Python tests on it.
+
+    Nothing is compiled, so that this runs on any system: what `extension` built elsewhere is tried where it will be
+    used. Arguments after `--` go to pytest.
+    """
+    project = nox.project.load_toml("pyproject.toml")["project"]
+    extras = project["optional-dependencies"]
+    session.install(*project["dependencies"], *extras["blender"], *extras["test"])
+    session.install(
+        "--only-binary=:all:", "--no-deps", "--no-index", "--find-links", "dist/wheels", "perfect-bvh-engine"
+    )
+    asked = "import sysconfig; print(sysconfig.get_path('purelib'))"
+    packages = Path(str(session.run("python", "-c", asked, silent=True)).strip())
+    shutil.copytree("addon", packages / "perfect_bvh_addon", dirs_exist_ok=True)
+    session.run("pytest", *session.posargs)
+
+
+@nox.session(default=False)
+def publish(session: nox.Session) -> None:
+    """Upload what is in dist/ as the release of a tag, `-- v1.2.3`: wheels for pip, zips for Blender.
+
+    Wants GitHub's `gh` and rights to both; a workflow has them by its identity. Stops before the first upload if the
+    tag is not the version or a system's zip is missing.
+    """
+    if len(session.posargs) != 1:
+        session.error("which tag? nox -s publish -- v1.2.3")
+    (tag,) = session.posargs
+    if tag != f"v{version()}":
+        session.error(f"the tag {tag} is not that of version {version()} in addon/blender_manifest.toml")
+    zips = [str(path) for path in sorted(Path("dist").glob(f"perfect_bvh-{version()}-*.zip"))]
+    if len(zips) != len(PLATFORMS):
+        session.error(f"dist/ has {len(zips)} zips of version {version()}, not {len(PLATFORMS)}: nox -s extension")
+    packages = [str(path) for path in sorted(Path("dist/wheels").glob(f"perfect_bvh_engine-{version()}*"))]
+    session.install(TWINE)
+    session.run("twine", "check", "--strict", *packages)
+    session.run("twine", "upload", "--skip-existing", *packages)
+    session.run("gh", "release", "create", tag, "--verify-tag", "--generate-notes", *zips, external=True)
+
+
+def version() -> str:
+    """The manifest's."""
+    manifest = Path("addon/blender_manifest.toml").read_text(encoding="utf-8")
+    (found,) = re.findall(r'^version = "(.+)"$', manifest, re.MULTILINE)
+    return str(found)
+
+
+def extension_zip() -> Path:
+    """The zip for Blender on this machine, where Linux's windows are tried."""
+    machine = "arm64" if platform.machine() == "aarch64" else "x64"
+    return Path("dist") / f"perfect_bvh-{version()}-linux_{machine}.zip"
