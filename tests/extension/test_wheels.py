@@ -188,7 +188,8 @@ def test_on_windows_it_needs_python_and_the_system_alone(windows: Wheel) -> None
 
 def test_on_windows_it_may_be_placed_anywhere_and_data_does_not_run(windows: Wheel) -> None:
     wanted = lief.PE.OptionalHeader.DLL_CHARACTERISTICS
-    found = lief.PE.parse(list(windows.module)).optional_header.dll_characteristics_lists
+    module = lief.PE.parse(list(windows.module))
+    found = module.optional_header.dll_characteristics_lists
     assert {wanted.DYNAMIC_BASE, wanted.HIGH_ENTROPY_VA, wanted.NX_COMPAT} <= set(found)
 
 
@@ -198,7 +199,7 @@ def test_on_windows_it_may_be_placed_anywhere_and_data_does_not_run(windows: Whe
 def mach_o(wheel: Wheel) -> Any:
     binaries = lief.MachO.parse(list(wheel.module))
     assert binaries.size == 1
-    return binaries.at(0)
+    return binaries.take(0)
 
 
 def commands_of(module: Any, command: Any) -> list[Any]:
@@ -252,7 +253,8 @@ def test_on_macos_it_is_a_library_and_no_program(macos: Wheel) -> None:
 
 def test_on_macos_its_signature_holds_the_hash_of_each_page(macos: Wheel) -> None:
     """What 64-bit ARM checks before it runs a page; of whoever signed it nothing is said ("ad hoc")."""
-    signatures = commands_of(mach_o(macos), lief.MachO.LoadCommand.TYPE.CODE_SIGNATURE)
+    module = mach_o(macos)  # what it hands out lives no longer than it
+    signatures = commands_of(module, lief.MachO.LoadCommand.TYPE.CODE_SIGNATURE)
     if macos.platform == "macos-x64" and not signatures:
         return
     (signature,) = signatures
