@@ -196,35 +196,39 @@ def test_on_windows_it_may_be_placed_anywhere_and_data_does_not_run(windows: Whe
 # macOS ---------------------------------------------------------------------------------------------------------------
 
 
-def mach_o(wheel: Wheel) -> Any:
-    binaries = lief.MachO.parse(list(wheel.module))
+@pytest.fixture
+def read_file(macos: Wheel) -> Any:
+    """What the reader holds of a module's file; the module that it hands out lives no longer than it."""
+    binaries = lief.MachO.parse(list(macos.module))
     assert binaries.size == 1
-    return binaries.take(0)
+    return binaries
+
+
+@pytest.fixture
+def mach_o(read_file: Any) -> Any:
+    return read_file.at(0)
 
 
 def commands_of(module: Any, command: Any) -> list[Any]:
     return [found for found in module.commands if found.command == command]
 
 
-def test_on_macos_it_is_for_the_machine_it_names_and_exports_its_entry_point_alone(macos: Wheel) -> None:
-    module = mach_o(macos)
+def test_on_macos_it_is_for_the_machine_it_names_and_exports_its_entry_point_alone(macos: Wheel, mach_o: Any) -> None:
     kinds = lief.MachO.Header.CPU_TYPE
-    assert module.header.cpu_type == {"macos-x64": kinds.X86_64, "macos-arm64": kinds.ARM64}[macos.platform]
-    assert [symbol.name for symbol in module.exported_symbols] == [f"_{ENTRY_POINT}"]
+    assert mach_o.header.cpu_type == {"macos-x64": kinds.X86_64, "macos-arm64": kinds.ARM64}[macos.platform]
+    assert [symbol.name for symbol in mach_o.exported_symbols] == [f"_{ENTRY_POINT}"]
 
 
-def test_on_macos_nothing_of_other_modules_takes_the_place_of_its_own(macos: Wheel) -> None:
+def test_on_macos_nothing_of_other_modules_takes_the_place_of_its_own(mach_o: Any) -> None:
     """Its operator new, and the types of its exceptions: of each, Blender's process has other copies."""
-    module = mach_o(macos)
     flags = lief.MachO.Header.FLAGS
-    assert not {flags.WEAK_DEFINES, flags.BINDS_TO_WEAK} & set(module.header.flags_list)
-    assert not [name for name in map(name_of, module.bindings) if name.startswith(("__Zn", "__Zd", "__ZT", "__ZN"))]
+    assert not {flags.WEAK_DEFINES, flags.BINDS_TO_WEAK} & set(mach_o.header.flags_list)
+    assert not [name for name in map(name_of, mach_o.bindings) if name.startswith(("__Zn", "__Zd", "__ZT", "__ZN"))]
 
 
-def test_on_macos_each_of_its_references_leads_somewhere(macos: Wheel) -> None:
-    module = mach_o(macos)
-    (table,) = (section for section in module.sections if section.name == "__got")
-    filled = {place.address for place in (*module.relocations, *module.bindings)}
+def test_on_macos_each_of_its_references_leads_somewhere(mach_o: Any) -> None:
+    (table,) = (section for section in mach_o.sections if section.name == "__got")
+    filled = {place.address for place in (*mach_o.relocations, *mach_o.bindings)}
     places = set(range(table.virtual_address, table.virtual_address + table.size, 8))
     assert places and places <= filled
 
@@ -233,28 +237,25 @@ def name_of(binding: Any) -> str:
     return str(binding.symbol.name)
 
 
-def test_on_macos_it_runs_on_old_systems(macos: Wheel) -> None:
-    module = mach_o(macos)
-    assert tuple(module.build_version.minos)[:2] == MACOS_FLOOR
-    needed = commands_of(module, lief.MachO.LoadCommand.TYPE.LOAD_DYLIB)
+def test_on_macos_it_runs_on_old_systems(mach_o: Any) -> None:
+    assert tuple(mach_o.build_version.minos)[:2] == MACOS_FLOOR
+    needed = commands_of(mach_o, lief.MachO.LoadCommand.TYPE.LOAD_DYLIB)
     assert [library.name for library in needed] == MACOS_LIBRARIES
-    assert not [command for command in module.commands if command.command.name.startswith(("RPATH", "LOAD_WEAK"))]
+    assert not [command for command in mach_o.commands if command.command.name.startswith(("RPATH", "LOAD_WEAK"))]
 
 
-def test_on_macos_it_is_a_library_and_no_program(macos: Wheel) -> None:
+def test_on_macos_it_is_a_library_and_no_program(macos: Wheel, mach_o: Any) -> None:
     """Python loads libraries as well as bundles."""
-    module = mach_o(macos)
     kinds = lief.MachO.LoadCommand.TYPE
-    assert module.header.file_type == lief.MachO.Header.FILE_TYPE.DYLIB
-    (identity,) = commands_of(module, kinds.ID_DYLIB)
+    assert mach_o.header.file_type == lief.MachO.Header.FILE_TYPE.DYLIB
+    (identity,) = commands_of(mach_o, kinds.ID_DYLIB)
     assert identity.name.split("/")[-1] == macos.module_name.split("/")[1]
-    assert not commands_of(module, kinds.LOAD_DYLINKER) + commands_of(module, kinds.MAIN)
+    assert not commands_of(mach_o, kinds.LOAD_DYLINKER) + commands_of(mach_o, kinds.MAIN)
 
 
-def test_on_macos_its_signature_holds_the_hash_of_each_page(macos: Wheel) -> None:
+def test_on_macos_its_signature_holds_the_hash_of_each_page(macos: Wheel, mach_o: Any) -> None:
     """What 64-bit ARM checks before it runs a page; of whoever signed it nothing is said ("ad hoc")."""
-    module = mach_o(macos)  # what it hands out lives no longer than it
-    signatures = commands_of(module, lief.MachO.LoadCommand.TYPE.CODE_SIGNATURE)
+    signatures = commands_of(mach_o, lief.MachO.LoadCommand.TYPE.CODE_SIGNATURE)
     if macos.platform == "macos-x64" and not signatures:
         return
     (signature,) = signatures
