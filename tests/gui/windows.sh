@@ -25,8 +25,11 @@ preferences.view.show_splash, preferences.view.smooth_view = False, 0
 preferences.system.viewport_aa = 'OFF'
 bpy.ops.wm.save_userpref()" >/dev/null
 
-# The command line that the extension gives to Blender itself.
-"$chroot" run "$user" blender --command perfect_bvh render /host/blend_scenes/gears.blend --size 160x90 --mode normal \
+# The command line that the extension gives to Blender itself, where it is enabled; in windows a step enables it.
+other=BLENDER_USER_RESOURCES=/host/$output/command_user
+mkdir "$repository/$output/command_user"
+"$chroot" run "$other" blender --command extension install-file -r user_default --enable "/host/$zip"
+"$chroot" run "$other" blender --command perfect_bvh render /host/blend_scenes/gears.blend --size 160x90 --mode normal \
   -o "/host/$output/command.png"
 test -s "$repository/$output/command.png"
 
