@@ -53,12 +53,16 @@ def extension(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def sdist(session: nox.Session) -> None:
-    """Build source distributions: the engine's in dist/wheels, the whole project's in dist/."""
+    """Build source distributions: the engine's in dist/wheels, the whole project's in dist/; of what git tracks."""
     session.install(BUILD, *WHEEL_TOOLS[:2])
     session.run("python", "release/engine_sources.py", "build/engine-sources")
     make = ("python", "-m", "build", "--sdist", "--no-isolation", "--outdir")
     session.run(*make, "dist/wheels", "build/engine-sources")
-    session.run(*make, "dist", ".")
+    # From a folder of its own: caches and environments beside the sources hold more files than can be gone through.
+    sources = Path("build/project-sources")
+    shutil.rmtree(sources, ignore_errors=True)
+    session.run("git", "checkout-index", "--all", f"--prefix={sources}/", external=True)
+    session.run(*make, "dist", str(sources))
 
 
 @nox.session(default=False)
