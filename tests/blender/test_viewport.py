@@ -79,7 +79,7 @@ def test_a_panorama_of_another_kind_is_shown_in_perspective_and_said_to_be(scene
     view.view_matrix = np.eye(4)
     record, complaint = camera_of(view, space(camera), depsgraph)
     assert record.projection == "perspective"
-    assert complaint.startswith("Camera 'Camera' is a Mirrorball panorama")
+    assert complaint.startswith("Camera 'Camera' cannot be a Mirrorball panorama")
     assert complaint.endswith("choose that as its Panorama Type. It is shown in perspective")
 
 
