@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
-from addon_state import close_image_windows, events, forget_reports, is_working, module, settings, wait_for_report
+from addon_state import (
+    close_image_windows,
+    events,
+    forget_reports,
+    is_working,
+    module,
+    overlay,
+    settings,
+    wait_for_report,
+)
 from builds import is_building, watch_a_build, with_cloud
 from buttons import find_and_press
 from driver import Step, area_pixels, at_rest, check, redrawn, screenshot, wait_until
@@ -52,6 +61,7 @@ def press_preview() -> Step:
 
 def stop_a_preview_while_it_builds() -> Step:
     """Escape before there is an image; the next one is built and shown."""
+    check(overlay() is None, "boxes are drawn: they would have the trees built again as soon as they are stopped")
     name = "Perfect BVH View"
     if name in bpy.data.images:
         bpy.data.images.remove(bpy.data.images[name])
