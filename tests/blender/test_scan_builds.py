@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import _thread
 import os
-import signal
 import subprocess
 import sys
 import threading
@@ -218,18 +217,14 @@ def test_scripts_hear_of_the_build_and_can_stop_it(room, gate: Gate) -> None:
     assert (room.frame_current, building_threads()) == (2, 0)
 
 
+@pytest.mark.usefixtures("hears_ctrl_c")
 def test_ctrl_c_ends_a_build(room, gate: Gate) -> None:
     def press_soon(done: float) -> None:
         if done == HALF / 2 / 3:  # the commit is held, and the scan waits for it until the signal comes
             threading.Timer(0.01, _thread.interrupt_main).start()
 
-    # A shell has what it starts in the background ignore the signal.
-    previous = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            scan(LIDAR, bpy.data.objects["Head"], frames=(1, 3), progress=press_soon)
-    finally:
-        signal.signal(signal.SIGINT, previous)
+    with pytest.raises(KeyboardInterrupt):
+        scan(LIDAR, bpy.data.objects["Head"], frames=(1, 3), progress=press_soon)
     assert (gate.held, building_threads()) == (1, 0)
 
 

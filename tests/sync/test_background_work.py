@@ -94,6 +94,7 @@ def test_without_a_thread_to_spare_it_is_done_at_once(monkeypatch: pytest.Monkey
     assert made.result() is True
 
 
+@pytest.mark.usefixtures("hears_ctrl_c")
 def test_ctrl_c_ends_the_waiting_where_it_does_not_interrupt_it() -> None:
     """As on Windows: Python learns of it, but whoever waits for a lock goes on waiting."""
     made = BackgroundWork(work_until_stopped, pytest.fail)
@@ -103,7 +104,7 @@ def test_ctrl_c_ends_the_waiting_where_it_does_not_interrupt_it() -> None:
     assert not made.is_running and not made.is_wanted
 
 
-@pytest.mark.usefixtures("one_thread")
+@pytest.mark.usefixtures("hears_ctrl_c", "one_thread")
 def test_ctrl_c_ends_a_call_of_the_engine() -> None:
     """On the thread that called, of which alone Python asks it; `interrupt_main` stands for the system's signal."""
     scene = perfect_bvh.Scene()
