@@ -44,13 +44,13 @@ _MODULES = (
     ".statistics.not_shown",
     ".statistics.update_list",
     ".image.saving",
-    ".view3d.redraws",
-    ".view3d.opening",
+    ".view3d.rendered.redraws",
+    ".view3d.rendered.opening",
     ".engine",
     ".image.data_previews",
     ".operators",
     ".view3d.pointer",
-    ".view3d.overlay",
+    ".view3d.tree_overlay.overlay",
     ".view3d.cost_scale",
     ".view3d.view_words",
     ".panels",
@@ -58,10 +58,10 @@ _MODULES = (
 )
 _NATIVE_MODULES = (
     ".live.sync_cache",
-    ".view3d.compare_view",
-    ".view3d.decay_view",
+    ".view3d.compare.compare_view",
+    ".view3d.decay.decay_view",
     ".view3d.scan_points",
-    ".view3d.walk_view",
+    ".view3d.walk.walk_view",
 )
 _LANDMARK = "PERFECT_BVH_PT_render"
 

@@ -27,7 +27,7 @@ from .statistics.not_shown import line_in_viewports, tell
 from .statistics.words import sentence
 from .sync.not_shown import summarize
 from .sync.records import CameraRecord
-from .view3d.viewport import Viewport
+from .view3d.rendered.viewport import Viewport
 
 T = TypeVar("T")
 

@@ -247,7 +247,7 @@ def test_a_wrong_import_is_found(tmp_path: Path, file: str, statement: str, comp
     [
         ("sync/apply.py", "from .records import MeshRecord"),
         ("extract/meshes.py", "import bpy\nfrom ..sync.records import MeshRecord"),
-        ("operators/bake.py", "from ..live.sync_cache import sync_of\nfrom ..view3d.viewport import Viewport"),
+        ("operators/bake.py", "from ..live.sync_cache import sync_of\nfrom ..view3d.rendered.viewport import Viewport"),
         ("__init__.py", "from . import engine, panels"),
     ],
 )

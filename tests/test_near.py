@@ -20,7 +20,7 @@ def test_what_imports_a_changed_module_is_near() -> None:
 
 
 def test_what_bears_its_name_comes_before_what_imports_it() -> None:
-    found = near_python_tests(["addon/view3d/viewport.py"])
+    found = near_python_tests(["addon/view3d/rendered/viewport.py"])
     assert found.index("tests/blender/test_viewport.py") < found.index("tests/blender/test_viewport_builds.py")
 
 

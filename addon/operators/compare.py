@@ -71,7 +71,7 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
     def _begin(self, context: bpy.types.Context) -> bool:
         """False if there is nothing to compare, with the reason reported."""
         from ..support.background_work import BackgroundWork
-        from ..view3d.compare_trees import compare
+        from ..view3d.compare.compare_trees import compare
         from ..view3d.reading import read_object
 
         scene, settings = context.scene, context.scene.perfect_bvh.compare
@@ -95,7 +95,7 @@ class PERFECT_BVH_OT_compare(Ticking, bpy.types.Operator):
     def _finish(self, context: bpy.types.Context) -> set[str]:
         import perfect_bvh
 
-        from ..view3d import compare_view
+        from ..view3d.compare import compare_view
 
         try:
             comparison = self._work.result()
@@ -129,7 +129,7 @@ class PERFECT_BVH_OT_end_comparison(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        from ..view3d import compare_view
+        from ..view3d.compare import compare_view
 
         compare_view.hide()
         return {"FINISHED"}
@@ -147,7 +147,7 @@ def find_complaint(context: bpy.types.Context) -> str | None:
 
 
 def _is_shown() -> bool:
-    from ..view3d import compare_view
+    from ..view3d.compare import compare_view
 
     return compare_view.shown() is not None
 

@@ -47,7 +47,7 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
         return complaint is None
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        from ..view3d import decay_view
+        from ..view3d.decay import decay_view
 
         self._begin(context)
         if self._space is not None:
@@ -73,7 +73,7 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
         self._end(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        from ..view3d import decay_view
+        from ..view3d.decay import decay_view
 
         self._begin(context)
         while self._step() is not None:
@@ -85,7 +85,7 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
     # The parts -------------------------------------------------------------------------------------------------------
 
     def _begin(self, context: bpy.types.Context) -> None:
-        from ..view3d.decay import Decay, follow
+        from ..view3d.decay.decay import Decay, follow
         from ..view3d.reading import read_frames
 
         self._forget_complaints()
@@ -114,7 +114,7 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
 
     def _show_rows(self) -> None:
         """What there is more than when it was drawn last."""
-        from ..view3d import decay_view
+        from ..view3d.decay import decay_view
 
         if len(self._decay.rows) > self._row_count:
             self._row_count = len(self._decay.rows)
@@ -126,8 +126,8 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
         self._place.set_frame_back(*self._frame)
 
     def _finish(self, context: bpy.types.Context, *, was_stopped: bool = False) -> set[str]:
-        from ..view3d import decay_view
-        from ..view3d.decay_words import summary_of
+        from ..view3d.decay import decay_view
+        from ..view3d.decay.decay_words import summary_of
 
         self._end(context)
         found = decay_view.shown()
@@ -158,7 +158,7 @@ class PERFECT_BVH_OT_end_decay(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        from ..view3d import decay_view
+        from ..view3d.decay import decay_view
 
         decay_view.hide()
         return {"FINISHED"}
@@ -175,7 +175,7 @@ def _find_complaint(context: bpy.types.Context) -> str | None:
 
 
 def _is_shown() -> bool:
-    from ..view3d import decay_view
+    from ..view3d.decay import decay_view
 
     return decay_view.shown() is not None
 

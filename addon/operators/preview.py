@@ -17,9 +17,9 @@ from ..image.refinement import Refinement
 from ..live.pending_commit import LOOKING_SECONDS
 from ..settings.preferences import native_error
 from ..statistics.last_result import note_image
-from ..view3d.awaited_view import AwaitedView, await_view, find_view
-from ..view3d.screen_image import picture_of
-from ..view3d.view_statistics import remember_view
+from ..view3d.rendered.awaited_view import AwaitedView, await_view, find_view
+from ..view3d.rendered.screen_image import picture_of
+from ..view3d.rendered.view_statistics import remember_view
 from .ticking import Ticking
 
 IMAGE_NAME = "Perfect BVH View"

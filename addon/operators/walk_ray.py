@@ -19,7 +19,7 @@ from .ticking import sentence_of
 from .walk_step import go
 
 if TYPE_CHECKING:
-    from ..view3d.walk_reading import Reading
+    from ..view3d.walk.walk_reading import Reading
 
 TIMER_SECONDS = 0.05
 PICKING = "Walk a Ray: click a pixel of a 3D viewport; Esc cancels"
@@ -64,7 +64,9 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
         return complaint is None
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        from ..view3d import compare_view, decay_view, walk_view
+        from ..view3d.compare import compare_view
+        from ..view3d.decay import decay_view
+        from ..view3d.walk import walk_view
 
         for view in (walk_view, compare_view, decay_view):  # what lies over the pixels
             view.hide()
@@ -111,7 +113,7 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
 
     def _is_over(self, context: bpy.types.Context) -> bool:
         """Whether another was started, or what was shown has gone, or the viewport where it was or is to be."""
-        from ..view3d import walk_view
+        from ..view3d.walk import walk_view
 
         if self._number != PERFECT_BVH_OT_walk_ray._newest:
             return True
@@ -139,14 +141,14 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def _begin(self, context: bpy.types.Context, area: Any, region: Any, x: int, y: int) -> None:
-        from ..view3d.walk_reading import read_pixel
+        from ..view3d.walk.walk_reading import read_pixel
 
         self._reading = read_pixel(context, area, region, x, y)
         self._look(context)
 
     def _look(self, context: bpy.types.Context) -> None:
         """Show the walk if its trees are there."""
-        from ..view3d import walk_view
+        from ..view3d.walk import walk_view
 
         reading: Reading = self._reading
         walk = reading.walk(context)
@@ -159,8 +161,8 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
         status_bar.tell(context, WALKING)
 
     def _tick(self, context: bpy.types.Context) -> None:
-        from ..view3d import walk_view
-        from ..view3d.shown_walk import CHANGED
+        from ..view3d.walk import walk_view
+        from ..view3d.walk.shown_walk import CHANGED
 
         if self._reading is not None:
             self._attempt(context, lambda: self._look(context))
@@ -190,7 +192,7 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
 
     def _ask_again(self, context: bpy.types.Context, why: str) -> None:
         """For a click, as in the beginning; a walk that holds stays."""
-        from ..view3d import walk_view
+        from ..view3d.walk import walk_view
 
         self.report({"WARNING"}, why)
         messages.tell(context.scene, self.bl_label, why)
@@ -203,7 +205,7 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
         walk_view.redraw()
 
     def _end(self, context: bpy.types.Context) -> set[str]:
-        from ..view3d import walk_view
+        from ..view3d.walk import walk_view
 
         context.window_manager.event_timer_remove(self._timer)
         if self._reading is not None:

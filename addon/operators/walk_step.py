@@ -9,7 +9,7 @@ import bpy
 from ..settings.preferences import native_error
 
 if TYPE_CHECKING:
-    from ..view3d.shown_walk import ShownWalk
+    from ..view3d.walk.shown_walk import ShownWalk
 
 
 class PERFECT_BVH_OT_walk_step(bpy.types.Operator):
@@ -54,7 +54,7 @@ class PERFECT_BVH_OT_walk_step(bpy.types.Operator):
 
 def go(to: str) -> None:
     """To another step of the walk that is shown: see `PERFECT_BVH_OT_walk_step`."""
-    from ..view3d import walk_view
+    from ..view3d.walk import walk_view
 
     walk = walk_view.shown()
     if walk is None:
@@ -83,7 +83,7 @@ def _move(walk: ShownWalk, to: str) -> None:
 
 def is_walking() -> bool:
     """Whether a ray's walk is shown."""
-    from ..view3d import walk_view
+    from ..view3d.walk import walk_view
 
     return walk_view.shown() is not None
 

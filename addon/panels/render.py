@@ -8,7 +8,7 @@ import bpy
 
 from ..settings.modes import find_mode
 from ..settings.preferences import native_error
-from ..view3d import opening
+from ..view3d.rendered import opening
 from .common import EnginePanel, RenderPanel, draw_lines, settings_layout
 
 

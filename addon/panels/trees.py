@@ -36,7 +36,7 @@ class PERFECT_BVH_PT_compare(TreePanel, bpy.types.Panel):
     bl_options: ClassVar = set()
 
     def draw(self, context: bpy.types.Context) -> None:
-        from ..view3d import compare_view
+        from ..view3d.compare import compare_view
 
         layout = settings_layout(self)
         compare = context.scene.perfect_bvh.compare
@@ -56,7 +56,7 @@ class PERFECT_BVH_PT_decay(TreePanel, bpy.types.Panel):
     bl_label = "Decay"
 
     def draw(self, context: bpy.types.Context) -> None:
-        from ..view3d import decay_view
+        from ..view3d.decay import decay_view
 
         layout = settings_layout(self)
         decay = context.scene.perfect_bvh.decay

@@ -27,8 +27,8 @@ class PERFECT_BVH_PT_walk_ray(TreePanel, bpy.types.Panel):
     bl_options: ClassVar = set()
 
     def draw(self, context: bpy.types.Context) -> None:
-        from ..view3d import walk_view
-        from ..view3d.shown_walk import place_of
+        from ..view3d.walk import walk_view
+        from ..view3d.walk.shown_walk import place_of
 
         layout = self.layout
         walk = walk_view.shown()

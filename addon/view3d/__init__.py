@@ -1,1 +1,4 @@
-"""What 3D viewports show: the Rendered shading of a region, and boxes of trees drawn over it."""
+"""What 3D viewports show: the Rendered shading of a region, and what is drawn over it, a folder each.
+
+Beside the folders stands what several of them use: text and panels, the mouse, objects and the rays that try trees.
+"""

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import bpy
 
-from .box_words import Scale
 from .drawing import (
     MARGIN,
     TEXT_SIZE,
@@ -27,6 +26,7 @@ from .drawing import (
     text_panel_size,
     text_size,
 )
+from .tree_overlay.box_words import Scale
 
 # In points.
 SCALE_WIDTH = 220.0

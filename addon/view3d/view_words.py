@@ -6,8 +6,9 @@ from typing import Any
 
 import bpy
 
-from . import cost_scale, overlay
+from . import cost_scale
 from .legend import draw_legend, draw_tip
+from .tree_overlay import overlay
 
 _handle: Any = None
 

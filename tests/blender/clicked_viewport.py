@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from blender.long_builds import TIMER, FakeOperator, FakeWindow
 from mathutils import Matrix
 from perfect_bvh_addon.operators import walk_ray as operators
-from perfect_bvh_addon.view3d import awaited_view
+from perfect_bvh_addon.view3d.rendered import awaited_view
 
 
 class Viewport:

@@ -14,13 +14,13 @@ bpy: Any = pytest.importorskip("bpy")
 from blender.long_builds import ESCAPE, TIMER, FakeOperator, FakeWindow  # noqa: E402
 from perfect_bvh_addon.operators.compare import PERFECT_BVH_OT_compare  # noqa: E402
 from perfect_bvh_addon.settings.tree_settings import CHOICES, REFITTED, choice_of  # noqa: E402
-from perfect_bvh_addon.view3d import compare_view, half_picture  # noqa: E402
-from perfect_bvh_addon.view3d.compare_trees import compare  # noqa: E402
-from perfect_bvh_addon.view3d.compare_words import Row, heading_of, level_line, rows_of  # noqa: E402
-from perfect_bvh_addon.view3d.half_picture import FILLS, Framing, cut_of, frame_box  # noqa: E402
+from perfect_bvh_addon.view3d.compare import compare_view, half_picture  # noqa: E402
+from perfect_bvh_addon.view3d.compare.compare_trees import compare  # noqa: E402
+from perfect_bvh_addon.view3d.compare.compare_words import Row, heading_of, level_line, rows_of  # noqa: E402
+from perfect_bvh_addon.view3d.compare.half_picture import FILLS, Framing, cut_of, frame_box  # noqa: E402
+from perfect_bvh_addon.view3d.compare.shaded_mesh import BRIGHTEST, DARKEST, shade  # noqa: E402
 from perfect_bvh_addon.view3d.reading import read_object  # noqa: E402
 from perfect_bvh_addon.view3d.sample_rays import SIDE, primary_rays  # noqa: E402
-from perfect_bvh_addon.view3d.shaded_mesh import BRIGHTEST, DARKEST, shade  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
 

@@ -18,16 +18,17 @@ from perfect_bvh_addon.live.scene_reference import SceneReference  # noqa: E402
 from perfect_bvh_addon.operators.decay import PERFECT_BVH_OT_decay  # noqa: E402
 from perfect_bvh_addon.settings.tree_settings import frames_of  # noqa: E402
 from perfect_bvh_addon.statistics import words  # noqa: E402
-from perfect_bvh_addon.view3d import decay_chart, decay_view, drawing  # noqa: E402
-from perfect_bvh_addon.view3d.chart_layout import (  # noqa: E402
+from perfect_bvh_addon.view3d import drawing  # noqa: E402
+from perfect_bvh_addon.view3d.decay import decay_chart, decay_view  # noqa: E402
+from perfect_bvh_addon.view3d.decay.chart_layout import (  # noqa: E402
     ChartLayout,
     cost_range,
     cost_ticks,
     frame_ticks,
     without_crowd,
 )
-from perfect_bvh_addon.view3d.decay import POLICIES, Decay, follow  # noqa: E402
-from perfect_bvh_addon.view3d.decay_words import LABELS, heading_of, key_of, sentence_of, summary_of  # noqa: E402
+from perfect_bvh_addon.view3d.decay.decay import POLICIES, Decay, follow  # noqa: E402
+from perfect_bvh_addon.view3d.decay.decay_words import LABELS, heading_of, key_of, sentence_of, summary_of  # noqa: E402
 from perfect_bvh_addon.view3d.reading import read_frames, read_object  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")

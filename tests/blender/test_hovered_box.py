@@ -12,7 +12,7 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
-from perfect_bvh_addon.view3d import hovered_box, scene_overlay, tree_lines  # noqa: E402
+from perfect_bvh_addon.view3d.tree_overlay import hovered_box, scene_overlay, tree_lines  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
 

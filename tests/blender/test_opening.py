@@ -10,7 +10,7 @@ import pytest
 
 bpy: Any = pytest.importorskip("bpy")
 
-from perfect_bvh_addon.view3d.opening import show_rendered  # noqa: E402
+from perfect_bvh_addon.view3d.rendered.opening import show_rendered  # noqa: E402
 
 SCENES = ("courtyard", "tree_in_wind", "gears", "crowd", "cloth", "ocean", "zoo/twist", "zoo/few_triangles")
 

@@ -13,7 +13,7 @@ import perfect_bvh  # noqa: E402
 from perfect_bvh_addon.extract.camera import read_camera, read_frame  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import syncs_of  # noqa: E402
 from perfect_bvh_addon.statistics import last_result  # noqa: E402
-from perfect_bvh_addon.view3d import awaited_view  # noqa: E402
+from perfect_bvh_addon.view3d.rendered import awaited_view  # noqa: E402
 
 NAME = "Perfect BVH View"
 

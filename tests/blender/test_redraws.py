@@ -9,8 +9,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from perfect_bvh_addon.view3d import redraws  # noqa: E402
-from perfect_bvh_addon.view3d.redraws import LONGEST_PAUSE, SHARE, RedrawBudget  # noqa: E402
+from perfect_bvh_addon.view3d.rendered import redraws  # noqa: E402
+from perfect_bvh_addon.view3d.rendered.redraws import LONGEST_PAUSE, SHARE, RedrawBudget  # noqa: E402
 
 
 @pytest.mark.parametrize("cost", [0.002, 0.05, 0.3])

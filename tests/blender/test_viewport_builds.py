@@ -25,8 +25,8 @@ from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import read_settings  # noqa: E402
 from perfect_bvh_addon.sync.appearance import as_camera  # noqa: E402
 from perfect_bvh_addon.sync.records import CameraRecord  # noqa: E402
-from perfect_bvh_addon.view3d import screen_image, viewport  # noqa: E402
-from perfect_bvh_addon.view3d.awaited_view import TYPE_FILTERS  # noqa: E402
+from perfect_bvh_addon.view3d.rendered import screen_image, viewport  # noqa: E402
+from perfect_bvh_addon.view3d.rendered.awaited_view import TYPE_FILTERS  # noqa: E402
 
 SIZE = (32, 18)
 

@@ -13,9 +13,10 @@ bpy: Any = pytest.importorskip("bpy")
 
 from blender.walked_rays import heap, walk_down  # noqa: E402
 from perfect_bvh import WalkEvent  # noqa: E402
-from perfect_bvh_addon.view3d import drawing, walk_legend  # noqa: E402
-from perfect_bvh_addon.view3d.walk_legend import rows_of, wrap  # noqa: E402
-from perfect_bvh_addon.view3d.walk_picture import (  # noqa: E402
+from perfect_bvh_addon.view3d import drawing  # noqa: E402
+from perfect_bvh_addon.view3d.walk import walk_legend  # noqa: E402
+from perfect_bvh_addon.view3d.walk.walk_legend import rows_of, wrap  # noqa: E402
+from perfect_bvh_addon.view3d.walk.walk_picture import (  # noqa: E402
     ENTERED,
     HIT,
     MISSED,

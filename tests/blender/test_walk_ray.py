@@ -13,8 +13,8 @@ from blender.clicked_viewport import Viewport  # noqa: E402
 from blender.long_builds import TIMER, FakeOperator, FakeWindow, Gate  # noqa: E402
 from perfect_bvh_addon.operators import walk_ray as operators  # noqa: E402
 from perfect_bvh_addon.statistics.messages import messages_of  # noqa: E402
-from perfect_bvh_addon.view3d import walk_reading, walk_view  # noqa: E402
-from perfect_bvh_addon.view3d.shown_walk import CHANGED  # noqa: E402
+from perfect_bvh_addon.view3d.walk import walk_reading, walk_view  # noqa: E402
+from perfect_bvh_addon.view3d.walk.shown_walk import CHANGED  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
 

@@ -25,9 +25,9 @@ from unshown_settings import EXCUSED, MAY_STAND_TWICE
 READING = (
     "extract",
     "settings",
-    "view3d/awaited_view.py",
-    "view3d/region_camera.py",
-    "view3d/view_lighting.py",
+    "view3d/rendered/awaited_view.py",
+    "view3d/rendered/region_camera.py",
+    "view3d/rendered/view_lighting.py",
 )
 
 

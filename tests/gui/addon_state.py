@@ -66,7 +66,7 @@ def space() -> bpy.types.SpaceView3D:
 def overlay() -> Any:
     """What is drawn of the trees, None if nothing is."""
     with bpy.context.temp_override(**context_of(area_of("VIEW_3D"))):
-        return module("view3d.overlay").overlay_of(bpy.context)
+        return module("view3d.tree_overlay.overlay").overlay_of(bpy.context)
 
 
 def is_playing() -> bool:

@@ -57,7 +57,7 @@ def differ(one: Any, other: Any) -> float:
 
 
 def compare_two_trees() -> Step:
-    area, view = main_area(), module("view3d.compare_view")
+    area, view = main_area(), module("view3d.compare.compare_view")
     bpy.context.view_layer.objects.active = bpy.data.objects["Tree"]
     yield from open_sidebar(area)
     before = area_pixels(area)
@@ -86,7 +86,7 @@ def compare_two_trees() -> Step:
 
 
 def follow_the_decay() -> Step:
-    area, view, scene = main_area(), module("view3d.decay_view"), bpy.context.scene
+    area, view, scene = main_area(), module("view3d.decay.decay_view"), bpy.context.scene
     bpy.context.view_layer.objects.active = bpy.data.objects["Tree"]
     chosen, frame = settings().decay, scene.frame_current
     chosen.use_custom_range, chosen.frame_start, chosen.frame_end = True, 1, FRAMES
@@ -95,7 +95,7 @@ def follow_the_decay() -> Step:
     yield from wait_until(lambda: not is_working(), "the decay is not measured")
     yield from wait_for_report("SAH in the end: refitted ")
     check(scene.frame_current == frame, f"frame {scene.frame_current} is shown, not {frame} as before")
-    chart, decay = module("view3d.decay_chart"), view.shown().decay
+    chart, decay = module("view3d.decay.decay_chart"), view.shown().decay
     check(len(decay.rows) == FRAMES, f"{len(decay.rows)} frames were measured")
     region, panel = region_of(area), chart.panel_of(area, region_of(area))
     layout = chart.layout_of(decay, panel)

@@ -13,7 +13,7 @@ from places import area_of, context_of, middle_of, region_of
 
 def walk() -> Any:
     """What is shown."""
-    return module("view3d.walk_view").shown()
+    return module("view3d.walk.walk_view").shown()
 
 
 def start() -> Step:

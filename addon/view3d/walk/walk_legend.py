@@ -11,9 +11,9 @@ import bpy
 from perfect_bvh import WalkEvent
 from perfect_bvh.ray_walk import BOX_TESTS, TRIANGLE_TESTS
 
-from ..statistics.words import count_of
-from . import drawing
-from .legend import hud_top
+from ...statistics.words import count_of
+from .. import drawing
+from ..legend import hud_top
 
 if TYPE_CHECKING:
     from .walk_steps import Counters

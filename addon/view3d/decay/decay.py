@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import perfect_bvh
 
-from ..support.background_work import BackgroundWork
-from ..sync.records import SceneRecord
-from ..sync.state import SceneState
-from .sample_rays import RayCost, Rays, cost_of, primary_rays
+from ...support.background_work import BackgroundWork
+from ...sync.records import SceneRecord
+from ...sync.state import SceneState
+from ..sample_rays import RayCost, Rays, cost_of, primary_rays
 
 Progress = Callable[[float], object]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..sync.records import MeshRecord
+from ...sync.records import MeshRecord
 
 Float32Array = npt.NDArray[np.float32]
 

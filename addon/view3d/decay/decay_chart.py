@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from . import drawing
+from .. import drawing
+from ..close_button import close_rect, draw_close
 from .chart_layout import ChartLayout, cost_range, cost_ticks, frame_ticks, without_crowd
-from .close_button import close_rect, draw_close
 from .decay_words import ACTIONS, heading_of, key_of, sentence_of
 
 if TYPE_CHECKING:

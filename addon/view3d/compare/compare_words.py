@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..statistics.words import count_of, duration
+from ...statistics.words import count_of, duration
 
 if TYPE_CHECKING:
+    from ..sample_rays import RayCost
     from .compare_trees import Comparison, Side
-    from .sample_rays import RayCost
 
 SAME = 0.005  # ratios as near to 1 as that are told to be 1
 

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
+from ..drawing import pixels
 from .box_lines import CORNERS, EDGES
 from .box_words import describe_box
-from .drawing import pixels
 from .tree_lines import TreeLines
 
 if TYPE_CHECKING:
     import gpu
 
-    from ..live.scene_sync import SceneSync
+    from ...live.scene_sync import SceneSync
 
 LINE_COLOR = (1.0, 1.0, 1.0, 1.0)
 LINE_WIDTH = 2.5  # points

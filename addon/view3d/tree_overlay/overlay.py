@@ -9,9 +9,9 @@ from typing import Any
 
 import bpy
 
-from ..settings.preferences import native_error
-from . import pointer
-from .legend import Section
+from ...settings.preferences import native_error
+from .. import pointer
+from ..legend import Section
 from .scene_overlay import SceneOverlay, redraw
 
 _overlays: dict[tuple[int, str], SceneOverlay] = {}
@@ -28,7 +28,7 @@ def is_wanted(context: bpy.types.Context) -> bool:
     settings = context.scene.perfect_bvh.overlay
     if not (settings.show_top_level or settings.show_active) or native_error() is not None:
         return False
-    from . import walk_view
+    from ..walk import walk_view
 
     return walk_view.shown_in(context) is None
 
@@ -42,7 +42,7 @@ def _draw() -> None:
     if not context.space_data.overlay.show_overlays:
         return
     if key not in _overlays:
-        from ..events.changes import listen
+        from ...events.changes import listen
 
         there = {scene.session_uid for scene in bpy.data.scenes}
         for gone in [other for other in _overlays if other[0] not in there]:
@@ -86,7 +86,7 @@ _pointing = _Pointing()
 def _drop(key: tuple[int, str]) -> None:
     overlay = _overlays.pop(key, None)
     if overlay is not None:
-        from ..events.changes import stop_listening
+        from ...events.changes import stop_listening
 
         stop_listening(overlay)
 

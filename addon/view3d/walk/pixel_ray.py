@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..sync.records import CameraRecord
+from ...sync.records import CameraRecord
 
 Float64Array = npt.NDArray[np.float64]
 

@@ -20,15 +20,15 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
-from ..live.pending_commit import PendingCommit
+from ...live.pending_commit import PendingCommit
+from ..legend import Section
 from .box_lines import ramp_colors
 from .box_words import describe
 from .hovered_box import HoveredBox, HoveredPicture, Pointed, box_under, view_of
-from .legend import Section
 from .tree_lines import TreeLines
 
 if TYPE_CHECKING:
-    from ..live.scene_sync import SceneSync
+    from ...live.scene_sync import SceneSync
 
 # Between two looks whether the trees are there.
 REDRAW_SECONDS = 0.05
@@ -98,7 +98,7 @@ class SceneOverlay:
 
     def _follow(self, context: bpy.types.Context, settings: bpy.types.PropertyGroup) -> bool:
         """Whether there are trees to draw."""
-        from ..events.changes import watch_again
+        from ...events.changes import watch_again
 
         watch_again()
         if self._is_stale or self._trees.sync is None:
@@ -127,7 +127,7 @@ class SceneOverlay:
         return self._found
 
     def _begin(self, context: bpy.types.Context) -> None:
-        from ..live.sync_cache import sync_of
+        from ...live.sync_cache import sync_of
 
         depsgraph = context.evaluated_depsgraph_get()
         sync = sync_of(depsgraph)

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ..events.changes import edit_count, listen, stop_listening, watch_again
-from .close_button import close_rect, contains
+from ...events.changes import edit_count, listen, stop_listening, watch_again
+from ..close_button import close_rect, contains
+from ..legend import is_main
 from .decay_chart import draw_chart, layout_of, panel_of
-from .legend import is_main
 
 if TYPE_CHECKING:
     from .decay import Decay

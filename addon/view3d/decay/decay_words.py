@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..statistics.words import count_of, number, sentence
+from ...statistics.words import count_of, number, sentence
 
 if TYPE_CHECKING:
     from .decay import Decay, DecayFrame

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..image.costs import owners_of
-from ..image.refinement import Refinement
-from ..statistics.frame_statistics import FrameStatistics, Source
-from ..statistics.last_result import remember
+from ...image.costs import owners_of
+from ...image.refinement import Refinement
+from ...statistics.frame_statistics import FrameStatistics, Source
+from ...statistics.last_result import remember
 
 if TYPE_CHECKING:
     import bpy
 
-    from ..live.scene_sync import SceneSync
+    from ...live.scene_sync import SceneSync
 
 
 def remember_view(

@@ -14,9 +14,9 @@ import numpy.typing as npt
 import perfect_bvh
 from perfect_bvh import BuildConfig
 
-from ..settings.tree_settings import REFITTED, TreeChoice
-from .one_object import OneObject
-from .sample_rays import RayCost, Rays, cost_of, diffuse_rays, primary_rays
+from ...settings.tree_settings import REFITTED, TreeChoice
+from ..one_object import OneObject
+from ..sample_rays import RayCost, Rays, cost_of, diffuse_rays, primary_rays
 from .shaded_mesh import ShadedMesh, shade
 
 Progress = Callable[[float], object]

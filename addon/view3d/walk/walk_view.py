@@ -12,8 +12,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..events.changes import listen, stop_listening, watch_again
-from . import compare_view, drawing
+from ...events.changes import listen, stop_listening, watch_again
+from .. import drawing
+from ..compare import compare_view
 from .shown_walk import CHANGED, ShownWalk
 from .walk_legend import draw_legend, rows_of
 from .walk_picture import HIT, RAY, Lines, Picture

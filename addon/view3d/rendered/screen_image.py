@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from ..image.canvas import Canvas, Image, Place
-from ..settings.modes import find_mode
+from ...image.canvas import Canvas, Image, Place
+from ...settings.modes import find_mode
 
 if TYPE_CHECKING:
     import gpu

@@ -19,16 +19,16 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ..image.costs import trace_visits
-from ..image.plan import RenderPlan, plan_view
-from ..image.progressive import Pace
-from ..image.refinement import DEFAULT_INTERVAL, Refinement, View
-from ..image.tracer import Tracer
-from ..live.pending_commit import PendingCommit
-from ..settings.shading_settings import read_view_settings
-from ..statistics import not_shown
-from ..statistics.last_result import confirm_view, edits_of
-from ..sync.records import AttributeRequest, CameraRecord
+from ...image.costs import trace_visits
+from ...image.plan import RenderPlan, plan_view
+from ...image.progressive import Pace
+from ...image.refinement import DEFAULT_INTERVAL, Refinement, View
+from ...image.tracer import Tracer
+from ...live.pending_commit import PendingCommit
+from ...settings.shading_settings import read_view_settings
+from ...statistics import not_shown
+from ...statistics.last_result import confirm_view, edits_of
+from ...sync.records import AttributeRequest, CameraRecord
 from . import redraws
 from .awaited_view import begin_view, filter_of
 from .region_camera import camera_of
@@ -37,7 +37,7 @@ from .view_lighting import ViewLighting, lighting_of
 from .view_statistics import remember_view
 
 if TYPE_CHECKING:
-    from ..live.scene_sync import SceneSync, UpdateCommit
+    from ...live.scene_sync import SceneSync, UpdateCommit
 
 # The first image of what is new comes in the redraw that follows, if it takes no longer; while an animation plays,
 # however long it takes. It is made as coarse as it must be to be there in much less.
@@ -111,8 +111,8 @@ class Viewport:
         return building
 
     def _sync_for(self, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph) -> SceneSync:
-        from ..live.scene_sync import SceneSync
-        from ..live.sync_cache import sync_of
+        from ...live.scene_sync import SceneSync
+        from ...live.sync_cache import sync_of
 
         self._shown_filter = filter_of(space)
         if not any(self._shown_filter):
@@ -252,7 +252,7 @@ class Viewport:
 
     def _follow_view(self, sync: SceneSync, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
         """Start over if what is seen is not what it was; whether it was so."""
-        from ..sync.appearance import as_camera
+        from ...sync.appearance import as_camera
 
         camera, self.complaint = camera_of(context.region_data, context.space_data, depsgraph)
         if camera is None:

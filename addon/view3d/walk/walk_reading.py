@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..live.pending_commit import PendingCommit
-from ..sync.records import VISIBLE_TO_CAMERA
-from .awaited_view import filter_of
+from ...live.pending_commit import PendingCommit
+from ...sync.records import VISIBLE_TO_CAMERA
+from ..rendered.awaited_view import filter_of
+from ..rendered.region_camera import camera_of
 from .pixel_ray import PixelRay, pixel_ray
-from .region_camera import camera_of
 from .shown_walk import CHANGED, SceneState, ShownWalk
 from .walk_picture import WalkedRay
 from .walk_steps import steps_of
 from .walk_words import WalkWords
 
 if TYPE_CHECKING:
-    from ..live.scene_sync import SceneSync
+    from ...live.scene_sync import SceneSync
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +77,8 @@ class Reading:
 
 def read_pixel(context: bpy.types.Context, area: bpy.types.Area, region: bpy.types.Region, x: int, y: int) -> Reading:
     """x, y: pixels of the window. Raises ValueError where nothing can be seen, and what the engine raises."""
-    from ..live.scene_sync import SceneSync
-    from ..live.sync_cache import sync_of
+    from ...live.scene_sync import SceneSync
+    from ...live.sync_cache import sync_of
 
     depsgraph, space = context.evaluated_depsgraph_get(), area.spaces.active
     camera, _ = camera_of(region.data, space, depsgraph)

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ..events.changes import edit_count, listen, stop_listening, watch_again
-from . import drawing
-from .close_button import close_rect, contains, draw_close
+from ...events.changes import edit_count, listen, stop_listening, watch_again
+from .. import drawing
+from ..close_button import close_rect, contains, draw_close
 from .compare_words import Row, heading_of, level_line, rows_of
 from .half_picture import Framing, HalfPicture, background_color, frame_box
 

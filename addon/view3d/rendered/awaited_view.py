@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..image.plan import RenderPlan, plan_render, plan_view
-from ..image.progressive import Pace
-from ..image.refinement import Refinement, View
-from ..image.still import missing_camera
-from ..settings.scene_settings import ENGINE_NAME, RenderSettings, read_settings
-from ..settings.shading_settings import AS_RENDER, mode_of
-from ..statistics import not_shown
-from ..statistics.last_result import edits_of
-from ..sync.not_shown import without_looks
+from ...image.plan import RenderPlan, plan_render, plan_view
+from ...image.progressive import Pace
+from ...image.refinement import Refinement, View
+from ...image.still import missing_camera
+from ...settings.scene_settings import ENGINE_NAME, RenderSettings, read_settings
+from ...settings.shading_settings import AS_RENDER, mode_of
+from ...statistics import not_shown
+from ...statistics.last_result import edits_of
+from ...sync.not_shown import without_looks
 from .region_camera import camera_of
 from .view_lighting import ViewLighting, lighting_of
 
 if TYPE_CHECKING:
     from perfect_bvh import Camera
 
-    from ..live.scene_sync import SceneSync, UpdateCommit
+    from ...live.scene_sync import SceneSync, UpdateCommit
 
 TYPE_FILTERS = (
     "show_object_viewport_mesh",
@@ -86,9 +86,9 @@ def await_view(context: bpy.types.Context) -> AwaitedView:
 
     Raises ValueError if there is neither, and what the engine raises.
     """
-    from ..live.scene_sync import SceneSync
-    from ..live.sync_cache import sync_of
-    from ..sync.appearance import as_camera
+    from ...live.scene_sync import SceneSync
+    from ...live.sync_cache import sync_of
+    from ...sync.appearance import as_camera
 
     depsgraph = context.evaluated_depsgraph_get()
     found = find_view(context)

@@ -12,8 +12,8 @@ import bpy
 import numpy as np
 
 if TYPE_CHECKING:
-    from ..extract.camera import Window
-    from ..sync.records import CameraRecord
+    from ...extract.camera import Window
+    from ...sync.records import CameraRecord
 
 WHOLE: Window = (0.0, 1.0, 0.0, 1.0)
 
@@ -22,7 +22,7 @@ def camera_of(
     view: bpy.types.RegionView3D, space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph
 ) -> tuple[CameraRecord | None, str | None]:
     """What a region looks through, None if nothing can be seen through it; and why that is not what it should be."""
-    from ..extract.camera import read_camera, read_frame, read_lens, read_region_view, spread_over_region
+    from ...extract.camera import read_camera, read_frame, read_lens, read_region_view, spread_over_region
 
     scene = depsgraph.scene
     border = border_of(view, space, scene)

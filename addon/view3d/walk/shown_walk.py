@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from ..events.changes import edit_count
+from ...events.changes import edit_count
 from .walk_picture import Picture, WalkedRay, picture_of
 from .walk_steps import Counters, WalkStep, count
 from .walk_words import WalkWords

@@ -10,7 +10,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from ..settings.scene_settings import ENGINE_NAME
+from ...settings.scene_settings import ENGINE_NAME
 
 PROPERTY = "perfect_bvh_open_rendered"
 

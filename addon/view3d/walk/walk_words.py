@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from perfect_bvh import WalkEvent
 
-from ..statistics.words import count_of
+from ...statistics.words import count_of
 
 if TYPE_CHECKING:
     from perfect_bvh import RayWalk

@@ -15,7 +15,7 @@ from typing import Protocol
 
 import bpy
 
-from ..events.changes import listen, stop_listening
+from ...events.changes import listen, stop_listening
 
 # Of all time, what redraws for the sake of new images may take.
 SHARE = 0.1

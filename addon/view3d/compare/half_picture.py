@@ -13,9 +13,9 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
-from . import drawing
-from .box_lines import BoxLines, box_lines
-from .tree_lines import MOST_BOXES
+from .. import drawing
+from ..tree_overlay.box_lines import BoxLines, box_lines
+from ..tree_overlay.tree_lines import MOST_BOXES
 
 if TYPE_CHECKING:
     import gpu

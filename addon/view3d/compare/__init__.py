@@ -1,0 +1,1 @@
+"""Two trees of one object side by side."""

@@ -1,0 +1,1 @@
+"""What trees cost from frame to frame of an animation, as curves."""

@@ -1,0 +1,1 @@
+"""The walk of one ray through the trees, step by step."""
