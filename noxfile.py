@@ -15,7 +15,7 @@ from pathlib import Path
 import nox
 
 sys.path.insert(0, str(Path(__file__).resolve().parent / "release"))
-from sessions import BUILD_TOOLS, PYBIND11, WHEEL_TOOLS, extension_zip
+from sessions import BUILD_BACKEND, BUILD_TOOLS, PYBIND11, extension_zip
 
 nox.needs_version = ">=2024.4.15"
 nox.options.error_on_missing_interpreters = True
@@ -79,7 +79,7 @@ def quick(session: nox.Session) -> None:
     import near
 
     changed = near.changed_files()
-    session.install(RUFF, CLANG_FORMAT, *BUILD_TOOLS, *WHEEL_TOOLS[:2])
+    session.install(RUFF, CLANG_FORMAT, *BUILD_TOOLS, *BUILD_BACKEND)
     session.run("ruff", "check")
     session.run("ruff", "format", "--check")
     native = [path for path in changed if path.startswith("native/") and path.endswith(NATIVE_SUFFIXES)]

@@ -19,8 +19,8 @@ from pathlib import Path
 
 from debian_packages import CACHE
 from python_headers import ZIG, Headers, fetch_headers
-from weak_symbols import weak_functions
-from wheel_platforms import PLATFORMS, PYTHONS
+from weak_symbols import check_kernels
+from wheel_platforms import PLATFORMS, PYTHONS, gather_pythons, read_platform
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 NATIVE = REPOSITORY / "native"
@@ -33,7 +33,6 @@ DATE = "315532800"
 def build_wheel(python: str, name: str, headers: Headers, output: Path) -> None:
     """The wheel for one CPython, 3.13 say, on the platform of that name into `output`."""
     platform = PLATFORMS[name]
-    digits = python.replace(".", "")
     # A platform's share one folder, so that only the bindings are compiled for each; what CMake found of the last
     # Python goes.
     build = REPOSITORY / "build" / f"engine-{name}"
@@ -43,7 +42,7 @@ def build_wheel(python: str, name: str, headers: Headers, output: Path) -> None:
         "Python_FIND_STRATEGY": "LOCATION",
         "Python_ROOT_DIR": headers.root,
         "Python_INCLUDE_DIR": headers.include,
-        "PYTHON_MODULE_EXTENSION": platform.module_suffix.format(digits),
+        "PYTHON_MODULE_EXTENSION": platform.module_suffix.format(python.replace(".", "")),
         "PYTHON_MODULE_DEBUG_POSTFIX": "",
         "PYTHON_IS_DEBUG": "0",
         "PYBIND11_USE_CROSSCOMPILING": "ON",  # the interpreter that runs CMake is another one
@@ -54,7 +53,7 @@ def build_wheel(python: str, name: str, headers: Headers, output: Path) -> None:
         "build-dir": build,
         "cmake.python-hints": "false",
         "install.strip": "false",  # the linker has done so; this machine's `strip` knows other systems' files badly
-        "wheel.tags": f"cp{digits}-cp{digits}-{platform.wheel_tag}",
+        "wheel.tags": platform.tag(python),
     } | {f"cmake.define.{key}": value for key, value in defines.items()}
     environment = os.environ | {
         "SOURCE_DATE_EPOCH": os.environ.get("SOURCE_DATE_EPOCH", DATE),
@@ -67,27 +66,8 @@ def build_wheel(python: str, name: str, headers: Headers, output: Path) -> None:
     pip = (sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", str(output))
     options = (f"-C{key}={value}" for key, value in settings.items())
     subprocess.run([*pip, *options, str(NATIVE)], check=True, env=environment)
-    if platform.system != "linux":
+    if platform.system != "linux" and platform.processor == "x86_64":  # NEON is on every 64-bit ARM
         check_kernels(build)
-
-
-def check_kernels(build: Path) -> None:
-    """End the program if the linker may have merged a kernel's function with one that is compiled for any machine."""
-    kernels = [*build.rglob("perfect_bvh_*.dir/traverse/*_avx*.o*")]
-    found = [f"{kernel.name}: {name}" for kernel in kernels for name in weak_functions(kernel)]
-    if found:
-        raise SystemExit("build_wheels: weak symbols; give them internal linkage:\n  " + "\n  ".join(found))
-
-
-def read_platform(text: str) -> tuple[str, tuple[str, ...]]:
-    """A platform and what Pythons are named behind it, none if none is: windows-x64:3.11,3.13."""
-    name, _, pythons = text.partition(":")
-    chosen = tuple(pythons.split(",")) if pythons else ()
-    if name not in PLATFORMS or not set(chosen) <= set(PYTHONS):
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is not PLATFORM or PLATFORM:PYTHON,... of {', '.join(PLATFORMS)} and {', '.join(PYTHONS)}"
-        )
-    return name, chosen
 
 
 def main() -> None:
@@ -105,8 +85,8 @@ def main() -> None:
     arguments = parser.parse_args()
     # All before the first compiles: apt's and Maven's folders are shared, and what cannot be fetched is said at once.
     headers = {
-        name: {python: fetch_headers(python, name) for python in pythons or arguments.python}
-        for name, pythons in arguments.platform
+        name: {python: fetch_headers(python, name) for python in pythons}
+        for name, pythons in gather_pythons(arguments.platform, tuple(arguments.python)).items()
     }
 
     def build_platform(name: str) -> None:

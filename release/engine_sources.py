@@ -12,6 +12,8 @@ import shutil
 import sys
 from pathlib import Path
 
+from manifest import read_version
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 NATIVE = REPOSITORY / "native"
 LEFT_OUT = ("__pycache__", "*.so", "*.pyd", "benchmarks", "CMakePresets.json")
@@ -21,12 +23,10 @@ def make_folder(folder: Path) -> None:
     """All that `pip install FOLDER` needs; SystemExit if a file does not have what is looked for."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(NATIVE, folder, ignore=shutil.ignore_patterns(*LEFT_OUT))
-    manifest = (REPOSITORY / "addon" / "blender_manifest.toml").read_text(encoding="utf-8")
-    (version,) = re.findall(r'^version = "(.+)"$', manifest, re.MULTILINE)
     project = folder / "pyproject.toml"
     text = project.read_text(encoding="utf-8")
     for pattern, replacement in (
-        (r'dynamic = \["version"\]', f'version = "{version}"'),
+        (r'dynamic = \["version"\]', f'version = "{read_version()}"'),
         (r'build-dir = "\.\./build/engine-', 'build-dir = "build/'),
         (r"(?s)\n# The add-on's manifest [^\n]*\n\[tool\.scikit-build\.metadata\.version\].*?(?=\n\[|\Z)", ""),
         (r"(?s)\A# .*?\n\n", ""),

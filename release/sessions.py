@@ -7,17 +7,18 @@
 from __future__ import annotations
 
 import platform
-import re
 import shutil
 from pathlib import Path
 
 import nox
-from wheel_platforms import PLATFORMS
+from manifest import read_version
+from wheel_platforms import PLATFORMS, package_names, zip_name
 
 BUILD_TOOLS = ("cmake>=3.25", "ninja>=1.11")
 # Pinned: one compiler for the wheels of all Pythons, and the Blender whose tools make the zip of them.
 PYBIND11 = "pybind11==3.1.0"
-WHEEL_TOOLS = (PYBIND11, "scikit-build-core==1.1.2", "ziglang==0.17.1")
+BUILD_BACKEND = (PYBIND11, "scikit-build-core==1.1.2")
+WHEEL_TOOLS = (*BUILD_BACKEND, "ziglang==0.17.1")
 BLENDER = "bpy==5.0.1"
 BUILD = "build==1.6.1"
 TQDM = "tqdm==4.70.1"  # the command line's progress bar, in the zip
@@ -53,8 +54,8 @@ def extension(session: nox.Session) -> None:
 
 @nox.session(default=False)
 def sdist(session: nox.Session) -> None:
-    """Build source distributions: the engine's in dist/wheels, the whole project's in dist/; of what git tracks."""
-    session.install(BUILD, *WHEEL_TOOLS[:2])
+    """Build source distributions: the engine's in dist/wheels, the whole project's, of what git tracks, in dist/."""
+    session.install(BUILD, *BUILD_BACKEND)
     session.run("python", "release/engine_sources.py", "build/engine-sources")
     make = ("python", "-m", "build", "--sdist", "--no-isolation", "--outdir")
     session.run(*make, "dist/wheels", "build/engine-sources")
@@ -111,31 +112,25 @@ def publish(session: nox.Session) -> None:
     """Upload what is in dist/ as the release of a tag, `-- v1.2.3`: wheels for pip, zips for Blender.
 
     Wants GitHub's `gh` and rights to both; a workflow has them by its identity. Stops before the first upload if the
-    tag is not the version or a system's zip is missing.
+    tag is not the version, or if a zip, a wheel or the sources are missing.
     """
     if len(session.posargs) != 1:
         session.error("which tag? nox -s publish -- v1.2.3")
     (tag,) = session.posargs
-    if tag != f"v{version()}":
-        session.error(f"the tag {tag} is not that of version {version()} in addon/blender_manifest.toml")
-    zips = [str(path) for path in sorted(Path("dist").glob(f"perfect_bvh-{version()}-*.zip"))]
-    if len(zips) != len(PLATFORMS):
-        session.error(f"dist/ has {len(zips)} zips of version {version()}, not {len(PLATFORMS)}: nox -s extension")
-    packages = [str(path) for path in sorted(Path("dist/wheels").glob(f"perfect_bvh_engine-{version()}*"))]
+    version = read_version()
+    if tag != f"v{version}":
+        session.error(f"the tag {tag} is not that of version {version} in addon/blender_manifest.toml")
+    zips = [Path("dist") / zip_name(version, name) for name in PLATFORMS]
+    packages = [Path("dist/wheels") / name for name in package_names(version)]
+    missing = [path.as_posix() for path in (*zips, *packages) if not path.is_file()]
+    if missing:
+        session.error(f"missing; `nox -s extension sdist` makes them: {', '.join(missing)}")
     session.install(TWINE)
-    session.run("twine", "check", "--strict", *packages)
-    session.run("twine", "upload", "--skip-existing", *packages)
-    session.run("gh", "release", "create", tag, "--verify-tag", "--generate-notes", *zips, external=True)
-
-
-def version() -> str:
-    """The manifest's."""
-    manifest = Path("addon/blender_manifest.toml").read_text(encoding="utf-8")
-    (found,) = re.findall(r'^version = "(.+)"$', manifest, re.MULTILINE)
-    return str(found)
+    session.run("twine", "check", "--strict", *map(str, packages))
+    session.run("twine", "upload", "--skip-existing", *map(str, packages))
+    session.run("gh", "release", "create", tag, "--verify-tag", "--generate-notes", *map(str, zips), external=True)
 
 
 def extension_zip() -> Path:
     """The zip for Blender on this machine, where Linux's windows are tried."""
-    machine = "arm64" if platform.machine() == "aarch64" else "x64"
-    return Path("dist") / f"perfect_bvh-{version()}-linux_{machine}.zip"
+    return Path("dist") / zip_name(read_version(), "linux-arm64" if platform.machine() == "aarch64" else "linux-x64")

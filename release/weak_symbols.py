@@ -11,12 +11,25 @@ from collections.abc import Iterator
 from pathlib import Path
 
 MACH_O_64 = 0xFEEDFACF
-LC_SEGMENT_64, LC_SYMTAB = 0x19, 0x2
+LC_SYMTAB = 0x2
 WEAK_DEFINITION = 0x0080
 COFF_MACHINES = (0x8664, 0xAA64)
 CODE, MERGED = 0x20, 0x1000  # a section's flags
 ONE_ONLY = 1  # a merged section that may stand once; others are a choice among several
 STATIC = 3  # a symbol's storage class
+
+
+def check_kernels(build: Path) -> None:
+    """End the program if the linker may have merged a kernel's function with one that is compiled for any machine.
+
+    `build` is CMake's folder of a build for x86-64 on Windows or macOS.
+    """
+    kernels = [*build.rglob("perfect_bvh_*.dir/traverse/*_avx*.o*")]
+    if not kernels:
+        raise SystemExit(f"check_kernels: expected the kernels' object files below {build}, found none to check")
+    found = [f"{kernel.name}: {name}" for kernel in kernels for name in weak_functions(kernel)]
+    if found:
+        raise SystemExit("check_kernels: weak symbols; give them internal linkage:\n  " + "\n  ".join(found))
 
 
 def weak_functions(path: Path) -> list[str]:

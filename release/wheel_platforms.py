@@ -1,7 +1,9 @@
-"""Blender's platforms, and what compiler, wheel and Python call each."""
+"""Blender's platforms, what compiler, wheel and Python call each, and what a release has for them."""
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 PYTHONS = ("3.11", "3.13", "3.14")  # Blender 4.2 to 5.0, Blender 5.1 and later, Debian's Blender
@@ -25,6 +27,11 @@ class Platform:
         """x86_64 or aarch64."""
         return self.target.partition("-")[0]
 
+    def tag(self, python: str) -> str:
+        """What a wheel's name says of a CPython, 3.13 say, and this platform: cp313-cp313-win_amd64."""
+        digits = python.replace(".", "")
+        return f"cp{digits}-cp{digits}-{self.wheel_tag}"
+
 
 PLATFORMS = {
     "linux-x64": Platform("x86_64-linux-gnu.2.28", "manylinux_2_28_x86_64", ".cpython-{}-x86_64-linux-gnu.so"),
@@ -34,3 +41,35 @@ PLATFORMS = {
     "macos-x64": Platform("x86_64-macos.11.0-none", "macosx_11_0_x86_64", ".cpython-{}-darwin.so"),
     "macos-arm64": Platform("aarch64-macos.11.0-none", "macosx_11_0_arm64", ".cpython-{}-darwin.so"),
 }
+
+
+def zip_name(version: str, platform: str) -> str:
+    """The zip for one platform, as Blender's tool names it."""
+    return f"perfect_bvh-{version}-{platform.replace('-', '_')}.zip"
+
+
+def package_names(version: str) -> list[str]:
+    """The engine's files that pip is offered: a wheel for each platform and Python, and the sources."""
+    tags = (platform.tag(python) for platform in PLATFORMS.values() for python in PYTHONS)
+    return [*(f"perfect_bvh_engine-{version}-{tag}.whl" for tag in tags), f"perfect_bvh_engine-{version}.tar.gz"]
+
+
+def read_platform(text: str) -> tuple[str, tuple[str, ...]]:
+    """A platform and what Pythons are named behind it, none if none is: windows-x64:3.11,3.13."""
+    name, _, pythons = text.partition(":")
+    chosen = tuple(pythons.split(",")) if pythons else ()
+    if name not in PLATFORMS or not set(chosen) <= set(PYTHONS):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not PLATFORM or PLATFORM:PYTHON,... of {', '.join(PLATFORMS)} and {', '.join(PYTHONS)}"
+        )
+    return name, chosen
+
+
+def gather_pythons(
+    platforms: Iterable[tuple[str, tuple[str, ...]]], unless_named: tuple[str, ...]
+) -> dict[str, tuple[str, ...]]:
+    """The Pythons of each platform, in order; one that is named twice has both times' Pythons."""
+    gathered: dict[str, tuple[str, ...]] = {}
+    for name, pythons in platforms:
+        gathered[name] = tuple(dict.fromkeys((*gathered.get(name, ()), *(pythons or unless_named))))
+    return gathered

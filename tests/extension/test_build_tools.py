@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import importlib
 import struct
@@ -16,7 +17,7 @@ from extension.zips import REPOSITORY
 @pytest.fixture
 def tools(monkeypatch: pytest.MonkeyPatch) -> dict[str, ModuleType]:
     monkeypatch.syspath_prepend(str(REPOSITORY / "release"))
-    names = ("weak_symbols", "mend_mach_o", "extension_folder", "import_library")
+    names = ("weak_symbols", "mend_mach_o", "extension_folder", "import_library", "wheel_platforms", "manifest")
     return {name: importlib.import_module(name) for name in names}
 
 
@@ -59,6 +60,50 @@ def test_other_objects_are_refused(tools, tmp_path: Path) -> None:
     (tmp_path / "object").write_bytes(b"\x7fELF")
     with pytest.raises(ValueError, match="neither a COFF nor a 64-bit Mach-O object"):
         tools["weak_symbols"].weak_functions(tmp_path / "object")
+
+
+def test_kernels_that_the_linker_may_merge_end_the_build(tools, tmp_path: Path) -> None:
+    folder = tmp_path / "src" / "perfect_bvh_avx2.dir" / "traverse"
+    folder.mkdir(parents=True)
+    with pytest.raises(SystemExit, match="found none to check"):
+        tools["weak_symbols"].check_kernels(tmp_path)
+    (folder / "kernel_avx2.cpp.obj").write_bytes(coff(1))
+    tools["weak_symbols"].check_kernels(tmp_path)
+    (folder / "kernel_avx2.cpp.obj").write_bytes(coff(2))
+    with pytest.raises(SystemExit, match=r"kernel_avx2\.cpp\.obj: long_name_f"):
+        tools["weak_symbols"].check_kernels(tmp_path)
+
+
+# What is built and published -----------------------------------------------------------------------------------------
+
+
+def test_platforms_are_read_with_their_pythons(tools) -> None:
+    platforms = tools["wheel_platforms"]
+    read = [platforms.read_platform(text) for text in ("windows-x64:3.13", "linux-x64", "windows-x64:3.11,3.13")]
+    gathered = platforms.gather_pythons(read, ("3.14",))
+    assert gathered == {"windows-x64": ("3.13", "3.11"), "linux-x64": ("3.14",)}
+    for text in ("windows", "linux-x64:2.7"):
+        with pytest.raises(argparse.ArgumentTypeError, match="is not PLATFORM or PLATFORM:PYTHON"):
+            platforms.read_platform(text)
+
+
+def test_a_release_has_a_wheel_for_each_python_of_each_platform(tools) -> None:
+    platforms = tools["wheel_platforms"]
+    names = platforms.package_names("1.2.3")
+    assert len(names) == len(set(names)) == 6 * 3 + 1
+    assert "perfect_bvh_engine-1.2.3-cp311-cp311-win_amd64.whl" in names
+    assert "perfect_bvh_engine-1.2.3-cp314-cp314-manylinux_2_28_aarch64.whl" in names
+    assert "perfect_bvh_engine-1.2.3.tar.gz" in names
+    assert platforms.zip_name("1.2.3", "macos-arm64") == "perfect_bvh-1.2.3-macos_arm64.zip"
+
+
+def test_the_manifest_holds_the_version(tools, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    manifest = tools["manifest"]
+    assert manifest.read_version() == tomllib.loads(manifest.MANIFEST.read_text(encoding="utf-8"))["version"]
+    (tmp_path / "manifest.toml").write_text('id = "x"\n', encoding="utf-8")
+    monkeypatch.setattr(manifest, "MANIFEST", tmp_path / "manifest.toml")
+    with pytest.raises(SystemExit, match="expected one line `version = "):
+        manifest.read_version()
 
 
 # Modules for macOS ---------------------------------------------------------------------------------------------------
