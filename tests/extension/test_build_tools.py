@@ -97,6 +97,13 @@ def test_a_release_has_a_wheel_for_each_python_of_each_platform(tools) -> None:
     assert platforms.zip_name("1.2.3", "macos-arm64") == "perfect_bvh-1.2.3-macos_arm64.zip"
 
 
+def test_the_engine_has_a_copy_of_the_licence() -> None:
+    """No link: Windows' checkouts have a file with its target's name instead, which a wheel would then carry."""
+    copy = REPOSITORY / "native" / "LICENSE"
+    assert not copy.is_symlink()
+    assert copy.read_bytes() == (REPOSITORY / "LICENSE").read_bytes()
+
+
 def test_the_manifest_holds_the_version(tools, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     manifest = tools["manifest"]
     assert manifest.read_version() == tomllib.loads(manifest.MANIFEST.read_text(encoding="utf-8"))["version"]
