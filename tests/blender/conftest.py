@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -80,3 +81,13 @@ def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     made = Gate(monkeypatch)
     yield made
     made.open()
+
+
+@pytest.fixture(scope="module")
+def small_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A .blend file for the command line: see `save_small_file`."""
+    from blender.command_lines import save_small_file
+
+    path = tmp_path_factory.mktemp("small") / "small.blend"
+    save_small_file(path)
+    return path

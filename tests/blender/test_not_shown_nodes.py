@@ -1,0 +1,109 @@
+"""No node is dropped in silence: each that Blender has is shown as it is or named, in the README as well."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import bpy
+import pytest
+from blender.named_rows import link, material_of_a_cube, rows, sentences
+from blender.node_setups import SETUPS, image_node, one_sided
+from perfect_bvh_addon.extract.looks.shown_nodes import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES
+
+# Nodes of which the output, or what they are given, decides.
+SHOWN_AT_TIMES = {
+    "TEX_COORD",
+    "OBJECT_INFO",
+    "ATTRIBUTE",
+    "VERTEX_COLOR",
+    "LIGHT_FALLOFF",
+    "TEX_SKY",
+    "TEX_IMAGE",
+    "TEX_ENVIRONMENT",
+}
+
+
+@pytest.fixture
+def material() -> Any:
+    return material_of_a_cube()
+
+
+def node_types() -> list[str]:
+    """The identifiers of all shader nodes that this Blender has and that can be added."""
+    tree = bpy.data.materials.new("probe")
+    if not tree.node_tree:
+        tree.use_nodes = True
+    found = []
+    for name in sorted(dir(bpy.types)):
+        if name.startswith("ShaderNode") and name not in {"ShaderNode", "ShaderNodeTree", "ShaderNodeCustomGroup"}:
+            tree.node_tree.nodes.new(name)
+            found.append(name)
+    bpy.data.materials.remove(tree)
+    return found
+
+
+def feed(material: Any, node: Any, output: Any) -> None:
+    """Link a node's output to what it is made for."""
+    tree = material.node_tree
+    if output.type == "SHADER":
+        place = "Volume" if output.name == "Volume" else "Surface"
+        tree.links.new(output, tree.get_output_node("ALL").inputs[place])
+    elif node.type in {"DISPLACEMENT", "VECTOR_DISPLACEMENT"}:
+        tree.links.new(output, tree.get_output_node("ALL").inputs["Displacement"])
+    elif output.type == "VECTOR":
+        image = image_node(tree)
+        tree.links.new(output, image.inputs["Vector"])
+        link(material, image.outputs["Color"])
+    else:
+        link(material, output)
+
+
+@pytest.mark.parametrize("identifier", node_types())
+def test_every_node_that_feeds_the_surface_is_shown_or_named(identifier: str, material: Any) -> None:
+    node = material.node_tree.nodes.new(identifier)
+    outputs = [output for output in node.outputs if output.enabled]
+    if not outputs:
+        assert node.type in SHOWN_NODES | {"OUTPUT_AOV", "OUTPUT_LINESTYLE", "SCRIPT"}, "nothing can be fed by it"
+        return
+    for output in outputs:
+        feed(material, node, output)
+        told = [row for row in rows() if node.bl_label in row.text]
+        assert all((row.kind, row.name) == ("material", "Red") for row in told)
+        assert len(told) <= 1, "each thing is told once"
+        if node.type not in SHOWN_NODES:
+            assert told, output.name
+        elif node.type not in SHOWN_AT_TIMES:
+            assert not told, output.name
+    assert not (node.type in SHOWN_NODES and node.type in SIMPLIFIED_NODES)
+
+
+@pytest.mark.parametrize("setup", SETUPS, ids=lambda setup: setup.__name__)
+def test_what_is_shown_is_not_named(setup: Callable[[Any], None], material: Any) -> None:
+    setup(material)
+    expected = ["Red: Geometry Backfacing is not shown; its front is, on both sides"] if setup is one_sided else []
+    assert sentences() == expected
+
+
+def test_the_table_names_inputs_that_blender_has(material: Any) -> None:
+    found = {}
+    for identifier in node_types():
+        node = material.node_tree.nodes.new(identifier)
+        found[node.type] = {socket.identifier for socket in node.inputs}
+    for kind, inputs in IGNORED_INPUTS.items():
+        if bpy.app.version >= (5, 0, 0):
+            assert {ignored.identifier for ignored in inputs} <= found[kind], kind
+
+
+def test_the_readme_lists_the_nodes_that_are_not_shown(material: Any, repository: Path) -> None:
+    text = " ".join((repository / "README.md").read_text(encoding="utf-8").split())
+    listed = set(text.split("Nodes that are not shown as they are: ")[1].split(". ")[0].split(", "))
+    nodes = [material.node_tree.nodes.new(identifier) for identifier in node_types()]
+    names = {node.bl_label for node in nodes if node.type not in SHOWN_NODES}
+    shown = {node.bl_label for node in nodes} - names
+    assert not listed & shown
+    if bpy.app.version[:2] == (5, 0):  # others lack some, or have more
+        assert listed == names
+    for ignored in IGNORED_INPUTS["BSDF_PRINCIPLED"]:
+        assert ignored.name.lower().replace("anisotropic", "anisotropy") in text.lower()

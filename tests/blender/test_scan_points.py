@@ -1,0 +1,179 @@
+"""A scan's points in Blender: their attributes and colours, where they are drawn, and that they are not rendered."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from blender.scanned_room import LIDAR, furnish, lidar_rays, values_of  # noqa: E402
+from perfect_bvh_addon import CameraGrid, SceneSync, scan  # noqa: E402
+from perfect_bvh_addon.extract import scans  # noqa: E402
+from perfect_bvh_addon.scanning.collector import LUMINANCE  # noqa: E402
+from perfect_bvh_addon.scanning.point_colors import colors_of  # noqa: E402
+from perfect_bvh_addon.scanning.point_data import ATTRIBUTES, may_have_points, read_points  # noqa: E402
+from perfect_bvh_addon.view3d import scan_points  # noqa: E402
+from perfect_bvh_addon.view3d.scan_points import shown_scans  # noqa: E402
+
+pytestmark = pytest.mark.usefixtures("registered")
+
+
+@pytest.fixture
+def room(scene: bpy.types.Scene) -> bpy.types.Scene:
+    return furnish(scene)
+
+
+def test_the_button_makes_an_object_with_attributes(room, tmp_path: Path) -> None:
+    settings = room.perfect_bvh.scan
+    settings.width, settings.height, settings.filepath = 32, 18, str(tmp_path / "made")
+    before, meshes = (bpy.context.view_layer.objects.active, bpy.context.selected_objects), len(bpy.data.meshes)
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    made = bpy.data.objects["Scan"]
+    assert made.type == ("MESH" if bpy.app.version < (4, 4) else "POINTCLOUD")
+    assert len(bpy.data.meshes) == meshes + (made.type == "MESH")
+    assert bpy.context.view_layer.objects.active == before[0]
+    assert bpy.context.selected_objects == before[1]
+    cloud = scan(CameraGrid(32, 18))
+    places = values_of(made, "position", "vector", 3)
+    np.testing.assert_array_equal(places, cloud.positions.astype(np.float32))
+    for name, kind, field, column in ATTRIBUTES:
+        attribute = made.data.attributes[name]
+        assert (attribute.data_type, attribute.domain) == (kind, "POINT")
+        expected = getattr(cloud, column)
+        found = values_of(made, name, field, expected.size // len(cloud))
+        np.testing.assert_array_equal(found, expected.astype(np.int32 if kind == "INT" else np.float32))
+    np.testing.assert_array_equal(values_of(made, "radius", "value"), 0.5 * cloud.spacings)
+    assert list(made.data["object_names"]) == list(cloud.object_names)
+    assert (tmp_path / "made.npz").is_file()
+
+
+@pytest.mark.parametrize("color_by", ["DISTANCE", "OBJECT", "INTENSITY"])
+def test_points_are_colored_by_what_was_chosen_and_the_material_shows_it(room, color_by: str) -> None:
+    settings = room.perfect_bvh.scan
+    settings.width, settings.height, settings.point_color = 32, 18, color_by
+    bpy.data.materials["red"].diffuse_color = (1.0, 0.0, 0.0, 1.0)
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    made, cloud = bpy.data.objects["Scan"], scan(CameraGrid(32, 18))
+    colors = values_of(made, "Color", "color", 4)
+    np.testing.assert_array_equal(colors, colors_of(cloud, color_by))
+    (material,) = made.data.materials
+    (attribute,) = [node for node in material.node_tree.nodes if node.type == "ATTRIBUTE"]
+    assert (attribute.attribute_name, attribute.outputs["Color"].links[0].to_socket.name) == ("Color", "Base Color")
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    assert list(bpy.data.objects["Scan.001"].data.materials) == [material]
+
+
+def test_colors_tell_near_from_far_and_one_object_from_another(room) -> None:
+    bpy.data.materials["red"].diffuse_color = (1.0, 0.0, 0.0, 1.0)
+    cloud = scan(CameraGrid(64, 36))
+    assert len(cloud.object_names) == 3
+    of_object = [colors_of(cloud, "OBJECT")[cloud.object_ids == row] for row in range(3)]
+    assert all((np.ptp(colors, axis=0) == 0.0).all() for colors in of_object)
+    assert len({tuple(colors[0]) for colors in of_object}) == 3
+    lightness = colors_of(cloud, "DISTANCE")[:, :3] @ LUMINANCE
+    order = np.argsort(cloud.distances)
+    assert (np.diff(lightness[order]) <= 1e-6).all() and lightness[order[0]] > 5.0 * lightness[order[-1]]
+    red = cloud.object_ids == cloud.object_names.index("Red")
+    ratio = cloud.intensities / cloud.incidences
+    np.testing.assert_allclose(ratio[red], LUMINANCE[0], rtol=1e-5)
+    np.testing.assert_allclose(ratio[~red], 0.8, rtol=1e-5)
+    greys = colors_of(cloud, "INTENSITY")
+    assert greys[:, :3].max() == 1.0 and (np.ptp(greys[:, :3], axis=1) == 0.0).all()
+
+
+def test_points_know_their_line_how_they_were_met_and_how_far_their_neighbours_are(room) -> None:
+    head = bpy.data.objects["Head"]
+    cloud = scan(LIDAR, head)
+    np.testing.assert_array_equal(cloud.ring_ids, cloud.ray_ids % 4)
+    directions = np.array([direction for _, direction, _ in lidar_rays(head, LIDAR, range(36))])[cloud.ray_ids]
+    along = np.abs(np.einsum("ij,ij->i", directions, cloud.normals))
+    np.testing.assert_allclose(cloud.incidences, along, atol=1e-5)
+    np.testing.assert_allclose(cloud.spacings, cloud.distances * 2.0 * np.pi / 36, rtol=1e-5)
+    room.camera.data.type, room.camera.data.ortho_scale = "ORTHO", 12.0
+    picture = scan(CameraGrid(24, 14))
+    np.testing.assert_array_equal(picture.ring_ids, picture.ray_ids // 24)
+    np.testing.assert_allclose(picture.spacings, 12.0 / 24, rtol=1e-5)
+
+
+def test_points_are_drawn_where_blender_would_show_them_in_one_color(room) -> None:
+    area = next(area for area in bpy.data.screens["Layout"].areas if area.type == "VIEW_3D")
+    space = area.spaces.active
+
+    def shown(shading: str, engine: str = "PERFECT_BVH") -> list[str]:
+        space.shading.type = shading
+        context = SimpleNamespace(space_data=space, engine=engine, view_layer=bpy.context.view_layer)
+        return [obj.name for obj in shown_scans(context)]
+
+    assert not may_have_points() and shown("SOLID") == []
+    room.perfect_bvh.scan.width, room.perfect_bvh.scan.height = 32, 18
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    assert shown("SOLID") == shown("WIREFRAME") == shown("RENDERED") == ["Scan"]
+    assert shown("MATERIAL") == shown("RENDERED", "CYCLES") == []
+    space.overlay.show_overlays = False
+    assert shown("SOLID") == []
+    space.overlay.show_overlays = True
+    made = bpy.data.objects["Scan"]
+    made.hide_set(True)
+    assert shown("SOLID") == []
+    made.hide_set(False)
+    cloud, points = scan(CameraGrid(32, 18)), read_points(made.data)
+    np.testing.assert_array_equal(points.positions, cloud.positions.astype(np.float32))
+    np.testing.assert_array_equal(points.radii, 0.5 * cloud.spacings)
+    assert points.equals(read_points(made.data))
+    made.data.attributes["Color"].data[3].color = (0.0, 0.5, 0.0, 1.0)
+    assert not points.equals(read_points(made.data))
+    made.data.attributes.remove(made.data.attributes["Color"])
+    assert shown("SOLID") == []
+
+
+def test_a_scan_that_is_not_shown_is_named(room) -> None:
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    sync = SceneSync()
+    sync.update(bpy.context.evaluated_depsgraph_get())
+    told = "Scan: its points are not rendered; 3D viewports show them"
+    assert told in sync.warnings
+    (row,) = [row for row in sync.record.not_shown if row.name == "Scan"]
+    assert (row.kind, row.session_uid, str(row)) == ("scan", bpy.data.objects["Scan"].session_uid, told)
+    assert "Geometry Nodes" in row.what_to_do
+
+
+def test_scans_are_looked_up_again_only_when_something_but_the_frame_has_changed(room, monkeypatch) -> None:
+    area = next(area for area in bpy.data.screens["Layout"].areas if area.type == "VIEW_3D")
+    space = area.spaces.active
+    space.shading.type = "SOLID"
+    context = SimpleNamespace(space_data=space, engine="PERFECT_BVH", view_layer=bpy.context.view_layer)
+
+    def asked() -> set[str]:
+        """Which objects are asked, and what is found is right."""
+        names: set[str] = set()
+        has_points = scans.has_points
+
+        def ask(obj: bpy.types.Object) -> bool:
+            names.add(obj.name)
+            return has_points(obj)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(scan_points, "has_points", ask)
+            wanted = [obj for obj in context.view_layer.objects if has_points(obj) and obj.visible_get()]
+            assert list(shown_scans(context)) == wanted
+        return names
+
+    room.perfect_bvh.scan.width, room.perfect_bvh.scan.height = 32, 18
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    every = {obj.name for obj in context.view_layer.objects}
+    assert asked() == every and len(every) > 1
+    assert asked() == {"Scan"}
+    room.frame_set(room.frame_current + 1)
+    assert asked() == {"Scan"}
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    context.view_layer.update()
+    assert asked() == every | {"Scan.001"}
+    bpy.data.objects.remove(bpy.data.objects["Scan"])
+    context.view_layer.update()
+    assert asked() == (every | {"Scan.001"}) - {"Scan"}
+    context.view_layer = room.view_layers.new("Other")
+    assert "Scan.001" in asked()

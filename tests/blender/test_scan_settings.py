@@ -1,0 +1,138 @@
+"""The scan button's settings and a scan's arguments: what is wrong is named before anything is made."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import pytest
+from limits import full_disk
+
+bpy = pytest.importorskip("bpy")
+
+from blender.scanned_room import LIDAR, furnish, values_of  # noqa: E402
+from perfect_bvh_addon import CameraGrid, SpinningLidar, scan  # noqa: E402
+from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
+from perfect_bvh_addon.operators.scan import parse_elevations  # noqa: E402
+
+needs_proc = pytest.mark.skipif(sys.platform != "linux", reason="no folder where not even root can make a file")
+pytestmark = pytest.mark.usefixtures("registered")
+
+
+@pytest.fixture
+def room(scene: bpy.types.Scene) -> bpy.types.Scene:
+    return furnish(scene)
+
+
+# The button ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_button_scans_with_a_lidar_over_frames(room) -> None:
+    settings = room.perfect_bvh.scan
+    settings.pattern, settings.sensor = "LIDAR", bpy.data.objects["Head"]
+    settings.elevations, settings.columns, settings.use_frame_range = "-30:20:6", 36, True
+    assert bpy.ops.perfect_bvh.scan() == {"FINISHED"}
+    pattern = SpinningLidar(elevations=parse_elevations("-30:20:6"), columns=36, max_distance=100.0)
+    cloud = scan(pattern, bpy.data.objects["Head"], frames=(1, 3))
+    assert len(values_of(bpy.data.objects["Scan"], "distance", "value")) == len(cloud)
+
+
+@pytest.mark.parametrize(
+    ("text", "angles"), [("-1, 0,2.5,", (-1.0, 0.0, 2.5)), ("-10:10:3", (-10.0, 0.0, 10.0)), ("7", (7.0,))]
+)
+def test_elevations_can_be_written_in_two_ways(text: str, angles: tuple[float, ...]) -> None:
+    assert parse_elevations(text) == angles
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"filepath": "/nowhere/at/all/points"}, "Cannot write /nowhere/at/all/points.npz: No such file or directory"),
+        pytest.param({"filepath": "/proc/points"}, "Cannot write /proc/points.npz", marks=needs_proc),
+        ({"filepath": "//points"}, "is relative to the .blend file: save that first"),
+        ({"pattern": "LIDAR", "elevations": "up"}, "Elevations must be degrees .* got 'up'"),
+        ({"pattern": "LIDAR", "elevations": "0:9:1000000000"}, "with a count of at most 4,096, got '0:9:1000000000'"),
+        ({"filepath": "/tmp/"}, "/tmp is a folder: name a file in it"),
+        ({"pattern": "LIDAR", "elevations": ""}, "elevations must be degrees from -90 to 90, at least one"),
+        ({"pattern": "LIDAR", "elevations": "0:100:3"}, "elevations must be degrees from -90 to 90"),
+        ({"use_frame_range": True, "sensor": "Red"}, "camera grid needs a camera as its sensor, got 'Red', a MESH"),
+    ],
+)
+def test_bad_settings_are_named_before_anything_is_made(room, changes, message: str) -> None:
+    for name, value in changes.items():
+        setattr(room.perfect_bvh.scan, name, bpy.data.objects[value] if name == "sensor" else value)
+    count = len(bpy.data.objects), len(bpy.data.meshes)
+    with pytest.raises(RuntimeError, match=message):
+        bpy.ops.perfect_bvh.scan()
+    assert (len(bpy.data.objects), len(bpy.data.meshes)) == count
+
+
+def test_a_scan_of_nothing_says_so_and_makes_nothing(room) -> None:
+    room.camera.rotation_euler = (math.pi, 0.0, 0.0)  # up into the sky
+    count = len(bpy.data.objects)
+    assert bpy.ops.perfect_bvh.scan() == {"CANCELLED"}
+    assert len(bpy.data.objects) == count
+
+
+def test_the_button_needs_a_sensor_and_object_mode(room) -> None:
+    room.camera = None
+    with pytest.raises(RuntimeError, match="neither a sensor nor an active camera"):
+        bpy.ops.perfect_bvh.scan()
+    room.camera = bpy.data.objects["Camera"]
+    bpy.context.view_layer.objects.active = bpy.data.objects["Red"]
+    bpy.ops.object.mode_set(mode="EDIT")
+    with pytest.raises(RuntimeError, match="leave the mode of the active one first"):
+        bpy.ops.perfect_bvh.scan()
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def test_points_are_kept_when_the_file_cannot_be_written(room, tmp_path: Path) -> None:
+    settings = room.perfect_bvh.scan
+    settings.width, settings.height, settings.filepath = 64, 36, str(tmp_path / "points")
+    with full_disk(4096), pytest.raises(RuntimeError, match=r"points on .* but cannot write .*: File too large"):
+        bpy.ops.perfect_bvh.scan()
+    assert len(bpy.data.objects["Scan"].data.attributes["distance"].data)
+    assert not list(tmp_path.iterdir())
+
+
+# Scripts -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: CameraGrid(0, 9), "CameraGrid: width must be an integer of at least 1, got 0"),
+        (lambda: CameraGrid(20000, 20000), r"at most 33,554,432 rays, got 400,000,000: scan in parts"),
+        (lambda: SpinningLidar(columns=1 << 24), r"elevations \* columns must be at most 33,554,432 rays"),
+        (lambda: SpinningLidar(columns=0), "SpinningLidar: columns must be an integer of at least 1, got 0"),
+        (lambda: SpinningLidar(rate=0.0), "rate must be turns a second above 0, got 0.0"),
+        (lambda: SpinningLidar(elevations=()), "elevations must be degrees"),
+        (lambda: SpinningLidar(sweep=400.0), "sweep must be degrees above 0 and up to 360, got 400.0"),
+        (lambda: SpinningLidar(max_distance=0.0), "below max_distance, got 0.0 and 0.0"),
+    ],
+)
+def test_patterns_check_themselves(make, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_scan_names_what_is_wrong(room) -> None:
+    head = bpy.data.objects["Head"]
+    with pytest.raises(ValueError, match=r"frames must be \(first, last\) with first <= last, got \(3, 1\)"):
+        scan(LIDAR, head, frames=(3, 1))
+    with pytest.raises(ValueError, match="steps_per_frame must be an integer of at least 1, got 0"):
+        scan(LIDAR, head, frames=(1, 1), steps_per_frame=0)
+    head.scale = (0.0, 1.0, 1.0)
+    with pytest.raises(ValueError, match="'Head' has no usable matrix"):
+        scan(LIDAR, head)
+    room.collection.objects.unlink(head)
+    with pytest.raises(ValueError, match="the sensor 'Head' is not in scene"):
+        scan(LIDAR, head)
+    room.camera.data.type = "PANO"
+    panorama_settings(room.camera.data).panorama_type = "FISHEYE_EQUISOLID"
+    with pytest.raises(ValueError, match="choose Equirectangular as its Panorama Type"):
+        scan(CameraGrid(4, 4))
+    room.camera = None
+    with pytest.raises(ValueError, match="has no active camera: name a sensor"):
+        scan(LIDAR)

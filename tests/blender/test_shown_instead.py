@@ -1,0 +1,182 @@
+"""What is shown in place of nodes and settings of a material is said: a flat colour, a mean, the mesh's normals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+import pytest
+from blender.builders import evaluated
+from blender.named_rows import into_color, link, material_of_a_cube, rows, sentences, thick
+from blender.node_setups import add, image_node, shader, surface
+from perfect_bvh_addon.extract import read_scene
+
+
+@pytest.fixture
+def material() -> Any:
+    return material_of_a_cube()
+
+
+def noise(material: Any) -> Any:
+    return add(material.node_tree, "TexNoise")
+
+
+def into_roughness(material: Any) -> None:
+    link(material, noise(material).outputs[0], "Roughness")
+
+
+def into_alpha(material: Any) -> None:
+    link(material, noise(material).outputs[0], "Alpha")
+
+
+def into_strength(material: Any) -> None:
+    link(material, noise(material).outputs[0], "Emission Strength")
+
+
+def into_a_mix(material: Any) -> None:
+    tree = material.node_tree
+    mix = add(tree, "MixShader", (noise(material).outputs[0], 0), (shader(material).outputs[0], 1))
+    tree.links.new(add(tree, "BsdfDiffuse").outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], surface(material))
+
+
+def into_two_inputs(material: Any) -> None:
+    node = noise(material)
+    link(material, node.outputs["Color"])
+    link(material, node.outputs[0], "Roughness")
+
+
+def behind_a_group(material: Any) -> None:
+    group = bpy.data.node_groups.new("Dirt", "ShaderNodeTree")
+    group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
+    out = group.nodes.new("NodeGroupOutput")
+    group.links.new(add(group, "TexNoise").outputs["Color"], out.inputs[0])
+    node = material.node_tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    link(material, node.outputs[0])
+
+
+def labelled(material: Any) -> None:
+    node = noise(material)
+    node.label = "Dirt"
+    link(material, node.outputs["Color"])
+
+
+def map_of_roughness(material: Any) -> None:
+    link(material, image_node(material.node_tree).outputs[0], "Roughness")
+
+
+def two_images(material: Any) -> None:
+    tree = material.node_tree
+    other = tree.nodes.new("ShaderNodeTexImage")
+    other.image = bpy.data.images.new("Other", 2, 2)
+    mix = add(tree, "MixRGB", (image_node(tree).outputs[0], 1), (other.outputs[0], 2), Fac=0.5)
+    link(material, mix.outputs[0])
+
+
+def colors_in_a_mix(material: Any) -> None:
+    tree = material.node_tree
+    attribute = add(tree, "VertexColor")
+    attribute.layer_name = "Paint"
+    link(material, add(tree, "Invert", (attribute.outputs[0], 1)).outputs[0])
+
+
+def generated_coordinates(material: Any) -> None:
+    tree = material.node_tree
+    image = image_node(tree)
+    tree.links.new(add(tree, "TexCoord").outputs["Generated"], image.inputs[0])
+    link(material, image.outputs[0])
+
+
+def on_a_box(material: Any) -> None:
+    image = image_node(material.node_tree)
+    image.projection, image.interpolation, image.extension = "BOX", "Closest", "MIRROR"
+    link(material, image.outputs[0])
+
+
+def bumpy(material: Any) -> None:
+    tree = material.node_tree
+    link(material, add(tree, "Bump", (noise(material).outputs[0], 2)).outputs[0], "Normal")
+
+
+def coated(material: Any) -> None:
+    inputs = shader(material).inputs
+    for name in ("Subsurface Weight", "Coat Weight", "Sheen Weight", "Anisotropic", "Thin Film Thickness"):
+        inputs[name].default_value = 0.5
+
+
+def coated_by_a_node(material: Any) -> None:
+    link(material, noise(material).outputs[0], "Coat Weight")
+
+
+def not_coated_by_a_node(material: Any) -> None:
+    value = add(material.node_tree, "Value")
+    value.outputs[0].default_value = 0.0
+    link(material, value.outputs[0], "Coat Weight")
+
+
+def never_seen(material: Any) -> None:
+    """What a mix takes nothing of."""
+    tree = material.node_tree
+    toon = add(tree, "BsdfToon", (noise(material).outputs["Color"], 0))
+    mix = add(tree, "MixShader", (shader(material).outputs[0], 1), (toon.outputs[0], 2), Fac=0.0)
+    tree.links.new(mix.outputs[0], surface(material))
+
+
+def tinted_nothing(material: Any) -> None:
+    tree = material.node_tree
+    tree.links.new(add(tree, "BsdfTransparent", Color=(1.0, 0.2, 0.2, 1.0)).outputs[0], surface(material))
+
+
+NOISE = "Noise Texture is not shown;"
+INSTEAD: tuple[tuple[Callable[[Any], None], list[str]], ...] = (
+    (into_color, [f"{NOISE} its flat colour is"]),
+    (into_roughness, [f"{NOISE} Roughness 0.5 is"]),
+    (into_alpha, [f"{NOISE} all of the surface is"]),
+    (into_strength, [f"{NOISE} no light of its own is"]),
+    (into_a_mix, [f"{NOISE} half of each is"]),
+    (into_two_inputs, [f"{NOISE} its flat colour is"]),
+    (behind_a_group, [f"{NOISE} its flat colour is"]),
+    (labelled, ["Dirt (Noise Texture) is not shown; its flat colour is"]),
+    (map_of_roughness, ["Four as Roughness is not shown; Roughness 0.33 is"]),
+    (two_images, ["Other, a second image, is not shown; its mean is"]),
+    (colors_in_a_mix, ["Color Attribute Paint is not shown; its flat colour is"]),
+    (generated_coordinates, ["Texture Coordinate Generated is not shown; the UV map is"]),
+    (
+        on_a_box,
+        [
+            "the projection Box of Four is not shown; the image is, in the UV map",
+            "Closest interpolation of Four is not shown; Linear is",
+            "the mirrored extension of Four is not shown; Repeat is",
+        ],
+    ),
+    (bumpy, ["Bump is not shown; the mesh's own normals are"]),
+    (
+        coated,
+        [
+            "Subsurface is not shown; a diffuse surface is",
+            "Anisotropic is not shown; an even reflection is",
+            "Coat is not shown; what it covers is",
+            "Sheen is not shown; what it covers is",
+            "Thin Film is not shown; what it covers is",
+        ],
+    ),
+    (coated_by_a_node, ["Coat is not shown; what it covers is"]),
+    (not_coated_by_a_node, []),
+    (thick, ["Volume Scatter is not shown; its surface alone is"]),
+    (never_seen, []),
+    (tinted_nothing, ["Color of the Transparent BSDF is not shown; white is"]),
+)
+
+
+@pytest.mark.parametrize(("setup", "told"), INSTEAD, ids=lambda value: getattr(value, "__name__", ""))
+def test_what_is_shown_instead_is_said(setup: Callable[[Any], None], told: list[str], material: Any) -> None:
+    setup(material)
+    assert sentences() == [f"Red: {text}" for text in told]
+    assert all(row.session_uid == material.session_uid for row in rows())
+
+
+def test_modes_that_show_no_materials_name_none(material: Any) -> None:
+    into_color(material)
+    assert read_scene(evaluated()).not_shown == ()
