@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import bpy
 
 from ..live.scene_reference import SceneReference
+from ..settings.editors import redraw_viewports
 from ..settings.preferences import native_error
 from ..support.files import prepare_folder
 from .preview import show_in_editor
@@ -135,7 +136,7 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
         if not results.table:
             return {"CANCELLED"}
         remember(self._scene_uid, results)
-        _redraw_panels(context)
+        redraw_viewports(context)
         if results.overview is not None:
             _show(context, results.overview)
         for sentence in results.advice.values():
@@ -146,13 +147,6 @@ class PERFECT_BVH_OT_bench(Ticking, bpy.types.Operator):
         if self.folder.strip():
             return Path(bpy.path.abspath(self.folder))
         return Path(tempfile.mkdtemp(prefix="bench_", dir=bpy.app.tempdir))
-
-
-def _redraw_panels(context: bpy.types.Context) -> None:
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 def _show(context: bpy.types.Context, charts: Path) -> None:

@@ -14,6 +14,7 @@ import bpy
 
 from ..events.changes import edit_count
 from ..live.scene_reference import SceneReference
+from ..settings.editors import redraw_viewports
 from ..settings.preferences import native_error
 from ..settings.tree_settings import frames_of
 from .compare import find_complaint, find_space
@@ -114,11 +115,9 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
 
     def _show_rows(self) -> None:
         """What there is more than when it was drawn last."""
-        from ..view3d.decay import decay_view
-
         if len(self._decay.rows) > self._row_count:
             self._row_count = len(self._decay.rows)
-            decay_view.redraw()
+            redraw_viewports()
 
     def _end(self, context: bpy.types.Context) -> None:
         self._steps.close()
@@ -137,7 +136,7 @@ class PERFECT_BVH_OT_decay(Ticking, bpy.types.Operator):
             if was_stopped:
                 self.report({"INFO"}, "Stopped before the first frame was measured")
             return {"CANCELLED"}
-        decay_view.redraw()
+        redraw_viewports()
         self.report({"INFO"}, summary_of(self._decay))
         return {"FINISHED"}
 

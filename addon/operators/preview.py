@@ -15,6 +15,7 @@ import numpy as np
 from ..image.progressive import Pace
 from ..image.refinement import Refinement
 from ..live.pending_commit import LOOKING_SECONDS
+from ..settings.editors import redraw_viewports
 from ..settings.preferences import native_error
 from ..statistics.last_result import note_image
 from ..view3d.rendered.awaited_view import AwaitedView, await_view, find_view
@@ -144,7 +145,7 @@ class PERFECT_BVH_OT_preview(Ticking, bpy.types.Operator):
             self._read(context)
             return
         assert self._refinement is not None
-        _redraw_viewports(context)  # their overlays have waited for the trees, too
+        redraw_viewports(context)  # their overlays have waited for the trees, too
         self._refinement.step(REFINING_SECONDS)
         before = _windows(context)
         image = _store(self._refinement)
@@ -214,13 +215,6 @@ def show_in_editor(context: bpy.types.Context, image: bpy.types.Image) -> None:
 
 def _windows(context: bpy.types.Context) -> set[int]:
     return {window.as_pointer() for window in context.window_manager.windows}
-
-
-def _redraw_viewports(context: bpy.types.Context) -> None:
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 def _set_in_editors(context: bpy.types.Context, image: bpy.types.Image) -> bool:

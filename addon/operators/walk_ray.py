@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import bpy
 
+from ..settings.editors import redraw_viewports
 from ..settings.preferences import native_error
 from ..statistics import messages
 from . import status_bar
@@ -176,7 +177,7 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
         if self._waited >= walk_view.PLAY_SECONDS:
             self._waited = 0.0
             walk.go_on()
-            walk_view.redraw()
+            redraw_viewports()
 
     def _attempt(self, context: bpy.types.Context, work: Callable[[], None]) -> None:
         """What cannot be done is reported and left in the panels, and another pixel can be clicked."""
@@ -192,8 +193,6 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
 
     def _ask_again(self, context: bpy.types.Context, why: str) -> None:
         """For a click, as in the beginning; a walk that holds stays."""
-        from ..view3d.walk import walk_view
-
         self.report({"WARNING"}, why)
         messages.tell(context.scene, self.bl_label, why)
         self._knows_it_is_old = self._walk is not None and self._walk.is_old(context.scene)
@@ -202,7 +201,7 @@ class PERFECT_BVH_OT_walk_ray(bpy.types.Operator):
             status_bar.tell(context, PICKING)
         else:
             status_bar.tell(context, WALKING)
-        walk_view.redraw()
+        redraw_viewports()
 
     def _end(self, context: bpy.types.Context) -> set[str]:
         from ..view3d.walk import walk_view

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import bpy
 
+from ..settings.editors import redraw_viewports
 from ..settings.preferences import native_error
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def go(to: str) -> None:
     else:
         walk.is_playing = False
         _move(walk, to)
-    walk_view.redraw()
+    redraw_viewports()
 
 
 def _move(walk: ShownWalk, to: str) -> None:

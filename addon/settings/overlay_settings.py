@@ -4,26 +4,20 @@ from __future__ import annotations
 
 import bpy
 
-
-def _redraw_viewports(settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    """Whoever has changed what they show: panels redraw their own editor alone, scripts nothing."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+from .editors import redraw_for_setting
 
 
 class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
     """Which boxes of the trees are drawn in 3D viewports."""
 
     show_top_level: bpy.props.BoolProperty(
-        name="Top Level", description="Draw the tree over all instances", default=False, update=_redraw_viewports
+        name="Top Level", description="Draw the tree over all instances", default=False, update=redraw_for_setting
     )
     show_active: bpy.props.BoolProperty(
         name="Active Object",
         description="Draw the tree over the active object's triangles",
         default=False,
-        update=_redraw_viewports,
+        update=redraw_for_setting,
     )
     level: bpy.props.IntProperty(
         name="Level",
@@ -35,13 +29,13 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
         min=0,
         soft_max=12,
         max=64,
-        update=_redraw_viewports,
+        update=redraw_for_setting,
     )
     use_all_to_level: bpy.props.BoolProperty(
         name="All to Level",
         description="Draw the nodes above the level as well",
         default=False,
-        update=_redraw_viewports,
+        update=redraw_for_setting,
     )
     color_by: bpy.props.EnumProperty(
         name="Color",
@@ -52,11 +46,11 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
             ("COST", "Cost", "What a random ray spends on a box: blue least, red most", 2),
         ],
         default="LEVEL",
-        update=_redraw_viewports,
+        update=redraw_for_setting,
     )
     use_in_front: bpy.props.BoolProperty(
         name="In Front",
         description="Draw boxes through what stands before them",
         default=False,
-        update=_redraw_viewports,
+        update=redraw_for_setting,
     )

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import bpy
 
+from .editors import redraw_for_setting
 from .modes import MODES
 from .scene_settings import RenderSettings, read_settings
 
@@ -17,14 +18,6 @@ _MODE_ITEMS = [
 ]
 
 
-def _draw_again(settings: PERFECT_BVH_PG_shading, context: bpy.types.Context) -> None:
-    """Blender does so for properties of its own."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
-
-
 class PERFECT_BVH_PG_shading(bpy.types.PropertyGroup):
     """Saved with the screen in the .blend file."""
 
@@ -33,7 +26,7 @@ class PERFECT_BVH_PG_shading(bpy.types.PropertyGroup):
         description="What this viewport shows in Rendered shading",
         items=_MODE_ITEMS,
         default=AS_RENDER,
-        update=_draw_again,
+        update=redraw_for_setting,
     )
 
 

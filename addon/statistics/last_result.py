@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ..events.changes import edit_count, listen, stop_listening
+from ..settings.editors import redraw_properties, redraw_sidebars
 from ..settings.scene_settings import read_settings
 
 if TYPE_CHECKING:
@@ -128,14 +129,8 @@ def _show_news() -> float:
     before, _shown = _shown, {uid: (done, done.edits != edit_count(uid)) for uid, done in _latest.copy().items()}
     if _shown != before or _has_news:
         _has_news = False
-        for window in bpy.context.window_manager.windows:
-            for area in window.screen.areas:
-                if area.type == "PROPERTIES":
-                    area.tag_redraw()
-                elif area.type == "VIEW_3D":  # its sidebar tells of it, too, and nothing else of it is new
-                    for region in area.regions:
-                        if region.type == "UI":
-                            region.tag_redraw()
+        redraw_properties()
+        redraw_sidebars()
     return TIMER_SECONDS
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import bpy
 
 from ..events.changes import listen, stop_listening
+from ..settings.editors import redraw_properties
 from ..sync.not_shown import NotShown, is_of_looks, summarize, without_looks
 
 TIMER_SECONDS = 0.2
@@ -133,10 +134,7 @@ def list_rows() -> bool:
 
 def _show_news() -> float:
     if list_rows():
-        for window in bpy.context.window_manager.windows:
-            for area in window.screen.areas:
-                if area.type == "PROPERTIES":
-                    area.tag_redraw()
+        redraw_properties()
     return TIMER_SECONDS
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 
 from ..events.changes import listen, stop_listening
+from ..settings.editors import redraw_sidebars
 from .frame_statistics import FrameStatistics
 from .last_result import last_statistics
 from .update_words import facts_of, what_to_do, what_was_done
@@ -211,16 +212,6 @@ def _show_news() -> float:
         redraw_sidebars()
     # Where a scene is so large that listing it takes long, playing it is not held up by more than a tenth.
     return max(TIMER_SECONDS, 10.0 * (time.perf_counter() - started))
-
-
-def redraw_sidebars() -> None:
-    """Of all 3D viewports, and nothing else of them."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                for region in area.regions:
-                    if region.type == "UI":
-                        region.tag_redraw()
 
 
 class _FileWatcher:

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
+from ..settings.editors import redraw_viewports
 from ..settings.preferences import native_error
 from ..settings.scene_settings import ENGINE_NAME
 from ..settings.shading_settings import mode_of
@@ -88,25 +89,18 @@ class _Pointing:
         _pointed = Pointed.of(context, place)
         _visits = None if viewport is None else viewport.visits_at(place)
         if before is not None and last is not None and last.region != _pointed.region:
-            _redraw()  # where it was it is no longer
+            redraw_viewports()  # where it was it is no longer
         elif before is not None or _visits is not None:
             context.region.tag_redraw()
 
     def on_pointer_left(self) -> None:
         global _pointed, _visits
         if _visits is not None:
-            _redraw()
+            redraw_viewports()
         _pointed = _visits = None
 
 
 _pointing = _Pointing()
-
-
-def _redraw() -> None:
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 def _draw_beside_render() -> None:

@@ -18,7 +18,7 @@ from blender.long_builds import PATIENCE, Gate, building_threads  # noqa: E402
 from perfect_bvh_addon.events.changes import listen, stop_listening  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
-from perfect_bvh_addon.settings import overlay_settings  # noqa: E402
+from perfect_bvh_addon.settings import editors, overlay_settings  # noqa: E402
 from perfect_bvh_addon.view3d.tree_overlay import scene_overlay, tree_lines  # noqa: E402
 from perfect_bvh_addon.view3d.tree_overlay.box_lines import RAMP, box_lines, shares  # noqa: E402
 
@@ -182,10 +182,10 @@ def test_what_a_script_changes_is_drawn(scene) -> None:
     redrawn = []
     area = SimpleNamespace(type="VIEW_3D", tag_redraw=lambda: redrawn.append(1))
     windows = [SimpleNamespace(screen=SimpleNamespace(areas=[area, SimpleNamespace(type="PROPERTIES")]))]
-    overlay_settings._redraw_viewports(settings, SimpleNamespace(window_manager=SimpleNamespace(windows=windows)))
+    editors.redraw_for_setting(settings, SimpleNamespace(window_manager=SimpleNamespace(windows=windows)))
     assert redrawn == [1]
     called = []
-    code = overlay_settings._redraw_viewports.__code__
+    code = editors.redraw_for_setting.__code__
     changes = {
         "show_top_level": True,
         "show_active": True,
@@ -364,7 +364,7 @@ def test_boxes_wait_for_trees_that_take_long_and_blender_for_neither(drawn_batch
     gate.wait_until_held()
     shown.draw(bpy.context, settings)
     assert shown.message == "Building trees 50%"
-    assert bpy.app.timers.is_registered(scene_overlay.redraw)
+    assert bpy.app.timers.is_registered(scene_overlay.redraw_viewports)
     assert not drawn_batches
     assert building_threads() == 1
     gate.open()

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 
 from ...events.changes import edit_count, listen, stop_listening, watch_again
+from ...settings.editors import redraw_viewports
 from .. import drawing
 from ..close_button import close_rect, contains, draw_close
 from .compare_words import Row, heading_of, level_line, rows_of
@@ -73,7 +74,7 @@ def show(comparison: Comparison, scene: bpy.types.Scene, space: int, edits: int)
     hide()
     listen(_watcher)
     _shown = Shown(comparison, scene.session_uid, space, edits, scene.frame_current)
-    redraw()
+    redraw_viewports()
 
 
 def hide() -> None:
@@ -81,7 +82,7 @@ def hide() -> None:
     global _shown
     if _shown is None:
         return
-    redraw()
+    redraw_viewports()
     _shown = None
     _regions.clear()
     stop_listening(_watcher)
@@ -103,14 +104,6 @@ def shown_in(context: bpy.types.Context) -> Shown | None:
 def is_old(found: Shown, scene: bpy.types.Scene) -> bool:
     """Whether the scene is another one by now, as far as is known."""
     return scene.frame_current != found.frame or edit_count(scene.session_uid) != found.edits
-
-
-def redraw() -> None:
-    """The viewports, and the panels in them."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 # Drawing -------------------------------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 
 from ...events.changes import edit_count, listen, stop_listening, watch_again
+from ...settings.editors import redraw_viewports
 from ..close_button import close_rect, contains
 from ..legend import is_main
 from .decay_chart import draw_chart, layout_of, panel_of
@@ -53,7 +54,7 @@ def show(decay: Decay, space: int, edits: int) -> None:
     global _shown
     listen(_watcher)
     _shown = Shown(decay, space, edits)
-    redraw()
+    redraw_viewports()
 
 
 def hide() -> None:
@@ -63,7 +64,7 @@ def hide() -> None:
         return
     _shown = None
     stop_listening(_watcher)
-    redraw()
+    redraw_viewports()
 
 
 def shown() -> Shown | None:
@@ -84,14 +85,6 @@ def is_old(found: Shown, scene: bpy.types.Scene) -> bool:
     return edit_count(scene.session_uid) != found.edits
 
 
-def redraw() -> None:
-    """The viewports, and the panels in them."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
-
-
 def go_to(context: bpy.types.Context, x: float) -> None:
     """Show the frame that stands at a place of the region, in pixels."""
     decay = shown_in(context)
@@ -101,7 +94,7 @@ def go_to(context: bpy.types.Context, x: float) -> None:
     frame = layout.frame_at(x, [row.frame for row in decay.rows])
     if frame != context.scene.frame_current:
         context.scene.frame_set(frame)
-        redraw()
+        redraw_viewports()
 
 
 # Drawing -------------------------------------------------------------------------------------------------------------

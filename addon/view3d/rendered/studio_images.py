@@ -10,6 +10,8 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 
+from ...settings.editors import redraw_viewports
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StudioImage:
@@ -44,7 +46,4 @@ def _load(path: str) -> None:
         bpy.data.images.remove(image)
     pixels.flags.writeable = False
     _loaded[path] = StudioImage(pixels)
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+    redraw_viewports()

@@ -9,10 +9,11 @@ from typing import Any
 
 import bpy
 
+from ...settings.editors import redraw_viewports
 from ...settings.preferences import native_error
 from .. import pointer
 from ..legend import Section
-from .scene_overlay import SceneOverlay, redraw
+from .scene_overlay import SceneOverlay
 
 _overlays: dict[tuple[int, str], SceneOverlay] = {}
 _handle: Any = None
@@ -104,7 +105,7 @@ def unregister() -> None:
     pointer.listeners.remove(_pointing)
     bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
     _handle = None
-    if bpy.app.timers.is_registered(redraw):
-        bpy.app.timers.unregister(redraw)
+    if bpy.app.timers.is_registered(redraw_viewports):
+        bpy.app.timers.unregister(redraw_viewports)
     for key in list(_overlays):
         _drop(key)

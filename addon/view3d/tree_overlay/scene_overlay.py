@@ -21,6 +21,8 @@ import bpy
 import numpy as np
 
 from ...live.pending_commit import PendingCommit
+from ...settings.editors import redraw_viewports
+from .. import one_object
 from ..legend import Section
 from .box_lines import ramp_colors
 from .box_words import describe
@@ -144,7 +146,7 @@ class SceneOverlay:
         if before is None and self.hovered is None:
             return
         if place is None or (last is not None and last.region != context.region.as_pointer()):
-            redraw()  # where it was it is no longer
+            redraw_viewports()  # where it was it is no longer
         else:
             context.region.tag_redraw()
 
@@ -216,29 +218,16 @@ def find_object(sync: SceneSync, obj: bpy.types.Object | None) -> tuple[int, Any
     if obj is None:
         return None
     record = sync.record
-    rows = [row for row, shown in enumerate(record.objects) if shown.session_uid == obj.session_uid]
-    places = np.flatnonzero(np.isin(record.instances.object_indices, rows))
-    if not len(places):
+    found = one_object.find_object(record, obj.session_uid)
+    if found is None:
         return None
-    own = places[record.instances.parent_indices[places] < 0]
-    place = int(own[0] if len(own) else places[0])
-    matrix = np.eye(4)
-    matrix[:3] = record.instances.transforms[place]
-    return int(sync.mesh_ids[record.instances.mesh_indices[place]]), matrix
+    return int(sync.mesh_ids[record.instances.mesh_indices[found.instances[0]]]), found.matrix
 
 
 def redraw_soon() -> None:
     """An area that is being drawn cannot be redrawn at once."""
-    if not bpy.app.timers.is_registered(redraw):
-        bpy.app.timers.register(redraw, first_interval=REDRAW_SECONDS)
-
-
-def redraw() -> None:
-    """All 3D viewports."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+    if not bpy.app.timers.is_registered(redraw_viewports):
+        bpy.app.timers.register(redraw_viewports, first_interval=REDRAW_SECONDS)
 
 
 @contextmanager

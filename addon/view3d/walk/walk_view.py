@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 from ...events.changes import listen, stop_listening, watch_again
+from ...settings.editors import redraw_viewports
 from .. import drawing
 from ..compare import compare_view
 from .shown_walk import CHANGED, ShownWalk
@@ -51,7 +52,7 @@ def show(walk: ShownWalk) -> None:
     _shown = walk
     for draw, when in ((_draw_in_space, "POST_VIEW"), (_draw_in_pixels, "POST_PIXEL")):
         _handles.append(bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", when))
-    redraw()
+    redraw_viewports()
 
 
 def hide() -> None:
@@ -63,7 +64,7 @@ def hide() -> None:
     while _handles:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
     stop_listening(_watcher)
-    redraw()
+    redraw_viewports()
 
 
 def shown() -> ShownWalk | None:
@@ -89,14 +90,6 @@ def tells(context: bpy.types.Context, found: ShownWalk) -> bool:
     if not views:
         return True
     return context.region_data.as_pointer() == (found.view if found.view in views else views[-1])
-
-
-def redraw() -> None:
-    """The viewports, and the panels in them."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 # Drawing -------------------------------------------------------------------------------------------------------------
