@@ -15,16 +15,16 @@ import bpy
 import numpy as np
 
 from .image.data_previews import render_preview
-from .image.plan import NOISY, RenderPlan, plan_render
+from .image.passes import PassSpec, enabled_passes, write_passes
+from .image.plan import RenderPlan, plan_render
 from .image.still import Frame, Images, Progress, render_frame
-from .settings.denoisers import denoising_data_settings
 from .settings.preferences import native_error
 from .settings.scene_settings import ENGINE_NAME, preview_settings, read_settings
 from .statistics import messages
 from .statistics.frame_statistics import FrameStatistics
 from .statistics.last_result import edits_of, remember
 from .statistics.not_shown import line_in_viewports, tell
-from .statistics.words import sentence
+from .statistics.words import reason_of, sentence
 from .sync.not_shown import summarize
 from .sync.records import CameraRecord
 from .view3d.rendered.viewport import Viewport
@@ -33,43 +33,6 @@ T = TypeVar("T")
 
 # Without a window the rounds before the last one are not shown.
 SHOWS_ROUNDS = not bpy.app.background
-MODERN_PASS_NAMES = bpy.app.version >= (5, 0, 0)
-
-
-@dataclass(frozen=True, slots=True)
-class PassSpec:
-    """A pass in Blender's words (name, channels, kind, the view layer's switch) and in a frame's images (source)."""
-
-    name: str
-    channels: str
-    kind: str
-    switch: str
-    source: str
-
-
-PASSES = (
-    PassSpec("Depth", "Z", "VALUE", "use_pass_z", "depth"),
-    PassSpec("Normal", "XYZ", "VECTOR", "use_pass_normal", "normal"),
-    PassSpec("Object Index" if MODERN_PASS_NAMES else "IndexOB", "X", "VALUE", "use_pass_object_index", "object_index"),
-    PassSpec(
-        "Material Index" if MODERN_PASS_NAMES else "IndexMA", "X", "VALUE", "use_pass_material_index", "material_index"
-    ),
-)
-
-
-# What compositors denoise by themselves, under the names that Cycles gives it.
-DENOISING_PASSES = (
-    PassSpec("Noisy Image", "RGBA", "COLOR", "denoising_store_passes", NOISY),
-    PassSpec("Denoising Normal", "XYZ", "VECTOR", "denoising_store_passes", "denoising_normal"),
-    PassSpec("Denoising Albedo", "RGB", "COLOR", "denoising_store_passes", "denoising_albedo"),
-)
-
-
-def enabled_passes(view_layer: bpy.types.ViewLayer) -> tuple[PassSpec, ...]:
-    """The passes beside Combined that the view layer asks for."""
-    switches = denoising_data_settings(view_layer)
-    denoising = () if switches is None else (spec for spec in DENOISING_PASSES if getattr(switches, spec.switch))
-    return (*(spec for spec in PASSES if getattr(view_layer, spec.switch)), *denoising)
 
 
 @dataclass(slots=True)
@@ -159,9 +122,9 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         try:
             image = render_preview(depsgraph, plan, self.test_break)
             if image is not None:
-                _write_passes(result.layers[0], (), {"combined": image}, plan.window)
+                write_passes(result.layers[0], (), {"combined": image}, plan.window)
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
-            self.error_set(sentence(str(problem) or type(problem).__name__))
+            self.error_set(sentence(reason_of(problem)))
         finally:
             self.end_result(result)
 
@@ -201,7 +164,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         try:
             return work()
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
-            text = sentence(str(problem) or type(problem).__name__)
+            text = sentence(reason_of(problem))
             self.update_stats("", text)
             messages.tell_of_view(scene, self._viewport(), text, is_error=True)
             return None
@@ -226,13 +189,13 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         result = self.begin_result(0, 0, right - left, top - bottom, layer=depsgraph.view_layer.name, view=view)
 
         def show(images: Images) -> None:
-            _write_passes(result.layers[0], specs, images, plan.window)
+            write_passes(result.layers[0], specs, images, plan.window)
             self.update_result(result)
 
         try:
             frame = self._render_frame(depsgraph, plan, show if SHOWS_ROUNDS else None, view)
             if frame is not None and frame.images:
-                _write_passes(result.layers[0], specs, frame.images, plan.window)
+                write_passes(result.layers[0], specs, frame.images, plan.window)
         finally:
             self.end_result(result)
         return frame is not None
@@ -290,7 +253,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
             job.is_cancelled = True
             self._fail(scene, "The render was interrupted")
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
-            self._fail(scene, str(problem) or type(problem).__name__)
+            self._fail(scene, reason_of(problem))
         else:
             remember(scene, job.frame.statistics, edits)
             megabytes = job.frame.statistics.report.byte_count / 2**20
@@ -331,23 +294,6 @@ def _view_names(scene: bpy.types.Scene) -> tuple[str, ...]:
     if render.views_format == "STEREO_3D":
         return tuple([view.name for view in render.views if view.name in {"left", "right"} and view.use])
     return tuple([view.name for view in render.views if view.use])
-
-
-def _write_passes(
-    layer: bpy.types.RenderLayer,
-    specs: tuple[PassSpec, ...],
-    images: Images,
-    window: tuple[int, int, int, int],
-) -> None:
-    """Copy the border of each image into its pass; Blender's rows begin at the bottom."""
-    left, right, bottom, top = window
-    sources = {"Combined": "combined"} | {spec.name: spec.source for spec in specs}
-    for render_pass in layer.passes:
-        source = sources.get(render_pass.name)
-        if source is not None:
-            image = images[source]
-            part = image[::-1][bottom:top, left:right]
-            render_pass.rect.foreach_set(np.ascontiguousarray(part, np.float32).ravel())
 
 
 def register() -> None:

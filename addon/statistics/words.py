@@ -1,4 +1,7 @@
-"""Numbers as a person would say them: how long, how fast, how large, which part. Knows nothing of what they are of."""
+"""Numbers as a person would say them: how long, how fast, how large, which part; and what errors say.
+
+Knows nothing of what they are of.
+"""
 
 from __future__ import annotations
 
@@ -63,3 +66,8 @@ def count_of(count: int, one: str, many: str = "") -> str:
 def sentence(text: str) -> str:
     """With a capital at its beginning. Not for what begins with a name that users gave."""
     return text[:1].upper() + text[1:]
+
+
+def reason_of(problem: BaseException) -> str:
+    """What an error says; its kind where it says nothing, as those of memory do."""
+    return str(problem) or type(problem).__name__

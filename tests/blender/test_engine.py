@@ -194,7 +194,7 @@ def test_rounds_that_a_window_shows_do_not_change_the_image(scene, monkeypatch) 
     scene.perfect_bvh.samples = 5
     updates: list[object] = []
     monkeypatch.setattr(engine, "SHOWS_ROUNDS", True)
-    monkeypatch.setattr(engine, "_write_passes", count_calls(engine._write_passes, updates))
+    monkeypatch.setattr(engine, "write_passes", count_calls(engine.write_passes, updates))
     shown = render_passes(scene, "PERFECT_BVH")
     monkeypatch.undo()
     assert len(updates) == 5  # after 1, 2, 4 and 5 samples, and at the end

@@ -95,7 +95,8 @@ def test_sentences_tell_what_happens(crowd: perfect_bvh.Snapshot) -> None:
     assert row is not None
     end = f"The nearest hit is Ball.{ray.walk.instance_ids[row]:03} at {ray.walk.t[row]:.4g}"
     assert sentences[-1] == end
-    assert steps_of(ray.walk, {int(ray.walk.instance_ids[row]): "A"}, None)[-1].sentence == "The nearest hit is A"
+    nowhere = WalkWords(ray.walk, {int(ray.walk.instance_ids[row]): "A"}, None)
+    assert steps_of(nowhere)[-1].sentence == "The nearest hit is A"
     assert shown(ray, steps).heading == f"Step 1 of {len(steps)}: {sentences[0]}"
     for step in steps[:-1]:
         if ": of " in step.sentence or "inside: " in step.sentence:

@@ -31,12 +31,15 @@ def names_in(walk: perfect_bvh.RayWalk) -> dict[int, str]:
     return {int(ident): f"Ball.{ident:03}" for ident in walk.instance_ids if ident >= 0}
 
 
+def words_of(walk: perfect_bvh.RayWalk) -> WalkWords:
+    return WalkWords(walk, names_in(walk), "{:.4g}".format)
+
+
 def shown(ray: WalkedRay, steps: list[Any]) -> ShownWalk:
-    words = WalkWords(ray.walk, names_in(ray.walk), "{:.4g}".format)
-    return ShownWalk(ray, words, steps, SceneState.of(bpy.context.scene), 7, 8)
+    return ShownWalk(ray, words_of(ray.walk), steps, SceneState.of(bpy.context.scene), 7, 8)
 
 
 def walk_down(snapshot: perfect_bvh.Snapshot, x: float = 0.3, y: float = 0.2) -> tuple[WalkedRay, list[Any]]:
     origin = np.array([x, y, 9.0])
     walk = snapshot.walk_ray(origin, DOWN)
-    return WalkedRay.of(walk, origin, DOWN, 0.0), steps_of(walk, names_in(walk))
+    return WalkedRay.of(walk, origin, DOWN, 0.0), steps_of(words_of(walk))

@@ -28,6 +28,7 @@ from ...live.pending_commit import PendingCommit
 from ...settings.shading_settings import read_view_settings
 from ...statistics import not_shown
 from ...statistics.last_result import confirm_view, edits_of
+from ...statistics.words import reason_of
 from ...sync.records import AttributeRequest, CameraRecord
 from . import redraws
 from .awaited_view import begin_view, filter_of
@@ -248,7 +249,7 @@ class Viewport:
         if problem is not self._told and not isinstance(problem, (ValueError, EngineError, MemoryError)):
             traceback.print_exception(problem)
         self._told = problem
-        return str(problem) or type(problem).__name__
+        return reason_of(problem)
 
     def _follow_view(self, sync: SceneSync, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
         """Start over if what is seen is not what it was; whether it was so."""

@@ -22,6 +22,7 @@ import numpy as np
 
 from ...live.pending_commit import PendingCommit
 from ...settings.editors import redraw_viewports
+from ...statistics.words import reason_of
 from .. import one_object
 from ..legend import Section
 from .box_lines import ramp_colors
@@ -74,7 +75,7 @@ class SceneOverlay:
         try:
             is_there = self._follow(context, settings)
         except (ValueError, perfect_bvh.EngineError, MemoryError) as problem:
-            self.message = str(problem) or type(problem).__name__
+            self.message = reason_of(problem)
             return
         self.message = self._trees.state or ""
         if not is_there:

@@ -58,8 +58,8 @@ class Reading:
         names = dict(zip(ids, map(str, self.sync.describe(ids).names), strict=True)) if ids else {}
         length = (lambda t: written_length(scene, t)) if ray.has_eye else None
         walked = WalkedRay.of(walk, ray.origin, ray.direction, ray.t_min)
-        words, steps = WalkWords(walk, names, length), steps_of(walk, names, length)
-        return ShownWalk(walked, words, steps, self.read, self.address, self.view)
+        words = WalkWords(walk, names, length)
+        return ShownWalk(walked, words, steps_of(words), self.read, self.address, self.view)
 
     def _check(self, context: bpy.types.Context) -> None:
         if SceneState.of(context.scene) != self.read:

@@ -6,7 +6,6 @@ instance that is entered, waiting boxes that a new hit makes superfluous. The la
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,10 +14,10 @@ import numpy.typing as npt
 from perfect_bvh import WalkEvent
 from perfect_bvh.ray_walk import BOX_TESTS, TRIANGLE_TESTS, VISITS
 
-from .walk_words import Length, WalkWords
-
 if TYPE_CHECKING:
     from perfect_bvh import RayWalk
+
+    from .walk_words import WalkWords
 
 _BEGINNINGS = (WalkEvent.ENTER_NODE, WalkEvent.ENTER_LEAF, WalkEvent.ENTER_INSTANCE, WalkEvent.SKIP_INSTANCE)
 _ENTERED = _BEGINNINGS[:3]
@@ -93,9 +92,9 @@ class WalkStep:
     counters: Counters
 
 
-def steps_of(walk: RayWalk, names: Mapping[int, str], length: Length = "{:.4g}".format) -> list[WalkStep]:
-    """All steps of a ray. names: of the instances it meets, by their ids."""
-    words, spent = WalkWords(walk, names, length), walk.nanoseconds()
+def steps_of(words: WalkWords) -> list[WalkStep]:
+    """All steps of a ray, in these words."""
+    walk, spent = words.walk, words.walk.nanoseconds()
     firsts = _first_rows(walk.events)
     found = []
     for first, end in zip(firsts, [*firsts[1:], len(walk)], strict=False):
