@@ -114,7 +114,7 @@ def _package_paths() -> list[str]:
 
 
 def _reason(error: OSError, path: str) -> str:
-    """Why a file cannot be loaded; Windows' words do not name it, or give advice to programmers."""
+    """Why a file cannot be loaded, with its path: Windows' words leave it out, or advise programmers instead."""
     if isinstance(error, FileNotFoundError):
         return f"'{path}' is missing, or a library that it needs"
     return str(error) if path in str(error) else f"'{path}': {error}"
@@ -135,7 +135,7 @@ def _load(path: str) -> Library:
 
 
 def _load_what_it_needs(path: Path) -> None:
-    """On Windows what the library loads later looks for this one in the program's folder, where it is not."""
+    """On Windows, load tbb12.dll from beside the library: its device looks for it in the program's folder alone."""
     threads = path.parent / "tbb12.dll"
     if sys.platform == "win32" and path.is_absolute() and threads.is_file():
         ctypes.CDLL(str(threads))
@@ -143,7 +143,7 @@ def _load_what_it_needs(path: Path) -> None:
 
 @contextmanager
 def _no_boxes() -> Iterator[None]:
-    """Windows shows none meanwhile for a file that is no library, which else waits for the user to press a button."""
+    """Keep Windows from showing a message box for a file that is no library, and waiting until it is closed."""
     if sys.platform != "win32":
         yield
         return

@@ -12,8 +12,8 @@ import itertools
 import math
 import platform
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -30,10 +30,10 @@ Float = npt.NDArray[np.float32]
 Progress = Callable[[float], object]
 Clock = Callable[[], int]
 
-# The least of so many: of a clock that also runs while others have the processor, of more.
+# Each figure is the least of so many; of more by a clock that also runs while others have the processor.
 ROUNDS, ROUNDS_BY_COMMON_CLOCK = 3, 5
 RAYS = 40_000
-# A clock that stands still for longer is of no use: the shortest thing that is measured takes a millisecond.
+# A clock that stands still for longer is too coarse: the shortest thing that is measured takes a millisecond.
 COARSE_NANOSECONDS = 100_000
 # Numbers to begin with: only ratios of them reach what is measured.
 _UNIT = Calibration(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, {name: BuilderCost(1.0, 1.0) for name in BUILDERS})
@@ -62,6 +62,23 @@ class _Tree:
         self.nanoseconds = min(self.nanoseconds, (clock() - started) / RAYS)
 
 
+@dataclass(slots=True)
+class _CommitTimes:
+    """Of all meshes together, in nanoseconds: the least so far. in_parts: triangles, the same in each round."""
+
+    builds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(BUILDERS, float("inf")))
+    updates: dict[Policy, float] = field(default_factory=lambda: dict.fromkeys(_UPDATES, float("inf")))
+    in_parts: dict[Policy, float] = field(default_factory=lambda: dict.fromkeys(_UPDATES, 0.0))
+
+    def take(self, meshes: Sequence[_Mesh]) -> None:
+        for name in BUILDERS:
+            self.builds[name] = min(self.builds[name], sum(_time_build(mesh, name) for mesh in meshes))
+        for policy in _UPDATES:
+            updates = [_time_update(mesh, policy) for mesh in meshes]
+            self.updates[policy] = min(self.updates[policy], sum(nanoseconds for nanoseconds, _ in updates))
+            self.in_parts[policy] = sum(count for _, count in updates)
+
+
 def calibrate(progress: Progress | None = None) -> Calibration:
     """Measures this machine: a few seconds.
 
@@ -83,16 +100,9 @@ def _measure(progress: Progress) -> Calibration:
 
     rounds = ROUNDS if _clock() is time.thread_time_ns else ROUNDS_BY_COMMON_CLOCK
     meshes = (_wavy_sphere(), _scattered())
-    build_times = {name: float("inf") for name in BUILDERS}
-    update_times = {policy: float("inf") for policy in _UPDATES}
-    in_parts = dict.fromkeys(_UPDATES, 0.0)  # triangles: the same in each round
+    commits = _CommitTimes()
     for number in range(rounds):
-        for name in BUILDERS:
-            build_times[name] = min(build_times[name], sum(_time_build(mesh, name) for mesh in meshes))
-        for policy in _UPDATES:
-            updates = [_time_update(mesh, policy) for mesh in meshes]
-            update_times[policy] = min(update_times[policy], sum(nanoseconds for nanoseconds, _ in updates))
-            in_parts[policy] = sum(count for _, count in updates)
+        commits.take(meshes)
         advance(0.6 * (number + 1) / rounds)
 
     trees = {name: [_built(mesh, name) for mesh in meshes] for name in (*BUILDERS, "median")}
@@ -107,13 +117,13 @@ def _measure(progress: Progress) -> Calibration:
     node, leaf = _fit_visits(every)
     builders = {
         name: BuilderCost(
-            build_nanoseconds=build_times[name] / triangles,
+            build_nanoseconds=commits.builds[name] / triangles,
             trace_nanoseconds=math.prod(tree.nanoseconds for tree in trees[name]) ** (1 / len(meshes)),
         )
         for name in BUILDERS
     }
-    refit, rotate, rebuild_parts = (update_times[policy] / triangles for policy in _UPDATES)
-    parts = (rebuild_parts - 2 * refit) * triangles / in_parts["rebuild_parts"]
+    refit, rotate, rebuild_parts = (commits.updates[policy] / triangles for policy in _UPDATES)
+    parts = (rebuild_parts - 2 * refit) * triangles / commits.in_parts["rebuild_parts"]
     return Calibration(
         node_nanoseconds=node,
         leaf_nanoseconds=leaf,
@@ -214,11 +224,12 @@ def _time_update(mesh: _Mesh, policy: Policy) -> tuple[float, float]:
     """
     scene, number = _scene_of(mesh, "deforming", "binned", policy)
     scene.commit()
+    clock = _clock()
     for positions in (_bent(mesh), mesh.positions, _bent(mesh)):
         scene.update_mesh(number, positions)
-        started = _clock()()
+        started = clock()
         report = scene.commit()
-        nanoseconds = _clock()() - started
+        nanoseconds = clock() - started
     return nanoseconds, report.meshes[0].restructured_share * len(mesh.triangles)
 
 

@@ -53,10 +53,11 @@ class Snapshot(Queries):
         return list_tree_boxes(self._snapshot, mesh, first_level, last_level, with_leaves_above)
 
     def tree_sah(self, mesh: int) -> float:
-        """What a random ray that meets the box of a mesh's tree spends there: the `sah` of its `tree_boxes`, nearly.
+        """What a random ray that meets the box of a mesh's tree spends there: float, the `sah` of its `tree_boxes`.
 
-        One for a visited node and one for each tested triangle (MacDonald and Booth 1990). The tree is gone through
-        once, and nothing is copied. 0 for a lazy mesh that no ray has reached.
+        One for a visited node and one for each tested triangle (MacDonald and Booth 1990), summed in another order than
+        there: the last digits may differ. The tree is gone through once, and nothing is copied. 0 for a lazy mesh that
+        no ray has reached.
 
         Raises ValueError for a mesh that this snapshot does not have.
         """
