@@ -1,4 +1,4 @@
-"""Makes what Windows on ARM links Python by, from what the DLL for x86-64 exports: the names are the same."""
+"""Makes Python's import library for Windows on ARM, from what the DLL for x86-64 exports: the names are the same."""
 
 from __future__ import annotations
 

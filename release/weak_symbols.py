@@ -1,7 +1,7 @@
 """Names what the linker may merge in object files: inline functions and templates that were not inlined.
 
-cmake/check_weak_symbols.cmake does this where `nm` reads the objects; this reads Windows' (COFF) and macOS's (Mach-O),
-which it does not. A merged function could be the copy that is compiled for AVX-512, and run on any machine.
+native/cmake/check_weak_symbols.cmake does this where `nm` reads the objects; this reads Windows' (COFF) and macOS's
+(Mach-O), which it does not. A merged function could be the copy that is compiled for AVX-512, and run on any machine.
 """
 
 from __future__ import annotations

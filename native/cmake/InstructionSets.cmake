@@ -5,7 +5,7 @@
 # A weak symbol in such a unit (an inline function or a template that was not inlined) could be the copy that the
 # linker keeps for the whole library, and would then run on machines without these instructions. So every unit is
 # checked after it is compiled, and the build stops if one holds a weak symbol. On Windows and macOS, whose objects `nm`
-# tells too little of, build_wheels.py does it.
+# tells too little of, release/weak_symbols.py does so when wheels are built.
 
 set(PERFECT_BVH_ISAS avx2 avx512 neon)
 set(perfect_bvh_processors_avx2 "^(x86_64|AMD64)$")

@@ -17,7 +17,7 @@ elseif(CMAKE_CXX_COMPILER_TARGET MATCHES "-macos")
   set(CMAKE_USER_MAKE_RULES_OVERRIDE_CXX "${CMAKE_CURRENT_LIST_DIR}/zig-macos-rules.cmake")
 endif()
 
-# Or it writes what debuggers want, which makes objects many times as large and is stripped at last.
+# Without this it writes debug information, which makes objects many times as large, and is stripped in the end.
 set(CMAKE_CXX_FLAGS_INIT -g0)
 # Without this CMake's test programs fail, and the message says that no threads library was found.
 set(CMAKE_CXX_SCAN_FOR_MODULES OFF)

@@ -1,4 +1,4 @@
-// Elementary functions against those of the C library in long double, which has eleven bits more.
+// Elementary functions against those of the C library in long double, which has at least eleven bits more on Linux.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -171,8 +171,8 @@ TEST_P(Kernels, TakeBadRaysForMisses) {
   expect_reference(*snapshot, rays);
 }
 
-// Among rays that go the same way, some whose ranges are nowhere or that are none: packets keep limits for all their
-// rays.
+// Among rays that go the same way, some with a range that is infinitely far away or with a NaN: a packet keeps limits
+// for all of its rays, which these must not spoil.
 TEST_P(Kernels, TakeNothingFromTheRaysBesideBadOnes) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto spoil = [&](Ray& ray, unsigned kind) {

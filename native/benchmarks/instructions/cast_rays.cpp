@@ -1,5 +1,5 @@
-// Casts the same rays with each instruction set, layout and strategy, and says between which calls of getppid: so a
-// plugin of the emulator (counter.c) can tell how many instructions each took. Ends with 1 if two answer differently.
+// Casts the same rays with each instruction set, layout and strategy, between two calls of getppid, at which a plugin
+// of the emulator (counter.c) prints how many instructions were executed. Ends with 1 if two answer differently.
 #include <unistd.h>
 
 #include <cmath>

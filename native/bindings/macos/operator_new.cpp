@@ -1,6 +1,7 @@
-// operator new and delete of the module alone, for linkers that take no list of what may be exported: compiled with
-// hidden declarations (Exports.cmake), they leave the C++ library's own out, which would be exported, weak, and
-// replaced by whatever other copies Blender's process has. Of allocation failures nobody is told but by std::bad_alloc.
+// The module's own operator new and delete, for linkers that take no list of what may be exported. The C++ library's
+// would be exported as weak symbols, and replaced by other copies in Blender's process; these are compiled with hidden
+// declarations (Exports.cmake), and are linked in their place. A failure throws std::bad_alloc, without asking the
+// handler that std::set_new_handler may have set.
 #include <algorithm>
 #include <cstddef>
 #include <cstdlib>

@@ -53,7 +53,7 @@ class MedianSplitter {
       prim_indices[i] = ref.prim_index;
       box.grow(Box4::load(&ref));
     }
-    // What selection leaves within a half is the C++ library's own.
+    // C++ libraries differ in the order that selection leaves within a half.
     std::sort(prim_indices, prim_indices + range.count);
     const Float4 zero(0.0f);  // -0 + 0 is +0
     return {box.lower + zero, box.upper + zero};

@@ -9,7 +9,7 @@ constexpr double kPi = std::numbers::pi, kInfinity = std::numeric_limits<double>
 // So few bits that its multiples are exact, and the rest of log 2.
 constexpr double kLog2High = 0x1.62e42ffp-1, kLog2Low = -0x1.718432a1b0e26p-35;
 
-// 1 / (first), 1 / (first + step), ... with the sign changed each time if `alternating`.
+// 1, 1/3, 1/5, ...; every second one negative if `alternating`.
 template <std::size_t N>
 constexpr std::array<double, N> reciprocals(bool alternating) noexcept {
   std::array<double, N> made{};

@@ -18,7 +18,7 @@ constexpr unsigned kAvx512F = bit(16), kAvx512Dq = bit(17), kAvx512Bw = bit(30),
 // Leaf 0x80000001, ECX.
 constexpr unsigned kLzcnt = bit(5);
 // XCR0: what the system saves. The halves of ymm; masks and both parts of zmm, which macOS on Intel leaves out until a
-// thread uses them: AVX2 it is there.
+// thread uses them, so that AVX2 is the most that is found there.
 constexpr unsigned kYmmState = bit(1) | bit(2), kZmmState = kYmmState | bit(5) | bit(6) | bit(7);
 
 constexpr bool has_all(unsigned value, unsigned wanted) { return (value & wanted) == wanted; }

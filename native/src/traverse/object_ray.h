@@ -86,7 +86,7 @@ static inline double to_ray_t(const TimeFrame& time, float local_t) noexcept {
 // No t beyond this becomes a float of at most t_max: hits are compared with the range as they are reported.
 static inline double last_t(float t_max) noexcept {
   const double t = static_cast<double>(t_max), last = t + (0x1p-24 * __builtin_fabs(t) + 0x1p-150);
-  return last == last ? last : t;  // of minus infinity
+  return last == last ? last : t;  // minus infinity's is NaN
 }
 
 // The local range of a range of the ray's own t, widened beyond every rounding between them (underflow to 0 included):

@@ -176,7 +176,8 @@ void set_ranges(PacketBoxes& boxes, const Packet& packet, const PacketRays& rays
   for (unsigned i = 0; i < packet.lanes; i += kRayLanes) {
     const RayFloat limit = load_narrowed(packet.hits.t + i);
     const RayMask mask = ray_mask(lanes_of(members, i));
-    // Both ends: what others have for constants may be NaN, and -infinity to -infinity is still a range.
+    // Others get both ends of an empty range: their constants may be NaN, so that the range alone decides, and one from
+    // -infinity to kDead is not empty.
     store_rays(boxes.t_min + i, select(mask, load_rays(packet.t_min + i), every_ray(kInfiniteDistance)));
     store_rays(boxes.t_limit + i, select(mask, limit, every_ray(kDead)));
   }

@@ -36,7 +36,8 @@ PERFECT_BVH_INLINE Float8 min(Float8 a, Float8 b) noexcept { return _mm256_min_p
 PERFECT_BVH_INLINE Float8 max(Float8 a, Float8 b) noexcept { return _mm256_max_ps(a, b); }
 PERFECT_BVH_INLINE Float8 abs(Float8 a) noexcept { return _mm256_andnot_ps(_mm256_set1_ps(-0.0f), a); }
 
-// t where a ray meets eight planes across an axis; `inverse` and `offset` are those of a SlabRay, followed by more.
+// t where a ray meets eight planes across an axis; `inverse` and `offset` are those of a SlabRay: a fourth float behind
+// the three may be read.
 template <int kAxis>
 PERFECT_BVH_INLINE Float8 plane_depths(Float8 planes, const float* inverse, const float* offset) noexcept {
   return fmsub(planes, broadcast(inverse[kAxis]), broadcast(offset[kAxis]));

@@ -63,7 +63,8 @@ PERFECT_BVH_INLINE Float8 max(const Float8& a, const Float8& b) noexcept {
 }
 PERFECT_BVH_INLINE Float8 abs(const Float8& a) noexcept { return {vabsq_f32(a.low), vabsq_f32(a.high)}; }
 
-// t where a ray meets eight planes across an axis; `inverse` and `offset` are those of a SlabRay, followed by more.
+// t where a ray meets eight planes across an axis; `inverse` and `offset` are those of a SlabRay: a fourth float behind
+// the three may be read.
 template <int kAxis>
 PERFECT_BVH_INLINE Float8 plane_depths(const Float8& planes, const float* inverse, const float* offset) noexcept {
   const float32x4_t factors = vld1q_f32(inverse), negated = vnegq_f32(vld1q_f32(offset));
@@ -120,7 +121,7 @@ struct alignas(32) CompressTable {
 constexpr CompressTable<1, 0> kCompressLanes;
 constexpr CompressTable<4, 1> kCompressBytes;
 
-// Of a mask of eight. From a table: where a vector counts the bits, they go there and back.
+// Of a mask of eight. By a table: NEON counts bits in vectors, and the way there and back takes longer.
 struct BitCounts {
   std::uint8_t of[256];
   constexpr BitCounts() noexcept : of{} {

@@ -81,7 +81,8 @@ inline Float8 abs(const Float8& a) noexcept {
   return each([&](int i) { return __builtin_fabsf(a.lane[i]); });
 }
 
-// t where a ray meets eight planes across an axis; `inverse` and `offset` are those of a SlabRay, followed by more.
+// t where a ray meets eight planes across an axis; `inverse` and `offset` are those of a SlabRay: a fourth float behind
+// the three may be read.
 template <int kAxis>
 inline Float8 plane_depths(const Float8& planes, const float* inverse, const float* offset) noexcept {
   return fmsub(planes, broadcast(inverse[kAxis]), broadcast(offset[kAxis]));
