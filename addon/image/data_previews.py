@@ -2,7 +2,9 @@
 
 Blender makes them on threads beside the user's edits, several at once, again and again while a value is dragged. So
 nothing is shared with renders: each reads its stage, builds its trees and forgets them, and nothing is told of it. What
-is kept are the images that the last one has read, taken out by who uses them.
+is kept, until the add-on is disabled, are the images that the last one has read, smaller ones of large images
+(`ImageReader`): a preview takes them out while it reads, and another one meanwhile reads its own. Of UDIM images
+previews show the first tile alone.
 
 Blender must not take an engine away while it makes previews with it, nor wait for them while Python is kept from
 running, which they need to end. As that is what it does when an add-on is disabled, they are ended before.

@@ -60,7 +60,8 @@ def tell_of_view(scene: bpy.types.Scene, view: object, text: str | None, *, is_e
         del _of_views[view]
     else:
         _of_views[view] = told
-        weakref.finalize(view, tell_of_news).atexit = False
+        if before is None:
+            weakref.finalize(view, tell_of_news).atexit = False
     tell_of_news()
 
 

@@ -54,8 +54,8 @@ class ImageCache:
 class ImageReader:
     """Gives each image that is met a row, in the order they are met. The cache then holds those, and no others.
 
-    for_preview: of images no more is read than a preview shows, and of tiles the first alone: reading the others makes
-    data-blocks for a moment.
+    for_preview: of an image only every so many pixels are kept, about 1024 a side at most, and of UDIM images the first
+    tile alone: to read the others makes data-blocks for a moment, which a thread beside the user's edits must not.
     """
 
     def __init__(self, cache: ImageCache, *, for_preview: bool = False) -> None:
