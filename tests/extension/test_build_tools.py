@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import importlib
+import itertools
 import struct
 import tomllib
 from pathlib import Path
@@ -13,12 +14,22 @@ from types import ModuleType
 import pytest
 from extension.zips import REPOSITORY
 
+TOOLS = (
+    "debian_packages",
+    "extension_folder",
+    "import_library",
+    "manifest",
+    "maven_pythons",
+    "mend_mach_o",
+    "weak_symbols",
+    "wheel_platforms",
+)
+
 
 @pytest.fixture
 def tools(monkeypatch: pytest.MonkeyPatch) -> dict[str, ModuleType]:
     monkeypatch.syspath_prepend(str(REPOSITORY / "release"))
-    names = ("weak_symbols", "mend_mach_o", "extension_folder", "import_library", "wheel_platforms", "manifest")
-    return {name: importlib.import_module(name) for name in names}
+    return {name: importlib.import_module(name) for name in TOOLS}
 
 
 # Object files --------------------------------------------------------------------------------------------------------
@@ -97,6 +108,13 @@ def test_a_release_has_a_wheel_for_each_python_of_each_platform(tools) -> None:
     assert platforms.zip_name("1.2.3", "macos-arm64") == "perfect_bvh-1.2.3-macos_arm64.zip"
 
 
+def test_each_python_has_somewhere_to_come_from(tools) -> None:
+    pythons = set(tools["wheel_platforms"].PYTHONS)
+    maven = tools["maven_pythons"]
+    assert set(tools["debian_packages"].RELEASES) == set(maven.VERSIONS) == pythons
+    assert set(maven.DIGESTS) == {f"{system}-x86_64-{python}" for system in ("windows", "macosx") for python in pythons}
+
+
 def test_the_engine_has_a_copy_of_the_licence() -> None:
     """No link: Windows' checkouts have a file with its target's name instead, which a wheel would then carry."""
     copy = REPOSITORY / "native" / "LICENSE"
@@ -111,6 +129,34 @@ def test_the_manifest_holds_the_version(tools, tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(manifest, "MANIFEST", tmp_path / "manifest.toml")
     with pytest.raises(SystemExit, match="expected one line `version = "):
         manifest.read_version()
+
+
+# Libraries to link with on Windows -----------------------------------------------------------------------------------
+
+
+def dll(names: list[str], section_size: int = 0x200) -> bytes:
+    """A 64-bit DLL of one section, at address 0x1000 and place 0x200, whose table of exports has these names."""
+    texts = [name.encode() + b"\0" for name in names]
+    starts = itertools.accumulate(map(len, texts[:-1]), initial=0)
+    first_text = 0x1000 + 40 + 4 * len(names)
+    table = struct.pack("<10I", 0, 0, 0, 0, 1, len(names), len(names), 0, 0x1000 + 40, 0)
+    table += struct.pack(f"<{len(names)}I", *(first_text + start for start in starts)) + b"".join(texts)
+    header = b"MZ".ljust(0x3C, b"\0") + struct.pack("<I", 0x40)
+    header += b"PE\0\0" + struct.pack("<2H 3I 2H", 0x8664, 1, 0, 0, 0, 240, 0x2000)
+    header += (b"\x0b\x02".ljust(112, b"\0") + struct.pack("<2I", 0x1000, len(table))).ljust(240, b"\0")
+    header += struct.pack("<8s 8I", b".edata", len(table), 0x1000, section_size, 0x200, 0, 0, 0, 0)
+    return header.ljust(0x200, b"\0") + table
+
+
+def test_what_a_dll_exports_is_read(tools, tmp_path: Path) -> None:
+    (tmp_path / "python.dll").write_bytes(dll(["PyList_New", "Py_Exit"]))
+    assert tools["import_library"].exported_names(tmp_path / "python.dll") == ["PyList_New", "Py_Exit"]
+
+
+def test_a_dll_whose_addresses_lead_nowhere_is_refused(tools, tmp_path: Path) -> None:
+    (tmp_path / "python.dll").write_bytes(dll(["PyList_New"], section_size=40))
+    with pytest.raises(ValueError, match="no section of the DLL holds address 0x1028"):
+        tools["import_library"].exported_names(tmp_path / "python.dll")
 
 
 # Modules for macOS ---------------------------------------------------------------------------------------------------
