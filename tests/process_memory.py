@@ -11,22 +11,10 @@ from pathlib import Path
 MEGABYTE = 2**20
 
 
-class _Counters(ctypes.Structure):
-    """Windows' PROCESS_MEMORY_COUNTERS."""
-
-    _fields_ = (
-        ("size", ctypes.c_uint32),
-        ("faults", ctypes.c_uint32),
-        ("peak", ctypes.c_size_t),
-        ("now", ctypes.c_size_t),
-        ("others", ctypes.c_size_t * 6),
-    )
-
-
 def peak_megabytes() -> float:
     """The most that was resident at any time."""
     if os.name == "nt":
-        return _counters().peak / MEGABYTE
+        return _working_sets()[0] / MEGABYTE
     import resource
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -36,7 +24,7 @@ def peak_megabytes() -> float:
 def resident_megabytes() -> float:
     """What is resident now."""
     if os.name == "nt":
-        return _counters().now / MEGABYTE
+        return _working_sets()[1] / MEGABYTE
     pages = Path("/proc/self/statm")
     if pages.is_file():
         return int(pages.read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE") / MEGABYTE
@@ -44,10 +32,11 @@ def resident_megabytes() -> float:
     return int(told.stdout) / 1024
 
 
-def _counters() -> _Counters:
-    system = ctypes.CDLL("kernel32")
-    system.GetCurrentProcess.restype = ctypes.c_void_p
-    system.K32GetProcessMemoryInfo.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint32)
-    found = _Counters(size=ctypes.sizeof(_Counters))
+def _working_sets() -> tuple[int, int]:
+    """The largest that Windows' working set of this process was, and what it is, in bytes."""
+    from perfect_bvh_addon.support.memory.windows import ProcessUsage, _kernel32
+
+    system, found = _kernel32(), ProcessUsage(size=ctypes.sizeof(ProcessUsage))
     assert system.K32GetProcessMemoryInfo(system.GetCurrentProcess(), ctypes.byref(found), found.size)
-    return found
+    peak, now = found.working_sets
+    return peak, now

@@ -15,7 +15,7 @@ LONGEST = 120  # of 259, as Windows counts: the rest is where users put it
 @pytest.fixture(scope="module")
 def names(repository: Path) -> list[PurePosixPath]:
     if not (repository / ".git").exists():
-        pytest.skip("this is no checkout")
+        pytest.skip("no .git: the names are those that git lists")
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=repository, capture_output=True, check=True).stdout
     return [PurePosixPath(name) for name in listed.decode().split("\0") if name]
 

@@ -51,6 +51,31 @@ def compared(figure: str, rounds: list[dict[str, dict[str, float]]]) -> dict[str
     return row | {"ratio": spread([each["windows"][figure] / each["linux"][figure] for each in rounds])}
 
 
+class Engines:
+    """Both wheels unpacked below a folder, to be timed by one record of a scene."""
+
+    def __init__(self, system: WineSystem, wheels: dict[str, Path], record: Path, folder: Path) -> None:
+        self.system, self.record, self.folder = system, record, folder
+        self.unpacked = {name: unpack(wheel, folder / name) for name, wheel in wheels.items()}
+        self.tests = system.install("tests", TEST_PACKAGES)
+
+    def measure(self, name: str) -> dict[str, float]:
+        """Seconds by figure, on "linux" or on "windows"."""
+        output = self.folder / f"{name}.json"
+        arguments = [SCRIPT, self.record, output]
+        if name == "windows":
+            packages = [self.unpacked[name], self.tests]
+            status, _ = self.system.run(arguments, packages=packages, seconds=SECONDS)
+            assert status == 0
+        else:
+            environment = os.environ | {"PYTHONPATH": str(self.unpacked[name])}
+            command = [sys.executable, *arguments]
+            # A session of its own, as Wine's: Linux shares processors out among sessions.
+            subprocess.run(command, check=True, env=environment, timeout=SECONDS, start_new_session=True)
+        figures: dict[str, float] = json.loads(output.read_text(encoding="utf-8"))
+        return figures
+
+
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="Time the engine under Wine and on Linux, by turns.")
@@ -60,30 +85,14 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--json", type=Path, metavar="OUT.json")
     chosen = parser.parse_args()
-    folder = REPOSITORY / "build" / "wine" / "speed"
-    engines = {name: unpack(getattr(chosen, name).resolve(), folder / name) for name in ("linux", "windows")}
+    wheels = {name: getattr(chosen, name).resolve() for name in ("linux", "windows")}
     rounds: list[dict[str, dict[str, float]]] = []
     loads = []
     with WineSystem() as system:
-        packages = [engines["windows"], system.install("tests", TEST_PACKAGES)]
-
-        def measure(name: str) -> dict[str, float]:
-            output = folder / f"{name}.json"
-            arguments = [SCRIPT, chosen.record.resolve(), output]
-            if name == "windows":
-                status, _ = system.run(arguments, packages=packages, seconds=SECONDS)
-                assert status == 0
-            else:
-                environment = os.environ | {"PYTHONPATH": str(engines["linux"])}
-                command = [sys.executable, *arguments]
-                # A session of its own, as Wine's: Linux shares processors out among sessions.
-                subprocess.run(command, check=True, env=environment, timeout=SECONDS, start_new_session=True)
-            figures: dict[str, float] = json.loads(output.read_text(encoding="utf-8"))
-            return figures
-
+        engines = Engines(system, wheels, chosen.record.resolve(), REPOSITORY / "build" / "wine" / "speed")
         for number in range(chosen.rounds):
             order = ("linux", "windows") if number % 2 == 0 else ("windows", "linux")
-            rounds.append({name: measure(name) for name in order})
+            rounds.append({name: engines.measure(name) for name in order})
             loads.append(round(os.getloadavg()[0], 2))
     rows = {figure: compared(figure, rounds) for figure in rounds[0]["linux"]}
     for figure, row in rows.items():

@@ -20,6 +20,7 @@ from blender.test_layers_cycles import PATCH, SIDE, check, emissive, floor_mesh,
 from perfect_bvh_addon import AttributeRequest, SceneSync  # noqa: E402
 from perfect_bvh_addon.extract.looks.image_tiles import temporary_data  # noqa: E402
 from perfect_bvh_addon.sync.records import ImageRecord  # noqa: E402
+from wine_gaps import plain_files  # noqa: E402
 
 RED, GREEN, BLUE, MAGENTA = (0.8, 0.1, 0.1), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8), (1.0, 0.0, 1.0)
 SQUARES = SIDE // PATCH // 4  # patches of a tile's square, of which the floor shows four each way
@@ -64,6 +65,7 @@ def in_square(picture: Any, column: int, row: int) -> Any:
     return picture[-1 - (SQUARES * (row + 1) + SQUARES // 2), SQUARES * (column + 1) + 1]
 
 
+@plain_files
 @pytest.mark.parametrize("extension", ["REPEAT", "EXTEND", "CLIP"])
 def test_each_square_shows_its_tile(scene, image, extension: str) -> None:  # noqa: F811
     shown(scene, image, extension)
@@ -73,6 +75,7 @@ def test_each_square_shows_its_tile(scene, image, extension: str) -> None:  # no
         assert in_square(picture, *place) == pytest.approx(linear, abs=0.05)
 
 
+@plain_files
 def test_one_tile_alone_lies_in_its_square_alone(scene, image) -> None:  # noqa: F811
     for number in (1002, 1012):
         image.tiles.remove(next(tile for tile in image.tiles if tile.number == number))
@@ -80,6 +83,7 @@ def test_one_tile_alone_lies_in_its_square_alone(scene, image) -> None:  # noqa:
     assert in_square(check(scene), 1, 0) == pytest.approx(MAGENTA)
 
 
+@plain_files
 def test_what_nodes_do_to_an_image_is_done_to_each_tile(scene, image) -> None:  # noqa: F811
     material = shown(scene, image)
     tree = material.node_tree
@@ -98,6 +102,7 @@ def records(sync: SceneSync) -> tuple[ImageRecord, ...]:
     return sync.record.images
 
 
+@plain_files
 def test_edits_of_tiles_show(scene, image, tmp_path: Path) -> None:  # noqa: F811
     """Of files, of the list of tiles, of pixels."""
     shown(scene, image)
@@ -134,6 +139,7 @@ def test_edits_of_tiles_show(scene, image, tmp_path: Path) -> None:  # noqa: F81
         sync.close()
 
 
+@plain_files
 def test_strokes_that_were_not_saved_show(scene, image) -> None:  # noqa: F811
     """Cycles is not asked: it shows the files, and throws the strokes away."""
     shown(scene, image)
@@ -150,6 +156,7 @@ def test_strokes_that_were_not_saved_show(scene, image) -> None:  # noqa: F811
         sync.close()
 
 
+@plain_files
 @pytest.mark.parametrize("is_painted", [False, True])
 def test_reading_tiles_is_no_change(scene, image, is_painted: bool) -> None:  # noqa: F811
     """Else a viewport would read them for ever; they are taken for numbers as the image is."""
@@ -170,6 +177,7 @@ def test_reading_tiles_is_no_change(scene, image, is_painted: bool) -> None:  # 
     assert record.tiles[1002][0, 0] == pytest.approx((0.1, 0.8, 0.1, 1.0), abs=0.003)
 
 
+@plain_files
 def test_a_file_that_is_missing_is_named(scene, image, tmp_path: Path) -> None:  # noqa: F811
     shown(scene, image)
     (tmp_path / "t.1002.png").unlink()
@@ -182,6 +190,7 @@ def test_a_file_that_is_missing_is_named(scene, image, tmp_path: Path) -> None: 
     check(scene)
 
 
+@plain_files
 @pytest.mark.skipif(
     "save_copy" not in bpy.types.Image.bl_rna.functions["save"].parameters,
     reason="Blender 4.2 writes no copies of tiles: they are warned of",
@@ -204,6 +213,7 @@ def test_tiles_in_memory_alone_are_read(scene) -> None:  # noqa: F811
         sync.close()
 
 
+@plain_files
 def test_a_tile_that_was_never_filled_is_named(scene, image) -> None:  # noqa: F811
     """Blender cannot write it, nor the others then: those that have files are shown."""
     image.pixels.foreach_set(np.tile(np.float32((0.2, 0.4, 0.6, 1.0)), 64))
@@ -233,6 +243,7 @@ def test_what_tiles_are_loaded_into_is_dropped_once() -> None:
     gc.collect()
 
 
+@plain_files
 def test_a_map_of_gloss_counts_by_the_mean_of_its_tiles(scene, image) -> None:  # noqa: F811
     material = new_red()
     tree = material.node_tree

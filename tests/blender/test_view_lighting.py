@@ -15,6 +15,7 @@ from perfect_bvh_addon import SceneSync  # noqa: E402
 from perfect_bvh_addon.settings.shading_settings import read_view_settings  # noqa: E402
 from perfect_bvh_addon.sync.records import AttributeRequest  # noqa: E402
 from perfect_bvh_addon.view3d.rendered import studio_images, view_lighting  # noqa: E402
+from wine_gaps import plain_files  # noqa: E402
 
 ATTRIBUTES = AttributeRequest(corner_normals=True, shading=True)
 
@@ -74,6 +75,7 @@ def test_lamps_can_be_left_out(shading: Any) -> None:
     np.testing.assert_array_equal(image(shading), without)
 
 
+@plain_files
 def test_a_studio_light_stands_for_the_world_as_an_image_of_the_world_would(shading: Any) -> None:
     shading.use_scene_world_render, shading.studio_light = False, "courtyard.exr"
     shading.studiolight_rotate_z, shading.studiolight_background_alpha = 1.0, 1.0
@@ -88,6 +90,7 @@ def test_a_studio_light_stands_for_the_world_as_an_image_of_the_world_would(shad
     assert np.abs(image(shading) - own).mean() > 0.01
 
 
+@plain_files
 def test_behind_the_scene_is_the_worlds_color_as_far_as_the_studio_is_not(shading: Any) -> None:
     shading.use_scene_world_render, shading.use_scene_lights_render = False, False
     load(shading)
@@ -102,6 +105,7 @@ def test_behind_the_scene_is_the_worlds_color_as_far_as_the_studio_is_not(shadin
     assert image(shading).mean() < whole.mean()
 
 
+@plain_files
 def test_grey_shines_until_the_studio_light_is_loaded(shading: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Any] = []
     monkeypatch.setattr(studio_images, "_loaded", {})
@@ -120,6 +124,7 @@ def test_grey_shines_until_the_studio_light_is_loaded(shading: Any, monkeypatch:
     assert np.abs(image(shading) - grey).mean() > 0.01 and len(asked) == 1
 
 
+@plain_files
 def test_the_sun_of_a_sky_belongs_to_the_world(shading: Any) -> None:
     bpy.data.objects.remove(bpy.data.objects["Light"])
     tree = bpy.context.scene.world.node_tree

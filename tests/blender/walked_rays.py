@@ -20,9 +20,7 @@ def heap() -> perfect_bvh.Snapshot:
     """Balls in a heap, seen from above in `walk_down`."""
     engine = perfect_bvh.Scene()
     mesh = engine.add_mesh(*meshes.sphere(12, 16, 1.0))
-    places = np.tile(np.eye(4), (60, 1, 1))
-    places[:, :3, 3] = np.random.default_rng(2).uniform(-2.0, 2.0, (60, 3))
-    engine.add_instances(np.full(60, mesh), places)
+    engine.add_instances(np.full(60, mesh), meshes.scattered(60, 2.0, 2))
     engine.commit()
     return engine.snapshot()
 

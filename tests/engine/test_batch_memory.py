@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 
 import pytest
+from child_process import environment_with_paths
 from process_memory import MEGABYTE
 
 RAYS = 10_000_000
@@ -41,9 +41,13 @@ CALLS = {
 def test_memory_of_many_rays(name):
     call, bytes_per_ray = CALLS[name]
     script = SCRIPT.format(rays=RAYS, call=call)
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     done = subprocess.run(
-        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False, timeout=300
+        [sys.executable, "-c", script],
+        env=environment_with_paths(),
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     grown = float(done.stdout)

@@ -76,9 +76,8 @@ def test_extents_of_1e11():
     scene = perfect_bvh.Scene()
     hall = scene.add_instance(scene.add_mesh(positions * 1e11, triangles))
     small = scene.add_mesh(positions, triangles)
-    centres = np.random.default_rng(3).uniform(-3e10, 3e10, (20, 3))
-    places = np.tile(np.eye(4), (20, 1, 1))
-    places[:, :3, 3] = centres
+    places = meshes.scattered(20, 3e10, 3)
+    centres = places[:, :3, 3]
     ids = scene.add_instances(np.full(20, small), places)
     scene.commit()
     origins, directions = rays_at_sphere(4)

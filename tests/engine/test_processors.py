@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import shutil
 import subprocess
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from child_process import environment_with_paths
 
 EMULATOR, OLD_PROCESSOR = "qemu-x86_64-static", "Opteron_G1"  # which has nothing newer than SSE3
 
@@ -50,8 +50,7 @@ print(*perfect_bvh.available_isas())
 
 
 def run(*command: str | Path) -> list[str]:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600)
+    done = subprocess.run(command, env=environment_with_paths(), capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout.split()
 

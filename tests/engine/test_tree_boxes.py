@@ -172,8 +172,7 @@ def test_a_tree_that_was_built_again_is_as_it_was_built() -> None:
 def test_the_top_level_tells_what_it_cost_when_it_was_built() -> None:
     scene = perfect_bvh.Scene()
     mesh = scene.add_mesh(*meshes.soup(20, 1, 0.1))
-    places = np.tile(np.eye(4), (200, 1, 1))
-    places[:, :3, 3] = np.random.default_rng(3).uniform(-50.0, 50.0, (200, 3))
+    places = meshes.scattered(200, 50.0, 3)
     instances = scene.add_instances(np.full(200, mesh), places)
     scene.commit()
     built = scene.snapshot().tree_boxes()
@@ -236,8 +235,7 @@ def test_extreme_sizes_come_back_unscaled(size: float) -> None:
 def test_the_top_level_holds_the_instances() -> None:
     scene = perfect_bvh.Scene()
     mesh = scene.add_mesh(*meshes.soup(20, 1, 0.1))
-    places = np.tile(np.eye(4), (100, 1, 1))
-    places[:, :3, 3] = np.random.default_rng(3).uniform(-50.0, 50.0, (100, 3))
+    places = meshes.scattered(100, 50.0, 3)
     scene.add_instances(np.full(100, mesh), places)
     scene.commit()
     boxes = scene.snapshot().tree_boxes()

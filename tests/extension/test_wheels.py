@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 from extension.zips import REPOSITORY
 
-lief = pytest.importorskip("lief")
+lief = pytest.importorskip("lief", reason="lief, which reads the modules, is not installed: pip install lief")
 
 PYTHONS = ("3.11", "3.13", "3.14")
 WHEEL_TAGS = {

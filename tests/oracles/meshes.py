@@ -1,4 +1,4 @@
-"""Small seeded meshes for tests: (positions, triangles)."""
+"""Small seeded meshes for tests: (positions, triangles); and places for their instances."""
 
 from __future__ import annotations
 
@@ -70,3 +70,10 @@ def random_rays(count: int, seed: int, reach: float = 2.5) -> tuple[npt.NDArray[
     targets = random.uniform(-1.0, 1.0, (count, 3))
     lengths = 10.0 ** random.uniform(-2.0, 2.0, (count, 1))
     return origins, ((targets - origins) * lengths).astype(np.float32)
+
+
+def scattered(count: int, reach: float, seed: int) -> npt.NDArray[np.float64]:
+    """Transforms (N, 4, 4) of instances that stand anywhere from -reach to reach along each axis, not turned."""
+    places = np.tile(np.eye(4), (count, 1, 1))
+    places[:, :3, 3] = np.random.default_rng(seed).uniform(-reach, reach, (count, 3))
+    return places

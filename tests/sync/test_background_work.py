@@ -95,10 +95,21 @@ def test_without_a_thread_to_spare_it_is_done_at_once(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.usefixtures("hears_ctrl_c")
-def test_ctrl_c_ends_the_waiting_where_it_does_not_interrupt_it() -> None:
+def test_ctrl_c_ends_the_waiting_where_it_does_not_interrupt_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """As on Windows: Python learns of it, but whoever waits for a lock goes on waiting."""
     made = BackgroundWork(work_until_stopped, pytest.fail)
-    threading.Timer(0.02, _thread.interrupt_main).start()
+    is_waited_for, wait = threading.Event(), made._has_ended.wait
+
+    def tell_and_wait(seconds: float) -> bool:
+        is_waited_for.set()
+        return wait(seconds)
+
+    def press() -> None:
+        if is_waited_for.wait(60.0):
+            _thread.interrupt_main()
+
+    monkeypatch.setattr(made._has_ended, "wait", tell_and_wait)
+    threading.Thread(target=press).start()
     with pytest.raises(KeyboardInterrupt):
         made.result()
     assert not made.is_running and not made.is_wanted

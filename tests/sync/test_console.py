@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 import pytest
+from child_process import environment_with_paths
 from perfect_bvh_addon.cli.console import is_reader_gone
 
 NAMES = "Würfel, 立方体"
@@ -15,9 +16,8 @@ NAMES = "Würfel, 立方体"
 
 def run(code: str, **options: object) -> subprocess.CompletedProcess[bytes]:
     """In a process whose output has one code page, as that of a Windows program has that is redirected."""
-    environment = {**os.environ, "PYTHONIOENCODING": "cp1252", "PYTHONUTF8": "0"}
+    environment = environment_with_paths() | {"PYTHONIOENCODING": "cp1252", "PYTHONUTF8": "0"}
     environment |= {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"}  # so that Python does not choose UTF-8 by itself
-    environment["PYTHONPATH"] = os.pathsep.join(path for path in sys.path if path)
     command = [sys.executable, "-c", code]
     return subprocess.run(command, env=environment, timeout=300, **options)  # type: ignore[call-overload]
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from child_process import environment_with_paths
 from perfect_bvh_addon.support import memory
 from perfect_bvh_addon.support.memory import linux, macos, windows
 
@@ -149,9 +150,8 @@ print(0 if kept is None else kept.process, free_bytes())
 
 @pytest.mark.skipif(os.name != "nt", reason="job objects are Windows' own")
 def test_a_job_limits_this_system():
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
     done = subprocess.run(
-        [sys.executable, "-c", IN_A_JOB], env=environment, capture_output=True, text=True, timeout=300
+        [sys.executable, "-c", IN_A_JOB], env=environment_with_paths(), capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 0, done.stderr
     limit, free = map(int, done.stdout.split())

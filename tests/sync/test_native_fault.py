@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from child_process import environment_with_paths
 from perfect_bvh_addon.settings import native_fault
 from perfect_bvh_addon.settings.native_fault import NAMES, explain, read_manifest, this_platform
 
@@ -218,7 +219,7 @@ def test_an_engine_s_folder_of_another_system_is_really_explained(tmp_path: Path
     if os.name == "nt":
         system, module = "Linux", "_core.cpython-311-x86_64-linux-gnu.so"
     (package / module).touch()
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(tmp_path), *(path for path in sys.path if path)))}
+    environment = environment_with_paths(tmp_path)
     done = subprocess.run([sys.executable, "-c", REAL], env=environment, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)

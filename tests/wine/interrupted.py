@@ -19,7 +19,8 @@ from perfect_bvh_addon.support.background_work import BackgroundWork
 SECONDS = 30.0  # after which nothing came
 
 
-def wait(_: Callable[[], None]) -> None:
+def wait(tell: Callable[[], None]) -> None:
+    tell()
     time.sleep(SECONDS)
 
 
@@ -65,8 +66,6 @@ def main() -> None:
     def tell() -> None:
         file.write_text("ready")
 
-    if way == "waiting":
-        tell()
     try:
         WAYS[way](tell)
         file.write_text("nothing")

@@ -10,7 +10,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from system import REPOSITORY, WINE, WineSystem, windows_path
+from system import REPOSITORY, WineSystem
 
 START_SECONDS, PATIENCE_SECONDS = 120.0, 20.0
 SCRIPT = Path(__file__).with_name("interrupted.py")
@@ -31,15 +31,14 @@ def check_interrupts(system: WineSystem, packages: Sequence[Path], folder: Path)
 
 def _press(system: WineSystem, packages: Sequence[Path], told: Path, way: str) -> str:
     """What the program wrote last into the file `told`."""
-    words = [str(WINE), str(system.python), *map(windows_path, (SCRIPT, told)), way]
-    paths = ";".join(windows_path(path) for path in packages)
+    command, environment = system.call((SCRIPT, told, way), packages)
     program, terminal = pty.fork()
     if program == 0:
         os.chdir(REPOSITORY)
-        os.execve(words[0], words, system.environment | {"PYTHONPATH": paths})
+        os.execve(command[0], command, environment)
     try:
         _read_until(terminal, told, ("ready",), START_SECONDS)
-        _read_until(terminal, told, (), 0.5)  # what it tells before it waits
+        _read_until(terminal, told, (), 0.5)  # so that it waits by then, of which nothing tells
         os.write(terminal, CTRL_C)
         _read_until(terminal, told, ("interrupted", "nothing"), PATIENCE_SECONDS)
         return told.read_text() if told.exists() else ""

@@ -111,25 +111,22 @@ class WineSystem:
             partial.rename(folder)
         return folder
 
-    def run(
-        self,
-        arguments: Sequence[Path | str],
-        *,
-        packages: Sequence[Path],
-        seconds: float,
-        environment: dict[str, str] | None = None,
-    ) -> tuple[int, str]:
+    def call(self, arguments: Sequence[Path | str], packages: Sequence[Path]) -> tuple[list[str], dict[str, str]]:
+        """The command and the environment of a call of Python. packages: folders to import from."""
+        words = [windows_path(word) if isinstance(word, Path) else word for word in arguments]
+        paths = ";".join(windows_path(path) for path in packages)
+        return [str(WINE), str(self.python), *words], self.environment | {"PYTHONPATH": paths}
+
+    def run(self, arguments: Sequence[Path | str], *, packages: Sequence[Path], seconds: float) -> tuple[int, str]:
         """Python's exit status and what it wrote, which is shown meanwhile. packages: folders to import from.
 
         After so many seconds it is ended, and the status is that of the signal.
         """
-        words = [windows_path(word) if isinstance(word, Path) else word for word in arguments]
-        paths = ";".join(windows_path(path) for path in packages)
-        variables = self.environment | {"PYTHONPATH": paths} | (environment or {})
+        command, environment = self.call(arguments, packages)
         program = subprocess.Popen(
-            [WINE, self.python, *words],
+            command,
             cwd=REPOSITORY,
-            env=variables,
+            env=environment,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

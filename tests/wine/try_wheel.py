@@ -78,11 +78,11 @@ class Trial:
         self.run_here(scripts / "trace_record.py", record, here)
         self.run(scripts / "trace_record.py", record, there, seconds=400)
         with np.load(here) as linux, np.load(there) as windows:
+            differing = [mode for mode in linux if linux[mode].tobytes() != windows[mode].tobytes()]
             for mode in linux:
-                same = linux[mode].tobytes() == windows[mode].tobytes()
-                print(f"{mode:12}{'same' if same else 'DIFFERS'}", flush=True)
-            if any(linux[mode].tobytes() != windows[mode].tobytes() for mode in linux):
-                raise SystemExit("The engine's images differ between Linux and Windows")
+                print(f"{mode:12}{'DIFFERS' if mode in differing else 'same'}", flush=True)
+        if differing:
+            raise SystemExit(f"The engine's images differ between Linux and Windows: {', '.join(differing)}")
 
     def command_line(self) -> None:
         """`perfect-bvh render` of one file, each system with its own Blender."""
