@@ -17,10 +17,10 @@ from ..settings.scene_settings import ENGINE_NAME
 from ..settings.shading_settings import mode_of
 from ..statistics.last_result import image_mode, last_render_mode
 from . import pointer
+from .color_scale import Scale
 from .legend import Section, draw_legend
+from .pointer import Pointed, view_of
 from .rendered.redraws import viewport_at
-from .tree_overlay.box_words import Scale
-from .tree_overlay.hovered_box import Pointed, view_of
 
 # As native/src/render/modes/cost_scale.h has it, from the first colour to the last.
 LEAST, DOUBLINGS = 2, 8

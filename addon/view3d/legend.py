@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import bpy
 
+from .color_scale import Scale
 from .drawing import (
     MARGIN,
     TEXT_SIZE,
@@ -26,7 +27,6 @@ from .drawing import (
     text_panel_size,
     text_size,
 )
-from .tree_overlay.box_words import Scale
 
 # In points.
 SCALE_WIDTH = 220.0

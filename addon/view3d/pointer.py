@@ -10,9 +10,11 @@ Nobody is asked when the mouse leaves a region. So as long as it is in one that 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 import bpy
+import numpy as np
 
 LOOKING_SECONDS = 0.2
 
@@ -28,6 +30,24 @@ class PointerListener(Protocol):
 
     def on_pointer_left(self) -> None:
         """The mouse is no longer where it was told to be."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pointed:
+    """Where the mouse is. region: its address. place: in its pixels. view: what it looked through then."""
+
+    region: int
+    place: tuple[int, int]
+    view: bytes
+
+    @staticmethod
+    def of(context: bpy.types.Context, place: tuple[int, int]) -> Pointed:
+        return Pointed(context.region.as_pointer(), place, view_of(context))
+
+
+def view_of(context: bpy.types.Context) -> bytes:
+    """Equal as long as the view is."""
+    return np.array(context.region_data.perspective_matrix, np.float32).tobytes()
 
 
 listeners: list[PointerListener] = []

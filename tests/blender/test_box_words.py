@@ -11,7 +11,7 @@ from oracles import meshes
 
 pytest.importorskip("bpy")
 
-from perfect_bvh_addon.view3d.tree_overlay.box_lines import ramp_colors, shares
+from perfect_bvh_addon.view3d.box_lines import ramp_colors, shares
 from perfect_bvh_addon.view3d.tree_overlay.box_words import (
     Shown,
     describe,

@@ -19,8 +19,8 @@ from perfect_bvh_addon.events.changes import listen, stop_listening  # noqa: E40
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
 from perfect_bvh_addon.settings import editors, overlay_settings  # noqa: E402
+from perfect_bvh_addon.view3d.box_lines import RAMP, box_lines, shares  # noqa: E402
 from perfect_bvh_addon.view3d.tree_overlay import scene_overlay, tree_lines  # noqa: E402
-from perfect_bvh_addon.view3d.tree_overlay.box_lines import RAMP, box_lines, shares  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
 

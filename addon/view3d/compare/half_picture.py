@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import drawing
-from ..tree_overlay.box_lines import BoxLines, box_lines
-from ..tree_overlay.tree_lines import MOST_BOXES
+from ..box_lines import MOST_BOXES, BoxLines, box_lines
 
 if TYPE_CHECKING:
     import gpu

@@ -1,1 +1,1 @@
-"""The boxes of trees as lines over 3D viewports, and the box under the mouse."""
+"""The boxes of the trees over 3D viewports: which are drawn, what is told of them, and the one under the mouse."""

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .box_lines import COST_DECADES
+from ..box_lines import COST_DECADES
+from ..color_scale import Scale
 
 if TYPE_CHECKING:
     from perfect_bvh import TreeBoxes
@@ -81,18 +82,6 @@ def format_share(share: float) -> str:
 
 
 # Scales --------------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Scale:
-    """What colours mean. caption: what they tell. labels: places from 0 to 1, and the numbers there.
-
-    levels: how many swatches stand in the place of a bar, one a level; 0 for a bar.
-    """
-
-    caption: str
-    labels: tuple[tuple[float, str], ...]
-    levels: int = 0
 
 
 def scale_of(boxes: TreeBoxes, color_by: str) -> Scale:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
+from ..box_lines import CORNERS, EDGES
 from ..drawing import pixels
-from .box_lines import CORNERS, EDGES
 from .box_words import describe_box
 from .tree_lines import TreeLines
 
@@ -23,24 +23,6 @@ LINE_WIDTH = 2.5  # points
 FILL_COLOR = (1.0, 0.6, 0.1, 0.35)
 # More cannot be told apart, and the mouse would wait for them.
 MOST_TRIANGLES = 50_000
-
-
-@dataclass(frozen=True, slots=True)
-class Pointed:
-    """Where the mouse is. region: its address. place: in its pixels. view: what it looked through then."""
-
-    region: int
-    place: tuple[int, int]
-    view: bytes
-
-    @staticmethod
-    def of(context: bpy.types.Context, place: tuple[int, int]) -> Pointed:
-        return Pointed(context.region.as_pointer(), place, view_of(context))
-
-
-def view_of(context: bpy.types.Context) -> bytes:
-    """Equal as long as the view is."""
-    return np.array(context.region_data.perspective_matrix, np.float32).tobytes()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,10 +24,11 @@ from ...live.pending_commit import PendingCommit
 from ...settings.editors import redraw_viewports
 from ...statistics.words import reason_of
 from .. import one_object
+from ..box_lines import ramp_colors
 from ..legend import Section
-from .box_lines import ramp_colors
+from ..pointer import Pointed, view_of
 from .box_words import describe
-from .hovered_box import HoveredBox, HoveredPicture, Pointed, box_under, view_of
+from .hovered_box import HoveredBox, HoveredPicture, box_under
 from .tree_lines import TreeLines
 
 if TYPE_CHECKING:

@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .box_lines import BoxLines, box_lines
+from ..box_lines import MOST_BOXES, BoxLines, box_lines
+from ..color_scale import Scale
 from .box_pick import BoxPicker, rows_of_cut
-from .box_words import Scale, Shown, scale_of
+from .box_words import Shown, scale_of
 
 if TYPE_CHECKING:
     import bpy
     import gpu
     from perfect_bvh import Snapshot, TreeBoxes
 
-# More can no longer be told apart, and every viewport that is drawn would wait for them.
-MOST_BOXES = 100_000
 # Of boxes that are about to be others: as RGBA.
 GREY = (0.5, 0.5, 0.5, 0.4)
 COLUMNS = ("boxes", "levels", "costs", "overlaps", "ranges", "primitives")

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from perfect_bvh import WalkEvent
 
-from ..tree_overlay.box_lines import EDGES
+from ..box_lines import EDGES
 
 if TYPE_CHECKING:
     from perfect_bvh import RayWalk

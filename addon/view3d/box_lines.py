@@ -26,6 +26,8 @@ RAMP = np.array([(0.1, 0.2, 1.0), (0.0, 0.75, 0.95), (0.1, 0.8, 0.2), (1.0, 0.85
 OPACITY = 0.85
 # What costs less than the dearest box by more than this has the first colour.
 COST_DECADES = 4.0
+# More can no longer be told apart, and every viewport that is drawn would wait for them.
+MOST_BOXES = 100_000
 
 
 @dataclass(frozen=True, slots=True)
