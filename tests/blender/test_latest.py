@@ -11,7 +11,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender.test_panels import drawn  # noqa: E402
+from blender.drawn_texts import drawn  # noqa: E402
 from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.panels import reports  # noqa: E402
 from perfect_bvh_addon.settings import editors  # noqa: E402

@@ -10,7 +10,7 @@ import pytest
 bpy: Any = pytest.importorskip("bpy")
 
 from blender.builders import camera_object, mesh_object  # noqa: E402
-from blender.test_panels import drawn  # noqa: E402
+from blender.drawn_texts import drawn  # noqa: E402
 from perfect_bvh_addon import engine, panels  # noqa: E402
 from perfect_bvh_addon.image import still  # noqa: E402
 from perfect_bvh_addon.panels import reports  # noqa: E402

@@ -20,9 +20,7 @@ from perfect_bvh_addon.sync.appearance import as_camera  # noqa: E402
 from perfect_bvh_addon.sync.records import CameraRecord  # noqa: E402
 from perfect_bvh_addon.view3d.walk.pixel_ray import pixel_ray  # noqa: E402
 from perfect_bvh_addon.view3d.walk.walk_legend import rows_of  # noqa: E402
-from perfect_bvh_addon.view3d.walk.walk_picture import (  # noqa: E402
-    picture_of,
-)
+from perfect_bvh_addon.view3d.walk.walk_picture import picture_of  # noqa: E402
 from perfect_bvh_addon.view3d.walk.walk_reading import written_length  # noqa: E402
 from perfect_bvh_addon.view3d.walk.walk_steps import steps_of  # noqa: E402
 from perfect_bvh_addon.view3d.walk.walk_words import WalkWords  # noqa: E402
@@ -46,17 +44,17 @@ def test_a_pixels_ray_is_the_one_that_is_traced(crowd: perfect_bvh.Snapshot, pro
     window = (-2.0, 2.5, -1.5, 1.0) if projection == "orthographic" else (-0.4, 0.5, -0.3, 0.2)
     record = CameraRecord(matrix, window, projection, 0.7, 50.0)
     names = ("distance", "instance", "primitive", "nodes_visited", "primitives_tested")
-    shown = perfect_bvh.render_passes(crowd, as_camera(record), size=SIZE, samples=1, passes=names)
+    traced = perfect_bvh.render_passes(crowd, as_camera(record), size=SIZE, samples=1, passes=names)
     found = 0
     for row in range(SIZE[1]):
         for column in range(SIZE[0]):
             ray = pixel_ray(record, (column + 0.5) / SIZE[0], 1.0 - (row + 0.5) / SIZE[1])
             assert ray is not None and np.linalg.norm(ray.direction) == pytest.approx(1.0)
             walk = crowd.walk_ray(ray.origin, ray.direction, ray.t_min, ray.t_max)
-            assert walk.hit_row is None or walk.t[walk.hit_row] == pytest.approx(shown["distance"][row, column], 1e-5)
+            assert walk.hit_row is None or walk.t[walk.hit_row] == pytest.approx(traced["distance"][row, column], 1e-5)
             hit = -1 if walk.hit_row is None else int(walk.primitive_ids[walk.hit_row])
-            cost = shown["nodes_visited"][row, column] + shown["primitives_tested"][row, column]
-            found += (hit, walk.cost) == (shown["primitive"][row, column], cost)
+            cost = traced["nodes_visited"][row, column] + traced["primitives_tested"][row, column]
+            found += (hit, walk.cost) == (traced["primitive"][row, column], cost)
     assert found >= SIZE[0] * SIZE[1] - 2  # directions differ in their last bits
 
 
