@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import threading
 from collections.abc import Iterator
 from types import SimpleNamespace
@@ -15,33 +14,17 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
 import perfect_bvh_addon  # noqa: E402
-from blender.long_builds import PATIENCE, Gate, building_threads, patiently  # noqa: E402
+from blender.long_builds import PATIENCE, Gate, building_threads  # noqa: E402
+from blender.shown_viewport import Shown, cube_to_show, do_without_windows, fresh, move  # noqa: E402
 from perfect_bvh_addon import engine  # noqa: E402
-from perfect_bvh_addon.image.plan import plan_view  # noqa: E402
-from perfect_bvh_addon.image.progressive import Pace  # noqa: E402
-from perfect_bvh_addon.image.refinement import Refinement, View  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of  # noqa: E402
-from perfect_bvh_addon.settings.scene_settings import read_settings  # noqa: E402
-from perfect_bvh_addon.sync.appearance import as_camera  # noqa: E402
-from perfect_bvh_addon.sync.records import CameraRecord  # noqa: E402
-from perfect_bvh_addon.view3d.rendered import screen_image, viewport  # noqa: E402
-from perfect_bvh_addon.view3d.rendered.awaited_view import TYPE_FILTERS  # noqa: E402
-
-SIZE = (32, 18)
+from perfect_bvh_addon.view3d.rendered import viewport  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
 def without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Textures are the images themselves, and each view is looked at from above."""
-    matrix = np.eye(4)
-    matrix[2, 3] = 8.0
-    camera = CameraRecord(matrix, (-1.0, 1.0, -0.5625, 0.5625), "perspective", 0.1, 100.0)
-    monkeypatch.setattr(screen_image, "texture_of", lambda image, mode: image)
-    monkeypatch.setattr(viewport, "draw_patches", lambda screen, scene, image, size: screen.append(whole_of(image)))
-    monkeypatch.setattr(viewport, "AWAITING_SECONDS", PATIENCE)  # however slow this machine is
-    monkeypatch.setattr(viewport, "camera_of", lambda *_: (camera, None))
-    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.05)
+    do_without_windows(monkeypatch)
     perfect_bvh_addon.register()
     yield
     perfect_bvh_addon.unregister()
@@ -56,76 +39,7 @@ def gate(gate: Gate) -> Gate:
 
 @pytest.fixture
 def cube(scene: bpy.types.Scene) -> bpy.types.Object:
-    bpy.ops.mesh.primitive_cube_add()
-    scene.world = bpy.data.worlds.new("World")  # what nothing shines on is black
-    scene.perfect_bvh.samples = 2
-    return bpy.context.object
-
-
-def whole_of(image: screen_image.ScreenImage) -> np.ndarray:
-    """What patches show together, coarse pixels as large as they are."""
-    width, height = image.size
-    shown = np.full((height, width, 4), np.nan, np.float32)
-    for place, patch in image.patches.items():
-        pixels = patch.texture.repeat(place.divisor, axis=0).repeat(place.divisor, axis=1)
-        first, end = place.rows
-        shown[first:end] = pixels[: end - first, :width]
-    return shown
-
-
-class Shown:
-    """A region in Rendered shading. screen: what was drawn, in order. redraw: whether more is to come."""
-
-    def __init__(self) -> None:
-        self.viewport = viewport.Viewport()
-        self.screen: list[Any] = []
-        filters = dict.fromkeys(TYPE_FILTERS, True)
-        self.context = SimpleNamespace(
-            space_data=SimpleNamespace(
-                local_view=None,
-                use_local_collections=False,
-                shading=SimpleNamespace(
-                    use_scene_lights_render=True,
-                    use_scene_world_render=True,
-                    perfect_bvh=SimpleNamespace(mode="RENDER"),
-                ),
-                **filters,
-            ),
-            region=SimpleNamespace(width=SIZE[0], height=SIZE[1], as_pointer=lambda: 7),
-            region_data=None,
-            screen=SimpleNamespace(is_animation_playing=False),
-        )
-
-    def update(self) -> None:
-        self.viewport.update(self.context, bpy.context.evaluated_depsgraph_get())
-
-    def redraw(self) -> bool:
-        return self.viewport.draw(self.screen, self.context, bpy.context.evaluated_depsgraph_get())
-
-    def finish(self) -> np.ndarray:
-        for _ in patiently("the image is not finished"):
-            if not self.redraw():
-                break
-        return self.screen[-1]
-
-
-def fresh() -> np.ndarray:
-    """The finished image of the scene as it is, by trees of its own."""
-    sync = perfect_bvh_addon.SceneSync(watch=False)
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    plan = plan_view(read_settings(depsgraph.scene), SIZE)
-    sync.request(plan.attributes)
-    sync.update(depsgraph)
-    camera = as_camera(viewport.camera_of()[0])
-    refinement = Refinement(View.of(sync, camera, plan), Pace())
-    while not refinement.is_finished:
-        refinement.step(10.0)
-    return refinement.image
-
-
-def move(cube: bpy.types.Object, x: float) -> None:
-    cube.location.x = x
-    bpy.context.view_layer.update()
+    return cube_to_show(scene)
 
 
 def test_an_image_of_quick_trees_comes_in_the_redraw_of_the_edit(cube, gate: Gate, monkeypatch) -> None:
@@ -368,129 +282,3 @@ def test_a_viewport_tells_in_one_line_what_it_does_not_show(cube, gate: Gate) ->
     assert redraw() == "1 object not shown, 1 setting ignored"
     shown.viewport.complaint = None
     shown.finish()
-
-
-class TracingGate:
-    """Holds whatever is traced, as soon as a view has its first image, until it is opened or stopped."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.is_open = threading.Event()
-        step = Refinement.step
-
-        def hold(refinement: Refinement, seconds: float, stop: Any = None) -> bool:
-            while refinement.canvas.has_image.is_set() and not self.is_open.wait(0.002) and not stop.is_set:
-                pass
-            return step(refinement, seconds, stop)
-
-        monkeypatch.setattr(Refinement, "step", hold)
-
-
-def is_tracing() -> bool:
-    return building_threads() > 0
-
-
-def wait_for_the_end_of_tracing() -> None:
-    for _ in patiently("something is still traced"):
-        if not is_tracing():
-            return
-
-
-def test_a_redraw_traces_nothing_and_awaits_only_the_first_image(cube, gate: Gate, monkeypatch) -> None:
-    tracing = TracingGate(monkeypatch)
-    shown = Shown()
-    shown.update()
-    for _ in range(3):
-        assert shown.redraw(), "there is more to come"
-    assert shown.viewport.state.startswith("Sample ")
-    refinement = shown.viewport._refinement
-    assert np.isfinite(shown.screen[-1]).all(), "the coarse image is not shown"
-    assert not shown.viewport.has_news
-    tracing.is_open.set()
-    for _ in patiently("nothing is traced without redraws"):
-        if refinement.is_finished:
-            break
-    assert shown.viewport.has_news
-    np.testing.assert_array_equal(shown.finish(), fresh())
-    assert not shown.viewport.is_working
-
-
-def test_an_edit_stops_what_is_traced_before_it_is_read(cube, gate: Gate, monkeypatch) -> None:
-    tracing = TracingGate(monkeypatch)
-    shown = Shown()
-    shown.update()
-    shown.redraw()
-    assert is_tracing()
-    begin_view, tracing_at_reading = viewport.begin_view, []
-
-    def begin(*arguments: Any) -> Any:
-        tracing_at_reading.append(shown.viewport._tracer.is_running)
-        return begin_view(*arguments)
-
-    monkeypatch.setattr(viewport, "begin_view", begin)
-    move(cube, 1.0)
-    shown.update()
-    assert tracing_at_reading == [False]
-    tracing.is_open.set()
-    np.testing.assert_array_equal(shown.finish(), fresh())
-
-
-def test_what_was_traced_before_an_update_that_changes_nothing_stays(cube, gate: Gate, monkeypatch) -> None:
-    tracing = TracingGate(monkeypatch)
-    shown = Shown()
-    shown.update()
-    shown.redraw()
-    refinement = shown.viewport._refinement
-    shown.update()
-    wait_for_the_end_of_tracing()
-    assert shown.redraw()
-    assert shown.viewport._refinement is refinement and is_tracing()
-    tracing.is_open.set()
-    np.testing.assert_array_equal(shown.finish(), fresh())
-
-
-def test_a_viewport_that_goes_takes_its_thread_with_it(cube, gate: Gate, monkeypatch) -> None:
-    TracingGate(monkeypatch)
-    shown = Shown()
-    shown.update()
-    shown.redraw()
-    assert is_tracing()
-    del shown
-    gc.collect()
-    wait_for_the_end_of_tracing()
-
-
-@pytest.mark.parametrize("what", ["unregister", "undo", "file"])
-def test_tracing_ends_with_what_it_shows(cube, gate: Gate, monkeypatch, what: str) -> None:
-    TracingGate(monkeypatch)
-    shown = Shown()
-    shown.update()
-    shown.redraw()
-    assert is_tracing()
-    if what == "unregister":
-        perfect_bvh_addon.unregister()
-    elif what == "undo":
-        bpy.app.handlers.undo_pre[0](bpy.context.scene, None)
-    else:
-        bpy.app.handlers.load_pre[0]("", None)
-    wait_for_the_end_of_tracing()
-
-
-@pytest.mark.parametrize("problem", [MemoryError("no room for an image"), ZeroDivisionError("never seen")])
-def test_what_fails_while_it_is_traced_is_told(cube, gate: Gate, monkeypatch, capsys, problem: Exception) -> None:
-    step = Refinement.step
-
-    def fail(*_: object) -> bool:
-        raise problem
-
-    monkeypatch.setattr(Refinement, "step", fail)
-    shown = Shown()
-    shown.update()
-    for _ in patiently("the failure is not told"):
-        if not shown.redraw():
-            break
-    assert shown.viewport.state == str(problem) == shown.viewport.state
-    assert capsys.readouterr().err.count("ZeroDivisionError: never seen") == isinstance(problem, ZeroDivisionError)
-    monkeypatch.setattr(Refinement, "step", step)
-    move(cube, 1.0)
-    shown.update()
-    np.testing.assert_array_equal(shown.finish(), fresh())

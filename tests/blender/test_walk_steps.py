@@ -161,11 +161,15 @@ def test_boxes_are_stepped_through_one_by_one(crowd: perfect_bvh.Snapshot) -> No
         "Waiting box 1 of ",
     ):
         assert any(told in sentence for sentence in sentences), told
+
+
+def test_what_is_stepped_through_by_boxes_plays_by_boxes(crowd: perfect_bvh.Snapshot) -> None:
+    walk = shown(*walk_down(crowd))
     walk.go(0)
     walk.go_to_next_box()
     walk.play_or_pause()
     walk.go_on()
-    assert (walk.index, walk.part) == (1, 1) and walk.is_playing, "it plays by boxes"
+    assert (walk.index, walk.part) == (1, 1) and walk.is_playing
 
 
 def test_without_distances_sentences_have_none(crowd: perfect_bvh.Snapshot) -> None:

@@ -1,0 +1,32 @@
+"""What tests of the tree overlay share: scenes in step with Blender, and lines that are kept in place of drawn."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import pytest
+from perfect_bvh_addon import SceneSync
+from perfect_bvh_addon.live import pending_commit
+from perfect_bvh_addon.live.sync_cache import sync_of
+from perfect_bvh_addon.view3d.tree_overlay import tree_lines
+
+
+def keep_lines(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The lines that would be drawn from now on: no graphics card is needed to follow a scene."""
+    made: list[Any] = []
+
+    def keep(lines: Any) -> object:
+        made.append(lines)
+        return object()
+
+    monkeypatch.setattr(tree_lines, "_make_batch", keep)
+    monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 60.0)  # however slow this machine is
+    return made
+
+
+def synced() -> SceneSync:
+    """The scene's shared sync, brought up to date."""
+    sync = sync_of(bpy.context.evaluated_depsgraph_get())
+    sync.update(bpy.context.evaluated_depsgraph_get())
+    return sync

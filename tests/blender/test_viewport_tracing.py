@@ -1,0 +1,165 @@
+"""Rendered viewports trace on a thread of their own: redraws wait for nothing, and edits and their end stop it."""
+
+from __future__ import annotations
+
+import gc
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import perfect_bvh_addon  # noqa: E402
+from blender.long_builds import Gate, building_threads, patiently  # noqa: E402
+from blender.shown_viewport import Shown, cube_to_show, do_without_windows, fresh, move  # noqa: E402
+from perfect_bvh_addon.image.refinement import Refinement  # noqa: E402
+from perfect_bvh_addon.view3d.rendered import viewport  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    do_without_windows(monkeypatch)
+    perfect_bvh_addon.register()
+    yield
+    perfect_bvh_addon.unregister()
+    assert not building_threads()
+
+
+@pytest.fixture
+def gate(gate: Gate) -> Gate:
+    gate.open()
+    return gate
+
+
+@pytest.fixture
+def cube(scene: bpy.types.Scene) -> bpy.types.Object:
+    return cube_to_show(scene)
+
+
+class TracingGate:
+    """Holds whatever is traced, as soon as a view has its first image, until it is opened or stopped."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.is_open = threading.Event()
+        step = Refinement.step
+
+        def hold(refinement: Refinement, seconds: float, stop: Any = None) -> bool:
+            while refinement.canvas.has_image.is_set() and not self.is_open.wait(0.002) and not stop.is_set:
+                pass
+            return step(refinement, seconds, stop)
+
+        monkeypatch.setattr(Refinement, "step", hold)
+
+
+def is_tracing() -> bool:
+    return building_threads() > 0
+
+
+def wait_for_the_end_of_tracing() -> None:
+    for _ in patiently("something is still traced"):
+        if not is_tracing():
+            return
+
+
+def test_a_redraw_traces_nothing_and_awaits_only_the_first_image(cube, gate: Gate, monkeypatch) -> None:
+    tracing = TracingGate(monkeypatch)
+    shown = Shown()
+    shown.update()
+    for _ in range(3):
+        assert shown.redraw(), "there is more to come"
+    assert shown.viewport.state.startswith("Sample ")
+    refinement = shown.viewport._refinement
+    assert np.isfinite(shown.screen[-1]).all(), "the coarse image is not shown"
+    assert not shown.viewport.has_news
+    tracing.is_open.set()
+    for _ in patiently("nothing is traced without redraws"):
+        if refinement.is_finished:
+            break
+    assert shown.viewport.has_news
+    np.testing.assert_array_equal(shown.finish(), fresh())
+    assert not shown.viewport.is_working
+
+
+def test_an_edit_stops_what_is_traced_before_it_is_read(cube, gate: Gate, monkeypatch) -> None:
+    tracing = TracingGate(monkeypatch)
+    shown = Shown()
+    shown.update()
+    shown.redraw()
+    assert is_tracing()
+    begin_view, tracing_at_reading = viewport.begin_view, []
+
+    def begin(*arguments: Any) -> Any:
+        tracing_at_reading.append(shown.viewport._tracer.is_running)
+        return begin_view(*arguments)
+
+    monkeypatch.setattr(viewport, "begin_view", begin)
+    move(cube, 1.0)
+    shown.update()
+    assert tracing_at_reading == [False]
+    tracing.is_open.set()
+    np.testing.assert_array_equal(shown.finish(), fresh())
+
+
+def test_what_was_traced_before_an_update_that_changes_nothing_stays(cube, gate: Gate, monkeypatch) -> None:
+    tracing = TracingGate(monkeypatch)
+    shown = Shown()
+    shown.update()
+    shown.redraw()
+    refinement = shown.viewport._refinement
+    shown.update()
+    wait_for_the_end_of_tracing()
+    assert shown.redraw()
+    assert shown.viewport._refinement is refinement and is_tracing()
+    tracing.is_open.set()
+    np.testing.assert_array_equal(shown.finish(), fresh())
+
+
+def test_a_viewport_that_goes_takes_its_thread_with_it(cube, gate: Gate, monkeypatch) -> None:
+    TracingGate(monkeypatch)
+    shown = Shown()
+    shown.update()
+    shown.redraw()
+    assert is_tracing()
+    del shown
+    gc.collect()
+    wait_for_the_end_of_tracing()
+
+
+@pytest.mark.parametrize("what", ["unregister", "undo", "file"])
+def test_tracing_ends_with_what_it_shows(cube, gate: Gate, monkeypatch, what: str) -> None:
+    TracingGate(monkeypatch)
+    shown = Shown()
+    shown.update()
+    shown.redraw()
+    assert is_tracing()
+    if what == "unregister":
+        perfect_bvh_addon.unregister()
+    elif what == "undo":
+        bpy.app.handlers.undo_pre[0](bpy.context.scene, None)
+    else:
+        bpy.app.handlers.load_pre[0]("", None)
+    wait_for_the_end_of_tracing()
+
+
+@pytest.mark.parametrize("problem", [MemoryError("no room for an image"), ZeroDivisionError("never seen")])
+def test_what_fails_while_it_is_traced_is_told(cube, gate: Gate, monkeypatch, capsys, problem: Exception) -> None:
+    step = Refinement.step
+
+    def fail(*_: object) -> bool:
+        raise problem
+
+    monkeypatch.setattr(Refinement, "step", fail)
+    shown = Shown()
+    shown.update()
+    for _ in patiently("the failure is not told"):
+        if not shown.redraw():
+            break
+    assert shown.viewport.state == str(problem) == shown.viewport.state
+    assert capsys.readouterr().err.count("ZeroDivisionError: never seen") == isinstance(problem, ZeroDivisionError)
+    monkeypatch.setattr(Refinement, "step", step)
+    move(cube, 1.0)
+    shown.update()
+    np.testing.assert_array_equal(shown.finish(), fresh())
