@@ -10,7 +10,7 @@ from ..events.changes import watched_evaluations
 from ..events.evaluation_log import EvaluationLog
 from ..sync.not_shown import NotShown
 from ..sync.records import AttributeRequest, CameraRecord, LightRecords, SceneRecord
-from .camera import read_camera, read_frame
+from .camera import Frame, read_camera, read_frame
 from .geometry.groups import GroupTable
 from .geometry.instance_columns import InstanceColumns
 from .geometry.instances import InstanceCache, read_instances
@@ -72,7 +72,6 @@ def read_scene(
 
     An empty scene is an empty record. What cannot be read is left out and named in the record's warnings.
     """
-    scene = depsgraph.scene_eval
     if for_viewport is None:
         for_viewport = depsgraph.mode == "VIEWPORT"
     log = None if cache is None or for_preview else watched_evaluations(depsgraph)
@@ -93,10 +92,15 @@ def read_scene(
             images = ImageReader(cache.images, for_preview=for_preview)
             lights = read_lights(depsgraph, visibility, images, not_shown, instanced=parts.instances_lights)
     not_shown += find_ignored_settings(depsgraph, attributes, for_viewport)
+    record = _record_of(depsgraph, parts, lights, camera, read_frame(depsgraph.scene_eval, size))
+    return replace(record, not_shown=(*([DARK] if record.is_dark else []), *not_shown))
 
-    frame = read_frame(scene, size)
+
+def _record_of(depsgraph: Any, parts: SceneParts, lights: LightRecords, camera: Any, frame: Frame) -> SceneRecord:
+    """All of it but what is not shown. camera: None for the scene's."""
+    scene = depsgraph.scene_eval
     camera_record, complaint = _read_any_camera(depsgraph, scene.camera if camera is None else camera, frame)
-    record = SceneRecord(
+    return SceneRecord(
         name=scene.name,
         frame=scene.frame_current_final,
         meshes=parts.meshes,
@@ -114,7 +118,6 @@ def read_scene(
         unseen=parts.unseen,
         warnings=(*parts.warnings, *([complaint] if complaint else [])),
     )
-    return replace(record, not_shown=(*([DARK] if record.is_dark else []), *not_shown))
 
 
 def _read_parts(
@@ -151,7 +154,7 @@ def _read_parts(
     )
 
 
-def _read_any_camera(depsgraph: Any, camera: Any, frame: Any) -> tuple[CameraRecord | None, str | None]:
+def _read_any_camera(depsgraph: Any, camera: Any, frame: Frame) -> tuple[CameraRecord | None, str | None]:
     if isinstance(camera, CameraRecord):
         return camera, None
     if camera is not None and not camera.is_evaluated:

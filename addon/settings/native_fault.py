@@ -14,6 +14,7 @@ import sys
 import sysconfig
 import tomllib
 from collections.abc import Iterable
+from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +95,7 @@ def _of_another_python(manifest: dict[str, Any]) -> str | None:
 
 def _other_module(folder: Path, manifest: dict[str, Any]) -> str | None:
     """If the module in the engine's folder is another Python's or system's."""
-    if any((folder / f"_core{suffix}").is_file() for suffix in _module_suffixes()):
+    if any((folder / f"_core{suffix}").is_file() for suffix in EXTENSION_SUFFIXES):
         return None
     found = [match for path in sorted(folder.glob("_core.*")) if (match := _MODULE.fullmatch(path.name))]
     if not found:
@@ -102,12 +103,6 @@ def _other_module(folder: Path, manifest: dict[str, Any]) -> str | None:
     others = dict.fromkeys(f"Python {match[1]}.{match[2]} on {_system_of(match[3])}" for match in found)
     ours = f"Python {_python()} on {_system_of(sysconfig.get_platform())}"
     return f"the one in {folder} is for {_listed(others)}, and this is {ours}: {_way_out(manifest)}"
-
-
-def _module_suffixes() -> tuple[str, ...]:
-    from importlib.machinery import EXTENSION_SUFFIXES
-
-    return tuple(EXTENSION_SUFFIXES)
 
 
 def _missing(manifest: dict[str, Any]) -> str:

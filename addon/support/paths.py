@@ -66,7 +66,7 @@ def find_windows_fault(path: PurePath) -> str | None:
     """Why Windows would take a name in it for something else, with the way out; None if it would not."""
     for name in _names(path):
         if not _FORBIDDEN.isdisjoint(name):
-            (character, *_) = (each for each in name if each in _FORBIDDEN)
+            character = next(each for each in name if each in _FORBIDDEN)
             return f"a name cannot hold {character!r} on Windows, got {name!r}; leave it out"
         if name.partition(".")[0].rstrip(" ").upper() in _DEVICES:
             return f"{name!r} is a device on Windows; give another name"

@@ -38,7 +38,7 @@ class Computer:
         patch(sysconfig, "get_platform", lambda: platform)
         patch(native_fault, "_python", lambda: python)
         suffix = SUFFIXES.get(platform, "none").format(python.replace(".", ""))
-        patch(native_fault, "_module_suffixes", lambda: (suffix,))
+        patch(native_fault, "EXTENSION_SUFFIXES", [suffix])
         systems = {"win": "win32", "macosx": "darwin"}
         system = platform.partition("-")[0]
         patch(native_fault.sys, "platform", systems.get(system, system))
