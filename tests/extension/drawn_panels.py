@@ -172,7 +172,9 @@ def _is_shown(panel: type, context: Context) -> bool:
     try:
         if poll is not None and not poll(context):
             return False
-    except (AttributeError, TypeError):  # asks for what is not there
+    except (AttributeError, TypeError):  # one of Blender's own asks for what is not there
+        if is_ours(panel):
+            raise
         return False
     parent = getattr(bpy.types, getattr(panel, "bl_parent_id", ""), None)
     return parent is None or _is_shown(parent, context)
