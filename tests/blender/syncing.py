@@ -1,16 +1,19 @@
-"""What tests of `SceneSync` have in common: one ray down, and what it says."""
+"""What tests of `SceneSync` have in common: one ray down and what it says, edits, and reports of them."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 from perfect_bvh import StaleSceneError
 from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.events import changes
+from perfect_bvh_addon.sync.report import SyncReport
 
 DOWN = (0.0, 0.0, -1.0)
+PASSED_OVER = "Blender did not evaluate it again"
 
 
 def cast_down(sync: SceneSync, x: float = 0.2, y: float = 0.2) -> Any:
@@ -41,3 +44,17 @@ def assert_stale(sync: SceneSync, message: str) -> None:
         cast_down(sync)
     with pytest.raises(StaleSceneError, match=message):
         sync.scene.test_occlusions([(0, 0, 1)], [DOWN])
+
+
+def reasons(report: SyncReport) -> dict[str, str]:
+    """Why each mesh was read or passed over, by its name."""
+    return {mesh.name: mesh.reason for mesh in report.meshes}
+
+
+def deform(name: str, factor: float = 2.0, *, data: Any = None) -> None:
+    """Move the vertices of an object's mesh, or of `data`, by a factor."""
+    data = data or bpy.data.objects[name].data
+    points = np.empty(len(data.vertices) * 3, np.float32)
+    data.vertices.foreach_get("co", points)
+    data.vertices.foreach_set("co", points * np.float32(factor))
+    data.update()

@@ -5,39 +5,22 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
-from blender.builders import SQUARE, camera_object, evaluated, in_render, mesh_data, mesh_object
+from blender.builders import SQUARE, evaluated, mesh_data, mesh_object
+from blender.syncing import PASSED_OVER, deform, reasons
 from perfect_bvh_addon import AttributeRequest, SceneSync
 from perfect_bvh_addon.events import changes
 from perfect_bvh_addon.events.evaluation_log import EvaluationLog
-from perfect_bvh_addon.live import sync_cache
-from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of, syncs_of
-from perfect_bvh_addon.sync.report import SyncReport
 from perfect_bvh_addon.sync.state import SceneState
 from process_memory import resident_megabytes
-
-PASSED_OVER = "Blender did not evaluate it again"
-
-
-def reasons(report: SyncReport) -> dict[str, str]:
-    return {mesh.name: mesh.reason for mesh in report.meshes}
 
 
 def thing(name: str) -> Any:
     return bpy.data.objects[name]
-
-
-def deform(name: str, factor: float = 2.0, *, data: Any = None) -> None:
-    data = data or thing(name).data
-    points = np.empty(len(data.vertices) * 3, np.float32)
-    data.vertices.foreach_get("co", points)
-    data.vertices.foreach_set("co", points * np.float32(factor))
-    data.update()
 
 
 @pytest.fixture
@@ -223,151 +206,6 @@ def test_verification_finds_what_blender_was_not_told(sync: SceneSync) -> None:
     report = sync.update(bpy.context.evaluated_depsgraph_get(), verify=True)
     (mismatch,) = report.mismatches
     assert mismatch.endswith("positions differ")
-
-
-# Scenes, renders, memory ---------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def registered(scene: Any) -> Iterator[None]:
-    clear_syncs()
-    sync_cache.register()
-    yield
-    sync_cache.unregister()
-
-
-def test_cached_syncs_go_with_their_scenes_and_layers(scene: Any, registered: None) -> None:
-    mesh_object("a")
-    other = bpy.data.scenes.new("other")
-    layer = other.view_layers.new("second")
-    bpy.context.window.scene = other
-    for view_layer in (layer, other.view_layers[0]):
-        bpy.context.window.view_layer = view_layer
-        sync_of(evaluated()).update(evaluated())
-    assert len(syncs_of(other)) == 2
-    other.view_layers.remove(layer)
-    evaluated()
-    assert len(syncs_of(other)) == 1
-    uid = other.session_uid
-    bpy.context.window.scene = scene
-    kept = sync_of(evaluated())
-    bpy.data.scenes.remove(other)
-    mesh_object("b")
-    evaluated()
-    assert uid not in {key[0] for key in sync_cache._syncs}
-    assert syncs_of(scene) == (kept,)
-
-
-def test_cached_syncs_used_longest_ago_go_beyond_the_limit(
-    scene: Any, registered: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=40, y_subdivisions=40)
-    other = scene.view_layers.new("other")
-    third = scene.view_layers.new("third")
-    first = scene.view_layers[0]
-
-    def update(layer: Any) -> SceneSync:
-        bpy.context.window.view_layer = layer
-        sync_of(evaluated()).update(evaluated())
-        return sync_of(evaluated())
-
-    def cast(sync: SceneSync) -> bool:
-        return bool(sync.scene.cast_rays([(0.01, 0.02, 5)], [(0, 0, -1)]).is_hit[0])
-
-    def limit_cache(byte_count: int | None) -> None:
-        monkeypatch.setattr(sync_cache, "cache_byte_limit", lambda: byte_count)
-
-    one, two = update(first), update(other)
-    assert one.byte_count == two.byte_count > 40 * 40 * 2 * 12
-    limit_cache(2 * one.byte_count)
-    assert update(first) is one
-    three = update(third)  # `two` was used longest ago
-    assert syncs_of(scene) == (one, three)
-    assert cast(two), "what holds it may go on"
-    limit_cache(1)
-    assert update(first) is one
-    assert syncs_of(scene) == (one,)
-    assert cast(one)
-    limit_cache(None)
-    again = update(other)
-    assert again is not two
-    assert cast(again)
-    assert syncs_of(scene) == (one, again)
-
-
-def test_linked_objects_and_overrides(scene: Any, registered: None, tmp_path: Path) -> None:
-    """Another file's objects, reloaded from a changed file as well."""
-    path = str(tmp_path / "library.blend")
-    mesh_object("linked", mesh_data("linked", *SQUARE))
-    bpy.ops.wm.save_as_mainfile(filepath=path)
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    with bpy.data.libraries.load(path, link=True) as (_, wanted):
-        wanted.objects = ["linked"]
-    linked = bpy.data.objects["linked"]
-    bpy.context.scene.collection.objects.link(linked)
-    sync = SceneSync()
-    assert sync.update(evaluated(), verify=True).added_count == 1
-    override = linked.override_create(remap_local_usages=True)
-    override.location.z = 2.0
-    report = sync.update(evaluated(), verify=True)
-    assert report.mismatches == ()
-    assert sync.scene.cast_rays([(0, 0, 10)], [(0, 0, -1)]).t_hit[0] == 8.0
-    bpy.data.libraries[0].reload()
-    report = sync.update(evaluated(), verify=True)
-    assert (report.mismatches, len(sync.record.instances)) == ((), 1)
-    sync.close()
-
-
-def test_two_depsgraphs_at_once(scene: Any, registered: None) -> None:
-    """What a render has seen says nothing about the viewport, and the other way round."""
-    mesh_object("a", mesh_data("a", *SQUARE)).modifiers.new("m", "SOLIDIFY").show_render = False
-    sync = SceneSync()
-    for factor in (1.0, 2.0, 0.5):
-        deform("a", factor)
-        assert in_render(lambda depsgraph: sync.update(depsgraph, verify=True)).mismatches == ()
-        assert sync.update(evaluated(), verify=True).mismatches == ()
-        assert sync.update(evaluated(), verify=True).mismatches == ()
-    sync.close()
-
-
-class _AnimationEngine(bpy.types.RenderEngine):
-    bl_idname = "PERFECT_BVH_TEST_ANIMATION"
-    bl_label = "Animation"
-    reports: list[SyncReport] = []  # noqa: RUF012
-
-    def render(self, depsgraph: Any) -> None:
-        result = self.begin_result(0, 0, self.resolution_x, self.resolution_y)
-        try:
-            type(self).reports.append(sync_of(depsgraph).update(depsgraph, verify=True))
-        finally:
-            self.end_result(result)
-
-
-@pytest.mark.parametrize("persistent", [True, False])
-def test_an_animation_syncs_what_changes(scene: Any, registered: None, tmp_path: Path, persistent: bool) -> None:
-    mesh_object("still")
-    moving = mesh_object("moving", location=(3, 0, 0))
-    for frame, x in ((1, 3.0), (4, 6.0)):
-        moving.location.x = x
-        moving.keyframe_insert("location", frame=frame)
-    camera_object()
-    scene.frame_start, scene.frame_end = 1, 4
-    scene.render.use_persistent_data = persistent
-    scene.render.filepath = str(tmp_path / "frame")
-    bpy.utils.register_class(_AnimationEngine)
-    _AnimationEngine.reports = []
-    scene.render.engine = _AnimationEngine.bl_idname
-    try:
-        bpy.ops.render.render(animation=True)
-    finally:
-        bpy.utils.unregister_class(_AnimationEngine)
-    first, *others = _AnimationEngine.reports
-    assert len(others) == 3
-    assert first.commit.count("built") == 2
-    for report in others:
-        assert report.mismatches == ()
-        assert (report.moved_count, report.added_count, report.commit.meshes) == (1, 0, ())
-        assert (set(reasons(report).values()) == {PASSED_OVER}) == persistent
 
 
 def test_memory_is_flat_over_a_thousand_edits(sync: SceneSync) -> None:

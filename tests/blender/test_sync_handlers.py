@@ -13,10 +13,7 @@ import perfect_bvh
 import pytest
 from blender.builders import (
     SQUARE,
-    camera_object,
-    collection,
     evaluated,
-    in_render,
     mesh_data,
     mesh_object,
 )
@@ -24,7 +21,7 @@ from blender.syncing import assert_stale, height, installed
 from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.events import asking, changes, edits
 from perfect_bvh_addon.live import scene_sync, sync_cache
-from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of, syncs_of
+from perfect_bvh_addon.live.sync_cache import sync_of
 
 
 def test_handlers_live_as_long_as_somebody_watches(scene: Any) -> None:
@@ -215,56 +212,6 @@ def test_a_closed_sync_answers_nothing_until_it_is_updated(scene: Any) -> None:
     assert height(sync) == 0.0
 
 
-def test_each_scene_layer_and_kind_has_its_own_sync(scene: Any) -> None:
-    mesh_object("a")
-    camera_object()
-    clear_syncs()
-    viewport = sync_of(evaluated())
-    assert sync_of(evaluated()) is viewport
-    render = in_render(sync_of)
-    assert render is not viewport
-    assert in_render(sync_of) is render
-    assert syncs_of(scene) == (viewport, render)
-    other = bpy.data.scenes.new("other")
-    assert syncs_of(other) == ()
-    with bpy.context.temp_override(scene=other, view_layer=other.view_layers[0]):
-        others = sync_of(bpy.context.evaluated_depsgraph_get())
-    assert syncs_of(other) == (others,) and others not in (viewport, render)
-    clear_syncs()
-    assert syncs_of(scene) == syncs_of(other) == ()
-
-
-def test_a_cached_sync_needs_only_the_difference_for_the_next_render(scene: Any) -> None:
-    obj = mesh_object("a")
-    camera_object()
-    clear_syncs()
-
-    def render(depsgraph: Any) -> Any:
-        return sync_of(depsgraph).update(depsgraph)
-
-    first = in_render(render)
-    obj.location.x = 1.0
-    second = in_render(render)
-    assert [item.action for item in first.commit.meshes] == ["built"]
-    assert second.commit.meshes == ()
-    assert (second.moved_count, second.added_count) == (1, 0)
-
-
-def test_loading_a_file_clears_the_cached_syncs_once_the_add_on_is_registered(scene: Any) -> None:
-    mesh_object("a")
-    sync_cache.register()
-    try:
-        cached = sync_of(evaluated())
-        cached.update(evaluated())
-        bpy.ops.wm.read_factory_settings(use_empty=True)
-        assert_stale(cached, "closed")
-        assert sync_of(evaluated()) is not cached
-    finally:
-        sync_cache.unregister()
-    gc.collect()
-    assert installed() == 0
-
-
 def test_a_sync_outlives_a_reload_of_the_add_on(scene: Any) -> None:
     """It goes on following; only the add-on's own syncs go, and come back when they are asked for."""
     import perfect_bvh_addon
@@ -290,58 +237,3 @@ def test_a_sync_outlives_a_reload_of_the_add_on(scene: Any) -> None:
     finally:
         sync.close()
         perfect_bvh_addon.unregister()
-
-
-def test_switching_scenes_shows_each_its_own(scene: Any) -> None:
-    """One sync that follows the window, and one for each scene that does not care."""
-    mesh_object("a", mesh_data("a", *SQUARE), location=(0, 0, 1))
-    other = bpy.data.scenes.new("other")
-    there = bpy.data.objects.new("b", mesh_data("b", *SQUARE))
-    there.location.z = 2.0
-    other.collection.objects.link(there)
-    follower, own = SceneSync(), {scene: SceneSync(watch=False), other: SceneSync(watch=False)}
-    for _ in range(3):
-        for shown, z in ((scene, 1.0), (other, 2.0)):
-            bpy.context.window.scene = shown
-            for sync in (follower, own[shown]):
-                assert sync.update(evaluated(), verify=True).mismatches == ()
-                assert height(sync) == z
-    assert own[other].update(evaluated()).kept_count == 1
-    for sync in (follower, *own.values()):
-        sync.close()
-
-
-def test_scenes_and_view_layers_side_by_side(scene: Any) -> None:
-    """Edits of one between updates of the other; each goes by its own evaluations, and both share a mesh."""
-    shared = mesh_data("shared", *SQUARE)
-    mesh_object("a", shared)
-    layered = mesh_object("layered", mesh_data("layered", *SQUARE), collection=collection("only"))
-    layered.location.x = 5.0
-    other = bpy.data.scenes.new("other")
-    other.collection.objects.link(bpy.data.objects.new("b", shared))
-    second = scene.view_layers.new("second")
-    second.layer_collection.children["only"].exclude = True
-    window, places = bpy.context.window, ((scene, 0), (scene, 1), (other, 0))
-    syncs = [SceneSync(), SceneSync(), SceneSync()]
-
-    def show(place: int) -> Any:
-        window.scene, layer = places[place]
-        window.view_layer = window.scene.view_layers[layer]
-        return evaluated()
-
-    for step in range(1, 4):
-        bpy.data.objects["a"].location.z = 1.0 * step
-        bpy.data.objects["b"].location.z = 2.0 * step
-        if step == 2:  # the mesh of both
-            for vertex in shared.vertices:
-                vertex.co.z = 0.5
-            shared.update()
-        lift = 0.5 if step >= 2 else 0.0
-        for place in (0, 2, 1) if step % 2 else (1, 0, 2):
-            report = syncs[place].update(show(place), verify=True)
-            assert report.mismatches == ()
-            expected = (2.0 if places[place][0] is other else 1.0) * step + lift
-            assert height(syncs[place]) == pytest.approx(expected)
-            assert syncs[place].scene.cast_rays([(5.2, 0.2, 10)], [(0, 0, -1)]).is_hit[0] == (place == 0)
-    for sync in syncs:
-        sync.close()
