@@ -1,4 +1,4 @@
-"""What tests of denoising and sampling share: a scene, and renders of it."""
+"""What tests of denoising, noise thresholds and samples share: a scene, and renders of it."""
 
 from __future__ import annotations
 

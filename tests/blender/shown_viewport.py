@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,7 +11,7 @@ import bpy
 import numpy as np
 import perfect_bvh_addon
 import pytest
-from blender.long_builds import PATIENCE, patiently
+from blender.long_builds import PATIENCE, building_threads, patiently
 from perfect_bvh_addon.image.plan import plan_view
 from perfect_bvh_addon.image.progressive import Pace
 from perfect_bvh_addon.image.refinement import Refinement, View
@@ -23,8 +25,12 @@ from perfect_bvh_addon.view3d.rendered.awaited_view import TYPE_FILTERS
 SIZE = (32, 18)
 
 
-def do_without_windows(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Textures are the images themselves from now on, and each view is looked at from above."""
+@contextmanager
+def registered_without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The add-on is registered meanwhile; textures are the images themselves, and each view is looked at from above.
+
+    In the end nothing is at work any more.
+    """
     matrix = np.eye(4)
     matrix[2, 3] = 8.0
     camera = CameraRecord(matrix, (-1.0, 1.0, -0.5625, 0.5625), "perspective", 0.1, 100.0)
@@ -33,6 +39,10 @@ def do_without_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(viewport, "AWAITING_SECONDS", PATIENCE)  # however slow this machine is
     monkeypatch.setattr(viewport, "camera_of", lambda *_: (camera, None))
     monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.05)
+    perfect_bvh_addon.register()
+    yield
+    perfect_bvh_addon.unregister()
+    assert not building_threads()
 
 
 def cube_to_show(scene: bpy.types.Scene) -> bpy.types.Object:

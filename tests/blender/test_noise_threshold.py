@@ -7,42 +7,23 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from blender.denoised import HEIGHT, SIZE, WIDTH, lit_cube, render  # noqa: E402
 from perfect_bvh_addon.cli import build_parser  # noqa: E402
 from perfect_bvh_addon.cli.blender import apply_settings  # noqa: E402
-from perfect_bvh_addon.engine import RenderJob, attend  # noqa: E402
 from perfect_bvh_addon.image.plan import plan_render  # noqa: E402
-from perfect_bvh_addon.image.still import Frame  # noqa: E402
 from perfect_bvh_addon.settings.scene_settings import read_settings  # noqa: E402
 from perfect_bvh_addon.statistics.summary import statistics_rows  # noqa: E402
 
-SIZE = WIDTH, HEIGHT = 96, 54
 COMMAND = ("render", "scene.blend", "-o", "out.png")
 
 
 @pytest.fixture
 def scene(registered: None) -> bpy.types.Scene:
-    """A cube on a floor under a lamp, seen obliquely; above it there is nothing but the world."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
-    bpy.ops.mesh.primitive_plane_add(size=8.0)
-    bpy.ops.mesh.primitive_cube_add(size=2.0, location=(0.0, 0.0, 1.0))
-    bpy.ops.object.light_add(type="POINT", location=(3.0, -4.0, 5.0))
-    bpy.context.object.data.energy, bpy.context.object.data.shadow_soft_size = 500.0, 1.0
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.location, camera.rotation_euler = (9.0, -9.0, 4.0), (1.309, 0.0, 0.785)
-    scene.collection.objects.link(camera)
-    scene.camera = camera
-    scene.render.engine = "PERFECT_BVH"
-    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    """Seen from further away: above the cube there is nothing but the world."""
+    scene = lit_cube()
+    scene.camera.location, scene.camera.rotation_euler = (9.0, -9.0, 4.0), (1.309, 0.0, 0.785)
     scene.perfect_bvh.samples, scene.perfect_bvh.use_denoising = 64, False
     return scene
-
-
-def render() -> Frame:
-    with attend(RenderJob()) as attended:
-        bpy.ops.render.render()
-    assert attended.frame is not None
-    return attended.frame
 
 
 def test_renders_and_viewports_have_thresholds_of_their_own(scene: bpy.types.Scene) -> None:

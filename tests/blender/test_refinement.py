@@ -8,24 +8,18 @@ from typing import Any
 import numpy as np
 import perfect_bvh
 import pytest
-from oracles import meshes
+from blender.clay_sphere import view_of_a_sphere
 from perfect_bvh_addon.image.denoising import Denoised, ImageDenoiser
-from perfect_bvh_addon.image.plan import GUIDES, plan_view
+from perfect_bvh_addon.image.plan import GUIDES
 from perfect_bvh_addon.image.progressive import Pace, Step
 from perfect_bvh_addon.image.refinement import COARSEST_DENOISED, SHORTEST_SECONDS, Refinement, View
-from perfect_bvh_addon.settings.scene_settings import RenderSettings
 
 SIZE = (97, 61)
 
 
 @pytest.fixture(scope="module")
 def view() -> View:
-    scene = perfect_bvh.Scene()
-    scene.add_instance(scene.add_mesh(*meshes.sphere(16, 24)))
-    scene.commit()
-    camera = perfect_bvh.Camera.look_at((3.0, 2.0, 1.5), (0.0, 0.0, 0.0), aspect=SIZE[0] / SIZE[1])
-    settings = RenderSettings("clay", 7, ao_distance=0.0, use_material_colors=True, threads=0)
-    return View(scene.snapshot(), perfect_bvh.Appearance(), camera, plan_view(settings, SIZE))
+    return view_of_a_sphere(SIZE, 7)
 
 
 def finish(refinement: Refinement, seconds: float) -> int:

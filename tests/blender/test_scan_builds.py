@@ -29,12 +29,12 @@ from blender.long_builds import (  # noqa: E402
     building_threads,
     tick_until_half,
 )
+from blender.scanned_room import LIDAR  # noqa: E402
 from oracles.brute_force import WorldTriangles, certain_hits  # noqa: E402
 from perfect_bvh_addon import CameraGrid, PointCloud, SpinningLidar, scan  # noqa: E402
 from perfect_bvh_addon.operators.scan import PERFECT_BVH_OT_scan  # noqa: E402
 from perfect_bvh_addon.scanning import Scanner  # noqa: E402
 
-LIDAR = SpinningLidar(elevations=(-30.0, -10.0, 0.0, 20.0), columns=36, rate=10.0)
 COLUMNS = ("positions", "distances", "normals", "object_ids", "instance_ids", "times", "ray_ids", "intensities")
 
 

@@ -13,12 +13,10 @@ from typing import Any
 import numpy as np
 import perfect_bvh
 import pytest
-from oracles import meshes
-from perfect_bvh_addon.image.plan import plan_view
+from blender.clay_sphere import view_of_a_sphere
 from perfect_bvh_addon.image.progressive import Pace
 from perfect_bvh_addon.image.refinement import Refinement, View
 from perfect_bvh_addon.image.tracer import Tracer
-from perfect_bvh_addon.settings.scene_settings import RenderSettings
 from perfect_bvh_addon.support import background_work
 
 SIZE = (96, 128)
@@ -27,12 +25,7 @@ PATIENCE = 120.0
 
 @pytest.fixture(scope="module")
 def view() -> View:
-    scene = perfect_bvh.Scene()
-    scene.add_instance(scene.add_mesh(*meshes.sphere(16, 24)))
-    scene.commit()
-    camera = perfect_bvh.Camera.look_at((3.0, 2.0, 1.5), (0.0, 0.0, 0.0), aspect=SIZE[0] / SIZE[1])
-    settings = RenderSettings("clay", 4, ao_distance=0.0, use_material_colors=True, threads=0)
-    return View(scene.snapshot(), perfect_bvh.Appearance(), camera, plan_view(settings, SIZE))
+    return view_of_a_sphere(SIZE, 4)
 
 
 class Gate:

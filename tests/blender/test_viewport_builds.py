@@ -13,9 +13,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
-import perfect_bvh_addon  # noqa: E402
 from blender.long_builds import PATIENCE, Gate, building_threads  # noqa: E402
-from blender.shown_viewport import Shown, cube_to_show, do_without_windows, fresh, move  # noqa: E402
+from blender.shown_viewport import Shown, cube_to_show, fresh, move, registered_without_windows  # noqa: E402
 from perfect_bvh_addon import engine  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of  # noqa: E402
@@ -24,11 +23,8 @@ from perfect_bvh_addon.view3d.rendered import viewport  # noqa: E402
 
 @pytest.fixture(autouse=True)
 def without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    do_without_windows(monkeypatch)
-    perfect_bvh_addon.register()
-    yield
-    perfect_bvh_addon.unregister()
-    assert not building_threads()
+    with registered_without_windows(monkeypatch):
+        yield
 
 
 @pytest.fixture

@@ -14,18 +14,15 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
 from blender.long_builds import Gate, building_threads, patiently  # noqa: E402
-from blender.shown_viewport import Shown, cube_to_show, do_without_windows, fresh, move  # noqa: E402
+from blender.shown_viewport import Shown, cube_to_show, fresh, move, registered_without_windows  # noqa: E402
 from perfect_bvh_addon.image.refinement import Refinement  # noqa: E402
 from perfect_bvh_addon.view3d.rendered import viewport  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
 def without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    do_without_windows(monkeypatch)
-    perfect_bvh_addon.register()
-    yield
-    perfect_bvh_addon.unregister()
-    assert not building_threads()
+    with registered_without_windows(monkeypatch):
+        yield
 
 
 @pytest.fixture
