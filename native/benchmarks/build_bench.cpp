@@ -93,21 +93,16 @@ struct Builder {
   std::shared_ptr<const Snapshot> snapshot;  // ours
 };
 
-// As the planner would have it: what is built fast changes in every frame, and needs no binary tree.
-Usage usage_of(const TreeChoice& choice) {
-  return choice.config.builder == BuilderKind::kFast ? Usage::kChanging : Usage::kStatic;
-}
-
 Builder our_builder(const TreeChoice& choice, const TriangleMesh& mesh, ThreadPool& pool) {
   const auto run = [choice, &mesh, &pool](Builder& self) {
     CancelToken cancel;
-    const BuildConfig config = choose_builder(choice.config, usage_of(choice));
+    const BuildConfig config = choose_builder(choice.config, Usage::kStatic);
     const double start = seconds(pool.thread_count());
     static_cast<void>(build_tree(mesh, config, pool, cancel));
     self.build_ms.push_back(1e3 * (seconds(pool.thread_count()) - start));
     self.snapshot.reset();
     Scene scene;
-    const std::int32_t mesh_id = scene.add_mesh(mesh, choice.config, usage_of(choice));
+    const std::int32_t mesh_id = scene.add_mesh(mesh, choice.config, Usage::kStatic);
     scene.add_instances(std::vector<InstanceInput>{{mesh_id, Affine{}, ~0u, std::nullopt}});
     const double middle = seconds(pool.thread_count());
     self.reports.push_back(scene.commit(pool, cancel));

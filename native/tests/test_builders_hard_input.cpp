@@ -57,7 +57,7 @@ std::vector<Way> ways() {
 
 class HardInput : public testing::TestWithParam<Way> {
  protected:
-  // The wide tree that the scene would make.
+  // The wide tree that the scene would make; of the fast builder, that which it would make for settings of leaves.
   static WideBvh build(const TriangleMesh& mesh, const Way& way, int thread_count) {
     ThreadPool pool(thread_count);
     CancelToken cancel;
@@ -136,6 +136,34 @@ TEST_P(HardInput, StopsWhenAsked) {
     EXPECT_THROW(static_cast<void>(build_fast_wide(mesh, GetParam().config.layout, pool, cancel)), Cancelled);
   } else {
     EXPECT_THROW(static_cast<void>(build_tree(mesh, GetParam().config, pool, cancel)), Cancelled);
+  }
+}
+
+// The fast builder's tree, asked for by name or chosen, and whatever the mesh is for; by a binary tree only for
+// settings that mean one.
+TEST(FastTree, IsTheSameForEveryUsage) {
+  const TriangleMesh mesh = bumpy_sheet(60);
+  ThreadPool pool(1);
+  CancelToken cancel;
+  const auto tree_of = [&](const BuildConfig& config, Usage usage) {
+    Scene scene;
+    static_cast<void>(scene.add_mesh(TriangleMesh(mesh), config, usage));
+    static_cast<void>(scene.commit(pool, cancel));
+    return scene.snapshot()->meshes.front().second->wide;
+  };
+  for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) {
+    const WideBvh expected = build_fast_wide(mesh, layout, pool, cancel);
+    BuildConfig config;
+    config.layout = layout;
+    EXPECT_TRUE(same_bytes(expected, tree_of(config, Usage::kChanging)));
+    config.builder = BuilderKind::kFast;
+    for (const Usage usage : {Usage::kStatic, Usage::kDeforming, Usage::kChanging}) {
+      EXPECT_TRUE(same_bytes(expected, tree_of(config, usage))) << usage_name(usage);
+    }
+    config.bins = 2, config.axes = 1;  // of other builders
+    EXPECT_TRUE(same_bytes(expected, tree_of(config, Usage::kStatic)));
+    config.max_leaf_size = 2;
+    EXPECT_FALSE(same_bytes(expected, tree_of(config, Usage::kChanging)));
   }
 }
 

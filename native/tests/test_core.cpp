@@ -17,6 +17,7 @@
 
 #include "core/aligned.h"
 #include "core/cancel.h"
+#include "core/scratch.h"
 #include "core/thread_pool.h"
 
 namespace perfect_bvh::test {
@@ -350,6 +351,21 @@ TEST(Aligned, RefusesImpossibleSizes) {
   AlignedVector<std::uint64_t> values;
   volatile std::size_t too_many = values.max_size() + 1;  // volatile: the compiler would warn of it
   EXPECT_THROW(values.resize(too_many), std::length_error);
+}
+
+TEST(ScratchMemory, GivesPartsThatStandApart) {
+  Scratch scratch;
+  scratch.expect(1'000'000);
+  std::vector<std::span<std::uint32_t>> parts;
+  for (const std::size_t count : {1u, 100u, 0u, 17u, 200'000u, 1'000'000u, 3u}) {  // more than expected, too
+    parts.push_back(scratch.take<std::uint32_t>(count));
+    ASSERT_EQ(parts.back().size(), count);
+    EXPECT_EQ(reinterpret_cast<std::uintptr_t>(parts.back().data()) % kCacheLine, 0u);
+    std::fill(parts.back().begin(), parts.back().end(), static_cast<std::uint32_t>(parts.size()));
+  }
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    for (const std::uint32_t value : parts[i]) ASSERT_EQ(value, i + 1);
+  }
 }
 
 }  // namespace

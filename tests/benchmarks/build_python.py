@@ -31,9 +31,7 @@ def measure_builds(mesh: BenchMesh, trees: list[str], rounds: int, thread_count:
     def prepare(name: str) -> None:
         scenes[name] = perfect_bvh.Scene()
         config = config_of(name)
-        # As the planner would have it: what is built fast changes in every frame, and needs no binary tree.
-        usage = "changing" if getattr(config, "builder", None) == "fast" else "static"
-        mesh_id = scenes[name].add_mesh(mesh.positions, mesh.triangles, build=config, usage=usage)
+        mesh_id = scenes[name].add_mesh(mesh.positions, mesh.triangles, build=config)
         scenes[name].add_instance(mesh_id)
 
     clock = thread_seconds if thread_count == 1 else wall_seconds

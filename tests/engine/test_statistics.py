@@ -167,7 +167,7 @@ def test_nothing_has_no_figures():
 
 @pytest.mark.usefixtures("one_thread")
 def test_long_measurements_report_progress_and_can_be_cancelled():
-    scene = scene_of(meshes.sphere(160, 200), BuildConfig(builder="fast"))
+    scene = scene_of(meshes.sphere(160, 200), BuildConfig(builder="binned"))
     heard: list[float] = []
     scene.statistics(detailed=True, progress=heard.append)
     assert heard == sorted(heard)

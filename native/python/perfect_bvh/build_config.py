@@ -37,9 +37,10 @@ class BuildConfig:
         "spatial": cuts space too where that is cheaper, and refers to what it cuts from both sides (Stich, Friedrich
             and Dietrich 2009). Takes several times as long as "binned" and more memory, and pays for long,
             large or crossed triangles, hardly for evenly tessellated ones. Rebuilt when positions change.
-        "fast": as "binned", but over clusters of up to 8 triangles along a Morton curve (Garanzha, Pantaleoni and
-            McAllister 2011). The least time of all that look at cost, for a slightly worse tree: for a topology
-            that changes every frame.
+        "fast": triangles along a Morton curve (Morton 1966), cut into leaves and clustered with their neighbours there
+            (Meister and Bittner 2018). The least time of all that look at cost, for a slightly worse tree: for a
+            topology that changes every frame. Slower where a pass of "optimize", leaf size or costs are asked for: it
+            then goes by a binary tree, as the others do.
     layout: what the tree that rays are traced through keeps of the triangles.
         "default": its leaves hold their vertices, each once: the fastest, at 50 to 70 bytes a triangle, positions and
             indices included.
@@ -53,9 +54,9 @@ class BuildConfig:
         of uneven ones, for up to several times the time of the build.
     optimize_milliseconds: no pass starts after so much time; None for no limit. With a limit, which tree comes out
         depends on the machine; hits do not.
-    bins: intervals an axis, 2 to 256; for "binned", "fast" and "spatial" (space is cut at half as
-        many). Fewer are slightly faster and worse.
-    axes: 3 tries planes on all axes, 1 only on the longest one; for "binned" and "fast". One is faster and worse.
+    bins: intervals an axis, 2 to 256; for "binned" and "spatial" (space is cut at half as many). Fewer are slightly
+        faster and worse.
+    axes: 3 tries planes on all axes, 1 only on the longest one; for "binned". One is faster and worse.
     max_leaf_size: triangles a leaf holds at most, 1 to 255; "median" splits until no leaf holds more, the others
         earlier where that costs less.
     traversal_cost: of visiting a node, 0 to 1e6, relative to

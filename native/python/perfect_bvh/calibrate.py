@@ -213,8 +213,7 @@ def _time_commit(scene: Scene) -> float:
 
 
 def _time_build(mesh: _Mesh, builder: str) -> float:
-    """As the class for which the engine chooses the builder."""
-    return _time_commit(_scene_of(mesh, "changing" if builder == "fast" else "static", builder)[0])
+    return _time_commit(_scene_of(mesh, "static", builder)[0])
 
 
 def _time_update(mesh: _Mesh, policy: Policy) -> tuple[float, float]:
@@ -249,7 +248,7 @@ def _update(mesh: _Mesh, policy: Policy) -> MeshReport:
 
 
 def _built(mesh: _Mesh, builder: str) -> _Tree:
-    return _tree(_scene_of(mesh, "changing" if builder == "fast" else "static", builder)[0], mesh.positions)
+    return _tree(_scene_of(mesh, "static", builder)[0], mesh.positions)
 
 
 def _refitted(mesh: _Mesh) -> _Tree:

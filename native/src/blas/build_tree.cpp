@@ -1,6 +1,7 @@
 #include "blas/build_tree.h"
 
 #include "builders/builder.h"
+#include "core/scratch.h"
 #include "core/steps.h"
 #include "mesh/triangle_clip.h"
 #include "wide/leaf_block.h"
@@ -52,14 +53,12 @@ BuildConfig choose_builder(BuildConfig config, Usage usage) noexcept {
 }
 
 bool is_built_wide(const BuildConfig& config) noexcept {
-  BuildConfig plain;
-  plain.builder = BuilderKind::kFast;
-  plain.layout = config.layout;
-  return config == plain;
+  return config.builder == BuilderKind::kFast && config.optimize_passes == 0 && leaves_are_free(config);
 }
 
 Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
-  AlignedVector<PrimRef> prims(mesh.triangle_count());
+  Scratch scratch;
+  const auto prims = scratch.take<PrimRef>(mesh.triangle_count());
   for_chunks(pool, prims.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Aabb box = mesh.triangle_box(i);

@@ -35,8 +35,8 @@ enum class Usage : std::uint8_t {
 // any other repays a better one.
 [[nodiscard]] BuildConfig choose_builder(BuildConfig config, Usage usage) noexcept;
 
-// Whether a tree that will not be refitted may be built straight into the wide one: the fast builder's, unless
-// something was asked for that needs a binary tree.
+// Whether the tree is built straight into the wide one: the fast builder's, unless something was asked for that needs a
+// binary tree.
 [[nodiscard]] bool is_built_wide(const BuildConfig& config) noexcept;
 
 [[nodiscard]] Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool& pool,

@@ -1,21 +1,15 @@
 // From a mesh that is new or was edited to what rays are traced through. Where only positions changed
 // the tree is refitted and perhaps restructured (refit_blas.cpp); where they came to rest in a tree that motion
-// degraded, that is kept or rebuilt (rest_blas.cpp); otherwise, or where the governor wants another one, a binary tree
-// is built and collapsed. The fast builder's tree is built wide at once.
+// degraded, that is kept or rebuilt (rest_blas.cpp); otherwise, or where the governor wants another one, a tree is
+// built (build_wide_tree.cpp).
 
 #include "blas/make_blas.h"
 
-#include <limits>
-
 #include "blas/build_tree.h"
+#include "blas/build_wide_tree.h"
 #include "blas/ledger.h"
-#include "builders/optimize.h"
-#include "builders/quality.h"
 #include "core/stopwatch.h"
 #include "update/mesh_shape.h"
-#include "wide/collapse.h"
-#include "wide/fast_wide.h"
-#include "wide/wide_boxes.h"
 #include "wide/wide_cost.h"
 
 namespace perfect_bvh {
@@ -27,33 +21,6 @@ const char* why_so_built(BuilderKind asked, BuilderKind chosen, Usage usage) {
   if (chosen == BuilderKind::kSpatial) return "; the expected rays repay spatial splits";
   return usage == Usage::kChanging ? "; its topology changes, so the fast builder made its tree"
                                    : "; the expected rays repay no more than the fast builder";
-}
-
-void build(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
-  Stopwatch watch;
-  BuildConfig unoptimized = blas.config;
-  unoptimized.optimize_passes = 0;
-  Bvh2 tree = build_tree(blas.mesh, unoptimized, pool, cancel);
-  report.build_milliseconds = watch.lap_milliseconds();
-  if (blas.config.optimize_passes > 0) {
-    const OptimizeBudget budget{blas.config.optimize_passes, blas.config.optimize_milliseconds};
-    // From now on the settings are those that make this very tree again, however long that takes.
-    blas.config.optimize_passes = optimize_bvh2(tree, budget, pool, cancel).passes;
-    blas.config.optimize_milliseconds = std::numeric_limits<double>::infinity();
-    report.optimize_milliseconds = watch.lap_milliseconds();
-  }
-  blas.quality = measure_quality(tree, cancel);
-  blas.box = tree.bounds();
-  watch.lap_milliseconds();
-  blas.wide = collapse_mesh(tree, blas.mesh, blas.config.layout, pool, cancel);
-  report.collapse_milliseconds = watch.lap_milliseconds();
-}
-
-void build_wide(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
-  const Stopwatch watch;
-  blas.wide = build_fast_wide(blas.mesh, blas.config.layout, pool, cancel);
-  blas.box = mesh_bounds_of(blas.wide, blas.mesh);
-  report.build_milliseconds = watch.milliseconds();
 }
 
 // How many commits a tree is expected to serve: one of a still mesh serves a whole animation, or a single picture.
@@ -90,12 +57,7 @@ void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
   }
   blas.config = config;
   report.reason += why_so_built(state.config.builder, config.builder, usage);
-  const bool was_chosen = state.config.builder == BuilderKind::kAuto;
-  if ((was_chosen || usage == Usage::kChanging) && is_built_wide(config)) {
-    build_wide(blas, report, pool, cancel);
-  } else {
-    build(blas, report, pool, cancel);
-  }
+  build_wide_tree(blas, report, pool, cancel);
   blas.shape = new_tree_shape();
   const UpdateHistory last = deforms ? state.history : UpdateHistory{};
   const TraceWork work = measure_trace_work(blas.wide, blas.mesh, cancel);

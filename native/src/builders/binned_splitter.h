@@ -16,6 +16,7 @@
 #include "builders/primitives.h"
 #include "builders/select_nth.h"
 #include "builders/top_down.h"
+#include "core/scratch.h"
 #include "core/steps.h"
 
 namespace perfect_bvh {
@@ -33,12 +34,9 @@ class BinnedSplitter {
   // `config`, the token and the limit must outlive the splitter. With a limit, config.max_leaf_size must be 1.
   BinnedSplitter(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel,
                  const LeafLimit* leaf_limit = nullptr)
-      : prims_(prims),
-        config_(config),
-        cancel_(cancel),
-        leaf_limit_(leaf_limit),
-        refs_(prims.size()),
-        scratch_(prims.size()) {
+      : prims_(prims), config_(config), cancel_(cancel), leaf_limit_(leaf_limit) {
+    memory_.expect(2 * prims.size() * sizeof(GridRef));
+    refs_ = memory_.take<GridRef>(prims.size()), scratch_ = memory_.take<GridRef>(prims.size());
     root_.count = static_cast<std::uint32_t>(prims.size());
     AlignedVector<Box4> boxes(chunk_count(root_.count));
     for_rows(&pool, root_.count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
@@ -66,14 +64,14 @@ class BinnedSplitter {
     if (range.count == 1 || fills_leaf(range)) return false;
     if (pool != nullptr && range.count < kParallelSize) pool = nullptr;
     const bool is_few = range.count <= (config_.axes == 3 ? kFewBoxes : kFewestBoxes);
-    const GridBounds bounds = measure_finely(range, pool);
+    const GridBounds bounds = measure(range, pool);
     const auto area = static_cast<float>(half_area(bounds.box));
     bool is_split = false;
     if (area > 0.0f && depth_allows_any_split(range)) {
       is_split = is_few ? split_by_sides(range, area, left, right) : split_by_plane(range, bounds, left, right, pool);
     }
     if (!is_split && range.count > config_.max_leaf_size) {
-      split_in_halves(range, bounds, left, right);
+      split_in_halves(range, measure_finely(range, pool), left, right);
       is_split = true;
     }
     left.frame = right.frame = range.frame;
@@ -98,8 +96,8 @@ class BinnedSplitter {
   }
 
  private:
-  // References put into bins, at least; of more every second, third ... is taken. Planes chosen by so many are as good,
-  // and the upper levels cost half.
+  // References bounded and put into bins, at least; of more every second, third ... is taken. Planes chosen by so many
+  // are as good, and the upper levels cost a third.
   static constexpr std::uint32_t kSampleSize = 2048;
   static constexpr std::uint32_t kSampleSizeForLeaves = 1024;  // with a limit: half, and rays visit as many nodes
   static constexpr std::uint32_t kParallelSize = 65536;        // references from which on one node's work is shared out
@@ -155,6 +153,21 @@ class BinnedSplitter {
     const GridRef* from = rows(range, range.in_scratch);
     for (std::uint32_t i = 0; i < range.count; ++i) numbers[i] = prims_[from[i].position()].prim_index;
     return leaf_limit_->fits({numbers.data(), range.count});
+  }
+
+  // Of so many references every stride-th is looked at: see kSampleSize.
+  [[nodiscard]] std::uint32_t sample_stride(std::uint32_t count) const noexcept {
+    return std::max(1u, count / (leaf_limit_ != nullptr ? kSampleSizeForLeaves : kSampleSize));
+  }
+
+  // The bounds of what is looked at, in a frame that is fine enough for it.
+  GridBounds measure(Range& range, ThreadPool* pool) {
+    const std::uint32_t stride = sample_stride(range.count);
+    if (stride == 1) return measure_finely(range, pool);
+    const GridRef* refs = rows(range, range.in_scratch);
+    GridBounds bounds;
+    for (std::size_t i = 0; i < range.count; i += stride) bounds.grow(Short8::load(&refs[i]));
+    return longest_extent(bounds.box) >= kCoarseSteps ? bounds : measure_finely(range, pool);
   }
 
   // The bounds of a range, snapped to a frame of its own first if its present one is too coarse.
@@ -216,8 +229,7 @@ class BinnedSplitter {
 
   // The cheapest plane between bins, if it costs less than the leaf or there is no leaf to be had.
   bool split_by_plane(const Range& range, const GridBounds& bounds, Range& left, Range& right, ThreadPool* pool) {
-    const std::uint32_t sample_size = leaf_limit_ != nullptr ? kSampleSizeForLeaves : kSampleSize;
-    const std::uint32_t stride = std::max(1u, range.count / sample_size);
+    const std::uint32_t stride = sample_stride(range.count);
     const std::uint32_t count = (range.count + stride - 1) / stride;
     const std::uint32_t bin_count = std::min(config_.bins, count / 2 + 4);  // few references need few planes
     const int only_axis = config_.axes == 1 ? bounds.longest_axis() : -1;
@@ -286,7 +298,8 @@ class BinnedSplitter {
   const BuildConfig& config_;
   CancelToken& cancel_;
   const LeafLimit* leaf_limit_;  // null: leaves by cost
-  AlignedVector<GridRef> refs_, scratch_;
+  Scratch memory_;
+  std::span<GridRef> refs_, scratch_;
   Range root_;
 };
 

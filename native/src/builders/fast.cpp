@@ -1,183 +1,194 @@
-// Construction for topology that changes every frame (lecture, "Rapid construction"): binned SAH over clusters of a few
-// neighbours along a Morton curve (Garanzha et al. 2011), then the best splits inside them. A fifth of the references
-// to bin, at nearly the same cost of the tree. In: references, settings (bins, axes, costs). Out: a refittable tree
-// with leaves where no split pays.
+// Construction for topology that changes every frame (lecture, "Rapid construction"), where a binary tree is asked for:
+// to be optimised, with leaves of another size or other costs. Boxes are put in the order of their Morton codes and
+// clustered along that curve (locally_ordered.h); what costs less as a leaf becomes one. Whatever asks for none of this
+// goes the same way straight to the wide tree: wide/fast_wide.h. Binning over clusters of neighbours (Garanzha et al.
+// 2011) made slightly better trees, in 2 to 3 times that time.
+// In: references, settings (leaf size, costs). Out: a refittable tree with leaves where no split pays.
 
 #include <array>
 #include <cstdint>
 
-#include "builders/binned_splitter.h"
 #include "builders/builders.h"
-#include "builders/few_boxes.h"
 #include "builders/grid_ref.h"
-#include "builders/morton_clusters.h"
+#include "builders/locally_ordered.h"
+#include "builders/morton.h"
+#include "builders/radix_sort.h"
 #include "builders/top_down.h"
+#include "core/scratch.h"
 #include "core/steps.h"
 
 namespace perfect_bvh {
 namespace {
 
-// Counted in references; first over whole clusters, then, from kFewBoxes references on down, over single ones.
-struct FastRange : BuildRange {
-  GridRange clusters;      // of the binned splitter
-  bool is_single = false;  // the rows stand in FastSplitter's own array
+using Key = std::uint64_t;  // a Morton code in the upper half, a reference's position in the lower
+
+struct Bounds {
+  Box4 boxes = Box4::empty(), centers = Box4::empty();
 };
 
-[[nodiscard]] BuildConfig down_to_single_clusters(BuildConfig config) noexcept {
-  config.max_leaf_size = 1;
-  return config;
+[[nodiscard]] Bounds measure_bounds(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel) {
+  AlignedVector<Bounds> chunks((prims.size() + kItemsBetweenAsking - 1) / kItemsBetweenAsking);
+  for_chunks(pool, prims.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
+    Bounds bounds;
+    for (std::size_t i = begin; i < end; ++i) {
+      const Box4 box = Box4::load(&prims[i]);
+      bounds.boxes.grow(box);
+      bounds.centers.grow(MortonGrid::center(box));
+    }
+    chunks[begin / kItemsBetweenAsking] = bounds;
+  });
+  Bounds all;
+  for (const Bounds& chunk : chunks) all.boxes.grow(chunk.boxes), all.centers.grow(chunk.centers);
+  return all;
 }
 
+// The references along the curve, and a tree over them in which every one is by itself.
+class Curve {
+ public:
+  Curve(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel) : prims_(prims) {
+    const auto keys = scratch_.take<Key>(prims.size()), second = scratch_.take<Key>(prims.size());
+    const Bounds bounds = measure_bounds(prims, pool, cancel);
+    const MortonGrid grid(bounds.centers);
+    for_chunks(pool, prims.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        keys[i] = Key{grid.code(MortonGrid::center(Box4::load(&prims[i])))} << 32 | i;
+      }
+    });
+    sorted_ = radix_sort(keys, second, 32, kMortonBits, pool, cancel);
+    const Float4 scale(GridFrame::around(bounds.boxes).multiplier);
+    const BoxesAlongCurve boxes = make_room_for_clusters(prims.size(), scratch_);
+    for_chunks(pool, prims.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        const Box4 box = Box4::load(&prim(i));
+        const auto code = static_cast<std::uint32_t>(sorted_[i] >> 32);
+        boxes[i] = make_cluster({box.lower.xyz0() * scale, box.upper.xyz0() * scale}, code, code);
+      }
+    });
+    tree_ = cluster_along_curve(boxes, pool, cancel);
+  }
+
+  [[nodiscard]] const ClusterTree& tree() const noexcept { return tree_; }
+  [[nodiscard]] const PrimRef& prim(std::size_t place) const noexcept {
+    return prims_[static_cast<std::uint32_t>(sorted_[place])];
+  }
+
+ private:
+  std::span<const PrimRef> prims_;
+  Scratch scratch_;
+  std::span<const Key> sorted_;
+  ClusterTree tree_;
+};
+
+// What a cluster of two is made of.
+struct Contents {
+  std::uint32_t count = 1;  // references
+  float cost = 0.0f;
+  bool is_leaf = true;
+};
+
+// From the lower clusters upwards: where a leaf costs no more than going on.
+class LeafChoice {
+ public:
+  LeafChoice(const ClusterTree& tree, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel)
+      : tree_(tree), config_(config), pairs_(tree.top.end - tree.box_count) {
+    for_chunks(pool, tree.regions.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) choose(tree.regions[i].begin, tree.regions[i].end);
+    });
+    for_steps(tree.top.end - tree.top.begin, cancel, [&](std::size_t begin, std::size_t end) {
+      const std::uint32_t first = tree.top.begin;
+      choose(first + static_cast<std::uint32_t>(begin), first + static_cast<std::uint32_t>(end));
+    });
+  }
+
+  [[nodiscard]] Contents of(std::uint32_t cluster) const noexcept {
+    if (cluster >= tree_.box_count) return pairs_[cluster - tree_.box_count];
+    return {.cost = config_.intersection_cost * tree_.clusters[cluster].half_area()};
+  }
+
+ private:
+  void choose(std::uint32_t begin, std::uint32_t end) noexcept {
+    for (std::uint32_t i = begin; i < end; ++i) {
+      const Cluster& pair = tree_.clusters[i];
+      const Contents left = of(pair.left), right = of(pair.right);
+      Contents& both = pairs_[i - tree_.box_count];
+      both.count = left.count + right.count;
+      const float area = pair.half_area();
+      const float as_leaf = config_.intersection_cost * area * static_cast<float>(both.count);
+      both.cost = config_.traversal_cost * area + (left.cost + right.cost);
+      both.is_leaf = both.count <= config_.max_leaf_size && as_leaf <= both.cost;
+      if (both.is_leaf) both.cost = as_leaf;
+    }
+  }
+
+  const ClusterTree& tree_;
+  const BuildConfig& config_;
+  AlignedVector<Contents> pairs_;
+};
+
+struct ClusterRange : BuildRange {
+  std::uint32_t cluster = 0;
+};
+
+// Splits are made already.
 class FastSplitter {
  public:
-  using Range = FastRange;
+  using Range = ClusterRange;
   static constexpr std::uint32_t kSubtreeSize = 8192;
 
-  FastSplitter(const MortonClusters& clusters, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel)
-      : clusters_(clusters),
-        config_(config),
-        cancel_(cancel),
-        cluster_config_(down_to_single_clusters(config)),
-        binned_(clusters.boxes, cluster_config_, pool, cancel),
-        refs_(clusters.prims.size()) {
-    root_.count = static_cast<std::uint32_t>(clusters.prims.size());
-    root_.clusters = binned_.root();
-    root_.clusters.depth = kLevelsOfCluster;
-  }
+  FastSplitter(const Curve& curve, const LeafChoice& choice) noexcept : curve_(curve), choice_(choice) {}
 
-  [[nodiscard]] const Range& root() const noexcept { return root_; }
+  [[nodiscard]] Range root() const noexcept {
+    Range root;
+    root.cluster = curve_.tree().root;
+    root.count = choice_.of(root.cluster).count;
+    return root;
+  }
   FastSplitter& enter_subtree(const Range&) noexcept { return *this; }
 
-  void split_large(Range& range, Range& left, Range& right, ThreadPool* pool) {
-    split_clusters(range, left, right, pool);
+  void split_large(Range& range, Range& left, Range& right, ThreadPool*) noexcept {
+    const Cluster& pair = curve_.tree().clusters[range.cluster];
+    divide_rows(range, choice_.of(pair.left).count, left, right);
+    left.cluster = pair.left, right.cluster = pair.right;
   }
 
-  bool split(Range& range, Range& left, Range& right) {
-    if (range.is_single) return split_single(range, left, right);
-    if (range.count <= kFewBoxes) {
-      take_apart(range);
-      return split_single(range, left, right);
-    }
-    split_clusters(range, left, right, nullptr);
-    return range.count > config_.max_leaf_size || is_worth_it(range, left, right);
+  bool split(Range& range, Range& left, Range& right) noexcept {
+    if (choice_.of(range.cluster).is_leaf) return false;
+    split_large(range, left, right, nullptr);
+    return true;
   }
 
   Box4 write_leaf(const Range& range, std::uint32_t* prim_indices) const noexcept {
+    const ClusterTree& tree = curve_.tree();
     Box4 box = Box4::empty();
-    const auto add = [&](const PrimRef& prim) {
+    std::array<std::uint32_t, kMaxTreeDepth + 1> stack;
+    std::size_t stacked = 0;
+    stack[stacked++] = range.cluster;
+    while (stacked > 0) {
+      const std::uint32_t cluster = stack[--stacked];
+      if (cluster >= tree.box_count) {
+        stack[stacked++] = tree.clusters[cluster].right;
+        stack[stacked++] = tree.clusters[cluster].left;
+        continue;
+      }
+      const PrimRef& prim = curve_.prim(cluster);
       *prim_indices++ = prim.prim_index;
       box.grow(Box4::load(&prim));
-    };
-    if (range.is_single) {
-      for (std::uint32_t i = 0; i < range.count; ++i) add(clusters_.prims[refs_[range.begin + i].position()]);
-    } else {
-      for_prims(range.clusters, [&](std::uint32_t row) { add(clusters_.prims[row]); });
     }
     const Float4 zero(0.0f);  // -0 + 0 is +0
     return {box.lower + zero, box.upper + zero};
   }
 
  private:
-  // Levels that halving a cluster takes: the binned splitter keeps them free below its own.
-  static constexpr std::uint32_t kLevelsOfCluster = 4;
-
-  template <class Body>
-  void for_prims(const GridRange& range, const Body& body) const {
-    for (const GridRef& ref : binned_.refs(range)) {
-      const ClusterRows rows = clusters_.rows[ref.position()];
-      for (std::uint32_t i = 0; i < rows.count; ++i) body(rows.first + i);
-    }
-  }
-
-  void split_clusters(Range& range, Range& left, Range& right, ThreadPool* pool) {
-    (void)binned_.split(range.clusters, left.clusters, right.clusters, pool);  // two clusters at least: it must
-    const bool left_is_smaller = left.clusters.count <= right.clusters.count;
-    std::uint32_t count = 0;
-    const std::span<const GridRef> refs = binned_.refs(left_is_smaller ? left.clusters : right.clusters);
-    const auto add = [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) count += clusters_.rows[refs[i].position()].count;
-    };
-    if (refs.size() <= kItemsBetweenAsking) {
-      add(0, refs.size());
-    } else {
-      for_steps(refs.size(), cancel_, add);
-    }
-    set_rows(range, left_is_smaller ? count : range.count - count, left, right);
-  }
-
-  static void set_rows(const Range& range, std::uint32_t left_count, Range& left, Range& right) noexcept {
-    divide_rows(range, left_count, left, right);
-    left.is_single = right.is_single = range.is_single;
-  }
-
-  // Whether a split costs less than a leaf; for leaves larger than a cluster.
-  [[nodiscard]] bool is_worth_it(const Range& range, const Range& left, const Range& right) const noexcept {
-    Box4 left_box = bounds(left.clusters);
-    const Box4 right_box = bounds(right.clusters);
-    const float parts = half_area(left_box.extent()) * static_cast<float>(left.count) +
-                        half_area(right_box.extent()) * static_cast<float>(right.count);
-    left_box.grow(right_box);
-    const float area = half_area(left_box.extent());
-    return config_.traversal_cost * area + config_.intersection_cost * parts <
-           config_.intersection_cost * area * static_cast<float>(range.count);
-  }
-
-  [[nodiscard]] Box4 bounds(const GridRange& range) const noexcept {
-    Box4 box = Box4::empty();
-    for (const GridRef& ref : binned_.refs(range)) box.grow(Box4::load(&clusters_.boxes[ref.position()]));
-    return box;
-  }
-
-  // From clusters to single references, on a grid of their own size.
-  void take_apart(Range& range) noexcept {
-    Box4 box = Box4::empty();
-    for (const GridRef& ref : binned_.refs(range.clusters)) box.grow(Box4::load(&clusters_.boxes[ref.position()]));
-    const GridFrame frame = range.clusters.frame.around_part(box);
-    GridRef* to = &refs_[range.begin];
-    for_prims(range.clusters,
-              [&](std::uint32_t row) { frame.snap(Box4::load(&clusters_.prims[row]), row).store(to++); });
-    range.is_single = true;
-  }
-
-  // The best of all sides or planes that a few references can take.
-  bool split_single(const Range& range, Range& left, Range& right) noexcept {
-    if (range.count == 1) return false;
-    GridRef* refs = &refs_[range.begin];
-    std::array<GridBox, kFewBoxes> boxes;
-    GridBox all = empty_grid_box();
-    for (std::uint32_t i = 0; i < range.count; ++i) {
-      boxes[i] = Short8::load(&refs[i]);
-      all = min(all, boxes[i]);
-    }
-    const auto area = static_cast<float>(half_area(all));
-    std::uint32_t is_left = 0;
-    if (area > 0.0f && depth_allows_any_split(range)) is_left = split_few(boxes.data(), range.count, area, config_);
-    if (is_left == 0) {
-      if (range.count <= config_.max_leaf_size) return false;
-      is_left = (1u << (range.count / 2)) - 1;  // nothing to choose by
-    }
-    std::uint32_t left_count = 0;
-    for (std::uint32_t i = 0; i < range.count; ++i) left_count += (is_left >> i) & 1u;
-    std::array<GridRef*, 2> to{refs + left_count, refs};
-    for (std::uint32_t i = 0; i < range.count; ++i) boxes[i].store(to[(is_left >> i) & 1u]++);
-    set_rows(range, left_count, left, right);
-    return true;
-  }
-
-  const MortonClusters& clusters_;
-  const BuildConfig& config_;
-  CancelToken& cancel_;
-  const BuildConfig cluster_config_;
-  BinnedSplitter binned_;
-  AlignedVector<GridRef> refs_;  // single references; their positions are rows of clusters_.prims
-  Range root_;
+  const Curve& curve_;
+  const LeafChoice& choice_;
 };
 
 }  // namespace
 
 Bvh2 build_fast(std::span<const PrimRef> prims, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
-  const MortonClusters clusters = make_morton_clusters(prims, pool, cancel);
-  FastSplitter splitter(clusters, config, pool, cancel);
+  const Curve curve(prims, pool, cancel);
+  const LeafChoice choice(curve.tree(), config, pool, cancel);
+  FastSplitter splitter(curve, choice);
   return TopDownBuilder(splitter, pool, cancel).build(splitter.root());
 }
 

@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <iterator>
-#include <utility>
+#include <limits>
 #include <vector>
 
+#include "core/errors.h"
 #include "core/steps.h"
 
 namespace perfect_bvh {
@@ -23,6 +24,9 @@ constexpr std::uint32_t kGroup = 32;   // ... to groups of at most so many
 // Where fewer than one in so many is joined with a partner of its choice, all are joined two by two along the curve:
 // boxes inside boxes would otherwise be joined one at a time.
 constexpr std::size_t kLeastProgress = 8;
+// Rounds after which all are joined two by two anyhow, so that no tree is deeper than kMaxTreeDepth: a group has at
+// most 31 levels, these rounds one each, and of 2^26 groups they leave 2^18 at most. Ten million groups take fewer.
+constexpr int kMostRounds = 44;
 
 // Clusters that still wait for a parent, by place along the curve.
 class Row {
@@ -44,13 +48,14 @@ class Row {
   // Joins pairs into new clusters from `next` on; returns the first number left.
   std::uint32_t join_pairs(Cluster* clusters, std::uint32_t next, CancelToken& cancel) {
     set_padding();
+    ++round_;
     measure_distances(cancel);
     choose_partners(cancel);
     std::size_t pairs = 0;
     for_steps(count_, cancel, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) pairs += partners_[i] > i && partners_[partners_[i]] == i;
     });
-    if (pairs * kLeastProgress < count_) choose_neighbours(cancel);
+    if (pairs * kLeastProgress < count_ || round_ > kMostRounds) choose_neighbours(cancel);
     std::size_t kept = 0;
     for_steps(count_, cancel, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) next = keep_or_join(i, clusters, next, kept);
@@ -160,6 +165,7 @@ class Row {
   AlignedVector<float> storage_;  // six planes, then kRadius distances
   AlignedVector<std::uint32_t> numbers_, partners_;
   std::size_t count_ = 0;
+  int round_ = 0;
 };
 
 // A region's boxes, one after another: what stands complete between two borders is joined.
@@ -231,13 +237,17 @@ class RadixStack {
 
 }  // namespace
 
-std::size_t most_clusters(std::size_t box_count) noexcept { return 2 * box_count + box_count / 8 + kRegion; }
+BoxesAlongCurve make_room_for_clusters(std::size_t box_count, Scratch& scratch) {
+  if (box_count > std::numeric_limits<std::uint32_t>::max() / 3) throw EngineError("too many boxes to be clustered");
+  // At most as many pairs in the regions, and again as many of their groups. What is not needed is never touched.
+  scratch.expect((3 + 1) * box_count * sizeof(Cluster));
+  return {scratch.take<Cluster>(3 * box_count), static_cast<std::uint32_t>(box_count)};
+}
 
-ClusterTree cluster_along_curve(AlignedVector<Cluster> boxes, ThreadPool& pool, CancelToken& cancel) {
+ClusterTree cluster_along_curve(const BoxesAlongCurve& boxes, ThreadPool& pool, CancelToken& cancel) {
   ClusterTree tree;
-  const auto count = static_cast<std::uint32_t>(boxes.size());
-  tree.clusters = std::move(boxes);
-  tree.clusters.resize(2 * std::size_t{count});
+  const std::uint32_t count = boxes.count;
+  tree.clusters = boxes.clusters;
   tree.box_count = count;
   tree.regions.resize((count + kRegion - 1) / kRegion);
   std::vector<std::vector<std::uint32_t>> groups(tree.regions.size());
@@ -248,7 +258,6 @@ ClusterTree cluster_along_curve(AlignedVector<Cluster> boxes, ThreadPool& pool, 
   });
   std::size_t group_count = 0;
   for (const auto& numbers : groups) group_count += numbers.size();
-  tree.clusters.resize(2 * std::size_t{count} + group_count);
   Row row(group_count);
   for_steps(groups.size(), cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {

@@ -6,9 +6,11 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
+#include <vector>
 
-#include "core/aligned.h"
 #include "core/cancel.h"
+#include "core/scratch.h"
 #include "core/thread_pool.h"
 #include "math/float4.h"
 #include "math/vec3.h"
@@ -34,24 +36,33 @@ struct alignas(32) Cluster {
   return cluster;
 }
 
+// Boxes that are to be clustered, with room behind them for what is made of them: see make_room_for_clusters().
+struct BoxesAlongCurve {
+  std::span<Cluster> clusters;
+  std::uint32_t count = 0;  // of boxes; they come first
+
+  [[nodiscard]] Cluster& operator[](std::size_t box) const noexcept { return clusters[box]; }
+};
+
 // Clusters by number: first the boxes themselves, then those made of two, in regions of which some rows are unused.
 struct ClusterTree {
   struct Region {
     std::uint32_t begin, end;
   };
 
-  AlignedVector<Cluster> clusters;
+  std::span<Cluster> clusters;
   std::uint32_t box_count = 0;
-  AlignedVector<Region> regions;  // each made by one thread alone, from boxes and from its own clusters
-  Region top{};                   // made last, over all of them
+  std::vector<Region> regions;  // each made by one thread alone, from boxes and from its own clusters
+  Region top{};                 // made last, over all of them
   std::uint32_t root = 0;
 };
 
-// How many rows a tree over so many boxes takes, at most: worth reserving.
-[[nodiscard]] std::size_t most_clusters(std::size_t box_count) noexcept;
+// Takes them of `scratch`, which is told to expect a plan for each of them as well (wide/cluster_plan.h).
+// Throws EngineError for more boxes than clusters can be numbered, bad_alloc.
+[[nodiscard]] BoxesAlongCurve make_room_for_clusters(std::size_t box_count, Scratch& scratch);
 
 // Coordinates must be such that areas neither over- nor underflow. At least one box. The same for any number of
-// threads; no deeper than some multiple of the count's logarithm, whatever the boxes.
-[[nodiscard]] ClusterTree cluster_along_curve(AlignedVector<Cluster> boxes, ThreadPool& pool, CancelToken& cancel);
+// threads; no deeper than kMaxTreeDepth, whatever the boxes. The tree stands where the boxes do.
+[[nodiscard]] ClusterTree cluster_along_curve(const BoxesAlongCurve& boxes, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

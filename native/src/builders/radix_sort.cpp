@@ -10,28 +10,33 @@
 namespace perfect_bvh {
 namespace {
 
-constexpr unsigned kDigitBits = 11;
+constexpr unsigned kMostDigitBits = 11;
 constexpr std::size_t kMaxDigits = 3;
 constexpr std::size_t kFewestToShare = 65536;  // fewer items are sorted by one thread
 
 using Items = std::span<std::uint64_t>;
-using Histogram = std::array<std::uint32_t, 1u << kDigitBits>;
+using Histogram = std::array<std::uint32_t, 1u << kMostDigitBits>;
 
+[[nodiscard]] constexpr std::size_t digit_count(unsigned bit_count) noexcept {
+  return (bit_count + kMostDigitBits - 1) / kMostDigitBits;
+}
+
+// All about as wide: what is scattered to fewer places stays in the cache.
 struct Digit {
   unsigned shift;
   std::uint64_t mask;
 
   Digit(unsigned first_bit, unsigned bit_count, std::size_t number) noexcept {
-    const unsigned begin = static_cast<unsigned>(number) * kDigitBits;
+    const auto count = static_cast<unsigned>(digit_count(bit_count));
+    const unsigned width = (bit_count + count - 1) / count;
+    const unsigned begin = static_cast<unsigned>(number) * width;
     shift = first_bit + begin;
-    mask = (std::uint64_t{1} << std::min(kDigitBits, bit_count - begin)) - 1;
+    mask = (std::uint64_t{1} << std::min(width, bit_count - begin)) - 1;
   }
   [[nodiscard]] std::size_t of(std::uint64_t item) const noexcept {
     return static_cast<std::size_t>((item >> shift) & mask);
   }
 };
-
-[[nodiscard]] std::size_t digit_count(unsigned bit_count) noexcept { return (bit_count + kDigitBits - 1) / kDigitBits; }
 
 void scatter(Items items, const Digit& digit, Histogram& places, Items to, CancelToken& cancel) {
   for_steps(items.size(), cancel, [&](std::size_t begin, std::size_t end) {

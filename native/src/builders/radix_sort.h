@@ -19,8 +19,8 @@ namespace perfect_bvh {
   return bits ^ ((bits >> 31) != 0 ? 0xFFFFFFFFu : 0x80000000u);
 }
 
-// Sorts by bits [first_bit, first_bit + bit_count), at most 33, 11 at a time. Returns where the result stands: items or
-// scratch.
+// Sorts by bits [first_bit, first_bit + bit_count), at most 33, up to 11 at a time. Returns where the result stands:
+// items or scratch.
 std::span<std::uint64_t> radix_sort(std::span<std::uint64_t> items, std::span<std::uint64_t> scratch,
                                     unsigned first_bit, unsigned bit_count, CancelToken& cancel);
 // The same, shared out over the pool's threads.

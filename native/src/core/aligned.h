@@ -15,6 +15,8 @@ inline constexpr std::size_t kReadableBehind = 16;
 // rays at random in a tree of 3 million triangles then seldom wait for an address to be translated, and memory is
 // handed out page by page 512 times less often. What it gave a dragon of 3.2 million triangles: see aligned.cpp.
 [[nodiscard]] void* allocate_aligned(std::size_t bytes);
+// The size to ask for instead of `bytes` where memory is soon given back: whole huge pages, where it nearly fills one.
+[[nodiscard]] std::size_t whole_pages(std::size_t bytes) noexcept;
 // `bytes` as it was allocated.
 void free_aligned(void* memory, std::size_t bytes) noexcept;
 

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "blas/build_tree.h"
+#include "blas/build_wide_tree.h"
 #include "core/steps.h"
 #include "tlas/trace_view.h"
-#include "wide/collapse.h"
 
 namespace perfect_bvh {
 namespace {
@@ -73,11 +72,9 @@ std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, 
     }
   });
   auto baked = std::make_shared<Blas>(std::move(mesh));
-  const Bvh2 tree = build_tree(baked->mesh, config, pool, cancel);
   baked->config = config;
-  baked->quality = measure_quality(tree, cancel);
-  baked->box = tree.bounds();
-  baked->wide = collapse_mesh(tree, baked->mesh, config.layout, pool, cancel);
+  MeshReport unread;
+  build_wide_tree(*baked, unread, pool, cancel);
   baked->indexed_leaves = view_leaves(baked->wide, baked->mesh);
   const bool usable = place_instance(instance, placing, *baked, Affine{});
   // Baked positions are in world winding already.

@@ -13,7 +13,7 @@ constexpr std::int32_t kTagMask = 7;
 
 class Planner {
  public:
-  Planner(const ClusterTree& tree, AlignedVector<PlacesPlan>& plans) noexcept : tree_(tree), plans_(plans) {
+  Planner(const ClusterTree& tree, std::span<PlacesPlan> plans) noexcept : tree_(tree), plans_(plans) {
     Float4(kNever).store(before_and_right_);
     Float4(kNever).store(before_and_right_ + 4);
   }
@@ -55,7 +55,7 @@ class Planner {
   }
 
   const ClusterTree& tree_;
-  AlignedVector<PlacesPlan>& plans_;
+  std::span<PlacesPlan> plans_;
   const CollapseCosts costs_;
   alignas(16) float left_[8];
   alignas(16) float before_and_right_[16];  // the first half: no places or fewer cost too much
@@ -63,8 +63,9 @@ class Planner {
 
 }  // namespace
 
-AlignedVector<PlacesPlan> plan_places(const ClusterTree& tree, ThreadPool& pool, CancelToken& cancel) {
-  AlignedVector<PlacesPlan> plans(tree.top.end - tree.box_count);
+std::span<const PlacesPlan> plan_places(const ClusterTree& tree, Scratch& scratch, ThreadPool& pool,
+                                        CancelToken& cancel) {
+  const auto plans = scratch.take<PlacesPlan>(tree.top.end - tree.box_count);
   for_chunks(pool, tree.regions.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
     Planner planner(tree, plans);
     for (std::size_t region = begin; region < end; ++region) planner.plan(tree.regions[region]);

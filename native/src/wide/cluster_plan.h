@@ -5,10 +5,11 @@
 
 #include <bit>
 #include <cstdint>
+#include <span>
 
 #include "builders/locally_ordered.h"
-#include "core/aligned.h"
 #include "core/cancel.h"
+#include "core/scratch.h"
 #include "core/thread_pool.h"
 
 namespace perfect_bvh {
@@ -23,7 +24,8 @@ struct alignas(32) PlacesPlan {
   }
 };
 
-// One for each cluster that is made of two, at its number less that of boxes.
-[[nodiscard]] AlignedVector<PlacesPlan> plan_places(const ClusterTree& tree, ThreadPool& pool, CancelToken& cancel);
+// One for each cluster that is made of two, at its number less that of boxes. In `scratch`.
+[[nodiscard]] std::span<const PlacesPlan> plan_places(const ClusterTree& tree, Scratch& scratch, ThreadPool& pool,
+                                                      CancelToken& cancel);
 
 }  // namespace perfect_bvh

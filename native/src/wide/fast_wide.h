@@ -1,6 +1,6 @@
 // A wide tree straight from a mesh, without a binary tree in between that would be kept: for topology that changes
-// every frame. Leaves along a Morton curve, clustered in place, collapsed as they are: a third to a quarter of the
-// time of any builder whose tree is collapsed afterwards.
+// every frame (lecture, "Rapid construction"). Leaves along a Morton curve, clustered in place, collapsed as they are:
+// a third to a quarter of the time of any builder whose tree is collapsed afterwards.
 // In: a mesh. Out: a WideBvh, the same bytes for any number of threads.
 #pragma once
 

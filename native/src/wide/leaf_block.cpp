@@ -19,30 +19,43 @@ void order(std::uint32_t& a, std::uint32_t& b) noexcept {
 // repeat the last number.
 void write_sorted(const std::uint32_t* numbers, std::uint32_t count, std::uint32_t* sorted) noexcept {
   std::array<std::uint32_t, 8> v;
-  for (std::uint32_t i = 0; i < 8; ++i) v[i] = i < count ? numbers[i] : ~0u;
+  v.fill(~0u);
+  for (std::uint32_t i = 0; i < count; ++i) v[i] = numbers[i];
   sort_eight(v, order);
-  std::copy(v.begin(), v.end(), sorted);
-  std::fill(sorted + count, sorted + 8, sorted[count - 1]);
+  for (std::uint32_t i = 0; i < 8; ++i) sorted[i] = v[std::min(i, count - 1)];
 }
 
 }  // namespace
+
+Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const TriangleMesh& mesh, float scale) noexcept {
+  std::array<Float4, 8> rows;
+  for (std::size_t i = 0; i < 8; ++i) rows[i] = load_position(&mesh.positions[vertices[i]]).xyz0() * Float4(scale);
+  Box4 box{rows[0], rows[0]};
+  for (std::size_t i = 1; i < 8; ++i) box.grow(rows[i]);
+  transpose(rows[0], rows[1], rows[2], rows[3]);
+  transpose(rows[4], rows[5], rows[6], rows[7]);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    rows[axis].store(&block.vertices[axis][0]);
+    rows[axis + 4].store(&block.vertices[axis][4]);
+  }
+  return box;
+}
 
 LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, const TriangleMesh& mesh,
                           float scale) noexcept {
   LeafBlock block;
   write_sorted(primitives, count, block.primitives);
+  const TriangleIndices* const triangles = mesh.triangles.data();
   SmallSet vertices;
+  std::array<std::uint32_t, 8> words;
   for (std::uint32_t i = 0; i < count; ++i) {
-    const TriangleIndices corners = mesh.triangles[block.primitives[i]];
+    const TriangleIndices corners = triangles[block.primitives[i]];
     const auto [x, y, z] = vertices.add(corners.x, corners.y, corners.z);
-    block.corners[i] = x | y << 4 | z << 8;
+    words[i] = x | y << 4 | z << 8;
   }
-  std::fill(block.corners + count, block.corners + 8, block.corners[count - 1]);
-  const std::array<std::uint32_t, 8> numbers = vertices.numbers();
-  for (std::uint32_t i = 0; i < 8; ++i) {
-    const Vec3f position = mesh.positions[numbers[i]];
-    for (int axis = 0; axis < 3; ++axis) block.vertices[axis][i] = position[axis] * scale;
-  }
+  // To the end, whatever the count: a loop of unforeseeable length costs as much as all that is in it.
+  for (std::uint32_t i = 0; i < 8; ++i) block.corners[i] = words[std::min(i, count - 1)];
+  static_cast<void>(write_vertices(block, vertices.numbers().data(), mesh, scale));
   return block;
 }
 

@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
-#include <memory>
+#include <limits>
+#include <span>
 #include <vector>
 
 #include "core/errors.h"
+#include "core/scratch.h"
 #include "core/steps.h"
 #include "wide/leaf_block.h"
 #include "wide/run_cutter.h"
@@ -17,13 +18,17 @@ namespace perfect_bvh {
 namespace {
 
 // A run's vertices: each once, and every corner's place among them. Where a corner's vertex occurred before, the
-// cutter has noted.
-struct RunVertices {
-  std::array<std::uint32_t, 9> vertices;
-  std::uint32_t count = 0;
+// cutter has noted. Triangles by their numbers. Loops of unforeseeable length cost as much as all else here: there is
+// one.
+struct RunContents {
+  std::array<std::uint32_t, kLeafSize + 1> vertices;
+  std::uint32_t vertex_count = 0;
+  alignas(16) std::array<std::int32_t, kLeafSize> numbers;  // signed: compared by SSE2
   std::array<std::uint32_t, kLeafSize> corners;
 
-  RunVertices(const std::uint32_t* corner_vertices, const std::uint8_t* way_back, std::uint32_t size) noexcept {
+  RunContents(const TriangleOrder& order, std::size_t first, std::uint32_t size, const std::uint32_t* corner_vertices,
+              const std::uint8_t* way_back) noexcept {
+    numbers.fill(std::numeric_limits<std::int32_t>::max());
     std::array<std::uint8_t, kMostBack + 3 * kLeafSize> places_of;
     std::uint8_t* const place_of = places_of.data() + kMostBack;  // what lies before it is read, but not used
     for (std::uint32_t triangle = 0; triangle < size; ++triangle) {
@@ -31,135 +36,128 @@ struct RunVertices {
       for (std::uint32_t k = 0; k < 3; ++k) {
         const std::uint32_t corner = 3 * triangle + k;
         const bool is_new = way_back[corner] > corner;
-        const std::uint32_t place = is_new ? count : place_of[static_cast<int>(corner) - way_back[corner]];
+        const std::uint32_t place = is_new ? vertex_count : place_of[static_cast<int>(corner) - way_back[corner]];
         place_of[corner] = static_cast<std::uint8_t>(place);
         vertices[place] = corner_vertices[corner];
-        count += is_new;
+        vertex_count += is_new;
         word |= place << (4 * k);
       }
       corners[triangle] = word;
+      numbers[triangle] = static_cast<std::int32_t>(order.triangle(first + triangle));
     }
-    std::fill(vertices.begin() + count, vertices.end(), vertices[count - 1]);
+    for (std::uint32_t i = 0; i < kLeafSize; ++i) vertices[i] = vertices[std::min(i, vertex_count - 1)];
   }
 };
 
-// Rows of the block in the order of the triangles' numbers.
-void write_triangles(LeafBlock& block, const TriangleOrder& order, std::size_t first, std::uint32_t size,
-                     const std::array<std::uint32_t, kLeafSize>& corners) noexcept {
-  std::array<std::int32_t, kLeafSize> numbers, ranks{};  // signed: compared by SSE2
-  numbers.fill(std::numeric_limits<std::int32_t>::max());
-  for (std::uint32_t i = 0; i < size; ++i) numbers[i] = static_cast<std::int32_t>(order.triangle(first + i));
-  for (const std::int32_t number : numbers) {
-    for (std::uint32_t i = 0; i < kLeafSize; ++i) ranks[i] += numbers[i] > number;
+// Rows of the block in the order of the triangles' numbers; the last is repeated.
+void write_triangles(LeafBlock& block, const RunContents& run, std::uint32_t size) noexcept {
+  std::array<std::int32_t, kLeafSize> ranks{};
+  for (const std::int32_t number : run.numbers) {
+    for (std::uint32_t i = 0; i < kLeafSize; ++i) ranks[i] += run.numbers[i] > number;
   }
-  for (std::uint32_t i = 0; i < size; ++i) {
-    block.primitives[ranks[i]] = static_cast<std::uint32_t>(numbers[i]);
-    block.corners[ranks[i]] = corners[i];
+  // By rank, who stands there: in digits, of which those past the size mean nothing.
+  std::uint32_t order = 0;
+  for (std::uint32_t i = 0; i < kLeafSize; ++i) order += i << (4 * static_cast<std::uint32_t>(ranks[i]));
+  for (std::uint32_t i = 0; i < kLeafSize; ++i) {
+    const std::uint32_t from = (order >> (4 * std::min(i, size - 1))) & 7;
+    block.primitives[i] = static_cast<std::uint32_t>(run.numbers[from]);
+    block.corners[i] = run.corners[from];
   }
-  std::fill(block.primitives + size, block.primitives + kLeafSize, block.primitives[size - 1]);
-  std::fill(block.corners + size, block.corners + kLeafSize, block.corners[size - 1]);
 }
 
-[[nodiscard]] Box4 write_vertices(LeafBlock& block, const TriangleOrder& order, const RunVertices& run,
-                                  Float4 scale) noexcept {
-  std::array<Float4, 8> rows;
-  for (std::size_t i = 0; i < 8; ++i) rows[i] = order.vertices[run.vertices[i]] * scale;
-  Box4 box{rows[0], rows[0]};
-  for (std::size_t i = 1; i < 8; ++i) box.grow(rows[i]);
-  transpose(rows[0], rows[1], rows[2], rows[3]);
-  transpose(rows[4], rows[5], rows[6], rows[7]);
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    rows[axis].store(&block.vertices[axis][0]);
-    rows[axis + 4].store(&block.vertices[axis][4]);
-  }
-  const Float4 zero(0.0f);  // -0 + 0 is 0: a box is the same whichever of its zeros came first
-  box.lower = box.lower + zero, box.upper = box.upper + zero;
-  return box;
+// A box is the same whichever of its zeros came first: -0 + 0 is 0.
+[[nodiscard]] Box4 with_positive_zeros(const Box4& box) noexcept {
+  const Float4 zero(0.0f);
+  return {box.lower + zero, box.upper + zero};
 }
 
 // In as many parts as there are threads: each needs a memory of all vertices.
-void cut_chunks(const TriangleMesh& mesh, const TriangleOrder& order, TreeLayout layout, std::vector<RunChunk>& chunks,
-                ThreadPool& pool, CancelToken& cancel) {
+void cut_runs(const TriangleMesh& mesh, const TriangleOrder& order, Runs& runs, Scratch& scratch, ThreadPool& pool,
+              CancelToken& cancel) {
+  const std::size_t chunk_count = runs.counts.size();
   const auto threads = static_cast<std::size_t>(pool.thread_count());
-  const std::size_t part = (chunks.size() + threads - 1) / threads;
-  for_chunks(pool, chunks.size(), part, cancel, [&](std::size_t begin, std::size_t end) {
-    RunCutter cutter(mesh, order, layout, cancel);
+  const std::size_t part = (chunk_count + threads - 1) / threads;
+  const std::size_t vertex_count = runs.corners.empty() ? 0 : mesh.positions.size();
+  const auto last_corners = scratch.take<std::uint32_t>((chunk_count + part - 1) / part * vertex_count);
+  for_chunks(pool, chunk_count, part, cancel, [&](std::size_t begin, std::size_t end) {
+    RunCutter cutter(mesh, order, last_corners.subspan(begin / part * vertex_count, vertex_count), runs, cancel);
     for (std::size_t i = begin; i < end; ++i) {
       cancel.checkpoint();
-      cutter.cut(i * kRunChunk, std::min(mesh.triangle_count(), (i + 1) * kRunChunk), chunks[i]);
+      cutter.cut(i * kRunChunk, std::min(mesh.triangle_count(), (i + 1) * kRunChunk));
     }
   });
 }
 
-// The blocks of a chunk whose first triangle stands in place `begin`, from row `row` on.
-void fill_blocks(const TriangleOrder& order, std::size_t begin, const RunChunk& chunk, std::size_t row,
+// The blocks of the chunk whose first triangle stands in place `begin`, from row `row` on.
+void fill_blocks(const TriangleMesh& mesh, const TriangleOrder& order, std::size_t begin,
+                 std::span<const std::uint8_t> sizes, const Runs& runs, std::size_t row,
                  MortonLeaves& leaves) noexcept {
-  const Float4 scale(leaves.scale);
-  std::size_t done = 0;
-  for (const std::uint8_t size : chunk.sizes) {
+  for (const std::uint8_t size : sizes) {
     LeafBlock& block = leaves.blocks[row];
-    const RunVertices run(chunk.corners.data() + 3 * done, chunk.way_back.data() + 3 * done, size);
-    write_triangles(block, order, begin + done, size, run.corners);
-    leaves.boxes[row] = make_cluster(write_vertices(block, order, run, scale), order.code(begin + done),
-                                     order.code(begin + done + size - 1));
-    done += size;
-    ++row;
+    const RunContents run(order, begin, size, &runs.corners[3 * begin], &runs.way_back[3 * begin]);
+    write_triangles(block, run, size);
+    const Box4 box = write_vertices(block, run.vertices.data(), mesh, leaves.scale);
+    leaves.boxes[row++] = make_cluster(with_positive_zeros(box), order.code(begin), order.code(begin + size - 1));
+    begin += size;
   }
 }
 
 // The same for the compact layout.
-void fill_indexed_leaves(const TriangleMesh& mesh, const TriangleOrder& order, std::size_t begin, const RunChunk& chunk,
-                         std::size_t row, MortonLeaves& leaves) noexcept {
+void fill_indexed_leaves(const TriangleMesh& mesh, const TriangleOrder& order, std::size_t begin,
+                         std::span<const std::uint8_t> sizes, std::size_t row, MortonLeaves& leaves) noexcept {
   constexpr std::size_t kAhead = 16;  // triangles fetched before they are needed
-  const Float4 scale(leaves.scale), zero(0.0f);
+  const Float4 scale(leaves.scale);
   const std::size_t last = order.sorted.size() - 1;
-  for (const std::uint8_t size : chunk.sizes) {
+  for (const std::uint8_t size : sizes) {
     std::array<std::uint32_t, kLeafSize> numbers;
     Box4 box = Box4::empty();
     for (std::size_t i = 0; i < size; ++i) {
       __builtin_prefetch(&mesh.triangles[order.triangle(std::min(begin + i + kAhead, last))]);
       numbers[i] = order.triangle(begin + i);
       const TriangleIndices corners = mesh.triangles[numbers[i]];
-      for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) box.grow(order.vertices[vertex] * scale);
+      for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) {
+        box.grow(load_position(&mesh.positions[vertex]).xyz0() * scale);
+      }
     }
     leaves.indexed_leaves[row] = make_indexed_leaf(numbers.data(), size);
-    box.lower = box.lower + zero, box.upper = box.upper + zero;
-    leaves.boxes[row++] = make_cluster(box, order.code(begin), order.code(begin + size - 1));
+    leaves.boxes[row++] = make_cluster(with_positive_zeros(box), order.code(begin), order.code(begin + size - 1));
     begin += size;
   }
 }
 
 }  // namespace
 
-MortonLeaves make_morton_leaves(const TriangleMesh& mesh, TreeLayout layout, ThreadPool& pool, CancelToken& cancel) {
+MortonLeaves make_morton_leaves(const TriangleMesh& mesh, TreeLayout layout, Scratch& tree_memory, ThreadPool& pool,
+                                CancelToken& cancel) {
   const std::size_t count = mesh.triangle_count();
   if (count > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max())) {
     throw EngineError("the mesh has more triangles than a tree can refer to");
   }
-  const TriangleOrder order = order_triangles(mesh, pool, cancel);
+  const bool is_compact = layout == TreeLayout::kCompact;
+  const std::size_t vertex_memory = mesh.positions.size() * sizeof(std::uint32_t);  // of a thread
+  Scratch scratch;
+  scratch.expect(order_byte_count(count) + (is_compact ? count : 16 * count + vertex_memory));
+  const TriangleOrder order = order_triangles(mesh, scratch, pool, cancel);
   MortonLeaves leaves;
   leaves.bounds = to_aabb(order.bounds);
   leaves.scale = tree_scale(leaves.bounds);
 
-  std::vector<RunChunk> chunks((count + kRunChunk - 1) / kRunChunk);
-  cut_chunks(mesh, order, layout, chunks, pool, cancel);
-  std::vector<std::size_t> first_leaves(chunks.size() + 1);
-  for (std::size_t i = 0; i < chunks.size(); ++i) first_leaves[i + 1] = first_leaves[i] + chunks[i].sizes.size();
+  Runs runs = make_room_for_runs(count, layout, scratch);
+  cut_runs(mesh, order, runs, scratch, pool, cancel);
+  std::vector<std::size_t> first_leaves(runs.counts.size() + 1);
+  for (std::size_t i = 0; i < runs.counts.size(); ++i) first_leaves[i + 1] = first_leaves[i] + runs.counts[i];
   if (first_leaves.back() > kMostBlocks) throw EngineError("the mesh has more leaves than a tree can refer to");
-  const bool is_compact = layout == TreeLayout::kCompact;
   leaves.blocks.resize(is_compact ? 0 : first_leaves.back());
   leaves.indexed_leaves.resize(is_compact ? first_leaves.back() : 0);
-  leaves.boxes.reserve(most_clusters(first_leaves.back()));
-  leaves.boxes.resize(first_leaves.back());
+  leaves.boxes = make_room_for_clusters(first_leaves.back(), tree_memory);
   for_chunks(pool, count, kRunChunk, cancel, [&](std::size_t begin, std::size_t end) {
-    RunChunk& chunk = chunks[begin / kRunChunk];
-    const std::size_t row = first_leaves[begin / kRunChunk];
+    const std::size_t chunk = begin / kRunChunk, row = first_leaves[chunk];
+    const auto sizes = runs.sizes.subspan(begin, runs.counts[chunk]);
     if (is_compact) {
-      fill_indexed_leaves(mesh, order, begin, chunk, row, leaves);
+      fill_indexed_leaves(mesh, order, begin, sizes, row, leaves);
     } else {
-      fill_blocks(order, begin, chunk, row, leaves);
+      fill_blocks(mesh, order, begin, sizes, runs, row, leaves);
     }
-    chunk = {};
     cancel.advance(2 * (end - begin));  // what is left takes little: there is no binary tree
   });
   return leaves;

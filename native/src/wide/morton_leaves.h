@@ -6,6 +6,7 @@
 #include "builders/locally_ordered.h"
 #include "core/aligned.h"
 #include "core/cancel.h"
+#include "core/scratch.h"
 #include "core/thread_pool.h"
 #include "mesh/triangle_mesh.h"
 #include "wide/wide_bvh.h"
@@ -15,13 +16,14 @@ namespace perfect_bvh {
 struct MortonLeaves {
   AlignedVector<LeafBlock> blocks;  // or, in the compact layout:
   AlignedVector<IndexedLeaf> indexed_leaves;
-  AlignedVector<Cluster> boxes;  // of the leaves, in the tree's scale
-  Aabb bounds;                   // of all triangles, in the mesh's
-  float scale = 1.0f;            // of the tree: see WideBvh
+  BoxesAlongCurve boxes;  // of the leaves, in the tree's scale
+  Aabb bounds;            // of all triangles, in the mesh's
+  float scale = 1.0f;     // of the tree: see WideBvh
 };
 
-// The same bytes for any number of threads. The mesh is not empty. Throws Cancelled, EngineError, bad_alloc.
-[[nodiscard]] MortonLeaves make_morton_leaves(const TriangleMesh& mesh, TreeLayout layout, ThreadPool& pool,
-                                              CancelToken& cancel);
+// The boxes stand in `tree_memory`, which is told what a tree over them will take. The same bytes for any number of
+// threads. The mesh is not empty. Throws Cancelled, EngineError, bad_alloc.
+[[nodiscard]] MortonLeaves make_morton_leaves(const TriangleMesh& mesh, TreeLayout layout, Scratch& tree_memory,
+                                              ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -1,7 +1,6 @@
 #include "wide/run_cutter.h"
 
 #include <algorithm>
-#include <array>
 
 #include "core/steps.h"
 
@@ -28,36 +27,46 @@ constexpr Newness kNewness = make_newness();
 
 }  // namespace
 
-RunCutter::RunCutter(const TriangleMesh& mesh, const TriangleOrder& order, TreeLayout layout, CancelToken& cancel)
-    : mesh_(mesh),
-      order_(order),
-      limits_vertices_(layout == TreeLayout::kDefault),
-      last_corner_(limits_vertices_ ? mesh.positions.size() : 0),
-      newness_(kRunChunk, 0u) {
-  for_steps(last_corner_.size(), cancel, [&](std::size_t begin, std::size_t end) {
-    std::fill(last_corner_.data() + begin, last_corner_.data() + end, kLongAgo);
+Runs make_room_for_runs(std::size_t triangle_count, TreeLayout layout, Scratch& scratch) {
+  Runs runs;
+  runs.sizes = scratch.take<std::uint8_t>(triangle_count);
+  runs.counts = scratch.take<std::uint32_t>((triangle_count + kRunChunk - 1) / kRunChunk);
+  const std::size_t corner_count = layout == TreeLayout::kDefault ? 3 * triangle_count : 0;
+  runs.corners = scratch.take<std::uint32_t>(corner_count);
+  runs.way_back = scratch.take<std::uint8_t>(corner_count);
+  return runs;
+}
+
+RunCutter::RunCutter(const TriangleMesh& mesh, const TriangleOrder& order, std::span<std::uint32_t> last_corners,
+                     Runs& runs, CancelToken& cancel)
+    : mesh_(mesh), order_(order), last_corners_(last_corners), runs_(runs) {
+  for_steps(last_corners_.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    std::fill(last_corners_.begin() + static_cast<std::ptrdiff_t>(begin),
+              last_corners_.begin() + static_cast<std::ptrdiff_t>(end), kLongAgo);
   });
 }
 
-void RunCutter::cut(std::size_t begin, std::size_t end, RunChunk& chunk) {
-  if (limits_vertices_) match_corners(begin, end, chunk);
-  choose_runs(begin, end, chunk);
+void RunCutter::cut(std::size_t begin, std::size_t end) noexcept {
+  if (!last_corners_.empty()) match_corners(begin, end);
+  choose_runs(begin, end);
 }
 
-void RunCutter::match_corners(std::size_t begin, std::size_t end, RunChunk& chunk) {
-  chunk.corners.resize(3 * (end - begin));
-  chunk.way_back.resize(3 * (end - begin));
+void RunCutter::match_corners(std::size_t begin, std::size_t end) noexcept {
+  const TriangleIndices* const triangles = mesh_.triangles.data();
+  std::uint32_t* const last_corners = last_corners_.data();
+  std::uint32_t* corners = &runs_.corners[3 * begin];
+  std::uint8_t* way_back = &runs_.way_back[3 * begin];
   for (std::size_t i = begin; i < end; ++i) {
-    if (i + kAhead < end) __builtin_prefetch(&mesh_.triangles[order_.triangle(i + kAhead)]);
-    const TriangleIndices triangle = mesh_.triangles[order_.triangle(i)];
+    __builtin_prefetch(&triangles[order_.triangle(std::min(i + kAhead, end - 1))]);
+    const TriangleIndices triangle = triangles[order_.triangle(i)];
     const std::array<std::uint32_t, 3> vertices{triangle.x, triangle.y, triangle.z};
     std::uint32_t newness = 0;
     for (std::uint32_t k = 0; k < 3; ++k) {
       const auto corner = static_cast<std::uint32_t>(3 * i + k);
-      const std::uint32_t back = std::min(corner - last_corner_[vertices[k]], kMostBack);
-      last_corner_[vertices[k]] = corner;
-      chunk.corners[3 * (i - begin) + k] = vertices[k];
-      chunk.way_back[3 * (i - begin) + k] = static_cast<std::uint8_t>(back);
+      const std::uint32_t back = std::min(corner - last_corners[vertices[k]], kMostBack);
+      last_corners[vertices[k]] = corner;
+      *corners++ = vertices[k];
+      *way_back++ = static_cast<std::uint8_t>(back);
       newness += kNewness[k][back];
     }
     newness_[i - begin] = newness;
@@ -65,8 +74,10 @@ void RunCutter::match_corners(std::size_t begin, std::size_t end, RunChunk& chun
 }
 
 // Keys differ most at the borders of a subtree: more than anywhere inside it.
-void RunCutter::choose_runs(std::size_t begin, std::size_t end, RunChunk& chunk) const {
-  chunk.sizes.reserve((end - begin) / 2);
+void RunCutter::choose_runs(std::size_t begin, std::size_t end) noexcept {
+  std::uint8_t* const first = &runs_.sizes[begin];
+  std::uint8_t* next_size = first;
+  const std::size_t chunk = begin / kRunChunk;
   constexpr std::uint64_t kBorderOfChunk = ~std::uint64_t{0};
   std::uint64_t before = kBorderOfChunk;
   while (begin < end) {
@@ -83,10 +94,11 @@ void RunCutter::choose_runs(std::size_t begin, std::size_t end, RunChunk& chunk)
       if (border > inside && before > inside) size = i + 1, after = border;
       inside = std::max(inside, border);
     }
-    chunk.sizes.push_back(static_cast<std::uint8_t>(size));
+    *next_size++ = static_cast<std::uint8_t>(size);
     begin += size;
     before = after;
   }
+  runs_.counts[chunk] = static_cast<std::uint32_t>(next_size - first);
 }
 
 }  // namespace perfect_bvh

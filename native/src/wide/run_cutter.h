@@ -3,12 +3,13 @@
 // In: a chunk of the order. Out: the runs' lengths, and what filling the blocks needs to know of the corners.
 #pragma once
 
+#include <array>
 #include <cstdint>
-#include <vector>
+#include <span>
 
 #include "builders/build_config.h"
-#include "core/aligned.h"
 #include "core/cancel.h"
+#include "core/scratch.h"
 #include "mesh/triangle_mesh.h"
 #include "wide/triangle_order.h"
 
@@ -18,30 +19,37 @@ inline constexpr std::size_t kRunChunk = 1024;  // triangles cut together; no ru
 inline constexpr std::uint32_t kLeafSize = 8;   // triangles that a leaf holds, and vertices that a block does
 inline constexpr std::uint32_t kMostBack = 3 * kLeafSize;  // corners; what lies farther back is in no run together
 
-struct RunChunk {
-  std::vector<std::uint8_t> sizes;
+// Of all triangles, in the order of the curve.
+struct Runs {
+  std::span<std::uint8_t> sizes;    // of each chunk from its first triangle's place on; as many as `counts` says
+  std::span<std::uint32_t> counts;  // by chunk
   // Only where a leaf holds its vertices (default layout):
-  AlignedVector<std::uint32_t> corners;  // three vertices for each triangle
-  AlignedVector<std::uint8_t> way_back;  // how many corners ago its vertex occurred last, at most kMostBack
+  std::span<std::uint32_t> corners;  // three vertices for each triangle
+  std::span<std::uint8_t> way_back;  // how many corners ago its vertex occurred last, at most kMostBack
 };
+
+[[nodiscard]] Runs make_room_for_runs(std::size_t triangle_count, TreeLayout layout, Scratch& scratch);
 
 // One for each thread: it remembers where in the order a vertex occurred last.
 class RunCutter {
  public:
-  RunCutter(const TriangleMesh& mesh, const TriangleOrder& order, TreeLayout layout, CancelToken& cancel);
+  // last_corners: for the default layout a place for every vertex, of this cutter's own; else empty.
+  RunCutter(const TriangleMesh& mesh, const TriangleOrder& order, std::span<std::uint32_t> last_corners, Runs& runs,
+            CancelToken& cancel);
 
-  // Triangles in places [begin, end) of the order, at most kRunChunk of them.
-  void cut(std::size_t begin, std::size_t end, RunChunk& chunk);
+  // Triangles in places [begin, end) of the order: a chunk.
+  void cut(std::size_t begin, std::size_t end) noexcept;
 
  private:
-  void match_corners(std::size_t begin, std::size_t end, RunChunk& chunk);
-  void choose_runs(std::size_t begin, std::size_t end, RunChunk& chunk) const;
+  void match_corners(std::size_t begin, std::size_t end) noexcept;
+  void choose_runs(std::size_t begin, std::size_t end) noexcept;
 
   const TriangleMesh& mesh_;
   const TriangleOrder& order_;
-  const bool limits_vertices_;
-  AlignedVector<std::uint32_t> last_corner_;  // by vertex: 3 * place + corner
-  AlignedVector<std::uint32_t> newness_;      // by triangle of the chunk: see kNewness; 0 where vertices do not count
+  std::span<std::uint32_t> last_corners_;  // by vertex: 3 * place + corner
+  Runs& runs_;
+  std::array<std::uint32_t, kRunChunk>
+      newness_{};  // by triangle of the chunk: see kNewness; 0 where vertices do not count
 };
 
 }  // namespace perfect_bvh

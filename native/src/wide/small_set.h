@@ -20,8 +20,8 @@ class SmallSet {
 
   // Numbers below 2^31. Returns the place of the number in the order of their coming.
   std::uint32_t add(std::uint32_t number) noexcept { return add_stored(stored_form(number)); }
-  // Three at once: a third of the time of one after the other.
-  std::array<std::uint32_t, 3> add(std::uint32_t a, std::uint32_t b, std::uint32_t c) noexcept {
+  // Three at once: a third of the time of one after the other. In line, so that a loop keeps the set in registers.
+  [[gnu::always_inline]] std::array<std::uint32_t, 3> add(std::uint32_t a, std::uint32_t b, std::uint32_t c) noexcept {
     const Int4 all_a(stored_form(a)), all_b(stored_form(b)), all_c(stored_form(c));
     const std::uint32_t found_a = find(all_a), found_b = find(all_b), found_c = find(all_c);
     const std::uint32_t place_a = count_;

@@ -1,12 +1,12 @@
 #include "wide/triangle_order.h"
 
 #include <array>
-#include <utility>
 #include <vector>
 
 #include "builders/morton.h"
 #include "builders/radix_sort.h"
 #include "core/steps.h"
+#include "wide/leaf_block.h"
 
 namespace perfect_bvh {
 namespace {
@@ -17,10 +17,11 @@ constexpr std::size_t kChunk = 16384;
 
 [[nodiscard]] std::size_t chunk_count(std::size_t count) noexcept { return (count + kChunk - 1) / kChunk; }
 
+// The fourth lanes become 0.
 [[nodiscard]] Box4 join(const AlignedVector<Box4>& chunks) noexcept {
   Box4 all = Box4::empty();
   for (const Box4& chunk : chunks) all.grow(chunk);
-  return all;
+  return {all.lower.xyz0(), all.upper.xyz0()};
 }
 
 [[nodiscard]] float longest_side(const Box4& box) noexcept {
@@ -29,35 +30,32 @@ constexpr std::size_t kChunk = 16384;
   return std::max({extent[0], extent[1], extent[2]});
 }
 
-// Copies the vertices; returns their box.
-[[nodiscard]] Box4 widen_vertices(const TriangleMesh& mesh, AlignedVector<Float4>& vertices, ThreadPool& pool,
-                                  CancelToken& cancel) {
-  vertices.resize(mesh.positions.size());
-  AlignedVector<Box4> chunks(chunk_count(vertices.size()));
-  for_chunks(pool, vertices.size(), kChunk, cancel, [&](std::size_t begin, std::size_t end) {
+// Of all vertices.
+[[nodiscard]] Box4 measure_space(const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel) {
+  AlignedVector<Box4> chunks(chunk_count(mesh.positions.size()));
+  for_chunks(pool, mesh.positions.size(), kChunk, cancel, [&](std::size_t begin, std::size_t end) {
     Box4 box = Box4::empty();
-    for (std::size_t i = begin; i < end; ++i) {
-      const Vec3f p = mesh.positions[i];
-      vertices[i] = Float4(p.x, p.y, p.z, 0.0f);
-      box.grow(vertices[i]);
-    }
+    for (std::size_t i = begin; i < end; ++i) box.grow(load_position(&mesh.positions[i]));
     chunks[begin / kChunk] = box;
   });
   return join(chunks);
 }
 
 // Writes a key for every triangle, with cells that divide `space`; returns the triangles' box.
-[[nodiscard]] Box4 write_keys(const TriangleMesh& mesh, const AlignedVector<Float4>& vertices, const Box4& space,
-                              AlignedVector<Key>& keys, ThreadPool& pool, CancelToken& cancel) {
+[[nodiscard]] Box4 write_keys(const TriangleMesh& mesh, const Box4& space, std::span<Key> keys, ThreadPool& pool,
+                              CancelToken& cancel) {
   const MortonGrid grid(space);
+  const TriangleIndices* const triangles = mesh.triangles.data();
+  const Vec3f* const positions = mesh.positions.data();
   AlignedVector<Box4> chunks(chunk_count(keys.size()));
   for_chunks(pool, keys.size(), kChunk, cancel, [&](std::size_t begin, std::size_t end) {
     Box4 all = Box4::empty();
     for (std::size_t i = begin; i < end; ++i) {
-      const TriangleIndices corners = mesh.triangles[i];
-      Box4 box{vertices[corners.x], vertices[corners.x]};
-      box.grow(vertices[corners.y]);
-      box.grow(vertices[corners.z]);
+      const TriangleIndices corners = triangles[i];
+      const Float4 first = load_position(positions + corners.x);
+      Box4 box{first, first};
+      box.grow(load_position(positions + corners.y));
+      box.grow(load_position(positions + corners.z));
       all.grow(box);
       keys[i] = Key{grid.code(MortonGrid::center(box))} << 32 | i;
     }
@@ -68,17 +66,16 @@ constexpr std::size_t kChunk = 16384;
 
 }  // namespace
 
-TriangleOrder order_triangles(const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel) {
+TriangleOrder order_triangles(const TriangleMesh& mesh, Scratch& scratch, ThreadPool& pool, CancelToken& cancel) {
   TriangleOrder order;
-  const Box4 space = widen_vertices(mesh, order.vertices, pool, cancel);
-  AlignedVector<Key> keys(mesh.triangle_count()), scratch(mesh.triangle_count());
-  order.bounds = write_keys(mesh, order.vertices, space, keys, pool, cancel);
+  const Box4 space = measure_space(mesh, pool, cancel);
+  const auto keys = scratch.take<Key>(mesh.triangle_count()), second = scratch.take<Key>(mesh.triangle_count());
+  order.bounds = write_keys(mesh, space, keys, pool, cancel);
   // Loose vertices far away would leave all triangles in a few cells.
   if (longest_side(order.bounds) < 0.5f * longest_side(space)) {
-    static_cast<void>(write_keys(mesh, order.vertices, order.bounds, keys, pool, cancel));
+    static_cast<void>(write_keys(mesh, order.bounds, keys, pool, cancel));
   }
-  const bool is_in_scratch = radix_sort(keys, scratch, 32, kMortonBits, pool, cancel).data() == scratch.data();
-  order.sorted = std::move(is_in_scratch ? scratch : keys);
+  order.sorted = radix_sort(keys, second, 32, kMortonBits, pool, cancel);
   return order;
 }
 

@@ -2,9 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
-#include "core/aligned.h"
 #include "core/cancel.h"
+#include "core/scratch.h"
 #include "core/thread_pool.h"
 #include "math/float4.h"
 #include "mesh/triangle_mesh.h"
@@ -12,9 +13,8 @@
 namespace perfect_bvh {
 
 struct TriangleOrder {
-  AlignedVector<Float4> vertices;       // the mesh's, a register each; the fourth lane is 0
-  AlignedVector<std::uint64_t> sorted;  // a code in the upper half of each, a triangle's number in the lower
-  Box4 bounds;                          // of the triangles: vertices that none uses do not count
+  std::span<const std::uint64_t> sorted;  // a code in the upper half of each, a triangle's number in the lower
+  Box4 bounds;                            // of the triangles: vertices that none uses do not count
 
   [[nodiscard]] std::uint32_t triangle(std::size_t place) const noexcept {
     return static_cast<std::uint32_t>(sorted[place]);
@@ -24,7 +24,13 @@ struct TriangleOrder {
   }
 };
 
-// The same for any number of threads.
-[[nodiscard]] TriangleOrder order_triangles(const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel);
+// What it takes of `scratch`.
+[[nodiscard]] inline std::size_t order_byte_count(std::size_t triangle_count) noexcept {
+  return 2 * triangle_count * sizeof(std::uint64_t);
+}
+
+// In `scratch`. The same for any number of threads.
+[[nodiscard]] TriangleOrder order_triangles(const TriangleMesh& mesh, Scratch& scratch, ThreadPool& pool,
+                                            CancelToken& cancel);
 
 }  // namespace perfect_bvh
