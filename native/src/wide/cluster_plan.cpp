@@ -1,5 +1,7 @@
 #include "wide/cluster_plan.h"
 
+#include <algorithm>
+
 #include "core/steps.h"
 #include "math/float4.h"
 #include "wide/collapse_steps.h"
@@ -10,12 +12,18 @@ namespace {
 constexpr float kNever = 1e30f;
 constexpr float kLeastArea = 1e-30f;  // flat boxes must not cost nothing
 constexpr std::int32_t kTagMask = 7;
+// Of each node besides its visits, for the memory that it takes: in units of the root's area, shared out among the
+// boxes. Measured on four meshes: 6 to 14% fewer nodes, for .2% more visits. In a tree of few nodes each of them is met
+// by many rays.
+constexpr float kMemory = 6.0f;
 
 class Planner {
  public:
   Planner(const ClusterTree& tree, std::span<PlacesPlan> plans) noexcept : tree_(tree), plans_(plans) {
     Float4(kNever).store(before_and_right_);
     Float4(kNever).store(before_and_right_ + 4);
+    const auto box_count = static_cast<float>(tree.box_count);
+    memory_cost_ = std::min(kMemory, box_count / 64.0f) * tree.clusters[tree.root].half_area() / box_count;
   }
 
   void plan(ClusterTree::Region region) noexcept {
@@ -36,7 +44,7 @@ class Planner {
     }
     alignas(16) float divided[4];
     many.store(divided);
-    const float alone = costs_.node * (pair.half_area() + kLeastArea) + divided[3];
+    const float alone = costs_.node * (pair.half_area() + kLeastArea) + memory_cost_ + divided[3];
     const Float4 undivided = tagged(Float4(alone), Int4(kTagMask), Int4(0));
     min(few, undivided).store(plan.cost);
     min(many, undivided).store(plan.cost + 4);
@@ -57,6 +65,7 @@ class Planner {
   const ClusterTree& tree_;
   std::span<PlacesPlan> plans_;
   const CollapseCosts costs_;
+  float memory_cost_;
   alignas(16) float left_[8];
   alignas(16) float before_and_right_[16];  // the first half: no places or fewer cost too much
 };

@@ -1,5 +1,5 @@
-// Cuts triangles that follow each other along a Morton curve into runs that fit into a leaf each. A run is the
-// largest subtree of the codes' radix tree that starts where the last one ended and fits.
+// Cuts triangles that follow each other along a Morton curve into runs that fit into a leaf each, as long as they can
+// be within small subtrees of the codes' radix tree.
 // In: a chunk of the order. Out: the runs' lengths, and what filling the blocks needs to know of the corners.
 #pragma once
 
