@@ -1,4 +1,5 @@
-// Rays through snapshots. The Python face hands over contiguous columns and preallocated results.
+// Rays through snapshots. The Python face hands over columns and preallocated results; all are contiguous, but for
+// rays' origins and directions.
 #include <pybind11/stl.h>
 
 #include <algorithm>
@@ -17,28 +18,37 @@ namespace {
 
 using SnapshotPtr = std::shared_ptr<const Snapshot>;
 
+// Origins or directions as they are: rows of three numbers side by side, with any distance from row to row. A single
+// row is every ray's. False: they are not of this type.
 template <class T>
-void set_vectors(const py::array& array, std::size_t& count, const Vec3<T>*& pointer) {
-  // A cast of anything else would make a copy that dies at the end of this function.
-  if (!py::isinstance<Array<T>>(array)) throw std::invalid_argument("_core: rays must be C-contiguous float32 or 64");
-  const auto vectors = as_vectors(py::reinterpret_borrow<Array<T>>(array));
-  count = vectors.size();
-  pointer = vectors.data();
+bool set_vectors(const py::array& array, std::size_t& count, const Vec3<T>*& pointer, std::ptrdiff_t& stride) {
+  if (!py::isinstance<py::array_t<T>>(array)) return false;
+  constexpr auto kBytes = static_cast<py::ssize_t>(sizeof(T));
+  const bool are_aligned = (array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) != 0;
+  const bool are_rows = array.ndim() == 2 && array.shape(1) == 3 &&
+                        (array.shape(0) == 0 || array.strides(1) == kBytes) &&
+                        (array.shape(0) <= 1 || array.strides(0) % kBytes == 0);
+  if (!are_rows || !are_aligned) throw std::invalid_argument("_core: rays must be rows of three aligned numbers");
+  count = static_cast<std::size_t>(array.shape(0));
+  pointer = static_cast<const Vec3<T>*>(array.data());
+  stride = count == 1 ? 0 : array.strides(0) / kBytes;
+  return true;
 }
 
-// float32 or float64, each as it is.
 void set_columns(const py::array& origins, const py::array& directions, RayColumns& columns) {
   std::size_t origin_count = 0, direction_count = 0;
-  if (py::isinstance<Array<float>>(origins))
-    set_vectors(origins, origin_count, columns.origins_float);
-  else
-    set_vectors(origins, origin_count, columns.origins_double);
-  if (py::isinstance<Array<float>>(directions))
-    set_vectors(directions, direction_count, columns.directions_float);
-  else
-    set_vectors(directions, direction_count, columns.directions_double);
-  if (origin_count != direction_count) throw std::invalid_argument("_core: origins and directions differ in length");
-  columns.count = origin_count;
+  if (!set_vectors(origins, origin_count, columns.origins_float, columns.origin_stride) &&
+      !set_vectors(origins, origin_count, columns.origins_double, columns.origin_stride)) {
+    throw std::invalid_argument("_core: origins must be float32 or float64");
+  }
+  if (!set_vectors(directions, direction_count, columns.directions_float, columns.direction_stride) &&
+      !set_vectors(directions, direction_count, columns.directions_double, columns.direction_stride)) {
+    throw std::invalid_argument("_core: directions must be float32 or float64");
+  }
+  if (origin_count != direction_count && origin_count != 1 && direction_count != 1) {
+    throw std::invalid_argument("_core: origins and directions differ in length");
+  }
+  columns.count = origin_count == 1 ? direction_count : origin_count;
 }
 
 template <class T>

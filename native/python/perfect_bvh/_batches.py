@@ -1,12 +1,13 @@
-"""Rays and points as columns: checked once, then handed to the engine as contiguous pieces.
+"""Rays and points as columns: checked once, then handed to the engine in pieces.
 
-The engine takes C-contiguous arrays of the exact dtype only. Arrays that are so are handed over as they are, at once.
-Others (strided, of another dtype, or broadcast) are copied a piece at a time: however many rays they make, the copies
-are no larger than a piece.
+The engine takes arrays of the exact dtype: numbers contiguous, vectors as rows at any distance from each other, and one
+vector for all rays as it is. Such arrays are handed over at once. Others (of another dtype, broadcast in part) are
+copied a piece at a time: however many rays they make, the copies are no larger than a piece.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -36,26 +37,52 @@ class Piece:
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """One argument: values broadcast to one row a ray; `width` 3 for vectors, 0 for one number a ray."""
+    """One argument: values broadcast to one row a ray; `width` 3 for vectors, 0 for one number a ray.
+
+    is_strided: whether the engine takes vectors with gaps between them, and one for all.
+    """
 
     values: npt.NDArray[Any]
     dtype: type[np.generic]
     width: int
+    is_strided: bool = False
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether there is one value for all rays."""
+        return self.values.size == max(self.width, 1) and (self.is_strided or not self.width)
 
     def is_ready(self, shape: tuple[int, ...]) -> bool:
         """Whether the engine can take the array as it is."""
         full = (*shape, self.width) if self.width else shape
-        fits = self.values.shape == full or (not self.width and self.values.size == 1)
-        return fits and self.values.dtype == self.dtype and self.values.flags.c_contiguous
+        return self.is_shared or (self.values.shape == full and self._fits(self.values))
 
     def take(self, shape: tuple[int, ...], index: Index) -> npt.NDArray[Any]:
-        """Contiguous rows: (rows, width), (rows,), or (1,) for a scalar."""
+        """What the engine takes: (rows, width), (rows,), or a single row that is every ray's."""
         with np.errstate(over="ignore", invalid="ignore"):  # what float32 cannot hold is infinite
-            if not self.width and self.values.size == 1:
-                return np.ascontiguousarray(self.values.reshape(1), dtype=self.dtype)
-            full = (*shape, self.width) if self.width else shape
-            part = np.ascontiguousarray(np.broadcast_to(self.values, full)[index], dtype=self.dtype)
+            if self.is_shared:
+                part = np.ascontiguousarray(self.values, dtype=self.dtype)
+            else:
+                full = (*shape, self.width) if self.width else shape
+                part = np.broadcast_to(self.values, full)[index]
+                part = part if self._fits(part) else np.ascontiguousarray(part, dtype=self.dtype)
         return part.reshape(-1, self.width) if self.width else part.reshape(-1)
+
+    def _fits(self, part: npt.NDArray[Any]) -> bool:
+        """Whether the engine reads a part that has a row for each ray where it stands."""
+        if part.dtype != self.dtype or not part.flags.aligned:
+            return False
+        return part.flags.c_contiguous or (self.is_strided and _are_rows(part))
+
+
+def _are_rows(vectors: npt.NDArray[Any]) -> bool:
+    """Whether (..., 3) vectors lie at one distance from each other, their numbers side by side."""
+    *shape, _ = vectors.shape
+    *strides, last = vectors.strides
+    axes = [(size, stride) for size, stride in zip(shape, strides, strict=True) if size != 1]
+    if last != vectors.itemsize or any(stride % last for _, stride in axes):
+        return False
+    return all(outer == size * inner for (_, outer), (size, inner) in itertools.pairwise(axes))
 
 
 class Batch:
@@ -119,7 +146,7 @@ def _vectors(function: str, name: str, value: npt.ArrayLike) -> _Column:
     array = as_array(function, name, value)
     if array.ndim == 0 or array.shape[-1] != 3:
         raise ValueError(f"{function}: {name} must have shape (..., 3), got {array.shape}")
-    return _Column(array, vector_dtype(array.dtype), 3)
+    return _Column(array, vector_dtype(array.dtype), 3, is_strided=True)
 
 
 def _numbers(

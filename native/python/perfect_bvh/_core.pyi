@@ -1,4 +1,7 @@
-"""The compiled engine. C-contiguous arrays of exactly these dtypes; use the package's classes instead."""
+"""The compiled engine. C-contiguous arrays of exactly these dtypes; use the package's classes instead.
+
+Origins and directions of rays: (rows, 3), float32 or float64 each, rows at any distance; a single row is every ray's.
+"""
 
 from collections.abc import Callable
 from typing import Any, overload

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,7 +46,8 @@ class Hits:
     instance_ids, mesh_ids, primitive_ids (...) int32: -1 on a miss. primitive_ids are rows of the mesh's triangles.
     primitive_uvs (..., 2) float32: the point (1 - u - v) v0 + u v1 + v v2; zero on a miss.
     geometric_normals (..., 3) float32: world space, unit length, by the triangle's winding; zero on a miss.
-    positions (..., 3) float64: world space, from the triangle's corners; zero on a miss.
+    positions (..., 3) float64: world space, where the ray meets the triangle's plane, in double; zero on a miss. Of
+        triangles that are seen edge-on or are mere threads the point of primitive_uvs: double knows none better.
     distances (...) float64: world units; inf on a miss.
     front_face (...) bool: the ray met the side from which the corners run counter-clockwise in world space.
     nodes_visited, primitives_tested (...) int32: boxes and triangles tested for this ray.
@@ -80,18 +81,31 @@ class Hits:
         return np.asarray(np.isfinite(self.t_hit))
 
 
+# What callers may hand over to be written into.
+Out = Hits | Mapping[str, npt.NDArray[Any]]
+
+
+def fields_of(fields: Iterable[str] | None, out: Out | None = None) -> tuple[str, ...]:
+    """The names of the fields to compute; None: those of `out` if it is a `Hits`, else the usual ones."""
+    if fields is None:
+        return tuple(out.columns) if isinstance(out, Hits) else DEFAULT_FIELDS
+    return (fields,) if isinstance(fields, str) else tuple(fields)
+
+
 def allocate_columns(
     function: str,
     fields: tuple[str, ...],
     shape: tuple[int, ...],
-    out: dict[str, npt.NDArray[Any]] | None,
+    out: Out | None,
     rays: Iterable[npt.NDArray[Any]] = (),
 ) -> dict[str, npt.NDArray[Any]]:
     """The result arrays, the caller's own where `out` has them; rays: what the query still reads while it writes."""
     for name in fields:
         if name not in FIELD_TYPES:
             raise ValueError(f"{function}: unknown field {name!r}; there are {', '.join(FIELD_TYPES)}")
-    given = {} if out is None else out
+    if not isinstance(out, (Hits, Mapping, type(None))):
+        raise ValueError(f"{function}: out must be a dict of arrays by the fields' names or a Hits, got {_kind(out)}")
+    given = {} if out is None else out.columns if isinstance(out, Hits) else out
     for name in given:
         if name not in fields:
             raise ValueError(f"{function}: out has {name!r}, which is not among the fields {', '.join(fields)}")
@@ -100,24 +114,36 @@ def allocate_columns(
         dtype, width = FIELD_TYPES[name]
         wanted = shape if width == 1 else (*shape, width)
         if name in given:
-            _check_column(function, name, given[name], wanted, np.dtype(dtype))
+            check_out(function, f"out[{name!r}]", given[name], wanted, dtype)
         columns[name] = given[name] if name in given else np.empty(wanted, dtype)
-    _check_overlap(function, {name: columns[name] for name in given}, rays)
+    inputs, written = tuple(rays), [name for name in fields if name in given]
+    for index, name in enumerate(written):
+        others = (*inputs, *(given[other] for other in written[:index]))
+        check_overlap(function, f"out[{name!r}]", given[name], others)
     return columns
 
 
-def _check_column(function: str, name: str, given: object, wanted: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-    expected = f"{function}: out[{name!r}] must be a writable C-contiguous {dtype.name} array of shape {wanted}"
+def check_out(
+    function: str, name: str, given: object, wanted: tuple[int, ...], dtype: type[np.generic]
+) -> npt.NDArray[Any]:
+    """An array that can be written into as it is."""
+    expected = f"{function}: {name} must be a writable C-contiguous {np.dtype(dtype).name} array of shape {wanted}"
     if not isinstance(given, np.ndarray):
-        raise ValueError(f"{expected}, got {type(given).__name__}")
-    if given.shape != wanted or given.dtype != dtype or not given.flags.c_contiguous or not given.flags.writeable:
-        raise ValueError(f"{expected}, got {given.dtype} of shape {given.shape}")
+        raise ValueError(f"{expected}, got {_kind(given)}")
+    flags = given.flags
+    faults = ["one that is read-only"] if not flags.writeable else []
+    faults += ["one that is not contiguous"] if not flags.c_contiguous else []
+    faults += ["one that is not aligned"] if not flags.aligned else []
+    if given.shape != wanted or given.dtype != dtype or faults:
+        raise ValueError(f"{expected}, got {', '.join([f'{given.dtype} of shape {given.shape}', *faults])}")
+    return given
 
 
-def _check_overlap(function: str, given: dict[str, npt.NDArray[Any]], rays: Iterable[npt.NDArray[Any]]) -> None:
+def check_overlap(function: str, name: str, given: npt.NDArray[Any], others: Iterable[npt.NDArray[Any]]) -> None:
     """Threads write rows in any order: an array with two uses would hold a mixture of both."""
-    inputs, names = tuple(rays), list(given)
-    for index, name in enumerate(names):
-        others = (*inputs, *(given[other] for other in names[:index]))
-        if any(np.may_share_memory(given[name], other) for other in others):  # all contiguous: bounds decide
-            raise ValueError(f"{function}: out[{name!r}] shares memory with the rays or with another array of out")
+    if any(np.may_share_memory(given, other) for other in others):  # by their bounds
+        raise ValueError(f"{function}: {name} shares memory with the rays or with another array of out")
+
+
+def _kind(given: object) -> str:
+    return type(given).__name__

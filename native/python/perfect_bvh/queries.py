@@ -14,7 +14,7 @@ from ._batches import Batch, Progress, point_batch, ray_batch, share_of
 from .audit import AUDITED_FIELDS, audit_answers
 from .build_config import COSTS, checked_number
 from .closest_points import ClosestPoints, allocate_closest
-from .hits import DEFAULT_FIELDS, Hits, allocate_columns
+from .hits import Hits, Out, allocate_columns, check_out, check_overlap, fields_of
 from .ray_walk import RayWalk
 from .report import SceneStatistics
 
@@ -53,8 +53,9 @@ class Queries:
     threads: at most so many; 0 for all that the process may use.
     progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
 
-    Rays that are not finite, have no direction or an empty range are misses. Memory: what is returned, the arrays
-    that are given, and if those are not contiguous arrays of float32 or float64, copies of a million rays at a time.
+    Rays that are not finite, have no direction or an empty range are misses. Memory: what is returned and the arrays
+    that are given. They are read where they are: one vector for all rays, and vectors with gaps between them (columns
+    of a wider array) as well. Others, of other dtypes or broadcast in part, are copied, a million rays at a time.
 
     All raise ValueError for arrays of the wrong shape or kind, and on a `Scene` StaleSceneError if edits wait.
     """
@@ -75,7 +76,7 @@ class Queries:
         fields: Iterable[str] | None = None,
         threads: int = 0,
         audit: float = 0.0,
-        out: dict[str, npt.NDArray[Any]] | None = None,
+        out: Out | None = None,
         progress: Progress | None = None,
         strategy: Strategy = "auto",
     ) -> Hits:
@@ -83,22 +84,25 @@ class Queries:
 
         Watertight: no ray passes between triangles that share an edge or a vertex.
 
-        fields: names of the fields to compute; None for the usual ones, see `Hits`.
+        fields: names of the fields to compute, the others cost nothing; None for the usual ones, see `Hits`. Of these
+            geometric_normals are the dearest: each takes the triangle's corners from memory.
         audit: the share of rays, 0 to 1, to check again in double precision and without any tree; what that shows is
             in the answer's `audit`. It costs about 5 ns for each checked ray and triangle of the scene.
-        out: arrays to write fields into, by name: contiguous, of the field's dtype and shape, for fields that are
-            computed; none may overlap another or the rays.
+        out: arrays to write fields into and return, so that call after call uses the same memory: a dict of arrays by
+            the fields' names, or the `Hits` of an earlier call, whose fields are then computed if `fields` is None.
+            Contiguous, of the field's dtype and shape (...) or (..., 2 or 3); none may overlap another or the rays.
         strategy: how rays are traced, never what they hit. "packets": 64 consecutive rays share a traversal, which is
             several times as fast where they go much the same way; "stream": many are under way, each for itself;
             "single": one after the other. "auto" looks at the rays: packets where they are coherent, else the stream.
             Batches that count their work are not traced in packets.
 
-        Returns `Hits`, one row a ray, always; invalid rays are misses, counted in `invalid_count`.
+        Returns `Hits`, one row a ray, always; invalid rays are misses, counted in `invalid_count`. With `out` it is a
+        new one around the arrays given.
         """
         _check_strategy("cast_rays", strategy)
         _check_audit("cast_rays", audit)
         batch = ray_batch("cast_rays", origins, directions, t_min, t_max, mask, cull, threads)
-        names = _names(fields)
+        names = fields_of(fields, out)
         hidden = [name for name in AUDITED_FIELDS if audit > 0.0 and name not in names]
         columns = allocate_columns("cast_rays", (*names, *hidden), batch.shape, out, batch.arrays)
         snapshot, invalid, packed = self._committed(), 0, 0
@@ -123,14 +127,23 @@ class Queries:
         threads: int = 0,
         progress: Progress | None = None,
         strategy: Strategy = "auto",
+        out: npt.NDArray[np.bool_] | None = None,
     ) -> npt.NDArray[np.bool_]:
-        """Whether anything lies on each ray between t_min and t_max: (...) bool. Arguments: see `Queries`.
+        """Whether anything lies on each ray between t_min and t_max: (...) bool. For the other arguments see `Queries`.
 
-        True exactly where `cast_rays` finds a hit, but faster.
+        True exactly where `cast_rays` finds a hit, but faster. strategy: see `cast_rays`.
+
+        out: an array to write into and return, so that call after call uses the same memory: contiguous, bool, of the
+            rays' shape (...); it may not overlap them.
         """
-        _check_strategy("test_occlusions", strategy)
-        batch = ray_batch("test_occlusions", origins, directions, t_min, t_max, mask, cull, threads)
-        occluded = np.empty(batch.shape, np.bool_)
+        name = "test_occlusions"
+        _check_strategy(name, strategy)
+        batch = ray_batch(name, origins, directions, t_min, t_max, mask, cull, threads)
+        if out is None:
+            occluded = np.empty(batch.shape, np.bool_)
+        else:
+            occluded = check_out(name, "out", out, batch.shape, np.bool_)
+            check_overlap(name, "out", occluded, batch.arrays)
         snapshot = self._committed()
         for piece in batch.pieces(progress):
             part = occluded[piece.index]
@@ -185,7 +198,7 @@ class Queries:
         if max_hits is not None:
             max_hits = check_count(name, "max_hits", max_hits, 0, 2**63 - 1)
         batch = ray_batch(name, origins, directions, t_min, t_max, mask, cull, threads)
-        names = _names(fields)
+        names = fields_of(fields)
         costs = [field for field in names if field in ("nodes_visited", "primitives_tested")]
         if costs:
             raise ValueError(f"{name}: fields has {costs[0]!r}, which rays have, not hits; ask cast_rays for it")
@@ -284,10 +297,6 @@ class Queries:
         visit = checked_number("statistics", "traversal_cost", traversal_cost, *COSTS["traversal_cost"])
         test = checked_number("statistics", "intersection_cost", intersection_cost, *COSTS["intersection_cost"])
         return SceneStatistics.from_core(_core.measure(self._committed(), bool(detailed), visit, test, progress))
-
-
-def _names(fields: Iterable[str] | None) -> tuple[str, ...]:
-    return DEFAULT_FIELDS if fields is None else (fields,) if isinstance(fields, str) else tuple(fields)
 
 
 def _five(columns: tuple[npt.NDArray[Any], ...]) -> tuple[Any, Any, Any, Any, Any]:

@@ -1,51 +1,146 @@
 #include "query/hit_columns.h"
 
+#include <algorithm>
+#include <array>
+
 #include "math/elementary.h"
 #include "query/trace.h"
 
 namespace perfect_bvh {
 namespace {
 
-void store(float* column, std::size_t row, Vec3d value) {
-  column[3 * row] = static_cast<float>(value.x);
-  column[3 * row + 1] = static_cast<float>(value.y);
-  column[3 * row + 2] = static_cast<float>(value.z);
+// Hits whose corners are fetched together: so many wait for memory at once.
+constexpr std::size_t kFetchedHits = 64;
+
+// Of rows side by side.
+struct Rows {
+  const Snapshot& snapshot;
+  std::size_t first;
+  std::span<const Hit> hits;
+  std::span<const Ray> rays;
+};
+
+void store_instances(std::int32_t* column, const Rows& rows, std::int32_t Instance::* id) {
+  for (std::size_t i = 0; i < rows.hits.size(); ++i) {
+    const Hit& hit = rows.hits[i];
+    column[i] = hit.found() ? rows.snapshot.instances[hit.instance_index].*id : -1;
+  }
 }
 
-void store_identity(const HitColumns& out, std::size_t row, const Snapshot& snapshot, const Hit& hit) {
-  const bool found = hit.found();
-  if (out.t) out.t[row] = hit.t;
-  if (out.instance_ids) out.instance_ids[row] = found ? snapshot.instances[hit.instance_index].id : -1;
-  if (out.mesh_ids) out.mesh_ids[row] = found ? snapshot.instances[hit.instance_index].mesh_id : -1;
-  if (out.primitive_ids) out.primitive_ids[row] = found ? static_cast<std::int32_t>(hit.primitive_index) : -1;
-  if (out.uvs) out.uvs[2 * row] = hit.u, out.uvs[2 * row + 1] = hit.v;
+void store_identities(const HitColumns& out, const Rows& rows) {
+  const std::size_t first = rows.first, count = rows.hits.size();
+  if (out.t) std::transform(rows.hits.begin(), rows.hits.end(), out.t + first, [](const Hit& hit) { return hit.t; });
+  if (out.instance_ids) store_instances(out.instance_ids + first, rows, &Instance::id);
+  if (out.mesh_ids) store_instances(out.mesh_ids + first, rows, &Instance::mesh_id);
+  if (out.primitive_ids) {
+    static_assert(static_cast<std::int32_t>(kNoHit) == -1);
+    for (std::size_t i = 0; i < count; ++i)
+      out.primitive_ids[first + i] = static_cast<std::int32_t>(rows.hits[i].primitive_index);
+  }
+  if (out.uvs) {
+    for (std::size_t i = 0; i < count; ++i) {
+      out.uvs[2 * (first + i)] = rows.hits[i].u;
+      out.uvs[2 * (first + i) + 1] = rows.hits[i].v;
+    }
+  }
 }
 
-// The fields that need the triangle's corners.
-void store_geometry(const HitColumns& out, std::size_t row, const Snapshot& snapshot, const Hit& hit, const Ray& ray) {
-  if (out.distances) {
+void store_distances(double* column, const Rows& rows) {
+  for (std::size_t i = 0; i < rows.hits.size(); ++i) {
     // Not length: the square of a tiny or huge direction is not a number that a double can hold.
-    const Vec3d d = ray.direction;
-    out.distances[row] = hit.found() ? static_cast<double>(hit.t) * hypotenuse(d.x, d.y, d.z) : kInfiniteDistance;
+    const Vec3d d = rows.rays[i].direction;
+    const Hit& hit = rows.hits[i];
+    column[i] = hit.found() ? static_cast<double>(hit.t) * hypotenuse(d.x, d.y, d.z) : kInfiniteDistance;
   }
-  if (!out.normals && !out.positions && !out.front_face) return;
-  Vec3d normal{0, 0, 0}, position{0, 0, 0};
-  if (hit.found()) {
-    normal = geometric_normal(snapshot, hit);
-    position = hit_position(snapshot, hit);
-  }
+}
+
+template <class T>
+void store(T* column, std::size_t row, Vec3d value) {
+  column[3 * row] = static_cast<T>(value.x);
+  column[3 * row + 1] = static_cast<T>(value.y);
+  column[3 * row + 2] = static_cast<T>(value.z);
+}
+
+void store_normal(const HitColumns& out, std::size_t row, const WorldTriangle& triangle, const Ray& ray) {
+  const Vec3d normal = normalized(triangle.scaled_normal());
   if (out.normals) store(out.normals, row, normal);
-  if (out.positions)
-    out.positions[3 * row] = position.x, out.positions[3 * row + 1] = position.y,
-                      out.positions[3 * row + 2] = position.z;
-  if (out.front_face) out.front_face[row] = hit.found() && dot(normal, ray.direction) < 0 ? 1 : 0;
+  if (out.front_face) out.front_face[row] = dot(normal, ray.direction) < 0 ? 1 : 0;
+}
+
+void store_no_geometry(const HitColumns& out, std::size_t row) {
+  if (out.normals) store(out.normals, row, {0, 0, 0});
+  if (out.positions) store(out.positions, row, {0, 0, 0});
+  if (out.front_face) out.front_face[row] = 0;
+}
+
+// Places triangles as place_triangle does, in fewer steps where an instance is only moved: most stand as they were
+// made.
+class Placer {
+ public:
+  [[nodiscard]] WorldTriangle place(const Instance& instance, TriangleIndices corners) noexcept {
+    if (&instance != last_) {
+      const Affine& map = instance.object_to_world;
+      last_ = &instance;
+      is_moved_only_ = map.x == Vec3d{1, 0, 0} && map.y == Vec3d{0, 1, 0} && map.z == Vec3d{0, 0, 1};
+    }
+    if (!is_moved_only_) return place_triangle(instance, corners);
+    const Vec3f* const positions = instance.blas->mesh.positions.data();
+    const Vec3d by = instance.object_to_world.translation;
+    return {to_double(positions[corners.x]) + by, to_double(positions[corners.y]) + by,
+            to_double(positions[corners.z]) + by};
+  }
+
+ private:
+  const Instance* last_ = nullptr;
+  bool is_moved_only_ = false;
+};
+
+// The fields that need the triangle's corners, of at most kFetchedHits rows. Of triangles at random every corner is a
+// wait for memory; asked for beforehand, all of them are one.
+void store_geometries(const HitColumns& out, const Rows& rows, Placer& placer) {
+  std::array<TriangleIndices, kFetchedHits> corners;
+  const Instance* const instances = rows.snapshot.instances.data();
+  for (std::size_t i = 0; i < rows.hits.size(); ++i) {
+    const Hit& hit = rows.hits[i];
+    if (!hit.found()) continue;
+    const TriangleMesh& mesh = instances[hit.instance_index].blas->mesh;
+    corners[i] = mesh.triangles[hit.primitive_index];
+    for (const std::uint32_t corner : {corners[i].x, corners[i].y, corners[i].z})
+      __builtin_prefetch(&mesh.positions[corner]);
+  }
+  for (std::size_t i = 0; i < rows.hits.size(); ++i) {
+    const Hit& hit = rows.hits[i];
+    const std::size_t row = rows.first + i;
+    if (!hit.found()) {
+      store_no_geometry(out, row);
+      continue;
+    }
+    const Instance& instance = instances[hit.instance_index];
+    if (out.normals || out.front_face) store_normal(out, row, placer.place(instance, corners[i]), rows.rays[i]);
+    if (out.positions) store(out.positions, row, ray_position(instance, corners[i], hit, rows.rays[i]));
+  }
 }
 
 }  // namespace
 
-void store_hit(const HitColumns& out, std::size_t row, const Snapshot& snapshot, const Hit& hit, const Ray& ray) {
-  store_identity(out, row, snapshot, hit);
-  store_geometry(out, row, snapshot, hit, ray);
+void store_hits(const HitColumns& out, std::size_t first, const Snapshot& snapshot, std::span<const Hit> hits,
+                std::span<const Ray> rays) {
+  store_identities(out, {snapshot, first, hits, rays});
+  if (out.distances) store_distances(out.distances + first, {snapshot, first, hits, rays});
+  if (!out.normals && !out.positions && !out.front_face) return;
+  Placer placer;
+  for (std::size_t done = 0; done < hits.size(); done += kFetchedHits) {
+    const std::size_t count = std::min(kFetchedHits, hits.size() - done);
+    store_geometries(out, {snapshot, first + done, hits.subspan(done, count), rays.subspan(done, count)}, placer);
+  }
+}
+
+void store_counts(const HitColumns& out, std::size_t first, std::span<const RayCounts> counts) {
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if (out.nodes_visited) out.nodes_visited[first + i] = static_cast<std::int32_t>(counts[i].nodes_visited);
+    if (out.primitives_tested)
+      out.primitives_tested[first + i] = static_cast<std::int32_t>(counts[i].primitives_tested);
+  }
 }
 
 }  // namespace perfect_bvh

@@ -3,7 +3,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
+#include "stats/ray_counts.h"
 #include "tlas/snapshot.h"
 #include "traverse/ray.h"
 
@@ -17,14 +19,20 @@ struct HitColumns {
   std::int32_t* primitive_ids = nullptr;
   float* uvs = nullptr;         // 2 a ray
   float* normals = nullptr;     // 3 a ray, world space, unit length, by winding
-  double* positions = nullptr;  // 3 a ray, world space
+  double* positions = nullptr;  // 3 a ray, world space, see ray_position
   double* distances = nullptr;  // world units
   std::uint8_t* front_face = nullptr;
   std::int32_t* nodes_visited = nullptr;
   std::int32_t* primitives_tested = nullptr;
+
+  [[nodiscard]] bool want_counts() const noexcept { return nodes_visited || primitives_tested; }
 };
 
-// Writes one row of every column that is wanted, but for the counts of what a ray cost.
-void store_hit(const HitColumns& out, std::size_t row, const Snapshot& snapshot, const Hit& hit, const Ray& ray);
+// Writes the rows from `first` on of every column that is wanted, but for the counts of what a ray cost: column by
+// column, so that what is not wanted costs nothing. One ray for each hit.
+void store_hits(const HitColumns& out, std::size_t first, const Snapshot& snapshot, std::span<const Hit> hits,
+                std::span<const Ray> rays);
+// The rest.
+void store_counts(const HitColumns& out, std::size_t first, std::span<const RayCounts> counts);
 
 }  // namespace perfect_bvh

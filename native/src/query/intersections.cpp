@@ -103,7 +103,7 @@ std::size_t list_intersections(const Snapshot& snapshot, const RayColumns& colum
         if (i % kHitsBetweenAsking == kHitsBetweenAsking - 1) cancel.checkpoint();
         const FoundHit& hit = sorted[i];
         const Hit narrowed{static_cast<float>(hit.t) + 0.0f, hit.u, hit.v, hit.instance_index, hit.primitive_index};
-        store_hit(out, begin + i, snapshot, narrowed, rays[row]);
+        store_hits(out, begin + i, snapshot, {&narrowed, 1}, rays.subspan(row, 1));
       }
     });
   });

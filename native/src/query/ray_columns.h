@@ -10,13 +10,15 @@
 #include "core/aligned.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
+#include "query/kept_by_thread.h"
 #include "traverse/ray.h"
 #include "traverse/ray_reordering.h"
 #include "traverse/strategy.h"
 
 namespace perfect_bvh {
 
-// Float or double: exactly one of each pair of pointers is set. Scalars have a stride of 0, arrays of 1.
+// Float or double: exactly one of each pair of pointers is set. Strides count numbers: 3 from vector to vector of a
+// plain array, 0 for one vector that all rays share; of numbers 1, or 0 for one that all share.
 struct RayColumns {
   std::size_t count = 0;
   const Vec3f* origins_float = nullptr;
@@ -26,18 +28,18 @@ struct RayColumns {
   const float* t_min = nullptr;
   const float* t_max = nullptr;
   const std::uint32_t* masks = nullptr;
+  std::ptrdiff_t origin_stride = 3, direction_stride = 3;
   std::size_t t_min_stride = 0, t_max_stride = 0, mask_stride = 0;
   Cull cull = Cull::kNone;
   Strategy strategy = Strategy::kAuto;  // of closest-hit and any-hit queries; the others know one
 };
 
-[[nodiscard]] inline Ray load_ray(const RayColumns& columns, std::size_t row) {
+// The rays of rows `first` on, one for each of `rays`; returns how many are invalid.
+std::size_t load_rays(const RayColumns& columns, std::size_t first, std::span<Ray> rays) noexcept;
+
+[[nodiscard]] inline Ray load_ray(const RayColumns& columns, std::size_t row) noexcept {
   Ray ray;
-  ray.origin = columns.origins_double ? columns.origins_double[row] : to_double(columns.origins_float[row]);
-  ray.direction = columns.directions_double ? columns.directions_double[row] : to_double(columns.directions_float[row]);
-  ray.t_min = columns.t_min[row * columns.t_min_stride];
-  ray.t_max = columns.t_max[row * columns.t_max_stride];
-  ray.mask = columns.masks[row * columns.mask_stride];
+  load_rays(columns, row, {&ray, 1});
   return ray;
 }
 
@@ -49,6 +51,13 @@ inline constexpr std::size_t kBlockRays = 1024;
 // rows of an image. By the number of rays alone, so that all answers are.
 [[nodiscard]] inline std::size_t large_block_rays(std::size_t count) noexcept {
   return std::clamp(count / 16 / kPacketRays * kPacketRays, kBlockRays, kReorderedRays);
+}
+
+// Of a batch in blocks: whole blocks, and few enough that every thread has some tasks, also of a small batch.
+[[nodiscard]] inline std::size_t fair_task_rays(std::size_t count, std::size_t block_rays,
+                                                std::size_t threads) noexcept {
+  const std::size_t most = std::max<std::size_t>(kTaskRays / block_rays, 1);
+  return block_rays * std::clamp<std::size_t>(count / (2 * threads) / block_rays, 1, most);
 }
 
 // Calls run(begin, end) for every task's rows of a batch, over the pool.
@@ -71,21 +80,19 @@ std::size_t for_each_block(const RayColumns& columns, ThreadPool& pool, int max_
                            Block&& block, std::size_t block_rays = kBlockRays) {
   std::atomic<std::size_t> invalid_count{0};
   const auto trace_task = [&](std::size_t begin, std::size_t end) {
-    AlignedVector<Ray> rays;
-    rays.reserve(std::min(block_rays, end - begin));
+    KeptByThread<AlignedVector<Ray>> kept;
+    if (kept->size() < block_rays) kept->resize(block_rays);
     std::size_t invalid = 0;
     for (std::size_t first = begin; first < end; first += block_rays) {
-      const std::size_t count = std::min(block_rays, end - first);
-      rays.clear();
-      for (std::size_t i = 0; i < count; ++i) {
-        rays.push_back(load_ray(columns, first + i));
-        invalid += is_valid(rays.back()) ? 0 : 1;
-      }
+      const std::span<Ray> rays(kept->data(), std::min(block_rays, end - first));
+      invalid += load_rays(columns, first, rays);
       block(std::span<const Ray>(rays), first);
     }
     invalid_count.fetch_add(invalid, std::memory_order_relaxed);
   };
-  for_each_task(columns.count, pool, max_threads, cancel, trace_task, std::max(kTaskRays, block_rays));
+  const int threads = max_threads == 0 ? pool.thread_count() : std::min(max_threads, pool.thread_count());
+  for_each_task(columns.count, pool, max_threads, cancel, trace_task,
+                fair_task_rays(columns.count, block_rays, static_cast<std::size_t>(threads)));
   return invalid_count.load();
 }
 

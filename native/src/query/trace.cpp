@@ -1,9 +1,34 @@
 #include "query/trace.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "tlas/lazy_trees.h"
 #include "traverse/dispatch.h"
 
 namespace perfect_bvh {
+namespace {
+
+Vec3d from_corners(const WorldTriangle& triangle, const Hit& hit) noexcept {
+  const double u = hit.u, v = hit.v;
+  return triangle.v0 * (1.0 - u - v) + triangle.v1 * u + triangle.v2 * v;
+}
+
+Vec3d absolute(Vec3d a) noexcept { return {std::abs(a.x), std::abs(a.y), std::abs(a.z)}; }
+double largest(Vec3d a) noexcept { return std::max({std::abs(a.x), std::abs(a.y), std::abs(a.z)}); }
+
+// A vector of an instance in world space.
+struct Placed {
+  Placed(const Affine& map, Vec3d v) noexcept
+      : vector(map.vector(v)),
+        size(largest(absolute(map.x) * std::abs(v.x) + absolute(map.y) * std::abs(v.y) +
+                     absolute(map.z) * std::abs(v.z))) {}
+
+  Vec3d vector;
+  double size;  // the largest sum of its terms' sizes: what its rounding goes with
+};
+
+}  // namespace
 
 std::size_t trace_closest(const Snapshot& snapshot, CancelToken& cancel, std::span<const Ray> rays, std::span<Hit> hits,
                           Cull cull, std::span<RayCounts> counts, Strategy strategy) {
@@ -27,23 +52,35 @@ std::size_t trace_occluded(const Snapshot& snapshot, CancelToken& cancel, std::s
 
 WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit) noexcept {
   const Instance& instance = snapshot.instances[hit.instance_index];
-  const TriangleMesh& mesh = instance.blas->mesh;
-  const TriangleIndices corners = mesh.triangles[hit.primitive_index];
-  const auto place = [&](std::uint32_t vertex) {
-    return instance.object_to_world.point(to_double(mesh.positions[vertex]));
-  };
-  return {place(corners.x), place(corners.y), place(corners.z)};
+  return place_triangle(instance, instance.blas->mesh.triangles[hit.primitive_index]);
 }
 
 Vec3d geometric_normal(const Snapshot& snapshot, const Hit& hit) noexcept {
-  const WorldTriangle triangle = world_triangle(snapshot, hit);
-  return normalized(cross(triangle.v1 - triangle.v0, triangle.v2 - triangle.v0));
+  return normalized(world_triangle(snapshot, hit).scaled_normal());
 }
 
 Vec3d hit_position(const Snapshot& snapshot, const Hit& hit) noexcept {
-  const WorldTriangle triangle = world_triangle(snapshot, hit);
-  const double u = hit.u, v = hit.v;
-  return triangle.v0 * (1.0 - u - v) + triangle.v1 * u + triangle.v2 * v;
+  return from_corners(world_triangle(snapshot, hit), hit);
+}
+
+Vec3d ray_position(const Instance& instance, TriangleIndices corners, const Hit& hit, const Ray& ray) noexcept {
+  const auto& positions = instance.blas->mesh.positions;
+  const Affine& place = instance.object_to_world;
+  const Vec3d d = ray.direction, p0 = to_double(positions[corners.x]);
+  const Placed edge1(place, to_double(positions[corners.y]) - p0), edge2(place, to_double(positions[corners.z]) - p0);
+  const Placed corner(place, p0);
+  const Vec3d normal = cross(edge1.vector, edge2.vector), arm = corner.vector + (place.translation - ray.origin);
+  const double slope = dot(normal, d), t = dot(normal, arm) / slope;
+  // With e = 2^-53: edges are off by 4 e of their terms' sizes, so that each component of the normal is off by at most
+  // 20 e times the product of both, the products by 5 e of their terms' sizes, and the corner by 4 e of its terms'. So
+  // t is off by at most 2^7 e of this, divided by the slope.
+  const double size = std::max(edge1.size, edge2.size);
+  const double slopes = std::abs(normal.x * d.x) + std::abs(normal.y * d.y) + std::abs(normal.z * d.z);
+  const double spread = edge1.size * edge2.size * (size + corner.size / 16) + std::abs(t) * slopes;
+  // The point may be off by a millionth of the longest edge.
+  const double limit = 0x1p26 * size * std::abs(slope);
+  const bool is_exact = spread * largest(d) <= limit && limit > 1e-280 && limit < 1e280;
+  return is_exact ? ray.origin + d * t : from_corners(place_triangle(instance, corners), hit);
 }
 
 }  // namespace perfect_bvh

@@ -39,14 +39,28 @@ inline std::size_t trace_occluded(const Snapshot& snapshot, std::span<const Ray>
   return trace_occluded(snapshot, never, rays, occluded, cull, counts, strategy);
 }
 
-// The hit triangle's corners in world space, in winding order.
+// A triangle's corners in world space, in winding order.
 struct WorldTriangle {
   Vec3d v0, v1, v2;
+
+  // Following the world winding (so not turned towards the ray), as long as twice the area.
+  [[nodiscard]] Vec3d scaled_normal() const noexcept { return cross(v1 - v0, v2 - v0); }
 };
+[[nodiscard]] inline WorldTriangle place_triangle(const Instance& instance, TriangleIndices corners) noexcept {
+  const auto place = [&](std::uint32_t vertex) {
+    return instance.object_to_world.point(to_double(instance.blas->mesh.positions[vertex]));
+  };
+  return {place(corners.x), place(corners.y), place(corners.z)};
+}
 [[nodiscard]] WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit) noexcept;
-// Unit length, following the world winding (so not turned towards the ray); zero for a triangle without area.
+// Unit length, following the world winding; zero for a triangle without area.
 [[nodiscard]] Vec3d geometric_normal(const Snapshot& snapshot, const Hit& hit) noexcept;
-// The point on the triangle, from u and v: more exact than origin + t * direction.
+// The point on the triangle, from u and v.
 [[nodiscard]] Vec3d hit_position(const Snapshot& snapshot, const Hit& hit) noexcept;
+// Where the ray meets the plane of the triangle that it hits, in double: on a plane of kilometres u and v, which are
+// floats, are millimetres beside it. From u and v where the plane says no more: for triangles that are seen edge-on, or
+// some million times as long as wide, or as far away as they are long.
+[[nodiscard]] Vec3d ray_position(const Instance& instance, TriangleIndices corners, const Hit& hit,
+                                 const Ray& ray) noexcept;
 
 }  // namespace perfect_bvh

@@ -1,0 +1,56 @@
+#include "query/ray_columns.h"
+
+namespace perfect_bvh {
+namespace {
+
+// Origins or directions: numbers with a stride.
+template <class T>
+struct Vectors {
+  const T* numbers;
+  std::ptrdiff_t stride;
+
+  Vectors(const Vec3<T>* first, std::ptrdiff_t the_stride) noexcept
+      : numbers(reinterpret_cast<const T*>(first)), stride(the_stride) {}
+  [[nodiscard]] Vec3d operator[](std::size_t row) const noexcept {
+    const T* const at = numbers + static_cast<std::ptrdiff_t>(row) * stride;
+    return {static_cast<double>(at[0]), static_cast<double>(at[1]), static_cast<double>(at[2])};
+  }
+};
+
+template <class Origin, class Direction>
+std::size_t load(const RayColumns& columns, Vectors<Origin> origins, Vectors<Direction> directions, std::size_t first,
+                 std::span<Ray> rays) noexcept {
+  std::size_t invalid = 0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const std::size_t row = first + i;
+    const Ray ray{.origin = origins[row],
+                  .direction = directions[row],
+                  .t_min = columns.t_min[row * columns.t_min_stride],
+                  .t_max = columns.t_max[row * columns.t_max_stride],
+                  .mask = columns.masks[row * columns.mask_stride]};
+    invalid += is_valid(ray) ? 0 : 1;
+    rays[i] = ray;
+  }
+  return invalid;
+}
+
+template <class Origin>
+std::size_t load_from(const RayColumns& columns, const Vec3<Origin>* origins, std::size_t first,
+                      std::span<Ray> rays) noexcept {
+  const Vectors<Origin> starts(origins, columns.origin_stride);
+  if (columns.directions_double) {
+    return load(columns, starts, Vectors<double>(columns.directions_double, columns.direction_stride), first, rays);
+  }
+  return load(columns, starts, Vectors<float>(columns.directions_float, columns.direction_stride), first, rays);
+}
+
+}  // namespace
+
+std::size_t load_rays(const RayColumns& columns, std::size_t first, std::span<Ray> rays) noexcept {
+  if (columns.origins_double) {
+    return load_from(columns, columns.origins_double, first, rays);
+  }
+  return load_from(columns, columns.origins_float, first, rays);
+}
+
+}  // namespace perfect_bvh
