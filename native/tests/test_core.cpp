@@ -363,6 +363,13 @@ TEST(ScratchMemory, GivesPartsThatStandApart) {
     EXPECT_EQ(reinterpret_cast<std::uintptr_t>(parts.back().data()) % kCacheLine, 0u);
     std::fill(parts.back().begin(), parts.back().end(), static_cast<std::uint32_t>(parts.size()));
   }
+  const auto trimmed = scratch.take<std::uint32_t>(1000);
+  scratch.trim(trimmed, 20);
+  const auto behind = scratch.take<std::uint32_t>(500);
+  EXPECT_EQ(behind.data(), trimmed.data() + 32) << "on the next cache line";
+  std::fill(behind.begin(), behind.end(), 0u);
+  std::fill(trimmed.begin(), trimmed.begin() + 20, 100u);
+  for (const std::uint32_t value : behind) EXPECT_EQ(value, 0u);
   for (std::size_t i = 0; i < parts.size(); ++i) {
     for (const std::uint32_t value : parts[i]) ASSERT_EQ(value, i + 1);
   }

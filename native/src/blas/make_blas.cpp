@@ -39,12 +39,12 @@ void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
                 ThreadPool& pool, CancelToken& cancel) {
   const MeshState& state = *changed.state;
   MeshReport& report = result.report;
-  const double density = measure_density(blas.mesh, cancel);
   const bool deforms = is_resting(state) || (state.blas && state.same_topology);
   const Usage usage = usage_of(state.usage, deforms);
   BuildConfig config = choose_builder(state.config, usage);
   if (state.config.builder == BuilderKind::kAuto && changed.rays && options.policy == Policy::kGoverned) {
     const double commits = usage == Usage::kStatic ? kStaticCommits : 1;
+    const double density = measure_density(blas.mesh, cancel);
     const BuildDecision decision = decide_build(
         {builders_for(usage), blas.mesh.triangle_count(), *changed.rays * commits, density}, options.calibration);
     if (report.alternatives.empty()) note(report, decision.alternatives);

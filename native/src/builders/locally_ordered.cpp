@@ -239,8 +239,9 @@ class RadixStack {
 
 BoxesAlongCurve make_room_for_clusters(std::size_t box_count, Scratch& scratch) {
   if (box_count > std::numeric_limits<std::uint32_t>::max() / 3) throw EngineError("too many boxes to be clustered");
-  // At most as many pairs in the regions, and again as many of their groups. What is not needed is never touched.
-  scratch.expect((3 + 1) * box_count * sizeof(Cluster));
+  // At most as many pairs in the regions, and again as many of their groups: but of these there are few, as a rule.
+  // What is not needed is never touched.
+  scratch.expect(3 * box_count * sizeof(Cluster) + box_count * sizeof(Cluster) / 4);
   return {scratch.take<Cluster>(3 * box_count), static_cast<std::uint32_t>(box_count)};
 }
 

@@ -5,7 +5,7 @@
 namespace perfect_bvh {
 
 void* Scratch::take_bytes(std::size_t bytes) {
-  const std::size_t whole = (bytes + kCacheLine - 1) / kCacheLine * kCacheLine;
+  const std::size_t whole = whole_lines(bytes);
   if (blocks_.empty() || blocks_.back().size() - used_ < whole) {
     constexpr std::size_t kLeastSize = std::size_t{1} << 14;
     blocks_.emplace_back(whole_pages(std::max({whole, next_size_, kLeastSize})));

@@ -25,8 +25,17 @@ class Scratch {
     static_assert(std::is_trivially_copyable_v<T> && alignof(T) <= kCacheLine);
     return {static_cast<T*>(take_bytes(count * sizeof(T))), count};
   }
+  // Takes back what lies behind the first `count` items of the part that was taken last.
+  template <class T>
+  void trim(std::span<T> last, std::size_t count) noexcept {
+    used_ -= whole_lines(last.size_bytes()) - whole_lines(count * sizeof(T));
+  }
 
  private:
+  // Parts end on cache lines.
+  [[nodiscard]] static std::size_t whole_lines(std::size_t bytes) noexcept {
+    return (bytes + kCacheLine - 1) / kCacheLine * kCacheLine;
+  }
   [[nodiscard]] void* take_bytes(std::size_t bytes);
 
   std::vector<AlignedVector<std::byte>> blocks_;  // parts are cut from the last

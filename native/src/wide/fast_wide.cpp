@@ -193,6 +193,7 @@ WideBvh build_fast_wide(const TriangleMesh& mesh, TreeLayout layout, ThreadPool&
     return wide;
   }
   const ClusterTree tree = cluster_along_curve(leaves.boxes, pool, cancel);
+  tree_memory.trim(leaves.boxes.clusters, tree.top.end);
   const auto plans = plan_places(tree, tree_memory, pool, cancel);
   Assembly(tree, plans, pool, cancel).run(wide);
   wide.root = 0;

@@ -26,23 +26,25 @@ struct RunContents {
   alignas(16) std::array<std::int32_t, kLeafSize> numbers;  // signed: compared by SSE2
   std::array<std::uint32_t, kLeafSize> corners;
 
-  RunContents(const TriangleOrder& order, std::size_t first, std::uint32_t size, const std::uint32_t* corner_vertices,
-              const std::uint8_t* way_back) noexcept {
+  RunContents(const TriangleMesh& mesh, const TriangleOrder& order, std::size_t first, std::uint32_t size,
+              const std::uint32_t* corner_vertices, const std::uint8_t* way_back) noexcept {
     numbers.fill(std::numeric_limits<std::int32_t>::max());
+    const Vec3f* const positions = mesh.positions.data();
     std::array<std::uint8_t, kMostBack + 3 * kLeafSize> places_of;
     std::uint8_t* const place_of = places_of.data() + kMostBack;  // what lies before it is read, but not used
+    const auto place = [&](std::uint32_t corner) {
+      const std::uint32_t back = way_back[corner], vertex = corner_vertices[corner];
+      __builtin_prefetch(positions + corner_vertices[corner + kCornersAhead]);
+      const bool is_new = back > corner;
+      const std::uint32_t result = is_new ? vertex_count : *(place_of + corner - back);
+      place_of[corner] = static_cast<std::uint8_t>(result);
+      vertices[result] = vertex;
+      vertex_count += is_new;
+      return result;
+    };
     for (std::uint32_t triangle = 0; triangle < size; ++triangle) {
-      std::uint32_t word = 0;
-      for (std::uint32_t k = 0; k < 3; ++k) {
-        const std::uint32_t corner = 3 * triangle + k;
-        const bool is_new = way_back[corner] > corner;
-        const std::uint32_t place = is_new ? vertex_count : place_of[static_cast<int>(corner) - way_back[corner]];
-        place_of[corner] = static_cast<std::uint8_t>(place);
-        vertices[place] = corner_vertices[corner];
-        vertex_count += is_new;
-        word |= place << (4 * k);
-      }
-      corners[triangle] = word;
+      const std::uint32_t x = place(3 * triangle), y = place(3 * triangle + 1), z = place(3 * triangle + 2);
+      corners[triangle] = x | y << 4 | z << 8;
       numbers[triangle] = static_cast<std::int32_t>(order.triangle(first + triangle));
     }
     for (std::uint32_t i = 0; i < kLeafSize; ++i) vertices[i] = vertices[std::min(i, vertex_count - 1)];
@@ -51,17 +53,27 @@ struct RunContents {
 
 // Rows of the block in the order of the triangles' numbers; the last is repeated.
 void write_triangles(LeafBlock& block, const RunContents& run, std::uint32_t size) noexcept {
-  std::array<std::int32_t, kLeafSize> ranks{};
-  for (const std::int32_t number : run.numbers) {
-    for (std::uint32_t i = 0; i < kLeafSize; ++i) ranks[i] += run.numbers[i] > number;
-  }
+  const Int4 low = Int4::load(&run.numbers[0]), high = Int4::load(&run.numbers[4]);
+  Int4 low_ranks(0), high_ranks(0);
+  const auto rank_above = [&](std::size_t i) {
+    const Int4 number(run.numbers[i]);
+    low_ranks = low_ranks - greater(low, number);
+    high_ranks = high_ranks - greater(high, number);
+  };
+  rank_above(0), rank_above(1), rank_above(2), rank_above(3);
+  rank_above(4), rank_above(5), rank_above(6), rank_above(7);
+  alignas(16) std::array<std::uint32_t, kLeafSize> ranks;
+  low_ranks.store(&ranks[0]), high_ranks.store(&ranks[4]);
   // By rank, who stands there: in digits, of which those past the size mean nothing.
   std::uint32_t order = 0;
-  for (std::uint32_t i = 0; i < kLeafSize; ++i) order += i << (4 * static_cast<std::uint32_t>(ranks[i]));
-  for (std::uint32_t i = 0; i < kLeafSize; ++i) {
-    const std::uint32_t from = (order >> (4 * std::min(i, size - 1))) & 7;
-    block.primitives[i] = static_cast<std::uint32_t>(run.numbers[from]);
-    block.corners[i] = run.corners[from];
+  for (std::uint32_t i = 0; i < kLeafSize; ++i) order += i << (4 * ranks[i]);
+  const std::uint32_t last = (order >> (4 * (size - 1))) & 7;
+  const Int4 last_number(run.numbers[last]), last_corners(static_cast<std::int32_t>(run.corners[last]));
+  last_number.store(&block.primitives[0]), last_number.store(&block.primitives[4]);
+  last_corners.store(&block.corners[0]), last_corners.store(&block.corners[4]);
+  for (std::uint32_t i = 0; i < size; ++i) {
+    block.primitives[ranks[i]] = static_cast<std::uint32_t>(run.numbers[i]);
+    block.corners[ranks[i]] = run.corners[i];
   }
 }
 
@@ -77,7 +89,7 @@ void cut_runs(const TriangleMesh& mesh, const TriangleOrder& order, Runs& runs, 
   const std::size_t chunk_count = runs.counts.size();
   const auto threads = static_cast<std::size_t>(pool.thread_count());
   const std::size_t part = (chunk_count + threads - 1) / threads;
-  const std::size_t vertex_count = runs.corners.empty() ? 0 : mesh.positions.size();
+  const std::size_t vertex_count = runs.way_back.empty() ? 0 : mesh.positions.size();
   const auto last_corners = scratch.take<std::uint32_t>((chunk_count + part - 1) / part * vertex_count);
   for_chunks(pool, chunk_count, part, cancel, [&](std::size_t begin, std::size_t end) {
     RunCutter cutter(mesh, order, last_corners.subspan(begin / part * vertex_count, vertex_count), runs, cancel);
@@ -94,7 +106,7 @@ void fill_blocks(const TriangleMesh& mesh, const TriangleOrder& order, std::size
                  MortonLeaves& leaves) noexcept {
   for (const std::uint8_t size : sizes) {
     LeafBlock& block = leaves.blocks[row];
-    const RunContents run(order, begin, size, &runs.corners[3 * begin], &runs.way_back[3 * begin]);
+    const RunContents run(mesh, order, begin, size, &runs.corners[3 * begin], &runs.way_back[3 * begin]);
     write_triangles(block, run, size);
     const Box4 box = write_vertices(block, run.vertices.data(), mesh, leaves.scale);
     leaves.boxes[row++] = make_cluster(with_positive_zeros(box), order.code(begin), order.code(begin + size - 1));

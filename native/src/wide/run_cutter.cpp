@@ -36,7 +36,8 @@ Runs make_room_for_runs(std::size_t triangle_count, TreeLayout layout, Scratch& 
   runs.sizes = scratch.take<std::uint8_t>(triangle_count);
   runs.counts = scratch.take<std::uint32_t>((triangle_count + kRunChunk - 1) / kRunChunk);
   const std::size_t corner_count = layout == TreeLayout::kDefault ? 3 * triangle_count : 0;
-  runs.corners = scratch.take<std::uint32_t>(corner_count);
+  runs.corners = scratch.take<std::uint32_t>(corner_count + kCornersAhead);
+  std::fill(runs.corners.end() - kCornersAhead, runs.corners.end(), 0u);
   runs.way_back = scratch.take<std::uint8_t>(corner_count);
   return runs;
 }
@@ -61,19 +62,21 @@ void RunCutter::match_corners(std::size_t begin, std::size_t end) noexcept {
   std::uint32_t* corners = &runs_.corners[3 * begin];
   std::uint8_t* way_back = &runs_.way_back[3 * begin];
   for (std::size_t i = begin; i < end; ++i) {
-    __builtin_prefetch(&triangles[order_.triangle(std::min(i + kAhead, end - 1))]);
+    __builtin_prefetch(&triangles[order_.triangle(std::min(i + 2 * kAhead, end - 1))]);
+    const TriangleIndices ahead = triangles[order_.triangle(std::min(i + kAhead, end - 1))];
+    for (const std::uint32_t vertex : {ahead.x, ahead.y, ahead.z}) __builtin_prefetch(&last_corners[vertex], 1);
     const TriangleIndices triangle = triangles[order_.triangle(i)];
-    const std::array<std::uint32_t, 3> vertices{triangle.x, triangle.y, triangle.z};
-    std::uint32_t newness = 0;
-    for (std::uint32_t k = 0; k < 3; ++k) {
-      const auto corner = static_cast<std::uint32_t>(3 * i + k);
-      const std::uint32_t back = std::min(corner - last_corners[vertices[k]], kMostBack);
-      last_corners[vertices[k]] = corner;
-      *corners++ = vertices[k];
-      *way_back++ = static_cast<std::uint8_t>(back);
-      newness += kNewness[k][back];
-    }
-    newness_[i - begin] = newness;
+    const auto match = [&](std::uint32_t k, std::uint32_t vertex) {
+      const auto corner = static_cast<std::uint32_t>(3 * i) + k;
+      const std::uint32_t back = std::min(corner - last_corners[vertex], kMostBack);
+      last_corners[vertex] = corner;
+      corners[k] = vertex;
+      way_back[k] = static_cast<std::uint8_t>(back);
+      return kNewness[k][back];
+    };
+    const std::uint32_t x = match(0, triangle.x), y = match(1, triangle.y), z = match(2, triangle.z);  // in this order
+    newness_[i - begin] = x + y + z;
+    corners += 3, way_back += 3;
   }
 }
 

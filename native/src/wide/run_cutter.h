@@ -18,13 +18,14 @@ namespace perfect_bvh {
 inline constexpr std::size_t kRunChunk = 1024;  // triangles cut together; no run spans two chunks
 inline constexpr std::uint32_t kLeafSize = 8;   // triangles that a leaf holds, and vertices that a block does
 inline constexpr std::uint32_t kMostBack = 3 * kLeafSize;  // corners; what lies farther back is in no run together
+inline constexpr std::size_t kCornersAhead = 48;           // whose vertices are fetched before they are needed
 
 // Of all triangles, in the order of the curve.
 struct Runs {
   std::span<std::uint8_t> sizes;    // of each chunk from its first triangle's place on; as many as `counts` says
   std::span<std::uint32_t> counts;  // by chunk
   // Only where a leaf holds its vertices (default layout):
-  std::span<std::uint32_t> corners;  // three vertices for each triangle
+  std::span<std::uint32_t> corners;  // three vertices for each triangle, and kCornersAhead of any behind them
   std::span<std::uint8_t> way_back;  // how many corners ago its vertex occurred last, at most kMostBack
 };
 
