@@ -22,7 +22,7 @@ from benchmarks.rays import Rays
 from oracles import meshes
 from oracles.brute_force import WorldTriangles, judge
 
-TREES = ["auto", "compact", "median", "sweep", "binned", "binned+optimize", "spatial", "fast"]
+TREES = ["auto", "compact", "median", "sweep", "binned", "binned+optimize", "spatial", "fast", "changing"]
 
 
 @pytest.fixture
@@ -38,12 +38,14 @@ def run(repository: Path, script: str, mesh_file: Path, *arguments: str) -> tupl
     out = mesh_file.parent / "figures" / "out.json"
     command = [sys.executable, str(repository / "tests" / "benchmarks" / script), "--mesh", str(mesh_file)]
     command += ["--json", str(out), "--native", str(mesh_file.parent / "nowhere"), "--rounds", "1"]
-    command += ["--size", "24x16", "--ray-limit", "40", *arguments]
+    command += ["--size", "24x16", "--ray-limit", "40", "--noisy", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     results = json.loads(out.read_text())
     assert results["machine"]["isa"] in results["machine"]["available_isas"]
-    assert {"commit", "processor", "threads", "versions", "time"} <= set(results["machine"])
+    assert {"commit", "processor", "caches", "load_before", "threads", "versions", "time"} <= set(results["machine"])
+    assert results["machine"]["processor"] in done.stdout
+    assert f"load {results['machine']['load_before']:.2f} before" in done.stdout
     assert any("nox -s benchmarks" in line for line in results["left_out"])
     assert "left out: Embree" in done.stdout
     return results, done.stdout
@@ -64,7 +66,10 @@ def test_the_benchmark_of_builders(repository, mesh_file):
             check_spread(spread)
         assert tree["stage_ms"]["1"]["build"] > 0.0
         assert tree["sah"] > 1.0
-        assert tree["epo"] >= 0.0
+        if tree["epo"] is None:
+            assert tree["name"] in ("fast", "changing"), "only what is built fast has no binary tree"
+        else:
+            assert tree["epo"] >= 0.0
         assert tree["ready_byte_count"] > 352 * 12
         assert set(tree["rays"]) == {"primary", "diffuse", "occlusion"}
         for rays in tree["rays"].values():
@@ -115,7 +120,7 @@ def test_the_benchmark_of_stability(repository, tmp_path):
 
 
 def test_the_benchmark_of_accuracy(repository, tmp_path):
-    words = ["--rays", "400", "--ray-limit", "50", "--sample", "5", "--rounds", "1", "--size", "24x16"]
+    words = ["--rays", "400", "--ray-limit", "50", "--sample", "5", "--rounds", "1", "--size", "24x16", "--noisy"]
     figures = figures_of(repository, tmp_path, "accuracy.py", *words, "--native", str(tmp_path))
     assert [len(figures["sweeps"][name]) for name in ("offset", "scale", "aspect")] == [7, 8, 6]
     for point in (point for points in figures["sweeps"].values() for point in points):
@@ -161,6 +166,7 @@ def test_a_missing_mesh_is_named(repository, mesh_file):
     script = repository / "tests" / "benchmarks" / "build.py"
     missing = mesh_file.with_name("none.npz")
     command = [sys.executable, str(script), "--mesh", str(missing), "--json", str(mesh_file.with_name("o.json"))]
+    command += ["--noisy"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode != 0
     assert "none.npz: there is no such file" in done.stderr

@@ -16,7 +16,7 @@ constexpr std::size_t kLeastRays = 64, kMostRays = 1024;
 
 Answers answers_of(const RayCompetitor& competitor, const std::vector<Ray>& rays) {
   std::vector<Hit> hits(rays.size());
-  competitor.closest(rays, hits.data());
+  competitor.caster->answer(rays, {}, std::span(hits));
   Answers answers;
   for (const Hit& hit : hits) {
     answers.t.push_back(hit.found() ? hit.t : std::numeric_limits<float>::infinity());

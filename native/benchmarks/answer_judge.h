@@ -7,7 +7,7 @@
 #include <memory>
 #include <vector>
 
-#include "ray_race.h"
+#include "ray_caster.h"
 #include "tlas/snapshot.h"
 
 namespace perfect_bvh::bench {

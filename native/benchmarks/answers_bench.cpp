@@ -15,11 +15,11 @@
 #include "arguments.h"
 #include "embree_peer.h"
 #include "json.h"
-#include "ray_race.h"
+#include "our_rays.h"
 #include "ray_sets.h"
-#include "scene/scene.h"
 #include "traverse/dispatch.h"
 #include "tree_choice.h"
+#include "tree_scene.h"
 #include "ways.h"
 
 namespace perfect_bvh::bench {
@@ -65,7 +65,7 @@ RaySet read_rays(const std::string& path) {
   file.read(reinterpret_cast<char*>(origins.data()), bytes);
   file.read(reinterpret_cast<char*>(directions.data()), bytes);
   if (!file) throw std::runtime_error("cannot read " + path);
-  RaySet set{path, header[1] != 0, std::vector<Ray>(header[0])};
+  RaySet set{path, {header[1] != 0, false}, std::vector<Ray>(header[0])};
   for (std::size_t i = 0; i < set.rays.size(); ++i) {
     set.rays[i].origin = to_double(origins[i]), set.rays[i].direction = to_double(directions[i]);
     set.rays[i].t_max = t_max;
@@ -73,54 +73,23 @@ RaySet read_rays(const std::string& path) {
   return set;
 }
 
-RayCompetitor embree_competitor(const std::string& name, const TriangleMesh& mesh) {
-  const auto peer = std::make_shared<EmbreePeer>(mesh, EmbreePeer::named(name));
-  const bool packets = name.find("packets") != std::string::npos;
-  return {name,
-          [peer, packets](std::span<const Ray> rays, Hit* hits) {
-            if (packets)
-              peer->closest_packets(rays, hits, true);
-            else
-              peer->closest(rays, hits);
-          },
-          [peer](std::span<const Ray> rays, std::uint8_t* occluded) { peer->any(rays, occluded); }};
-}
-
-RayCompetitor our_competitor(const Snapshot& snapshot, const std::string& isa, const std::string& strategy) {
+RayCompetitor our_competitor(std::shared_ptr<const Snapshot> scene, const std::string& isa,
+                             const std::string& strategy) {
+  const std::string name = way_name(isa, strategy, scene->blases.front()->wide.layout);
   const TraceOptions options{parse_strategy(strategy), 0};
-  return {way_name(isa, strategy, snapshot.meshes.front().second->config.layout),
-          [&snapshot, isa, options](std::span<const Ray> rays, Hit* hits) {
-            set_active_kernels(isa);
-            trace_closest(snapshot.view, {rays.data(), rays.size(), Cull::kNone, nullptr, hits, nullptr}, options);
-          },
-          [&snapshot, isa, options](std::span<const Ray> rays, std::uint8_t* occluded) {
-            set_active_kernels(isa);
-            trace_any(snapshot.view, {rays.data(), rays.size(), Cull::kNone, nullptr, nullptr, occluded}, options);
-          }};
-}
-
-std::shared_ptr<const Snapshot> make_snapshot(const TriangleMesh& mesh, TreeLayout layout) {
-  ThreadPool pool(1);
-  CancelToken cancel;
-  Scene scene;
-  BuildConfig config;
-  config.layout = layout;
-  scene.add_instances(
-      std::vector<InstanceInput>{{scene.add_mesh(mesh, config, Usage::kStatic), Affine{}, ~0u, std::nullopt}});
-  scene.commit(pool, cancel);
-  return scene.snapshot();
+  return {name, std::make_shared<OurRays>(std::move(scene), isa, options)};
 }
 
 void write_answers(std::ofstream& file, const RayCompetitor& competitor, const RaySet& set) {
   std::vector<float> t(set.rays.size(), 0.0f);
   std::vector<std::int32_t> triangles(set.rays.size());
-  if (set.is_any_hit) {
+  if (set.use.is_any_hit) {
     std::vector<std::uint8_t> occluded(set.rays.size());
-    competitor.any(set.rays, occluded.data());
+    competitor.caster->answer(set.rays, set.use, std::span(occluded));
     for (std::size_t i = 0; i < triangles.size(); ++i) triangles[i] = occluded[i] != 0 ? 0 : -1;
   } else {
     std::vector<Hit> hits(set.rays.size());
-    competitor.closest(set.rays, hits.data());
+    competitor.caster->answer(set.rays, set.use, std::span(hits));
     for (std::size_t i = 0; i < triangles.size(); ++i) {
       t[i] = hits[i].found() ? hits[i].t : std::numeric_limits<float>::infinity();
       triangles[i] = hits[i].found() ? static_cast<std::int32_t>(hits[i].primitive_index) : -1;
@@ -135,13 +104,19 @@ void answer(const Options& options) {
   const TriangleMesh mesh = read_mesh(options.mesh);
   const RaySet set = read_rays(options.rays);
   std::vector<std::shared_ptr<const Snapshot>> snapshots;
-  for (const std::string& layout : options.layouts) snapshots.push_back(make_snapshot(mesh, parse_layout(layout)));
+  for (const std::string& layout : options.layouts) {
+    BuildConfig config;
+    config.layout = parse_layout(layout);
+    snapshots.push_back(committed(mesh, config));
+  }
   std::vector<RayCompetitor> competitors;
-  for (const std::string& peer : options.peers) competitors.push_back(embree_competitor(peer, mesh));
+  for (const std::string& name : options.peers) {
+    competitors.push_back(embree_competitor(name, std::make_shared<const EmbreePeer>(mesh, EmbreePeer::named(name))));
+  }
   for (const KernelTable* table : available_kernels()) {
     for (const std::string& strategy : options.strategies) {
       for (const auto& snapshot : snapshots) {
-        competitors.push_back(our_competitor(*snapshot, table->name, strategy));
+        competitors.push_back(our_competitor(snapshot, table->name, strategy));
       }
     }
   }

@@ -1,12 +1,21 @@
 #include "embree_build.h"
 
 #include <atomic>
+#include <stdexcept>
 #include <string>
 
 #include "embree_peer.h"
+#include "embree_rays.h"
 #include "stopwatch.h"
 
 namespace perfect_bvh::bench {
+
+RTCBuildQuality embree_quality(const std::string& peer) {
+  if (peer == "embree_low") return RTC_BUILD_QUALITY_LOW;
+  if (peer == "embree_medium") return RTC_BUILD_QUALITY_MEDIUM;
+  if (peer == "embree_high") return RTC_BUILD_QUALITY_HIGH;
+  throw std::runtime_error("no peer is called " + peer + "; there are embree_low, embree_medium, embree_high");
+}
 
 EmbreeBuilder::EmbreeBuilder(RTCBuildQuality quality, int thread_count)
     : quality_(quality),
@@ -24,6 +33,7 @@ bool EmbreeBuilder::count_bytes(void* self, ssize_t change, bool) {
 
 double EmbreeBuilder::build(const TriangleMesh& mesh) {
   const ssize_t bytes_before = byte_count_;
+  const EmbreeFloatingPoint mode;
   RTCScene scene = rtcNewScene(device_);
   rtcSetSceneBuildQuality(scene, quality_);
   RTCGeometry geometry = make_geometry(device_, mesh, quality_);

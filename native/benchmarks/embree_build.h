@@ -4,10 +4,14 @@
 #include <embree4/rtcore.h>
 
 #include <cstddef>
+#include <string>
 
 #include "mesh/triangle_mesh.h"
 
 namespace perfect_bvh::bench {
+
+// Of embree_low, embree_medium or embree_high. Throws std::runtime_error for others.
+[[nodiscard]] RTCBuildQuality embree_quality(const std::string& peer);
 
 class EmbreeBuilder {
  public:

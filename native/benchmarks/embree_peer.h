@@ -1,13 +1,13 @@
-// Embree as a peer: one scene over one mesh, rays one by one.
+// Embree as a peer: one scene over one mesh.
 #pragma once
 
 #include <embree4/rtcore.h>
 
-#include <span>
+#include <memory>
 #include <string>
 
 #include "mesh/triangle_mesh.h"
-#include "traverse/ray.h"
+#include "ray_caster.h"
 
 namespace perfect_bvh::bench {
 
@@ -19,10 +19,6 @@ namespace perfect_bvh::bench {
 // Copies the mesh into a geometry of the scene.
 void add_mesh(RTCDevice device, RTCScene scene, const TriangleMesh& mesh,
               RTCBuildQuality quality = RTC_BUILD_QUALITY_MEDIUM);
-// One rtcIntersect1 a ray. Instances are not told apart.
-void intersect_one_by_one(RTCScene scene, std::span<const Ray> rays, Hit* hits);
-// One rtcOccluded1 a ray.
-void occlude_one_by_one(RTCScene scene, std::span<const Ray> rays, std::uint8_t* occluded);
 
 class EmbreePeer {
  public:
@@ -43,11 +39,7 @@ class EmbreePeer {
 
   // Of the scene, its copy of the mesh included.
   [[nodiscard]] std::size_t byte_count() const noexcept { return static_cast<std::size_t>(byte_count_); }
-
-  void closest(std::span<const Ray> rays, Hit* hits) const;
-  void any(std::span<const Ray> rays, std::uint8_t* occluded) const;
-  // Rays in groups of 16, as rtcIntersect16 takes them; coherent says so to Embree.
-  void closest_packets(std::span<const Ray> rays, Hit* hits, bool is_coherent) const;
+  [[nodiscard]] RTCScene scene() const noexcept { return scene_; }
 
  private:
   static bool count_bytes(void* self, ssize_t change, bool);
@@ -56,5 +48,8 @@ class EmbreePeer {
   RTCScene scene_;
   ssize_t byte_count_ = 0;
 };
+
+// Casts at the peer's scene: a name that contains "packets" means 16 rays a call, any other one.
+[[nodiscard]] RayCompetitor embree_competitor(const std::string& name, std::shared_ptr<const EmbreePeer> peer);
 
 }  // namespace perfect_bvh::bench

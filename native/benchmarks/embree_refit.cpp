@@ -4,6 +4,7 @@
 #include <string>
 
 #include "embree_peer.h"
+#include "embree_rays.h"
 #include "stopwatch.h"
 
 namespace perfect_bvh::bench {
@@ -30,16 +31,11 @@ double EmbreeRefit::move(std::span<const Vec3f> positions) {
   auto* const buffer = static_cast<Vec3f*>(rtcGetGeometryBufferData(geometry_, RTC_BUFFER_TYPE_VERTEX, 0));
   std::copy(positions.begin(), positions.end(), buffer);
   rtcUpdateGeometryBuffer(geometry_, RTC_BUFFER_TYPE_VERTEX, 0);
+  const EmbreeFloatingPoint mode;
   const double start = seconds(thread_count_);
   rtcCommitGeometry(geometry_);
   rtcCommitScene(scene_);
   return seconds(thread_count_) - start;
-}
-
-void EmbreeRefit::closest(std::span<const Ray> rays, Hit* hits) const { intersect_one_by_one(scene_, rays, hits); }
-
-void EmbreeRefit::any(std::span<const Ray> rays, std::uint8_t* occluded) const {
-  occlude_one_by_one(scene_, rays, occluded);
 }
 
 }  // namespace perfect_bvh::bench

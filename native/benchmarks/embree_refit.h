@@ -6,7 +6,6 @@
 #include <span>
 
 #include "mesh/triangle_mesh.h"
-#include "traverse/ray.h"
 
 namespace perfect_bvh::bench {
 
@@ -20,8 +19,7 @@ class EmbreeRefit {
 
   // Returns the seconds from the full buffer to the committed scene.
   double move(std::span<const Vec3f> positions);
-  void closest(std::span<const Ray> rays, Hit* hits) const;
-  void any(std::span<const Ray> rays, std::uint8_t* occluded) const;
+  [[nodiscard]] RTCScene scene() const noexcept { return scene_; }
 
  private:
   int thread_count_;

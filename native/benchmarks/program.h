@@ -7,15 +7,25 @@
 #include <stdexcept>
 #include <string>
 
+#include "machine.h"
+#include "quiet.h"
+
 namespace perfect_bvh::bench {
 
-// parse(count, values) gives the options, among them `json`, a path or nothing; bench(options) the text that goes there
-// or to the console. Returns the program's exit code; errors are told in a line.
+// parse(count, values) gives the options, among them `json`, a path or nothing, and `is_noisy`; bench(options) the text
+// that goes there or to the console. Returns the program's exit code; errors are told in a line, and a load that makes
+// figures worthless is one, unless is_noisy. Processor, caches and load stand beside what is measured, on stderr.
 template <class Parse, class Bench>
 [[nodiscard]] int run_program(int count, char** values, const Parse& parse, const Bench& bench) {
   try {
     const auto options = parse(count, values);
+    const double load = load_average();
+    if (const std::string objection = objection_to_load(load, options.is_noisy); !objection.empty()) {
+      throw std::runtime_error(objection);
+    }
+    std::fprintf(stderr, "%s; load %.2f before\n", machine_name().c_str(), load);
     const std::string json = bench(options);
+    std::fprintf(stderr, "%s; load %.2f before, %.2f after\n", machine_name().c_str(), load, load_average());
     if (options.json.empty()) {
       std::printf("%s\n", json.c_str());
     } else if (!(std::ofstream(options.json) << json << "\n")) {

@@ -1,32 +1,35 @@
-// The same rays through several competitors, in turn on each chunk of rays, in an order that is drawn again for each
-// chunk and round: whatever else the machine does, it does to all of them, and none always finds in the caches what
-// the same other one left there.
-// In: competitors, a set of rays. Out: M rays/s of each on one thread, in its own CPU time.
+// The same rays through several competitors, in turn on each batch of rays, in an order that is drawn again for each
+// batch and round: whatever else the machine does, it does to all of them, and none always finds in the caches what
+// the same other one left there. Each gets its rays in its own format before the clock (ray_caster.h).
+// In: competitors, a set of rays. Out: M rays/s of each on one thread, in its own CPU time, and how its answers agree.
 #pragma once
 
-#include <cstdint>
-#include <functional>
 #include <span>
-#include <string>
 #include <vector>
 
+#include "agreement.h"
+#include "ray_caster.h"
 #include "ray_sets.h"
 #include "stopwatch.h"
 
 namespace perfect_bvh::bench {
 
-struct RayCompetitor {
-  std::string name;
-  std::function<void(std::span<const Ray>, Hit*)> closest;
-  std::function<void(std::span<const Ray>, std::uint8_t*)> any;
+inline constexpr std::size_t kBatch = 8192;  // rays a call
+
+struct RaceOptions {
+  int rounds = 5;
+  std::size_t batch = kBatch;  // a set of fewer rays is one batch; of a set's last batch there may be less
+  double diagonal = 0;         // of the scene: what t is compared by
 };
 
 struct RaceResult {
-  double mrays_per_second = 0;  // from the lower third of the times on each chunk: what disturbs only adds time
+  double mrays_per_second = 0;  // from the lower third of the times on each batch: what disturbs only adds time
   Spread rounds;                // M rays/s of whole rounds
+  Agreement agreement;          // with the first competitor
 };
 
 // One result for each competitor, in their order.
-[[nodiscard]] std::vector<RaceResult> race(const RaySet& set, std::span<const RayCompetitor> competitors, int rounds);
+[[nodiscard]] std::vector<RaceResult> race(const RaySet& set, std::span<const RayCompetitor> competitors,
+                                           const RaceOptions& options);
 
 }  // namespace perfect_bvh::bench

@@ -99,10 +99,10 @@ std::vector<RaySet> make_ray_sets(const TriangleMesh& mesh, const Aabb& box, Vie
   Bounces bounces = bounce_rays(mesh, primary, hits, length(box.extent()));
   std::vector<Ray> shuffled = bounces.diffuse;
   std::shuffle(shuffled.begin(), shuffled.end(), Random(7));
-  return {{"primary", false, primary},
-          {"diffuse", false, std::move(bounces.diffuse)},
-          {"shuffled", false, std::move(shuffled)},
-          {"occlusion", true, std::move(bounces.occlusion)}};
+  return {{"primary", {false, true}, primary},
+          {"diffuse", {false, false}, std::move(bounces.diffuse)},
+          {"shuffled", {false, false}, std::move(shuffled)},
+          {"occlusion", {true, false}, std::move(bounces.occlusion)}};
 }
 
 std::vector<RaySet> make_coherent_sets(const Aabb& box, const std::vector<Ray>& primary, const std::vector<Hit>& hits,
@@ -117,7 +117,7 @@ std::vector<RaySet> make_coherent_sets(const Aabb& box, const std::vector<Ray>& 
     const Vec3d at = ray.origin + ray.direction * (static_cast<double>(hits[row].t) - 1e-4 * diagonal);
     shadow.push_back(make_ray(at, light - to_double(to_float(at)), 1.0f));
   }
-  return {{"tiled", false, std::move(tiled)}, {"shadow", true, std::move(shadow)}};
+  return {{"tiled", {false, true}, std::move(tiled)}, {"shadow", {true, true}, std::move(shadow)}};
 }
 
 std::vector<Ray> aimed_rays(const TriangleMesh& mesh, std::size_t count, bool at_edges, std::size_t seed) {

@@ -8,13 +8,14 @@
 #include <vector>
 
 #include "mesh/triangle_mesh.h"
+#include "ray_caster.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh::bench {
 
 struct RaySet {
   std::string name;
-  bool is_any_hit = false;
+  RayUse use;
   std::vector<Ray> rays;
 };
 

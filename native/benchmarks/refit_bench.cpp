@@ -4,7 +4,7 @@
 //   --twists a,b     radians from end to end (0.1,1.5,6.2831853)
 //   --ray-rounds N   interleaved rounds of rays; 0: no twists (5)
 //   --size WxH       of the image that primary rays make (640x400)
-//   --json OUT.json
+//   --json OUT.json  --noisy  measure whatever the load
 //
 // A mesh that sways (sway_race.h), then the mesh twisted in one step (twist_race.h).
 #include <stdexcept>
@@ -41,6 +41,8 @@ RefitOptions parse(int count, char** values) {
       for (const std::string& twist : arguments.list()) options.twists.push_back(std::stof(twist));
     } else if (name == "--size") {
       std::tie(options.width, options.height) = arguments.size();
+    } else if (name == "--noisy") {
+      options.is_noisy = true;
     } else if (name == "--json") {
       options.json = arguments.value();
     } else {

@@ -15,6 +15,7 @@ struct RefitOptions {
   std::vector<float> twists{0.1f, 1.5f, 6.2831853f};
   std::uint32_t width = 640, height = 400;
   std::string json, mesh;
+  bool is_noisy = false;
 };
 
 }  // namespace perfect_bvh::bench

@@ -31,6 +31,13 @@ void set(BuildConfig& config, const std::string& setting, const std::string& val
   }
 }
 
+Usage parse_usage(const std::string& name) {
+  for (const Usage usage : {Usage::kStatic, Usage::kDeforming, Usage::kChanging}) {
+    if (name == usage_name(usage)) return usage;
+  }
+  throw std::runtime_error("no usage is called " + name);
+}
+
 }  // namespace
 
 TreeLayout parse_layout(const std::string& name) {
@@ -43,7 +50,7 @@ TreeLayout parse_layout(const std::string& name) {
 TreeChoice parse_tree(const std::string& text) {
   const std::size_t colon = text.rfind(':');
   if (colon == std::string::npos) throw std::runtime_error("--tree wants NAME:BUILDER, got " + text);
-  TreeChoice choice{text.substr(0, colon), {}};
+  TreeChoice choice{text.substr(0, colon), {}, Usage::kStatic};
   std::istringstream parts(text.substr(colon + 1));
   std::string part;
   std::getline(parts, part, ',');
@@ -51,7 +58,12 @@ TreeChoice parse_tree(const std::string& text) {
   while (std::getline(parts, part, ',')) {
     const std::size_t equals = part.find('=');
     if (equals == std::string::npos) throw std::runtime_error("--tree wants SETTING=VALUE, got " + part);
-    set(choice.config, part.substr(0, equals), part.substr(equals + 1));
+    const std::string setting = part.substr(0, equals), value = part.substr(equals + 1);
+    if (setting == "usage") {
+      choice.usage = parse_usage(value);
+    } else {
+      set(choice.config, setting, value);
+    }
   }
   return choice;
 }

@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "blas/build_tree.h"
 #include "builders/build_config.h"
 
 namespace perfect_bvh::bench {
@@ -10,9 +11,11 @@ namespace perfect_bvh::bench {
 struct TreeChoice {
   std::string name;
   BuildConfig config;
+  Usage usage = Usage::kStatic;
 };
 
-// "NAME:BUILDER[,SETTING=VALUE...]" with the settings of Python's BuildConfig. Throws std::runtime_error.
+// "NAME:BUILDER[,SETTING=VALUE...]" with the settings of Python's BuildConfig, and usage=static, deforming or changing,
+// as meshes are added with. Throws std::runtime_error.
 [[nodiscard]] TreeChoice parse_tree(const std::string& text);
 
 // As users write it. Throws std::runtime_error.

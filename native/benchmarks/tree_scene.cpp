@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "scene/scene.h"
 #include "tlas/instance.h"
 #include "tlas/top_level.h"
 #include "tlas/trace_view.h"
@@ -31,6 +32,16 @@ std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const TriangleMesh
   snapshot->top_level = collapse_top_level(snapshot->tlas, pool, cancel);
   make_trace_view(*snapshot, pool, cancel);
   return snapshot;
+}
+
+std::shared_ptr<const Snapshot> committed(const TriangleMesh& mesh, const BuildConfig& config, Usage usage) {
+  ThreadPool pool(1);
+  CancelToken cancel;
+  Scene scene;
+  const std::int32_t mesh_id = scene.add_mesh(mesh, config, usage);
+  scene.add_instances(std::vector<InstanceInput>{{mesh_id, Affine{}, ~0u, std::nullopt}});
+  scene.commit(pool, cancel);
+  return scene.snapshot();
 }
 
 }  // namespace perfect_bvh::bench

@@ -1,13 +1,19 @@
-// A wide tree as a scene of one instance, to be traced like any other.
+// A mesh or its wide tree as a scene of one instance in its own place.
 #pragma once
 
 #include <memory>
 
+#include "blas/build_tree.h"
+#include "builders/build_config.h"
 #include "mesh/triangle_mesh.h"
 #include "tlas/snapshot.h"
 
 namespace perfect_bvh::bench {
 
 [[nodiscard]] std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const TriangleMesh> mesh, WideBvh wide);
+
+// As a user would have it: added, and committed on one thread.
+[[nodiscard]] std::shared_ptr<const Snapshot> committed(const TriangleMesh& mesh, const BuildConfig& config,
+                                                        Usage usage = Usage::kStatic);
 
 }  // namespace perfect_bvh::bench

@@ -7,11 +7,13 @@
 
 #include "answer_judge.h"
 #include "blas/build_tree.h"
+#include "embree_build.h"
 #include "embree_peer.h"
+#include "embree_rays.h"
 #include "embree_refit.h"
 #include "json.h"
 #include "mesh_motions.h"
-#include "query/trace.h"
+#include "our_rays.h"
 #include "ray_race.h"
 #include "tree_scene.h"
 #include "wide/collapse.h"
@@ -32,22 +34,6 @@ struct Update {
   RayCompetitor traced;
   std::size_t rebuilt = 0;  // place of what it is compared with among all
 };
-
-RayCompetitor traced_by_us(const std::string& name, std::shared_ptr<const Snapshot> snapshot) {
-  return {name,
-          [snapshot](std::span<const Ray> rays, Hit* hits) {
-            trace_closest(*snapshot, rays, std::span(hits, rays.size()));
-          },
-          [snapshot](std::span<const Ray> rays, std::uint8_t* occluded) {
-            trace_occluded(*snapshot, rays, std::span(occluded, rays.size()));
-          }};
-}
-
-template <class Peer>
-RayCompetitor traced_by(const std::string& name, std::shared_ptr<const Peer> peer) {
-  return {name, [peer](std::span<const Ray> rays, Hit* hits) { peer->closest(rays, hits); },
-          [peer](std::span<const Ray> rays, std::uint8_t* occluded) { peer->any(rays, occluded); }};
-}
 
 class Twist {
  public:
@@ -94,20 +80,16 @@ class Twist {
 
   void add_embree() {
     rebuilt_ = updates_.size();
-    const double start = seconds(threads_);
+    const double taken = EmbreeBuilder(RTC_BUILD_QUALITY_MEDIUM, threads_).build(*mesh_);
     EmbreePeer::Options options;
     options.device = "threads=" + std::to_string(threads_);
     const auto rebuilt = std::make_shared<const EmbreePeer>(*mesh_, options);
-    const double taken = seconds(threads_) - start;
-    updates_.push_back({"embree rebuild", "", per_triangle(taken), {}, traced_by("embree rebuild", rebuilt), rebuilt_});
+    updates_.push_back(
+        {"embree rebuild", "", per_triangle(taken), {}, embree_competitor("embree rebuild", rebuilt), rebuilt_});
     const auto refitted = std::make_shared<EmbreeRefit>(rest_, threads_);
     const double moved = refitted->move(mesh_->positions);
-    updates_.push_back({"embree refit",
-                        "",
-                        per_triangle(moved),
-                        {},
-                        traced_by("embree refit", std::shared_ptr<const EmbreeRefit>(refitted)),
-                        rebuilt_});
+    const RayCompetitor traced{"embree refit", std::make_shared<EmbreeRays>(refitted, refitted->scene())};
+    updates_.push_back({"embree refit", "", per_triangle(moved), {}, traced, rebuilt_});
   }
 
   [[nodiscard]] const std::vector<Update>& updates() const noexcept { return updates_; }
@@ -130,8 +112,12 @@ class Twist {
     const double cost = costs.whole(wide);
     const auto snapshot = snapshot_over(mesh_, std::move(wide));
     if (!first_) first_ = snapshot;
-    updates_.push_back(
-        {method, layout_name(layout), Spread::of(times).median, cost, traced_by_us(method, snapshot), rebuilt_});
+    updates_.push_back({method,
+                        layout_name(layout),
+                        Spread::of(times).median,
+                        cost,
+                        {method, std::make_shared<OurRays>(snapshot)},
+                        rebuilt_});
   }
 
   [[nodiscard]] double per_triangle(double taken) const {
@@ -166,7 +152,7 @@ std::size_t count_different(const Answers& answers, const Answers& expected) {
 void trace_set(const RaySet& set, const Twist& twist, int rounds, std::vector<Traced>& traced) {
   std::vector<RayCompetitor> competitors;
   for (const Update& update : twist.updates()) competitors.push_back(update.traced);
-  const std::vector<RaceResult> results = race(set, competitors, rounds);
+  const std::vector<RaceResult> results = race(set, competitors, {rounds, kBatch, 0.0});
   AnswerJudge judge(twist.scene(), set.rays);
   const Answers expected = answers_of(competitors.front(), set.rays);
   for (std::size_t i = 0; i < competitors.size(); ++i) {
@@ -209,7 +195,7 @@ std::vector<std::string> race_twist(const TriangleMesh& rest, float radians, con
   const Aabb box = bounds_of_positions(mesh->positions);
   const std::vector<Ray> primary = primary_rays(box, View::kOutside, options.width, options.height);
   std::vector<Hit> hits(primary.size());
-  updates.front().traced.closest(primary, hits.data());
+  updates.front().traced.caster->answer(primary, {false, true}, std::span(hits));
   for (const RaySet& set : make_ray_sets(*mesh, box, View::kOutside, primary, hits)) {
     if ((set.name != "primary" && set.name != "diffuse") || set.rays.empty()) continue;
     trace_set(set, twist, options.ray_rounds, traced);

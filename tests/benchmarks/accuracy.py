@@ -62,7 +62,7 @@ def main() -> None:
     parser = options.parser(__doc__ or "")
     parser.add_argument("--rays", type=int, default=30_000, metavar="N", help="at each sphere")
     parser.add_argument("--sample", type=int, default=50, metavar="N", help="rays of them that the oracle judges")
-    chosen = parser.parse_args()
+    chosen = options.parse(parser)
     native, left_out = NativePrograms(chosen.native), list[str]()
     if not native.has("answers_bench"):
         left_out.append(native.why_not("answers_bench"))

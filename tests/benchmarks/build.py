@@ -32,7 +32,7 @@ def main() -> None:
     parser.add_argument("--trees", nargs="+", choices=TREES, default=list(TREES), metavar="TREE", help="which to build")
     parser.add_argument("--seconds", type=float, default=60.0, help="start no native round of builds after that many")
     parser.add_argument("--threads", nargs="+", type=int, default=thread_counts(), metavar="N", help="that build")
-    chosen = parser.parse_args()
+    chosen = options.parse(parser)
     meshes = options.meshes_of(chosen)
     native, left_out = NativePrograms(chosen.native), list[str]()
     if not native.has(PROGRAM):

@@ -11,7 +11,7 @@ from benchmarks import peers
 from benchmarks.meshes import BenchMesh
 from benchmarks.rays import Rays, make_rays
 from benchmarks.rounds import Spread, run_rounds, thread_seconds, wall_seconds
-from benchmarks.trees import config_of
+from benchmarks.trees import config_of, usage_of
 
 Tell = Callable[[], object]
 # Of rays that a tree is cast at before its mesh changes; the planner reckons that a static one serves so many commits.
@@ -30,8 +30,8 @@ def measure_builds(mesh: BenchMesh, trees: list[str], rounds: int, thread_count:
 
     def prepare(name: str) -> None:
         scenes[name] = perfect_bvh.Scene()
-        config = config_of(name)
-        mesh_id = scenes[name].add_mesh(mesh.positions, mesh.triangles, build=config)
+        build, usage = config_of(name), usage_of(name)
+        mesh_id = scenes[name].add_mesh(mesh.positions, mesh.triangles, build=build, usage=usage)
         scenes[name].add_instance(mesh_id)
 
     clock = thread_seconds if thread_count == 1 else wall_seconds
@@ -51,7 +51,7 @@ def median_stages(reports: list[perfect_bvh.CommitReport]) -> dict[str, float]:
 
 def measure_trees(mesh: BenchMesh, trees: list[str], size: tuple[int, int], rounds: int, tell: Tell) -> dict[str, Any]:
     """Quality and memory of each tree, and what rays cost in it."""
-    scenes = {name: peers.scene_of(mesh, config_of(name)) for name in trees}
+    scenes = {name: peers.scene_of(mesh, config_of(name), usage_of(name)) for name in trees}
     rows: dict[str, Any] = {}
     for name, scene in scenes.items():
         tree = scene.statistics(detailed=True).meshes[0]

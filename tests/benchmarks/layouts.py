@@ -34,7 +34,7 @@ def main() -> None:
     parser.add_argument(
         "--subdivide", type=int, default=2, metavar="N", help="times the last mesh, for a large one; 0: no"
     )
-    chosen = parser.parse_args()
+    chosen = options.parse(parser)
     native = NativePrograms(chosen.native)
     if not native.has(PROGRAM):
         raise SystemExit(native.why_not(PROGRAM))

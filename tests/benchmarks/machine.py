@@ -15,16 +15,33 @@ import numpy as np
 import perfect_bvh
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
+MOST_LOAD = 1.2  # processes that run or want to, in the mean of a minute; kMostLoad in native/benchmarks/quiet.h
 
 
-def describe() -> dict[str, Any]:
-    """Machine, instruction sets, versions, commit and load, as JSON takes them."""
+def require_quiet(is_noisy: bool) -> float:
+    """The load; ends the program with a sentence where it makes figures worthless, unless is_noisy."""
+    load = os.getloadavg()[0]
+    if load > MOST_LOAD and not is_noisy:
+        raise SystemExit(
+            f"the load is {load:.2f}, above {MOST_LOAD}: wait until the machine is quiet, "
+            "or measure all the same with --noisy"
+        )
+    return load
+
+
+def describe(load_before: float | None = None) -> dict[str, Any]:
+    """Machine, caches, instruction sets, versions, commit and load, as JSON takes them.
+
+    load_before: of the minute before the run; load_average then tells of the end.
+    """
     return {
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
         "commit": commit(),
         "processor": processor(),
+        "caches": caches(),
         "threads": perfect_bvh.thread_count(),
         "system": platform.platform(),
+        "load_before": load_before,
         "load_average": os.getloadavg(),
         "isa": perfect_bvh.active_isa(),
         "available_isas": list(perfect_bvh.available_isas()),
@@ -48,6 +65,31 @@ def processor() -> str:
         if line.startswith("model name"):
             return line.partition(":")[2].strip()
     return platform.processor() or platform.machine()
+
+
+def caches() -> dict[str, str]:
+    """Sizes by level, of data, as Linux has them: {"L1d": "32K", "L2": "1024K", "L3": "32768K"}; else nothing."""
+    found = {}
+    for folder in sorted(Path("/sys/devices/system/cpu/cpu0/cache").glob("index*")):
+        level, kind, size = ((folder / name).read_text().strip() for name in ("level", "type", "size"))
+        if kind != "Instruction":
+            found[f"L{level}{'d' if kind == 'Data' else ''}"] = size
+    return found
+
+
+def headline(machine: dict[str, Any]) -> str:
+    """What stands over a table, of what `describe` gives."""
+    sizes = "".join(f", {level} {size}" for level, size in machine["caches"].items())
+    loads = f"load {machine['load_before']:.2f} before, " if machine["load_before"] is not None else "load "
+    return f"{machine['processor']}{sizes}; {loads}{machine['load_average'][0]:.2f} after; {machine['commit']}"
+
+
+def gigahertz() -> float | None:
+    """The processors' clock in the mean, as Linux has it now; None where it does not say."""
+    table = Path("/proc/cpuinfo")
+    lines = table.read_text().splitlines() if table.is_file() else ()
+    clocks = [float(line.partition(":")[2]) for line in lines if line.startswith("cpu MHz")]
+    return 1e-3 * sum(clocks) / len(clocks) if clocks else None
 
 
 def commit() -> str | None:

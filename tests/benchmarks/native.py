@@ -33,13 +33,24 @@ class NativePrograms:
         return f"Embree and all native figures: {self._folder / name} is not built; `nox -s benchmarks` builds it"
 
     def run(
-        self, name: str, mesh: BenchMesh, arguments: Sequence[str], tell: Callable[[float], object] = lambda share: None
+        self,
+        name: str,
+        mesh: BenchMesh,
+        arguments: Sequence[str],
+        tell: Callable[[float], object] = lambda share: None,
+        *,
+        is_timed: bool = True,
     ) -> Any:
-        """Runs a program on a mesh and returns its JSON. tell: called with the share done, where it says so."""
+        """Runs a program on a mesh and returns its JSON.
+
+        tell: called with the share done, where it says so. is_timed: whether it measures times. It then does so
+        whatever the load: that was asked for when this program began, whose own load is no reason to refuse.
+        """
         with tempfile.TemporaryDirectory() as folder:
             mesh_file, out = Path(folder) / f"{mesh.name}.bin", Path(folder) / "out.json"
             mesh.write(mesh_file)
-            command = [str(self._folder / name), *arguments, "--json", str(out), str(mesh_file)]
+            words = [*arguments, *(["--noisy"] if is_timed else []), "--json", str(out)]
+            command = [str(self._folder / name), *words, str(mesh_file)]
             with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
                 said: list[str] = []
                 for line in process.stdout or ():

@@ -32,7 +32,7 @@ def ask(
         words += ["--peers", ",".join(peers)]
         for option, values in ways.items():
             words += [f"--{option}", ",".join(values)]
-        names = native.run(PROGRAM, mesh, words)
+        names = native.run(PROGRAM, mesh, words, is_timed=False)
         data: npt.NDArray[np.float32] = np.fromfile(answers_file, "<f4").reshape(len(names), 2, len(rays))
     ids = np.ascontiguousarray(data[:, 1]).view("<i4").astype(np.int64)
     return {name: Answers.of_one(data[i, 0].astype(np.float64), ids[i]) for i, name in enumerate(names)}

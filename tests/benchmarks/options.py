@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from benchmarks.machine import describe
+from benchmarks.machine import describe, headline, require_quiet
 from benchmarks.meshes import BenchMesh, MeshError, default_meshes, load
 from benchmarks.native import DEFAULT_FOLDER
 
@@ -30,8 +30,16 @@ def parser(description: str) -> argparse.ArgumentParser:
     add("--rounds", type=int, default=5, metavar="N", help="interleaved rounds of each measurement")
     add("--size", default="640x400", metavar="WxH", help="of the image that the primary rays make")
     add("--ray-limit", type=int, default=20_000, metavar="N", help="rays for peers that take one a call")
+    add("--noisy", action="store_true", help="measure whatever the load; its figures mean little")
     add("--native", type=Path, default=DEFAULT_FOLDER, metavar="DIR", help="holds the built native benchmarks")
     return result
+
+
+def parse(options: argparse.ArgumentParser) -> argparse.Namespace:
+    """The command line, and as `load_before` the load, which ends the program if it is too high to measure."""
+    chosen = options.parse_args()
+    chosen.load_before = require_quiet(chosen.noisy)
+    return chosen
 
 
 def size_of(options: argparse.Namespace) -> tuple[int, int]:
@@ -51,8 +59,10 @@ def meshes_of(options: argparse.Namespace) -> list[BenchMesh]:
     return meshes
 
 
-def save(options: argparse.Namespace, results: dict[str, Any]) -> None:
-    """Writes the figures with what they were measured on."""
-    text = json.dumps({"machine": describe(), **results}, indent=1)
-    options.json.parent.mkdir(parents=True, exist_ok=True)
-    options.json.write_text(text + "\n")
+def save(chosen: argparse.Namespace, results: dict[str, Any]) -> None:
+    """Writes the figures with what they were measured on, and prints that."""
+    machine = describe(chosen.load_before)
+    print(headline(machine))
+    text = json.dumps({"machine": machine, **results}, indent=1)
+    chosen.json.parent.mkdir(parents=True, exist_ok=True)
+    chosen.json.write_text(text + "\n")

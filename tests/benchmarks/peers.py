@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -64,10 +65,10 @@ class Peer:
         return Answers.of_any(self.occluded(rays)) if rays.is_any_hit else self.answers(rays)
 
 
-def scene_of(mesh: BenchMesh, build: Any = "auto") -> perfect_bvh.Scene:
+def scene_of(mesh: BenchMesh, build: Any = "auto", usage: str = "static") -> perfect_bvh.Scene:
     """A committed scene of one mesh in its own place."""
     scene = perfect_bvh.Scene()
-    scene.add_instance(scene.add_mesh(mesh.positions, mesh.triangles, build=build))
+    scene.add_instance(scene.add_mesh(mesh.positions, mesh.triangles, build=build, usage=usage))
     scene.commit()
     return scene
 
@@ -102,16 +103,23 @@ def ours_in_every_way(scene: perfect_bvh.Scene) -> list[Peer]:
     return result
 
 
-def embreex(mesh: BenchMesh, *, is_robust: bool = False) -> Peer:
-    """Embree through embreex: rtcIntersect1 and rtcOccluded1 in a compiled loop. May raise ImportError."""
+def embreex(mesh: BenchMesh, *, is_robust: bool = False, all_fields: bool = False) -> Peer:
+    """Embree through embreex: rtcIntersect1 and rtcOccluded1 in a compiled loop. May raise ImportError.
+
+    all_fields: closest hits are asked for with all that embreex gives, not for the triangle alone.
+    """
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
     scene = EmbreeScene(robust=is_robust)
     TriangleMesh(scene, mesh.positions, mesh.triangles)
 
+    @lru_cache(maxsize=1)  # rays are in the peer's own format before the clock
+    def limits_of(count: int, t_max: float) -> npt.NDArray[np.float32]:
+        return np.full(count, t_max, np.float32)
+
     def run(rays: Rays, **keywords: Any) -> Any:
-        limits = None if math.isinf(rays.t_max) else np.full(len(rays), rays.t_max, np.float32)
+        limits = None if math.isinf(rays.t_max) else limits_of(len(rays), rays.t_max)
         return scene.run(rays.origins, rays.directions, limits, **keywords)
 
     def answers(rays: Rays) -> Answers:
@@ -124,7 +132,8 @@ def embreex(mesh: BenchMesh, *, is_robust: bool = False) -> Peer:
 
     run(Rays("first", np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32)))  # commits the scene
     name = "embreex, robust" if is_robust else "embreex"
-    return Peer(name, run, lambda rays: run(rays, query="OCCLUDED"), answers, occluded)
+    closest = (lambda rays: run(rays, output=1)) if all_fields else run
+    return Peer(name, closest, lambda rays: run(rays, query="OCCLUDED"), answers, occluded)
 
 
 def bvh_tree(mesh: BenchMesh, ray_limit: int) -> Peer:

@@ -37,7 +37,7 @@ def main() -> None:
     parser = options.parser(__doc__ or "")
     parser.add_argument("--layouts", default="default,compact", metavar="A,B", help="of our trees")
     parser.add_argument("--twists", default="0.1,1.5,6.2831853", metavar="A,B", help="radians")
-    chosen = parser.parse_args()
+    chosen = options.parse(parser)
     native = NativePrograms(chosen.native)
     if not native.has(PROGRAM):
         raise SystemExit(native.why_not(PROGRAM))

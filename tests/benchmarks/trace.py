@@ -43,7 +43,7 @@ def main() -> None:
     counts = [1000, 10_000, 100_000, 1_000_000]
     add("--instances", type=int, nargs="*", default=counts, metavar="N", help="of the first mesh; no number: none")
     add("--layouts", nargs="+", choices=LAYOUTS, default=["default"], help="of our native trees")
-    chosen = parser.parse_args()
+    chosen = options.parse(parser)
     meshes = options.meshes_of(chosen)
     native, left_out = NativePrograms(chosen.native), list[str]()
     results = []

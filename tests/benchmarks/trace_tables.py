@@ -17,7 +17,8 @@ def describe_mesh(result: dict[str, Any]) -> str:
         )
         parts.append(_native(result["native"], _wrong_by_competitor(result["from_python"])))
     if result["instances"]:
-        named = [{**row, "rays": f"{row['kind']} {row['instances']:,}"} for row in result["instances"]]
+        rows = [row for row in result["instances"] if "mrays_per_second" in row]
+        named = [{**row, "rays": f"{row['kind']} {row['instances']:,}"} for row in rows]
         parts.append("Native, through instances:\n" + _native(named, {}))
     parts.append("From Python, one thread, M rays/s; wrong answers per million, of a sample:")
     parts.append(_from_python(result["from_python"]))

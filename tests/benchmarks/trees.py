@@ -7,6 +7,7 @@ from typing import Any
 from perfect_bvh import BuildConfig
 
 # What the engine chooses; then no heuristic at all, fewer axes, planes that do not grow in number with the triangles.
+# Fast as a user asks for it: by name for a mesh that stays as it is, or by saying that the mesh changes.
 TREES: dict[str, dict[str, Any]] = {
     "auto": {},
     "compact": {"layout": "compact"},
@@ -20,12 +21,18 @@ TREES: dict[str, dict[str, Any]] = {
     "binned+optimize": {"builder": "binned", "optimize": 5},
     "spatial": {"builder": "spatial"},
     "fast": {"builder": "fast"},
+    "changing": {"usage": "changing"},
 }
 
 
 def config_of(name: str) -> BuildConfig:
-    """The settings of a tree of this table."""
-    return BuildConfig(**TREES[name])
+    """The settings of a tree of this table, without what its mesh is said to be used for."""
+    return BuildConfig(**{key: value for key, value in TREES[name].items() if key != "usage"})
+
+
+def usage_of(name: str) -> str:
+    """What the tree's mesh is said to be used for."""
+    return str(TREES[name].get("usage", "static"))
 
 
 def as_argument(name: str) -> str:

@@ -27,11 +27,12 @@ def footer(figures: Figures) -> str:
         for key, label in (("embreex", "embreex"), ("bpy", "Blender"))
         if machine["versions"].get(key)
     )
-    processor = re.sub(r"\s+|\(R\)|\(TM\)", " ", machine["processor"])
+    processor = " ".join(re.sub(r"\s+|\(R\)|\(TM\)", " ", machine["processor"]).split())
+    sizes = "".join(f", {level} {size}" for level, size in machine.get("caches", {}).items())
     threads = f"{machine['threads']} thread{'s' if machine['threads'] > 1 else ''}"
     load = ", ".join(f"{average:.1f}" for average in machine["load_average"])
     return (
-        f"{' '.join(processor.split())}, {threads}, {machine['isa']}; commit {machine['commit']}; {versions}. "
+        f"{processor}{sizes}, {threads}, {machine['isa']}; commit {machine['commit']}; {versions}. "
         f"Load averages at the end, of 1, 5 and 15 minutes: {load}. Measured by: {' '.join(machine['command'])}"
     )
 

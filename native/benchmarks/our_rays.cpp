@@ -1,0 +1,38 @@
+#include "our_rays.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "traverse/dispatch.h"
+
+namespace perfect_bvh::bench {
+
+OurRays::OurRays(std::shared_ptr<const Snapshot> scene, std::string isa, TraceOptions options)
+    : scene_(std::move(scene)), isa_(std::move(isa)), options_(options) {}
+
+void OurRays::load(std::span<const Ray> rays, RayUse use) {
+  set_active_kernels(isa_);
+  use_ = use;
+  rays_.assign(rays.begin(), rays.end());
+  if (use.is_any_hit) {
+    occluded_.assign(rays.size(), 0);
+  } else {
+    hits_.assign(rays.size(), Hit{});
+  }
+}
+
+void OurRays::cast() {
+  if (use_.is_any_hit) {
+    trace_any(scene_->view, {rays_.data(), rays_.size(), Cull::kNone, nullptr, nullptr, occluded_.data()}, options_);
+  } else {
+    trace_closest(scene_->view, {rays_.data(), rays_.size(), Cull::kNone, nullptr, hits_.data(), nullptr}, options_);
+  }
+}
+
+void OurRays::read(std::span<Hit> hits) const { std::copy_n(hits_.begin(), hits.size(), hits.begin()); }
+
+void OurRays::read(std::span<std::uint8_t> occluded) const {
+  std::copy_n(occluded_.begin(), occluded.size(), occluded.begin());
+}
+
+}  // namespace perfect_bvh::bench

@@ -1,0 +1,34 @@
+// Our kernels as a competitor: rays as the engine's C++ interface takes them. They trace in the default floating-point
+// environment, which they set themselves.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "ray_caster.h"
+#include "tlas/snapshot.h"
+#include "traverse/strategy.h"
+
+namespace perfect_bvh::bench {
+
+class OurRays : public RayCaster {
+ public:
+  // isa: of available_kernels(); an empty name leaves the choice to the engine.
+  explicit OurRays(std::shared_ptr<const Snapshot> scene, std::string isa = "", TraceOptions options = {});
+
+  void load(std::span<const Ray> rays, RayUse use) override;
+  void cast() override;
+  void read(std::span<Hit> hits) const override;
+  void read(std::span<std::uint8_t> occluded) const override;
+
+ private:
+  const std::shared_ptr<const Snapshot> scene_;
+  const std::string isa_;
+  const TraceOptions options_;
+  RayUse use_;
+  std::vector<Ray> rays_;
+  std::vector<Hit> hits_;
+  std::vector<std::uint8_t> occluded_;
+};
+
+}  // namespace perfect_bvh::bench
