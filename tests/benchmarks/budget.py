@@ -1,0 +1,156 @@
+"""What a ray costs, stage by stage: instructions, branches mispredicted and reads that miss the first cache.
+
+    python tests/benchmarks/budget.py --json budget.json
+
+Of the meshes that --mesh names, or the generated ones with a tenth of their triangles. Each kind of ray is cast by
+trace_bench under `valgrind --tool=callgrind`, once, by ours alone. What every instruction costs is added up by the
+stage whose function it was inlined into, as the debugging information says. Counts repeat exactly, whatever else the
+machine does; how branches and caches behave is callgrind's model of them. Valgrind knows no AVX-512, so the kernels
+are AVX2's. A ray's cost includes nothing of what happens before and after the clock.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from benchmarks import generated_meshes, options
+from benchmarks.meshes import BenchMesh
+from benchmarks.tables import Cell, format_table
+
+PROGRAM = "trace_bench"
+CASTS = 2  # of each ray in a race of one round: the timed one, and one whose answers others' are compared with
+EVENTS = {"Ir": "instructions", "Bcm": "branches mispredicted", "D1mr": "reads that miss L1"}
+
+# By the function that a stage's instructions were inlined into, the innermost that is named here.
+STAGES = {
+    "set-up": ("start_ray", "enter_instance", "leave_instance", "load_ray", "set_states", "map_to_local"),
+    "node": ("test_node", "visit_nodes"),
+    "sort": ("push_sorted", "push_unsorted"),
+    "leaf": ("visit_leaves", "visit_leaf", "visit_indexed_leaf", "test_leaf", "take_hits", "take_hit"),
+    "write-back": ("write_result", "write_results", "divide_weights"),
+    "stream": ("trace_stream", "follow_marks", "sort_others", "take_next_ray", "fetch_instances"),
+    "ordering": ("reorder_rays", "trace_by_coherence", "gather_left"),
+    "packets": ("trace_packets",),
+}
+STAGE_OF = {name: stage for stage, names in STAGES.items() for name in names}
+OTHER = "other"
+Costs = Counter[tuple[int, str]]  # by address and event
+Counts = dict[str, dict[str, float]]  # by stage and event
+
+
+def main() -> None:
+    """Count, print the tables, write the JSON."""
+    parser = options.parser(__doc__ or "")
+    parser.add_argument("--kinds", nargs="+", default=["diffuse", "occlusion"], help="of rays, as trace_bench has them")
+    parser.add_argument("--strategies", nargs="+", default=["stream", "single"], help="as trace_bench has them")
+    parser.set_defaults(size="128x80", detail=0.1, noisy=True)  # counts know no noise
+    chosen = options.parse(parser)
+    rows = []
+    for mesh in options.meshes_of(chosen) if chosen.mesh else generated_meshes.make_all(chosen.detail):
+        for kind in chosen.kinds:
+            for strategy in chosen.strategies:
+                words = ["--strategies", strategy, "--size", chosen.size]
+                stages = budget_of(chosen.native / PROGRAM, mesh, kind, words)
+                rows.append({"mesh": mesh.name, "rays": kind, "strategy": strategy, "stages": stages})
+    print(describe(rows))
+    options.save(chosen, {"rows": rows})
+
+
+def budget_of(program: Path, mesh: BenchMesh, kind: str, words: list[str]) -> Counts:
+    """Of one ray in the mean."""
+    if not program.is_file():
+        raise SystemExit(f"{program} is not built; `nox -s benchmarks` builds it")
+    words = [*words, *(["--inside"] if mesh.is_inside else [])]
+    with tempfile.TemporaryDirectory() as folder:
+        mesh_file = Path(folder) / "mesh.bin"
+        mesh.write(mesh_file)
+        _, shared = _profile(program, [*words, "--kinds", "none", str(mesh_file)], Path(folder))
+        rows, costs = _profile(program, [*words, "--kinds", kind, str(mesh_file)], Path(folder))
+    if not rows:
+        raise SystemExit(f"{mesh.name}: no ray of the kind {kind} to be cast")
+    # What finds where rays begin is in both.
+    costs.subtract(shared)
+    return add_up(program, costs, CASTS * rows[0]["ray_count"])
+
+
+def _profile(program: Path, words: list[str], folder: Path) -> tuple[list[dict[str, Any]], Costs]:
+    """The program's JSON, and what its casts cost."""
+    profile, out = folder / "profile", folder / "out.json"
+    tool = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={profile}", "--dump-instr=yes", "--dump-line=no"]
+    tool += ["--compress-pos=no", "--compress-strings=no", "--branch-sim=yes", "--cache-sim=yes"]
+    tool += ["--collect-atstart=no", "--toggle-collect=perfect_bvh::bench::OurRays::cast()"]
+    command = [*tool, str(program), "--noisy", "--rounds", "1", "--peers", "", "--isas", "avx2", "--json", str(out)]
+    done = subprocess.run([*command, *words], capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise SystemExit(f"{' '.join(command)} failed:\n{done.stderr[-2000:]}")
+    return json.loads(out.read_text()), read_costs(profile.read_text().splitlines(), str(program))
+
+
+def read_costs(lines: Iterable[str], program: str) -> Costs:
+    """By address in the program and event, of a callgrind profile whose positions and strings are not compressed."""
+    events: list[str] = []
+    costs, in_program, is_call = Costs(), False, False
+    for line in lines:
+        if line.startswith("events:"):
+            events = line.split()[1:]
+        elif line.startswith("ob="):
+            in_program = Path(line[3:]).name == Path(program).name
+        elif line.startswith("calls="):
+            is_call = True  # the next line is what the callee cost, which its own lines tell
+        elif line.startswith("0x"):
+            if in_program and not is_call:
+                address, *values = line.split()
+                for event, value in zip(events, values, strict=False):
+                    if event in EVENTS:
+                        costs[int(address, 16), event] += int(value)
+            is_call = False
+    return costs
+
+
+def add_up(program: Path, costs: Costs, ray_count: int) -> Counts:
+    """By stage, of one ray."""
+    stages = stages_of(program, sorted({address for address, _ in costs}))
+    counts: Counts = {stage: dict.fromkeys(EVENTS, 0.0) for stage in (*STAGES, OTHER)}
+    for (address, event), cost in costs.items():
+        counts[stages[address]][event] += cost / ray_count
+    return counts
+
+
+def stages_of(program: Path, addresses: list[int]) -> dict[int, str]:
+    """Of each address, by the functions that it was inlined into as addr2line tells them, the innermost first."""
+    command = ["addr2line", "--exe", str(program), "--functions", "--inlines", "--demangle", "--addresses"]
+    asked = "\n".join(hex(address) for address in addresses)
+    told = subprocess.run(command, input=asked, capture_output=True, text=True, check=True).stdout
+    stages: dict[int, str] = {}
+    for block in re.split(r"^0x", told, flags=re.MULTILINE)[1:]:
+        address, *lines = block.splitlines()
+        names = (word for line in lines[::2] for word in re.findall(r"(\w+)(?=[<(]|$)", line))
+        stages[int(address, 16)] = next((STAGE_OF[name] for name in names if name in STAGE_OF), OTHER)
+    return stages
+
+
+def describe(rows: list[dict[str, Any]]) -> str:
+    """A table for each event: stages down, what was cast across."""
+    heads = [f"{row['mesh']}, {row['rays']}, {row['strategy']}" for row in rows]
+    parts = []
+    for event, name in EVENTS.items():
+        lines: list[list[Cell]] = [
+            [stage, *(row["stages"][stage][event] for row in rows)] for stage in (*STAGES, OTHER)
+        ]
+        total = ["all", *(sum(stage[event] for stage in row["stages"].values()) for row in rows)]
+        parts.append(f"{name} a ray\n{format_table(('stage', *heads), [*lines, total])}")
+    return "\n\n".join(parts)
+
+
+if __name__ == "__main__":
+    main()
