@@ -84,8 +84,9 @@ class Queries:
 
         Watertight: no ray passes between triangles that share an edge or a vertex.
 
-        fields: names of the fields to compute, the others cost nothing; None for the usual ones, see `Hits`. Of these
-            geometric_normals are the dearest: each takes the triangle's corners from memory.
+        fields: names of the fields to compute; None for the usual ones, see `Hits`. What is not named costs nothing:
+            coherent rays of a million take a third less time for ("t_hit", "primitive_ids") alone. The dearest of the
+            usual ones are geometric_normals, which take the triangle's corners from memory.
         audit: the share of rays, 0 to 1, to check again in double precision and without any tree; what that shows is
             in the answer's `audit`. It costs about 5 ns for each checked ray and triangle of the scene.
         out: arrays to write fields into and return, so that call after call uses the same memory: a dict of arrays by
