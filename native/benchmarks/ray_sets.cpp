@@ -34,7 +34,7 @@ std::vector<Ray> primary_rays(const Aabb& box, View view, std::uint32_t width, s
   const Vec3d centre = to_double(box.lower + box.upper) * 0.5, extent = to_double(box.extent());
   const double diagonal = length(extent), aspect = static_cast<double>(width) / height;
   Vec3d eye = centre + normalized(Vec3d{0.5, 0.25, 1.0}) * diagonal, target = centre;
-  double half_height = 0.42;
+  double half_height = view == View::kFilling ? 0.15 : 0.42;
   if (view == View::kInside) {
     eye = centre + Vec3d{0.25 * diagonal, -0.2 * extent.y, 0.0};
     target = centre - Vec3d{0.2 * diagonal, 0.0, 0.02 * diagonal};

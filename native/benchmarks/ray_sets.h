@@ -19,8 +19,9 @@ struct RaySet {
   std::vector<Ray> rays;
 };
 
-// For meshes seen from outside the camera frames the box; for those seen from inside it stands in the hall.
-enum class View { kOutside, kInside };
+// From outside the camera frames the box, so that many rays miss, or looks at its middle alone, so that the mesh fills
+// the view; for meshes seen from inside it stands in the hall.
+enum class View { kOutside, kFilling, kInside };
 
 [[nodiscard]] std::vector<Ray> primary_rays(const Aabb& box, View view, std::uint32_t width, std::uint32_t height);
 

@@ -8,8 +8,9 @@
 //   --size WxH       of the image (640x400)               --json OUT.json
 //   --leaks N        instead: N rays at random vertices and N at random edge points of closed, star-shaped meshes
 //                    around the origin, from inside; prints how many pass through
-//   --reinsert N     reinsertion passes for our tree      --inside           the camera stands inside the box
-//   --noisy          measure whatever the load
+//   --reinsert N     reinsertion passes for our tree
+//   --inside         the camera stands inside the box     --filling          or so near that the mesh fills the view
+//   --expected-rays N  what our trees are told; without: nothing         --noisy  measure whatever the load
 //
 // Casts the same rays with every competitor (ray_race.h), each in its own format. Ratios are to the first one: Embree's
 // default (rtcIntersect1, rtcOccluded1, quality MEDIUM, not robust) unless --peers says otherwise.
@@ -17,6 +18,7 @@
 #include <cstdio>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <tuple>
 
 #include "arguments.h"
@@ -41,8 +43,10 @@ struct Options {
   std::vector<std::size_t> batches{kBatch};
   std::uint32_t width = 640, height = 400, reinsert = 0;
   std::size_t leaks = 0;
+  std::optional<double> expected_rays;
   std::string json;
-  bool is_inside = false, is_noisy = false;
+  View view = View::kOutside;
+  bool is_noisy = false;
 
   [[nodiscard]] bool wants(const std::string& kind) const {
     return kinds.empty() || std::find(kinds.begin(), kinds.end(), kind) != kinds.end();
@@ -70,12 +74,16 @@ void set(Options& options, Arguments& arguments) {
     options.peers = arguments.list();
   } else if (name == "--reinsert") {
     options.reinsert = static_cast<std::uint32_t>(std::stoul(arguments.value()));
+  } else if (name == "--expected-rays") {
+    options.expected_rays = std::stod(arguments.value());
   } else if (name == "--leaks") {
     options.leaks = std::stoul(arguments.value());
   } else if (name == "--json") {
     options.json = arguments.value();
   } else if (name == "--inside") {
-    options.is_inside = true;
+    options.view = View::kInside;
+  } else if (name == "--filling") {
+    options.view = View::kFilling;
   } else if (name == "--noisy") {
     options.is_noisy = true;
   } else if (name == "--size") {
@@ -132,7 +140,7 @@ std::vector<Competitor> make_competitors(const Options& options, const TriangleM
     BuildConfig config;
     config.layout = parse_layout(layout);
     config.optimize_passes = options.reinsert;
-    const auto scene = committed(mesh, config);
+    const auto scene = committed(mesh, config, Usage::kStatic, options.expected_rays);
     add_ours(list, options, scene);
     const WideBvh& wide = scene->blases.front()->wide;
     std::printf("  %s: %zu nodes, %zu leaves (%.2f triangles), depth %u, %.1f bytes a triangle with the mesh\n",
@@ -194,7 +202,7 @@ std::string stem(const std::string& path) {
 std::vector<RaySet> make_sets(const Options& options, const TriangleMesh& mesh, const std::string& name,
                               RayCaster& caster) {
   const Aabb box = bounds_of_positions(mesh.positions);
-  const View view = options.is_inside || name == "sponza" ? View::kInside : View::kOutside;
+  const View view = name == "sponza" ? View::kInside : options.view;
   const std::vector<Ray> primary = primary_rays(box, view, options.width, options.height);
   std::vector<Hit> hits(primary.size());
   caster.answer(primary, {false, true}, std::span(hits));

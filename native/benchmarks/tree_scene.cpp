@@ -34,13 +34,16 @@ std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const TriangleMesh
   return snapshot;
 }
 
-std::shared_ptr<const Snapshot> committed(const TriangleMesh& mesh, const BuildConfig& config, Usage usage) {
+std::shared_ptr<const Snapshot> committed(const TriangleMesh& mesh, const BuildConfig& config, Usage usage,
+                                          std::optional<double> expected_rays) {
   ThreadPool pool(1);
   CancelToken cancel;
   Scene scene;
   const std::int32_t mesh_id = scene.add_mesh(mesh, config, usage);
   scene.add_instances(std::vector<InstanceInput>{{mesh_id, Affine{}, ~0u, std::nullopt}});
-  scene.commit(pool, cancel);
+  CommitOptions options;
+  options.expected_rays = expected_rays;
+  scene.commit(pool, cancel, options);
   return scene.snapshot();
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "blas/build_tree.h"
 #include "builders/build_config.h"
@@ -12,8 +13,9 @@ namespace perfect_bvh::bench {
 
 [[nodiscard]] std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const TriangleMesh> mesh, WideBvh wide);
 
-// As a user would have it: added, and committed on one thread.
+// As a user would have it: added, and committed on one thread, which may be told how many rays will follow.
 [[nodiscard]] std::shared_ptr<const Snapshot> committed(const TriangleMesh& mesh, const BuildConfig& config,
-                                                        Usage usage = Usage::kStatic);
+                                                        Usage usage = Usage::kStatic,
+                                                        std::optional<double> expected_rays = {});
 
 }  // namespace perfect_bvh::bench

@@ -140,15 +140,14 @@ def stages_of(program: Path, addresses: list[int]) -> dict[int, str]:
 
 
 def describe(rows: list[dict[str, Any]]) -> str:
-    """A table for each event: stages down, what was cast across."""
-    heads = [f"{row['mesh']}, {row['rays']}, {row['strategy']}" for row in rows]
+    """A table for each event: what was cast down, stages across."""
     parts = []
     for event, name in EVENTS.items():
-        lines: list[list[Cell]] = [
-            [stage, *(row["stages"][stage][event] for row in rows)] for stage in (*STAGES, OTHER)
-        ]
-        total = ["all", *(sum(stage[event] for stage in row["stages"].values()) for row in rows)]
-        parts.append(f"{name} a ray\n{format_table(('stage', *heads), [*lines, total])}")
+        lines: list[list[Cell]] = []
+        for row in rows:
+            counts = [row["stages"][stage][event] for stage in (*STAGES, OTHER)]
+            lines.append([f"{row['mesh']}, {row['rays']}, {row['strategy']}", *counts, sum(counts)])
+        parts.append(f"{name} a ray\n{format_table(('rays', *STAGES, OTHER, 'all'), lines)}")
     return "\n\n".join(parts)
 
 

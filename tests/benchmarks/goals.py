@@ -53,6 +53,7 @@ def main() -> None:
     add("--instances", type=int, nargs="+", default=[1000, 10_000, 100_000, 1_000_000], metavar="N")
     add("--subdivide", type=int, default=2, metavar="N", help="times the last given mesh, for a large one; 0: no")
     add("--tables", nargs="+", choices=TABLES, default=list(TABLES), help="which to measure")
+    add("--expected-rays", type=float, metavar="N", help="what our trees that rays are cast at are told; else nothing")
     parser.set_defaults(size="1250x800")  # a million rays
     chosen = options.parse(parser)
     native = NativePrograms(chosen.native)
@@ -94,9 +95,11 @@ def measure_rays(meshes: Sequence[BenchMesh], run: Run) -> list[Row]:
     isas = dict.fromkeys((perfect_bvh.active_isa(), *(["avx2"] if "avx2" in perfect_bvh.available_isas() else [])))
     words = ["--rounds", str(run.chosen.rounds), "--size", run.chosen.size, "--batches", ",".join(map(str, BATCHES))]
     words += ["--peers", ",".join(EMBREE), "--isas", ",".join(isas)]
+    if run.chosen.expected_rays is not None:
+        words += ["--expected-rays", str(run.chosen.expected_rays)]
     rows = []
     for mesh in meshes:
-        found = run.native.run("trace_bench", mesh, [*words, *(["--inside"] if mesh.is_inside else [])])
+        found = run.native.run("trace_bench", mesh, [*words, "--inside" if mesh.is_inside else "--filling"])
         count = len(mesh.triangles)
         rows += [{**row, "mesh": mesh.name, "triangle_count": count, "isa": perfect_bvh.active_isa()} for row in found]
     return rows
