@@ -130,6 +130,23 @@ TEST(RayBatch, EqualsOneByOneForAnyThreadCount) {
   }
 }
 
+// A task is whole blocks, so that blocks begin where they begin on one thread; and each thread gets two, if there are
+// as many blocks.
+TEST(RayBatch, IsSharedOutFairly) {
+  for (const std::size_t block : {kBlockRays, std::size_t{6208}, kReorderedRays}) {
+    for (const std::size_t count : {1, 1000, 1025, 5000, 16'384, 100'000, 1'000'000}) {
+      for (const std::size_t threads : {1, 2, 3, 16, 200}) {
+        const std::size_t task = fair_task_rays(count, block, threads);
+        EXPECT_EQ(task % block, 0u);
+        EXPECT_GE(task, block);
+        EXPECT_LE(task, std::max(kTaskRays, block));
+        const std::size_t blocks = (count + block - 1) / block, tasks = (count + task - 1) / task;
+        EXPECT_GE(tasks, std::min(blocks, 2 * threads)) << count << " rays, " << threads << " threads";
+      }
+    }
+  }
+}
+
 TEST(Mesh, RefusesWhatItCannotHold) {
   const std::vector<Vec3f> positions{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
   const std::vector<Vec3<std::int32_t>> triangles{{0, 1, 3}};

@@ -89,26 +89,28 @@ def test_through_an_instance(distance):
     assert errors(hits, positions, triangles, origins, directions, place).max() <= 2.0**-45 * (3000.0 + distance)
 
 
-def test_edge_on_and_thread_thin():
-    """Where the plane tells nothing, a position stands on its triangle all the same."""
+@pytest.mark.parametrize(("thinness", "aside", "far"), [(1.0, (-12, -6), (3, 6)), (1e-3, (-15, -8), (0, 2))])
+def test_edge_on_and_thread_thin(thinness, aside, far):
+    """Where the plane tells nothing, a position stands on its triangle all the same.
+
+    aside, far: powers of ten, by how much rays leave the plane and from how many triangles away they come.
+    """
     positions, triangles = meshes.slivers(3000, 5)
     positions = positions.astype(np.float32)
-    positions[triangles[:, 2]] = positions[triangles[:, 0]] + np.float32(1e-3) * (
-        positions[triangles[:, 2]] - positions[triangles[:, 0]]
-    )
+    first, third = positions[triangles[:, 0]], positions[triangles[:, 2]]
+    positions[triangles[:, 2]] = first + np.float32(thinness) * (third - first)
     corners = positions[triangles].astype(np.float64)
+    sizes = np.ptp(corners, axis=1).max(axis=1)
     random = np.random.default_rng(6)
-    # Along the plane of each, nearly, from far and near.
-    aside = random.normal(size=(len(corners), 3)) * 10.0 ** random.uniform(-9.0, -2.0, (len(corners), 1))
-    directions = corners[:, 1] - corners[:, 0] + 0.3 * (corners[:, 2] - corners[:, 0]) + aside
-    origins = corners.mean(axis=1) - directions * 10.0 ** random.uniform(0.0, 5.0, (len(corners), 1))
+    along = corners[:, 1] - corners[:, 0] + 0.3 * (corners[:, 2] - corners[:, 0])
+    turns = random.normal(size=along.shape) * (sizes * 10.0 ** random.uniform(*aside, len(along)))[:, None]
+    directions = along + turns
+    origins = corners.mean(axis=1) - directions * 10.0 ** random.uniform(*far, (len(along), 1))
     scene = perfect_bvh.Scene()
     scene.add_instance(scene.add_mesh(positions, triangles))
     scene.commit()
     hits = scene.cast_rays(origins, directions, fields=FIELDS)
-    struck = corners[hits.primitive_ids[hits.is_hit]]
-    where = hits.positions[hits.is_hit]
-    assert len(where) > 1000
-    sizes = np.ptp(struck, axis=1).max(axis=1)
+    assert hits.is_hit.sum() > 300
+    struck, where = corners[hits.primitive_ids[hits.is_hit]], hits.positions[hits.is_hit]
     beyond = np.maximum(struck.min(axis=1) - where, where - struck.max(axis=1)).max(axis=1)
-    assert (beyond <= 1e-6 * sizes).all()
+    assert (beyond <= 1e-6 * sizes[hits.primitive_ids[hits.is_hit]]).all()
