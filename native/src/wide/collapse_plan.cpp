@@ -4,6 +4,7 @@
 // In: a binary tree, and what a leaf may hold. Out: a decision for every node, from which the wide tree is emitted.
 
 #include <limits>
+#include <type_traits>
 #include <vector>
 
 #include "core/errors.h"
@@ -30,12 +31,17 @@ struct LeafContents {
   SmallSet primitives;  // where a primitive may be referred to twice (spatial splits)
 };
 
+// Where no leaves can be joined (a top level, leaves that are full already), contents need not be known.
+struct NoContents {};
+
 // What a planned node is to its parent: the least cost of giving it 1, 2 ... 8 places at most. Before them stand
 // infinite ones, so that costs can be read from up to 6 places further down.
+template <class Contents>
 struct alignas(16) Planned {
   static constexpr std::size_t kOne = 11;
   std::array<float, kOne + 9> costs;
-  LeafContents contents;
+  bool is_leaf = false;  // of the binary tree: more places do not make it cheaper
+  Contents contents;
 
   [[nodiscard]] float cost(std::size_t places) const noexcept { return costs[kOne - 1 + places]; }
   void set_costs(float one, Float4 two_to_five, Float4 six_to_nine) noexcept {
@@ -48,52 +54,58 @@ struct alignas(16) Planned {
 };
 
 // Both children of a node together: the least cost of giving them 2, 3 ... 9 places, and how many the left one gets.
+template <class Contents>
 struct PlannedPair {
   std::uint32_t pair;  // the left child
   Float4 costs[2];
   Float4 left_shares[2];
-  LeafContents contents;
+  Contents contents;
 };
 
 // Pairs wait on a stack: backwards through depth-first order, a node's children are on top when it is their turn.
+// Contents: LeafContents or NoContents.
+template <class Contents>
 class Planner {
  public:
+  using Node = Planned<Contents>;
+  using Pair = PlannedPair<Contents>;
+
   Planner(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layout, const CollapseCosts& costs,
           CollapseDecision* decisions)
       : tree_(tree),
         limits_vertices_(layout == TreeLayout::kDefault),
-        triangles_(tree.has_full_leaves ? nullptr : triangles),
+        triangles_(triangles),
         costs_(costs),
         memory_cost_(costs.memory * area_of(tree.nodes[0], costs) / static_cast<float>(tree.prim_indices.size())),
         decisions_(decisions) {}
 
-  void push(const PlannedPair& pair) { waiting_.push_back(pair); }
-  [[nodiscard]] PlannedPair pop(std::uint32_t expected) {
+  void push(const Pair& pair) { waiting_.push_back(pair); }
+  [[nodiscard]] Pair pop(std::uint32_t expected) {
     if (waiting_.empty() || waiting_.back().pair != expected) {
       throw EngineError("collapse: the binary tree is not in depth-first order");
     }
-    const PlannedPair top = waiting_.back();
+    const Pair top = waiting_.back();
     waiting_.pop_back();
     return top;
   }
 
   // The pairs in [begin, end), which stand below one node.
-  [[nodiscard]] PlannedPair plan_below(std::uint32_t begin, std::uint32_t end) {
+  [[nodiscard]] Pair plan_below(std::uint32_t begin, std::uint32_t end) {
     for (std::uint32_t pair = end; pair > begin;) plan_pair(pair -= 2);
     return pop(begin);
   }
 
   void plan_pair(std::uint32_t pair) {
-    Planned left, right;
+    Node left, right;
     plan_node(pair, left);
     plan_node(pair + 1, right);
-    PlannedPair& both = waiting_.emplace_back();
+    Pair& both = waiting_.emplace_back();
     both.pair = pair;
     share_places(left, right, both);
-    join(left.contents, right.contents, both.contents);
+    if constexpr (kJoinsLeaves) join(left.contents, right.contents, both.contents);
   }
 
-  void plan_node(std::uint32_t index, Planned& planned) {
+  void plan_node(std::uint32_t index, Node& planned) {
     const Bvh2Node& node = tree_.nodes[index];
     const float area = area_of(node, costs_);
     CollapseDecision& decision = decisions_[index];
@@ -102,30 +114,34 @@ class Planner {
       decision.is_leaf = 1;
       const Float4 all(costs_.leaf * area);
       planned.set_costs(costs_.leaf * area, all, all);
-      collect_leaf(node, planned.contents);
+      planned.is_leaf = true;
+      if constexpr (kJoinsLeaves) collect_leaf(node, planned.contents);
       return;
     }
-    const PlannedPair below = pop(node.first);
+    const Pair below = pop(node.first);
     planned.contents = below.contents;
     alignas(16) std::array<float, 8> spread, shares;
     below.costs[0].store(&spread[0]), below.costs[1].store(&spread[4]);
     below.left_shares[0].store(&shares[0]), below.left_shares[1].store(&shares[4]);
-    const float as_leaf = below.contents.fits ? costs_.leaf * area : kNever;
-    const float as_node = costs_.node * area + memory_cost_ + spread[6];
-    decision.is_leaf = below.contents.fits && as_leaf <= as_node;
-    const float one = decision.is_leaf ? as_leaf : as_node;
+    float one = costs_.node * area + memory_cost_ + spread[6];
+    if constexpr (kJoinsLeaves) {
+      decision.is_leaf = below.contents.fits && costs_.leaf * area <= one;
+      if (decision.is_leaf) one = costs_.leaf * area;
+    }
     for (std::size_t k = 0; k < 7; ++k) decision.share[k] = spread[k] < one ? static_cast<std::uint8_t>(shares[k]) : 0;
     decision.left_of_node = static_cast<std::uint8_t>(shares[6]) & 0x7F;
     planned.set_costs(one, min(below.costs[0], Float4(one)), min(below.costs[1], Float4(one)));
   }
 
  private:
-  static void share_places(const Planned& left, const Planned& right, PlannedPair& both) noexcept {
-    const float* const of_right = &right.costs[Planned::kOne];
+  static constexpr bool kJoinsLeaves = std::is_same_v<Contents, LeafContents>;
+
+  static void share_places(const Node& left, const Node& right, Pair& both) noexcept {
+    const float* const of_right = &right.costs[Node::kOne];
     Float4 cost[2], share[2] = {Float4(1.0f), Float4(1.0f)};
     cost[0] = Float4(left.cost(1)) + Float4::load_unaligned(of_right);
     cost[1] = Float4(left.cost(1)) + Float4::load_unaligned(of_right + 4);
-    for (std::size_t to_left = 2; to_left < 8; ++to_left) {
+    for (std::size_t to_left = 2; to_left < 8 && !left.is_leaf; ++to_left) {
       const Float4 of_left(left.cost(to_left)), this_share(static_cast<float>(to_left));
       for (std::size_t half = 0; half < 2; ++half) {
         const Float4 sum = of_left + Float4::load_unaligned(of_right + 4 * half + 1 - to_left);
@@ -137,7 +153,7 @@ class Planner {
   }
 
   void collect_leaf(const Bvh2Node& node, LeafContents& contents) const noexcept {
-    if (triangles_ == nullptr || node.count > SmallSet::kMost) return;
+    if (node.count > SmallSet::kMost) return;
     contents.reference_count = node.count;
     for (std::uint32_t i = 0; i < node.count; ++i) {
       const std::uint32_t primitive = tree_.prim_indices[node.first + i];
@@ -169,11 +185,11 @@ class Planner {
 
   const Bvh2& tree_;
   const bool limits_vertices_;
-  const TriangleIndices* triangles_;  // null where no leaves can be joined
+  const TriangleIndices* triangles_;
   const CollapseCosts costs_;
   const float memory_cost_;
   CollapseDecision* decisions_;
-  std::vector<PlannedPair> waiting_;
+  std::vector<Pair> waiting_;
 };
 
 // A pair of the upper tree, or all the pairs below one node.
@@ -202,22 +218,21 @@ std::vector<Part> make_parts(const Bvh2& tree) {
   return parts;
 }
 
-}  // namespace
-
-AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layout,
-                                              const CollapseCosts& costs, ThreadPool& pool, CancelToken& cancel) {
+template <class Contents>
+AlignedVector<CollapseDecision> plan(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layout,
+                                     const CollapseCosts& costs, ThreadPool& pool, CancelToken& cancel) {
   AlignedVector<CollapseDecision> decisions(tree.nodes.size());
   const std::vector<Part> parts = make_parts(tree);
-  std::vector<PlannedPair> planned(parts.size());
+  std::vector<PlannedPair<Contents>> planned(parts.size());
   for_chunks(pool, parts.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
-    Planner planner(tree, triangles, layout, costs, decisions.data());
+    Planner<Contents> planner(tree, triangles, layout, costs, decisions.data());
     for (std::size_t i = begin; i < end; ++i) {
       if (!parts[i].is_subtree) continue;
       planned[i] = planner.plan_below(parts[i].begin, parts[i].end);
       cancel.advance(tree.prim_indices.size() * (parts[i].end - parts[i].begin) / (2 * tree.nodes.size()));
     }
   });
-  Planner planner(tree, triangles, layout, costs, decisions.data());
+  Planner<Contents> planner(tree, triangles, layout, costs, decisions.data());
   for (std::size_t i = parts.size(); i-- > 0;) {
     if (parts[i].is_subtree) {
       planner.push(planned[i]);
@@ -225,9 +240,18 @@ AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const TriangleIn
       planner.plan_pair(parts[i].begin);
     }
   }
-  Planned root;
+  typename Planner<Contents>::Node root;
   planner.plan_node(0, root);
   return decisions;
+}
+
+}  // namespace
+
+AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layout,
+                                              const CollapseCosts& costs, ThreadPool& pool, CancelToken& cancel) {
+  const bool joins_leaves = triangles != nullptr && !tree.has_full_leaves;
+  return joins_leaves ? plan<LeafContents>(tree, triangles, layout, costs, pool, cancel)
+                      : plan<NoContents>(tree, triangles, layout, costs, pool, cancel);
 }
 
 }  // namespace perfect_bvh
