@@ -39,20 +39,14 @@ Usage parse_usage(const std::string& name) {
   throw InvalidArgument("usage must be 'static', 'deforming' or 'changing', got '" + name + "'");
 }
 
-// Twelve numbers in rows.
+// An array of shape (count, 3, 4) or (count, 4, 4).
 template <class T>
-Affine as_affine(const T* m) {
-  return {{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}, {m[3], m[7], m[11]}};
-}
-
-// The data of an array of shape (count, 3, 4).
-template <class T>
-const T* transform_data(const Array<T>& array, std::size_t count) {
-  if (array.ndim() != 3 || static_cast<std::size_t>(array.shape(0)) != count || array.shape(1) != 3 ||
-      array.shape(2) != 4) {
-    throw std::invalid_argument("_core: expected transforms of shape (rows, 3, 4), as many as ids");
+Matrices<T> as_matrices(const Array<T>& array, std::size_t count) {
+  if (array.ndim() != 3 || static_cast<std::size_t>(array.shape(0)) != count ||
+      (array.shape(1) != 3 && array.shape(1) != 4) || array.shape(2) != 4) {
+    throw std::invalid_argument("_core: expected transforms of shape (rows, 3 or 4, 4), as many as ids");
   }
-  return array.data();
+  return {array.data(), count, static_cast<std::size_t>(array.shape(1))};
 }
 
 const char* action_name(MeshAction action) {
@@ -193,23 +187,19 @@ template <class T>
 std::int32_t add_instances(Scene& scene, const Array<std::int32_t>& meshes, const Array<T>& transforms,
                            const Array<std::uint32_t>& masks, const std::optional<Array<std::int64_t>>& orders) {
   const auto mesh_ids = as_span(meshes);
+  const auto matrices = as_matrices(transforms, mesh_ids.size());
   const auto mask_values = as_span(masks);
-  const T* maps = transform_data(transforms, mesh_ids.size());
-  std::vector<InstanceInput> inputs(mesh_ids.size());
-  for (std::size_t i = 0; i < inputs.size(); ++i) {
-    inputs[i] = {mesh_ids[i], as_affine(maps + i * 12), mask_values[i], std::nullopt};
-    if (orders) inputs[i].order = orders->data()[i];
-  }
+  const auto order_values = orders ? as_span(*orders) : std::span<const std::int64_t>();
   const py::gil_scoped_release release;
-  return scene.add_instances(inputs);
+  return scene.add_instances(mesh_ids, matrices, mask_values, order_values);
 }
 
 template <class T>
 void set_transforms(Scene& scene, const Array<std::int32_t>& ids, const Array<T>& transforms) {
   const auto rows = as_span(ids);
-  const T* maps = transform_data(transforms, rows.size());
+  const auto matrices = as_matrices(transforms, rows.size());
   const py::gil_scoped_release release;
-  scene.set_transforms(rows, std::span(maps, 12 * rows.size()), ThreadPool::shared());
+  scene.set_transforms(rows, matrices, ThreadPool::shared());
 }
 
 template <class T>

@@ -93,15 +93,15 @@ def as_integers(function: str, name: str, value: npt.ArrayLike, dtype: type[np.i
 
 
 def as_transforms(function: str, value: npt.ArrayLike, count: int | None = None) -> npt.NDArray[Any]:
-    """(I, 4, 4) or (I, 3, 4), object to world, as (I, 3, 4) float32 or float64. The last row of a (4, 4) is 0 0 0 1."""
+    """(I, 4, 4) or (I, 3, 4), object to world, as float32 or float64. The last row of a (4, 4) is 0 0 0 1."""
     array = as_array(function, "transforms", value)
     if array.ndim == 2:
         array = array[None]
     if array.ndim != 3 or array.shape[1:] not in ((4, 4), (3, 4)):
         raise ValueError(f"{function}: transforms must have shape (I, 4, 4) or (I, 3, 4), got {array.shape}")
-    if array.shape[1] == 4 and not np.allclose(array[:, 3], (0.0, 0.0, 0.0, 1.0), rtol=0.0, atol=1e-6):
+    if array.shape[1] == 4 and not (np.abs(array[:, 3] - (0.0, 0.0, 0.0, 1.0)) <= 1e-6).all():
         wrong = array[np.abs(array[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1).argmax(), 3].tolist()
         raise ValueError(f"{function}: transforms must be affine, with 0 0 0 1 as their last row, got {wrong}")
     if count is not None and len(array) != count:
         raise ValueError(f"{function}: transforms must have {count} rows, one an instance, got {len(array)}")
-    return np.ascontiguousarray(array[:, :3, :], dtype=np.float32 if array.dtype == np.float32 else np.float64)
+    return np.ascontiguousarray(array, dtype=np.float32 if array.dtype == np.float32 else np.float64)

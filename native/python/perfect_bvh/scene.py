@@ -37,13 +37,13 @@ class Scene(Queries):
         with the package. With equal calibrations, edits and expected rays the decisions are the same anywhere.
     """
 
-    __slots__ = ("__weakref__", "_calibration", "_policy", "_scene", "before_query")
+    __slots__ = ("__weakref__", "_calibration_numbers", "_policy", "_scene", "before_query")
 
     def __init__(self, policy: Policy = "governed", calibration: Calibration | None = None) -> None:
         if policy not in POLICIES:
             raise ValueError(f"Scene: policy must be one of {', '.join(POLICIES)}, got {policy!r}")
         self._policy = policy
-        self._calibration = current_calibration() if calibration is None else calibration
+        self._calibration_numbers = (current_calibration() if calibration is None else calibration).as_numbers()
         self._scene = _core.make_scene()
         self.before_query: Callable[[], object] | None = None
         """Called on the thread of each query that would be answered, and of `is_current` and `snapshot()`, before it.
@@ -179,7 +179,7 @@ class Scene(Queries):
         rays = None
         if expected_rays is not None:
             rays = checked_number("commit", "expected_rays", expected_rays, 0.0, _MOST_RAYS)
-        return CommitReport.from_core(self._scene.commit(self._policy, rays, self._calibration.as_numbers(), progress))
+        return CommitReport.from_core(self._scene.commit(self._policy, rays, self._calibration_numbers, progress))
 
     def mark_stale(self, why: str) -> None:
         """Makes every query raise `StaleSceneError(why)` until the next commit.

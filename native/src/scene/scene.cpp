@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "core/errors.h"
+#include "math/axes.h"
 
 namespace perfect_bvh {
 namespace {
@@ -36,7 +37,7 @@ bool are_consecutive(std::span<const std::int32_t> ids) noexcept {
 bool is_sound(const Affine& transform) {
   bool sound = true;  // NaN is not
   for (const Vec3d v : {transform.x, transform.y, transform.z, transform.translation}) {
-    for (int axis = 0; axis < 3; ++axis) sound &= std::abs(v[axis]) <= kLargestEntry;
+    for_each_axis([&](auto axis) { sound &= std::abs(v[axis]) <= kLargestEntry; });
   }
   return sound;
 }
@@ -147,25 +148,56 @@ void Scene::remove_mesh(std::int32_t mesh_id) {
   mark_edited();
 }
 
-std::int32_t Scene::add_instances(std::span<const InstanceInput> inputs) {
+template <class Input>
+std::int32_t Scene::append_instances(std::size_t count, const Input& input) {
   const std::lock_guard lock(edit_mutex_);
-  for (std::size_t i = 0; i < inputs.size(); ++i) {
-    find_mesh(inputs[i].mesh_id, "add_instances");
-    check_transform(inputs[i].object_to_world, i, "add_instances");
+  MeshSlot* slot = nullptr;
+  std::int32_t mesh_id = 0;  // of the slot: neighbours mostly show the same mesh
+  const auto find = [&](std::int32_t id) {
+    if (slot == nullptr || id != mesh_id) slot = &find_mesh(id, "add_instances"), mesh_id = id;
+    return slot;
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    const InstanceInput each = input(i);
+    static_cast<void>(find(each.mesh_id));
+    check_transform(each.object_to_world, i, "add_instances");
   }
-  if (inputs.size() > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max() - next_instance_id_)) {
+  if (count > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max() - next_instance_id_)) {
     throw EngineError("add_instances: instance ids are used up; make a new Scene");
   }
-  instances_.reserve(instances_.size() + inputs.size());
+  const std::size_t size = instances_.size() + count;
+  if (size > instances_.capacity()) instances_.reserve(std::max(size, 2 * instances_.size()));
   const std::int32_t first = next_instance_id_;
-  for (const InstanceInput& input : inputs) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const InstanceInput each = input(i);
     const std::int32_t id = next_instance_id_++;
-    instances_.push_back({id, input.mesh_id, input.object_to_world, input.mask, input.order.value_or(id)});
-    ++meshes_.at(input.mesh_id).user_count;
+    instances_.push_back({id, each.mesh_id, each.object_to_world, each.mask, each.order.value_or(id)});
+    ++find(each.mesh_id)->user_count;
   }
   mark_edited();
   return first;
 }
+
+std::int32_t Scene::add_instances(std::span<const InstanceInput> inputs) {
+  return append_instances(inputs.size(), [inputs](std::size_t i) { return inputs[i]; });
+}
+
+template <class T>
+std::int32_t Scene::add_instances(std::span<const std::int32_t> mesh_ids, Matrices<T> matrices,
+                                  std::span<const std::uint32_t> masks, std::span<const std::int64_t> orders) {
+  check_same_length(mesh_ids.size(), matrices.count, "add_instances", "matrices");
+  check_same_length(mesh_ids.size(), masks.size(), "add_instances", "masks");
+  if (!orders.empty()) check_same_length(mesh_ids.size(), orders.size(), "add_instances", "orders");
+  return append_instances(mesh_ids.size(), [&](std::size_t i) {
+    InstanceInput input{mesh_ids[i], matrices[i], masks[i], std::nullopt};
+    if (!orders.empty()) input.order = orders[i];
+    return input;
+  });
+}
+template std::int32_t Scene::add_instances(std::span<const std::int32_t>, Matrices<float>,
+                                           std::span<const std::uint32_t>, std::span<const std::int64_t>);
+template std::int32_t Scene::add_instances(std::span<const std::int32_t>, Matrices<double>,
+                                           std::span<const std::uint32_t>, std::span<const std::int64_t>);
 
 template <class Map>
 void Scene::move_instances(std::span<const std::int32_t> ids, const Map& map, ThreadPool& pool) {
@@ -194,17 +226,12 @@ void Scene::set_transforms(std::span<const std::int32_t> ids, std::span<const Af
 }
 
 template <class T>
-void Scene::set_transforms(std::span<const std::int32_t> ids, std::span<const T> matrices, ThreadPool& pool) {
-  constexpr std::size_t kEntries = 12;
-  check_same_length(kEntries * ids.size(), matrices.size(), "set_transforms", "matrices");
-  const auto map = [matrices](std::size_t i) {
-    const T* m = &matrices[i * kEntries];
-    return Affine{{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}, {m[3], m[7], m[11]}};
-  };
-  move_instances(ids, map, pool);
+void Scene::set_transforms(std::span<const std::int32_t> ids, Matrices<T> matrices, ThreadPool& pool) {
+  check_same_length(ids.size(), matrices.count, "set_transforms", "matrices");
+  move_instances(ids, [matrices](std::size_t i) { return matrices[i]; }, pool);
 }
-template void Scene::set_transforms(std::span<const std::int32_t>, std::span<const float>, ThreadPool&);
-template void Scene::set_transforms(std::span<const std::int32_t>, std::span<const double>, ThreadPool&);
+template void Scene::set_transforms(std::span<const std::int32_t>, Matrices<float>, ThreadPool&);
+template void Scene::set_transforms(std::span<const std::int32_t>, Matrices<double>, ThreadPool&);
 
 void Scene::set_masks(std::span<const std::int32_t> ids, std::span<const std::uint32_t> masks) {
   const std::lock_guard lock(edit_mutex_);

@@ -16,6 +16,7 @@
 
 #include "blas/mesh_state.h"
 #include "builders/build_config.h"
+#include "core/aligned.h"
 #include "core/cancel.h"
 #include "core/errors.h"
 #include "core/thread_pool.h"
@@ -29,6 +30,19 @@ struct InstanceInput {
   Affine object_to_world;
   std::uint32_t mask = 0xFFFFFFFFu;
   std::optional<std::int64_t> order;  // default: the instance's id
+};
+
+// Matrices of four columns, row by row. T: float or double.
+template <class T>
+struct Matrices {
+  const T* entries;
+  std::size_t count;
+  std::size_t row_count;  // of each; those after the third are not read
+
+  [[nodiscard]] Affine operator[](std::size_t i) const noexcept {
+    const T* m = entries + i * row_count * 4;
+    return {{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}, {m[3], m[7], m[11]}};
+  }
 };
 
 // The lock of a scene's edits, held for the whole of a commit. A commit's callback that edits the same scene, or asks
@@ -69,10 +83,13 @@ class Scene {
   void set_usage(std::int32_t mesh_id, Usage usage);                  // what its next builds are for
   void remove_mesh(std::int32_t mesh_id);                             // InvalidArgument while instances use it
   std::int32_t add_instances(std::span<const InstanceInput> inputs);  // the first new id; the others follow
-  void set_transforms(std::span<const std::int32_t> ids, std::span<const Affine> transforms);
-  // The same for matrices of three rows and four columns, row by row. T: float or double.
+  // One a mesh id; orders: as many, or none.
   template <class T>
-  void set_transforms(std::span<const std::int32_t> ids, std::span<const T> matrices, ThreadPool& pool);
+  std::int32_t add_instances(std::span<const std::int32_t> mesh_ids, Matrices<T> matrices,
+                             std::span<const std::uint32_t> masks, std::span<const std::int64_t> orders);
+  void set_transforms(std::span<const std::int32_t> ids, std::span<const Affine> transforms);
+  template <class T>
+  void set_transforms(std::span<const std::int32_t> ids, Matrices<T> matrices, ThreadPool& pool);
   void set_masks(std::span<const std::int32_t> ids, std::span<const std::uint32_t> masks);
   void remove_instances(std::span<const std::int32_t> ids);
 
@@ -96,6 +113,9 @@ class Scene {
   };
 
   [[nodiscard]] static std::uint64_t next_id() noexcept;
+  // input(i): the i-th InstanceInput.
+  template <class Input>
+  std::int32_t append_instances(std::size_t count, const Input& input);
   // map(i): the transform of ids[i].
   template <class Map>
   void move_instances(std::span<const std::int32_t> ids, const Map& map, ThreadPool& pool);
@@ -121,7 +141,7 @@ class Scene {
   const std::uint64_t id_ = next_id();  // in this process
   mutable EditMutex edit_mutex_;        // held by every edit and for the whole of a commit
   std::map<std::int32_t, MeshSlot> meshes_;
-  std::vector<Placement> instances_;  // by ascending id
+  AlignedVector<Placement> instances_;  // by ascending id
   std::int32_t next_mesh_id_ = 0;
   std::int32_t next_instance_id_ = 0;
 
