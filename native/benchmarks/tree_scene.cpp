@@ -28,6 +28,7 @@ std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const TriangleMesh
   if (!place_instance(instance, placing, *blas, Affine{})) throw std::runtime_error("the mesh has no place in a scene");
   const Aabb& box = placing.world_bounds;
   snapshot->instance_views.push_back(view_of(instance, placing.world_to_object));
+  snapshot->bounds = mesh_bounds_of(instance);
   snapshot->tlas = build_top_level(std::vector<PrimRef>{{box.lower, 0, box.upper, 0}}, pool, cancel).tree;
   snapshot->top_level = collapse_top_level(snapshot->tlas, pool, cancel);
   make_trace_view(*snapshot, pool, cancel);

@@ -41,6 +41,12 @@ Bvh2 top_level(const std::vector<PrimRef>& refs, int thread_count = 1, std::uint
   return build_top_level(refs, pool, cancel, most_clusters).tree;
 }
 
+TopLevel built_for(const std::vector<PrimRef>& refs, double rays) {
+  ThreadPool pool(1);
+  CancelToken cancel;
+  return build_top_level(refs, pool, cancel, kMostClusters, rays);
+}
+
 double area_of(const Aabb& box) {
   const Vec3d e = to_double(box.upper) - to_double(box.lower);
   return e.x * e.y + e.y * e.z + e.z * e.x;
@@ -222,10 +228,26 @@ TEST(TopLevel, NumbersInstancesAsTheCallerDoes) {
 TEST(TopLevel, CostsNoMoreThanEitherOfItsTrees) {
   for (const auto& refs :
        {scattered(1000), whole_numbered(1000, 2, 9), mixed_sizes(1000, 7), ground_and_pebbles(900)}) {
-    const double area = inner_area(top_level(refs));
+    const double area = inner_area(built_for(refs, 1e9).tree);
     EXPECT_LE(area, inner_area(cluster(refs)));
     EXPECT_LE(area, inner_area(guide_of(refs)));
   }
+}
+
+TEST(TopLevel, IsBuiltForTheRaysToCome) {
+  const auto refs = scattered(5000);
+  EXPECT_STREQ(built_for(refs, 1e4).builder, "fast");
+  EXPECT_STREQ(built_for(refs, 1e6).builder, "binned");
+  const auto nested = concentric(5000);
+  for (const double rays : {0.0, 1e9}) EXPECT_EQ(find_fault(built_for(nested, rays).tree, nested.size()), "") << rays;
+}
+
+// Where one is much larger than the others and rays are many enough, or rays are very many.
+TEST(TopLevel, TriesClusteringWhereItMayPay) {
+  EXPECT_FALSE(built_for(scattered(5000), 1e6).tried_clustering);
+  EXPECT_TRUE(built_for(scattered(5000), 1e9).tried_clustering);
+  EXPECT_FALSE(built_for(ground_and_pebbles(5000), 1e4).tried_clustering);
+  EXPECT_TRUE(built_for(ground_and_pebbles(5000), 1e7).tried_clustering);
 }
 
 // The huge box is taken apart from the small ones, however many there are: planes through centroids cannot do that.

@@ -82,8 +82,8 @@ class TopLevelReport:
 
     is_refitted: whether the last tree got new boxes, and no other was built. reason: why it was refitted, built or
         kept.
-    builder: "agglomerative" where joining its upper parts pair by pair made it cheaper, else what made it, as in
-    `BuildConfig`; "" over nothing.
+    builder: "agglomerative" where joining its upper parts pair by pair made it cheaper, else what made it: "binned", or
+    "fast" where rays are few for so many instances; "" over nothing.
     placing: inverse transforms and world boxes. refit: also where its result was then rejected. build: the binary
     tree. clustering: of its upper part. collapse: the tree that rays are traced through.
     """

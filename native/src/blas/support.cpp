@@ -51,15 +51,27 @@ class Search {
     }
   }
 
+  using Eight = std::array<float, 8>;
+
+  // Of eight points; 16-byte aligned.
+  [[nodiscard]] Eight along_direction(const float* x, const float* y, const float* z) const noexcept {
+    alignas(16) Eight reaches;
+    const Float4 dx(direction_.x), dy(direction_.y), dz(direction_.z);
+    for (std::size_t i = 0; i < 8; i += 4) {
+      (dx * Float4::load(x + i) + dy * Float4::load(y + i) + dz * Float4::load(z + i)).store(&reaches[i]);
+    }
+    return reaches;
+  }
+
   // The child that may reach farthest comes last, so that it is visited first.
   void visit_node(const WideNode& node) {
     const float* const x = node.planes[direction_.x > 0 ? 1 : 0];
     const float* const y = node.planes[direction_.y > 0 ? 3 : 2];
     const float* const z = node.planes[direction_.z > 0 ? 5 : 4];
     const std::size_t first = waiting_.size();
-    for (std::size_t lane = 0; lane < kWideWidth; ++lane) {
-      if (node.child[lane] == kNoChild) continue;
-      const float bound = direction_.x * x[lane] + direction_.y * y[lane] + direction_.z * z[lane];
+    const Eight bounds = along_direction(x, y, z);
+    for (std::size_t lane = 0; lane < kWideWidth && node.child[lane] != kNoChild; ++lane) {
+      const float bound = bounds[lane];
       if (bound < reach_) continue;
       waiting_.push_back({bound, node.child[lane]});
       if (waiting_[first].bound < bound) std::swap(waiting_[first], waiting_.back());
@@ -70,7 +82,10 @@ class Search {
   void visit_leaf(std::uint32_t leaf) {
     if (tree_.layout == TreeLayout::kDefault) {
       const auto& [x, y, z] = tree_.blocks[leaf].vertices;
-      for (std::size_t lane = 0; lane < 8; ++lane) visit_vertex({x[lane], y[lane], z[lane]});
+      const Eight reaches = along_direction(x, y, z);
+      for (std::size_t lane = 0; lane < 8; ++lane) {
+        if (reaches[lane] > reach_) reach_ = reaches[lane], farthest_ = {x[lane], y[lane], z[lane]};
+      }
       return;
     }
     for (const std::uint32_t primitive : tree_.indexed_leaves[leaf].primitives) {

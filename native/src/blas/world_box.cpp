@@ -3,21 +3,22 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/axes.h"
 #include "math/float4.h"
 
 namespace perfect_bvh {
 namespace {
 
-Vec3d row_of(const Affine& map, int axis) noexcept { return {map.x[axis], map.y[axis], map.z[axis]}; }
+constexpr Vec3d row_of(const Affine& map, int axis) noexcept { return {map.x[axis], map.y[axis], map.z[axis]}; }
 
 // From `origin` on.
 RowRange range_along(Vec3d row, const Aabb& box, double origin = 0) noexcept {
   RowRange range{origin, origin};
-  for (int i = 0; i < 3; ++i) {
+  for_each_axis([&](auto i) {
     const double lower = row[i] * static_cast<double>(box.lower[i]), upper = row[i] * static_cast<double>(box.upper[i]);
     range.least += std::min(lower, upper);
     range.greatest += std::max(lower, upper);
-  }
+  });
   return range;
 }
 
@@ -49,7 +50,7 @@ double reach_of(const Aabb& box) noexcept {
 
 Aabb box_of_ranges(const RowRange (&ranges)[3], double reach, const Affine& map) noexcept {
   Aabb box;
-  for (int axis = 0; axis < 3; ++axis) {
+  for_each_axis([&](auto axis) {
     const Vec3d row = row_of(map, axis);
     const double margin = 0x1p-16 * reach * (std::abs(row.x) + std::abs(row.y) + std::abs(row.z));
     const double lower = map.translation[axis] + (ranges[axis].least - margin);
@@ -57,7 +58,7 @@ Aabb box_of_ranges(const RowRange (&ranges)[3], double reach, const Affine& map)
     // Half a unit of float is added whichever way the narrowing goes.
     box.lower[axis] = static_cast<float>(lower - (0x1p-23 * std::abs(lower) + 0x1p-140));
     box.upper[axis] = static_cast<float>(upper + (0x1p-23 * std::abs(upper) + 0x1p-140));
-  }
+  });
   return box;
 }
 
@@ -87,20 +88,21 @@ Aabb transformed_bounds(const TriangleMesh& mesh, const Aabb& box, const Affine&
 Aabb transformed_box(const Aabb& box, const Affine& map) noexcept {
   if (box.is_empty()) return {};
   Aabb result;
-  for (int axis = 0; axis < 3; ++axis) {
+  for_each_axis([&](auto axis) {
     const RowRange range = range_along(row_of(map, axis), box, map.translation[axis]);
     result.lower[axis] = static_cast<float>(range.least);
     result.upper[axis] = static_cast<float>(range.greatest);
-  }
+  });
   return result;
 }
 
 bool keeps_axes(const Affine& map) noexcept {
-  for (int axis = 0; axis < 3; ++axis) {
+  bool keeps = true;
+  for_each_axis([&](auto axis) {
     const Vec3d row = row_of(map, axis);
-    if ((row.x != 0) + (row.y != 0) + (row.z != 0) > 1) return false;
-  }
-  return true;
+    keeps &= (row.x != 0) + (row.y != 0) + (row.z != 0) <= 1;
+  });
+  return keeps;
 }
 
 }  // namespace perfect_bvh

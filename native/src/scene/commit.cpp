@@ -106,6 +106,7 @@ std::shared_ptr<Snapshot> Scene::take_last_snapshot() {
   if (!snapshot_) return snapshot;
   snapshot->tlas = snapshot_->tlas, snapshot->top_level = snapshot_->top_level;
   snapshot->top_level_builder = snapshot_->top_level_builder, snapshot->built_cost = snapshot_->built_cost;
+  snapshot->tried_clustering = snapshot_->tried_clustering;
   return snapshot;
 }
 

@@ -55,10 +55,12 @@ bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, std::optional
     return false;
   }
   const Stopwatch watch;
-  refit_top_level(snapshot.tlas, snapshot.top_level, boxes, pool, cancel);
+  refit_boxes(snapshot.top_level, boxes, pool, cancel);
   const TopLevelCost cost = measure_cost(snapshot.top_level, pool, cancel);
+  const bool is_kept =
+      is_worth_keeping(cost, snapshot.built_cost, boxes.size(), snapshot.tried_clustering, expected_rays);
+  if (is_kept) finish_refit(snapshot.tlas, snapshot.top_level, boxes, pool, cancel);
   report.refit_milliseconds = watch.milliseconds();
-  const bool is_kept = is_worth_keeping(cost, snapshot.built_cost, boxes.size(), expected_rays);
   report.reason = describe(cost, snapshot.built_cost) + (is_kept ? "" : ", so a new tree pays");
   return is_kept;
 }
@@ -73,10 +75,11 @@ void drop_empty(AlignedVector<PrimRef>& boxes, CancelToken& cancel) {
   boxes.resize(kept);
 }
 
-void build(Snapshot& snapshot, AlignedVector<PrimRef>& boxes, TopLevelReport& report, ThreadPool& pool,
-           CancelToken& cancel) {
+void build(Snapshot& snapshot, AlignedVector<PrimRef>& boxes, std::optional<double> expected_rays,
+           TopLevelReport& report, ThreadPool& pool, CancelToken& cancel) {
   drop_empty(boxes, cancel);
-  TopLevel top = build_top_level(boxes, pool, cancel);
+  TopLevel top = build_top_level(boxes, pool, cancel, kMostClusters, expected_rays);
+  snapshot.tried_clustering = top.tried_clustering;
   snapshot.tlas = std::move(top.tree);
   snapshot.top_level_builder = top.builder;
   report.build_milliseconds = top.build_milliseconds;
@@ -94,10 +97,13 @@ AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& m
   snapshot.instance_views.resize(placements.size());
   AlignedVector<PrimRef> boxes(placements.size());
   BakedCopies baked;
+  std::mutex bounds_mutex;
+  Aabb bounds;
   const auto place = [&](std::size_t begin, std::size_t end) {
     auto found = meshes.end();
     bool has_table = false;
     std::size_t vertex_count = 0;  // gone through since it was asked
+    Aabb part;
     for (std::size_t i = begin; i < end; ++i) {
       const Placement& slot = placements[i];
       if (found == meshes.end() || found->first != slot.mesh_id) {
@@ -118,9 +124,13 @@ AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& m
       }
       snapshot.instance_views[i] = view_of(instance, placing.world_to_object);
       boxes[i] = {placing.world_bounds.lower, static_cast<std::uint32_t>(i), placing.world_bounds.upper, 0};
+      part.grow(mesh_bounds_of(instance));
     }
+    const std::lock_guard lock(bounds_mutex);
+    bounds.grow(part);
   };
   for_chunks(pool, placements.size(), kGrain, cancel, place);
+  snapshot.bounds = bounds;
   baked.move_to(snapshot.blases);
   return boxes;
 }
@@ -139,7 +149,7 @@ TopLevelReport assemble(Snapshot& snapshot, const PlacedMeshes& meshes, std::spa
   }
   report.placing_milliseconds = watch.milliseconds();
   report.is_refitted = try_refit(snapshot, boxes, expected_rays, report, pool, cancel);
-  if (!report.is_refitted) build(snapshot, boxes, report, pool, cancel);
+  if (!report.is_refitted) build(snapshot, boxes, expected_rays, report, pool, cancel);
   make_trace_view(snapshot, pool, cancel);
   snapshot.lazy_trees = LazyTrees::of(snapshot, cancel);
   return report;

@@ -5,6 +5,7 @@
 
 #include "blas/build_wide_tree.h"
 #include "core/steps.h"
+#include "math/axes.h"
 #include "tlas/trace_view.h"
 
 namespace perfect_bvh {
@@ -24,13 +25,15 @@ bool round_trip_holds(const Affine& forth, const Affine& back) {
   if (!back.is_finite()) return false;
   constexpr double kTolerance = 0x1p-24;
   const Vec3d columns[3] = {forth.x, forth.y, forth.z};
-  for (int axis = 0; axis < 3; ++axis) {
+  bool holds = true;
+  for_each_axis([&](auto axis) {
     Vec3d error = back.vector(columns[axis]);
     error[axis] -= 1.0;
-    if (!(largest_component(error) <= kTolerance)) return false;
+    holds &= largest_component(error) <= kTolerance;
     // An axis that is squeezed below what float can tell apart from nothing is as good as flat.
-    if (!(largest_component(columns[axis]) > 0)) return false;
-  }
+    holds &= largest_component(columns[axis]) > 0;
+  });
+  if (!holds) return false;
   // Narrowed to float the inverse must still be finite.
   constexpr double kLargestFloat = 3.4028234e38;
   return largest_component(back.x) < kLargestFloat && largest_component(back.y) < kLargestFloat &&

@@ -46,6 +46,11 @@ struct Placing {
 [[nodiscard]] bool place_instance(Instance& instance, Placing& placing, const Blas& blas, const Affine& object_to_world,
                                   bool is_worth_table = false);
 
+// The world box of the mesh's own box, whatever its tree is; of a placed instance.
+[[nodiscard]] inline Aabb mesh_bounds_of(const Instance& instance) noexcept {
+  return transformed_box(instance.blas->box, instance.object_to_world);
+}
+
 // A copy of the mesh in world space, with its own tree and an identity transform: so a flattened object is still seen.
 [[nodiscard]] std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, const Blas& blas,
                                                         const Affine& object_to_world, const BuildConfig& config,

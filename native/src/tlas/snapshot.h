@@ -20,7 +20,7 @@ class LazyTrees;
 struct Snapshot {
   std::vector<std::shared_ptr<const Blas>> blases;           // keeps alive what the instances point to
   std::vector<std::pair<std::int32_t, const Blas*>> meshes;  // by mesh id; baked copies are not among them
-  std::vector<Instance> instances;                           // in the order of their scene ids
+  AlignedVector<Instance> instances;                         // in the order of their scene ids
   Bvh2 tlas;                                                 // over the instances' world boxes
   WideBvh top_level;                                         // the same, as rays are traced through it
   AlignedVector<InstanceView> instance_views;                // what kernels see of `instances`, row by row
@@ -28,7 +28,8 @@ struct Snapshot {
   Aabb bounds;                                               // around the meshes' own boxes, placed: whatever the trees
   std::shared_ptr<LazyTrees> lazy_trees;                     // null if every tree was built by the commit
   const char* top_level_builder = "";                        // that made `tlas`
-  TopLevelCost built_cost;                                   // of the top level when it was built
+  bool tried_clustering = false;                             // when it was built
+  TopLevelCost built_cost;                                   // of the top level then
   std::uint64_t generation = 0;
   std::uint64_t scene_id = 0;  // which scene of the process
 };

@@ -1,8 +1,10 @@
 // The tree over a scene's instances.
 // In: the world boxes of instances. Out: a Bvh2 with one instance a leaf, the same bytes for any thread count.
 //
-// Tried, and left out: the builder over Morton clusters in the place of the binned one takes a third fewer instructions
-// (with clusters twice as loose as meshes want them), but rays then visit 5 to 8 percent more of this level's nodes.
+// Where rays are few for so many instances the tree is clustered along a Morton curve: a third to a half of the binned
+// tree's time, and rays visit 4 to 7 percent more of this level's nodes, or 20 where a floor or walls lie about small
+// instances. Tried, and left out: the builder over Morton clusters in the place of the binned one (a third fewer
+// instructions, 5 to 8 percent more visits).
 // Left out, too: opening instances, so that parts of them stand in the tree (Benthin, Woop, Wald and Afra 2017,
 // "Improved two-level BVHs using partial re-braiding"). What it would win was measured by giving subtrees instances of
 // their own (a row of InstanceView each, which the real thing would share), beside one tree over all the triangles in
@@ -32,15 +34,23 @@ namespace perfect_bvh {
 // How many clusters are joined pair by pair: the instances themselves where they are no more, else the parts of a
 // binned tree. Measured with 1,000 to 100,000 boxes on one thread: joining takes 1 to 2 us a cluster, more for larger
 // numbers, against 0.2 us an instance for the binned tree. Where small instances stand on large ones, 256 clusters
-// already give all that the whole would (SAH 2.0 against 7.0 binned), and where all have similar sizes the binned
-// tree is kept anyhow (SAH 191 against 224), so that the time wasted here has to stay small.
+// already give all that the whole would (SAH 2.0 against 7.0 binned). Where all have similar sizes the binned tree is
+// better (SAH 191 against 224): there, or for few rays, clustering is not tried.
 inline constexpr std::uint32_t kMostClusters = 1024;
 
 struct TopLevel {
   Bvh2 tree;
   const char* builder = "";  // "agglomerative", or what made the tree where clustering gained nothing; "" over nothing
+  bool tried_clustering = false;
   double build_milliseconds = 0, clustering_milliseconds = 0;
 };
+
+// Nanoseconds measured on one thread, with 1,000 to 100,000 instances: to build and collapse the tree over one, to join
+// one cluster, and of a visit that is expected. Rays end at their first hit: on a grid of 100,000 instances they make a
+// fifth of the visits that the heuristic expects, of 20 ns each.
+inline constexpr double kBuildNanoseconds = 450.0, kJoinNanoseconds = 1400.0, kVisitNanoseconds = 4.0;
+// The rays cast at a scene before it changes, where their number is unknown: the first rays of an image of 960 by 540.
+inline constexpr double kUnknownRays = 5e5;
 
 // What a random ray through all is expected to meet (MacDonald and Booth 1990). 0 where the whole has no extent.
 struct TopLevelCost {
@@ -48,9 +58,11 @@ struct TopLevelCost {
   double instance_entries = 0;  // whatever the tree is
 };
 
-// Boxes must not be empty or infinite; their numbers need not be rows. Throws Cancelled, bad_alloc.
+// Boxes must not be empty or infinite; their numbers need not be rows. expected_rays: about to be cast; kUnknownRays if
+// unknown. Throws Cancelled, bad_alloc.
 [[nodiscard]] TopLevel build_top_level(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel,
-                                       std::uint32_t most_clusters = kMostClusters);
+                                       std::uint32_t most_clusters = kMostClusters,
+                                       std::optional<double> expected_rays = std::nullopt);
 
 // Refitting the top level: instances that only moved keep their places in the tree, which gets new boxes (lecture,
 // "Refitting"). And the measure that tells when another tree would serve better.
@@ -60,14 +72,17 @@ struct TopLevelCost {
 // Whether both trees stand over the instances that have a box now. boxes: one a row, empty over nothing.
 [[nodiscard]] bool is_over(const Bvh2& tree, std::span<const PrimRef> boxes, CancelToken& cancel);
 
-// New boxes and visiting orders for both trees of one top level, which must stand over `boxes`.
-void refit_top_level(Bvh2& tree, WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel);
+// In two steps, since the second is wasted on a tree that is then built anew. First new boxes for the wide tree, which
+// must stand over `boxes`: enough to measure its cost.
+void refit_boxes(WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel);
+// Then its visiting orders, and the binary tree.
+void finish_refit(Bvh2& tree, WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel);
 
 // Whether rays lose no more on a refitted tree than another one costs. `built` was measured when the tree was built.
 // Where instances cover less of the whole than they did then, a new tree might be so much better than that one was.
-// expected_rays: about to be cast; half a million if unknown.
+// tries_clustering: as the last build did. expected_rays: about to be cast; kUnknownRays if unknown.
 [[nodiscard]] bool is_worth_keeping(const TopLevelCost& now, const TopLevelCost& built, std::size_t instance_count,
-                                    std::optional<double> expected_rays);
+                                    bool tries_clustering, std::optional<double> expected_rays);
 // What that was decided by, as a clause.
 [[nodiscard]] std::string describe(const TopLevelCost& now, const TopLevelCost& built);
 

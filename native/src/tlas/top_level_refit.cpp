@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <vector>
 
@@ -13,27 +14,12 @@ namespace {
 
 constexpr std::size_t kGrain = 512;  // nodes that a task works on
 
-// Measured on one thread, with 1,000 to 100,000 instances: nanoseconds to build and collapse the tree over one, to join
-// one cluster, and of a visit that is expected. Rays end at their first hit: on a grid of 100,000 instances they make a
-// fifth of the visits that the heuristic expects, of 20 ns each.
-constexpr double kBuild = 450.0, kJoin = 1400.0, kVisit = 4.0;
-// The rays cast at a scene before it changes, where their number is unknown: the first rays of an image of 960 by 540.
-constexpr double kExpectedRays = 5e5;
-
 double half_area(const Aabb& box) noexcept {
   const Vec3d e = to_double(box.upper) - to_double(box.lower);
   return e.x * e.y + e.y * e.z + e.z * e.x;
 }
 
 bool is_instance(std::uint32_t child) noexcept { return child >= kInstanceChild; }
-
-void set_lane(WideNode& node, std::uint32_t lane, const Vec3f& lower, const Vec3f& upper, float scale) noexcept {
-  for (int axis = 0; axis < 3; ++axis) {
-    // Adding +0 makes a zero positive, whichever the minimum of both kinds was.
-    node.planes[2 * axis][lane] = lower[axis] * scale + 0.0f;
-    node.planes[2 * axis + 1][lane] = upper[axis] * scale + 0.0f;
-  }
-}
 
 // Of its taken lanes; the others' boxes are inverted, so that they add nothing.
 Aabb bounds_of_children(const WideNode& node) noexcept {
@@ -59,29 +45,38 @@ void enclose_nodes_below(const WideBvh& wide, WideNode& node) noexcept {
   for (std::uint32_t lane = 0; lane < kWideWidth && node.child[lane] != kNoChild; ++lane) {
     if (is_instance(node.child[lane])) continue;
     const Aabb box = bounds_of_children(wide.nodes[node.child[lane]]);
-    set_lane(node, lane, box.lower, box.upper, 1.0f);
+    for (int axis = 0; axis < 3; ++axis) {
+      node.planes[2 * axis][lane] = box.lower[axis], node.planes[2 * axis + 1][lane] = box.upper[axis];
+    }
   }
 }
 
-// No node stands before its parent: the rows are gone through from the last to the first. Only the instances' own boxes
-// have to be fetched from everywhere, and that is shared out.
-void refit_wide(WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
-  const auto for_nodes = [&](const auto& body) {
-    for_chunks(pool, wide.nodes.size(), kGrain, cancel, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) body(wide.nodes[i]);
-    });
-  };
-  for_nodes([&](WideNode& node) {
-    for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
-      if (!is_instance(node.child[lane])) continue;
-      const PrimRef& box = boxes[node.child[lane] - kInstanceChild];
-      set_lane(node, lane, box.lower, box.upper, wide.scale);
-    }
+// The lanes of nodes stay empty.
+void place_instances(WideNode& node, std::span<const PrimRef> boxes, Float4 scale) noexcept {
+  std::array<Box4, kWideWidth> placed;
+  const Float4 zero(0.0f);  // -0 + 0 is +0
+  for (std::uint32_t lane = 0; lane < kWideWidth; ++lane) {
+    placed[lane] = Box4::empty();
+    if (!is_instance(node.child[lane])) continue;
+    const Box4 box = Box4::load(&boxes[node.child[lane] - kInstanceChild]);
+    placed[lane] = {box.lower.xyz0() * scale + zero, box.upper.xyz0() * scale + zero};
+  }
+  write_planes(placed.data(), node);
+}
+
+template <class Body>
+void for_nodes(WideBvh& wide, ThreadPool& pool, CancelToken& cancel, const Body& body) {
+  for_chunks(pool, wide.nodes.size(), kGrain, cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) body(wide.nodes[i]);
   });
-  for_steps_back(wide.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = end; i-- > begin;) enclose_nodes_below(wide, wide.nodes[i]);
+}
+
+Aabb bounds_of(std::span<const PrimRef> boxes, CancelToken& cancel) {
+  Box4 all = Box4::empty();
+  for_steps(boxes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) all.grow(Box4::load(&boxes[i]));
   });
-  for_nodes([](WideNode& node) { set_visit_order(node, child_count(node)); });
+  return to_aabb(all);
 }
 
 TopLevelCost areas_of(std::span<const WideNode> nodes) noexcept {
@@ -130,21 +125,33 @@ bool is_over(const Bvh2& tree, std::span<const PrimRef> boxes, CancelToken& canc
   return all_there;
 }
 
-void refit_top_level(Bvh2& tree, WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
+// No node stands before its parent: the rows are gone through from the last to the first. Only the instances' own boxes
+// have to be fetched from everywhere, and that is shared out.
+void refit_boxes(WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
+  const Aabb bounds = bounds_of(boxes, cancel);
+  wide.scale = tree_scale(bounds);
+  wide.extent = tree_extent(bounds, wide.scale);
+  const Float4 scale(wide.scale);
+  for_nodes(wide, pool, cancel, [&](WideNode& node) { place_instances(node, boxes, scale); });
+  for_steps_back(wide.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = end; i-- > begin;) enclose_nodes_below(wide, wide.nodes[i]);
+  });
+}
+
+void finish_refit(Bvh2& tree, WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
+  for_nodes(wide, pool, cancel, [](WideNode& node) { set_visit_order(node, child_count(node)); });
   refit_bvh2(tree, boxes, pool, cancel);
-  wide.scale = tree_scale(tree.bounds());
-  wide.extent = tree_extent(tree.bounds(), wide.scale);
-  refit_wide(wide, boxes, pool, cancel);
 }
 
 bool is_worth_keeping(const TopLevelCost& now, const TopLevelCost& built, std::size_t instance_count,
-                      std::optional<double> expected_rays) {
+                      bool tries_clustering, std::optional<double> expected_rays) {
   if (!(built.node_visits > 0) || !(now.node_visits > 0)) return false;
   const double thinned = built.instance_entries > 0 ? now.instance_entries / built.instance_entries : 1.0;
-  const double lost =
-      expected_rays.value_or(kExpectedRays) * kVisit * (now.node_visits - built.node_visits * std::min(1.0, thinned));
+  const double lost = expected_rays.value_or(kUnknownRays) * kVisitNanoseconds *
+                      (now.node_visits - built.node_visits * std::min(1.0, thinned));
   const auto count = static_cast<double>(instance_count);
-  return lost <= kBuild * count + kJoin * std::min(count, static_cast<double>(kMostClusters));
+  const double clusters = tries_clustering ? std::min(count, static_cast<double>(kMostClusters)) : 0;
+  return lost <= kBuildNanoseconds * count + kJoinNanoseconds * clusters;
 }
 
 std::string describe(const TopLevelCost& now, const TopLevelCost& built) {

@@ -1,9 +1,9 @@
 #include "tlas/trace_view.h"
 
 #include <algorithm>
-#include <mutex>
 
 #include "core/steps.h"
+#include "math/axes.h"
 
 namespace perfect_bvh {
 namespace {
@@ -28,22 +28,6 @@ void bring_to_scale(AlignedVector<InstanceView>& views, double world_scale, Thre
   for_chunks(pool, views.size(), kGrain, cancel, divide);
 }
 
-Aabb bounds_of_meshes(const std::vector<Instance>& instances, ThreadPool& pool, CancelToken& cancel) {
-  constexpr std::size_t kGrain = 4096;
-  Aabb bounds;
-  std::mutex mutex;
-  const auto grow = [&](std::size_t begin, std::size_t end) {
-    Aabb part;
-    for (std::size_t i = begin; i < end; ++i) {
-      part.grow(transformed_box(instances[i].blas->box, instances[i].object_to_world));
-    }
-    const std::lock_guard lock(mutex);
-    bounds.grow(part);
-  };
-  for_chunks(pool, instances.size(), kGrain, cancel, grow);
-  return bounds;
-}
-
 }  // namespace
 
 InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
@@ -52,7 +36,7 @@ InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
   const double scale = static_cast<double>(tree.scale);
   const Vec3d columns[4] = {world_to_object.x, world_to_object.y, world_to_object.z, world_to_object.translation};
   for (int column = 0; column < 4; ++column) {
-    for (int row = 0; row < 3; ++row) view.world_to_local[column][row] = columns[column][row] * scale;
+    for_each_axis([&](auto row) { view.world_to_local[column][row] = columns[column][row] * scale; });
     view.world_to_local[column][3] = 0;
   }
   view.nodes = tree.nodes.data();
@@ -99,7 +83,6 @@ void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) 
   view.tree_bytes = top.byte_count() + snapshot.instance_views.size() * sizeof(InstanceView);
   admit_tree(view, top, WideBvh{});
   for (const auto& blas : snapshot.blases) admit_tree(view, top, blas->wide);
-  snapshot.bounds = bounds_of_meshes(snapshot.instances, pool, cancel);
   view.nodes = top.nodes.data();
   view.instances = snapshot.instance_views.data();
   static_assert(sizeof(Affine) == 12 * sizeof(double));
