@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from benchmarks import budget, generated_meshes, goal_figures, goals, machine, options
 from benchmarks.goal_list import Goal, goals_of
-from benchmarks.goal_tables import describe
+from benchmarks.goal_tables import describe, repeated
 from benchmarks.native import NativeError, NativePrograms
 from benchmarks.python_rays import PAIRS, measure_from_python
 
@@ -189,6 +189,14 @@ def test_the_tables_show_every_mesh_kind_and_goal() -> None:
     assert describe({"refits": results["refits"]}).count("\n\n") == 1, "what was not measured is left out"
 
 
+def test_two_runs_are_laid_side_by_side() -> None:
+    before, after = results_of_figures(), results_of_figures()
+    after["refits"][0]["ns_per_triangle"] *= 1.5
+    first, *others = repeated(after, before).splitlines()[3:]
+    assert re.fullmatch(r"refit, of Embree's time, most +0\.25 +0\.38 +50\.00", first)
+    assert others and all(line.endswith(" 0.00") for line in others)
+
+
 def test_python_is_measured_with_what_is_there() -> None:
     (mesh,) = [mesh for mesh in generated_meshes.make_all(0.002) if mesh.name == "hair quads"]
     left_out: list[str] = []
@@ -233,6 +241,7 @@ fn=two
 ob=/somewhere/trace_bench
 fn=one
 0x1000 1
+totals: 90 4 2 2 1
 """
 
 
@@ -240,6 +249,7 @@ def test_a_profile_is_read_without_what_callees_and_libraries_cost() -> None:
     costs = budget.read_costs(PROFILE.splitlines(), "trace_bench")
     expected = {(0x1000, "Ir"): 4, (0x1000, "D1mr"): 1, (0x1004, "Ir"): 2, (0x1004, "Bcm"): 1}
     assert {key: cost for key, cost in costs.items() if cost} == expected
+    assert budget.read_totals(PROFILE.splitlines()) == {"Ir": 90, "D1mr": 2, "Bcm": 1}
 
 
 def test_the_stages_of_a_budget_are_functions_of_the_engine(repository: Path) -> None:

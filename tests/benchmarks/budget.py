@@ -3,10 +3,11 @@
     python tests/benchmarks/budget.py --json budget.json
 
 Of the meshes that --mesh names, or the generated ones with a tenth of their triangles. Each kind of ray is cast by
-trace_bench under `valgrind --tool=callgrind`, once, by ours alone. What every instruction costs is added up by the
-stage whose function it was inlined into, as the debugging information says. Counts repeat exactly, whatever else the
-machine does; how branches and caches behave is callgrind's model of them. Valgrind knows no AVX-512, so the kernels
-are AVX2's. A ray's cost includes nothing of what happens before and after the clock.
+trace_bench under `valgrind --tool=callgrind`, by ours and by Embree, whose stages are not told apart. What every
+instruction costs is added up by the stage whose function it was inlined into, as the debugging information says.
+Instructions repeat exactly, whatever else the machine does; how branches and caches behave is callgrind's model of
+them. Valgrind knows no AVX-512, so the kernels are AVX2's. A ray's cost includes nothing of what happens before and
+after the clock.
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ STAGES = {
 }
 STAGE_OF = {name: stage for stage, names in STAGES.items() for name in names}
 OTHER = "other"
+PEER = "embree"  # rtcIntersect1 and rtcOccluded1, counted as a whole beside ours
 Costs = Counter[tuple[int, str]]  # by address and event
 Counts = dict[str, dict[str, float]]  # by stage and event
 
@@ -58,42 +60,56 @@ def main() -> None:
     rows = []
     for mesh in options.meshes_of(chosen) if chosen.mesh else generated_meshes.make_all(chosen.detail):
         for kind in chosen.kinds:
-            for strategy in chosen.strategies:
-                words = ["--strategies", strategy, "--size", chosen.size]
-                stages = budget_of(chosen.native / PROGRAM, mesh, kind, words)
+            for strategy in (*chosen.strategies, PEER):
+                stages = budget_of(chosen.native / PROGRAM, mesh, kind, strategy, chosen.size)
                 rows.append({"mesh": mesh.name, "rays": kind, "strategy": strategy, "stages": stages})
     print(describe(rows))
     options.save(chosen, {"rows": rows})
 
 
-def budget_of(program: Path, mesh: BenchMesh, kind: str, words: list[str]) -> Counts:
-    """Of one ray in the mean."""
+def budget_of(program: Path, mesh: BenchMesh, kind: str, strategy: str, size: str) -> Counts:
+    """Of one ray in the mean; the peer's is all OTHER."""
     if not program.is_file():
         raise SystemExit(f"{program} is not built; `nox -s benchmarks` builds it")
-    words = [*words, *(["--inside"] if mesh.is_inside else [])]
+    is_peer = strategy == PEER
+    words = ["--size", size, "--peers", PEER if is_peer else "", "--strategies", "single" if is_peer else strategy]
+    words += ["--inside"] if mesh.is_inside else []
     with tempfile.TemporaryDirectory() as folder:
         mesh_file = Path(folder) / "mesh.bin"
         mesh.write(mesh_file)
-        _, shared = _profile(program, [*words, "--kinds", "none", str(mesh_file)], Path(folder))
-        rows, costs = _profile(program, [*words, "--kinds", kind, str(mesh_file)], Path(folder))
+        caster = "EmbreeRays" if is_peer else "OurRays"
+        _, before = _profile(program, [*words, "--kinds", "none", str(mesh_file)], Path(folder), caster)
+        rows, after = _profile(program, [*words, "--kinds", kind, str(mesh_file)], Path(folder), caster)
     if not rows:
         raise SystemExit(f"{mesh.name}: no ray of the kind {kind} to be cast")
-    # What finds where rays begin is in both.
-    costs.subtract(shared)
-    return add_up(program, costs, CASTS * rows[0]["ray_count"])
+    ray_count = CASTS * rows[0]["ray_count"]
+    if is_peer:
+        return {OTHER: {event: cost / ray_count for event, cost in read_totals(after).items()}}
+    costs = read_costs(after, program.name)
+    costs.subtract(read_costs(before, program.name))  # what finds where rays begin is in both
+    return add_up(program, costs, ray_count)
 
 
-def _profile(program: Path, words: list[str], folder: Path) -> tuple[list[dict[str, Any]], Costs]:
-    """The program's JSON, and what its casts cost."""
+def _profile(program: Path, words: list[str], folder: Path, caster: str) -> tuple[list[dict[str, Any]], list[str]]:
+    """The program's JSON, and the profile of what casts the rays of a class of native/benchmarks."""
     profile, out = folder / "profile", folder / "out.json"
     tool = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={profile}", "--dump-instr=yes", "--dump-line=no"]
     tool += ["--compress-pos=no", "--compress-strings=no", "--branch-sim=yes", "--cache-sim=yes"]
-    tool += ["--collect-atstart=no", "--toggle-collect=perfect_bvh::bench::OurRays::cast()"]
-    command = [*tool, str(program), "--noisy", "--rounds", "1", "--peers", "", "--isas", "avx2", "--json", str(out)]
+    tool += ["--collect-atstart=no", f"--toggle-collect=perfect_bvh::bench::{caster}::cast()"]
+    command = [*tool, str(program), "--noisy", "--rounds", "1", "--isas", "avx2", "--json", str(out)]
     done = subprocess.run([*command, *words], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise SystemExit(f"{' '.join(command)} failed:\n{done.stderr[-2000:]}")
-    return json.loads(out.read_text()), read_costs(profile.read_text().splitlines(), str(program))
+    return json.loads(out.read_text()), profile.read_text().splitlines()
+
+
+def read_totals(lines: Iterable[str]) -> dict[str, int]:
+    """By event, of a whole callgrind profile."""
+    found = {
+        name: values for name, _, values in (line.partition(":") for line in lines) if name in ("events", "totals")
+    }
+    totals = dict(zip(found["events"].split(), map(int, found["totals"].split()), strict=False))
+    return {event: totals.get(event, 0) for event in EVENTS}
 
 
 def read_costs(lines: Iterable[str], program: str) -> Costs:
@@ -104,7 +120,7 @@ def read_costs(lines: Iterable[str], program: str) -> Costs:
         if line.startswith("events:"):
             events = line.split()[1:]
         elif line.startswith("ob="):
-            in_program = Path(line[3:]).name == Path(program).name
+            in_program = Path(line[3:]).name == program
         elif line.startswith("calls="):
             is_call = True  # the next line is what the callee cost, which its own lines tell
         elif line.startswith("0x"):
@@ -145,7 +161,7 @@ def describe(rows: list[dict[str, Any]]) -> str:
     for event, name in EVENTS.items():
         lines: list[list[Cell]] = []
         for row in rows:
-            counts = [row["stages"][stage][event] for stage in (*STAGES, OTHER)]
+            counts = [row["stages"].get(stage, {}).get(event, 0.0) for stage in (*STAGES, OTHER)]
             lines.append([f"{row['mesh']}, {row['rays']}, {row['strategy']}", *counts, sum(counts)])
         parts.append(f"{name} a ray\n{format_table(('rays', *STAGES, OTHER, 'all'), lines)}")
     return "\n\n".join(parts)

@@ -29,6 +29,15 @@ def goals(results: Results) -> str:
     return "Goals\n" + format_table(("goal", "measured", "wanted", "reached", "where"), lines)
 
 
+def repeated(results: Results, before: Results) -> str:
+    """How far what was measured of each goal is from what another run measured, the furthest first."""
+    then = {goal.name: goal.value for goal in goals_of(before)}
+    found = [(goal.name, then[goal.name], goal.value) for goal in goals_of(results) if goal.name in then]
+    lines: list[tuple[Cell, ...]] = [(name, old, new, 100.0 * (new / old - 1.0)) for name, old, new in found]
+    lines.sort(key=lambda line: -abs(float(line[3] or 0.0)))
+    return "Beside the other run\n" + format_table(("goal", "then", "now", "per cent"), lines)
+
+
 def _by_mesh(title: str, values: figures.Ratios, *, has_means: bool = True) -> Iterator[str]:
     """Meshes down, kinds across; last a line of geometric means, unless there may be zeros."""
     if not values:

@@ -11,6 +11,7 @@ goal, and whether it is reached. README.md beside this file says how it is measu
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import perfect_bvh
 from benchmarks import generated_meshes, options
-from benchmarks.goal_tables import describe
+from benchmarks.goal_tables import describe, repeated
 from benchmarks.machine import gigahertz
 from benchmarks.meshes import BenchMesh, MeshError, default_meshes, load, subdivided
 from benchmarks.native import NativePrograms
@@ -54,6 +55,7 @@ def main() -> None:
     add("--subdivide", type=int, default=2, metavar="N", help="times the last given mesh, for a large one; 0: no")
     add("--tables", nargs="+", choices=TABLES, default=list(TABLES), help="which to measure")
     add("--expected-rays", type=float, metavar="N", help="what our trees that rays are cast at are told; else nothing")
+    add("--beside", type=Path, metavar="OTHER.json", help="of an earlier run: tell how far this one is from it")
     parser.set_defaults(size="1250x800")  # a million rays
     chosen = options.parse(parser)
     native = NativePrograms(chosen.native)
@@ -70,6 +72,9 @@ def main() -> None:
     left_out = list(dict.fromkeys(run.left_out))
     options.save(chosen, {"left_out": left_out, **results})
     print("\n" + describe(results))
+    if chosen.beside is not None:
+        before = json.loads(chosen.beside.read_text(encoding="utf-8"))
+        print("\n" + repeated(results, before))
     for line in left_out:
         print(f"left out: {line}")
 
