@@ -25,7 +25,8 @@ class TriangleClipper final : public PrimClipper {
 
 class TriangleLeafLimit final : public LeafLimit {
  public:
-  TriangleLeafLimit(const TriangleMesh& mesh, TreeLayout layout) : mesh_(mesh), layout_(layout) {}
+  TriangleLeafLimit(const TriangleMesh& mesh, TreeLayout layout)
+      : LeafLimit(mesh.triangles.data(), sizeof(TriangleIndices)), mesh_(mesh), layout_(layout) {}
 
   [[nodiscard]] bool fits(std::span<const std::uint32_t> prim_indices) const noexcept override {
     return fit_one_leaf(prim_indices, mesh_.triangles.data(), layout_);

@@ -75,6 +75,10 @@ class BinnedSplitter {
       is_split = true;
     }
     left.frame = right.frame = range.frame;
+    if (is_split && range.count > kFewToFetch) {
+      if (left.count <= kFewToFetch) fetch(left);
+      if (right.count <= kFewToFetch) fetch(right);
+    }
     return is_split;
   }
 
@@ -103,6 +107,8 @@ class BinnedSplitter {
   static constexpr std::uint32_t kParallelSize = 65536;        // references from which on one node's work is shared out
   static constexpr std::uint32_t kChunk = kItemsBetweenAsking;  // and what a thread then takes at a time
   static constexpr std::uint32_t kFewestBoxes = 4;
+  static constexpr std::uint32_t kFewToFetch = 32;  // references whose primitives are fetched before they are needed
+  static constexpr std::uint32_t kAhead = 16;       // and how far ahead of a loop through all
   // Up to here a split decides how well leaves are filled. Measured: counting leaves makes 6 to 11% fewer of them, at
   // the same cost to rays; counting them in larger ranges gains no more.
   static constexpr std::uint32_t kMostToCountLeavesOf = 32;
@@ -147,6 +153,14 @@ class BinnedSplitter {
     left.in_scratch = right.in_scratch = in_scratch;
   }
 
+  // What leaves of the range will be made of, while it is divided further.
+  [[gnu::always_inline]] void fetch(const Range& range) const noexcept {
+    for (const GridRef& ref : refs(range)) {
+      __builtin_prefetch(&prims_[ref.position()]);
+      if (leaf_limit_ != nullptr) leaf_limit_->fetch(ref.position());  // as a rule the primitive's number, too
+    }
+  }
+
   [[nodiscard]] bool fills_leaf(const Range& range) const noexcept {
     if (leaf_limit_ == nullptr || range.count > LeafLimit::kMost) return false;
     std::array<std::uint32_t, LeafLimit::kMost> numbers;
@@ -179,6 +193,7 @@ class BinnedSplitter {
     if (frame.steps == range.frame.steps) return bounds;
     range.frame = frame;
     return gather(range.count, pool, [&, to = rows(range, range.in_scratch)](std::size_t i) {
+      __builtin_prefetch(&prims_[to[std::min<std::size_t>(i + kAhead, range.count - 1)].position()]);
       const std::uint32_t position = to[i].position();
       const GridBox box = frame.snap(Box4::load(&prims_[position]), position);
       box.store(&to[i]);
