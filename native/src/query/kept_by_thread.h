@@ -1,4 +1,4 @@
-// Memory that a thread keeps from block to block and from batch to batch: rays and hits of a large block are 1.3 MB,
+// Memory that a thread keeps from block to block and from batch to batch: rays and hits of a large block are 0.7 MB,
 // which the system would hand out page by page each time.
 #pragma once
 
