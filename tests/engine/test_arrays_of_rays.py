@@ -118,6 +118,22 @@ def test_memory_that_is_not_aligned_is_copied(scene):
     assert_same(scene.cast_rays(origins, directions, fields=FIELDS), expected)
 
 
+def shifted(array):
+    """The same numbers a byte further on than they should stand."""
+    moved = np.empty(array.nbytes + 1, np.uint8)[1:].view(array.dtype).reshape(array.shape)
+    moved[...] = array
+    assert not moved.flags.aligned and moved.flags.c_contiguous
+    return moved
+
+
+def test_contiguous_memory_that_is_not_aligned_is_copied(scene):
+    rays = rows_of_six((500,), np.float64, 18)
+    origin, directions, far = np.array((0.3, -2.0, 0.1)), rays[:, 3:].copy(), np.full(500, 2.0, np.float32)
+    expected = scene.cast_rays(origin, directions, t_max=far, fields=FIELDS)
+    assert expected.is_hit.any()
+    assert_same(scene.cast_rays(shifted(origin), shifted(directions), t_max=shifted(far), fields=FIELDS), expected)
+
+
 def test_hits_are_written_over_earlier_ones(scene):
     first, second = rows_of_six((40, 50), np.float32, 14), rows_of_six((40, 50), np.float32, 15)
     fields = ("t_hit", "primitive_ids", "geometric_normals")

@@ -59,13 +59,12 @@ class _Column:
 
     def take(self, shape: tuple[int, ...], index: Index) -> npt.NDArray[Any]:
         """What the engine takes: (rows, width), (rows,), or a single row that is every ray's."""
-        with np.errstate(over="ignore", invalid="ignore"):  # what float32 cannot hold is infinite
-            if self.is_shared:
-                part = np.ascontiguousarray(self.values, dtype=self.dtype)
-            else:
-                full = (*shape, self.width) if self.width else shape
-                part = np.broadcast_to(self.values, full)[index]
-                part = part if self._fits(part) else np.ascontiguousarray(part, dtype=self.dtype)
+        if self.is_shared:
+            part = _as_contiguous(self.values, self.dtype)
+        else:
+            full = (*shape, self.width) if self.width else shape
+            part = np.broadcast_to(self.values, full)[index]
+            part = part if self._fits(part) else _as_contiguous(part, self.dtype)
         return part.reshape(-1, self.width) if self.width else part.reshape(-1)
 
     def _fits(self, part: npt.NDArray[Any]) -> bool:
@@ -73,6 +72,14 @@ class _Column:
         if part.dtype != self.dtype or not part.flags.aligned:
             return False
         return part.flags.c_contiguous or (self.is_strided and _are_rows(part))
+
+
+def _as_contiguous(values: npt.NDArray[Any], dtype: type[np.generic]) -> npt.NDArray[Any]:
+    """Aligned as well."""
+    if values.dtype == dtype and values.flags.aligned:
+        return np.ascontiguousarray(values)
+    with np.errstate(over="ignore", invalid="ignore"):  # what float32 cannot hold is infinite
+        return np.array(values, dtype=dtype, order="C")
 
 
 def _are_rows(vectors: npt.NDArray[Any]) -> bool:
@@ -154,7 +161,8 @@ def _numbers(
 ) -> _Column:
     array = check_integers(function, name, value, np.uint32) if dtype is np.uint32 else as_array(function, name, value)
     try:
-        np.broadcast_to(array, shape)
+        if array.ndim:
+            np.broadcast_to(array, shape)
     except ValueError:
         rows = "points" if function == "compute_closest_points" else "rays"
         raise ValueError(
