@@ -228,7 +228,7 @@ def show_another_panorama() -> Step:
         with bpy.context.temp_override(**context_of(area)):
             bpy.ops.render.render()
     except RuntimeError as problem:
-        check("choose that as its Panorama Type" in str(problem), str(problem))
+        check("choose Equirectangular as its Panorama Type" in str(problem), str(problem))
     else:
         check(False, "a fisheye was rendered")
     camera.type = "PERSP"
