@@ -28,6 +28,8 @@ NOISY = "denoising_color"
 GUIDES = (NOISY, "denoising_albedo", "denoising_normal")
 # Of a render at its greatest: two images, their noise, shared samples, passes, Blender's copies of them.
 BYTES_A_PIXEL = 288
+# Of the places that paths of light got to, those from which they reach another: else they leave the scene, or are dark.
+GOING_ON = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +79,20 @@ class RenderPlan:
 
     @property
     def expected_rays(self) -> int:
-        """How many rays it casts at most: what building and refitting is weighed against."""
-        return self.pixel_count * self.samples * find_mode(self.settings.mode).rays_per_sample
+        """About how many rays all of its samples cast: what building and refitting is weighed against."""
+        return round(self.pixel_count * self.samples * self._rays_per_sample)
+
+    @property
+    def _rays_per_sample(self) -> float:
+        mode = find_mode(self.settings.mode)
+        if not mode.has_bounces:
+            return mode.rays_per_sample
+        import perfect_bvh
+
+        paths = self.settings.light_paths or perfect_bvh.LightPaths()
+        places = sum(GOING_ON**bounces for bounces in range(paths.max_bounces + 1))
+        # One from each to a light; and on to the next, which is looked for after the last bounce as well.
+        return mode.rays_per_sample + places * (1.0 + GOING_ON)
 
     @property
     def attributes(self) -> AttributeRequest:

@@ -112,7 +112,10 @@ class SceneSync:
         """Makes the engine's scene equal to an evaluated `bpy.types.Depsgraph`, editing only what differs.
 
         expected_rays: how many rays are about to be cast until the next update: what building and refitting is weighed
-            against. Without it trees are chosen by class, and a refitted one is restructured when 5 percent worse.
+            against. By default as many as the last update was told, 0 aside, or as were cast since the last update if
+            those are more. Where none was ever told, trees are chosen by class, or better ones if the rays cast since
+            repay them, and a refitted one is restructured when 5 percent worse. A mesh that rests gets a better tree
+            in some later update, although nothing has changed, once its rays repay one: see `perfect_bvh.Scene.commit`.
         verify: reads everything a second time in the slow and certain way, and reports each difference.
         camera: an object or a `CameraRecord` instead of the scene's camera. size: (width, height) in pixels
             instead of the render size. space: the `SpaceView3D` whose local view counts.
@@ -147,6 +150,7 @@ class SceneSync:
     ) -> UpdateCommit:
         """The half of `update` that needs Blender; returns the other one, which goes on by itself: see `building`.
 
+        expected_rays: see `update`; a commit under way that is returned goes on with its own number.
         What was read (`record`, `camera`, `warnings`) is there at once. All that asks the engine raises
         `perfect_bvh.StaleSceneError` until the commit has succeeded; its `result` is the report. Only one goes on at
         a time: where an earlier one builds what was read now, that is returned; any other is stopped, by `update`, too.

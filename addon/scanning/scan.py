@@ -147,14 +147,14 @@ class Scanner:
         sensor = self._find_sensor(scene)
         depsgraph = self._place.depsgraph()
         is_camera = self._pattern.needs_camera
-        building = sync.begin_update(depsgraph, camera=sensor if is_camera else None, size=self._pattern.size)
+        count = self._pattern.count(stretch.start, stretch.end)
+        building = sync.begin_update(depsgraph, count, camera=sensor if is_camera else None, size=self._pattern.size)
         self._warnings |= dict.fromkeys(sync.warnings) if is_camera else {}
         view, matrix = _place(sync, sensor, depsgraph, is_camera)
         # From here on Blender may do anything between two steps, and is asked for nothing any more.
         before_rays = yield from self._build(building)
         snapshot = sync.scene.snapshot()
         yield before_rays  # a scan that was given up meanwhile casts no rays
-        count = self._pattern.count(stretch.start, stretch.end)
         check_fits(f"scan: a stretch of {count:,} rays", count * BYTES_A_RAY, "cast fewer, or more steps per frame")
         rays = self._pattern.cast(stretch.start, stretch.end, view)
         origins = rays.origins @ matrix[:3, :3].T + matrix[:3, 3]

@@ -19,7 +19,8 @@ class Mode:
     name: as `perfect_bvh.render` takes it. label: as users see it. number: what a .blend file keeps of the choice, so
     it never changes. view: the view transform that shows it, None for the scene's own. has_range: its values are
     distances, which an image file of bytes cannot hold as they are. rays_per_sample: how many rays a sample of a pixel
-    casts at most. is_noisy: whether its light comes from rays at random, so that a denoiser is of use.
+    casts, those of light that bounces, where has_bounces, aside. is_noisy: whether its light comes from rays at random,
+    so that a denoiser is of use.
 
     What it shows of the scene beside its shape, and is read for it: normals, at the corners; uvs, of the active map;
     materials: their numbers and viewport colours; offers_grey: those or, as the user likes, one grey for all; shading:
@@ -33,6 +34,7 @@ class Mode:
     view: str | None = None
     has_range: bool = False
     rays_per_sample: int = 1
+    has_bounces: bool = False
     is_noisy: bool = False
     normals: bool = False
     uvs: bool = False
@@ -47,14 +49,12 @@ class Mode:
 
 
 MODES: tuple[Mode, ...] = (
-    # The camera's, one to the light there, one that bounces. How many more follow is not known before; what is planned
-    # for fewer rays is at worst a tree that a little more work would have made better.
     Mode(
         "preview",
         0,
         "Lit",
         "The scene under its own lights and world, with all the bounces of light that its Light Paths allow",
-        rays_per_sample=3,
+        has_bounces=True,
         is_noisy=True,
         normals=True,
         materials=True,

@@ -62,6 +62,8 @@ class SceneState:
         self._instances = HeldInstances()
         self._record: SceneRecord | None = None
         self._has_waiting_edits = False
+        self._told_rays: int | None = None
+        self._knows_rays = True  # whether the engine's scene was told of them
 
     @property
     def record(self) -> SceneRecord | None:
@@ -138,10 +140,13 @@ class SceneState:
         """Commits the edits, on any thread, while no other edits or commits.
 
         Uses nothing but the engine's scene: whether it succeeds or not, what is held is the same.
+        expected_rays: by default the engine knows what it was told last; one that was made since is told it again.
         """
         started = time.perf_counter()
-        keywords = {"progress": progress, "expected_rays": expected_rays}
+        rays = self._told_rays if expected_rays is None and not self._knows_rays else expected_rays
+        keywords = {"progress": progress, "expected_rays": rays}
         report = self.scene.commit(**{key: value for key, value in keywords.items() if value is not None})
+        self._told_rays, self._knows_rays = rays or self._told_rays, True
         return TimedCommit(report, (time.perf_counter() - started) * 1e3)
 
     def finish(self, applied: AppliedDifference, commit: TimedCommit, read_milliseconds: float = 0.0) -> SyncReport:
@@ -200,4 +205,4 @@ class SceneState:
         self._meshes.clear()
         self._instances = HeldInstances()
         self._record = None
-        self._has_waiting_edits = False
+        self._has_waiting_edits = self._knows_rays = False

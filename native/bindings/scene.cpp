@@ -266,6 +266,7 @@ void bind_scene(py::module_& module) {
       "snapshot", [](const Scene& self) { return std::const_pointer_cast<Snapshot>(self.snapshot()); },
       py::call_guard<py::gil_scoped_release>());
   scene.def("scene_id", &Scene::id);
+  scene.def("rays_cast", &Scene::rays_cast);
   scene.def("mesh_count", &Scene::mesh_count, py::call_guard<py::gil_scoped_release>());
   scene.def("instance_count", &Scene::instance_count, py::call_guard<py::gil_scoped_release>());
 }

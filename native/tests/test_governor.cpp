@@ -212,23 +212,23 @@ TEST(Governor, LearnsWhatAFreshTreeWouldCost) {
 TEST(Governor, MoreRaysNeverTakeAWorseBuilder) {
   const Calibration calibration = machine();
   constexpr BuilderKind kBuilders[] = {BuilderKind::kFast, BuilderKind::kBinned, BuilderKind::kSpatial};
-  for (const double density : {0.0, 5.0, 9.0, 20.0}) {
+  for (const double air : {0.0, 5.0, 9.0, 20.0}) {
     double last = 1e9;
     for (double rays = 0; rays < 1e12; rays = rays * 2 + 1) {
-      const BuildDecision decision = decide_build({kBuilders, 100000, rays, density}, calibration);
+      const BuildDecision decision = decide_build({kBuilders, 100000, rays, air}, calibration);
       ASSERT_EQ(decision.alternatives.size(), 3u);
       double trace = 0;
       for (const Alternative& row : decision.alternatives) {
         if (row.builder == decision.builder) trace = *row.trace_nanoseconds / std::max(rays, 1.0);
       }
       if (rays > 0) {
-        EXPECT_LE(trace, last * (1 + 1e-12)) << density << " " << rays;
+        EXPECT_LE(trace, last * (1 + 1e-12)) << air << " " << rays;
         last = trace;
       }
     }
-    EXPECT_EQ(decide_build({kBuilders, 100000, 0, density}, calibration).builder, BuilderKind::kFast);
-    EXPECT_EQ(decide_build({kBuilders, 100000, 1e12, density}, calibration).builder,
-              density > 6 ? BuilderKind::kSpatial : BuilderKind::kBinned);
+    EXPECT_EQ(decide_build({kBuilders, 100000, 0, air}, calibration).builder, BuilderKind::kFast);
+    EXPECT_EQ(decide_build({kBuilders, 100000, 1e12, air}, calibration).builder,
+              air > 6 ? BuilderKind::kSpatial : BuilderKind::kBinned);
   }
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -69,3 +70,20 @@ def test_what_a_mode_shows_is_read(ball: Any, mode: Mode, in_colors: bool, monke
 def test_the_add_on_offers_every_mode_of_the_engine() -> None:
     assert sorted(MODE_NAMES) == sorted(perfect_bvh.MODES)
     assert len({mode.number for mode in MODES}) == len(MODES)
+
+
+@pytest.mark.parametrize("bounces", [0, 1, 12])
+def test_about_as_many_rays_are_cast_as_are_planned(registered: None, repository: Path, bounces: int) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(repository / "blend_scenes" / "courtyard.blend"))
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 128, 72, 100
+    scene.cycles.max_bounces = bounces
+    found = {}
+    sync = SceneSync(watch=False)
+    for mode in MODE_NAMES:
+        settings = replace(read_settings(scene), mode=mode, samples=4, noise_threshold=0.0)
+        plan, before = plan_render(scene, settings), sync.scene.rays_cast
+        render_frame(sync, bpy.context.evaluated_depsgraph_get(), plan)
+        found[mode] = (sync.scene.rays_cast - before) / plan.expected_rays
+    sync.close()
+    assert all(0.6 < share < 1.5 for share in found.values()), found

@@ -42,6 +42,23 @@ def test_after_a_failed_edit_the_next_update_is_right(call: str, after: bool, ta
         scene.answer()
 
 
+def test_a_scene_that_was_made_since_is_told_of_the_rays_again() -> None:
+    made, scene = state()
+    made.update(base(), expected_rays=1000)
+    made.update(base())
+    assert scene.commit_keywords == {}, "it knows"
+    scene.fail_at = "add_instances"
+    with pytest.raises(FailureError):
+        made.update(everything_or("add_instances"))
+    assert isinstance(made.scene, FakeScene) and made.scene is not scene
+    made.scene.fail_at = "commit"
+    with pytest.raises(FailureError):
+        made.update(base())
+    for expected in ({"expected_rays": 1000}, {}):
+        made.update(base())
+        assert made.scene.commit_keywords == expected
+
+
 def everything_or(call: str) -> SceneRecord:
     """A change of base() that makes the call."""
     name = next(name for name, calls in CALLS.items() if call in calls)

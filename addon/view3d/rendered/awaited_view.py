@@ -98,23 +98,22 @@ def await_view(context: bpy.types.Context) -> AwaitedView:
     edits = edits_of(context.scene)
     if found is None:
         settings = read_settings(context.scene)
-        whole = plan_render(depsgraph.scene, settings)
-        building = begin_view(sync, depsgraph, whole, None)
-        _tell_of(sync, depsgraph, whole)
+        plan = _scaled(plan_render(depsgraph.scene, settings), context.scene)
+        building = begin_view(sync, depsgraph, plan, None)
+        _tell_of(sync, depsgraph, plan)
         if sync.camera is None:
             building.stop()
             raise ValueError(missing_camera(depsgraph.scene, sync))
-        return AwaitedView(sync, building, None, _scaled(whole, context.scene), edits, ViewLighting())
+        return AwaitedView(sync, building, None, plan, edits, ViewLighting())
     space, region = found
     settings, lighting, has_own_mode = _look_of(space.shading, depsgraph.scene)
-    whole = plan_view(settings, (region.width, region.height))
-    building = begin_view(sync, depsgraph, whole, filtering)
-    _tell_of(sync, depsgraph, whole)
+    plan = _scaled(plan_view(settings, (region.width, region.height)), context.scene)
+    building = begin_view(sync, depsgraph, plan, filtering)
+    _tell_of(sync, depsgraph, plan)
     camera, _ = camera_of(space.region_3d, space, depsgraph)
     if camera is None:
         building.stop()
         raise ValueError("the 3D viewport has no usable view: its matrix is not finite")
-    plan = _scaled(whole, context.scene)
     return AwaitedView(sync, building, as_camera(camera), plan, edits, lighting, has_own_mode)
 
 

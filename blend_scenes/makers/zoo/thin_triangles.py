@@ -70,7 +70,7 @@ DIAGONAL_STICKS = FailureCase(
     "Sticks aslant",
     "Object splits: every box is nearly as large as its parent, however the sticks are shared out.",
     "Stich, Friedrich and Dietrich 2009",
-    '`builder="spatial"` cuts the sticks themselves, within a budget of copies. It must be asked for.',
+    '`builder="spatial"` cuts the sticks themselves. The planner takes it where the expected rays repay it.',
     diagonal_sticks,
     rays_around,
 )

@@ -32,9 +32,10 @@ BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options, 
   });
   MeshState fresh;
   fresh.config = state.config, fresh.usage = state.usage, fresh.edited = state.edited;
-  const auto build = [fresh, options, mesh_id = changed.mesh_id, rays = changed.rays](ThreadPool& pool,
-                                                                                      CancelToken& cancel) {
-    BlasResult made = make_blas({mesh_id, &fresh, rays}, options, pool, cancel);
+  const auto build = [fresh, options, asked = changed](ThreadPool& pool, CancelToken& cancel) {
+    ChangedMesh alone = asked;
+    alone.state = &fresh;
+    BlasResult made = make_blas(alone, options, pool, cancel);
     return BuiltTree{std::move(made.blas), made.history};
   };
   blas->deferred = std::make_shared<DeferredTree>(build);
@@ -53,12 +54,13 @@ BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options, 
   return result;
 }
 
-void adopt_built_tree(MeshState& state) {
-  if (!state.blas || !state.blas->deferred) return;
+bool adopt_built_tree(MeshState& state) {
+  if (!state.blas || !state.blas->deferred) return false;
   BuiltTree built = state.blas->deferred->if_built();
-  if (!built.blas) return;
+  if (!built.blas) return false;
   state.blas = std::move(built.blas);
   state.history = built.history;
+  return true;
 }
 
 }  // namespace perfect_bvh

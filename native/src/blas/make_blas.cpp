@@ -7,6 +7,7 @@
 
 #include "blas/build_tree.h"
 #include "blas/build_wide_tree.h"
+#include "blas/choose_tree.h"
 #include "blas/ledger.h"
 #include "core/stopwatch.h"
 #include "update/mesh_shape.h"
@@ -18,48 +19,29 @@ namespace {
 // Of a builder that was not asked for by name and is not the usual one.
 const char* why_so_built(BuilderKind asked, BuilderKind chosen, Usage usage) {
   if (asked != BuilderKind::kAuto || chosen == BuilderKind::kBinned) return "";
-  if (chosen == BuilderKind::kSpatial) return "; the expected rays repay spatial splits";
+  if (chosen == BuilderKind::kSpatial) return "; the rays repay spatial splits";
   return usage == Usage::kChanging ? "; its topology changes, so the fast builder made its tree"
                                    : "; the expected rays repay no more than the fast builder";
 }
 
-// How many commits a tree is expected to serve: one of a still mesh serves a whole animation, or a single picture.
-constexpr double kStaticCommits = 4;
-
-// What will do for a mesh of this kind, where the choice is left to the engine and the rays are known.
-std::span<const BuilderKind> builders_for(Usage usage) {
-  static constexpr BuilderKind kStatic[] = {BuilderKind::kFast, BuilderKind::kBinned, BuilderKind::kSpatial};
-  static constexpr BuilderKind kDeforming[] = {BuilderKind::kBinned};
-  static constexpr BuilderKind kChanging[] = {BuilderKind::kFast, BuilderKind::kBinned};
-  if (usage == Usage::kStatic) return kStatic;
-  return usage == Usage::kDeforming ? std::span<const BuilderKind>(kDeforming) : kChanging;
+const char* why_built(const MeshState& state) noexcept {
+  if (!state.blas) return "new mesh";
+  return is_resting(state) ? "the triangles rest, and more rays came than their tree was built for"
+                           : "the triangles were replaced";
 }
 
 void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
                 ThreadPool& pool, CancelToken& cancel) {
   const MeshState& state = *changed.state;
   MeshReport& report = result.report;
-  const bool deforms = is_resting(state) || (state.blas && state.same_topology);
-  const Usage usage = usage_of(state.usage, deforms);
-  BuildConfig config = choose_builder(state.config, usage);
-  if (state.config.builder == BuilderKind::kAuto && changed.rays && options.policy == Policy::kGoverned) {
-    const double commits = usage == Usage::kStatic ? kStaticCommits : 1;
-    const double density = measure_density(blas.mesh, cancel);
-    const BuildDecision decision = decide_build(
-        {builders_for(usage), blas.mesh.triangle_count(), *changed.rays * commits, density}, options.calibration);
-    if (report.alternatives.empty()) note(report, decision.alternatives);
-    if (decision.builder == BuilderKind::kBinned) {
-      config = choose_builder(state.config, Usage::kStatic);
-    } else {
-      config = state.config;
-      config.builder = decision.builder;
-    }
-  }
-  blas.config = config;
-  report.reason += why_so_built(state.config.builder, config.builder, usage);
+  TreeChoice choice = choose_tree(changed, options, cancel);
+  if (report.alternatives.empty()) note(report, choice.alternatives);
+  blas.config = choice.config;
+  const Usage usage = usage_of(state.usage, state.has_deformed);
+  report.reason += why_so_built(state.config.builder, blas.config.builder, usage);
   build_wide_tree(blas, report, pool, cancel);
   blas.shape = new_tree_shape();
-  const UpdateHistory last = deforms ? state.history : UpdateHistory{};
+  const UpdateHistory last = state.has_deformed ? state.history : UpdateHistory{};
   const TraceWork work = measure_trace_work(blas.wide, blas.mesh, cancel);
   report.node_visits = work.node_visits, report.leaf_visits = work.leaf_visits;
   result.history = begin_history(last, work, result.history.sample_now, options.calibration);
@@ -76,8 +58,8 @@ BlasResult make_blas(const ChangedMesh& changed, const CommitOptions& options, T
   report.usage = usage_name(state.usage);
   report.expected_rays = changed.rays;
   report.action = state.blas ? MeshAction::kRebuilt : MeshAction::kBuilt;
-  report.reason = state.blas ? "the triangles were replaced" : "new mesh";
-  if (is_resting(state) && keeps_at_rest(changed, options, result)) return result;
+  report.reason = why_built(state);
+  if (is_resting(state) && needs_decision(state, options) && keeps_at_rest(changed, options, result)) return result;
   auto blas = std::make_shared<Blas>(is_resting(state) ? state.blas->owned_mesh : state.edited);
   const bool deforms = state.blas && state.same_topology;
   if (deforms) blas->spare = state.spare ? state.spare : std::make_shared<SpareTree>();

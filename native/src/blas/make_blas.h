@@ -30,7 +30,7 @@ namespace perfect_bvh {
 // Whether its tree waits for the first ray that reaches it.
 [[nodiscard]] bool is_deferred(const MeshState& state) noexcept;
 [[nodiscard]] BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options, CancelToken& cancel);
-// Takes over a tree that a ray was the first to need.
-void adopt_built_tree(MeshState& state);
+// Takes over a tree that a ray was the first to need; whether there was one.
+bool adopt_built_tree(MeshState& state);
 
 }  // namespace perfect_bvh

@@ -29,16 +29,20 @@ struct MeshState {
   std::shared_ptr<const Blas> blas;                 // committed; null before the first commit
   std::shared_ptr<const TriangleMesh> edited;       // waiting; null if nothing is
   bool same_topology = false;                       // of `edited` and `blas`
+  bool has_deformed = false;                        // since it has its triangles
   std::shared_ptr<SpareTree> spare;                 // null until the mesh is deformed
   std::shared_ptr<SparePositions> spare_positions;  // likewise
   UpdateHistory history;                            // of `blas`'s tree
+  std::optional<double> air;                        // in its triangles' boxes, see measure_air(); empty: not measured
 };
 
-// A mesh that was edited, or rests in a degraded tree, and how many rays it may expect.
+// A mesh that was edited, or rests in a tree that may be replaced, and how many rays meet its box.
 struct ChangedMesh {
   std::int32_t mesh_id;
   const MeshState* state;
-  std::optional<double> rays;
+  std::optional<double> rays;  // expected before the next commit; unknown: see CommitOptions
+  double cast_rays = 0;        // since the last commit
+  double served_rays = 0;      // of one that rests: since its tree was built
 };
 
 struct BlasResult {

@@ -71,6 +71,7 @@ std::int32_t to_count(std::size_t count) {
 std::size_t count_intersections(const Snapshot& snapshot, const RayColumns& columns, std::int32_t* counts,
                                 ThreadPool& pool, int max_threads, CancelToken& cancel) {
   return for_each_block(columns, pool, max_threads, cancel, [&](std::span<const Ray> rays, std::size_t first) {
+    count_rays(snapshot, rays.size());
     std::array<std::size_t, kBlockRays> found;
     bool repeats = false;
     with_trees(snapshot, cancel, [&](const SceneView& view) {
@@ -93,6 +94,7 @@ std::size_t list_intersections(const Snapshot& snapshot, const RayColumns& colum
                                std::span<const std::int64_t> splits, const HitColumns& out, ThreadPool& pool,
                                int max_threads, CancelToken& cancel) {
   return for_each_block(columns, pool, max_threads, cancel, [&](std::span<const Ray> rays, std::size_t first) {
+    count_rays(snapshot, rays.size());
     AlignedVector<FoundHit> room(kUsualHits);
     for_each_ray(snapshot, rays, columns.cull, room, cancel, [&](std::size_t row, std::span<FoundHit> found) {
       const std::span<FoundHit> sorted = sort_once_each(found, snapshot, cancel);

@@ -36,6 +36,7 @@ std::size_t trace_closest(const Snapshot& snapshot, CancelToken& cancel, std::sp
   std::size_t in_packets = 0;
   with_trees(snapshot, cancel,
              [&](const SceneView& view) { in_packets = trace_closest(view, batch, TraceOptions{strategy}); });
+  count_rays(snapshot, rays.size());
   return in_packets;
 }
 
@@ -47,6 +48,7 @@ std::size_t trace_occluded(const Snapshot& snapshot, CancelToken& cancel, std::s
   std::size_t in_packets = 0;
   with_trees(snapshot, cancel,
              [&](const SceneView& view) { in_packets = trace_any(view, batch, TraceOptions{strategy}); });
+  count_rays(snapshot, rays.size());
   return in_packets;
 }
 

@@ -6,9 +6,7 @@
 
 #include "blas/build_tree.h"
 #include "blas/make_blas.h"
-#include "core/steps.h"
 #include "core/stopwatch.h"
-#include "scene/ray_shares.h"
 #include "scene/scene.h"
 
 namespace perfect_bvh {
@@ -21,56 +19,16 @@ std::size_t byte_count(const Snapshot& snapshot) {
   return count;
 }
 
-Aabb bounds_of(const TriangleMesh& mesh, CancelToken& cancel) {
-  Aabb box;
-  for_steps(mesh.positions.size(), cancel, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) box.grow(mesh.positions[i]);
-  });
-  return box;
-}
-
 }  // namespace
 
-std::vector<ChangedMesh> Scene::find_changed(const CommitOptions& options, CancelToken& cancel) const {
-  std::vector<ChangedMesh> changed;
-  for (const auto& [mesh_id, slot] : meshes_) {
-    if (needs_decision(slot, options)) changed.push_back({mesh_id, &slot, std::nullopt});
-  }
-  if (!options.expected_rays || changed.empty()) return changed;
-
-  struct Place {
-    Aabb box;
-    Vec3d centre;
-    std::size_t row;
-  };
-  std::map<std::int32_t, Place> places;  // by mesh id
-  std::size_t row = 0;
-  Steps steps(cancel);
-  for (const auto& [mesh_id, slot] : meshes_) {
-    steps.step();
-    const Aabb box = slot.edited ? bounds_of(*slot.edited, cancel) : slot.blas->box;
-    const Vec3d centre = slot.edited ? slot.edited->centre : slot.blas->mesh.centre;
-    places[mesh_id] = {box, centre, needs_decision(slot, options) ? row++ : RayShares::kOther};
-  }
-  RayShares shares(changed.size());
-  auto found = places.end();
-  for (const Placement& slot : instances_) {
-    steps.step();
-    if (found == places.end() || found->first != slot.mesh_id) found = places.find(slot.mesh_id);
-    Affine map = slot.object_to_world;
-    map.translation = map.point(found->second.centre);
-    shares.add(found->second.box, map, found->second.row);
-  }
-  for (std::size_t i = 0; i < changed.size(); ++i) changed[i].rays = *options.expected_rays * shares.of(i);
-  return changed;
-}
-
-std::vector<BlasResult> Scene::make_changed_blases(const CommitOptions& options, ThreadPool& pool,
-                                                   CancelToken& cancel) const {
-  const std::vector<ChangedMesh> changed = find_changed(options, cancel);
+std::vector<BlasResult> Scene::make_blases(std::span<const ChangedMesh> changed, const CommitOptions& options,
+                                           ThreadPool& pool, CancelToken& cancel) {
   std::size_t triangle_count = 0;
-  for (const ChangedMesh& mesh : changed)
-    triangle_count += mesh.state->edited ? mesh.state->edited->triangle_count() : 0;
+  for (const ChangedMesh& mesh : changed) {
+    const MeshState& state = *mesh.state;
+    if (!is_resting(state)) triangle_count += state.edited->triangle_count();
+    if (is_resting(state) && !state.has_deformed) triangle_count += state.blas->mesh.triangle_count();
+  }
   cancel.expect(2 * triangle_count);  // first for a binary tree, then for a wide one
   std::vector<BlasResult> results(changed.size());
   for_chunks(pool, changed.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
@@ -119,8 +77,11 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOp
     const std::lock_guard lock(state_mutex_);
     return stale_count_;
   }();
-  for (auto& [mesh_id, slot] : meshes_) adopt_built_tree(slot);
-  auto results = make_changed_blases(options, pool, cancel);
+  const RayForecast rays = forecast_rays(options);
+  for (auto& [mesh_id, slot] : meshes_) {
+    if (adopt_built_tree(slot)) slot.cast_before = rays.cast_in_all;
+  }
+  auto results = make_blases(find_changed(options, rays, cancel), options, pool, cancel);
   const auto made = static_cast<std::size_t>(
       std::count_if(results.begin(), results.end(), [](const BlasResult& result) { return result.blas != nullptr; }));
   report.kept_count = meshes_.size() - made;
@@ -132,9 +93,10 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOp
     const PlacedMeshes meshes = meshes_to_place(results);
     snapshot.reset();
     auto assembled = take_last_snapshot();
-    report.top_level = assemble(*assembled, meshes, instances_, options.expected_rays, pool, cancel);
+    report.top_level = assemble(*assembled, meshes, instances_, rays.expected, pool, cancel);
     assembled->generation = generation_ + 1;
     assembled->scene_id = id_;
+    assembled->rays_cast = rays_cast_;
     snapshot = std::move(assembled);
   } else {
     report.top_level.reason = "nothing was edited";
@@ -148,12 +110,12 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOp
   report.meshes.reserve(made);
   report.resting.reserve(results.size() - made);
   for (const BlasResult& result : results) (result.blas ? report.meshes : report.resting).push_back(result.report);
-  publish(std::move(snapshot), results, stale_count);
+  publish(std::move(snapshot), results, rays, stale_count);
   return report;
 }
 
 // Nothing here throws: a commit that came so far happens as a whole.
-void Scene::publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results,
+void Scene::publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const RayForecast& rays,
                     std::uint64_t stale_count) noexcept {
   for (auto& [mesh_id, slot] : meshes_) {
     if (slot.edited) continue;  // it still moves
@@ -166,9 +128,12 @@ void Scene::publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResu
     if (!result.blas) continue;
     slot.blas = std::move(result.blas);
     slot.spare = slot.blas->spare;
+    slot.cast_before = rays.cast_in_all;
+    slot.air.reset();
     slot.edited.reset();
     slot.same_topology = false;
   }
+  cast_until_last_commit_ = rays.cast_in_all;
   const std::lock_guard state_lock(state_mutex_);
   snapshot_ = std::move(snapshot);
   generation_ = snapshot_->generation;

@@ -117,6 +117,7 @@ void Scene::update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions
   if (!slot.spare_positions) slot.spare_positions = std::make_shared<SparePositions>();
   auto moved = move_vertices(before, positions, slot.spare_positions, pool, "update_mesh");
   slot.same_topology = slot.edited ? slot.same_topology : true;
+  slot.has_deformed |= slot.same_topology;
   slot.edited = std::move(moved);
   mark_edited();
 }
@@ -127,7 +128,7 @@ void Scene::replace_mesh(std::int32_t mesh_id, TriangleMesh mesh) {
   const std::lock_guard lock(edit_mutex_);
   MeshSlot& slot = find_mesh(mesh_id, "replace_mesh");
   slot.edited = std::make_shared<const TriangleMesh>(std::move(mesh));
-  slot.same_topology = false;
+  slot.same_topology = slot.has_deformed = false;
   slot.spare_positions.reset();
   mark_edited();
 }

@@ -20,6 +20,7 @@
 #include "core/cancel.h"
 #include "core/errors.h"
 #include "core/thread_pool.h"
+#include "scene/ray_forecast.h"
 #include "tlas/assemble.h"
 #include "tlas/snapshot.h"
 
@@ -104,12 +105,17 @@ class Scene {
 
   // Unlike any other scene's of this process.
   [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
+  // How many were cast at its snapshots so far, those of images and of what lights them included.
+  [[nodiscard]] std::uint64_t rays_cast() const noexcept { return rays_cast_->load(std::memory_order_relaxed); }
   [[nodiscard]] std::size_t mesh_count() const;
   [[nodiscard]] std::size_t instance_count() const;
 
  private:
   struct MeshSlot : MeshState {
-    std::uint32_t user_count = 0;  // instances
+    std::uint32_t user_count = 0;           // instances
+    std::uint64_t cast_before = 0;          // rays at the scene, before the tree was there
+    double ray_share = 0;                   // of the scene's rays, those that meet its box ...
+    std::optional<std::uint64_t> share_of;  // ... after so many edits; empty: not yet known
   };
 
   [[nodiscard]] static std::uint64_t next_id() noexcept;
@@ -130,12 +136,19 @@ class Scene {
   InstanceRows find_instances(std::span<const std::int32_t> ids, const char* function) const;
   void mark_edited();
 
-  std::vector<ChangedMesh> find_changed(const CommitOptions& options, CancelToken& cancel) const;
-  std::vector<BlasResult> make_changed_blases(const CommitOptions& options, ThreadPool& pool,
-                                              CancelToken& cancel) const;
+  [[nodiscard]] RayForecast forecast_rays(const CommitOptions& options);
+  [[nodiscard]] double most_served_rays(const MeshSlot& slot, const RayForecast& rays) const noexcept;
+  [[nodiscard]] static bool may_be_replaced(MeshSlot& slot, double served, const CommitOptions& options,
+                                            CancelToken& cancel);
+  [[nodiscard]] std::vector<ChangedMesh> find_changed(const CommitOptions& options, const RayForecast& rays,
+                                                      CancelToken& cancel);
+  void find_ray_shares(std::span<const ChangedMesh> meshes, CancelToken& cancel);
+  [[nodiscard]] static std::vector<BlasResult> make_blases(std::span<const ChangedMesh> changed,
+                                                           const CommitOptions& options, ThreadPool& pool,
+                                                           CancelToken& cancel);
   [[nodiscard]] PlacedMeshes meshes_to_place(std::span<const BlasResult> results) const;
   std::shared_ptr<Snapshot> take_last_snapshot();
-  void publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results,
+  void publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const RayForecast& rays,
                std::uint64_t stale_count) noexcept;
 
   const std::uint64_t id_ = next_id();  // in this process
@@ -144,6 +157,9 @@ class Scene {
   AlignedVector<Placement> instances_;  // by ascending id
   std::int32_t next_mesh_id_ = 0;
   std::int32_t next_instance_id_ = 0;
+  std::optional<double> told_rays_;  // by the last commit that expected any
+  std::uint64_t cast_until_last_commit_ = 0;
+  const std::shared_ptr<std::atomic<std::uint64_t>> rays_cast_ = std::make_shared<std::atomic<std::uint64_t>>(0);
 
   mutable std::mutex state_mutex_;            // held briefly; taken after edit_mutex_ if both are
   std::uint64_t edit_count_ = 0;              // changes only while edit_mutex_ is held, too

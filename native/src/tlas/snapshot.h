@@ -2,6 +2,7 @@
 // it came from is edited and committed again.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <utility>
@@ -32,6 +33,13 @@ struct Snapshot {
   TopLevelCost built_cost;                                   // of the top level then
   std::uint64_t generation = 0;
   std::uint64_t scene_id = 0;  // which scene of the process
+  // By all who trace it, where the scene's owner wants to know; null otherwise. The scene's snapshots share one.
+  std::shared_ptr<std::atomic<std::uint64_t>> rays_cast;
 };
+
+// Of a batch that was traced.
+inline void count_rays(const Snapshot& snapshot, std::size_t count) noexcept {
+  if (snapshot.rays_cast) snapshot.rays_cast->fetch_add(count, std::memory_order_relaxed);
+}
 
 }  // namespace perfect_bvh

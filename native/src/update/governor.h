@@ -107,8 +107,9 @@ inline constexpr double kRefitLimit = 1.05, kRotateLimit = 1.2, kRestructureLimi
 struct BuildQuestion {
   std::span<const BuilderKind> builders;  // that would do, at least one
   std::size_t triangle_count = 0;
-  double rays = 0;     // expected to meet the mesh's box
-  double density = 0;  // of the mesh
+  double rays = 0;                                 // expected to meet the mesh's box
+  double air = 0;                                  // of the mesh, see measure_air()
+  std::optional<BuilderKind> held = std::nullopt;  // whose tree is there and costs nothing more
 };
 
 struct BuildDecision {
@@ -117,7 +118,10 @@ struct BuildDecision {
 };
 
 // The builder whose time and rays are expected to cost least together. Spatial splits are expected to gain on meshes
-// alone whose triangles' boxes overlap a lot.
+// alone whose triangles' boxes hold much air.
 [[nodiscard]] BuildDecision decide_build(const BuildQuestion& question, const Calibration& calibration);
+
+// More rays than so many repay another builder's tree than the one that is held; infinity if none would be better.
+[[nodiscard]] double repaying_rays(const BuildQuestion& question, const Calibration& calibration) noexcept;
 
 }  // namespace perfect_bvh

@@ -11,10 +11,18 @@ namespace perfect_bvh {
 namespace {
 
 constexpr std::size_t kSamples = 4096;
+constexpr double kSolid = 3;  // halves of a box's surface, of triangles that leave no air in it
 
 double half_area(const Aabb& box) noexcept {
   const Vec3d e = to_double(box.upper) - to_double(box.lower);
   return e.x * e.y + e.y * e.z + e.z * e.x;
+}
+
+double triangle_area(const TriangleMesh& mesh, std::size_t index) noexcept {
+  const TriangleIndices t = mesh.triangles[index];
+  const Vec3d a = to_double(mesh.positions[t.x]), b = to_double(mesh.positions[t.y]),
+              c = to_double(mesh.positions[t.z]);
+  return 0.5 * length(cross(b - a, c - a));
 }
 
 Aabb box_of(const AlignedVector<Vec3f>& positions, CancelToken& cancel) {
@@ -49,10 +57,12 @@ double measure_tree_sample(const TriangleMesh& mesh, ThreadPool& pool) {
   return half_area(tree.bounds()) > 0 ? measure_quality(tree).sah : 0;
 }
 
-double measure_density(const TriangleMesh& mesh, CancelToken& cancel) {
+double measure_air(const TriangleMesh& mesh, CancelToken& cancel) {
   const std::size_t step = std::max<std::size_t>(1, mesh.triangle_count() / kSamples);
   double sum = 0;
-  for (std::size_t i = 0; i < mesh.triangle_count(); i += step) sum += half_area(mesh.triangle_box(i));
+  for (std::size_t i = 0; i < mesh.triangle_count(); i += step) {
+    sum += std::max(half_area(mesh.triangle_box(i)) - kSolid * triangle_area(mesh, i), 0.0);
+  }
   const Aabb whole = box_of(mesh.positions, cancel);
   const double area = whole.is_empty() ? 0 : half_area(whole);
   return area > 0 ? sum * static_cast<double>(step) / area : 0;
