@@ -90,7 +90,10 @@ struct Contents {
 class LeafChoice {
  public:
   LeafChoice(const ClusterTree& tree, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel)
-      : tree_(tree), config_(config), pairs_(tree.top.end - tree.box_count) {
+      : tree_(tree), config_(config) {
+    const std::size_t pairs = tree.top.end - tree.box_count;
+    pairs_.reserve(pairs);
+    for_steps(pairs, cancel, [&](std::size_t, std::size_t end) { pairs_.resize(end); });
     for_chunks(pool, tree.regions.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) choose(tree.regions[i].begin, tree.regions[i].end);
     });

@@ -93,7 +93,8 @@ void build(Snapshot& snapshot, AlignedVector<PrimRef>& boxes, std::optional<doub
 // The result has a row for each instance, empty where its mesh is.
 AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& meshes,
                                        std::span<const Placement> placements, ThreadPool& pool, CancelToken& cancel) {
-  snapshot.instances.resize(placements.size());
+  snapshot.instances.reserve(placements.size());
+  for_steps(placements.size(), cancel, [&](std::size_t, std::size_t end) { snapshot.instances.resize(end); });
   snapshot.instance_views.resize(placements.size());
   AlignedVector<PrimRef> boxes(placements.size());
   BakedCopies baked;
