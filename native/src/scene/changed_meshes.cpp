@@ -21,6 +21,10 @@ Aabb bounds_of(const TriangleMesh& mesh, CancelToken& cancel) {
   return box;
 }
 
+// Trees at rest are asked about again after so many rays an instance: finding an instance's share takes about a third
+// of a ray's time (85 ns), and each frame that moves one is an edit.
+constexpr double kRaysOfAShare = 4;
+
 }  // namespace
 
 // At once, and not when the commit succeeds: whoever repeats one that was stopped need not tell it again.
@@ -45,22 +49,28 @@ bool Scene::may_be_replaced(MeshSlot& slot, double served, const CommitOptions& 
 }
 
 // Shares are what takes long, with many instances. They stay while nothing is edited, and a mesh whose tree is the best
-// for more rays than there are needs none.
+// for more rays than there are needs none; nor does one at rest before rays pay for the asking.
 std::vector<ChangedMesh> Scene::find_changed(const CommitOptions& options, const RayForecast& rays,
                                              CancelToken& cancel) {
   std::vector<ChangedMesh> changed;
   bool needs_shares = false;
+  const double rays_of_shares =
+      std::max(rays.expected.value_or(0), static_cast<double>(rays.cast_in_all - cast_until_shares_));
+  const bool pays = rays_of_shares >= kRaysOfAShare * static_cast<double>(instances_.size());
   for (auto& [mesh_id, slot] : meshes_) {
     const bool is_known = slot.share_of == edit_count_;
     // No box has more surface than the scene's.
     const double most = (is_known ? slot.ray_share : slot.user_count) * most_served_rays(slot, rays);
-    if (!needs_decision(slot, options) && !(rays.likely() > 0 && may_be_replaced(slot, most, options, cancel)))
-      continue;
+    const bool is_asked_about = rays.likely() > 0 && (is_known || pays);
+    if (!needs_decision(slot, options) && !(is_asked_about && may_be_replaced(slot, most, options, cancel))) continue;
     changed.push_back({mesh_id, &slot, std::nullopt});
     needs_shares |= !is_known;
   }
   if (!(rays.expected || rays.cast > 0) || changed.empty()) return changed;
-  if (needs_shares) find_ray_shares(changed, cancel);
+  if (needs_shares) {
+    find_ray_shares(changed, cancel);
+    cast_until_shares_ = rays.cast_in_all;
+  }
   for (ChangedMesh& mesh : changed) {
     const auto& slot = static_cast<const MeshSlot&>(*mesh.state);
     if (rays.expected) mesh.rays = *rays.expected * slot.ray_share;

@@ -159,6 +159,7 @@ class Scene {
   std::int32_t next_instance_id_ = 0;
   std::optional<double> told_rays_;  // by the last commit that expected any
   std::uint64_t cast_until_last_commit_ = 0;
+  std::uint64_t cast_until_shares_ = 0;  // until they were last found
   const std::shared_ptr<std::atomic<std::uint64_t>> rays_cast_ = std::make_shared<std::atomic<std::uint64_t>>(0);
 
   mutable std::mutex state_mutex_;            // held briefly; taken after edit_mutex_ if both are
