@@ -63,7 +63,7 @@ class SceneState:
         self._record: SceneRecord | None = None
         self._has_waiting_edits = False
         self._told_rays: int | None = None
-        self._knows_rays = True  # whether the engine's scene was told of them
+        self._knows_rays = True  # whether the engine's scene, too, was told of them
 
     @property
     def record(self) -> SceneRecord | None:
@@ -139,14 +139,16 @@ class SceneState:
     def commit(self, expected_rays: int | None = None, progress: Progress | None = None) -> TimedCommit:
         """Commits the edits, on any thread, while no other edits or commits.
 
-        Uses nothing but the engine's scene: whether it succeeds or not, what is held is the same.
-        expected_rays: by default the engine knows what it was told last; one that was made since is told it again.
+        Edits nothing but the engine's scene: whether it succeeds or not, what is held is the same.
+        expected_rays: without it the engine counts on what it was told last, 0 aside. An engine's scene that was made
+            since then was told nothing, so the number is given to it again.
         """
         started = time.perf_counter()
         rays = self._told_rays if expected_rays is None and not self._knows_rays else expected_rays
         keywords = {"progress": progress, "expected_rays": rays}
         report = self.scene.commit(**{key: value for key, value in keywords.items() if value is not None})
-        self._told_rays, self._knows_rays = rays or self._told_rays, True
+        if rays:
+            self._told_rays, self._knows_rays = rays, True
         return TimedCommit(report, (time.perf_counter() - started) * 1e3)
 
     def finish(self, applied: AppliedDifference, commit: TimedCommit, read_milliseconds: float = 0.0) -> SyncReport:

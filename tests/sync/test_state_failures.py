@@ -54,9 +54,11 @@ def test_a_scene_that_was_made_since_is_told_of_the_rays_again() -> None:
     made.scene.fail_at = "commit"
     with pytest.raises(FailureError):
         made.update(base())
+    made.update(base(), expected_rays=0)
+    assert made.scene.commit_keywords == {"expected_rays": 0}
     for expected in ({"expected_rays": 1000}, {}):
         made.update(base())
-        assert made.scene.commit_keywords == expected
+        assert made.scene.commit_keywords == expected, "0 is no number to count on"
 
 
 def everything_or(call: str) -> SceneRecord:
