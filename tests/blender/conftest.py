@@ -31,6 +31,26 @@ def registered() -> Iterator[None]:
 
 
 @pytest.fixture
+def keeps_syncs(scene: Any) -> Iterator[None]:
+    """Of the add-on the cache of syncs alone is registered meanwhile, empty at first."""
+    from perfect_bvh_addon.live import sync_cache
+
+    sync_cache.clear_syncs()
+    sync_cache.register()
+    yield
+    sync_cache.unregister()
+
+
+@pytest.fixture
+def without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Rendered viewports can be drawn without a window: see `registered_without_windows`."""
+    from blender.shown_viewport import registered_without_windows
+
+    with registered_without_windows(monkeypatch):
+        yield
+
+
+@pytest.fixture
 def scene() -> Any:
     """An empty scene in a file of its own, with a small render size."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -71,6 +91,30 @@ def cube(scene: Any) -> Any:
     scene.perfect_bvh.samples = 4
     bpy.context.view_layer.update()
     return made
+
+
+@pytest.fixture
+def room(scene: Any) -> Any:
+    """A scene to be scanned: see `furnish`."""
+    from blender.scanned_room import furnish
+
+    return furnish(scene)
+
+
+@pytest.fixture
+def material() -> Any:
+    """The material of a cube that is alone in a new file: see `material_of_a_cube`."""
+    from blender.named_rows import material_of_a_cube
+
+    return material_of_a_cube()
+
+
+@pytest.fixture
+def drawn_batches(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The lines of trees that would be drawn: see `keep_lines`."""
+    from blender.followed_trees import keep_lines
+
+    return keep_lines(monkeypatch)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 import pytest
-from blender.named_rows import link, material_of_a_cube, rows, sentences
+from blender.named_rows import link, rows, sentences
 from blender.node_setups import SETUPS, image_node, one_sided
 from perfect_bvh_addon.extract.looks.shown_nodes import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES
 
@@ -23,11 +23,6 @@ SHOWN_AT_TIMES = {
     "TEX_IMAGE",
     "TEX_ENVIRONMENT",
 }
-
-
-@pytest.fixture
-def material() -> Any:
-    return material_of_a_cube()
 
 
 def node_types() -> list[str]:

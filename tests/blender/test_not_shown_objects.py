@@ -8,17 +8,11 @@ from typing import Any
 import bpy
 import pytest
 from blender.builders import evaluated
-from blender.named_rows import SHADING, into_color, link, material_of_a_cube, rows, sentences, thick
+from blender.named_rows import SHADING, into_color, link, rows, sentences, thick
 from blender.node_setups import add, image_node, new_red, shader, surface
 from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.extract.scene import ReadCache
 from perfect_bvh_addon.sync.not_shown import summarize, without_looks
-
-
-@pytest.fixture
-def material() -> Any:
-    return material_of_a_cube()
-
 
 # Objects and images --------------------------------------------------------------------------------------------------
 

@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import sys
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender.followed_trees import keep_lines, synced  # noqa: E402
+from blender.followed_trees import synced  # noqa: E402
 from perfect_bvh_addon.events.changes import listen, stop_listening  # noqa: E402
 from perfect_bvh_addon.settings import editors, overlay_settings  # noqa: E402
 from perfect_bvh_addon.view3d.box_lines import RAMP, box_lines, shares  # noqa: E402
 from perfect_bvh_addon.view3d.tree_overlay import scene_overlay, tree_lines  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
-
-
-@pytest.fixture
-def drawn_batches(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    return keep_lines(monkeypatch)
 
 
 def test_lines_join_the_corners_of_each_box() -> None:

@@ -14,7 +14,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
-from blender.followed_trees import keep_lines, synced  # noqa: E402
+from blender.followed_trees import synced  # noqa: E402
 from blender.long_builds import PATIENCE, Gate, building_threads  # noqa: E402
 from perfect_bvh_addon.events.changes import listen, stop_listening  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
@@ -23,11 +23,6 @@ from perfect_bvh_addon.view3d.box_lines import box_lines  # noqa: E402
 from perfect_bvh_addon.view3d.tree_overlay import scene_overlay, tree_lines  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("scene", "registered")
-
-
-@pytest.fixture
-def drawn_batches(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    return keep_lines(monkeypatch)
 
 
 class Screen:

@@ -11,17 +11,12 @@ from limits import full_disk
 
 bpy = pytest.importorskip("bpy")
 
-from blender.scanned_room import LIDAR, furnish, lidar_rays  # noqa: E402
+from blender.scanned_room import LIDAR, lidar_rays  # noqa: E402
 from perfect_bvh_addon import CameraGrid, SpinningLidar, scan  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.scanning.point_cloud import COLUMNS  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("registered")
-
-
-@pytest.fixture
-def room(scene: bpy.types.Scene) -> bpy.types.Scene:
-    return furnish(scene)
 
 
 def expected_point(scene, origin, direction, distance=1e6):

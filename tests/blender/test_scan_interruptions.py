@@ -8,16 +8,11 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
-from blender.scanned_room import LIDAR, furnish  # noqa: E402
+from blender.scanned_room import LIDAR  # noqa: E402
 from perfect_bvh_addon import CameraGrid, scan  # noqa: E402
 from perfect_bvh_addon.scanning import Scanner  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("registered")
-
-
-@pytest.fixture
-def room(scene: bpy.types.Scene) -> bpy.types.Scene:
-    return furnish(scene)
 
 
 def test_a_sensor_deleted_during_the_scan_is_named_and_the_frame_set_back(room) -> None:

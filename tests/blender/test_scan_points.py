@@ -10,7 +10,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender.scanned_room import LIDAR, furnish, lidar_rays, values_of  # noqa: E402
+from blender.scanned_room import LIDAR, lidar_rays, values_of  # noqa: E402
 from perfect_bvh_addon import CameraGrid, SceneSync, scan  # noqa: E402
 from perfect_bvh_addon.extract import scans  # noqa: E402
 from perfect_bvh_addon.scanning.collector import LUMINANCE  # noqa: E402
@@ -20,11 +20,6 @@ from perfect_bvh_addon.view3d import scan_points  # noqa: E402
 from perfect_bvh_addon.view3d.scan_points import shown_scans  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("registered")
-
-
-@pytest.fixture
-def room(scene: bpy.types.Scene) -> bpy.types.Scene:
-    return furnish(scene)
 
 
 def test_the_button_makes_an_object_with_attributes(room, tmp_path: Path) -> None:

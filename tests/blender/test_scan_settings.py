@@ -11,18 +11,13 @@ from limits import full_disk
 
 bpy = pytest.importorskip("bpy")
 
-from blender.scanned_room import LIDAR, furnish, values_of  # noqa: E402
+from blender.scanned_room import LIDAR, values_of  # noqa: E402
 from perfect_bvh_addon import CameraGrid, SpinningLidar, scan  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.operators.scan import parse_elevations  # noqa: E402
 
 needs_proc = pytest.mark.skipif(sys.platform != "linux", reason="no folder where not even root can make a file")
 pytestmark = pytest.mark.usefixtures("registered")
-
-
-@pytest.fixture
-def room(scene: bpy.types.Scene) -> bpy.types.Scene:
-    return furnish(scene)
 
 
 # The button ----------------------------------------------------------------------------------------------------------

@@ -8,14 +8,9 @@ from typing import Any
 import bpy
 import pytest
 from blender.builders import evaluated
-from blender.named_rows import into_color, link, material_of_a_cube, rows, sentences, thick
+from blender.named_rows import into_color, link, rows, sentences, thick
 from blender.node_setups import add, image_node, shader, surface
 from perfect_bvh_addon.extract import read_scene
-
-
-@pytest.fixture
-def material() -> Any:
-    return material_of_a_cube()
 
 
 def noise(material: Any) -> Any:

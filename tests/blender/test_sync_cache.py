@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
 from typing import Any
 
 import bpy
@@ -65,15 +64,7 @@ def test_loading_a_file_clears_the_cached_syncs_once_the_add_on_is_registered(sc
     assert installed() == 0
 
 
-@pytest.fixture
-def registered(scene: Any) -> Iterator[None]:
-    clear_syncs()
-    sync_cache.register()
-    yield
-    sync_cache.unregister()
-
-
-def test_cached_syncs_go_with_their_scenes_and_layers(scene: Any, registered: None) -> None:
+def test_cached_syncs_go_with_their_scenes_and_layers(scene: Any, keeps_syncs: None) -> None:
     mesh_object("a")
     other = bpy.data.scenes.new("other")
     layer = other.view_layers.new("second")
@@ -96,7 +87,7 @@ def test_cached_syncs_go_with_their_scenes_and_layers(scene: Any, registered: No
 
 
 def test_cached_syncs_used_longest_ago_go_beyond_the_limit(
-    scene: Any, registered: None, monkeypatch: pytest.MonkeyPatch
+    scene: Any, keeps_syncs: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=40, y_subdivisions=40)
     other = scene.view_layers.new("other")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,7 @@ import pytest
 from blender.builders import SQUARE, camera_object, collection, evaluated, in_render, mesh_data, mesh_object
 from blender.syncing import PASSED_OVER, deform, height, reasons
 from perfect_bvh_addon import SceneSync
-from perfect_bvh_addon.live import sync_cache
-from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of
+from perfect_bvh_addon.live.sync_cache import sync_of
 from perfect_bvh_addon.sync.report import SyncReport
 
 
@@ -71,15 +69,7 @@ def test_scenes_and_view_layers_side_by_side(scene: Any) -> None:
         sync.close()
 
 
-@pytest.fixture
-def registered(scene: Any) -> Iterator[None]:
-    clear_syncs()
-    sync_cache.register()
-    yield
-    sync_cache.unregister()
-
-
-def test_two_depsgraphs_at_once(scene: Any, registered: None) -> None:
+def test_two_depsgraphs_at_once(scene: Any, keeps_syncs: None) -> None:
     """What a render has seen says nothing about the viewport, and the other way round."""
     mesh_object("a", mesh_data("a", *SQUARE)).modifiers.new("m", "SOLIDIFY").show_render = False
     sync = SceneSync()
@@ -91,7 +81,7 @@ def test_two_depsgraphs_at_once(scene: Any, registered: None) -> None:
     sync.close()
 
 
-def test_linked_objects_and_overrides(scene: Any, registered: None, tmp_path: Path) -> None:
+def test_linked_objects_and_overrides(scene: Any, keeps_syncs: None, tmp_path: Path) -> None:
     """Another file's objects, reloaded from a changed file as well."""
     path = str(tmp_path / "library.blend")
     mesh_object("linked", mesh_data("linked", *SQUARE))
@@ -128,7 +118,7 @@ class _AnimationEngine(bpy.types.RenderEngine):
 
 
 @pytest.mark.parametrize("persistent", [True, False])
-def test_an_animation_syncs_what_changes(scene: Any, registered: None, tmp_path: Path, persistent: bool) -> None:
+def test_an_animation_syncs_what_changes(scene: Any, keeps_syncs: None, tmp_path: Path, persistent: bool) -> None:
     mesh_object("still")
     moving = mesh_object("moving", location=(3, 0, 0))
     for frame, x in ((1, 3.0), (4, 6.0)):

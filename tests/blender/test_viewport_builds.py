@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,17 +13,13 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
 from blender.long_builds import PATIENCE, Gate, building_threads  # noqa: E402
-from blender.shown_viewport import Shown, cube_to_show, fresh, move, registered_without_windows  # noqa: E402
+from blender.shown_viewport import Shown, cube_to_show, fresh, move  # noqa: E402
 from perfect_bvh_addon import engine  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import clear_syncs, sync_of  # noqa: E402
 from perfect_bvh_addon.view3d.rendered import viewport  # noqa: E402
 
-
-@pytest.fixture(autouse=True)
-def without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    with registered_without_windows(monkeypatch):
-        yield
+pytestmark = pytest.mark.usefixtures("without_windows")
 
 
 @pytest.fixture

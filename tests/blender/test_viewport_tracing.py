@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import threading
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -14,15 +13,11 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
 from blender.long_builds import Gate, building_threads, patiently  # noqa: E402
-from blender.shown_viewport import Shown, cube_to_show, fresh, move, registered_without_windows  # noqa: E402
+from blender.shown_viewport import Shown, cube_to_show, fresh, move  # noqa: E402
 from perfect_bvh_addon.image.refinement import Refinement  # noqa: E402
 from perfect_bvh_addon.view3d.rendered import viewport  # noqa: E402
 
-
-@pytest.fixture(autouse=True)
-def without_windows(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    with registered_without_windows(monkeypatch):
-        yield
+pytestmark = pytest.mark.usefixtures("without_windows")
 
 
 @pytest.fixture
