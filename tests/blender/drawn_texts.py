@@ -62,7 +62,7 @@ class RecordingLayout:
         self.texts.append(f"{node.name}, {socket.name}")
 
     def operator_menu_enum(self, name: str, choice: str, **_: Any) -> None:
-        self.operator(f"{name}")
+        self.operator(name)
         assert choice in getattr(bpy.types, "PERFECT_BVH_OT_" + name.partition(".")[2]).__annotations__
 
 

@@ -16,9 +16,8 @@ import pytest
 from perfect_bvh_addon.support import background_work
 
 HALF = 0.5
-PATIENCE = (
-    120.0  # seconds after which a test says that something hangs; however slow the machine, nothing takes so long
-)
+# Seconds after which a test says that something hangs; however slow the machine, nothing takes so long.
+PATIENCE = 120.0
 TIMER, ESCAPE, MOUSE = (SimpleNamespace(type=kind) for kind in ("TIMER", "ESC", "MOUSEMOVE"))
 
 
@@ -55,10 +54,7 @@ class Gate:
 
     def wait_until_held(self, count: int = 1) -> None:
         """Until so many commits have said how far they are, and wait."""
-        for _ in patiently("no commit was held"):
-            if self.held >= count:
-                return
-            time.sleep(0.002)
+        wait_until(lambda: self.held >= count, "no commit was held")
 
     def open(self) -> None:
         self._is_open.set()
@@ -73,6 +69,14 @@ def patiently(complaint: str) -> Iterator[None]:
     while time.monotonic() < until:
         yield
     pytest.fail(f"{complaint} after {PATIENCE:.0f} s")
+
+
+def wait_until(condition: Callable[[], object], complaint: str = "it hangs") -> None:
+    """Asks again and again until it holds; fails as `patiently` does."""
+    for _ in patiently(complaint):
+        if condition():
+            return
+        time.sleep(0.002)
 
 
 def building_threads() -> int:

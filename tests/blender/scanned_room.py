@@ -50,8 +50,7 @@ def lidar_rays(
 
 def values_of(obj: bpy.types.Object, attribute: str, field: str, width: int = 1) -> np.ndarray:
     """(N,) or (N, width) of an attribute of a scan's points."""
-    data = obj.data.attributes[attribute].data
-    is_whole = obj.data.attributes[attribute].data_type == "INT"
-    values = np.empty(len(data) * width, np.int32 if is_whole else np.float32)
-    data.foreach_get(field, values)
+    found = obj.data.attributes[attribute]
+    values = np.empty(len(found.data) * width, np.int32 if found.data_type == "INT" else np.float32)
+    found.data.foreach_get(field, values)
     return values if width == 1 else values.reshape(-1, width)

@@ -113,7 +113,9 @@ def test_what_fails_while_a_file_is_written_leaves_nothing(tmp_path: Path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="no folders where not even an administrator can make a file")
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="only Linux has /proc and /sys, where not even root can make a file"
+)
 @pytest.mark.parametrize("folder", ["/proc", "/sys"])
 def test_a_folder_that_takes_no_files_is_named_before_the_work(scene, tmp_path: Path, capsys, folder: str):
     assert render(save(tmp_path), Path(folder) / "a.png") == 2
@@ -146,7 +148,9 @@ def test_a_file_of_a_newer_blender_is_rendered_with_a_warning(scene, tmp_path: P
     assert "newer" not in capsys.readouterr().err
 
 
-@pytest.mark.skipif(bpy.app.version < (5, 0, 0), reason="older files say nothing of the form of their header")
+@pytest.mark.skipif(
+    bpy.app.version < (5, 0, 0), reason="files of Blender before 5.0 say nothing of the form of their header"
+)
 def test_a_file_of_a_form_to_come_is_refused(scene, tmp_path: Path, capsys):
     file = save(tmp_path)
     file.write_bytes(file.read_bytes().replace(b"BLENDER17-01", b"BLENDER17-09", 1))

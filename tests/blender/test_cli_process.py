@@ -8,19 +8,20 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from wine_gaps import console_events
 
 # To Windows' programs a signal is an event of the console, for a whole group of them.
 INTERRUPT = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGINT)
 OWN_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
-RUN_MAIN = "from perfect_bvh_addon.cli import main; sys.exit(main())"
+RUN_MAIN = "import sys; sys.argv[0] = 'perfect-bvh'; from perfect_bvh_addon.cli import main; sys.exit(main())"
 
 
 @console_events
+@pytest.mark.usefixtures("hears_ctrl_c")
 def test_ctrl_c_stops_an_animation(small_file: Path, tmp_path: Path) -> None:
-    """In a process of its own, as a user has it: the signal comes while frames are traced."""
-    code = f"import sys; sys.argv[0] = 'perfect-bvh'; {RUN_MAIN}"
-    command = [sys.executable, "-c", code, "render", str(small_file), "-o", f"{tmp_path}/out/"]
+    """The signal comes while frames are traced."""
+    command = [sys.executable, "-c", RUN_MAIN, "render", str(small_file), "-o", f"{tmp_path}/out/"]
     command += ["--frames", "1-5000", "--samples", "64", "--stats"]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, creationflags=OWN_GROUP
@@ -51,9 +52,8 @@ def test_a_reader_that_goes_away_is_no_error(small_file: Path) -> None:
     """As in `perfect-bvh info FILE | head`."""
     read_end, write_end = os.pipe()
     os.close(read_end)
-    code = f"import sys; sys.argv[0] = 'perfect-bvh'; {RUN_MAIN}"
     with os.fdopen(write_end, "w") as pipe:
-        command = [sys.executable, "-c", code, "info", str(small_file)]
+        command = [sys.executable, "-c", RUN_MAIN, "info", str(small_file)]
         done = subprocess.run(command, stdout=pipe, stderr=subprocess.PIPE, text=True, timeout=300)
     assert done.returncode == 141
     assert done.stderr == ""

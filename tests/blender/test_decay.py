@@ -12,7 +12,7 @@ import pytest
 
 bpy: Any = pytest.importorskip("bpy")
 
-from blender.long_builds import ESCAPE, TIMER, FakeOperator, FakeWindow  # noqa: E402
+from blender.long_builds import ESCAPE, TIMER, FakeOperator, FakeWindow, wait_until  # noqa: E402
 from perfect_bvh_addon.events.changes import edit_count  # noqa: E402
 from perfect_bvh_addon.live.scene_reference import SceneReference  # noqa: E402
 from perfect_bvh_addon.operators.decay import PERFECT_BVH_OT_decay  # noqa: E402
@@ -227,10 +227,7 @@ def test_it_ends_with_a_reason_where_the_object_is_removed_meanwhile(twisted: An
         time.sleep(0.002)
     name = twisted.name
     bpy.data.objects.remove(twisted)
-    for _ in range(10_000):
-        if operator.modal(window, TIMER) != {"RUNNING_MODAL"}:
-            break
-        time.sleep(0.002)
+    wait_until(lambda: operator.modal(window, TIMER) != {"RUNNING_MODAL"}, "it goes on without its object")
     assert ("ERROR", f"{name} has no triangles that rays could meet in frame") == (
         operator.reports[0][0],
         operator.reports[0][1].rpartition(" ")[0],

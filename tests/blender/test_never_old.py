@@ -142,7 +142,7 @@ UNTAGGED_IN_4_2 = {"vertices"}
 @pytest.mark.parametrize("edit", EDITS)
 def test_after_any_edit_it_raises_until_it_is_updated(village: SceneSync, edit: str, is_evaluated: bool) -> None:
     if edit in UNTAGGED_IN_4_2 and bpy.app.version < (5, 0):
-        pytest.skip("Blender before 5.0 does not notice")
+        pytest.skip("Blender before 5.0 does not notice that vertices are moved by scripts")
     EDITS[edit]()
     if is_evaluated:
         bpy.context.view_layer.update()

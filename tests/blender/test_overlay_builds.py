@@ -15,7 +15,7 @@ bpy = pytest.importorskip("bpy")
 
 import perfect_bvh  # noqa: E402
 from blender.followed_trees import synced  # noqa: E402
-from blender.long_builds import PATIENCE, Gate, building_threads  # noqa: E402
+from blender.long_builds import PATIENCE, Gate, building_threads, wait_until  # noqa: E402
 from perfect_bvh_addon.events.changes import listen, stop_listening  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
@@ -145,8 +145,7 @@ def test_boxes_wait_for_trees_that_take_long_and_blender_for_neither(drawn_batch
     assert not drawn_batches
     assert building_threads() == 1
     gate.open()
-    while not shown._follow(bpy.context, settings):
-        pass
+    wait_until(lambda: shown._follow(bpy.context, settings), "the trees are not there")
     assert len(drawn_batches) == 1
     np.testing.assert_array_equal(
         drawn_batches[0].positions, box_lines(synced().scene.snapshot().tree_boxes(last_level=0), "LEVEL").positions

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 
@@ -72,4 +70,4 @@ def test_the_command_line_says_as_much(scene: bpy.types.Scene) -> None:
 @pytest.mark.parametrize("wrong", [("--time-limit", "-1"), ("--time-limit", "nan"), ("--seed", "-1"), ("--seed", "x")])
 def test_the_command_line_refuses_what_makes_no_sense(wrong: tuple[str, str]) -> None:
     with pytest.raises(SystemExit):
-        build_parser("perfect-bvh").parse_args(["render", "scene.blend", "-o", "out.png", *itertools.chain(wrong)])
+        build_parser("perfect-bvh").parse_args(["render", "scene.blend", "-o", "out.png", *wrong])

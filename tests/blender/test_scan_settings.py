@@ -16,7 +16,9 @@ from perfect_bvh_addon import CameraGrid, SpinningLidar, scan  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.operators.scan import parse_elevations  # noqa: E402
 
-needs_proc = pytest.mark.skipif(sys.platform != "linux", reason="no folder where not even root can make a file")
+needs_proc = pytest.mark.skipif(
+    sys.platform != "linux", reason="only Linux has /proc, where not even root can make a file"
+)
 pytestmark = pytest.mark.usefixtures("registered")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import threading
-import time
 import weakref
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,13 +13,13 @@ import numpy as np
 import perfect_bvh
 import pytest
 from blender.clay_sphere import view_of_a_sphere
+from blender.long_builds import PATIENCE, wait_until
 from perfect_bvh_addon.image.progressive import Pace
 from perfect_bvh_addon.image.refinement import Refinement, View
 from perfect_bvh_addon.image.tracer import Tracer
 from perfect_bvh_addon.support import background_work
 
 SIZE = (96, 128)
-PATIENCE = 120.0
 
 
 @pytest.fixture(scope="module")
@@ -61,13 +60,6 @@ class Gate:
 def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Gate]:
     yield Gate(monkeypatch)
     wait_until(lambda: not background_work._running)
-
-
-def wait_until(condition: Any) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline, "it hangs"
-        time.sleep(0.002)
 
 
 def slow() -> Pace:

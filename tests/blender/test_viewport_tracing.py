@@ -12,7 +12,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 import perfect_bvh_addon  # noqa: E402
-from blender.long_builds import Gate, building_threads, patiently  # noqa: E402
+from blender.long_builds import Gate, building_threads, wait_until  # noqa: E402
 from blender.shown_viewport import Shown, cube_to_show, fresh, move  # noqa: E402
 from perfect_bvh_addon.image.refinement import Refinement  # noqa: E402
 from perfect_bvh_addon.view3d.rendered import viewport  # noqa: E402
@@ -51,9 +51,7 @@ def is_tracing() -> bool:
 
 
 def wait_for_the_end_of_tracing() -> None:
-    for _ in patiently("something is still traced"):
-        if not is_tracing():
-            return
+    wait_until(lambda: not is_tracing(), "something is still traced")
 
 
 def test_a_redraw_traces_nothing_and_awaits_only_the_first_image(cube, gate: Gate, monkeypatch) -> None:
@@ -67,9 +65,7 @@ def test_a_redraw_traces_nothing_and_awaits_only_the_first_image(cube, gate: Gat
     assert np.isfinite(shown.screen[-1]).all(), "the coarse image is not shown"
     assert not shown.viewport.has_news
     tracing.is_open.set()
-    for _ in patiently("nothing is traced without redraws"):
-        if refinement.is_finished:
-            break
+    wait_until(lambda: refinement.is_finished, "nothing is traced without redraws")
     assert shown.viewport.has_news
     np.testing.assert_array_equal(shown.finish(), fresh())
     assert not shown.viewport.is_working
@@ -146,10 +142,9 @@ def test_what_fails_while_it_is_traced_is_told(cube, gate: Gate, monkeypatch, ca
     monkeypatch.setattr(Refinement, "step", fail)
     shown = Shown()
     shown.update()
-    for _ in patiently("the failure is not told"):
-        if not shown.redraw():
-            break
-    assert shown.viewport.state == str(problem) == shown.viewport.state
+    wait_until(lambda: not shown.redraw(), "the failure is not told")
+    for _ in range(2):  # the traceback is printed once, however often it is asked for
+        assert shown.viewport.state == str(problem)
     assert capsys.readouterr().err.count("ZeroDivisionError: never seen") == isinstance(problem, ZeroDivisionError)
     monkeypatch.setattr(Refinement, "step", step)
     move(cube, 1.0)

@@ -119,7 +119,10 @@ def test_the_order_of_rays_does_not_matter(isa):
         assert hits.packet_ray_count > 0 or isa == "scalar"
 
 
-@pytest.mark.skipif(len(perfect_bvh.available_isas()) == 1, reason="no vector instructions, of which packets are made")
+@pytest.mark.skipif(
+    len(perfect_bvh.available_isas()) == 1,
+    reason="this processor has none of the vector instructions that packets need",
+)
 def test_packets_whose_rays_part_are_left_to_the_stream():
     perfect_bvh.set_active_isa(perfect_bvh.available_isas()[1])
     scene, (eye, directions) = crowd(), camera_rays(640, 16)
