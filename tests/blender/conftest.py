@@ -118,6 +118,18 @@ def drawn_batches(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 
 @pytest.fixture
+def overlay() -> Iterator[Any]:
+    """A `SceneOverlay` that hears of changes, as those that are drawn do."""
+    from perfect_bvh_addon.events.changes import listen, stop_listening
+    from perfect_bvh_addon.view3d.tree_overlay.scene_overlay import SceneOverlay
+
+    made = SceneOverlay()
+    listen(made)
+    yield made
+    stop_listening(made)
+
+
+@pytest.fixture
 def gate(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """A `Gate`, shut; open in the end, so that nothing waits before it."""
     from blender.long_builds import Gate

@@ -66,6 +66,13 @@ def test_a_scene_without_any_light_is_black_and_says_so(small_file: Path, tmp_pa
         assert ("No light: neither a light" in capsys.readouterr().err) == is_black
 
 
+def told_of_two_frames(folder: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """What is said of the scene as it is in Blender when two of its frames are rendered."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "much.blend"), copy=True)
+    assert run("render", folder / "much.blend", "-o", f"{folder}/", "--frames", "1-2", "--samples", 1) == 0
+    return [line.removeprefix("perfect-bvh: ") for line in capsys.readouterr().err.splitlines()]
+
+
 def test_what_the_command_line_does_not_write_is_said_once(small_file: Path, tmp_path: Path, capsys) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(small_file))
     scene = bpy.context.scene
@@ -83,11 +90,7 @@ def test_what_the_command_line_does_not_write_is_said_once(small_file: Path, tmp
         tree = scene.node_tree
     blur, layers = tree.nodes.new("CompositorNodeBlur"), tree.nodes.new("CompositorNodeRLayers")
     tree.links.new(layers.outputs[0], blur.inputs[0])
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "much.blend"), copy=True)
-    arguments = ("render", tmp_path / "much.blend", "-o", f"{tmp_path}/", "--frames", "1-2", "--samples", 1)
-    assert run(*arguments) == 0
-    told = [line.removeprefix("perfect-bvh: ") for line in capsys.readouterr().err.splitlines()]
-    assert told == [
+    assert told_of_two_frames(tmp_path, capsys) == [
         "Compositing: its nodes are not applied; the render as it is, is written",
         "Sequencer: its strips are not shown; the scene is",
         "Stereoscopy: it is not written; one view is",
@@ -106,11 +109,7 @@ def test_the_command_line_names_what_is_not_shown_once(small_file: Path, tmp_pat
     bpy.data.objects["Sheet"].data.materials.append(wall)
     bpy.ops.object.volume_add()
     bpy.context.object.name = "Smoke"
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "much.blend"), copy=True)
-    arguments = ("render", tmp_path / "much.blend", "-o", f"{tmp_path}/", "--frames", "1-2", "--samples", 1)
-    assert run(*arguments) == 0
-    told = [line.removeprefix("perfect-bvh: ") for line in capsys.readouterr().err.splitlines()]
-    assert told == [
+    assert told_of_two_frames(tmp_path, capsys) == [
         "Smoke: a volume has no triangles; left out",
         "Wall: Noise Texture is not shown; its flat colour is",
     ]

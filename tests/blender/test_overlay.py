@@ -11,7 +11,6 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from blender.followed_trees import synced  # noqa: E402
-from perfect_bvh_addon.events.changes import listen, stop_listening  # noqa: E402
 from perfect_bvh_addon.settings import editors, overlay_settings  # noqa: E402
 from perfect_bvh_addon.view3d.box_lines import RAMP, box_lines, shares  # noqa: E402
 from perfect_bvh_addon.view3d.tree_overlay import scene_overlay, tree_lines  # noqa: E402
@@ -122,7 +121,7 @@ def test_the_active_object_is_found_where_it_stands(scene) -> None:
     assert scene_overlay.find_object(synced(), None) is None
 
 
-def test_a_redraw_goes_through_no_boxes_and_no_objects(scene, drawn_batches, monkeypatch) -> None:
+def test_a_redraw_goes_through_no_boxes_and_no_objects(scene, drawn_batches, monkeypatch, overlay) -> None:
     bpy.ops.mesh.primitive_monkey_add()
     settings = scene.perfect_bvh.overlay
     settings.show_top_level = settings.show_active = True
@@ -130,20 +129,17 @@ def test_a_redraw_goes_through_no_boxes_and_no_objects(scene, drawn_batches, mon
     for module, name in ((scene_overlay, "find_object"), (tree_lines, "list_levels"), (tree_lines, "are_equal")):
         whole = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *args, whole=whole, name=name: asked.append(name) or whole(*args))
-    shown = scene_overlay.SceneOverlay()
-    listen(shown)
-    assert shown._follow(bpy.context, settings)
+    assert overlay._follow(bpy.context, settings)
     assert asked.count("find_object") == 1 and "list_levels" in asked
     asked.clear()
     for _ in range(3):
-        assert shown._follow(bpy.context, settings)
-        assert len(shown.sections(settings)) == 2
+        assert overlay._follow(bpy.context, settings)
+        assert len(overlay.sections(settings)) == 2
     assert not asked
     bpy.context.object.location.x = 2.0
     bpy.context.view_layer.update()
-    assert shown._follow(bpy.context, settings)
-    assert "find_object" in asked and shown._matrix[0, 3] == 2.0
-    stop_listening(shown)
+    assert overlay._follow(bpy.context, settings)
+    assert "find_object" in asked and overlay._matrix[0, 3] == 2.0
 
 
 def test_what_a_script_changes_is_drawn(scene) -> None:
@@ -175,7 +171,7 @@ def test_what_a_script_changes_is_drawn(scene) -> None:
         sys.setprofile(None)
 
 
-def test_it_follows_frames_and_forgets_files(scene, drawn_batches) -> None:
+def test_it_follows_frames_and_forgets_files(scene, drawn_batches, overlay) -> None:
     bpy.ops.mesh.primitive_cube_add()
     cube = bpy.context.object
     for frame, x in ((1, 0.0), (10, 9.0)):
@@ -184,35 +180,29 @@ def test_it_follows_frames_and_forgets_files(scene, drawn_batches) -> None:
     settings = scene.perfect_bvh.overlay
     settings.show_top_level = settings.show_active = True
     settings.level = 0
-    shown = scene_overlay.SceneOverlay()
-    listen(shown)
     for frame, x in ((1, 0.0), (10, 9.0)):
         scene.frame_set(frame)
-        shown._follow(bpy.context, settings)
-        top = shown.top_level.boxes.boxes[0]
+        overlay._follow(bpy.context, settings)
+        top = overlay.top_level.boxes.boxes[0]
         np.testing.assert_allclose(top, [[x - 1.0, -1.0, -1.0], [x + 1.0, 1.0, 1.0]], atol=1e-3)
-        assert shown._matrix[0, 3] == pytest.approx(x)
+        assert overlay._matrix[0, 3] == pytest.approx(x)
     count = len(drawn_batches)
-    shown._follow(bpy.context, settings)
+    overlay._follow(bpy.context, settings)
     assert len(drawn_batches) == count
     bpy.ops.wm.read_factory_settings(use_empty=True)
     settings = bpy.context.scene.perfect_bvh.overlay
     settings.show_top_level = settings.show_active = True
-    shown._follow(bpy.context, settings)
-    assert shown.active is None and shown.top_level.shown.count == 0
-    stop_listening(shown)
+    overlay._follow(bpy.context, settings)
+    assert overlay.active is None and overlay.top_level.shown.count == 0
 
 
-def test_it_follows_edits_although_somebody_removed_its_handlers(scene, drawn_batches) -> None:
+def test_it_follows_edits_although_somebody_removed_its_handlers(scene, drawn_batches, overlay) -> None:
     bpy.ops.mesh.primitive_cube_add()
     settings = scene.perfect_bvh.overlay
     settings.show_top_level, settings.level = True, 0
-    shown = scene_overlay.SceneOverlay()
-    listen(shown)
     for z in (0.0, 2.0):
         bpy.context.object.location.z = z
         bpy.context.view_layer.update()
-        shown._follow(bpy.context, settings)
-        np.testing.assert_allclose(shown.top_level.boxes.boxes[0, :, 2], [z - 1.0, z + 1.0], atol=1e-3)
+        overlay._follow(bpy.context, settings)
+        np.testing.assert_allclose(overlay.top_level.boxes.boxes[0, :, 2], [z - 1.0, z + 1.0], atol=1e-3)
         bpy.app.handlers.depsgraph_update_post.clear()
-    stop_listening(shown)

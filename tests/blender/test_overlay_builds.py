@@ -16,7 +16,6 @@ bpy = pytest.importorskip("bpy")
 import perfect_bvh  # noqa: E402
 from blender.followed_trees import synced  # noqa: E402
 from blender.long_builds import PATIENCE, Gate, building_threads, wait_until  # noqa: E402
-from perfect_bvh_addon.events.changes import listen, stop_listening  # noqa: E402
 from perfect_bvh_addon.live import pending_commit  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import sync_of  # noqa: E402
 from perfect_bvh_addon.view3d.box_lines import box_lines  # noqa: E402
@@ -50,23 +49,22 @@ class Screen:
         return [round(float(lines.positions[:, 2].max()), 3) for lines in drawn], greys == {True}
 
 
-def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, monkeypatch, gate: Gate) -> None:
+def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, monkeypatch, gate: Gate, overlay) -> None:
     monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.05)
     screen = Screen(monkeypatch)
     bpy.ops.mesh.primitive_cube_add()
     settings = scene.perfect_bvh.overlay
     settings.show_top_level = settings.show_active = True
     settings.level = 0
-    shown = scene_overlay.SceneOverlay()
-    listen(shown)
-    shown.draw(bpy.context, settings)
+    overlay.draw(bpy.context, settings)
     assert screen.take() == ([], False), "there are none yet"
     gate.open()
 
     def draw_what_is_there() -> tuple[list[float], bool]:
-        assert sync_of(bpy.context.evaluated_depsgraph_get()).building is None or shown._trees._building.wait(PATIENCE)
+        building = sync_of(bpy.context.evaluated_depsgraph_get()).building
+        assert building is None or overlay._trees._building.wait(PATIENCE)
         screen.take()
-        shown.draw(bpy.context, settings)
+        overlay.draw(bpy.context, settings)
         return screen.take()
 
     assert draw_what_is_there() == ([1.0, 1.0], False)
@@ -74,26 +72,25 @@ def test_the_last_boxes_are_drawn_in_grey_until_the_new_ones_are_there(scene, mo
     bpy.context.object.location.z = 3.0
     bpy.context.view_layer.update()
     held = gate.held
-    shown.draw(bpy.context, settings)
+    overlay.draw(bpy.context, settings)
     gate.wait_until_held(held + 1)
     screen.take()
     for _ in range(2):
-        shown.draw(bpy.context, settings)
-        assert shown.message == "Building trees 50%"
+        overlay.draw(bpy.context, settings)
+        assert overlay.message == "Building trees 50%"
         assert screen.take() == ([1.0, 1.0], True)
     settings.show_active = False
-    shown.draw(bpy.context, settings)
+    overlay.draw(bpy.context, settings)
     assert screen.take() == ([1.0], True), "only what is asked for"
     gate.open()
     assert draw_what_is_there() == ([4.0], False)
     gate.close()
-    shown.on_file_change()
-    shown.draw(bpy.context, settings)
+    overlay.on_file_change()
+    overlay.draw(bpy.context, settings)
     assert screen.take() == ([], False), "those of another file are gone"
-    stop_listening(shown)
 
 
-def test_no_frame_of_an_animation_that_plays_shows_the_boxes_of_another(scene, monkeypatch) -> None:
+def test_no_frame_of_an_animation_that_plays_shows_the_boxes_of_another(scene, monkeypatch, overlay) -> None:
     """Not in grey either: each frame waits for its trees, however long that takes."""
     monkeypatch.setattr(pending_commit, "BUILDING_SECONDS", 0.0)
     commit = perfect_bvh.Scene.commit
@@ -111,14 +108,11 @@ def test_no_frame_of_an_animation_that_plays_shows_the_boxes_of_another(scene, m
         cube.keyframe_insert("location", frame=frame)
     settings = scene.perfect_bvh.overlay
     settings.show_top_level, settings.level = True, 0
-    shown = scene_overlay.SceneOverlay()
-    listen(shown)
     for frame in (1, 2, 3, 1):
         scene.frame_set(frame)
-        shown.draw(PlayingContext(), settings)
+        overlay.draw(PlayingContext(), settings)
         assert screen.take() == ([round(cube.matrix_world.translation.z + 1.0, 3)], False)
-        assert not shown.message
-    stop_listening(shown)
+        assert not overlay.message
 
 
 class PlayingContext:
