@@ -5,8 +5,6 @@ In viewports whose Rendered shading is ours, and over a render's result, or a vi
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +16,7 @@ from ..settings.shading_settings import mode_of
 from ..statistics.last_result import image_mode, last_render_mode
 from . import pointer
 from .color_scale import Scale
+from .draw_handler import DrawHandler
 from .legend import Section, draw_legend
 from .pointer import Pointed, view_of
 from .rendered.redraws import viewport_at
@@ -33,7 +32,6 @@ SCALE = Scale(
 _colors: tuple[tuple[float, ...], ...] = ()
 _pointed: Pointed | None = None
 _visits: tuple[int, int] | None = None
-_handle: Any = None
 
 
 def is_shown(context: bpy.types.Context) -> bool:
@@ -113,14 +111,16 @@ def _draw_beside_render() -> None:
         draw_legend(context, [section()])
 
 
+_handler = DrawHandler(_draw_beside_render, "POST_PIXEL", bpy.types.SpaceImageEditor)
+
+
 def register() -> None:
-    global _handle
-    _handle = bpy.types.SpaceImageEditor.draw_handler_add(_draw_beside_render, (), "WINDOW", "POST_PIXEL")
+    _handler.add()
     pointer.listeners.append(_pointing)
 
 
 def unregister() -> None:
-    global _handle, _pointed, _visits
+    global _pointed, _visits
     pointer.listeners.remove(_pointing)
-    bpy.types.SpaceImageEditor.draw_handler_remove(_handle, "WINDOW")
-    _handle = _pointed = _visits = None
+    _handler.remove()
+    _pointed = _visits = None

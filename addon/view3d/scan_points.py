@@ -17,6 +17,7 @@ from ..events.changes import FRAME_CHANGED, listen, stop_listening, watch_again
 from ..extract.scans import has_points
 from ..scanning.point_data import may_have_points, read_points
 from ..settings.scene_settings import ENGINE_NAME
+from .draw_handler import DrawHandler
 
 if TYPE_CHECKING:
     import gpu
@@ -105,7 +106,6 @@ class _Scans:
 
 _scans = _Scans()
 _shader: Any = None
-_handle: Any = None
 
 
 def shown_scans(context: bpy.types.Context) -> Iterator[bpy.types.Object]:
@@ -184,16 +184,18 @@ def _make_batch(points: Points) -> gpu.types.GPUBatch:
     return gpu.types.GPUBatch(type="POINTS", buf=vertices)
 
 
+_handler = DrawHandler(_draw, "POST_VIEW")
+
+
 def register() -> None:
     """Draw over every 3D viewport from now on, where there is a scan."""
-    global _handle
-    _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
+    _handler.add()
 
 
 def unregister() -> None:
     """Draw no more, and forget what was drawn."""
-    global _handle, _shader
-    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-    _handle = _shader = None
+    global _shader
+    _handler.remove()
+    _shader = None
     stop_listening(_scans)
     _scans.forget()

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 from . import cost_scale
+from .draw_handler import DrawHandler
 from .legend import draw_legend, draw_tip
 from .tree_overlay import overlay
-
-_handle: Any = None
 
 
 def _draw() -> None:
@@ -21,12 +18,12 @@ def _draw() -> None:
         draw_tip(context, tips[0][0], [line for _, lines in tips for line in lines])
 
 
+_handler = DrawHandler(_draw, "POST_PIXEL")
+
+
 def register() -> None:
-    global _handle
-    _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+    _handler.add()
 
 
 def unregister() -> None:
-    global _handle
-    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-    _handle = None
+    _handler.remove()

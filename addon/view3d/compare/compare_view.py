@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import bpy
 
@@ -16,6 +16,7 @@ from ...events.changes import edit_count, listen, stop_listening, watch_again
 from ...settings.editors import redraw_viewports
 from .. import drawing
 from ..close_button import close_rect, contains, draw_close
+from ..draw_handler import DrawHandler
 from .compare_words import Row, heading_of, level_line, rows_of
 from .half_picture import Framing, HalfPicture, background_color, frame_box
 
@@ -65,7 +66,6 @@ class _Region:
 _shown: Shown | None = None
 _regions: dict[int, _Region] = {}  # by address
 _watcher = _Watcher()
-_handle: Any = None
 
 
 def show(comparison: Comparison, scene: bpy.types.Scene, space: int, edits: int) -> None:
@@ -255,21 +255,19 @@ class PERFECT_BVH_GGT_compare(bpy.types.GizmoGroup):
 
 
 CLASSES = (PERFECT_BVH_GT_compare, PERFECT_BVH_GGT_compare)
+_handler = DrawHandler(_draw, "POST_PIXEL")
 
 
 def register() -> None:
     """Draw where something is compared."""
-    global _handle
     for owner in CLASSES:
         bpy.utils.register_class(owner)
-    _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+    _handler.add()
 
 
 def unregister() -> None:
     """Draw no more, and forget what was compared."""
-    global _handle
     hide()
-    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-    _handle = None
+    _handler.remove()
     for owner in reversed(CLASSES):
         bpy.utils.unregister_class(owner)

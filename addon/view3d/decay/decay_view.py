@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import bpy
 
 from ...events.changes import edit_count, listen, stop_listening, watch_again
 from ...settings.editors import redraw_viewports
 from ..close_button import close_rect, contains
+from ..draw_handler import DrawHandler
 from ..legend import is_main
 from .decay_chart import draw_chart, layout_of, panel_of
 
@@ -43,7 +44,6 @@ class _Watcher:
 
 _shown: Shown | None = None
 _watcher = _Watcher()
-_handle: Any = None
 
 
 def show(decay: Decay, space: int, edits: int) -> None:
@@ -165,21 +165,19 @@ class PERFECT_BVH_GGT_decay(bpy.types.GizmoGroup):
 
 
 CLASSES = (PERFECT_BVH_GT_decay, PERFECT_BVH_GGT_decay)
+_handler = DrawHandler(_draw, "POST_PIXEL")
 
 
 def register() -> None:
     """Draw where something is shown."""
-    global _handle
     for owner in CLASSES:
         bpy.utils.register_class(owner)
-    _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+    _handler.add()
 
 
 def unregister() -> None:
     """Draw no more, and forget what was measured."""
-    global _handle
     hide()
-    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-    _handle = None
+    _handler.remove()
     for owner in reversed(CLASSES):
         bpy.utils.unregister_class(owner)

@@ -5,18 +5,16 @@ Each scene's view layer has an overlay of its own (`scene_overlay.py`) for as lo
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 from ...settings.editors import redraw_viewports
 from ...settings.preferences import native_error
 from .. import pointer
+from ..draw_handler import DrawHandler
 from ..legend import Section
 from .scene_overlay import SceneOverlay
 
 _overlays: dict[tuple[int, str], SceneOverlay] = {}
-_handle: Any = None
 
 
 def overlay_of(context: bpy.types.Context) -> SceneOverlay | None:
@@ -92,19 +90,19 @@ def _drop(key: tuple[int, str]) -> None:
         stop_listening(overlay)
 
 
+_handler = DrawHandler(_draw, "POST_VIEW")
+
+
 def register() -> None:
     """Draw over every 3D viewport from now on, where the scene asks for it."""
-    global _handle
-    _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
+    _handler.add()
     pointer.listeners.append(_pointing)
 
 
 def unregister() -> None:
     """Draw no more, and forget what was drawn."""
-    global _handle
     pointer.listeners.remove(_pointing)
-    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-    _handle = None
+    _handler.remove()
     if bpy.app.timers.is_registered(redraw_viewports):
         bpy.app.timers.unregister(redraw_viewports)
     for key in list(_overlays):
