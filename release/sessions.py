@@ -59,7 +59,7 @@ def sdist(session: nox.Session) -> None:
     session.run("python", "release/engine_sources.py", "build/engine-sources")
     make = ("python", "-m", "build", "--sdist", "--no-isolation", "--outdir")
     session.run(*make, "dist/wheels", "build/engine-sources")
-    # From a folder of its own: caches and environments beside the sources hold more files than can be gone through.
+    # From a folder of its own: here the build would go through all caches and environments beside the sources.
     sources = Path("build/project-sources")
     shutil.rmtree(sources, ignore_errors=True)
     session.run("git", "checkout-index", "--all", f"--prefix={sources}/", external=True)

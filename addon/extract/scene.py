@@ -97,7 +97,7 @@ def read_scene(
 
 
 def _record_of(depsgraph: Any, parts: SceneParts, lights: LightRecords, camera: Any, frame: Frame) -> SceneRecord:
-    """All of it but what is not shown. camera: None for the scene's."""
+    """The whole record but for its list of what is not shown. camera: as `read_scene` takes it."""
     scene = depsgraph.scene_eval
     camera_record, complaint = _read_any_camera(depsgraph, scene.camera if camera is None else camera, frame)
     return SceneRecord(

@@ -1,8 +1,8 @@
 """Blender's previews of materials, lights and worlds: small images of a stage of its own.
 
 Blender makes them on threads beside the user's edits, several at once, again and again while a value is dragged. So
-nothing is shared with renders: each reads its stage, builds its trees and forgets them, and nothing is told of it. What
-is kept, until the add-on is disabled, are the images that the last one has read, smaller ones of large images
+nothing is shared with renders: each reads its stage, builds its trees and forgets them, and nothing is told of it. All
+that is kept, until the add-on is disabled, are the images that the last one has read, large ones at a lower resolution
 (`ImageReader`): a preview takes them out while it reads, and another one meanwhile reads its own. Of UDIM images
 previews show the first tile alone.
 

@@ -28,7 +28,7 @@ NOISY = "denoising_color"
 GUIDES = (NOISY, "denoising_albedo", "denoising_normal")
 # Of a render at its greatest: two images, their noise, shared samples, passes, Blender's copies of them.
 BYTES_A_PIXEL = 288
-# Of the places that paths of light got to, those from which they reach another: else they leave the scene, or are dark.
+# The share of bounces that reach another surface: the other paths of light leave the scene, or nothing is reflected.
 GOING_ON = 0.6
 
 

@@ -18,7 +18,7 @@ def redraw_properties() -> None:
 
 
 def redraw_sidebars() -> None:
-    """Of all 3D viewports, and nothing else of them."""
+    """The sidebars of all 3D viewports, and nothing else of them."""
     for area in _areas("VIEW_3D", None):
         for region in area.regions:
             if region.type == "UI":

@@ -19,8 +19,8 @@ class Mode:
     name: as `perfect_bvh.render` takes it. label: as users see it. number: what a .blend file keeps of the choice, so
     it never changes. view: the view transform that shows it, None for the scene's own. has_range: its values are
     distances, which an image file of bytes cannot hold as they are. rays_per_sample: how many rays a sample of a pixel
-    casts, those of light that bounces, where has_bounces, aside. is_noisy: whether its light comes from rays at random,
-    so that a denoiser is of use.
+    casts, not counting those of light that bounces; has_bounces: whether there is such light. is_noisy: whether its
+    light comes from rays at random, so that a denoiser is of use.
 
     What it shows of the scene beside its shape, and is read for it: normals, at the corners; uvs, of the active map;
     materials: their numbers and viewport colours; offers_grey: those or, as the user likes, one grey for all; shading:

@@ -69,5 +69,5 @@ def sentence(text: str) -> str:
 
 
 def reason_of(problem: BaseException) -> str:
-    """What an error says; its kind where it says nothing, as those of memory do."""
+    """What an error says; the name of its class where it says nothing, as a `MemoryError` mostly does."""
     return str(problem) or type(problem).__name__

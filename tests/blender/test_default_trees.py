@@ -1,4 +1,4 @@
-"""The trees that one gets who asks for none: for sticks and hair, in which builders differ most, those that rays repay.
+"""The trees where no builder is asked for: for sticks and hair, of which builders differ most, those that rays repay.
 
 Counted, not timed: boxes and triangles that rays from all around are tested against.
 """
@@ -121,10 +121,10 @@ def test_an_update_that_only_tells_of_more_rays_replaces_the_tree_once(thin: Non
 def test_what_the_last_update_was_told_counts_for_what_comes_new(thin: None) -> None:
     sync = SceneSync()
     sync.update(evaluated(), expected_rays=MILLION)
-    for obj in bpy.context.scene.objects:
-        copy = obj.copy()
-        copy.data, copy.location.x = obj.data.copy(), 5.0
-        bpy.context.scene.collection.objects.link(copy)
+    (obj,) = bpy.context.scene.objects
+    copy = obj.copy()
+    copy.data, copy.location.x = obj.data.copy(), 5.0
+    bpy.context.scene.collection.objects.link(copy)
     report = sync.update(evaluated())
     assert [(row.action, row.builder) for row in report.commit.meshes] == [("built", "spatial")]
     assert report.commit.meshes[0].expected_rays == pytest.approx(MILLION, rel=0.7)  # its share of them
@@ -139,8 +139,8 @@ def test_hair_that_no_cut_helps_keeps_its_tree() -> None:
     few = rays_at(sync.record, 20_000)
     sync.scene.cast_rays(*rays_at(sync.record, MILLION), fields=("t_hit",))
     assert actions(sync.update(evaluated())) == []
-    objects = [make_scene(sync.record, BuildConfig(builder=name)) for name in BUILDERS]  # type: ignore[arg-type]
-    for scene in objects:
+    scenes = [make_scene(sync.record, BuildConfig(builder=name)) for name in BUILDERS]  # type: ignore[arg-type]
+    for scene in scenes:
         scene.commit()
-    assert work(sync.scene, few) <= NOTICEABLE * min(work(scene, few) for scene in objects)
+    assert work(sync.scene, few) <= NOTICEABLE * min(work(scene, few) for scene in scenes)
     sync.close()

@@ -101,7 +101,7 @@ def leave_the_workspace_while_walking() -> Step:
 
 
 def undo_while_walking() -> Step:
-    bpy.ops.ed.undo_push(message="as it is")  # what earlier steps' scripts have set is kept by no step of Blender's
+    bpy.ops.ed.undo_push(message="before")  # what scripts have set until now is in no undo step yet
     bpy.context.scene.camera.location.x += 0.01
     bpy.ops.ed.undo_push(message="moved")
     yield from start()

@@ -93,7 +93,7 @@ class WalkStep:
 
 
 def steps_of(words: WalkWords) -> list[WalkStep]:
-    """All steps of a ray, in these words."""
+    """All steps of the ray that the words are for."""
     walk, spent = words.walk, words.walk.nanoseconds()
     firsts = _first_rows(walk.events)
     found = []
