@@ -39,7 +39,7 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
     )
     color_by: bpy.props.EnumProperty(
         name="Color",
-        description="What the colors of the boxes tell",
+        description="What the colors of the boxes mean",
         items=[
             ("LEVEL", "Level", "How deep in the tree a box is", 0),
             ("OVERLAP", "Overlap", "How much of a box its siblings cover as well: blue none, red all of it", 1),
@@ -50,7 +50,7 @@ class PERFECT_BVH_PG_overlay(bpy.types.PropertyGroup):
     )
     use_in_front: bpy.props.BoolProperty(
         name="In Front",
-        description="Draw boxes through what stands before them",
+        description="Draw boxes in front of everything else",
         default=False,
         update=redraw_for_setting,
     )

@@ -46,7 +46,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
         default="-15:15:16",
     )
     columns: bpy.props.IntProperty(
-        name="Columns", description="Shots of all lines in one turn", default=1800, min=1, max=1 << 20
+        name="Columns", description="How often all lines are measured in one turn", default=1800, min=1, max=1 << 20
     )
     rate: bpy.props.FloatProperty(
         name="Rate",
@@ -71,7 +71,7 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     )
     point_color: bpy.props.EnumProperty(
         name="Color",
-        description="What the colors of the points tell",
+        description="What the colors of the points mean",
         items=[
             ("DISTANCE", "Distance", "How far away the sensor was: yellow near, violet far", 0),
             ("OBJECT", "Object", "Which object was met", 1),

@@ -45,10 +45,10 @@ class PERFECT_BVH_PG_compare(bpy.types.PropertyGroup):
     """Which two trees of the active object are compared."""
 
     left: bpy.props.EnumProperty(
-        name="Left", description="How the tree on the left comes about", items=_ITEMS, default="MEDIAN"
+        name="Left", description="How the tree on the left is made", items=_ITEMS, default="MEDIAN"
     )
     right: bpy.props.EnumProperty(
-        name="Right", description="How the tree on the right comes about", items=_ITEMS, default="BINNED"
+        name="Right", description="How the tree on the right is made", items=_ITEMS, default="BINNED"
     )
 
 
@@ -57,7 +57,7 @@ class PERFECT_BVH_PG_decay(bpy.types.PropertyGroup):
 
     subject: bpy.props.EnumProperty(
         name="Of",
-        description="Whose trees are followed",
+        description="Whose trees are measured",
         items=[
             ("OBJECT", "Active Object", "The tree of the active object, and what a random ray through it costs", 0),
             ("SCENE", "Whole Scene", "All trees, and what rays from all around meet in them", 1),
@@ -65,13 +65,13 @@ class PERFECT_BVH_PG_decay(bpy.types.PropertyGroup):
         default="OBJECT",
     )
     use_custom_range: bpy.props.BoolProperty(
-        name="Custom Range", description="Follow other frames than those of the scene", default=False
+        name="Custom Range", description="Measure other frames than the scene's frame range", default=False
     )
-    frame_start: bpy.props.IntProperty(name="Start", description="First frame to follow", default=1, min=0)
-    frame_end: bpy.props.IntProperty(name="End", description="Last frame to follow", default=48, min=0)
+    frame_start: bpy.props.IntProperty(name="Start", description="First frame to measure", default=1, min=0)
+    frame_end: bpy.props.IntProperty(name="End", description="Last frame to measure", default=48, min=0)
     expected_rays: bpy.props.IntProperty(
         name="Rays per Frame",
-        description="How many rays a frame casts: the more there are, the sooner a new tree pays for the governor",
+        description="How many rays each frame casts: the more there are, the sooner Governed builds a new tree",
         default=100_000,
         min=1,
         soft_max=100_000_000,
