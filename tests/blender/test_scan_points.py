@@ -134,6 +134,7 @@ def test_a_scan_that_is_not_shown_is_named(room) -> None:
     (row,) = [row for row in sync.record.not_shown if row.name == "Scan"]
     assert (row.kind, row.session_uid, str(row)) == ("scan", bpy.data.objects["Scan"].session_uid, told)
     assert "Geometry Nodes" in row.what_to_do
+    sync.close()
 
 
 def test_scans_are_looked_up_again_only_when_something_but_the_frame_has_changed(room, monkeypatch) -> None:
