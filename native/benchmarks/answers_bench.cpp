@@ -48,7 +48,7 @@ Options parse(int count, char** values) {
     } else if (name == "--json") {
       options.json = arguments.value();
     } else {
-      options.mesh = name;
+      options.mesh = arguments.path();
     }
   }
   return options;

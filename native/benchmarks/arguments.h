@@ -1,10 +1,11 @@
-// A program's command line, argument by argument.
+// A program's command line, argument by argument, and the options that several programs take.
 #pragma once
 
 #include <cstdint>
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -29,6 +30,12 @@ class Arguments {
   }
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
 
+  // The argument as a mesh's path. Throws std::runtime_error if it is an option: the program has none of that name.
+  [[nodiscard]] const std::string& path() const {
+    if (name_.starts_with("--")) throw std::runtime_error("there is no option " + name_);
+    return name_;
+  }
+
   // Of the option: the argument behind it. Throws std::runtime_error if there is none.
   [[nodiscard]] std::string value() {
     if (++at_ >= count_) throw std::runtime_error(name_ + " needs a value");
@@ -48,5 +55,30 @@ class Arguments {
   int at_ = 0;
   std::string name_;
 };
+
+// What every program takes that measures times.
+struct CommonOptions {
+  int rounds = 5;                           // --rounds N
+  std::uint32_t width = 640, height = 400;  // --size WxH, of the image that primary rays make
+  std::string json;                         // --json OUT.json
+  bool is_noisy = false;                    // --noisy: measure whatever the load
+};
+
+// Sets what the argument names; false if it is none of these options.
+[[nodiscard]] inline bool set_common(CommonOptions& options, Arguments& arguments) {
+  const std::string& name = arguments.name();
+  if (name == "--rounds") {
+    options.rounds = std::stoi(arguments.value());
+  } else if (name == "--size") {
+    std::tie(options.width, options.height) = arguments.size();
+  } else if (name == "--json") {
+    options.json = arguments.value();
+  } else if (name == "--noisy") {
+    options.is_noisy = true;
+  } else {
+    return false;
+  }
+  return true;
+}
 
 }  // namespace perfect_bvh::bench

@@ -12,7 +12,6 @@
 #include <cstdio>
 #include <memory>
 #include <stdexcept>
-#include <tuple>
 
 #include "arguments.h"
 #include "embree_build.h"
@@ -31,43 +30,35 @@
 namespace perfect_bvh::bench {
 namespace {
 
-struct Options {
+struct Options : CommonOptions {
   std::vector<TreeChoice> trees;
   std::vector<std::string> peers{"embree_low", "embree_medium", "embree_high"};
-  int threads = 1, rounds = 5, ray_rounds = 5;
+  int threads = 1, ray_rounds = 5;
   double seconds = 60;
-  bool is_warm = false, is_noisy = false;
-  std::uint32_t width = 640, height = 400;
+  bool is_warm = false;
   View view = View::kOutside;
-  std::string json, mesh;
+  std::string mesh;
 };
 
 void set(Options& options, Arguments& arguments) {
   const std::string& name = arguments.name();
+  if (set_common(options, arguments)) return;
   if (name == "--tree") {
     options.trees.push_back(parse_tree(arguments.value()));
   } else if (name == "--peers") {
     options.peers = arguments.list();
   } else if (name == "--threads") {
     options.threads = std::stoi(arguments.value());
-  } else if (name == "--rounds") {
-    options.rounds = std::stoi(arguments.value());
   } else if (name == "--ray-rounds") {
     options.ray_rounds = std::stoi(arguments.value());
   } else if (name == "--seconds") {
     options.seconds = std::stod(arguments.value());
-  } else if (name == "--size") {
-    std::tie(options.width, options.height) = arguments.size();
   } else if (name == "--inside") {
     options.view = View::kInside;
   } else if (name == "--warm") {
     options.is_warm = true;
-  } else if (name == "--noisy") {
-    options.is_noisy = true;
-  } else if (name == "--json") {
-    options.json = arguments.value();
   } else {
-    options.mesh = name;
+    options.mesh = arguments.path();
   }
 }
 

@@ -19,7 +19,6 @@
 #include <memory>
 #include <random>
 #include <stdexcept>
-#include <tuple>
 
 #include "arguments.h"
 #include "instance_layouts.h"
@@ -37,14 +36,12 @@
 namespace perfect_bvh::bench {
 namespace {
 
-struct Options {
+struct Options : CommonOptions {
   std::vector<std::string> layouts{"grid", "heap"}, kinds{"first", "commit", "primary", "diffuse"};
   std::vector<std::string> peers{"embree", "low", "array"}, strategies{"auto"};
   std::vector<std::size_t> counts{1000, 10000, 100000};
-  int threads = 1, rounds = 5;
-  std::uint32_t width = 640, height = 400;
-  std::string json, mesh;
-  bool is_noisy = false;
+  int threads = 1;
+  std::string mesh;
 
   [[nodiscard]] bool wants(const char* kind) const {
     return std::find(kinds.begin(), kinds.end(), kind) != kinds.end();
@@ -53,6 +50,7 @@ struct Options {
 
 void set(Options& options, Arguments& arguments) {
   const std::string& name = arguments.name();
+  if (set_common(options, arguments)) return;
   if (name == "--counts") {
     options.counts.clear();
     for (const std::string& part : arguments.list()) options.counts.push_back(std::stoul(part));
@@ -66,16 +64,8 @@ void set(Options& options, Arguments& arguments) {
     options.strategies = arguments.list();
   } else if (name == "--threads") {
     options.threads = std::stoi(arguments.value());
-  } else if (name == "--rounds") {
-    options.rounds = std::stoi(arguments.value());
-  } else if (name == "--size") {
-    std::tie(options.width, options.height) = arguments.size();
-  } else if (name == "--noisy") {
-    options.is_noisy = true;
-  } else if (name == "--json") {
-    options.json = arguments.value();
   } else {
-    options.mesh = name;
+    options.mesh = arguments.path();
   }
 }
 
@@ -83,7 +73,7 @@ Options parse(int count, char** values) {
   Options options;
   Arguments arguments(count, values);
   while (arguments.next()) set(options, arguments);
-  if (options.mesh.empty()) throw std::runtime_error("no mesh given");
+  if (options.mesh.empty()) throw std::runtime_error("instance_bench: no mesh given");
   return options;
 }
 
@@ -108,8 +98,7 @@ std::unique_ptr<InstanceScene> make_scene(const std::string& name, const Triangl
   return make_embree_instances(name, mesh, threads);
 }
 
-// Builds and updates
-// ---------------------------------------------------------------------------------------------------
+// Builds and updates -----------------------------------------------------------------------------------------------
 
 struct Times {
   std::vector<double> set, commit;  // seconds

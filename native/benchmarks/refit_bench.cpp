@@ -8,7 +8,6 @@
 //
 // A mesh that sways (sway_race.h), then the mesh twisted in one step (twist_race.h).
 #include <stdexcept>
-#include <tuple>
 
 #include "arguments.h"
 #include "json.h"
@@ -27,10 +26,9 @@ RefitOptions parse(int count, char** values) {
   Arguments arguments(count, values);
   while (arguments.next()) {
     const std::string& name = arguments.name();
+    if (set_common(options, arguments)) continue;
     if (name == "--threads") {
       options.threads = std::stoi(arguments.value());
-    } else if (name == "--rounds") {
-      options.rounds = std::stoi(arguments.value());
     } else if (name == "--ray-rounds") {
       options.ray_rounds = std::stoi(arguments.value());
     } else if (name == "--layouts") {
@@ -39,14 +37,8 @@ RefitOptions parse(int count, char** values) {
     } else if (name == "--twists") {
       options.twists.clear();
       for (const std::string& twist : arguments.list()) options.twists.push_back(std::stof(twist));
-    } else if (name == "--size") {
-      std::tie(options.width, options.height) = arguments.size();
-    } else if (name == "--noisy") {
-      options.is_noisy = true;
-    } else if (name == "--json") {
-      options.json = arguments.value();
     } else {
-      options.mesh = name;
+      options.mesh = arguments.path();
     }
   }
   if (options.mesh.empty()) throw std::runtime_error("refit_bench: no mesh given");

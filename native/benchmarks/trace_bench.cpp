@@ -19,7 +19,7 @@
 #include <cstring>
 #include <memory>
 #include <optional>
-#include <tuple>
+#include <stdexcept>
 
 #include "arguments.h"
 #include "embree_peer.h"
@@ -37,16 +37,15 @@
 namespace perfect_bvh::bench {
 namespace {
 
-struct Options {
-  int rounds = 7;
+struct Options : CommonOptions {
+  Options() { rounds = 7; }
+
   std::vector<std::string> kinds, isas, in_flight{"0"}, strategies{"auto"}, layouts{"default"}, peers{"embree"}, meshes;
   std::vector<std::size_t> batches{kBatch};
-  std::uint32_t width = 640, height = 400, reinsert = 0;
+  std::uint32_t reinsert = 0;
   std::size_t leaks = 0;
   std::optional<double> expected_rays;
-  std::string json;
   View view = View::kOutside;
-  bool is_noisy = false;
 
   [[nodiscard]] bool wants(const std::string& kind) const {
     return kinds.empty() || std::find(kinds.begin(), kinds.end(), kind) != kinds.end();
@@ -55,9 +54,8 @@ struct Options {
 
 void set(Options& options, Arguments& arguments) {
   const std::string& name = arguments.name();
-  if (name == "--rounds") {
-    options.rounds = std::stoi(arguments.value());
-  } else if (name == "--batches") {
+  if (set_common(options, arguments)) return;
+  if (name == "--batches") {
     options.batches.clear();
     for (const std::string& batch : arguments.list()) options.batches.push_back(std::stoul(batch));
   } else if (name == "--kinds") {
@@ -78,18 +76,12 @@ void set(Options& options, Arguments& arguments) {
     options.expected_rays = std::stod(arguments.value());
   } else if (name == "--leaks") {
     options.leaks = std::stoul(arguments.value());
-  } else if (name == "--json") {
-    options.json = arguments.value();
   } else if (name == "--inside") {
     options.view = View::kInside;
   } else if (name == "--filling") {
     options.view = View::kFilling;
-  } else if (name == "--noisy") {
-    options.is_noisy = true;
-  } else if (name == "--size") {
-    std::tie(options.width, options.height) = arguments.size();
   } else {
-    options.meshes.push_back(name);
+    options.meshes.push_back(arguments.path());
   }
 }
 
@@ -97,6 +89,7 @@ Options parse(int count, char** values) {
   Options options;
   Arguments arguments(count, values);
   while (arguments.next()) set(options, arguments);
+  if (options.meshes.empty()) throw std::runtime_error("trace_bench: no mesh given");
   return options;
 }
 
