@@ -82,6 +82,7 @@ class Geometries : public EmbreeInstances {
     for (std::size_t i = 0; i < transforms.size(); ++i) write_columns(transforms[i], &columns_[12 * i], 3);
   }
   void add() override {
+    const EmbreeFloatingPoint mode;
     geometries_.resize(columns_.size() / 12);
     for (RTCGeometry& geometry : geometries_) {
       geometry = new_geometry(RTC_GEOMETRY_TYPE_INSTANCE);
@@ -90,6 +91,7 @@ class Geometries : public EmbreeInstances {
     move();
   }
   void move() override {
+    const EmbreeFloatingPoint mode;
     for (std::size_t i = 0; i < geometries_.size(); ++i) {
       rtcSetGeometryTransform(geometries_[i], 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, &columns_[12 * i]);
       rtcCommitGeometry(geometries_[i]);
@@ -120,6 +122,7 @@ class Array : public EmbreeInstances {
     }
   }
   void add() override {
+    const EmbreeFloatingPoint mode;
     geometry_ = new_geometry(RTC_GEOMETRY_TYPE_INSTANCE_ARRAY);
     rtcSetSharedGeometryBuffer(geometry_, RTC_BUFFER_TYPE_TRANSFORM, 0, RTC_FORMAT_FLOAT4X4_COLUMN_MAJOR,
                                buffer_.data(), 0, 16 * sizeof(float), buffer_.size() / 16);
@@ -127,6 +130,7 @@ class Array : public EmbreeInstances {
     rtcAttachGeometry(scenes_->top, geometry_);
   }
   void move() override {
+    const EmbreeFloatingPoint mode;
     rtcUpdateGeometryBuffer(geometry_, RTC_BUFFER_TYPE_TRANSFORM, 0);
     rtcCommitGeometry(geometry_);
   }

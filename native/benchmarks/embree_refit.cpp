@@ -14,6 +14,7 @@ EmbreeRefit::EmbreeRefit(const TriangleMesh& mesh, int thread_count)
       device_(rtcNewDevice(("threads=" + std::to_string(thread_count)).c_str())),
       scene_(rtcNewScene(device_)),
       geometry_(make_geometry(device_, mesh, RTC_BUILD_QUALITY_REFIT)) {
+  const EmbreeFloatingPoint mode;
   rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_DYNAMIC);
   rtcSetSceneBuildQuality(scene_, RTC_BUILD_QUALITY_LOW);  // leaves the choice to the geometry
   rtcCommitGeometry(geometry_);

@@ -133,9 +133,10 @@ std::vector<Times> time_first(const std::vector<std::string>& names, const Trian
 
 using Scenes = std::vector<std::unique_ptr<InstanceScene>>;
 
+// The instances are where they were at the end.
 std::vector<Times> time_updates(const Scenes& scenes, const TriangleMesh& mesh, const Crowd& crowd,
                                 const Options& options) {
-  const std::vector<Affine> placed[2] = {crowd.place(mesh, 2), crowd.place(mesh, 1)};
+  const std::vector<Affine> placed[2] = {crowd.place(mesh, 2), crowd.place(mesh, 3)};
   std::vector<Times> times(scenes.size());
   for (int round = 0; round < options.rounds; ++round) {
     for (std::size_t turn = 0; turn < scenes.size(); ++turn) {
@@ -145,7 +146,8 @@ std::vector<Times> time_updates(const Scenes& scenes, const TriangleMesh& mesh, 
       times[who].set.push_back(each.at(0)), times[who].commit.push_back(each.at(1));
     }
   }
-  for (const auto& scene : scenes) scene->prepare(placed[1]), scene->move(), scene->commit();
+  const std::vector<Affine> rest = crowd.place(mesh, 1);
+  for (const auto& scene : scenes) scene->prepare(rest), scene->move(), scene->commit();
   return times;
 }
 
