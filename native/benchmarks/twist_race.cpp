@@ -80,48 +80,49 @@ class Twist {
 
   void add_embree() {
     rebuilt_ = updates_.size();
-    const double taken = EmbreeBuilder(RTC_BUILD_QUALITY_MEDIUM, threads_).build(*mesh_);
+    EmbreeBuilder builder(RTC_BUILD_QUALITY_MEDIUM, threads_);
+    const double built = ns_per_triangle([&] { return builder.build(*mesh_); });
     EmbreePeer::Options options;
     options.device = "threads=" + std::to_string(threads_);
     const auto rebuilt = std::make_shared<const EmbreePeer>(*mesh_, options);
-    updates_.push_back(
-        {"embree rebuild", "", per_triangle(taken), {}, embree_competitor("embree rebuild", rebuilt), rebuilt_});
+    updates_.push_back({"embree rebuild", "", built, {}, embree_competitor("embree rebuild", rebuilt), rebuilt_});
     const auto refitted = std::make_shared<EmbreeRefit>(rest_, threads_);
-    const double moved = refitted->move(mesh_->positions);
+    const double moved = ns_per_triangle([&] {
+      static_cast<void>(refitted->move(rest_.positions));
+      return refitted->move(mesh_->positions);
+    });
     const RayCompetitor traced{"embree refit", std::make_shared<EmbreeRays>(refitted, refitted->scene())};
-    updates_.push_back({"embree refit", "", per_triangle(moved), {}, traced, rebuilt_});
+    updates_.push_back({"embree refit", "", moved, {}, traced, rebuilt_});
   }
 
   [[nodiscard]] const std::vector<Update>& updates() const noexcept { return updates_; }
   [[nodiscard]] const std::shared_ptr<const Snapshot>& scene() const noexcept { return first_; }
 
  private:
-  // make(wide, costs) finds a copy of `still` in `wide`. Done several times: the middle one counts.
+  // make(wide, costs) finds a copy of `still` in `wide`.
   void add(const std::string& method, TreeLayout layout, const WideBvh& still,
            const std::function<void(WideBvh&, WideCosts&)>& make) {
-    const std::size_t repeats = mesh_->triangle_count() > 1'000'000 ? 1 : 3;
-    std::vector<double> times;
     WideBvh wide;
     WideCosts costs;
-    for (std::size_t i = 0; i < repeats; ++i) {
+    const double taken = ns_per_triangle([&] {
       wide = still;
       const double start = seconds(threads_);
       make(wide, costs);
-      times.push_back(per_triangle(seconds(threads_) - start));
-    }
+      return seconds(threads_) - start;
+    });
     const double cost = costs.whole(wide);
     const auto snapshot = snapshot_over(mesh_, std::move(wide));
     if (!first_) first_ = snapshot;
-    updates_.push_back({method,
-                        layout_name(layout),
-                        Spread::of(times).median,
-                        cost,
-                        {method, std::make_shared<OurRays>(snapshot)},
-                        rebuilt_});
+    const RayCompetitor traced{method, std::make_shared<OurRays>(snapshot)};
+    updates_.push_back({method, layout_name(layout), taken, cost, traced, rebuilt_});
   }
 
-  [[nodiscard]] double per_triangle(double taken) const {
-    return 1e9 * taken / static_cast<double>(mesh_->triangle_count());
+  // update() returns seconds. It is done several times, of either side: the middle one counts.
+  [[nodiscard]] double ns_per_triangle(const std::function<double()>& update) const {
+    const std::size_t repeats = mesh_->triangle_count() > 1'000'000 ? 1 : 3;
+    std::vector<double> taken(repeats);
+    for (double& each : taken) each = update();
+    return 1e9 * Spread::of(taken).median / static_cast<double>(mesh_->triangle_count());
   }
 
   const TriangleMesh& rest_;
