@@ -6,18 +6,9 @@ import numpy as np
 import perfect_bvh
 import pytest
 from benchmarks.moving_meshes import exploding
+from engine.calibrations import MACHINE
 from oracles import meshes
-from perfect_bvh.calibration import BuilderCost, Calibration
 
-MACHINE = Calibration(
-    20.0,
-    15.0,
-    10.0,
-    12.0,
-    60.0,
-    0.4,
-    {"fast": BuilderCost(150.0, 220.0), "binned": BuilderCost(600.0, 200.0), "spatial": BuilderCost(3000.0, 180.0)},
-)
 BURST = exploding(frame_count=10, rows=40)
 POLICIES = ("governed", "refit", "rotate", "rebuild_parts", "rebuild")
 
