@@ -21,7 +21,6 @@
 #include "our_rays.h"
 #include "program.h"
 #include "query/statistics.h"
-#include "query/trace.h"
 #include "ray_race.h"
 #include "ray_sets.h"
 #include "tree_builds.h"
@@ -101,23 +100,7 @@ Traced make_traced(const Options& options, const TriangleMesh& mesh) {
   return traced;
 }
 
-// Visits and tests a ray.
-void add_counts(JsonObject& row, const Snapshot& scene, const RaySet& set) {
-  std::vector<RayCounts> counts(set.rays.size());
-  if (set.use.is_any_hit) {
-    std::vector<std::uint8_t> occluded(set.rays.size());
-    trace_occluded(scene, set.rays, occluded, Cull::kNone, counts);
-  } else {
-    std::vector<Hit> hits(set.rays.size());
-    trace_closest(scene, set.rays, hits, Cull::kNone, counts);
-  }
-  double nodes = 0, triangles = 0;
-  for (const RayCounts& each : counts) nodes += each.nodes_visited, triangles += each.primitives_tested;
-  const auto ray_count = static_cast<double>(set.rays.size());
-  row.add("nodes_visited", nodes / ray_count).add("primitives_tested", triangles / ray_count);
-}
-
-// An object of ray kinds for each competitor.
+// For each competitor an object, of a row for each kind of ray.
 std::vector<std::string> run_rays(const Traced& traced, const TriangleMesh& mesh, const Options& options) {
   const Aabb box = bounds_of_positions(mesh.positions);
   const std::vector<Ray> primary = primary_rays(box, options.view, options.width, options.height);
@@ -136,7 +119,10 @@ std::vector<std::string> run_rays(const Traced& traced, const TriangleMesh& mesh
       JsonObject row;
       row.add("ray_count", set.rays.size()).add("mrays_per_second", results[i].mrays_per_second);
       row.add("rounds", results[i].rounds).add("different_from_first", results[i].agreement.different);
-      if (i < traced.scenes.size()) add_counts(row, *traced.scenes[i], set);
+      if (i < traced.scenes.size()) {
+        const Visits visits = count_visits(*traced.scenes[i], set);
+        row.add("nodes_visited", visits.nodes).add("primitives_tested", visits.triangles);
+      }
       objects[i].add_raw(set.name.c_str(), row.text());
     }
   }

@@ -176,7 +176,7 @@ void report_stages(const Crowd& crowd, const TopLevelReport& top, std::vector<st
 
 // Rays -------------------------------------------------------------------------------------------------------------
 
-std::vector<Ray> bounces(const Snapshot& snapshot, const std::vector<Ray>& primary, float diagonal) {
+std::vector<Ray> bounces(const Snapshot& snapshot, const std::vector<Ray>& primary, double diagonal) {
   std::vector<Hit> hits(primary.size());
   trace_closest(snapshot, primary, hits);
   std::vector<Ray> result;
@@ -186,7 +186,7 @@ std::vector<Ray> bounces(const Snapshot& snapshot, const std::vector<Ray>& prima
     Vec3d normal = geometric_normal(snapshot, hits[i]);
     if (dot(normal, normal) < 0.5) continue;
     if (dot(normal, primary[i].direction) > 0) normal = -normal;
-    const Vec3d origin = hit_position(snapshot, hits[i]) + normal * (1e-4 * static_cast<double>(diagonal));
+    const Vec3d origin = hit_position(snapshot, hits[i]) + normal * (1e-4 * diagonal);
     result.push_back(diffuse_ray(origin, normal, random));
   }
   return result;
@@ -208,18 +208,6 @@ void report_rays(const Crowd& crowd, const RaySet& set, const std::vector<RayCom
   }
 }
 
-// The means of a ray.
-void print_visits(const Snapshot& snapshot, const std::vector<Ray>& rays) {
-  std::vector<Hit> hits(rays.size());
-  std::vector<RayCounts> counts(rays.size());
-  trace_closest(snapshot, rays, hits, Cull::kNone, counts);
-  double nodes = 0, triangles = 0;
-  for (const RayCounts& count : counts) nodes += count.nodes_visited, triangles += count.primitives_tested;
-  const auto ray_count = static_cast<double>(rays.size());
-  std::printf("  ours: %.2f nodes, %.2f triangles a ray\n", nodes / ray_count, triangles / ray_count);
-  std::fflush(stdout);
-}
-
 void race_rays(const Crowd& crowd, const InstanceScene& peer, const OurInstances& ours, const Options& options,
                std::vector<std::string>& rows) {
   const auto snapshot = ours.snapshot();
@@ -229,15 +217,16 @@ void race_rays(const Crowd& crowd, const InstanceScene& peer, const OurInstances
     const TraceOptions way{parse_strategy(name), 0};
     competitors.push_back({name == "auto" ? kOurs : "ours/" + name, std::make_shared<OurRays>(snapshot, "", way)});
   }
+  const auto diagonal = static_cast<double>(length(world.extent()));
   const std::vector<Ray> primary = primary_rays(world, View::kOutside, options.width, options.height);
   for (const char* kind : {"primary", "diffuse"}) {
     if (!options.wants(kind)) continue;
     const bool is_primary = std::string(kind) == "primary";
-    const RaySet set{
-        kind, {false, is_primary}, is_primary ? primary : bounces(*snapshot, primary, length(world.extent()))};
-    const auto diagonal = static_cast<double>(length(world.extent()));
+    const RaySet set{kind, {false, is_primary}, is_primary ? primary : bounces(*snapshot, primary, diagonal)};
     report_rays(crowd, set, competitors, race(set, competitors, {options.rounds, kBatch, diagonal}), rows);
-    print_visits(*snapshot, set.rays);
+    const Visits visits = count_visits(*snapshot, set);
+    std::printf("  ours: %.2f nodes, %.2f triangles a ray\n", visits.nodes, visits.triangles);
+    std::fflush(stdout);
   }
 }
 

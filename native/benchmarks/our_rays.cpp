@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "query/trace.h"
 #include "traverse/dispatch.h"
 
 namespace perfect_bvh::bench {
@@ -33,6 +34,21 @@ void OurRays::read(std::span<Hit> hits) const { std::copy_n(hits_.begin(), hits.
 
 void OurRays::read(std::span<std::uint8_t> occluded) const {
   std::copy_n(occluded_.begin(), occluded.size(), occluded.begin());
+}
+
+Visits count_visits(const Snapshot& scene, const RaySet& set) {
+  std::vector<RayCounts> counts(set.rays.size());
+  if (set.use.is_any_hit) {
+    std::vector<std::uint8_t> occluded(set.rays.size());
+    trace_occluded(scene, set.rays, occluded, Cull::kNone, counts);
+  } else {
+    std::vector<Hit> hits(set.rays.size());
+    trace_closest(scene, set.rays, hits, Cull::kNone, counts);
+  }
+  Visits sum;
+  for (const RayCounts& each : counts) sum.nodes += each.nodes_visited, sum.triangles += each.primitives_tested;
+  const auto ray_count = static_cast<double>(set.rays.size());
+  return {sum.nodes / ray_count, sum.triangles / ray_count};
 }
 
 }  // namespace perfect_bvh::bench

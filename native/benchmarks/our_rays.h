@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "ray_caster.h"
+#include "ray_sets.h"
 #include "tlas/snapshot.h"
 #include "traverse/strategy.h"
 
@@ -30,5 +30,11 @@ class OurRays : public RayCaster {
   std::vector<Hit> hits_;
   std::vector<std::uint8_t> occluded_;
 };
+
+// What a ray takes in the mean. Counted in a run of its own, which is not timed.
+struct Visits {
+  double nodes = 0, triangles = 0;
+};
+[[nodiscard]] Visits count_visits(const Snapshot& scene, const RaySet& set);
 
 }  // namespace perfect_bvh::bench
