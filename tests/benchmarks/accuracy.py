@@ -60,6 +60,7 @@ class Case:
 def main() -> None:
     """Measure, write the JSON."""
     parser = options.parser(__doc__ or "")
+    options.add_ray_limit(parser)
     parser.add_argument("--rays", type=int, default=30_000, metavar="N", help="at each sphere")
     parser.add_argument("--sample", type=int, default=50, metavar="N", help="rays of them that the oracle judges")
     chosen = options.parse(parser)

@@ -2,11 +2,11 @@
 
     python tests/benchmarks/budget.py --json budget.json
 
-Of the meshes that --mesh names, or the generated ones with a tenth of their triangles. Each kind of ray is cast by
-trace_bench under `valgrind --tool=callgrind`, by ours and by Embree, whose stages are not told apart. What every
-instruction costs is added up by the stage whose function it was inlined into, as the debugging information says.
-Instructions repeat exactly, whatever else the machine does; how branches and caches behave is callgrind's model of
-them. Valgrind knows no AVX-512, so the kernels are AVX2's. A ray's cost includes nothing of what happens before and
+Of the meshes that --mesh and --default-meshes name, or the generated ones with a tenth of their triangles. Each kind of
+ray is cast by trace_bench under `valgrind --tool=callgrind`, by ours and by Embree, whose stages are not told apart.
+What every instruction costs is added up by the stage whose function it was inlined into, as the debugging information
+says. Instructions repeat exactly, whatever else the machine does; how branches and caches behave is callgrind's model
+of them. Valgrind knows no AVX-512, so the kernels are AVX2's. A ray's cost includes nothing of what happens before and
 after the clock.
 """
 
@@ -58,7 +58,8 @@ def main() -> None:
     parser.set_defaults(size="128x80", detail=0.1, noisy=True)  # counts know no noise
     chosen = options.parse(parser)
     rows = []
-    for mesh in options.meshes_of(chosen) if chosen.mesh else generated_meshes.make_all(chosen.detail):
+    is_named = chosen.mesh or chosen.default_meshes
+    for mesh in options.meshes_of(chosen) if is_named else generated_meshes.make_all(chosen.detail):
         for kind in chosen.kinds:
             for strategy in (*chosen.strategies, PEER):
                 stages = budget_of(chosen.native / PROGRAM, mesh, kind, strategy, chosen.size)
@@ -78,15 +79,16 @@ def budget_of(program: Path, mesh: BenchMesh, kind: str, strategy: str, size: st
         mesh_file = Path(folder) / "mesh.bin"
         mesh.write(mesh_file)
         caster = "EmbreeRays" if is_peer else "OurRays"
-        _, before = _profile(program, [*words, "--kinds", "none", str(mesh_file)], Path(folder), caster)
-        rows, after = _profile(program, [*words, "--kinds", kind, str(mesh_file)], Path(folder), caster)
-    if not rows:
-        raise SystemExit(f"{mesh.name}: no ray of the kind {kind} to be cast")
-    ray_count = CASTS * rows[0]["ray_count"]
-    if is_peer:
-        return {OTHER: {event: cost / ray_count for event, cost in read_totals(after).items()}}
-    costs = read_costs(after, program.name)
-    costs.subtract(read_costs(before, program.name))  # what finds where rays begin is in both
+        rows, profile = _profile(program, [*words, "--kinds", kind, str(mesh_file)], Path(folder), caster)
+        if not rows:
+            raise SystemExit(f"{mesh.name}: no ray of the kind {kind} to be cast")
+        ray_count = CASTS * rows[0]["ray_count"]
+        if is_peer:
+            return {OTHER: {event: cost / ray_count for event, cost in read_totals(profile).items()}}
+        # The rays that find where others begin are ours, and in both runs.
+        _, without = _profile(program, [*words, "--kinds", "none", str(mesh_file)], Path(folder), caster)
+    costs = read_costs(profile, program.name)
+    costs.subtract(read_costs(without, program.name))
     return add_up(program, costs, ray_count)
 
 

@@ -25,7 +25,7 @@ def geometric_mean(values: Iterable[float]) -> float:
 
 
 def label(kind: str, batch: int) -> str:
-    """Of a kind of ray in batches of so many: small ones are what nothing is said about."""
+    """A column's head: the kind of ray, and how many are cast a call unless that is SMALL."""
     return kind if batch == SMALL else f"{kind}, {batch:,}"
 
 

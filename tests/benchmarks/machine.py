@@ -71,8 +71,9 @@ def caches() -> dict[str, str]:
     """Sizes by level, of data, as Linux has them: {"L1d": "32K", "L2": "1024K", "L3": "32768K"}; else nothing."""
     found = {}
     for folder in sorted(Path("/sys/devices/system/cpu/cpu0/cache").glob("index*")):
-        level, kind, size = ((folder / name).read_text().strip() for name in ("level", "type", "size"))
-        if kind != "Instruction":
+        files = (folder / name for name in ("level", "type", "size"))
+        level, kind, size = (file.read_text().strip() if file.is_file() else "" for file in files)
+        if size and kind != "Instruction":
             found[f"L{level}{'d' if kind == 'Data' else ''}"] = size
     return found
 

@@ -1,4 +1,4 @@
-"""What both benchmarks' command lines share."""
+"""What the benchmarks' command lines share."""
 
 from __future__ import annotations
 
@@ -29,10 +29,16 @@ def parser(description: str) -> argparse.ArgumentParser:
     add("--json", type=Path, required=True, metavar="OUT.json", help="where the figures go")
     add("--rounds", type=int, default=5, metavar="N", help="interleaved rounds of each measurement")
     add("--size", default="640x400", metavar="WxH", help="of the image that the primary rays make")
-    add("--ray-limit", type=int, default=20_000, metavar="N", help="rays for peers that take one a call")
     add("--noisy", action="store_true", help="measure whatever the load; its figures mean little")
     add("--native", type=Path, default=DEFAULT_FOLDER, metavar="DIR", help="holds the built native benchmarks")
     return result
+
+
+def add_ray_limit(options: argparse.ArgumentParser) -> None:
+    """For programs with peers such as Blender's."""
+    options.add_argument(
+        "--ray-limit", type=int, default=20_000, metavar="N", help="rays for peers that take one a call"
+    )
 
 
 def parse(options: argparse.ArgumentParser) -> argparse.Namespace:

@@ -66,7 +66,8 @@ class Engines:
         if name == "windows":
             packages = [self.unpacked[name], self.tests]
             status, _ = self.system.run(arguments, packages=packages, seconds=SECONDS)
-            assert status == 0
+            if status != 0:
+                raise SystemExit(f"{SCRIPT.name} under Wine ended with status {status}")
         else:
             environment = os.environ | {"PYTHONPATH": str(self.unpacked[name])}
             command = [sys.executable, *arguments]

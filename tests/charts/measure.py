@@ -17,7 +17,7 @@ from pathlib import Path
 REPOSITORY = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(REPOSITORY / "tests"))
 
-from benchmarks.machine import require_quiet
+from benchmarks.machine import MOST_LOAD, require_quiet
 from charts.figures import DATA
 
 BENCHMARKS = Path("tests") / "benchmarks"
@@ -46,7 +46,7 @@ def main() -> None:
         "--mesh", nargs="+", default=[], metavar="FILE", help="to measure besides: .npz, .ply, .obj, .blend"
     )
     parser.add_argument("--native", default="build/benchmarks", metavar="DIR", help="holds the built native benchmarks")
-    parser.add_argument("--noisy", action="store_true", help="measure whatever the load; otherwise above 1.2 not")
+    parser.add_argument("--noisy", action="store_true", help=f"measure even where the load is above {MOST_LOAD}")
     chosen = parser.parse_args()
     require_quiet(chosen.noisy)
     for name in chosen.names:

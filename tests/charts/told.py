@@ -170,12 +170,10 @@ def failure_zoo(figures: Figures) -> str:
     dear = listed(f"{case['title'].lower()} ({case['ours']:.1f})" for case in work if case["ours"] > 1.3)
     return (
         f"**Unflattering:** what the engine does by itself takes more than 1.3 times the least work on {dear}. "
-        f"Sticks and "
-        'hair are cheap with `builder="spatial"`, which the engine takes where it is told that many rays will '
-        "follow, or in the commit after them; after a "
-        "long chain of small motions a commit that is told no number of rays restructures rather than rebuilds. "
-        f"Some "
-        f"answers differ from double precision's on: {wrong}; there float32 does not say which triangle it is."
+        'Sticks and hair are cheap with `builder="spatial"`, which the engine takes where it is told that many rays '
+        "will follow, or in the commit after them; after a long chain of small motions a commit that is told no "
+        "number of rays restructures rather than rebuilds. "
+        f"Some answers differ from double precision's on: {wrong}; there float32 does not say which triangle it is."
     )
 
 
