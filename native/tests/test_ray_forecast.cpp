@@ -53,11 +53,7 @@ class Forecast : public testing::Test {
 
   CommitReport commit(std::optional<double> rays = std::nullopt, Policy policy = Policy::kGoverned) {
     CancelToken cancel;
-    CommitOptions options;
-    options.policy = policy;
-    options.expected_rays = rays;
-    options.calibration = machine();
-    return scene_.commit(pool_, cancel, options);
+    return scene_.commit(pool_, cancel, on_machine(rays, policy));
   }
 
   // Towards the middle from all around.
@@ -235,10 +231,7 @@ TEST_F(Forecast, ABetterTreeThatWasStoppedIsBuiltByTheNextCommit) {
   const auto before = scene_.snapshot();
   CancelToken stopped;
   stopped.request_stop();
-  CommitOptions options;
-  options.expected_rays = 1e12;
-  options.calibration = machine();
-  EXPECT_THROW(static_cast<void>(scene_.commit(pool_, stopped, options)), Cancelled);
+  EXPECT_THROW(static_cast<void>(scene_.commit(pool_, stopped, on_machine(1e12))), Cancelled);
   EXPECT_EQ(scene_.snapshot(), before);
   EXPECT_EQ(commit().meshes.at(0).builder, std::string("spatial")) << "what was told counts";
 }

@@ -86,11 +86,7 @@ class RestingMesh : public testing::Test {
 
   CommitReport commit(std::optional<double> rays, Policy policy = Policy::kGoverned) {
     CancelToken cancel;
-    CommitOptions options;
-    options.policy = policy;
-    options.expected_rays = rays;
-    options.calibration = machine();
-    return scene_.commit(pool_, cancel, options);
+    return scene_.commit(pool_, cancel, on_machine(rays, policy));
   }
 
   // A commit in which the other mesh moves.

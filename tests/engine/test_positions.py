@@ -43,6 +43,14 @@ def errors(hits, positions, triangles, origins, directions, place=None):
     return np.array([float(error) for error in found])
 
 
+def hits_of(positions, triangles, origins, directions, place=None):
+    """Of a scene of one mesh. place: as for `errors`."""
+    scene = perfect_bvh.Scene()
+    scene.add_instance(scene.add_mesh(positions, triangles), place)
+    scene.commit()
+    return scene.cast_rays(origins, directions, fields=FIELDS)
+
+
 def turned(angles):
     """A rotation about x, then about z."""
     (a, b), (c, d) = np.cos(angles), np.sin(angles)
@@ -66,10 +74,7 @@ def test_on_the_ground(half, tilt, dtype):
     positions = (square @ rotation.T).astype(np.float32)
     origins, directions = (rays @ rotation.T for rays in rays_onto_the_middle(3))
     origins, directions = origins.astype(dtype), directions.astype(dtype)
-    scene = perfect_bvh.Scene()
-    scene.add_instance(scene.add_mesh(positions, triangles))
-    scene.commit()
-    hits = scene.cast_rays(origins, directions, fields=FIELDS)
+    hits = hits_of(positions, triangles, origins, directions)
     assert hits.is_hit.all()
     assert errors(hits, positions, triangles, origins, directions).max() <= 2.0**-45 * half
 
@@ -81,10 +86,7 @@ def test_through_an_instance(distance):
     place = np.column_stack([turned((0.3, 1.1)) * (2.0, 0.5, 1.5), distance * np.array([0.6, -0.8, 0.3])])
     rays = rays_onto_the_middle(4)
     origins, directions = rays[0] @ place[:, :3].T + place[:, 3], rays[1] @ place[:, :3].T
-    scene = perfect_bvh.Scene()
-    scene.add_instance(scene.add_mesh(positions.astype(np.float32), triangles), place)
-    scene.commit()
-    hits = scene.cast_rays(origins, directions, fields=FIELDS)
+    hits = hits_of(positions.astype(np.float32), triangles, origins, directions, place)
     assert hits.is_hit.all()
     assert errors(hits, positions, triangles, origins, directions, place).max() <= 2.0**-45 * (3000.0 + distance)
 
@@ -106,10 +108,7 @@ def test_edge_on_and_thread_thin(thinness, aside, far):
     turns = random.normal(size=along.shape) * (sizes * 10.0 ** random.uniform(*aside, len(along)))[:, None]
     directions = along + turns
     origins = corners.mean(axis=1) - directions * 10.0 ** random.uniform(*far, (len(along), 1))
-    scene = perfect_bvh.Scene()
-    scene.add_instance(scene.add_mesh(positions, triangles))
-    scene.commit()
-    hits = scene.cast_rays(origins, directions, fields=FIELDS)
+    hits = hits_of(positions, triangles, origins, directions)
     assert hits.is_hit.sum() > 300
     struck, where = corners[hits.primitive_ids[hits.is_hit]], hits.positions[hits.is_hit]
     beyond = np.maximum(struck.min(axis=1) - where, where - struck.max(axis=1)).max(axis=1)
