@@ -21,7 +21,7 @@ class EmbreeFloatingPoint {
  public:
 #if defined(__x86_64__)
   EmbreeFloatingPoint() noexcept : saved_(_mm_getcsr()) {
-    _mm_setcsr(saved_ | _MM_FLUSH_ZERO_ON | 0x0040u);  // FTZ and DAZ
+    _mm_setcsr(saved_ | _MM_FLUSH_ZERO_ON | _MM_DENORMALS_ZERO_ON);
   }
   ~EmbreeFloatingPoint() { _mm_setcsr(saved_); }
 #else
