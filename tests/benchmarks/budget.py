@@ -52,10 +52,11 @@ Counts = dict[str, dict[str, float]]  # by stage and event
 
 def main() -> None:
     """Count, print the tables, write the JSON."""
-    parser = options.parser(__doc__ or "")
+    parser = options.parser(__doc__ or "", is_timed=False)
+    options.add_meshes(parser, detail=0.1)
     parser.add_argument("--kinds", nargs="+", default=["diffuse", "occlusion"], help="of rays, as trace_bench has them")
     parser.add_argument("--strategies", nargs="+", default=["stream", "single"], help="as trace_bench has them")
-    parser.set_defaults(size="128x80", detail=0.1, noisy=True)  # counts know no noise
+    parser.set_defaults(size="128x80")
     chosen = options.parse(parser)
     rows = []
     is_named = chosen.mesh or chosen.default_meshes

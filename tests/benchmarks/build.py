@@ -29,6 +29,7 @@ TIMES = ("build_ms", "ready_ms", "stage_ms")  # by number of threads
 def main() -> None:
     """Measure, print the tables, write the JSON."""
     parser = options.parser(__doc__ or "")
+    options.add_meshes(parser)
     options.add_ray_limit(parser)
     parser.add_argument("--trees", nargs="+", choices=TREES, default=list(TREES), metavar="TREE", help="which to build")
     parser.add_argument("--seconds", type=float, default=60.0, help="start no native round of builds after that many")

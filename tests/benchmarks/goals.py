@@ -50,6 +50,7 @@ class Run:
 def main() -> None:
     """Measure, print the tables, write the JSON."""
     parser = options.parser(__doc__ or "")
+    options.add_named_meshes(parser)
     add = parser.add_argument
     add("--instances", type=int, nargs="+", default=[1000, 10_000, 100_000, 1_000_000], metavar="N")
     add("--subdivide", type=int, default=2, metavar="N", help="times the last given mesh, for a large one; 0: no")

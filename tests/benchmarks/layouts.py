@@ -31,6 +31,7 @@ PEERS = ("embree", "embree_compact")
 def main() -> None:
     """Measure, print the tables, write the JSON."""
     parser = options.parser(__doc__ or "")
+    options.add_meshes(parser)
     parser.add_argument(
         "--subdivide", type=int, default=2, metavar="N", help="times the last mesh, for a large one; 0: no"
     )

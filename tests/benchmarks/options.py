@@ -12,11 +12,32 @@ from benchmarks.meshes import BenchMesh, MeshError, default_meshes, load
 from benchmarks.native import DEFAULT_FOLDER
 
 
-def parser(description: str) -> argparse.ArgumentParser:
-    """Meshes, output, how long and how often."""
+def parser(description: str, *, is_timed: bool = True) -> argparse.ArgumentParser:
+    """Output, how long and how often. is_timed: whether times are measured, in rounds and on a quiet machine."""
     result = argparse.ArgumentParser(description=description, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     add = result.add_argument
-    add(
+    add("--json", type=Path, required=True, metavar="OUT.json", help="where the figures go")
+    add("--size", default="640x400", metavar="WxH", help="of the image that the primary rays make")
+    add("--native", type=Path, default=DEFAULT_FOLDER, metavar="DIR", help="holds the built native benchmarks")
+    if is_timed:
+        add("--rounds", type=int, default=5, metavar="N", help="interleaved rounds of each measurement")
+        add("--noisy", action="store_true", help="measure whatever the load; its figures mean little")
+    else:
+        result.set_defaults(noisy=True)
+    return result
+
+
+def add_meshes(options: argparse.ArgumentParser, *, detail: float = 1.0) -> None:
+    """For `meshes_of`."""
+    add_named_meshes(options, detail=detail)
+    options.add_argument(
+        "--default-meshes", action="store_true", help="those that Blender makes, too (without --mesh they are all)"
+    )
+
+
+def add_named_meshes(options: argparse.ArgumentParser, *, detail: float = 1.0) -> None:
+    """For programs that always measure generated meshes as well."""
+    options.add_argument(
         "--mesh",
         nargs="+",
         action="extend",
@@ -24,14 +45,9 @@ def parser(description: str) -> argparse.ArgumentParser:
         metavar="FILE",
         help=".npz (positions, triangles), .ply, .obj, .blend",
     )
-    add("--default-meshes", action="store_true", help="those that Blender makes, too (without --mesh they are all)")
-    add("--detail", type=float, default=1.0, metavar="X", help="triangles of the default meshes, times this")
-    add("--json", type=Path, required=True, metavar="OUT.json", help="where the figures go")
-    add("--rounds", type=int, default=5, metavar="N", help="interleaved rounds of each measurement")
-    add("--size", default="640x400", metavar="WxH", help="of the image that the primary rays make")
-    add("--noisy", action="store_true", help="measure whatever the load; its figures mean little")
-    add("--native", type=Path, default=DEFAULT_FOLDER, metavar="DIR", help="holds the built native benchmarks")
-    return result
+    options.add_argument(
+        "--detail", type=float, default=detail, metavar="X", help="triangles of generated meshes, times this"
+    )
 
 
 def add_ray_limit(options: argparse.ArgumentParser) -> None:

@@ -35,6 +35,7 @@ Row = dict[str, Any]
 def main() -> None:
     """Measure, print the tables, write the JSON."""
     parser = options.parser(__doc__ or "")
+    options.add_meshes(parser)
     parser.add_argument("--layouts", default="default,compact", metavar="A,B", help="of our trees")
     parser.add_argument("--twists", default="0.1,1.5,6.2831853", metavar="A,B", help="radians")
     chosen = options.parse(parser)

@@ -38,6 +38,7 @@ STRATEGIES = ("auto", "packets", "stream", "single")
 def main() -> None:
     """Measure, print the tables, write the JSON."""
     parser = options.parser(__doc__ or "")
+    options.add_meshes(parser)
     options.add_ray_limit(parser)
     add = parser.add_argument
     add("--sample", type=int, default=500, metavar="N", help="rays of each kind whose answers are judged")
