@@ -74,6 +74,7 @@ Options parse(int count, char** values) {
   Arguments arguments(count, values);
   while (arguments.next()) set(options, arguments);
   if (options.mesh.empty()) throw std::runtime_error("instance_bench: no mesh given");
+  if (options.peers.empty()) throw std::runtime_error("instance_bench: no peer given");
   return options;
 }
 

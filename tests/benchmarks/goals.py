@@ -126,14 +126,8 @@ def measure_builds(meshes: Sequence[BenchMesh], run: Run) -> list[Row]:
 
 def measure_instances(meshes: Sequence[BenchMesh], run: Run) -> list[Row]:
     """Rows of instance_bench, of the first mesh: first builds, updates, and rays through them."""
-    words = [
-        "--counts",
-        ",".join(map(str, run.chosen.instances)),
-        "--layouts",
-        "grid",
-        "--rounds",
-        str(run.chosen.rounds),
-    ]
+    words = ["--counts", ",".join(map(str, run.chosen.instances)), "--layouts", "grid"]
+    words += ["--rounds", str(run.chosen.rounds)]
     rows: list[Row] = run.native.run("instance_bench", meshes[0], words)
     return [{**row, "mesh": meshes[0].name} for row in rows]
 

@@ -53,16 +53,8 @@ def main() -> None:
 
 def measure(mesh: BenchMesh, chosen: argparse.Namespace, native: NativePrograms) -> list[dict[str, Any]]:
     """A row for each layout and each of Embree's."""
-    words = [
-        "--rounds",
-        "1",
-        "--kinds",
-        ",".join(KINDS),
-        "--isas",
-        perfect_bvh.active_isa(),
-        "--peers",
-        ",".join(PEERS),
-    ]
+    words = ["--rounds", "1", "--kinds", ",".join(KINDS)]
+    words += ["--isas", perfect_bvh.active_isa(), "--peers", ",".join(PEERS)]
     words += ["--layouts", "default,compact", "--size", chosen.size, *(["--inside"] if mesh.is_inside else [])]
     rows: dict[str, dict[str, Any]] = {}
     for _ in range(chosen.rounds):
