@@ -282,6 +282,18 @@ TEST(Instances, HaveTheSameRowsForAnyThreadCount) {
   }
 }
 
+TEST(Instances, AreBakedOnlyWhileTheyAreFlat) {
+  Scene scene;
+  const std::int32_t mesh = scene.add_mesh(soup(10, 3), {}, Usage::kStatic);
+  auto inputs = random_instances(mesh, 3, 0.1, 3.0);
+  const std::vector<Affine> upright{inputs[1].object_to_world};
+  inputs[1].object_to_world.x = {0, 0, 0};
+  const std::vector<std::int32_t> ids{scene.add_instances(inputs) + 1};
+  ASSERT_TRUE(commit(scene)->instances[1].baked);
+  scene.set_transforms(ids, upright);
+  EXPECT_FALSE(commit(scene)->instances[1].baked);  // nobody held the last snapshot: its rows are used again
+}
+
 TEST(TopLevelReport, NamesWhatMadeTheTree) {
   CommitReport report;
   Scene scene;

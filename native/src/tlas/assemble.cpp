@@ -90,12 +90,22 @@ void build(Snapshot& snapshot, AlignedVector<PrimRef>& boxes, std::optional<doub
   report.collapse_milliseconds = watch.milliseconds();
 }
 
+// Makes room for as many instances; those that the last snapshot had stay as they are, to be written anew. In steps:
+// what an instance begins as is written as well.
+void make_rows(Snapshot& snapshot, std::size_t count, CancelToken& cancel) {
+  auto& instances = snapshot.instances;
+  instances.reserve(count);
+  for_steps(count, cancel, [&](std::size_t, std::size_t end) {
+    if (instances.size() < end) instances.resize(end);
+  });
+  instances.resize(count);
+  snapshot.instance_views.resize(count);
+}
+
 // The result has a row for each instance, empty where its mesh is.
 AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& meshes,
                                        std::span<const Placement> placements, ThreadPool& pool, CancelToken& cancel) {
-  snapshot.instances.reserve(placements.size());
-  for_steps(placements.size(), cancel, [&](std::size_t, std::size_t end) { snapshot.instances.resize(end); });
-  snapshot.instance_views.resize(placements.size());
+  make_rows(snapshot, placements.size(), cancel);
   AlignedVector<PrimRef> boxes(placements.size());
   BakedCopies baked;
   std::mutex bounds_mutex;

@@ -55,6 +55,7 @@ bool place_instance(Instance& instance, Placing& placing, const Blas& blas, cons
   const Affine map = from_stored(object_to_world, blas.mesh.centre);
   instance.object_to_world = map;
   instance.mirrored = map.determinant() < 0;
+  instance.baked = false;  // the row may be the last snapshot's, where it was
   placing.world_to_object = inverse(map);
   placing.world_bounds = bounds_of(blas, map, is_worth_table);
   return round_trip_holds(map, placing.world_to_object);

@@ -38,11 +38,10 @@ struct Placing {
   Aabb world_bounds;       // rounded outward; empty if the mesh is
 };
 
-// Fills in the blas, transform and facing of `instance` for the mesh of `blas`, and `placing`. False if the transform
-// has no usable inverse (flattened by a zero scale: the inverse is not finite, or mapping there and back does not
-// return within float's error); the instance must then be baked.
-// `is_worth_table`: bounds come from a table of the mesh's support, which may have to be made, and not from its
-// vertices.
+// Fills in the blas, transform and facing of `instance`, unbaked, for the mesh of `blas`, and `placing`. False if the
+// transform has no usable inverse (flattened by a zero scale: the inverse is not finite, or mapping there and back does
+// not return within float's error); the instance must then be baked. `is_worth_table`: bounds come from a table of the
+// mesh's support, which may have to be made, and not from its vertices.
 [[nodiscard]] bool place_instance(Instance& instance, Placing& placing, const Blas& blas, const Affine& object_to_world,
                                   bool is_worth_table = false);
 
