@@ -3,7 +3,9 @@
 // leaves, as top_down.h asks of a splitter.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <span>
 #include <utility>
@@ -106,6 +108,7 @@ class BinnedSplitter {
   static constexpr std::uint32_t kSampleSizeForLeaves = 1024;  // with a limit: half, and rays visit as many nodes
   static constexpr std::uint32_t kParallelSize = 65536;        // references from which on one node's work is shared out
   static constexpr std::uint32_t kChunk = kItemsBetweenAsking;  // and what a thread then takes at a time
+  static_assert(std::has_single_bit(kChunk));
   static constexpr std::uint32_t kFewestBoxes = 4;
   static constexpr std::uint32_t kFewToFetch = 32;  // references whose primitives are fetched before they are needed
   static constexpr std::uint32_t kAhead = 16;       // and how far ahead of a loop through all
@@ -193,7 +196,9 @@ class BinnedSplitter {
     if (frame.steps == range.frame.steps) return bounds;
     range.frame = frame;
     return gather(range.count, pool, [&, to = rows(range, range.in_scratch)](std::size_t i) {
-      __builtin_prefetch(&prims_[to[std::min<std::size_t>(i + kAhead, range.count - 1)].position()]);
+      // No farther than the chunk: other threads write theirs.
+      const std::size_t ahead = std::min<std::size_t>({i + kAhead, i | (kChunk - 1), range.count - 1});
+      __builtin_prefetch(&prims_[to[ahead].position()]);
       const std::uint32_t position = to[i].position();
       const GridBox box = frame.snap(Box4::load(&prims_[position]), position);
       box.store(&to[i]);
