@@ -8,15 +8,14 @@
 #include <bit>
 #include <cstdint>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "builders/build_config.h"
 #include "builders/few_boxes.h"
 #include "builders/grid_bins.h"
+#include "builders/grid_partition.h"
 #include "builders/grid_ref.h"
 #include "builders/primitives.h"
-#include "builders/select_nth.h"
 #include "builders/top_down.h"
 #include "core/scratch.h"
 #include "core/steps.h"
@@ -40,7 +39,7 @@ class BinnedSplitter {
     memory_.expect(2 * prims.size() * sizeof(GridRef));
     refs_ = memory_.take<GridRef>(prims.size()), scratch_ = memory_.take<GridRef>(prims.size());
     root_.count = static_cast<std::uint32_t>(prims.size());
-    AlignedVector<Box4> boxes(chunk_count(root_.count));
+    AlignedVector<Box4> boxes(chunk_count_of(root_.count));
     for_rows(&pool, root_.count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
       Box4 box = Box4::empty();
       for (std::size_t i = begin; i < end; ++i) box.grow(Box4::load(&prims_[i]));
@@ -124,25 +123,6 @@ class BinnedSplitter {
     for_steps(count, cancel_, run);
   }
 
-  [[nodiscard]] static std::size_t chunk_count(std::uint32_t count) noexcept { return (count + kChunk - 1) / kChunk; }
-
-  [[nodiscard]] static bool is_left_of(const GridRef& ref, std::uint32_t axis, std::int32_t border) noexcept {
-    return ref.lower[axis] - ref.negated_upper[axis] < border;
-  }
-
-  // Copies what lies left of the border to `left` and on, the rest to `right` and back. Returns how many are left.
-  static std::size_t partition(const GridRef* from, std::size_t count, std::uint32_t axis, std::int32_t border,
-                               GridRef* left, GridRef* right) noexcept {
-    const GridRef* const first_left = left;
-    for (std::size_t i = 0; i < count; ++i) {
-      const bool is_left = is_left_of(from[i], axis, border);
-      Short8::load(&from[i]).store(is_left ? left : right);
-      left += is_left;
-      right -= !is_left;
-    }
-    return static_cast<std::size_t>(left - first_left);
-  }
-
   [[nodiscard]] GridRef* rows(const Range& range, bool in_scratch) noexcept {
     return (in_scratch ? scratch_ : refs_).data() + range.begin;
   }
@@ -222,7 +202,7 @@ class BinnedSplitter {
       for_steps(count, cancel_, grow);
       return all;
     }
-    AlignedVector<GridBounds> chunks(chunk_count(count));
+    AlignedVector<GridBounds> chunks(chunk_count_of(count));
     for_rows(pool, count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
       GridBounds bounds;
       for (std::size_t i = begin; i < end; ++i) bounds.grow(box_of(i));
@@ -285,7 +265,7 @@ class BinnedSplitter {
       return static_cast<std::uint32_t>(left);
     }
     // How many go left before each chunk says where one thread would have put its rows.
-    std::vector<std::size_t> left_before(chunk_count(range.count) + 1, 0);
+    std::vector<std::size_t> left_before(chunk_count_of(range.count) + 1, 0);
     for_rows(pool, range.count, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
       std::size_t count = 0;
       for (std::size_t i = begin; i < end; ++i) count += is_left_of(from[i], axis, border);
@@ -304,12 +284,7 @@ class BinnedSplitter {
     GridRef* refs = rows(range, range.in_scratch);
     const std::uint32_t half = range.count / 2;
     if (bounds.has_spread()) {
-      const auto axis = static_cast<std::size_t>(bounds.longest_axis());
-      const auto key = [axis](const GridRef& ref) {
-        return std::pair(ref.lower[axis] - ref.negated_upper[axis], ref.position());
-      };
-      select_nth(std::span(refs, range.count), half, cancel_,
-                 [&](const GridRef& a, const GridRef& b) { return key(a) < key(b); });
+      put_least_first({refs, range.count}, half, static_cast<std::size_t>(bounds.longest_axis()), cancel_);
     }
     set_rows(range, half, range.in_scratch, left, right);
   }

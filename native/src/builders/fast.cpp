@@ -27,7 +27,7 @@ struct Bounds {
 };
 
 [[nodiscard]] Bounds measure_bounds(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel) {
-  AlignedVector<Bounds> chunks((prims.size() + kItemsBetweenAsking - 1) / kItemsBetweenAsking);
+  AlignedVector<Bounds> chunks(chunk_count_of(prims.size()));
   for_chunks(pool, prims.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
     Bounds bounds;
     for (std::size_t i = begin; i < end; ++i) {
@@ -46,6 +46,7 @@ struct Bounds {
 class Curve {
  public:
   Curve(std::span<const PrimRef> prims, ThreadPool& pool, CancelToken& cancel) : prims_(prims) {
+    scratch_.expect(2 * prims.size() * sizeof(Key));
     const auto keys = scratch_.take<Key>(prims.size()), second = scratch_.take<Key>(prims.size());
     const Bounds bounds = measure_bounds(prims, pool, cancel);
     const MortonGrid grid(bounds.centers);
@@ -79,21 +80,18 @@ class Curve {
   ClusterTree tree_;
 };
 
-// What a cluster of two is made of.
+// What stands below a cluster. Without initial values: room for all of them is made at once.
 struct Contents {
-  std::uint32_t count = 1;  // references
-  float cost = 0.0f;
-  bool is_leaf = true;
+  std::uint32_t count;  // references
+  float cost;
+  bool is_leaf;
 };
 
 // From the lower clusters upwards: where a leaf costs no more than going on.
 class LeafChoice {
  public:
   LeafChoice(const ClusterTree& tree, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel)
-      : tree_(tree), config_(config) {
-    const std::size_t pairs = tree.top.end - tree.box_count;
-    pairs_.reserve(pairs);
-    for_steps(pairs, cancel, [&](std::size_t, std::size_t end) { pairs_.resize(end); });
+      : tree_(tree), config_(config), pairs_(tree.top.end - tree.box_count) {
     for_chunks(pool, tree.regions.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) choose(tree.regions[i].begin, tree.regions[i].end);
     });
@@ -105,7 +103,7 @@ class LeafChoice {
 
   [[nodiscard]] Contents of(std::uint32_t cluster) const noexcept {
     if (cluster >= tree_.box_count) return pairs_[cluster - tree_.box_count];
-    return {.cost = config_.intersection_cost * tree_.clusters[cluster].half_area()};
+    return {1, config_.intersection_cost * tree_.clusters[cluster].half_area(), true};
   }
 
  private:
@@ -125,7 +123,7 @@ class LeafChoice {
 
   const ClusterTree& tree_;
   const BuildConfig& config_;
-  AlignedVector<Contents> pairs_;
+  AlignedVector<Contents> pairs_;  // of clusters of two, by number less that of boxes
 };
 
 struct ClusterRange : BuildRange {

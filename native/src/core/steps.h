@@ -14,6 +14,11 @@ namespace perfect_bvh {
 // A question costs as much as some ten items.
 inline constexpr std::size_t kItemsBetweenAsking = 16384;
 
+// Into how many chunks of so many for_chunks() divides them.
+[[nodiscard]] constexpr std::size_t chunk_count_of(std::size_t item_count) noexcept {
+  return (item_count + kItemsBetweenAsking - 1) / kItemsBetweenAsking;
+}
+
 // On this thread alone: body(begin, end) for consecutive parts of [0, count), at least one. Nothing is asked of a count
 // that is one part.
 template <class Body>

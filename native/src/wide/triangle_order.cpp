@@ -1,10 +1,11 @@
 #include "wide/triangle_order.h"
 
+#include <algorithm>
 #include <array>
-#include <vector>
 
 #include "builders/morton.h"
 #include "builders/radix_sort.h"
+#include "core/aligned.h"
 #include "core/steps.h"
 #include "wide/leaf_block.h"
 
@@ -12,10 +13,6 @@ namespace perfect_bvh {
 namespace {
 
 using Key = std::uint64_t;
-
-constexpr std::size_t kChunk = 16384;
-
-[[nodiscard]] std::size_t chunk_count(std::size_t count) noexcept { return (count + kChunk - 1) / kChunk; }
 
 // The fourth lanes become 0.
 [[nodiscard]] Box4 join(const AlignedVector<Box4>& chunks) noexcept {
@@ -32,11 +29,11 @@ constexpr std::size_t kChunk = 16384;
 
 // Of all vertices.
 [[nodiscard]] Box4 measure_space(const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel) {
-  AlignedVector<Box4> chunks(chunk_count(mesh.positions.size()));
-  for_chunks(pool, mesh.positions.size(), kChunk, cancel, [&](std::size_t begin, std::size_t end) {
+  AlignedVector<Box4> chunks(chunk_count_of(mesh.positions.size()));
+  for_chunks(pool, mesh.positions.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
     Box4 box = Box4::empty();
     for (std::size_t i = begin; i < end; ++i) box.grow(load_position(&mesh.positions[i]));
-    chunks[begin / kChunk] = box;
+    chunks[begin / kItemsBetweenAsking] = box;
   });
   return join(chunks);
 }
@@ -47,8 +44,8 @@ constexpr std::size_t kChunk = 16384;
   const MortonGrid grid(space);
   const TriangleIndices* const triangles = mesh.triangles.data();
   const Vec3f* const positions = mesh.positions.data();
-  AlignedVector<Box4> chunks(chunk_count(keys.size()));
-  for_chunks(pool, keys.size(), kChunk, cancel, [&](std::size_t begin, std::size_t end) {
+  AlignedVector<Box4> chunks(chunk_count_of(keys.size()));
+  for_chunks(pool, keys.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
     Box4 all = Box4::empty();
     for (std::size_t i = begin; i < end; ++i) {
       const TriangleIndices corners = triangles[i];
@@ -59,7 +56,7 @@ constexpr std::size_t kChunk = 16384;
       all.grow(box);
       keys[i] = Key{grid.code(MortonGrid::center(box))} << 32 | i;
     }
-    chunks[begin / kChunk] = all;
+    chunks[begin / kItemsBetweenAsking] = all;
   });
   return join(chunks);
 }
