@@ -9,8 +9,6 @@
 namespace perfect_bvh {
 namespace {
 
-// In double, so that neither large nor many small boxes lose their share.
-double half_area(Vec3d e) noexcept { return e.x * e.y + e.y * e.z + e.z * e.x; }
 double half_area(const Bvh2Node& node) noexcept { return half_area(to_double(node.upper) - to_double(node.lower)); }
 
 // 0 if the boxes do not meet.

@@ -31,4 +31,19 @@ struct Aabb {
   }
 };
 
+// Half the surface area of a box of this size, in double: where many are added up, neither large nor many small boxes
+// lose their share.
+[[nodiscard]] constexpr double half_area(Vec3d size) noexcept {
+  return size.x * size.y + size.y * size.z + size.z * size.x;
+}
+// Not of an empty box.
+[[nodiscard]] constexpr double half_area(const Aabb& box) noexcept {
+  return half_area(to_double(box.upper) - to_double(box.lower));
+}
+// Of what lies in both boxes; 0 if they do not meet.
+[[nodiscard]] constexpr double shared_half_area(const Aabb& a, const Aabb& b) noexcept {
+  const Aabb shared{max(a.lower, b.lower), min(a.upper, b.upper)};
+  return shared.is_empty() ? 0.0 : half_area(shared);
+}
+
 }  // namespace perfect_bvh

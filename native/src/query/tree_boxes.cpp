@@ -13,11 +13,6 @@
 namespace perfect_bvh {
 namespace {
 
-double half_area(const Aabb& box) noexcept {
-  const Vec3d e = to_double(box.upper) - to_double(box.lower);
-  return box.is_empty() ? 0 : e.x * e.y + e.y * e.z + e.z * e.x;
-}
-
 // A child as its parent knows it.
 struct Entry {
   std::uint32_t child;
@@ -31,8 +26,7 @@ double shared_area(const WideNode& node, std::uint32_t lane) noexcept {
   double sum = 0;
   for (std::uint32_t other = 0; other < kWideWidth; ++other) {
     if (other == lane || node.child[other] == kNoChild) continue;
-    const Aabb box = child_box(node, other);
-    sum += half_area({max(own.lower, box.lower), min(own.upper, box.upper)});
+    sum += shared_half_area(own, child_box(node, other));
   }
   return sum;
 }

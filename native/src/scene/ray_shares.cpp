@@ -7,8 +7,6 @@ namespace {
 
 Vec3d magnitudes(Vec3d v) noexcept { return {std::abs(v.x), std::abs(v.y), std::abs(v.z)}; }
 
-double half_area(Vec3d e) noexcept { return e.x * e.y + e.y * e.z + e.z * e.x; }
-
 }  // namespace
 
 void RayShares::add(const Aabb& box, const Affine& map, std::size_t row) noexcept {

@@ -14,11 +14,6 @@ namespace {
 
 constexpr std::size_t kGrain = 512;  // nodes that a task works on
 
-double half_area(const Aabb& box) noexcept {
-  const Vec3d e = to_double(box.upper) - to_double(box.lower);
-  return e.x * e.y + e.y * e.z + e.z * e.x;
-}
-
 bool is_instance(std::uint32_t child) noexcept { return child >= kInstanceChild; }
 
 // Of its taken lanes; the others' boxes are inverted, so that they add nothing.

@@ -6,17 +6,13 @@
 #include "builders/quality.h"
 #include "core/steps.h"
 #include "math/float4.h"
+#include "wide/wide_boxes.h"
 
 namespace perfect_bvh {
 namespace {
 
 constexpr std::size_t kSamples = 4096;
 constexpr double kSolid = 3;  // halves of a box's surface, of triangles that leave no air in it
-
-double half_area(const Aabb& box) noexcept {
-  const Vec3d e = to_double(box.upper) - to_double(box.lower);
-  return e.x * e.y + e.y * e.z + e.z * e.x;
-}
 
 double triangle_area(const TriangleMesh& mesh, std::size_t index) noexcept {
   const TriangleIndices t = mesh.triangles[index];
@@ -31,10 +27,7 @@ Aabb box_of(const AlignedVector<Vec3f>& positions, CancelToken& cancel) {
     // Fourth lanes mean nothing.
     for (std::size_t i = begin; i < end; ++i) box.grow(Float4::load_unaligned(&positions[i]));
   });
-  alignas(16) float corners[8];
-  box.lower.store(&corners[0]);
-  box.upper.store(&corners[4]);
-  return {{corners[0], corners[1], corners[2]}, {corners[4], corners[5], corners[6]}};
+  return to_aabb(box);
 }
 
 }  // namespace

@@ -5,14 +5,6 @@
 #include "wide/wide_boxes.h"
 
 namespace perfect_bvh {
-namespace {
-
-double half_area(const Aabb& box) noexcept {
-  const Vec3d e = to_double(box.upper) - to_double(box.lower);
-  return e.x * e.y + e.y * e.z + e.z * e.x;
-}
-
-}  // namespace
 
 TraceWork measure_trace_work(const WideBvh& tree, const TriangleMesh& mesh, CancelToken& cancel) {
   if (tree.is_empty) return {};

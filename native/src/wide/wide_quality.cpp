@@ -7,17 +7,11 @@
 namespace perfect_bvh {
 namespace {
 
-double half_area(const Aabb& box) noexcept {
-  const Vec3d e = to_double(box.upper) - to_double(box.lower);
-  return box.is_empty() ? 0 : e.x * e.y + e.y * e.z + e.z * e.x;
-}
-
 double overlap_of_children(const WideNode& node) noexcept {
   double sum = 0;
   for (std::uint32_t a = 0; a < kWideWidth; ++a) {
     for (std::uint32_t b = 0; b < a; ++b) {
-      const Aabb first = child_box(node, a), second = child_box(node, b);
-      sum += half_area({max(first.lower, second.lower), min(first.upper, second.upper)});
+      sum += shared_half_area(child_box(node, a), child_box(node, b));
     }
   }
   return sum;
