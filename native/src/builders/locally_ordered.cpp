@@ -192,7 +192,9 @@ class RadixStack {
  private:
   static constexpr std::uint64_t kBorderOfRegion = ~std::uint64_t{0};
   static constexpr std::uint32_t kNone = ~0u;
-  static constexpr std::size_t kMostDepth = 64;  // borders on the stack differ in their highest bits
+  // Borders on the stack differ in their highest bits, which are 40 at most here. Where boxes stand for several codes,
+  // as runs of triangles do, those inside one run's subtree may not: but there are no more than 16 of them.
+  static constexpr std::size_t kMostDepth = 64;
 
   struct Entry {
     std::uint32_t cluster, first_box;

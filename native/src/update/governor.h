@@ -66,7 +66,7 @@ struct UpdateQuestion {
 
 struct Alternative {
   UpdateAction action;
-  BuilderKind builder;  // kAuto where no tree is built
+  BuilderKind builder;  // of the tree that would be built or is held; kAuto where none was weighed
   double update_nanoseconds;
   std::optional<double> trace_nanoseconds;  // unknown without expected rays
 };

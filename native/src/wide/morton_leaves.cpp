@@ -4,10 +4,10 @@
 #include <array>
 #include <limits>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "core/errors.h"
-#include "core/scratch.h"
 #include "core/steps.h"
 #include "wide/leaf_block.h"
 #include "wide/run_cutter.h"
@@ -137,15 +137,21 @@ void fill_indexed_leaves(const TriangleMesh& mesh, const TriangleOrder& order, s
   }
 }
 
+void check_count(std::size_t count, bool is_compact) {
+  constexpr std::size_t kMostNumbers = std::numeric_limits<std::int32_t>::max();
+  const std::size_t most = is_compact ? kMostNumbers : std::min(kMostNumbers, kMostCutTriangles);
+  if (count <= most) return;
+  throw EngineError("the fast builder takes at most " + std::to_string(most) + " triangles in this layout, got " +
+                    std::to_string(count) + "; choose another builder, or divide the mesh");
+}
+
 }  // namespace
 
 MortonLeaves make_morton_leaves(const TriangleMesh& mesh, TreeLayout layout, Scratch& tree_memory, ThreadPool& pool,
                                 CancelToken& cancel) {
   const std::size_t count = mesh.triangle_count();
-  if (count > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max())) {
-    throw EngineError("the mesh has more triangles than a tree can refer to");
-  }
   const bool is_compact = layout == TreeLayout::kCompact;
+  check_count(count, is_compact);
   const std::size_t vertex_memory = mesh.positions.size() * sizeof(std::uint32_t);  // of a thread
   Scratch scratch;
   scratch.expect(order_byte_count(count) + (is_compact ? count : 16 * count + vertex_memory));

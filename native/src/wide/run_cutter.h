@@ -17,8 +17,11 @@ namespace perfect_bvh {
 
 inline constexpr std::size_t kRunChunk = 1024;  // triangles cut together; no run spans two chunks
 inline constexpr std::uint32_t kLeafSize = 8;   // triangles that a leaf holds, and vertices that a block does
-inline constexpr std::uint32_t kMostBack = 3 * kLeafSize;  // corners; what lies farther back is in no run together
-inline constexpr std::size_t kCornersAhead = 48;           // whose vertices are fetched before they are needed
+inline constexpr std::uint32_t kMostBack = 3 * kLeafSize;       // corners; what lies farther back is in no run together
+inline constexpr std::uint32_t kLongAgo = ~0u - 2 * kMostBack;  // as a corner's number: far before corner 0
+// Where a leaf holds its vertices: all corners are numbered below kLongAgo.
+inline constexpr std::size_t kMostCutTriangles = kLongAgo / 3;
+inline constexpr std::size_t kCornersAhead = 48;  // whose vertices are fetched before they are needed
 
 // Of all triangles, in the order of the curve.
 struct Runs {
@@ -49,8 +52,8 @@ class RunCutter {
   const TriangleOrder& order_;
   std::span<std::uint32_t> last_corners_;  // by vertex: 3 * place + corner
   Runs& runs_;
-  std::array<std::uint32_t, kRunChunk>
-      newness_{};  // by triangle of the chunk: see kNewness; 0 where vertices do not count
+  // By triangle of the chunk: see kNewness; 0 where vertices do not count.
+  std::array<std::uint32_t, kRunChunk> newness_{};
 };
 
 }  // namespace perfect_bvh
