@@ -27,7 +27,7 @@ Index = tuple[Any, ...]
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """index: of the batch's shape. rows: the same in the flattened batch. columns: contiguous."""
+    """index: of the batch's shape. rows: the same in the flattened batch. columns: as the engine takes them."""
 
     index: Index
     rows: slice
@@ -75,7 +75,7 @@ class _Column:
 
 
 def _as_contiguous(values: npt.NDArray[Any], dtype: type[np.generic]) -> npt.NDArray[Any]:
-    """Aligned as well."""
+    """The values as a C-contiguous, aligned array of that dtype; themselves if they are one."""
     if values.dtype == dtype and values.flags.aligned:
         return np.ascontiguousarray(values)
     with np.errstate(over="ignore", invalid="ignore"):  # what float32 cannot hold is infinite
@@ -112,7 +112,7 @@ class Batch:
         return tuple(column.values for column in self._columns)
 
     def gather(self, rows: npt.NDArray[np.int64]) -> Columns:
-        """The columns of some rows of the flattened batch, contiguous."""
+        """The columns of some rows of the flattened batch, contiguous; of a shared value a single row."""
         index = np.unravel_index(rows, self.shape) if self.shape else (...,)
         return tuple(column.take(self.shape, index) for column in self._columns)
 
