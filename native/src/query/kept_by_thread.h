@@ -2,7 +2,11 @@
 // which the system would hand out page by page each time.
 #pragma once
 
+#include <cstddef>
+#include <span>
 #include <utility>
+
+#include "core/aligned.h"
 
 namespace perfect_bvh {
 
@@ -26,5 +30,12 @@ class KeptByThread {
   }
   T value_;
 };
+
+// The first `count` elements of an array that is kept, whatever they hold.
+template <class T>
+[[nodiscard]] std::span<T> room_for(AlignedVector<T>& kept, std::size_t count) {
+  if (kept.size() < count) kept.resize(count);
+  return {kept.data(), count};
+}
 
 }  // namespace perfect_bvh

@@ -11,12 +11,6 @@ std::size_t block_rays(const RayColumns& columns) {
   return columns.strategy == Strategy::kAuto ? large_block_rays(columns.count) : kBlockRays;
 }
 
-template <class T>
-std::span<T> room_for(AlignedVector<T>& kept, std::size_t count) {
-  if (kept.size() < count) kept.resize(count);
-  return {kept.data(), count};
-}
-
 }  // namespace
 
 BatchSummary cast_rays(const Snapshot& snapshot, const RayColumns& columns, const HitColumns& out, ThreadPool& pool,

@@ -85,10 +85,9 @@ std::size_t for_each_block(const RayColumns& columns, ThreadPool& pool, int max_
   std::atomic<std::size_t> invalid_count{0};
   const auto trace_task = [&](std::size_t begin, std::size_t end) {
     KeptByThread<AlignedVector<Ray>> kept;
-    if (kept->size() < block_rays) kept->resize(block_rays);
     std::size_t invalid = 0;
     for (std::size_t first = begin; first < end; first += block_rays) {
-      const std::span<Ray> rays(kept->data(), std::min(block_rays, end - first));
+      const std::span<Ray> rays = room_for(*kept, std::min(block_rays, end - first));
       invalid += load_rays(columns, first, rays);
       block(std::span<const Ray>(rays), first);
     }
