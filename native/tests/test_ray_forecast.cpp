@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -234,6 +235,32 @@ TEST_F(Forecast, ABetterTreeThatWasStoppedIsBuiltByTheNextCommit) {
   EXPECT_THROW(static_cast<void>(scene_.commit(pool_, stopped, on_machine(1e12))), Cancelled);
   EXPECT_EQ(scene_.snapshot(), before);
   EXPECT_EQ(commit().meshes.at(0).builder, std::string("spatial")) << "what was told counts";
+}
+
+// At whichever question: nothing was edited, so what is committed can be asked for all the time.
+TEST_F(Forecast, ACommitOfABetterTreeThatIsStoppedLeavesTheSnapshot) {
+  add(crossed_);
+  static_cast<void>(commit());
+  const std::uint64_t generation = scene_.snapshot()->generation;
+  CommitOptions options;
+  options.expected_rays = 1e12;
+  options.calibration = machine();
+  ThreadPool alone(1);
+  int stops = 0;
+  for (bool is_done = false; !is_done;) {
+    int questions = 0;
+    CancelToken cancel([&](float) { return questions++ < stops; }, std::chrono::milliseconds(0));
+    try {
+      static_cast<void>(scene_.commit(alone, cancel, options));
+      is_done = true;
+    } catch (const Cancelled&) {
+      ++stops;
+      ASSERT_TRUE(scene_.is_current()) << stops;
+      ASSERT_EQ(scene_.snapshot()->generation, generation) << stops;
+    }
+  }
+  EXPECT_GT(stops, 3);
+  EXPECT_EQ(builder(), "spatial");
 }
 
 TEST_F(Forecast, HitsAreTheSameInTheBetterTree) {

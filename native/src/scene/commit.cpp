@@ -1,5 +1,6 @@
 // Scene::commit: from edits to a new snapshot. Everything new is made aside and swapped in at the end; only the last
-// snapshot's memory is used again, where no query holds it. So an exception anywhere leaves the edits pending.
+// snapshot's memory is used again, where no query holds it or can ask for it. So an exception anywhere leaves the edits
+// pending, and without edits the last snapshot.
 
 #include <algorithm>
 #include <utility>
@@ -52,10 +53,12 @@ PlacedMeshes Scene::meshes_to_place(std::span<const BlasResult> results) const {
 }
 
 // What the next snapshot begins as: the last one with its arrays, which are the largest part of a scene of many
-// instances, or, where another owner holds that, a copy of its trees. While edits are pending it cannot be asked for.
+// instances, or, where another owner holds that, a copy of its trees. While edits are pending it cannot be asked for;
+// where a tree is only replaced by a better one it can, and stays.
 std::shared_ptr<Snapshot> Scene::take_last_snapshot() {
   const std::lock_guard lock(state_mutex_);
-  if (snapshot_.use_count() == 1) {
+  const bool may_be_asked_for = edit_count_ == committed_edit_count_ && stale_reason_.empty();
+  if (!may_be_asked_for && snapshot_.use_count() == 1) {
     // Others may have just let go of it: a copy that comes and goes is ordered after all that they read.
     std::shared_ptr<const Snapshot>(snapshot_).reset();
     return std::const_pointer_cast<Snapshot>(std::exchange(snapshot_, nullptr));
@@ -66,6 +69,18 @@ std::shared_ptr<Snapshot> Scene::take_last_snapshot() {
   snapshot->top_level_builder = snapshot_->top_level_builder, snapshot->built_cost = snapshot_->built_cost;
   snapshot->tried_clustering = snapshot_->tried_clustering;
   return snapshot;
+}
+
+std::shared_ptr<const Snapshot> Scene::assemble_snapshot(std::span<const BlasResult> results, const RayForecast& rays,
+                                                         TopLevelReport& report, ThreadPool& pool,
+                                                         CancelToken& cancel) {
+  const PlacedMeshes meshes = meshes_to_place(results);
+  auto assembled = take_last_snapshot();
+  report = assemble(*assembled, meshes, instances_, rays.expected, pool, cancel);
+  assembled->generation = generation_ + 1;
+  assembled->scene_id = id_;
+  assembled->rays_cast = rays_cast_;
+  return assembled;
 }
 
 CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOptions& options) {
@@ -87,18 +102,11 @@ CommitReport Scene::commit(ThreadPool& pool, CancelToken& cancel, const CommitOp
   report.kept_count = meshes_.size() - made;
   report.mesh_milliseconds = watch.milliseconds();
 
-  std::shared_ptr<const Snapshot> snapshot = snapshot_;
-  // Else what is committed is what there is: keep it.
-  if (!snapshot || edit_count_ != committed_edit_count_ || made > 0) {
-    const PlacedMeshes meshes = meshes_to_place(results);
-    snapshot.reset();
-    auto assembled = take_last_snapshot();
-    report.top_level = assemble(*assembled, meshes, instances_, rays.expected, pool, cancel);
-    assembled->generation = generation_ + 1;
-    assembled->scene_id = id_;
-    assembled->rays_cast = rays_cast_;
-    snapshot = std::move(assembled);
+  std::shared_ptr<const Snapshot> snapshot;
+  if (!snapshot_ || edit_count_ != committed_edit_count_ || made > 0) {
+    snapshot = assemble_snapshot(results, rays, report.top_level, pool, cancel);
   } else {
+    snapshot = snapshot_;  // what is committed is what there is
     report.top_level.reason = "nothing was edited";
   }
   report.baked_count = snapshot->blases.size() - snapshot->meshes.size();

@@ -147,7 +147,10 @@ class Scene {
                                                            const CommitOptions& options, ThreadPool& pool,
                                                            CancelToken& cancel);
   [[nodiscard]] PlacedMeshes meshes_to_place(std::span<const BlasResult> results) const;
-  std::shared_ptr<Snapshot> take_last_snapshot();
+  [[nodiscard]] std::shared_ptr<Snapshot> take_last_snapshot();
+  [[nodiscard]] std::shared_ptr<const Snapshot> assemble_snapshot(std::span<const BlasResult> results,
+                                                                  const RayForecast& rays, TopLevelReport& report,
+                                                                  ThreadPool& pool, CancelToken& cancel);
   void publish(std::shared_ptr<const Snapshot> snapshot, std::span<BlasResult> results, const RayForecast& rays,
                std::uint64_t stale_count) noexcept;
 
@@ -164,7 +167,7 @@ class Scene {
 
   mutable std::mutex state_mutex_;            // held briefly; taken after edit_mutex_ if both are
   std::uint64_t edit_count_ = 0;              // changes only while edit_mutex_ is held, too
-  std::shared_ptr<const Snapshot> snapshot_;  // null before the first commit, and after one that failed
+  std::shared_ptr<const Snapshot> snapshot_;  // null before the first commit, and after one of edits that failed
   std::uint64_t generation_ = 0;              // of the last commit
   std::uint64_t committed_edit_count_ = 0;
   std::string stale_reason_;
