@@ -111,8 +111,8 @@ double gain_share(BuilderKind builder, double air) {
   return builder == BuilderKind::kSpatial ? std::clamp((air - 5.0) / 7.0, 0.0, 1.0) : 1.0;
 }
 
-// Of building beside what it was measured to take. Where cutting triangles pays, more of them are cut than where it was
-// measured: on the meshes above that took from 1.0 to 4.5 times as long.
+// By which factor building takes longer than it was measured to. Where cutting triangles pays, more of them are cut
+// than on the meshes of the calibration: on those above that took from 1.0 to 4.5 times as long.
 double build_share(BuilderKind builder, double air) {
   return builder == BuilderKind::kSpatial ? 1.0 + 1.5 * gain_share(builder, air) : 1.0;
 }

@@ -17,9 +17,9 @@
 namespace perfect_bvh {
 namespace {
 
-// A run's vertices: each once, and every corner's place among them. Where a corner's vertex occurred before, the
-// cutter has noted. Triangles by their numbers. Loops of unforeseeable length cost as much as all else here: there is
-// one.
+// A run's vertices, each once, and every corner's place among them; and the triangles' numbers. The cutter has noted
+// how long ago a corner's vertex occurred. A loop whose length cannot be foreseen costs as much as all else here: there
+// is but one.
 struct RunContents {
   std::array<std::uint32_t, kLeafSize + 1> vertices;
   std::uint32_t vertex_count = 0;
@@ -31,7 +31,7 @@ struct RunContents {
     numbers.fill(std::numeric_limits<std::int32_t>::max());
     const Vec3f* const positions = mesh.positions.data();
     std::array<std::uint8_t, kMostBack + 3 * kLeafSize> places_of;
-    std::uint8_t* const place_of = places_of.data() + kMostBack;  // what lies before it is read, but not used
+    std::uint8_t* const place_of = places_of.data() + kMostBack;  // with room before it: no branch is needed to read
     const auto place = [&](std::uint32_t corner) {
       const std::uint32_t back = way_back[corner], vertex = corner_vertices[corner];
       __builtin_prefetch(positions + corner_vertices[corner + kCornersAhead]);
