@@ -50,7 +50,7 @@ inline std::vector<ReferenceHit> reference_hits(const Snapshot& snapshot, const 
       for (Vec3f& corner : p) corner = corner * instance.blas->wide.scale;
       const float* const rows[3] = {&p[0].x, &p[1].x, &p[2].x};
       TriangleHit hit;
-      if (!intersect_triangle(triangle_ray, rows, hit)) continue;
+      if (!intersect_triangle(triangle_ray, local.origin, local.direction, rows, hit)) continue;
       const double t = to_ray_t(local.time, hit.t);
       const float narrowed = static_cast<float>(t);
       if (!(narrowed >= ray.t_min && narrowed <= ray.t_max && narrowed < kInfiniteDistance)) continue;

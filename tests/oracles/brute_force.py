@@ -9,8 +9,10 @@ An answer is right if
 - it names a triangle that is not surely missed, with the oracle's t for it (within `t_bound`), and no surely hit
   triangle lies nearer than the answer by more than the two bounds.
 Bounds: with u = 2^-24 and all lengths in world units, rounding the ray moves it by at most 4 u (M + |o|), M the largest
-coordinate of the instance about its own origin or in the world, whichever is greater. Along the ray that shows divided
-by |d| |cos| (the angle of ray and normal), plus 2 u |t| for rounding t itself.
+coordinate of the instance about its own origin or in the world, whichever is greater. t of a surely hit triangle is
+that of its plane, however large the triangle: right to 2 u |t|, and what double precision loses by M and |o|. That of
+an ambiguous one may be where the moved ray is: the margin shows along the ray divided by |d| |cos| (the angle of ray
+and normal).
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 ULP = 2.0**-24
+_DOUBLES = 2.0**-22  # of the margin: what double precision loses where float loses that
 _PAIRS_AT_A_TIME = 100_000  # so that arrays of them stay in a core's cache
 
 F64 = npt.NDArray[np.float64]
@@ -99,7 +102,7 @@ def _classify(world: WorldTriangles, origins: F64, directions: F64) -> _Block:
     with np.errstate(divide="ignore", invalid="ignore"):
         t = ((normal * corners[:, 0]).sum(axis=1) - origins @ normal.T) / facing
         t = np.where(np.isfinite(t), t, np.nan)  # in its own plane: nowhere and everywhere
-        t_bound = 2.0 * ULP * np.abs(t) + margin / (length[:, None] * cosine)
+        moved = margin / (length[:, None] * cosine)
     turn = np.sign(facing)
     moment = np.cross(origins, directions)
     inside = np.full(t.shape, np.inf)
@@ -113,7 +116,9 @@ def _classify(world: WorldTriangles, origins: F64, directions: F64) -> _Block:
         inside = np.minimum(inside, distance)
     # Seen almost edge-on the three distances say nothing about t: leave such triangles ambiguous.
     edge_on = ~np.isfinite(t) | (cosine < 1e-6) | (area[None, :] == 0.0)
-    return _Block(t, t_bound, (inside > margin) & ~edge_on, (inside < -margin) & ~edge_on)
+    sure = (inside > margin) & ~edge_on
+    t_bound = 2.0 * ULP * np.abs(t) + np.where(sure, _DOUBLES * moved, moved)
+    return _Block(t, t_bound, sure, (inside < -margin) & ~edge_on)
 
 
 def _lengths_of_crosses(sides: F64, directions: F64) -> F64:

@@ -10,10 +10,15 @@
 // sum U_i x'_i would be 0; so |sum w_i x'_i| <= 2 u (R_a + |s| R_k) + the bound above. The computed t is
 // sum w_i z_i / d_k within 8 u R_k / |d_k| (z: 1, accumulation: 3, sum of the U: 2, product: 1, division: 1). Together:
 //   |o_a + t d_a - P_a| <= u (4 R_a + 14 |s| R_k).
-// No determinant appears in it: however thin the triangle and however grazing the ray, the accepted t is where the ray
-// is within a few roundings of a point P of that very triangle.
+// No determinant appears in it: however thin the triangle and however grazing the ray, that t is where the ray is
+// within a few roundings of a point P of that very triangle. Call it the weighted t.
+// The t of a hit is that of the triangle's plane, rounded to float, which is exact, but may be anywhere where the plane
+// is seen steeply. It is taken if it is within 32 u R_k / |d_k| of the weighted t; or if the ray's point there lies in
+// the triangle: then P is that point, and the roundings of t and of the ray to float come to u (R_a / |d_a| +
+// 2 R_k / |d_k|). Else it is brought
+// within 32 u R_k / |d_k| of the weighted t: the ray passes an edge of a triangle that it sees almost edge-on.
 // The slab test's own roundings (near = plane * inv - fl(o * inv + e), one fused operation) come to 4 u R_a / |d_a|.
-// A t near zero is refined, which moves it by at most 32 u R_k / |d_k|. So with
+// With the 32 u R_k / |d_k| from above,
 //   e_a >= u (8 R_a / |d_a| + 46 R_k / |d_k|)
 // near <= t <= far holds, in floating point, for every box that contains P; and, the operations being monotone in the
 // planes, for every box around that one. P lies in the boxes of all nodes above the triangle, or, if references were
@@ -37,7 +42,7 @@ struct TreeExtent {
 // The bounds above, rounded up for the roundings of e itself.
 inline constexpr float kPlaneSlack = 9.0f * 0x1p-24f;
 inline constexpr float kDepthSlack = 48.0f * 0x1p-24f;
-inline constexpr float kRefineReach = 32.0f * 0x1p-24f;
+inline constexpr float kPlaneReach = 32.0f * 0x1p-24f;
 inline constexpr float kSmallestShare = 0x1p-40f;
 inline constexpr float kReachShare = 0x1p-18f;
 

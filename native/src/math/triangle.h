@@ -4,7 +4,11 @@
 // alike; it is formed with the products' rounding errors recovered (Kahan's product difference), so that its sign is
 // right, and zero only if it is zero. So no ray passes between two triangles that share an edge, or through a vertex
 // of a closed mesh. Products that underflow may be taken for zero, which counts as inside: still no gap.
-// How far t may be from the truth, and why no box loses it: math/slab.h.
+//
+// The weights of the sheared corners say whether there is a hit, and what u and v are; t comes from the triangle's
+// plane, in double, and is the float nearest to it: the corners' depths, weighted, would be off by a few roundings of
+// the corners' distance, which on a ground of kilometres is centimetres.
+// What t is where a plane is seen so steeply that it says nothing, and why no box loses a hit: math/slab.h.
 #pragma once
 
 #include <cstdint>
@@ -18,8 +22,7 @@ struct TriangleRay {
   float origin[3];  // along the axes x, y and z of the sheared frame
   float shear_x, shear_y;
   float direction_z;
-  // Below this |t| is computed again in double, so that a ray from a point of the triangle's plane meets it at 0.
-  float refine_below;
+  float plane_slack;      // how far t of the plane may be from that of the weighted corners, and be taken unseen
   std::uint8_t axes[3];  // which axes of the mesh are x, y and z: z is the direction's longest, x the one after it
   bool runs_down;        // direction_z < 0: then a triangle of positive weights shows its back, otherwise its front
 };
@@ -33,30 +36,71 @@ static inline void set_triangle_ray(TriangleRay& ray, const float origin[3], con
   ray.shear_x = direction[ray.axes[0]] * inverse;
   ray.shear_y = direction[ray.axes[1]] * inverse;
   ray.direction_z = direction[longest];
-  ray.refine_below = kRefineReach * ((extent.largest[longest] + magnitude(origin[longest])) * magnitude(inverse));
+  ray.plane_slack = kPlaneReach * ((extent.largest[longest] + magnitude(origin[longest])) * magnitude(inverse));
   ray.runs_down = direction[longest] < 0.0f;
 }
 
-// t by the plane equation in double, for a hit that the sheared test found at `t`; it moves by refine_below at most.
-// The corners, like the ray's origin, are given along the sheared frame's axes.
-static inline float refine_t(const TriangleRay& ray, const float a[3], const float b[3], const float c[3],
-                             float t) noexcept {
-  double to_b[3], to_c[3], to_a[3];
+// A triangle's plane in the mesh's own frame, by a point of it and its normal.
+struct TrianglePlane {
+  double point[3], normal[3];
+};
+
+static inline TrianglePlane plane_of(const float a[3], const float b[3], const float c[3]) noexcept {
+  TrianglePlane plane;
+  double to_b[3], to_c[3];
   for (int i = 0; i < 3; ++i) {
-    to_b[i] = static_cast<double>(b[i]) - static_cast<double>(a[i]);
-    to_c[i] = static_cast<double>(c[i]) - static_cast<double>(a[i]);
-    to_a[i] = static_cast<double>(a[i]) - static_cast<double>(ray.origin[i]);
+    plane.point[i] = static_cast<double>(a[i]);
+    to_b[i] = static_cast<double>(b[i]) - plane.point[i];
+    to_c[i] = static_cast<double>(c[i]) - plane.point[i];
   }
-  const double nx = to_b[1] * to_c[2] - to_b[2] * to_c[1];
-  const double ny = to_b[2] * to_c[0] - to_b[0] * to_c[2];
-  const double nz = to_b[0] * to_c[1] - to_b[1] * to_c[0];
-  // The ray as the shear sees it: direction (shear_x, shear_y, 1), t in multiples of direction_z.
-  const double speed = nx * static_cast<double>(ray.shear_x) + ny * static_cast<double>(ray.shear_y) + nz;
-  const double refined = (nx * to_a[0] + ny * to_a[1] + nz * to_a[2]) / (speed * static_cast<double>(ray.direction_z));
-  const float lowest = t - ray.refine_below, highest = t + ray.refine_below;
-  const float narrowed = static_cast<float>(refined);
-  if (!(narrowed >= lowest)) return refined < static_cast<double>(lowest) ? lowest : t;  // NaN: the plane holds the ray
+  plane.normal[0] = to_b[1] * to_c[2] - to_b[2] * to_c[1];
+  plane.normal[1] = to_b[2] * to_c[0] - to_b[0] * to_c[2];
+  plane.normal[2] = to_b[0] * to_c[1] - to_b[1] * to_c[0];
+  return plane;
+}
+
+// Where a ray in the mesh's own frame, not sheared, meets the plane. Not finite if the plane holds its direction.
+static inline double plane_t(const TrianglePlane& plane, const double origin[3], const double direction[3]) noexcept {
+  const double *const n = plane.normal, *const p = plane.point;
+  const double away = (n[0] * (p[0] - origin[0]) + n[1] * (p[1] - origin[1])) + n[2] * (p[2] - origin[2]);
+  return away / ((n[0] * direction[0] + n[1] * direction[1]) + n[2] * direction[2]);
+}
+
+// Whether the ray's point at `t`, in the plane, lies in the triangle.
+static inline bool is_inside(const TrianglePlane& plane, const float* const corners[3], const double origin[3],
+                             const double direction[3], double t) noexcept {
+  double to[3][3];
+  for (int corner = 0; corner < 3; ++corner) {
+    for (int i = 0; i < 3; ++i) {
+      to[corner][i] = static_cast<double>(corners[corner][i]) - (origin[i] + t * direction[i]);
+    }
+  }
+  for (int corner = 0; corner < 3; ++corner) {
+    const double *const v = to[corner], *const w = to[corner == 2 ? 0 : corner + 1];
+    const double side = (plane.normal[0] * (v[1] * w[2] - v[2] * w[1]) + plane.normal[1] * (v[2] * w[0] - v[0] * w[2])) +
+                        plane.normal[2] * (v[0] * w[1] - v[1] * w[0]);
+    if (!(side >= 0.0)) return false;
+  }
+  return true;
+}
+
+// t of a hit that the weighted corners put at `weighted`: that of the plane, unless it is further from there than
+// rounding moves a point of the triangle, and not in the triangle either; then as near to it as may be.
+static inline float settle_t(const TriangleRay& ray, const TrianglePlane& plane, const float* const corners[3],
+                             const double origin[3], const double direction[3], float weighted) noexcept {
+  const double exact = plane_t(plane, origin, direction);
+  const float narrowed = static_cast<float>(exact);
+  if (magnitude(narrowed - weighted) <= ray.plane_slack) return narrowed;
+  if (is_inside(plane, corners, origin, direction, exact)) return narrowed;
+  const float lowest = weighted - ray.plane_slack, highest = weighted + ray.plane_slack;
+  if (!(narrowed >= lowest)) return exact < static_cast<double>(lowest) ? lowest : weighted;
   return narrowed <= highest ? narrowed : highest;
+}
+
+// The corners' depths along the sheared z, weighted; the weights need not sum to 1.
+static inline float weighted_t(const TriangleRay& ray, const float weights[3], float sum, const float z[3]) noexcept {
+  const float depth = __builtin_fmaf(weights[2], z[2], __builtin_fmaf(weights[1], z[1], weights[0] * z[0]));
+  return depth / (sum * ray.direction_z);
 }
 
 struct TriangleHit {
@@ -71,8 +115,9 @@ static inline float product_difference(float a, float b, float c, float d) noexc
 }
 
 // True if the ray's line passes through the triangle: edges and vertices count, triangles seen exactly edge-on do not.
-static inline bool intersect_triangle(const TriangleRay& ray, const float* const corners[3],
-                                      TriangleHit& hit) noexcept {
+// origin, direction: what `ray` was made of, before it was narrowed to float.
+static inline bool intersect_triangle(const TriangleRay& ray, const double origin[3], const double direction[3],
+                                      const float* const corners[3], TriangleHit& hit) noexcept {
   float p[3][3], x[3], y[3], z[3];
   for (int i = 0; i < 3; ++i) {
     for (int k = 0; k < 3; ++k) p[i][k] = corners[i][ray.axes[k]];
@@ -87,9 +132,9 @@ static inline bool intersect_triangle(const TriangleRay& ray, const float* const
   if (!(least >= 0.0f || most <= 0.0f)) return false;
   const float sum = (a + b) + c;
   if (sum == 0.0f) return false;
-  const float depth = __builtin_fmaf(c, z[2], __builtin_fmaf(b, z[1], a * z[0]));
-  hit.t = depth / (sum * ray.direction_z);
-  if (magnitude(hit.t) <= ray.refine_below) hit.t = refine_t(ray, p[0], p[1], p[2], hit.t);
+  const float weights[3] = {a, b, c};
+  const TrianglePlane plane = plane_of(corners[0], corners[1], corners[2]);
+  hit.t = settle_t(ray, plane, corners, origin, direction, weighted_t(ray, weights, sum, z));
   hit.u = b / sum;
   hit.v = c / sum;
   hit.is_front = (sum > 0.0f) != ray.runs_down;

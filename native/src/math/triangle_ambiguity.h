@@ -12,6 +12,8 @@
 namespace perfect_bvh {
 
 inline constexpr double kFloatUlp = 0x1p-24;
+// Of the margin: what double precision loses where float loses that.
+inline constexpr double kDoubles = 0x1p-22;
 
 struct JudgedRay {
   Vec3d origin, direction;
@@ -68,7 +70,9 @@ struct JudgedHit {
   const Vec3d from_origin[3] = {triangle.corners[0] - ray.origin, triangle.corners[1] - ray.origin,
                                 triangle.corners[2] - ray.origin};
   result.t = dot(triangle.normal, from_origin[0]) / facing;
-  result.bound = 2.0 * kFloatUlp * std::abs(result.t) + margin * std::sqrt(triangle.squared_area) / std::abs(facing);
+  const double rounding = 2.0 * kFloatUlp * std::abs(result.t);
+  const double moved = margin * std::sqrt(triangle.squared_area) / std::abs(facing);
+  result.bound = rounding + moved;
   if (!std::isfinite(result.t) || !std::isfinite(result.bound)) return result;
   result.has_t = true;
   result.is_front = facing < 0;
@@ -83,6 +87,7 @@ struct JudgedHit {
     result.surely_missed |= volume < 0;
   }
   result.surely_hit = inside == 3;
+  if (result.surely_hit) result.bound = rounding + kDoubles * moved;  // t is that of the plane
   return result;
 }
 

@@ -2,9 +2,9 @@
 // these functions, so that each of them gives a triangle the same t. A `Leaf` is a LeafBlock, or the GatheredLeaf that
 // was made of an IndexedLeaf. Part of stream_kernel.inl: everything has internal linkage.
 
-// Of each lane; `lanes` has those whose t may be in range.
+// Of each lane; `lanes` has those that the ray's line passes through, and whose t may be in range.
 struct LeafTest {
-  Float8 t, sum, weight_v1, weight_v2;
+  Float8 weight_v0, weight_v1, weight_v2, sum;
   unsigned lanes;
 };
 
@@ -48,6 +48,18 @@ PERFECT_BVH_INLINE ShearedCorners shear(const GatheredLeaf& leaf, const Triangle
   return at;
 }
 
+// Depths, along the sheared z, between which a triangle must have a point to be met in a range of t. As a hit's t is
+// within plane_slack of a depth of the triangle's, and a few roundings, twice that is added.
+struct DepthRange {
+  float lowest, highest;
+};
+
+PERFECT_BVH_INLINE DepthRange depth_range(const TriangleRay& ray, float t_min, float t_limit) noexcept {
+  const float slack = 2.0f * ray.plane_slack;
+  const float first = (t_min - slack) * ray.direction_z, last = (t_limit + slack) * ray.direction_z;
+  return ray.runs_down ? DepthRange{last, first} : DepthRange{first, last};
+}
+
 template <class Leaf>
 PERFECT_BVH_INLINE LeafTest test_leaf(const Leaf& leaf, const TriangleState& triangle, const float& t_min,
                                       const float& t_limit) noexcept {
@@ -58,19 +70,21 @@ PERFECT_BVH_INLINE LeafTest test_leaf(const Leaf& leaf, const TriangleState& tri
   const Float8 weight2 = difference(x1, y0, y1, x0);
   const Float8 least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
   const Float8 sum = add(add(weight0, weight1), weight2);
-  const Float8 t = div(fmadd(weight2, z2, fmadd(weight1, z1, mul(weight0, z0))), mul(sum, broadcast(ray.direction_z)));
   const Mask8 inside = both(either(less_equal(zero(), least), less_equal(most, zero())), not_equal(sum, zero()));
-  const Mask8 in_range = both(less_equal(broadcast(t_min), t), less_equal(t, broadcast(t_limit)));
-  const Mask8 at_origin = less_equal(abs(t), broadcast(ray.refine_below));
-  return {t, sum, weight1, weight2, bits(both(inside, either(in_range, at_origin)))};
+  const DepthRange range = depth_range(ray, t_min, t_limit);
+  const Float8 nearest = min(min(z0, z1), z2), farthest = max(max(z0, z1), z2);
+  const Mask8 in_range =
+      both(less_equal(broadcast(range.lowest), farthest), less_equal(nearest, broadcast(range.highest)));
+  return {weight0, weight1, weight2, sum, bits(both(inside, in_range))};
 }
 
 // The lanes of a LeafTest in memory, to be looked at one by one.
 struct LeafCandidates {
   explicit LeafCandidates(const LeafTest& test) noexcept {
-    store(t, test.t), store(sums, test.sum), store(weights_v1, test.weight_v1), store(weights_v2, test.weight_v2);
+    store(weights_v0, test.weight_v0), store(weights_v1, test.weight_v1), store(weights_v2, test.weight_v2);
+    store(sums, test.sum);
   }
-  alignas(32) float t[8], sums[8], weights_v1[8], weights_v2[8];
+  alignas(32) float weights_v0[8], weights_v1[8], weights_v2[8], sums[8];
 };
 
 inline float coordinate(const LeafBlock& block, int lane, int corner, int axis) noexcept {
@@ -80,19 +94,29 @@ inline float coordinate(const GatheredLeaf& leaf, int lane, int corner, int axis
   return leaf.corners[corner][axis][lane];
 }
 
-// In the ray's own terms; near zero it is refined.
+// The corners of one of its triangles, each along the mesh's axes.
+struct LoneTriangle {
+  template <class Leaf>
+  LoneTriangle(const Leaf& leaf, int lane) noexcept {
+    for (int corner = 0; corner < 3; ++corner) {
+      for (int axis = 0; axis < 3; ++axis) at[corner][axis] = coordinate(leaf, lane, corner, axis);
+    }
+  }
+  float at[3][3];
+};
+
+// In the ray's own terms. `local`: what the tree's TriangleRay was made of.
 template <class Leaf>
 PERFECT_BVH_INLINE double candidate_t(const LeafCandidates& candidates, int lane, const Leaf& leaf,
-                                      const TriangleRay& ray, const TimeFrame& time) noexcept {
-  float local_t = candidates.t[lane];
-  if (magnitude(local_t) <= ray.refine_below) {
-    float corners[3][3];
-    for (int corner = 0; corner < 3; ++corner) {
-      for (int i = 0; i < 3; ++i) corners[corner][i] = coordinate(leaf, lane, corner, ray.axes[i]);
-    }
-    local_t = refine_t(ray, corners[0], corners[1], corners[2], local_t);
-  }
-  return to_ray_t(time, local_t);
+                                      const TriangleRay& ray, const ObjectRay& local) noexcept {
+  const LoneTriangle triangle(leaf, lane);
+  const float* const corners[3] = {triangle.at[0], triangle.at[1], triangle.at[2]};
+  const int k = ray.axes[2];
+  const float weights[3] = {candidates.weights_v0[lane], candidates.weights_v1[lane], candidates.weights_v2[lane]};
+  const float z[3] = {corners[0][k] - ray.origin[2], corners[1][k] - ray.origin[2], corners[2][k] - ray.origin[2]};
+  const float weighted = weighted_t(ray, weights, candidates.sums[lane], z);
+  const TrianglePlane plane = plane_of(corners[0], corners[1], corners[2]);
+  return to_ray_t(local.time, settle_t(ray, plane, corners, local.origin, local.direction, weighted));
 }
 
 PERFECT_BVH_INLINE bool is_in_range(double t, const Ray& ray) noexcept {
@@ -118,7 +142,7 @@ inline bool wins_tie(const InstanceView* instances, std::uint32_t instance, std:
 template <class Leaf>
 PERFECT_BVH_INLINE bool take_hit(Slot& slot, const InstanceView* instances, const Ray& ray, Cull cull, const Leaf& leaf,
                                  int lane, const LeafCandidates& candidates) noexcept {
-  const double t = candidate_t(candidates, lane, leaf, slot.triangle.ray, slot.time);
+  const double t = candidate_t(candidates, lane, leaf, slot.triangle.ray, slot.local);
   if (!(is_in_range(t, ray) && t <= slot.best_t)) return false;
   if (is_culled(cull, candidates.sums[lane], slot.triangle.ray, instances[slot.instance])) return false;
   const std::uint32_t primitive = leaf.primitives[lane];

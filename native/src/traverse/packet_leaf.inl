@@ -38,7 +38,7 @@ struct LoneRay {
     box.rows = level.key.rows;
     triangle.ray.shear_x = packet.triangles.shear_x[i], triangle.ray.shear_y = packet.triangles.shear_y[i];
     triangle.ray.direction_z = rays.narrow_direction[level.key.axes[2]][i];
-    triangle.ray.refine_below = packet.triangles.refine_below[i];
+    triangle.ray.plane_slack = packet.triangles.plane_slack[i];
     triangle.ray.runs_down = level.key.runs_down;
   }
 };
@@ -68,19 +68,19 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const Leaf& leaf,
   const LeafTest test = test_leaf(leaf, lone.triangle, lone.box.t_min, lone.box.t_limit);
   if (test.lanes == 0) return false;
   const LeafCandidates candidates(test);
-  const TimeFrame time = packet.local_rays.time(i);
+  const ObjectRay local = object_ray(packet.local_rays, i);
   PacketHits& hits = packet.hits;
   bool is_new = false;
   for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
-    const double t = candidate_t(candidates, lane, leaf, lone.triangle.ray, time);
+    const double t = candidate_t(candidates, lane, leaf, lone.triangle.ray, local);
     if (is_culled(packet.cull, candidates.sums[lane], lone.triangle.ray, *level.instance)) continue;
     const Weights weights{candidates.weights_v1[lane], candidates.weights_v2[lane], candidates.sums[lane]};
     if (!take_packet_hit(packet, level, i, leaf.primitives[lane], t, weights)) continue;
     is_new = true;
     if constexpr (kAny) break;
   }
-  if (is_new) lone.box.t_limit = level.boxes->t_limit[i] = kAny ? kDead : to_local_max(time, hits.t[i]);
+  if (is_new) lone.box.t_limit = level.boxes->t_limit[i] = kAny ? kDead : to_local_max(local.time, hits.t[i]);
   return is_new;
 }
 
@@ -143,8 +143,24 @@ unsigned take_moved_hits(Packet& packet, const PacketLevel& level, std::uint32_t
   return done;
 }
 
+// Of the rays `first` and on: t of a plane, as plane_t() has it, to the nearest float.
+PERFECT_BVH_INLINE RayFloat plane_ts(const TrianglePlane& plane, const PacketRays& rays, unsigned first) noexcept {
+  const RayDouble nx = every_ray(plane.normal[0]), ny = every_ray(plane.normal[1]), nz = every_ray(plane.normal[2]);
+  const RayDouble px = every_ray(plane.point[0]), py = every_ray(plane.point[1]), pz = every_ray(plane.point[2]);
+  alignas(64) double t[kRayLanes];
+  for (unsigned half = 0; half < kRayLanes; half += kDoubleLanes) {
+    const unsigned i = first + half;
+    const RayDouble x = sub(px, load_rays(rays.origin[0] + i)), dx = load_rays(rays.direction[0] + i);
+    const RayDouble y = sub(py, load_rays(rays.origin[1] + i)), dy = load_rays(rays.direction[1] + i);
+    const RayDouble z = sub(pz, load_rays(rays.origin[2] + i)), dz = load_rays(rays.direction[2] + i);
+    const RayDouble away = add(add(mul(nx, x), mul(ny, y)), mul(nz, z));
+    store_rays(t + half, div(away, add(add(mul(nx, dx), mul(ny, dy)), mul(nz, dz))));
+  }
+  return load_narrowed(t);
+}
+
 // Rays `first` and on, those in `lanes`, against all triangles, one at a time. The hits that surely count are taken
-// here; rays whose hits need a closer look (near the origin, as far as the best one) are returned.
+// here; rays whose hits need a closer look (t of the plane is not where the corners are, or the best one's) are returned.
 template <bool kAny, bool kShared, class Leaf>
 unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& block, const LeafCorners<Leaf>& leaf,
                         unsigned first, unsigned lanes) noexcept {
@@ -194,21 +210,24 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
       inside &= packet.cull == Cull::kFront ? ~front : front;
     }
     if (inside == 0) continue;
-    const RayFloat t = div(fmadd(weight2, depth[c], fmadd(weight1, depth[b], mul(weight0, depth[a]))),
-                           mul(sum, load_rays(rays.narrow_direction[axes[2]] + first)));
+    const RayFloat weighted = div(fmadd(weight2, depth[c], fmadd(weight1, depth[b], mul(weight0, depth[a]))),
+                                  mul(sum, load_rays(rays.narrow_direction[axes[2]] + first)));
+    const LoneTriangle triangle(block, static_cast<int>(i));
+    const RayFloat t = plane_ts(plane_of(triangle.at[0], triangle.at[1], triangle.at[2]), rays, first);
+    const unsigned settled = bits(less_equal(abs(sub(t, weighted)), load_rays(triangles.plane_slack + first)));
+    ambiguous |= inside & ~settled;
+    inside &= settled;
     const RayFloat limit = load_rays(limits);
     const unsigned from = bits(less_equal(load_rays(level.boxes->t_min + first), t));
-    const unsigned at_origin = bits(less_equal(abs(t), load_rays(triangles.refine_below + first)));
     const unsigned up_to = bits(less_equal(t, limit)), before = bits(less(t, limit));
     if (!level.is_direct) {
-      ambiguous |= inside & at_origin;
-      const unsigned found = inside & from & up_to & ~at_origin;
+      const unsigned found = inside & from & up_to;
       if (found == 0) continue;
       lanes &= ~take_moved_hits<kAny>(packet, level, block.primitives[i], first, found, t, weight1, weight2, sum);
       continue;
     }
-    ambiguous |= inside & (at_origin | (from & up_to & ~before));
-    const unsigned found = inside & from & before & ~at_origin;
+    ambiguous |= inside & from & up_to & ~before;
+    const unsigned found = inside & from & before;
     if (found == 0) continue;
     const RayMask mask = ray_mask(found);
     store_some(hits.instance + first, mask, level.instance_index);

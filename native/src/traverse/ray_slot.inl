@@ -21,6 +21,7 @@ struct alignas(64) Slot {
   TimeFrame time;                             // of the level being traversed
   std::uint32_t floor;                        // the highest entry that does not belong to that level
 
+  ObjectRay local;  // as the tree sees it that is being traversed
   ObjectRay world;  // as the top level sees it
   BoxState world_box;
 };
@@ -83,7 +84,7 @@ inline bool enter_instance(Slot& slot, const SceneView& scene, const Ray& ray) n
   const InstanceView& instance = scene.instances[slot.instance];
   if ((instance.mask & ray.mask) == 0) return false;
   if (instance.root == kUnbuiltRoot) return stop_unbuilt(slot, scene), false;
-  ObjectRay local;
+  ObjectRay& local = slot.local;
   map_to_local(local, slot.world, instance.world_to_local);
   const double reach = static_cast<double>(instance.extent.reach);
   if (!stands_near(local, reach) && !bring_near(local, reach)) return false;

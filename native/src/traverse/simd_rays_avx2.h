@@ -38,7 +38,9 @@ PERFECT_BVH_INLINE RayDouble load_rays(const double* p) noexcept { return _mm256
 PERFECT_BVH_INLINE void store_rays(double* p, RayDouble a) noexcept { _mm256_store_pd(p, a); }
 PERFECT_BVH_INLINE RayDouble every_ray(double x) noexcept { return _mm256_set1_pd(x); }
 PERFECT_BVH_INLINE RayDouble add(RayDouble a, RayDouble b) noexcept { return _mm256_add_pd(a, b); }
+PERFECT_BVH_INLINE RayDouble sub(RayDouble a, RayDouble b) noexcept { return _mm256_sub_pd(a, b); }
 PERFECT_BVH_INLINE RayDouble mul(RayDouble a, RayDouble b) noexcept { return _mm256_mul_pd(a, b); }
+PERFECT_BVH_INLINE RayDouble div(RayDouble a, RayDouble b) noexcept { return _mm256_div_pd(a, b); }
 PERFECT_BVH_INLINE unsigned magnitudes_up_to(RayDouble a, RayDouble limit) noexcept {
   return static_cast<unsigned>(_mm256_movemask_pd(_mm256_cmp_pd(magnitudes(a), limit, _CMP_LE_OQ)));
 }

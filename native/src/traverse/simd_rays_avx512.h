@@ -54,7 +54,9 @@ PERFECT_BVH_INLINE RayDouble load_rays(const double* p) noexcept { return _mm512
 PERFECT_BVH_INLINE void store_rays(double* p, RayDouble a) noexcept { _mm512_store_pd(p, a); }
 PERFECT_BVH_INLINE RayDouble every_ray(double x) noexcept { return _mm512_set1_pd(x); }
 PERFECT_BVH_INLINE RayDouble add(RayDouble a, RayDouble b) noexcept { return _mm512_add_pd(a, b); }
+PERFECT_BVH_INLINE RayDouble sub(RayDouble a, RayDouble b) noexcept { return _mm512_sub_pd(a, b); }
 PERFECT_BVH_INLINE RayDouble mul(RayDouble a, RayDouble b) noexcept { return _mm512_mul_pd(a, b); }
+PERFECT_BVH_INLINE RayDouble div(RayDouble a, RayDouble b) noexcept { return _mm512_div_pd(a, b); }
 PERFECT_BVH_INLINE unsigned magnitudes_up_to(RayDouble a, RayDouble limit) noexcept {
   return _mm512_cmp_pd_mask(_mm512_abs_pd(a), limit, _CMP_LE_OQ);
 }

@@ -50,8 +50,14 @@ PERFECT_BVH_INLINE RayDouble every_ray(double x) noexcept { return {vdupq_n_f64(
 PERFECT_BVH_INLINE RayDouble add(const RayDouble& a, const RayDouble& b) noexcept {
   return {vaddq_f64(a.low, b.low), vaddq_f64(a.high, b.high)};
 }
+PERFECT_BVH_INLINE RayDouble sub(const RayDouble& a, const RayDouble& b) noexcept {
+  return {vsubq_f64(a.low, b.low), vsubq_f64(a.high, b.high)};
+}
 PERFECT_BVH_INLINE RayDouble mul(const RayDouble& a, const RayDouble& b) noexcept {
   return {vmulq_f64(a.low, b.low), vmulq_f64(a.high, b.high)};
+}
+PERFECT_BVH_INLINE RayDouble div(const RayDouble& a, const RayDouble& b) noexcept {
+  return {vdivq_f64(a.low, b.low), vdivq_f64(a.high, b.high)};
 }
 PERFECT_BVH_INLINE unsigned four_bits(uint64x2_t low, uint64x2_t high) noexcept {
   const uint32x4_t lanes = vuzp1q_u32(vreinterpretq_u32_u64(low), vreinterpretq_u32_u64(high));
