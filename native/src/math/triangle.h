@@ -22,7 +22,7 @@ struct TriangleRay {
   float origin[3];  // along the axes x, y and z of the sheared frame
   float shear_x, shear_y;
   float direction_z;
-  float plane_slack;      // how far t of the plane may be from that of the weighted corners, and be taken unseen
+  float plane_slack;     // how far t of the plane may be from that of the weighted corners, and be taken unseen
   std::uint8_t axes[3];  // which axes of the mesh are x, y and z: z is the direction's longest, x the one after it
   bool runs_down;        // direction_z < 0: then a triangle of positive weights shows its back, otherwise its front
 };
@@ -59,11 +59,16 @@ static inline TrianglePlane plane_of(const float a[3], const float b[3], const f
   return plane;
 }
 
+// How far the plane is from a point, times the length of the normal.
+static inline double plane_away(const TrianglePlane& plane, const double from[3]) noexcept {
+  const double *const n = plane.normal, *const p = plane.point;
+  return (n[0] * (p[0] - from[0]) + n[1] * (p[1] - from[1])) + n[2] * (p[2] - from[2]);
+}
+
 // Where a ray in the mesh's own frame, not sheared, meets the plane. Not finite if the plane holds its direction.
 static inline double plane_t(const TrianglePlane& plane, const double origin[3], const double direction[3]) noexcept {
-  const double *const n = plane.normal, *const p = plane.point;
-  const double away = (n[0] * (p[0] - origin[0]) + n[1] * (p[1] - origin[1])) + n[2] * (p[2] - origin[2]);
-  return away / ((n[0] * direction[0] + n[1] * direction[1]) + n[2] * direction[2]);
+  const double* const n = plane.normal;
+  return plane_away(plane, origin) / ((n[0] * direction[0] + n[1] * direction[1]) + n[2] * direction[2]);
 }
 
 // Whether the ray's point at `t`, in the plane, lies in the triangle.
@@ -77,8 +82,9 @@ static inline bool is_inside(const TrianglePlane& plane, const float* const corn
   }
   for (int corner = 0; corner < 3; ++corner) {
     const double *const v = to[corner], *const w = to[corner == 2 ? 0 : corner + 1];
-    const double side = (plane.normal[0] * (v[1] * w[2] - v[2] * w[1]) + plane.normal[1] * (v[2] * w[0] - v[0] * w[2])) +
-                        plane.normal[2] * (v[0] * w[1] - v[1] * w[0]);
+    const double side =
+        (plane.normal[0] * (v[1] * w[2] - v[2] * w[1]) + plane.normal[1] * (v[2] * w[0] - v[0] * w[2])) +
+        plane.normal[2] * (v[0] * w[1] - v[1] * w[0]);
     if (!(side >= 0.0)) return false;
   }
   return true;

@@ -12,6 +12,7 @@
 
 // The kernels' own tests, lane by lane.
 #include "traverse/gather_scalar.h"
+#include "traverse/plane_scalar.h"
 #include "traverse/ray_setup_scalar.h"
 #include "traverse/simd_scalar.h"
 
@@ -138,9 +139,10 @@ class Walker {
   void test_triangles(const Leaf& leaf) {
     const Waiting here = waiting_[slot().top];
     note(WalkEvent::kEnterLeaf, here);
-    const BoxState& box = slot().box;
-    const LeafTest test = test_leaf(leaf, slot().triangle, box.t_min, box.t_limit);
-    const LeafTest anywhere = test_leaf(leaf, slot().triangle, -kInfiniteDistance, kInfiniteDistance);
+    const LeafTest test = test_leaf(leaf, slot().triangle);
+    TriangleState unlimited = slot().triangle;
+    set_depths(unlimited, -kInfiniteDistance, kInfiniteDistance);
+    const LeafTest anywhere = test_leaf(leaf, unlimited);
     const LeafCandidates candidates(anywhere);
     bool is_new = false;
     for (int lane = 0; lane < 8; ++lane) {
@@ -155,7 +157,7 @@ class Walker {
     }
     --slot().top;
     if (!is_new) return;
-    slot().box.t_limit = to_local_max(slot().time, slot().best_t);
+    set_limit(slot());
     drop_far();
   }
 

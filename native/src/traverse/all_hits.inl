@@ -12,7 +12,7 @@ namespace {
 template <class Leaf>
 PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const SceneView& scene, const RayBatch& batch,
                                         const Leaf& leaf, FoundHit* hits, std::size_t room) noexcept {
-  const LeafTest test = test_leaf(leaf, slot.triangle, slot.box.t_min, slot.box.t_limit);
+  const LeafTest test = test_leaf(leaf, slot.triangle);
   if (test.lanes == 0) return 0;
   const LeafCandidates candidates(test);
   const InstanceView& instance = scene.instances[slot.instance];

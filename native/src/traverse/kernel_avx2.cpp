@@ -2,6 +2,7 @@
 #include "math/triangle_distance.h"
 #include "traverse/gather_avx.h"
 #include "traverse/kernel_table.h"
+#include "traverse/plane_avx.h"
 #include "traverse/ray_setup_avx.h"
 #include "traverse/simd_avx2.h"
 #include "traverse/simd_rays_avx2.h"

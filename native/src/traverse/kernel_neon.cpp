@@ -2,6 +2,7 @@
 #include "math/triangle_distance.h"
 #include "traverse/gather_neon.h"
 #include "traverse/kernel_table.h"
+#include "traverse/plane_scalar.h"
 #include "traverse/ray_setup_neon.h"
 #include "traverse/simd_neon.h"
 #include "traverse/simd_rays_neon.h"

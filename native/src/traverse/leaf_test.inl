@@ -48,22 +48,8 @@ PERFECT_BVH_INLINE ShearedCorners shear(const GatheredLeaf& leaf, const Triangle
   return at;
 }
 
-// Depths, along the sheared z, between which a triangle must have a point to be met in a range of t. As a hit's t is
-// within plane_slack of a depth of the triangle's, and a few roundings, twice that is added.
-struct DepthRange {
-  float lowest, highest;
-};
-
-PERFECT_BVH_INLINE DepthRange depth_range(const TriangleRay& ray, float t_min, float t_limit) noexcept {
-  const float slack = 2.0f * ray.plane_slack;
-  const float first = (t_min - slack) * ray.direction_z, last = (t_limit + slack) * ray.direction_z;
-  return ray.runs_down ? DepthRange{last, first} : DepthRange{first, last};
-}
-
 template <class Leaf>
-PERFECT_BVH_INLINE LeafTest test_leaf(const Leaf& leaf, const TriangleState& triangle, const float& t_min,
-                                      const float& t_limit) noexcept {
-  const TriangleRay& ray = triangle.ray;
+PERFECT_BVH_INLINE LeafTest test_leaf(const Leaf& leaf, const TriangleState& triangle) noexcept {
   const auto [x0, y0, z0, x1, y1, z1, x2, y2, z2] = shear(leaf, triangle);
   const Float8 weight0 = difference(x2, y1, y2, x1);
   const Float8 weight1 = difference(x0, y2, y0, x2);
@@ -71,10 +57,9 @@ PERFECT_BVH_INLINE LeafTest test_leaf(const Leaf& leaf, const TriangleState& tri
   const Float8 least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
   const Float8 sum = add(add(weight0, weight1), weight2);
   const Mask8 inside = both(either(less_equal(zero(), least), less_equal(most, zero())), not_equal(sum, zero()));
-  const DepthRange range = depth_range(ray, t_min, t_limit);
   const Float8 nearest = min(min(z0, z1), z2), farthest = max(max(z0, z1), z2);
-  const Mask8 in_range =
-      both(less_equal(broadcast(range.lowest), farthest), less_equal(nearest, broadcast(range.highest)));
+  const Mask8 in_range = both(less_equal(broadcast(triangle.least_depth), farthest),
+                              less_equal(nearest, broadcast(triangle.largest_depth)));
   return {weight0, weight1, weight2, sum, bits(both(inside, in_range))};
 }
 
@@ -94,29 +79,39 @@ inline float coordinate(const GatheredLeaf& leaf, int lane, int corner, int axis
   return leaf.corners[corner][axis][lane];
 }
 
-// The corners of one of its triangles, each along the mesh's axes.
-struct LoneTriangle {
-  template <class Leaf>
-  LoneTriangle(const Leaf& leaf, int lane) noexcept {
-    for (int corner = 0; corner < 3; ++corner) {
-      for (int axis = 0; axis < 3; ++axis) at[corner][axis] = coordinate(leaf, lane, corner, axis);
-    }
+// The plane of one of its triangles.
+template <class Leaf>
+PERFECT_BVH_INLINE TrianglePlane lone_plane(const Leaf& leaf, int lane, float (&corners)[3][3]) noexcept {
+  for (int corner = 0; corner < 3; ++corner) {
+    for (int axis = 0; axis < 3; ++axis) corners[corner][axis] = coordinate(leaf, lane, corner, axis);
   }
-  float at[3][3];
-};
+  return plane_of(corners[0], corners[1], corners[2]);
+}
 
-// In the ray's own terms. `local`: what the tree's TriangleRay was made of.
+// Where the plane is seen so steeply that its t is not where the weighted corners are.
+template <class Leaf>
+__attribute__((noinline)) float settle_steep_t(const Leaf& leaf, int lane, const TriangleRay& ray,
+                                               const ObjectRay& local, float weighted) noexcept {
+  float at[3][3];
+  const TrianglePlane plane = lone_plane(leaf, lane, at);
+  const float* const corners[3] = {at[0], at[1], at[2]};
+  return settle_t(ray, plane, corners, local.origin, local.direction, weighted);
+}
+
+// In the ray's own terms: settle_t(). `local`: what the tree's TriangleRay was made of.
 template <class Leaf>
 PERFECT_BVH_INLINE double candidate_t(const LeafCandidates& candidates, int lane, const Leaf& leaf,
                                       const TriangleRay& ray, const ObjectRay& local) noexcept {
-  const LoneTriangle triangle(leaf, lane);
-  const float* const corners[3] = {triangle.at[0], triangle.at[1], triangle.at[2]};
-  const int k = ray.axes[2];
+  const auto at = [&](int corner, int axis)
+                      __attribute__((always_inline)) { return coordinate(leaf, lane, corner, axis); };
   const float weights[3] = {candidates.weights_v0[lane], candidates.weights_v1[lane], candidates.weights_v2[lane]};
-  const float z[3] = {corners[0][k] - ray.origin[2], corners[1][k] - ray.origin[2], corners[2][k] - ray.origin[2]};
+  const int k = ray.axes[2];
+  const float z[3] = {at(0, k) - ray.origin[2], at(1, k) - ray.origin[2], at(2, k) - ray.origin[2]};
   const float weighted = weighted_t(ray, weights, candidates.sums[lane], z);
-  const TrianglePlane plane = plane_of(corners[0], corners[1], corners[2]);
-  return to_ray_t(local.time, settle_t(ray, plane, corners, local.origin, local.direction, weighted));
+  float t = static_cast<float>(lone_plane_t(at, local.origin, local.direction));
+  if (!(magnitude(t - weighted) <= ray.plane_slack)) [[unlikely]]
+    t = settle_steep_t(leaf, lane, ray, local, weighted);
+  return to_ray_t(local.time, t);
 }
 
 PERFECT_BVH_INLINE bool is_in_range(double t, const Ray& ray) noexcept {

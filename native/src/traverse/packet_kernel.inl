@@ -138,10 +138,12 @@ struct PacketWalk {
     level.is_direct = (local.moved & rays) == 0;
     level.shares_origin = true;
     for (int axis = 0; axis < 3; ++axis) {
+      level.exact_origin[axis] = local.origin[axis][first];
       level.shared_origin[axis] = local.narrow_origin[axis][first];
-      const RayFloat shared = every_ray(level.shared_origin[axis]);
-      for (unsigned i = 0; i < packet.lanes; i += kRayLanes) {
-        const unsigned others = bits(not_equal(load_rays(local.narrow_origin[axis] + i), shared));
+      const RayDouble shared = every_ray(level.exact_origin[axis]), none = every_ray(0.0);
+      for (unsigned i = 0; i < packet.lanes; i += kDoubleLanes) {
+        const unsigned alike = magnitudes_up_to(sub(load_rays(local.origin[axis] + i), shared), none);
+        const unsigned others = ~alike & ((1u << kDoubleLanes) - 1);
         level.shares_origin = level.shares_origin && (others & lanes_of(rays, i)) == 0;
       }
     }

@@ -14,6 +14,7 @@ struct PacketLevel {
   const InstanceView* instance;
   std::uint32_t instance_index;
   bool shares_origin;  // all rays begin at the same point:
+  double exact_origin[3];
   float shared_origin[3];
   bool is_direct;  // local t is the ray's own t, for all rays
 };
@@ -40,6 +41,7 @@ struct LoneRay {
     triangle.ray.direction_z = rays.narrow_direction[level.key.axes[2]][i];
     triangle.ray.plane_slack = packet.triangles.plane_slack[i];
     triangle.ray.runs_down = level.key.runs_down;
+    set_depths(triangle, box.t_min, box.t_limit);
   }
 };
 
@@ -65,7 +67,7 @@ PERFECT_BVH_INLINE bool take_packet_hit(Packet& packet, const PacketLevel& level
 // Ray i against all triangles. True if its best hit is a new one (any hit: if there is one).
 template <bool kAny, class Leaf>
 bool test_leaf_alone(Packet& packet, const PacketLevel& level, const Leaf& leaf, unsigned i, LoneRay& lone) noexcept {
-  const LeafTest test = test_leaf(leaf, lone.triangle, lone.box.t_min, lone.box.t_limit);
+  const LeafTest test = test_leaf(leaf, lone.triangle);
   if (test.lanes == 0) return false;
   const LeafCandidates candidates(test);
   const ObjectRay local = object_ray(packet.local_rays, i);
@@ -80,8 +82,10 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const Leaf& leaf,
     is_new = true;
     if constexpr (kAny) break;
   }
-  if (is_new) lone.box.t_limit = level.boxes->t_limit[i] = kAny ? kDead : to_local_max(local.time, hits.t[i]);
-  return is_new;
+  if (!is_new) return false;
+  lone.box.t_limit = level.boxes->t_limit[i] = kAny ? kDead : to_local_max(local.time, hits.t[i]);
+  set_depths(lone.triangle, lone.box.t_min, lone.box.t_limit);
+  return true;
 }
 
 // A leaf's vertices and corners, as packets read them.
@@ -98,9 +102,26 @@ PERFECT_BVH_INLINE void store_vertices(float* x, float* y, float* z, const Packe
   }
 }
 
+// The planes of those triangles that some rays pass through, made once for all of them.
+struct LeafPlanes {
+  TrianglePlane plane[8];
+  double away[8];      // from the origin, if the rays share one
+  unsigned known = 0;  // bits
+
+  template <bool kShared, class Leaf>
+  PERFECT_BVH_INLINE void make(const Leaf& leaf, unsigned triangle, const PacketLevel& level) noexcept {
+    if ((known >> triangle & 1) != 0) return;
+    float corners[3][3];
+    plane[triangle] = lone_plane(leaf, static_cast<int>(triangle), corners);
+    if constexpr (kShared) away[triangle] = plane_away(plane[triangle], level.exact_origin);
+    known |= 1u << triangle;
+  }
+};
+
 template <>
 struct LeafCorners<LeafBlock> {
   alignas(32) float x[8], y[8], z[8];
+  LeafPlanes planes;
   unsigned triangle_count, vertex_count;
 
   LeafCorners(const PacketLevel& level, const LeafBlock& block) noexcept {
@@ -115,6 +136,7 @@ struct LeafCorners<LeafBlock> {
 template <>
 struct LeafCorners<GatheredLeaf> {
   alignas(32) float x[24], y[24], z[24];
+  LeafPlanes planes;
   unsigned triangle_count;
 
   LeafCorners(const PacketLevel& level, const GatheredLeaf& gathered) noexcept {
@@ -143,26 +165,37 @@ unsigned take_moved_hits(Packet& packet, const PacketLevel& level, std::uint32_t
   return done;
 }
 
-// Of the rays `first` and on: t of a plane, as plane_t() has it, to the nearest float.
-PERFECT_BVH_INLINE RayFloat plane_ts(const TrianglePlane& plane, const PacketRays& rays, unsigned first) noexcept {
-  const RayDouble nx = every_ray(plane.normal[0]), ny = every_ray(plane.normal[1]), nz = every_ray(plane.normal[2]);
-  const RayDouble px = every_ray(plane.point[0]), py = every_ray(plane.point[1]), pz = every_ray(plane.point[2]);
+// Of the rays `first` and on: t of a triangle's plane, as plane_t() has it, to the nearest float.
+template <bool kShared>
+PERFECT_BVH_INLINE RayFloat plane_ts(const LeafPlanes& planes, unsigned triangle, const PacketRays& rays,
+                                     unsigned first) noexcept {
+  const TrianglePlane& plane = planes.plane[triangle];
+  RayDouble normal[3];
+  for (int axis = 0; axis < 3; ++axis) normal[axis] = every_ray(plane.normal[axis]);
   alignas(64) double t[kRayLanes];
   for (unsigned half = 0; half < kRayLanes; half += kDoubleLanes) {
-    const unsigned i = first + half;
-    const RayDouble x = sub(px, load_rays(rays.origin[0] + i)), dx = load_rays(rays.direction[0] + i);
-    const RayDouble y = sub(py, load_rays(rays.origin[1] + i)), dy = load_rays(rays.direction[1] + i);
-    const RayDouble z = sub(pz, load_rays(rays.origin[2] + i)), dz = load_rays(rays.direction[2] + i);
-    const RayDouble away = add(add(mul(nx, x), mul(ny, y)), mul(nz, z));
-    store_rays(t + half, div(away, add(add(mul(nx, dx), mul(ny, dy)), mul(nz, dz))));
+    RayDouble away[3], along[3];
+    for (int axis = 0; axis < 3; ++axis) {
+      along[axis] = mul(normal[axis], load_rays(rays.direction[axis] + first + half));
+      if constexpr (kShared) continue;
+      const RayDouble origin = load_rays(rays.origin[axis] + first + half);
+      away[axis] = mul(normal[axis], sub(every_ray(plane.point[axis]), origin));
+    }
+    const RayDouble speed = add(add(along[0], along[1]), along[2]);
+    if constexpr (kShared) {
+      store_rays(t + half, div(every_ray(planes.away[triangle]), speed));
+    } else {
+      store_rays(t + half, div(add(add(away[0], away[1]), away[2]), speed));
+    }
   }
   return load_narrowed(t);
 }
 
 // Rays `first` and on, those in `lanes`, against all triangles, one at a time. The hits that surely count are taken
-// here; rays whose hits need a closer look (t of the plane is not where the corners are, or the best one's) are returned.
+// here; rays whose hits need a closer look (t of the plane is not where the corners are, or the best one's) are
+// returned.
 template <bool kAny, bool kShared, class Leaf>
-unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& block, const LeafCorners<Leaf>& leaf,
+unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& block, LeafCorners<Leaf>& leaf,
                         unsigned first, unsigned lanes) noexcept {
   const PacketTriangles& triangles = packet.triangles;
   const PacketRays& rays = packet.local_rays;
@@ -212,8 +245,8 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
     if (inside == 0) continue;
     const RayFloat weighted = div(fmadd(weight2, depth[c], fmadd(weight1, depth[b], mul(weight0, depth[a]))),
                                   mul(sum, load_rays(rays.narrow_direction[axes[2]] + first)));
-    const LoneTriangle triangle(block, static_cast<int>(i));
-    const RayFloat t = plane_ts(plane_of(triangle.at[0], triangle.at[1], triangle.at[2]), rays, first);
+    leaf.planes.template make<kShared>(block, i, level);
+    const RayFloat t = plane_ts<kShared>(leaf.planes, i, rays, first);
     const unsigned settled = bits(less_equal(abs(sub(t, weighted)), load_rays(triangles.plane_slack + first)));
     ambiguous |= inside & ~settled;
     inside &= settled;
@@ -252,7 +285,7 @@ constexpr unsigned kFewInLeaf = kRayLanes / 8;
 template <bool kAny, class Leaf>
 PERFECT_BVH_INLINE void test_leaf_together(Packet& packet, PacketLevel& level, const Leaf& leaf, const float* box,
                                            unsigned begin) noexcept {
-  const LeafCorners<Leaf> corners(level, leaf);
+  LeafCorners<Leaf> corners(level, leaf);
   for (unsigned first = begin; first < packet.lanes; first += kRayLanes) {
     unsigned lanes = test_box(*level.boxes, level.key.rows, box, first);
     if (lanes == 0) continue;

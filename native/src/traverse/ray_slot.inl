@@ -41,6 +41,12 @@ inline void drop_far_entries(Slot& slot, std::size_t nears_offset) noexcept {
   slot.top = kept - 1;
 }
 
+// What is beyond the best hit is out of range. Of a tree, not of the top level.
+inline void set_limit(Slot& slot) noexcept {
+  slot.box.t_limit = to_local_max(slot.time, slot.best_t);
+  set_depths(slot.triangle, slot.box.t_min, slot.box.t_limit);
+}
+
 // Null: the leaves are indexed.
 inline const LeafBlock* blocks_of(const InstanceView& instance) noexcept {
   return instance.is_compact != 0 ? nullptr : instance.blocks;
@@ -93,7 +99,7 @@ inline bool enter_instance(Slot& slot, const SceneView& scene, const Ray& ray) n
   slot.blocks = blocks_of(instance);
   set_states(slot.box, slot.triangle, local, instance.extent);
   slot.box.t_min = to_local_min(slot.time, static_cast<double>(ray.t_min));
-  slot.box.t_limit = to_local_max(slot.time, slot.best_t);
+  set_limit(slot);
   if (slot.top == 1) {  // nothing to come back to
     slot.floor = 0;
   } else {

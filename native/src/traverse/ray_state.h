@@ -28,7 +28,18 @@ static_assert(sizeof(BoxState) == 60);
 struct TriangleState {
   TriangleRay ray;
   std::uint16_t row[4];  // byte offsets in a leaf block of the sheared frame's x, y and z
+  // Along the sheared z: between these depths a triangle must have a point to be met within the limits of t.
+  float least_depth, largest_depth;
 };
+
+// As a hit's t is within plane_slack, and a few roundings, of some depth of the triangle's, twice that is added.
+static inline void set_depths(TriangleState& triangle, float t_min, float t_limit) noexcept {
+  const TriangleRay& ray = triangle.ray;
+  const float slack = 2.0f * ray.plane_slack;
+  const float first = (t_min - slack) * ray.direction_z, last = (t_limit + slack) * ray.direction_z;
+  triangle.least_depth = ray.runs_down ? last : first;
+  triangle.largest_depth = ray.runs_down ? first : last;
+}
 
 static constexpr OctantRows octant_rows(std::uint32_t octant) noexcept {
   OctantRows rows{};

@@ -109,7 +109,7 @@ bool take_hits(Slot& slot, const Stream& stream, const Leaf& leaf, unsigned lane
 
 template <bool kAny, bool kCounts, class Leaf>
 PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const Leaf& leaf) noexcept {
-  const LeafTest test = test_leaf(leaf, slot.triangle, slot.box.t_min, slot.box.t_limit);
+  const LeafTest test = test_leaf(leaf, slot.triangle);
   if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_triangles(leaf);
   --slot.top;
   if (test.lanes == 0) return;
@@ -118,7 +118,7 @@ PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const Leaf& leaf)
   if constexpr (kAny) {
     slot.top = 0;
   } else {
-    slot.box.t_limit = to_local_max(slot.time, slot.best_t);
+    set_limit(slot);
     drop_far_entries(slot, stream.nears_offset);
   }
 }
