@@ -98,6 +98,23 @@ __attribute__((noinline)) float settle_steep_t(const Leaf& leaf, int lane, const
   return settle_t(ray, plane, corners, local.origin, local.direction, weighted);
 }
 
+// Where its corners are along the sheared z.
+struct CornerDepths {
+  template <class Leaf>
+  CornerDepths(const Leaf& leaf, int lane, const TriangleRay& ray) noexcept {
+    for (int i = 0; i < 3; ++i) z[i] = coordinate(leaf, lane, i, ray.axes[2]) - ray.origin[2];
+  }
+  float z[3];
+};
+
+// Whether t of a triangle that the ray's line passes through is in range, wherever between its corners' depths it is
+// met. The range is that of the TriangleState, which is too wide by 2 plane_slack.
+PERFECT_BVH_INLINE bool is_surely_in_range(const TriangleState& triangle, const CornerDepths& depths) noexcept {
+  const float *const z = depths.z, margin = 4.0f * triangle.ray.plane_slack * magnitude(triangle.ray.direction_z);
+  return smaller(smaller(z[0], z[1]), z[2]) - margin >= triangle.least_depth &&
+         larger(larger(z[0], z[1]), z[2]) + margin <= triangle.largest_depth;
+}
+
 // In the ray's own terms: settle_t(). `local`: what the tree's TriangleRay was made of.
 template <class Leaf>
 PERFECT_BVH_INLINE double candidate_t(const LeafCandidates& candidates, int lane, const Leaf& leaf,
@@ -105,9 +122,7 @@ PERFECT_BVH_INLINE double candidate_t(const LeafCandidates& candidates, int lane
   const auto at = [&](int corner, int axis)
                       __attribute__((always_inline)) { return coordinate(leaf, lane, corner, axis); };
   const float weights[3] = {candidates.weights_v0[lane], candidates.weights_v1[lane], candidates.weights_v2[lane]};
-  const int k = ray.axes[2];
-  const float z[3] = {at(0, k) - ray.origin[2], at(1, k) - ray.origin[2], at(2, k) - ray.origin[2]};
-  const float weighted = weighted_t(ray, weights, candidates.sums[lane], z);
+  const float weighted = weighted_t(ray, weights, candidates.sums[lane], CornerDepths(leaf, lane, ray).z);
   float t = static_cast<float>(lone_plane_t(at, local.origin, local.direction));
   if (!(magnitude(t - weighted) <= ray.plane_slack)) [[unlikely]]
     t = settle_steep_t(leaf, lane, ray, local, weighted);
@@ -150,6 +165,18 @@ PERFECT_BVH_INLINE bool take_hit(Slot& slot, const InstanceView* instances, cons
   slot.v = candidates.weights_v2[lane] / candidates.sums[lane];
   slot.hit_instance = slot.instance;
   slot.hit_primitive = primitive;
+  return true;
+}
+
+// Where any hit will do, whether a candidate is one for which t need not be known; the slot has it then.
+template <class Leaf>
+PERFECT_BVH_INLINE bool is_surely_hit(Slot& slot, const InstanceView* instances, Cull cull, const Leaf& leaf, int lane,
+                                      const LeafCandidates& candidates) noexcept {
+  if (!slot.time.is_direct || !is_surely_in_range(slot.triangle, CornerDepths(leaf, lane, slot.triangle.ray))) {
+    return false;
+  }
+  if (is_culled(cull, candidates.sums[lane], slot.triangle.ray, instances[slot.instance])) return false;
+  slot.hit_instance = slot.instance;
   return true;
 }
 

@@ -100,7 +100,11 @@ bool take_hits(Slot& slot, const Stream& stream, const Leaf& leaf, unsigned lane
   const InstanceView* const instances = stream.scene.instances;
   bool is_new = false;
   for (; lanes != 0; lanes &= lanes - 1) {
-    if (!take_hit(slot, instances, ray, stream.batch.cull, leaf, __builtin_ctz(lanes), candidates)) continue;
+    const int lane = __builtin_ctz(lanes);
+    if constexpr (kAny) {
+      if (is_surely_hit(slot, instances, stream.batch.cull, leaf, lane, candidates)) return true;
+    }
+    if (!take_hit(slot, instances, ray, stream.batch.cull, leaf, lane, candidates)) continue;
     if constexpr (kAny) return true;
     is_new = true;
   }

@@ -1,0 +1,30 @@
+// All kernels of one instruction set with vectors, and their table. Included last, by a translation unit that has
+// chosen its vectors (simd_*.h, simd_rays_*.h), its ray's set-up (ray_setup_*.h) and how it reads leaves (gather_*.h).
+#pragma once
+
+#include "math/triangle_distance.h"
+#include "traverse/kernel_table.h"
+#include "traverse/stream_kernel.inl"
+// After the stream.
+#include "traverse/all_hits.inl"
+#include "traverse/closest_point.inl"
+#include "traverse/packet_kernel.inl"
+
+namespace perfect_bvh {
+namespace {
+
+constexpr KernelTable kernels_named(const char* name) noexcept {
+  return {name,
+          trace_stream_closest,
+          trace_stream_any,
+          find_all_hits,
+          find_closest_points,
+          point_workspace_bytes,
+          stream_workspace_bytes,
+          trace_packets_closest,
+          trace_packets_any,
+          packet_workspace_bytes};
+}
+
+}  // namespace
+}  // namespace perfect_bvh
