@@ -8,7 +8,10 @@
 // The weights of the sheared corners say whether there is a hit, and what u and v are; t comes from the triangle's
 // plane, in double, and is the float nearest to it: the corners' depths, weighted, would be off by a few roundings of
 // the corners' distance, which on a ground of kilometres is centimetres.
-// What t is where a plane is seen so steeply that it says nothing, and why no box loses a hit: math/slab.h.
+// What t is where a plane is seen so steeply that it says nothing, and why no box loses a hit: math/slab.h. Beside an
+// edge the sheared ray may meet a triangle that the ray itself passes by; if that plane then puts the hit into the
+// ray's range and the weighted corners do not, it is where they say. Or what lies behind a ray's origin, and is seen
+// almost edge-on, would be before it.
 #pragma once
 
 #include <cstdint>
@@ -110,8 +113,10 @@ static inline float weighted_t(const TriangleRay& ray, const float weights[3], f
 }
 
 struct TriangleHit {
-  float t, u, v;  // the point is (1 - u - v) v0 + u v1 + v v2
-  bool is_front;  // counter-clockwise as seen from the ray's origin, in the mesh's own frame
+  float t, u, v;   // the point is (1 - u - v) v0 + u v1 + v v2
+  float weighted;  // t by the weighted corners
+  bool is_inside;  // the ray's point at t lies in the triangle, and not a rounding beside it
+  bool is_front;   // counter-clockwise as seen from the ray's origin, in the mesh's own frame
 };
 
 // a * b - c * d, within 2 u, its sign right.
@@ -140,7 +145,9 @@ static inline bool intersect_triangle(const TriangleRay& ray, const double origi
   if (sum == 0.0f) return false;
   const float weights[3] = {a, b, c};
   const TrianglePlane plane = plane_of(corners[0], corners[1], corners[2]);
-  hit.t = settle_t(ray, plane, corners, origin, direction, weighted_t(ray, weights, sum, z));
+  hit.weighted = weighted_t(ray, weights, sum, z);
+  hit.t = settle_t(ray, plane, corners, origin, direction, hit.weighted);
+  hit.is_inside = is_inside(plane, corners, origin, direction, plane_t(plane, origin, direction));
   hit.u = b / sum;
   hit.v = c / sum;
   hit.is_front = (sum > 0.0f) != ray.runs_down;

@@ -115,23 +115,37 @@ PERFECT_BVH_INLINE bool is_surely_in_range(const TriangleState& triangle, const 
          larger(larger(z[0], z[1]), z[2]) + margin <= triangle.largest_depth;
 }
 
-// In the ray's own terms: settle_t(). `local`: what the tree's TriangleRay was made of.
-template <class Leaf>
-PERFECT_BVH_INLINE double candidate_t(const LeafCandidates& candidates, int lane, const Leaf& leaf,
-                                      const TriangleRay& ray, const ObjectRay& local) noexcept {
-  const auto at = [&](int corner, int axis)
-                      __attribute__((always_inline)) { return coordinate(leaf, lane, corner, axis); };
-  const float weights[3] = {candidates.weights_v0[lane], candidates.weights_v1[lane], candidates.weights_v2[lane]};
-  const float weighted = weighted_t(ray, weights, candidates.sums[lane], CornerDepths(leaf, lane, ray).z);
-  float t = static_cast<float>(lone_plane_t(at, local.origin, local.direction));
-  if (!(magnitude(t - weighted) <= ray.plane_slack)) [[unlikely]]
-    t = settle_steep_t(leaf, lane, ray, local, weighted);
-  return to_ray_t(local.time, t);
-}
-
 PERFECT_BVH_INLINE bool is_in_range(double t, const Ray& ray) noexcept {
   const float narrowed = static_cast<float>(t);
   return narrowed >= ray.t_min && narrowed <= ray.t_max && narrowed < kInfiniteDistance;
+}
+
+// Whether the ray's point in the plane lies in the triangle.
+template <class Leaf>
+__attribute__((noinline)) bool lies_inside(const Leaf& leaf, int lane, const ObjectRay& local) noexcept {
+  float at[3][3];
+  const TrianglePlane plane = lone_plane(leaf, lane, at);
+  const float* const corners[3] = {at[0], at[1], at[2]};
+  return is_inside(plane, corners, local.origin, local.direction, plane_t(plane, local.origin, local.direction));
+}
+
+// In the ray's own terms: see math/triangle.h. `local`: what the tree's TriangleRay was made of.
+template <class Leaf>
+PERFECT_BVH_INLINE double candidate_t(const LeafCandidates& candidates, int lane, const Leaf& leaf,
+                                      const TriangleRay& triangle, const ObjectRay& local, const Ray& ray) noexcept {
+  const auto at = [&](int corner, int axis)
+                      __attribute__((always_inline)) { return coordinate(leaf, lane, corner, axis); };
+  const float weights[3] = {candidates.weights_v0[lane], candidates.weights_v1[lane], candidates.weights_v2[lane]};
+  const CornerDepths depths(leaf, lane, triangle);
+  const float weighted = weighted_t(triangle, weights, candidates.sums[lane], depths.z);
+  float exact = static_cast<float>(lone_plane_t(at, local.origin, local.direction));
+  if (!(magnitude(exact - weighted) <= triangle.plane_slack)) [[unlikely]] {
+    exact = settle_steep_t(leaf, lane, triangle, local, weighted);
+  }
+  const double t = to_ray_t(local.time, exact);
+  if (is_in_range(to_ray_t(local.time, weighted), ray) || !is_in_range(t, ray)) [[likely]]
+    return t;
+  return lies_inside(leaf, lane, local) ? t : to_ray_t(local.time, weighted);
 }
 
 PERFECT_BVH_INLINE bool is_culled(Cull cull, float sum, const TriangleRay& ray, const InstanceView& instance) noexcept {
@@ -152,7 +166,7 @@ inline bool wins_tie(const InstanceView* instances, std::uint32_t instance, std:
 template <class Leaf>
 PERFECT_BVH_INLINE bool take_hit(Slot& slot, const InstanceView* instances, const Ray& ray, Cull cull, const Leaf& leaf,
                                  int lane, const LeafCandidates& candidates) noexcept {
-  const double t = candidate_t(candidates, lane, leaf, slot.triangle.ray, slot.local);
+  const double t = candidate_t(candidates, lane, leaf, slot.triangle.ray, slot.local, ray);
   if (!(is_in_range(t, ray) && t <= slot.best_t)) return false;
   if (is_culled(cull, candidates.sums[lane], slot.triangle.ray, instances[slot.instance])) return false;
   const std::uint32_t primitive = leaf.primitives[lane];

@@ -75,7 +75,7 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const Leaf& leaf,
   bool is_new = false;
   for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
-    const double t = candidate_t(candidates, lane, leaf, lone.triangle.ray, local);
+    const double t = candidate_t(candidates, lane, leaf, lone.triangle.ray, local, *packet.rays[i]);
     if (is_culled(packet.cull, candidates.sums[lane], lone.triangle.ray, *level.instance)) continue;
     const Weights weights{candidates.weights_v1[lane], candidates.weights_v2[lane], candidates.sums[lane]};
     if (!take_packet_hit(packet, level, i, leaf.primitives[lane], t, weights)) continue;
@@ -146,17 +146,24 @@ struct LeafCorners<GatheredLeaf> {
 };
 
 // Of vectors of rays that meet a triangle, those in `found`, where local t is not the rays' own. Returns the rays that
-// need no more hits.
+// need no more hits; those whose hits need a closer look are added to `ambiguous`.
 template <bool kAny>
 unsigned take_moved_hits(Packet& packet, const PacketLevel& level, std::uint32_t primitive, unsigned first,
-                         unsigned found, RayFloat t, RayFloat weight1, RayFloat weight2, RayFloat sum) noexcept {
-  alignas(64) float t_of[kRayLanes], weights_v1[kRayLanes], weights_v2[kRayLanes], sums[kRayLanes];
-  store_rays(t_of, t), store_rays(weights_v1, weight1), store_rays(weights_v2, weight2), store_rays(sums, sum);
+                         unsigned found, RayFloat t, RayFloat weighted, RayFloat weight1, RayFloat weight2,
+                         RayFloat sum, unsigned& ambiguous) noexcept {
+  alignas(64) float t_of[kRayLanes], weighted_of[kRayLanes], weights_v1[kRayLanes], weights_v2[kRayLanes];
+  alignas(64) float sums[kRayLanes];
+  store_rays(t_of, t), store_rays(weighted_of, weighted);
+  store_rays(weights_v1, weight1), store_rays(weights_v2, weight2), store_rays(sums, sum);
   unsigned done = 0;
   for (; found != 0; found &= found - 1) {
     const int lane = __builtin_ctz(found);
     const unsigned i = first + static_cast<unsigned>(lane);
     const TimeFrame time = packet.local_rays.time(i);
+    if (!is_in_range(to_ray_t(time, weighted_of[lane]), *packet.rays[i])) {
+      ambiguous |= 1u << lane;
+      continue;
+    }
     const Weights weights{weights_v1[lane], weights_v2[lane], sums[lane]};
     if (!take_packet_hit(packet, level, i, primitive, to_ray_t(time, t_of[lane]), weights)) continue;
     level.boxes->t_limit[i] = kAny ? kDead : to_local_max(time, packet.hits.t[i]);
@@ -256,11 +263,15 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
     if (!level.is_direct) {
       const unsigned found = inside & from & up_to;
       if (found == 0) continue;
-      lanes &= ~take_moved_hits<kAny>(packet, level, block.primitives[i], first, found, t, weight1, weight2, sum);
+      lanes &= ~take_moved_hits<kAny>(packet, level, block.primitives[i], first, found, t, weighted, weight1, weight2,
+                                      sum, ambiguous);
       continue;
     }
-    ambiguous |= inside & from & up_to & ~before;
-    const unsigned found = inside & from & before;
+    // As candidate_t() has it: t of the plane alone does not bring a hit into the range.
+    const unsigned in_range = bits(both(less_equal(load_rays(packet.t_min + first), weighted),
+                                        less_equal(weighted, load_rays(packet.t_max + first))));
+    ambiguous |= inside & from & up_to & ~(before & in_range);
+    const unsigned found = inside & from & before & in_range;
     if (found == 0) continue;
     const RayMask mask = ray_mask(found);
     store_some(hits.instance + first, mask, level.instance_index);
