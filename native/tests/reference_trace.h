@@ -51,13 +51,9 @@ inline std::vector<ReferenceHit> reference_hits(const Snapshot& snapshot, const 
       const float* const rows[3] = {&p[0].x, &p[1].x, &p[2].x};
       TriangleHit hit;
       if (!intersect_triangle(triangle_ray, local.origin, local.direction, rows, hit)) continue;
-      const auto is_in_range = [&](double t) {
-        const float narrowed = static_cast<float>(t);
-        return narrowed >= ray.t_min && narrowed <= ray.t_max && narrowed < kInfiniteDistance;
-      };
       const double t = to_ray_t(local.time, hit.t);
       const float narrowed = static_cast<float>(t);
-      if (!is_in_range(t) || (!hit.is_inside && !is_in_range(to_ray_t(local.time, hit.weighted)))) continue;
+      if (!(narrowed >= ray.t_min && narrowed <= ray.t_max && narrowed < kInfiniteDistance)) continue;
       if (cull != Cull::kNone && (hit.is_front != instance.mirrored) == (cull == Cull::kFront)) continue;
       found.push_back({t, {narrowed + 0.0f, hit.u, hit.v, static_cast<std::uint32_t>(index), primitive}});
     }

@@ -12,14 +12,11 @@
 //   |o_a + t d_a - P_a| <= u (4 R_a + 14 |s| R_k).
 // No determinant appears in it: however thin the triangle and however grazing the ray, that t is where the ray is
 // within a few roundings of a point P of that very triangle. Call it the weighted t.
-// The t of a hit is that of the triangle's plane, rounded to float, which is exact, but may be anywhere where the plane
-// is seen steeply. It is taken if it is within 32 u R_k / |d_k| of the weighted t; or if the ray's point there lies in
-// the triangle: then P is that point, and the roundings of t and of the ray to float come to u (R_a / |d_a| +
-// 2 R_k / |d_k|). Else it is brought
-// within 32 u R_k / |d_k| of the weighted t: the ray passes an edge of a triangle that it sees almost edge-on.
-// The slab test's own roundings (near = plane * inv - fl(o * inv + e), one fused operation) come to 4 u R_a / |d_a|.
-// With the 32 u R_k / |d_k| from above,
-//   e_a >= u (8 R_a / |d_a| + 46 R_k / |d_k|)
+// The t of a hit is that of the triangle's plane, rounded to float, if the ray's point there lies in the triangle: then
+// P is that point, and the roundings of t and of the ray to float come to u (R_a / |d_a| + 2 R_k / |d_k|). Else it is
+// the weighted t. The slab test's own roundings (near = plane * inv - fl(o * inv + e), one fused operation) come to 4 u
+// R_a / |d_a|, those of the best t to u R_k / |d_k|. With
+//   e_a >= u (8 R_a / |d_a| + 15 R_k / |d_k|)
 // near <= t <= far holds, in floating point, for every box that contains P; and, the operations being monotone in the
 // planes, for every box around that one. P lies in the boxes of all nodes above the triangle, or, if references were
 // split, of those above one of its leaves. So strict pruning (near > best t) loses no hit, and no tree decides
@@ -41,8 +38,7 @@ struct TreeExtent {
 
 // The bounds above, rounded up for the roundings of e itself.
 inline constexpr float kPlaneSlack = 9.0f * 0x1p-24f;
-inline constexpr float kDepthSlack = 48.0f * 0x1p-24f;
-inline constexpr float kPlaneReach = 32.0f * 0x1p-24f;
+inline constexpr float kDepthSlack = 16.0f * 0x1p-24f;
 inline constexpr float kSmallestShare = 0x1p-40f;
 inline constexpr float kReachShare = 0x1p-18f;
 
@@ -51,6 +47,13 @@ struct SlabRay {
   float inverse[3];
   float near_offset[3], far_offset[3];
 };
+
+// Twice what the weighted t may be from the depths of a triangle's corners.
+inline constexpr float kDepthReach = 16.0f * 0x1p-24f;
+// The sheared corners are within 10 u R of where they are, on each axis and with the ray's narrowing, R at most 5 times
+// the tree's reach. In the sheared frame lengths are at most twice as long. So what is this many reaches inside an
+// edge, times the edge's length before, is inside of it without any rounding.
+inline constexpr float kEdgeReach = 160.0f * 0x1p-24f;
 
 // Kernels compiled for several instruction sets include this file: nothing in it may have external linkage.
 static inline float magnitude(float x) noexcept { return __builtin_fabsf(x); }

@@ -8,10 +8,10 @@
 // The weights of the sheared corners say whether there is a hit, and what u and v are; t comes from the triangle's
 // plane, in double, and is the float nearest to it: the corners' depths, weighted, would be off by a few roundings of
 // the corners' distance, which on a ground of kilometres is centimetres.
-// What t is where a plane is seen so steeply that it says nothing, and why no box loses a hit: math/slab.h. Beside an
-// edge the sheared ray may meet a triangle that the ray itself passes by; if that plane then puts the hit into the
-// ray's range and the weighted corners do not, it is where they say. Or what lies behind a ray's origin, and is seen
-// almost edge-on, would be before it.
+// Beside an edge the sheared ray, which is a rounding away from the ray itself, may meet a triangle that that passes
+// by. A plane that is seen almost edge-on is then anywhere, before the faces in front of it or behind the ray's origin,
+// and the weighted corners, which all triangles at the edge have in common, are what t comes from. Why no box loses a
+// hit: math/slab.h.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,8 @@ struct TriangleRay {
   float origin[3];  // along the axes x, y and z of the sheared frame
   float shear_x, shear_y;
   float direction_z;
-  float plane_slack;     // how far t of the plane may be from that of the weighted corners, and be taken unseen
+  float depth_slack;     // how far t may be from every depth of the triangle's
+  float edge_slack;      // how far from an edge a hit is surely not beside it, in the sheared frame
   std::uint8_t axes[3];  // which axes of the mesh are x, y and z: z is the direction's longest, x the one after it
   bool runs_down;        // direction_z < 0: then a triangle of positive weights shows its back, otherwise its front
 };
@@ -39,7 +40,8 @@ static inline void set_triangle_ray(TriangleRay& ray, const float origin[3], con
   ray.shear_x = direction[ray.axes[0]] * inverse;
   ray.shear_y = direction[ray.axes[1]] * inverse;
   ray.direction_z = direction[longest];
-  ray.plane_slack = kPlaneReach * ((extent.largest[longest] + magnitude(origin[longest])) * magnitude(inverse));
+  ray.edge_slack = kEdgeReach * extent.reach;
+  ray.depth_slack = kDepthReach * ((extent.largest[longest] + magnitude(origin[longest])) * magnitude(inverse));
   ray.runs_down = direction[longest] < 0.0f;
 }
 
@@ -62,6 +64,16 @@ static inline TrianglePlane plane_of(const float a[3], const float b[3], const f
   return plane;
 }
 
+// No edge is longer.
+static inline double span_of(const float a[3], const float b[3], const float c[3]) noexcept {
+  double span = 0.0;
+  for (int i = 0; i < 3; ++i) {
+    span += __builtin_fabs(static_cast<double>(b[i]) - static_cast<double>(a[i])) +
+            __builtin_fabs(static_cast<double>(c[i]) - static_cast<double>(a[i]));
+  }
+  return span;
+}
+
 // How far the plane is from a point, times the length of the normal.
 static inline double plane_away(const TrianglePlane& plane, const double from[3]) noexcept {
   const double *const n = plane.normal, *const p = plane.point;
@@ -74,36 +86,27 @@ static inline double plane_t(const TrianglePlane& plane, const double origin[3],
   return plane_away(plane, origin) / ((n[0] * direction[0] + n[1] * direction[1]) + n[2] * direction[2]);
 }
 
+// Outside of an edge by no more than this share of the triangle's height over it counts as inside: rounding does it.
+inline constexpr double kBeside = 0x1p-40;
+
 // Whether the ray's point at `t`, in the plane, lies in the triangle.
 static inline bool is_inside(const TrianglePlane& plane, const float* const corners[3], const double origin[3],
                              const double direction[3], double t) noexcept {
+  const double* const n = plane.normal;
   double to[3][3];
   for (int corner = 0; corner < 3; ++corner) {
     for (int i = 0; i < 3; ++i) {
       to[corner][i] = static_cast<double>(corners[corner][i]) - (origin[i] + t * direction[i]);
     }
   }
+  const double least = -kBeside * ((n[0] * n[0] + n[1] * n[1]) + n[2] * n[2]);
   for (int corner = 0; corner < 3; ++corner) {
     const double *const v = to[corner], *const w = to[corner == 2 ? 0 : corner + 1];
     const double side =
-        (plane.normal[0] * (v[1] * w[2] - v[2] * w[1]) + plane.normal[1] * (v[2] * w[0] - v[0] * w[2])) +
-        plane.normal[2] * (v[0] * w[1] - v[1] * w[0]);
-    if (!(side >= 0.0)) return false;
+        (n[0] * (v[1] * w[2] - v[2] * w[1]) + n[1] * (v[2] * w[0] - v[0] * w[2])) + n[2] * (v[0] * w[1] - v[1] * w[0]);
+    if (!(side >= least)) return false;
   }
   return true;
-}
-
-// t of a hit that the weighted corners put at `weighted`: that of the plane, unless it is further from there than
-// rounding moves a point of the triangle, and not in the triangle either; then as near to it as may be.
-static inline float settle_t(const TriangleRay& ray, const TrianglePlane& plane, const float* const corners[3],
-                             const double origin[3], const double direction[3], float weighted) noexcept {
-  const double exact = plane_t(plane, origin, direction);
-  const float narrowed = static_cast<float>(exact);
-  if (magnitude(narrowed - weighted) <= ray.plane_slack) return narrowed;
-  if (is_inside(plane, corners, origin, direction, exact)) return narrowed;
-  const float lowest = weighted - ray.plane_slack, highest = weighted + ray.plane_slack;
-  if (!(narrowed >= lowest)) return exact < static_cast<double>(lowest) ? lowest : weighted;
-  return narrowed <= highest ? narrowed : highest;
 }
 
 // The corners' depths along the sheared z, weighted; the weights need not sum to 1.
@@ -112,11 +115,18 @@ static inline float weighted_t(const TriangleRay& ray, const float weights[3], f
   return depth / (sum * ray.direction_z);
 }
 
+// t of a hit: that of the plane if the ray's point there lies in the triangle, or else that of the weighted corners.
+static inline float settle_t(const TriangleRay& ray, const TrianglePlane& plane, const float* const corners[3],
+                             const double origin[3], const double direction[3], const float weights[3], float sum,
+                             const float z[3]) noexcept {
+  const double exact = plane_t(plane, origin, direction);
+  return is_inside(plane, corners, origin, direction, exact) ? static_cast<float>(exact)
+                                                             : weighted_t(ray, weights, sum, z);
+}
+
 struct TriangleHit {
-  float t, u, v;   // the point is (1 - u - v) v0 + u v1 + v v2
-  float weighted;  // t by the weighted corners
-  bool is_inside;  // the ray's point at t lies in the triangle, and not a rounding beside it
-  bool is_front;   // counter-clockwise as seen from the ray's origin, in the mesh's own frame
+  float t, u, v;  // the point is (1 - u - v) v0 + u v1 + v v2
+  bool is_front;  // counter-clockwise as seen from the ray's origin, in the mesh's own frame
 };
 
 // a * b - c * d, within 2 u, its sign right.
@@ -145,9 +155,7 @@ static inline bool intersect_triangle(const TriangleRay& ray, const double origi
   if (sum == 0.0f) return false;
   const float weights[3] = {a, b, c};
   const TrianglePlane plane = plane_of(corners[0], corners[1], corners[2]);
-  hit.weighted = weighted_t(ray, weights, sum, z);
-  hit.t = settle_t(ray, plane, corners, origin, direction, hit.weighted);
-  hit.is_inside = is_inside(plane, corners, origin, direction, plane_t(plane, origin, direction));
+  hit.t = settle_t(ray, plane, corners, origin, direction, weights, sum, z);
   hit.u = b / sum;
   hit.v = c / sum;
   hit.is_front = (sum > 0.0f) != ray.runs_down;

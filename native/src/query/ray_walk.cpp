@@ -151,7 +151,7 @@ class Walker {
       const bool is_hit =
           (test.lanes >> lane & 1) != 0 && take_hit(slot(), view_.instances, ray_, cull_, leaf, lane, candidates);
       is_new = is_new || is_hit;
-      const double t = is_met ? candidate_t(candidates, lane, leaf, slot().triangle.ray, slot().local, ray_) : kNone;
+      const double t = is_met ? candidate_t(candidates, lane, leaf, slot().triangle.ray, slot().local) : kNone;
       const WalkEvent other = is_met ? WalkEvent::kTriangleRejected : WalkEvent::kTriangleMissed;
       note_triangle(is_hit ? WalkEvent::kTriangleHit : other, here, leaf.primitives[lane], t);
     }

@@ -22,7 +22,7 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const SceneView& scene
     const int lane = __builtin_ctz(lanes);
     const std::uint32_t primitive = leaf.primitives[lane];
     if (lane > 0 && leaf.primitives[lane - 1] == primitive) continue;
-    const double t = candidate_t(candidates, lane, leaf, slot.triangle.ray, slot.local, ray);
+    const double t = candidate_t(candidates, lane, leaf, slot.triangle.ray, slot.local);
     if (!is_in_range(t, ray) || is_culled(batch.cull, candidates.sums[lane], slot.triangle.ray, instance)) continue;
     if (hits != nullptr && count < room) {
       const float sum = candidates.sums[lane];

@@ -88,16 +88,6 @@ PERFECT_BVH_INLINE TrianglePlane lone_plane(const Leaf& leaf, int lane, float (&
   return plane_of(corners[0], corners[1], corners[2]);
 }
 
-// Where the plane is seen so steeply that its t is not where the weighted corners are.
-template <class Leaf>
-__attribute__((noinline)) float settle_steep_t(const Leaf& leaf, int lane, const TriangleRay& ray,
-                                               const ObjectRay& local, float weighted) noexcept {
-  float at[3][3];
-  const TrianglePlane plane = lone_plane(leaf, lane, at);
-  const float* const corners[3] = {at[0], at[1], at[2]};
-  return settle_t(ray, plane, corners, local.origin, local.direction, weighted);
-}
-
 // Where its corners are along the sheared z.
 struct CornerDepths {
   template <class Leaf>
@@ -108,9 +98,9 @@ struct CornerDepths {
 };
 
 // Whether t of a triangle that the ray's line passes through is in range, wherever between its corners' depths it is
-// met. The range is that of the TriangleState, which is too wide by 2 plane_slack.
+// met. The range is that of the TriangleState, which is too wide by depth_slack.
 PERFECT_BVH_INLINE bool is_surely_in_range(const TriangleState& triangle, const CornerDepths& depths) noexcept {
-  const float *const z = depths.z, margin = 4.0f * triangle.ray.plane_slack * magnitude(triangle.ray.direction_z);
+  const float *const z = depths.z, margin = 2.0f * triangle.ray.depth_slack * magnitude(triangle.ray.direction_z);
   return smaller(smaller(z[0], z[1]), z[2]) - margin >= triangle.least_depth &&
          larger(larger(z[0], z[1]), z[2]) + margin <= triangle.largest_depth;
 }
@@ -120,32 +110,32 @@ PERFECT_BVH_INLINE bool is_in_range(double t, const Ray& ray) noexcept {
   return narrowed >= ray.t_min && narrowed <= ray.t_max && narrowed < kInfiniteDistance;
 }
 
-// Whether the ray's point in the plane lies in the triangle.
+// Beside an edge it takes a closer look.
 template <class Leaf>
-__attribute__((noinline)) bool lies_inside(const Leaf& leaf, int lane, const ObjectRay& local) noexcept {
+__attribute__((noinline)) float settle_beside_edge(const LeafCandidates& candidates, int lane, const Leaf& leaf,
+                                                   const TriangleRay& ray, const ObjectRay& local) noexcept {
+  const float weights[3] = {candidates.weights_v0[lane], candidates.weights_v1[lane], candidates.weights_v2[lane]};
   float at[3][3];
   const TrianglePlane plane = lone_plane(leaf, lane, at);
   const float* const corners[3] = {at[0], at[1], at[2]};
-  return is_inside(plane, corners, local.origin, local.direction, plane_t(plane, local.origin, local.direction));
+  return settle_t(ray, plane, corners, local.origin, local.direction, weights, candidates.sums[lane],
+                  CornerDepths(leaf, lane, ray).z);
 }
 
-// In the ray's own terms: see math/triangle.h. `local`: what the tree's TriangleRay was made of.
+// In the ray's own terms: settle_t(). `local`: what the tree's TriangleRay was made of.
 template <class Leaf>
 PERFECT_BVH_INLINE double candidate_t(const LeafCandidates& candidates, int lane, const Leaf& leaf,
-                                      const TriangleRay& triangle, const ObjectRay& local, const Ray& ray) noexcept {
+                                      const TriangleRay& ray, const ObjectRay& local) noexcept {
   const auto at = [&](int corner, int axis)
                       __attribute__((always_inline)) { return coordinate(leaf, lane, corner, axis); };
-  const float weights[3] = {candidates.weights_v0[lane], candidates.weights_v1[lane], candidates.weights_v2[lane]};
-  const CornerDepths depths(leaf, lane, triangle);
-  const float weighted = weighted_t(triangle, weights, candidates.sums[lane], depths.z);
-  float exact = static_cast<float>(lone_plane_t(at, local.origin, local.direction));
-  if (!(magnitude(exact - weighted) <= triangle.plane_slack)) [[unlikely]] {
-    exact = settle_steep_t(leaf, lane, triangle, local, weighted);
+  const float weight0 = magnitude(candidates.weights_v0[lane]), weight1 = magnitude(candidates.weights_v1[lane]);
+  const float least = smaller(smaller(weight0, weight1), magnitude(candidates.weights_v2[lane]));
+  const PlaneMeeting plane = meet_plane(at, local.origin, local.direction);
+  float t = static_cast<float>(plane.t);
+  if (!(least >= ray.edge_slack * static_cast<float>(plane.span))) [[unlikely]] {
+    t = settle_beside_edge(candidates, lane, leaf, ray, local);
   }
-  const double t = to_ray_t(local.time, exact);
-  if (is_in_range(to_ray_t(local.time, weighted), ray) || !is_in_range(t, ray)) [[likely]]
-    return t;
-  return lies_inside(leaf, lane, local) ? t : to_ray_t(local.time, weighted);
+  return to_ray_t(local.time, t);
 }
 
 PERFECT_BVH_INLINE bool is_culled(Cull cull, float sum, const TriangleRay& ray, const InstanceView& instance) noexcept {
@@ -166,7 +156,7 @@ inline bool wins_tie(const InstanceView* instances, std::uint32_t instance, std:
 template <class Leaf>
 PERFECT_BVH_INLINE bool take_hit(Slot& slot, const InstanceView* instances, const Ray& ray, Cull cull, const Leaf& leaf,
                                  int lane, const LeafCandidates& candidates) noexcept {
-  const double t = candidate_t(candidates, lane, leaf, slot.triangle.ray, slot.local, ray);
+  const double t = candidate_t(candidates, lane, leaf, slot.triangle.ray, slot.local);
   if (!(is_in_range(t, ray) && t <= slot.best_t)) return false;
   if (is_culled(cull, candidates.sums[lane], slot.triangle.ray, instances[slot.instance])) return false;
   const std::uint32_t primitive = leaf.primitives[lane];

@@ -14,6 +14,7 @@ struct PacketLevel {
   const InstanceView* instance;
   std::uint32_t instance_index;
   bool shares_origin;  // all rays begin at the same point:
+  float edge_slack;    // as in TriangleRay
   double exact_origin[3];
   float shared_origin[3];
   bool is_direct;  // local t is the ray's own t, for all rays
@@ -39,7 +40,8 @@ struct LoneRay {
     box.rows = level.key.rows;
     triangle.ray.shear_x = packet.triangles.shear_x[i], triangle.ray.shear_y = packet.triangles.shear_y[i];
     triangle.ray.direction_z = rays.narrow_direction[level.key.axes[2]][i];
-    triangle.ray.plane_slack = packet.triangles.plane_slack[i];
+    triangle.ray.depth_slack = packet.triangles.depth_slack[i];
+    triangle.ray.edge_slack = level.edge_slack;
     triangle.ray.runs_down = level.key.runs_down;
     set_depths(triangle, box.t_min, box.t_limit);
   }
@@ -75,7 +77,7 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const Leaf& leaf,
   bool is_new = false;
   for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
-    const double t = candidate_t(candidates, lane, leaf, lone.triangle.ray, local, *packet.rays[i]);
+    const double t = candidate_t(candidates, lane, leaf, lone.triangle.ray, local);
     if (is_culled(packet.cull, candidates.sums[lane], lone.triangle.ray, *level.instance)) continue;
     const Weights weights{candidates.weights_v1[lane], candidates.weights_v2[lane], candidates.sums[lane]};
     if (!take_packet_hit(packet, level, i, leaf.primitives[lane], t, weights)) continue;
@@ -106,6 +108,7 @@ PERFECT_BVH_INLINE void store_vertices(float* x, float* y, float* z, const Packe
 struct LeafPlanes {
   TrianglePlane plane[8];
   double away[8];      // from the origin, if the rays share one
+  float slack[8];      // least weight of a hit that is surely inside of every edge
   unsigned known = 0;  // bits
 
   template <bool kShared, class Leaf>
@@ -113,6 +116,7 @@ struct LeafPlanes {
     if ((known >> triangle & 1) != 0) return;
     float corners[3][3];
     plane[triangle] = lone_plane(leaf, static_cast<int>(triangle), corners);
+    slack[triangle] = level.edge_slack * static_cast<float>(span_of(corners[0], corners[1], corners[2]));
     if constexpr (kShared) away[triangle] = plane_away(plane[triangle], level.exact_origin);
     known |= 1u << triangle;
   }
@@ -146,24 +150,17 @@ struct LeafCorners<GatheredLeaf> {
 };
 
 // Of vectors of rays that meet a triangle, those in `found`, where local t is not the rays' own. Returns the rays that
-// need no more hits; those whose hits need a closer look are added to `ambiguous`.
+// need no more hits.
 template <bool kAny>
 unsigned take_moved_hits(Packet& packet, const PacketLevel& level, std::uint32_t primitive, unsigned first,
-                         unsigned found, RayFloat t, RayFloat weighted, RayFloat weight1, RayFloat weight2,
-                         RayFloat sum, unsigned& ambiguous) noexcept {
-  alignas(64) float t_of[kRayLanes], weighted_of[kRayLanes], weights_v1[kRayLanes], weights_v2[kRayLanes];
-  alignas(64) float sums[kRayLanes];
-  store_rays(t_of, t), store_rays(weighted_of, weighted);
-  store_rays(weights_v1, weight1), store_rays(weights_v2, weight2), store_rays(sums, sum);
+                         unsigned found, RayFloat t, RayFloat weight1, RayFloat weight2, RayFloat sum) noexcept {
+  alignas(64) float t_of[kRayLanes], weights_v1[kRayLanes], weights_v2[kRayLanes], sums[kRayLanes];
+  store_rays(t_of, t), store_rays(weights_v1, weight1), store_rays(weights_v2, weight2), store_rays(sums, sum);
   unsigned done = 0;
   for (; found != 0; found &= found - 1) {
     const int lane = __builtin_ctz(found);
     const unsigned i = first + static_cast<unsigned>(lane);
     const TimeFrame time = packet.local_rays.time(i);
-    if (!is_in_range(to_ray_t(time, weighted_of[lane]), *packet.rays[i])) {
-      ambiguous |= 1u << lane;
-      continue;
-    }
     const Weights weights{weights_v1[lane], weights_v2[lane], sums[lane]};
     if (!take_packet_hit(packet, level, i, primitive, to_ray_t(time, t_of[lane]), weights)) continue;
     level.boxes->t_limit[i] = kAny ? kDead : to_local_max(time, packet.hits.t[i]);
@@ -199,8 +196,7 @@ PERFECT_BVH_INLINE RayFloat plane_ts(const LeafPlanes& planes, unsigned triangle
 }
 
 // Rays `first` and on, those in `lanes`, against all triangles, one at a time. The hits that surely count are taken
-// here; rays whose hits need a closer look (t of the plane is not where the corners are, or the best one's) are
-// returned.
+// here; rays whose hits need a closer look (beside an edge, as far as the best one) are returned.
 template <bool kAny, bool kShared, class Leaf>
 unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& block, LeafCorners<Leaf>& leaf,
                         unsigned first, unsigned lanes) noexcept {
@@ -250,28 +246,23 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
       inside &= packet.cull == Cull::kFront ? ~front : front;
     }
     if (inside == 0) continue;
-    const RayFloat weighted = div(fmadd(weight2, depth[c], fmadd(weight1, depth[b], mul(weight0, depth[a]))),
-                                  mul(sum, load_rays(rays.narrow_direction[axes[2]] + first)));
     leaf.planes.template make<kShared>(block, i, level);
     const RayFloat t = plane_ts<kShared>(leaf.planes, i, rays, first);
-    const unsigned settled = bits(less_equal(abs(sub(t, weighted)), load_rays(triangles.plane_slack + first)));
-    ambiguous |= inside & ~settled;
-    inside &= settled;
+    const RayFloat least_weight = max(least, sub(none, most));
+    const unsigned beside = inside & ~bits(less_equal(every_ray(leaf.planes.slack[i]), least_weight));
+    ambiguous |= beside;
+    inside &= ~beside;
     const RayFloat limit = load_rays(limits);
     const unsigned from = bits(less_equal(load_rays(level.boxes->t_min + first), t));
     const unsigned up_to = bits(less_equal(t, limit)), before = bits(less(t, limit));
     if (!level.is_direct) {
       const unsigned found = inside & from & up_to;
       if (found == 0) continue;
-      lanes &= ~take_moved_hits<kAny>(packet, level, block.primitives[i], first, found, t, weighted, weight1, weight2,
-                                      sum, ambiguous);
+      lanes &= ~take_moved_hits<kAny>(packet, level, block.primitives[i], first, found, t, weight1, weight2, sum);
       continue;
     }
-    // As candidate_t() has it: t of the plane alone does not bring a hit into the range.
-    const unsigned in_range = bits(both(less_equal(load_rays(packet.t_min + first), weighted),
-                                        less_equal(weighted, load_rays(packet.t_max + first))));
-    ambiguous |= inside & from & up_to & ~(before & in_range);
-    const unsigned found = inside & from & before & in_range;
+    ambiguous |= inside & from & up_to & ~before;
+    const unsigned found = inside & from & before;
     if (found == 0) continue;
     const RayMask mask = ray_mask(found);
     store_some(hits.instance + first, mask, level.instance_index);

@@ -165,7 +165,7 @@ inline void set_constants(PacketBoxes& boxes, PacketTriangles& triangles, const 
     const RayFloat inverse = with_sign(long_inverse, along);
     store_rays(triangles.shear_x + i, mul(load_rays(rays.narrow_direction[key.axes[0]] + i), inverse));
     store_rays(triangles.shear_y + i, mul(load_rays(rays.narrow_direction[key.axes[1]] + i), inverse));
-    store_rays(triangles.plane_slack + i, mul(every_ray(kPlaneReach), long_depth));
+    store_rays(triangles.depth_slack + i, mul(every_ray(kDepthReach), long_depth));
   }
 }
 

@@ -106,7 +106,8 @@ __attribute__((always_inline)) inline void set_states(BoxState& box, TriangleSta
   _mm_storel_pi(reinterpret_cast<__m64*>(&triangle.ray.shear_x), shear);
   const float direction_z = _mm_cvtss_f32(_mm_movehl_ps(along, along));
   triangle.ray.direction_z = direction_z;
-  triangle.ray.plane_slack = kPlaneReach * _mm_cvtss_f32(long_depth);
+  triangle.ray.depth_slack = kDepthReach * _mm_cvtss_f32(long_depth);
+  triangle.ray.edge_slack = kEdgeReach * extent.reach;
   std::memcpy(triangle.ray.axes, frame.axes, sizeof(triangle.ray.axes));
   triangle.ray.runs_down = direction_z < 0.0f;
   std::memcpy(triangle.row, frame.row, sizeof(frame.row));

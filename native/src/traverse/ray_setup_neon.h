@@ -132,7 +132,8 @@ __attribute__((always_inline)) inline void set_states(BoxState& box, TriangleSta
   vst1_f32(&triangle.ray.shear_x, vget_low_f32(vmulq_f32(along, lanes_at(inverse, longest))));
   const float direction_z = vgetq_lane_f32(along, 2);
   triangle.ray.direction_z = direction_z;
-  triangle.ray.plane_slack = kPlaneReach * vgetq_lane_f32(long_depth, 0);
+  triangle.ray.depth_slack = kDepthReach * vgetq_lane_f32(long_depth, 0);
+  triangle.ray.edge_slack = kEdgeReach * extent.reach;
   std::memcpy(triangle.ray.axes, frame.axes, sizeof(triangle.ray.axes));
   triangle.ray.runs_down = direction_z < 0.0f;
   std::memcpy(triangle.row, frame.row, sizeof(frame.row));

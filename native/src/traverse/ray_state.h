@@ -32,10 +32,10 @@ struct TriangleState {
   float least_depth, largest_depth;
 };
 
-// As a hit's t is within plane_slack, and a few roundings, of some depth of the triangle's, twice that is added.
+// As much is added as a hit's t may be beyond the depths of the triangle's corners.
 static inline void set_depths(TriangleState& triangle, float t_min, float t_limit) noexcept {
   const TriangleRay& ray = triangle.ray;
-  const float slack = 2.0f * ray.plane_slack;
+  const float slack = ray.depth_slack;
   const float first = (t_min - slack) * ray.direction_z, last = (t_limit + slack) * ray.direction_z;
   triangle.least_depth = ray.runs_down ? last : first;
   triangle.largest_depth = ray.runs_down ? first : last;
