@@ -128,6 +128,9 @@ def test_the_benchmark_of_accuracy(repository, tmp_path):
             ours = point[aim]["perfect_bvh"]
             assert (ours["missed_per_million"], ours["rays"]) == (0.0, 400), (point["value"], aim)
             assert ours.get("judged_wrong", 0) == 0
+    for point in (*figures["grounds"]["flat"], *figures["grounds"]["aslant"]):
+        ours = point["t"]["perfect_bvh"]
+        assert (ours["missed"], ours["rays"]) == (0, 400) and ours["largest"] <= 2.5e-7, point["value"]
 
 
 def test_the_benchmark_of_policies(repository, tmp_path):

@@ -5,7 +5,8 @@
 A closed sphere is moved away from the origin, scaled, or stretched until its triangles are slivers; rays start within
 it, so that each must hit: a miss is wrong whatever rounding does. They are aimed at random points of the surface and,
 where it is hardest, at its vertices. Of a part of the first the double-precision oracle judges triangle and distance
-too, unless the sphere is so far away that rounding decides about all. Besides: the speed of each way on one thread.
+too, unless the sphere is so far away that rounding decides about all. Besides: how far off distances are on grounds
+of two triangles, flat and aslant, the larger the harder; and the speed of each way on one thread.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ import perfect_bvh
 from benchmarks import options, peers
 from benchmarks.build_python import measure_rays
 from benchmarks.judging import Judge
+from benchmarks.large_triangles import SIDES, errors_of_t, ground, rays_at_its_middle
 from benchmarks.meshes import BenchMesh
 from benchmarks.native import NativePrograms
 from benchmarks.native_answers import ask
@@ -75,10 +77,11 @@ def main() -> None:
             answers = _ask_all(case, rays, native, chosen, left_out)
             row[aim] = _count(rays, answers, judge if aim == "surface" else None, chosen.sample)
         sweeps.setdefault(case.sweep, []).append(row)
+    grounds = {name: _grounds(name == "aslant", native, chosen, left_out) for name in ("flat", "aslant")}
     speeds = _measure_speeds(native, chosen)
     left_out = list(dict.fromkeys(left_out))
-    results = {"left_out": left_out, "triangle_count": 2 * SEGMENTS * (RINGS - 1), "sweeps": sweeps, "speeds": speeds}
-    options.save(chosen, results)
+    spheres = {"triangle_count": 2 * SEGMENTS * (RINGS - 1), "sweeps": sweeps}
+    options.save(chosen, {"left_out": left_out, **spheres, "grounds": grounds, "speeds": speeds})
 
 
 def _cases(count: int) -> Iterator[Case]:
@@ -107,6 +110,18 @@ def _cases(count: int) -> Iterator[Case]:
         yield case("scale", 10.0**power, scale=10.0**power)
     for power in range(6):
         yield case("aspect", 10.0**power, scale=np.array([10.0**power, 1.0, 1.0]))
+
+
+def _grounds(
+    is_aslant: bool, native: NativePrograms, chosen: argparse.Namespace, left_out: list[str]
+) -> list[dict[str, Any]]:
+    """For each side the errors of t, by who answered."""
+    rows = []
+    for side in SIDES:
+        mesh, rays = ground(side, is_aslant), rays_at_its_middle(chosen.rays, is_aslant)
+        answers = _ask_all(Case("ground", side, mesh, {}), rays, native, chosen, left_out)
+        rows.append({"value": side, "t": {name: errors_of_t(mesh, rays, each) for name, each in answers.items()}})
+    return rows
 
 
 def _ask_all(

@@ -1,4 +1,4 @@
-"""(d) Answers lost where coordinates are hard, and what it costs in speed not to lose them."""
+"""(d) Answers lost or off where coordinates are hard, and what it costs in speed not to lose them."""
 
 from __future__ import annotations
 
@@ -21,6 +21,9 @@ SWEEPS = {
 }
 
 
+GROUNDS = {"flat": "Large triangles, flat", "aslant": "Large triangles, aslant"}
+
+
 def chart(figures: Figures | None = None) -> Chart:
     """The picture's description; figures: of accuracy.py."""
     figures = figures or load(DATA)
@@ -37,8 +40,13 @@ def chart(figures: Figures | None = None) -> Chart:
         f"{count(rays)} rays at each sphere ({count(few)} for Blender's); 0 is none of them, which leaves up to "
         f"{bound:.0f} in a million possible. Embree ROBUST loses up to {worst:,.0f}. Of marks at 0, ours hide others. "
         "Dashed: rays at random points of the surface, where any of those are lost. Bands: 95 % confidence. Bars of "
-        "speeds: quartiles.",
-        [*(_panel(figures, sweep) for sweep in SWEEPS), _frontier(figures)],
+        "speeds: quartiles. Large triangles: the largest error of t, as a share of it, on a ground of two triangles "
+        "whose middle rays meet from one to three units above it; float32 itself is 6e-8 off.",
+        [
+            *(_panel(figures, sweep) for sweep in SWEEPS),
+            _frontier(figures),
+            *(_ground(figures, each) for each in GROUNDS),
+        ],
         footer(figures),
         panel_height=275,
         legend=tuple(Key(label, color, mark) for label, color, mark in LOOKS.values()),
@@ -66,6 +74,21 @@ def _panel(figures: Figures, sweep: str) -> Panel:
         title,
         Axis(label, log=True, has_zero=has_zero, powers=True),
         Axis("rays lost per million", log=True, has_zero=True, low=10.0, high=1e6, powers=True),
+        series,
+    )
+
+
+def _ground(figures: Figures, which: str) -> Panel:
+    rows = figures["grounds"][which]
+    series = []
+    for name, (words, color, mark) in reversed(LOOKS.items()):
+        if name in rows[0]["t"]:
+            errors = [row["t"][name]["largest"] for row in rows]
+            series.append(Series(words, [row["value"] for row in rows], errors, color, mark, line=True))
+    return Panel(
+        GROUNDS[which],
+        Axis("side of the ground", log=True, powers=True),
+        Axis("largest error of t, as a share of it", log=True, low=1e-8, powers=True),
         series,
     )
 

@@ -47,6 +47,7 @@ MEASURES: dict[str, Measure] = {
     "axis_parallel_rays": Measure("a slab test with inverses", answers.usual_slabs),
     "edges_and_vertices": Measure("Möller-Trumbore in float32", answers.leaks),
     "extreme_magnitudes": Measure("Möller-Trumbore, epsilon 1e-8", answers.usual_test),
+    "large_ground": Measure("Möller-Trumbore in float32", answers.distances),
     "small_triangles": Measure("Möller-Trumbore, epsilon 1e-8", answers.usual_test),
     "non_finite_vertices": Measure("a root box by min and max", answers.poisoned_root),
     "incoherent_packets": Measure("packets of 16 in a frustum", answers.frustum_packets),

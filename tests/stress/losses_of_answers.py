@@ -51,6 +51,18 @@ def grazed(case: FailureCase) -> Loss:
     return Loss("unlike double's per million", losses[0], losses[1])
 
 
+def distances(case: FailureCase) -> Loss:
+    """Rays whose t is off by more than 1e-6 of itself, or that meet another triangle than in double."""
+    (moment,) = play(case.states())
+    rays = case.rays(moment.state, RAYS, 1)
+    corners = world_corners(moment.state)
+    exact = closest_hits(corners, *rays, epsilon=0.0, dtype=np.float64)
+    hits = moment.scene.cast_rays(*rays)
+    answers = [closest_hits(corners, *rays), (hits.t_hit, hits.primitive_ids)]
+    losses = [per_million((rows != exact[1]) | (np.abs(t - exact[0]) > 1e-6 * exact[0])) for t, rows in answers]
+    return Loss("off by 1e-6 per million", losses[0], losses[1])
+
+
 def leaks(case: FailureCase) -> Loss:
     """Rays from inside a closed surface that meet nothing."""
     (moment,) = play(case.states())

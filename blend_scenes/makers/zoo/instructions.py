@@ -71,6 +71,9 @@ DO: dict[str, Do] = {
         "The camera keeps in step, so that all pictures should be alike.",
         "NORMAL",
     ),
+    "large_ground": Do(
+        "On the left: balls that are sunk half-way into a ground of two triangles, 100 kilometres wide.", "NORMAL"
+    ),
     "small_triangles": Do("On the left: a ball that is a thousandth of a unit wide.", "NORMAL"),
     "non_finite_vertices": Do(
         "On the left: a ball of which four vertices are not numbers. The triangles at those are left out; "
@@ -124,6 +127,7 @@ PICTURED = frozenset(
         "equal_counts",
         "grazed_slivers",
         "extreme_magnitudes",
+        "large_ground",
         "small_triangles",
         "flat_boxes",
         "non_finite_vertices",

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from .case import Body, FailureCase, Rays, State, body, finite, one, rays_around
-from .shapes import ball, gravel, joined
+from .shapes import ball, gravel, joined, sheet, turned
 
+HALF_GROUND = 50_000.0
 SCALES = (1.0, 1e-6, 1e8, 1e11)
 OFFSET = 1e6
 
@@ -16,6 +17,23 @@ def extreme_magnitudes() -> tuple[State, ...]:
     positions, triangles = joined(ball(3, 0.7), gravel(150, 8, 0.2))
     sizes = [(body("Mesh", (positions * scale, triangles)),) for scale in SCALES]
     return (*sizes, (body("Mesh", (positions + OFFSET, triangles)),))
+
+
+def large_ground() -> tuple[State, ...]:
+    """Nine balls of a few centimetres, sunk half-way into two triangles that are 100 kilometres wide and aslant."""
+    balls = [ball(3, 0.02 + 0.005 * row, (0.12 * (row % 3 - 1), 0.12 * (row // 3 - 1), 0.0)) for row in range(9)]
+    positions, triangles = joined(sheet(1, HALF_GROUND), *balls)
+    slope = turned(0, 0.3) @ turned(1, 0.2)
+    return one((positions @ slope[:3, :3].T, triangles))
+
+
+def rays_at_the_middle(state: State, count: int, seed: int) -> Rays:
+    """From some decimetres above the balls to them and the ground between."""
+    random = np.random.default_rng(seed)
+    up, across = turned(0, 0.3) @ turned(1, 0.2), random.uniform(-0.3, 0.3, (2, count, 2))
+    origins = np.column_stack([across[0], random.uniform(0.1, 0.6, count)])
+    targets = np.column_stack([across[1], np.zeros(count)])
+    return origins @ up[:3, :3].T, (targets - origins) @ up[:3, :3].T
 
 
 def small_triangles() -> tuple[State, ...]:
@@ -57,6 +75,16 @@ SMALL_TRIANGLES = FailureCase(
     small_triangles,
     rays_around,
 )
+LARGE_GROUND = FailureCase(
+    "large_ground",
+    "Pebbles on a ground of 100 kilometres",
+    "t from corners that are kilometres away is off by roundings of those: what lies on the ground floats or sinks.",
+    "measured",
+    "t is that of the triangle's plane, in double precision, wherever the ray's point lies in the triangle.",
+    large_ground,
+    rays_at_the_middle,
+    view=((0.1, -0.55, 0.1), (0.0, 0.0, 0.0)),
+)
 NON_FINITE_VERTICES = FailureCase(
     "non_finite_vertices",
     "Vertices that are no numbers",
@@ -66,4 +94,4 @@ NON_FINITE_VERTICES = FailureCase(
     non_finite_vertices,
     rays_around_the_rest,
 )
-CASES = (EXTREME_MAGNITUDES, SMALL_TRIANGLES, NON_FINITE_VERTICES)
+CASES = (EXTREME_MAGNITUDES, LARGE_GROUND, SMALL_TRIANGLES, NON_FINITE_VERTICES)

@@ -194,7 +194,7 @@ _MAKERS: dict[str, Callable[[Asked], Picture]] = {
         _refitted,
     ),
     "equal_counts": _first_triangles,
-    **dict.fromkeys(("grazed_slivers", "extreme_magnitudes", "small_triangles"), _usual_test),
+    **dict.fromkeys(("grazed_slivers", "extreme_magnitudes", "large_ground", "small_triangles"), _usual_test),
     "flat_boxes": _usual_slabs,
     "non_finite_vertices": _nothing,
     "skewed_matrices": _usual_matrices,
