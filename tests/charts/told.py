@@ -173,8 +173,8 @@ def failure_zoo(figures: Figures) -> str:
         'Sticks and hair are cheap with `builder="spatial"`, which the engine takes where it is told that many rays '
         "will follow, or in the commit after them; after a long chain of small motions a commit that is told no "
         "number of rays restructures rather than rebuilds. "
-        f"Some answers differ from double precision's on: {wrong}; there float32 does not say which triangle it is, or, "
-        "beside an edge that is kilometres long, how far away."
+        f"Some answers differ from double precision's on: {wrong}; there float32 does not say which triangle it is, or "
+        "how far away, beside an edge that is kilometres long."
     )
 
 

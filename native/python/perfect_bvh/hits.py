@@ -43,8 +43,8 @@ class Hits:
     Fields that were not asked for raise AttributeError.
 
     t_hit (...) float32: in multiples of the direction's length; inf on a miss. Within two units in the last place of
-        where the ray meets the triangle's plane, however large the triangle; where it passes by an edge within rounding,
-        of a point of the triangle that it passes.
+        where the ray meets the triangle's plane, however large the triangle; where the ray passes by an edge, within
+        rounding of the corners, that of a point of the triangle beside it.
     instance_ids, mesh_ids, primitive_ids (...) int32: -1 on a miss. primitive_ids are rows of the mesh's triangles.
     primitive_uvs (..., 2) float32: the point (1 - u - v) v0 + u v1 + v v2; zero on a miss.
     geometric_normals (..., 3) float32: world space, unit length, by the triangle's winding; zero on a miss.
