@@ -8,7 +8,7 @@
 // The weights of the sheared corners say whether there is a hit, and what u and v are; t comes from the triangle's
 // plane, in double, and is the float nearest to it: the corners' depths, weighted, would be off by a few roundings of
 // the corners' distance, which on a ground of kilometres is centimetres.
-// Beside an edge the sheared ray, which is a rounding away from the ray itself, may meet a triangle that that passes
+// Beside an edge the sheared ray, which is a rounding away from the ray itself, may meet a triangle that the ray passes
 // by. A plane that is seen almost edge-on is then anywhere, before the faces in front of it or behind the ray's origin,
 // and the weighted corners, which all triangles at the edge have in common, are what t comes from. Why no box loses a
 // hit: math/slab.h.
