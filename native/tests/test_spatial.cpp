@@ -191,7 +191,7 @@ TEST(SliceTriangle, CoversItsPoints) {
       std::sort(planes.begin(), planes.end());
       const auto count = static_cast<std::size_t>(std::unique(planes.begin(), planes.end()) - planes.begin());
       std::array<Box4, 5> slices;
-      slice_triangle(corners, axis, {planes.data(), count}, slices.data());
+      slice_triangle(corners[0], corners[1], corners[2], axis, {planes.data(), count}, slices.data());
       for (const Vec3d p : points_of(corners)) {
         for (std::size_t k = 0; k <= count; ++k) {
           if (k > 0 && p[axis] < static_cast<double>(planes[k - 1])) continue;
@@ -206,7 +206,7 @@ TEST(SliceTriangle, CoversItsPoints) {
 TEST(SliceTriangle, IsTightAndKeepsFlatThingsFlat) {
   const float plane = 1.0f;
   std::array<Box4, 2> slices;
-  slice_triangle({{0, 0, 5}, {4, 0, 5}, {0, 4, 5}}, 0, {&plane, 1}, slices.data());
+  slice_triangle({0, 0, 5}, {4, 0, 5}, {0, 4, 5}, 0, {&plane, 1}, slices.data());
   alignas(16) float upper[4], lower[4];
   slices[1].upper.store(upper);
   slices[1].lower.store(lower);
@@ -222,7 +222,7 @@ TEST(SliceTriangle, IsTightAndKeepsFlatThingsFlat) {
 TEST(SliceTriangle, DoesNotOverflow) {
   const float most = 3e38f, plane = 1e38f;
   std::array<Box4, 2> slices;
-  slice_triangle({{-most, -most, -most}, {most, most, most}, {most, -most, 0}}, 0, {&plane, 1}, slices.data());
+  slice_triangle({-most, -most, -most}, {most, most, most}, {most, -most, 0}, 0, {&plane, 1}, slices.data());
   const double x = static_cast<double>(plane);
   EXPECT_TRUE(holds(slices[0], {x, x, x}) && holds(slices[1], {x, x, x}));
   EXPECT_FALSE(holds(slices[0], {2e38, 2e38, 2e38}));
@@ -246,6 +246,17 @@ TEST(Spatial, CoversEveryTriangle) {
   }
 }
 
+// So many that planes are chosen by a sample of them.
+TEST(Spatial, CoversEveryTriangleOfManyToo) {
+  for (const TriangleMesh& mesh : {soup(9000, 0.25f, 7), slivers(6000, 8)}) {
+    const BuildConfig config = greedy(1.0f);
+    const Bvh2 tree = build(mesh, config);
+    EXPECT_EQ(fault_of(tree, mesh.triangle_count(), config), "");
+    EXPECT_GT(tree.prim_indices.size(), mesh.triangle_count());
+    EXPECT_EQ(find_uncovered(tree, mesh), -1);
+  }
+}
+
 // Long diagonals side by side: their boxes are nearly all of space, their slices are not.
 TriangleMesh sticks(std::size_t count) {
   MeshMaker maker(1);
@@ -261,6 +272,13 @@ TEST(Spatial, CutsAndGains) {
   const Bvh2 cut = build(mesh, spatial(1.0f)), whole = build(mesh, BuildConfig{});
   EXPECT_GT(cut.prim_indices.size(), mesh.triangle_count() * 3 / 2);
   EXPECT_LT(measure_quality(cut).sah, 0.8 * measure_quality(whole).sah);
+}
+
+TEST(Spatial, CutsWithASmallBudgetToo) {
+  const TriangleMesh mesh = soup(3000, 0.0625f, 9);  // planes cross few of them
+  const Bvh2 tree = build(mesh, spatial(0.05f));
+  EXPECT_EQ(fault_of(tree, mesh.triangle_count(), spatial(0.05f)), "");
+  EXPECT_GT(tree.prim_indices.size(), mesh.triangle_count());
 }
 
 TEST(Spatial, WithoutBudgetCutsNothing) {

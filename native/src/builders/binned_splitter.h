@@ -55,6 +55,22 @@ class BinnedSplitter {
     });
   }
 
+  // For parts of the input that others have made of it, and may change until they are taken over.
+  BinnedSplitter(std::span<const PrimRef> prims, const BuildConfig& config, CancelToken& cancel)
+      : prims_(prims), config_(config), cancel_(cancel), leaf_limit_(nullptr) {
+    memory_.expect(2 * prims.size() * sizeof(GridRef));
+    refs_ = memory_.take<GridRef>(prims.size()), scratch_ = memory_.take<GridRef>(prims.size());
+  }
+
+  // Takes over the rows of a range, whose boxes lie in `box`. From many threads at once, for ranges apart.
+  void take_over(Range& range, const Box4& box) noexcept {
+    range.in_scratch = false;
+    range.frame = GridFrame::around(box);
+    for (std::uint32_t i = range.begin; i < range.begin + range.count; ++i) {
+      range.frame.snap(Box4::load(&prims_[i]), i).store(&refs_[i]);
+    }
+  }
+
   [[nodiscard]] const Range& root() const noexcept { return root_; }
 
   BinnedSplitter& enter_subtree(const Range&) noexcept { return *this; }

@@ -1,16 +1,18 @@
 // SAH construction with spatial splits (Stich, Friedrich, Dietrich 2009, "Spatial splits in bounding volume
 // hierarchies"): where the halves of an object split would overlap, space is cut instead, and what crosses the plane
-// goes to both sides with the boxes of its parts. For static scenery (lecture, "The top-level BVH"): the boxes fit
-// these positions alone. In: references, settings (bins, costs, duplication budget), a clipper. Out: a tree that is not
-// refittable, in which a primitive may be in several leaves, never twice in one; every point of it is in the box of one
-// of them.
+// goes to both sides with the boxes of its parts. What is too small to be cut is left to binning. For static scenery
+// (lecture, "The top-level BVH"): the boxes fit these positions alone. In: references, settings (bins, costs,
+// duplication budget), a clipper. Out: a tree that is not refittable, in which a primitive may be in several leaves,
+// never twice in one; every point of it is in the box of one of them.
 
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <optional>
 #include <span>
 #include <utility>
 
+#include "builders/binned_splitter.h"
 #include "builders/builders.h"
 #include "builders/few_boxes.h"
 #include "builders/grid_bins.h"
@@ -27,11 +29,18 @@ namespace {
 // Space is only cut where an object split's halves overlap by this share of the root's area. The paper's alpha is 1e-5;
 // the nodes between the two take most of the time and gain less than 0.5% of the cost.
 constexpr float kLeastOverlap = 1e-3f;
-constexpr std::uint32_t kSampleSize = 2048;  // references put into object bins, at least
+// Nor is it cut where a range has few rows to spare: a fifth of what the budget gives, or a sixteenth of its
+// references. Nearly every plane crosses more of them, and where the budget is used up, looking for one that does not
+// took most of the time, to gain 0.1% of the cost.
+constexpr float kLeastRoomOfBudget = 0.2f, kMostRoomNeeded = 1.0f / 16.0f;
+constexpr std::uint32_t kSampleSize = 2048;         // references put into object bins, at least
+constexpr std::uint32_t kSpatialSampleSize = 1024;  // and of space: all gain 0.3%, in 1.4 to 1.6 times the time
+constexpr std::uint32_t kTaskSize = 4096;           // references of a subtree that one thread makes at once
 
 // Rows [begin, begin + capacity) belong to the range, the first `count` hold references. The rest is its share of the
 // duplication budget: handed down in proportion, so that no other thread's work can change what it may do.
-struct SpatialRange : BuildRange {
+struct SpatialRange : GridRange {
+  bool is_whole = false;  // nothing of it is cut any more: it is left to binning
   std::uint32_t capacity = 0;
   std::uint32_t work = 0;
   Box4 box;  // the union of its references'
@@ -39,12 +48,13 @@ struct SpatialRange : BuildRange {
 
 // What is shared by all threads; each of them changes only the rows of its own range.
 struct Job {
-  const BuildConfig& config;
+  BuildConfig config;
   const PrimClipper* clipper;
   CancelToken& cancel;
   AlignedVector<PrimRef> refs;
+  std::optional<BinnedSplitter> binned;  // over `refs`
   AreaScale scale;
-  float least_overlap = 0.0f;
+  float least_overlap = 0.0f, least_room = 0.0f;  // areas; rows to spare for each reference
 };
 
 // Splits ranges one after another; one for each thread's subtree, so that its arrays are reused.
@@ -53,10 +63,17 @@ class SpatialWorker {
   explicit SpatialWorker(Job& job) : job_(job) {}
 
   bool split(SpatialRange& range, SpatialRange& left, SpatialRange& right) {
-    if (range.count == 1) return false;
+    const float area = range.is_whole ? 0.0f : job_.scale.half_area(range.box);
+    if (!range.is_whole && range.count <= kTaskSize && !may_be_cut(range, area)) {
+      range.is_whole = true;
+      job_.binned->take_over(range, range.box);
+    }
+    if (range.is_whole) {
+      left.is_whole = right.is_whole = true;
+      return job_.binned->split(range, left, right);
+    }
     partition_.resize(range.count);
     snap(range);
-    const float area = job_.scale.half_area(range.box);
     Sides chosen;
     if (depth_allows_any_split(range)) {
       const Sides by_object = choose_object_split(range);
@@ -73,12 +90,22 @@ class SpatialWorker {
   }
 
   Box4 write_leaf(const SpatialRange& range, std::uint32_t* prim_indices) const noexcept {
+    if (range.is_whole) return job_.binned->write_leaf(range, prim_indices);
     for (const PrimRef& ref : rows(range)) *prim_indices++ = ref.prim_index;
     const Float4 zero(0.0f);  // -0 + 0 is +0
     return {range.box.lower + zero, range.box.upper + zero};
   }
 
  private:
+  // Halves overlap by no more than their box, and boxes only shrink: where nothing may be cut for that, nor may any
+  // part.
+  [[nodiscard]] bool may_be_cut(const SpatialRange& range, float area) const noexcept {
+    return range.count > 1 && has_room(range) && area > job_.least_overlap;
+  }
+  [[nodiscard]] bool has_room(const SpatialRange& range) const noexcept {
+    return static_cast<float>(range.capacity - range.count) > job_.least_room * static_cast<float>(range.count);
+  }
+
   [[nodiscard]] std::span<PrimRef> rows(const SpatialRange& range) const noexcept {
     return {job_.refs.data() + range.begin, range.count};
   }
@@ -158,22 +185,26 @@ class SpatialWorker {
 
   // Not split: an object split or a leaf is as good, or no plane is to be had. Then the object split still holds.
   [[nodiscard]] Sides choose_spatial_split(const SpatialRange& range, float area, const Sides& by_object) {
-    if (range.capacity == range.count) return {};
+    if (!has_room(range)) return {};
+    const float overlap = by_object.is_split() ? by_object.overlap(job_.scale) : area;
+    if (!(overlap > job_.least_overlap)) return {};
     const auto all = static_cast<float>(range.count);
-    float limit = area * all;  // no gain in a plane that costs more than none
-    if (by_object.is_split()) {
-      if (!(by_object.overlap(job_.scale) > job_.least_overlap)) return {};
-      limit = std::min(limit, by_object.cost(job_.scale));
-    }
+    SpatialSearch search;
+    search.clipper = job_.clipper;
+    search.scale = job_.scale;
+    search.limit = area * all;  // no gain in a plane that costs more than none
+    if (by_object.is_split()) search.limit = std::min(search.limit, by_object.cost(job_.scale));
     if (range.count <= job_.config.max_leaf_size) {
-      limit = std::min(limit, area * all - area * (job_.config.traversal_cost / job_.config.intersection_cost));
+      const float leaf = area * all - area * (job_.config.traversal_cost / job_.config.intersection_cost);
+      search.limit = std::min(search.limit, leaf);
     }
     // Slices are costly. An even number of bins has a plane in the middle, which is often the best.
-    const std::uint32_t bin_count = std::min(std::max(job_.config.bins / 4 * 2, 2u), range.count / 8 * 2 + 4);
-    const SpatialPlane plane = find_spatial_plane(rows(range), range.box, bin_count, job_.clipper, job_.scale, limit,
-                                                  range.capacity, job_.cancel);
+    search.bin_count = std::min(std::max(job_.config.bins / 4 * 2, 2u), range.count / 8 * 2 + 4);
+    search.stride = std::max(1u, range.count / kSpatialSampleSize);
+    search.most_references = range.capacity;
+    const SpatialPlane plane = find_spatial_plane(rows(range), range.box, search);
     if (plane.axis < 0) return {};
-    return partition_.part(rows(range), plane, job_.clipper, job_.scale, range.capacity, job_.cancel);
+    return partition_.part(rows(range), plane, search, job_.cancel);
   }
 
   // Spare rows go where the cost is.
@@ -203,14 +234,19 @@ class SpatialWorker {
   SpatialPartition partition_;
 };
 
+[[nodiscard]] BuildConfig on_all_axes(BuildConfig config) noexcept {
+  config.axes = 3;
+  return config;
+}
+
 class SpatialSplitter {
  public:
   using Range = SpatialRange;
-  static constexpr std::uint32_t kSubtreeSize = 4096;
+  static constexpr std::uint32_t kSubtreeSize = kTaskSize;
 
   SpatialSplitter(std::span<const PrimRef> prims, const BuildConfig& config, const PrimClipper* clipper,
                   CancelToken& cancel)
-      : job_{config, clipper, cancel, {}, {}} {
+      : job_{on_all_axes(config), clipper, cancel, {}, {}, {}} {
     // Rows have 32-bit numbers, and so have the nodes over them.
     constexpr double kMostRows = std::numeric_limits<std::int32_t>::max();
     const auto count = static_cast<double>(prims.size());
@@ -218,6 +254,7 @@ class SpatialSplitter {
     root_.count = root_.work = static_cast<std::uint32_t>(prims.size());
     root_.capacity = static_cast<std::uint32_t>(std::min(wanted, kMostRows));
     job_.refs.resize(root_.capacity);
+    job_.binned.emplace(job_.refs, job_.config, cancel);
     root_.box = Box4::empty();
     for_steps(prims.size(), cancel, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
@@ -227,6 +264,7 @@ class SpatialSplitter {
     });
     job_.scale.multiplier = GridFrame::around(root_.box).multiplier;
     job_.least_overlap = kLeastOverlap * job_.scale.half_area(root_.box);
+    job_.least_room = std::min(kLeastRoomOfBudget * config.duplication_budget, kMostRoomNeeded);
   }
 
   [[nodiscard]] const Range& root() const noexcept { return root_; }

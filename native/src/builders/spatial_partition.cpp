@@ -21,7 +21,8 @@ PlaneSide unsplit(SpatialPlane& now, const Box4& box, const std::array<Box4, 2>&
                   const AreaScale& scale) noexcept {
   if (is_empty(slices[0]) || is_empty(slices[1])) {  // its box crosses the plane, itself it does not
     const bool left = is_empty(slices[1]);
-    --(left ? now.right_count : now.left_count);
+    std::uint32_t& other_count = left ? now.right_count : now.left_count;  // perhaps an estimate
+    if (other_count > 1) --other_count;
     (left ? now.left : now.right).grow(box);
     return left ? PlaneSide::kLeft : PlaneSide::kRight;
   }
@@ -48,14 +49,14 @@ PlaneSide unsplit(SpatialPlane& now, const Box4& box, const std::array<Box4, 2>&
 
 }  // namespace
 
-PlaneSide SpatialPartition::plan_row(const PrimRef& ref, const SpatialPlane& plane, const PrimClipper* clipper,
-                                     const AreaScale& scale, SpatialPlane& now, Sides& sides) {
+PlaneSide SpatialPartition::plan_row(const PrimRef& ref, const SpatialPlane& plane, const SpatialSearch& search,
+                                     SpatialPlane& now, Sides& sides) {
   const Box4 box = Box4::load(&ref);
   PlaneSide side = side_of(ref, plane.axis, plane.place);
   std::array<Box4, 2> slices;
   if (side == PlaneSide::kBoth) {
-    slice_reference(ref, plane.axis, {&plane.place, 1}, clipper, slices.data());
-    side = unsplit(now, box, slices, scale);
+    slice_reference(ref, plane.axis, {&plane.place, 1}, search.clipper, slices.data());
+    side = unsplit(now, box, slices, search.scale);
   }
   if (side == PlaneSide::kBoth) {
     parts_.push_back({slices[0], slices[1]});
@@ -67,43 +68,43 @@ PlaneSide SpatialPartition::plan_row(const PrimRef& ref, const SpatialPlane& pla
   return side;
 }
 
-Sides SpatialPartition::part(std::span<const PrimRef> refs, const SpatialPlane& plane, const PrimClipper* clipper,
-                             const AreaScale& scale, std::uint32_t most_references, CancelToken& cancel) {
+Sides SpatialPartition::part(std::span<const PrimRef> refs, const SpatialPlane& plane, const SpatialSearch& search,
+                             CancelToken& cancel) {
   SpatialPlane now = plane;
   Sides sides;
   parts_.clear();
   planned_.resize(refs.size());
   for_steps(refs.size(), cancel, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) planned_[i] = plan_row(refs[i], plane, clipper, scale, now, sides);
+    for (std::size_t i = begin; i < end; ++i) planned_[i] = plan_row(refs[i], plane, search, now, sides);
   });
-  if (!sides.is_split() || sides.left_count + sides.right_count > most_references) return {};
+  if (!sides.is_split() || sides.left_count + sides.right_count > search.most_references) return {};
+  if (!(sides.cost(search.scale) < search.limit)) return {};
   std::swap(sides_, planned_);
   return sides;
 }
 
+// Each reference is written to both sides, and stays where the side's end moves on: no branch to be guessed. On the
+// left that is never beyond the row it was read from.
 void SpatialPartition::move(std::span<PrimRef> refs, PrimRef* right, std::uint32_t right_count, CancelToken& cancel) {
-  moved_.clear();
-  moved_.reserve(right_count);
-  PrimRef* to_left = refs.data();
+  moved_.resize(right_count + 1);
+  PrimRef *to_left = refs.data(), *to_right = moved_.data();
   const Parts* parts = parts_.data();
   for_steps(refs.size(), cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      PrimRef ref = refs[i];
-      if (sides_[i] == PlaneSide::kLeft) {
-        *to_left++ = ref;
-      } else if (sides_[i] == PlaneSide::kRight) {
-        moved_.push_back(ref);
-      } else {
-        set_box(ref, parts->left);
-        *to_left++ = ref;
-        set_box(ref, parts->right);
-        moved_.push_back(ref);
+      const PrimRef ref = refs[i];
+      *to_right = ref;
+      *to_left = ref;
+      if (sides_[i] == PlaneSide::kBoth) {
+        set_box(*to_left, parts->left);
+        set_box(*to_right, parts->right);
         ++parts;
       }
+      to_left += sides_[i] != PlaneSide::kRight;
+      to_right += sides_[i] != PlaneSide::kLeft;
     }
   });
-  for_steps(moved_.size(), cancel, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) right[i] = moved_[i];
+  for_steps(right_count, cancel, [&](std::size_t begin, std::size_t end) {
+    std::copy(moved_.data() + begin, moved_.data() + end, right + begin);
   });
 }
 

@@ -55,10 +55,10 @@ class SpatialPartition {
     return sides;
   }
 
-  // A spatial split. Where one side would get nothing, or both together more than `most_references`, it is none, and
-  // references go where they went before.
-  [[nodiscard]] Sides part(std::span<const PrimRef> refs, const SpatialPlane& plane, const PrimClipper* clipper,
-                           const AreaScale& scale, std::uint32_t most_references, CancelToken& cancel);
+  // A spatial split by a plane that the search has found. Where one side would get nothing, or both together more than
+  // it allows, or would cost as much as its limit, it is none, and references go where they went before.
+  [[nodiscard]] Sides part(std::span<const PrimRef> refs, const SpatialPlane& plane, const SpatialSearch& search,
+                           CancelToken& cancel);
 
   // Moves what goes to the left to the front of `refs`, and what goes to the right to `right`, for which there is room.
   void move(std::span<PrimRef> refs, PrimRef* right, std::uint32_t right_count, CancelToken& cancel);
@@ -69,8 +69,8 @@ class SpatialPartition {
   };
 
   // Where a reference goes, added to the sides; what is cut is added to the parts.
-  [[nodiscard]] PlaneSide plan_row(const PrimRef& ref, const SpatialPlane& plane, const PrimClipper* clipper,
-                                   const AreaScale& scale, SpatialPlane& now, Sides& sides);
+  [[nodiscard]] PlaneSide plan_row(const PrimRef& ref, const SpatialPlane& plane, const SpatialSearch& search,
+                                   SpatialPlane& now, Sides& sides);
 
   std::vector<PlaneSide> sides_, planned_;  // of each row; kBoth: the next of parts_
   std::vector<Parts> parts_;

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <array>
 
-#include "core/steps.h"
-
 namespace perfect_bvh {
 namespace {
 
@@ -13,130 +11,191 @@ struct SpatialBin {
   std::uint32_t entries, exits;  // references whose first, whose last bin this is
 };
 
-// Planes at equal distances between the ends of a box on one axis; plane k stands between bins k and k + 1.
-class Planes {
+// Bins of equal width between the ends of a box, on three axes at once; place k of an axis stands between the bins
+// k - 1 and k.
+class BinGrid {
  public:
-  Planes(float low, float high, std::uint32_t bin_count) noexcept
-      : count_(bin_count - 1), low_(low), per_unit_(static_cast<float>(bin_count) / (high - low)) {
-    const float step = 1.0f / static_cast<float>(bin_count);
-    float before = low;
-    for (std::uint32_t k = 0; k < count_; ++k) {
-      const float share = static_cast<float>(k + 1) * step;
-      places_[k] = low * (1.0f - share) + high * share;
-      usable_ = usable_ && before < places_[k] && places_[k] < high;
-      before = places_[k];
-    }
+  BinGrid(const Box4& box, std::uint32_t bin_count) noexcept
+      : count_(bin_count), last_(static_cast<float>(bin_count - 1)), low_(box.lower.xyz0()) {
+    // A little less, so that rounding never leads beyond the right bin, and one comparison with a place settles it.
+    constexpr float kSlightlyLess = 1.0f - 0x1p-21f;
+    const Float4 extent = box.upper.xyz0() - low_;
+    step_ = extent * Float4(1.0f / static_cast<float>(bin_count));
+    per_unit_ = Float4(static_cast<float>(bin_count) * kSlightlyLess) / extent;
+    alignas(16) std::array<float, 4> low, high, step;
+    low_.store(low.data());
+    box.upper.store(high.data());
+    step_.store(step.data());
+    for (std::size_t axis = 0; axis < 3; ++axis) set_places(axis, low[axis], high[axis], step[axis]);
   }
 
-  // False where floats are too coarse, or too large, for so many planes.
-  [[nodiscard]] bool usable() const noexcept { return usable_; }
-  [[nodiscard]] float place(std::uint32_t k) const noexcept { return places_[k]; }
-  [[nodiscard]] std::span<const float> between(std::uint32_t first_bin, std::uint32_t last_bin) const noexcept {
-    return {places_.data() + first_bin, last_bin - first_bin};
+  [[nodiscard]] std::uint32_t bin_count() const noexcept { return count_; }
+  // False where floats are too coarse, or too large, for so many bins.
+  [[nodiscard]] bool is_usable(std::size_t axis) const noexcept { return usable_[axis]; }
+  [[nodiscard]] float place(std::size_t axis, std::uint32_t k) const noexcept { return places_[axis][k]; }
+  [[nodiscard]] std::span<const float> between(std::size_t axis, std::uint32_t first_bin,
+                                               std::uint32_t last_bin) const noexcept {
+    return {places_[axis].data() + first_bin + 1, last_bin - first_bin};
   }
-  // The bins that a box reaches into, by the rule of side_of().
-  [[nodiscard]] std::uint32_t first_bin(float lower) const noexcept {
-    std::uint32_t bin = guess(lower);
-    while (bin > 0 && lower < places_[bin - 1]) --bin;
-    while (bin < count_ && lower >= places_[bin]) ++bin;
-    return bin;
-  }
-  [[nodiscard]] std::uint32_t last_bin(float upper) const noexcept {
-    std::uint32_t bin = guess(upper);
-    while (bin > 0 && upper <= places_[bin - 1]) --bin;
-    while (bin < count_ && upper > places_[bin]) ++bin;
-    return bin;
+
+  // The bins of the three axes that a box reaches into, by the rule of side_of().
+  struct Reach {
+    alignas(16) std::array<std::int32_t, 4> first, last;
+  };
+  [[nodiscard]] Reach reach_of(const PrimRef& ref) const noexcept {
+    const Box4 box = Box4::load(&ref);
+    const Float4 one(1.0f), lower = box.lower.xyz0(), upper = box.upper.xyz0();
+    const Float4 below = guess(lower), above = guess(upper);
+    const Float4 first = select_less(lower, next_place(below), below, below + one);
+    const Float4 last = select_less(next_place(above), upper, above + one, above);
+    const Float4 first_bin = min(first, last_);
+    Reach reach;
+    truncate(first_bin).store(reach.first.data());
+    truncate(max(min(last, last_), first_bin)).store(reach.last.data());
+    return reach;
   }
 
  private:
-  [[nodiscard]] std::uint32_t guess(float x) const noexcept {
-    const float bin = (x - low_) * per_unit_;
-    return bin > 0.0f ? static_cast<std::uint32_t>(std::min(bin, static_cast<float>(count_))) : 0;
+  void set_places(std::size_t axis, float low, float high, float step) noexcept {
+    usable_[axis] = true;
+    float before = low;
+    for (std::uint32_t k = 1; k < count_; ++k) {
+      const float here = low + static_cast<float>(k) * step;
+      usable_[axis] = usable_[axis] && before < here && here < high;
+      before = places_[axis][k] = here;
+    }
   }
+  // The bin that a coordinate lies in, or the one before. Of what is no number: the last.
+  [[nodiscard]] Float4 guess(Float4 x) const noexcept {
+    return to_float(truncate(max(min((x - low_) * per_unit_, last_), Float4(0.0f))));
+  }
+  [[nodiscard]] Float4 next_place(Float4 bin) const noexcept { return low_ + (bin + Float4(1.0f)) * step_; }
 
   std::uint32_t count_;
-  float low_, per_unit_;
-  bool usable_ = true;
-  std::array<float, kMaxSpatialBins> places_;
+  Float4 last_, low_, step_, per_unit_;
+  std::array<bool, 3> usable_;
+  std::array<std::array<float, kMaxSpatialBins>, 3> places_;  // from 1 on
 };
 
-[[nodiscard]] Float4 on_axis(int axis, float place, float elsewhere) noexcept {
-  return {axis == 0 ? place : elsewhere, axis == 1 ? place : elsewhere, axis == 2 ? place : elsewhere, elsewhere};
+// A slab between two coordinates of an axis, without bounds on the others.
+[[nodiscard]] Box4 slab(int axis, float low, float high) noexcept {
+  const Int4 mask(axis == 0 ? -1 : 0, axis == 1 ? -1 : 0, axis == 2 ? -1 : 0, 0);
+  const Int4 others = mask ^ Int4(-1);
+  return {from_bits((bits_of(Float4(low)) & mask) | (bits_of(Float4(-Aabb::kInfinity)) & others)),
+          from_bits((bits_of(Float4(high)) & mask) | (bits_of(Float4(Aabb::kInfinity)) & others))};
 }
 
-void fill_bins(std::span<const PrimRef> refs, int axis, const Planes& planes, const PrimClipper* clipper,
-               std::span<SpatialBin> bins) noexcept {
-  std::array<Box4, kMaxSpatialBins> slices;
-  for (const PrimRef& ref : refs) {
-    const std::uint32_t first = planes.first_bin(ref.lower[axis]);
-    const std::uint32_t last = std::max(first, planes.last_bin(ref.upper[axis]));
-    ++bins[first].entries;
-    ++bins[last].exits;
-    if (first == last) {
-      bins[first].box.grow(Box4::load(&ref));
-      continue;
+// The bins of three axes, filled with a sample of references.
+class SpatialBins {
+ public:
+  SpatialBins(const SpatialSearch& search, const Box4& box) noexcept : search_(search), grid_(box, search.bin_count) {
+    for (auto& axis : bins_) std::fill_n(axis.begin(), grid_.bin_count(), SpatialBin{Box4::empty(), 0, 0});
+  }
+
+  // Counts references, and takes in those that cross no plane of an axis.
+  void add_whole(std::span<const PrimRef> refs) noexcept {
+    for (std::size_t i = 0; i < refs.size(); i += search_.stride, ++sample_count_) {
+      const BinGrid::Reach reach = grid_.reach_of(refs[i]);
+      const Box4 box = Box4::load(&refs[i]);
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const auto first = static_cast<std::size_t>(reach.first[axis]);
+        const auto last = static_cast<std::size_t>(reach.last[axis]);
+        ++bins_[axis][first].entries;
+        ++bins_[axis][last].exits;
+        if (first == last) bins_[axis][first].box.grow(box);
+      }
     }
-    slice_reference(ref, axis, planes.between(first, last), clipper, slices.data());
+    ratio_ = static_cast<double>(refs.size()) / sample_count_;
+  }
+
+  // Slices are costly: there are none on axes that have no plane to offer (duplicates).
+  void add_slices(std::span<const PrimRef> refs) noexcept {
+    for (std::size_t axis = 0; axis < 3; ++axis) offers_[axis] = grid_.is_usable(axis) && some_plane_fits(axis);
+    if (!offers_[0] && !offers_[1] && !offers_[2]) return;
+    for (std::size_t i = 0; i < refs.size(); i += search_.stride) {
+      const BinGrid::Reach reach = grid_.reach_of(refs[i]);
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const auto first = static_cast<std::uint32_t>(reach.first[axis]);
+        const auto last = static_cast<std::uint32_t>(reach.last[axis]);
+        if (first != last && offers_[axis]) slice(refs[i], axis, first, last);
+      }
+    }
+  }
+
+  // The cheapest plane of all, if it beats the limit.
+  [[nodiscard]] SpatialPlane find_best() const noexcept {
+    SpatialPlane best{
+        .cost = search_.limit / static_cast<float>(ratio_), .left = Box4::empty(), .right = Box4::empty()};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if (offers_[axis]) price_planes(axis, best);
+    }
+    best.left_count = of_all(best.left_count);
+    best.right_count = of_all(best.right_count);
+    return best;
+  }
+
+ private:
+  // What a number of the sample stands for.
+  [[nodiscard]] std::uint32_t of_all(std::uint32_t count) const noexcept {
+    return static_cast<std::uint32_t>(count * ratio_);
+  }
+  [[nodiscard]] bool fits(std::uint32_t left_count, std::uint32_t right_count) const noexcept {
+    return left_count > 0 && right_count > 0 && of_all(left_count + right_count) <= search_.most_references;
+  }
+
+  // Whether some plane of the axis leaves few enough references.
+  [[nodiscard]] bool some_plane_fits(std::size_t axis) const noexcept {
+    std::uint32_t left_count = 0, right_count = sample_count_;
+    for (std::uint32_t k = 0; k + 1 < grid_.bin_count(); ++k) {
+      left_count += bins_[axis][k].entries;
+      right_count -= bins_[axis][k].exits;
+      if (fits(left_count, right_count)) return true;
+    }
+    return false;
+  }
+
+  void slice(const PrimRef& ref, std::size_t axis, std::uint32_t first, std::uint32_t last) noexcept {
+    std::array<Box4, kMaxSpatialBins> slices;
+    slice_reference(ref, static_cast<int>(axis), grid_.between(axis, first, last), search_.clipper, slices.data());
     for (std::uint32_t k = first; k <= last; ++k) {
-      if (!is_empty(slices[k - first])) bins[k].box.grow(slices[k - first]);
+      if (!is_empty(slices[k - first])) bins_[axis][k].box.grow(slices[k - first]);
     }
   }
-}
 
-// How many references enter and leave each bin.
-struct BinCounts {
-  std::array<std::uint32_t, kMaxSpatialBins> entries{}, exits{};
-
-  void add(std::span<const PrimRef> refs, int axis, const Planes& planes) noexcept {
-    for (const PrimRef& ref : refs) {
-      const std::uint32_t first = planes.first_bin(ref.lower[axis]);
-      ++entries[first];
-      ++exits[std::max(first, planes.last_bin(ref.upper[axis]))];
+  // Prices every plane of an axis; takes over the cheapest if it beats `best`.
+  void price_planes(std::size_t axis, SpatialPlane& best) const noexcept {
+    const std::span<const SpatialBin> bins(bins_[axis].data(), grid_.bin_count());
+    const AreaScale& scale = search_.scale;
+    std::array<Box4, kMaxSpatialBins> right_boxes;
+    Box4 box = Box4::empty();
+    std::uint32_t right_count = 0;
+    for (std::size_t k = bins.size(); k-- > 0;) {
+      box.grow(bins[k].box);
+      right_boxes[k] = box;
+      right_count += bins[k].exits;
+    }
+    box = Box4::empty();
+    std::uint32_t left_count = 0;
+    for (std::uint32_t k = 0; k + 1 < bins.size(); ++k) {
+      box.grow(bins[k].box);
+      left_count += bins[k].entries;
+      right_count -= bins[k].exits;
+      if (!fits(left_count, right_count)) continue;
+      if (is_empty(box) || is_empty(right_boxes[k + 1])) continue;  // slices that were none after all
+      const float cost = scale.half_area(box) * static_cast<float>(left_count) +
+                         scale.half_area(right_boxes[k + 1]) * static_cast<float>(right_count);
+      if (!(cost < best.cost)) continue;
+      best = {cost, static_cast<int>(axis), grid_.place(axis, k + 1), left_count, right_count, box, right_boxes[k + 1]};
     }
   }
+
+  const SpatialSearch& search_;
+  BinGrid grid_;
+  std::array<std::array<SpatialBin, kMaxSpatialBins>, 3> bins_;
+  std::array<bool, 3> offers_{};
+  std::uint32_t sample_count_ = 0;
+  double ratio_ = 1.0;  // of all references to those of the sample
 };
-
-// Whether some plane of the axis leaves few enough references. Counting them is cheap, slicing them is not: where all
-// overlap each other (duplicates), there is nothing to slice for.
-[[nodiscard]] bool some_plane_fits(std::span<const PrimRef> refs, int axis, const Planes& planes,
-                                   std::uint32_t bin_count, std::uint32_t most_references, CancelToken& cancel) {
-  BinCounts counts;
-  for_steps(refs.size(), cancel,
-            [&](std::size_t begin, std::size_t end) { counts.add(refs.subspan(begin, end - begin), axis, planes); });
-  auto right_count = static_cast<std::uint32_t>(refs.size());
-  std::uint32_t left_count = 0;
-  for (std::uint32_t k = 0; k + 1 < bin_count; ++k) {
-    left_count += counts.entries[k];
-    right_count -= counts.exits[k];
-    if (left_count > 0 && right_count > 0 && left_count + right_count <= most_references) return true;
-  }
-  return false;
-}
-
-// Prices every plane of an axis; takes over the cheapest if it beats `best`.
-void price_planes(std::span<const SpatialBin> bins, int axis, const Planes& planes, const AreaScale& scale,
-                  std::uint32_t most_references, SpatialPlane& best) noexcept {
-  std::array<Box4, kMaxSpatialBins> right_boxes;
-  Box4 box = Box4::empty();
-  std::uint32_t right_count = 0;
-  for (std::size_t k = bins.size(); k-- > 0;) {
-    box.grow(bins[k].box);
-    right_boxes[k] = box;
-    right_count += bins[k].exits;
-  }
-  box = Box4::empty();
-  std::uint32_t left_count = 0;
-  for (std::uint32_t k = 0; k + 1 < bins.size(); ++k) {
-    box.grow(bins[k].box);
-    left_count += bins[k].entries;
-    right_count -= bins[k].exits;
-    if (left_count == 0 || right_count == 0 || left_count + right_count > most_references) continue;
-    if (is_empty(box) || is_empty(right_boxes[k + 1])) continue;  // slices that were none after all
-    const float cost = scale.half_area(box) * static_cast<float>(left_count) +
-                       scale.half_area(right_boxes[k + 1]) * static_cast<float>(right_count);
-    if (cost < best.cost) best = {cost, axis, planes.place(k), left_count, right_count, box, right_boxes[k + 1]};
-  }
-}
 
 }  // namespace
 
@@ -149,34 +208,20 @@ void slice_reference(const PrimRef& ref, int axis, std::span<const float> planes
   } else {
     std::fill_n(slices, count, box);
   }
-  // Where the planes cut: infinite on the other axes, so that only the planes' own is affected.
+  float low = -Aabb::kInfinity;
   for (std::size_t k = 0; k < count; ++k) {
-    Box4 slice{max(slices[k].lower, box.lower), min(slices[k].upper, box.upper)};
-    if (k > 0) slice.lower = max(slice.lower, on_axis(axis, planes[k - 1], -Aabb::kInfinity));
-    if (k + 1 < count) slice.upper = min(slice.upper, on_axis(axis, planes[k], Aabb::kInfinity));
-    slices[k] = slice;
+    const float high = k + 1 < count ? planes[k] : Aabb::kInfinity;
+    const Box4 cut = slab(axis, low, high);
+    slices[k] = {max(max(slices[k].lower, box.lower), cut.lower), min(min(slices[k].upper, box.upper), cut.upper)};
+    low = high;
   }
 }
 
-SpatialPlane find_spatial_plane(std::span<const PrimRef> refs, const Box4& box, std::uint32_t bin_count,
-                                const PrimClipper* clipper, const AreaScale& scale, float limit,
-                                std::uint32_t most_references, CancelToken& cancel) {
-  SpatialPlane best{.cost = limit, .left = Box4::empty(), .right = Box4::empty()};
-  alignas(16) std::array<float, 4> lower, upper;
-  box.lower.store(lower.data());
-  box.upper.store(upper.data());
-  std::array<SpatialBin, kMaxSpatialBins> bins;
-  for (int axis = 0; axis < 3; ++axis) {
-    const Planes planes(lower[static_cast<std::size_t>(axis)], upper[static_cast<std::size_t>(axis)], bin_count);
-    if (!planes.usable() || !some_plane_fits(refs, axis, planes, bin_count, most_references, cancel)) continue;
-    const std::span<SpatialBin> used(bins.data(), bin_count);
-    for (SpatialBin& bin : used) bin = {Box4::empty(), 0, 0};
-    for_steps(refs.size(), cancel, [&](std::size_t begin, std::size_t end) {
-      fill_bins(refs.subspan(begin, end - begin), axis, planes, clipper, used);
-    });
-    price_planes(used, axis, planes, scale, most_references, best);
-  }
-  return best;
+SpatialPlane find_spatial_plane(std::span<const PrimRef> refs, const Box4& box, const SpatialSearch& search) noexcept {
+  SpatialBins bins(search, box);
+  bins.add_whole(refs);
+  bins.add_slices(refs);
+  return bins.find_best();
 }
 
 }  // namespace perfect_bvh

@@ -7,7 +7,6 @@
 #include <span>
 
 #include "builders/primitives.h"
-#include "core/cancel.h"
 #include "math/float4.h"
 
 namespace perfect_bvh {
@@ -44,20 +43,26 @@ enum class PlaneSide : std::uint8_t { kLeft, kRight, kBoth };
 void slice_reference(const PrimRef& ref, int axis, std::span<const float> planes, const PrimClipper* clipper,
                      Box4* slices) noexcept;
 
-// The cheapest of bin_count - 1 equidistant planes an axis with a cost below `limit` that makes at most
-// `most_references` of these. `box` is the union of the references' boxes. Without a clipper primitives fill their
-// boxes.
-[[nodiscard]] SpatialPlane find_spatial_plane(std::span<const PrimRef> refs, const Box4& box, std::uint32_t bin_count,
-                                              const PrimClipper* clipper, const AreaScale& scale, float limit,
-                                              std::uint32_t most_references, CancelToken& cancel);
+// What a plane is looked for among, and by.
+struct SpatialSearch {
+  const PrimClipper* clipper = nullptr;  // null: primitives fill their boxes
+  AreaScale scale;
+  std::uint32_t bin_count = 2;        // an axis, at most kMaxSpatialBins
+  std::uint32_t stride = 1;           // 1: every reference is looked at; 2: every second; ...
+  float limit = 0.0f;                 // what the plane must cost less than
+  std::uint32_t most_references = 0;  // that it may make
+};
 
-inline constexpr std::uint32_t kMaxSpatialBins = 256;
+// The cheapest of bin_count - 1 equidistant planes an axis, as far as the sample tells: costs and counts are estimates
+// unless every reference is looked at. `box` is the union of the references' boxes.
+[[nodiscard]] SpatialPlane find_spatial_plane(std::span<const PrimRef> refs, const Box4& box,
+                                              const SpatialSearch& search) noexcept;
+
+inline constexpr std::uint32_t kMaxSpatialBins = 128;  // half of the most that settings allow
 
 [[nodiscard]] inline bool is_empty(const Box4& box) noexcept {
-  alignas(16) float lower[4], upper[4];
-  box.lower.store(lower);
-  box.upper.store(upper);
-  return !(lower[0] <= upper[0] && lower[1] <= upper[1] && lower[2] <= upper[2]);
+  constexpr std::uint32_t kThreeLanes = 0b111;
+  return (equal_lanes(less(box.upper, box.lower), Int4(0)) & kThreeLanes) != kThreeLanes;
 }
 
 }  // namespace perfect_bvh

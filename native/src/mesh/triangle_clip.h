@@ -11,6 +11,7 @@
 
 #include <cstddef>
 #include <span>
+#include <utility>
 
 #include "math/float4.h"
 #include "math/vec3.h"
@@ -38,34 +39,65 @@ struct CrossedEdge {
   }
 };
 
-// slices[k], k = 0 ... planes.size(): a box around the part of the triangle between planes[k - 1] and planes[k], both
-// included; empty if it has none. Planes ascend.
-inline void slice_triangle(const Vec3f (&corners)[3], int axis, std::span<const float> planes, Box4* slices) noexcept {
-  for (std::size_t k = 0; k <= planes.size(); ++k) slices[k] = Box4::empty();
-  Float4 points[3];
-  float places[3];
-  for (int i = 0; i < 3; ++i) {
-    points[i] = Float4(corners[i].x, corners[i].y, corners[i].z, 0.0f);
-    places[i] = corners[i][axis];
-    std::size_t k = 0;
-    while (k < planes.size() && places[i] > planes[k]) ++k;
-    slices[k].grow(points[i]);
-    if (k < planes.size() && places[i] == planes[k]) slices[k + 1].grow(points[i]);
+// A triangle's corners in ascending order along the planes' axis.
+struct SortedCorners {
+  Float4 low, middle, high;
+  float low_place, middle_place, high_place;
+
+  SortedCorners(const Vec3f& a, const Vec3f& b, const Vec3f& c, int axis) noexcept {
+    const Vec3f *first = &a, *second = &b, *third = &c;
+    if ((*second)[axis] < (*first)[axis]) std::swap(first, second);
+    if ((*third)[axis] < (*second)[axis]) std::swap(second, third);
+    if ((*second)[axis] < (*first)[axis]) std::swap(first, second);
+    low = load_xyz(first), middle = load_xyz(second), high = load_xyz(third);
+    low_place = (*first)[axis], middle_place = (*second)[axis], high_place = (*third)[axis];
   }
-  for (int i = 0; i < 3; ++i) {
-    const int next = i == 2 ? 0 : i + 1;
-    const bool ascends = places[i] < places[next];
-    const int low = ascends ? i : next, high = ascends ? next : i;
-    std::size_t k = 0;
-    while (k < planes.size() && !(places[low] < planes[k])) ++k;
-    if (k == planes.size() || !(planes[k] < places[high])) continue;
-    const CrossedEdge edge(points[low], points[high], places[low], places[high]);
-    for (; k < planes.size() && planes[k] < places[high]; ++k) {
-      const Box4 crossing = edge.crossing(planes[k]);
-      slices[k].grow(crossing);
-      slices[k + 1].grow(crossing);
+
+  // Around the corners on a plane through the lowest or the highest one; empty if there are none.
+  [[nodiscard]] Box4 on_plane(float place) const noexcept {
+    Box4 box = Box4::empty();
+    if (low_place == place) box.grow(low);
+    if (middle_place == place) box.grow(middle);
+    if (high_place == place) box.grow(high);
+    return box;
+  }
+};
+
+// slices[k], k = 0 ... planes.size(): a box around the part of the triangle abc between planes[k - 1] and planes[k],
+// both included; empty if it has none. Planes ascend.
+inline void slice_triangle(const Vec3f& a, const Vec3f& b, const Vec3f& c, int axis, std::span<const float> planes,
+                           Box4* slices) noexcept {
+  const SortedCorners corners(a, b, c, axis);
+  std::size_t k = 0;
+  for (; k < planes.size() && planes[k] <= corners.low_place; ++k) slices[k] = corners.on_plane(planes[k]);
+  Box4 box{corners.low, corners.low};  // what the slice has of the plane before it, and of corners
+  const auto is_below = [&](float place) { return k < planes.size() && planes[k] < place; };
+  const auto cut_at = [&](Box4 crossing, const Box4& other_crossing) {
+    crossing.grow(other_crossing);
+    box.grow(crossing);
+    slices[k++] = box;
+    box = crossing;
+  };
+  if (is_below(corners.high_place)) {
+    const CrossedEdge whole(corners.low, corners.high, corners.low_place, corners.high_place);
+    if (is_below(corners.middle_place)) {
+      const CrossedEdge edge(corners.low, corners.middle, corners.low_place, corners.middle_place);
+      while (is_below(corners.middle_place)) cut_at(whole.crossing(planes[k]), edge.crossing(planes[k]));
     }
+    box.grow(corners.middle);
+    if (is_below(corners.high_place) && planes[k] == corners.middle_place) {
+      cut_at(whole.crossing(planes[k]), {corners.middle, corners.middle});
+    }
+    if (is_below(corners.high_place)) {
+      const CrossedEdge edge(corners.middle, corners.high, corners.middle_place, corners.high_place);
+      while (is_below(corners.high_place)) cut_at(whole.crossing(planes[k]), edge.crossing(planes[k]));
+    }
+  } else {
+    box.grow(corners.middle);
   }
+  box.grow(corners.high);
+  slices[k] = box;
+  for (; k < planes.size(); ++k) slices[k + 1] = corners.on_plane(planes[k]);
 }
 
 }  // namespace perfect_bvh
