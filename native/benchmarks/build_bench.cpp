@@ -1,7 +1,8 @@
 // build_bench [options] MESH.bin
 //   --tree NAME:BUILDER[,SETTING=VALUE...]   one of our trees (tree_choice.h); any number of them
 //   --peers a,b      of embree_low, embree_medium, embree_high (all); none: ours alone
-//   --threads N      of both sides, for builds (1)       --rounds N         interleaved rounds (5)
+//   --threads N      of both sides, for builds (1)       --rounds N         interleaved rounds, at least (5)
+//   --least-seconds S  more rounds of builds until that many have gone (0)
 //   --seconds S      start no round of builds after that many (60)
 //   --warm           all builds in one process, rather than each in its own
 //   --ray-rounds N   interleaved rounds of rays; 0: none, and no statistics of the trees (5)
@@ -33,7 +34,7 @@ struct Options : CommonOptions {
   std::vector<TreeChoice> trees;
   std::vector<std::string> peers{"embree_low", "embree_medium", "embree_high"};
   int threads = 1, ray_rounds = 5;
-  double seconds = 60;
+  double least_seconds = 0, seconds = 60;
   bool is_warm = false;
   View view = View::kOutside;
   std::string mesh;
@@ -50,6 +51,8 @@ void set(Options& options, Arguments& arguments) {
     options.threads = std::stoi(arguments.value());
   } else if (name == "--ray-rounds") {
     options.ray_rounds = std::stoi(arguments.value());
+  } else if (name == "--least-seconds") {
+    options.least_seconds = std::stod(arguments.value());
   } else if (name == "--seconds") {
     options.seconds = std::stod(arguments.value());
   } else if (name == "--inside") {
@@ -158,7 +161,7 @@ std::string bench(const Options& options) {
   for (const TreeChoice& choice : options.trees) builders.push_back(our_builder(choice, mesh, options.threads));
   for (const std::string& peer : options.peers) builders.push_back(embree_builder(peer, mesh, options.threads));
   const auto tell = [&](double share) { tell_progress(build_share(options) * share); };
-  race_builds(builders, {options.rounds, options.seconds, !options.is_warm, tell});
+  race_builds(builders, {options.rounds, options.least_seconds, options.seconds, !options.is_warm, tell});
   Traced traced;
   std::vector<std::string> rays;
   if (options.ray_rounds > 0) traced = make_traced(options, mesh), rays = run_rays(traced, mesh, options);

@@ -1,5 +1,6 @@
 #include "tree_builds.h"
 
+#include <algorithm>
 #include <optional>
 
 #include "embree_build.h"
@@ -69,12 +70,14 @@ Builder embree_builder(const std::string& peer, const TriangleMesh& mesh, int th
 
 void race_builds(std::vector<Builder>& builders, const BuildRace& race) {
   const double start = seconds_on(CLOCK_MONOTONIC);
-  for (int round = 0; round < race.rounds; ++round) {
-    if (round > 0 && seconds_on(CLOCK_MONOTONIC) - start > race.seconds) break;
+  for (int round = 0;; ++round) {
+    const double gone = seconds_on(CLOCK_MONOTONIC) - start;
+    if (round > 0 && gone > race.seconds) break;
+    if (round >= race.rounds && gone > race.least_seconds) break;
     for (std::size_t turn = 0; turn < builders.size(); ++turn) {
       add_times(builders[(turn + static_cast<std::size_t>(round)) % builders.size()], race.is_cold);
       const double turns = static_cast<double>(turn + 1) / static_cast<double>(builders.size());
-      race.tell((round + turns) / race.rounds);
+      race.tell(std::min((round + turns) / race.rounds, 1.0));
     }
   }
 }

@@ -36,8 +36,9 @@ struct Builder {
 [[nodiscard]] Builder embree_builder(const std::string& peer, const TriangleMesh& mesh, int thread_count);
 
 struct BuildRace {
-  int rounds = 5;
-  double seconds = 60;  // no round starts after that many
+  int rounds = 5;            // at least
+  double least_seconds = 0;  // rounds go on until so much time has gone: short builds differ from one to the next
+  double seconds = 60;       // no round starts after that many
   bool is_cold = true;
   std::function<void(double)> tell = [](double) {};  // called with the share that is done
 };
