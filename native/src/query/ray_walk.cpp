@@ -147,11 +147,13 @@ class Walker {
     bool is_new = false;
     for (int lane = 0; lane < 8; ++lane) {
       if (lane > 0 && leaf.primitives[lane] == leaf.primitives[lane - 1]) continue;
-      const bool is_met = (anywhere.lanes >> lane & 1) != 0;
-      const bool is_hit =
-          (test.lanes >> lane & 1) != 0 && take_hit(slot(), view_.instances, ray_, cull_, leaf, lane, candidates);
+      Meeting meeting;
+      const bool is_met = (anywhere.lanes >> lane & 1) != 0 &&
+                          meet_candidate(meeting, candidates, lane, leaf, slot().triangle.ray, slot().local);
+      const bool is_hit = is_met && (test.lanes >> lane & 1) != 0 &&
+                          take_hit(slot(), view_.instances, ray_, cull_, leaf, lane, candidates);
       is_new = is_new || is_hit;
-      const double t = is_met ? candidate_t(candidates, lane, leaf, slot().triangle.ray, slot().local) : kNone;
+      const double t = is_met ? meeting.t : kNone;
       const WalkEvent other = is_met ? WalkEvent::kTriangleRejected : WalkEvent::kTriangleMissed;
       note_triangle(is_hit ? WalkEvent::kTriangleHit : other, here, leaf.primitives[lane], t);
     }

@@ -36,7 +36,8 @@ InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
   const double scale = static_cast<double>(tree.scale);
   const Vec3d columns[4] = {world_to_object.x, world_to_object.y, world_to_object.z, world_to_object.translation};
   for (int column = 0; column < 4; ++column) {
-    for_each_axis([&](auto row) { view.world_to_local[column][row] = columns[column][row] * scale; });
+    // No minus zero: kernels take an identity for no map at all (LoneInstance).
+    for_each_axis([&](auto row) { view.world_to_local[column][row] = columns[column][row] * scale + 0.0; });
     view.world_to_local[column][3] = 0;
   }
   view.nodes = tree.nodes.data();

@@ -48,6 +48,23 @@ static inline bool is_near(const ObjectRay& ray, double reach) noexcept {
   return longest >= kShortest && longest <= kLongest && largest_component(ray.origin) <= kNearby * reach;
 }
 
+// The ray times `scale`, as load_ray() and a map that is the identity make it: no origin is minus zero. False if it is
+// not a usual one: each component of its direction is neither very short nor very long, so none is zero (whose sign
+// would depend on the other ones'), and no component of its origin exceeds `farthest`.
+static inline bool load_near_by_axis(ObjectRay& out, const Ray& ray, double scale, double farthest) noexcept {
+  const double *const origin = &ray.origin.x, *const direction = &ray.direction.x;
+  bool is_usual = true;
+  for (int axis = 0; axis < 3; ++axis) {
+    out.origin[axis] = origin[axis] * scale + 0.0;
+    out.direction[axis] = direction[axis] * scale;
+    const double length = __builtin_fabs(out.direction[axis]);
+    is_usual = is_usual && length >= kShortest && length <= kLongest && __builtin_fabs(out.origin[axis]) <= farthest;
+  }
+  out.origin[3] = out.direction[3] = 0.0;
+  out.time = {0.0, 1.0, true};
+  return is_usual;
+}
+
 // Scales an extreme direction, and moves a distant origin towards a tree within `reach` of the frame's origin. False
 // if the ray misses that tree, or cannot be told from one that does.
 static inline bool bring_near(ObjectRay& ray, double reach) noexcept {
@@ -86,7 +103,7 @@ static inline double to_ray_t(const TimeFrame& time, float local_t) noexcept {
 // No t beyond this becomes a float of at most t_max: hits are compared with the range as they are reported.
 static inline double last_t(float t_max) noexcept {
   const double t = static_cast<double>(t_max), last = t + (0x1p-24 * __builtin_fabs(t) + 0x1p-150);
-  return last == last ? last : t;  // minus infinity's is NaN
+  return last > t ? last : t;  // minus infinity's is NaN
 }
 
 // The local range of a range of the ray's own t, widened beyond every rounding between them (underflow to 0 included):

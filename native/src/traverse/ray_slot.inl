@@ -17,12 +17,13 @@ struct alignas(64) Slot {
 
   double best_t;  // in the ray's own terms; last_t(t_max) before the first hit
   float u, v;
-  std::uint32_t hit_instance, hit_primitive;  // kNoHit: none yet
+  std::uint32_t hit_instance, hit_primitive;  // kNoHit: none yet; with u and v as in a Hit
   TimeFrame time;                             // of the level being traversed
   std::uint32_t floor;                        // the highest entry that does not belong to that level
 
   ObjectRay local;  // as the tree sees it that is being traversed
-  ObjectRay world;  // as the top level sees it
+  // The top level's; a lone instance that is traced directly has no use for them.
+  ObjectRay world;
   BoxState world_box;
 };
 
@@ -52,6 +53,12 @@ inline const LeafBlock* blocks_of(const InstanceView& instance) noexcept {
   return instance.is_compact != 0 ? nullptr : instance.blocks;
 }
 
+// No hit yet.
+inline void clear_hit(Slot& slot) noexcept {
+  slot.u = slot.v = 0.0f;
+  slot.hit_instance = slot.hit_primitive = kNoHit;
+}
+
 // Takes on a new ray. False if it can hit nothing.
 inline bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexcept {
   if (!(ray.t_min <= ray.t_max)) return false;
@@ -59,8 +66,7 @@ inline bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexce
   const double reach = static_cast<double>(scene.reach);
   if (!stands_near(slot.world, reach) && !bring_near(slot.world, reach)) return false;
   slot.best_t = last_t(ray.t_max);
-  slot.u = slot.v = 0.0f;
-  slot.hit_instance = slot.hit_primitive = kNoHit;
+  clear_hit(slot);
   slot.floor = 0;
   slot.top = 1;
   std::uint32_t* const stack = stack_of(slot);
@@ -107,6 +113,58 @@ inline bool enter_instance(Slot& slot, const SceneView& scene, const Ray& ray) n
     slot.floor = slot.top++;
   }
   stack[slot.top] = instance.root;
+  return true;
+}
+
+// A lone instance in the scene's own frame and scale: most rays need no mapping, and nothing of them is kept for a top
+// level. Null: there is none, and rays take the usual way.
+struct LoneInstance {
+  const InstanceView* view = nullptr;
+  double farthest = 0.0;  // origins no further out, on any axis, are near the scene and the tree
+
+  explicit LoneInstance(const SceneView& scene) noexcept {
+    if (scene.is_empty || scene.root < kInstanceChild) return;
+    const InstanceView& instance = scene.instances[scene.root - kInstanceChild];
+    if (instance.root == kUnbuiltRoot || !is_identity(instance.world_to_local)) return;
+    view = &instance;
+    farthest = kNearby * static_cast<double>(smaller(scene.reach, instance.extent.reach));
+  }
+
+  static bool is_identity(const MapColumns& map) noexcept {
+    for (int column = 0; column < 4; ++column) {
+      for (int row = 0; row < 4; ++row) {
+        if (map[column][row] != (row == column && row < 3 ? 1.0 : 0.0)) return false;
+      }
+    }
+    return true;
+  }
+};
+
+// What no ray changes that is traced directly.
+inline void prepare_slot(Slot& slot, const SceneView& scene, const InstanceView& instance) noexcept {
+  stack_of(slot)[0] = kDoneMark;
+  slot.instance = scene.root - kInstanceChild;
+  slot.nodes = instance.nodes;
+  slot.blocks = blocks_of(instance);
+  slot.floor = 0;
+}
+
+// start_ray() and enter_instance() at once, with the same outcome. False if the ray is not a usual one: then it is to
+// be started the usual way. `instance` is the lone one's.
+PERFECT_BVH_INLINE bool start_directly(Slot& slot, const SceneView& scene, const LoneInstance& lone,
+                                       const Ray& ray) noexcept {
+  const InstanceView& instance = *lone.view;
+  if (!(ray.t_min <= ray.t_max) || (instance.mask & ray.mask) == 0) return false;
+  if (!load_near(slot.local, ray, static_cast<double>(scene.scale), lone.farthest)) return false;
+  set_states(slot.box, slot.triangle, slot.local, instance.extent);
+  slot.best_t = last_t(ray.t_max);
+  slot.time = slot.local.time;
+  slot.box.t_min = ray.t_min;
+  slot.box.t_limit = static_cast<float>(slot.best_t);
+  set_depths(slot.triangle, slot.box.t_min, slot.box.t_limit);
+  clear_hit(slot);
+  slot.top = 1;
+  stack_of(slot)[1] = instance.root;
   return true;
 }
 

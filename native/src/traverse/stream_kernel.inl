@@ -24,10 +24,11 @@ constexpr std::size_t kLeafPatience = 16;
 
 struct Stream {
   Stream(const SceneView& the_scene, const RayBatch& the_batch, std::size_t the_offset) noexcept
-      : scene(the_scene), batch(the_batch), nears_offset(the_offset) {}
+      : scene(the_scene), batch(the_batch), lone(the_scene), nears_offset(the_offset) {}
 
   const SceneView& scene;
   const RayBatch& batch;
+  const LoneInstance lone;
   std::size_t nears_offset;  // from a slot's stack of children to that of their entry distances, in entries
   Slot* at_node[kMostRaysInFlight + 1];
   Slot* at_other[kMostRaysInFlight + 1];  // leaves and marks
@@ -59,12 +60,11 @@ inline void fetch_instances(Stream& stream) noexcept {
   }
 }
 
-template <bool kAny, bool kCounts>
+template <bool kAny, bool kCounts, bool kFetches>
 PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
   Slot** const at_node = stream.at_node;
   Slot** const at_other = stream.at_other + stream.other_count;
   const std::size_t count = stream.node_count, nears_offset = stream.nears_offset;
-  const bool fetches = stream.scene.exceeds_cache;
   std::size_t others = 0;
   for (std::size_t i = 0; i < count; ++i) {
     Slot& slot = *at_node[i];
@@ -84,7 +84,7 @@ PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
     at_node[i - others] = &slot;
     at_other[others] = &slot;
     const std::uint32_t next = stack[top];
-    if (fetches) fetch_next(slot, next);
+    if constexpr (kFetches) fetch_next(slot, next);
     others += next >> 31;
   }
   stream.node_count = count - others;
@@ -188,11 +188,13 @@ inline void write_result(const RayBatch& batch, std::size_t row, const Slot* slo
     batch.occluded[row] = found ? 1 : 0;
   } else {
     Hit& hit = batch.hits[row];
+    if (slot == nullptr) {
+      hit = Hit{};
+      return;
+    }
     hit.t = found ? static_cast<float>(slot->best_t) + 0.0f : kInfiniteDistance;  // no -0
-    hit.u = found ? slot->u : 0.0f;
-    hit.v = found ? slot->v : 0.0f;
-    hit.instance_index = found ? slot->hit_instance : kNoHit;
-    hit.primitive_index = found ? slot->hit_primitive : kNoHit;
+    hit.u = slot->u, hit.v = slot->v;
+    hit.instance_index = slot->hit_instance, hit.primitive_index = slot->hit_primitive;
   }
 }
 
@@ -203,6 +205,10 @@ inline bool take_next_ray(Stream& stream, Slot& slot) noexcept {
     const std::size_t row = row_of(stream.batch, stream.next_ray++);
     if constexpr (kCounts) stream.batch.counts[row].nodes_visited = stream.batch.counts[row].primitives_tested = 0;
     slot.ray = static_cast<std::uint32_t>(row);
+    if (stream.lone.view != nullptr && start_directly(slot, stream.scene, stream.lone, stream.batch.rays[row])) {
+      if constexpr (kCounts) ++stream.batch.counts[row].nodes_visited;
+      return true;
+    }
     if (!stream.scene.is_empty && start_ray(slot, stream.scene, stream.batch.rays[row])) return true;
     write_result<kAny>(stream.batch, row, nullptr);
   }
@@ -274,6 +280,7 @@ void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace
   Stream stream(scene, batch, padded_entries(scene));
   for (std::size_t i = 0; i < in_flight; ++i) {
     Slot& slot = *reinterpret_cast<Slot*>(static_cast<char*>(workspace) + i * slot_bytes(scene));
+    if (stream.lone.view != nullptr) prepare_slot(slot, scene, *stream.lone.view);
     if (!take_next_ray<kAny, kCounts>(stream, slot)) break;
     stream.at_other[stream.other_count++] = &slot;
     // A top level of nodes begins at a node.
@@ -284,7 +291,11 @@ void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace
   while (stream.node_count + stream.other_count + stream.leaf_count != 0) {
     if (pace.should_stop()) return;
     while (stream.node_count != 0 && stream.other_count + stream.leaf_count < kLeafPatience) {
-      visit_nodes<kAny, kCounts>(stream);
+      if (scene.exceeds_cache) {
+        visit_nodes<kAny, kCounts, true>(stream);
+      } else {
+        visit_nodes<kAny, kCounts, false>(stream);
+      }
     }
     sort_others(stream);
     if (scene.exceeds_cache) fetch_instances(stream);
