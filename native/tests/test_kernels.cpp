@@ -144,6 +144,24 @@ TEST_P(Kernels, MatchTheReferenceForDirectionsOfAnyLength) {
   }
 }
 
+// A lone mesh that is not moved takes most rays as they are: not these, some of whose components are zeros of either
+// sign or very short, or that begin far away, or see nothing.
+TEST_P(Kernels, MatchTheReferenceForUnusualRaysAtALoneMesh) {
+  constexpr double kComponents[] = {0.0, -0.0, 0x1p-21, -0x1p-20, 0x1p20, -0x1p21, 1.0};
+  std::vector<Ray> rays = random_rays(7 * 7 * 7 * 3, 61);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    rays[i].direction = {kComponents[i % 7], kComponents[i / 7 % 7], kComponents[i / 49 % 7]};
+    if (i % 3 == 0) rays[i].origin.x = -0.0;
+    if (i % 5 == 0) rays[i].origin.y = 0.0;
+    if (i % 11 == 0) rays[i].origin = rays[i].origin - rays[i].direction * 1e3;
+    if (i % 13 == 0) rays[i].mask = 0;
+    if (i % 17 == 0) rays[i].t_max = -kInfiniteDistance;
+    if (i % 19 == 0) rays[i].t_min = rays[i].t_max = 0.0f;
+  }
+  expect_reference(*commit({{soup(300, 60), {Affine{}}}}), rays);
+  expect_reference(*commit({{soup(300, 60), {Affine{}}}}), rays, Cull::kBack);
+}
+
 TEST_P(Kernels, TakeBadRaysForMisses) {
   const auto snapshot = commit({{box_of_grids(2), {Affine{}}}});
   const double inf = std::numeric_limits<double>::infinity(), nan = std::numeric_limits<double>::quiet_NaN();

@@ -1,15 +1,17 @@
 """The judge: every ray against every triangle, in double precision, with its own rounding error made explicit.
 
 A triangle is *surely hit* by a ray if the ray passes inside all three of its edges by more than `margin`, *surely
-missed* if it passes outside one of them by more than that, and *ambiguous* in between. The margin is what rounding the
-ray to float, in the space of the triangle's instance, can move it by.
+missed* if it passes outside one of them by more than that, and *ambiguous* in between. The margin is what double
+precision loses on a ray's way into an instance's space and back: the engine's kernels decide in it wherever float could
+be wrong. Of peers, whose kernels are float's alone, it is what rounding the ray to float can move it by.
 
 An answer is right if
 - it is a miss, and no triangle is surely hit within the ray's range; or
 - it names a triangle that is not surely missed, with the oracle's t for it (within `t_bound`), and no surely hit
   triangle lies nearer than the answer by more than the two bounds.
-Bounds: with u = 2^-24 and all lengths in world units, rounding the ray moves it by at most 4 u (M + |o|), M the largest
-coordinate of the instance about its own origin or in the world, whichever is greater. t of a surely hit triangle is
+Bounds: with u = 2^-24 and all lengths in world units, rounding the ray to float moves it by at most 4 u (M + |o|), M
+the largest coordinate of the instance about its own origin or in the world, whichever is greater; double precision,
+through matrices that squeeze by up to a hundred thousand, by at most 2^-36 (M + |o|). t of a surely hit triangle is
 that of its plane, however large the triangle: right to 2 u |t|, and what double precision loses by M and |o|. That of
 an ambiguous one may be where the moved ray is: the margin shows along the ray divided by |d| |cos| (the angle of ray
 and normal).
@@ -24,7 +26,8 @@ import numpy as np
 import numpy.typing as npt
 
 ULP = 2.0**-24
-_DOUBLES = 2.0**-22  # of the margin: what double precision loses where float loses that
+ROUNDING_OF_DOUBLES, ROUNDING_OF_FLOATS = 2.0**-36, 4.0 * ULP  # of M + |o|
+_ROUNDING_OF_T = 2.0**-44  # the same, of t's plane in double precision
 _PAIRS_AT_A_TIME = 100_000  # so that arrays of them stay in a core's cache
 
 F64 = npt.NDArray[np.float64]
@@ -32,16 +35,24 @@ F64 = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class WorldTriangles:
-    """corners: (T, 3, 3) world space. instance_ids, primitive_ids, masks: (T,). scale: (T,) for the margin."""
+    """corners: (T, 3, 3) world space. instance_ids, primitive_ids, masks: (T,).
+
+    The margin is `rounding` of M + |o|; scale: (T,), its M.
+    """
 
     corners: F64
     instance_ids: npt.NDArray[np.int64]
     primitive_ids: npt.NDArray[np.int64]
     masks: npt.NDArray[np.uint32]
     scale: F64
+    rounding: float = ROUNDING_OF_DOUBLES
 
     @classmethod
-    def of(cls, parts: list[tuple[int, npt.ArrayLike, npt.ArrayLike, npt.ArrayLike, int]]) -> WorldTriangles:
+    def of(
+        cls,
+        parts: list[tuple[int, npt.ArrayLike, npt.ArrayLike, npt.ArrayLike, int]],
+        rounding: float = ROUNDING_OF_DOUBLES,
+    ) -> WorldTriangles:
         """parts: (instance id, positions, triangles, (4, 4) transform, mask) for each instance."""
         corners, instances, primitives, masks, scales = [], [], [], [], []
         for instance_id, positions, triangles, transform, mask in parts:
@@ -60,6 +71,7 @@ class WorldTriangles:
             np.concatenate(primitives) if primitives else np.empty(0, np.int64),
             np.concatenate(masks) if masks else np.empty(0, np.uint32),
             np.concatenate(scales) if scales else np.empty(0),
+            rounding,
         )
 
 
@@ -90,7 +102,7 @@ def _classify(world: WorldTriangles, origins: F64, directions: F64) -> _Block:
     """Every ray of a block (R) against every triangle (T): arrays of shape (R, T).
 
     Lines are told apart by their moments about zero, in products of matrices: what double precision loses by that is
-    nine decimal places below the margin.
+    four decimal places below the lesser margin.
     """
     length = np.linalg.norm(directions, axis=1)
     corners = world.corners
@@ -98,11 +110,12 @@ def _classify(world: WorldTriangles, origins: F64, directions: F64) -> _Block:
     area = np.linalg.norm(normal, axis=1)
     facing = directions @ normal.T
     cosine = np.abs(facing) / np.maximum(length[:, None] * area[None, :], 1e-300)
-    margin = 4.0 * ULP * (world.scale[None, :] + np.abs(origins).max(axis=1)[:, None])
+    reach = world.scale[None, :] + np.abs(origins).max(axis=1)[:, None]
+    margin = world.rounding * reach
     with np.errstate(divide="ignore", invalid="ignore"):
         t = ((normal * corners[:, 0]).sum(axis=1) - origins @ normal.T) / facing
         t = np.where(np.isfinite(t), t, np.nan)  # in its own plane: nowhere and everywhere
-        moved = margin / (length[:, None] * cosine)
+        along = reach / (length[:, None] * cosine)
     turn = np.sign(facing)
     moment = np.cross(origins, directions)
     inside = np.full(t.shape, np.inf)
@@ -117,7 +130,7 @@ def _classify(world: WorldTriangles, origins: F64, directions: F64) -> _Block:
     # Seen almost edge-on the three distances say nothing about t: leave such triangles ambiguous.
     edge_on = ~np.isfinite(t) | (cosine < 1e-6) | (area[None, :] == 0.0)
     sure = (inside > margin) & ~edge_on
-    t_bound = 2.0 * ULP * np.abs(t) + np.where(sure, _DOUBLES * moved, moved)
+    t_bound = 2.0 * ULP * np.abs(t) + np.where(sure, _ROUNDING_OF_T, world.rounding) * along
     return _Block(t, t_bound, sure, (inside < -margin) & ~edge_on)
 
 

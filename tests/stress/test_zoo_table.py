@@ -25,10 +25,6 @@ def test_the_usual_method_loses_and_ours_does_not(case: FailureCase) -> None:
     assert loss.naive > loss.nothing
     if loss.unit == WORK:
         assert loss.ours < loss.naive
-    elif case.name == "grazed_slivers":  # rounding moves rays from one sliver to another; none is wrong beyond that
-        assert loss.ours < loss.naive / 5
-    elif case.name == "large_ground":  # beside its diagonal t is that of the corners: native/src/math/triangle.h
-        assert loss.ours < loss.naive / 100
     else:
         assert loss.ours == loss.nothing
 

@@ -80,7 +80,7 @@ LARGE_GROUND = FailureCase(
     "Pebbles on a ground of 100 kilometres",
     "t from corners that are kilometres away is off by roundings of those: what lies on the ground floats or sinks.",
     "measured",
-    "t is that of the plane, in double precision, but for rays that pass by an edge within rounding of its corners.",
+    "t is that of the plane, in double precision, which decides beside edges, too.",
     large_ground,
     rays_at_the_middle,
     view=((0.1, -0.55, 0.1), (0.0, 0.0, 0.0)),

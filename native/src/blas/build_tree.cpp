@@ -16,7 +16,7 @@ class TriangleClipper final : public PrimClipper {
 
   void slice(std::uint32_t prim_index, int axis, std::span<const float> planes, Box4* slices) const noexcept override {
     const TriangleIndices t = mesh_.triangles[prim_index];
-    slice_triangle({mesh_.positions[t.x], mesh_.positions[t.y], mesh_.positions[t.z]}, axis, planes, slices);
+    slice_triangle(mesh_.positions[t.x], mesh_.positions[t.y], mesh_.positions[t.z], axis, planes, slices);
   }
 
  private:

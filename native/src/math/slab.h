@@ -1,22 +1,13 @@
 // The slab test (traverse/node_test.inl): does a ray pass through a box, and from which t to which? Its constants, and
 // the bounds that make it lose no hit.
 //
-// What rounding does, in one mesh's frame. u = 2^-24; k is the direction's longest axis, a any axis, s = d_a / d_k,
-// R_a = (largest |coordinate| on a) + |o_a|. The triangle test (math/triangle.h) shears the vertices: x = v_a - o_a,
-// z = v_k - o_k, x' = x - S z with S = d_a * (1 / d_k). Two subtractions, S off by 2 u, one fused operation:
-//   |x' computed - x' exact| <= u (2 R_a + 4 |s| R_k).
-// Its edge functions U_i of the computed x', y' have the right sign and lie within 2 u of their value. Let
-// w_i = U_i / sum U: they are >= 0 and sum to 1, so P = sum w_i v_i lies in the triangle, exactly. With exact U_i,
-// sum U_i x'_i would be 0; so |sum w_i x'_i| <= 2 u (R_a + |s| R_k) + the bound above. The computed t is
-// sum w_i z_i / d_k within 8 u R_k / |d_k| (z: 1, accumulation: 3, sum of the U: 2, product: 1, division: 1). Together:
-//   |o_a + t d_a - P_a| <= u (4 R_a + 14 |s| R_k).
-// No determinant appears in it: however thin the triangle and however grazing the ray, that t is where the ray is
-// within a few roundings of a point P of that very triangle. Call it the weighted t.
-// The t of a hit is that of the triangle's plane, rounded to float, if the ray's point there lies in the triangle: then
-// P is that point, and the roundings of t and of the ray to float come to u (R_a / |d_a| + 2 R_k / |d_k|). Else it is
-// the weighted t. The slab test's own roundings (near = plane * inv - fl(o * inv + e), one fused operation) come to 4 u
-// R_a / |d_a|, those of the best t to u R_k / |d_k|. With
-//   e_a >= u (8 R_a / |d_a| + 15 R_k / |d_k|)
+// What rounding does, in one mesh's frame. u = 2^-24; k is the direction's longest axis, a any axis,
+// R_a = (largest |coordinate| on a) + |o_a|. The triangle test (math/triangle.h) finds t and decides in double: the
+// ray's point at t is a point P of the triangle, but for roundings that are nothing beside float's. What is left is
+// float's: t is rounded (u R_k / |d_k|), and the slab test knows the ray as it was narrowed (u R_a / |d_a| its origin,
+// u R_k / |d_k| its direction), rounds on its own (near = plane * inv - fl(o * inv + e), one fused operation:
+// 4 u R_a / |d_a|), and compares with a best t that was brought to this frame (2 u R_k / |d_k|). With
+//   e_a >= u (5 R_a / |d_a| + 4 R_k / |d_k|)
 // near <= t <= far holds, in floating point, for every box that contains P; and, the operations being monotone in the
 // planes, for every box around that one. P lies in the boxes of all nodes above the triangle, or, if references were
 // split, of those above one of its leaves. So strict pruning (near > best t) loses no hit, and no tree decides
@@ -37,8 +28,8 @@ struct TreeExtent {
 };
 
 // The bounds above, rounded up for the roundings of e itself.
-inline constexpr float kPlaneSlack = 9.0f * 0x1p-24f;
-inline constexpr float kDepthSlack = 16.0f * 0x1p-24f;
+inline constexpr float kPlaneSlack = 6.0f * 0x1p-24f;
+inline constexpr float kDepthSlack = 5.0f * 0x1p-24f;
 inline constexpr float kSmallestShare = 0x1p-40f;
 inline constexpr float kReachShare = 0x1p-18f;
 
@@ -48,17 +39,24 @@ struct SlabRay {
   float near_offset[3], far_offset[3];
 };
 
-// Twice what the weighted t may be from the depths of a triangle's corners.
-inline constexpr float kDepthReach = 16.0f * 0x1p-24f;
-// The sheared corners are within 10 u R of where they are, on each axis and with the ray's narrowing, R at most 5 times
-// the tree's reach. In the sheared frame lengths are at most twice as long. So what is this many reaches inside an
-// edge, times the edge's length before, is inside of it without any rounding.
-inline constexpr float kEdgeReach = 160.0f * 0x1p-24f;
+// How far t, and what it is compared with, may be from the depths of a triangle's corners in float: each is off by
+// 4 u R_k / |d_k|.
+inline constexpr float kDepthReach = 8.0f * 0x1p-24f;
+// With R the largest R_a, the sheared corners are within 10 u R of where they are, on each axis and with the ray's
+// narrowing: within 14.2 u R. In the sheared frame lengths are at most 1.74 times as long. So on which side of an edge
+// the origin lies at so many R, times the edge's length before, is as it is without any rounding.
+inline constexpr float kEdgeReach = 28.0f * 0x1p-24f;
 
 // Kernels compiled for several instruction sets include this file: nothing in it may have external linkage.
 static inline float magnitude(float x) noexcept { return __builtin_fabsf(x); }
-static inline float larger(float a, float b) noexcept { return a > b ? a : b; }
-static inline float smaller(float a, float b) noexcept { return a < b ? a : b; }
+template <class Real>
+static inline Real larger(Real a, Real b) noexcept {
+  return a > b ? a : b;
+}
+template <class Real>
+static inline Real smaller(Real a, Real b) noexcept {
+  return a < b ? a : b;
+}
 
 static inline int longest_axis(const float direction[3]) noexcept {
   const float x = magnitude(direction[0]), y = magnitude(direction[1]), z = magnitude(direction[2]);

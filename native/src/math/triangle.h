@@ -3,15 +3,17 @@
 // of an edge the origin lies on is a difference of two products of coordinates that both triangles at the edge compute
 // alike; it is formed with the products' rounding errors recovered (Kahan's product difference), so that its sign is
 // right, and zero only if it is zero. So no ray passes between two triangles that share an edge, or through a vertex
-// of a closed mesh. Products that underflow may be taken for zero, which counts as inside: still no gap.
+// of a closed mesh.
 //
-// The weights of the sheared corners say whether there is a hit, and what u and v are; t comes from the triangle's
-// plane, in double, and is the float nearest to it: the corners' depths, weighted, would be off by a few roundings of
-// the corners' distance, which on a ground of kilometres is centimetres.
-// Beside an edge the sheared ray, which is a rounding away from the ray itself, may meet a triangle that the ray passes
-// by. A plane that is seen almost edge-on is then anywhere, before the faces in front of it or behind the ray's origin,
-// and the weighted corners, which all triangles at the edge have in common, are what t comes from. Why no box loses a
-// hit: math/slab.h.
+// It is done in float, which decides wherever the origin is farther from every edge than rounding moves a corner.
+// Beside an edge it is done once more in double, from the ray before it was narrowed. There all triangles are judged
+// alike, and what float is sure of double would say, too: still no gap; and a triangle that the ray passes by is not
+// hit, which at a silhouette would be met at any t.
+//
+// t is the float nearest to where the ray meets the triangle's plane, in double: the corners' depths in float,
+// weighted, would be off by a few roundings of the corners' distance, which on a ground of kilometres is centimetres.
+// Beside an edge it comes from the depths in double, weighted: the plane of a triangle that is seen almost edge-on
+// could be anywhere. Why no box loses a hit: math/slab.h.
 #pragma once
 
 #include <cstdint>
@@ -26,7 +28,7 @@ struct TriangleRay {
   float shear_x, shear_y;
   float direction_z;
   float depth_slack;     // how far t may be from every depth of the triangle's
-  float edge_slack;      // how far from an edge a hit is surely not beside it, in the sheared frame
+  float edge_slack;      // how far from an edge float is sure of its side, in the sheared frame
   std::uint8_t axes[3];  // which axes of the mesh are x, y and z: z is the direction's longest, x the one after it
   bool runs_down;        // direction_z < 0: then a triangle of positive weights shows its back, otherwise its front
 };
@@ -40,7 +42,9 @@ static inline void set_triangle_ray(TriangleRay& ray, const float origin[3], con
   ray.shear_x = direction[ray.axes[0]] * inverse;
   ray.shear_y = direction[ray.axes[1]] * inverse;
   ray.direction_z = direction[longest];
-  ray.edge_slack = kEdgeReach * extent.reach;
+  float reach = 0.0f;
+  for (int i = 0; i < 3; ++i) reach = larger(reach, extent.largest[i] + magnitude(origin[i]));
+  ray.edge_slack = kEdgeReach * reach;
   ray.depth_slack = kDepthReach * ((extent.largest[longest] + magnitude(origin[longest])) * magnitude(inverse));
   ray.runs_down = direction[longest] < 0.0f;
 }
@@ -64,12 +68,12 @@ static inline TrianglePlane plane_of(const float a[3], const float b[3], const f
   return plane;
 }
 
-// No edge is longer.
+// The extents of its box, added: no edge is longer.
 static inline double span_of(const float a[3], const float b[3], const float c[3]) noexcept {
   double span = 0.0;
   for (int i = 0; i < 3; ++i) {
-    span += __builtin_fabs(static_cast<double>(b[i]) - static_cast<double>(a[i])) +
-            __builtin_fabs(static_cast<double>(c[i]) - static_cast<double>(a[i]));
+    const float least = smaller(smaller(a[i], b[i]), c[i]), most = larger(larger(a[i], b[i]), c[i]);
+    span += static_cast<double>(most) - static_cast<double>(least);
   }
   return span;
 }
@@ -86,78 +90,78 @@ static inline double plane_t(const TrianglePlane& plane, const double origin[3],
   return plane_away(plane, origin) / ((n[0] * direction[0] + n[1] * direction[1]) + n[2] * direction[2]);
 }
 
-// Outside of an edge by no more than this share of the triangle's height over it counts as inside: rounding does it.
-inline constexpr double kBeside = 0x1p-40;
-
-// Whether the ray's point at `t`, in the plane, lies in the triangle.
-static inline bool is_inside(const TrianglePlane& plane, const float* const corners[3], const double origin[3],
-                             const double direction[3], double t) noexcept {
-  const double* const n = plane.normal;
-  double to[3][3];
-  for (int corner = 0; corner < 3; ++corner) {
-    for (int i = 0; i < 3; ++i) {
-      to[corner][i] = static_cast<double>(corners[corner][i]) - (origin[i] + t * direction[i]);
-    }
-  }
-  const double least = -kBeside * ((n[0] * n[0] + n[1] * n[1]) + n[2] * n[2]);
-  for (int corner = 0; corner < 3; ++corner) {
-    const double *const v = to[corner], *const w = to[corner == 2 ? 0 : corner + 1];
-    const double side =
-        (n[0] * (v[1] * w[2] - v[2] * w[1]) + n[1] * (v[2] * w[0] - v[0] * w[2])) + n[2] * (v[0] * w[1] - v[1] * w[0]);
-    if (!(side >= least)) return false;
-  }
-  return true;
-}
-
-// The corners' depths along the sheared z, weighted; the weights need not sum to 1.
-static inline float weighted_t(const TriangleRay& ray, const float weights[3], float sum, const float z[3]) noexcept {
-  const float depth = __builtin_fmaf(weights[2], z[2], __builtin_fmaf(weights[1], z[1], weights[0] * z[0]));
-  return depth / (sum * ray.direction_z);
-}
-
-// t of a hit: that of the plane if the ray's point there lies in the triangle, or else that of the weighted corners.
-static inline float settle_t(const TriangleRay& ray, const TrianglePlane& plane, const float* const corners[3],
-                             const double origin[3], const double direction[3], const float weights[3], float sum,
-                             const float z[3]) noexcept {
-  const double exact = plane_t(plane, origin, direction);
-  return is_inside(plane, corners, origin, direction, exact) ? static_cast<float>(exact)
-                                                             : weighted_t(ray, weights, sum, z);
-}
-
 struct TriangleHit {
   float t, u, v;  // the point is (1 - u - v) v0 + u v1 + v v2
   bool is_front;  // counter-clockwise as seen from the ray's origin, in the mesh's own frame
 };
 
+static inline float fused(float a, float b, float c) noexcept { return __builtin_fmaf(a, b, c); }
+static inline double fused(double a, double b, double c) noexcept { return __builtin_fma(a, b, c); }
+
 // a * b - c * d, within 2 u, its sign right.
-static inline float product_difference(float a, float b, float c, float d) noexcept {
-  const float product = c * d;
-  return __builtin_fmaf(a, b, -product) + __builtin_fmaf(-c, d, product);
+template <class Real>
+static inline Real product_difference(Real a, Real b, Real c, Real d) noexcept {
+  const Real product = c * d;
+  return fused(a, b, -product) + fused(-c, d, product);
+}
+
+// A triangle in a ray's sheared frame: its corners, and the weight of each in the point where the ray passes, which is
+// negative on the far side of the edge across (for triangles that turn clockwise there: positive).
+template <class Real>
+struct ShearedTriangle {
+  Real x[3], y[3], z[3], weights[3], sum, least, most;
+};
+
+// Coordinate `axis` of corner i is at(i, axis).
+template <class Real, class Corners>
+static inline void set_sheared(ShearedTriangle<Real>& triangle, const Corners& at, const Real origin[3], Real shear_x,
+                               Real shear_y) noexcept {
+  Real *const x = triangle.x, *const y = triangle.y, *const w = triangle.weights;
+  for (int i = 0; i < 3; ++i) {
+    const Real z = at(i, 2) - origin[2];
+    x[i] = fused(-shear_x, z, at(i, 0) - origin[0]);
+    y[i] = fused(-shear_y, z, at(i, 1) - origin[1]);
+    triangle.z[i] = z;
+  }
+  w[0] = product_difference(x[2], y[1], y[2], x[1]);
+  w[1] = product_difference(x[0], y[2], y[0], x[2]);
+  w[2] = product_difference(x[1], y[0], y[1], x[0]);
+  triangle.sum = (w[0] + w[1]) + w[2];
+  triangle.least = smaller(smaller(w[0], w[1]), w[2]);
+  triangle.most = larger(larger(w[0], w[1]), w[2]);
+}
+
+// Beside an edge. axes: as in TriangleRay; origin, direction: of the ray before it was narrowed to float.
+static inline bool intersect_beside_edge(const std::uint8_t axes[3], const double origin[3], const double direction[3],
+                                         const float* const corners[3], TriangleHit& hit) noexcept {
+  const double from[3] = {origin[axes[0]], origin[axes[1]], origin[axes[2]]}, along = direction[axes[2]];
+  const auto at = [&](int corner, int axis) { return static_cast<double>(corners[corner][axes[axis]]); };
+  ShearedTriangle<double> triangle;
+  set_sheared(triangle, at, from, direction[axes[0]] / along, direction[axes[1]] / along);
+  const double *const w = triangle.weights, *const z = triangle.z, sum = triangle.sum;
+  if (!(triangle.least >= 0.0 || triangle.most <= 0.0) || sum == 0.0) return false;
+  hit.t = static_cast<float>(((w[0] * z[0] + w[1] * z[1]) + w[2] * z[2]) / (sum * along));
+  hit.u = static_cast<float>(w[1] / sum);
+  hit.v = static_cast<float>(w[2] / sum);
+  hit.is_front = (sum > 0.0) != (along < 0.0);
+  return true;
 }
 
 // True if the ray's line passes through the triangle: edges and vertices count, triangles seen exactly edge-on do not.
 // origin, direction: what `ray` was made of, before it was narrowed to float.
 static inline bool intersect_triangle(const TriangleRay& ray, const double origin[3], const double direction[3],
                                       const float* const corners[3], TriangleHit& hit) noexcept {
-  float p[3][3], x[3], y[3], z[3];
-  for (int i = 0; i < 3; ++i) {
-    for (int k = 0; k < 3; ++k) p[i][k] = corners[i][ray.axes[k]];
-    z[i] = p[i][2] - ray.origin[2];
-    x[i] = __builtin_fmaf(-ray.shear_x, z[i], p[i][0] - ray.origin[0]);
-    y[i] = __builtin_fmaf(-ray.shear_y, z[i], p[i][1] - ray.origin[1]);
+  const auto at = [&](int corner, int axis) { return corners[corner][ray.axes[axis]]; };
+  ShearedTriangle<float> triangle;
+  set_sheared(triangle, at, ray.origin, ray.shear_x, ray.shear_y);
+  const float slack = ray.edge_slack * static_cast<float>(span_of(corners[0], corners[1], corners[2]));
+  if (!(larger(triangle.least, -triangle.most) > slack)) {
+    return intersect_beside_edge(ray.axes, origin, direction, corners, hit);
   }
-  const float a = product_difference(x[2], y[1], y[2], x[1]);
-  const float b = product_difference(x[0], y[2], y[0], x[2]);
-  const float c = product_difference(x[1], y[0], y[1], x[0]);
-  const float least = smaller(smaller(a, b), c), most = larger(larger(a, b), c);
-  if (!(least >= 0.0f || most <= 0.0f)) return false;
-  const float sum = (a + b) + c;
-  if (sum == 0.0f) return false;
-  const float weights[3] = {a, b, c};
-  const TrianglePlane plane = plane_of(corners[0], corners[1], corners[2]);
-  hit.t = settle_t(ray, plane, corners, origin, direction, weights, sum, z);
-  hit.u = b / sum;
-  hit.v = c / sum;
+  const float sum = triangle.sum;
+  hit.t = static_cast<float>(plane_t(plane_of(corners[0], corners[1], corners[2]), origin, direction));
+  hit.u = triangle.weights[1] / sum;
+  hit.v = triangle.weights[2] / sum;
   hit.is_front = (sum > 0.0f) != ray.runs_down;
   return true;
 }

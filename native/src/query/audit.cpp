@@ -117,7 +117,8 @@ class Audit {
     double farthest_t;
   };
 
-  // Rounding a ray to float, in the space of an instance, moves it by no more.
+  // What rounding a ray to float, in the space of an instance, moves it by. More than kernels are off by, which decide
+  // in double wherever that matters: matrices may squeeze as much as they like.
   [[nodiscard]] double margin(const AuditedRay& ray, std::size_t row) const {
     return 4.0 * kFloatUlp * (balls_[row].reach + ray.line.reach);
   }

@@ -22,11 +22,11 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const SceneView& scene
     const int lane = __builtin_ctz(lanes);
     const std::uint32_t primitive = leaf.primitives[lane];
     if (lane > 0 && leaf.primitives[lane - 1] == primitive) continue;
-    const double t = candidate_t(candidates, lane, leaf, slot.triangle.ray, slot.local);
-    if (!is_in_range(t, ray) || is_culled(batch.cull, candidates.sums[lane], slot.triangle.ray, instance)) continue;
+    Meeting at;
+    if (!meet_candidate(at, candidates, lane, leaf, slot.triangle.ray, slot.local)) continue;
+    if (!is_in_range(at.t, ray) || is_culled(batch.cull, at.sum, slot.triangle.ray, instance)) continue;
     if (hits != nullptr && count < room) {
-      const float sum = candidates.sums[lane];
-      hits[count] = {t, candidates.weights_v1[lane] / sum, candidates.weights_v2[lane] / sum, slot.instance, primitive};
+      hits[count] = {at.t, at.weight_v1 / at.sum, at.weight_v2 / at.sum, slot.instance, primitive};
     }
     ++count;
   }

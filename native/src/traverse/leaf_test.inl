@@ -2,9 +2,11 @@
 // these functions, so that each of them gives a triangle the same t. A `Leaf` is a LeafBlock, or the GatheredLeaf that
 // was made of an IndexedLeaf. Part of stream_kernel.inl: everything has internal linkage.
 
-// Of each lane; `lanes` has those that the ray's line passes through, and whose t may be in range.
+// Of each lane; `lanes` has those that the ray's line passes through, or may pass through beside an edge, and whose t
+// may be in range.
 struct LeafTest {
-  Float8 weight_v0, weight_v1, weight_v2, sum;
+  Float8 weight_v1, weight_v2, sum;
+  Float8 least_weight;  // of the three, by its size; negative outside
   unsigned lanes;
 };
 
@@ -48,6 +50,22 @@ PERFECT_BVH_INLINE ShearedCorners shear(const GatheredLeaf& leaf, const Triangle
   return at;
 }
 
+// At least the triangles' spans (math/triangle.h): of a block's together, of gathered ones each its own.
+PERFECT_BVH_INLINE float block_span(const LeafBlock& block) noexcept {
+  return __builtin_bit_cast(float, block.corners[0]);
+}
+PERFECT_BVH_INLINE Float8 span_bounds(const LeafBlock& block) noexcept {
+  const float span = block_span(block);
+  return broadcast(span);
+}
+PERFECT_BVH_INLINE Float8 span_bounds(const GatheredLeaf& leaf) noexcept {
+  const auto extent = [&](int axis) __attribute__((always_inline)) {
+    const Float8 a = load(leaf.corners[0][axis]), b = load(leaf.corners[1][axis]), c = load(leaf.corners[2][axis]);
+    return sub(max(max(a, b), c), min(min(a, b), c));
+  };
+  return add(add(extent(0), extent(1)), extent(2));
+}
+
 template <class Leaf>
 PERFECT_BVH_INLINE LeafTest test_leaf(const Leaf& leaf, const TriangleState& triangle) noexcept {
   const auto [x0, y0, z0, x1, y1, z1, x2, y2, z2] = shear(leaf, triangle);
@@ -56,20 +74,21 @@ PERFECT_BVH_INLINE LeafTest test_leaf(const Leaf& leaf, const TriangleState& tri
   const Float8 weight2 = difference(x1, y0, y1, x0);
   const Float8 least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
   const Float8 sum = add(add(weight0, weight1), weight2);
-  const Mask8 inside = both(either(less_equal(zero(), least), less_equal(most, zero())), not_equal(sum, zero()));
+  const Float8 least_weight = max(least, sub(zero(), most));
+  const Mask8 inside = less_equal(zero(), fmadd(span_bounds(leaf), broadcast(triangle.ray.edge_slack), least_weight));
   const Float8 nearest = min(min(z0, z1), z2), farthest = max(max(z0, z1), z2);
   const Mask8 in_range = both(less_equal(broadcast(triangle.least_depth), farthest),
                               less_equal(nearest, broadcast(triangle.largest_depth)));
-  return {weight0, weight1, weight2, sum, bits(both(inside, in_range))};
+  return {weight1, weight2, sum, least_weight, bits(both(inside, in_range))};
 }
 
 // The lanes of a LeafTest in memory, to be looked at one by one.
 struct LeafCandidates {
   explicit LeafCandidates(const LeafTest& test) noexcept {
-    store(weights_v0, test.weight_v0), store(weights_v1, test.weight_v1), store(weights_v2, test.weight_v2);
-    store(sums, test.sum);
+    store(weights_v1, test.weight_v1), store(weights_v2, test.weight_v2), store(sums, test.sum);
+    store(least_weights, test.least_weight);
   }
-  alignas(32) float weights_v0[8], weights_v1[8], weights_v2[8], sums[8];
+  alignas(32) float weights_v1[8], weights_v2[8], sums[8], least_weights[8];
 };
 
 inline float coordinate(const LeafBlock& block, int lane, int corner, int axis) noexcept {
@@ -79,13 +98,21 @@ inline float coordinate(const GatheredLeaf& leaf, int lane, int corner, int axis
   return leaf.corners[corner][axis][lane];
 }
 
-// The plane of one of its triangles.
-template <class Leaf>
-PERFECT_BVH_INLINE TrianglePlane lone_plane(const Leaf& leaf, int lane, float (&corners)[3][3]) noexcept {
-  for (int corner = 0; corner < 3; ++corner) {
-    for (int axis = 0; axis < 3; ++axis) corners[corner][axis] = coordinate(leaf, lane, corner, axis);
+// One of its triangles.
+struct LoneCorners {
+  template <class Leaf>
+  LoneCorners(const Leaf& leaf, int lane) noexcept {
+    for (int corner = 0; corner < 3; ++corner) {
+      for (int axis = 0; axis < 3; ++axis) at[corner][axis] = coordinate(leaf, lane, corner, axis);
+    }
   }
-  return plane_of(corners[0], corners[1], corners[2]);
+  float at[3][3];
+};
+
+inline float span_bound(const LeafBlock& block, int) noexcept { return block_span(block); }
+inline float span_bound(const GatheredLeaf& leaf, int lane) noexcept {
+  const LoneCorners lone(leaf, lane);
+  return static_cast<float>(span_of(lone.at[0], lone.at[1], lone.at[2]));
 }
 
 // Where its corners are along the sheared z.
@@ -110,32 +137,54 @@ PERFECT_BVH_INLINE bool is_in_range(double t, const Ray& ray) noexcept {
   return narrowed >= ray.t_min && narrowed <= ray.t_max && narrowed < kInfiniteDistance;
 }
 
-// Beside an edge it takes a closer look.
-template <class Leaf>
-__attribute__((noinline)) float settle_beside_edge(const LeafCandidates& candidates, int lane, const Leaf& leaf,
-                                                   const TriangleRay& ray, const ObjectRay& local) noexcept {
-  const float weights[3] = {candidates.weights_v0[lane], candidates.weights_v1[lane], candidates.weights_v2[lane]};
-  float at[3][3];
-  const TrianglePlane plane = lone_plane(leaf, lane, at);
-  const float* const corners[3] = {at[0], at[1], at[2]};
-  return settle_t(ray, plane, corners, local.origin, local.direction, weights, candidates.sums[lane],
-                  CornerDepths(leaf, lane, ray).z);
+// Where a ray meets one triangle: t in the ray's own terms; u is weight_v1 / sum, v weight_v2 / sum.
+struct Meeting {
+  double t;
+  float weight_v1, weight_v2, sum;
+};
+
+// Whether float may be wrong about a triangle that it takes for met. `span`: the triangle's, or a bound of it, which
+// finds more of them.
+PERFECT_BVH_INLINE bool is_beside_edge(float least_weight, const TriangleRay& ray, float span) noexcept {
+  return !(least_weight > ray.edge_slack * span);
 }
 
-// In the ray's own terms: settle_t(). `local`: what the tree's TriangleRay was made of.
+// Of a triangle that is not known to be met inside of its edges: intersect_triangle(), from where float has its say.
 template <class Leaf>
-PERFECT_BVH_INLINE double candidate_t(const LeafCandidates& candidates, int lane, const Leaf& leaf,
-                                      const TriangleRay& ray, const ObjectRay& local) noexcept {
+__attribute__((noinline)) bool meet_beside_edge(Meeting& meeting, const LeafCandidates& candidates, int lane,
+                                                const Leaf& leaf, const TriangleRay& ray,
+                                                const ObjectRay& local) noexcept {
+  const LoneCorners lone(leaf, lane);
+  const auto& at = lone.at;
+  const auto span = static_cast<float>(span_of(at[0], at[1], at[2]));
+  const float least_weight = candidates.least_weights[lane];
+  if (least_weight < -ray.edge_slack * span) return false;
+  if (!is_beside_edge(least_weight, ray, span)) {
+    const auto t = static_cast<float>(plane_t(plane_of(at[0], at[1], at[2]), local.origin, local.direction));
+    meeting = {to_ray_t(local.time, t), candidates.weights_v1[lane], candidates.weights_v2[lane],
+               candidates.sums[lane]};
+    return true;
+  }
+  const float* const corners[3] = {at[0], at[1], at[2]};
+  TriangleHit hit;
+  if (!intersect_beside_edge(ray.axes, local.origin, local.direction, corners, hit)) return false;
+  const float turn = hit.is_front != ray.runs_down ? 1.0f : -1.0f;
+  meeting = {to_ray_t(local.time, hit.t), hit.u * turn, hit.v * turn, turn};
+  return true;
+}
+
+// Whether the ray's line meets a candidate, and where. `local`: what the tree's TriangleRay was made of.
+template <class Leaf>
+PERFECT_BVH_INLINE bool meet_candidate(Meeting& meeting, const LeafCandidates& candidates, int lane, const Leaf& leaf,
+                                       const TriangleRay& ray, const ObjectRay& local) noexcept {
+  if (is_beside_edge(candidates.least_weights[lane], ray, span_bound(leaf, lane))) [[unlikely]] {
+    return meet_beside_edge(meeting, candidates, lane, leaf, ray, local);
+  }
   const auto at = [&](int corner, int axis)
                       __attribute__((always_inline)) { return coordinate(leaf, lane, corner, axis); };
-  const float weight0 = magnitude(candidates.weights_v0[lane]), weight1 = magnitude(candidates.weights_v1[lane]);
-  const float least = smaller(smaller(weight0, weight1), magnitude(candidates.weights_v2[lane]));
-  const PlaneMeeting plane = meet_plane(at, local.origin, local.direction);
-  float t = static_cast<float>(plane.t);
-  if (!(least >= ray.edge_slack * static_cast<float>(plane.span))) [[unlikely]] {
-    t = settle_beside_edge(candidates, lane, leaf, ray, local);
-  }
-  return to_ray_t(local.time, t);
+  const auto t = static_cast<float>(meet_plane(at, local.origin, local.direction));
+  meeting = {to_ray_t(local.time, t), candidates.weights_v1[lane], candidates.weights_v2[lane], candidates.sums[lane]};
+  return true;
 }
 
 PERFECT_BVH_INLINE bool is_culled(Cull cull, float sum, const TriangleRay& ray, const InstanceView& instance) noexcept {
@@ -156,17 +205,19 @@ inline bool wins_tie(const InstanceView* instances, std::uint32_t instance, std:
 template <class Leaf>
 PERFECT_BVH_INLINE bool take_hit(Slot& slot, const InstanceView* instances, const Ray& ray, Cull cull, const Leaf& leaf,
                                  int lane, const LeafCandidates& candidates) noexcept {
-  const double t = candidate_t(candidates, lane, leaf, slot.triangle.ray, slot.local);
+  Meeting meeting;
+  if (!meet_candidate(meeting, candidates, lane, leaf, slot.triangle.ray, slot.local)) return false;
+  const double t = meeting.t;
   if (!(is_in_range(t, ray) && t <= slot.best_t)) return false;
-  if (is_culled(cull, candidates.sums[lane], slot.triangle.ray, instances[slot.instance])) return false;
+  if (is_culled(cull, meeting.sum, slot.triangle.ray, instances[slot.instance])) return false;
   const std::uint32_t primitive = leaf.primitives[lane];
   if (t == slot.best_t && slot.hit_instance != kNoHit &&
       !wins_tie(instances, slot.instance, primitive, slot.hit_instance, slot.hit_primitive)) {
     return false;
   }
   slot.best_t = t;
-  slot.u = candidates.weights_v1[lane] / candidates.sums[lane];
-  slot.v = candidates.weights_v2[lane] / candidates.sums[lane];
+  slot.u = meeting.weight_v1 / meeting.sum;
+  slot.v = meeting.weight_v2 / meeting.sum;
   slot.hit_instance = slot.instance;
   slot.hit_primitive = primitive;
   return true;
@@ -176,10 +227,10 @@ PERFECT_BVH_INLINE bool take_hit(Slot& slot, const InstanceView* instances, cons
 template <class Leaf>
 PERFECT_BVH_INLINE bool is_surely_hit(Slot& slot, const InstanceView* instances, Cull cull, const Leaf& leaf, int lane,
                                       const LeafCandidates& candidates) noexcept {
-  if (!slot.time.is_direct || !is_surely_in_range(slot.triangle, CornerDepths(leaf, lane, slot.triangle.ray))) {
-    return false;
-  }
-  if (is_culled(cull, candidates.sums[lane], slot.triangle.ray, instances[slot.instance])) return false;
+  const TriangleRay& ray = slot.triangle.ray;
+  if (!slot.time.is_direct || is_beside_edge(candidates.least_weights[lane], ray, span_bound(leaf, lane))) return false;
+  if (!is_surely_in_range(slot.triangle, CornerDepths(leaf, lane, ray))) return false;
+  if (is_culled(cull, candidates.sums[lane], ray, instances[slot.instance])) return false;
   slot.hit_instance = slot.instance;
   return true;
 }

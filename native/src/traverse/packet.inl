@@ -22,7 +22,7 @@ struct alignas(64) PacketBoxes {
 
 // As TriangleRay; the rest of it is in PacketRays.
 struct alignas(64) PacketTriangles {
-  float shear_x[kPacketRays], shear_y[kPacketRays], depth_slack[kPacketRays];
+  float shear_x[kPacketRays], shear_y[kPacketRays], depth_slack[kPacketRays], edge_slack[kPacketRays];
 };
 
 struct alignas(64) PacketHits {

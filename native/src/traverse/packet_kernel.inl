@@ -171,7 +171,6 @@ struct PacketWalk {
     PacketLevel level;
     level.nodes = instance.nodes, level.blocks = blocks_of(instance), level.boxes = &packet.local;
     level.instance = &instance, level.instance_index = index;
-    level.edge_slack = kEdgeReach * instance.extent.reach;
     for (RaySet left = rays; left != 0;) {
       const RaySet alike = of_one_key(packet.local_rays, left, level.key);
       left &= ~alike;

@@ -14,7 +14,6 @@ struct PacketLevel {
   const InstanceView* instance;
   std::uint32_t instance_index;
   bool shares_origin;  // all rays begin at the same point:
-  float edge_slack;    // as in TriangleRay
   double exact_origin[3];
   float shared_origin[3];
   bool is_direct;  // local t is the ray's own t, for all rays
@@ -41,27 +40,24 @@ struct LoneRay {
     triangle.ray.shear_x = packet.triangles.shear_x[i], triangle.ray.shear_y = packet.triangles.shear_y[i];
     triangle.ray.direction_z = rays.narrow_direction[level.key.axes[2]][i];
     triangle.ray.depth_slack = packet.triangles.depth_slack[i];
-    triangle.ray.edge_slack = level.edge_slack;
+    triangle.ray.edge_slack = packet.triangles.edge_slack[i];
     triangle.ray.runs_down = level.key.runs_down;
     set_depths(triangle, box.t_min, box.t_limit);
   }
 };
 
-struct Weights {
-  float v1, v2, sum;
-};
-
 // Ray i meets a triangle at t, in the ray's own terms. True if that is its best hit now.
 PERFECT_BVH_INLINE bool take_packet_hit(Packet& packet, const PacketLevel& level, unsigned i, std::uint32_t primitive,
-                                        double t, const Weights& weights) noexcept {
+                                        const Meeting& meeting) noexcept {
   PacketHits& hits = packet.hits;
+  const double t = meeting.t;
   if (!(is_in_range(t, *packet.rays[i]) && t <= hits.t[i])) return false;
   if (t == hits.t[i] && hits.instance[i] != kNoHit &&
       !wins_tie(packet.scene->instances, level.instance_index, primitive, hits.instance[i], hits.primitive[i])) {
     return false;
   }
   hits.t[i] = t;
-  hits.weight_v1[i] = weights.v1, hits.weight_v2[i] = weights.v2, hits.weight_sum[i] = weights.sum;
+  hits.weight_v1[i] = meeting.weight_v1, hits.weight_v2[i] = meeting.weight_v2, hits.weight_sum[i] = meeting.sum;
   hits.instance[i] = level.instance_index, hits.primitive[i] = primitive;
   return true;
 }
@@ -77,10 +73,10 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const Leaf& leaf,
   bool is_new = false;
   for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
-    const double t = candidate_t(candidates, lane, leaf, lone.triangle.ray, local);
-    if (is_culled(packet.cull, candidates.sums[lane], lone.triangle.ray, *level.instance)) continue;
-    const Weights weights{candidates.weights_v1[lane], candidates.weights_v2[lane], candidates.sums[lane]};
-    if (!take_packet_hit(packet, level, i, leaf.primitives[lane], t, weights)) continue;
+    Meeting meeting;
+    if (!meet_candidate(meeting, candidates, lane, leaf, lone.triangle.ray, local)) continue;
+    if (is_culled(packet.cull, meeting.sum, lone.triangle.ray, *level.instance)) continue;
+    if (!take_packet_hit(packet, level, i, leaf.primitives[lane], meeting)) continue;
     is_new = true;
     if constexpr (kAny) break;
   }
@@ -108,15 +104,13 @@ PERFECT_BVH_INLINE void store_vertices(float* x, float* y, float* z, const Packe
 struct LeafPlanes {
   TrianglePlane plane[8];
   double away[8];      // from the origin, if the rays share one
-  float slack[8];      // least weight of a hit that is surely inside of every edge
   unsigned known = 0;  // bits
 
   template <bool kShared, class Leaf>
   PERFECT_BVH_INLINE void make(const Leaf& leaf, unsigned triangle, const PacketLevel& level) noexcept {
     if ((known >> triangle & 1) != 0) return;
-    float corners[3][3];
-    plane[triangle] = lone_plane(leaf, static_cast<int>(triangle), corners);
-    slack[triangle] = level.edge_slack * static_cast<float>(span_of(corners[0], corners[1], corners[2]));
+    const LoneCorners lone(leaf, static_cast<int>(triangle));
+    plane[triangle] = plane_of(lone.at[0], lone.at[1], lone.at[2]);
     if constexpr (kShared) away[triangle] = plane_away(plane[triangle], level.exact_origin);
     known |= 1u << triangle;
   }
@@ -161,8 +155,8 @@ unsigned take_moved_hits(Packet& packet, const PacketLevel& level, std::uint32_t
     const int lane = __builtin_ctz(found);
     const unsigned i = first + static_cast<unsigned>(lane);
     const TimeFrame time = packet.local_rays.time(i);
-    const Weights weights{weights_v1[lane], weights_v2[lane], sums[lane]};
-    if (!take_packet_hit(packet, level, i, primitive, to_ray_t(time, t_of[lane]), weights)) continue;
+    const Meeting meeting{to_ray_t(time, t_of[lane]), weights_v1[lane], weights_v2[lane], sums[lane]};
+    if (!take_packet_hit(packet, level, i, primitive, meeting)) continue;
     level.boxes->t_limit[i] = kAny ? kDead : to_local_max(time, packet.hits.t[i]);
     done |= kAny ? 1u << lane : 0u;
   }
@@ -195,6 +189,19 @@ PERFECT_BVH_INLINE RayFloat plane_ts(const LeafPlanes& planes, unsigned triangle
   return load_narrowed(t);
 }
 
+// Of rays `first` and on that pass through a triangle, those whose t there is in range wherever between its corners'
+// depths they meet it: as is_surely_in_range() has it.
+PERFECT_BVH_INLINE unsigned surely_in_range(const Packet& packet, const PacketLevel& level, unsigned first, RayFloat a,
+                                            RayFloat b, RayFloat c) noexcept {
+  const RayFloat inverse = load_rays(level.boxes->inverse[level.key.axes[2]] + first);
+  const RayFloat least = min(min(a, b), c), most = max(max(a, b), c);
+  const RayFloat slack = load_rays(packet.triangles.depth_slack + first), margin = add(slack, slack);
+  const RayFloat begin = sub(mul(level.key.runs_down ? most : least, inverse), margin);
+  const RayFloat end = add(mul(level.key.runs_down ? least : most, inverse), margin);
+  return bits(less_equal(load_rays(level.boxes->t_min + first), begin)) &
+         bits(less_equal(end, load_rays(level.boxes->t_limit + first)));
+}
+
 // Rays `first` and on, those in `lanes`, against all triangles, one at a time. The hits that surely count are taken
 // here; rays whose hits need a closer look (beside an edge, as far as the best one) are returned.
 template <bool kAny, bool kShared, class Leaf>
@@ -224,9 +231,17 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
   if constexpr (kIsBlock) {
     for (unsigned i = 0; i < leaf.vertex_count; ++i) place(i, i);
   }
+  const auto take_any = [&](unsigned found) __attribute__((always_inline)) {  // they need no more
+    const RayMask mask = ray_mask(found);
+    store_some(hits.instance + first, mask, level.instance_index);
+    store_some(limits, mask, every_ray(kDead));
+    lanes &= ~found;
+  };
   const RayFloat none = every_ray(0.0f);
   const unsigned turned = level.key.runs_down != (level.instance->mirrored != 0) ? ~0u : 0u;
   unsigned ambiguous = 0;
+  const RayFloat edge_slack = load_rays(triangles.edge_slack + first);
+  RayFloat slack = mul(edge_slack, every_ray(span_bound(block, 0)));
   for (unsigned i = 0; i < leaf.triangle_count; ++i) {
     unsigned a = 0, b = 1, c = 2;
     if constexpr (kIsBlock) {
@@ -234,24 +249,32 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
       a = corners & 7, b = corners >> 4 & 7, c = corners >> 8 & 7;
     } else {
       place(0, i), place(1, 8 + i), place(2, 16 + i);
+      slack = mul(edge_slack, every_ray(span_bound(block, static_cast<int>(i))));
     }
     const RayFloat weight0 = difference(across[c], upward[b], upward[c], across[b]);
     const RayFloat weight1 = difference(across[a], upward[c], upward[a], across[c]);
     const RayFloat weight2 = difference(across[b], upward[a], upward[b], across[a]);
     const RayFloat least = min(min(weight0, weight1), weight2), most = max(max(weight0, weight1), weight2);
+    const RayFloat least_weight = max(least, sub(none, most));
+    const unsigned near = bits(less_equal(sub(none, slack), least_weight)) & lanes;
+    if (near == 0) continue;
+    unsigned inside = near & bits(less(slack, least_weight));
+    ambiguous |= near & ~inside;
     const RayFloat sum = add(add(weight0, weight1), weight2);
-    unsigned inside = bits(both(either(less_equal(none, least), less_equal(most, none)), not_equal(sum, none))) & lanes;
     if (packet.cull != Cull::kNone) {
       const unsigned front = bits(less(none, sum)) ^ turned;
       inside &= packet.cull == Cull::kFront ? ~front : front;
     }
     if (inside == 0) continue;
+    if constexpr (kAny) {
+      const unsigned found =
+          level.is_direct ? inside & surely_in_range(packet, level, first, depth[a], depth[b], depth[c]) : 0;
+      if (found != 0) take_any(found);
+      inside &= ~found;
+      if (inside == 0) continue;
+    }
     leaf.planes.template make<kShared>(block, i, level);
     const RayFloat t = plane_ts<kShared>(leaf.planes, i, rays, first);
-    const RayFloat least_weight = max(least, sub(none, most));
-    const unsigned beside = inside & ~bits(less_equal(every_ray(leaf.planes.slack[i]), least_weight));
-    ambiguous |= beside;
-    inside &= ~beside;
     const RayFloat limit = load_rays(limits);
     const unsigned from = bits(less_equal(load_rays(level.boxes->t_min + first), t));
     const unsigned up_to = bits(less_equal(t, limit)), before = bits(less(t, limit));
@@ -264,12 +287,11 @@ unsigned test_triangles(Packet& packet, const PacketLevel& level, const Leaf& bl
     ambiguous |= inside & from & up_to & ~before;
     const unsigned found = inside & from & before;
     if (found == 0) continue;
-    const RayMask mask = ray_mask(found);
-    store_some(hits.instance + first, mask, level.instance_index);
     if constexpr (kAny) {
-      store_some(limits, mask, every_ray(kDead));
-      lanes &= ~found;
+      take_any(found);
     } else {
+      const RayMask mask = ray_mask(found);
+      store_some(hits.instance + first, mask, level.instance_index);
       store_some(limits, mask, t);
       store_some(hits.t + first, mask, t);
       store_some(hits.weight_v1 + first, mask, weight1);

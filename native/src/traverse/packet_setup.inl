@@ -149,13 +149,15 @@ inline void set_constants(PacketBoxes& boxes, PacketTriangles& triangles, const 
     const RayFloat long_depth = mul(long_reach, long_inverse);
     const RayFloat share = mul(every_ray(kReachShare), long_reach);
     const RayFloat depth_slack = mul(every_ray(kDepthSlack), long_depth);
+    RayFloat longest_reach = long_reach;
     for (int axis = 0; axis < 3; ++axis) {
       const RayFloat origin = load_rays(rays.narrow_origin[axis] + i);
       const RayFloat direction = load_rays(rays.narrow_direction[axis] + i);
       const RayFloat raised = with_sign(max(abs(direction), smallest_length), direction);
       const RayFloat inverse = axis == k ? with_sign(long_inverse, direction) : div(one, raised);
-      const RayFloat reach = add(add(every_ray(extent.largest[axis]), abs(origin)), share);
-      const RayFloat slack = add(mul(every_ray(kPlaneSlack), mul(reach, abs(inverse))), depth_slack);
+      const RayFloat reach = add(every_ray(extent.largest[axis]), abs(origin));
+      const RayFloat slack = add(mul(every_ray(kPlaneSlack), mul(add(reach, share), abs(inverse))), depth_slack);
+      longest_reach = max(longest_reach, reach);
       const RayFloat at_origin = mul(origin, inverse);
       store_rays(boxes.inverse[axis] + i, inverse);
       store_rays(boxes.near_offset[axis] + i, add(at_origin, slack));
@@ -166,6 +168,7 @@ inline void set_constants(PacketBoxes& boxes, PacketTriangles& triangles, const 
     store_rays(triangles.shear_x + i, mul(load_rays(rays.narrow_direction[key.axes[0]] + i), inverse));
     store_rays(triangles.shear_y + i, mul(load_rays(rays.narrow_direction[key.axes[1]] + i), inverse));
     store_rays(triangles.depth_slack + i, mul(every_ray(kDepthReach), long_depth));
+    store_rays(triangles.edge_slack + i, mul(every_ray(kEdgeReach), longest_reach));
   }
 }
 

@@ -4,15 +4,13 @@
 
 #include <immintrin.h>
 
-#include "traverse/plane_meeting.h"
-
 namespace perfect_bvh {
 namespace {
 
 // `at(corner, axis)`: the corners' coordinates. origin, direction: four doubles, aligned, the last 0.
 template <class Corners>
-inline __attribute__((always_inline)) PlaneMeeting meet_plane(const Corners& at, const double* origin,
-                                                              const double* direction) noexcept {
+inline __attribute__((always_inline)) double meet_plane(const Corners& at, const double* origin,
+                                                        const double* direction) noexcept {
   const auto corner = [&](int i) __attribute__((always_inline)) {
     return _mm256_cvtps_pd(_mm_setr_ps(at(i, 0), at(i, 1), at(i, 2), 0.0f));
   };
@@ -27,11 +25,7 @@ inline __attribute__((always_inline)) PlaneMeeting meet_plane(const Corners& at,
   const __m256d along = _mm256_mul_pd(normal, _mm256_load_pd(direction));
   const __m256d pairs = _mm256_hadd_pd(away, along);  // x + y of both, then z + 0 of both
   const __m128d sums = _mm_add_pd(_mm256_castpd256_pd128(pairs), _mm256_extractf128_pd(pairs, 1));
-  const __m256d sign = _mm256_set1_pd(-0.0);
-  const __m256d lengths = _mm256_add_pd(_mm256_andnot_pd(sign, to_b), _mm256_andnot_pd(sign, to_c));
-  const __m128d halves = _mm_add_pd(_mm256_castpd256_pd128(lengths), _mm256_extractf128_pd(lengths, 1));
-  return {_mm_cvtsd_f64(_mm_div_sd(sums, _mm_unpackhi_pd(sums, sums))),
-          _mm_cvtsd_f64(_mm_add_sd(halves, _mm_unpackhi_pd(halves, halves)))};
+  return _mm_cvtsd_f64(_mm_div_sd(sums, _mm_unpackhi_pd(sums, sums)));
 }
 
 }  // namespace

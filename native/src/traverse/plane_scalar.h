@@ -3,18 +3,17 @@
 #pragma once
 
 #include "math/triangle.h"
-#include "traverse/plane_meeting.h"
 
 namespace perfect_bvh {
 namespace {
 
 // `at(corner, axis)`: the corners' coordinates.
 template <class Corners>
-inline PlaneMeeting meet_plane(const Corners& at, const double* origin, const double* direction) noexcept {
+inline double meet_plane(const Corners& at, const double* origin, const double* direction) noexcept {
   const float a[3] = {at(0, 0), at(0, 1), at(0, 2)};
   const float b[3] = {at(1, 0), at(1, 1), at(1, 2)};
   const float c[3] = {at(2, 0), at(2, 1), at(2, 2)};
-  return {plane_t(plane_of(a, b, c), origin, direction), span_of(a, b, c)};
+  return plane_t(plane_of(a, b, c), origin, direction);
 }
 
 }  // namespace

@@ -34,6 +34,22 @@ __attribute__((always_inline)) inline bool load_ray(ObjectRay& out, const Ray& r
   return axes_of(_mm256_cmp_pd(_mm256_sub_pd(origin, origin), _mm256_setzero_pd(), _CMP_EQ_OQ)) == 7;
 }
 
+__attribute__((always_inline)) inline bool load_near(ObjectRay& out, const Ray& ray, double scale,
+                                                     double farthest) noexcept {
+  const __m256d factor = _mm256_set1_pd(scale);
+  const __m256d origin = _mm256_mul_pd(first_three(&ray.origin.x), factor);
+  const __m256d direction = _mm256_mul_pd(first_three(&ray.direction.x), factor);
+  const __m256d length = magnitudes(direction);
+  const __m256d usual = _mm256_and_pd(_mm256_cmp_pd(length, _mm256_set1_pd(kShortest), _CMP_GE_OQ),
+                                      _mm256_cmp_pd(length, _mm256_set1_pd(kLongest), _CMP_LE_OQ));
+  const __m256d near = _mm256_cmp_pd(magnitudes(origin), _mm256_set1_pd(farthest), _CMP_LE_OQ);
+  if (axes_of(_mm256_and_pd(usual, near)) != 7) return false;
+  _mm256_store_pd(out.origin, _mm256_add_pd(origin, _mm256_setzero_pd()));
+  _mm256_store_pd(out.direction, direction);
+  out.time = {0.0, 1.0, true};
+  return true;
+}
+
 __attribute__((always_inline)) inline void map_to_local(ObjectRay& out, const ObjectRay& ray,
                                                         const MapColumns& map) noexcept {
   const __m256d x = _mm256_load_pd(map[0]), y = _mm256_load_pd(map[1]), z = _mm256_load_pd(map[2]);
@@ -107,7 +123,9 @@ __attribute__((always_inline)) inline void set_states(BoxState& box, TriangleSta
   const float direction_z = _mm_cvtss_f32(_mm_movehl_ps(along, along));
   triangle.ray.direction_z = direction_z;
   triangle.ray.depth_slack = kDepthReach * _mm_cvtss_f32(long_depth);
-  triangle.ray.edge_slack = kEdgeReach * extent.reach;
+  // The fourth lane is the largest extent, which is not more.
+  const __m128 reaches = _mm_max_ps(reach, _mm_movehl_ps(reach, reach));
+  triangle.ray.edge_slack = kEdgeReach * _mm_cvtss_f32(_mm_max_ss(reaches, _mm_movehdup_ps(reaches)));
   std::memcpy(triangle.ray.axes, frame.axes, sizeof(triangle.ray.axes));
   triangle.ray.runs_down = direction_z < 0.0f;
   std::memcpy(triangle.row, frame.row, sizeof(frame.row));

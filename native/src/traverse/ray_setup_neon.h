@@ -43,6 +43,11 @@ __attribute__((always_inline)) inline bool load_ray(ObjectRay& out, const Ray& r
   return lanes_of_mask(vandq_u64(xy, vceqzq_f64(vsubq_f64(origin.zw, origin.zw)))) == ~std::uint64_t{0};
 }
 
+__attribute__((always_inline)) inline bool load_near(ObjectRay& out, const Ray& ray, double scale,
+                                                     double farthest) noexcept {
+  return load_near_by_axis(out, ray, scale, farthest);
+}
+
 __attribute__((always_inline)) inline void map_to_local(ObjectRay& out, const ObjectRay& ray,
                                                         const MapColumns& map) noexcept {
   const Double4Halves x = load_four(map[0]), y = load_four(map[1]), z = load_four(map[2]), moved = load_four(map[3]);
@@ -133,7 +138,7 @@ __attribute__((always_inline)) inline void set_states(BoxState& box, TriangleSta
   const float direction_z = vgetq_lane_f32(along, 2);
   triangle.ray.direction_z = direction_z;
   triangle.ray.depth_slack = kDepthReach * vgetq_lane_f32(long_depth, 0);
-  triangle.ray.edge_slack = kEdgeReach * extent.reach;
+  triangle.ray.edge_slack = kEdgeReach * vmaxvq_f32(reach);  // the fourth lane, the largest extent, is not more
   std::memcpy(triangle.ray.axes, frame.axes, sizeof(triangle.ray.axes));
   triangle.ray.runs_down = direction_z < 0.0f;
   std::memcpy(triangle.row, frame.row, sizeof(frame.row));

@@ -22,6 +22,10 @@ inline bool load_ray(ObjectRay& out, const Ray& ray, double scale) noexcept {
   return is_finite;
 }
 
+inline bool load_near(ObjectRay& out, const Ray& ray, double scale, double farthest) noexcept {
+  return load_near_by_axis(out, ray, scale, farthest);
+}
+
 inline void map_to_local(ObjectRay& out, const ObjectRay& ray, const MapColumns& map) noexcept {
   map_ray(out, ray, map);
 }

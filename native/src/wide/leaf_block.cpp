@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 
 #include "math/sorting_network.h"
 #include "wide/small_set.h"
@@ -27,6 +28,15 @@ void write_sorted(const std::uint32_t* numbers, std::uint32_t count, std::uint32
 
 }  // namespace
 
+void write_span(LeafBlock& block, const Box4& box) noexcept {
+  constexpr std::uint32_t kCornerBits = 0xFFF, kRoundedUp = 2 * (kCornerBits + 1), kPoint = 0xFF800000;
+  alignas(16) float extent[4];
+  (box.upper - box.lower).store(extent);
+  const float span = (extent[0] + extent[1]) + extent[2];
+  const std::uint32_t bits = (std::bit_cast<std::uint32_t>(span) & ~kCornerBits) + kRoundedUp;
+  block.corners[0] = (block.corners[0] & kCornerBits) | (span > 0.0f ? bits : kPoint);
+}
+
 Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const TriangleMesh& mesh, float scale) noexcept {
   std::array<Float4, 8> rows;
   for (std::size_t i = 0; i < 8; ++i) rows[i] = load_position(&mesh.positions[vertices[i]]).xyz0() * Float4(scale);
@@ -38,6 +48,7 @@ Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const Trian
     rows[axis].store(&block.vertices[axis][0]);
     rows[axis + 4].store(&block.vertices[axis][4]);
   }
+  write_span(block, box);
   return box;
 }
 

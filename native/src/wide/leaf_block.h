@@ -37,7 +37,11 @@ namespace perfect_bvh {
   return Float4::load_unaligned(position);
 }
 
-// The 8 vertices with these numbers, times `scale`. Returns their box, in which zeros may have either sign.
+// Notes in a block, whose corners are known, how far its vertices extend.
+void write_span(LeafBlock& block, const Box4& box) noexcept;
+
+// The 8 vertices with these numbers, times `scale`, into a block whose corners are known. Returns their box, in which
+// zeros may have either sign.
 Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const TriangleMesh& mesh, float scale) noexcept;
 
 // The same triangles as a leaf of the compact layout: 1 to 8, over any number of vertices.

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "wide/leaf_block.h"
+
 namespace perfect_bvh {
 namespace {
 
@@ -53,6 +55,7 @@ void refit_blocks(const WideBvh& from, const LeafVertices& vertices, const Trian
       std::copy_n(from.blocks[rows[i]].primitives, 8, block.primitives);
     }
     boxes[i] = write_vertices(vertices[rows[i]], positions, scale, block);
+    write_span(block, boxes[i]);
   }
 }
 

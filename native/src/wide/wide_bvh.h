@@ -41,8 +41,11 @@ static_assert(sizeof(WideNode) == 256 && std::is_trivially_copyable_v<WideNode>)
 // Unused places repeat the last vertex or triangle, so that they are tested harmlessly: an equal hit of an equal
 // triangle changes nothing. Triangles stand by ascending number.
 struct alignas(32) LeafBlock {
-  float vertices[3][8];         // x, y, z, in the tree's scale
-  std::uint32_t corners[8];     // bits 0-2, 4-6, 8-10: the vertices of a triangle, in winding order
+  float vertices[3][8];  // x, y, z, in the tree's scale
+  // Bits 0-2, 4-6, 8-10: the vertices of a triangle, in winding order. The upper twenty bits of the first: those of a
+  // float, the extents of the leaf's box added and rounded up (see TriangleRay::edge_slack); of a leaf that is a single
+  // point, which no ray meets, -infinity's. Of the others 0.
+  std::uint32_t corners[8];
   std::uint32_t primitives[8];  // number of the triangle in the mesh
 };
 static_assert(sizeof(LeafBlock) == 160 && std::is_trivially_copyable_v<LeafBlock>);
