@@ -34,7 +34,17 @@ EVENTS = {"Ir": "instructions", "Bcm": "branches mispredicted", "D1mr": "reads t
 
 # By the function that a stage's instructions were inlined into, the innermost that is named here.
 STAGES = {
-    "set-up": ("start_ray", "enter_instance", "leave_instance", "load_ray", "set_states", "map_to_local"),
+    "set-up": (
+        "start_ray",
+        "start_directly",
+        "load_near",
+        "clear_hit",
+        "enter_instance",
+        "leave_instance",
+        "load_ray",
+        "set_states",
+        "map_to_local",
+    ),
     "node": ("test_node", "visit_nodes"),
     "sort": ("push_sorted", "push_unsorted"),
     "leaf": ("visit_leaves", "visit_leaf", "visit_indexed_leaf", "test_leaf", "take_hits", "take_hit"),

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from benchmarks.meshes import BenchMesh
 from benchmarks.peers import Answers
 from benchmarks.rays import Rays
-from oracles.brute_force import ULP, WorldTriangles, judge, judge_occlusions
+from oracles.brute_force import ROUNDING_OF_FLOATS, ULP, WorldTriangles, judge, judge_occlusions
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,8 @@ class Judge:
     def _make_part(self, instance: int) -> tuple[WorldTriangles, _Boxes]:
         """One instance's triangles, and their boxes."""
         mesh, transform = self._mesh, self._transforms[instance]
-        world = WorldTriangles.of([(instance, mesh.positions, mesh.triangles, transform, 0xFFFFFFFF)])
+        parts = [(instance, mesh.positions, mesh.triangles, transform, 0xFFFFFFFF)]
+        world = WorldTriangles.of(parts, ROUNDING_OF_FLOATS)
         return world, _Boxes(world.corners.min(axis=1), world.corners.max(axis=1), world.scale)
 
     def _near(self, origin: npt.NDArray[np.float32], direction: npt.NDArray[np.float32]) -> WorldTriangles:
@@ -92,7 +93,7 @@ class Judge:
             parts.append([column[rows] for column in columns])
         if not parts:
             return WorldTriangles.of([])
-        return WorldTriangles(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+        return WorldTriangles(*(np.concatenate(columns) for columns in zip(*parts, strict=True)), ROUNDING_OF_FLOATS)
 
 
 @dataclass(frozen=True)
