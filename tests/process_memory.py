@@ -32,6 +32,31 @@ def resident_megabytes() -> float:
     return int(told.stdout) / 1024
 
 
+class _Mallinfo(ctypes.Structure):
+    """glibc's `struct mallinfo2`."""
+
+    _fields_ = [
+        (name, ctypes.c_size_t)
+        for name in (
+            *("arena", "ordblks", "smblks", "hblks", "hblkhd"),
+            *("usmblks", "fsmblks", "uordblks", "fordblks", "keepcost"),
+        )
+    ]
+
+
+def held_megabytes() -> float:
+    """What is allocated and not freed; where the C library does not tell (any but glibc from 2.33 on), the resident.
+
+    What is resident also grows with how freed memory is scattered, which depends on which thread came first.
+    """
+    tell = None if os.name == "nt" else getattr(ctypes.CDLL(None), "mallinfo2", None)
+    if tell is None:
+        return resident_megabytes()
+    tell.restype = _Mallinfo
+    told = tell()
+    return (told.uordblks + told.hblkhd) / MEGABYTE
+
+
 def _working_sets() -> tuple[int, int]:
     """The largest that Windows' working set of this process was, and what it is, in bytes."""
     from perfect_bvh_addon.support.memory.windows import ProcessUsage, _kernel32
