@@ -265,6 +265,15 @@ def test_a_budget_shows_stages_and_their_sum() -> None:
     assert text.count(f" {2.0 * len(stages):.2f}\n") + text.endswith(f" {2.0 * len(stages):.2f}") == len(budget.EVENTS)
 
 
+def test_a_budget_tells_what_a_visit_takes() -> None:
+    stages = {stage: dict.fromkeys(budget.EVENTS, 10.0) for stage in (*budget.STAGES, budget.OTHER)}
+    row = {"mesh": "ball", "rays": "diffuse", "stages": stages}
+    ours = {**row, "strategy": "single", "nodes_visited": 4.0, "primitives_tested": 5.0}
+    *_, line = budget.describe([ours, {**row, "strategy": budget.PEER}]).splitlines()
+    # Nodes and their order; leaves; the six other stages; 256 bytes a node.
+    assert line.split()[-6:] == ["4.00", "5.00", "5.00", "2.00", "60.00", "1,024.00"]
+
+
 class RacesOfOneBuild(NativePrograms):
     """Each takes as long as the next of `times` says."""
 

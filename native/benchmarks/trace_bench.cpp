@@ -11,6 +11,7 @@
 //   --reinsert N     reinsertion passes for our tree
 //   --inside         the camera stands inside the box     --filling          or so near that the mesh fills the view
 //   --expected-rays N  what our trees are told; without: nothing         --noisy  measure whatever the load
+//   --visits         tells how many nodes our rays visit and how many triangles they test, counted in another run
 //
 // Casts the same rays with every competitor (ray_race.h), each in its own format. Ratios are to the first one: Embree's
 // default (rtcIntersect1, rtcOccluded1, quality MEDIUM, not robust) unless --peers says otherwise.
@@ -46,6 +47,7 @@ struct Options : CommonOptions {
   std::size_t leaks = 0;
   std::optional<double> expected_rays;
   View view = View::kOutside;
+  bool counts_visits = false;
 
   [[nodiscard]] bool wants(const std::string& kind) const {
     return kinds.empty() || std::find(kinds.begin(), kinds.end(), kind) != kinds.end();
@@ -80,6 +82,8 @@ void set(Options& options, Arguments& arguments) {
     options.view = View::kInside;
   } else if (name == "--filling") {
     options.view = View::kFilling;
+  } else if (name == "--visits") {
+    options.counts_visits = true;
   } else {
     options.meshes.push_back(arguments.path());
   }
@@ -94,7 +98,8 @@ Options parse(int count, char** values) {
 }
 
 struct Competitor : RayCompetitor {
-  double bytes_a_triangle;  // with the mesh
+  double bytes_a_triangle;                // with the mesh
+  std::shared_ptr<const Snapshot> scene;  // of ours
 };
 
 double bytes_a_triangle(std::size_t bytes, const TriangleMesh& mesh) {
@@ -116,7 +121,7 @@ void add_ours(std::vector<Competitor>& list, const Options& options, const std::
       for (const std::string& in_flight : options.in_flight) {
         const std::string name = way_name(isa, strategy, blas.wide.layout) + (in_flight == "0" ? "" : "/" + in_flight);
         const TraceOptions way{parse_strategy(strategy), std::stoul(in_flight)};
-        list.push_back({{name, std::make_shared<OurRays>(scene, isa, way)}, bytes});
+        list.push_back({{name, std::make_shared<OurRays>(scene, isa, way)}, bytes, scene});
       }
     }
   }
@@ -126,7 +131,7 @@ std::vector<Competitor> make_competitors(const Options& options, const TriangleM
   std::vector<Competitor> list;
   for (const std::string& name : options.peers) {
     const auto peer = std::make_shared<const EmbreePeer>(mesh, EmbreePeer::named(name));
-    list.push_back({embree_competitor(name, peer), bytes_a_triangle(peer->byte_count(), mesh)});
+    list.push_back({embree_competitor(name, peer), bytes_a_triangle(peer->byte_count(), mesh), nullptr});
     std::printf("  %s: %.1f bytes a triangle with the mesh\n", name.c_str(), list.back().bytes_a_triangle);
   }
   for (const std::string& layout : options.layouts) {
@@ -144,8 +149,14 @@ std::vector<Competitor> make_competitors(const Options& options, const TriangleM
   return list;
 }
 
+void add_visits(JsonObject& row, const Competitor& competitor, const RaySet& set) {
+  if (!competitor.scene) return;
+  const Visits visits = count_visits(*competitor.scene, set);
+  row.add("nodes_visited", visits.nodes).add("primitives_tested", visits.triangles);
+}
+
 void report(const std::string& mesh, const RaySet& set, std::size_t batch, const std::vector<Competitor>& competitors,
-            const std::vector<RaceResult>& results, std::vector<std::string>& rows) {
+            const std::vector<RaceResult>& results, bool counts_visits, std::vector<std::string>& rows) {
   std::printf("%-10s %-10s %8zu", mesh.c_str(), set.name.c_str(), batch);
   for (std::size_t i = 0; i < competitors.size(); ++i) {
     const RaceResult& result = results[i];
@@ -158,6 +169,7 @@ void report(const std::string& mesh, const RaySet& set, std::size_t batch, const
     row.add("bytes_a_triangle", competitors[i].bytes_a_triangle).add("ray_count", set.rays.size());
     row.add("different_from_first", result.agreement.different);
     row.add("other_triangle_than_first", result.agreement.other_triangle);
+    if (counts_visits) add_visits(row, competitors[i], set);
     rows.push_back(row.text());
   }
   std::printf("\n");
@@ -216,7 +228,8 @@ void bench_mesh(const std::string& path, const Options& options, std::vector<std
   for (const RaySet& set : make_sets(options, mesh, name, *racing.back().caster)) {
     if (!options.wants(set.name) || set.rays.empty()) continue;
     for (const std::size_t batch : options.batches) {
-      report(name, set, batch, competitors, race(set, racing, {options.rounds, batch, diagonal}), rows);
+      const auto results = race(set, racing, {options.rounds, batch, diagonal});
+      report(name, set, batch, competitors, results, options.counts_visits, rows);
     }
   }
 }

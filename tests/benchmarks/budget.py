@@ -55,6 +55,7 @@ STAGES = {
 }
 STAGE_OF = {name: stage for stage, names in STAGES.items() for name in names}
 OTHER = "other"
+NODE_BYTES = 256
 PEER = "embree"  # rtcIntersect1 and rtcOccluded1, counted as a whole beside ours
 Costs = Counter[tuple[int, str]]  # by address and event
 Counts = dict[str, dict[str, float]]  # by stage and event
@@ -73,19 +74,19 @@ def main() -> None:
     for mesh in options.meshes_of(chosen) if is_named else generated_meshes.make_all(chosen.detail):
         for kind in chosen.kinds:
             for strategy in (*chosen.strategies, PEER):
-                stages = budget_of(chosen.native / PROGRAM, mesh, kind, strategy, chosen.size)
-                rows.append({"mesh": mesh.name, "rays": kind, "strategy": strategy, "stages": stages})
+                counts = budget_of(chosen.native / PROGRAM, mesh, kind, strategy, chosen.size)
+                rows.append({"mesh": mesh.name, "rays": kind, "strategy": strategy, **counts})
     print(describe(rows))
     options.save(chosen, {"rows": rows})
 
 
-def budget_of(program: Path, mesh: BenchMesh, kind: str, strategy: str, size: str) -> Counts:
-    """Of one ray in the mean; the peer's is all OTHER."""
+def budget_of(program: Path, mesh: BenchMesh, kind: str, strategy: str, size: str) -> dict[str, Any]:
+    """Of one ray in the mean: `stages`, of which the peer's is all OTHER; of ours also the visits that make them up."""
     if not program.is_file():
         raise SystemExit(f"{program} is not built; `nox -s benchmarks` builds it")
     is_peer = strategy == PEER
     words = ["--size", size, "--peers", PEER if is_peer else "", "--strategies", "single" if is_peer else strategy]
-    words += ["--inside"] if mesh.is_inside else []
+    words += ["--visits", *(["--inside"] if mesh.is_inside else [])]
     with tempfile.TemporaryDirectory() as folder:
         mesh_file = Path(folder) / "mesh.bin"
         mesh.write(mesh_file)
@@ -95,12 +96,13 @@ def budget_of(program: Path, mesh: BenchMesh, kind: str, strategy: str, size: st
             raise SystemExit(f"{mesh.name}: no ray of the kind {kind} to be cast")
         ray_count = CASTS * rows[0]["ray_count"]
         if is_peer:
-            return {OTHER: {event: cost / ray_count for event, cost in read_totals(profile).items()}}
+            return {"stages": {OTHER: {event: cost / ray_count for event, cost in read_totals(profile).items()}}}
         # The rays that find where others begin are ours, and in both runs.
         _, without = _profile(program, [*words, "--kinds", "none", str(mesh_file)], Path(folder), caster)
     costs = read_costs(profile, program.name)
     costs.subtract(read_costs(without, program.name))
-    return add_up(program, costs, ray_count)
+    visits = {name: rows[0][name] for name in ("nodes_visited", "primitives_tested")}
+    return {"stages": add_up(program, costs, ray_count), **visits}
 
 
 def _profile(program: Path, words: list[str], folder: Path, caster: str) -> tuple[list[dict[str, Any]], list[str]]:
@@ -177,7 +179,23 @@ def describe(rows: list[dict[str, Any]]) -> str:
             counts = [row["stages"].get(stage, {}).get(event, 0.0) for stage in (*STAGES, OTHER)]
             lines.append([f"{row['mesh']}, {row['rays']}, {row['strategy']}", *counts, sum(counts)])
         parts.append(f"{name} a ray\n{format_table(('rays', *STAGES, OTHER, 'all'), lines)}")
-    return "\n\n".join(parts)
+    return "\n\n".join([*parts, describe_visits(rows)])
+
+
+def describe_visits(rows: list[dict[str, Any]]) -> str:
+    """What ours visit, what a visit takes, and how much of the tree is read."""
+    heads = ("rays", "nodes", "triangles", "instructions a node", "a triangle", "besides", "bytes of nodes")
+    lines: list[list[Cell]] = []
+    for row in rows:
+        if "nodes_visited" not in row:
+            continue
+        instructions = {stage: counts["Ir"] for stage, counts in row["stages"].items()}
+        of_nodes, of_leaves = instructions["node"] + instructions["sort"], instructions["leaf"]
+        nodes, triangles = row["nodes_visited"], row["primitives_tested"]
+        rest = sum(instructions.values()) - of_nodes - of_leaves
+        each = [nodes, triangles, of_nodes / nodes, of_leaves / triangles, rest, nodes * NODE_BYTES]
+        lines.append([f"{row['mesh']}, {row['rays']}, {row['strategy']}", *each])
+    return f"visits a ray\n{format_table(heads, lines)}"
 
 
 if __name__ == "__main__":
