@@ -1,0 +1,202 @@
+// Where a line passes through a segment of a curve: the convex hull of two balls. Scalar, in double precision, and the
+// only judge: kernels find out with float which segments it is asked about.
+//
+// The hull is bounded by parts of its balls and, between the circles where a cone touches both, by that cone. It is
+// convex, so what a line has of it, its chord, goes from the first to the last of the points where the line passes
+// through one of the balls or that part of the cone. A ball's chord is a function of the line and that ball alone, and
+// is always part of the hull's, as it is computed: two segments that share a ball overlap in at least its chord, and no
+// line passes between them.
+//
+// The cone. With a = c1 - c0, d = r1 - r0 and H = a.a - d d (positive, or one ball holds the other: then the hull is
+// that ball), the point c(s) = c0 + s a of the axis is the centre of a ball of radius r(s) = r0 + s d, which touches
+// the cone in a circle; s is linear along any line: s = ((p - c0).a + r0 d) / H for a point p of the cone. p is on the
+// cone if |(p - c0) x a|^2 = H r(s)^2, and on the part that bounds the hull if s is from 0 to 1.
+//
+// How exact it is; u = 2^-53, D the distance from the ray's origin to the balls, R the larger radius. Quadratic
+// equations are not set up at the origin but where the line is nearest to the ball's centre, or to the axis between its
+// ends: there none of their terms is much larger than R^2 (times H), so rounding them moves the surface by a few u R.
+// Cross products and the discriminant have their products' errors recovered. What remains is to have moved the line
+// there: a few u D. So, off the surface by less than 1e-4 R for D as far as 1e11 R. Near a tip (a ball of radius 0)
+// rounding the terms can move the cone by 2^-24 R, where r(s) is as small as that.
+//
+// No case is told apart by how small something is:
+// - The line runs along the axis (e = 0, or rounding's rest of it): a cylinder's quadratic has no roots, or roots far
+//   away whose s is out of range; the balls have the ends of the chord.
+// - A ball holds the other, or both are one: H is not positive; the balls have it all. Where rounding makes H positive,
+//   or a positive one 0, the part of the cone that bounds the hull is within u R of the larger ball.
+// - A tip: its ball's chord is empty, or of no length where the line passes through the centre as computed.
+// - The line touches: it may be found to hit or to miss if the hull's surface is within a few u (D + R) of it.
+#pragma once
+
+#include "math/ball.h"
+#include "math/triangle.h"
+
+namespace perfect_bvh {
+
+struct RoundRay {
+  double origin[3], direction[3];
+  double squared_length;  // of the direction
+};
+
+static inline double dot_of(const double a[3], const double b[3]) noexcept {
+  return fused(a[2], b[2], fused(a[1], b[1], a[0] * b[0]));
+}
+
+static inline RoundRay round_ray(const double origin[3], const double direction[3]) noexcept {
+  RoundRay ray;
+  for (int i = 0; i < 3; ++i) ray.origin[i] = origin[i], ray.direction[i] = direction[i];
+  ray.squared_length = dot_of(direction, direction);
+  return ray;
+}
+
+// A ball in the tree's scale.
+struct RoundBall {
+  double centre[3];
+  double radius;
+};
+
+static inline RoundBall round_ball(const Ball& ball, float scale) noexcept {
+  return {{static_cast<double>(ball.centre.x * scale), static_cast<double>(ball.centre.y * scale),
+           static_cast<double>(ball.centre.z * scale)},
+          static_cast<double>(ball.radius * scale)};
+}
+
+// From where to where a line is inside, as t of the ray, negative ones included. If it is nowhere: entry is plus
+// infinity, exit minus infinity.
+struct Chord {
+  double entry, exit;
+};
+static constexpr Chord kNoChord = {__builtin_inf(), -__builtin_inf()};
+static inline bool is_hit(const Chord& chord) noexcept { return chord.entry <= chord.exit; }
+
+// Where a line is nearest to a ball's centre, and that point from there.
+struct NearestToCentre {
+  double t;
+  double point[3];
+};
+
+static inline NearestToCentre nearest_to_centre(const RoundRay& ray, const RoundBall& ball) noexcept {
+  double to_centre[3];
+  for (int i = 0; i < 3; ++i) to_centre[i] = ball.centre[i] - ray.origin[i];
+  NearestToCentre nearest;
+  nearest.t = dot_of(to_centre, ray.direction) / ray.squared_length;
+  for (int i = 0; i < 3; ++i) nearest.point[i] = fused(nearest.t, ray.direction[i], -to_centre[i]);
+  return nearest;
+}
+
+static inline Chord chord_of_ball(const RoundRay& ray, const RoundBall& ball, const NearestToCentre& nearest) noexcept {
+  const double inside = ball.radius * ball.radius - dot_of(nearest.point, nearest.point);
+  if (!(inside >= 0.0)) return kNoChord;
+  const double half = __builtin_sqrt(inside / ray.squared_length);
+  return {nearest.t - half, nearest.t + half};
+}
+
+static inline Chord chord_of_ball(const RoundRay& ray, const RoundBall& ball) noexcept {
+  return chord_of_ball(ray, ball, nearest_to_centre(ray, ball));
+}
+
+static inline Chord united(const Chord& a, const Chord& b) noexcept {
+  return {smaller(a.entry, b.entry), larger(a.exit, b.exit)};
+}
+
+static inline void cross_of(const double a[3], const double b[3], double out[3]) noexcept {
+  out[0] = product_difference(a[1], b[2], a[2], b[1]);
+  out[1] = product_difference(a[2], b[0], a[0], b[2]);
+  out[2] = product_difference(a[0], b[1], a[1], b[0]);
+}
+
+// The cone that touches two balls.
+struct RoundCone {
+  double axis[3];    // a
+  double widening;   // d
+  double squared;    // H: of a tangent's length between the circles where it touches; not positive: there is no cone
+  double at_centre;  // r0 d: s H is so much at c0
+};
+
+static inline RoundCone cone_of(const RoundBall& first, const RoundBall& last) noexcept {
+  RoundCone cone;
+  for (int i = 0; i < 3; ++i) cone.axis[i] = last.centre[i] - first.centre[i];
+  cone.widening = last.radius - first.radius;
+  cone.squared = dot_of(cone.axis, cone.axis) - cone.widening * cone.widening;
+  cone.at_centre = first.radius * cone.widening;
+  return cone;
+}
+
+// How far beyond the point nearest to the first centre a line comes nearest to the axis, or to that end of it between
+// s = 0 and 1 that it comes nearest to. s runs from s_here, by s_rate in t.
+static inline double nearest_to_axis(const double from_axis[3], const double away[3], double s_here,
+                                     double s_rate) noexcept {
+  const double nearest = -dot_of(from_axis, away) / dot_of(away, away);
+  if (s_rate == 0.0) return nearest;  // across the axis
+  const double at_first = -s_here / s_rate, at_last = (1.0 - s_here) / s_rate;
+  const double least = smaller(at_first, at_last), most = larger(at_first, at_last);
+  return nearest > least ? smaller(nearest, most) : least;  // least, too, along the axis, where `nearest` is NaN
+}
+
+// Of the points where the line passes through the part of the cone that bounds the hull. `nearest`: to the first ball.
+static inline Chord chord_of_cone(const RoundRay& ray, const RoundBall& first, const RoundCone& cone,
+                                  const NearestToCentre& nearest) noexcept {
+  double away[3], from_axis[3], point[3];
+  cross_of(ray.direction, cone.axis, away);
+  cross_of(nearest.point, cone.axis, from_axis);
+  const double s_rate = dot_of(ray.direction, cone.axis) / cone.squared;
+  const double s_at_ball = (dot_of(nearest.point, cone.axis) + cone.at_centre) / cone.squared;
+  const double beyond = nearest_to_axis(from_axis, away, s_at_ball, s_rate);
+  for (int i = 0; i < 3; ++i) point[i] = fused(beyond, ray.direction[i], nearest.point[i]);
+  cross_of(point, cone.axis, from_axis);
+  const double s_here = (dot_of(point, cone.axis) + cone.at_centre) / cone.squared;
+  // a t^2 + 2 b t + c = 0, t from here.
+  const double radius = fused(s_here, cone.widening, first.radius), radius_rate = s_rate * cone.widening;
+  const double a = dot_of(away, away) - cone.squared * (radius_rate * radius_rate);
+  const double b = dot_of(from_axis, away) - cone.squared * (radius * radius_rate);
+  const double c = dot_of(from_axis, from_axis) - cone.squared * (radius * radius);
+  const double discriminant = product_difference(b, b, a, c);
+  if (!(discriminant >= 0.0)) return kNoChord;
+  const double sum = -(b + __builtin_copysign(__builtin_sqrt(discriminant), b));
+  const double roots[2] = {sum / a, c / sum};  // not finite where there is none: then s is out of range or NaN
+  Chord chord = kNoChord;
+  for (const double root : roots) {
+    const double s = fused(root, s_rate, s_here);
+    if (!(s >= 0.0 && s <= 1.0)) continue;
+    const double t = nearest.t + (beyond + root);
+    chord = united(chord, {t, t});
+  }
+  return chord;
+}
+
+static inline Chord chord_of_segment(const RoundRay& ray, const RoundBall& first, const RoundBall& last) noexcept {
+  const NearestToCentre nearest = nearest_to_centre(ray, first);
+  const Chord balls = united(chord_of_ball(ray, first, nearest), chord_of_ball(ray, last));
+  const RoundCone cone = cone_of(first, last);
+  return cone.squared > 0.0 ? united(balls, chord_of_cone(ray, first, cone, nearest)) : balls;
+}
+
+// A point of a segment's surface.
+struct RoundSurface {
+  double u;          // along the segment: of the ball that touches the hull there, 0 the first, 1 the last
+  double normal[3];  // outward, of length 1; 0 at a tip
+};
+
+// At t of the ray, an end of its chord. A point's distance from a ball's centre is taken at the point nearest to it, so
+// that a ray from far away has as exact a normal as any.
+static inline RoundSurface surface_at(const RoundRay& ray, const RoundBall& first, const RoundBall& last,
+                                      double t) noexcept {
+  const NearestToCentre nearest = nearest_to_centre(ray, first);
+  const RoundCone cone = cone_of(first, last);
+  double point[3];  // from the first centre
+  for (int i = 0; i < 3; ++i) point[i] = fused(t - nearest.t, ray.direction[i], nearest.point[i]);
+  RoundSurface surface;
+  if (cone.squared > 0.0) {
+    const double s = (dot_of(point, cone.axis) + cone.at_centre) / cone.squared;
+    surface.u = s > 0.0 ? smaller(s, 1.0) : 0.0;
+  } else {
+    surface.u = cone.widening > 0.0 ? 1.0 : 0.0;
+  }
+  double* const normal = surface.normal;
+  for (int i = 0; i < 3; ++i) normal[i] = fused(-surface.u, cone.axis[i], point[i]);
+  const double length = __builtin_sqrt(dot_of(normal, normal));
+  for (int i = 0; i < 3; ++i) normal[i] = length > 0.0 ? normal[i] / length : 0.0;
+  return surface;
+}
+
+}  // namespace perfect_bvh
