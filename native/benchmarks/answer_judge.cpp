@@ -28,7 +28,7 @@ Answers answers_of(const RayCompetitor& competitor, const std::vector<Ray>& rays
 
 AnswerJudge::AnswerJudge(std::shared_ptr<const Snapshot> scene, const std::vector<Ray>& rays)
     : scene_(std::move(scene)) {
-  const std::size_t triangle_count = std::max<std::size_t>(scene_->blases.front()->mesh.triangle_count(), 1);
+  const std::size_t triangle_count = std::max<std::size_t>(scene_->blases.front()->mesh.primitive_count(), 1);
   const std::size_t wanted = std::clamp(kMostTests / triangle_count, kLeastRays, kMostRays);
   const std::size_t step = std::max<std::size_t>(rays.size() / wanted, 1);
   for (std::size_t i = 0; i < rays.size(); i += step) rays_.push_back(rays[i]);

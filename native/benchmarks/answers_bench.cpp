@@ -101,7 +101,7 @@ void write_answers(std::ofstream& file, const RayCompetitor& competitor, const R
 }
 
 void answer(const Options& options) {
-  const TriangleMesh mesh = read_mesh(options.mesh);
+  const Mesh mesh = read_mesh(options.mesh);
   const RaySet set = read_rays(options.rays);
   std::vector<std::shared_ptr<const Snapshot>> snapshots;
   for (const std::string& layout : options.layouts) {

@@ -89,7 +89,7 @@ struct Traced {
   std::vector<std::shared_ptr<const Snapshot>> scenes;
 };
 
-Traced make_traced(const Options& options, const TriangleMesh& mesh) {
+Traced make_traced(const Options& options, const Mesh& mesh) {
   Traced traced;
   for (const TreeChoice& choice : options.trees) {
     traced.scenes.push_back(committed(mesh, choice.config, choice.usage));
@@ -104,7 +104,7 @@ Traced make_traced(const Options& options, const TriangleMesh& mesh) {
 }
 
 // For each competitor an object, of a row for each kind of ray.
-std::vector<std::string> run_rays(const Traced& traced, const TriangleMesh& mesh, const Options& options) {
+std::vector<std::string> run_rays(const Traced& traced, const Mesh& mesh, const Options& options) {
   const Aabb box = bounds_of_positions(mesh.positions);
   const std::vector<Ray> primary = primary_rays(box, options.view, options.width, options.height);
   std::vector<Hit> hits(primary.size());
@@ -156,7 +156,7 @@ std::string stages_of(const Builder& builder) {
 }
 
 std::string bench(const Options& options) {
-  const TriangleMesh mesh = read_mesh(options.mesh);
+  const Mesh mesh = read_mesh(options.mesh);
   std::vector<Builder> builders;
   for (const TreeChoice& choice : options.trees) builders.push_back(our_builder(choice, mesh, options.threads));
   for (const std::string& peer : options.peers) builders.push_back(embree_builder(peer, mesh, options.threads));
@@ -181,7 +181,7 @@ std::string bench(const Options& options) {
     rows.push_back(row.text());
   }
   JsonObject result;
-  result.add("triangle_count", mesh.triangle_count()).add("threads", options.threads);
+  result.add("triangle_count", mesh.primitive_count()).add("threads", options.threads);
   result.add_raw("is_cold", options.is_warm ? "false" : "true");
   return result.add("trees", rows).text();
 }

@@ -31,7 +31,7 @@ bool EmbreeBuilder::count_bytes(void* self, ssize_t change, bool) {
   return true;
 }
 
-double EmbreeBuilder::build(const TriangleMesh& mesh) {
+double EmbreeBuilder::build(const Mesh& mesh) {
   const ssize_t bytes_before = byte_count_;
   const EmbreeFloatingPoint mode;
   RTCScene scene = rtcNewScene(device_);

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <string>
 
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 
 namespace perfect_bvh::bench {
 
@@ -21,7 +21,7 @@ class EmbreeBuilder {
   EmbreeBuilder& operator=(const EmbreeBuilder&) = delete;
 
   // A new scene over a copy of the mesh. Returns the seconds from the full buffers to the committed scene.
-  double build(const TriangleMesh& mesh);
+  double build(const Mesh& mesh);
   // Of the last scene while it stood: its trees, positions and triangles.
   [[nodiscard]] std::size_t byte_count() const { return built_byte_count_; }
 

@@ -25,8 +25,7 @@ struct Options {
 // The device, the mesh's scene, and the scene over the instances.
 class EmbreeInstances : public InstanceScene {
  public:
-  EmbreeInstances(const TriangleMesh& mesh, const Options& options)
-      : scenes_(std::make_shared<Scenes>(options.device)) {
+  EmbreeInstances(const Mesh& mesh, const Options& options) : scenes_(std::make_shared<Scenes>(options.device)) {
     const EmbreeFloatingPoint mode;
     add_mesh(scenes_->device, scenes_->mesh, mesh);
     rtcCommitScene(scenes_->mesh);
@@ -145,8 +144,7 @@ class Array : public EmbreeInstances {
 
 }  // namespace
 
-std::unique_ptr<InstanceScene> make_embree_instances(const std::string& name, const TriangleMesh& mesh,
-                                                     int thread_count) {
+std::unique_ptr<InstanceScene> make_embree_instances(const std::string& name, const Mesh& mesh, int thread_count) {
   Options options;
   options.device = "threads=" + std::to_string(thread_count);
   if (name == "low" || name == "array_low") options.quality = RTC_BUILD_QUALITY_LOW, options.is_dynamic = true;

@@ -7,7 +7,7 @@
 
 namespace perfect_bvh::bench {
 
-RTCGeometry make_geometry(RTCDevice device, const TriangleMesh& mesh, RTCBuildQuality quality) {
+RTCGeometry make_geometry(RTCDevice device, const Mesh& mesh, RTCBuildQuality quality) {
   RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
   rtcSetGeometryBuildQuality(geometry, quality);
   void* positions = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3f),
@@ -19,7 +19,7 @@ RTCGeometry make_geometry(RTCDevice device, const TriangleMesh& mesh, RTCBuildQu
   return geometry;
 }
 
-void add_mesh(RTCDevice device, RTCScene scene, const TriangleMesh& mesh, RTCBuildQuality quality) {
+void add_mesh(RTCDevice device, RTCScene scene, const Mesh& mesh, RTCBuildQuality quality) {
   RTCGeometry geometry = make_geometry(device, mesh, quality);
   rtcCommitGeometry(geometry);
   rtcAttachGeometry(scene, geometry);
@@ -36,7 +36,7 @@ EmbreePeer::Options EmbreePeer::named(const std::string& name) {
   return options;
 }
 
-EmbreePeer::EmbreePeer(const TriangleMesh& mesh, const Options& options)
+EmbreePeer::EmbreePeer(const Mesh& mesh, const Options& options)
     : device_(rtcNewDevice(options.device.c_str())), scene_(rtcNewScene(device_)) {
   const EmbreeFloatingPoint mode;
   rtcSetDeviceMemoryMonitorFunction(device_, &EmbreePeer::count_bytes, this);

@@ -6,19 +6,18 @@
 #include <memory>
 #include <string>
 
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "ray_caster.h"
 
 namespace perfect_bvh::bench {
 
 // Copies the mesh; not yet committed. A scene of low quality leaves the choice of the builder to each geometry's
 // quality.
-[[nodiscard]] RTCGeometry make_geometry(RTCDevice device, const TriangleMesh& mesh,
+[[nodiscard]] RTCGeometry make_geometry(RTCDevice device, const Mesh& mesh,
                                         RTCBuildQuality quality = RTC_BUILD_QUALITY_MEDIUM);
 
 // Copies the mesh into a geometry of the scene.
-void add_mesh(RTCDevice device, RTCScene scene, const TriangleMesh& mesh,
-              RTCBuildQuality quality = RTC_BUILD_QUALITY_MEDIUM);
+void add_mesh(RTCDevice device, RTCScene scene, const Mesh& mesh, RTCBuildQuality quality = RTC_BUILD_QUALITY_MEDIUM);
 
 class EmbreePeer {
  public:
@@ -32,7 +31,7 @@ class EmbreePeer {
   // By what a peer's name contains: avx2, robust, compact, high.
   [[nodiscard]] static Options named(const std::string& name);
 
-  EmbreePeer(const TriangleMesh& mesh, const Options& options);
+  EmbreePeer(const Mesh& mesh, const Options& options);
   ~EmbreePeer();
   EmbreePeer(const EmbreePeer&) = delete;
   EmbreePeer& operator=(const EmbreePeer&) = delete;

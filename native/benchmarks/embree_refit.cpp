@@ -9,7 +9,7 @@
 
 namespace perfect_bvh::bench {
 
-EmbreeRefit::EmbreeRefit(const TriangleMesh& mesh, int thread_count)
+EmbreeRefit::EmbreeRefit(const Mesh& mesh, int thread_count)
     : thread_count_(thread_count),
       device_(rtcNewDevice(("threads=" + std::to_string(thread_count)).c_str())),
       scene_(rtcNewScene(device_)),

@@ -5,14 +5,14 @@
 
 #include <span>
 
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 
 namespace perfect_bvh::bench {
 
 class EmbreeRefit {
  public:
   // Builds the tree with Embree's quality REFIT.
-  EmbreeRefit(const TriangleMesh& mesh, int thread_count);
+  EmbreeRefit(const Mesh& mesh, int thread_count);
   ~EmbreeRefit();
   EmbreeRefit(const EmbreeRefit&) = delete;
   EmbreeRefit& operator=(const EmbreeRefit&) = delete;

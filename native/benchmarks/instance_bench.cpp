@@ -83,7 +83,7 @@ struct Crowd {
   std::string layout;
   std::size_t count;
 
-  [[nodiscard]] std::vector<Affine> place(const TriangleMesh& mesh, unsigned seed) const {
+  [[nodiscard]] std::vector<Affine> place(const Mesh& mesh, unsigned seed) const {
     return place_instances(layout, bounds_of_positions(mesh.positions), count, seed);
   }
   [[nodiscard]] JsonObject row(const std::string& kind, const std::string& competitor) const {
@@ -94,7 +94,7 @@ struct Crowd {
 
 constexpr const char* kOurs = "ours";
 
-std::unique_ptr<InstanceScene> make_scene(const std::string& name, const TriangleMesh& mesh, int threads) {
+std::unique_ptr<InstanceScene> make_scene(const std::string& name, const Mesh& mesh, int threads) {
   if (name == kOurs) return std::make_unique<OurInstances>(mesh, threads);
   return make_embree_instances(name, mesh, threads);
 }
@@ -114,7 +114,7 @@ std::vector<double> time_commit(InstanceScene& scene, void (InstanceScene::*hand
   return {middle - start, seconds(threads) - middle};
 }
 
-std::vector<Times> time_first(const std::vector<std::string>& names, const TriangleMesh& mesh, const Crowd& crowd,
+std::vector<Times> time_first(const std::vector<std::string>& names, const Mesh& mesh, const Crowd& crowd,
                               const Options& options) {
   const std::vector<Affine> placed = crowd.place(mesh, 1);
   std::vector<Times> times(names.size());
@@ -135,8 +135,7 @@ std::vector<Times> time_first(const std::vector<std::string>& names, const Trian
 using Scenes = std::vector<std::unique_ptr<InstanceScene>>;
 
 // The instances are where they were at the end.
-std::vector<Times> time_updates(const Scenes& scenes, const TriangleMesh& mesh, const Crowd& crowd,
-                                const Options& options) {
+std::vector<Times> time_updates(const Scenes& scenes, const Mesh& mesh, const Crowd& crowd, const Options& options) {
   const std::vector<Affine> placed[2] = {crowd.place(mesh, 2), crowd.place(mesh, 3)};
   std::vector<Times> times(scenes.size());
   for (int round = 0; round < options.rounds; ++round) {
@@ -233,8 +232,8 @@ void race_rays(const Crowd& crowd, const InstanceScene& peer, const OurInstances
 
 // ------------------------------------------------------------------------------------------------------------------
 
-void bench_crowd(const TriangleMesh& mesh, const Crowd& crowd, const std::vector<std::string>& names,
-                 const Options& options, std::vector<std::string>& rows) {
+void bench_crowd(const Mesh& mesh, const Crowd& crowd, const std::vector<std::string>& names, const Options& options,
+                 std::vector<std::string>& rows) {
   const std::vector<Affine> placed = crowd.place(mesh, 1);
   Scenes scenes;
   for (const std::string& name : names) {
@@ -250,7 +249,7 @@ void bench_crowd(const TriangleMesh& mesh, const Crowd& crowd, const std::vector
 }
 
 std::string bench(const Options& options) {
-  const TriangleMesh mesh = read_mesh(options.mesh);
+  const Mesh mesh = read_mesh(options.mesh);
   std::vector<std::string> names = options.peers, rows;
   names.push_back(kOurs);
   std::vector<Crowd> crowds;

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "math/affine.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "ray_caster.h"
 
 namespace perfect_bvh::bench {
@@ -34,7 +34,7 @@ class InstanceScene {
 // embree: geometries at MEDIUM; low: those at LOW in a dynamic scene, which is Embree's choice for what moves each
 // frame; array: one array at MEDIUM; array_low: that like low. Throws std::runtime_error for other names. The mesh's
 // own tree is always MEDIUM.
-[[nodiscard]] std::unique_ptr<InstanceScene> make_embree_instances(const std::string& name, const TriangleMesh& mesh,
+[[nodiscard]] std::unique_ptr<InstanceScene> make_embree_instances(const std::string& name, const Mesh& mesh,
                                                                    int thread_count);
 
 }  // namespace perfect_bvh::bench

@@ -41,8 +41,8 @@ Positions swayed(Positions positions, int frame) {
   return positions;
 }
 
-TriangleMesh with(const TriangleMesh& mesh, Positions positions) {
-  TriangleMesh result = mesh;
+Mesh with(const Mesh& mesh, Positions positions) {
+  Mesh result = mesh;
   result.positions = std::move(positions);
   return result;
 }

@@ -1,7 +1,7 @@
 // How meshes move in benchmarks of updates.
 #pragma once
 
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 
 namespace perfect_bvh::bench {
 
@@ -15,6 +15,6 @@ using Positions = AlignedVector<Vec3f>;
 // By a fiftieth of the mesh's length, another way in every frame.
 [[nodiscard]] Positions swayed(Positions positions, int frame);
 
-[[nodiscard]] TriangleMesh with(const TriangleMesh& mesh, Positions positions);
+[[nodiscard]] Mesh with(const Mesh& mesh, Positions positions);
 
 }  // namespace perfect_bvh::bench

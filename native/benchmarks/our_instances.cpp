@@ -6,7 +6,7 @@
 
 namespace perfect_bvh::bench {
 
-OurInstances::OurInstances(const TriangleMesh& mesh, int thread_count) : pool_(thread_count) {
+OurInstances::OurInstances(const Mesh& mesh, int thread_count) : pool_(thread_count) {
   mesh_id_ = scene_.add_mesh(mesh, BuildConfig{}, Usage::kStatic);
   commit();
 }

@@ -12,7 +12,7 @@ namespace perfect_bvh::bench {
 
 class OurInstances : public InstanceScene {
  public:
-  OurInstances(const TriangleMesh& mesh, int thread_count);
+  OurInstances(const Mesh& mesh, int thread_count);
 
   void prepare(std::span<const Affine> transforms) override;
   void add() override;

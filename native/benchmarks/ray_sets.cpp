@@ -58,8 +58,7 @@ Ray diffuse_ray(Vec3d origin, Vec3d normal, std::mt19937& random) {
   return make_ray(origin, cosine_direction(normal, random), kInfiniteDistance);
 }
 
-Bounces bounce_rays(const TriangleMesh& mesh, const std::vector<Ray>& primary, const std::vector<Hit>& hits,
-                    float diagonal) {
+Bounces bounce_rays(const Mesh& mesh, const std::vector<Ray>& primary, const std::vector<Hit>& hits, float diagonal) {
   Bounces result;
   Random random(5);
   for (std::size_t i = 0; i < primary.size(); ++i) {
@@ -94,7 +93,7 @@ std::vector<std::size_t> tiled_order(std::size_t width, std::size_t height) {
 
 }  // namespace
 
-std::vector<RaySet> make_ray_sets(const TriangleMesh& mesh, const Aabb& box, View, const std::vector<Ray>& primary,
+std::vector<RaySet> make_ray_sets(const Mesh& mesh, const Aabb& box, View, const std::vector<Ray>& primary,
                                   const std::vector<Hit>& hits) {
   Bounces bounces = bounce_rays(mesh, primary, hits, length(box.extent()));
   std::vector<Ray> shuffled = bounces.diffuse;
@@ -120,12 +119,12 @@ std::vector<RaySet> make_coherent_sets(const Aabb& box, const std::vector<Ray>& 
   return {{"tiled", {false, true}, std::move(tiled)}, {"shadow", {true, true}, std::move(shadow)}};
 }
 
-std::vector<Ray> aimed_rays(const TriangleMesh& mesh, std::size_t count, bool at_edges, std::size_t seed) {
+std::vector<Ray> aimed_rays(const Mesh& mesh, std::size_t count, bool at_edges, std::size_t seed) {
   Random random(static_cast<std::uint32_t>(seed));
   std::vector<Ray> rays;
   rays.reserve(count);
   while (rays.size() < count) {
-    const TriangleIndices corners = mesh.triangles[random() % mesh.triangle_count()];
+    const TriangleIndices corners = mesh.triangles[random() % mesh.primitive_count()];
     const Vec3d a = to_double(mesh.positions[corners.x]), b = to_double(mesh.positions[corners.y]);
     const Vec3d target = at_edges ? a + (b - a) * uniform(random) : a;
     const Vec3d towards = to_double(mesh.positions[random() % mesh.positions.size()]);
@@ -135,11 +134,11 @@ std::vector<Ray> aimed_rays(const TriangleMesh& mesh, std::size_t count, bool at
   return rays;
 }
 
-TriangleMesh read_mesh(const std::string& path) {
+Mesh read_mesh(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   std::uint32_t counts[2] = {0, 0};
   file.read(reinterpret_cast<char*>(counts), sizeof(counts));
-  TriangleMesh mesh;
+  Mesh mesh;
   if (file) {
     mesh.positions.resize(counts[0]);
     AlignedVector<TriangleIndices> triangles(counts[1]);

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "ray_caster.h"
 #include "traverse/ray.h"
 
@@ -29,13 +29,13 @@ enum class View { kOutside, kFilling, kInside };
 struct Bounces {
   std::vector<Ray> diffuse, occlusion;
 };
-[[nodiscard]] Bounces bounce_rays(const TriangleMesh& mesh, const std::vector<Ray>& primary,
-                                  const std::vector<Hit>& hits, float diagonal);
+[[nodiscard]] Bounces bounce_rays(const Mesh& mesh, const std::vector<Ray>& primary, const std::vector<Hit>& hits,
+                                  float diagonal);
 
 // One such diffuse ray; the normal is of unit length.
 [[nodiscard]] Ray diffuse_ray(Vec3d origin, Vec3d normal, std::mt19937& random);
 
-[[nodiscard]] std::vector<RaySet> make_ray_sets(const TriangleMesh& mesh, const Aabb& box, View view,
+[[nodiscard]] std::vector<RaySet> make_ray_sets(const Mesh& mesh, const Aabb& box, View view,
                                                 const std::vector<Ray>& primary, const std::vector<Hit>& hits);
 
 // Of an image of `width` pixels a row: "tiled", the primary rays in Z-order within tiles of 8 x 8; "shadow", from what
@@ -45,9 +45,9 @@ struct Bounces {
 
 // From inside a star-shaped mesh about the origin (from points up to halfway to its vertices), at random vertices or
 // points of edges, as exactly as float can aim.
-[[nodiscard]] std::vector<Ray> aimed_rays(const TriangleMesh& mesh, std::size_t count, bool at_edges, std::size_t seed);
+[[nodiscard]] std::vector<Ray> aimed_rays(const Mesh& mesh, std::size_t count, bool at_edges, std::size_t seed);
 
 // Little-endian uint32 vertex count, triangle count; float32 positions; uint32 triangles.
-[[nodiscard]] TriangleMesh read_mesh(const std::string& path);
+[[nodiscard]] Mesh read_mesh(const std::string& path);
 
 }  // namespace perfect_bvh::bench

@@ -46,9 +46,9 @@ RefitOptions parse(int count, char** values) {
 }
 
 std::string bench(const RefitOptions& options) {
-  const TriangleMesh mesh = read_mesh(options.mesh);
+  const Mesh mesh = read_mesh(options.mesh);
   JsonObject result;
-  result.add("triangle_count", mesh.triangle_count()).add("threads", options.threads);
+  result.add("triangle_count", mesh.primitive_count()).add("threads", options.threads);
   result.add("isa", std::string(active_kernels().name));
   if (options.rounds > 0) result.add("sway", race_sway(mesh, options));
   std::vector<std::string> rows;

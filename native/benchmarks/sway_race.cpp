@@ -25,9 +25,9 @@ struct Competitor {
 };
 
 // The tree alone, into memory that a tree of the same shape leaves, as a scene does it in the long run.
-Competitor our_refit(const TriangleMesh& mesh, TreeLayout layout, int thread_count) {
+Competitor our_refit(const Mesh& mesh, TreeLayout layout, int thread_count) {
   struct State {
-    TriangleMesh mesh;
+    Mesh mesh;
     ThreadPool pool;
     WideBvh trees[2];
     RefitPlan plan;
@@ -68,7 +68,7 @@ const char* name_of(MeshAction action) {
 }
 
 // All of a commit, whatever the governor decides: the copy of the positions too.
-Competitor our_commit(const TriangleMesh& mesh, TreeLayout layout, int thread_count) {
+Competitor our_commit(const Mesh& mesh, TreeLayout layout, int thread_count) {
   struct State {
     ThreadPool pool;
     Scene scene;
@@ -80,7 +80,7 @@ Competitor our_commit(const TriangleMesh& mesh, TreeLayout layout, int thread_co
   CancelToken cancel;
   BuildConfig config;
   config.layout = layout;
-  state->mesh_id = state->scene.add_mesh(TriangleMesh(mesh), config, Usage::kDeforming);
+  state->mesh_id = state->scene.add_mesh(Mesh(mesh), config, Usage::kDeforming);
   state->scene.add_instances(std::vector<InstanceInput>{{state->mesh_id, Affine{}, ~0u, std::nullopt}});
   static_cast<void>(state->scene.commit(state->pool, cancel));
   const auto move = [state, thread_count](const Positions& positions) {
@@ -100,7 +100,7 @@ Competitor our_commit(const TriangleMesh& mesh, TreeLayout layout, int thread_co
   return {"commit", layout_name(layout), move, [state] { state->actions.clear(); }, tell};
 }
 
-Competitor embree_refit(const TriangleMesh& mesh, int thread_count) {
+Competitor embree_refit(const Mesh& mesh, int thread_count) {
   const auto peer = std::make_shared<EmbreeRefit>(mesh, thread_count);
   return {"embree refit", "", [peer](const Positions& positions) { return peer->move(positions); }};
 }
@@ -120,7 +120,7 @@ std::string row_of(const Competitor& competitor) {
 
 }  // namespace
 
-std::vector<std::string> race_sway(const TriangleMesh& mesh, const RefitOptions& options) {
+std::vector<std::string> race_sway(const Mesh& mesh, const RefitOptions& options) {
   std::vector<Competitor> competitors;
   for (const TreeLayout layout : options.layouts) {
     competitors.push_back(our_refit(mesh, layout, options.threads));
@@ -135,7 +135,7 @@ std::vector<std::string> race_sway(const TriangleMesh& mesh, const RefitOptions&
       if (round == kWarmUp) competitor.start_count();
       const double taken = competitor.move(positions);
       if (round < kWarmUp) continue;
-      competitor.nanoseconds.push_back(1e9 * taken / static_cast<double>(mesh.triangle_count()));
+      competitor.nanoseconds.push_back(1e9 * taken / static_cast<double>(mesh.primitive_count()));
     }
   }
   std::vector<std::string> rows;

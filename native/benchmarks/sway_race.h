@@ -6,13 +6,13 @@
 #include <string>
 #include <vector>
 
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "refit_options.h"
 
 namespace perfect_bvh::bench {
 
 // JSON objects: layout (null: Embree's), method, ns_per_triangle (the median), ns_low, ns_high; of commits also what
 // the scene did, by how often.
-[[nodiscard]] std::vector<std::string> race_sway(const TriangleMesh& mesh, const RefitOptions& options);
+[[nodiscard]] std::vector<std::string> race_sway(const Mesh& mesh, const RefitOptions& options);
 
 }  // namespace perfect_bvh::bench

@@ -102,8 +102,8 @@ struct Competitor : RayCompetitor {
   std::shared_ptr<const Snapshot> scene;  // of ours
 };
 
-double bytes_a_triangle(std::size_t bytes, const TriangleMesh& mesh) {
-  return static_cast<double>(bytes) / static_cast<double>(mesh.triangle_count());
+double bytes_a_triangle(std::size_t bytes, const Mesh& mesh) {
+  return static_cast<double>(bytes) / static_cast<double>(mesh.primitive_count());
 }
 
 // Each of our trees with each instruction set and way of tracing.
@@ -127,7 +127,7 @@ void add_ours(std::vector<Competitor>& list, const Options& options, const std::
   }
 }
 
-std::vector<Competitor> make_competitors(const Options& options, const TriangleMesh& mesh) {
+std::vector<Competitor> make_competitors(const Options& options, const Mesh& mesh) {
   std::vector<Competitor> list;
   for (const std::string& name : options.peers) {
     const auto peer = std::make_shared<const EmbreePeer>(mesh, EmbreePeer::named(name));
@@ -143,7 +143,7 @@ std::vector<Competitor> make_competitors(const Options& options, const TriangleM
     const WideBvh& wide = scene->blases.front()->wide;
     std::printf("  %s: %zu nodes, %zu leaves (%.2f triangles), depth %u, %.1f bytes a triangle with the mesh\n",
                 layout.c_str(), wide.nodes.size(), wide.leaf_count(),
-                static_cast<double>(mesh.triangle_count()) / static_cast<double>(wide.leaf_count()), wide.depth,
+                static_cast<double>(mesh.primitive_count()) / static_cast<double>(wide.leaf_count()), wide.depth,
                 list.back().bytes_a_triangle);
   }
   return list;
@@ -176,7 +176,7 @@ void report(const std::string& mesh, const RaySet& set, std::size_t batch, const
   std::fflush(stdout);
 }
 
-void report_leaks(const std::string& mesh_name, const TriangleMesh& mesh, std::vector<Competitor>& competitors,
+void report_leaks(const std::string& mesh_name, const Mesh& mesh, std::vector<Competitor>& competitors,
                   std::size_t ray_count) {
   for (const bool at_edges : {false, true}) {
     std::vector<std::size_t> leaks(competitors.size(), 0);
@@ -204,8 +204,7 @@ std::string stem(const std::string& path) {
   return name.substr(0, name.find('.'));
 }
 
-std::vector<RaySet> make_sets(const Options& options, const TriangleMesh& mesh, const std::string& name,
-                              RayCaster& caster) {
+std::vector<RaySet> make_sets(const Options& options, const Mesh& mesh, const std::string& name, RayCaster& caster) {
   const Aabb box = bounds_of_positions(mesh.positions);
   const View view = name == "sponza" ? View::kInside : options.view;
   const std::vector<Ray> primary = primary_rays(box, view, options.width, options.height);
@@ -217,10 +216,10 @@ std::vector<RaySet> make_sets(const Options& options, const TriangleMesh& mesh, 
 }
 
 void bench_mesh(const std::string& path, const Options& options, std::vector<std::string>& rows) {
-  const TriangleMesh mesh = read_mesh(path);
+  const Mesh mesh = read_mesh(path);
   const std::string name = stem(path);
   std::printf("%s: %zu triangles; in brackets: ratio, answers that differ, the same t on another triangle\n",
-              name.c_str(), mesh.triangle_count());
+              name.c_str(), mesh.primitive_count());
   std::vector<Competitor> competitors = make_competitors(options, mesh);
   if (options.leaks != 0) return report_leaks(name, mesh, competitors, options.leaks);
   const std::vector<RayCompetitor> racing(competitors.begin(), competitors.end());

@@ -11,7 +11,7 @@
 namespace perfect_bvh::bench {
 namespace {
 
-std::vector<double> commit_timed(const TreeChoice& choice, const TriangleMesh& mesh, int thread_count) {
+std::vector<double> commit_timed(const TreeChoice& choice, const Mesh& mesh, int thread_count) {
   ThreadPool pool(thread_count);
   CancelToken cancel;
   Scene scene;
@@ -25,7 +25,7 @@ std::vector<double> commit_timed(const TreeChoice& choice, const TriangleMesh& m
           report.top_level_milliseconds};
 }
 
-std::vector<double> build_binary_timed(const TreeChoice& choice, const TriangleMesh& mesh, int thread_count) {
+std::vector<double> build_binary_timed(const TreeChoice& choice, const Mesh& mesh, int thread_count) {
   ThreadPool pool(thread_count);
   CancelToken cancel;
   const BuildConfig config = choose_builder(choice.config, choice.usage);
@@ -49,7 +49,7 @@ void add_times(Builder& builder, bool is_cold) {
 
 }  // namespace
 
-Builder our_builder(const TreeChoice& choice, const TriangleMesh& mesh, int thread_count) {
+Builder our_builder(const TreeChoice& choice, const Mesh& mesh, int thread_count) {
   Builder builder;
   builder.name = choice.name;
   builder.ready = [=, &mesh] { return commit_timed(choice, mesh, thread_count); };
@@ -57,7 +57,7 @@ Builder our_builder(const TreeChoice& choice, const TriangleMesh& mesh, int thre
   return builder;
 }
 
-Builder embree_builder(const std::string& peer, const TriangleMesh& mesh, int thread_count) {
+Builder embree_builder(const std::string& peer, const Mesh& mesh, int thread_count) {
   Builder builder;
   builder.name = peer;
   builder.ready = [quality = embree_quality(peer), &mesh, thread_count]() -> std::vector<double> {

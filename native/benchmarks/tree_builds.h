@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "tree_choice.h"
 
 namespace perfect_bvh::bench {
@@ -32,8 +32,8 @@ struct Builder {
 };
 
 // The mesh must outlive them. peer: embree_low, embree_medium or embree_high; throws std::runtime_error for others.
-[[nodiscard]] Builder our_builder(const TreeChoice& choice, const TriangleMesh& mesh, int thread_count);
-[[nodiscard]] Builder embree_builder(const std::string& peer, const TriangleMesh& mesh, int thread_count);
+[[nodiscard]] Builder our_builder(const TreeChoice& choice, const Mesh& mesh, int thread_count);
+[[nodiscard]] Builder embree_builder(const std::string& peer, const Mesh& mesh, int thread_count);
 
 struct BuildRace {
   int rounds = 5;            // at least

@@ -13,7 +13,7 @@
 
 namespace perfect_bvh::bench {
 
-std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const TriangleMesh> mesh, WideBvh wide) {
+std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const Mesh> mesh, WideBvh wide) {
   ThreadPool pool(1);
   CancelToken cancel;
   auto blas = std::make_shared<Blas>(std::move(mesh));
@@ -35,7 +35,7 @@ std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const TriangleMesh
   return snapshot;
 }
 
-std::shared_ptr<const Snapshot> committed(const TriangleMesh& mesh, const BuildConfig& config, Usage usage,
+std::shared_ptr<const Snapshot> committed(const Mesh& mesh, const BuildConfig& config, Usage usage,
                                           std::optional<double> expected_rays) {
   ThreadPool pool(1);
   CancelToken cancel;

@@ -6,15 +6,15 @@
 
 #include "blas/build_tree.h"
 #include "builders/build_config.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "tlas/snapshot.h"
 
 namespace perfect_bvh::bench {
 
-[[nodiscard]] std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const TriangleMesh> mesh, WideBvh wide);
+[[nodiscard]] std::shared_ptr<const Snapshot> snapshot_over(std::shared_ptr<const Mesh> mesh, WideBvh wide);
 
 // As a user would have it: added, and committed on one thread, which may be told how many rays will follow.
-[[nodiscard]] std::shared_ptr<const Snapshot> committed(const TriangleMesh& mesh, const BuildConfig& config,
+[[nodiscard]] std::shared_ptr<const Snapshot> committed(const Mesh& mesh, const BuildConfig& config,
                                                         Usage usage = Usage::kStatic,
                                                         std::optional<double> expected_rays = {});
 

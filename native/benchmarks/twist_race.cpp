@@ -37,7 +37,7 @@ struct Update {
 
 class Twist {
  public:
-  Twist(const TriangleMesh& rest, std::shared_ptr<const TriangleMesh> mesh, const RefitOptions& options)
+  Twist(const Mesh& rest, std::shared_ptr<const Mesh> mesh, const RefitOptions& options)
       : rest_(rest), mesh_(std::move(mesh)), threads_(options.threads), pool_(options.threads) {}
 
   // Of one layout: first the new tree.
@@ -119,14 +119,14 @@ class Twist {
 
   // update() returns seconds. It is done several times, of either side: the middle one counts.
   [[nodiscard]] double ns_per_triangle(const std::function<double()>& update) const {
-    const std::size_t repeats = mesh_->triangle_count() > 1'000'000 ? 1 : 3;
+    const std::size_t repeats = mesh_->primitive_count() > 1'000'000 ? 1 : 3;
     std::vector<double> taken(repeats);
     for (double& each : taken) each = update();
-    return 1e9 * Spread::of(taken).median / static_cast<double>(mesh_->triangle_count());
+    return 1e9 * Spread::of(taken).median / static_cast<double>(mesh_->primitive_count());
   }
 
-  const TriangleMesh& rest_;
-  const std::shared_ptr<const TriangleMesh> mesh_;
+  const Mesh& rest_;
+  const std::shared_ptr<const Mesh> mesh_;
   const int threads_;
   ThreadPool pool_;
   CancelToken cancel_;
@@ -186,8 +186,8 @@ std::string row_of(const Update& update, const Traced& traced, const Traced& reb
 
 }  // namespace
 
-std::vector<std::string> race_twist(const TriangleMesh& rest, float radians, const RefitOptions& options) {
-  const auto mesh = std::make_shared<const TriangleMesh>(with(rest, twisted(rest.positions, radians)));
+std::vector<std::string> race_twist(const Mesh& rest, float radians, const RefitOptions& options) {
+  const auto mesh = std::make_shared<const Mesh>(with(rest, twisted(rest.positions, radians)));
   Twist twist(rest, mesh, options);
   for (const TreeLayout layout : options.layouts) twist.add_ours(layout);
   twist.add_embree();

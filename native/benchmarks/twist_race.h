@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "refit_options.h"
 
 namespace perfect_bvh::bench {
@@ -14,6 +14,6 @@ namespace perfect_bvh::bench {
 // primary_ratio and diffuse_ratio, the rays per second over those through a new tree of the same side, and
 // rays_per_second_ratio, of both kinds together; wrong of `judged` answers; of ours also `different`, of all rays those
 // not answered as a new tree does, bit by bit.
-[[nodiscard]] std::vector<std::string> race_twist(const TriangleMesh& rest, float radians, const RefitOptions& options);
+[[nodiscard]] std::vector<std::string> race_twist(const Mesh& rest, float radians, const RefitOptions& options);
 
 }  // namespace perfect_bvh::bench

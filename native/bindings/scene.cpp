@@ -152,7 +152,7 @@ py::dict to_dict(const CommitReport& report) {
 }
 
 template <class T>
-TriangleMesh read_mesh(const Array<T>& positions, const Array<std::int32_t>& triangles, const char* function) {
+Mesh read_mesh(const Array<T>& positions, const Array<std::int32_t>& triangles, const char* function) {
   const auto vertices = as_vectors(positions);
   const auto corners = as_vectors(triangles);
   const py::gil_scoped_release release;
@@ -164,7 +164,7 @@ std::int32_t add_mesh(Scene& scene, const Array<T>& positions, const Array<std::
                       const py::dict& settings, const std::string& usage, bool lazy) {
   const BuildConfig config = parse_config(settings);
   const Usage expected = parse_usage(usage);
-  TriangleMesh mesh = read_mesh(positions, triangles, "add_mesh");
+  Mesh mesh = read_mesh(positions, triangles, "add_mesh");
   const py::gil_scoped_release release;
   return scene.add_mesh(std::move(mesh), config, expected, lazy);
 }
@@ -178,7 +178,7 @@ void update_mesh(Scene& scene, std::int32_t mesh_id, const Array<T>& positions) 
 
 template <class T>
 void replace_mesh(Scene& scene, std::int32_t mesh_id, const Array<T>& positions, const Array<std::int32_t>& triangles) {
-  TriangleMesh mesh = read_mesh(positions, triangles, "replace_mesh");
+  Mesh mesh = read_mesh(positions, triangles, "replace_mesh");
   const py::gil_scoped_release release;
   scene.replace_mesh(mesh_id, std::move(mesh));
 }

@@ -7,21 +7,21 @@
 #include <string>
 #include <vector>
 
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 
 namespace perfect_bvh::test {
 
-inline void add_triangle(TriangleMesh& mesh, Vec3f a, Vec3f b, Vec3f c) {
+inline void add_triangle(Mesh& mesh, Vec3f a, Vec3f b, Vec3f c) {
   const auto first = static_cast<std::uint32_t>(mesh.positions.size());
   mesh.positions.insert(mesh.positions.end(), {a, b, c});
   mesh.triangles.edit().push_back({first, first + 1, first + 2});
 }
 
-inline TriangleMesh triangle_soup(std::size_t count, float size, std::uint32_t seed = 1, Vec3f centre = {0, 0, 0},
-                                  float spread = 1.0f) {
+inline Mesh triangle_soup(std::size_t count, float size, std::uint32_t seed = 1, Vec3f centre = {0, 0, 0},
+                          float spread = 1.0f) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> place(-spread, spread), offset(-size, size);
-  TriangleMesh mesh;
+  Mesh mesh;
   const auto corner = [&](Vec3f at) { return at + Vec3f{offset(random), offset(random), offset(random)}; };
   for (std::size_t i = 0; i < count; ++i) {
     const Vec3f at = centre + Vec3f{place(random), place(random), place(random)};
@@ -31,8 +31,8 @@ inline TriangleMesh triangle_soup(std::size_t count, float size, std::uint32_t s
 }
 
 // A bumpy sheet, whose triangles share vertices as surfaces' do.
-inline TriangleMesh bumpy_sheet(std::uint32_t side) {
-  TriangleMesh mesh;
+inline Mesh bumpy_sheet(std::uint32_t side) {
+  Mesh mesh;
   for (std::uint32_t y = 0; y <= side; ++y) {
     for (std::uint32_t x = 0; x <= side; ++x) {
       const float u = static_cast<float>(x) / static_cast<float>(side);
@@ -50,28 +50,28 @@ inline TriangleMesh bumpy_sheet(std::uint32_t side) {
   return mesh;
 }
 
-inline void append(TriangleMesh& mesh, const TriangleMesh& other) {
+inline void append(Mesh& mesh, const Mesh& other) {
   const auto first = static_cast<std::uint32_t>(mesh.positions.size());
   mesh.positions.insert(mesh.positions.end(), other.positions.begin(), other.positions.end());
   for (const TriangleIndices& t : other.triangles)
     mesh.triangles.edit().push_back({first + t.x, first + t.y, first + t.z});
 }
 
-inline TriangleMesh scaled(TriangleMesh mesh, float factor) {
+inline Mesh scaled(Mesh mesh, float factor) {
   for (Vec3f& position : mesh.positions) position = position * factor;
   return mesh;
 }
 
-inline TriangleMesh repeated_triangle(std::size_t count) {
-  TriangleMesh mesh;
+inline Mesh repeated_triangle(std::size_t count) {
+  Mesh mesh;
   mesh.positions = {{0.0f, 0.0f, 0.0f}, {1.0f, 0.0f, 0.2f}, {0.0f, 1.0f, 0.4f}};
   mesh.triangles.edit().assign(count, {0, 1, 2});
   return mesh;
 }
 
 // Triangle inside triangle, all about one point.
-inline TriangleMesh nested_triangles(std::size_t count) {
-  TriangleMesh mesh;
+inline Mesh nested_triangles(std::size_t count) {
+  Mesh mesh;
   for (std::size_t i = 1; i <= count; ++i) {
     const float size = static_cast<float>(i) / static_cast<float>(count);
     add_triangle(mesh, {-size, -size, -size}, {size, -size, 0.5f * size}, {0.0f, size, size});
@@ -80,8 +80,8 @@ inline TriangleMesh nested_triangles(std::size_t count) {
 }
 
 // Each a little smaller than the last, towards the origin, for as long as float has numbers for it; then again.
-inline TriangleMesh shrinking_triangles(std::size_t count) {
-  TriangleMesh mesh;
+inline Mesh shrinking_triangles(std::size_t count) {
+  Mesh mesh;
   for (std::size_t i = 0; i < count; ++i) {
     const float size = std::ldexp(1.0f, 10 - static_cast<int>(i % 60));
     add_triangle(mesh, {0.0f, 0.0f, 0.0f}, {size, 0.0f, 0.3f * size}, {0.0f, size, size});
@@ -90,10 +90,10 @@ inline TriangleMesh shrinking_triangles(std::size_t count) {
 }
 
 // Long thin triangles in all directions.
-inline TriangleMesh sticks(std::size_t count) {
+inline Mesh sticks(std::size_t count) {
   std::mt19937 random(5);
   std::uniform_real_distribution<float> place(-1.0f, 1.0f);
-  TriangleMesh mesh;
+  Mesh mesh;
   for (std::size_t i = 0; i < count; ++i) {
     const Vec3f from{place(random), place(random), place(random)}, to{place(random), place(random), place(random)};
     add_triangle(mesh, from, to, to + Vec3f{0.003f, 0.002f, -0.003f});
@@ -101,8 +101,8 @@ inline TriangleMesh sticks(std::size_t count) {
   return mesh;
 }
 
-inline TriangleMesh points_and_lines(std::size_t count) {
-  TriangleMesh mesh = triangle_soup(count, 0.05f, 9);
+inline Mesh points_and_lines(std::size_t count) {
+  Mesh mesh = triangle_soup(count, 0.05f, 9);
   for (std::size_t i = 0; i < mesh.positions.size(); i += 3) {
     mesh.positions[i + 1] = mesh.positions[i];
     if (i % 2 == 0) mesh.positions[i + 2] = mesh.positions[i];
@@ -110,27 +110,29 @@ inline TriangleMesh points_and_lines(std::size_t count) {
   return mesh;
 }
 
-inline TriangleMesh quad_among(TriangleMesh mesh) {
-  append(mesh, TriangleMesh{{{-100, -100, -0.5f}, {100, -100, -0.4f}, {-100, 100, -0.5f}, {100, 100, -0.6f}},
-                            AlignedVector<TriangleIndices>{{0, 1, 2}, {1, 3, 2}}});
+inline Mesh quad_among(Mesh mesh) {
+  Mesh quad;
+  quad.positions = {{-100, -100, -0.5f}, {100, -100, -0.4f}, {-100, 100, -0.5f}, {100, 100, -0.6f}};
+  quad.triangles.edit() = {{0, 1, 2}, {1, 3, 2}};
+  append(mesh, quad);
   return mesh;
 }
 
-inline TriangleMesh teapot_in_stadium() {
-  TriangleMesh mesh = scaled(bumpy_sheet(40), 0.01f);
+inline Mesh teapot_in_stadium() {
+  Mesh mesh = scaled(bumpy_sheet(40), 0.01f);
   append(mesh, triangle_soup(300, 60.0f, 3, {0, 0, 0}, 500.0f));
   return mesh;
 }
 
-inline TriangleMesh two_clusters() {
-  TriangleMesh mesh = triangle_soup(2000, 0.01f, 6);
+inline Mesh two_clusters() {
+  Mesh mesh = triangle_soup(2000, 0.01f, 6);
   append(mesh, triangle_soup(1000, 0.05f, 7, {1e5f, 0, 0}, 2.0f));
   return mesh;
 }
 
 struct NamedMesh {
   std::string name;
-  TriangleMesh mesh;
+  Mesh mesh;
 };
 
 // What every builder must digest in bounded time and memory, to right hits. Small enough to be compared with every

@@ -43,8 +43,8 @@ inline std::vector<ReferenceHit> reference_hits(const Snapshot& snapshot, const 
     narrow(local.direction, direction);
     TriangleRay triangle_ray;
     set_triangle_ray(triangle_ray, origin, direction, longest_axis(direction), view.extent);
-    const TriangleMesh& mesh = instance.blas->mesh;
-    for (std::uint32_t primitive = 0; primitive < mesh.triangle_count(); ++primitive) {
+    const Mesh& mesh = instance.blas->mesh;
+    for (std::uint32_t primitive = 0; primitive < mesh.primitive_count(); ++primitive) {
       const TriangleIndices corners = mesh.triangles[primitive];
       Vec3f p[3] = {mesh.positions[corners.x], mesh.positions[corners.y], mesh.positions[corners.z]};
       for (Vec3f& corner : p) corner = corner * instance.blas->wide.scale;
@@ -72,7 +72,7 @@ inline Hit reference_closest(const Snapshot& snapshot, const Ray& ray, Cull cull
 }
 
 // Half of them towards triangles, half of them anywhere.
-inline std::vector<Ray> rays_at(const TriangleMesh& mesh, std::size_t count) {
+inline std::vector<Ray> rays_at(const Mesh& mesh, std::size_t count) {
   Aabb box;
   for (const Vec3f& position : mesh.positions) box.grow(position);
   if (box.is_empty()) box = {{-1, -1, -1}, {1, 1, 1}};
@@ -85,8 +85,8 @@ inline std::vector<Ray> rays_at(const TriangleMesh& mesh, std::size_t count) {
   std::vector<Ray> rays;
   for (std::size_t i = 0; i < count; ++i) {
     Vec3d target = point_in_box();
-    if (i % 2 == 0 && mesh.triangle_count() > 0) {
-      const TriangleIndices t = mesh.triangles[random() % mesh.triangle_count()];
+    if (i % 2 == 0 && mesh.primitive_count() > 0) {
+      const TriangleIndices t = mesh.triangles[random() % mesh.primitive_count()];
       const double u = share(random) * 0.5, v = share(random) * 0.5;
       const Vec3d a = to_double(mesh.positions[t.x]), b = to_double(mesh.positions[t.y]),
                   c = to_double(mesh.positions[t.z]);

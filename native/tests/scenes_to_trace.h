@@ -36,7 +36,7 @@ struct MeshData {
     positions.insert(positions.end(), {a, b, c});
     triangles.push_back({first, first + 1, first + 2});
   }
-  [[nodiscard]] TriangleMesh mesh(float scale = 1.0f) const {
+  [[nodiscard]] Mesh mesh(float scale = 1.0f) const {
     std::vector<Vec3f> scaled = positions;
     for (Vec3f& p : scaled) p = p * scale;
     return make_mesh(std::span<const Vec3f>(scaled), triangles, "test");

@@ -58,12 +58,12 @@ std::vector<Way> ways() {
 class HardInput : public testing::TestWithParam<Way> {
  protected:
   // The wide tree that the scene would make; of the fast builder, that which it would make for settings of leaves.
-  static WideBvh build(const TriangleMesh& mesh, const Way& way, int thread_count) {
+  static WideBvh build(const Mesh& mesh, const Way& way, int thread_count) {
     ThreadPool pool(thread_count);
     CancelToken cancel;
     if (way.usage == Usage::kChanging) return build_fast_wide(mesh, way.config.layout, pool, cancel);
     const Bvh2 tree = build_tree(mesh, way.config, pool, cancel);
-    EXPECT_EQ(find_fault(tree, mesh.triangle_count()), "");
+    EXPECT_EQ(find_fault(tree, mesh.primitive_count()), "");
     return collapse_mesh(tree, mesh, way.config.layout, pool, cancel);
   }
   static bool is_clipped(const Way& way) { return way.config.builder == BuilderKind::kSpatial; }
@@ -80,7 +80,7 @@ TEST_P(HardInput, GivesTheHitsOfEveryTriangleTriedInTurn) {
   ThreadPool pool(1);
   for (const NamedMesh& input : hard_meshes()) {
     Scene scene;
-    const std::int32_t mesh_id = scene.add_mesh(TriangleMesh(input.mesh), GetParam().config, GetParam().usage);
+    const std::int32_t mesh_id = scene.add_mesh(Mesh(input.mesh), GetParam().config, GetParam().usage);
     const InstanceInput instance{mesh_id, Affine{}, ~0u, {}};
     static_cast<void>(scene.add_instances({&instance, 1}));
     CancelToken cancel;
@@ -96,7 +96,7 @@ TEST_P(HardInput, GivesTheHitsOfEveryTriangleTriedInTurn) {
       EXPECT_EQ(hits[i].primitive_index, expected.primitive_index) << input.name << ", ray " << i;
       EXPECT_EQ(hits[i].t, expected.t) << input.name << ", ray " << i;
     }
-    if (input.name != "no area" && input.mesh.triangle_count() > 0) {
+    if (input.name != "no area" && input.mesh.primitive_count() > 0) {
       EXPECT_GT(found, 20u) << input.name;
     }
   }
@@ -104,8 +104,8 @@ TEST_P(HardInput, GivesTheHitsOfEveryTriangleTriedInTurn) {
 
 TEST_P(HardInput, GivesTheSameBytesForAnyThreadCount) {
   // The first is large enough that threads share every stage.
-  for (const TriangleMesh& mesh : {bumpy_sheet(200), repeated_triangle(70000), quad_among(triangle_soup(20000, 0.01f)),
-                                   shrinking_triangles(10000)}) {
+  for (const Mesh& mesh : {bumpy_sheet(200), repeated_triangle(70000), quad_among(triangle_soup(20000, 0.01f)),
+                           shrinking_triangles(10000)}) {
     const WideBvh alone = build(mesh, GetParam(), 1);
     for (const int thread_count : thread_counts())
       EXPECT_TRUE(same_bytes(alone, build(mesh, GetParam(), thread_count)));
@@ -118,17 +118,17 @@ TEST_P(HardInput, IsBuiltInBoundedMemory) {
 #else
   constexpr std::size_t kLarge = 100'000;
 #endif
-  for (const TriangleMesh& mesh :
+  for (const Mesh& mesh :
        {repeated_triangle(10 * kLarge), nested_triangles(kLarge), quad_among(triangle_soup(kLarge, 0.002f))}) {
     const WideBvh wide = build(mesh, GetParam(), 2);
     EXPECT_EQ(find_wide_fault(wide, mesh, !is_clipped(GetParam())), "");
     EXPECT_LE(wide.depth, kMaxTreeDepth);
-    EXPECT_LE(wide.byte_count(), 300 * mesh.triangle_count());
+    EXPECT_LE(wide.byte_count(), 300 * mesh.primitive_count());
   }
 }
 
 TEST_P(HardInput, StopsWhenAsked) {
-  const TriangleMesh mesh = bumpy_sheet(100);
+  const Mesh mesh = bumpy_sheet(100);
   ThreadPool pool(2);
   CancelToken cancel;
   cancel.request_stop();
@@ -142,12 +142,12 @@ TEST_P(HardInput, StopsWhenAsked) {
 // The fast builder's tree, asked for by name or chosen, and whatever the mesh is for; by a binary tree only for
 // settings that mean one.
 TEST(FastTree, IsTheSameForEveryUsage) {
-  const TriangleMesh mesh = bumpy_sheet(60);
+  const Mesh mesh = bumpy_sheet(60);
   ThreadPool pool(1);
   CancelToken cancel;
   const auto tree_of = [&](const BuildConfig& config, Usage usage) {
     Scene scene;
-    static_cast<void>(scene.add_mesh(TriangleMesh(mesh), config, usage));
+    static_cast<void>(scene.add_mesh(Mesh(mesh), config, usage));
     static_cast<void>(scene.commit(pool, cancel));
     return scene.snapshot()->meshes.front().second->wide;
   };
@@ -168,7 +168,7 @@ TEST(FastTree, IsTheSameForEveryUsage) {
 }
 
 TEST(WideValidator, FindsFaults) {
-  const TriangleMesh mesh = bumpy_sheet(20);
+  const Mesh mesh = bumpy_sheet(20);
   ThreadPool pool(1);
   CancelToken cancel;
   WideBvh sound = build_fast_wide(mesh, TreeLayout::kDefault, pool, cancel);
@@ -194,7 +194,7 @@ TEST(WideValidator, FindsFaults) {
 
 // Equal to the sum over a tree walked by hand: one node over leaves.
 TEST(WideQuality, CountsVisitsAndTests) {
-  TriangleMesh mesh;
+  Mesh mesh;
   for (const float x : {0.0f, 10.0f}) {
     for (int i = 0; i < 3; ++i) {
       add_triangle(mesh, {x, 0, 0}, {x + 1, 0, 1}, {x, 1, static_cast<float>(i)});

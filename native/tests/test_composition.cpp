@@ -27,7 +27,7 @@ Bvh2 build(const std::vector<PrimRef>& refs, BuilderKind kind = BuilderKind::kBi
   return build_bvh2(refs, config, pool, cancel);
 }
 
-TriangleMesh soup(std::size_t count, std::uint32_t seed) {
+Mesh soup(std::size_t count, std::uint32_t seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> place(-1.0f, 1.0f), side(-0.25f, 0.25f);
   std::vector<Vec3f> positions;
@@ -42,20 +42,20 @@ TriangleMesh soup(std::size_t count, std::uint32_t seed) {
   return make_mesh(positions, triangles, "test");
 }
 
-std::vector<PrimRef> refs_of(const TriangleMesh& mesh, std::size_t begin, std::size_t end) {
+std::vector<PrimRef> refs_of(const Mesh& mesh, std::size_t begin, std::size_t end) {
   std::vector<PrimRef> refs;
   for (std::size_t i = begin; i < end; ++i) {
-    const Aabb box = mesh.triangle_box(i);
+    const Aabb box = mesh.primitive_box(i);
     refs.push_back({box.lower, static_cast<std::uint32_t>(i - begin), box.upper, 0});
   }
   return refs;
 }
 
 // Every ray against every triangle, and against the tree.
-void expect_right_hits(const TriangleMesh& mesh, const Bvh2& tree) {
+void expect_right_hits(const Mesh& mesh, const Bvh2& tree) {
   ThreadPool pool(1);
   CancelToken cancel;
-  auto blas = std::make_shared<Blas>(std::make_shared<const TriangleMesh>(mesh));
+  auto blas = std::make_shared<Blas>(std::make_shared<const Mesh>(mesh));
   blas->box = tree.bounds();
   blas->wide = collapse_mesh(tree, mesh, TreeLayout::kDefault, pool, cancel);
   Snapshot snapshot;
@@ -108,7 +108,7 @@ std::vector<std::uint32_t> prims_below(const Bvh2& tree, std::size_t node) {
 }
 
 TEST(Combine, PutsTwoTreesUnderOneRoot) {
-  const TriangleMesh mesh = soup(600, 1);
+  const Mesh mesh = soup(600, 1);
   const Bvh2 left = build(refs_of(mesh, 0, 200)), right = build(refs_of(mesh, 200, 600), BuilderKind::kMedian, 3);
   const Bvh2 tree = combine(left, right, 200);
   EXPECT_EQ(find_fault(tree, 600), "");
@@ -119,7 +119,7 @@ TEST(Combine, PutsTwoTreesUnderOneRoot) {
 }
 
 TEST(Combine, CanBeRepeated) {
-  const TriangleMesh mesh = soup(500, 2);
+  const Mesh mesh = soup(500, 2);
   Bvh2 tree;
   for (std::size_t begin = 0; begin < 500; begin += 100) {
     tree = combine(tree, build(refs_of(mesh, begin, begin + 100)), static_cast<std::uint32_t>(begin));

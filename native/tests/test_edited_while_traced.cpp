@@ -76,7 +76,7 @@ class EditedScene {
   [[nodiscard]] std::vector<Hit> trace_again(ThreadPool& pool, const std::vector<Ray>& rays) const {
     Scene fresh;
     for (const Part& part : parts_) {
-      const auto mesh = fresh.add_mesh(TriangleMesh(part.mesh), {}, Usage::kStatic);
+      const auto mesh = fresh.add_mesh(Mesh(part.mesh), {}, Usage::kStatic);
       fresh.add_instances(std::vector<InstanceInput>{{mesh, part.transform, 1, {}}});
     }
     CancelToken cancel;
@@ -90,15 +90,15 @@ class EditedScene {
  private:
   struct Part {
     std::int32_t mesh_id, instance_id;
-    TriangleMesh mesh;
+    Mesh mesh;
     Affine transform;
   };
 
   void add() {
-    TriangleMesh mesh = triangle_soup(300 + random_() % 300, 0.2f, ++soup_seed_);
+    Mesh mesh = triangle_soup(300 + random_() % 300, 0.2f, ++soup_seed_);
     const Affine transform = placed(random_);
     const bool is_lazy = random_() % 4 == 0;
-    const auto id = scene.add_mesh(TriangleMesh(mesh), {}, is_lazy ? Usage::kStatic : Usage::kDeforming, is_lazy);
+    const auto id = scene.add_mesh(Mesh(mesh), {}, is_lazy ? Usage::kStatic : Usage::kDeforming, is_lazy);
     const auto instance = scene.add_instances(std::vector<InstanceInput>{{id, transform, 1, {}}});
     parts_.push_back({id, instance, std::move(mesh), transform});
   }
@@ -122,7 +122,7 @@ class EditedScene {
         break;
       case 2:
         part.mesh = triangle_soup(200 + random_() % 300, 0.2f, ++soup_seed_);
-        scene.replace_mesh(part.mesh_id, TriangleMesh(part.mesh));
+        scene.replace_mesh(part.mesh_id, Mesh(part.mesh));
         break;
       case 3:
         if (parts_.size() < 6) add();
@@ -213,7 +213,7 @@ TEST(EditedWhileTraced, AnErrorAmidACommitLeavesTheLastSnapshotWhole) {
   EXPECT_EQ(count_differences(trace(*before, rays), expected), 0);
 
   static_cast<void>(scene.commit(pool, calm));
-  EXPECT_EQ(scene.snapshot()->blases[0]->mesh.triangle_count(), 200'000u);
+  EXPECT_EQ(scene.snapshot()->blases[0]->mesh.primitive_count(), 200'000u);
 }
 
 }  // namespace

@@ -22,7 +22,7 @@ namespace perfect_bvh::test {
 namespace {
 
 // Thin triangles at random in a box of the given reach.
-TriangleMesh soup(std::size_t count, unsigned seed, double reach = 1.0) {
+Mesh soup(std::size_t count, unsigned seed, double reach = 1.0) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> place(-1.0, 1.0), size(-0.2, 0.2);
   std::vector<Vec3f> positions;
@@ -80,7 +80,7 @@ std::vector<Ray> random_rays(std::size_t count, double scale) {
   return rays;
 }
 
-Aabb exact_bounds(const TriangleMesh& mesh, const Affine& map) {
+Aabb exact_bounds(const Mesh& mesh, const Affine& map) {
   Aabb box;
   for (const Vec3f& position : mesh.positions) {
     const Vec3d point = map.point(to_double(position));
@@ -106,7 +106,7 @@ TEST(InstanceBounds, HoldEveryVertexAndAreClose) {
   CancelToken cancel;
   std::mt19937 random(1);
   for (const double reach : {1e-18, 1e-6, 1.0, 3e5, 1e17}) {
-    const TriangleMesh mesh = soup(300, 2, reach);
+    const Mesh mesh = soup(300, 2, reach);
     const Bvh2 tree = build_tree(mesh, {}, pool, cancel);
     const TreeLayout layout = reach > 1e4 ? TreeLayout::kCompact : TreeLayout::kDefault;
     const SupportTable support(collapse_mesh(tree, mesh, layout, pool, cancel), mesh);
@@ -137,7 +137,7 @@ TEST(InstanceBounds, OfTheTableAreExactAlongTheAxes) {
   for (const auto& [count, layout] :
        {std::pair{1u, TreeLayout::kDefault}, std::pair{1u, TreeLayout::kCompact}, std::pair{2u, TreeLayout::kDefault},
         std::pair{300u, TreeLayout::kDefault}, std::pair{300u, TreeLayout::kCompact}}) {
-    const TriangleMesh mesh = soup(count, 7);
+    const Mesh mesh = soup(count, 7);
     const Bvh2 tree = build_tree(mesh, {}, pool, cancel);
     const SupportTable support(collapse_mesh(tree, mesh, layout, pool, cancel), mesh);
     const Aabb box = tree.bounds();
@@ -161,7 +161,7 @@ TEST(InstanceBounds, OfTheTableAreExactAlongTheAxes) {
 TEST(InstanceBounds, LookCloserOnlyWhereTheMeshIsTurned) {
   ThreadPool pool(1);
   CancelToken cancel;
-  Blas blas(std::make_shared<const TriangleMesh>(soup(300, 7)));
+  Blas blas(std::make_shared<const Mesh>(soup(300, 7)));
   const Bvh2 tree = build_tree(blas.mesh, {}, pool, cancel);
   blas.box = tree.bounds();
   blas.wide = collapse_mesh(tree, blas.mesh, TreeLayout::kDefault, pool, cancel);
@@ -183,9 +183,9 @@ TEST(InstanceBounds, LookCloserOnlyWhereTheMeshIsTurned) {
 // A vertex far away that no triangle has, and rows too short for float, leave what the box gives.
 TEST(InstanceBounds, OfVerticesAreNeverLooserThanTheBox) {
   std::mt19937 random(6);
-  TriangleMesh mesh = soup(300, 5);
+  Mesh mesh = soup(300, 5);
   Aabb box;
-  for (std::size_t i = 0; i < mesh.triangle_count(); ++i) box.grow(mesh.triangle_box(i));
+  for (std::size_t i = 0; i < mesh.primitive_count(); ++i) box.grow(mesh.primitive_box(i));
   mesh.positions.push_back({1e6f, -1e6f, 1e6f});
   for (int round = 0; round < 100; ++round) {
     Affine map = random_map(random, std::exp2(round % 40 - 20), 1.0);
@@ -199,7 +199,7 @@ TEST(InstanceBounds, OfThreeRowsAtOnceAreThoseOfEach) {
   ThreadPool pool(1);
   CancelToken cancel;
   std::mt19937 random(3);
-  const TriangleMesh mesh = soup(300, 7);
+  const Mesh mesh = soup(300, 7);
   const Bvh2 tree = build_tree(mesh, {}, pool, cancel);
   const SupportTable support(collapse_mesh(tree, mesh, TreeLayout::kDefault, pool, cancel), mesh);
   for (int round = 0; round < 3000; ++round) {

@@ -290,7 +290,7 @@ TEST(LazyTrees, AMeshThatWasReachedIsTreatedLikeAnyOther) {
   EXPECT_EQ(scene.snapshot()->lazy_trees, nullptr);
 }
 
-BuiltTree some_tree() { return {std::make_shared<const Blas>(std::make_shared<const TriangleMesh>()), {}}; }
+BuiltTree some_tree() { return {std::make_shared<const Blas>(std::make_shared<const Mesh>()), {}}; }
 
 TEST(DeferredTree, IsBuiltOnceHoweverManyAsk) {
   std::atomic<int> builds{0};

@@ -50,12 +50,12 @@ struct MovingScene {
   }
 
   ThreadPool& pool;
-  TriangleMesh mesh;
+  Mesh mesh;
   Scene scene;
   std::int32_t id = -1;
 };
 
-const TriangleMesh& mesh_of(const Snapshot& snapshot) { return snapshot.blases.front()->mesh; }
+const Mesh& mesh_of(const Snapshot& snapshot) { return snapshot.blases.front()->mesh; }
 
 bool holds(const Snapshot& snapshot, const Positions& positions) {
   const auto& held = mesh_of(snapshot).positions;
@@ -82,7 +82,7 @@ TEST(MovedMesh, SharesTheTrianglesAndUsesMemoryAgain) {
 
 TEST(MovedMesh, MemoryComesBackWithTheLastHolder) {
   ThreadPool pool(1);
-  const TriangleMesh mesh = bumpy_sheet(10);
+  const Mesh mesh = bumpy_sheet(10);
   const auto spare = std::make_shared<SparePositions>();
   auto first = move_vertices<float>(mesh, mesh.positions, spare, pool, "test");
   const Vec3f* const place = first->positions.data();
@@ -182,7 +182,7 @@ TEST(MovedMesh, ReplacedMeshesBeginAnew) {
   ThreadPool pool(2);
   MovingScene moving(pool);
   moving.show(0), moving.show(1);
-  const TriangleMesh other = bumpy_sheet(20);
+  const Mesh other = bumpy_sheet(20);
   moving.scene.replace_mesh(moving.id, other);
   EXPECT_THROW(moving.scene.update_mesh<float>(moving.id, moving.positions(2), pool), InvalidArgument);
   moving.scene.update_mesh<float>(moving.id, other.positions, pool);
@@ -223,8 +223,8 @@ INSTANTIATE_TEST_SUITE_P(FailedAllocations, MovedMeshMemory, testing::Values(fal
                          [](const auto& test) { return test.param ? "ForGood" : "Once"; });
 
 TEST(TriangleList, CopiesAreEditedApart) {
-  TriangleMesh mesh = bumpy_sheet(3);
-  const TriangleMesh copy = mesh;
+  Mesh mesh = bumpy_sheet(3);
+  const Mesh copy = mesh;
   EXPECT_EQ(copy.triangles.data(), mesh.triangles.data());
   mesh.triangles.edit().push_back({0, 1, 2});
   EXPECT_EQ(mesh.triangles.size(), copy.triangles.size() + 1);

@@ -44,9 +44,9 @@ class Forecast : public testing::Test {
  protected:
   static constexpr std::size_t kTriangles = 600;
 
-  std::int32_t add(const TriangleMesh& data, Usage usage = Usage::kStatic, const BuildConfig& config = {},
+  std::int32_t add(const Mesh& data, Usage usage = Usage::kStatic, const BuildConfig& config = {},
                    bool is_lazy = false) {
-    const std::int32_t mesh_id = scene_.add_mesh(TriangleMesh(data), config, usage, is_lazy);
+    const std::int32_t mesh_id = scene_.add_mesh(Mesh(data), config, usage, is_lazy);
     const InstanceInput instance{mesh_id, {}, ~0u, std::nullopt};
     static_cast<void>(scene_.add_instances({&instance, 1}));
     return mesh_id;
@@ -72,7 +72,7 @@ class Forecast : public testing::Test {
     return builder_name(scene_.snapshot()->meshes.at(static_cast<std::size_t>(mesh_id)).second->config.builder);
   }
 
-  const TriangleMesh crossed_ = slivers(kTriangles, 1).mesh();
+  const Mesh crossed_ = slivers(kTriangles, 1).mesh();
   // Of the calibration: so many rays repay spatial splits where there is most to gain.
   const double repaying_ = 2.5 * kTriangles * 3000.0 / (200.0 - 180.0);
   Scene scene_;
@@ -144,10 +144,10 @@ TEST_F(Forecast, FewRaysThatWereCastNeverLeadToAWorseTree) {
 TEST_F(Forecast, AChangingMeshIsBuiltFastUntilRaysRepayMore) {
   add(crossed_, Usage::kChanging);
   EXPECT_EQ(commit().meshes[0].builder, std::string("fast"));
-  scene_.replace_mesh(0, TriangleMesh(crossed_));
+  scene_.replace_mesh(0, Mesh(crossed_));
   EXPECT_EQ(commit().meshes[0].builder, std::string("fast"));
   cast(static_cast<std::size_t>(kTriangles * 600.0 / (220.0 - 200.0)));
-  scene_.replace_mesh(0, TriangleMesh(crossed_));
+  scene_.replace_mesh(0, Mesh(crossed_));
   EXPECT_EQ(commit().meshes[0].builder, std::string("binned"));
   EXPECT_TRUE(commit(1e15).meshes.empty()) << "spatial splits take too long for a mesh that changes";
   scene_.set_usage(0, Usage::kStatic);
@@ -157,7 +157,7 @@ TEST_F(Forecast, AChangingMeshIsBuiltFastUntilRaysRepayMore) {
 TEST_F(Forecast, TheLastNumberIsRememberedUnlessItWasNone) {
   const std::int32_t mesh_id = add(crossed_);
   const auto expected = [&](std::optional<double> told) -> std::optional<double> {
-    scene_.replace_mesh(mesh_id, TriangleMesh(crossed_));
+    scene_.replace_mesh(mesh_id, Mesh(crossed_));
     const std::optional<double> rays = commit(told).meshes.at(0).expected_rays;
     return rays ? std::optional(std::round(*rays)) : std::nullopt;
   };
@@ -181,7 +181,7 @@ TEST_F(Forecast, NothingElseIsReplaced) {
   add(crossed_, Usage::kDeforming);                                  // could not be refitted
   const std::int32_t deformed = add(crossed_);
   static_cast<void>(commit());
-  TriangleMesh moved = crossed_;
+  Mesh moved = crossed_;
   for (Vec3f& position : moved.positions) position = position * 1.001f;
   scene_.update_mesh<float>(deformed, moved.positions);
   static_cast<void>(commit());
@@ -189,7 +189,7 @@ TEST_F(Forecast, NothingElseIsReplaced) {
     const CommitReport report = commit(1e15, policy);
     EXPECT_TRUE(report.meshes.empty()) << report.meshes[0].mesh_id;
   }
-  scene_.replace_mesh(deformed, TriangleMesh(crossed_));
+  scene_.replace_mesh(deformed, Mesh(crossed_));
   EXPECT_EQ(commit(1e15).meshes.at(0).builder, std::string("spatial")) << "other triangles, which never moved";
 }
 

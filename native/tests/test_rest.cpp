@@ -70,8 +70,8 @@ class RestingMesh : public testing::Test {
   RestingMesh() {
     still_ = bumpy_sheet(60);
     twisted_ = moved(still_, {"", [](Positions& p) { twist(p, 6.2831853f); }});
-    for (const TriangleMesh& mesh : {still_, other_}) {
-      const std::int32_t mesh_id = scene_.add_mesh(TriangleMesh(mesh), {}, Usage::kDeforming);
+    for (const Mesh& mesh : {still_, other_}) {
+      const std::int32_t mesh_id = scene_.add_mesh(Mesh(mesh), {}, Usage::kDeforming);
       const InstanceInput instance{mesh_id, {}, ~0u, std::nullopt};
       static_cast<void>(scene_.add_instances({&instance, 1}));
     }
@@ -96,7 +96,7 @@ class RestingMesh : public testing::Test {
     return commit(rays, policy);
   }
 
-  TriangleMesh still_, twisted_, other_ = triangle_soup(50, 0.1f);
+  Mesh still_, twisted_, other_ = triangle_soup(50, 0.1f);
   Scene scene_;
   ThreadPool pool_{2};
 };

@@ -15,7 +15,7 @@ namespace perfect_bvh {
 namespace {
 
 // A bumpy sheet over [0, 1]^2, `height` above the plane z = 0.
-TriangleMesh sheet(int cells, float height) {
+Mesh sheet(int cells, float height) {
   std::vector<Vec3f> positions;
   std::vector<Vec3<std::int32_t>> triangles;
   for (int y = 0; y <= cells; ++y) {
@@ -78,9 +78,9 @@ TEST(Scene, ACancelledCommitLeavesEditsWaiting) {
   cancel.request_stop();
   EXPECT_THROW(static_cast<void>(scene.commit(pool, cancel)), Cancelled);
   EXPECT_THROW(static_cast<void>(scene.snapshot()), StaleScene);
-  EXPECT_EQ(before->instances[0].blas->mesh.triangle_count(), 200u);
+  EXPECT_EQ(before->instances[0].blas->mesh.primitive_count(), 200u);
   EXPECT_EQ(commit(scene, pool).meshes.size(), 1u);
-  EXPECT_EQ(scene.snapshot()->instances[0].blas->mesh.triangle_count(), 3200u);
+  EXPECT_EQ(scene.snapshot()->instances[0].blas->mesh.primitive_count(), 3200u);
 }
 
 TEST(Scene, AMarkDuringACommitIsNotLost) {

@@ -39,7 +39,7 @@ Bvh2 build(const std::vector<PrimRef>& refs, const BuildConfig& config, int thre
   return build_bvh2(refs, config, pool, cancel);
 }
 
-Bvh2 build(const TriangleMesh& mesh, const BuildConfig& config, int thread_count = 1) {
+Bvh2 build(const Mesh& mesh, const BuildConfig& config, int thread_count = 1) {
   ThreadPool pool(thread_count);
   CancelToken cancel;
   return build_tree(mesh, config, pool, cancel);
@@ -85,15 +85,15 @@ class MeshMaker {
                               steps) *
            0x1p-20f;
   }
-  [[nodiscard]] TriangleMesh take() { return std::move(mesh_); }
+  [[nodiscard]] Mesh take() { return std::move(mesh_); }
 
  private:
   std::mt19937 random_;
   float scale_;
-  TriangleMesh mesh_;
+  Mesh mesh_;
 };
 
-TriangleMesh soup(std::size_t count, float size, std::uint32_t seed, float scale = 1.0f) {
+Mesh soup(std::size_t count, float size, std::uint32_t seed, float scale = 1.0f) {
   MeshMaker maker(seed, scale);
   for (std::size_t i = 0; i < count; ++i) {
     const Vec3f at = maker.point(1.0f);
@@ -102,7 +102,7 @@ TriangleMesh soup(std::size_t count, float size, std::uint32_t seed, float scale
   return maker.take();
 }
 
-TriangleMesh slivers(std::size_t count, std::uint32_t seed, float scale = 1.0f) {
+Mesh slivers(std::size_t count, std::uint32_t seed, float scale = 1.0f) {
   MeshMaker maker(seed, scale);
   for (std::size_t i = 0; i < count; ++i) {
     const Vec3f a = maker.point(1.0f), b = maker.point(1.0f);
@@ -111,7 +111,7 @@ TriangleMesh slivers(std::size_t count, std::uint32_t seed, float scale = 1.0f) 
   return maker.take();
 }
 
-TriangleMesh flat(std::size_t count, std::uint32_t seed) {
+Mesh flat(std::size_t count, std::uint32_t seed) {
   MeshMaker maker(seed);
   for (std::size_t i = 0; i < count; ++i) {
     Vec3f corners[3];
@@ -125,7 +125,7 @@ TriangleMesh flat(std::size_t count, std::uint32_t seed) {
   return maker.take();
 }
 
-TriangleMesh repeated_triangle(std::size_t count) {
+Mesh repeated_triangle(std::size_t count) {
   MeshMaker maker(1);
   for (std::size_t i = 0; i < count; ++i) maker.add({0, 0, 0}, {1, 0.5f, 0.25f}, {0.75f, 1, 0.5f});
   return maker.take();
@@ -158,8 +158,8 @@ bool holds(const Box4& box, Vec3d p) {
 }
 
 // The first triangle with a point that no leaf's box holds, or -1.
-std::int64_t find_uncovered(const Bvh2& tree, const TriangleMesh& mesh) {
-  std::vector<std::vector<const Bvh2Node*>> leaves(mesh.triangle_count());
+std::int64_t find_uncovered(const Bvh2& tree, const Mesh& mesh) {
+  std::vector<std::vector<const Bvh2Node*>> leaves(mesh.primitive_count());
   for (const Bvh2Node& node : tree.nodes) {
     for (std::uint32_t i = 0; i < node.count; ++i) leaves[tree.prim_indices[node.first + i]].push_back(&node);
   }
@@ -233,10 +233,10 @@ TEST(SliceTriangle, DoesNotOverflow) {
 TEST(Spatial, CoversEveryTriangle) {
   for (const float budget : {0.3f, 3.0f, 10.0f}) {
     const BuildConfig config = greedy(budget);
-    for (const TriangleMesh& mesh : {soup(800, 0.5f, 1), soup(800, 0.5f, 2, 0x1p-80f), soup(500, 2.0f, 3),
-                                     slivers(800, 4), slivers(500, 5, 0x1p50f), flat(800, 6), repeated_triangle(300)}) {
+    for (const Mesh& mesh : {soup(800, 0.5f, 1), soup(800, 0.5f, 2, 0x1p-80f), soup(500, 2.0f, 3), slivers(800, 4),
+                             slivers(500, 5, 0x1p50f), flat(800, 6), repeated_triangle(300)}) {
       const Bvh2 tree = build(mesh, config);
-      EXPECT_EQ(fault_of(tree, mesh.triangle_count(), config), "");
+      EXPECT_EQ(fault_of(tree, mesh.primitive_count(), config), "");
       EXPECT_EQ(find_uncovered(tree, mesh), -1) << "budget " << budget;
       Aabb box;
       for (const Vec3f p : mesh.positions) box.grow(p);
@@ -248,17 +248,17 @@ TEST(Spatial, CoversEveryTriangle) {
 
 // So many that planes are chosen by a sample of them.
 TEST(Spatial, CoversEveryTriangleOfManyToo) {
-  for (const TriangleMesh& mesh : {soup(9000, 0.25f, 7), slivers(6000, 8)}) {
+  for (const Mesh& mesh : {soup(9000, 0.25f, 7), slivers(6000, 8)}) {
     const BuildConfig config = greedy(1.0f);
     const Bvh2 tree = build(mesh, config);
-    EXPECT_EQ(fault_of(tree, mesh.triangle_count(), config), "");
-    EXPECT_GT(tree.prim_indices.size(), mesh.triangle_count());
+    EXPECT_EQ(fault_of(tree, mesh.primitive_count(), config), "");
+    EXPECT_GT(tree.prim_indices.size(), mesh.primitive_count());
     EXPECT_EQ(find_uncovered(tree, mesh), -1);
   }
 }
 
 // Long diagonals side by side: their boxes are nearly all of space, their slices are not.
-TriangleMesh sticks(std::size_t count) {
+Mesh sticks(std::size_t count) {
   MeshMaker maker(1);
   for (std::size_t i = 0; i < count; ++i) {
     const Vec3f a = maker.point(1.0f), along{2.0f, 2.0f, i % 2 == 0 ? 2.0f : -2.0f};
@@ -268,28 +268,28 @@ TriangleMesh sticks(std::size_t count) {
 }
 
 TEST(Spatial, CutsAndGains) {
-  const TriangleMesh mesh = sticks(3000);
+  const Mesh mesh = sticks(3000);
   const Bvh2 cut = build(mesh, spatial(1.0f)), whole = build(mesh, BuildConfig{});
-  EXPECT_GT(cut.prim_indices.size(), mesh.triangle_count() * 3 / 2);
+  EXPECT_GT(cut.prim_indices.size(), mesh.primitive_count() * 3 / 2);
   EXPECT_LT(measure_quality(cut).sah, 0.8 * measure_quality(whole).sah);
 }
 
 TEST(Spatial, CutsWithASmallBudgetToo) {
-  const TriangleMesh mesh = soup(3000, 0.0625f, 9);  // planes cross few of them
+  const Mesh mesh = soup(3000, 0.0625f, 9);  // planes cross few of them
   const Bvh2 tree = build(mesh, spatial(0.05f));
-  EXPECT_EQ(fault_of(tree, mesh.triangle_count(), spatial(0.05f)), "");
-  EXPECT_GT(tree.prim_indices.size(), mesh.triangle_count());
+  EXPECT_EQ(fault_of(tree, mesh.primitive_count(), spatial(0.05f)), "");
+  EXPECT_GT(tree.prim_indices.size(), mesh.primitive_count());
 }
 
 TEST(Spatial, WithoutBudgetCutsNothing) {
-  const TriangleMesh mesh = soup(2000, 0.5f, 1);
+  const Mesh mesh = soup(2000, 0.5f, 1);
   const Bvh2 tree = build(mesh, spatial(0.0f));
-  EXPECT_EQ(fault_of(tree, mesh.triangle_count(), spatial(0.0f)), "");
-  EXPECT_EQ(tree.prim_indices.size(), mesh.triangle_count());
+  EXPECT_EQ(fault_of(tree, mesh.primitive_count(), spatial(0.0f)), "");
+  EXPECT_EQ(tree.prim_indices.size(), mesh.primitive_count());
 }
 
 TEST(Spatial, CannotBeRefitted) {
-  const TriangleMesh mesh = soup(100, 0.5f, 1);
+  const Mesh mesh = soup(100, 0.5f, 1);
   Bvh2 tree = build(mesh, spatial());
   ThreadPool pool(1);
   CancelToken cancel;
@@ -299,10 +299,10 @@ TEST(Spatial, CannotBeRefitted) {
 TEST(Spatial, StaysSoundWhenOptimized) {
   BuildConfig config = greedy(1.0f);
   config.optimize_passes = 3;
-  for (const TriangleMesh& mesh : {slivers(2000, 1), soup(2000, 0.5f, 2)}) {
+  for (const Mesh& mesh : {slivers(2000, 1), soup(2000, 0.5f, 2)}) {
     const Bvh2 tree = build(mesh, config);
     EXPECT_FALSE(tree.refittable);
-    EXPECT_EQ(find_fault(tree, mesh.triangle_count()), "");
+    EXPECT_EQ(find_fault(tree, mesh.primitive_count()), "");
     EXPECT_EQ(find_uncovered(tree, mesh), -1);
   }
 }
@@ -322,7 +322,7 @@ TEST(Spatial, DigestsHardInput) {
 }
 
 TEST(Spatial, GivesTheSameBytesForAnyThreadCount) {
-  const TriangleMesh mesh = slivers(12000, 1);
+  const Mesh mesh = slivers(12000, 1);
   for (const float budget : {0.3f, 2.0f}) {
     const Bvh2 alone = build(mesh, spatial(budget));
     for (const int thread_count : thread_counts()) {

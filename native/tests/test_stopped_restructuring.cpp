@@ -31,7 +31,7 @@ class StoppedRestructuring : public testing::TestWithParam<Case> {
 
   // A scene that is about to see the mesh move; `mesh_id` of it is 0.
   void begin(Scene& scene) {
-    static_cast<void>(scene.add_mesh(TriangleMesh(still_), {}, Usage::kDeforming));
+    static_cast<void>(scene.add_mesh(Mesh(still_), {}, Usage::kDeforming));
     static_cast<void>(commit(scene, Policy::kRefit));
     scene.update_mesh<float>(0, still_.positions);  // from the first refit on memory is handed on
     static_cast<void>(commit(scene, Policy::kRefit));
@@ -74,7 +74,7 @@ class StoppedRestructuring : public testing::TestWithParam<Case> {
     return result;
   }
 
-  const TriangleMesh still_, mesh_;
+  const Mesh still_, mesh_;
   ThreadPool pool_{1};
 };
 

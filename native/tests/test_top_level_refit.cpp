@@ -14,7 +14,7 @@ namespace perfect_bvh::test {
 namespace {
 
 // Two triangles that cross: hits on their edges and corners are as likely as may be.
-TriangleMesh cross() {
+Mesh cross() {
   const std::vector<Vec3f> positions{{-1, -1, 0}, {1, -1, 0}, {0, 1, 0}, {0, -1, -1}, {0, -1, 1}};
   return make_mesh(positions, std::vector<Vec3<std::int32_t>>{{0, 1, 2}, {3, 4, 2}}, "test");
 }

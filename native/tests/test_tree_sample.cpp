@@ -15,7 +15,7 @@ void shear(Positions& positions, float amount) {
   for (Vec3f& p : positions) p = p + Vec3f{amount * p.y, 0.0f, 0.3f * amount * p.y};
 }
 
-double cost_of(const TriangleMesh& mesh) {
+double cost_of(const Mesh& mesh) {
   ThreadPool pool(1);
   CancelToken cancel;
   const WideBvh tree = build(mesh, {"auto", {}});
@@ -29,12 +29,12 @@ TEST(TreeSample, ChangesAsTheCostOfATreeDoes) {
                                     {"shear", [](Positions& p) { shear(p, 3.0f); }},
                                     {"far shear", [](Positions& p) { shear(p, 30.0f); }},
                                     {"larger", [](Positions& p) { scale(p, 1000.0f); }}};
-  TriangleMesh sheet = bumpy_sheet(100);
+  Mesh sheet = bumpy_sheet(100);
   for (Vec3f& p : sheet.positions) p.z *= 4.0f;
-  for (const TriangleMesh& still : {sheet, triangle_soup(10000, 0.02f)}) {
+  for (const Mesh& still : {sheet, triangle_soup(10000, 0.02f)}) {
     const double sample = measure_tree_sample(still, pool), cost = cost_of(still);
     for (const Motion& change : changes) {
-      const TriangleMesh mesh = moved(still, change);
+      const Mesh mesh = moved(still, change);
       const double foretold = measure_tree_sample(mesh, pool) / sample, true_change = cost_of(mesh) / cost;
       EXPECT_LT(std::abs(std::log(foretold / true_change)), 0.4)
           << change.name << " " << foretold << " " << true_change;
@@ -44,7 +44,7 @@ TEST(TreeSample, ChangesAsTheCostOfATreeDoes) {
 
 TEST(TreeSample, IsTheSameForAnyThreadCountAndKnowsNothingOfWhatHasNoExtent) {
   ThreadPool one(1), four(4);
-  const TriangleMesh soup = triangle_soup(50000, 0.1f);
+  const Mesh soup = triangle_soup(50000, 0.1f);
   EXPECT_EQ(measure_tree_sample(soup, one), measure_tree_sample(soup, four));
   EXPECT_EQ(measure_tree_sample({}, one), 0);
   for (const NamedMesh& mesh : hard_meshes()) {

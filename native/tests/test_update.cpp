@@ -40,7 +40,7 @@ void expect_fresh(const Bvh2& tree, const std::vector<Aabb>& boxes) {
   }
 }
 
-struct Mesh {
+struct Soup {
   std::vector<Vec3f> positions;
   std::vector<Vec3<std::uint32_t>> triangles;
 
@@ -60,10 +60,10 @@ struct Mesh {
   }
 };
 
-Mesh random_mesh(std::size_t vertex_count, std::size_t triangle_count, std::uint32_t seed) {
+Soup random_soup(std::size_t vertex_count, std::size_t triangle_count, std::uint32_t seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> place(-1.0f, 1.0f);
-  Mesh mesh;
+  Soup mesh;
   for (std::size_t i = 0; i < vertex_count; ++i)
     mesh.positions.push_back({place(random), place(random), place(random)});
   std::uniform_int_distribution<std::uint32_t> near(0, 5);
@@ -75,7 +75,7 @@ Mesh random_mesh(std::size_t vertex_count, std::size_t triangle_count, std::uint
 }
 
 TEST(Refit, GivesFreshBoxesAfterAnyMotion) {
-  Mesh mesh = random_mesh(3000, 20000, 1);
+  Soup mesh = random_soup(3000, 20000, 1);
   for (int thread_count : {1, 3}) {
     ThreadPool pool(thread_count);
     CancelToken cancel;

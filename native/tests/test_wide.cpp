@@ -21,8 +21,8 @@ namespace perfect_bvh::test {
 namespace {
 
 // Boxes inside boxes: as deep as a builder lets it become.
-TriangleMesh nested(std::uint32_t count) {
-  TriangleMesh mesh;
+Mesh nested(std::uint32_t count) {
+  Mesh mesh;
   for (std::uint32_t i = 0; i < count; ++i) {
     const float size = std::ldexp(1.0f, -static_cast<int>(i % 100));
     mesh.positions.insert(mesh.positions.end(), {{-size, -size, -size}, {size, size, size}, {size, -size, size}});
@@ -44,10 +44,10 @@ std::vector<NamedMesh> inputs() {
           {"huge", scaled(triangle_soup(300, 0.1f), 1e17f)}};
 }
 
-Bvh2 build(const TriangleMesh& mesh, std::uint32_t max_leaf_size) {
-  AlignedVector<PrimRef> prims(mesh.triangle_count());
+Bvh2 build(const Mesh& mesh, std::uint32_t max_leaf_size) {
+  AlignedVector<PrimRef> prims(mesh.primitive_count());
   for (std::size_t i = 0; i < prims.size(); ++i) {
-    const Aabb box = mesh.triangle_box(i);
+    const Aabb box = mesh.primitive_box(i);
     prims[i] = {box.lower, static_cast<std::uint32_t>(i), box.upper, 0};
   }
   BuildConfig config;
@@ -57,8 +57,7 @@ Bvh2 build(const TriangleMesh& mesh, std::uint32_t max_leaf_size) {
   return build_bvh2(prims, config, pool, cancel);
 }
 
-WideBvh collapse(const Bvh2& tree, const TriangleMesh& mesh, int thread_count = 1,
-                 TreeLayout layout = TreeLayout::kDefault) {
+WideBvh collapse(const Bvh2& tree, const Mesh& mesh, int thread_count = 1, TreeLayout layout = TreeLayout::kDefault) {
   ThreadPool pool(thread_count);
   CancelToken cancel;
   return collapse_mesh(tree, mesh, layout, pool, cancel);
@@ -66,7 +65,7 @@ WideBvh collapse(const Bvh2& tree, const TriangleMesh& mesh, int thread_count = 
 
 class Checker {
  public:
-  Checker(const WideBvh& wide, const TriangleMesh& mesh) : wide_(wide), mesh_(mesh) {}
+  Checker(const WideBvh& wide, const Mesh& mesh) : wide_(wide), mesh_(mesh) {}
 
   void check(std::uint32_t child, const Aabb& box, std::uint32_t depth) {
     if (child >= kBlockChild) {
@@ -136,17 +135,17 @@ class Checker {
   }
 
   const WideBvh& wide_;
-  const TriangleMesh& mesh_;
+  const Mesh& mesh_;
 };
 
-void expect_sound(const WideBvh& wide, const Bvh2& tree, const TriangleMesh& mesh) {
+void expect_sound(const WideBvh& wide, const Bvh2& tree, const Mesh& mesh) {
   const Aabb box = tree.bounds();
   ASSERT_FALSE(wide.is_empty);
   Checker checker(wide, mesh);
   checker.check(wide.root, {box.lower * wide.scale, box.upper * wide.scale}, 1);
   EXPECT_EQ(checker.seen_nodes.size(), wide.nodes.size());
-  ASSERT_EQ(checker.seen_triangles.size(), mesh.triangle_count());
-  for (std::uint32_t i = 0; i < mesh.triangle_count(); ++i) EXPECT_EQ(checker.seen_triangles.count(i), 1u) << i;
+  ASSERT_EQ(checker.seen_triangles.size(), mesh.primitive_count());
+  for (std::uint32_t i = 0; i < mesh.primitive_count(); ++i) EXPECT_EQ(checker.seen_triangles.count(i), 1u) << i;
 }
 
 class Wide : public testing::TestWithParam<std::uint32_t> {};
@@ -162,7 +161,7 @@ TEST_P(Wide, HoldsEveryTriangleOnceInsideItsBoxes) {
   }
 }
 
-Bvh2 build_filled(const TriangleMesh& mesh, int thread_count = 1, TreeLayout layout = TreeLayout::kDefault) {
+Bvh2 build_filled(const Mesh& mesh, int thread_count = 1, TreeLayout layout = TreeLayout::kDefault) {
   ThreadPool pool(thread_count);
   CancelToken cancel;
   BuildConfig config;
@@ -192,7 +191,7 @@ TEST_P(FilledLeaves, HoldWhatFitsAndNoNodeAboveThemWould) {
   for (const NamedMesh& input : inputs()) {
     SCOPED_TRACE(input.name);
     const Bvh2 tree = build_filled(input.mesh, 1, GetParam());
-    EXPECT_EQ(find_fault(tree, input.mesh.triangle_count()), "");
+    EXPECT_EQ(find_fault(tree, input.mesh.primitive_count()), "");
     EXPECT_TRUE(tree.has_full_leaves);
     for (std::uint32_t i = 0; i < tree.nodes.size(); ++i) {
       if (i == 1) continue;
@@ -210,7 +209,7 @@ TEST_P(FilledLeaves, HoldWhatFitsAndNoNodeAboveThemWould) {
 }
 
 TEST_P(FilledLeaves, AreTheSameForAnyNumberOfThreads) {
-  const TriangleMesh mesh = bumpy_sheet(180);
+  const Mesh mesh = bumpy_sheet(180);
   const Bvh2 one = build_filled(mesh, 1, GetParam());
   for (const int thread_count : thread_counts()) {
     const Bvh2 more = build_filled(mesh, thread_count, GetParam());
@@ -219,10 +218,10 @@ TEST_P(FilledLeaves, AreTheSameForAnyNumberOfThreads) {
 }
 
 TEST_P(FilledLeaves, AreFullerThanThoseByCost) {
-  const TriangleMesh mesh = bumpy_sheet(100);
+  const Mesh mesh = bumpy_sheet(100);
   const WideBvh filled = collapse(build_filled(mesh, 1, GetParam()), mesh, 1, GetParam());
   EXPECT_LE(filled.leaf_count(), collapse(build(mesh, 8), mesh, 1, GetParam()).leaf_count());
-  EXPECT_GT(static_cast<double>(mesh.triangle_count()) / static_cast<double>(filled.leaf_count()), 5.0);
+  EXPECT_GT(static_cast<double>(mesh.primitive_count()) / static_cast<double>(filled.leaf_count()), 5.0);
 }
 
 TEST(FillingLeaves, IsNotForThoseWhoSetCosts) {
@@ -238,7 +237,7 @@ TEST(FillingLeaves, IsNotForThoseWhoSetCosts) {
 }
 
 TEST(WideBvh, IsTheSameForAnyNumberOfThreads) {
-  for (const TriangleMesh& mesh : {bumpy_sheet(150), triangle_soup(40000, 0.02f), nested(30000)}) {
+  for (const Mesh& mesh : {bumpy_sheet(150), triangle_soup(40000, 0.02f), nested(30000)}) {
     const Bvh2 tree = build(mesh, 4);
     for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) {
       const WideBvh one = collapse(tree, mesh, 1, layout);
@@ -251,17 +250,17 @@ TEST(WideBvh, IsTheSameForAnyNumberOfThreads) {
 
 // A commit shows how far it is: for each triangle one piece of work for a binary tree, and as much for a wide one.
 TEST(WideBvh, CountsItsWork) {
-  const TriangleMesh mesh = bumpy_sheet(200);
+  const Mesh mesh = bumpy_sheet(200);
   const Bvh2 tree = build(mesh, 2);
   for (const TreeLayout layout : {TreeLayout::kDefault, TreeLayout::kCompact}) {
     for (const int thread_count : {1, 3}) {
       ThreadPool pool(thread_count);
       CancelToken cancel;
-      cancel.expect(2 * mesh.triangle_count());
+      cancel.expect(2 * mesh.primitive_count());
       (void)collapse_mesh(tree, mesh, layout, pool, cancel);
       EXPECT_GT(cancel.fraction(), 0.49f);
       EXPECT_LE(cancel.fraction(), 0.5f);
-      cancel.expect(4 * mesh.triangle_count());
+      cancel.expect(4 * mesh.primitive_count());
       (void)build_fast_wide(mesh, layout, pool, cancel);
       EXPECT_EQ(cancel.fraction(), 0.5f);
     }
@@ -269,7 +268,7 @@ TEST(WideBvh, CountsItsWork) {
 }
 
 TEST(WideBvh, RefusesTreesInAnotherOrder) {
-  const TriangleMesh mesh = triangle_soup(4, 0.1f);
+  const Mesh mesh = triangle_soup(4, 0.1f);
   const Aabb box = build(mesh, 4).bounds();
   Bvh2 tree;
   tree.prim_indices = {0, 1, 2, 3};
@@ -321,7 +320,7 @@ TEST(SmallSet, TakesThreeAtOnceAsOneByOne) {
 
 TEST(WideBvh, KeepsOrdinaryCoordinatesAndScalesExtremeOnes) {
   const auto scale_of = [](float factor) {
-    const TriangleMesh mesh = scaled(triangle_soup(20, 0.1f), factor);
+    const Mesh mesh = scaled(triangle_soup(20, 0.1f), factor);
     const WideBvh wide = collapse(build(mesh, 2), mesh);
     EXPECT_TRUE(wide.scale == 1.0f || (wide.extent.reach >= 1.0f && wide.extent.reach < 2.0f));
     return wide.scale;
@@ -334,19 +333,19 @@ TEST(WideBvh, KeepsOrdinaryCoordinatesAndScalesExtremeOnes) {
 }
 
 TEST(WideBvh, FillsItsLeavesOnSurfaces) {
-  const TriangleMesh mesh = bumpy_sheet(100);
+  const Mesh mesh = bumpy_sheet(100);
   const WideBvh wide = collapse(build(mesh, 2), mesh);
-  EXPECT_LT(static_cast<double>(wide.byte_count()) / static_cast<double>(mesh.triangle_count()), 60.0);
+  EXPECT_LT(static_cast<double>(wide.byte_count()) / static_cast<double>(mesh.primitive_count()), 60.0);
 }
 
 // With positions and indices, whatever made the tree.
 TEST(WideBvh, TakesAtMost36BytesATriangleIfCompact) {
-  const TriangleMesh mesh = bumpy_sheet(150);
+  const Mesh mesh = bumpy_sheet(150);
   ThreadPool pool(1);
   CancelToken cancel;
   const auto expect_small = [&](const WideBvh& wide, const char* how) {
     const auto bytes = static_cast<double>(wide.byte_count() + mesh.byte_count());
-    EXPECT_LE(bytes / static_cast<double>(mesh.triangle_count()), 36.0) << how;
+    EXPECT_LE(bytes / static_cast<double>(mesh.primitive_count()), 36.0) << how;
   };
   BuildConfig config;
   config.layout = TreeLayout::kCompact;
@@ -360,20 +359,20 @@ TEST(WideBvh, TakesAtMost36BytesATriangleIfCompact) {
 }
 
 TEST(WideBvh, IsEmptyOverNothing) {
-  const TriangleMesh mesh;
+  const Mesh mesh;
   EXPECT_TRUE(collapse(build(mesh, 2), mesh).is_empty);
 }
 
 // A chain: each node's left child is a leaf, its right child the rest.
 TEST(WideBvh, TakesTreesOfAnyDepth) {
   const std::uint32_t count = 100'000;
-  const TriangleMesh mesh = triangle_soup(count, 0.01f);
+  const Mesh mesh = triangle_soup(count, 0.01f);
   Bvh2 tree;
   tree.nodes.resize(2 * count);
   tree.prim_indices.resize(count);
   Aabb all;
   for (std::uint32_t i = count; i-- > 0;) {
-    const Aabb box = mesh.triangle_box(i);
+    const Aabb box = mesh.primitive_box(i);
     all.grow(box);
     tree.prim_indices[i] = i;
     // Node 0, then the pairs (2, 3), (4, 5), ...: leaf i and the rest after it.

@@ -26,7 +26,7 @@ TEST_P(WideRefit, GivesSoundTightTreesAfterAnyMotion) {
     if (!is_refittable(tree)) continue;
     for (const Motion& motion : motions()) {
       const std::string name = input.name + ", " + motion.name;
-      const TriangleMesh mesh = moved(input.mesh, motion);
+      const Mesh mesh = moved(input.mesh, motion);
       const WideBvh after = refitted(tree, mesh);
       EXPECT_EQ(find_wide_fault(after, mesh, true), "") << name;
       expect_tight(after, mesh, name);
@@ -37,7 +37,7 @@ TEST_P(WideRefit, GivesSoundTightTreesAfterAnyMotion) {
 }
 
 TEST_P(WideRefit, OfWhatDidNotMoveChangesNoByte) {
-  for (const TriangleMesh& mesh : {bumpy_sheet(60), triangle_soup(3000, 0.05f), scaled(bumpy_sheet(20), 1e15f)}) {
+  for (const Mesh& mesh : {bumpy_sheet(60), triangle_soup(3000, 0.05f), scaled(bumpy_sheet(20), 1e15f)}) {
     const WideBvh tree = build(mesh, GetParam()), after = refitted(tree, mesh);
     EXPECT_TRUE(same_bytes(after, refitted(after, mesh)));
     // Leaves of these builders' binary trees were halved, with the boxes that they had.
@@ -49,9 +49,9 @@ TEST_P(WideRefit, OfWhatDidNotMoveChangesNoByte) {
 }
 
 TEST_P(WideRefit, GivesTheSameBytesForAnyThreadCountAndWhateverWasInTheMemory) {
-  for (const TriangleMesh& still : {bumpy_sheet(200), triangle_soup(30000, 0.02f)}) {
+  for (const Mesh& still : {bumpy_sheet(200), triangle_soup(30000, 0.02f)}) {
     const WideBvh tree = build(still, GetParam());
-    const TriangleMesh mesh = moved(still, motions()[1]);
+    const Mesh mesh = moved(still, motions()[1]);
     const WideBvh alone = refitted(tree, mesh);
     for (const int thread_count : thread_counts()) EXPECT_TRUE(same_bytes(alone, refitted(tree, mesh, thread_count)));
     ThreadPool pool(2);
@@ -72,20 +72,20 @@ TEST_P(WideRefit, GivesTheHitsOfAFreshTree) {
   ThreadPool pool(2);
   CancelToken cancel;
   for (const NamedMesh& input : hard_meshes()) {
-    if (input.mesh.triangle_count() > 2500) continue;
+    if (input.mesh.primitive_count() > 2500) continue;
     Scene scene;
-    const std::int32_t mesh_id = scene.add_mesh(TriangleMesh(input.mesh), GetParam().config, GetParam().usage);
+    const std::int32_t mesh_id = scene.add_mesh(Mesh(input.mesh), GetParam().config, GetParam().usage);
     const InstanceInput instance{mesh_id, Affine{}, ~0u, {}};
     static_cast<void>(scene.add_instances({&instance, 1}));
     static_cast<void>(scene.commit(pool, cancel));
     for (const Motion& motion : motions()) {
-      const TriangleMesh mesh = moved(input.mesh, motion);
+      const Mesh mesh = moved(input.mesh, motion);
       if (!(tree_extent(triangle_bounds(mesh), 1.0f).reach < 1e18f)) continue;  // no scene takes those
       scene.update_mesh<float>(mesh_id, mesh.positions);
       const CommitReport report = scene.commit(pool, cancel);
       const std::string name = input.name + ", " + motion.name + ", " + report.meshes[0].reason;
       Scene fresh;
-      const InstanceInput fresh_instance{fresh.add_mesh(TriangleMesh(mesh), {}, Usage::kStatic), Affine{}, ~0u, {}};
+      const InstanceInput fresh_instance{fresh.add_mesh(Mesh(mesh), {}, Usage::kStatic), Affine{}, ~0u, {}};
       static_cast<void>(fresh.add_instances({&fresh_instance, 1}));
       static_cast<void>(fresh.commit(pool, cancel));
       const std::vector<Ray> rays = rays_at(mesh, 60);
@@ -105,13 +105,13 @@ TEST_P(WideRefit, GivesTheHitsOfAFreshTree) {
 TEST_P(WideRefit, HoldsOverAHundredFrames) {
   ThreadPool pool(2);
   CancelToken cancel;
-  const TriangleMesh still = bumpy_sheet(40);
+  const Mesh still = bumpy_sheet(40);
   Scene scene;
-  const std::int32_t mesh_id = scene.add_mesh(TriangleMesh(still), GetParam().config, GetParam().usage);
+  const std::int32_t mesh_id = scene.add_mesh(Mesh(still), GetParam().config, GetParam().usage);
   static_cast<void>(scene.commit(pool, cancel));
   std::size_t refit_count = 0;
   for (int frame = 1; frame <= 100; ++frame) {
-    TriangleMesh mesh = still;
+    Mesh mesh = still;
     twist(mesh.positions, 0.02f * static_cast<float>(frame));
     scene.update_mesh<float>(mesh_id, mesh.positions);
     refit_count += scene.commit(pool, cancel).meshes[0].action != MeshAction::kRebuilt;
@@ -123,13 +123,13 @@ TEST_P(WideRefit, HoldsOverAHundredFrames) {
 TEST(WideRefit, NeverTouchesASnapshot) {
   ThreadPool pool(1);
   CancelToken cancel;
-  const TriangleMesh still = bumpy_sheet(30);
+  const Mesh still = bumpy_sheet(30);
   Scene scene;
-  const std::int32_t mesh_id = scene.add_mesh(TriangleMesh(still), {}, Usage::kDeforming);
+  const std::int32_t mesh_id = scene.add_mesh(Mesh(still), {}, Usage::kDeforming);
   std::vector<std::shared_ptr<const Snapshot>> snapshots;
-  std::vector<TriangleMesh> meshes;
+  std::vector<Mesh> meshes;
   for (int frame = 0; frame < 8; ++frame) {
-    TriangleMesh mesh = still;
+    Mesh mesh = still;
     twist(mesh.positions, 0.1f * static_cast<float>(frame));
     if (frame > 0) scene.update_mesh<float>(mesh_id, mesh.positions);
     static_cast<void>(scene.commit(pool, cancel));
@@ -143,9 +143,9 @@ TEST(WideRefit, NeverTouchesASnapshot) {
 TEST(WideRefit, ReusesMemoryThatIsNoLongerRead) {
   ThreadPool pool(1);
   CancelToken cancel;
-  const TriangleMesh mesh = bumpy_sheet(30);
+  const Mesh mesh = bumpy_sheet(30);
   Scene scene;
-  const std::int32_t mesh_id = scene.add_mesh(TriangleMesh(mesh), {}, Usage::kDeforming);
+  const std::int32_t mesh_id = scene.add_mesh(Mesh(mesh), {}, Usage::kDeforming);
   static_cast<void>(scene.commit(pool, cancel));
   std::vector<const WideNode*> places;
   for (int frame = 0; frame < 6; ++frame) {
@@ -163,7 +163,7 @@ TEST(WideRefit, RefusesTreesWithSpatialSplits) {
   CancelToken cancel;
   BuildConfig config;
   config.builder = BuilderKind::kSpatial;
-  const TriangleMesh mesh = sticks(300);
+  const Mesh mesh = sticks(300);
   const WideBvh tree = collapse_mesh(build_tree(mesh, config, pool, cancel), mesh, config.layout, pool, cancel);
   WideBvh result;
   EXPECT_FALSE(is_refittable(tree));
@@ -173,12 +173,12 @@ TEST(WideRefit, RefusesTreesWithSpatialSplits) {
 TEST(WideRefit, CancelledLeavesTheOldTree) {
   ThreadPool pool(2);
   CancelToken cancel;
-  const TriangleMesh still = bumpy_sheet(100);
+  const Mesh still = bumpy_sheet(100);
   Scene scene;
-  const std::int32_t mesh_id = scene.add_mesh(TriangleMesh(still), {}, Usage::kDeforming);
+  const std::int32_t mesh_id = scene.add_mesh(Mesh(still), {}, Usage::kDeforming);
   static_cast<void>(scene.commit(pool, cancel));
   const auto before = scene.snapshot();
-  const TriangleMesh mesh = moved(still, motions()[1]);
+  const Mesh mesh = moved(still, motions()[1]);
   scene.update_mesh<float>(mesh_id, mesh.positions);
   CancelToken stopped;
   stopped.request_stop();

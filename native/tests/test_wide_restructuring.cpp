@@ -20,15 +20,15 @@ namespace {
 
 // A tree after a motion, with what it costs and cost when it was built.
 struct Moved {
-  TriangleMesh mesh;
+  Mesh mesh;
   WideBvh tree;
   WideCosts costs, fresh;
 };
 
 class WideRestructuring : public testing::TestWithParam<Way> {
  protected:
-  Moved move(const TriangleMesh& still, const Motion& motion) { return move(build(still, GetParam()), still, motion); }
-  Moved move(const WideBvh& tree, const TriangleMesh& still, const Motion& motion) {
+  Moved move(const Mesh& still, const Motion& motion) { return move(build(still, GetParam()), still, motion); }
+  Moved move(const WideBvh& tree, const Mesh& still, const Motion& motion) {
     Moved result;
     result.mesh = moved(still, motion);
     result.fresh = measure_wide_costs(tree, pool_, cancel_);
@@ -116,9 +116,9 @@ TEST_P(WideRestructuring, GivesTheSameBytesForAnyThreadCount) {
 TEST(WideRestructuring, RebuildsOnlyWhatIsDegraded) {
   ThreadPool pool(1);
   CancelToken cancel;
-  TriangleMesh mesh;
+  Mesh mesh;
   for (int i = 0; i < 8; ++i) {
-    TriangleMesh limb = bumpy_sheet(40);
+    Mesh limb = bumpy_sheet(40);
     for (Vec3f& p : limb.positions) p.x += 10.0f * static_cast<float>(i);
     append(mesh, limb);
   }
@@ -144,14 +144,14 @@ TEST(WideRestructuring, RebuildsOnlyWhatIsDegraded) {
 TEST(WideRestructuring, AScenesHitsAreRightWhateverItDoes) {
   ThreadPool pool(2);
   CancelToken cancel;
-  const TriangleMesh still = bumpy_sheet(30);
+  const Mesh still = bumpy_sheet(30);
   Scene scene;
-  const InstanceInput instance{scene.add_mesh(TriangleMesh(still), {}, Usage::kDeforming), Affine{}, ~0u, {}};
+  const InstanceInput instance{scene.add_mesh(Mesh(still), {}, Usage::kDeforming), Affine{}, ~0u, {}};
   static_cast<void>(scene.add_instances({&instance, 1}));
   static_cast<void>(scene.commit(pool, cancel));
   std::vector<std::size_t> counts(6);
   for (int frame = 1; frame <= 40; ++frame) {
-    TriangleMesh mesh = still;
+    Mesh mesh = still;
     twist(mesh.positions, 0.3f * static_cast<float>(frame));
     if (frame == 40) motions()[3].apply(mesh.positions);  // shuffle
     scene.update_mesh<float>(instance.mesh_id, mesh.positions);

@@ -92,12 +92,12 @@ std::string at(const char* what, const char* where, std::uint32_t row) {
 
 class WideValidator {
  public:
-  WideValidator(const WideBvh& tree, const TriangleMesh& mesh)
+  WideValidator(const WideBvh& tree, const Mesh& mesh)
       : tree_(tree),
         mesh_(mesh),
         node_is_seen_(tree.nodes.size(), false),
         leaf_is_seen_(tree.leaf_count(), false),
-        references_(mesh.triangle_count(), 0) {}
+        references_(mesh.primitive_count(), 0) {}
 
   std::string find_fault(bool once) {
     if (tree_.is_empty) return references_.empty() ? "" : "the tree is empty but there are triangles";
@@ -186,7 +186,7 @@ class WideValidator {
   }
 
   const WideBvh& tree_;
-  const TriangleMesh& mesh_;
+  const Mesh& mesh_;
   std::vector<bool> node_is_seen_, leaf_is_seen_;
   std::vector<std::uint32_t> references_;  // of each triangle
   std::vector<Entry> waiting_;
@@ -200,7 +200,7 @@ std::string find_fault(const Bvh2& tree, std::size_t primitive_count) {
   return Validator(tree, primitive_count).find_fault();
 }
 
-std::string find_wide_fault(const WideBvh& tree, const TriangleMesh& mesh, bool once) {
+std::string find_wide_fault(const WideBvh& tree, const Mesh& mesh, bool once) {
   return WideValidator(tree, mesh).find_fault(once);
 }
 

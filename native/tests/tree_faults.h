@@ -5,7 +5,7 @@
 #include <string>
 
 #include "builders/bvh2.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh::test {
@@ -17,6 +17,6 @@ namespace perfect_bvh::test {
 // Empty if the tree is sound: every triangle in some leaf (in one alone if `once`), every vertex where the mesh has it,
 // boxes inside their parents' and around what they hold, no node or leaf reached twice or not at all, every order a
 // permutation, depth as stored. Otherwise a sentence that names the first fault.
-[[nodiscard]] std::string find_wide_fault(const WideBvh& tree, const TriangleMesh& mesh, bool once);
+[[nodiscard]] std::string find_wide_fault(const WideBvh& tree, const Mesh& mesh, bool once);
 
 }  // namespace perfect_bvh::test

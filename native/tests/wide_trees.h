@@ -39,7 +39,7 @@ inline std::vector<Way> ways() {
   return list;
 }
 
-inline WideBvh build(const TriangleMesh& mesh, const Way& way) {
+inline WideBvh build(const Mesh& mesh, const Way& way) {
   ThreadPool pool(1);
   CancelToken cancel;
   if (way.usage == Usage::kChanging) return build_fast_wide(mesh, way.config.layout, pool, cancel);
@@ -47,7 +47,7 @@ inline WideBvh build(const TriangleMesh& mesh, const Way& way) {
   return collapse_mesh(tree, mesh, way.config.layout, pool, cancel);
 }
 
-inline RefitPlan plan_of(const WideBvh& tree, const TriangleMesh& mesh) {
+inline RefitPlan plan_of(const WideBvh& tree, const Mesh& mesh) {
   ThreadPool pool(1);
   CancelToken cancel;
   RefitPlan plan;
@@ -55,7 +55,7 @@ inline RefitPlan plan_of(const WideBvh& tree, const TriangleMesh& mesh) {
   return plan;
 }
 
-inline WideBvh refitted(const WideBvh& tree, const TriangleMesh& mesh, int thread_count = 1) {
+inline WideBvh refitted(const WideBvh& tree, const Mesh& mesh, int thread_count = 1) {
   ThreadPool pool(thread_count);
   CancelToken cancel;
   WideBvh result;
@@ -63,19 +63,19 @@ inline WideBvh refitted(const WideBvh& tree, const TriangleMesh& mesh, int threa
   return result;
 }
 
-inline TriangleMesh moved(TriangleMesh mesh, const Motion& motion) {
+inline Mesh moved(Mesh mesh, const Motion& motion) {
   motion.apply(mesh.positions);
   return mesh;
 }
 
-inline Aabb triangle_bounds(const TriangleMesh& mesh) {
+inline Aabb triangle_bounds(const Mesh& mesh) {
   Aabb box;
-  for (std::size_t i = 0; i < mesh.triangle_count(); ++i) box.grow(mesh.triangle_box(i));
+  for (std::size_t i = 0; i < mesh.primitive_count(); ++i) box.grow(mesh.primitive_box(i));
   return box;
 }
 
 // No box is larger than what is in it; scale and extent are those of a new tree.
-inline void expect_tight(const WideBvh& tree, const TriangleMesh& mesh, const std::string& name) {
+inline void expect_tight(const WideBvh& tree, const Mesh& mesh, const std::string& name) {
   if (tree.is_empty) return;
   const Aabb bounds = triangle_bounds(mesh);
   EXPECT_EQ(tree.scale, tree_scale(bounds)) << name;

@@ -33,7 +33,7 @@ class Random {
 };
 
 // A sphere with bumps.
-TriangleMesh bumpy_sphere(int rows, int columns) {
+Mesh bumpy_sphere(int rows, int columns) {
   std::vector<Vec3f> positions;
   std::vector<Vec3<std::int32_t>> triangles;
   for (int i = 0; i <= rows; ++i) {

@@ -10,7 +10,7 @@
 #include "blas/support.h"
 #include "builders/build_config.h"
 #include "builders/quality.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "traverse/scene_view.h"
 #include "wide/refit_plan.h"
 #include "wide/wide_bvh.h"
@@ -22,15 +22,15 @@ class DeferredTree;
 
 // Immutable once a snapshot refers to it.
 struct Blas {
-  explicit Blas(std::shared_ptr<const TriangleMesh> the_mesh) : owned_mesh(std::move(the_mesh)), mesh(*owned_mesh) {}
+  explicit Blas(std::shared_ptr<const Mesh> the_mesh) : owned_mesh(std::move(the_mesh)), mesh(*owned_mesh) {}
   Blas(const Blas&) = delete;
   Blas& operator=(const Blas&) = delete;
   ~Blas() {
     if (spare) spare->give({std::move(wide), shape});
   }
 
-  const std::shared_ptr<const TriangleMesh> owned_mesh;
-  const TriangleMesh& mesh;
+  const std::shared_ptr<const Mesh> owned_mesh;
+  const Mesh& mesh;
   BuildConfig config;   // that the tree was built with, its builder named; refits keep it
   TreeQuality quality;  // of the binary tree that `wide` was made from; empty where there was none, or it was refitted
   WideBvh wide;         // what rays are traced through
@@ -47,7 +47,7 @@ struct Blas {
 };
 
 // What kernels see of the leaves of a compact tree and of its mesh, which must both stay where they are.
-[[nodiscard]] inline IndexedLeaves view_leaves(const WideBvh& tree, const TriangleMesh& mesh) noexcept {
+[[nodiscard]] inline IndexedLeaves view_leaves(const WideBvh& tree, const Mesh& mesh) noexcept {
   return {tree.indexed_leaves.data(), mesh.triangles.data(), mesh.positions.data(), tree.scale};
 }
 

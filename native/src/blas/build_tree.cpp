@@ -12,7 +12,7 @@ namespace {
 // Spatial splits know boxes alone; here they learn where a slice of a triangle lies.
 class TriangleClipper final : public PrimClipper {
  public:
-  explicit TriangleClipper(const TriangleMesh& mesh) : mesh_(mesh) {}
+  explicit TriangleClipper(const Mesh& mesh) : mesh_(mesh) {}
 
   void slice(std::uint32_t prim_index, int axis, std::span<const float> planes, Box4* slices) const noexcept override {
     const TriangleIndices t = mesh_.triangles[prim_index];
@@ -20,12 +20,12 @@ class TriangleClipper final : public PrimClipper {
   }
 
  private:
-  const TriangleMesh& mesh_;
+  const Mesh& mesh_;
 };
 
 class TriangleLeafLimit final : public LeafLimit {
  public:
-  TriangleLeafLimit(const TriangleMesh& mesh, TreeLayout layout)
+  TriangleLeafLimit(const Mesh& mesh, TreeLayout layout)
       : LeafLimit(mesh.triangles.data(), sizeof(TriangleIndices)), mesh_(mesh), layout_(layout) {}
 
   [[nodiscard]] bool fits(std::span<const std::uint32_t> prim_indices) const noexcept override {
@@ -33,7 +33,7 @@ class TriangleLeafLimit final : public LeafLimit {
   }
 
  private:
-  const TriangleMesh& mesh_;
+  const Mesh& mesh_;
   const TreeLayout layout_;
 };
 
@@ -57,12 +57,12 @@ bool is_built_wide(const BuildConfig& config) noexcept {
   return config.builder == BuilderKind::kFast && config.optimize_passes == 0 && leaves_are_free(config);
 }
 
-Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
+Bvh2 build_tree(const Mesh& mesh, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel) {
   Scratch scratch;
-  const auto prims = scratch.take<PrimRef>(mesh.triangle_count());
+  const auto prims = scratch.take<PrimRef>(mesh.primitive_count());
   for_chunks(pool, prims.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      const Aabb box = mesh.triangle_box(i);
+      const Aabb box = mesh.primitive_box(i);
       prims[i] = {box.lower, static_cast<std::uint32_t>(i), box.upper, 0};
     }
   });

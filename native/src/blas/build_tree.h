@@ -7,7 +7,7 @@
 #include "builders/bvh2.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 
 namespace perfect_bvh {
 
@@ -39,7 +39,6 @@ enum class Usage : std::uint8_t {
 // binary tree.
 [[nodiscard]] bool is_built_wide(const BuildConfig& config) noexcept;
 
-[[nodiscard]] Bvh2 build_tree(const TriangleMesh& mesh, const BuildConfig& config, ThreadPool& pool,
-                              CancelToken& cancel);
+[[nodiscard]] Bvh2 build_tree(const Mesh& mesh, const BuildConfig& config, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -62,8 +62,8 @@ TreeChoice choose_tree(const ChangedMesh& changed, const CommitOptions& options,
   const double known = changed.rays.value_or(changed.cast_rays);
   if (!is_free(state, options) || !(changed.rays || known > 0)) return choice;
   const bool replaces = is_resting(state) && !state.has_deformed && has_own_tree(state);
-  const TriangleMesh& mesh = is_resting(state) ? state.blas->mesh : *state.edited;
-  BuildQuestion question{builders_for(usage), mesh.triangle_count(), changed.served_rays + rays_to_come(usage, known),
+  const Mesh& mesh = is_resting(state) ? state.blas->mesh : *state.edited;
+  BuildQuestion question{builders_for(usage), mesh.primitive_count(), changed.served_rays + rays_to_come(usage, known),
                          0, std::nullopt};
   if (replaces) {
     question.held = state.blas->config.builder;
@@ -95,7 +95,7 @@ double most_rays_of_tree(const MeshState& state, const CommitOptions& options) n
   const auto builders = builders_from(held, state.usage);
   if (builders.size() < 2) return kNoMatter;
   const double air = state.air.value_or(kNoMatter);
-  return repaying_rays({builders, state.blas->mesh.triangle_count(), 0, air, held}, options.calibration);
+  return repaying_rays({builders, state.blas->mesh.primitive_count(), 0, air, held}, options.calibration);
 }
 
 }  // namespace perfect_bvh

@@ -27,8 +27,8 @@ BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options, 
   BlasResult result;
   auto blas = std::make_shared<Blas>(state.edited);
   blas->config = choose_builder(state.config, state.usage);
-  for_steps(blas->mesh.triangle_count(), caller, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) blas->box.grow(blas->mesh.triangle_box(i));
+  for_steps(blas->mesh.primitive_count(), caller, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) blas->box.grow(blas->mesh.primitive_box(i));
   });
   MeshState fresh;
   fresh.config = state.config, fresh.usage = state.usage, fresh.edited = state.edited;
@@ -47,7 +47,7 @@ BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options, 
   report.reason = why_deferred(state.blas == nullptr, state.same_topology);
   report.builder = builder_name(blas->config.builder);
   report.layout = layout_name(blas->config.layout);
-  report.triangle_count = blas->mesh.triangle_count();
+  report.triangle_count = blas->mesh.primitive_count();
   report.byte_count = blas->mesh.byte_count();
   report.milliseconds = watch.milliseconds();
   result.blas = std::move(blas);

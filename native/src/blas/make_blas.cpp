@@ -73,7 +73,7 @@ BlasResult make_blas(const ChangedMesh& changed, const CommitOptions& options, T
   report.cost = kWideNodeCost * report.node_visits + kWideLeafCost * report.leaf_visits;
   report.builder = builder_name(blas->config.builder);
   report.layout = layout_name(blas->config.layout);
-  report.triangle_count = blas->mesh.triangle_count();
+  report.triangle_count = blas->mesh.primitive_count();
   blas->indexed_leaves = view_leaves(blas->wide, blas->mesh);
   report.byte_count = byte_count(*blas);
   report.milliseconds = watch.milliseconds();

@@ -27,7 +27,7 @@ struct MeshState {
   Usage usage = Usage::kStatic;
   bool is_lazy = false;
   std::shared_ptr<const Blas> blas;                 // committed; null before the first commit
-  std::shared_ptr<const TriangleMesh> edited;       // waiting; null if nothing is
+  std::shared_ptr<const Mesh> edited;               // waiting; null if nothing is
   bool same_topology = false;                       // of `edited` and `blas`
   bool has_deformed = false;                        // since it has its triangles
   std::shared_ptr<SpareTree> spare;                 // null until the mesh is deformed

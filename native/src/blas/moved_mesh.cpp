@@ -10,16 +10,16 @@ namespace {
 constexpr std::size_t kGrain = 32768;
 
 // Its positions are given to `spare` at the end.
-std::shared_ptr<const TriangleMesh> lend(TriangleMesh mesh, const std::shared_ptr<SparePositions>& spare) {
-  auto owned = std::make_unique<TriangleMesh>(std::move(mesh));
-  const auto give_back = [spare](TriangleMesh* done) noexcept {
+std::shared_ptr<const Mesh> lend(Mesh mesh, const std::shared_ptr<SparePositions>& spare) {
+  auto owned = std::make_unique<Mesh>(std::move(mesh));
+  const auto give_back = [spare](Mesh* done) noexcept {
     spare->give(std::move(done->positions));
     delete done;
   };
-  return std::shared_ptr<TriangleMesh>(owned.release(), give_back);  // if it throws, it gives back first
+  return std::shared_ptr<Mesh>(owned.release(), give_back);  // if it throws, it gives back first
 }
 
-void copy(std::span<const Vec3f> positions, TriangleMesh& mesh, ThreadPool& pool, const char* function) {
+void copy(std::span<const Vec3f> positions, Mesh& mesh, ThreadPool& pool, const char* function) {
   std::atomic<bool> all_good{true};
   parallel_for(pool, positions.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     const auto chunk = positions.subspan(begin, end - begin);
@@ -29,7 +29,7 @@ void copy(std::span<const Vec3f> positions, TriangleMesh& mesh, ThreadPool& pool
   if (!all_good) check_positions(positions, function);
 }
 
-void copy(std::span<const Vec3d> positions, TriangleMesh& mesh, ThreadPool& pool, const char* function) {
+void copy(std::span<const Vec3d> positions, Mesh& mesh, ThreadPool& pool, const char* function) {
   check_positions(positions, function);
   mesh.centre = box_centre(positions);
   parallel_for(pool, positions.size(), kGrain, [&](std::size_t begin, std::size_t end) {
@@ -40,22 +40,20 @@ void copy(std::span<const Vec3d> positions, TriangleMesh& mesh, ThreadPool& pool
 }  // namespace
 
 template <class T>
-std::shared_ptr<const TriangleMesh> move_vertices(const TriangleMesh& mesh, std::span<const Vec3<T>> positions,
-                                                  const std::shared_ptr<SparePositions>& spare, ThreadPool& pool,
-                                                  const char* function) {
+std::shared_ptr<const Mesh> move_vertices(const Mesh& mesh, std::span<const Vec3<T>> positions,
+                                          const std::shared_ptr<SparePositions>& spare, ThreadPool& pool,
+                                          const char* function) {
   check_count(positions.size(), mesh.positions.size(), function);
-  TriangleMesh moved;
+  Mesh moved;
   moved.triangles = mesh.triangles;
   moved.positions = spare->take();
   moved.positions.resize(positions.size());
   copy(positions, moved, pool, function);
   return lend(std::move(moved), spare);
 }
-template std::shared_ptr<const TriangleMesh> move_vertices(const TriangleMesh&, std::span<const Vec3f>,
-                                                           const std::shared_ptr<SparePositions>&, ThreadPool&,
-                                                           const char*);
-template std::shared_ptr<const TriangleMesh> move_vertices(const TriangleMesh&, std::span<const Vec3d>,
-                                                           const std::shared_ptr<SparePositions>&, ThreadPool&,
-                                                           const char*);
+template std::shared_ptr<const Mesh> move_vertices(const Mesh&, std::span<const Vec3f>,
+                                                   const std::shared_ptr<SparePositions>&, ThreadPool&, const char*);
+template std::shared_ptr<const Mesh> move_vertices(const Mesh&, std::span<const Vec3d>,
+                                                   const std::shared_ptr<SparePositions>&, ThreadPool&, const char*);
 
 }  // namespace perfect_bvh

@@ -7,16 +7,15 @@
 
 #include "blas/spare_memory.h"
 #include "core/thread_pool.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 
 namespace perfect_bvh {
 
 // Throws InvalidArgument for other counts than the mesh's and for positions that are not good; `function` opens the
 // message. T: float or double, which is recentred again.
 template <class T>
-[[nodiscard]] std::shared_ptr<const TriangleMesh> move_vertices(const TriangleMesh& mesh,
-                                                                std::span<const Vec3<T>> positions,
-                                                                const std::shared_ptr<SparePositions>& spare,
-                                                                ThreadPool& pool, const char* function);
+[[nodiscard]] std::shared_ptr<const Mesh> move_vertices(const Mesh& mesh, std::span<const Vec3<T>> positions,
+                                                        const std::shared_ptr<SparePositions>& spare, ThreadPool& pool,
+                                                        const char* function);
 
 }  // namespace perfect_bvh

@@ -105,7 +105,7 @@ bool refit_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
   const Stopwatch watch;  // of restructuring, and of finding out whether to
   const Usage usage = usage_of(changed.state->usage, true);
   UpdateQuestion question{.policy = options.policy,
-                          .triangle_count = blas.mesh.triangle_count(),
+                          .triangle_count = blas.mesh.primitive_count(),
                           .builder = choose_builder(changed.state->config, usage).builder,
                           .rays = changed.rays,
                           .now = work_of(costs, blas.wide),

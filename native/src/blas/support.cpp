@@ -17,7 +17,7 @@ Int4 pick_axis(Int4 is_y, Int4 is_z) noexcept { return (is_z & Int4(2)) | ((is_y
 // in nearly the same direction hardly a box reaches further.
 class Search {
  public:
-  Search(const WideBvh& tree, const TriangleMesh& mesh) : tree_(tree), mesh_(mesh) {
+  Search(const WideBvh& tree, const Mesh& mesh) : tree_(tree), mesh_(mesh) {
     waiting_.push_back({0.0f, tree.root});
     direction_ = {1, 0, 0};
     reach_ = -Aabb::kInfinity;
@@ -100,7 +100,7 @@ class Search {
   }
 
   const WideBvh& tree_;
-  const TriangleMesh& mesh_;
+  const Mesh& mesh_;
   Vec3f direction_{0, 0, 0}, farthest_{0, 0, 0};
   float reach_ = 0;
   std::vector<Waiting> waiting_;
@@ -108,8 +108,7 @@ class Search {
 
 }  // namespace
 
-SupportTable::SupportTable(const WideBvh& tree, const TriangleMesh& mesh)
-    : unit_(1.0 / static_cast<double>(tree.scale)) {
+SupportTable::SupportTable(const WideBvh& tree, const Mesh& mesh) : unit_(1.0 / static_cast<double>(tree.scale)) {
   Search forward(tree, mesh), backward(tree, mesh);
   const auto place = [](int cell) { return static_cast<float>(cell) * (2.0f / kCells) - 1.0f; };
   for (int axis = 0; axis < 3; ++axis) {

@@ -16,7 +16,7 @@
 
 #include "blas/world_box.h"
 #include "math/affine.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
@@ -24,7 +24,7 @@ namespace perfect_bvh {
 class SupportTable {
  public:
   // The tree of the mesh, not empty.
-  SupportTable(const WideBvh& tree, const TriangleMesh& mesh);
+  SupportTable(const WideBvh& tree, const Mesh& mesh);
 
   [[nodiscard]] RowRange along(Vec3d row) const noexcept;
   // Along the three rows of a map's linear part, as close; false, and nothing written, if one is extremely long or
@@ -49,7 +49,7 @@ class SupportTable {
 // A table that is made when it is first asked for, on any thread.
 class LazySupport {
  public:
-  [[nodiscard]] const SupportTable& of(const WideBvh& tree, const TriangleMesh& mesh) const {
+  [[nodiscard]] const SupportTable& of(const WideBvh& tree, const Mesh& mesh) const {
     std::call_once(made_, [&] { table_ = std::make_unique<const SupportTable>(tree, mesh); });
     return *table_;
   }

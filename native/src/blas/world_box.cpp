@@ -23,7 +23,7 @@ RowRange range_along(Vec3d row, const Aabb& box, double origin = 0) noexcept {
 }
 
 // Around the vertices under a map's linear part, in float: a nanosecond each.
-Box4 turned_box(const TriangleMesh& mesh, const Affine& map) noexcept {
+Box4 turned_box(const Mesh& mesh, const Affine& map) noexcept {
   const auto column = [](Vec3d v) {
     return Float4(static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z), 0.0f);
   };
@@ -69,7 +69,7 @@ Aabb transformed_bounds(const Aabb& box, const Affine& map) noexcept {
   return box_of_ranges(ranges, reach_of(box), map);
 }
 
-Aabb transformed_bounds(const TriangleMesh& mesh, const Aabb& box, const Affine& map) noexcept {
+Aabb transformed_bounds(const Mesh& mesh, const Aabb& box, const Affine& map) noexcept {
   if (box.is_empty()) return {};
   const Box4 turned = turned_box(mesh, map);
   alignas(16) float lower[4], upper[4];

@@ -4,7 +4,7 @@
 
 #include "math/aabb.h"
 #include "math/affine.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 
 namespace perfect_bvh {
 
@@ -26,7 +26,7 @@ struct RowRange {
 // Of the box around a mesh, in the same way; empty for an empty one.
 [[nodiscard]] Aabb transformed_bounds(const Aabb& box, const Affine& map) noexcept;
 // Of the vertices of a mesh: as close as can be. `box` is that around its triangles.
-[[nodiscard]] Aabb transformed_bounds(const TriangleMesh& mesh, const Aabb& box, const Affine& map) noexcept;
+[[nodiscard]] Aabb transformed_bounds(const Mesh& mesh, const Aabb& box, const Affine& map) noexcept;
 
 // The world box of a box, to the nearest float; empty for an empty one.
 [[nodiscard]] Aabb transformed_box(const Aabb& box, const Affine& map) noexcept;

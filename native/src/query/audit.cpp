@@ -22,7 +22,7 @@ struct Ball {
 };
 
 // From the vertices themselves: no tree, no stored box.
-Aabb box_of(const TriangleMesh& mesh) {
+Aabb box_of(const Mesh& mesh) {
   Aabb box;
   for (const Vec3f position : mesh.positions) box.grow(position);
   return box;
@@ -51,14 +51,14 @@ class Audit {
       const Ray ray = load_ray(columns, row);
       rays_.push_back({ray, JudgedRay(ray.origin, ray.direction), is_valid(ray)});
     }
-    std::unordered_map<const TriangleMesh*, Aabb> boxes;
+    std::unordered_map<const Mesh*, Aabb> boxes;
     first_triangle_.push_back(0);
     for (const Instance& instance : snapshot.instances) {
-      const TriangleMesh& mesh = instance.blas->mesh;
+      const Mesh& mesh = instance.blas->mesh;
       auto [found, is_new] = boxes.try_emplace(&mesh);
       if (is_new) found->second = box_of(mesh);
       balls_.push_back(place_box(found->second, instance.object_to_world));
-      first_triangle_.push_back(first_triangle_.back() + mesh.triangle_count());
+      first_triangle_.push_back(first_triangle_.back() + mesh.primitive_count());
     }
   }
 
@@ -93,7 +93,7 @@ class Audit {
     const auto instance = std::lower_bound(all.begin(), all.end(), instance_id,
                                            [](const Instance& item, std::int32_t id) { return item.id < id; });
     if (instance == all.end() || instance->id != instance_id || (instance->mask & ray.ray.mask) == 0) return true;
-    if (primitive_id < 0 || static_cast<std::size_t>(primitive_id) >= instance->blas->mesh.triangle_count())
+    if (primitive_id < 0 || static_cast<std::size_t>(primitive_id) >= instance->blas->mesh.primitive_count())
       return true;
     const auto index = static_cast<std::size_t>(instance - all.begin());
     const JudgedHit hit =
@@ -128,7 +128,7 @@ class Audit {
   }
 
   [[nodiscard]] static JudgedTriangle triangle_of(const Instance& instance, std::size_t primitive) {
-    const TriangleMesh& mesh = instance.blas->mesh;
+    const Mesh& mesh = instance.blas->mesh;
     const TriangleIndices corners = mesh.triangles[primitive];
     const auto place = [&](std::uint32_t vertex) {
       return instance.object_to_world.point(to_double(mesh.positions[vertex]));

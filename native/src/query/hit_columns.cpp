@@ -103,7 +103,7 @@ void store_geometries(const HitColumns& out, const Rows& rows, Placer& placer) {
   for (std::size_t i = 0; i < rows.hits.size(); ++i) {
     const Hit& hit = rows.hits[i];
     if (!hit.found()) continue;
-    const TriangleMesh& mesh = instances[hit.instance_index].blas->mesh;
+    const Mesh& mesh = instances[hit.instance_index].blas->mesh;
     corners[i] = mesh.triangles[hit.primitive_index];
     for (const std::uint32_t corner : {corners[i].x, corners[i].y, corners[i].z})
       __builtin_prefetch(&mesh.positions[corner]);

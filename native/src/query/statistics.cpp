@@ -43,7 +43,7 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
     row.builder = builder_name(blas.config.builder);
     row.layout = layout_name(blas.config.layout);
     row.is_built = false;
-    row.primitive_count = blas.mesh.triangle_count();
+    row.primitive_count = blas.mesh.primitive_count();
     row.vertex_count = blas.mesh.positions.size();
     row.geometry_byte_count = row.byte_count = blas.mesh.byte_count();
     return row;
@@ -53,7 +53,7 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
   row.mesh_id = mesh_id;
   row.builder = builder_name(blas.config.builder);
   row.layout = layout_name(blas.config.layout);
-  row.primitive_count = blas.mesh.triangle_count();
+  row.primitive_count = blas.mesh.primitive_count();
   row.vertex_count = blas.mesh.positions.size();
   add_bytes(row, blas.mesh.byte_count(), {}, blas.wide);
   row.plan_byte_count = plan_byte_count(blas);
@@ -76,10 +76,10 @@ TreeStatistics describe_top_level(const Snapshot& snapshot, const StatisticsOpti
 void add_details(TreeStatistics& row, const Blas& blas, const StatisticsOptions& options, ThreadPool& pool,
                  CancelToken& cancel) {
   if (blas.deferred || (blas.quality.node_count == 0 && !blas.wide.is_empty)) {  // there is no binary tree to tell of
-    cancel.advance(2 * blas.mesh.triangle_count());
+    cancel.advance(2 * blas.mesh.primitive_count());
     return;
   }
-  const Bvh2 tree = blas.mesh.triangle_count() > 0 ? build_tree(blas.mesh, blas.config, pool, cancel) : Bvh2{};
+  const Bvh2 tree = blas.mesh.primitive_count() > 0 ? build_tree(blas.mesh, blas.config, pool, cancel) : Bvh2{};
   row.epo = measure_epo(tree, blas.mesh.positions, blas.mesh.triangles, pool, cancel, options.traversal_cost,
                         options.intersection_cost);
   row.leaf_count_variability = measure_leaf_count_variability(tree, kLineCount, pool, cancel);
@@ -96,7 +96,7 @@ SceneStatistics measure(const Snapshot& snapshot, const StatisticsOptions& optio
     rows[mesh_id] = result.meshes.size();
     newest.push_back(&newest_of(*blas));
     result.meshes.push_back(describe_mesh(mesh_id, *newest.back(), options));
-    result.triangle_count += blas->mesh.triangle_count();
+    result.triangle_count += blas->mesh.primitive_count();
   }
   result.top_level = describe_top_level(snapshot, options);
   if (options.is_detailed) {
@@ -107,7 +107,7 @@ SceneStatistics measure(const Snapshot& snapshot, const StatisticsOptions& optio
     result.top_level.leaf_count_variability = measure_leaf_count_variability(snapshot.tlas, kLineCount, pool, cancel);
   }
   for (const Instance& instance : snapshot.instances) {
-    result.instanced_triangle_count += instance.blas->mesh.triangle_count();
+    result.instanced_triangle_count += instance.blas->mesh.primitive_count();
     if (const auto row = rows.find(instance.mesh_id); row != rows.end()) ++result.meshes[row->second].user_count;
   }
   result.instance_count = snapshot.instances.size();

@@ -13,7 +13,7 @@
 namespace perfect_bvh {
 namespace {
 
-Aabb bounds_of(const TriangleMesh& mesh, CancelToken& cancel) {
+Aabb bounds_of(const Mesh& mesh, CancelToken& cancel) {
   Aabb box;
   for_steps(mesh.positions.size(), cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) box.grow(mesh.positions[i]);

@@ -27,8 +27,8 @@ std::vector<BlasResult> Scene::make_blases(std::span<const ChangedMesh> changed,
   std::size_t triangle_count = 0;
   for (const ChangedMesh& mesh : changed) {
     const MeshState& state = *mesh.state;
-    if (!is_resting(state)) triangle_count += state.edited->triangle_count();
-    if (is_resting(state) && !state.has_deformed) triangle_count += state.blas->mesh.triangle_count();
+    if (!is_resting(state)) triangle_count += state.edited->primitive_count();
+    if (is_resting(state) && !state.has_deformed) triangle_count += state.blas->mesh.primitive_count();
   }
   cancel.expect(2 * triangle_count);  // first for a binary tree, then for a wide one
   std::vector<BlasResult> results(changed.size());

@@ -97,13 +97,13 @@ void Scene::mark_edited() {
   ++edit_count_;
 }
 
-std::int32_t Scene::add_mesh(TriangleMesh mesh, const BuildConfig& config, Usage usage, bool is_lazy) {
+std::int32_t Scene::add_mesh(Mesh mesh, const BuildConfig& config, Usage usage, bool is_lazy) {
   const std::lock_guard lock(edit_mutex_);
   MeshSlot slot;
   slot.config = config;
   slot.usage = usage;
   slot.is_lazy = is_lazy;
-  slot.edited = std::make_shared<const TriangleMesh>(std::move(mesh));
+  slot.edited = std::make_shared<const Mesh>(std::move(mesh));
   meshes_.emplace(next_mesh_id_, std::move(slot));
   mark_edited();
   return next_mesh_id_++;
@@ -113,7 +113,7 @@ template <class T>
 void Scene::update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions, ThreadPool& pool) {
   const std::lock_guard lock(edit_mutex_);
   MeshSlot& slot = find_mesh(mesh_id, "update_mesh");
-  const TriangleMesh& before = slot.edited ? *slot.edited : slot.blas->mesh;
+  const Mesh& before = slot.edited ? *slot.edited : slot.blas->mesh;
   if (!slot.spare_positions) slot.spare_positions = std::make_shared<SparePositions>();
   auto moved = move_vertices(before, positions, slot.spare_positions, pool, "update_mesh");
   slot.same_topology = slot.edited ? slot.same_topology : true;
@@ -124,10 +124,10 @@ void Scene::update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions
 template void Scene::update_mesh(std::int32_t, std::span<const Vec3f>, ThreadPool&);
 template void Scene::update_mesh(std::int32_t, std::span<const Vec3d>, ThreadPool&);
 
-void Scene::replace_mesh(std::int32_t mesh_id, TriangleMesh mesh) {
+void Scene::replace_mesh(std::int32_t mesh_id, Mesh mesh) {
   const std::lock_guard lock(edit_mutex_);
   MeshSlot& slot = find_mesh(mesh_id, "replace_mesh");
-  slot.edited = std::make_shared<const TriangleMesh>(std::move(mesh));
+  slot.edited = std::make_shared<const Mesh>(std::move(mesh));
   slot.same_topology = slot.has_deformed = false;
   slot.spare_positions.reset();
   mark_edited();

@@ -76,11 +76,11 @@ class Scene {
 
   // Every edit checks all of its input before it changes anything; ids are never reused.
   // is_lazy: its tree is built when the first ray reaches it.
-  std::int32_t add_mesh(TriangleMesh mesh, const BuildConfig& config, Usage usage, bool is_lazy = false);
+  std::int32_t add_mesh(Mesh mesh, const BuildConfig& config, Usage usage, bool is_lazy = false);
   template <class T>
   void update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions,
                    ThreadPool& pool = ThreadPool::shared());  // same topology
-  void replace_mesh(std::int32_t mesh_id, TriangleMesh mesh);
+  void replace_mesh(std::int32_t mesh_id, Mesh mesh);
   void set_usage(std::int32_t mesh_id, Usage usage);                  // what its next builds are for
   void remove_mesh(std::int32_t mesh_id);                             // InvalidArgument while instances use it
   std::int32_t add_instances(std::span<const InstanceInput> inputs);  // the first new id; the others follow

@@ -66,7 +66,7 @@ std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, 
                                           CancelToken& cancel) {
   const Affine to_world = from_stored(object_to_world, blas.mesh.centre);
   Vec3d centre = to_world.point({0, 0, 0});
-  auto mesh = std::make_shared<TriangleMesh>();
+  auto mesh = std::make_shared<Mesh>();
   mesh->triangles = blas.mesh.triangles;
   mesh->centre = centre;
   mesh->positions.resize(blas.mesh.positions.size());

@@ -56,7 +56,7 @@ InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
   view.scale = tree.scale;
   if (instance.blas->deferred) {
     view.root = kUnbuiltRoot;
-    view.mask = instance.blas->mesh.triangle_count() == 0 ? 0 : instance.mask;
+    view.mask = instance.blas->mesh.primitive_count() == 0 ? 0 : instance.mask;
   }
   return view;
 }

@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t kSamples = 4096;
 constexpr double kSolid = 3;  // halves of a box's surface, of triangles that leave no air in it
 
-double triangle_area(const TriangleMesh& mesh, std::size_t index) noexcept {
+double triangle_area(const Mesh& mesh, std::size_t index) noexcept {
   const TriangleIndices t = mesh.triangles[index];
   const Vec3d a = to_double(mesh.positions[t.x]), b = to_double(mesh.positions[t.y]),
               c = to_double(mesh.positions[t.z]);
@@ -32,13 +32,13 @@ Aabb box_of(const AlignedVector<Vec3f>& positions, CancelToken& cancel) {
 
 }  // namespace
 
-double measure_tree_sample(const TriangleMesh& mesh, ThreadPool& pool) {
-  const std::size_t count = mesh.triangle_count();
+double measure_tree_sample(const Mesh& mesh, ThreadPool& pool) {
+  const std::size_t count = mesh.primitive_count();
   const std::size_t step = std::max<std::size_t>(1, count / std::clamp<std::size_t>(count / 16, 64, 1024));
   AlignedVector<PrimRef> sample;
   sample.reserve(count / step + 1);
   for (std::size_t i = 0; i < count; i += step) {
-    const Aabb box = mesh.triangle_box(i);
+    const Aabb box = mesh.primitive_box(i);
     sample.push_back({box.lower, static_cast<std::uint32_t>(sample.size()), box.upper, 0});
   }
   if (sample.empty()) return 0;
@@ -50,11 +50,11 @@ double measure_tree_sample(const TriangleMesh& mesh, ThreadPool& pool) {
   return half_area(tree.bounds()) > 0 ? measure_quality(tree).sah : 0;
 }
 
-double measure_air(const TriangleMesh& mesh, CancelToken& cancel) {
-  const std::size_t step = std::max<std::size_t>(1, mesh.triangle_count() / kSamples);
+double measure_air(const Mesh& mesh, CancelToken& cancel) {
+  const std::size_t step = std::max<std::size_t>(1, mesh.primitive_count() / kSamples);
   double sum = 0;
-  for (std::size_t i = 0; i < mesh.triangle_count(); i += step) {
-    sum += std::max(half_area(mesh.triangle_box(i)) - kSolid * triangle_area(mesh, i), 0.0);
+  for (std::size_t i = 0; i < mesh.primitive_count(); i += step) {
+    sum += std::max(half_area(mesh.primitive_box(i)) - kSolid * triangle_area(mesh, i), 0.0);
   }
   const Aabb whole = box_of(mesh.positions, cancel);
   const double area = whole.is_empty() ? 0 : half_area(whole);

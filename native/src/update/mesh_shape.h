@@ -3,7 +3,7 @@
 
 #include "core/cancel.h"
 #include "core/thread_pool.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 
 namespace perfect_bvh {
 
@@ -17,12 +17,12 @@ namespace perfect_bvh {
 //
 // 0 for a mesh whose box has no area. A sixteenth of the triangles, but from 64 to 1024 of them: a third of a
 // millisecond. The same number for any number of threads. Throws bad_alloc.
-[[nodiscard]] double measure_tree_sample(const TriangleMesh& mesh, ThreadPool& pool);
+[[nodiscard]] double measure_tree_sample(const Mesh& mesh, ThreadPool& pool);
 
 // How much air there is in the boxes of a mesh's triangles: what cutting them, as spatial splits do, can take away.
 // In: a mesh. Out: the area of those boxes, less three times that of their triangles, over the area of the mesh's box,
 // from every so-many-th triangle. A triangle that is no thinner than a half square has a box of no more than that.
 // 0 for a mesh whose box has no area. Looks at some thousand triangles and at every vertex.
-[[nodiscard]] double measure_air(const TriangleMesh& mesh, CancelToken& cancel);
+[[nodiscard]] double measure_air(const Mesh& mesh, CancelToken& cancel);
 
 }  // namespace perfect_bvh

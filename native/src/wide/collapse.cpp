@@ -10,7 +10,7 @@ namespace perfect_bvh {
 namespace {
 
 // Scale: 0 for the one that the boxes ask for.
-WideBvh collapse(const Bvh2& given, const TriangleMesh* mesh, TreeLayout layout, float scale, ThreadPool& pool,
+WideBvh collapse(const Bvh2& given, const Mesh* mesh, TreeLayout layout, float scale, ThreadPool& pool,
                  CancelToken& cancel) {
   WideBvh wide;
   wide.layout = layout;
@@ -20,7 +20,8 @@ WideBvh collapse(const Bvh2& given, const TriangleMesh* mesh, TreeLayout layout,
   const Bvh2& tree = split.empty() ? given : split;
   const Aabb bounds = tree.bounds();
   wide.is_empty = false;
-  wide.repeats_triangles = mesh != nullptr && (!given.refittable || given.prim_indices.size() > mesh->triangle_count());
+  wide.repeats_triangles =
+      mesh != nullptr && (!given.refittable || given.prim_indices.size() > mesh->primitive_count());
   CollapseCosts costs;
   costs.scale = tree_scale(bounds);
   wide.scale = scale > 0 ? scale : costs.scale;
@@ -36,8 +37,7 @@ WideBvh collapse(const Bvh2& given, const TriangleMesh* mesh, TreeLayout layout,
 
 }  // namespace
 
-WideBvh collapse_mesh(const Bvh2& tree, const TriangleMesh& mesh, TreeLayout layout, ThreadPool& pool,
-                      CancelToken& cancel) {
+WideBvh collapse_mesh(const Bvh2& tree, const Mesh& mesh, TreeLayout layout, ThreadPool& pool, CancelToken& cancel) {
   return collapse(tree, &mesh, layout, 0, pool, cancel);
 }
 

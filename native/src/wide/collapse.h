@@ -9,12 +9,12 @@
 #include "builders/bvh2.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
 
-[[nodiscard]] WideBvh collapse_mesh(const Bvh2& tree, const TriangleMesh& mesh, TreeLayout layout, ThreadPool& pool,
+[[nodiscard]] WideBvh collapse_mesh(const Bvh2& tree, const Mesh& mesh, TreeLayout layout, ThreadPool& pool,
                                     CancelToken& cancel);
 
 // Over instances (their world boxes): leaves refer to one each.

@@ -11,7 +11,7 @@
 #include "core/aligned.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
@@ -52,7 +52,7 @@ static_assert(sizeof(CollapseDecision) == 8);
 // Fills in nodes, leaves, root and depth; scale and layout must be set. Mesh: null for a top level. Threads share out
 // subtrees: they first count what each will need, then write it where it belongs. Throws EngineError if the tree gets
 // more nodes, leaves or instances than a child can refer to.
-void emit_wide(const Bvh2& tree, const TriangleMesh* mesh, std::span<const CollapseDecision> decisions, WideBvh& wide,
+void emit_wide(const Bvh2& tree, const Mesh* mesh, std::span<const CollapseDecision> decisions, WideBvh& wide,
                ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -70,7 +70,7 @@ constexpr std::uint32_t kSubtreeSize = 8192;  // binary nodes below what is one 
 
 class Emitter {
  public:
-  Emitter(const Plan& plan, const TriangleMesh* mesh, WideBvh& wide) : plan_(plan), mesh_(mesh), wide_(wide) {}
+  Emitter(const Plan& plan, const Mesh* mesh, WideBvh& wide) : plan_(plan), mesh_(mesh), wide_(wide) {}
 
   // What a subtree will need.
   [[nodiscard]] Totals count(const Part& part) {
@@ -190,7 +190,7 @@ class Emitter {
   }
 
   const Plan& plan_;
-  const TriangleMesh* mesh_;
+  const Mesh* mesh_;
   WideBvh& wide_;
   std::vector<Waiting> waiting_;
   std::array<std::uint32_t, 8> primitives_;
@@ -233,7 +233,7 @@ void check_limits(const Totals& totals, const Bvh2& tree, bool is_top_level, Can
 
 }  // namespace
 
-void emit_wide(const Bvh2& tree, const TriangleMesh* mesh, std::span<const CollapseDecision> decisions, WideBvh& wide,
+void emit_wide(const Bvh2& tree, const Mesh* mesh, std::span<const CollapseDecision> decisions, WideBvh& wide,
                ThreadPool& pool, CancelToken& cancel) {
   const Plan plan(tree, decisions);
   std::vector<Part> parts = make_parts(plan);

@@ -177,10 +177,10 @@ class Assembly {
 
 }  // namespace
 
-WideBvh build_fast_wide(const TriangleMesh& mesh, TreeLayout layout, ThreadPool& pool, CancelToken& cancel) {
+WideBvh build_fast_wide(const Mesh& mesh, TreeLayout layout, ThreadPool& pool, CancelToken& cancel) {
   WideBvh wide;
   wide.layout = layout;
-  if (mesh.triangle_count() == 0) return wide;
+  if (mesh.primitive_count() == 0) return wide;
   Scratch tree_memory;
   MortonLeaves leaves = make_morton_leaves(mesh, layout, tree_memory, pool, cancel);
   wide.is_empty = false;

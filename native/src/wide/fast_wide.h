@@ -7,13 +7,12 @@
 #include "builders/build_config.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
 
 // Empty over no triangles. Throws Cancelled, EngineError, bad_alloc.
-[[nodiscard]] WideBvh build_fast_wide(const TriangleMesh& mesh, TreeLayout layout, ThreadPool& pool,
-                                      CancelToken& cancel);
+[[nodiscard]] WideBvh build_fast_wide(const Mesh& mesh, TreeLayout layout, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -37,7 +37,7 @@ void write_span(LeafBlock& block, const Box4& box) noexcept {
   block.corners[0] = (block.corners[0] & kCornerBits) | (span > 0.0f ? bits : kPoint);
 }
 
-Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const TriangleMesh& mesh, float scale) noexcept {
+Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const Mesh& mesh, float scale) noexcept {
   std::array<Float4, 8> rows;
   for (std::size_t i = 0; i < 8; ++i) rows[i] = load_position(&mesh.positions[vertices[i]]).xyz0() * Float4(scale);
   Box4 box{rows[0], rows[0]};
@@ -52,7 +52,7 @@ Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const Trian
   return box;
 }
 
-LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, const TriangleMesh& mesh,
+LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
                           float scale) noexcept {
   LeafBlock block;
   write_sorted(primitives, count, block.primitives);

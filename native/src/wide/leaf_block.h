@@ -7,7 +7,7 @@
 #include "builders/build_config.h"
 #include "core/aligned.h"
 #include "math/float4.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "wide/small_set.h"
 #include "wide/wide_bvh.h"
 
@@ -28,7 +28,7 @@ namespace perfect_bvh {
 }
 
 // From 1 to 8 different triangles over at most 8 vertices, in any order. Positions are taken times `scale`.
-[[nodiscard]] LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, const TriangleMesh& mesh,
+[[nodiscard]] LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
                                         float scale) noexcept;
 
 // One of a mesh's positions in a register; what stands behind it is in the fourth lane.
@@ -42,7 +42,7 @@ void write_span(LeafBlock& block, const Box4& box) noexcept;
 
 // The 8 vertices with these numbers, times `scale`, into a block whose corners are known. Returns their box, in which
 // zeros may have either sign.
-Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const TriangleMesh& mesh, float scale) noexcept;
+Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const Mesh& mesh, float scale) noexcept;
 
 // The same triangles as a leaf of the compact layout: 1 to 8, over any number of vertices.
 [[nodiscard]] IndexedLeaf make_indexed_leaf(const std::uint32_t* primitives, std::uint32_t count) noexcept;

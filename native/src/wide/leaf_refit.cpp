@@ -38,7 +38,7 @@ Box4 write_vertices(const VertexNumbers& numbers, const Vec3f* positions, Float4
   return {box.lower + zero, box.upper + zero};
 }
 
-void refit_blocks(const WideBvh& from, const LeafVertices& vertices, const TriangleMesh& mesh,
+void refit_blocks(const WideBvh& from, const LeafVertices& vertices, const Mesh& mesh,
                   std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept {
   const Vec3f* const positions = mesh.positions.data();
   const Float4 scale(to.scale);
@@ -64,14 +64,14 @@ void refit_blocks(const WideBvh& from, const LeafVertices& vertices, const Trian
 // From a leaf to its vertices are three steps through memory, each of which knows where the next one goes.
 constexpr std::size_t kLeafAhead = 24, kTrianglesAhead = 16, kCornersAhead = 8;
 
-void fetch_corners(const IndexedLeaf& leaf, const TriangleMesh& mesh) noexcept {
+void fetch_corners(const IndexedLeaf& leaf, const Mesh& mesh) noexcept {
   for (const std::uint32_t primitive : leaf.primitives) {
     const TriangleIndices corners = mesh.triangles[primitive];
     fetch(&mesh.positions[corners.x]), fetch(&mesh.positions[corners.y]), fetch(&mesh.positions[corners.z]);
   }
 }
 
-Box4 box_of(const IndexedLeaf& leaf, const TriangleMesh& mesh, Float4 scale) noexcept {
+Box4 box_of(const IndexedLeaf& leaf, const Mesh& mesh, Float4 scale) noexcept {
   Box4 box = Box4::empty();
   for (const std::uint32_t primitive : leaf.primitives) {
     const TriangleIndices corners = mesh.triangles[primitive];
@@ -84,8 +84,8 @@ Box4 box_of(const IndexedLeaf& leaf, const TriangleMesh& mesh, Float4 scale) noe
 }
 
 // They do not change: only their boxes do.
-void refit_indexed_leaves(const WideBvh& from, const TriangleMesh& mesh, std::span<const std::uint32_t> rows,
-                          WideBvh& to, Box4* boxes) noexcept {
+void refit_indexed_leaves(const WideBvh& from, const Mesh& mesh, std::span<const std::uint32_t> rows, WideBvh& to,
+                          Box4* boxes) noexcept {
   const Float4 scale(to.scale);
   const auto leaf_at = [&](std::size_t i) -> const IndexedLeaf& { return from.indexed_leaves[rows[i]]; };
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -101,7 +101,7 @@ void refit_indexed_leaves(const WideBvh& from, const TriangleMesh& mesh, std::sp
 
 }  // namespace
 
-void refit_leaves(const WideBvh& from, const LeafVertices& vertices, const TriangleMesh& mesh,
+void refit_leaves(const WideBvh& from, const LeafVertices& vertices, const Mesh& mesh,
                   std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept {
   if (from.layout == TreeLayout::kCompact) {
     refit_indexed_leaves(from, mesh, rows, to, boxes);

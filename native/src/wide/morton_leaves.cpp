@@ -26,7 +26,7 @@ struct RunContents {
   alignas(16) std::array<std::int32_t, kLeafSize> numbers;  // signed: compared by SSE2
   std::array<std::uint32_t, kLeafSize> corners;
 
-  RunContents(const TriangleMesh& mesh, const TriangleOrder& order, std::size_t first, std::uint32_t size,
+  RunContents(const Mesh& mesh, const TriangleOrder& order, std::size_t first, std::uint32_t size,
               const std::uint32_t* corner_vertices, const std::uint8_t* way_back) noexcept {
     numbers.fill(std::numeric_limits<std::int32_t>::max());
     const Vec3f* const positions = mesh.positions.data();
@@ -84,7 +84,7 @@ void write_triangles(LeafBlock& block, const RunContents& run, std::uint32_t siz
 }
 
 // In as many parts as there are threads: each needs a memory of all vertices.
-void cut_runs(const TriangleMesh& mesh, const TriangleOrder& order, Runs& runs, Scratch& scratch, ThreadPool& pool,
+void cut_runs(const Mesh& mesh, const TriangleOrder& order, Runs& runs, Scratch& scratch, ThreadPool& pool,
               CancelToken& cancel) {
   const std::size_t chunk_count = runs.counts.size();
   const auto threads = static_cast<std::size_t>(pool.thread_count());
@@ -95,15 +95,14 @@ void cut_runs(const TriangleMesh& mesh, const TriangleOrder& order, Runs& runs, 
     RunCutter cutter(mesh, order, last_corners.subspan(begin / part * vertex_count, vertex_count), runs, cancel);
     for (std::size_t i = begin; i < end; ++i) {
       cancel.checkpoint();
-      cutter.cut(i * kRunChunk, std::min(mesh.triangle_count(), (i + 1) * kRunChunk));
+      cutter.cut(i * kRunChunk, std::min(mesh.primitive_count(), (i + 1) * kRunChunk));
     }
   });
 }
 
 // The blocks of the chunk whose first triangle stands in place `begin`, from row `row` on.
-void fill_blocks(const TriangleMesh& mesh, const TriangleOrder& order, std::size_t begin,
-                 std::span<const std::uint8_t> sizes, const Runs& runs, std::size_t row,
-                 MortonLeaves& leaves) noexcept {
+void fill_blocks(const Mesh& mesh, const TriangleOrder& order, std::size_t begin, std::span<const std::uint8_t> sizes,
+                 const Runs& runs, std::size_t row, MortonLeaves& leaves) noexcept {
   for (const std::uint8_t size : sizes) {
     LeafBlock& block = leaves.blocks[row];
     const RunContents run(mesh, order, begin, size, &runs.corners[3 * begin], &runs.way_back[3 * begin]);
@@ -115,7 +114,7 @@ void fill_blocks(const TriangleMesh& mesh, const TriangleOrder& order, std::size
 }
 
 // The same for the compact layout.
-void fill_indexed_leaves(const TriangleMesh& mesh, const TriangleOrder& order, std::size_t begin,
+void fill_indexed_leaves(const Mesh& mesh, const TriangleOrder& order, std::size_t begin,
                          std::span<const std::uint8_t> sizes, std::size_t row, MortonLeaves& leaves) noexcept {
   constexpr std::size_t kAhead = 16;  // triangles fetched before they are needed
   const Float4 scale(leaves.scale);
@@ -147,9 +146,9 @@ void check_count(std::size_t count, bool is_compact) {
 
 }  // namespace
 
-MortonLeaves make_morton_leaves(const TriangleMesh& mesh, TreeLayout layout, Scratch& tree_memory, ThreadPool& pool,
+MortonLeaves make_morton_leaves(const Mesh& mesh, TreeLayout layout, Scratch& tree_memory, ThreadPool& pool,
                                 CancelToken& cancel) {
-  const std::size_t count = mesh.triangle_count();
+  const std::size_t count = mesh.primitive_count();
   const bool is_compact = layout == TreeLayout::kCompact;
   check_count(count, is_compact);
   const std::size_t vertex_memory = mesh.positions.size() * sizeof(std::uint32_t);  // of a thread

@@ -8,7 +8,7 @@
 #include "core/cancel.h"
 #include "core/scratch.h"
 #include "core/thread_pool.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
@@ -23,7 +23,7 @@ struct MortonLeaves {
 
 // The boxes stand in `tree_memory`, which is told what a tree over them will take. The same bytes for any number of
 // threads. The mesh is not empty. Throws Cancelled, EngineError, bad_alloc.
-[[nodiscard]] MortonLeaves make_morton_leaves(const TriangleMesh& mesh, TreeLayout layout, Scratch& tree_memory,
+[[nodiscard]] MortonLeaves make_morton_leaves(const Mesh& mesh, TreeLayout layout, Scratch& tree_memory,
                                               ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -24,7 +24,7 @@ void list_vertices(const LeafBlock& leaf, const TriangleIndices* triangles, Vert
   for (std::uint32_t i = 1; i < 8; ++i) numbers.at[i] = numbers.at[i] == kNone ? numbers.at[i - 1] : numbers.at[i];
 }
 
-LeafVertices list_leaf_vertices(const WideBvh& tree, const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel) {
+LeafVertices list_leaf_vertices(const WideBvh& tree, const Mesh& mesh, ThreadPool& pool, CancelToken& cancel) {
   LeafVertices vertices(tree.blocks.size());
   const TriangleIndices* const triangles = mesh.triangles.data();
   for_chunks(pool, tree.blocks.size(), kGrain, cancel, [&](std::size_t begin, std::size_t end) {
@@ -79,8 +79,7 @@ std::size_t RefitPlan::byte_count() const noexcept {
   return rows * sizeof(std::uint32_t) + (vertices ? vertices->size() * sizeof(VertexNumbers) : 0);
 }
 
-void complete_plan(RefitPlan& plan, const WideBvh& tree, const TriangleMesh& mesh, ThreadPool& pool,
-                   CancelToken& cancel) {
+void complete_plan(RefitPlan& plan, const WideBvh& tree, const Mesh& mesh, ThreadPool& pool, CancelToken& cancel) {
   if (!plan.order) plan.order = std::make_shared<const RefitOrder>(order_refit(tree, pool, cancel));
   if (!plan.vertices) {
     plan.vertices = std::make_shared<const LeafVertices>(list_leaf_vertices(tree, mesh, pool, cancel));

@@ -11,7 +11,7 @@
 #include "core/aligned.h"
 #include "core/cancel.h"
 #include "core/thread_pool.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "wide/bottom_up.h"
 #include "wide/wide_bvh.h"
 
@@ -42,7 +42,6 @@ struct RefitPlan {
 };
 
 // Makes the parts that are missing. Throws Cancelled, bad_alloc.
-void complete_plan(RefitPlan& plan, const WideBvh& tree, const TriangleMesh& mesh, ThreadPool& pool,
-                   CancelToken& cancel);
+void complete_plan(RefitPlan& plan, const WideBvh& tree, const Mesh& mesh, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -41,8 +41,8 @@ Runs make_room_for_runs(std::size_t triangle_count, TreeLayout layout, Scratch& 
   return runs;
 }
 
-RunCutter::RunCutter(const TriangleMesh& mesh, const TriangleOrder& order, std::span<std::uint32_t> last_corners,
-                     Runs& runs, CancelToken& cancel)
+RunCutter::RunCutter(const Mesh& mesh, const TriangleOrder& order, std::span<std::uint32_t> last_corners, Runs& runs,
+                     CancelToken& cancel)
     : mesh_(mesh), order_(order), last_corners_(last_corners), runs_(runs) {
   for_steps(last_corners_.size(), cancel, [&](std::size_t begin, std::size_t end) {
     std::fill(last_corners_.begin() + static_cast<std::ptrdiff_t>(begin),

@@ -10,7 +10,7 @@
 #include "builders/build_config.h"
 #include "core/cancel.h"
 #include "core/scratch.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "wide/triangle_order.h"
 
 namespace perfect_bvh {
@@ -38,7 +38,7 @@ struct Runs {
 class RunCutter {
  public:
   // last_corners: for the default layout a place for every vertex, of this cutter's own; else empty.
-  RunCutter(const TriangleMesh& mesh, const TriangleOrder& order, std::span<std::uint32_t> last_corners, Runs& runs,
+  RunCutter(const Mesh& mesh, const TriangleOrder& order, std::span<std::uint32_t> last_corners, Runs& runs,
             CancelToken& cancel);
 
   // Triangles in places [begin, end) of the order: a chunk.
@@ -48,7 +48,7 @@ class RunCutter {
   void match_corners(std::size_t begin, std::size_t end) noexcept;
   void choose_runs(std::size_t begin, std::size_t end) noexcept;
 
-  const TriangleMesh& mesh_;
+  const Mesh& mesh_;
   const TriangleOrder& order_;
   std::span<std::uint32_t> last_corners_;  // by vertex: 3 * place + corner
   Runs& runs_;

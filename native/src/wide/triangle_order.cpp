@@ -28,7 +28,7 @@ using Key = std::uint64_t;
 }
 
 // Of all vertices.
-[[nodiscard]] Box4 measure_space(const TriangleMesh& mesh, ThreadPool& pool, CancelToken& cancel) {
+[[nodiscard]] Box4 measure_space(const Mesh& mesh, ThreadPool& pool, CancelToken& cancel) {
   AlignedVector<Box4> chunks(chunk_count_of(mesh.positions.size()));
   for_chunks(pool, mesh.positions.size(), kItemsBetweenAsking, cancel, [&](std::size_t begin, std::size_t end) {
     Box4 box = Box4::empty();
@@ -39,7 +39,7 @@ using Key = std::uint64_t;
 }
 
 // Writes a key for every triangle, with cells that divide `space`; returns the triangles' box.
-[[nodiscard]] Box4 write_keys(const TriangleMesh& mesh, const Box4& space, std::span<Key> keys, ThreadPool& pool,
+[[nodiscard]] Box4 write_keys(const Mesh& mesh, const Box4& space, std::span<Key> keys, ThreadPool& pool,
                               CancelToken& cancel) {
   const MortonGrid grid(space);
   const TriangleIndices* const triangles = mesh.triangles.data();
@@ -63,10 +63,10 @@ using Key = std::uint64_t;
 
 }  // namespace
 
-TriangleOrder order_triangles(const TriangleMesh& mesh, Scratch& scratch, ThreadPool& pool, CancelToken& cancel) {
+TriangleOrder order_triangles(const Mesh& mesh, Scratch& scratch, ThreadPool& pool, CancelToken& cancel) {
   TriangleOrder order;
   const Box4 space = measure_space(mesh, pool, cancel);
-  const auto keys = scratch.take<Key>(mesh.triangle_count()), second = scratch.take<Key>(mesh.triangle_count());
+  const auto keys = scratch.take<Key>(mesh.primitive_count()), second = scratch.take<Key>(mesh.primitive_count());
   order.bounds = write_keys(mesh, space, keys, pool, cancel);
   // Loose vertices far away would leave all triangles in a few cells.
   if (longest_side(order.bounds) < 0.5f * longest_side(space)) {

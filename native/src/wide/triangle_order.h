@@ -8,7 +8,7 @@
 #include "core/scratch.h"
 #include "core/thread_pool.h"
 #include "math/float4.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 
 namespace perfect_bvh {
 
@@ -30,7 +30,6 @@ struct TriangleOrder {
 }
 
 // In `scratch`. The same for any number of threads.
-[[nodiscard]] TriangleOrder order_triangles(const TriangleMesh& mesh, Scratch& scratch, ThreadPool& pool,
-                                            CancelToken& cancel);
+[[nodiscard]] TriangleOrder order_triangles(const Mesh& mesh, Scratch& scratch, ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

@@ -8,7 +8,7 @@
 #include "math/aabb.h"
 #include "math/float4.h"
 #include "math/slab.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
@@ -82,20 +82,20 @@ inline void write_planes(const Box4* boxes, WideNode& node) noexcept {
 }
 
 // Of whole triangles, which a clipped box above the leaf may not hold.
-[[nodiscard]] inline Aabb leaf_box(const WideBvh& tree, const TriangleMesh& mesh, std::uint32_t leaf) noexcept {
+[[nodiscard]] inline Aabb leaf_box(const WideBvh& tree, const Mesh& mesh, std::uint32_t leaf) noexcept {
   Aabb box;
-  for (std::uint32_t i = 0; i < 8; ++i) box.grow(mesh.triangle_box(primitives_of(tree, leaf)[i]));
+  for (std::uint32_t i = 0; i < 8; ++i) box.grow(mesh.primitive_box(primitives_of(tree, leaf)[i]));
   return {box.lower * tree.scale, box.upper * tree.scale};
 }
 
 // Of a tree over the mesh's triangles; empty for an empty tree.
-[[nodiscard]] inline Aabb bounds_of(const WideBvh& tree, const TriangleMesh& mesh) noexcept {
+[[nodiscard]] inline Aabb bounds_of(const WideBvh& tree, const Mesh& mesh) noexcept {
   if (tree.is_empty) return {};
   return tree.root < kBlockChild ? node_box(tree.nodes[tree.root]) : leaf_box(tree, mesh, tree.root - kBlockChild);
 }
 
 // The same at the mesh's own scale.
-[[nodiscard]] inline Aabb mesh_bounds_of(const WideBvh& tree, const TriangleMesh& mesh) noexcept {
+[[nodiscard]] inline Aabb mesh_bounds_of(const WideBvh& tree, const Mesh& mesh) noexcept {
   const Aabb box = bounds_of(tree, mesh);
   const float to_mesh = 1.0f / tree.scale;
   return box.is_empty() ? box : Aabb{box.lower * to_mesh, box.upper * to_mesh};

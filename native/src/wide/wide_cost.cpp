@@ -6,7 +6,7 @@
 
 namespace perfect_bvh {
 
-TraceWork measure_trace_work(const WideBvh& tree, const TriangleMesh& mesh, CancelToken& cancel) {
+TraceWork measure_trace_work(const WideBvh& tree, const Mesh& mesh, CancelToken& cancel) {
   if (tree.is_empty) return {};
   const double root_area = half_area(bounds_of(tree, mesh));
   if (!(root_area > 0)) return {};
@@ -24,7 +24,7 @@ TraceWork measure_trace_work(const WideBvh& tree, const TriangleMesh& mesh, Canc
   return {node_area / root_area, leaf_area / root_area};
 }
 
-double measure_sah(const WideBvh& tree, const TriangleMesh& mesh, CancelToken& cancel) {
+double measure_sah(const WideBvh& tree, const Mesh& mesh, CancelToken& cancel) {
   if (tree.is_empty) return 0;
   const double root_area = half_area(bounds_of(tree, mesh));
   if (tree.nodes.empty()) return triangle_count_of(tree, tree.root - kBlockChild);

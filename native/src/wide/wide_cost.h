@@ -10,7 +10,7 @@
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "math/float4.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
@@ -44,11 +44,11 @@ struct TraceWork {
 };
 
 // One pass over the nodes. Zero where the box of the whole has no area, and for an empty tree.
-[[nodiscard]] TraceWork measure_trace_work(const WideBvh& tree, const TriangleMesh& mesh, CancelToken& cancel);
+[[nodiscard]] TraceWork measure_trace_work(const WideBvh& tree, const Mesh& mesh, CancelToken& cancel);
 
 // What a random ray that meets a tree's box is expected to spend, 1 for each node and each triangle (SAH). One pass
 // over the nodes and leaves. Where the box of the whole has no area, the triangles stand in; 0 for an empty tree.
-[[nodiscard]] double measure_sah(const WideBvh& tree, const TriangleMesh& mesh, CancelToken& cancel);
+[[nodiscard]] double measure_sah(const WideBvh& tree, const Mesh& mesh, CancelToken& cancel);
 
 // Of a ray that meets a node's box: 1 for the node, and for each child its own cost times its share of the node's
 // surface. So neither size nor place matters. 0 where the node has no surface: there is nothing to compare with.

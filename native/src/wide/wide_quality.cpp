@@ -19,7 +19,7 @@ double overlap_of_children(const WideNode& node) noexcept {
 
 }  // namespace
 
-TreeQuality measure_wide_quality(const WideBvh& tree, const TriangleMesh& mesh) {
+TreeQuality measure_wide_quality(const WideBvh& tree, const Mesh& mesh) {
   TreeQuality quality;
   if (tree.is_empty) return quality;
   const double root_area = half_area(bounds_of(tree, mesh));

@@ -15,7 +15,7 @@ namespace {
 // One pass over a tree, with the scale that `to` has.
 class Refitter {
  public:
-  Refitter(const WideBvh& from, const RefitPlan& plan, const TriangleMesh& mesh, WideBvh& to)
+  Refitter(const WideBvh& from, const RefitPlan& plan, const Mesh& mesh, WideBvh& to)
       : from_(from), order_(*plan.order), vertices_(*plan.vertices), mesh_(mesh), to_(to) {
     node_boxes_.resize(from.nodes.size());
     costs_.resize(from.nodes.size());
@@ -81,7 +81,7 @@ class Refitter {
   const WideBvh& from_;
   const RefitOrder& order_;
   const LeafVertices& vertices_;
-  const TriangleMesh& mesh_;
+  const Mesh& mesh_;
   WideBvh& to_;
   AlignedVector<Box4> node_boxes_;  // by row
   Box4 bounds_ = Box4::empty();
@@ -94,17 +94,17 @@ Aabb in_mesh(const Box4& stored, float scale) noexcept {
 }
 
 // Coordinates that left the range of a scale have lost what it takes to tell where they are: the mesh itself is asked.
-float scale_of(const TriangleMesh& mesh, CancelToken& cancel) {
+float scale_of(const Mesh& mesh, CancelToken& cancel) {
   Aabb box;
-  for_steps(mesh.triangle_count(), cancel, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) box.grow(mesh.triangle_box(i));
+  for_steps(mesh.primitive_count(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) box.grow(mesh.primitive_box(i));
   });
   return tree_scale(box);
 }
 
 }  // namespace
 
-WideCosts refit_wide(const WideBvh& from, const RefitPlan& plan, const TriangleMesh& mesh, WideBvh& to, bool has_shape,
+WideCosts refit_wide(const WideBvh& from, const RefitPlan& plan, const Mesh& mesh, WideBvh& to, bool has_shape,
                      ThreadPool& pool, CancelToken& cancel) {
   if (!is_refittable(from)) {
     throw InvalidArgument("refit_wide: the tree's boxes are clipped (spatial splits), so it must be rebuilt instead");

@@ -5,7 +5,7 @@
 
 #include "core/cancel.h"
 #include "core/thread_pool.h"
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 #include "wide/refit_plan.h"
 #include "wide/wide_bvh.h"
 #include "wide/wide_cost.h"
@@ -21,7 +21,7 @@ namespace perfect_bvh {
 // used and its contents are not. Scale and extent follow the mesh. The same bytes for any number of threads, and those
 // of `from` where nothing moved. Throws InvalidArgument if the tree is not refittable; Cancelled, bad_alloc: `to` is
 // then of no use.
-WideCosts refit_wide(const WideBvh& from, const RefitPlan& plan, const TriangleMesh& mesh, WideBvh& to, bool has_shape,
+WideCosts refit_wide(const WideBvh& from, const RefitPlan& plan, const Mesh& mesh, WideBvh& to, bool has_shape,
                      ThreadPool& pool, CancelToken& cancel);
 
 }  // namespace perfect_bvh

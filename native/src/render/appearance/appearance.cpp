@@ -129,7 +129,7 @@ void Appearance::check_materials() const {
 }
 
 void Appearance::check_fits(const Instance& instance, const MeshAttributes& attributes) const {
-  const std::size_t count = instance.blas->mesh.triangle_count();
+  const std::size_t count = instance.blas->mesh.primitive_count();
   const auto check = [&](std::size_t rows, const char* name) {
     if (rows == 0 || rows == count) return;
     const std::string mesh = "meshes[" + std::to_string(instance.mesh_id) + "].";

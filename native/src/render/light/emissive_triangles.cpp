@@ -55,7 +55,7 @@ bool EmissiveTriangles::may_emit(const Instance& instance) const noexcept {
 
 bool EmissiveTriangles::list(std::uint32_t instance_index) {
   const Instance& instance = snapshot_.instances[instance_index];
-  const auto count = static_cast<std::uint32_t>(instance.blas->mesh.triangle_count());
+  const auto count = static_cast<std::uint32_t>(instance.blas->mesh.primitive_count());
   for (std::uint32_t primitive = 0; primitive < count; ++primitive) {
     const std::int32_t material = appearance_.material_of(instance, primitive);
     if (material == kNoMaterial || !(brightness(material) > 0.0f)) continue;

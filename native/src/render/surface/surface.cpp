@@ -21,7 +21,7 @@ struct ObjectTriangle {
 };
 
 ObjectTriangle object_triangle(const Instance& instance, const Hit& hit) noexcept {
-  const TriangleMesh& mesh = instance.blas->mesh;
+  const Mesh& mesh = instance.blas->mesh;
   const TriangleIndices corners = mesh.triangles[hit.primitive_index];
   const double u = static_cast<double>(hit.u), v = static_cast<double>(hit.v);
   return {{to_double(mesh.positions[corners.x]), to_double(mesh.positions[corners.y]),

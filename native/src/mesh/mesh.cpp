@@ -1,4 +1,4 @@
-#include "mesh/triangle_mesh.h"
+#include "mesh/mesh.h"
 
 #include <algorithm>
 #include <cmath>
@@ -51,10 +51,10 @@ AlignedVector<TriangleIndices> copy_triangles(std::span<const Vec3<std::int32_t>
 }
 
 template <class T>
-TriangleMesh begin_mesh(std::span<const Vec3<T>> positions, std::span<const Vec3<std::int32_t>> triangles,
-                        const char* function) {
+Mesh begin_mesh(std::span<const Vec3<T>> positions, std::span<const Vec3<std::int32_t>> triangles,
+                const char* function) {
   check_positions(positions, function);
-  TriangleMesh mesh;
+  Mesh mesh;
   mesh.triangles = copy_triangles(triangles, positions.size(), function);
   mesh.positions.resize(positions.size());
   return mesh;
@@ -99,16 +99,14 @@ void narrow(std::span<const Vec3d> positions, Vec3d centre, Vec3f* narrowed) noe
   for (std::size_t i = 0; i < positions.size(); ++i) narrowed[i] = to_float(positions[i] - centre);
 }
 
-TriangleMesh make_mesh(std::span<const Vec3f> positions, std::span<const Vec3<std::int32_t>> triangles,
-                       const char* function) {
-  TriangleMesh mesh = begin_mesh(positions, triangles, function);
+Mesh make_mesh(std::span<const Vec3f> positions, std::span<const Vec3<std::int32_t>> triangles, const char* function) {
+  Mesh mesh = begin_mesh(positions, triangles, function);
   std::copy(positions.begin(), positions.end(), mesh.positions.begin());
   return mesh;
 }
 
-TriangleMesh make_mesh(std::span<const Vec3d> positions, std::span<const Vec3<std::int32_t>> triangles,
-                       const char* function) {
-  TriangleMesh mesh = begin_mesh(positions, triangles, function);
+Mesh make_mesh(std::span<const Vec3d> positions, std::span<const Vec3<std::int32_t>> triangles, const char* function) {
+  Mesh mesh = begin_mesh(positions, triangles, function);
   mesh.centre = box_centre(positions);
   narrow(positions, mesh.centre, mesh.positions.data());
   return mesh;

@@ -1,0 +1,80 @@
+// The owned, validated primitives of one kind that share a tree, in object space: an indexed triangle mesh.
+// In: positions (float or double) and triangles from the caller. Out: copies that no other code can change.
+// Double positions are recentred before they are narrowed, so that data a million units from zero keeps its detail:
+// object space as the caller knows it is `centre` + stored position.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "core/aligned.h"
+#include "math/aabb.h"
+#include "math/ball.h"
+#include "math/vec3.h"
+#include "mesh/shared_list.h"
+
+namespace perfect_bvh {
+
+enum class PrimitiveKind : std::uint8_t { kTriangles, kCurves, kPoints };
+
+struct Mesh {
+  PrimitiveKind kind = PrimitiveKind::kTriangles;
+  AlignedVector<Vec3f> positions;  // of triangles
+  TriangleList triangles;
+  AlignedVector<Ball> balls;          // of curves, one after another, and of points
+  SharedList<SegmentCode> segments;   // of curves
+  SharedList<std::uint32_t> starts;   // of each curve: its first ball; then how many balls there are
+  SharedList<std::uint32_t> numbers;  // of each point: its number to the caller; empty if that is its own
+  Vec3d centre{0, 0, 0};              // zero for meshes given in float
+
+  // Curves or points: balls, and hulls of two of them.
+  [[nodiscard]] bool is_round() const noexcept { return kind != PrimitiveKind::kTriangles; }
+  [[nodiscard]] std::size_t primitive_count() const noexcept {
+    if (kind == PrimitiveKind::kTriangles) return triangles.size();
+    return kind == PrimitiveKind::kCurves ? segments.size() : balls.size();
+  }
+  // Of triangles the vertices, else the balls.
+  [[nodiscard]] std::size_t vertex_count() const noexcept { return is_round() ? balls.size() : positions.size(); }
+  [[nodiscard]] Aabb primitive_box(std::size_t index) const noexcept {
+    return is_round() ? round_box(index) : triangle_box(index);
+  }
+  [[nodiscard]] std::size_t byte_count() const noexcept {
+    return positions.size() * sizeof(Vec3f) + triangles.size() * sizeof(TriangleIndices) + balls.size() * sizeof(Ball) +
+           (segments.size() + starts.size() + numbers.size()) * sizeof(std::uint32_t);
+  }
+
+ private:
+  [[nodiscard]] Aabb triangle_box(std::size_t index) const noexcept {
+    const TriangleIndices t = triangles[index];
+    Aabb box;
+    box.grow(positions[t.x]), box.grow(positions[t.y]), box.grow(positions[t.z]);
+    return box;
+  }
+  // The box of a convex hull is that of what it is the hull of.
+  [[nodiscard]] Aabb round_box(std::size_t index) const noexcept {
+    if (kind == PrimitiveKind::kPoints) return box_of(balls[index]);
+    const SegmentCode first = segments[index] & kSegmentBall;
+    Aabb box = box_of(balls[first]);
+    box.grow(box_of(balls[first + 1]));
+    return box;
+  }
+};
+
+// Copies and checks. `function` opens the error messages ("add_mesh: triangles[17] refers to vertex 512 but
+// positions has 500 rows"). Throws InvalidArgument for non-finite positions and indices out of range.
+[[nodiscard]] Mesh make_mesh(std::span<const Vec3f> positions, std::span<const Vec3<std::int32_t>> triangles,
+                             const char* function);
+[[nodiscard]] Mesh make_mesh(std::span<const Vec3d> positions, std::span<const Vec3<std::int32_t>> triangles,
+                             const char* function);
+
+// Parts of the same, for code that moves the vertices of a mesh: throws InvalidArgument if there are not `expected`
+// positions, or for the first that is not good.
+void check_count(std::size_t given, std::size_t expected, const char* function);
+template <class T>
+void check_positions(std::span<const Vec3<T>> positions, const char* function);
+template <class T>
+[[nodiscard]] bool are_good(std::span<const Vec3<T>> positions) noexcept;
+[[nodiscard]] Vec3d box_centre(std::span<const Vec3d> positions) noexcept;
+void narrow(std::span<const Vec3d> positions, Vec3d centre, Vec3f* narrowed) noexcept;
+
+}  // namespace perfect_bvh
