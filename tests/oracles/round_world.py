@@ -1,0 +1,206 @@
+"""Curves and points in instances, in double precision and beyond, and where rays may meet them.
+
+A curve is the union of its segments, hulls of two balls of which consecutive ones share one (`round_segments.py`); a
+point is a ball. Of a segment's interval along a ray, the entry is the curve's surface unless the segment before or
+after holds it, and so is the exit. Strands that are no neighbours are not united.
+
+The margin. What double precision loses is as if the ray had been shifted by no more than m; a hull whose radii are m
+less lies within any such hull, and one whose radii are m more around it. A ray *surely hits* the hull if it hits the
+lesser, *surely misses* it if it misses the greater, and enters it between where it enters the one and the other:
+that holds for tangents and tips as well. u = 2^-53, in the instance's own space: with N the inverse of its matrix A,
+mapping a point p costs no more than 8 u |N| |A| |N| (|p| + |translation|), component by component, and a direction the
+same, times the t of the hit. Being subtracted from a ball's middle, and setting up the equation, cost no more than
+24 u (largest coordinate + distance of the origin).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from .round_segments import Hulls, Real, Reals, dot, intervals, take
+
+Ints = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+_UNIT = 2.0**-53
+_OF_MAPPING, _OF_SOLVING = 8.0 * _UNIT, 24.0 * _UNIT
+_OF_T = 2.0**-23  # t is rounded to float
+_PAIRS_AT_A_TIME = 200_000
+
+
+class RoundPart(NamedTuple):
+    """An instance: centres (N, 3) and radii (N,) as the engine holds them, in float; offsets (C + 1,), None: points."""
+
+    instance_id: int
+    centres: npt.ArrayLike
+    radii: npt.ArrayLike
+    offsets: npt.ArrayLike | None
+    transform: npt.ArrayLike
+    mask: int
+
+
+@dataclass(frozen=True)
+class RoundWorld:
+    """Columns of all segments of all instances, in the order of the parts and along each curve.
+
+    hulls: in instances' own space. primitive_ids: the curve's or point's number in its mesh; steps: the segment's
+    number in its curve; counts: of the curve's segments. parts: which row of inverses (I, 3, 4), losses (I, 3, 3) and
+    shifts (I, 3), by which margins are reckoned.
+    """
+
+    hulls: Hulls
+    parts: Ints
+    instance_ids: Ints
+    primitive_ids: Ints
+    steps: Ints
+    counts: Ints
+    masks: npt.NDArray[np.uint32]
+    inverses: Reals
+    losses: Reals
+    shifts: Reals
+
+    @classmethod
+    def of(cls, parts: list[RoundPart]) -> RoundWorld:
+        """Segments and points without any radius are not there, and hide nothing."""
+        columns: list[tuple[Hulls, Ints, Ints, Ints, Ints, Ints, npt.NDArray[np.uint32]]] = []
+        maps = [_inverse_and_loss(part.transform) for part in parts]
+        for row, part in enumerate(parts):
+            centres, radii = np.asarray(part.centres, Real).reshape(-1, 3), np.asarray(part.radii, Real).reshape(-1)
+            first, last, primitives, steps, counts = _segments_of(part.offsets, len(centres))
+            kept = np.maximum(radii[first], radii[last]) > 0.0
+            first, last, primitives, steps, counts = (c[kept] for c in (first, last, primitives, steps, counts))
+            hulls = Hulls.of(centres[first], centres[last], np.stack([radii[first], radii[last]], axis=1))
+            size = len(first)
+            ids, masks = np.full(size, part.instance_id), np.full(size, part.mask, np.uint32)
+            columns.append((hulls, np.full(size, row), ids, primitives, steps, counts, masks))
+        hulls = Hulls(
+            *(
+                np.concatenate([getattr(c[0], name) for c in columns])
+                for name in ("starts", "ends", "first_radii", "last_radii")
+            )
+        )
+        flat = [np.concatenate(list(column)) for column in list(zip(*columns, strict=True))[1:]]
+        return cls(hulls, *flat, *(np.stack(arrays) for arrays in zip(*maps, strict=True)))
+
+
+def _segments_of(offsets: npt.ArrayLike | None, ball_count: int) -> tuple[Ints, Ints, Ints, Ints, Ints]:
+    """First ball, last ball, curve, number in the curve and the curve's count, each (S,)."""
+    if offsets is None:
+        every = np.arange(ball_count)
+        return every, every, every, np.zeros(ball_count, np.int64), np.ones(ball_count, np.int64)
+    starts = np.asarray(offsets, np.int64)
+    counts = np.diff(starts) - 1
+    curves = np.repeat(np.arange(len(counts)), counts)
+    steps = np.arange(len(curves)) - np.repeat(np.cumsum(counts) - counts, counts)
+    first = starts[curves] + steps
+    return first, first + 1, curves, steps, counts[curves]
+
+
+def _inverse_and_loss(transform: npt.ArrayLike) -> tuple[Reals, Reals, Reals]:
+    """(3, 4), the inverse map; (3, 3), |N| |A| |N|; (3,), |translation|."""
+    matrix = np.asarray(transform, Real)
+    a, b, c = matrix[:3, 0], matrix[:3, 1], matrix[:3, 2]
+    rows = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+    inverse = rows / dot(a, rows[0])
+    loss = _product(_product(np.abs(inverse), np.abs(matrix[:3, :3])), np.abs(inverse))
+    shift = matrix[:3, 3]
+    return np.column_stack([inverse, -_product(inverse, shift[:, None])[:, 0]]), loss, np.abs(shift)
+
+
+def _product(a: Reals, b: Reals) -> Reals:
+    return np.asarray((a[..., :, :, None] * b[..., None, :, :]).sum(axis=-2))
+
+
+def _mapped(matrices: Reals, vectors: Reals) -> Reals:
+    """Row k of (P, 3, 3) times row k of (P, 3)."""
+    return np.asarray((matrices * vectors[:, None, :]).sum(axis=-1))
+
+
+@dataclass(frozen=True)
+class Chords:
+    """Pairs of a ray and a segment that it may hit, by rays and then segments.
+
+    entries, exits: (P, 2), t of the ray, from where to where each may be; is_sure: surely hit. Of a segment that is
+    not, both may be anywhere that the greater hull is.
+    """
+
+    rays: Ints
+    segments: Ints
+    entries: npt.NDArray[np.float64]
+    exits: npt.NDArray[np.float64]
+    is_sure: Flags
+
+
+def find_chords(world: RoundWorld, origins: npt.ArrayLike, directions: npt.ArrayLike) -> Chords:
+    """Of every ray, (R, 3) both, with every segment, whatever their masks."""
+    origins, directions = (np.asarray(rows, np.float64).reshape(-1, 3) for rows in (origins, directions))
+    size = max(1, _PAIRS_AT_A_TIME // max(1, len(world.parts)))
+    found = []
+    for start in range(0, len(origins), size):
+        rays, segments = _near_pairs(world, origins[start : start + size], directions[start : start + size])
+        found.append(_chords(world, origins, directions, rays + start, segments))
+    if not found:
+        nothing, none = np.empty(0, np.int64), np.empty((0, 2))
+        return Chords(nothing, nothing, none, none, np.empty(0, np.bool_))
+    return Chords(*(np.concatenate([getattr(c, name) for c in found]) for name in Chords.__dataclass_fields__))
+
+
+def _near_pairs(world: RoundWorld, origins: npt.NDArray[np.float64], directions: npt.NDArray[np.float64]) -> tuple:
+    """Pairs whose line passes the axis closer than the larger radius, and 1e-9 of what was reckoned with: a sieve."""
+    near = np.zeros((len(origins), len(world.parts)), np.bool_)
+    for part in np.unique(world.parts):
+        mine = np.flatnonzero(world.parts == part)
+        inverse = world.inverses[part].astype(np.float64)
+        start = (world.hulls.starts[mine].astype(np.float64))[None] - (origins @ inverse[:, :3].T + inverse[:, 3])[
+            :, None
+        ]
+        along = directions @ inverse[:, :3].T
+        along = (along / np.linalg.norm(along, axis=1, keepdims=True))[:, None]
+        axis = (world.hulls.ends[mine] - world.hulls.starts[mine]).astype(np.float64)[None]
+        off = start - np.einsum("rsk,rsk->rs", start, np.broadcast_to(along, start.shape))[..., None] * along
+        step = axis - np.einsum("rsk,rsk->rs", *np.broadcast_arrays(axis, along))[..., None] * along
+        square = np.einsum("rsk,rsk->rs", step, step)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(square > 0.0, -np.einsum("rsk,rsk->rs", off, step) / square, 0.0)
+        distance = np.linalg.norm(off + np.clip(share, 0.0, 1.0)[..., None] * step, axis=-1)
+        radius = np.maximum(world.hulls.first_radii[mine], world.hulls.last_radii[mine]).astype(np.float64)
+        # Seen almost along the axis, the share is not known: the distance is right for some place of the axis.
+        slack = 1e-9 * (np.abs(start).max(axis=-1) + np.abs(axis).max(axis=-1))
+        near[:, mine] = distance <= radius[None] + slack
+    rays, segments = np.nonzero(near)
+    return rays, segments
+
+
+def _chords(world: RoundWorld, origins: npt.ArrayLike, directions: npt.ArrayLike, rays: Ints, segments: Ints) -> Chords:
+    part = world.parts[segments]
+    here, there = np.asarray(origins, Real)[rays], np.asarray(directions, Real)[rays]
+    turn = world.inverses[part][:, :, :3]
+    origin, direction = _mapped(turn, here) + world.inverses[part][:, :, 3], _mapped(turn, there)
+    hulls = take(world.hulls, segments)
+    margin = _margins(world, hulls, part, here, there, origin, direction)
+    near_out, far_out = intervals(hulls, origin, direction, margin)
+    near_in, far_in = intervals(hulls, origin, direction, -margin)
+    hit = ~np.isnan(near_out)
+    sure = ~np.isnan(near_in) & hit
+    entries = np.stack([near_out, np.where(sure, near_in, far_out)], axis=1)[hit]
+    exits = np.stack([np.where(sure, far_in, near_out), far_out], axis=1)[hit]
+    for bounds in (entries, exits):
+        bounds += np.abs(bounds) * np.array([-_OF_T, _OF_T])
+    return Chords(rays[hit], segments[hit], entries.astype(np.float64), exits.astype(np.float64), sure[hit])
+
+
+def _margins(
+    world: RoundWorld, hulls: Hulls, part: Ints, here: Reals, there: Reals, origin: Reals, direction: Reals
+) -> Reals:
+    """(P,): m of the module's docstring."""
+    size = np.maximum(np.abs(hulls.starts), np.abs(hulls.ends)).max(axis=1)
+    radius = np.maximum(hulls.first_radii, hulls.last_radii)
+    away = np.maximum(np.abs(hulls.starts - origin), np.abs(hulls.ends - origin)).max(axis=1) + radius
+    length = np.sqrt(dot(direction, direction))
+    of_point = _mapped(world.losses[part], np.abs(here) + world.shifts[part]).max(axis=1)
+    of_direction = _mapped(world.losses[part], np.abs(there)).max(axis=1) / length * 2.0 * away
+    return np.asarray(_OF_MAPPING * (of_point + of_direction) + _OF_SOLVING * (size + radius + away))
