@@ -100,6 +100,7 @@ class WideValidator {
         references_(mesh.primitive_count(), 0) {}
 
   std::string find_fault(bool once) {
+    if (mesh_.is_round() && !tree_.blocks.empty()) return "a leaf of vertices over curves or points";
     if (tree_.is_empty) return references_.empty() ? "" : "the tree is empty but there are triangles";
     waiting_.push_back({tree_.root, bounds_of(tree_, mesh_), 1});
     while (!waiting_.empty()) {
@@ -151,9 +152,16 @@ class WideValidator {
       if (primitive >= references_.size()) return at("refers to no triangle", "leaf", row);
       if (lane > 0 && primitive < primitives[lane - 1]) return at("triangles out of order", "leaf", row);
       if (lane == 0 || primitive != primitives[lane - 1]) ++references_[primitive];
-      if (!holds_corners(row, lane, entry.box)) return at("a vertex that is not the triangle's", "leaf", row);
+      has_corner_outside_ |= mesh_.is_round() && !entry.box.contains(scaled_box(primitive));
+      if (!mesh_.is_round() && !holds_corners(row, lane, entry.box))
+        return at("a vertex that is not the triangle's", "leaf", row);
     }
     return "";
+  }
+
+  [[nodiscard]] Aabb scaled_box(std::uint32_t primitive) const noexcept {
+    const Aabb box = mesh_.primitive_box(primitive);
+    return {box.lower * tree_.scale, box.upper * tree_.scale};
   }
 
   // A clipped box holds a part of the triangle only: then some of the corners lie outside.

@@ -9,16 +9,6 @@ namespace {
 // Vertices that a task copies: what it has just checked is still in a second level cache then.
 constexpr std::size_t kGrain = 32768;
 
-// Its positions are given to `spare` at the end.
-std::shared_ptr<const Mesh> lend(Mesh mesh, const std::shared_ptr<SparePositions>& spare) {
-  auto owned = std::make_unique<Mesh>(std::move(mesh));
-  const auto give_back = [spare](Mesh* done) noexcept {
-    spare->give(std::move(done->positions));
-    delete done;
-  };
-  return std::shared_ptr<Mesh>(owned.release(), give_back);  // if it throws, it gives back first
-}
-
 void copy(std::span<const Vec3f> positions, Mesh& mesh, ThreadPool& pool, const char* function) {
   std::atomic<bool> all_good{true};
   parallel_for(pool, positions.size(), kGrain, [&](std::size_t begin, std::size_t end) {
@@ -39,6 +29,15 @@ void copy(std::span<const Vec3d> positions, Mesh& mesh, ThreadPool& pool, const 
 
 }  // namespace
 
+std::shared_ptr<const Mesh> lend_mesh(Mesh mesh, const std::shared_ptr<SparePositions>& spare) {
+  auto owned = std::make_unique<Mesh>(std::move(mesh));
+  const auto give_back = [spare](Mesh* done) noexcept {
+    spare->give({std::move(done->positions), std::move(done->balls)});
+    delete done;
+  };
+  return std::shared_ptr<Mesh>(owned.release(), give_back);  // if it throws, it gives back first
+}
+
 template <class T>
 std::shared_ptr<const Mesh> move_vertices(const Mesh& mesh, std::span<const Vec3<T>> positions,
                                           const std::shared_ptr<SparePositions>& spare, ThreadPool& pool,
@@ -46,10 +45,10 @@ std::shared_ptr<const Mesh> move_vertices(const Mesh& mesh, std::span<const Vec3
   check_count(positions.size(), mesh.positions.size(), function);
   Mesh moved;
   moved.triangles = mesh.triangles;
-  moved.positions = spare->take();
+  moved.positions = spare->take().positions;
   moved.positions.resize(positions.size());
   copy(positions, moved, pool, function);
-  return lend(std::move(moved), spare);
+  return lend_mesh(std::move(moved), spare);
 }
 template std::shared_ptr<const Mesh> move_vertices(const Mesh&, std::span<const Vec3f>,
                                                    const std::shared_ptr<SparePositions>&, ThreadPool&, const char*);

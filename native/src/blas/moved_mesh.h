@@ -11,8 +11,11 @@
 
 namespace perfect_bvh {
 
-// Throws InvalidArgument for other counts than the mesh's and for positions that are not good; `function` opens the
-// message. T: float or double, which is recentred again.
+// A mesh whose positions, or balls, are given to `spare` at the end.
+[[nodiscard]] std::shared_ptr<const Mesh> lend_mesh(Mesh mesh, const std::shared_ptr<SparePositions>& spare);
+
+// T: float or double, which is recentred again. Throws InvalidArgument for other counts than the mesh's and for
+// positions that are not good; `function` opens the message.
 template <class T>
 [[nodiscard]] std::shared_ptr<const Mesh> move_vertices(const Mesh& mesh, std::span<const Vec3<T>> positions,
                                                         const std::shared_ptr<SparePositions>& spare, ThreadPool& pool,

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/aligned.h"
+#include "math/ball.h"
 #include "math/vec3.h"
 #include "wide/wide_bvh.h"
 
@@ -38,7 +39,12 @@ struct ShapedTree {
 };
 
 using SpareTree = SpareMemory<ShapedTree>;
-using SparePositions = SpareMemory<AlignedVector<Vec3f>>;
+// The positions of triangles' vertices, or balls.
+struct Points {
+  AlignedVector<Vec3f> positions;
+  AlignedVector<Ball> balls;
+};
+using SparePositions = SpareMemory<Points>;
 
 // A number for the shape of a wide tree: which nodes, leaves and triangles are where. Trees of the same number differ
 // in boxes and positions alone. 0: unknown.

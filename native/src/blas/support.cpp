@@ -13,8 +13,8 @@ namespace {
 // 0, 1 or 2 in each lane.
 Int4 pick_axis(Int4 is_y, Int4 is_z) noexcept { return (is_z & Int4(2)) | ((is_y & (is_z ^ Int4(-1))) & Int4(1)); }
 
-// Finds the vertex of a tree that is farthest along a direction. What the last search found is where the next begins:
-// in nearly the same direction hardly a box reaches further.
+// Finds the vertex or ball of a tree that is farthest along a direction. What the last search found is where the next
+// begins: in nearly the same direction hardly a box reaches further.
 class Search {
  public:
   Search(const WideBvh& tree, const Mesh& mesh) : tree_(tree), mesh_(mesh) {
@@ -26,7 +26,7 @@ class Search {
 
   [[nodiscard]] float farthest(Vec3f direction) {
     direction_ = direction;
-    reach_ = dot(direction, farthest_);
+    reach_ = reach_of(farthest_);
     waiting_.push_back({Aabb::kInfinity, tree_.root});
     visit_all();
     return reach_;
@@ -84,24 +84,40 @@ class Search {
       const auto& [x, y, z] = tree_.blocks[leaf].vertices;
       const Eight reaches = along_direction(x, y, z);
       for (std::size_t lane = 0; lane < 8; ++lane) {
-        if (reaches[lane] > reach_) reach_ = reaches[lane], farthest_ = {x[lane], y[lane], z[lane]};
+        if (reaches[lane] > reach_) reach_ = reaches[lane], farthest_ = {{x[lane], y[lane], z[lane]}, 0.0f};
       }
       return;
     }
+    if (mesh_.is_round()) return visit_round_leaf(tree_.indexed_leaves[leaf]);
     for (const std::uint32_t primitive : tree_.indexed_leaves[leaf].primitives) {
       const TriangleIndices corners = mesh_.triangles[primitive];
-      for (const std::uint32_t i : {corners.x, corners.y, corners.z}) visit_vertex(mesh_.positions[i] * tree_.scale);
+      for (const std::uint32_t i : {corners.x, corners.y, corners.z}) visit_ball({mesh_.positions[i], 0.0f});
     }
   }
 
-  void visit_vertex(Vec3f vertex) {
-    const float reach = dot(direction_, vertex);
-    if (reach > reach_) reach_ = reach, farthest_ = vertex;
+  void visit_round_leaf(const IndexedLeaf& leaf) {
+    const bool is_curves = mesh_.kind == PrimitiveKind::kCurves;
+    for (const std::uint32_t primitive : leaf.primitives) {
+      const std::uint32_t first = is_curves ? mesh_.segments[primitive] & kSegmentBall : primitive;
+      visit_ball(mesh_.balls[first]);
+      if (is_curves) visit_ball(mesh_.balls[first + 1]);
+    }
+  }
+
+  void visit_ball(const Ball& ball) {
+    const Ball scaled{ball.centre * tree_.scale, ball.radius * tree_.scale};
+    const float reach = reach_of(scaled);
+    if (reach > reach_) reach_ = reach, farthest_ = scaled;
+  }
+
+  [[nodiscard]] float reach_of(const Ball& ball) const noexcept {
+    return dot(direction_, ball.centre) + (ball.radius > 0 ? ball.radius * length(direction_) : 0.0f);
   }
 
   const WideBvh& tree_;
   const Mesh& mesh_;
-  Vec3f direction_{0, 0, 0}, farthest_{0, 0, 0};
+  Vec3f direction_{0, 0, 0};
+  Ball farthest_{{0, 0, 0}, 0};
   float reach_ = 0;
   std::vector<Waiting> waiting_;
 };

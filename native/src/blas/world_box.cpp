@@ -33,6 +33,22 @@ Box4 turned_box(const Mesh& mesh, const Affine& map) noexcept {
   return box;
 }
 
+// The same around balls: beyond its centre a ball reaches its radius times the length of a row.
+Box4 turned_balls(const Mesh& mesh, const Affine& map) noexcept {
+  const auto column = [](Vec3d v) {
+    return Float4(static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z), 0.0f);
+  };
+  const Float4 x = column(map.x), y = column(map.y), z = column(map.z);
+  const Float4 lengths = column({length(row_of(map, 0)), length(row_of(map, 1)), length(row_of(map, 2))});
+  Box4 box = Box4::empty();
+  for (const Ball& ball : mesh.balls) {
+    const Vec3f p = ball.centre;
+    const Float4 centre = x * Float4(p.x) + y * Float4(p.y) + z * Float4(p.z), reach = lengths * Float4(ball.radius);
+    box.grow({centre - reach, centre + reach});
+  }
+  return box;
+}
+
 // Below it, float loses more of a row than the margin makes up for.
 constexpr double kSmallestRow = 1e-30;
 
@@ -71,7 +87,7 @@ Aabb transformed_bounds(const Aabb& box, const Affine& map) noexcept {
 
 Aabb transformed_bounds(const Mesh& mesh, const Aabb& box, const Affine& map) noexcept {
   if (box.is_empty()) return {};
-  const Box4 turned = turned_box(mesh, map);
+  const Box4 turned = mesh.is_round() ? turned_balls(mesh, map) : turned_box(mesh, map);
   alignas(16) float lower[4], upper[4];
   turned.lower.store(lower), turned.upper.store(upper);
   RowRange ranges[3];

@@ -25,7 +25,7 @@ struct RowRange {
 
 // Of the box around a mesh, in the same way; empty for an empty one.
 [[nodiscard]] Aabb transformed_bounds(const Aabb& box, const Affine& map) noexcept;
-// Of the vertices of a mesh: as close as can be. `box` is that around its triangles.
+// Of the vertices or balls of a mesh: as close as can be. `box` is that around its primitives.
 [[nodiscard]] Aabb transformed_bounds(const Mesh& mesh, const Aabb& box, const Affine& map) noexcept;
 
 // The world box of a box, to the nearest float; empty for an empty one.

@@ -44,7 +44,7 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
     row.layout = layout_name(blas.config.layout);
     row.is_built = false;
     row.primitive_count = blas.mesh.primitive_count();
-    row.vertex_count = blas.mesh.positions.size();
+    row.vertex_count = blas.mesh.vertex_count();
     row.geometry_byte_count = row.byte_count = blas.mesh.byte_count();
     return row;
   }
@@ -54,7 +54,7 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
   row.builder = builder_name(blas.config.builder);
   row.layout = layout_name(blas.config.layout);
   row.primitive_count = blas.mesh.primitive_count();
-  row.vertex_count = blas.mesh.positions.size();
+  row.vertex_count = blas.mesh.vertex_count();
   add_bytes(row, blas.mesh.byte_count(), {}, blas.wide);
   row.plan_byte_count = plan_byte_count(blas);
   row.byte_count += row.plan_byte_count;
@@ -80,8 +80,12 @@ void add_details(TreeStatistics& row, const Blas& blas, const StatisticsOptions&
     return;
   }
   const Bvh2 tree = blas.mesh.primitive_count() > 0 ? build_tree(blas.mesh, blas.config, pool, cancel) : Bvh2{};
-  row.epo = measure_epo(tree, blas.mesh.positions, blas.mesh.triangles, pool, cancel, options.traversal_cost,
-                        options.intersection_cost);
+  if (blas.mesh.is_round()) {
+    cancel.advance(blas.mesh.primitive_count());  // it is a measure of triangles' surfaces
+  } else {
+    row.epo = measure_epo(tree, blas.mesh.positions, blas.mesh.triangles, pool, cancel, options.traversal_cost,
+                          options.intersection_cost);
+  }
   row.leaf_count_variability = measure_leaf_count_variability(tree, kLineCount, pool, cancel);
 }
 

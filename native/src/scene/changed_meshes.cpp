@@ -15,6 +15,9 @@ namespace {
 
 Aabb bounds_of(const Mesh& mesh, CancelToken& cancel) {
   Aabb box;
+  for_steps(mesh.balls.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) box.grow(box_of(mesh.balls[i]));
+  });
   for_steps(mesh.positions.size(), cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) box.grow(mesh.positions[i]);
   });

@@ -97,58 +97,6 @@ void Scene::mark_edited() {
   ++edit_count_;
 }
 
-std::int32_t Scene::add_mesh(Mesh mesh, const BuildConfig& config, Usage usage, bool is_lazy) {
-  const std::lock_guard lock(edit_mutex_);
-  MeshSlot slot;
-  slot.config = config;
-  slot.usage = usage;
-  slot.is_lazy = is_lazy;
-  slot.edited = std::make_shared<const Mesh>(std::move(mesh));
-  meshes_.emplace(next_mesh_id_, std::move(slot));
-  mark_edited();
-  return next_mesh_id_++;
-}
-
-template <class T>
-void Scene::update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions, ThreadPool& pool) {
-  const std::lock_guard lock(edit_mutex_);
-  MeshSlot& slot = find_mesh(mesh_id, "update_mesh");
-  const Mesh& before = slot.edited ? *slot.edited : slot.blas->mesh;
-  if (!slot.spare_positions) slot.spare_positions = std::make_shared<SparePositions>();
-  auto moved = move_vertices(before, positions, slot.spare_positions, pool, "update_mesh");
-  slot.same_topology = slot.edited ? slot.same_topology : true;
-  slot.has_deformed |= slot.same_topology;
-  slot.edited = std::move(moved);
-  mark_edited();
-}
-template void Scene::update_mesh(std::int32_t, std::span<const Vec3f>, ThreadPool&);
-template void Scene::update_mesh(std::int32_t, std::span<const Vec3d>, ThreadPool&);
-
-void Scene::replace_mesh(std::int32_t mesh_id, Mesh mesh) {
-  const std::lock_guard lock(edit_mutex_);
-  MeshSlot& slot = find_mesh(mesh_id, "replace_mesh");
-  slot.edited = std::make_shared<const Mesh>(std::move(mesh));
-  slot.same_topology = slot.has_deformed = false;
-  slot.spare_positions.reset();
-  mark_edited();
-}
-
-void Scene::set_usage(std::int32_t mesh_id, Usage usage) {
-  const std::lock_guard lock(edit_mutex_);
-  find_mesh(mesh_id, "set_usage").usage = usage;  // no answer changes by it: nothing is stale
-}
-
-void Scene::remove_mesh(std::int32_t mesh_id) {
-  const std::lock_guard lock(edit_mutex_);
-  const MeshSlot& slot = find_mesh(mesh_id, "remove_mesh");
-  if (slot.user_count != 0) {
-    throw InvalidArgument("remove_mesh: mesh " + std::to_string(mesh_id) + " is still used by " +
-                          std::to_string(slot.user_count) + " instances; remove those first");
-  }
-  meshes_.erase(mesh_id);
-  mark_edited();
-}
-
 template <class Input>
 std::int32_t Scene::append_instances(std::size_t count, const Input& input) {
   const std::lock_guard lock(edit_mutex_);

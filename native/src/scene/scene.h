@@ -20,6 +20,7 @@
 #include "core/cancel.h"
 #include "core/errors.h"
 #include "core/thread_pool.h"
+#include "mesh/round_mesh.h"
 #include "scene/ray_forecast.h"
 #include "tlas/assemble.h"
 #include "tlas/snapshot.h"
@@ -80,6 +81,10 @@ class Scene {
   template <class T>
   void update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions,
                    ThreadPool& pool = ThreadPool::shared());  // same topology
+  // Of curves or points, as many as there are. No radii: those that they have.
+  template <class T>
+  void update_balls(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls,
+                    ThreadPool& pool = ThreadPool::shared());
   void replace_mesh(std::int32_t mesh_id, Mesh mesh);
   void set_usage(std::int32_t mesh_id, Usage usage);                  // what its next builds are for
   void remove_mesh(std::int32_t mesh_id);                             // InvalidArgument while instances use it

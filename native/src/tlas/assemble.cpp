@@ -22,7 +22,7 @@ constexpr std::size_t kManyVertices = std::size_t{1} << 17;
 constexpr std::uint32_t kManyUsers = 64;
 
 bool is_worth_table(const PlacedMesh& mesh) noexcept {
-  return mesh.user_count >= kManyUsers || mesh.user_count * mesh.blas->mesh.positions.size() > kManyVertices;
+  return mesh.user_count >= kManyUsers || mesh.user_count * mesh.blas->mesh.vertex_count() > kManyVertices;
 }
 
 // Copies of instances without a usable inverse, made on any thread.
@@ -122,7 +122,7 @@ AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& m
         has_table = is_worth_table(found->second);
       }
       const Blas& blas = *found->second.blas;
-      if (!has_table && (vertex_count += blas.mesh.positions.size()) > kManyVertices) {
+      if (!has_table && (vertex_count += blas.mesh.vertex_count()) > kManyVertices) {
         vertex_count = 0;
         cancel.checkpoint();
       }

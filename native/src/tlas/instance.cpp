@@ -61,21 +61,32 @@ bool place_instance(Instance& instance, Placing& placing, const Blas& blas, cons
   return round_trip_holds(map, placing.world_to_object);
 }
 
+namespace {
+
+// In world space. What has no thickness left is no solid: of curves and points nothing remains.
+std::shared_ptr<Mesh> flattened(const Mesh& mesh, const Affine& to_world, CancelToken& cancel) {
+  auto copy = std::make_shared<Mesh>();
+  const Vec3d centre = to_world.point({0, 0, 0});
+  copy->kind = mesh.kind;
+  copy->centre = centre;
+  if (mesh.is_round()) return copy;
+  copy->triangles = mesh.triangles;
+  copy->positions.resize(mesh.positions.size());
+  for_steps(copy->positions.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      copy->positions[i] = to_float(to_world.point(to_double(mesh.positions[i])) - centre);
+    }
+  });
+  return copy;
+}
+
+}  // namespace
+
 std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, const Blas& blas,
                                           const Affine& object_to_world, const BuildConfig& config, ThreadPool& pool,
                                           CancelToken& cancel) {
   const Affine to_world = from_stored(object_to_world, blas.mesh.centre);
-  Vec3d centre = to_world.point({0, 0, 0});
-  auto mesh = std::make_shared<Mesh>();
-  mesh->triangles = blas.mesh.triangles;
-  mesh->centre = centre;
-  mesh->positions.resize(blas.mesh.positions.size());
-  for_steps(mesh->positions.size(), cancel, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      mesh->positions[i] = to_float(to_world.point(to_double(blas.mesh.positions[i])) - centre);
-    }
-  });
-  auto baked = std::make_shared<Blas>(std::move(mesh));
+  auto baked = std::make_shared<Blas>(flattened(blas.mesh, to_world, cancel));
   baked->config = config;
   MeshReport unread;
   build_wide_tree(*baked, unread, pool, cancel);

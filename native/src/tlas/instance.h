@@ -51,6 +51,7 @@ struct Placing {
 }
 
 // A copy of the mesh in world space, with its own tree and an identity transform: so a flattened object is still seen.
+// Curves and points are solids, of which nothing is left: their copy is empty.
 [[nodiscard]] std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, const Blas& blas,
                                                         const Affine& object_to_world, const BuildConfig& config,
                                                         ThreadPool& pool, CancelToken& cancel);

@@ -14,11 +14,25 @@ namespace {
 constexpr std::size_t kSamples = 4096;
 constexpr double kSolid = 3;  // halves of a box's surface, of triangles that leave no air in it
 
+// Half the surface of a box along a segment, round its larger ball: what is around a ball cannot be cut away.
+double round_area(const Mesh& mesh, std::size_t index) noexcept {
+  const bool is_point = mesh.kind == PrimitiveKind::kPoints;
+  const std::size_t row = is_point ? index : mesh.segments[index] & kSegmentBall;
+  const Ball &first = mesh.balls[row], &last = mesh.balls[is_point ? row : row + 1];
+  const double width = 2 * static_cast<double>(std::max(first.radius, last.radius));
+  return kSolid * width * width + 2 * width * length(to_double(last.centre) - to_double(first.centre));
+}
+
 double triangle_area(const Mesh& mesh, std::size_t index) noexcept {
   const TriangleIndices t = mesh.triangles[index];
   const Vec3d a = to_double(mesh.positions[t.x]), b = to_double(mesh.positions[t.y]),
               c = to_double(mesh.positions[t.z]);
   return 0.5 * length(cross(b - a, c - a));
+}
+
+// Half the surface of the boxes that are left of a primitive's, however it is cut.
+double solid_area(const Mesh& mesh, std::size_t index) noexcept {
+  return mesh.is_round() ? round_area(mesh, index) : kSolid * triangle_area(mesh, index);
 }
 
 Aabb box_of(const AlignedVector<Vec3f>& positions, CancelToken& cancel) {
@@ -28,6 +42,14 @@ Aabb box_of(const AlignedVector<Vec3f>& positions, CancelToken& cancel) {
     for (std::size_t i = begin; i < end; ++i) box.grow(Float4::load_unaligned(&positions[i]));
   });
   return to_aabb(box);
+}
+
+Aabb box_of(const AlignedVector<Ball>& balls, CancelToken& cancel) {
+  Aabb box;
+  for_steps(balls.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) box.grow(box_of(balls[i]));
+  });
+  return box;
 }
 
 }  // namespace
@@ -54,9 +76,9 @@ double measure_air(const Mesh& mesh, CancelToken& cancel) {
   const std::size_t step = std::max<std::size_t>(1, mesh.primitive_count() / kSamples);
   double sum = 0;
   for (std::size_t i = 0; i < mesh.primitive_count(); i += step) {
-    sum += std::max(half_area(mesh.primitive_box(i)) - kSolid * triangle_area(mesh, i), 0.0);
+    sum += std::max(half_area(mesh.primitive_box(i)) - solid_area(mesh, i), 0.0);
   }
-  const Aabb whole = box_of(mesh.positions, cancel);
+  const Aabb whole = mesh.is_round() ? box_of(mesh.balls, cancel) : box_of(mesh.positions, cancel);
   const double area = whole.is_empty() ? 0 : half_area(whole);
   return area > 0 ? sum * static_cast<double>(step) / area : 0;
 }

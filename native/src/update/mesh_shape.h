@@ -21,7 +21,8 @@ namespace perfect_bvh {
 
 // How much air there is in the boxes of a mesh's triangles: what cutting them, as spatial splits do, can take away.
 // In: a mesh. Out: the area of those boxes, less three times that of their triangles, over the area of the mesh's box,
-// from every so-many-th triangle. A triangle that is no thinner than a half square has a box of no more than that.
+// from every so-many-th triangle. A triangle that is no thinner than a half square has a box of no more than that. Of
+// curves and points the same, with the boxes of their segments, as they lie, for the triangles' areas.
 // 0 for a mesh whose box has no area. Looks at some thousand triangles and at every vertex.
 [[nodiscard]] double measure_air(const Mesh& mesh, CancelToken& cancel);
 

@@ -13,10 +13,10 @@ namespace {
 WideBvh collapse(const Bvh2& given, const Mesh* mesh, TreeLayout layout, float scale, ThreadPool& pool,
                  CancelToken& cancel) {
   WideBvh wide;
-  wide.layout = layout;
+  wide.layout = mesh ? layout_over(*mesh, layout) : layout;
   if (given.empty()) return wide;
-  const TriangleIndices* const triangles = mesh ? mesh->triangles.data() : nullptr;
-  const Bvh2 split = split_leaves(given, triangles, layout, pool, cancel);
+  const LeafRoom room = mesh ? LeafRoom(*mesh, layout) : LeafRoom();
+  const Bvh2 split = split_leaves(given, room, pool, cancel);
   const Bvh2& tree = split.empty() ? given : split;
   const Aabb bounds = tree.bounds();
   wide.is_empty = false;
@@ -30,7 +30,7 @@ WideBvh collapse(const Bvh2& given, const Mesh* mesh, TreeLayout layout, float s
   // is met by many rays.
   constexpr float kMemory = 10.0f;
   if (mesh != nullptr) costs.memory = std::min(kMemory, static_cast<float>(tree.prim_indices.size()) / 64.0f);
-  const auto decisions = plan_collapse(tree, triangles, layout, costs, pool, cancel);
+  const auto decisions = plan_collapse(tree, room, costs, pool, cancel);
   emit_wide(tree, mesh, decisions, wide, pool, cancel);
   return wide;
 }

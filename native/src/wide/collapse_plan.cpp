@@ -70,11 +70,10 @@ class Planner {
   using Node = Planned<Contents>;
   using Pair = PlannedPair<Contents>;
 
-  Planner(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layout, const CollapseCosts& costs,
-          CollapseDecision* decisions)
+  Planner(const Bvh2& tree, const LeafRoom& room, const CollapseCosts& costs, CollapseDecision* decisions)
       : tree_(tree),
-        limits_vertices_(layout == TreeLayout::kDefault),
-        triangles_(triangles),
+        limits_vertices_(room.triangles != nullptr),
+        triangles_(room.triangles),
         costs_(costs),
         memory_cost_(costs.memory * area_of(tree.nodes[0], costs) / static_cast<float>(tree.prim_indices.size())),
         decisions_(decisions) {}
@@ -219,20 +218,20 @@ std::vector<Part> make_parts(const Bvh2& tree) {
 }
 
 template <class Contents>
-AlignedVector<CollapseDecision> plan(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layout,
-                                     const CollapseCosts& costs, ThreadPool& pool, CancelToken& cancel) {
+AlignedVector<CollapseDecision> plan(const Bvh2& tree, const LeafRoom& room, const CollapseCosts& costs,
+                                     ThreadPool& pool, CancelToken& cancel) {
   AlignedVector<CollapseDecision> decisions(tree.nodes.size());
   const std::vector<Part> parts = make_parts(tree);
   std::vector<PlannedPair<Contents>> planned(parts.size());
   for_chunks(pool, parts.size(), 1, cancel, [&](std::size_t begin, std::size_t end) {
-    Planner<Contents> planner(tree, triangles, layout, costs, decisions.data());
+    Planner<Contents> planner(tree, room, costs, decisions.data());
     for (std::size_t i = begin; i < end; ++i) {
       if (!parts[i].is_subtree) continue;
       planned[i] = planner.plan_below(parts[i].begin, parts[i].end);
       cancel.advance(tree.prim_indices.size() * (parts[i].end - parts[i].begin) / (2 * tree.nodes.size()));
     }
   });
-  Planner<Contents> planner(tree, triangles, layout, costs, decisions.data());
+  Planner<Contents> planner(tree, room, costs, decisions.data());
   for (std::size_t i = parts.size(); i-- > 0;) {
     if (parts[i].is_subtree) {
       planner.push(planned[i]);
@@ -247,11 +246,11 @@ AlignedVector<CollapseDecision> plan(const Bvh2& tree, const TriangleIndices* tr
 
 }  // namespace
 
-AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layout,
-                                              const CollapseCosts& costs, ThreadPool& pool, CancelToken& cancel) {
-  const bool joins_leaves = triangles != nullptr && !tree.has_full_leaves;
-  return joins_leaves ? plan<LeafContents>(tree, triangles, layout, costs, pool, cancel)
-                      : plan<NoContents>(tree, triangles, layout, costs, pool, cancel);
+AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const LeafRoom& room, const CollapseCosts& costs,
+                                              ThreadPool& pool, CancelToken& cancel) {
+  const bool joins_leaves = room.most > 1 && !tree.has_full_leaves;
+  return joins_leaves ? plan<LeafContents>(tree, room, costs, pool, cancel)
+                      : plan<NoContents>(tree, room, costs, pool, cancel);
 }
 
 }  // namespace perfect_bvh

@@ -12,15 +12,14 @@
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "mesh/mesh.h"
+#include "wide/leaf_block.h"
 #include "wide/wide_bvh.h"
 
 namespace perfect_bvh {
 
 // A copy of the tree whose leaves all fit into one leaf of the wide tree: those that do not are halved, with the boxes
 // that they had (a clipped box says nothing of the halves). Empty (no nodes) if all of them fit already.
-// Triangles: null for a top level, whose leaves hold one primitive each.
-[[nodiscard]] Bvh2 split_leaves(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layout, ThreadPool& pool,
-                                CancelToken& cancel);
+[[nodiscard]] Bvh2 split_leaves(const Bvh2& tree, const LeafRoom& room, ThreadPool& pool, CancelToken& cancel);
 
 // Costs relative to visiting a wide node.
 struct CollapseCosts {
@@ -41,12 +40,11 @@ struct CollapseDecision {
 };
 static_assert(sizeof(CollapseDecision) == 8);
 
-// Triangles: null for a top level, whose leaves hold one primitive each. Every leaf of the tree must fit into one leaf
-// of the wide tree (see split_leaves). One decision for each node. Throws EngineError if the tree is not in depth-first
-// order.
-[[nodiscard]] AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const TriangleIndices* triangles,
-                                                            TreeLayout layout, const CollapseCosts& costs,
-                                                            ThreadPool& pool, CancelToken& cancel);
+// Every leaf of the tree must fit into one leaf of the wide tree (see split_leaves). One decision for each node. Throws
+// EngineError if the tree is not in depth-first order.
+[[nodiscard]] AlignedVector<CollapseDecision> plan_collapse(const Bvh2& tree, const LeafRoom& room,
+                                                            const CollapseCosts& costs, ThreadPool& pool,
+                                                            CancelToken& cancel);
 
 // Writes the wide tree that was planned, depth first.
 // Fills in nodes, leaves, root and depth; scale and layout must be set. Mesh: null for a top level. Threads share out

@@ -70,7 +70,8 @@ constexpr std::uint32_t kSubtreeSize = 8192;  // binary nodes below what is one 
 
 class Emitter {
  public:
-  Emitter(const Plan& plan, const Mesh* mesh, WideBvh& wide) : plan_(plan), mesh_(mesh), wide_(wide) {}
+  Emitter(const Plan& plan, const Mesh* mesh, WideBvh& wide)
+      : plan_(plan), mesh_(mesh), triangles_(mesh != nullptr ? mesh->triangles.data() : nullptr), wide_(wide) {}
 
   // What a subtree will need.
   [[nodiscard]] Totals count(const Part& part) {
@@ -165,9 +166,8 @@ class Emitter {
   [[gnu::always_inline]] void fetch_ahead(std::size_t row) const noexcept {
     constexpr std::size_t kTrianglesAhead = 32, kVerticesAhead = 16;
     const auto& rows = plan_.tree().prim_indices;
-    const TriangleIndices* const triangles = mesh_->triangles.data();
-    __builtin_prefetch(triangles + rows[std::min(row + kTrianglesAhead, rows.size() - 1)]);
-    const TriangleIndices corners = triangles[rows[std::min(row + kVerticesAhead, rows.size() - 1)]];
+    __builtin_prefetch(triangles_ + rows[std::min(row + kTrianglesAhead, rows.size() - 1)]);
+    const TriangleIndices corners = triangles_[rows[std::min(row + kVerticesAhead, rows.size() - 1)]];
     for (const std::uint32_t vertex : {corners.x, corners.y, corners.z}) __builtin_prefetch(&mesh_->positions[vertex]);
   }
 
@@ -181,7 +181,7 @@ class Emitter {
       return;
     }
     for (std::uint32_t i = 0; i < node.count; ++i) {
-      fetch_ahead(node.first + i);
+      if (triangles_ != nullptr) fetch_ahead(node.first + i);
       const std::uint32_t primitive = tree.prim_indices[node.first + i];
       const auto end = primitives_.begin() + primitive_count_;
       if (!tree.refittable && std::find(primitives_.begin(), end, primitive) != end) continue;
@@ -191,6 +191,7 @@ class Emitter {
 
   const Plan& plan_;
   const Mesh* mesh_;
+  const TriangleIndices* triangles_;  // null: there are none
   WideBvh& wide_;
   std::vector<Waiting> waiting_;
   std::array<std::uint32_t, 8> primitives_;

@@ -10,6 +10,7 @@
 #include "core/scratch.h"
 #include "core/steps.h"
 #include "wide/cluster_plan.h"
+#include "wide/leaf_block.h"
 #include "wide/morton_leaves.h"
 #include "wide/visit_order.h"
 #include "wide/wide_boxes.h"
@@ -179,7 +180,7 @@ class Assembly {
 
 WideBvh build_fast_wide(const Mesh& mesh, TreeLayout layout, ThreadPool& pool, CancelToken& cancel) {
   WideBvh wide;
-  wide.layout = layout;
+  wide.layout = layout_over(mesh, layout);
   if (mesh.primitive_count() == 0) return wide;
   Scratch tree_memory;
   MortonLeaves leaves = make_morton_leaves(mesh, layout, tree_memory, pool, cancel);

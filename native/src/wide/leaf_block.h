@@ -13,19 +13,32 @@
 
 namespace perfect_bvh {
 
-// Whether different triangles fit into one leaf: at most 8 of them; in the default layout over at most 8 vertices.
-[[nodiscard]] inline bool fit_one_leaf(std::span<const std::uint32_t> numbers, const TriangleIndices* triangles,
-                                       TreeLayout layout) noexcept {
-  if (numbers.size() <= 2) return true;  // they have 6 corners
-  if (numbers.size() > SmallSet::kMost) return false;
-  if (layout == TreeLayout::kCompact) return true;
-  SmallSet vertices;
-  for (const std::uint32_t number : numbers) {
-    const TriangleIndices corners = triangles[number];
-    vertices.add(corners.x, corners.y, corners.z);
-  }
-  return !vertices.overflows();
+// Of the trees over a mesh, when one in `asked` was asked for. Curves and points have no leaves but of numbers.
+[[nodiscard]] inline TreeLayout layout_over(const Mesh& mesh, TreeLayout asked) noexcept {
+  return mesh.is_round() ? TreeLayout::kCompact : asked;
 }
+
+// What one leaf has room for: so many different primitives, and where it holds their vertices at most 8 of those.
+struct LeafRoom {
+  std::uint32_t most = 1;                      // an instance, of a top level
+  const TriangleIndices* triangles = nullptr;  // null: vertices do not count
+
+  LeafRoom() noexcept = default;
+  LeafRoom(const Mesh& mesh, TreeLayout layout) noexcept
+      : most(SmallSet::kMost),
+        triangles(layout_over(mesh, layout) == TreeLayout::kDefault ? mesh.triangles.data() : nullptr) {}
+
+  [[nodiscard]] bool holds(std::span<const std::uint32_t> numbers) const noexcept {
+    if (numbers.size() > most) return false;
+    if (numbers.size() <= 2 || triangles == nullptr) return true;  // two triangles have 6 corners
+    SmallSet vertices;
+    for (const std::uint32_t number : numbers) {
+      const TriangleIndices corners = triangles[number];
+      vertices.add(corners.x, corners.y, corners.z);
+    }
+    return !vertices.overflows();
+  }
+};
 
 // From 1 to 8 different triangles over at most 8 vertices, in any order. Positions are taken times `scale`.
 [[nodiscard]] LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,

@@ -71,6 +71,17 @@ void fetch_corners(const IndexedLeaf& leaf, const Mesh& mesh) noexcept {
   }
 }
 
+// Of curves and points.
+Box4 round_box_of(const IndexedLeaf& leaf, const Mesh& mesh, Float4 scale) noexcept {
+  Box4 box = Box4::empty();
+  for (const std::uint32_t primitive : leaf.primitives) {
+    const Aabb one = mesh.primitive_box(primitive);
+    box.grow({load_xyz(&one.lower), load_xyz(&one.upper)});
+  }
+  const Float4 zero(0.0f);
+  return {box.lower * scale + zero, box.upper * scale + zero};
+}
+
 Box4 box_of(const IndexedLeaf& leaf, const Mesh& mesh, Float4 scale) noexcept {
   Box4 box = Box4::empty();
   for (const std::uint32_t primitive : leaf.primitives) {
@@ -99,11 +110,34 @@ void refit_indexed_leaves(const WideBvh& from, const Mesh& mesh, std::span<const
   }
 }
 
+// The same of curves and points: from a leaf to its balls there are two steps for points, three for curves.
+void refit_round_leaves(const WideBvh& from, const Mesh& mesh, std::span<const std::uint32_t> rows, WideBvh& to,
+                        Box4* boxes) noexcept {
+  const Float4 scale(to.scale);
+  const bool is_curves = mesh.kind == PrimitiveKind::kCurves;
+  const auto leaf_at = [&](std::size_t i) -> const IndexedLeaf& { return from.indexed_leaves[rows[i]]; };
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (i + kLeafAhead < rows.size()) fetch(&leaf_at(i + kLeafAhead));
+    if (is_curves && i + kTrianglesAhead < rows.size()) {
+      for (const std::uint32_t primitive : leaf_at(i + kTrianglesAhead).primitives) fetch(&mesh.segments[primitive]);
+    }
+    if (i + kCornersAhead < rows.size()) {
+      for (const std::uint32_t primitive : leaf_at(i + kCornersAhead).primitives) {
+        fetch(&mesh.balls[is_curves ? mesh.segments[primitive] & kSegmentBall : primitive]);
+      }
+    }
+    boxes[i] = round_box_of(leaf_at(i), mesh, scale);
+    if (&from != &to) to.indexed_leaves[rows[i]] = leaf_at(i);
+  }
+}
+
 }  // namespace
 
 void refit_leaves(const WideBvh& from, const LeafVertices& vertices, const Mesh& mesh,
                   std::span<const std::uint32_t> rows, WideBvh& to, Box4* boxes) noexcept {
-  if (from.layout == TreeLayout::kCompact) {
+  if (mesh.is_round()) {
+    refit_round_leaves(from, mesh, rows, to, boxes);
+  } else if (from.layout == TreeLayout::kCompact) {
     refit_indexed_leaves(from, mesh, rows, to, boxes);
   } else {
     refit_blocks(from, vertices, mesh, rows, to, boxes);

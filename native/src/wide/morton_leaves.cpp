@@ -136,19 +136,38 @@ void fill_indexed_leaves(const Mesh& mesh, const TriangleOrder& order, std::size
   }
 }
 
+// The same for curves and points.
+void fill_round_leaves(const Mesh& mesh, const TriangleOrder& order, std::size_t begin,
+                       std::span<const std::uint8_t> sizes, std::size_t row, MortonLeaves& leaves) noexcept {
+  for (const std::uint8_t size : sizes) {
+    std::array<std::uint32_t, kLeafSize> numbers;
+    Aabb box;
+    for (std::size_t i = 0; i < size; ++i) {
+      numbers[i] = order.triangle(begin + i);
+      box.grow(mesh.primitive_box(numbers[i]));
+    }
+    leaves.indexed_leaves[row] = make_indexed_leaf(numbers.data(), size);
+    const Float4 scale(leaves.scale);
+    const Box4 scaled{load_xyz(&box.lower) * scale, load_xyz(&box.upper) * scale};
+    leaves.boxes[row++] = make_cluster(with_positive_zeros(scaled), order.code(begin), order.code(begin + size - 1));
+    begin += size;
+  }
+}
+
 void check_count(std::size_t count, bool is_compact) {
   constexpr std::size_t kMostNumbers = std::numeric_limits<std::int32_t>::max();
   const std::size_t most = is_compact ? kMostNumbers : std::min(kMostNumbers, kMostCutTriangles);
   if (count <= most) return;
-  throw EngineError("the fast builder takes at most " + std::to_string(most) + " triangles in this layout, got " +
+  throw EngineError("the fast builder takes at most " + std::to_string(most) + " primitives in this layout, got " +
                     std::to_string(count) + "; choose another builder, or divide the mesh");
 }
 
 }  // namespace
 
-MortonLeaves make_morton_leaves(const Mesh& mesh, TreeLayout layout, Scratch& tree_memory, ThreadPool& pool,
+MortonLeaves make_morton_leaves(const Mesh& mesh, TreeLayout asked, Scratch& tree_memory, ThreadPool& pool,
                                 CancelToken& cancel) {
   const std::size_t count = mesh.primitive_count();
+  const TreeLayout layout = layout_over(mesh, asked);
   const bool is_compact = layout == TreeLayout::kCompact;
   check_count(count, is_compact);
   const std::size_t vertex_memory = mesh.positions.size() * sizeof(std::uint32_t);  // of a thread
@@ -170,7 +189,9 @@ MortonLeaves make_morton_leaves(const Mesh& mesh, TreeLayout layout, Scratch& tr
   for_chunks(pool, count, kRunChunk, cancel, [&](std::size_t begin, std::size_t end) {
     const std::size_t chunk = begin / kRunChunk, row = first_leaves[chunk];
     const auto sizes = runs.sizes.subspan(begin, runs.counts[chunk]);
-    if (is_compact) {
+    if (mesh.is_round()) {
+      fill_round_leaves(mesh, order, begin, sizes, row, leaves);
+    } else if (is_compact) {
       fill_indexed_leaves(mesh, order, begin, sizes, row, leaves);
     } else {
       fill_blocks(mesh, order, begin, sizes, runs, row, leaves);

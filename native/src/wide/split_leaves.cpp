@@ -8,19 +8,16 @@
 namespace perfect_bvh {
 namespace {
 
-bool fits(const Bvh2& tree, const Bvh2Node& leaf, const TriangleIndices* triangles, TreeLayout layout) noexcept {
-  if (triangles == nullptr) return leaf.count == 1;
-  return fit_one_leaf({tree.prim_indices.data() + leaf.first, leaf.count}, triangles, layout);
+bool fits(const Bvh2& tree, const Bvh2Node& leaf, const LeafRoom& room) noexcept {
+  return room.holds({tree.prim_indices.data() + leaf.first, leaf.count});
 }
 
-bool all_fit(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layout, ThreadPool& pool,
-             CancelToken& cancel) {
+bool all_fit(const Bvh2& tree, const LeafRoom& room, ThreadPool& pool, CancelToken& cancel) {
   constexpr std::size_t kGrain = 32768;
   std::atomic<bool> all{true};
   for_chunks(pool, tree.nodes.size(), kGrain, cancel, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end && all.load(std::memory_order_relaxed); ++i) {
-      if (tree.nodes[i].is_leaf() && !fits(tree, tree.nodes[i], triangles, layout))
-        all.store(false, std::memory_order_relaxed);
+      if (tree.nodes[i].is_leaf() && !fits(tree, tree.nodes[i], room)) all.store(false, std::memory_order_relaxed);
     }
   });
   return all.load();
@@ -28,10 +25,9 @@ bool all_fit(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layo
 
 }  // namespace
 
-Bvh2 split_leaves(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout layout, ThreadPool& pool,
-                  CancelToken& cancel) {
+Bvh2 split_leaves(const Bvh2& tree, const LeafRoom& room, ThreadPool& pool, CancelToken& cancel) {
   Bvh2 result;
-  if (tree.has_full_leaves || all_fit(tree, triangles, layout, pool, cancel)) return result;
+  if (tree.has_full_leaves || all_fit(tree, room, pool, cancel)) return result;
   result.prim_indices = tree.prim_indices;
   result.refittable = tree.refittable;
   result.nodes.reserve(tree.nodes.size() * 2);
@@ -49,7 +45,7 @@ Bvh2 split_leaves(const Bvh2& tree, const TriangleIndices* triangles, TreeLayout
     Bvh2Node left = node, right = node;
     if (!node.is_leaf()) {
       left = tree.nodes[node.first], right = tree.nodes[node.first + 1];
-    } else if (!fits(tree, node, triangles, layout)) {
+    } else if (!fits(tree, node, room)) {
       left.count = node.count / 2;
       right.first = node.first + left.count, right.count = node.count - left.count;
     } else {

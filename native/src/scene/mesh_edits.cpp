@@ -1,0 +1,102 @@
+// Edits of a scene's meshes. Each checks all of its input before it changes anything.
+
+#include "blas/moved_balls.h"
+#include "core/errors.h"
+#include "scene/scene.h"
+#include "wide/leaf_block.h"
+
+namespace perfect_bvh {
+namespace {
+
+const char* kind_name(PrimitiveKind kind) noexcept {
+  if (kind == PrimitiveKind::kTriangles) return "triangles";
+  return kind == PrimitiveKind::kCurves ? "curves" : "points";
+}
+
+const char* update_of(PrimitiveKind kind) noexcept {
+  if (kind == PrimitiveKind::kTriangles) return "update_mesh and replace_mesh are";
+  return kind == PrimitiveKind::kCurves ? "update_curves is" : "update_points is";
+}
+
+void check_kind(const Mesh& mesh, PrimitiveKind expected, std::int32_t mesh_id, const char* function) {
+  if (mesh.kind == expected) return;
+  throw InvalidArgument(std::string(function) + ": mesh " + std::to_string(mesh_id) + " must have " +
+                        kind_name(expected) + ", but has " + kind_name(mesh.kind) + "; " + update_of(mesh.kind) +
+                        " for those");
+}
+
+}  // namespace
+
+std::int32_t Scene::add_mesh(Mesh mesh, const BuildConfig& config, Usage usage, bool is_lazy) {
+  const std::lock_guard lock(edit_mutex_);
+  MeshSlot slot;
+  slot.config = config;
+  slot.config.layout = layout_over(mesh, config.layout);
+  slot.usage = usage;
+  slot.is_lazy = is_lazy;
+  slot.edited = std::make_shared<const Mesh>(std::move(mesh));
+  meshes_.emplace(next_mesh_id_, std::move(slot));
+  mark_edited();
+  return next_mesh_id_++;
+}
+
+template <class T>
+void Scene::update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions, ThreadPool& pool) {
+  const std::lock_guard lock(edit_mutex_);
+  MeshSlot& slot = find_mesh(mesh_id, "update_mesh");
+  const Mesh& before = slot.edited ? *slot.edited : slot.blas->mesh;
+  check_kind(before, PrimitiveKind::kTriangles, mesh_id, "update_mesh");
+  if (!slot.spare_positions) slot.spare_positions = std::make_shared<SparePositions>();
+  auto moved = move_vertices(before, positions, slot.spare_positions, pool, "update_mesh");
+  slot.same_topology = slot.edited ? slot.same_topology : true;
+  slot.has_deformed |= slot.same_topology;
+  slot.edited = std::move(moved);
+  mark_edited();
+}
+template void Scene::update_mesh(std::int32_t, std::span<const Vec3f>, ThreadPool&);
+template void Scene::update_mesh(std::int32_t, std::span<const Vec3d>, ThreadPool&);
+
+template <class T>
+void Scene::update_balls(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls, ThreadPool& pool) {
+  const std::lock_guard lock(edit_mutex_);
+  const char* const function = kind == PrimitiveKind::kPoints ? "update_points" : "update_curves";
+  MeshSlot& slot = find_mesh(mesh_id, function);
+  const Mesh& before = slot.edited ? *slot.edited : slot.blas->mesh;
+  check_kind(before, kind, mesh_id, function);
+  if (!slot.spare_positions) slot.spare_positions = std::make_shared<SparePositions>();
+  MovedBalls moved = move_balls(before, balls, slot.spare_positions, pool, function);
+  slot.same_topology = moved.same_primitives && (slot.edited ? slot.same_topology : true);
+  slot.has_deformed = slot.same_topology || (slot.has_deformed && moved.same_primitives);
+  slot.edited = std::move(moved.mesh);
+  mark_edited();
+}
+template void Scene::update_balls(std::int32_t, PrimitiveKind, const BallsGiven<float>&, ThreadPool&);
+template void Scene::update_balls(std::int32_t, PrimitiveKind, const BallsGiven<double>&, ThreadPool&);
+
+void Scene::replace_mesh(std::int32_t mesh_id, Mesh mesh) {
+  const std::lock_guard lock(edit_mutex_);
+  MeshSlot& slot = find_mesh(mesh_id, "replace_mesh");
+  check_kind(slot.edited ? *slot.edited : slot.blas->mesh, mesh.kind, mesh_id, "replace_mesh");
+  slot.edited = std::make_shared<const Mesh>(std::move(mesh));
+  slot.same_topology = slot.has_deformed = false;
+  slot.spare_positions.reset();
+  mark_edited();
+}
+
+void Scene::set_usage(std::int32_t mesh_id, Usage usage) {
+  const std::lock_guard lock(edit_mutex_);
+  find_mesh(mesh_id, "set_usage").usage = usage;  // no answer changes by it: nothing is stale
+}
+
+void Scene::remove_mesh(std::int32_t mesh_id) {
+  const std::lock_guard lock(edit_mutex_);
+  const MeshSlot& slot = find_mesh(mesh_id, "remove_mesh");
+  if (slot.user_count != 0) {
+    throw InvalidArgument("remove_mesh: mesh " + std::to_string(mesh_id) + " is still used by " +
+                          std::to_string(slot.user_count) + " instances; remove those first");
+  }
+  meshes_.erase(mesh_id);
+  mark_edited();
+}
+
+}  // namespace perfect_bvh
