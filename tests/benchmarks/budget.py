@@ -51,7 +51,7 @@ STAGES = {
     "write-back": ("write_result", "write_results", "divide_weights"),
     "stream": ("trace_stream", "follow_marks", "sort_others", "take_next_ray", "fetch_instances"),
     "ordering": ("reorder_rays", "trace_by_coherence", "gather_left"),
-    "packets": ("trace_packets",),
+    "packets": ("trace_packets", "trace_instance", "load_packet"),
 }
 STAGE_OF = {name: stage for stage, names in STAGES.items() for name in names}
 OTHER = "other"

@@ -59,9 +59,10 @@ struct Packet {
   const SceneView* scene;
   Pace* pace;
   Cull cull;
-  unsigned count;  // rays
-  unsigned lanes;  // the same, rounded up to whole vectors
-  unsigned alone;  // ways that one ray went by itself, or into an instance with few others
+  unsigned count;             // rays
+  unsigned lanes;             // the same, rounded up to whole vectors
+  std::uint32_t common_mask;  // the bits that all rays share
+  unsigned alone;             // ways that one ray went by itself, or into an instance with few others
   PacketStack stack;
   alignas(64) float t_min[kPacketRays], t_max[kPacketRays];  // of the rays themselves
   PacketRays world_rays, local_rays;

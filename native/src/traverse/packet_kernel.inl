@@ -158,16 +158,18 @@ struct PacketWalk {
     top_level.bounds.t_limit = highest_limit(packet, packet.world);
   }
 
-  void enter_instance(PacketLevel& top_level, RaySet rays, std::uint32_t child, unsigned base) noexcept {
-    const std::uint32_t index = child - kInstanceChild;
-    const InstanceView& instance = scene.instances[index];
+  // Those of `rays` that see the instance.
+  [[nodiscard]] RaySet seeing(const InstanceView& instance, RaySet rays) const noexcept {
+    if ((instance.mask & packet.common_mask) != 0) return rays;
     for (RaySet left = rays; left != 0; left &= left - 1) {
       if ((instance.mask & packet.rays[first_ray(left)]->mask) == 0) rays &= ~(left & -left);
     }
-    if (rays == 0) return;
-    if (instance.root == kUnbuiltRoot) return stop_unbuilt(top_level, rays, index);
-    if (count_rays(rays) < kLeastRays) packet.alone += count_rays(rays);  // the packet is not worth its constants
-    rays = map_packet(packet, rays, instance);
+    return rays;
+  }
+
+  // `rays`, as its tree sees them, through an instance.
+  void trace_instance(std::uint32_t index, RaySet rays, unsigned base) noexcept {
+    const InstanceView& instance = scene.instances[index];
     PacketLevel level;
     level.nodes = instance.nodes, level.blocks = blocks_of(instance), level.boxes = &packet.local;
     level.instance = &instance, level.instance_index = index;
@@ -180,18 +182,41 @@ struct PacketWalk {
       set_shortcuts(level, alike);
       walk<false>(level, alike, instance.root, base);
     }
+  }
+
+  void enter_instance(PacketLevel& top_level, RaySet rays, std::uint32_t child, unsigned base) noexcept {
+    const std::uint32_t index = child - kInstanceChild;
+    const InstanceView& instance = scene.instances[index];
+    rays = seeing(instance, rays);
+    if (rays == 0) return;
+    if (instance.root == kUnbuiltRoot) return stop_unbuilt(top_level, rays, index);
+    if (count_rays(rays) < kLeastRays) packet.alone += count_rays(rays);  // the packet is not worth its constants
+    rays = map_packet(packet, rays, instance);
+    trace_instance(index, rays, base);
     if (top_level.boxes == nullptr || rays == 0) return;
     set_ranges<kAny>(packet.world, packet, packet.world_rays, top_level.members);
     top_level.bounds.t_limit = highest_limit(packet, packet.world);
   }
 
-  void trace(RaySet active) noexcept {
+  void clear_hits() noexcept {
     PacketHits& hits = packet.hits;
     for (unsigned i = 0; i < kPacketRays; ++i) {
       hits.instance[i] = hits.primitive[i] = kNoHit;
       hits.weight_v1[i] = hits.weight_v2[i] = 0.0f;
       hits.weight_sum[i] = 1.0f;
     }
+  }
+
+  // Rays that are traced as they are through a scene's only instance.
+  void trace_directly(const InstanceView& instance, RaySet active) noexcept {
+    clear_hits();
+    active = seeing(instance, active);
+    if (count_rays(active) < kLeastRays) packet.alone += count_rays(active);
+    trace_instance(scene.root - kInstanceChild, active, 0);
+  }
+
+  void trace(RaySet active) noexcept {
+    clear_hits();
     PacketLevel level;
     level.nodes = scene.nodes, level.blocks = nullptr, level.boxes = nullptr;
     if (scene.root >= kInstanceChild) {  // a single instance: the top level has no boxes
@@ -260,6 +285,7 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
   Pace pace(scene.interruption);
   packet.scene = &scene, packet.pace = &pace;
   packet.cull = batch.cull;
+  const LoneInstance lone(scene);
   unsigned passed_over = 0, next_passed_over = kPassedOver;
   for (std::size_t begin = 0; begin < batch.count; begin += kPacketRays) {
     packet.count = static_cast<unsigned>(batch.count - begin < kPacketRays ? batch.count - begin : kPacketRays);
@@ -269,12 +295,17 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
       if (passed_over != 0) --passed_over;
       continue;
     }
-    const RaySet valid = load_packet(packet, scene, batch, begin);
-    if (is_left != nullptr && (*is_left = !are_coherent(packet.world_rays, valid, packet.lanes, scene.extent.reach))) {
-      continue;
-    }
+    RaySet valid = 0;
+    const bool is_direct = load_packet(packet, scene, lone, batch, begin, valid);
+    const PacketRays& rays = is_direct ? packet.local_rays : packet.world_rays;
+    if (is_left != nullptr && (*is_left = !are_coherent(rays, valid, packet.lanes, scene.extent.reach))) continue;
     packet.alone = 0;
-    PacketWalk<kAny>{packet, scene}.trace(valid);
+    PacketWalk<kAny> walk{packet, scene};
+    if (is_direct) {
+      walk.trace_directly(*lone.view, valid);
+    } else {
+      walk.trace(valid);
+    }
     if (is_left != nullptr) {
       const bool diverged = 2 * packet.alone > packet.count;
       passed_over = diverged ? next_passed_over : 0;

@@ -66,26 +66,61 @@ inline RaySet prepare_rays(PacketRays& rays, RaySet candidates, unsigned lanes, 
   return candidates;
 }
 
-// Rays `begin` and on, `packet.count` of them. Those that cannot hit anything are left out.
-inline RaySet load_packet(Packet& packet, const SceneView& scene, const RayBatch& batch, std::size_t begin) noexcept {
-  PacketRays& rays = packet.world_rays;
-  const double scale = static_cast<double>(scene.scale);
+// Rays `begin` and on, `packet.count` of them, not prepared yet. Those that cannot hit anything are left out.
+inline RaySet load_rays_of(const RayBatch& batch, std::size_t begin, double scale, Packet& packet,
+                           PacketRays& rays) noexcept {
+  static_assert(offsetof(PacketRays, direction) == 3 * kPacketRays * sizeof(double));  // six columns in all
+  static_assert(kRayLanes % 4 == 0);
   RaySet valid = 0;
+  packet.common_mask = ~0u;
   for (unsigned i = 0; i < packet.lanes; ++i) {
     const std::size_t place = begin + (i < packet.count ? i : packet.count - 1);
     const std::size_t row = row_of(batch, place), next = place + kPacketRays;
     const Ray& ray = batch.rays[row];
     if (next < batch.count) __builtin_prefetch(&batch.rays[row_of(batch, next)]);
     packet.rays[i] = &ray, packet.rows[i] = static_cast<std::uint32_t>(row);
-    rays.origin[0][i] = ray.origin.x * scale, rays.direction[0][i] = ray.direction.x * scale;
-    rays.origin[1][i] = ray.origin.y * scale, rays.direction[1][i] = ray.direction.y * scale;
-    rays.origin[2][i] = ray.origin.z * scale, rays.direction[2][i] = ray.direction.z * scale;
-    packet.t_min[i] = ray.t_min, packet.t_max[i] = ray.t_max;
-    packet.hits.t[i] = last_t(ray.t_max);
-    valid |= RaySet{ray.t_min <= ray.t_max && i < packet.count} << i;
+    packet.common_mask &= ray.mask;
+  }
+  for (unsigned i = 0; i < packet.lanes; i += 4) {
+    load_columns(packet.rays + i, scale, rays.origin[0] + i, kPacketRays, packet.t_min + i, packet.t_max + i);
+  }
+  for (unsigned i = 0; i < packet.lanes; ++i) packet.hits.t[i] = last_t(packet.t_max[i]);
+  for (unsigned i = 0; i < packet.lanes; i += kRayLanes) {
+    valid |= from_bits(bits(less_equal(load_rays(packet.t_min + i), load_rays(packet.t_max + i))), i);
   }
   rays.moved = 0;
-  return prepare_rays(rays, valid, packet.lanes, static_cast<double>(scene.reach));
+  return valid & (~RaySet{0} >> (kPacketRays - packet.count));
+}
+
+// Whether all rays are usual ones, as load_near_by_axis() has it.
+inline bool are_usual(const PacketRays& rays, unsigned lanes, double farthest) noexcept {
+  const RayDouble longest = every_ray(kLongest), shortest = every_ray(kShortest), limit = every_ray(farthest);
+  unsigned all = (1u << kDoubleLanes) - 1;
+  for (unsigned i = 0; i < lanes; i += kDoubleLanes) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const RayDouble direction = load_rays(rays.direction[axis] + i);
+      all &= magnitudes_up_to(direction, longest) & magnitudes_from(direction, shortest) &
+             magnitudes_up_to(load_rays(rays.origin[axis] + i), limit);
+    }
+  }
+  return all == (1u << kDoubleLanes) - 1;
+}
+
+// The next packet, prepared for the scene. True if it is to be traced directly through the lone instance: it is then in
+// packet.local_rays, otherwise in packet.world_rays.
+inline bool load_packet(Packet& packet, const SceneView& scene, const LoneInstance& lone, const RayBatch& batch,
+                        std::size_t begin, RaySet& valid) noexcept {
+  const double scale = static_cast<double>(scene.scale), reach = static_cast<double>(scene.reach);
+  if (lone.view != nullptr) {
+    valid = load_rays_of(batch, begin, scale, packet, packet.local_rays);
+    if (are_usual(packet.local_rays, packet.lanes, lone.farthest)) {
+      valid = prepare_rays(packet.local_rays, valid, packet.lanes, reach);
+      return true;
+    }
+  }
+  valid = load_rays_of(batch, begin, scale, packet, packet.world_rays);
+  valid = prepare_rays(packet.world_rays, valid, packet.lanes, reach);
+  return false;
 }
 
 // Those of `rays` that may hit something of the instance, as its tree sees them.

@@ -50,6 +50,33 @@ __attribute__((always_inline)) inline bool load_near(ObjectRay& out, const Ray& 
   return true;
 }
 
+// Four rays side by side: their origins' x, y and z, then their directions', times `scale`, at `columns` and so many
+// doubles further each, no origin minus zero; and the ends of their ranges. The ranges travel as doubles of any bits.
+__attribute__((always_inline)) inline void load_columns(const Ray* const* rays, double scale, double* columns,
+                                                        std::size_t stride, float* t_min, float* t_max) noexcept {
+  static_assert(offsetof(Ray, t_min) == 48 && offsetof(Ray, t_max) == 52 && sizeof(Ray) == 64);
+  const __m256d factor = _mm256_set1_pd(scale);
+  __m256d column[8];
+  for (int half = 0; half < 2; ++half) {
+    const auto row = [&](int i) __attribute__((always_inline)) {
+      return _mm256_load_pd(reinterpret_cast<const double*>(rays[i]) + 4 * half);
+    };
+    const __m256d even01 = _mm256_unpacklo_pd(row(0), row(1)), odd01 = _mm256_unpackhi_pd(row(0), row(1));
+    const __m256d even23 = _mm256_unpacklo_pd(row(2), row(3)), odd23 = _mm256_unpackhi_pd(row(2), row(3));
+    column[4 * half] = _mm256_permute2f128_pd(even01, even23, 0x20);
+    column[4 * half + 1] = _mm256_permute2f128_pd(odd01, odd23, 0x20);
+    column[4 * half + 2] = _mm256_permute2f128_pd(even01, even23, 0x31);
+    column[4 * half + 3] = _mm256_permute2f128_pd(odd01, odd23, 0x31);
+  }
+  for (std::size_t i = 0; i < 6; ++i) {
+    const __m256d scaled = _mm256_mul_pd(column[i], factor);
+    _mm256_store_pd(columns + i * stride, i < 3 ? _mm256_add_pd(scaled, _mm256_setzero_pd()) : scaled);
+  }
+  const __m128 first = _mm_castpd_ps(_mm256_castpd256_pd128(column[6]));
+  const __m128 second = _mm_castpd_ps(_mm256_extractf128_pd(column[6], 1));
+  _mm_store_ps(t_min, _mm_shuffle_ps(first, second, 0x88)), _mm_store_ps(t_max, _mm_shuffle_ps(first, second, 0xDD));
+}
+
 __attribute__((always_inline)) inline void map_to_local(ObjectRay& out, const ObjectRay& ray,
                                                         const MapColumns& map) noexcept {
   const __m256d x = _mm256_load_pd(map[0]), y = _mm256_load_pd(map[1]), z = _mm256_load_pd(map[2]);

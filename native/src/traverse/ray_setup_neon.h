@@ -48,6 +48,20 @@ __attribute__((always_inline)) inline bool load_near(ObjectRay& out, const Ray& 
   return load_near_by_axis(out, ray, scale, farthest);
 }
 
+// Four rays side by side: their origins' x, y and z, then their directions', times `scale`, at `columns` and so many
+// doubles further each, no origin minus zero; and the ends of their ranges.
+__attribute__((always_inline)) inline void load_columns(const Ray* const* rays, double scale, double* columns,
+                                                        std::size_t stride, float* t_min, float* t_max) noexcept {
+  for (std::size_t i = 0; i < 4; ++i) {
+    const double *const origin = &rays[i]->origin.x, *const direction = &rays[i]->direction.x;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      columns[axis * stride + i] = origin[axis] * scale + 0.0;
+      columns[(axis + 3) * stride + i] = direction[axis] * scale;
+    }
+    t_min[i] = rays[i]->t_min, t_max[i] = rays[i]->t_max;
+  }
+}
+
 __attribute__((always_inline)) inline void map_to_local(ObjectRay& out, const ObjectRay& ray,
                                                         const MapColumns& map) noexcept {
   const Double4Halves x = load_four(map[0]), y = load_four(map[1]), z = load_four(map[2]), moved = load_four(map[3]);
