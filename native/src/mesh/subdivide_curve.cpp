@@ -1,0 +1,232 @@
+#include "mesh/subdivide_curve.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "core/errors.h"
+#include "math/ball.h"
+
+namespace perfect_bvh {
+namespace {
+
+constexpr std::size_t kMostBalls = std::size_t{kSegmentBall} + 1;
+
+// A ball in double precision, or a difference of balls: a vector of four.
+struct Four {
+  double x, y, z, radius;
+
+  friend Four operator+(Four a, Four b) noexcept { return {a.x + b.x, a.y + b.y, a.z + b.z, a.radius + b.radius}; }
+  friend Four operator-(Four a, Four b) noexcept { return {a.x - b.x, a.y - b.y, a.z - b.z, a.radius - b.radius}; }
+  friend Four operator*(Four a, double s) noexcept { return {a.x * s, a.y * s, a.z * s, a.radius * s}; }
+  // Of the centre, and of the radius: how far a surface can differ by that.
+  [[nodiscard]] double size() const noexcept { return std::sqrt(x * x + y * y + z * z) + std::abs(radius); }
+};
+
+// The Bernstein coefficients of a span.
+struct Cubic {
+  Four b0, b1, b2, b3;
+};
+
+template <class T>
+Four control(const ControlCurves<T>& curves, const Reading& curve, std::size_t index) noexcept {
+  const std::size_t row = curve.first + index;
+  const Vec3<T>& point = curves.points[row];
+  return {static_cast<double>(point.x), static_cast<double>(point.y), static_cast<double>(point.z),
+          static_cast<double>(curves.radii[curves.radii.size() == 1 ? 0 : row])};
+}
+
+template <class T>
+Cubic catmull_rom(const ControlCurves<T>& curves, const Reading& curve, std::size_t span) noexcept {
+  const std::size_t last = curve.count - 1;
+  const auto at = [&](std::size_t index) { return control(curves, curve, index); };
+  const std::size_t next = span == last ? 0 : span + 1;  // of a cyclic curve
+  const Four p0 = at(span != 0 ? span - 1 : curve.is_cyclic ? last : 0), p1 = at(span), p2 = at(next);
+  const Four p3 = at(next != last ? next + 1 : curve.is_cyclic ? 0 : last);
+  return {p1, p1 + (p2 - p0) * (1.0 / 6.0), p2 - (p3 - p1) * (1.0 / 6.0), p2};
+}
+
+template <class T>
+Cubic b_spline(const ControlCurves<T>& curves, const Reading& curve, std::size_t span) noexcept {
+  const auto at = [&](std::size_t index) {
+    return control(curves, curve, index < curve.count ? index : index - curve.count);
+  };
+  const Four p0 = at(span), p1 = at(span + 1), p2 = at(span + 2), p3 = at(span + 3);
+  const double third = 1.0 / 3.0, sixth = 1.0 / 6.0;
+  return {(p0 + p1 * 4.0 + p2) * sixth, (p1 * 2.0 + p2) * third, (p1 + p2 * 2.0) * third, (p1 + p2 * 4.0 + p3) * sixth};
+}
+
+template <class T>
+Cubic bezier(const ControlCurves<T>& curves, const Reading& curve, std::size_t span) noexcept {
+  const auto at = [&](std::size_t index) { return control(curves, curve, index == curve.count ? 0 : index); };
+  return {at(3 * span), at(3 * span + 1), at(3 * span + 2), at(3 * span + 3)};
+}
+
+// A span that is no line.
+template <class T>
+Cubic cubic_of(const ControlCurves<T>& curves, const Reading& curve, std::size_t span) noexcept {
+  if (curve.kind == CurveKind::kBezier) return bezier(curves, curve, span);
+  if (curve.kind == CurveKind::kBSpline) return b_spline(curves, curve, span);
+  Cubic cubic = catmull_rom(curves, curve, span);
+  cubic.b1.radius = std::max(cubic.b1.radius, 0.0);
+  cubic.b2.radius = std::max(cubic.b2.radius, 0.0);
+  return cubic;
+}
+
+// How far the surface of one piece would be off. Centre and radius together are bent most at an end, too.
+double bend_of(const Cubic& cubic) noexcept {
+  const double first = ((cubic.b0 - cubic.b1) - (cubic.b1 - cubic.b2)).size();
+  const double last = ((cubic.b1 - cubic.b2) - (cubic.b2 - cubic.b3)).size();
+  return first >= last ? 0.75 * first : last >= first ? 0.75 * last : first + last;  // what is no number stays none
+}
+
+std::uint32_t pieces_within(double bend, double tolerance) noexcept {
+  const double count = std::ceil(std::sqrt(bend / tolerance));
+  // What is not a number becomes too many as well.
+  return count <= static_cast<double>(kMostBalls) ? std::max(1u, static_cast<std::uint32_t>(count)) : kMostBalls;
+}
+
+// With as many spans as there are, into which no pieces have been counted.
+template <class T>
+Subdivision begin(const ControlCurves<T>& curves, const char* function) {
+  Subdivision subdivision;
+  subdivision.first_spans = first_spans_of(curves, function);
+  subdivision.first_balls.resize(static_cast<std::size_t>(subdivision.first_spans.back()) + 1);
+  return subdivision;
+}
+
+// From how many pieces each span has to where its balls begin: a chain has one ball more than it has pieces.
+void sum_up(Subdivision& subdivision, const std::string& function) {
+  std::size_t balls = 0, span = 0;
+  for (std::size_t curve = 1; curve < subdivision.first_spans.size(); ++curve) {
+    for (const auto end = static_cast<std::size_t>(subdivision.first_spans[curve]); span < end; ++span) {
+      const std::uint32_t pieces = subdivision.first_balls[span];
+      subdivision.first_balls[span] = static_cast<std::uint32_t>(balls);
+      balls += pieces;
+      if (balls >= kMostBalls) {
+        throw InvalidArgument(function + ": a mesh of curves holds 2**30 balls, and curve " +
+                              std::to_string(curve - 1) +
+                              " goes beyond them; raise the tolerance, or divide the curves into several meshes");
+      }
+    }
+    ++balls;
+  }
+  subdivision.first_balls[span] = static_cast<std::uint32_t>(std::min(balls, kMostBalls));
+}
+
+// Calls body(curve, its number, number of the span in it, number of the span) for each of a range of spans.
+template <class T, class Body>
+void for_spans(const ControlCurves<T>& curves, const Subdivision& subdivision, std::size_t begin, std::size_t end,
+               const Body& body) {
+  const auto& first_spans = subdivision.first_spans;
+  const auto after = std::upper_bound(first_spans.begin(), first_spans.end(), static_cast<std::int64_t>(begin));
+  auto curve = static_cast<std::size_t>(after - first_spans.begin()) - 1;
+  for (std::size_t span = begin; span < end; ++curve) {
+    const Reading reading = read(curves, curve);
+    const auto first = static_cast<std::size_t>(first_spans[curve]);
+    const std::size_t stop = std::min(end, static_cast<std::size_t>(first_spans[curve + 1]));
+    for (; span < stop; ++span) body(reading, curve, span - first, span);
+  }
+}
+
+template <class T>
+struct Chains {
+  std::span<Vec3<T>> centres;
+  std::span<T> radii;
+
+  void put(std::size_t row, const Four& ball) const noexcept {
+    centres[row] = {static_cast<T>(ball.x), static_cast<T>(ball.y), static_cast<T>(ball.z)};
+    radii[row] = static_cast<T>(std::max(ball.radius, 0.0));  // a cubic that touches 0 may be rounded below it
+  }
+  // The first balls of `count` pieces, at 0, 1 / count, ... of the cubic.
+  void put(std::size_t row, std::size_t count, const Cubic& cubic) const noexcept {
+    const auto& [b0, b1, b2, b3] = cubic;
+    put(row, b0);
+    if (count == 1) return;
+    const Four c1 = (b1 - b0) * 3.0, c2 = ((b0 - b1) - (b1 - b2)) * 3.0, c3 = (b3 - b0) - (b2 - b1) * 3.0;
+    const double step = 1.0 / static_cast<double>(count);
+    for (std::size_t k = 1; k < count; ++k) {
+      const double t = static_cast<double>(k) * step;
+      put(row + k, ((c3 * t + c2) * t + c1) * t + b0);
+    }
+  }
+};
+
+}  // namespace
+
+std::vector<std::int64_t> Subdivision::ball_offsets() const {
+  std::vector<std::int64_t> offsets(first_spans.size());
+  for (std::size_t curve = 0; curve < offsets.size(); ++curve) {
+    offsets[curve] = first_balls[static_cast<std::size_t>(first_spans[curve])];
+  }
+  return offsets;
+}
+
+template <class T>
+Subdivision subdivide(const ControlCurves<T>& curves, double tolerance, const RangeLoop& loop, const char* function) {
+  if (!(tolerance > 0.0)) {
+    throw InvalidArgument(std::string(function) + ": tolerance must be above 0, got " + std::to_string(tolerance) +
+                          "; a twentieth of the radius is hardly seen");
+  }
+  Subdivision subdivision = begin(curves, function);
+  loop(subdivision.span_count(), [&](std::size_t first, std::size_t last) {
+    for_spans(curves, subdivision, first, last,
+              [&](const Reading& curve, std::size_t, std::size_t span_of_curve, std::size_t span) {
+                subdivision.first_balls[span] =
+                    curve.kind == CurveKind::kPoly
+                        ? 1
+                        : pieces_within(bend_of(cubic_of(curves, curve, span_of_curve)), tolerance);
+              });
+  });
+  sum_up(subdivision, function);
+  return subdivision;
+}
+
+template <class T>
+Subdivision subdivide_evenly(const ControlCurves<T>& curves, std::uint32_t piece_count, const char* function) {
+  if (piece_count == 0) throw InvalidArgument(std::string(function) + ": a span has 1 piece or more, got 0");
+  Subdivision subdivision = begin(curves, function);
+  for_spans(curves, subdivision, 0, subdivision.span_count(),
+            [&](const Reading& curve, std::size_t, std::size_t, std::size_t span) {
+              subdivision.first_balls[span] = curve.kind == CurveKind::kPoly ? 1 : piece_count;
+            });
+  sum_up(subdivision, function);
+  return subdivision;
+}
+
+template <class T>
+void write_balls(const ControlCurves<T>& curves, const Subdivision& subdivision, std::span<Vec3<T>> centres,
+                 std::span<T> radii, const RangeLoop& loop, const char* function) {
+  if (first_spans_of(curves, function) != subdivision.first_spans) {
+    throw InvalidArgument(std::string(function) + ": curve_offsets and cyclic must be those that the curves were " +
+                          "added with, got others; replace the curves instead");
+  }
+  const Chains<T> chains{centres, radii};
+  loop(subdivision.span_count(), [&](std::size_t first, std::size_t last) {
+    for_spans(curves, subdivision, first, last,
+              [&](const Reading& curve, std::size_t number, std::size_t span_of_curve, std::size_t span) {
+                const bool is_last = subdivision.first_spans[number + 1] == static_cast<std::int64_t>(span) + 1;
+                const std::size_t row = subdivision.first_balls[span];
+                const std::size_t pieces = subdivision.first_balls[span + 1] - row - (is_last ? 1 : 0);
+                if (curve.kind == CurveKind::kPoly) {
+                  chains.put(row, control(curves, curve, span_of_curve));
+                  if (is_last) chains.put(row + 1, control(curves, curve, (span_of_curve + 1) % curve.count));
+                  return;
+                }
+                const Cubic cubic = cubic_of(curves, curve, span_of_curve);
+                chains.put(row, pieces, cubic);
+                if (is_last) chains.put(row + pieces, curve.is_cyclic ? cubic_of(curves, curve, 0).b0 : cubic.b3);
+              });
+  });
+}
+
+template Subdivision subdivide(const ControlCurves<float>&, double, const RangeLoop&, const char*);
+template Subdivision subdivide(const ControlCurves<double>&, double, const RangeLoop&, const char*);
+template Subdivision subdivide_evenly(const ControlCurves<float>&, std::uint32_t, const char*);
+template Subdivision subdivide_evenly(const ControlCurves<double>&, std::uint32_t, const char*);
+template void write_balls(const ControlCurves<float>&, const Subdivision&, std::span<Vec3f>, std::span<float>,
+                          const RangeLoop&, const char*);
+template void write_balls(const ControlCurves<double>&, const Subdivision&, std::span<Vec3d>, std::span<double>,
+                          const RangeLoop&, const char*);
+
+}  // namespace perfect_bvh

@@ -1,0 +1,62 @@
+// Curves over control points as chains of balls (math/round_segment.h), within a stated distance of the true surface.
+//
+// What the true surface is. Between control points a curve is a cubic, of the centre and of the radius alike (poly: a
+// line); the surface bounds the union of the balls along it. Curves run as Blender evaluates them:
+// - Catmull-Rom, uniform: through every control point; the first and the last count twice at the ends.
+// - B-spline, cubic, its knots uniform and not clamped: from (p0 + 4 p1 + p2) / 6 on. With less than 4 points: a poly.
+// - Bezier: points 3i are passed through, the two between are handles; there are 3n + 1 points, or 3n of a cyclic one.
+// A cyclic curve's chain ends with the ball that it begins with. Where a Catmull-Rom curve would let the radius swing
+// below 0, the inner ones of its Bernstein coefficients are raised to 0: no radius is negative.
+//
+// The distance. Over 1/k of its parameter a cubic leaves its chord by |second derivative| / (8 k^2) at most, by any
+// norm: here that of the centre plus that of the radius, by which surfaces can differ. The second derivative is linear,
+// and so largest at an end. Rounding the balls to T comes on top.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "core/aligned.h"
+#include "math/vec3.h"
+#include "mesh/control_curves.h"
+
+namespace perfect_bvh {
+
+// Into how many pieces each span between control points is divided. A function of the control points and the
+// tolerance; it outlives them, so that the same chains can be written of points that moved, and trees be refitted.
+struct Subdivision {
+  AlignedVector<std::uint32_t> first_balls;  // of each span, curve by curve, then how many balls there are
+  std::vector<std::int64_t> first_spans;     // of each curve, then how many spans there are
+
+  [[nodiscard]] std::size_t span_count() const noexcept { return first_balls.size() - 1; }
+  [[nodiscard]] std::size_t ball_count() const noexcept { return first_balls.back(); }
+  // The first ball of each curve, then how many balls there are: the offsets of a poly.
+  [[nodiscard]] std::vector<std::int64_t> ball_offsets() const;
+};
+
+// Calls body(begin, end) for parts that together are [0, count), on whatever threads; returns when all have ended.
+using RangeLoop =
+    std::function<void(std::size_t count, const std::function<void(std::size_t begin, std::size_t end)>& body)>;
+
+// Chains that are nowhere further than `tolerance` from the true surface. Throws InvalidArgument for a tolerance that
+// is not above 0, for offsets that do not fit, for curves of too few points or, of Bezier curves, of a number that
+// leaves a handle over, and if there were more balls than a mesh can hold; `function` opens the message.
+template <class T>
+[[nodiscard]] Subdivision subdivide(const ControlCurves<T>& curves, double tolerance, const RangeLoop& loop,
+                                    const char* function);
+
+// The same with so many pieces a span, of a poly one.
+template <class T>
+[[nodiscard]] Subdivision subdivide_evenly(const ControlCurves<T>& curves, std::uint32_t piece_count,
+                                           const char* function);
+
+// The balls of all chains: centres and radii have ball_count() places. The curves are those that were subdivided, or
+// the same ones moved: throws InvalidArgument if their offsets differ from what they were then.
+template <class T>
+void write_balls(const ControlCurves<T>& curves, const Subdivision& subdivision, std::span<Vec3<T>> centres,
+                 std::span<T> radii, const RangeLoop& loop, const char* function);
+
+}  // namespace perfect_bvh
