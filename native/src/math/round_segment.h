@@ -171,27 +171,40 @@ static inline Chord chord_of_segment(const RoundRay& ray, const RoundBall& first
   return cone.squared > 0.0 ? united(balls, chord_of_cone(ray, first, cone, nearest)) : balls;
 }
 
+// Where on the axis a point of a segment's surface belongs: the share of the ball that touches the hull there, 0 of the
+// first, 1 of the last. `point`: from the first centre.
+static inline double share_at(const RoundCone& cone, const double point[3]) noexcept {
+  if (!(cone.squared > 0.0)) return cone.widening > 0.0 ? 1.0 : 0.0;
+  const double s = (dot_of(point, cone.axis) + cone.at_centre) / cone.squared;
+  return s > 0.0 ? smaller(s, 1.0) : 0.0;
+}
+
 // A point of a segment's surface.
 struct RoundSurface {
   double u;          // along the segment: of the ball that touches the hull there, 0 the first, 1 the last
   double normal[3];  // outward, of length 1; 0 at a tip
 };
 
-// At t of the ray, an end of its chord. A point's distance from a ball's centre is taken at the point nearest to it, so
-// that a ray from far away has as exact a normal as any.
+// A ray's point, from a ball's centre. By way of the point nearest to it, so that it is as exact from far away.
+static inline void point_from(const RoundRay& ray, const RoundBall& ball, double t, double point[3]) noexcept {
+  const NearestToCentre nearest = nearest_to_centre(ray, ball);
+  for (int i = 0; i < 3; ++i) point[i] = fused(t - nearest.t, ray.direction[i], nearest.point[i]);
+}
+
+static inline double share_at(const RoundRay& ray, const RoundBall& first, const RoundBall& last, double t) noexcept {
+  double point[3];
+  point_from(ray, first, t, point);
+  return share_at(cone_of(first, last), point);
+}
+
+// At t of the ray, an end of its chord.
 static inline RoundSurface surface_at(const RoundRay& ray, const RoundBall& first, const RoundBall& last,
                                       double t) noexcept {
-  const NearestToCentre nearest = nearest_to_centre(ray, first);
   const RoundCone cone = cone_of(first, last);
-  double point[3];  // from the first centre
-  for (int i = 0; i < 3; ++i) point[i] = fused(t - nearest.t, ray.direction[i], nearest.point[i]);
+  double point[3];
+  point_from(ray, first, t, point);
   RoundSurface surface;
-  if (cone.squared > 0.0) {
-    const double s = (dot_of(point, cone.axis) + cone.at_centre) / cone.squared;
-    surface.u = s > 0.0 ? smaller(s, 1.0) : 0.0;
-  } else {
-    surface.u = cone.widening > 0.0 ? 1.0 : 0.0;
-  }
+  surface.u = share_at(cone, point);
   double* const normal = surface.normal;
   for (int i = 0; i < 3; ++i) normal[i] = fused(-surface.u, cone.axis[i], point[i]);
   const double length = __builtin_sqrt(dot_of(normal, normal));

@@ -46,18 +46,26 @@ struct Nearer {
   bool operator()(const FoundHit& a, const FoundHit& b) const {
     if (++comparison_count % kHitsBetweenAsking == 0) cancel.checkpoint();
     if (a.t != b.t) return a.t < b.t;
-    if (a.instance_index == b.instance_index) return a.primitive_index < b.primitive_index;
+    if (a.instance_index == b.instance_index) {
+      return a.primitive_index != b.primitive_index ? a.primitive_index < b.primitive_index : a.v < b.v;
+    }
     const Instance &first = snapshot.instances[a.instance_index], &second = snapshot.instances[b.instance_index];
     return first.order != second.order ? first.order < second.order : first.id < second.id;
   }
 };
 
-// A triangle's t depends on ray and instance only, so its repetitions end up side by side.
+bool is_round(const FoundHit& hit, const Snapshot& snapshot) {
+  return snapshot.instance_views[hit.instance_index].is_round != 0;
+}
+
+// A triangle's t depends on ray and instance only, so its repetitions end up side by side; so do those of either end of
+// the ray's way through a curve or point, which v tells apart.
 std::span<FoundHit> sort_once_each(std::span<FoundHit> hits, const Snapshot& snapshot, CancelToken& cancel) {
   std::size_t comparison_count = 0;
   std::sort(hits.begin(), hits.end(), Nearer{snapshot, cancel, comparison_count});
-  const auto same = [](const FoundHit& a, const FoundHit& b) {
-    return a.instance_index == b.instance_index && a.primitive_index == b.primitive_index;
+  const auto same = [&](const FoundHit& a, const FoundHit& b) {
+    return a.instance_index == b.instance_index && a.primitive_index == b.primitive_index &&
+           (a.v == b.v || !is_round(a, snapshot));
   };
   return hits.first(static_cast<std::size_t>(std::unique(hits.begin(), hits.end(), same) - hits.begin()));
 }
@@ -104,7 +112,8 @@ std::size_t list_intersections(const Snapshot& snapshot, const RayColumns& colum
       for (std::size_t i = 0; i < wanted; ++i) {
         if (i % kHitsBetweenAsking == kHitsBetweenAsking - 1) cancel.checkpoint();
         const FoundHit& hit = sorted[i];
-        const Hit narrowed{static_cast<float>(hit.t) + 0.0f, hit.u, hit.v, hit.instance_index, hit.primitive_index};
+        const float v = is_round(hit, snapshot) ? 0.0f : hit.v;
+        const Hit narrowed{static_cast<float>(hit.t) + 0.0f, hit.u, v, hit.instance_index, hit.primitive_index};
         store_hits(out, begin + i, snapshot, {&narrowed, 1}, rays.subspan(row, 1));
       }
     });

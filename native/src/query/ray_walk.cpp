@@ -25,6 +25,8 @@ namespace {
 // After the slot.
 #include "traverse/leaf_test.inl"
 #include "traverse/node_test.inl"
+// After the leaf test.
+#include "traverse/round_leaf.inl"
 
 constexpr double kNone = std::numeric_limits<double>::infinity();
 
@@ -130,8 +132,10 @@ class Walker {
   void visit_leaf() {
     const std::uint32_t row = next() - kBlockChild;
     if (slot().blocks != nullptr) return test_triangles(slot().blocks[row]);
+    const InstanceView& instance = view_.instances[slot().instance];
+    if (instance.is_round != 0) return test_round(instance, row);
     GatheredLeaf leaf;
-    gather_leaf(leaf, *view_.instances[slot().instance].indexed_leaves, row);
+    gather_leaf(leaf, *instance.indexed_leaves, row);
     test_triangles(leaf);
   }
 
@@ -157,8 +161,38 @@ class Walker {
       const WalkEvent other = is_met ? WalkEvent::kTriangleRejected : WalkEvent::kTriangleMissed;
       note_triangle(is_hit ? WalkEvent::kTriangleHit : other, here, leaf.primitives[lane], t);
     }
+    finish_leaf(is_new);
+  }
+
+  // Curves or points; t is where the ray goes in, or if that is hidden out.
+  void test_round(const InstanceView& instance, std::uint32_t row) {
+    const Waiting here = waiting_[slot().top];
+    note(WalkEvent::kEnterLeaf, here);
+    const RoundList& list = instance.indexed_leaves->round;
+    const IndexedLeaf& leaf = instance.indexed_leaves->rows[row];
+    const RoundCandidates candidates(leaf, list, slot().local, slot().box.t_min, slot().box.t_limit,
+                                     instance.extent.reach);
+    bool is_new = false;
+    for (int lane = 0; lane < 8; ++lane) {
+      const std::uint32_t primitive = leaf.primitives[lane];
+      if (lane > 0 && leaf.primitives[lane - 1] == primitive) continue;
+      double t = kNone;
+      if (RoundMeeting at; meet_round(at, candidates.ray, list, primitive, slot().local.time)) {
+        const ShownEnds shows = shown_ends(candidates.ray, list, primitive, at.chord);
+        t = shows.entry ? at.entry : shows.exit ? at.exit : kNone;
+      }
+      const bool is_hit = (candidates.lanes >> lane & 1) != 0 &&
+                          take_round_hit(slot(), view_.instances, ray_, cull_, candidates.ray, list, primitive);
+      is_new = is_new || is_hit;
+      const WalkEvent other = t < kNone ? WalkEvent::kTriangleRejected : WalkEvent::kTriangleMissed;
+      note_triangle(is_hit ? WalkEvent::kTriangleHit : other, here, primitive, is_hit ? slot().best_t : t);
+    }
+    finish_leaf(is_new);
+  }
+
+  void finish_leaf(bool has_new_hit) {
     --slot().top;
-    if (!is_new) return;
+    if (!has_new_hit) return;
     set_limit(slot());
     drop_far();
   }
@@ -217,8 +251,18 @@ class Walker {
     walk_.instance_ids.push_back(space_.instance_id);
     walk_.mesh_ids.push_back(space_.mesh_id);
     walk_.primitive_ids.push_back(static_cast<std::int32_t>(primitive));
-    const WorldTriangle corners = world_triangle(snapshot_, {0, 0, 0, slot().instance, primitive});
+    const WorldTriangle corners = corners_of(primitive);
     for (const Vec3d& corner : {corners.v0, corners.v1, corners.v2}) append_vector(walk_.triangles, corner);
+  }
+
+  // Of a curve's segment the centres of its balls, the first one's twice.
+  [[nodiscard]] WorldTriangle corners_of(std::uint32_t primitive) {
+    const Instance& instance = snapshot_.instances[slot().instance];
+    const Mesh& mesh = instance.blas->mesh;
+    if (!mesh.is_round()) return world_triangle(snapshot_, {0, 0, 0, slot().instance, primitive});
+    const RoundEnds ends = ends_of({mesh.balls.data(), mesh.segments.data(), 1.0f}, primitive);
+    const auto place = [&](const double (&c)[3]) { return instance.object_to_world.point({c[0], c[1], c[2]}); };
+    return {place(ends.first.centre), place(ends.last.centre), place(ends.first.centre)};
   }
 
   // What boxes and triangles have.

@@ -31,9 +31,10 @@ enum class WalkEvent : std::uint8_t {
 // Columns of equal length.
 struct RayWalk {
   std::vector<WalkEvent> events;
-  std::vector<double> bounds;        // six an event: lower x, y, z, upper x, y, z, in the space of the box's tree
-  std::vector<double> transforms;    // twelve: rows of the map from there to the world
-  std::vector<double> triangles;     // nine: corners in the world; NaN unless the event is a triangle's
+  std::vector<double> bounds;      // six an event: lower x, y, z, upper x, y, z, in the space of the box's tree
+  std::vector<double> transforms;  // twelve: rows of the map from there to the world
+  // Nine: corners in the world; of a curve's segment or a point its centres. NaN unless the event is a triangle's.
+  std::vector<double> triangles;
   std::vector<double> t;             // where the ray enters the box or meets the triangle; infinite where it does not
   std::vector<double> nearest_t;     // the nearest hit's after the event; infinite before the first
   std::vector<std::int32_t> levels;  // of the box in its tree, 0 for the root; a triangle has its leaf's

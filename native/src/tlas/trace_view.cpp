@@ -41,7 +41,8 @@ InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
     view.world_to_local[column][3] = 0;
   }
   view.nodes = tree.nodes.data();
-  view.is_compact = tree.layout == TreeLayout::kCompact ? 1 : 0;
+  view.is_round = instance.blas->mesh.is_round() ? 1 : 0;
+  view.is_compact = tree.layout == TreeLayout::kCompact || view.is_round != 0 ? 1 : 0;
   if (view.is_compact != 0) {
     view.indexed_leaves = &instance.blas->indexed_leaves;
   } else {

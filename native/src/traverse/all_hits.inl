@@ -1,5 +1,6 @@
-// Every triangle that a ray meets in its range: counted, or written down unsorted. Ray by ray: no hit
-// shortens the ray, so the order of visits is free and no entry distance is kept.
+// Every triangle that a ray meets in its range, and every end of a chord in curves and points that is shown: counted,
+// or written down unsorted. Ray by ray: no hit shortens the ray, so the order of visits is free and no entry distance
+// is kept.
 // A triangle that stands in several leaves (spatial splits) is found in each: the caller, which may allocate, sorts
 // and drops what it has seen.
 // Included after stream_kernel.inl, of whose slots, node and leaf tests it is made; everything has internal linkage.
@@ -33,15 +34,45 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const SceneView& scene
   return count;
 }
 
+// The same of curves or points: where a ray goes in (v = 0) and out (v = 1).
+inline std::size_t take_all_round(const Slot& slot, const SceneView& scene, const RayBatch& batch, std::uint32_t row,
+                                  FoundHit* hits, std::size_t room) noexcept {
+  const InstanceView& instance = scene.instances[slot.instance];
+  const RoundList& list = instance.indexed_leaves->round;
+  const IndexedLeaf& leaf = instance.indexed_leaves->rows[row];
+  const RoundCandidates candidates(leaf, list, slot.local, slot.box.t_min, slot.box.t_limit, instance.extent.reach);
+  std::size_t count = 0;
+  const auto take = [&](double t, std::uint32_t primitive, double local_t, float is_exit) {
+    if (hits != nullptr && count < room) {
+      hits[count] = {t, share_of(candidates.ray, list, primitive, local_t), is_exit, slot.instance, primitive};
+    }
+    ++count;
+  };
+  for (unsigned lanes = candidates.lanes; lanes != 0; lanes &= lanes - 1) {
+    const std::uint32_t primitive = leaf.primitives[__builtin_ctz(lanes)];
+    RoundMeeting at;
+    if (!meet_round(at, candidates.ray, list, primitive, slot.local.time)) continue;
+    const bool may_enter = batch.cull != Cull::kFront && is_in_range(at.entry, batch.rays[slot.ray]);
+    const bool may_exit = batch.cull != Cull::kBack && is_in_range(at.exit, batch.rays[slot.ray]);
+    if (!may_enter && !may_exit) continue;
+    const ShownEnds shows = shown_ends(candidates.ray, list, primitive, at.chord);
+    if (may_enter && shows.entry) take(at.entry, primitive, at.chord.entry, 0.0f);
+    if (may_exit && shows.exit) take(at.exit, primitive, at.chord.exit, 1.0f);
+  }
+  return count;
+}
+
 inline std::size_t visit_whole_leaf(const Slot& slot, const SceneView& scene, const RayBatch& batch, std::uint32_t row,
                                     FoundHit* hits, std::size_t room) noexcept {
   if (slot.blocks != nullptr) return take_all(slot, scene, batch, slot.blocks[row], hits, room);
+  const InstanceView& instance = scene.instances[slot.instance];
+  if (instance.is_round != 0) return take_all_round(slot, scene, batch, row, hits, room);
   GatheredLeaf leaf;
-  gather_leaf(leaf, *scene.instances[slot.instance].indexed_leaves, row);
+  gather_leaf(leaf, *instance.indexed_leaves, row);
   return take_all(slot, scene, batch, leaf, hits, room);
 }
 
-// How many triangles the slot's ray meets; those for which there is room are written to `hits` unless it is null.
+// How many hits the slot's ray has; those for which there is room are written to `hits` unless it is null.
 inline std::size_t walk_whole_ray(Slot& slot, const SceneView& scene, const RayBatch& batch, FoundHit* hits,
                                   std::size_t room, Pace& pace) noexcept {
   std::uint32_t* const stack = stack_of(slot);

@@ -46,5 +46,21 @@ inline __attribute__((always_inline)) void gather_leaf(GatheredLeaf& leaf, const
   gather_corner(leaf.corners[2], from, scale, third);
 }
 
+// `ball(lane)` is the ball of that lane.
+template <class BallOf>
+inline __attribute__((always_inline)) void gather_balls(float (*rows)[8], float scale, const BallOf& ball) noexcept {
+  const __m256 factor = _mm256_set1_ps(scale);
+  const auto load_balls = [&](int lane) __attribute__((always_inline)) {
+    return load_two(ball(lane).centre, ball(lane + 4).centre);
+  };
+  const __m256 first = load_balls(0), second = load_balls(1), third = load_balls(2), fourth = load_balls(3);
+  const __m256 low_xy = _mm256_unpacklo_ps(first, second), high_xy = _mm256_unpacklo_ps(third, fourth);
+  const __m256 low_zr = _mm256_unpackhi_ps(first, second), high_zr = _mm256_unpackhi_ps(third, fourth);
+  _mm256_store_ps(rows[0], _mm256_mul_ps(_mm256_shuffle_ps(low_xy, high_xy, 0x44), factor));
+  _mm256_store_ps(rows[1], _mm256_mul_ps(_mm256_shuffle_ps(low_xy, high_xy, 0xEE), factor));
+  _mm256_store_ps(rows[2], _mm256_mul_ps(_mm256_shuffle_ps(low_zr, high_zr, 0x44), factor));
+  _mm256_store_ps(rows[3], _mm256_mul_ps(_mm256_shuffle_ps(low_zr, high_zr, 0xEE), factor));
+}
+
 }  // namespace
 }  // namespace perfect_bvh

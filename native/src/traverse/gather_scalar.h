@@ -22,5 +22,15 @@ inline void gather_leaf(GatheredLeaf& leaf, const IndexedLeaves& from, std::uint
   }
 }
 
+// `ball(lane)` is the ball of that lane.
+template <class BallOf>
+inline void gather_balls(float (*rows)[8], float scale, const BallOf& ball) noexcept {
+  for (int lane = 0; lane < 8; ++lane) {
+    const Ball& from = ball(lane);
+    rows[0][lane] = from.centre.x * scale, rows[1][lane] = from.centre.y * scale;
+    rows[2][lane] = from.centre.z * scale, rows[3][lane] = from.radius * scale;
+  }
+}
+
 }  // namespace
 }  // namespace perfect_bvh

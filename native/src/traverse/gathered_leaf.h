@@ -11,4 +11,9 @@ struct alignas(32) GatheredLeaf {
   std::uint32_t primitives[8];
 };
 
+// A leaf of curves or points: each one's two balls (a point's are the same), as x, y, z and radius in the tree's scale.
+struct alignas(32) GatheredBalls {
+  float first[4][8], last[4][8];
+};
+
 }  // namespace perfect_bvh

@@ -326,9 +326,52 @@ PERFECT_BVH_INLINE void test_leaf_together(Packet& packet, PacketLevel& level, c
   level.bounds.t_limit = highest_limit(packet, *level.boxes);
 }
 
+// Ray i against the curves or points of a leaf. True if its best hit is a new one (any hit: if there is one).
+template <bool kAny>
+__attribute__((noinline)) bool test_round_leaf_alone(Packet& packet, const PacketLevel& level, std::uint32_t row,
+                                                     unsigned i) noexcept {
+  const RoundList& list = level.instance->indexed_leaves->round;
+  const IndexedLeaf& leaf = level.instance->indexed_leaves->rows[row];
+  const ObjectRay local = object_ray(packet.local_rays, i);
+  PacketBoxes& boxes = *level.boxes;
+  PacketHits& hits = packet.hits;
+  const RoundCandidates candidates(leaf, list, local, boxes.t_min[i], boxes.t_limit[i], level.instance->extent.reach);
+  bool is_new = false;
+  for (unsigned lanes = candidates.lanes; lanes != 0 && !(kAny && is_new); lanes &= lanes - 1) {
+    const std::uint32_t primitive = leaf.primitives[__builtin_ctz(lanes)];
+    const auto counts = [&](double t) {
+      if (!(is_in_range(t, *packet.rays[i]) && t <= hits.t[i])) return false;
+      return !(t == hits.t[i] && hits.instance[i] != kNoHit) ||
+             wins_tie(packet.scene->instances, level.instance_index, primitive, hits.instance[i], hits.primitive[i]);
+    };
+    RoundHit hit;
+    if (!meet_end(hit, candidates.ray, list, primitive, local.time, packet.cull, counts)) continue;
+    is_new = true;
+    hits.t[i] = hit.t;
+    hits.weight_v1[i] = hit.u, hits.weight_v2[i] = 0.0f, hits.weight_sum[i] = 1.0f;
+    hits.instance[i] = level.instance_index, hits.primitive[i] = primitive;
+  }
+  if (is_new) boxes.t_limit[i] = kAny ? kDead : to_local_max(local.time, hits.t[i]);
+  return is_new;
+}
+
+// One ray after another: no packet of them would go on together from hair to hair.
+template <bool kAny>
+__attribute__((noinline)) void test_round_leaf_together(Packet& packet, PacketLevel& level, std::uint32_t row,
+                                                        const float* box, unsigned begin) noexcept {
+  for (unsigned first = begin; first < packet.lanes; first += kRayLanes) {
+    unsigned lanes = test_box(*level.boxes, level.key.rows, box, first);
+    for (; lanes != 0; lanes &= lanes - 1) {
+      test_round_leaf_alone<kAny>(packet, level, row, first + static_cast<unsigned>(__builtin_ctz(lanes)));
+    }
+  }
+  level.bounds.t_limit = highest_limit(packet, *level.boxes);
+}
+
 template <bool kAny>
 __attribute__((noinline)) void visit_indexed_leaf_together(Packet& packet, PacketLevel& level, std::uint32_t row,
                                                            const float* box, unsigned begin) noexcept {
+  if (level.instance->is_round != 0) return test_round_leaf_together<kAny>(packet, level, row, box, begin);
   GatheredLeaf leaf;
   gather_leaf(leaf, *level.instance->indexed_leaves, row);
   test_leaf_together<kAny>(packet, level, leaf, box, begin);
@@ -345,6 +388,11 @@ void visit_packet_leaf(Packet& packet, PacketLevel& level, std::uint32_t row, co
 template <bool kAny>
 __attribute__((noinline)) bool visit_indexed_leaf_alone(Packet& packet, const PacketLevel& level, std::uint32_t row,
                                                         unsigned i, LoneRay& lone) noexcept {
+  if (level.instance->is_round != 0) {
+    if (!test_round_leaf_alone<kAny>(packet, level, row, i)) return false;
+    lone.box.t_limit = level.boxes->t_limit[i];
+    return true;
+  }
   GatheredLeaf leaf;
   gather_leaf(leaf, *level.instance->indexed_leaves, row);
   return test_leaf_alone<kAny>(packet, level, leaf, i, lone);

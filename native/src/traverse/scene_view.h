@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "math/curve_joint.h"
 #include "math/slab.h"
 #include "math/vec3.h"
 #include "stats/ray_counts.h"
@@ -12,13 +13,14 @@
 
 namespace perfect_bvh {
 
-// The leaves of a compact tree, and where their vertices are: in the mesh, in its own scale. A mesh's positions are
-// readable for kReadableBehind bytes past the last.
+// The leaves of a compact tree, and where what they name is: in the mesh, in its own scale. Of triangles, or of curves
+// and points. A mesh's positions are readable for kReadableBehind bytes past the last.
 struct IndexedLeaves {
   const IndexedLeaf* rows = nullptr;
   const Vec3<std::uint32_t>* triangles = nullptr;
   const Vec3f* positions = nullptr;
   float scale = 1.0f;  // of the tree as stored
+  RoundList round;
 };
 
 struct alignas(64) InstanceView {
@@ -27,13 +29,14 @@ struct alignas(64) InstanceView {
   const WideNode* nodes;
   union {
     const LeafBlock* blocks;              // of the default layout
-    const IndexedLeaves* indexed_leaves;  // of the compact one
+    const IndexedLeaves* indexed_leaves;  // of the compact one, and of curves and points
   };
   TreeExtent extent;
   std::uint32_t root;  // or kUnbuiltRoot
   std::uint32_t mask;  // 0 for an instance over nothing
   std::uint16_t mirrored;
-  std::uint16_t is_compact;
+  std::uint8_t is_compact;  // its leaves are indexed
+  std::uint8_t is_round;    // and hold curves or points
   std::int32_t id;
   std::int64_t order;
   float scale;  // of the tree as stored
@@ -126,7 +129,8 @@ struct FoundHit {
   std::uint32_t instance_index, primitive_index;
 };
 
-// The hits of a batch, ray after ray, each ray's in no order, and a triangle as often as the tree holds it.
+// The hits of a batch, ray after ray, each ray's in no order, and a triangle as often as the tree holds it. Curves and
+// points are met where they are entered (v = 0) and where they are left (v = 1).
 struct FoundHits {
   FoundHit* hits = nullptr;  // null: only the counts are wanted
   std::size_t capacity = 0;

@@ -18,6 +18,8 @@ namespace {
 // After the slot.
 #include "traverse/leaf_test.inl"
 #include "traverse/node_test.inl"
+// After the leaf test.
+#include "traverse/round_leaf.inl"
 
 // Leaves are tested when this many rays wait at one, or no ray is left at a node.
 constexpr std::size_t kLeafPatience = 16;
@@ -111,14 +113,9 @@ bool take_hits(Slot& slot, const Stream& stream, const Leaf& leaf, unsigned lane
   return is_new;
 }
 
-template <bool kAny, bool kCounts, class Leaf>
-PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const Leaf& leaf) noexcept {
-  const LeafTest test = test_leaf(leaf, slot.triangle);
-  if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_triangles(leaf);
-  --slot.top;
-  if (test.lanes == 0) return;
-  const LeafCandidates candidates(test);
-  if (!take_hits<kAny>(slot, stream, leaf, test.lanes, candidates)) return;
+// The slot has a new best hit (any hit: has one).
+template <bool kAny>
+PERFECT_BVH_INLINE void go_on_from_hit(const Stream& stream, Slot& slot) noexcept {
   if constexpr (kAny) {
     slot.top = 0;
   } else {
@@ -127,17 +124,47 @@ PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const Leaf& leaf)
   }
 }
 
+template <bool kAny, bool kCounts, class Leaf>
+PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const Leaf& leaf) noexcept {
+  const LeafTest test = test_leaf(leaf, slot.triangle);
+  if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_triangles(leaf);
+  --slot.top;
+  if (test.lanes == 0) return;
+  const LeafCandidates candidates(test);
+  if (take_hits<kAny>(slot, stream, leaf, test.lanes, candidates)) go_on_from_hit<kAny>(stream, slot);
+}
+
+// Of curves or points.
+template <bool kAny, bool kCounts>
+__attribute__((noinline)) void visit_round_leaf(Stream& stream, Slot& slot, const InstanceView& instance,
+                                                std::uint32_t row) noexcept {
+  const RoundList& list = instance.indexed_leaves->round;
+  const IndexedLeaf& leaf = instance.indexed_leaves->rows[row];
+  if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_triangles(leaf);
+  --slot.top;
+  const RoundCandidates candidates(leaf, list, slot.local, slot.box.t_min, slot.box.t_limit, instance.extent.reach);
+  bool is_new = false;
+  for (unsigned lanes = candidates.lanes; lanes != 0 && !(kAny && is_new); lanes &= lanes - 1) {
+    is_new |= take_round_hit(slot, stream.scene.instances, stream.batch.rays[slot.ray], stream.batch.cull,
+                             candidates.ray, list, leaf.primitives[__builtin_ctz(lanes)]);
+  }
+  if (is_new) go_on_from_hit<kAny>(stream, slot);
+}
+
 // Of a compact tree.
 template <bool kAny, bool kCounts>
 __attribute__((noinline)) void visit_indexed_leaf(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
+  const InstanceView& instance = stream.scene.instances[slot.instance];
+  if (instance.is_round != 0) return visit_round_leaf<kAny, kCounts>(stream, slot, instance, row);
   GatheredLeaf leaf;
-  gather_leaf(leaf, *stream.scene.instances[slot.instance].indexed_leaves, row);
+  gather_leaf(leaf, *instance.indexed_leaves, row);
   visit_leaf<kAny, kCounts>(stream, slot, leaf);
 }
 
 // A leaf of a compact tree is read in three steps, each of which needs the one before: numbers, indices, positions. The
 // first two are fetched here for all waiting leaves together, so that the caches are waited for twice and not twice a
-// leaf: a third faster. Fetching the positions, too, costs more than it saves.
+// leaf: a third faster. Fetching the positions, too, costs more than it saves. Of curves the same; of points numbers
+// and balls.
 __attribute__((noinline)) void fetch_indexed_leaves(const Stream& stream) noexcept {
   __asm__ volatile("");  // compilers drop calls to functions that do no more than prefetch
   const auto for_leaves = [&](const auto& fetch) __attribute__((always_inline)) {
@@ -151,7 +178,13 @@ __attribute__((noinline)) void fetch_indexed_leaves(const Stream& stream) noexce
   for_leaves([](const IndexedLeaves&, const IndexedLeaf& leaf)
                  __attribute__((always_inline)) { __builtin_prefetch(&leaf); });
   for_leaves([](const IndexedLeaves& leaves, const IndexedLeaf& leaf) __attribute__((always_inline)) {
-    for (const std::uint32_t primitive : leaf.primitives) __builtin_prefetch(&leaves.triangles[primitive]);
+    if (leaves.triangles != nullptr) {
+      for (const std::uint32_t primitive : leaf.primitives) __builtin_prefetch(&leaves.triangles[primitive]);
+    } else if (leaves.round.segments != nullptr) {
+      for (const std::uint32_t primitive : leaf.primitives) __builtin_prefetch(&leaves.round.segments[primitive]);
+    } else {
+      for (const std::uint32_t primitive : leaf.primitives) __builtin_prefetch(&leaves.round.balls[primitive]);
+    }
   });
 }
 
