@@ -1,5 +1,5 @@
-// The answer that every kernel must give, bit for bit: every triangle of every instance tried in turn, with the scalar
-// arithmetic of math/triangle.h and traverse/object_ray.h. No tree, so no tree can influence it.
+// The answer that every kernel must give, bit for bit: every primitive of every instance tried in turn, with the scalar
+// arithmetic of math/triangle.h, math/curve_joint.h and traverse/object_ray.h. No tree, so no tree can influence it.
 #pragma once
 
 #include <algorithm>
@@ -8,6 +8,7 @@
 #include <tuple>
 #include <vector>
 
+#include "math/curve_joint.h"
 #include "math/triangle.h"
 #include "tlas/snapshot.h"
 #include "traverse/object_ray.h"
@@ -19,7 +20,63 @@ struct ReferenceHit {
   Hit hit;
 };
 
-// Every triangle that the ray meets, by (t, order, id, primitive).
+// An instance, and the ray as its tree sees it.
+struct ReferenceInstance {
+  const Instance& instance;
+  const TreeExtent& extent;
+  std::uint32_t index;
+  ObjectRay local;
+};
+
+inline bool is_in_reference_range(double t, const Ray& ray) {
+  const float narrowed = static_cast<float>(t);
+  return narrowed >= ray.t_min && narrowed <= ray.t_max && narrowed < kInfiniteDistance;
+}
+
+inline void add_triangles(std::vector<ReferenceHit>& found, const ReferenceInstance& at, const Ray& ray, Cull cull) {
+  float origin[3], direction[3];
+  narrow(at.local.origin, origin);
+  narrow(at.local.direction, direction);
+  TriangleRay triangle_ray;
+  set_triangle_ray(triangle_ray, origin, direction, longest_axis(direction), at.extent);
+  const Mesh& mesh = at.instance.blas->mesh;
+  for (std::uint32_t primitive = 0; primitive < mesh.primitive_count(); ++primitive) {
+    const TriangleIndices corners = mesh.triangles[primitive];
+    Vec3f p[3] = {mesh.positions[corners.x], mesh.positions[corners.y], mesh.positions[corners.z]};
+    for (Vec3f& corner : p) corner = corner * at.instance.blas->wide.scale;
+    const float* const rows[3] = {&p[0].x, &p[1].x, &p[2].x};
+    TriangleHit hit;
+    if (!intersect_triangle(triangle_ray, at.local.origin, at.local.direction, rows, hit)) continue;
+    const double t = to_ray_t(at.local.time, hit.t);
+    if (!is_in_reference_range(t, ray)) continue;
+    if (cull != Cull::kNone && (hit.is_front != at.instance.mirrored) == (cull == Cull::kFront)) continue;
+    found.push_back({t, {static_cast<float>(t) + 0.0f, hit.u, hit.v, at.index, primitive}});
+  }
+}
+
+// Both ends of the ray's way through each curve segment or point, where they are shown.
+inline void add_rounds(std::vector<ReferenceHit>& found, const ReferenceInstance& at, const Ray& ray, Cull cull) {
+  const Mesh& mesh = at.instance.blas->mesh;
+  const RoundList list{mesh.balls.data(), mesh.segments.data(), at.instance.blas->wide.scale};
+  const RoundRay local = round_ray(at.local.origin, at.local.direction);
+  const auto add = [&](double local_t, std::uint32_t primitive) {
+    const double t = to_ray_t(at.local.time, static_cast<float>(local_t));
+    if (!is_in_reference_range(t, ray)) return;
+    const RoundEnds ends = ends_of(list, primitive);
+    const bool is_point = mesh.kind == PrimitiveKind::kPoints;
+    const float u = is_point ? 0.0f : static_cast<float>(share_at(local, ends.first, ends.last, local_t));
+    found.push_back({t, {static_cast<float>(t) + 0.0f, u, 0.0f, at.index, primitive}});
+  };
+  for (std::uint32_t primitive = 0; primitive < mesh.primitive_count(); ++primitive) {
+    const Chord chord = chord_of(local, list, primitive);
+    if (!is_hit(chord)) continue;
+    const ShownEnds shows = shown_ends(local, list, primitive, chord);
+    if (shows.entry && cull != Cull::kFront) add(chord.entry, primitive);
+    if (shows.exit && cull != Cull::kBack) add(chord.exit, primitive);
+  }
+}
+
+// All that the ray meets, by (t, order, id, primitive); of one primitive its entry before its exit.
 inline std::vector<ReferenceHit> reference_hits(const Snapshot& snapshot, const Ray& ray, Cull cull) {
   std::vector<ReferenceHit> found;
   if (!is_valid(ray)) return found;
@@ -38,31 +95,18 @@ inline std::vector<ReferenceHit> reference_hits(const Snapshot& snapshot, const 
     ObjectRay local;
     map_ray(local, world, view.world_to_local);
     if (!bring_near(local, static_cast<double>(view.extent.reach))) continue;
-    float origin[3], direction[3];
-    narrow(local.origin, origin);
-    narrow(local.direction, direction);
-    TriangleRay triangle_ray;
-    set_triangle_ray(triangle_ray, origin, direction, longest_axis(direction), view.extent);
-    const Mesh& mesh = instance.blas->mesh;
-    for (std::uint32_t primitive = 0; primitive < mesh.primitive_count(); ++primitive) {
-      const TriangleIndices corners = mesh.triangles[primitive];
-      Vec3f p[3] = {mesh.positions[corners.x], mesh.positions[corners.y], mesh.positions[corners.z]};
-      for (Vec3f& corner : p) corner = corner * instance.blas->wide.scale;
-      const float* const rows[3] = {&p[0].x, &p[1].x, &p[2].x};
-      TriangleHit hit;
-      if (!intersect_triangle(triangle_ray, local.origin, local.direction, rows, hit)) continue;
-      const double t = to_ray_t(local.time, hit.t);
-      const float narrowed = static_cast<float>(t);
-      if (!(narrowed >= ray.t_min && narrowed <= ray.t_max && narrowed < kInfiniteDistance)) continue;
-      if (cull != Cull::kNone && (hit.is_front != instance.mirrored) == (cull == Cull::kFront)) continue;
-      found.push_back({t, {narrowed + 0.0f, hit.u, hit.v, static_cast<std::uint32_t>(index), primitive}});
+    const ReferenceInstance at{instance, view.extent, static_cast<std::uint32_t>(index), local};
+    if (instance.blas->mesh.is_round()) {
+      add_rounds(found, at, ray, cull);
+    } else {
+      add_triangles(found, at, ray, cull);
     }
   }
   const auto key = [&](const ReferenceHit& item) {
     const Instance& instance = snapshot.instances[item.hit.instance_index];
     return std::tuple(item.t, instance.order, instance.id, item.hit.primitive_index);
   };
-  std::sort(found.begin(), found.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
+  std::stable_sort(found.begin(), found.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
   return found;
 }
 

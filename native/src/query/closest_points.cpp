@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 
+#include "math/round_distance.h"
 #include "query/ray_columns.h"
 #include "query/trace.h"
 #include "tlas/lazy_trees.h"
@@ -27,15 +28,32 @@ bool is_valid(const PointQuery& query) {
   return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]) && query.max_distance >= 0.0;
 }
 
-void store(const ClosestColumns& out, std::size_t row, const Snapshot& snapshot, const NearestPoint& nearest) {
+// Of a curve or point, which are solid: the query's own position if it is inside.
+Vec3d nearest_on_solid(const Instance& instance, const PointQuery& query, std::uint32_t primitive) {
+  const Mesh& mesh = instance.blas->mesh;
+  const Affine& map = instance.object_to_world;
+  const double columns[9] = {map.x.x, map.x.y, map.x.z, map.y.x, map.y.y, map.y.z, map.z.x, map.z.y, map.z.z};
+  const double* const p = query.position;
+  const double from[3] = {p[0] - map.translation.x, p[1] - map.translation.y, p[2] - map.translation.z};
+  const RoundEnds ends = ends_of({mesh.balls.data(), mesh.segments.data(), 1.0f}, primitive);
+  const NearestOnRound found = nearest_on_round(round_place(columns), ends, from);
+  if (found.is_inside) return {p[0], p[1], p[2]};
+  return map.point({found.point[0], found.point[1], found.point[2]});
+}
+
+Vec3d nearest_position(const Snapshot& snapshot, const PointQuery& query, const NearestPoint& nearest) {
+  const Instance& instance = snapshot.instances[nearest.instance_index];
+  if (instance.blas->mesh.is_round()) return nearest_on_solid(instance, query, nearest.primitive_index);
+  const WorldTriangle triangle =
+      world_triangle(snapshot, {0.0f, 0.0f, 0.0f, nearest.instance_index, nearest.primitive_index});
+  const double u = nearest.u, v = nearest.v;
+  return triangle.v0 * (1.0 - u - v) + triangle.v1 * u + triangle.v2 * v;
+}
+
+void store(const ClosestColumns& out, std::size_t row, const Snapshot& snapshot, const PointQuery& query,
+           const NearestPoint& nearest) {
   const bool found = nearest.instance_index != kNoHit;
-  Vec3d point{0, 0, 0};
-  if (found) {
-    const Hit corner{0.0f, 0.0f, 0.0f, nearest.instance_index, nearest.primitive_index};
-    const WorldTriangle triangle = world_triangle(snapshot, corner);
-    const double u = nearest.u, v = nearest.v;
-    point = triangle.v0 * (1.0 - u - v) + triangle.v1 * u + triangle.v2 * v;
-  }
+  const Vec3d point = found ? nearest_position(snapshot, query, nearest) : Vec3d{0, 0, 0};
   for (int axis = 0; axis < 3; ++axis) out.points[3 * row + static_cast<std::size_t>(axis)] = point[axis];
   out.distances[row] = found ? std::sqrt(nearest.squared) : static_cast<double>(kInfiniteDistance);
   out.instance_ids[row] = found ? snapshot.instances[nearest.instance_index].id : -1;
@@ -63,7 +81,7 @@ std::size_t compute_closest_points(const Snapshot& snapshot, const PointColumns&
       with_trees(snapshot, cancel, [&](const SceneView& view) {
         find_closest_points(view, std::span(queries.data(), count), std::span(nearest.data(), count));
       });
-      for (std::size_t i = 0; i < count; ++i) store(out, first + i, snapshot, nearest[i]);
+      for (std::size_t i = 0; i < count; ++i) store(out, first + i, snapshot, queries[i], nearest[i]);
     }
     invalid_count.fetch_add(invalid, std::memory_order_relaxed);
   });

@@ -26,10 +26,11 @@ struct ClosestColumns {
   std::int32_t* instance_ids = nullptr;
   std::int32_t* mesh_ids = nullptr;
   std::int32_t* primitive_ids = nullptr;
-  float* uvs = nullptr;  // 2 a point
+  float* uvs = nullptr;  // 2 a point; of a curve's segment u is along it, v 0
 };
 
-// Of several triangles at exactly the same distance the smallest (order, id, primitive) is found. Returns how many
+// Curves and points are solid: inside of one the distance is 0, and the nearest point is the point itself.
+// Of several primitives at exactly the same distance the smallest (order, id, primitive) is found. Returns how many
 // points were invalid: not finite, or with a distance that is negative or NaN. max_threads 0: all of the pool's.
 std::size_t compute_closest_points(const Snapshot& snapshot, const PointColumns& points, const ClosestColumns& closest,
                                    ThreadPool& pool, int max_threads, CancelToken& cancel);

@@ -1,4 +1,4 @@
-// The nearest point of a scene's triangles to each of a batch of points.
+// The nearest point of a scene's triangles, curves and points to each of a batch of points.
 // Distances are the world's, through whatever transform: M = Q R with Q a rotation and R upper triangular, so in the
 // world turned by Q a point of the tree is R x, and distances are what they were. R is diagonal unless the transform
 // shears: then a child's box is no larger there than it must be, and otherwise its shadow on each axis bounds it.
@@ -143,6 +143,17 @@ inline bool wins_tie(const PointSearch& search, std::uint32_t instance, std::uin
   return first.order != second.order ? first.order < second.order : first.id < second.id;
 }
 
+// A primitive so far away may be the nearest.
+PERFECT_BVH_INLINE void offer_nearest(PointSearch& search, double squared, double u, double v, std::uint32_t instance,
+                                      std::uint32_t primitive) noexcept {
+  if (!(squared <= search.best) || !(__builtin_sqrt(squared) <= search.query.max_distance)) return;
+  if (!(squared <= kLargestDouble)) return;  // too far away to say
+  const bool is_first = search.nearest.instance_index == kNoHit;
+  if (!is_first && squared == search.best && !wins_tie(search, instance, primitive)) return;
+  search.best = squared;
+  search.nearest = {squared, u, v, instance, primitive};
+}
+
 template <class Leaf>
 void visit_triangles(PointSearch& search, const PointFrame& frame, const Leaf& leaf, std::uint32_t instance) noexcept {
   const int count = leaf.primitives[3] == leaf.primitives[7] ? 4 : 8;
@@ -162,15 +173,31 @@ void visit_triangles(PointSearch& search, const PointFrame& frame, const Leaf& l
     }
     const NearestOnTriangles found = nearest_to_origin(corners[0], corners[1], corners[2]);
     for (int lane = 0; lane < 4; ++lane) {
-      const double squared = found.squared[lane];
-      if (!(squared <= search.best) || !(__builtin_sqrt(squared) <= search.query.max_distance)) continue;
-      if (!(squared <= kLargestDouble)) continue;  // too far away to say
-      const std::uint32_t primitive = leaf.primitives[first + lane];
-      const bool is_first = search.nearest.instance_index == kNoHit;
-      if (!is_first && squared == search.best && !wins_tie(search, instance, primitive)) continue;
-      search.best = squared;
-      search.nearest = {squared, found.u[lane], found.v[lane], instance, primitive};
+      offer_nearest(search, found.squared[lane], found.u[lane], found.v[lane], instance, leaf.primitives[first + lane]);
     }
+  }
+}
+
+// An instance of curves or points: how it is placed, and the point from where it has its origin.
+struct RoundFrame {
+  RoundPlace place;
+  double query[3];
+
+  RoundFrame(const double* columns, const double* point) noexcept : place(round_place(columns)) {
+    for (int i = 0; i < 3; ++i) query[i] = point[i] - columns[9 + i];
+  }
+};
+
+// Of curves or points. Each is solid: the point itself is the nearest if it is inside.
+__attribute__((noinline)) void visit_rounds(PointSearch& search, const RoundFrame& frame, std::uint32_t index,
+                                            std::uint32_t row) noexcept {
+  const IndexedLeaves& leaves = *search.scene.instances[index].indexed_leaves;
+  const RoundList list{leaves.round.balls, leaves.round.segments, 1.0f};
+  const std::uint32_t* const primitives = leaves.rows[row].primitives;
+  for (int lane = 0; lane < 8; ++lane) {
+    if (lane > 0 && primitives[lane] == primitives[lane - 1]) continue;
+    const NearestOnRound found = nearest_on_round(frame.place, ends_of(list, primitives[lane]), frame.query);
+    offer_nearest(search, found.squared, found.u, 0.0, index, primitives[lane]);
   }
 }
 
@@ -183,10 +210,10 @@ inline void search_instance(PointSearch& search, std::uint32_t index, std::size_
     search.top = 0;
     return;
   }
-  const char* const places = reinterpret_cast<const char*>(search.scene.places);
+  const auto* const place =
+      reinterpret_cast<const double*>(reinterpret_cast<const char*>(search.scene.places) + index * stride);
   PointFrame frame;
-  make_frame(frame, reinterpret_cast<const double*>(places + index * stride), static_cast<double>(instance.scale),
-             search.query.position, instance.extent);
+  make_frame(frame, place, static_cast<double>(instance.scale), search.query.position, instance.extent);
   const std::size_t bottom = search.top;
   search.stack[search.top++] = {0.0, instance.root};
   while (search.top > bottom) {
@@ -199,6 +226,8 @@ inline void search_instance(PointSearch& search, std::uint32_t index, std::size_
       return;
     } else if (const std::uint32_t row = entry.child - kBlockChild; instance.is_compact == 0) {
       visit_triangles(search, frame, instance.blocks[row], index);
+    } else if (instance.is_round != 0) {
+      visit_rounds(search, RoundFrame(place, search.query.position), index, row);
     } else {
       GatheredLeaf leaf;
       gather_leaf(leaf, *instance.indexed_leaves, row);

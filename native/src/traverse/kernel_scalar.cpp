@@ -1,4 +1,5 @@
 // The kernels for any machine.
+#include "math/round_distance.h"
 #include "math/triangle_distance.h"
 #include "traverse/gather_scalar.h"
 #include "traverse/kernel_table.h"

@@ -2,6 +2,7 @@
 // chosen its vectors (simd_*.h, simd_rays_*.h), its ray's set-up (ray_setup_*.h) and how it reads leaves (gather_*.h).
 #pragma once
 
+#include "math/round_distance.h"
 #include "math/triangle_distance.h"
 #include "traverse/kernel_table.h"
 #include "traverse/stream_kernel.inl"
