@@ -225,6 +225,38 @@ TEST_F(RoundKernels, MeshesAsTreesAreTriedOn) {
   }
 }
 
+// Rays side by side, which go in packets.
+TEST_F(RoundKernels, ImagesFromACamera) {
+  const Mesh meshes[] = {lawn(30).curves(), knots(40).curves(), cloud(2000, 0.0f, 0.02f).points()};
+  for (const Mesh& mesh : meshes) {
+    std::vector<Ray> rays(96 * 64);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const double x = static_cast<double>(i % 96) / 48 - 1, y = static_cast<double>(i / 96) / 32 - 1;
+      rays[i].origin = {0.1, -2.5, 1.2}, rays[i].direction = Vec3d{0.6 * x, 1.0, 0.6 * y - 0.45};
+    }
+    expect_reference(*commit_rounds({{mesh}}), rays);
+    expect_reference(*commit_rounds({{mesh, {Affine{}, {{0, 2, 0}, {-2, 0, 0}, {0, 0, 2}, {1, 4, 0}}}}}), rays);
+  }
+}
+
+TEST_F(RoundKernels, CountTheSameWork) {
+  const Mesh mesh = knots(40).curves();
+  const auto snapshot = commit_rounds({{mesh}});
+  const std::vector<Ray> rays = rays_around(mesh, 1000, 18);
+  std::vector<Hit> hits(rays.size());
+  std::vector<RayCounts> first;
+  for (const KernelTable* const kernels : available_kernels()) {
+    set_active_kernels(kernels->name);
+    std::vector<RayCounts> counts(rays.size());
+    trace_closest(snapshot->view, {rays.data(), rays.size(), Cull::kNone, counts.data(), hits.data(), nullptr});
+    std::size_t tested = 0;
+    for (const RayCounts& count : counts) tested += count.primitives_tested;
+    EXPECT_GT(tested, rays.size());
+    if (first.empty()) first = counts;
+    EXPECT_EQ(std::memcmp(counts.data(), first.data(), counts.size() * sizeof(RayCounts)), 0) << kernels->name;
+  }
+}
+
 TEST_F(RoundKernels, FromEitherSide) {
   for (const Cull cull : {Cull::kBack, Cull::kFront}) {
     const Mesh mesh = knots(40).curves();

@@ -33,10 +33,10 @@ struct RoundFilter {
       ball.centre[axis] = static_cast<double>(centre[axis]);
     }
     const NearestToCentre at = nearest_to_centre(ray, ball);
-    const double length = __builtin_sqrt(ray.squared_length);
+    const double length = __builtin_sqrt(ray.squared_length), inverse = 1.0 / length;
     for (int axis = 0; axis < 3; ++axis) {
       nearest[axis] = static_cast<float>(at.point[axis]);
-      direction[axis] = static_cast<float>(ray.direction[axis] / length);
+      direction[axis] = static_cast<float>(ray.direction[axis] * inverse);
     }
     const double first = static_cast<double>(t_min), last = static_cast<double>(t_limit);
     least = static_cast<float>(((first - at.t) - 0x1p-22 * __builtin_fabs(first)) * length);
@@ -107,7 +107,7 @@ struct RoundCandidates {
       gather_balls(balls.last, list.scale, [&](int lane) -> const Ball& { return begins[lane][1]; });
     }
     lanes = round_candidates(balls, RoundFilter(balls, ray, t_min, t_limit, reach));
-    for (int lane = 1; lane < 8; ++lane) {
+    for (int lane = 1; lanes != 0 && lane < 8; ++lane) {
       if (primitives[lane] == primitives[lane - 1]) lanes &= ~(1u << lane);
     }
   }
@@ -119,8 +119,8 @@ struct RoundMeeting {
   double entry, exit;
 };
 
-// The end of a chord in the ray's own terms, rounded to float before as a triangle's t is. Out of line: where GCC 12
-// vectorizes both ends' way together, it leaves the rounding out.
+// The end of a chord in the ray's own terms, rounded to float before as a triangle's t is. Out of line: GCC 12
+// (12.2, -O2) leaves the rounding out where it vectorizes the ways of both ends together.
 __attribute__((noinline)) double end_in_ray(const TimeFrame& time, double local_t) noexcept {
   return to_ray_t(time, static_cast<float>(local_t));
 }
