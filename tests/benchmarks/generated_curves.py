@@ -37,7 +37,7 @@ def make_all(detail: float) -> list[BenchBalls]:
 
 def make_hard() -> list[BenchBalls]:
     """What is to be judged, small: each is hard in a way of its own."""
-    return [zigzag(), slanted_sticks(2000), nested_spheres(), one_place(5000), tips(), far_away()]
+    return [zigzag(), slanted_sticks(1000), nested_spheres(), one_place(1000), tips(), far_away()]
 
 
 def lawn(detail: float) -> BenchBalls:
