@@ -5,39 +5,12 @@
 
 #include "bindings/arrays.h"
 #include "bindings/bind.h"
+#include "bindings/build_settings.h"
 #include "bindings/progress.h"
-#include "builders/builder.h"
+#include "bindings/round_edits.h"
 
 namespace perfect_bvh::bindings {
 namespace {
-
-TreeLayout parse_layout(const std::string& name) {
-  if (name == "default") return TreeLayout::kDefault;
-  if (name == "compact") return TreeLayout::kCompact;
-  throw InvalidArgument("BuildConfig: unknown layout '" + name + "'");
-}
-
-BuildConfig parse_config(const py::dict& settings) {
-  BuildConfig config;
-  config.builder = find_builder(settings["builder"].cast<std::string>());
-  config.layout = parse_layout(settings["layout"].cast<std::string>());
-  config.optimize_passes = settings["optimize"].cast<std::uint32_t>();
-  config.optimize_milliseconds = settings["optimize_milliseconds"].cast<double>();
-  config.bins = settings["bins"].cast<std::uint32_t>();
-  config.axes = settings["axes"].cast<std::uint32_t>();
-  config.max_leaf_size = settings["max_leaf_size"].cast<std::uint32_t>();
-  config.traversal_cost = settings["traversal_cost"].cast<float>();
-  config.intersection_cost = settings["intersection_cost"].cast<float>();
-  config.duplication_budget = settings["duplication_budget"].cast<float>();
-  return config;
-}
-
-Usage parse_usage(const std::string& name) {
-  if (name == "static") return Usage::kStatic;
-  if (name == "deforming") return Usage::kDeforming;
-  if (name == "changing") return Usage::kChanging;
-  throw InvalidArgument("usage must be 'static', 'deforming' or 'changing', got '" + name + "'");
-}
 
 // An array of shape (count, 3, 4) or (count, 4, 4).
 template <class T>
@@ -226,6 +199,7 @@ void bind_scene(py::module_& module) {
   module.def("make_scene", [] { return std::make_unique<Scene>(); });
   bind_mesh_edits<float>(scene);
   bind_mesh_edits<double>(scene);
+  bind_round_edits(scene);
   bind_instance_edits<float>(scene);
   bind_instance_edits<double>(scene);
   scene.def(

@@ -17,6 +17,7 @@ py::dict to_dict(const TreeStatistics& tree) {
   row["layout"] = tree.layout;
   row["primitive_count"] = tree.primitive_count;
   row["vertex_count"] = tree.vertex_count;
+  row["left_out_count"] = tree.left_out_count;
   row["user_count"] = tree.user_count;
   row["is_built"] = tree.is_built;
   row["is_refittable"] = tree.is_refittable;

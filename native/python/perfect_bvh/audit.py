@@ -27,7 +27,8 @@ class Audit:
     wrong_rows (wrong,) int64: those whose answer is wrong, as rows of the flattened batch; of an image the pixels that
         they belong to, counted row by row from the top. Wrong: a miss although a
         triangle in range is surely hit; or a hit of a triangle that is surely missed, or whose t is off by more than
-        rounding the ray to float can explain, or that lies behind a surely hit one.
+        rounding the ray to float can explain, or that lies behind a surely hit one. Of
+        curves and points the same, by hulls whose balls are a little larger or smaller.
     ambiguous_count: rays that pass some triangle's edge, or an end of their range, so closely that rounding them to
         float decides: then either answer counts as right.
     """

@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args
 
 Builder = Literal["auto", "median", "sweep", "binned", "spatial", "fast"]
 BUILDERS: tuple[str, ...] = get_args(Builder)
+Usage = Literal["static", "deforming", "changing"]
 Layout = Literal["default", "compact"]
 LAYOUTS: tuple[str, ...] = get_args(Layout)
 
@@ -111,6 +112,21 @@ class BuildConfig:
             raise ValueError(f"BuildConfig: {name} must be {expected}, got {value!r}") from None
         object.__setattr__(self, name, whole)
         return whole
+
+
+def as_config(function: str, build: str | BuildConfig) -> BuildConfig:
+    """What a caller's `build` means; raises ValueError for anything but "auto" and a `BuildConfig`."""
+    if isinstance(build, BuildConfig):
+        return build
+    if build == "auto":
+        return BuildConfig()
+    raise ValueError(f"{function}: build must be 'auto' or a BuildConfig, got {build!r}")
+
+
+def check_usage(function: str, usage: str) -> None:
+    """Raises ValueError for a usage that there is not."""
+    if usage not in ("static", "deforming", "changing"):
+        raise ValueError(f"{function}: usage must be 'static', 'deforming' or 'changing', got {usage!r}")
 
 
 def checked_number(function: str, name: str, value: Any, low: float, high: float) -> float:

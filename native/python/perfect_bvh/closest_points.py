@@ -26,7 +26,8 @@ class ClosestPoints:
     points (..., 3) float64: the nearest point of the scene, world space; zero if nothing is near enough.
     distances (...) float64: to it, world units; inf if nothing is.
     instance_ids, mesh_ids, primitive_ids (...) int32: where it lies; -1 if nothing is.
-    primitive_uvs (..., 2) float32: the point is (1 - u - v) v0 + u v1 + v v2; zero if nothing is.
+    primitive_uvs (..., 2) float32: the point is (1 - u - v) v0 + u v1 + v v2; zero if nothing is. Of curves and
+        points as in `Hits`.
     invalid_count: points that are not finite, or whose max_distance is negative or NaN.
     generation, scene_id: of the snapshot that answered, see `Snapshot`; ids mean what they meant then.
     """

@@ -44,14 +44,20 @@ class Hits:
 
     t_hit (...) float32: in multiples of the direction's length; inf on a miss. Within two units in the last place of
         where the ray meets the triangle's plane, however large the triangle; where the ray passes by an edge, within
-        rounding of the corners, that of a point of the triangle beside it.
-    instance_ids, mesh_ids, primitive_ids (...) int32: -1 on a miss. primitive_ids are rows of the mesh's triangles.
-    primitive_uvs (..., 2) float32: the point (1 - u - v) v0 + u v1 + v v2; zero on a miss.
-    geometric_normals (..., 3) float32: world space, unit length, by the triangle's winding; zero on a miss.
+        rounding of the corners, that of a point of the triangle beside it. Of curves and points that of where the ray
+        meets the true surface.
+    instance_ids, mesh_ids, primitive_ids (...) int32: -1 on a miss. primitive_ids are rows of the mesh's triangles,
+        or numbers of its curves or points.
+    primitive_uvs (..., 2) float32: the point (1 - u - v) v0 + u v1 + v v2; zero on a miss. Of a curve u runs from 0 at
+        its first point to 1 at its last, evenly over its segments, and v is 0; of a point both are 0.
+    geometric_normals (..., 3) float32: world space, unit length, by the triangle's winding; zero on a miss. Of curves
+        and points outward from the true surface; zero at a tip of radius 0.
     positions (..., 3) float64: world space, where the ray meets the triangle's plane, in double; zero on a miss. Of
-        triangles that are seen edge-on or are mere threads the point of primitive_uvs: double knows none better.
+        triangles that are seen edge-on or are mere threads the point of primitive_uvs: double knows none better. Of
+        curves and points the point of the true surface.
     distances (...) float64: world units; inf on a miss.
-    front_face (...) bool: the ray met the side from which the corners run counter-clockwise in world space.
+    front_face (...) bool: the ray met the side from which the corners run counter-clockwise in world space, or came
+        into a curve or point from outside.
     nodes_visited, primitives_tested (...) int32: boxes and triangles tested for this ray.
     invalid_count: rays that can hit nothing because they are not finite, have no direction or an empty range.
     packet_ray_count: rays that were traced in packets, see `strategy` in `Queries.cast_rays`.

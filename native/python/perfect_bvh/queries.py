@@ -184,16 +184,17 @@ class Queries:
         threads: int = 0,
         progress: Progress | None = None,
     ) -> Intersections:
-        """All triangles on each ray between t_min and t_max, nearest first. For the other arguments see `Queries`.
+        """All surfaces on each ray between t_min and t_max, nearest first. For the other arguments see `Queries`.
 
         fields: names of the fields to compute for each hit; None for the usual ones, see `Hits`. Those that say what
             a ray cost, nodes_visited and primitives_tested, belong to no single hit.
         max_hits: at most so many of each ray, the nearest; None for all.
 
         Returns `Intersections`: hits and ray_splits. Each triangle is there once a ray; a ray through an edge meets
-        each of the triangles at it. At equal t the smallest (order, instance id, primitive) comes first, so that a
-        ray's first row is what `cast_rays` answers. The rays are traced twice, first to count: so no more memory is
-        needed than for what is returned.
+        each of the triangles at it. Of a curve or point there is where the ray enters and where it leaves, but not what
+        lies inside of the same curve's next segment. At equal t the smallest (order, instance id, primitive) comes
+        first, so that a ray's first row is what `cast_rays` answers. The rays are traced twice, first to count: so no
+        more memory is needed than for what is returned.
         """
         name = "list_intersections"
         if max_hits is not None:
@@ -260,8 +261,9 @@ class Queries:
         mask: 32 bits or (...): an instance is seen if its mask shares a bit with the point's.
 
         Returns `ClosestPoints`. Distances are those of the world, in double, through any transform, sheared or scaled
-        unevenly. At equal distance the smallest (order, instance id, primitive) is found. Points that are not finite,
-        or with a negative distance, find nothing, nor do those so far away (1e150) that a square of it is no number.
+        unevenly. Curves and points are solid: what lies inside of one is its own nearest point, at distance 0. At equal
+        distance the smallest (order, instance id, primitive) is found. Points that are not finite, or with a negative
+        distance, find nothing, nor do those so far away (1e150) that a square of it is no number.
 
         Raises ValueError for arrays of the wrong shape or kind, and on a `Scene` StaleSceneError if edits wait.
         """

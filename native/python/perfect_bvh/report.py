@@ -155,7 +155,9 @@ class TreeStatistics:
 
     is_built: False for a lazy mesh as long as no ray has reached it; everything about its trees is then 0 or None.
 
-    primitive_count, vertex_count: of the mesh; of the top level, instances and 0. user_count: instances of the mesh.
+    primitive_count, vertex_count: of the mesh (of curves segments and points); of the top level, instances and 0.
+    left_out_count: points, and segments of curves, that have no radius and are not among the primitives.
+    user_count: instances of the mesh.
 
     Of the binary tree that the wide one was made from; of a mesh whose tree was built straight into the one that rays
     are traced through (usage "changing") or was refitted since, of that one, whose visits are fewer than a binary
@@ -168,8 +170,8 @@ class TreeStatistics:
     sibling_overlap: area that both children of a node cover, as a share of all parents' area.
     epo: end-point overlap (Aila, Karras and Laine 2013): the expected cost of nodes whose box holds a point of a
         surface that is not in them. leaf_count_variability: the standard deviation of how many leaves' boxes a random
-        line through the root's box meets. Both None unless details were asked for of a binary tree; the top level has
-        no epo.
+        line through the root's box meets. Both None unless details were asked for of a binary tree; the top level,
+        curves and points have no epo.
 
     Of the tree that rays are traced through: wide_node_count, wide_leaf_count, wide_depth.
 
@@ -183,6 +185,7 @@ class TreeStatistics:
     layout: str
     primitive_count: int
     vertex_count: int
+    left_out_count: int
     user_count: int
     is_built: bool
     is_refittable: bool

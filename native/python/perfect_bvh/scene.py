@@ -11,20 +11,20 @@ import numpy.typing as npt
 from . import _core
 from ._arrays import as_integers, as_rows, as_transforms, as_triangles, check_id
 from ._batches import Progress
-from .build_config import BuildConfig, checked_number
+from .build_config import BuildConfig, Usage, as_config, check_usage, checked_number
 from .calibration import Calibration, current_calibration
+from .curves_and_points import CurvesAndPoints
 from .queries import ALL_MASK, Queries
 from .report import CommitReport
 from .snapshot import Snapshot
 
-Usage = Literal["static", "deforming", "changing"]
 Policy = Literal["governed", "refit", "rotate", "rebuild_parts", "rebuild"]
 _MOST_RAYS = 1e18
 POLICIES: tuple[str, ...] = get_args(Policy)
 
 
-class Scene(Queries):
-    """A two-level tree over instanced triangle meshes.
+class Scene(Queries, CurvesAndPoints):
+    """A two-level tree over instanced meshes of triangles, curves or points.
 
     Edits are collected; `commit()` builds, refits or keeps each tree as its edits need; queries then answer from
     the committed state and raise `StaleSceneError` while edits wait. Every edit checks its input before it changes
@@ -85,9 +85,9 @@ class Scene(Queries):
 
         Raises ValueError for non-finite positions and for indices out of range.
         """
-        _check_usage("add_mesh", usage)
+        check_usage("add_mesh", usage)
         rows, corners = as_rows("add_mesh", "positions", positions), as_triangles("add_mesh", triangles)
-        return self._scene.add_mesh(rows, corners, _as_config(build).as_settings(), usage, bool(lazy))
+        return self._scene.add_mesh(rows, corners, as_config("add_mesh", build).as_settings(), usage, bool(lazy))
 
     def update_mesh(self, mesh: int, positions: npt.ArrayLike) -> None:
         """Moves a mesh's vertices: (V, 3) with as many rows as before.
@@ -107,11 +107,11 @@ class Scene(Queries):
 
     def set_usage(self, mesh: int, usage: Usage) -> None:
         """Says again what will happen to a mesh, see `add_mesh`: for the trees that are built from now on."""
-        _check_usage("set_usage", usage)
+        check_usage("set_usage", usage)
         self._scene.set_usage(check_id("set_usage", "mesh", mesh), usage)
 
     def remove_mesh(self, mesh: int) -> None:
-        """Removes a mesh that no instance uses; raises ValueError otherwise."""
+        """Removes a mesh, curves or points that no instance uses; raises ValueError otherwise."""
         self._scene.remove_mesh(check_id("remove_mesh", "mesh", mesh))
 
     def add_instance(
@@ -224,19 +224,6 @@ class Scene(Queries):
     def snapshot(self) -> Snapshot:
         """The committed state, immutable. Raises StaleSceneError if edits wait."""
         return Snapshot(self._committed())
-
-
-def _check_usage(function: str, usage: str) -> None:
-    if usage not in ("static", "deforming", "changing"):
-        raise ValueError(f"{function}: usage must be 'static', 'deforming' or 'changing', got {usage!r}")
-
-
-def _as_config(build: str | BuildConfig) -> BuildConfig:
-    if isinstance(build, BuildConfig):
-        return build
-    if build == "auto":
-        return BuildConfig()
-    raise ValueError(f"add_mesh: build must be 'auto' or a BuildConfig, got {build!r}")
 
 
 def _column(function: str, name: str, value: npt.ArrayLike, dtype: type[Any], count: int) -> npt.NDArray[Any]:

@@ -197,7 +197,8 @@ std::uint32_t caller_number(const Mesh& mesh, std::uint32_t primitive) noexcept 
 }
 
 float u_along_curve(const Mesh& mesh, std::uint32_t primitive, float u) noexcept {
-  if (mesh.kind != PrimitiveKind::kCurves) return 0.0f;
+  if (mesh.kind == PrimitiveKind::kTriangles) return u;
+  if (mesh.kind == PrimitiveKind::kPoints) return 0.0f;
   const PlaceOnCurve place = place_on_curve(mesh, primitive);
   const double along = static_cast<double>(place.segment) + static_cast<double>(u);
   return static_cast<float>(along / static_cast<double>(place.segment_count));

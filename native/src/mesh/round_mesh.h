@@ -51,9 +51,9 @@ template <class T>
 // How many points or segments were left out.
 [[nodiscard]] std::size_t left_out_count(const Mesh& mesh) noexcept;
 
-// Of a round mesh: the number that the caller knows the point or the segment's curve by.
+// The number that the caller knows the point or the segment's curve by; of a triangle its own.
 [[nodiscard]] std::uint32_t caller_number(const Mesh& mesh, std::uint32_t primitive) noexcept;
-// What a hit's u along its primitive is along the whole curve, 0 to 1; 0 of a point.
+// What a hit's u along its segment is along the whole curve, 0 to 1; 0 of a point, the same of a triangle.
 [[nodiscard]] float u_along_curve(const Mesh& mesh, std::uint32_t primitive, float u) noexcept;
 
 }  // namespace perfect_bvh

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "math/triangle_ambiguity.h"
+#include "query/round_judge.h"
 
 namespace perfect_bvh {
 namespace {
@@ -15,7 +16,7 @@ constexpr std::size_t kTaskTriangles = 2048;
 constexpr std::size_t kRaysBetweenAsking = 4096;
 constexpr double kNothing = std::numeric_limits<double>::infinity();
 
-struct Ball {
+struct BallAround {
   Vec3d centre;
   double radius;
   double reach;  // largest |coordinate| of its box, or of the instance's own origin
@@ -25,10 +26,11 @@ struct Ball {
 Aabb box_of(const Mesh& mesh) {
   Aabb box;
   for (const Vec3f position : mesh.positions) box.grow(position);
+  for (const Ball& ball : mesh.balls) box.grow(perfect_bvh::box_of(ball));
   return box;
 }
 
-Ball place_box(const Aabb& box, const Affine& place) {
+BallAround place_box(const Aabb& box, const Affine& place) {
   Vec3d lower{kNothing, kNothing, kNothing}, upper = -lower;
   for (int corner = 0; corner < 8; ++corner) {
     const Vec3f at{corner & 1 ? box.upper.x : box.lower.x, corner & 2 ? box.upper.y : box.lower.y,
@@ -58,6 +60,7 @@ class Audit {
       auto [found, is_new] = boxes.try_emplace(&mesh);
       if (is_new) found->second = box_of(mesh);
       balls_.push_back(place_box(found->second, instance.object_to_world));
+      reaches_.push_back(reach_of(found->second));
       first_triangle_.push_back(first_triangle_.back() + mesh.primitive_count());
     }
   }
@@ -93,6 +96,8 @@ class Audit {
     const auto instance = std::lower_bound(all.begin(), all.end(), instance_id,
                                            [](const Instance& item, std::int32_t id) { return item.id < id; });
     if (instance == all.end() || instance->id != instance_id || (instance->mask & ray.ray.mask) == 0) return true;
+    if (instance->blas->mesh.is_round())
+      return is_wrong_round(ray, t, *instance, static_cast<std::size_t>(instance - all.begin()), primitive_id);
     if (primitive_id < 0 || static_cast<std::size_t>(primitive_id) >= instance->blas->mesh.primitive_count())
       return true;
     const auto index = static_cast<std::size_t>(instance - all.begin());
@@ -123,6 +128,27 @@ class Audit {
     return 4.0 * kFloatUlp * (balls_[row].reach + ray.line.reach);
   }
 
+  // Of the ends of a curve's segments, or of a point, one is where the answer says.
+  [[nodiscard]] bool is_wrong_round(const AuditedRay& ray, float t, const Instance& instance, std::size_t index,
+                                    std::int32_t number) const {
+    const RoundJudge judge(instance, ray.ray, reaches_[index]);
+    bool is_there = false;
+    double bound = 0;
+    for (const std::uint32_t primitive : primitives_of(instance.blas->mesh, number)) {
+      for (const JudgedEnd& end : judge.ends(primitive)) {
+        if (end.surely_missed || is_culled(end.is_entry)) continue;
+        if (std::abs(static_cast<double>(t) - end.t) > end.bound) continue;
+        is_there = true;
+        bound = std::max(bound, end.bound);
+      }
+    }
+    return !is_there || static_cast<double>(t) - bound > ray.nearest_sure;
+  }
+
+  [[nodiscard]] bool is_culled(bool is_front) const {
+    return cull_ != Cull::kNone && is_front == (cull_ == Cull::kFront);
+  }
+
   [[nodiscard]] bool is_culled(const JudgedHit& hit) const {
     return hit.has_t && cull_ != Cull::kNone && hit.is_front == (cull_ == Cull::kFront);
   }
@@ -143,7 +169,7 @@ class Audit {
 
   void test_instance(std::size_t row, std::size_t begin, std::size_t end, std::vector<Finding>& findings) const {
     const Instance& instance = snapshot_.instances[row];
-    const Ball& ball = balls_[row];
+    const BallAround& ball = balls_[row];
     std::vector<std::size_t> near;
     for (std::size_t i = 0; i < rays_.size(); ++i) {
       ask_at(i);
@@ -152,6 +178,7 @@ class Audit {
       if (!passes_by(ray.line, ball.centre, ball.radius, margin(ray, row))) near.push_back(i);
     }
     if (near.empty()) return;
+    if (instance.blas->mesh.is_round()) return test_round(row, begin, end, near, findings);
     for (std::size_t primitive = begin; primitive < end; ++primitive) {
       const JudgedTriangle triangle = triangle_of(instance, primitive);
       for (const std::size_t& i : near) {
@@ -161,6 +188,27 @@ class Audit {
         if (!hit.surely_missed && !is_culled(hit)) keep(i, ray, hit, findings);
       }
     }
+  }
+
+  void test_round(std::size_t row, std::size_t begin, std::size_t end, std::span<const std::size_t> near,
+                  std::vector<Finding>& findings) const {
+    for (const std::size_t& i : near) {
+      const AuditedRay& ray = rays_[i];
+      const RoundJudge judge(snapshot_.instances[row], ray.ray, reaches_[row]);
+      for (std::size_t primitive = begin; primitive < end; ++primitive) {
+        ask_at(primitive);
+        for (const JudgedEnd& found : judge.ends(static_cast<std::uint32_t>(primitive))) {
+          if (found.surely_missed || is_culled(found.is_entry)) continue;
+          keep(i, ray, found, findings);
+        }
+      }
+    }
+  }
+
+  static void keep(std::size_t index, const AuditedRay& ray, const JudgedEnd& end, std::vector<Finding>& findings) {
+    const auto low = static_cast<double>(ray.ray.t_min), high = static_cast<double>(ray.ray.t_max);
+    if (end.t + end.bound < low || end.t - end.bound > high) return;
+    findings.push_back({index, end.surely_hit && end.least > low && end.most < high, end.most});
   }
 
   static void keep(std::size_t index, const AuditedRay& ray, const JudgedHit& hit, std::vector<Finding>& findings) {
@@ -174,7 +222,8 @@ class Audit {
   CancelToken& cancel_;
   const Cull cull_;
   std::vector<AuditedRay> rays_;
-  std::vector<Ball> balls_;  // one an instance
+  std::vector<BallAround> balls_;  // one an instance
+  std::vector<double> reaches_;    // of its mesh, in its own frame
   std::vector<std::size_t> first_triangle_;
   std::mutex mutex_;
 };

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "math/round_distance.h"
+#include "mesh/round_mesh.h"
 #include "query/ray_columns.h"
 #include "query/trace.h"
 #include "tlas/lazy_trees.h"
@@ -58,9 +59,13 @@ void store(const ClosestColumns& out, std::size_t row, const Snapshot& snapshot,
   out.distances[row] = found ? std::sqrt(nearest.squared) : static_cast<double>(kInfiniteDistance);
   out.instance_ids[row] = found ? snapshot.instances[nearest.instance_index].id : -1;
   out.mesh_ids[row] = found ? snapshot.instances[nearest.instance_index].mesh_id : -1;
-  out.primitive_ids[row] = found ? static_cast<std::int32_t>(nearest.primitive_index) : -1;
-  out.uvs[2 * row] = found ? static_cast<float>(nearest.u) : 0.0f;
-  out.uvs[2 * row + 1] = found ? static_cast<float>(nearest.v) : 0.0f;
+  out.primitive_ids[row] = -1;
+  out.uvs[2 * row] = out.uvs[2 * row + 1] = 0.0f;
+  if (!found) return;
+  const Mesh& mesh = snapshot.instances[nearest.instance_index].blas->mesh;
+  out.primitive_ids[row] = static_cast<std::int32_t>(caller_number(mesh, nearest.primitive_index));
+  out.uvs[2 * row] = u_along_curve(mesh, nearest.primitive_index, static_cast<float>(nearest.u));
+  out.uvs[2 * row + 1] = mesh.is_round() ? 0.0f : static_cast<float>(nearest.v);
 }
 
 }  // namespace

@@ -4,6 +4,8 @@
 #include <array>
 
 #include "math/elementary.h"
+#include "mesh/round_mesh.h"
+#include "query/round_surface.h"
 #include "query/trace.h"
 
 namespace perfect_bvh {
@@ -45,6 +47,24 @@ void store_identities(const HitColumns& out, const Rows& rows) {
   }
 }
 
+// Curves and points: over what their primitives' own hits wrote.
+void store_round_identities(const HitColumns& out, const Rows& rows) {
+  for (std::size_t i = 0; i < rows.hits.size(); ++i) {
+    const Hit& hit = rows.hits[i];
+    if (!hit.found()) continue;
+    const Mesh& mesh = rows.snapshot.instances[hit.instance_index].blas->mesh;
+    if (!mesh.is_round()) continue;
+    const std::size_t row = rows.first + i;
+    if (out.primitive_ids) {
+      out.primitive_ids[row] = static_cast<std::int32_t>(caller_number(mesh, hit.primitive_index));
+    }
+    if (out.uvs) {
+      out.uvs[2 * row] = u_along_curve(mesh, hit.primitive_index, hit.u);
+      out.uvs[2 * row + 1] = 0.0f;
+    }
+  }
+}
+
 void store_distances(double* column, const Rows& rows) {
   for (std::size_t i = 0; i < rows.hits.size(); ++i) {
     // Not length: the square of a tiny or huge direction is not a number that a double can hold.
@@ -65,6 +85,12 @@ void store_normal(const HitColumns& out, std::size_t row, const WorldTriangle& t
   const Vec3d normal = normalized(triangle.scaled_normal());
   if (out.normals) store(out.normals, row, normal);
   if (out.front_face) out.front_face[row] = dot(normal, ray.direction) < 0 ? 1 : 0;
+}
+
+void store_round_geometry(const HitColumns& out, std::size_t row, const RoundPoint& point) {
+  if (out.normals) store(out.normals, row, point.normal);
+  if (out.positions) store(out.positions, row, point.position);
+  if (out.front_face) out.front_face[row] = point.is_entry ? 1 : 0;
 }
 
 void store_no_geometry(const HitColumns& out, std::size_t row) {
@@ -95,15 +121,21 @@ class Placer {
   bool is_moved_only_ = false;
 };
 
+struct Placers {
+  Placer triangles;
+  RoundPlacer round;
+};
+
 // The fields that need the triangle's corners, of at most kFetchedHits rows. Of triangles at random every corner is a
 // wait for memory; asked for beforehand, all of them are one.
-void store_geometries(const HitColumns& out, const Rows& rows, Placer& placer) {
+void store_geometries(const HitColumns& out, const Rows& rows, Placers& placers) {
   std::array<TriangleIndices, kFetchedHits> corners;
   const Instance* const instances = rows.snapshot.instances.data();
   for (std::size_t i = 0; i < rows.hits.size(); ++i) {
     const Hit& hit = rows.hits[i];
     if (!hit.found()) continue;
     const Mesh& mesh = instances[hit.instance_index].blas->mesh;
+    if (mesh.is_round()) continue;
     corners[i] = mesh.triangles[hit.primitive_index];
     for (const std::uint32_t corner : {corners[i].x, corners[i].y, corners[i].z})
       __builtin_prefetch(&mesh.positions[corner]);
@@ -116,7 +148,13 @@ void store_geometries(const HitColumns& out, const Rows& rows, Placer& placer) {
       continue;
     }
     const Instance& instance = instances[hit.instance_index];
-    if (out.normals || out.front_face) store_normal(out, row, placer.place(instance, corners[i]), rows.rays[i]);
+    if (instance.blas->mesh.is_round()) {
+      store_round_geometry(out, row, placers.round.place(instance, hit, rows.rays[i]));
+      continue;
+    }
+    if (out.normals || out.front_face) {
+      store_normal(out, row, placers.triangles.place(instance, corners[i]), rows.rays[i]);
+    }
     if (out.positions) store(out.positions, row, ray_position(instance, corners[i], hit, rows.rays[i]));
   }
 }
@@ -126,12 +164,15 @@ void store_geometries(const HitColumns& out, const Rows& rows, Placer& placer) {
 void store_hits(const HitColumns& out, std::size_t first, const Snapshot& snapshot, std::span<const Hit> hits,
                 std::span<const Ray> rays) {
   store_identities(out, {snapshot, first, hits, rays});
+  if (snapshot.has_round_meshes && (out.primitive_ids || out.uvs)) {
+    store_round_identities(out, {snapshot, first, hits, rays});
+  }
   if (out.distances) store_distances(out.distances + first, {snapshot, first, hits, rays});
   if (!out.normals && !out.positions && !out.front_face) return;
-  Placer placer;
+  Placers placers;
   for (std::size_t done = 0; done < hits.size(); done += kFetchedHits) {
     const std::size_t count = std::min(kFetchedHits, hits.size() - done);
-    store_geometries(out, {snapshot, first + done, hits.subspan(done, count), rays.subspan(done, count)}, placer);
+    store_geometries(out, {snapshot, first + done, hits.subspan(done, count), rays.subspan(done, count)}, placers);
   }
 }
 

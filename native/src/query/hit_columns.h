@@ -16,11 +16,11 @@ struct HitColumns {
   float* t = nullptr;
   std::int32_t* instance_ids = nullptr;
   std::int32_t* mesh_ids = nullptr;
-  std::int32_t* primitive_ids = nullptr;
-  float* uvs = nullptr;         // 2 a ray
-  float* normals = nullptr;     // 3 a ray, world space, unit length, by winding
-  double* positions = nullptr;  // 3 a ray, world space, see ray_position
-  double* distances = nullptr;  // world units
+  std::int32_t* primitive_ids = nullptr;  // of curves and points by the caller's numbers
+  float* uvs = nullptr;                   // 2 a ray; of curves u along the whole curve and 0, of points zeros
+  float* normals = nullptr;               // 3 a ray, world space, unit length, by winding; of curves and points outward
+  double* positions = nullptr;            // 3 a ray, world space, see ray_position and round_surface.h
+  double* distances = nullptr;            // world units
   std::uint8_t* front_face = nullptr;
   std::int32_t* nodes_visited = nullptr;
   std::int32_t* primitives_tested = nullptr;

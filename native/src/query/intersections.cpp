@@ -112,8 +112,7 @@ std::size_t list_intersections(const Snapshot& snapshot, const RayColumns& colum
       for (std::size_t i = 0; i < wanted; ++i) {
         if (i % kHitsBetweenAsking == kHitsBetweenAsking - 1) cancel.checkpoint();
         const FoundHit& hit = sorted[i];
-        const float v = is_round(hit, snapshot) ? 0.0f : hit.v;
-        const Hit narrowed{static_cast<float>(hit.t) + 0.0f, hit.u, v, hit.instance_index, hit.primitive_index};
+        const Hit narrowed{static_cast<float>(hit.t) + 0.0f, hit.u, hit.v, hit.instance_index, hit.primitive_index};
         store_hits(out, begin + i, snapshot, {&narrowed, 1}, rays.subspan(row, 1));
       }
     });

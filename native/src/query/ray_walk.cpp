@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "blas/deferred_tree.h"
+#include "mesh/round_mesh.h"
 #include "query/trace.h"
 #include "query/tree_boxes.h"
 #include "tlas/lazy_trees.h"
@@ -250,7 +251,8 @@ class Walker {
     append(event, leaf, t);
     walk_.instance_ids.push_back(space_.instance_id);
     walk_.mesh_ids.push_back(space_.mesh_id);
-    walk_.primitive_ids.push_back(static_cast<std::int32_t>(primitive));
+    const Mesh& mesh = snapshot_.instances[slot().instance].blas->mesh;
+    walk_.primitive_ids.push_back(static_cast<std::int32_t>(caller_number(mesh, primitive)));
     const WorldTriangle corners = corners_of(primitive);
     for (const Vec3d& corner : {corners.v0, corners.v1, corners.v2}) append_vector(walk_.triangles, corner);
   }

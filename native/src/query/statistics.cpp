@@ -5,6 +5,7 @@
 #include "blas/build_tree.h"
 #include "blas/deferred_tree.h"
 #include "builders/quality.h"
+#include "mesh/round_mesh.h"
 #include "wide/wide_quality.h"
 
 namespace perfect_bvh {
@@ -45,6 +46,7 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
     row.is_built = false;
     row.primitive_count = blas.mesh.primitive_count();
     row.vertex_count = blas.mesh.vertex_count();
+    row.left_out_count = left_out_count(blas.mesh);
     row.geometry_byte_count = row.byte_count = blas.mesh.byte_count();
     return row;
   }
@@ -55,6 +57,7 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
   row.layout = layout_name(blas.config.layout);
   row.primitive_count = blas.mesh.primitive_count();
   row.vertex_count = blas.mesh.vertex_count();
+  row.left_out_count = left_out_count(blas.mesh);
   add_bytes(row, blas.mesh.byte_count(), {}, blas.wide);
   row.plan_byte_count = plan_byte_count(blas);
   row.byte_count += row.plan_byte_count;

@@ -153,9 +153,11 @@ TopLevelReport assemble(Snapshot& snapshot, const PlacedMeshes& meshes, std::spa
   const Stopwatch watch;
   TopLevelReport report;
   snapshot.blases.clear(), snapshot.meshes.clear(), snapshot.lazy_trees.reset();
+  snapshot.has_round_meshes = false;
   AlignedVector<PrimRef> boxes = place_instances(snapshot, meshes, placements, pool, cancel);
   for (const auto& [mesh_id, mesh] : meshes) {
     snapshot.blases.push_back(mesh.blas);
+    snapshot.has_round_meshes |= mesh.blas->mesh.is_round();
     snapshot.meshes.emplace_back(mesh_id, mesh.blas.get());
   }
   report.placing_milliseconds = watch.milliseconds();

@@ -29,6 +29,7 @@ struct Snapshot {
   Aabb bounds;                                               // around the meshes' own boxes, placed: whatever the trees
   std::shared_ptr<LazyTrees> lazy_trees;                     // null if every tree was built by the commit
   const char* top_level_builder = "";                        // that made `tlas`
+  bool has_round_meshes = false;                             // some mesh is of curves or points
   bool tried_clustering = false;                             // when it was built
   TopLevelCost built_cost;                                   // of the top level then
   std::uint64_t generation = 0;

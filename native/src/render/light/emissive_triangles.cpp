@@ -43,6 +43,7 @@ float EmissiveTriangles::brightness(std::int32_t material) const noexcept {
 }
 
 bool EmissiveTriangles::may_emit(const Instance& instance) const noexcept {
+  if (instance.blas->mesh.is_round()) return false;  // rays find their light by hitting them
   const std::int32_t row = appearance_.row_of(instance);
   if (row < 0 || (instance.mask & appearance_.diffuse_mask) == 0) return false;
   const auto index = static_cast<std::size_t>(row);

@@ -30,7 +30,8 @@ class EmissiveTriangles {
   [[nodiscard]] EmissivePoint choose(float pick, Point2 place) const;
   // As in an EmissivePoint on a surface of this instance and row of the material table: 0 where none is chosen.
   [[nodiscard]] float density(const Instance& instance, std::int32_t material) const noexcept {
-    const bool listed = !empty() && material != kNoMaterial && (instance.mask & appearance_.diffuse_mask) != 0;
+    const bool listed = !empty() && !instance.blas->mesh.is_round() && material != kNoMaterial &&
+                        (instance.mask & appearance_.diffuse_mask) != 0;
     return listed ? brightness(material) / static_cast<float>(power()) : 0.0f;
   }
 

@@ -44,7 +44,9 @@ class WireframeMode final : public ShadingMode {
   }
 
  private:
+  // Curves and points have no edges.
   [[nodiscard]] float line_coverage(const Ray& ray, const Hit& hit) const noexcept {
+    if (snapshot_.instances[hit.instance_index].blas->mesh.is_round()) return 0.0f;
     const double u = static_cast<double>(hit.u), v = static_cast<double>(hit.v);
     const std::array<double, 3> coordinates{1.0 - u - v, u, v};
     const double width = static_cast<double>(settings_.width);

@@ -1,7 +1,10 @@
 #include "render/surface/surface.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+
+#include "query/round_surface.h"
 
 namespace perfect_bvh {
 namespace {
@@ -84,8 +87,26 @@ double clearance(const Instance& instance, const ObjectTriangle& triangle) noexc
   return kUnits * (sum(map.x) * reach(0) + sum(map.y) * reach(1) + sum(map.z) * reach(2)) + world;
 }
 
+// Of curves and points, which kernels find in double precision.
+void set_round_normals(const Instance& instance, const Ray& ray, const Hit& hit, bool with_origin,
+                       SurfacePoint& point) {
+  const RoundPoint round = RoundPlacer().place(instance, hit, ray);
+  // A tip has no normal: the way back is as good as any.
+  const bool degenerate = round.normal == Vec3d{0, 0, 0};
+  const Vec3d facing = degenerate ? normalized(-ray.direction) : round.normal * (round.is_entry ? 1.0 : -1.0);
+  point.geometric_normal = to_float(facing);
+  point.inside = !round.is_entry;
+  point.normal = point.light_normal = point.geometric_normal;
+  if (!with_origin) return;
+  const auto largest = [](Vec3d v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); };
+  const Vec3d clear = facing * (0x1p-40 * (largest(round.position) + largest(instance.object_to_world.translation)));
+  point.origin = round.position + clear;
+  point.beyond = round.position - clear;
+}
+
 void set_normals(const Appearance& appearance, const Instance& instance, const Ray& ray, const Hit& hit,
                  bool with_origin, SurfacePoint& point) {
+  if (instance.blas->mesh.is_round()) return set_round_normals(instance, ray, hit, with_origin, point);
   const ObjectTriangle triangle = object_triangle(instance, hit);
   const MeshAttributes* attributes = appearance.attributes_of(instance);
   // What a transform has flattened is a plane, whatever its corner normals were.

@@ -1,0 +1,64 @@
+// Input was checked for shape and dtype by the Python face; the engine checks the values.
+#include "bindings/round_edits.h"
+
+#include <utility>
+
+#include "bindings/arrays.h"
+#include "bindings/build_settings.h"
+
+namespace perfect_bvh::bindings {
+namespace {
+
+template <class T>
+BallsGiven<T> as_balls(const Array<T>& centres, const Array<T>& radii) {
+  return {as_vectors(centres), as_span(radii)};
+}
+
+template <class T>
+std::int32_t add_points(Scene& scene, const Array<T>& centres, const Array<T>& radii, const py::dict& settings,
+                        const std::string& usage, bool lazy) {
+  const BuildConfig config = parse_config(settings);
+  const Usage expected = parse_usage(usage);
+  const auto balls = as_balls(centres, radii);
+  const py::gil_scoped_release release;
+  return scene.add_mesh(make_points(balls, "add_points"), config, expected, lazy);
+}
+
+template <class T>
+std::int32_t add_curves(Scene& scene, const Array<T>& points, const Array<T>& radii, const Array<std::int64_t>& offsets,
+                        const py::dict& settings, const std::string& usage, bool lazy) {
+  const BuildConfig config = parse_config(settings);
+  const Usage expected = parse_usage(usage);
+  const auto balls = as_balls(points, radii);
+  const auto starts = as_span(offsets);
+  const py::gil_scoped_release release;
+  return scene.add_mesh(make_curves(balls, starts, "add_curves"), config, expected, lazy);
+}
+
+template <class T, PrimitiveKind kKind>
+void update_balls(Scene& scene, std::int32_t mesh_id, const Array<T>& centres, const Array<T>& radii) {
+  const auto balls = as_balls(centres, radii);
+  const py::gil_scoped_release release;
+  scene.update_balls(mesh_id, kKind, balls, ThreadPool::shared());
+}
+
+template <class T>
+void bind_edits_of(py::class_<Scene>& scene) {
+  scene.def("add_points", &add_points<T>, py::arg("centers").noconvert(), py::arg("radii").noconvert(),
+            py::arg("settings"), py::arg("usage"), py::arg("lazy"));
+  scene.def("add_curves", &add_curves<T>, py::arg("points").noconvert(), py::arg("radii").noconvert(),
+            py::arg("curve_offsets").noconvert(), py::arg("settings"), py::arg("usage"), py::arg("lazy"));
+  scene.def("update_points", &update_balls<T, PrimitiveKind::kPoints>, py::arg("mesh_id"),
+            py::arg("centers").noconvert(), py::arg("radii").noconvert());
+  scene.def("update_curves", &update_balls<T, PrimitiveKind::kCurves>, py::arg("mesh_id"),
+            py::arg("points").noconvert(), py::arg("radii").noconvert());
+}
+
+}  // namespace
+
+void bind_round_edits(py::class_<Scene>& scene) {
+  bind_edits_of<float>(scene);
+  bind_edits_of<double>(scene);
+}
+
+}  // namespace perfect_bvh::bindings

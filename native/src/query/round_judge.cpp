@@ -1,0 +1,118 @@
+#include "query/round_judge.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace perfect_bvh {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+double largest(Vec3d v) noexcept { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
+double size_of(const Affine& map) noexcept { return largest(map.x) + largest(map.y) + largest(map.z); }
+
+// How far a point that is mapped to the mesh and back returns from where it was, in lengths of the mesh's axes.
+double round_trip_error(const Affine& there, const Affine& back) noexcept {
+  const Vec3d axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  double error = 0;
+  for (const Vec3d axis : axes) error = std::max(error, largest(back.vector(there.vector(axis)) - axis));
+  return error;
+}
+
+RoundBall resized(RoundBall ball, double by) noexcept {
+  ball.radius = std::max(ball.radius + by, 0.0);
+  return ball;
+}
+
+}  // namespace
+
+RoundJudge::RoundJudge(const Instance& instance, const Ray& ray, double reach) noexcept : mesh_(instance.blas->mesh) {
+  const Affine& to_world = instance.object_to_world;
+  const Affine to_object = inverse(to_world);
+  const Vec3d origin = to_object.point(ray.origin), direction = to_object.vector(ray.direction);
+  ray_ = round_ray(&origin.x, &direction.x);
+  const double mapped = size_of(to_object) * (largest(ray.origin) + largest(to_world.translation));
+  const double distance = mapped + reach;
+  margin_ = (0x1p-40 + 4 * round_trip_error(to_world, to_object)) * distance;
+}
+
+RoundJudge::JudgedChord RoundJudge::chord_of(std::uint32_t primitive) const noexcept {
+  const RoundEnds ends = ends_of({mesh_.balls.data(), mesh_.segments.data(), 1.0f}, primitive);
+  const Chord possible = chord_of_segment(ray_, resized(ends.first, margin_), resized(ends.last, margin_));
+  const bool is_thin = ends.first.radius <= margin_ && ends.last.radius <= margin_;
+  const Chord sure =
+      is_thin ? kNoChord : chord_of_segment(ray_, resized(ends.first, -margin_), resized(ends.last, -margin_));
+  return {sure, possible};
+}
+
+RoundJudge::JudgedChord RoundJudge::beside(std::uint32_t primitive, int step) const noexcept {
+  if (mesh_.kind != PrimitiveKind::kCurves) return {kNoChord, kNoChord};
+  const SegmentCode has_other = step < 0 ? kSegmentBefore : kSegmentAfter;
+  if ((mesh_.segments[primitive] & has_other) == 0) return {kNoChord, kNoChord};
+  return chord_of(step < 0 ? primitive - 1 : primitive + 1);
+}
+
+// An entry is hidden where the neighbour's chord begins before it and ends after it; an exit likewise.
+void RoundJudge::judge_beside(const JudgedChord& other, JudgedEnd& end) noexcept {
+  if (other.sure.entry < end.t - end.bound && other.sure.exit > end.t + end.bound) end.surely_missed = true;
+}
+
+// From one to the next for as long as it may hide the one before.
+void RoundJudge::reach_along(std::uint32_t primitive, int step, JudgedEnd& end) const noexcept {
+  double low = end.t - end.bound, high = end.t + end.bound;
+  while (true) {
+    const JudgedChord other = beside(primitive, step);
+    if (!(other.possible.entry <= high && low <= other.possible.exit)) return;
+    const JudgedEnd next = end_of(other, end.is_entry);
+    low = next.t - next.bound, high = next.t + next.bound;
+    end.least = std::min(end.least, end.is_entry ? low : end.least);
+    end.most = std::max(end.most, end.is_entry ? end.most : high);
+    primitive = step < 0 ? primitive - 1 : primitive + 1;
+  }
+}
+
+// Between the two chords' ends; rounding t to float besides.
+JudgedEnd RoundJudge::end_of(const JudgedChord& chord, bool is_entry) noexcept {
+  if (!is_hit(chord.possible)) return {true, false, is_entry, kInfinity, 0, kInfinity, kInfinity};
+  const bool is_sure = is_hit(chord.sure);
+  const double from = is_entry ? chord.possible.entry : is_sure ? chord.sure.exit : chord.possible.entry;
+  const double to = !is_entry ? chord.possible.exit : is_sure ? chord.sure.entry : chord.possible.exit;
+  const double t = 0.5 * (from + to), bound = 0.5 * std::abs(to - from) + 0x1p-22 * std::abs(t) + 0x1p-140;
+  return {false, is_sure, is_entry, t, bound, t - bound, t + bound};
+}
+
+std::array<JudgedEnd, 2> RoundJudge::ends(std::uint32_t primitive) const noexcept {
+  const JudgedChord chord = chord_of(primitive);
+  std::array<JudgedEnd, 2> ends{end_of(chord, true), end_of(chord, false)};
+  if (!is_hit(chord.possible)) return ends;
+  for (JudgedEnd& end : ends) {
+    for (const int step : {-1, 1}) {
+      judge_beside(beside(primitive, step), end);
+      if (!end.surely_missed) reach_along(primitive, step, end);
+    }
+  }
+  return ends;
+}
+
+std::ranges::iota_view<std::uint32_t, std::uint32_t> primitives_of(const Mesh& mesh, std::int32_t number) noexcept {
+  const auto row = static_cast<std::uint32_t>(number);
+  if (number < 0) return {0, 0};
+  if (mesh.kind == PrimitiveKind::kPoints) {
+    if (mesh.numbers.empty())
+      return row < mesh.balls.size() ? std::views::iota(row, row + 1) : std::views::iota(0u, 0u);
+    const auto* const end = mesh.numbers.end() - 1;
+    const auto* const found = std::lower_bound(mesh.numbers.begin(), end, row);
+    const auto kept = static_cast<std::uint32_t>(found - mesh.numbers.begin());
+    return found != end && *found == row ? std::views::iota(kept, kept + 1) : std::views::iota(0u, 0u);
+  }
+  if (row + 1 >= mesh.starts.size()) return {0, 0};
+  const auto first_from = [&](std::uint32_t ball) {
+    const auto* const found = std::partition_point(mesh.segments.begin(), mesh.segments.end(),
+                                                   [&](SegmentCode code) { return (code & kSegmentBall) < ball; });
+    return static_cast<std::uint32_t>(found - mesh.segments.begin());
+  };
+  return {first_from(mesh.starts[row]), first_from(mesh.starts[row + 1])};
+}
+
+}  // namespace perfect_bvh

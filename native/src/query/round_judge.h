@@ -1,0 +1,53 @@
+// Whether and where a ray meets a segment of a curve or a point, when rounding is taken for no answer: the judge of
+// answers (query/audit.h). A hull whose balls are a margin larger is surely missed or may be hit; one whose balls are a
+// margin smaller is surely hit. The margin is far more than kernels are off by, which decide in double precision.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <ranges>
+
+#include "math/curve_joint.h"
+#include "tlas/instance.h"
+#include "traverse/ray.h"
+
+namespace perfect_bvh {
+
+// Where a ray enters or leaves. An end that a neighbour surely hides is surely missed. Of a chord that is surely there,
+// if a neighbour hides its entry, then that neighbour's entry is a surface no later, or that of the next: so a surface
+// is surely there from `least` to `most`, between the least of those entries and the chord's own; likewise for exits.
+struct JudgedEnd {
+  bool surely_missed, surely_hit, is_entry;
+  double t, bound;  // an answer's t differs by no more than the bound
+  double least, most;
+};
+
+class RoundJudge {
+ public:
+  // Of an instance of curves or points, which must stay where it is. reach: of its mesh, the largest |coordinate|.
+  RoundJudge(const Instance& instance, const Ray& ray, double reach) noexcept;
+
+  [[nodiscard]] std::array<JudgedEnd, 2> ends(std::uint32_t primitive) const noexcept;
+
+ private:
+  // Of what surely is inside, and of what may be.
+  struct JudgedChord {
+    Chord sure, possible;
+  };
+  [[nodiscard]] JudgedChord chord_of(std::uint32_t primitive) const noexcept;
+  [[nodiscard]] static JudgedEnd end_of(const JudgedChord& chord, bool is_entry) noexcept;
+  // The chord of the primitive that comes `step` after, or before, along its curve; none if there is no such.
+  [[nodiscard]] JudgedChord beside(std::uint32_t primitive, int step) const noexcept;
+  static void judge_beside(const JudgedChord& other, JudgedEnd& end) noexcept;
+  void reach_along(std::uint32_t primitive, int step, JudgedEnd& end) const noexcept;
+
+  const Mesh& mesh_;
+  RoundRay ray_;
+  double margin_;
+};
+
+// The segments of the curve, or the point, that the caller knows by this number: none if there is no such curve.
+[[nodiscard]] std::ranges::iota_view<std::uint32_t, std::uint32_t> primitives_of(const Mesh& mesh,
+                                                                                 std::int32_t number) noexcept;
+
+}  // namespace perfect_bvh
