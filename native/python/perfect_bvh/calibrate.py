@@ -20,11 +20,11 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from .build_config import BuildConfig
+from .build_config import BuildConfig, Usage
 from .calibration import BUILDERS, BuilderCost, Calibration
 from .errors import Cancelled
 from .report import MeshReport
-from .scene import Policy, Scene, Usage
+from .scene import Policy, Scene
 
 Float = npt.NDArray[np.float32]
 Progress = Callable[[float], object]
