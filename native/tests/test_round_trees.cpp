@@ -71,7 +71,7 @@ TEST_P(RoundTrees, HoldEveryPoint) {
 INSTANTIATE_TEST_SUITE_P(Builders, RoundTrees,
                          testing::Values(BuilderKind::kMedian, BuilderKind::kSweep, BuilderKind::kBinned,
                                          BuilderKind::kFast, BuilderKind::kSpatial),
-                         [](const auto& info) { return std::string(builder_name(info.param)); });
+                         [](const auto& builder) { return std::string(builder_name(builder.param)); });
 
 TEST(RoundWideTrees, AreSoundStraightFromTheCurve) {
   for (const NamedRound& input : round_meshes()) {

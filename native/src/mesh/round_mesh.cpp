@@ -54,6 +54,12 @@ AlignedVector<Ball> copy_balls(const BallsGiven<T>& given, Vec3d centre) {
   return balls;
 }
 
+AlignedVector<std::uint32_t> copy_starts(std::span<const std::int64_t> offsets) {
+  AlignedVector<std::uint32_t> starts(offsets.size());
+  std::ranges::transform(offsets, starts.begin(), [](std::int64_t at) { return static_cast<std::uint32_t>(at); });
+  return starts;
+}
+
 template <class T>
 Vec3d centre_of(std::span<const Vec3<T>> centres) noexcept {
   if constexpr (sizeof(T) == sizeof(double)) return box_centre(centres);
@@ -160,7 +166,7 @@ Mesh make_curves(const BallsGiven<T>& balls, std::span<const std::int64_t> offse
   mesh.kind = PrimitiveKind::kCurves;
   mesh.centre = centre_of(balls.centres);
   mesh.balls = copy_balls(balls, mesh.centre);
-  mesh.starts = AlignedVector<std::uint32_t>(offsets.begin(), offsets.end());
+  mesh.starts = copy_starts(offsets);
   list_segments(mesh);
   return mesh;
 }
