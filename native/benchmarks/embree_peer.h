@@ -22,7 +22,9 @@ void add_mesh(RTCDevice device, RTCScene scene, const Mesh& mesh, RTCBuildQualit
 class EmbreePeer {
  public:
   struct Options {
-    std::string device = "threads=1";  // e.g. "threads=1,isa=avx2"
+    // e.g. "threads=2,isa=avx2". Threads are for building alone. With one each, a worker of TBB's never slept once
+    // there were several devices, and asked for work beside whatever was being measured.
+    std::string device = "threads=2";
     RTCBuildQuality quality = RTC_BUILD_QUALITY_MEDIUM;
     bool is_robust = false;
     bool is_compact = false;
