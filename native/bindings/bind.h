@@ -18,5 +18,6 @@ void bind_render(pybind11::module_& module);
 void bind_filter(pybind11::module_& module);
 void bind_statistics(pybind11::module_& module);
 void bind_bulk(pybind11::module_& module);
+void bind_curve_chains(pybind11::module_& module);
 
 }  // namespace perfect_bvh::bindings

@@ -25,6 +25,7 @@ PYBIND11_MODULE(_core, module) {
   bind_threads(module);
   bind_isa(module);
   bind_queries(module);  // before the scene, whose signatures name its Snapshot
+  bind_curve_chains(module);
   bind_scene(module);
   bind_render(module);
   bind_filter(module);

@@ -35,6 +35,31 @@ std::int32_t add_curves(Scene& scene, const Array<T>& points, const Array<T>& ra
   return scene.add_mesh(make_curves(balls, starts, "add_curves"), config, expected, lazy);
 }
 
+template <class T>
+void replace_points(Scene& scene, std::int32_t mesh_id, const Array<T>& centres, const Array<T>& radii) {
+  const auto balls = as_balls(centres, radii);
+  const py::gil_scoped_release release;
+  scene.replace_mesh(mesh_id, make_points(balls, "replace_points"), "replace_points");
+}
+
+template <class T>
+void replace_curves(Scene& scene, std::int32_t mesh_id, const Array<T>& points, const Array<T>& radii,
+                    const Array<std::int64_t>& offsets) {
+  const auto balls = as_balls(points, radii);
+  const auto starts = as_span(offsets);
+  const py::gil_scoped_release release;
+  scene.replace_mesh(mesh_id, make_curves(balls, starts, "replace_curves"), "replace_curves");
+}
+
+template <class T>
+void set_chains(Scene& scene, std::int32_t mesh_id, const Array<T>& centres, const Array<T>& radii,
+                const Array<std::int64_t>& offsets) {
+  const auto balls = as_balls(centres, radii);
+  const auto starts = as_span(offsets);
+  const py::gil_scoped_release release;
+  scene.set_chains(mesh_id, balls, starts);
+}
+
 template <class T, PrimitiveKind kKind>
 void update_balls(Scene& scene, std::int32_t mesh_id, const Array<T>& centres, const Array<T>& radii) {
   const auto balls = as_balls(centres, radii);
@@ -52,6 +77,12 @@ void bind_edits_of(py::class_<Scene>& scene) {
             py::arg("centers").noconvert(), py::arg("radii").noconvert());
   scene.def("update_curves", &update_balls<T, PrimitiveKind::kCurves>, py::arg("mesh_id"),
             py::arg("points").noconvert(), py::arg("radii").noconvert());
+  scene.def("set_chains", &set_chains<T>, py::arg("mesh_id"), py::arg("centers").noconvert(),
+            py::arg("radii").noconvert(), py::arg("offsets").noconvert());
+  scene.def("replace_points", &replace_points<T>, py::arg("mesh_id"), py::arg("centers").noconvert(),
+            py::arg("radii").noconvert());
+  scene.def("replace_curves", &replace_curves<T>, py::arg("mesh_id"), py::arg("points").noconvert(),
+            py::arg("radii").noconvert(), py::arg("curve_offsets").noconvert());
 }
 
 }  // namespace

@@ -275,11 +275,11 @@ TEST_F(RoundScene, KeepsKindsApart) {
     return std::string();
   };
   EXPECT_EQ(complaint([&] { scene_.update_mesh<float>(points, positions); }),
-            "update_mesh: mesh 0 must have triangles, but has points; update_points is for those");
+            "update_mesh: mesh 0 must have triangles, but has points; update_points and replace_points are for those");
   EXPECT_EQ(complaint([&] { scene_.update_balls<float>(points, PrimitiveKind::kCurves, {positions, {}}); }),
-            "update_curves: mesh 0 must have curves, but has points; update_points is for those");
+            "update_curves: mesh 0 must have curves, but has points; update_points and replace_points are for those");
   EXPECT_EQ(complaint([&] { scene_.replace_mesh(points, Mesh{}); }),
-            "replace_mesh: mesh 0 must have triangles, but has points; update_points is for those");
+            "replace_mesh: mesh 0 must have triangles, but has points; update_points and replace_points are for those");
 }
 
 }  // namespace

@@ -185,6 +185,35 @@ TEST_P(Kinds, KeepTheirPiecesWhenPointsMove) {
   }
 }
 
+TEST_P(Kinds, DivideAllSpansOfACurveAlike) {
+  const Curves curves = random_curves(GetParam(), 50, 8);
+  const Subdivision subdivision = subdivide(curves.view(), 1e-2, here, "test");
+  std::int64_t most = 0;
+  for (std::size_t curve = 0; curve + 1 < curves.offsets.size(); ++curve) {
+    const auto first = static_cast<std::size_t>(subdivision.first_spans[curve]);
+    const auto end = static_cast<std::size_t>(subdivision.first_spans[curve + 1]);
+    const std::int64_t balls = subdivision.ball_offsets()[curve + 1] - subdivision.ball_offsets()[curve];
+    const std::int64_t pieces = (balls - 1) / static_cast<std::int64_t>(end - first);
+    EXPECT_EQ(pieces * static_cast<std::int64_t>(end - first) + 1, balls);
+    for (std::size_t span = first; span + 1 < end; ++span) {
+      EXPECT_EQ(subdivision.first_balls[span + 1] - subdivision.first_balls[span], pieces);
+    }
+    most = std::max(most, pieces);
+  }
+  EXPECT_EQ(most > 1, GetParam() != CurveKind::kPoly);
+}
+
+TEST_P(Kinds, TellWhetherTheirPiecesSuffice) {
+  Curves curves = random_curves(GetParam(), 50, 9);
+  const Subdivision coarse = subdivide(curves.view(), 1e-1, here, "test");
+  const Subdivision fine = subdivide(curves.view(), 1e-3, here, "test");
+  EXPECT_TRUE(fine.is_as_fine_as(coarse) && coarse.is_as_fine_as(coarse));
+  EXPECT_EQ(coarse.is_as_fine_as(fine), GetParam() == CurveKind::kPoly);
+  curves.is_cyclic.assign(curves.is_cyclic.size(), 0);
+  if (GetParam() == CurveKind::kBezier) return;
+  EXPECT_FALSE(fine.is_as_fine_as(subdivide(curves.view(), 1.0, here, "test")));
+}
+
 TEST(SubdivideCurve, TakesNoCurvesAtAll) {
   const Curves none{CurveKind::kCatmullRom, {}, {0.5}, {0}, {}};
   const Subdivision subdivision = subdivide(none.view(), 0.1, here, "test");

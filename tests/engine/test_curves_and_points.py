@@ -250,7 +250,7 @@ def test_a_flattened_instance_shows_nothing():
         (lambda s: s.add_curves(np.zeros((3, 3)), 1.0, [0, 2, 3]), "add_curves: curve_offsets[2] must be at least 2"),
         (lambda s: s.add_curves(np.zeros((3, 3)), 1.0, []), "add_curves: curve_offsets must begin with 0"),
         (lambda s: s.add_curves(np.zeros((3, 3)), 1.0, [0.0, 3.0]), "add_curves: curve_offsets must hold integers"),
-        (lambda s: s.add_curves(np.zeros((2, 3)), 1.0, [0, 2], kind="nurbs"), "add_curves: kind must be 'poly'"),
+        (lambda s: s.add_curves(np.zeros((2, 3)), 1.0, [0, 2], kind="nurbs"), "add_curves: kind must be one of poly"),
         (lambda s: s.update_points(0, np.zeros((3, 3))), "update_points: centers has 3 rows but there are 2"),
         (lambda s: s.update_points(0, np.zeros((2, 3)), [-1, 1]), "update_points: radii[0]"),
         (lambda s: s.update_points(1, np.zeros((2, 3))), "update_points: mesh 1 must have points, but has curves"),

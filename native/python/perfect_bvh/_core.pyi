@@ -15,6 +15,7 @@ _Float = npt.NDArray[np.float32]
 _Double = npt.NDArray[np.float64]
 _Int = npt.NDArray[np.int32]
 _Long = npt.NDArray[np.int64]
+_Byte = npt.NDArray[np.uint8]
 _Mask = npt.NDArray[np.uint32]
 _Progress = Callable[[float], object] | None
 
@@ -152,6 +153,42 @@ class Snapshot:
         progress: _Progress,
     ) -> dict[str, npt.NDArray[Any]]: ...
 
+@overload
+def divide_curves(
+    points: _Float,
+    radii: _Float,
+    curve_offsets: _Long,
+    cyclic: _Byte,
+    kind: str,
+    tolerance: float,
+    piece_count: int,
+    function: str,
+) -> Subdivision: ...
+@overload
+def divide_curves(
+    points: _Double,
+    radii: _Double,
+    curve_offsets: _Long,
+    cyclic: _Byte,
+    kind: str,
+    tolerance: float,
+    piece_count: int,
+    function: str,
+) -> Subdivision: ...
+
+class Subdivision:
+    @property
+    def offsets(self) -> _Long: ...
+    def is_as_fine_as(self, other: Subdivision) -> bool: ...
+    @overload
+    def balls(
+        self, points: _Float, radii: _Float, curve_offsets: _Long, cyclic: _Byte, kind: str, function: str
+    ) -> tuple[_Float, _Float]: ...
+    @overload
+    def balls(
+        self, points: _Double, radii: _Double, curve_offsets: _Long, cyclic: _Byte, kind: str, function: str
+    ) -> tuple[_Double, _Double]: ...
+
 def make_scene() -> Scene: ...
 
 class Scene:
@@ -189,6 +226,18 @@ class Scene:
     def update_curves(self, mesh_id: int, points: _Float, radii: _Float) -> None: ...
     @overload
     def update_curves(self, mesh_id: int, points: _Double, radii: _Double) -> None: ...
+    @overload
+    def set_chains(self, mesh_id: int, centers: _Float, radii: _Float, offsets: _Long) -> None: ...
+    @overload
+    def set_chains(self, mesh_id: int, centers: _Double, radii: _Double, offsets: _Long) -> None: ...
+    @overload
+    def replace_points(self, mesh_id: int, centers: _Float, radii: _Float) -> None: ...
+    @overload
+    def replace_points(self, mesh_id: int, centers: _Double, radii: _Double) -> None: ...
+    @overload
+    def replace_curves(self, mesh_id: int, points: _Float, radii: _Float, curve_offsets: _Long) -> None: ...
+    @overload
+    def replace_curves(self, mesh_id: int, points: _Double, radii: _Double, curve_offsets: _Long) -> None: ...
     def set_usage(self, mesh_id: int, usage: str) -> None: ...
     def remove_mesh(self, mesh_id: int) -> None: ...
     @overload

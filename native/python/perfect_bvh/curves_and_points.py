@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import as_array, as_integers, as_rows, check_id
+from ._arrays import as_rows, check_id
 from .build_config import BuildConfig, Usage, as_config, check_usage
-
-CurveKind = Literal["poly"]
+from .curve_chains import CurveChains, CurveKind, as_radii, divide
 
 
 class CurvesAndPoints:
@@ -21,11 +20,14 @@ class CurvesAndPoints:
     an entry is a front and an exit a back. Rays are mapped into the mesh's own space, so that an instance whose
     transform stretches them shows ellipsoids. Of a transform that flattens them nothing is left, and no ray meets them.
     Hits tell the number of the curve or the point, the normal outward of the true surface, and of curves u from 0 at
-    the first point to 1 at the last.
+    the first point to 1 at the last, as their control points divide them.
     """
 
     __slots__ = ()
     _scene: _core.Scene
+    # Of the curves that are divided, by the mesh's id. No lock is held while the engine edits, which may wait for a
+    # commit whose progress callable waits for the lock; each edit tells the engine all of what it is made of instead.
+    _chains: dict[int, CurveChains]
 
     def add_points(
         self,
@@ -47,7 +49,7 @@ class CurvesAndPoints:
         """
         check_usage("add_points", usage)
         rows = as_rows("add_points", "centers", centers)
-        sizes = _radii("add_points", radii, rows)
+        sizes = as_radii("add_points", radii, rows)
         return self._scene.add_points(rows, sizes, as_config("add_points", build).as_settings(), usage, bool(lazy))
 
     def add_curves(
@@ -57,6 +59,9 @@ class CurvesAndPoints:
         curve_offsets: npt.ArrayLike,
         *,
         kind: CurveKind = "poly",
+        cyclic: npt.ArrayLike = False,
+        tolerance: float | None = None,
+        pieces: int | None = None,
         build: Literal["auto"] | BuildConfig = "auto",
         usage: Usage = "static",
         lazy: bool = False,
@@ -64,25 +69,32 @@ class CurvesAndPoints:
         """Adds curves, and returns their id as a mesh. They are seen only through instances.
 
         points: (P, 3) float, of one curve after another; float64 keeps its detail however far from zero it lies.
-        radii: (P,) float, or one number for all, not negative. A curve is the union of its segments, a segment the
+        radii: (P,) float, or one number for all, not negative. What is traced is a chain of segments, a segment the
             convex hull of the balls around two points that follow each other: a cone with round ends. Segments whose
             two radii are 0 are left out, and `statistics()` counts them.
         curve_offsets: (C + 1,) int: where each curve begins among the points, from 0 on, and P at the end. A curve has
             2 points or more.
-        kind: "poly": straight from point to point.
+        kind: "poly": straight from point to point. Else a cubic from one to the next, of the radius too, as Blender
+            evaluates it: "catmull_rom" (through all points, the ends counted twice), "bezier" (points 0, 3, 6, ... are
+            passed through, the two between are handles: 3 n + 1 points, or 3 n of a cyclic one), "b_spline" (uniform,
+            from near the second point to near the last but one; with fewer than 4 points a poly).
+        cyclic: (C,) bool, or one for all: whether a curve returns to where it begins.
+        tolerance: how far the chain's surface may be from the curve's, in the mesh's units; by default a tenth of the
+            mean radius. Spans between points get as many pieces as that takes, all those of a curve as many.
+        pieces: instead of it, how many each span gets, 1 to 1024: then chains of curves that move keep theirs.
         build, usage, lazy: see `Scene.add_mesh`. The layout of leaves is "compact", whichever is asked for.
 
         Raises ValueError for numbers that are not finite or above 1e18, negative radii, offsets that descend, do not
-        add up or leave a curve less than 2 points, and wrong shapes.
+        add up or leave a curve less points than its kind takes, wrong shapes, and more than 2**30 balls.
         """
-        if kind != "poly":
-            raise ValueError(f"add_curves: kind must be 'poly', got {kind!r}; divide other curves into segments first")
         check_usage("add_curves", usage)
-        rows = as_rows("add_curves", "points", points)
-        sizes = _radii("add_curves", radii, rows)
-        offsets = as_integers("add_curves", "curve_offsets", curve_offsets, np.int64).reshape(-1)
         settings = as_config("add_curves", build).as_settings()
-        return self._scene.add_curves(rows, sizes, offsets, settings, usage, bool(lazy))
+        chains, centres, sizes, offsets = divide(
+            "add_curves", points, radii, curve_offsets, kind, cyclic, tolerance, pieces
+        )
+        mesh = self._scene.add_curves(centres, sizes, offsets, settings, usage, bool(lazy))
+        self._keep(mesh, chains)
+        return mesh
 
     def update_points(self, mesh: int, centers: npt.ArrayLike, radii: npt.ArrayLike | None = None) -> None:
         """Moves points: (N, 3) with as many rows as before, and radii as in `add_points`; None keeps them.
@@ -95,21 +107,55 @@ class CurvesAndPoints:
     def update_curves(self, mesh: int, points: npt.ArrayLike, radii: npt.ArrayLike | None = None) -> None:
         """Moves curves: (P, 3) with as many rows as before, and radii as in `add_curves`; None keeps them.
 
-        The next commit refits the tree, or rebuilds it where a refitted one would be too slow, or where segments got
-        their first radius or lost it, and reports which and why. Raises ValueError as `add_curves` does.
+        The next commit refits the tree, or rebuilds it where a refitted one would be too slow, where segments got
+        their first radius or lost it, or where the curves bend so much that the tolerance asks for more pieces, and
+        reports which and why. Pieces that a straighter curve would not need are kept. Raises ValueError as
+        `add_curves` does.
         """
-        self._update("update_curves", "points", mesh, points, radii)
+        number = check_id("update_curves", "mesh", mesh)
+        rows = as_rows("update_curves", "points", points)
+        chains = self._chains.get(number)
+        if chains is None:
+            self._update("update_curves", "points", number, rows, radii)
+            return
+        moved, centres, sizes = chains.moved("update_curves", rows, radii)
+        self._scene.set_chains(number, centres, sizes, moved.subdivision.offsets)
+        self._keep(number, moved)
+
+    def replace_points(self, mesh: int, centers: npt.ArrayLike, radii: npt.ArrayLike) -> None:
+        """Gives a mesh of points others, as many as there are, see `add_points`; its instances stay."""
+        number = check_id("replace_points", "mesh", mesh)
+        rows = as_rows("replace_points", "centers", centers)
+        self._scene.replace_points(number, rows, as_radii("replace_points", radii, rows))
+
+    def replace_curves(
+        self,
+        mesh: int,
+        points: npt.ArrayLike,
+        radii: npt.ArrayLike,
+        curve_offsets: npt.ArrayLike,
+        *,
+        kind: CurveKind = "poly",
+        cyclic: npt.ArrayLike = False,
+        tolerance: float | None = None,
+        pieces: int | None = None,
+    ) -> None:
+        """Gives a mesh of curves others, see `add_curves`; its instances stay."""
+        number = check_id("replace_curves", "mesh", mesh)
+        chains, centres, sizes, offsets = divide(
+            "replace_curves", points, radii, curve_offsets, kind, cyclic, tolerance, pieces
+        )
+        self._scene.replace_curves(number, centres, sizes, offsets)
+        self._keep(number, chains)
+
+    def _keep(self, mesh: int, chains: CurveChains | None) -> None:
+        if chains is None:
+            self._chains.pop(mesh, None)
+        else:
+            self._chains[mesh] = chains
 
     def _update(self, name: str, what: str, mesh: int, places: npt.ArrayLike, radii: npt.ArrayLike | None) -> None:
         number = check_id(name, "mesh", mesh)
         rows = as_rows(name, what, places)
-        sizes = np.empty(0, rows.dtype) if radii is None else _radii(name, radii, rows)
+        sizes = np.empty(0, rows.dtype) if radii is None else as_radii(name, radii, rows)
         (self._scene.update_points if name == "update_points" else self._scene.update_curves)(number, rows, sizes)
-
-
-def _radii(function: str, radii: npt.ArrayLike, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """One number, or as many as rows, as the rows' dtype."""
-    array = as_array(function, "radii", radii)
-    if array.ndim > 1 or (array.ndim == 1 and len(array) != len(rows)):
-        raise ValueError(f"{function}: radii must have shape ({len(rows)},) or be one number, got {array.shape}")
-    return np.ascontiguousarray(array.reshape(-1), dtype=rows.dtype)

@@ -13,6 +13,7 @@ from ._arrays import as_integers, as_rows, as_transforms, as_triangles, check_id
 from ._batches import Progress
 from .build_config import BuildConfig, Usage, as_config, check_usage, checked_number
 from .calibration import Calibration, current_calibration
+from .curve_chains import CurveChains
 from .curves_and_points import CurvesAndPoints
 from .queries import ALL_MASK, Queries
 from .report import CommitReport
@@ -37,7 +38,14 @@ class Scene(Queries, CurvesAndPoints):
         with the package. With equal calibrations, edits and expected rays the decisions are the same anywhere.
     """
 
-    __slots__ = ("__weakref__", "_calibration_numbers", "_policy", "_scene", "before_query")
+    __slots__ = (
+        "__weakref__",
+        "_calibration_numbers",
+        "_chains",
+        "_policy",
+        "_scene",
+        "before_query",
+    )
 
     def __init__(self, policy: Policy = "governed", calibration: Calibration | None = None) -> None:
         if policy not in POLICIES:
@@ -45,6 +53,7 @@ class Scene(Queries, CurvesAndPoints):
         self._policy = policy
         self._calibration_numbers = (current_calibration() if calibration is None else calibration).as_numbers()
         self._scene = _core.make_scene()
+        self._chains: dict[int, CurveChains] = {}
         self.before_query: Callable[[], object] | None = None
         """Called on the thread of each query that would be answered, and of `is_current` and `snapshot()`, before it.
 
@@ -112,7 +121,9 @@ class Scene(Queries, CurvesAndPoints):
 
     def remove_mesh(self, mesh: int) -> None:
         """Removes a mesh, curves or points that no instance uses; raises ValueError otherwise."""
-        self._scene.remove_mesh(check_id("remove_mesh", "mesh", mesh))
+        number = check_id("remove_mesh", "mesh", mesh)
+        self._scene.remove_mesh(number)
+        self._keep(number, None)
 
     def add_instance(
         self, mesh: int, transform: npt.ArrayLike | None = None, mask: int = ALL_MASK, order: int | None = None

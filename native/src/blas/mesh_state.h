@@ -34,6 +34,9 @@ struct MeshState {
   std::shared_ptr<SparePositions> spare_positions;  // likewise
   UpdateHistory history;                            // of `blas`'s tree
   std::optional<double> air;                        // in its triangles' boxes, see measure_air(); empty: not measured
+
+  // What the caller gave last, committed or not.
+  [[nodiscard]] const Mesh& held() const noexcept { return edited ? *edited : blas->mesh; }
 };
 
 // A mesh that was edited, or rests in a tree that may be replaced, and how many rays meet its box.

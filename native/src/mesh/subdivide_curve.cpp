@@ -95,6 +95,15 @@ Subdivision begin(const ControlCurves<T>& curves, const char* function) {
   return subdivision;
 }
 
+// Each span of a curve gets the pieces of the one that has most.
+void even_out(Subdivision& subdivision) noexcept {
+  const auto begin = subdivision.first_balls.begin();
+  for (std::size_t curve = 1; curve < subdivision.first_spans.size(); ++curve) {
+    const auto first = begin + subdivision.first_spans[curve - 1], end = begin + subdivision.first_spans[curve];
+    if (first != end) std::fill(first, end, *std::max_element(first, end));
+  }
+}
+
 // From how many pieces each span has to where its balls begin: a chain has one ball more than it has pieces.
 void sum_up(Subdivision& subdivision, const std::string& function) {
   std::size_t balls = 0, span = 0;
@@ -162,11 +171,21 @@ std::vector<std::int64_t> Subdivision::ball_offsets() const {
   return offsets;
 }
 
+bool Subdivision::is_as_fine_as(const Subdivision& other) const noexcept {
+  if (first_spans != other.first_spans) return false;
+  for (std::size_t curve = 0; curve + 1 < first_spans.size(); ++curve) {
+    const auto first = static_cast<std::size_t>(first_spans[curve]),
+               end = static_cast<std::size_t>(first_spans[curve + 1]);
+    if (first_balls[end] - first_balls[first] < other.first_balls[end] - other.first_balls[first]) return false;
+  }
+  return true;
+}
+
 template <class T>
 Subdivision subdivide(const ControlCurves<T>& curves, double tolerance, const RangeLoop& loop, const char* function) {
   if (!(tolerance > 0.0)) {
     throw InvalidArgument(std::string(function) + ": tolerance must be above 0, got " + std::to_string(tolerance) +
-                          "; a twentieth of the radius is hardly seen");
+                          "; a tenth of the radius is hardly seen");
   }
   Subdivision subdivision = begin(curves, function);
   loop(subdivision.span_count(), [&](std::size_t first, std::size_t last) {
@@ -178,6 +197,7 @@ Subdivision subdivide(const ControlCurves<T>& curves, double tolerance, const Ra
                         : pieces_within(bend_of(cubic_of(curves, curve, span_of_curve)), tolerance);
               });
   });
+  even_out(subdivision);
   sum_up(subdivision, function);
   return subdivision;
 }

@@ -11,6 +11,9 @@
 // The distance. Over 1/k of its parameter a cubic leaves its chord by |second derivative| / (8 k^2) at most, by any
 // norm: here that of the centre plus that of the radius, by which surfaces can differ. The second derivative is linear,
 // and so largest at an end. Rounding the balls to T comes on top.
+//
+// All spans of a curve get as many pieces as the one that needs most: so a place along the chain is the same place
+// along the curve.
 #pragma once
 
 #include <cstddef>
@@ -35,6 +38,8 @@ struct Subdivision {
   [[nodiscard]] std::size_t ball_count() const noexcept { return first_balls.back(); }
   // The first ball of each curve, then how many balls there are: the offsets of a poly.
   [[nodiscard]] std::vector<std::int64_t> ball_offsets() const;
+  // Whether it has as many pieces as another of the same curves everywhere, or more.
+  [[nodiscard]] bool is_as_fine_as(const Subdivision& other) const noexcept;
 };
 
 // Calls body(begin, end) for parts that together are [0, count), on whatever threads; returns when all have ended.

@@ -1,5 +1,7 @@
 // Edits of a scene's meshes. Each checks all of its input before it changes anything.
 
+#include <algorithm>
+
 #include "blas/moved_balls.h"
 #include "core/errors.h"
 #include "scene/scene.h"
@@ -15,7 +17,8 @@ const char* kind_name(PrimitiveKind kind) noexcept {
 
 const char* update_of(PrimitiveKind kind) noexcept {
   if (kind == PrimitiveKind::kTriangles) return "update_mesh and replace_mesh are";
-  return kind == PrimitiveKind::kCurves ? "update_curves is" : "update_points is";
+  return kind == PrimitiveKind::kCurves ? "update_curves and replace_curves are"
+                                        : "update_points and replace_points are";
 }
 
 void check_kind(const Mesh& mesh, PrimitiveKind expected, std::int32_t mesh_id, const char* function) {
@@ -44,7 +47,7 @@ template <class T>
 void Scene::update_mesh(std::int32_t mesh_id, std::span<const Vec3<T>> positions, ThreadPool& pool) {
   const std::lock_guard lock(edit_mutex_);
   MeshSlot& slot = find_mesh(mesh_id, "update_mesh");
-  const Mesh& before = slot.edited ? *slot.edited : slot.blas->mesh;
+  const Mesh& before = slot.held();
   check_kind(before, PrimitiveKind::kTriangles, mesh_id, "update_mesh");
   if (!slot.spare_positions) slot.spare_positions = std::make_shared<SparePositions>();
   auto moved = move_vertices(before, positions, slot.spare_positions, pool, "update_mesh");
@@ -57,30 +60,54 @@ template void Scene::update_mesh(std::int32_t, std::span<const Vec3f>, ThreadPoo
 template void Scene::update_mesh(std::int32_t, std::span<const Vec3d>, ThreadPool&);
 
 template <class T>
-void Scene::update_balls(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls, ThreadPool& pool) {
-  const std::lock_guard lock(edit_mutex_);
-  const char* const function = kind == PrimitiveKind::kPoints ? "update_points" : "update_curves";
-  MeshSlot& slot = find_mesh(mesh_id, function);
-  const Mesh& before = slot.edited ? *slot.edited : slot.blas->mesh;
-  check_kind(before, kind, mesh_id, function);
+void Scene::move(MeshSlot& slot, const BallsGiven<T>& balls, ThreadPool& pool, const char* function) {
   if (!slot.spare_positions) slot.spare_positions = std::make_shared<SparePositions>();
-  MovedBalls moved = move_balls(before, balls, slot.spare_positions, pool, function);
+  MovedBalls moved = move_balls(slot.held(), balls, slot.spare_positions, pool, function);
   slot.same_topology = moved.same_primitives && (slot.edited ? slot.same_topology : true);
   slot.has_deformed = slot.same_topology || (slot.has_deformed && moved.same_primitives);
   slot.edited = std::move(moved.mesh);
   mark_edited();
 }
-template void Scene::update_balls(std::int32_t, PrimitiveKind, const BallsGiven<float>&, ThreadPool&);
-template void Scene::update_balls(std::int32_t, PrimitiveKind, const BallsGiven<double>&, ThreadPool&);
 
-void Scene::replace_mesh(std::int32_t mesh_id, Mesh mesh) {
-  const std::lock_guard lock(edit_mutex_);
-  MeshSlot& slot = find_mesh(mesh_id, "replace_mesh");
-  check_kind(slot.edited ? *slot.edited : slot.blas->mesh, mesh.kind, mesh_id, "replace_mesh");
+void Scene::replace(MeshSlot& slot, Mesh mesh) {
   slot.edited = std::make_shared<const Mesh>(std::move(mesh));
   slot.same_topology = slot.has_deformed = false;
   slot.spare_positions.reset();
   mark_edited();
+}
+
+template <class T>
+void Scene::update_balls(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls, ThreadPool& pool) {
+  const std::lock_guard lock(edit_mutex_);
+  const char* const function = kind == PrimitiveKind::kPoints ? "update_points" : "update_curves";
+  MeshSlot& slot = find_mesh(mesh_id, function);
+  check_kind(slot.held(), kind, mesh_id, function);
+  move(slot, balls, pool, function);
+}
+template void Scene::update_balls(std::int32_t, PrimitiveKind, const BallsGiven<float>&, ThreadPool&);
+template void Scene::update_balls(std::int32_t, PrimitiveKind, const BallsGiven<double>&, ThreadPool&);
+
+template <class T>
+void Scene::set_chains(std::int32_t mesh_id, const BallsGiven<T>& balls, std::span<const std::int64_t> offsets,
+                       ThreadPool& pool) {
+  const std::lock_guard lock(edit_mutex_);
+  const char* const function = "update_curves";
+  MeshSlot& slot = find_mesh(mesh_id, function);
+  check_kind(slot.held(), PrimitiveKind::kCurves, mesh_id, function);
+  if (std::ranges::equal(slot.held().starts, offsets)) {
+    move(slot, balls, pool, function);
+  } else {
+    replace(slot, make_curves(balls, offsets, function));
+  }
+}
+template void Scene::set_chains(std::int32_t, const BallsGiven<float>&, std::span<const std::int64_t>, ThreadPool&);
+template void Scene::set_chains(std::int32_t, const BallsGiven<double>&, std::span<const std::int64_t>, ThreadPool&);
+
+void Scene::replace_mesh(std::int32_t mesh_id, Mesh mesh, const char* function) {
+  const std::lock_guard lock(edit_mutex_);
+  MeshSlot& slot = find_mesh(mesh_id, function);
+  check_kind(slot.held(), mesh.kind, mesh_id, function);
+  replace(slot, std::move(mesh));
 }
 
 void Scene::set_usage(std::int32_t mesh_id, Usage usage) {

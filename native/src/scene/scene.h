@@ -85,7 +85,12 @@ class Scene {
   template <class T>
   void update_balls(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls,
                     ThreadPool& pool = ThreadPool::shared());
-  void replace_mesh(std::int32_t mesh_id, Mesh mesh);
+  // Of curves that are divided into chains: moved where each has as many balls as before, otherwise replaced.
+  template <class T>
+  void set_chains(std::int32_t mesh_id, const BallsGiven<T>& balls, std::span<const std::int64_t> offsets,
+                  ThreadPool& pool = ThreadPool::shared());
+  // Of the same kind of primitive. `function` opens messages.
+  void replace_mesh(std::int32_t mesh_id, Mesh mesh, const char* function = "replace_mesh");
   void set_usage(std::int32_t mesh_id, Usage usage);                  // what its next builds are for
   void remove_mesh(std::int32_t mesh_id);                             // InvalidArgument while instances use it
   std::int32_t add_instances(std::span<const InstanceInput> inputs);  // the first new id; the others follow
@@ -131,6 +136,9 @@ class Scene {
   template <class Map>
   void move_instances(std::span<const std::int32_t> ids, const Map& map, ThreadPool& pool);
   MeshSlot& find_mesh(std::int32_t mesh_id, const char* function);
+  template <class T>
+  void move(MeshSlot& slot, const BallsGiven<T>& balls, ThreadPool& pool, const char* function);
+  void replace(MeshSlot& slot, Mesh mesh);
   // The row of each instance. Where ids and rows both go up by one, as they mostly do, none is written down.
   struct InstanceRows {
     std::size_t count = 0, first = 0;

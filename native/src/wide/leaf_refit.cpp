@@ -20,6 +20,7 @@ void fetch_vertices(const VertexNumbers& numbers, const Vec3f* positions, const 
   for (const std::uint32_t number : numbers.at) fetch(&positions[number]);
   fetch_to_write(&block.vertices[0][0]);
   fetch_to_write(&block.vertices[2][7]);
+  fetch_to_write(&block.corners[0]);  // which, of every other block, begin a third line of the cache
 }
 
 // Positions are read as registers of four: what follows a vertex stands in a lane that means nothing.
