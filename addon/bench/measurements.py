@@ -102,7 +102,7 @@ class SceneBench:
     def _answers(self, scene: perfect_bvh.Scene) -> Generator[Step, None, None]:
         """How many answers of a random share are wrong."""
         records = self._subject.record
-        sizes = np.array([len(mesh.triangles) for mesh in records.meshes])
+        sizes = np.array([mesh.part_count for mesh in records.meshes])
         triangles = int(sizes[records.instances.mesh_indices].sum())
         budget = 1e9 * max(0.1, PARTS["answers"] * self._seconds - self._passed()) / 3.0
         threads = perfect_bvh.thread_count()

@@ -12,6 +12,7 @@ import perfect_bvh
 from perfect_bvh import BuildConfig
 
 from ..scanning.patterns import CameraGrid, View
+from ..sync import mesh_edits
 from ..sync.records import CameraRecord, SceneRecord
 
 Float64Array = npt.NDArray[np.float64]
@@ -37,7 +38,7 @@ def make_scene(record: SceneRecord, config: BuildConfig | None = None) -> perfec
     """All meshes and instances, not committed. config: of every mesh; None: as the planner wants."""
     scene = perfect_bvh.Scene()
     build: Any = "auto" if config is None else config
-    meshes = np.array([scene.add_mesh(mesh.positions, mesh.triangles, build=build) for mesh in record.meshes], np.int32)
+    meshes = np.array([mesh_edits.add(scene, mesh, build=build) for mesh in record.meshes], np.int32)
     instances = record.instances
     scene.add_instances(meshes[instances.mesh_indices], instances.transforms)
     return scene

@@ -119,4 +119,6 @@ FACE_INTEGERS = ArrayKind("face_integers", 1, _INT, "value", lambda item: item.v
 MATRICES = ArrayKind(
     "matrices", 16, _FLOAT, "value", lambda item: [value for column in item.value.col for value in column]
 )
+RADII = ArrayKind("radii", 1, _FLOAT, "value", lambda item: item.value)
+CURVE_OFFSETS = ArrayKind("curve_offsets", 1, _INT, "value", lambda item: item.value)
 REFERENCE_INDICES = ArrayKind("reference_indices", 1, _INT, "value", lambda item: item.value)

@@ -27,6 +27,8 @@ _TYPE_SWITCHES = {
     "SURFACE": "show_object_viewport_surf",
     "META": "show_object_viewport_meta",
     "FONT": "show_object_viewport_font",
+    "CURVES": "show_object_viewport_curves",
+    "POINTCLOUD": "show_object_viewport_pointcloud",
 }
 
 

@@ -86,7 +86,7 @@ def facts_of(row: UpdateRow) -> str:
     """How large the mesh is, and what it costs rays."""
     found = []
     if row.mesh is not None:
-        found.append(count_of(row.mesh.triangle_count, "triangle"))
+        found.append(count_of(row.mesh.triangle_count, row.mesh.kind.removesuffix("s")))
     if row.tree is not None and row.tree.byte_count:
         found.append(memory(row.tree.byte_count))
     if row.share > 0.0:

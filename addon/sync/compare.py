@@ -28,7 +28,7 @@ from .records import (
 MeshAction = Literal["added", "removed", "replaced", "deformed", "kept"]
 BoolArray = npt.NDArray[np.bool_]
 # What a mesh has for each of its triangles and corners beside the geometry.
-ATTRIBUTES = tuple(name for name in MESH_COLUMNS if name not in {"positions", "triangles"})
+ATTRIBUTES = tuple(name for name in MESH_COLUMNS if name not in {"positions", "triangles", "radii", "curve_offsets"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,19 +115,23 @@ def compare_mesh(old: MeshRecord | None, new: MeshRecord) -> MeshDifference:
     reason = _topology_change(old, new)
     if reason:
         return MeshDifference("replaced", reason, attributes_changed)
-    if not _are_equal(old.positions, new.positions):
-        return MeshDifference("deformed", "vertices moved, triangles stayed", attributes_changed)
-    reason = "same triangles, same positions" if new.was_read else UNCHANGED.reason
+    parts = new.kind
+    if not _have_same(old, new, "positions", "radii"):
+        moved = "vertices" if parts == "triangles" else "points"
+        return MeshDifference("deformed", f"{moved} moved, {parts} stayed", attributes_changed)
+    reason = f"same {parts}, same positions" if new.was_read else UNCHANGED.reason
     return MeshDifference("kept", reason, attributes_changed)
 
 
 def _topology_change(old: MeshRecord, new: MeshRecord) -> str | None:
-    if len(old.triangles) != len(new.triangles):
-        return f"{len(new.triangles)} triangles, {len(old.triangles)} before"
+    if (old.kind, old.curve_kind) != (new.kind, new.curve_kind):
+        return f"{new.kind} of another kind"
+    if old.part_count != new.part_count:
+        return f"{new.part_count} {new.kind}, {old.part_count} before"
     if len(old.positions) != len(new.positions):
         return f"{len(new.positions)} vertices, {len(old.positions)} before"
-    if not _are_equal(old.triangles, new.triangles):
-        return "as many triangles, but others"
+    if not _have_same(old, new, "triangles", "curve_offsets"):
+        return f"as many {new.kind}, but others"
     return None
 
 

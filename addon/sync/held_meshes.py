@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from . import mesh_edits
 from .compare import UNCHANGED, MeshDifference, compare_mesh
 from .keys import Int64Array
+from .mesh_edits import MeshScene
 from .plan import Expectation, UsageTracker
 from .records import Int32Array, MeshRecord
 from .report import MeshChange
@@ -25,16 +26,6 @@ if TYPE_CHECKING:
 _NEVER = np.iinfo(np.int64).max
 # Meshes that are gone of which it is still known what they did.
 _MOST_REMEMBERED = 256
-
-
-class MeshScene(Protocol):
-    """The part of `perfect_bvh.Scene` that edits meshes."""
-
-    def add_mesh(self, positions: npt.ArrayLike, triangles: npt.ArrayLike, *, usage: str) -> int: ...
-    def update_mesh(self, mesh: int, positions: npt.ArrayLike) -> None: ...
-    def replace_mesh(self, mesh: int, positions: npt.ArrayLike, triangles: npt.ArrayLike) -> None: ...
-    def set_usage(self, mesh: int, usage: str) -> None: ...
-    def remove_mesh(self, mesh: int) -> None: ...
 
 
 @dataclass(slots=True)
@@ -108,7 +99,7 @@ class HeldMeshes:
         self._last = self._ids = None
         scene.remove_mesh(held.mesh_id)
         reason = "nothing shows it any more"
-        return MeshChange(key, held.record.name, held.mesh_id, "removed", reason, len(held.record.triangles))
+        return MeshChange(key, held.record.name, held.mesh_id, "removed", reason, held.record.part_count)
 
     def apply(
         self,
@@ -157,13 +148,13 @@ class HeldMeshes:
             scene.set_usage(held.mesh_id, usage)
             held.usage = usage
         if held is None:
-            held = _HeldMesh(scene.add_mesh(mesh.positions, mesh.triangles, usage=usage), mesh, usage)
+            held = _HeldMesh(mesh_edits.add(scene, mesh, usage=usage), mesh, usage)
             self._meshes[mesh.key] = held
             self._fresh.append(held)
         elif difference.action == "deformed":
-            scene.update_mesh(held.mesh_id, mesh.positions)
+            mesh_edits.move(scene, held.mesh_id, mesh)
         elif difference.action == "replaced":
-            scene.replace_mesh(held.mesh_id, mesh.positions, mesh.triangles)
+            mesh_edits.replace(scene, held.mesh_id, mesh)
             held.generation = None
             self._fresh.append(held)
         held.record = mesh
@@ -173,7 +164,8 @@ class HeldMeshes:
             mesh_id=held.mesh_id,
             action=difference.action,
             reason=difference.reason,
-            triangle_count=len(mesh.triangles),
+            triangle_count=mesh.part_count,
+            kind=mesh.kind,
             usage=expected.usage,
             usage_reason=expected.reason,
             remade_by=mesh.remade_by,

@@ -107,7 +107,7 @@ class SceneLookup:
         self._instances = _Rows(instance_ids)
         self._meshes = _Rows(mesh_ids)
         self._columns: dict[str, Int32Array] = {}
-        self._offsets = _offsets([len(mesh.triangles) for mesh in record.meshes])
+        self._offsets = _offsets([mesh.part_count for mesh in record.meshes])
         self._slot_offsets = _offsets([len(obj.material_slots) for obj in record.objects])
         self._slot_materials = np.array([row for obj in record.objects for row in obj.material_slots], np.int32)
 
@@ -133,7 +133,7 @@ class SceneLookup:
         )
 
     def polygon_ids(self, hits: HitIds) -> Int32Array:
-        """(...) int32: the polygon of the evaluated mesh that each ray hit, -1 on a miss."""
+        """(...) int32: the polygon of the evaluated mesh, the curve or the point that each ray hit, -1 on a miss."""
         return self._per_triangle("polygon_ids", hits)
 
     def triangle_ids(self, hits: HitIds) -> Int32Array:
@@ -202,6 +202,9 @@ class SceneLookup:
 
 def _mesh_column(mesh: MeshRecord, name: str) -> Int32Array:
     values: Int32Array | None = getattr(mesh, name)
+    if mesh.kind != "triangles":  # curves and points have no polygons, and are all of the first slot
+        values = np.zeros(mesh.part_count, np.int32) if name == "material_slots" else mesh.triangle_ids
+        return np.arange(mesh.part_count, dtype=np.int32) if values is None else values
     if values is not None:
         return values
     if name == "triangle_ids":

@@ -19,6 +19,8 @@ Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
 Usage = Literal["static", "rigid", "deforming", "changing"]
 Extension = Literal["repeat", "extend", "clip"]
+MeshKind = Literal["triangles", "curves", "points"]
+CurveKind = Literal["poly", "catmull_rom"]
 # Of a camera and an image, see `perfect_bvh.Camera` and `perfect_bvh.ImageTexture`; spelled out here because this is
 # imported where the engine cannot be.
 Projection = Literal["perspective", "orthographic", "equirectangular"]
@@ -65,7 +67,7 @@ NO_LAYERS = LayerRequest()
 
 @dataclass(frozen=True, slots=True)
 class MeshRecord:
-    """One distinct evaluated mesh.
+    """One distinct evaluated mesh, hair or point cloud.
 
     key: identifies the same mesh across evaluations (never a name or a pointer); two records of one
         scene never share it.
@@ -81,6 +83,11 @@ class MeshRecord:
         other positions ("deforming"), other triangles ("changing"). Sync learns better from what it sees, see `plan`.
     usage_reason: the sentence that says why.
     remade_by: the name of the modifier that is to blame if its triangles change; "" if there is none.
+
+    kind: what rays meet. Of curves and points `positions` are the curves' points or the points; there are no triangles.
+    radii: (V,) float32, not negative; 0 where nothing is to be met. curve_offsets: (C + 1,) int64, of curves: where each
+        begins among the positions. curve_kind: straight from point to point, or through them as Cycles' thick hair is.
+        triangle_ids and dropped_triangles are then those of curves or points.
     """
 
     key: Hashable
@@ -101,6 +108,17 @@ class MeshRecord:
     usage_reason: str = "nothing animates it"
     remade_by: str = ""
     was_read: bool = True
+    kind: MeshKind = "triangles"
+    radii: Float32Array | None = None
+    curve_offsets: npt.NDArray[np.int64] | None = None
+    curve_kind: CurveKind = "poly"
+
+    @property
+    def part_count(self) -> int:
+        """How many triangles, curves or points it has: what hits tell apart by their `primitive_ids`."""
+        if self.kind == "triangles":
+            return len(self.triangles)
+        return len(self.positions) if self.curve_offsets is None else len(self.curve_offsets) - 1
 
     def narrowed(self, layers: LayerRequest) -> MeshRecord:
         """The mesh without the layers that are not asked for."""
@@ -126,6 +144,8 @@ MESH_COLUMNS = (
     "corner_uvs",
     "corner_colors",
     "triangle_ids",
+    "radii",
+    "curve_offsets",
 )
 MESH_LAYERS = ("named_uvs", "named_colors")
 INSTANCE_COLUMNS = ("mesh_indices", "object_indices", "parent_indices", "transforms", "masks", "persistent_ids")

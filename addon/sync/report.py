@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from .compare import MeshAction
 from .not_shown import NotShown
-from .records import UnseenMesh, Usage
+from .records import MeshKind, UnseenMesh, Usage
 
 if TYPE_CHECKING:
     from perfect_bvh import CommitReport
@@ -32,7 +32,8 @@ OBJECT_ACTIONS: tuple[ObjectAction, ...] = (
 
 @dataclass(frozen=True, slots=True)
 class MeshChange:
-    """One distinct mesh. mesh_id: the engine's. triangle_count: now, or of the removed mesh.
+    """One distinct mesh. mesh_id: the engine's. triangle_count: now, or of the removed mesh; of a mesh of another
+    kind, how many curves or points.
 
     action is what the data did: what the engine made of it (refit or rebuild) is in `SyncReport.commit`.
     usage: the class by which the engine plans, see `plan`; usage_reason: the sentence that says why.
@@ -48,6 +49,7 @@ class MeshChange:
     usage: Usage = "static"
     usage_reason: str = ""
     remade_by: str = ""
+    kind: MeshKind = "triangles"
 
 
 @dataclass(frozen=True, slots=True)

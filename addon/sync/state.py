@@ -15,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .compare import HeldInstances, compare_instances
-from .held_meshes import HeldMeshes, MeshScene
+from .held_meshes import HeldMeshes
 from .keys import Int64Array, instance_keys, instance_orders
+from .mesh_edits import MeshScene
 from .records import Int32Array, SceneRecord
 from .report import MeshChange, SyncReport
 from .scene_difference import AppliedDifference, SceneDifference

@@ -13,23 +13,21 @@ from ..looks.lights import LIGHT_LINKING, LIGHTS_ALL, lights_few
 from ..looks.materials import MaterialReader
 from ..scans import has_points
 from ..visibility import VisibilityReader
+from .curves_and_points import kind_of
 from .mesh_table import NO_MESH, MeshTable
 from .objects import ObjectTable
 from .subdivision import AdaptiveSubdivision
 
-_Mesh = bpy.types.Mesh  # looking it up is slow
+_Mesh, _PointCloud = bpy.types.Mesh, bpy.types.PointCloud  # looking them up is slow
 NOT_SHOWN = -1
 _NO_PARENT = -1
-# Data that renderers show and that has no triangles; everything else without a mesh is silently no surface.
+# Data that renderers show and rays do not meet; everything else without a mesh is silently no surface.
 _UNREADABLE_TYPES = {
-    "CURVES": "hair curves are not triangles",
-    "POINTCLOUD": "a point cloud has no triangles",
     "VOLUME": "a volume has no triangles",
     "GREASEPENCIL": "grease pencil strokes are not triangles",
 }
 # What users can do about those that are not simply converted.
 _ADVICE = {
-    "a point cloud has no triangles": "Instance a mesh on its points with Geometry Nodes to have them shown",
     "a volume has no triangles": "Make a mesh of it with the modifier Volume to Mesh to have its surface shown",
     "particle hair is not triangles": "Press Convert in its Particle System modifier, and give the mesh a thickness",
 }
@@ -74,7 +72,7 @@ class GroupTable:
         if mask == 0:
             return self._leave_out(obj, data, is_own, "what shows it is visible to no kind of ray")
         self._warn_of_unreadable(obj, data, shows_particles)
-        if not isinstance(data, _Mesh):
+        if kind_of(data) is None or (not isinstance(data, _Mesh) and has_points(obj.original)):
             return NOT_SHOWN
         slots = self.materials.slots(obj, data)
         layers = self.materials.layers(slots)
@@ -116,6 +114,8 @@ class GroupTable:
         reason = None
         if not isinstance(data, _Mesh):
             reason = _UNREADABLE_TYPES.get(obj.type)
+            if isinstance(data, _PointCloud) and has_points(obj.original):
+                reason = _OF_SCANS
         elif shows_particles and any(map(_is_strands, obj.particle_systems)):
             reason = "particle hair is not triangles"
         original = obj.original

@@ -20,6 +20,7 @@ from collections.abc import Hashable
 from dataclasses import replace
 from typing import Any
 
+import bpy
 import numpy.typing as npt
 from perfect_bvh.bulk import are_equal
 
@@ -28,11 +29,13 @@ from ...sync.compare import have_same_layers
 from ...sync.not_shown import NotShown
 from ...sync.records import MESH_COLUMNS, NO_LAYERS, AttributeRequest, LayerRequest, MeshRecord
 from ..pointer_views import ArrayReader
+from .curves_and_points import kind_of, read_curves_or_points
 from .mesh_cache import CachedMesh, MeshCache, place_of
 from .meshes import read_mesh
 from .usage import find_remaker, guess_usage
 
 NO_MESH = -1
+_Mesh = bpy.types.Mesh  # looking it up is slow
 _OF_VERTICES = "Delete such vertices in Edit Mode, or look which modifier or driver makes them"
 
 
@@ -69,7 +72,7 @@ class MeshTable:
         self.not_shown: list[NotShown] = []
 
     def row(self, obj: Any, mesh: Any, is_own: bool, layers: LayerRequest) -> int:
-        """The row of an evaluated mesh, or NO_MESH if it has no faces.
+        """The row of an evaluated mesh, or NO_MESH if it has no faces; or of hair curves or a point cloud.
 
         obj: the evaluated object, or the depsgraph's temporary, that shows the mesh. is_own: whether it is the
         object's own mesh and not one that geometry nodes made beside it. layers: what the object's materials show of
@@ -113,14 +116,16 @@ class MeshTable:
         return row
 
     def _add(self, original: Any, mesh: Any, is_own: bool, layers: LayerRequest) -> int:
-        origin = self._origin(original, is_own)
+        origin = self._origin(original, mesh, is_own)
         token = (*origin, self._counts[origin])
         record = self._read(original, mesh, token, layers)
         if record is None:
             return NO_MESH
         if record.dropped_triangles:
             count = record.dropped_triangles
-            text = f"left out {count:,} triangle{'s' * (count > 1)} with a vertex that is not finite or beyond 1e18"
+            part = record.kind.removesuffix("s")
+            vertex = "vertex" if part == "triangle" else "number"
+            text = f"left out {count:,} {part}{'s' * (count > 1)} with a {vertex} that is not finite or beyond 1e18"
             self.not_shown.append(NotShown("shape", original.name, original.session_uid, text, _OF_VERTICES))
             self.warnings.append(str(self.not_shown[-1]))
         twin = self._twins.find(original.data, record, self.records)
@@ -133,11 +138,19 @@ class MeshTable:
             twin = len(self.records) - 1
             self._tokens[twin] = token
         self._counts[origin] += 1
-        if not mesh.is_editmode:
+        if not isinstance(mesh, _Mesh):
+            self.cache.meshes[token] = CachedMesh(self.records[twin], (), _uids_of(original))
+        elif not mesh.is_editmode:
             self.cache.meshes[token] = CachedMesh(self.records[twin], place_of(mesh), _uids_of(original))
         return twin
 
     def _read(self, original: Any, mesh: Any, token: Hashable, layers: LayerRequest) -> MeshRecord | None:
+        if not isinstance(mesh, _Mesh):
+            held = self._last.meshes.get(token)
+            read = read_curves_or_points(
+                mesh, None, _name_of(original, mesh), self._reader, None if held is None else held.record
+            )
+            return None if read is None else replace(read, layers=layers)  # of which it has none
         if mesh.is_editmode:  # its arrays are stale until they are written out of the edit mesh
             evaluated = original.evaluated_get(self._depsgraph)
             record = read_mesh(evaluated.to_mesh(), None, original.name, self._attributes, layers, self._reader)
@@ -152,9 +165,14 @@ class MeshTable:
         known = None if last is None else last.record
         return read_mesh(mesh, None, _name_of(original, mesh), self._attributes, layers, self._reader, known)
 
-    def _origin(self, original: Any, is_own: bool) -> tuple[Any, ...]:
+    def _origin(self, original: Any, mesh: Any, is_own: bool) -> tuple[Any, ...]:
         """What a mesh comes from: all of its key but the last numbers."""
         uid = original.session_uid
+        if not isinstance(mesh, _Mesh):
+            kind = kind_of(mesh)
+            if not is_own:
+                return (f"made {kind}", uid)
+            return (kind, uid) if len(original.modifiers) else (f"own {kind}", original.data.session_uid)
         if original.type != "MESH":
             # Curves and their like show even their own mesh as an instance; it comes before any other.
             is_own = not self._counts["object", uid]
@@ -172,14 +190,27 @@ class MeshTable:
     def _lasting_key(self, origin: tuple[Any, ...], record: MeshRecord) -> Hashable:
         if origin[0] == "made":
             origin = (*origin, hashlib.blake2b(record.triangles.data, digest_size=12).digest())
+        elif str(origin[0]).startswith("made "):
+            origin = (*origin, _digest(record))
         number = self._key_counts[origin]
         self._key_counts[origin] += 1
         return (*origin, number)
 
 
+def _digest(record: MeshRecord) -> bytes:
+    """Of what stays the same when curves or points move."""
+    count = len(record.positions).to_bytes(8, "little")
+    return hashlib.blake2b(
+        count if record.curve_offsets is None else record.curve_offsets.data, digest_size=12
+    ).digest()
+
+
+_UNNAMED = ("Mesh", "Curves", "Point Cloud", "PointCloud")
+
+
 def _name_of(original: Any, mesh: Any) -> str:
     """What users know a mesh by: Blender calls one that it makes for an evaluation "Mesh"."""
-    return original.name if mesh.name == "Mesh" else mesh.name
+    return original.name if mesh.name in _UNNAMED else mesh.name
 
 
 def _uids_of(original: Any) -> tuple[int, ...]:
@@ -223,6 +254,8 @@ class _TwinFinder:
 
 def _have_equal_content(first: MeshRecord, second: MeshRecord) -> bool:
     if first.layers != second.layers:  # what was not read may differ
+        return False
+    if (first.kind, first.curve_kind) != (second.kind, second.curve_kind):
         return False
     are_equal = all(_are_equal(getattr(first, name), getattr(second, name)) for name in MESH_COLUMNS)
     return are_equal and have_same_layers(first, second)

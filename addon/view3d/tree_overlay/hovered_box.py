@@ -148,5 +148,7 @@ def corners_of(box: HoveredBox, sync: SceneSync) -> Any:
     if not len(rows) or box.tree.boxes is None:
         return np.empty((0, 3), np.float32)
     mesh = sync.record.meshes[int(rows[0])]
+    if mesh.kind != "triangles":
+        return np.empty((0, 3), np.float32)
     held = box.tree.boxes.primitives_of(box.row)[:MOST_TRIANGLES]
     return np.ascontiguousarray(mesh.positions[mesh.triangles[held]].reshape(-1, 3), np.float32)

@@ -1,0 +1,112 @@
+"""Evaluated hair curves and point clouds -> `MeshRecord`s, in bulk.
+
+What they are to Cycles (5.0): the points of curves of any type are what hair goes through, cyclic or not, straight if
+the first curve is a poly; where there is no attribute `radius`, curves have 0.005 and points 0.01.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import Any
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+from perfect_bvh.bulk import are_equal
+
+from ...sync.records import LARGEST_COORDINATE, CurveKind, Float32Array, Int32Array, MeshKind, MeshRecord
+from ..pointer_views import CURVE_OFFSETS, POSITIONS, RADII, ArrayReader
+
+_Curves, _PointCloud = bpy.types.Curves, bpy.types.PointCloud  # looking them up is slow
+_CURVE_RADIUS, _POINT_RADIUS = 0.005, 0.01
+_POLY = 1  # of the attribute `curve_type`
+_LEAST_POINTS = 2
+_NO_TRIANGLES = np.empty((0, 3), np.int32)
+_NO_POLYGONS = np.empty(0, np.int32)
+
+Offsets = npt.NDArray[np.int64]
+
+
+def kind_of(data: Any) -> MeshKind | None:
+    """What an object's evaluated data are to rays; None if they are nothing that is read."""
+    if isinstance(data, bpy.types.Mesh):
+        return "triangles"
+    if isinstance(data, _Curves):
+        return "curves"
+    return "points" if isinstance(data, _PointCloud) else None
+
+
+def read_curves_or_points(
+    data: Any, key: Hashable, name: str, reader: ArrayReader, last: MeshRecord | None = None
+) -> MeshRecord | None:
+    """Reads evaluated `bpy.types.Curves` or `bpy.types.PointCloud`; None if there is nothing in them.
+
+    last: what was read the last time, whose arrays stand for equal ones. Everything is copied. Curves or points with a
+    number that is not finite are dropped, and curves of a single point.
+    """
+    is_curves = isinstance(data, _Curves)
+    positions = _read(data, "position", POSITIONS, reader)
+    if positions is None or not len(positions):
+        return None
+    radii = _read(data, "radius", RADII, reader)
+    if radii is None or len(radii) != len(positions):
+        radii = np.full(len(positions), _CURVE_RADIUS if is_curves else _POINT_RADIUS, np.float32)
+    radii = np.maximum(radii, 0.0)  # not a number stays none
+    usable = np.abs(radii) <= LARGEST_COORDINATE
+    usable &= (np.abs(positions) <= LARGEST_COORDINATE).all(axis=1)
+    offsets: Offsets | None = None
+    kept: Int32Array | None = None
+    dropped = 0
+    if is_curves:
+        offsets = _offsets_of(data, reader)
+        counts = np.diff(offsets)
+        good = np.logical_and.reduceat(usable, np.minimum(offsets[:-1], len(usable) - 1)) & (counts >= _LEAST_POINTS)
+        dropped = int((~good & (counts >= _LEAST_POINTS)).sum())
+        if not good.all():
+            points = np.repeat(good, counts)
+            positions, radii = positions[points], radii[points]
+            offsets = np.concatenate([[0], np.cumsum(counts[good])])
+            kept = np.flatnonzero(good).astype(np.int32)
+    elif not usable.all():
+        positions, radii = positions[usable], radii[usable]
+        kept, dropped = np.flatnonzero(usable).astype(np.int32), int((~usable).sum())
+    if not len(positions):
+        return None
+    return MeshRecord(
+        key=key,
+        name=name,
+        positions=_held(positions, last and last.positions),
+        triangles=_NO_TRIANGLES,
+        polygon_ids=_NO_POLYGONS,
+        dropped_triangles=dropped,
+        triangle_ids=kept,
+        kind="curves" if is_curves else "points",
+        radii=_held(radii, last and last.radii),
+        curve_offsets=None if offsets is None else _held(offsets, last and last.curve_offsets),
+        curve_kind=_curve_kind(data) if is_curves else "poly",
+    )
+
+
+def _read(data: Any, name: str, kind: Any, reader: ArrayReader) -> Float32Array | None:
+    """A copy of a point's attribute, None if there is none of that name and kind."""
+    attribute = data.attributes.get(name)
+    expected = "FLOAT_VECTOR" if kind is POSITIONS else "FLOAT"
+    if attribute is None or attribute.domain != "POINT" or attribute.data_type != expected:
+        return None
+    values: Float32Array = reader.read(attribute.data, kind)
+    return values
+
+
+def _offsets_of(data: Any, reader: ArrayReader) -> Offsets:
+    return np.asarray(reader.read(data.curve_offset_data, CURVE_OFFSETS), np.int64)
+
+
+def _curve_kind(data: Any) -> CurveKind:
+    attribute = data.attributes.get("curve_type")
+    is_poly = attribute is not None and len(attribute.data) > 0 and attribute.data[0].value == _POLY
+    return "poly" if is_poly else "catmull_rom"
+
+
+def _held(values: npt.NDArray[Any], last: npt.NDArray[Any] | None) -> npt.NDArray[Any]:
+    """The last array if it is equal."""
+    return last if last is not None and are_equal(values, last) else values

@@ -1,0 +1,76 @@
+"""A mesh record into an engine's scene: by what it is of, triangles, curves or points."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy.typing as npt
+
+from .records import MeshRecord
+
+# Of a span of a curve between two points: as fine as Cycles draws hair that it divides. A fixed number, so that a tree
+# can follow curves that bend, and a synced scene is a fresh one to the bit.
+CURVE_PIECES = 4
+
+
+class MeshScene(Protocol):
+    """The part of `perfect_bvh.Scene` that edits meshes."""
+
+    def add_mesh(self, positions: npt.ArrayLike, triangles: npt.ArrayLike, **options: Any) -> int: ...
+    def update_mesh(self, mesh: int, positions: npt.ArrayLike) -> None: ...
+    def replace_mesh(self, mesh: int, positions: npt.ArrayLike, triangles: npt.ArrayLike) -> None: ...
+    def add_curves(
+        self, points: npt.ArrayLike, radii: npt.ArrayLike, curve_offsets: npt.ArrayLike, **options: Any
+    ) -> int: ...
+    def update_curves(self, mesh: int, points: npt.ArrayLike, radii: npt.ArrayLike) -> None: ...
+    def replace_curves(
+        self, mesh: int, points: npt.ArrayLike, radii: npt.ArrayLike, curve_offsets: npt.ArrayLike, **options: Any
+    ) -> None: ...
+    def add_points(self, centers: npt.ArrayLike, radii: npt.ArrayLike, **options: Any) -> int: ...
+    def update_points(self, mesh: int, centers: npt.ArrayLike, radii: npt.ArrayLike) -> None: ...
+    def replace_points(self, mesh: int, centers: npt.ArrayLike, radii: npt.ArrayLike) -> None: ...
+    def set_usage(self, mesh: int, usage: str) -> None: ...
+    def remove_mesh(self, mesh: int) -> None: ...
+
+
+def add(scene: MeshScene, mesh: MeshRecord, **options: Any) -> int:
+    """The engine's id. options: `build`, `usage`, `lazy`."""
+    if mesh.kind == "triangles":
+        return scene.add_mesh(mesh.positions, mesh.triangles, **options)
+    if mesh.kind == "points":
+        return scene.add_points(mesh.positions, _radii(mesh), **options)
+    return scene.add_curves(mesh.positions, _radii(mesh), _offsets(mesh), **_division(mesh), **options)
+
+
+def move(scene: MeshScene, mesh_id: int, mesh: MeshRecord) -> None:
+    """Other positions and radii of what is there."""
+    if mesh.kind == "triangles":
+        scene.update_mesh(mesh_id, mesh.positions)
+    elif mesh.kind == "points":
+        scene.update_points(mesh_id, mesh.positions, _radii(mesh))
+    else:
+        scene.update_curves(mesh_id, mesh.positions, _radii(mesh))
+
+
+def replace(scene: MeshScene, mesh_id: int, mesh: MeshRecord) -> None:
+    """Others of the same kind."""
+    if mesh.kind == "triangles":
+        scene.replace_mesh(mesh_id, mesh.positions, mesh.triangles)
+    elif mesh.kind == "points":
+        scene.replace_points(mesh_id, mesh.positions, _radii(mesh))
+    else:
+        scene.replace_curves(mesh_id, mesh.positions, _radii(mesh), _offsets(mesh), **_division(mesh))
+
+
+def _radii(mesh: MeshRecord) -> npt.ArrayLike:
+    assert mesh.radii is not None
+    return mesh.radii
+
+
+def _offsets(mesh: MeshRecord) -> npt.ArrayLike:
+    assert mesh.curve_offsets is not None
+    return mesh.curve_offsets
+
+
+def _division(mesh: MeshRecord) -> dict[str, Any]:
+    return {"kind": mesh.curve_kind, **({} if mesh.curve_kind == "poly" else {"pieces": CURVE_PIECES})}

@@ -1,0 +1,310 @@
+"""Hair curves and point clouds of a scene: what rays meet of them, and that it is never old."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from blender.builders import NodeGroup, collection, collection_instance, evaluated, mesh_object
+from blender.hair_and_points import (
+    cloud_object,
+    hair_data,
+    hair_object,
+    make_poly,
+    set_points,
+    set_radii,
+    upright,
+)
+from oracles.cycles import preserved, render_cycles, render_passes
+from perfect_bvh_addon import SceneSync
+from perfect_bvh_addon.extract import read_scene
+from perfect_bvh_addon.scanning.point_data import OBJECT_NAMES
+
+DOWN = (0.0, 0.0, -1.0)
+FIELDS = ("t_hit", "primitive_ids", "primitive_uvs", "geometric_normals")
+
+
+def rays(count: int = 400) -> tuple[np.ndarray, np.ndarray]:
+    random = np.random.default_rng(4)
+    origins = random.normal(size=(count, 3)) * 3.0 + (2.0, 0.0, 8.0)
+    return origins, random.uniform((-1, -1, -0.5), (5, 1, 1.5), (count, 3)) - origins
+
+
+def updated(sync: SceneSync) -> Any:
+    return sync.update(evaluated())
+
+
+def assert_as_fresh(sync: SceneSync) -> int:
+    """By the bits. How many rays hit anything."""
+    fresh = SceneSync(watch=False)
+    try:
+        updated(fresh)
+        hits, expected = (one.scene.cast_rays(*rays(), fields=FIELDS) for one in (sync, fresh))
+        for field in FIELDS:
+            assert getattr(hits, field).tobytes() == getattr(expected, field).tobytes(), field
+        return int(expected.is_hit.sum())
+    finally:
+        fresh.close()
+
+
+def test_what_is_read_of_hair(scene: Any) -> None:
+    strands = upright()
+    radii = np.linspace(0.1, 0.02, 20)
+    hair_object("Hair", strands, radii)
+    (mesh,) = read_scene(evaluated()).meshes
+    assert (mesh.kind, mesh.curve_kind, mesh.name, mesh.part_count) == ("curves", "catmull_rom", "Hair", 5)
+    assert mesh.curve_offsets is not None and mesh.curve_offsets.tolist() == [0, 4, 8, 12, 16, 20]
+    np.testing.assert_array_equal(mesh.positions, strands.reshape(-1, 3))
+    np.testing.assert_array_equal(mesh.radii, radii.astype(np.float32))
+    assert not len(mesh.triangles) and mesh.triangle_ids is None
+
+
+def test_rays_meet_hair_and_points(scene: Any) -> None:
+    hair = hair_object("Hair", upright())
+    hair.location.y = 3.0
+    cloud_object("Cloud", [(0.0, 0.0, 0.0), (2.0, 0.0, 1.0)], [0.5, 0.25])
+    sync = SceneSync()
+    updated(sync)
+    origins = [(0, 0, 9), (2, 0, 9), (3, 3, 9), (3.2, 3, 9)]
+    hits = sync.scene.cast_rays(origins, DOWN, fields=("t_hit", "primitive_ids", "instance_ids", "mesh_ids"))
+    np.testing.assert_allclose(hits.t_hit, [8.5, 7.75, 9.0 - 1.1, np.inf], rtol=1e-6)
+    assert hits.primitive_ids.tolist() == [0, 1, 3, -1]
+    assert sync.describe(hits.instance_ids).names.tolist() == ["Cloud", "Cloud", "Hair", ""]
+    assert sync.polygon_ids(hits).tolist() == [0, 1, 3, -1]
+    assert sync.triangle_ids(hits).tolist() == [0, 1, 3, -1]
+    sync.close()
+
+
+def test_radii_that_are_missing_are_those_of_cycles(scene: Any) -> None:
+    hair_object("Hair", upright(1), None)
+    cloud_object("Cloud", [(0.0, 5.0, 0.0)], None).data.attributes.get("radius")
+    meshes = {mesh.kind: mesh for mesh in read_scene(evaluated()).meshes}
+    for attribute in ("curves", "points"):
+        radii = meshes[attribute].radii
+        assert radii is not None and np.ptp(radii) == 0.0
+    assert meshes["curves"].radii[0] in (np.float32(0.005), np.float32(0.01))
+
+
+def test_polys_go_straight(scene: Any) -> None:
+    corner = [[(0, 0, 0), (1, 0, 0), (1, 1, 0)]]
+    hair = hair_object("Hair", corner, 0.01)
+    sync = SceneSync()
+    updated(sync)
+    bends = sync.scene.cast_rays((0.5, 0.0, 5.0), DOWN).is_hit
+    make_poly(hair.data)
+    report = updated(sync)
+    assert [mesh.action for mesh in report.meshes] == ["replaced"]
+    assert sync.scene.cast_rays((0.5, 0.0, 5.0), DOWN).is_hit and not bends
+    assert_as_fresh(sync)
+    sync.close()
+
+
+def test_what_moves_is_followed(scene: Any) -> None:
+    strands = upright()
+    hair = hair_object("Hair", strands)
+    cloud = cloud_object("Cloud", [(0.0, 2.0, 0.0), (1.0, 2.0, 0.0)])
+    sync = SceneSync()
+    updated(sync)
+    random = np.random.default_rng(5)
+    for _ in range(3):
+        set_points(hair.data, strands + random.normal(scale=0.1, size=strands.shape))
+        set_points(cloud.data, random.normal(size=(2, 3)))
+        report = updated(sync)
+        assert {mesh.name: mesh.action for mesh in report.meshes} == {"Hair": "deformed", "Cloud": "deformed"}
+        assert_as_fresh(sync)
+    set_radii(hair.data, 0.2)
+    report = updated(sync)
+    assert {mesh.name: mesh.action for mesh in report.meshes} == {"Hair": "deformed", "Cloud": "kept"}
+    assert assert_as_fresh(sync) > 20
+    assert {action.action for action in report.commit.meshes} <= {"refitted", "rebuilt"}
+    hair.location.z = 1.0
+    report = updated(sync)
+    assert {mesh.action for mesh in report.meshes} == {"kept"} and report.moved_count == 1
+    assert assert_as_fresh(sync) > 20
+    sync.close()
+
+
+def test_others_take_their_place(scene: Any) -> None:
+    hair = hair_object("Hair", upright())
+    sync = SceneSync()
+    updated(sync)
+    hair.data.add_curves([3, 2])
+    offsets = np.empty(len(hair.data.curves) + 1, np.int32)
+    hair.data.curve_offset_data.foreach_get("value", offsets)
+    set_points(hair.data, np.random.default_rng(6).normal(size=(offsets[-1], 3)))
+    report = updated(sync)
+    assert [mesh.action for mesh in report.meshes] == ["replaced"] and report.meshes[0].triangle_count == 7
+    assert_as_fresh(sync)
+    bpy.data.objects.remove(hair)
+    report = updated(sync)
+    assert [mesh.action for mesh in report.meshes] == ["removed"]
+    assert not sync.scene.cast_rays(*rays()).is_hit.any()
+    sync.close()
+
+
+def test_an_edit_is_never_answered_with_what_was_before(scene: Any) -> None:
+    from perfect_bvh import StaleSceneError
+
+    hair = hair_object("Hair", upright())
+    sync = SceneSync()
+    updated(sync)
+    set_points(hair.data, upright() + np.float32(1.0))
+    bpy.context.view_layer.update()
+    with pytest.raises(StaleSceneError):
+        sync.scene.cast_rays(*rays())
+    sync.close()
+
+
+def test_numbers_that_are_not_finite_are_left_out_by_name(scene: Any) -> None:
+    strands = upright()
+    strands[1, 2, 0] = np.nan
+    hair_object("Hair", strands)
+    cloud_object("Cloud", [(0, 9, 0), (np.inf, 9, 0), (1, 9, 0)])
+    record = read_scene(evaluated())
+    assert sorted(record.warnings) == [
+        "Cloud: left out 1 point with a number that is not finite or beyond 1e18",
+        "Hair: left out 1 curve with a number that is not finite or beyond 1e18",
+    ]
+    sync = SceneSync()
+    updated(sync)
+    hits = sync.scene.cast_rays([(2, 0, 9), (1, 9, 9)], DOWN)
+    assert sync.triangle_ids(hits).tolist() == [2, 2]
+    sync.close()
+
+
+def test_curves_of_one_point_are_not_met(scene: Any) -> None:
+    data = hair_data("Hair", upright(2))
+    data.add_curves([1, 2])
+    set_points(data, [*upright(2).reshape(-1, 3), (5, 0, 0), (6, 0, 0), (6, 0, 1)])
+    set_radii(data, 0.1)
+    mesh_object("Hair", data)
+    record = read_scene(evaluated())
+    assert record.meshes[0].triangle_ids is not None and record.meshes[0].triangle_ids.tolist() == [0, 1, 3]
+    assert record.warnings == ()
+
+
+def test_instances_share_one_tree(scene: Any) -> None:
+    held = collection("Fur", linked=False)
+    held.objects.link(mesh_object("Hair", hair_data("Hair", upright()), collection=False))
+    for x in range(3):
+        collection_instance(f"there {x}", held, location=(0.0, 2.0 * x, 0.0))
+    record = read_scene(evaluated())
+    assert len(record.meshes) == 1 and len(record.instances) == 3
+    sync = SceneSync()
+    updated(sync)
+    hits = sync.scene.cast_rays([(0, 0, 9), (0, 2, 9), (0, 4, 9)], DOWN)
+    assert hits.is_hit.all()
+    assert assert_as_fresh(sync) > 20
+    sync.close()
+
+
+def test_what_nodes_make(scene: Any) -> None:
+    """Points of a mesh, beside it, and hair on which nodes show a mesh."""
+    group = NodeGroup("points")
+    node = group.node("GeometryNodeMeshToPoints", Radius=0.25)
+    group.link(group.input.outputs[0], node.inputs["Mesh"])
+    group.show(group.input.outputs[0], node.outputs["Points"])
+    obj = mesh_object("Thing")
+    group.apply_to(obj)
+    record = read_scene(evaluated())
+    assert sorted(mesh.kind for mesh in record.meshes) == ["points", "triangles"]
+    sync = SceneSync()
+    updated(sync)
+    assert sync.scene.cast_rays((0.0, -0.2, 9.0), DOWN).t_hit == pytest.approx(8.0 - 0.15, abs=1e-6)
+    obj.data.vertices[3].co.z = 2.0
+    obj.data.update_tag()
+    report = updated(sync)
+    assert {mesh.action for mesh in report.meshes} == {"deformed"}
+    assert_as_fresh(sync)
+    sync.close()
+
+
+def test_scans_stay_out_of_the_picture(scene: Any) -> None:
+    """Points that a scan left would hide what it saw."""
+    cloud = cloud_object("Scan", [(0, 0, 0)])
+    cloud.data[OBJECT_NAMES] = "[]"
+    cloud.data.attributes.new("Color", "FLOAT_COLOR", "POINT")
+    record = read_scene(evaluated())
+    assert not record.meshes and record.warnings == ("Scan: its points are not rendered; 3D viewports show them",)
+
+
+@pytest.mark.parametrize("kind", ["poly", "catmull_rom", "points"])
+def test_depth_and_normals_are_those_of_cycles(scene: Any, registered: None, kind: str) -> None:
+    random = np.random.default_rng(7)
+    if kind == "points":
+        shown = cloud_object("Cloud", random.uniform(-1.0, 1.0, (300, 3)), random.uniform(0.02, 0.1, 300))
+    else:
+        strands = random.uniform(-1.0, 1.0, (120, 1, 3)) + np.cumsum(random.normal(scale=0.2, size=(120, 6, 3)), axis=1)
+        shown = hair_object("Hair", strands, np.tile(np.linspace(0.05, 0.01, 6), 120))
+        if kind == "poly":
+            make_poly(shown.data)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.location = (0.0, 0.0, 8.0)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.render.resolution_x, scene.render.resolution_y = 160, 120
+    shown.pass_index = 3
+    scene.perfect_bvh.samples = 1
+    with preserved((scene.cycles_curves, "shape", "THICK")):
+        theirs = render_cycles(scene)
+    ours = render_passes(scene, "PERFECT_BVH")
+    seen = theirs.object_index == 3
+    assert seen.mean() > 0.05
+    # Beside a silhouette a pixel's centre, which Cycles' ray may miss by 0.005 pixels, decides.
+    assert ((ours.object_index == 3) != seen).mean() < 0.004
+    both = seen & (ours.object_index == 3)
+    depth = np.abs(ours.depth - theirs.depth)[both]
+    turned = (ours.normal * theirs.normal).sum(axis=-1)[both]
+    assert np.quantile(depth, 0.95) < 2e-3 and np.median(depth) < 3e-4
+    assert np.quantile(turned, 0.05) > 0.98
+
+
+def test_random_edits(scene: Any) -> None:
+    """Each synced scene is a fresh one."""
+    random = np.random.default_rng(8)
+    hair, cloud = hair_object("Hair", upright()), cloud_object("Cloud", random.normal(size=(30, 3)))
+    mesh_object("Mesh")
+    sync = SceneSync()
+    updated(sync)
+
+    def bend() -> None:
+        count = len(hair.data.points)
+        set_points(hair.data, random.normal(size=(count, 3)))
+
+    def grow() -> None:
+        hair.data.add_curves([int(random.integers(1, 5))])
+        bend()
+
+    def thicken() -> None:
+        set_radii(hair.data, random.uniform(0.0, 0.2, len(hair.data.points)))
+
+    def scatter() -> None:
+        set_points(cloud.data, random.normal(size=(len(cloud.data.points), 3)))
+
+    def more() -> None:
+        cloud.data.resize(int(random.integers(1, 60)))
+        scatter()
+
+    def hide() -> None:
+        chosen = hair if random.random() < 0.5 else cloud
+        chosen.hide_viewport = not chosen.hide_viewport
+
+    def turn() -> None:
+        chosen = hair if random.random() < 0.5 else cloud
+        chosen.rotation_euler = random.uniform(0.0, 6.0, 3)
+        chosen.scale = random.uniform(0.5, 1.5, 3)
+
+    def straighten() -> None:
+        make_poly(hair.data)
+
+    edits = (bend, grow, thicken, scatter, more, hide, turn, straighten)
+    hit = 0
+    for _ in range(40):
+        for edit in random.choice(np.array(edits, object), random.integers(1, 3)):
+            edit()
+        updated(sync)
+        hit += assert_as_fresh(sync)
+    assert hit > 400
+    sync.close()
