@@ -84,10 +84,10 @@ class MeshRecord:
     usage_reason: the sentence that says why.
     remade_by: the name of the modifier that is to blame if its triangles change; "" if there is none.
 
-    kind: what rays meet. Of curves and points `positions` are the curves' points or the points; there are no triangles.
-    radii: (V,) float32, not negative; 0 where nothing is to be met. curve_offsets: (C + 1,) int64, of curves: where each
-        begins among the positions. curve_kind: straight from point to point, or through them as Cycles' thick hair is.
-        triangle_ids and dropped_triangles are then those of curves or points.
+    kind: what rays meet. Of curves and points `positions` are the curves' points or the points, without triangles, and
+        triangle_ids and dropped_triangles tell of curves or points.
+    radii: (V,) float32, not negative. curve_offsets: (C + 1,) int64, of curves: where each begins among the positions.
+    curve_kind: straight from point to point, or bent through them, as Cycles' thick hair is.
     """
 
     key: Hashable

@@ -32,9 +32,9 @@ OBJECT_ACTIONS: tuple[ObjectAction, ...] = (
 
 @dataclass(frozen=True, slots=True)
 class MeshChange:
-    """One distinct mesh. mesh_id: the engine's. triangle_count: now, or of the removed mesh; of a mesh of another
-    kind, how many curves or points.
+    """One distinct mesh, hair or point cloud. mesh_id: the engine's.
 
+    triangle_count: now, or of the removed mesh; where `kind` is another, how many curves or points.
     action is what the data did: what the engine made of it (refit or rebuild) is in `SyncReport.commit`.
     usage: the class by which the engine plans, see `plan`; usage_reason: the sentence that says why.
     remade_by: as a `MeshRecord` has it.

@@ -261,49 +261,61 @@ def test_depth_and_normals_are_those_of_cycles(scene: Any, registered: None, kin
     assert np.quantile(turned, 0.05) > 0.98
 
 
+class Edits:
+    """Random ones of hair, of a point cloud, and of the objects that show them."""
+
+    def __init__(self, random: np.random.Generator) -> None:
+        self._random = random
+        self._hair = hair_object("Hair", upright())
+        self._cloud = cloud_object("Cloud", random.normal(size=(30, 3)))
+        self._all = (self.bend, self.grow, self.thicken, self.scatter, self.add, self.hide, self.turn, self.straighten)
+
+    def make(self) -> None:
+        for edit in self._random.choice(np.array(self._all, object), self._random.integers(1, 3)):
+            edit()
+
+    def bend(self) -> None:
+        set_points(self._hair.data, self._random.normal(size=(len(self._hair.data.points), 3)))
+
+    def grow(self) -> None:
+        self._hair.data.add_curves([int(self._random.integers(1, 5))])
+        self.bend()
+
+    def thicken(self) -> None:
+        set_radii(self._hair.data, self._random.uniform(0.0, 0.2, len(self._hair.data.points)))
+
+    def scatter(self) -> None:
+        set_points(self._cloud.data, self._random.normal(size=(len(self._cloud.data.points), 3)))
+
+    def add(self) -> None:
+        self._cloud.data.resize(int(self._random.integers(1, 60)))
+        self.scatter()
+
+    def hide(self) -> None:
+        chosen = self._any()
+        chosen.hide_viewport = not chosen.hide_viewport
+
+    def turn(self) -> None:
+        chosen = self._any()
+        chosen.rotation_euler = self._random.uniform(0.0, 6.0, 3)
+        chosen.scale = self._random.uniform(0.5, 1.5, 3)
+
+    def straighten(self) -> None:
+        make_poly(self._hair.data)
+
+    def _any(self) -> Any:
+        return self._hair if self._random.random() < 0.5 else self._cloud
+
+
 def test_random_edits(scene: Any) -> None:
     """Each synced scene is a fresh one."""
-    random = np.random.default_rng(8)
-    hair, cloud = hair_object("Hair", upright()), cloud_object("Cloud", random.normal(size=(30, 3)))
+    edits = Edits(np.random.default_rng(8))
     mesh_object("Mesh")
     sync = SceneSync()
     updated(sync)
-
-    def bend() -> None:
-        count = len(hair.data.points)
-        set_points(hair.data, random.normal(size=(count, 3)))
-
-    def grow() -> None:
-        hair.data.add_curves([int(random.integers(1, 5))])
-        bend()
-
-    def thicken() -> None:
-        set_radii(hair.data, random.uniform(0.0, 0.2, len(hair.data.points)))
-
-    def scatter() -> None:
-        set_points(cloud.data, random.normal(size=(len(cloud.data.points), 3)))
-
-    def more() -> None:
-        cloud.data.resize(int(random.integers(1, 60)))
-        scatter()
-
-    def hide() -> None:
-        chosen = hair if random.random() < 0.5 else cloud
-        chosen.hide_viewport = not chosen.hide_viewport
-
-    def turn() -> None:
-        chosen = hair if random.random() < 0.5 else cloud
-        chosen.rotation_euler = random.uniform(0.0, 6.0, 3)
-        chosen.scale = random.uniform(0.5, 1.5, 3)
-
-    def straighten() -> None:
-        make_poly(hair.data)
-
-    edits = (bend, grow, thicken, scatter, more, hide, turn, straighten)
     hit = 0
     for _ in range(40):
-        for edit in random.choice(np.array(edits, object), random.integers(1, 3)):
-            edit()
+        edits.make()
         updated(sync)
         hit += assert_as_fresh(sync)
     assert hit > 400

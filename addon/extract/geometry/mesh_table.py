@@ -199,10 +199,9 @@ class MeshTable:
 
 def _digest(record: MeshRecord) -> bytes:
     """Of what stays the same when curves or points move."""
-    count = len(record.positions).to_bytes(8, "little")
-    return hashlib.blake2b(
-        count if record.curve_offsets is None else record.curve_offsets.data, digest_size=12
-    ).digest()
+    offsets = record.curve_offsets
+    lasting = len(record.positions).to_bytes(8, "little") if offsets is None else offsets.data
+    return hashlib.blake2b(lasting, digest_size=12).digest()
 
 
 _UNNAMED = ("Mesh", "Curves", "Point Cloud", "PointCloud")
