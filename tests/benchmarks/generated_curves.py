@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 F64 = npt.NDArray[np.float64]
+WIND_FRAMES = 4
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
@@ -28,6 +30,16 @@ class BenchBalls:
     def primitive_count(self) -> int:
         """Of segments or points."""
         return len(self.points) if self.offsets is None else len(self.points) - (len(self.offsets) - 1)
+
+    def write(self, path: Path) -> None:
+        """For native/benchmarks/round_scene.h, with some frames in the wind."""
+        firsts = np.empty(0, np.uint32) if self.offsets is None else self.offsets[:-1].astype(np.uint32)
+        with path.open("wb") as file:
+            file.write(np.array([len(self.points), len(firsts), WIND_FRAMES], np.uint32).tobytes())
+            file.write(np.column_stack([self.points, self.radii]).astype(np.float32).tobytes())
+            file.write(firsts.tobytes())
+            for frame in range(WIND_FRAMES):
+                file.write(blown(self, frame).points.tobytes())
 
 
 def make_all(detail: float) -> list[BenchBalls]:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.generated_curves import BenchBalls
 from benchmarks.machine import REPOSITORY
 from benchmarks.meshes import BenchMesh
 
@@ -35,7 +36,7 @@ class NativePrograms:
     def run(
         self,
         name: str,
-        mesh: BenchMesh,
+        mesh: BenchMesh | BenchBalls,
         arguments: Sequence[str],
         tell: Callable[[float], object] = lambda share: None,
         *,
