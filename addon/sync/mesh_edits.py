@@ -10,7 +10,7 @@ from .records import MeshRecord
 
 # Of a span of a curve between two points: as fine as Cycles draws hair that it divides. A fixed number, so that a tree
 # can follow curves that bend, and a synced scene is a fresh one to the bit.
-CURVE_PIECES = 4
+CURVE_PIECES = 8
 
 
 class MeshScene(Protocol):

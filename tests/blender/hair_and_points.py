@@ -7,8 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 import numpy.typing as npt
-import pytest
-from blender.builders import mesh_object
+from blender.builders import mesh_data, mesh_object
 
 
 def hair_data(name: str, strands: npt.ArrayLike, radius: float | npt.ArrayLike | None = 0.1) -> Any:
@@ -23,16 +22,22 @@ def hair_data(name: str, strands: npt.ArrayLike, radius: float | npt.ArrayLike |
 
 
 def cloud_data(name: str, points: npt.ArrayLike, radius: float | npt.ArrayLike | None = 0.1) -> Any:
-    """points: (N, 3)."""
+    """points: (N, 3). By way of a mesh that Blender converts: not all versions give Python a way to resize one."""
     places = np.asarray(points, np.float32)
-    data = bpy.data.pointclouds.new(name)
-    if not hasattr(data, "resize"):
-        bpy.data.pointclouds.remove(data)
-        pytest.skip(f"Blender {bpy.app.version_string} cannot give a point cloud points from Python")
-    data.resize(len(places))
+    mesh = mesh_data(name, np.zeros_like(places).tolist(), [])
+    holder = mesh_object(name, mesh)
+    with bpy.context.temp_override(
+        active_object=holder, object=holder, selected_objects=[holder], selected_editable_objects=[holder]
+    ):
+        bpy.ops.object.convert(target="POINTCLOUD")
+    data = holder.data
+    bpy.data.objects.remove(holder)
+    bpy.data.meshes.remove(mesh)
     set_points(data, places)
     if radius is not None:
         set_radii(data, radius)
+    elif (attribute := data.attributes.get("radius")) is not None:
+        data.attributes.remove(attribute)
     return data
 
 
@@ -53,8 +58,7 @@ def set_radii(data: Any, radius: float | npt.ArrayLike) -> None:
 
 def make_poly(data: Any) -> None:
     """Its curves go straight from point to point."""
-    attribute = data.attributes.get("curve_type") or data.attributes.new("curve_type", "INT8", "CURVE")
-    attribute.data.foreach_set("value", np.ones(len(attribute.data), np.int8))
+    data.set_types(type="POLY")
     data.update_tag()
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from blender.builders import NodeGroup, collection, collection_instance, evaluated, mesh_object
 from blender.hair_and_points import (
+    cloud_data,
     cloud_object,
     hair_data,
     hair_object,
@@ -253,12 +254,14 @@ def test_depth_and_normals_are_those_of_cycles(scene: Any, registered: None, kin
     seen = theirs.object_index == 3
     assert seen.mean() > 0.05
     # Beside a silhouette a pixel's centre, which Cycles' ray may miss by 0.005 pixels, decides.
-    assert ((ours.object_index == 3) != seen).mean() < 0.004
+    assert ((ours.object_index == 3) != seen).mean() < 0.01
     both = seen & (ours.object_index == 3)
     depth = np.abs(ours.depth - theirs.depth)[both]
     turned = (ours.normal * theirs.normal).sum(axis=-1)[both]
-    assert np.quantile(depth, 0.95) < 2e-3 and np.median(depth) < 3e-4
-    assert np.quantile(turned, 0.05) > 0.98
+    # What Cycles bends, ours divides.
+    is_bent = kind == "catmull_rom"
+    assert np.quantile(depth, 0.95) < (1e-2 if is_bent else 1e-5) and np.median(depth) < (1e-3 if is_bent else 1e-5)
+    assert np.quantile(turned, 0.05) > (0.95 if is_bent else 0.9999)
 
 
 class Edits:
@@ -288,8 +291,9 @@ class Edits:
         set_points(self._cloud.data, self._random.normal(size=(len(self._cloud.data.points), 3)))
 
     def add(self) -> None:
-        self._cloud.data.resize(int(self._random.integers(1, 60)))
-        self.scatter()
+        old = self._cloud.data
+        self._cloud.data = cloud_data("More", self._random.normal(size=(int(self._random.integers(1, 60)), 3)))
+        bpy.data.pointclouds.remove(old)
 
     def hide(self) -> None:
         chosen = self._any()

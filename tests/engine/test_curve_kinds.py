@@ -214,7 +214,7 @@ def test_others_in_their_place(kind):
         fresh.add_instance(fresh.add_curves(others, sizes, starts, kind="b_spline", pieces=3))
     scene.commit(), fresh.commit()
     hits, expected = (one.cast_rays(*rays_at(2000), fields=FIELDS) for one in (scene, fresh))
-    assert expected.is_hit.sum() > 50
+    assert expected.is_hit.sum() > 20
     for field in FIELDS:
         assert getattr(hits, field).tobytes() == getattr(expected, field).tobytes(), field
 
