@@ -180,14 +180,13 @@ class Subdivision:
     @property
     def offsets(self) -> _Long: ...
     def is_as_fine_as(self, other: Subdivision) -> bool: ...
+    @overload
     def balls(
-        self,
-        points: npt.NDArray[Any],
-        radii: npt.NDArray[Any],
-        curve_offsets: _Long,
-        cyclic: _Byte,
-        kind: str,
-        function: str,
+        self, points: _Float, radii: _Float, curve_offsets: _Long, cyclic: _Byte, kind: str, function: str
+    ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]: ...
+    @overload
+    def balls(
+        self, points: _Double, radii: _Double, curve_offsets: _Long, cyclic: _Byte, kind: str, function: str
     ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]: ...
 
 def make_scene() -> Scene: ...
