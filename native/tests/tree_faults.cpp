@@ -1,6 +1,7 @@
 #include "tests/tree_faults.h"
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "wide/wide_boxes.h"
@@ -153,6 +154,8 @@ class WideValidator {
       if (lane > 0 && primitive < primitives[lane - 1]) return at("triangles out of order", "leaf", row);
       if (lane == 0 || primitive != primitives[lane - 1]) ++references_[primitive];
       has_corner_outside_ |= mesh_.is_round() && !entry.box.contains(scaled_box(primitive));
+      if (!tree_.curve_leaves.empty() && !is_within_capsule(tree_.curve_leaves[row], lane))
+        return at("a capsule that does not hold its segment", "leaf", row);
       if (!mesh_.is_round() && !holds_corners(row, lane, entry.box))
         return at("a vertex that is not the triangle's", "leaf", row);
     }
@@ -162,6 +165,25 @@ class WideValidator {
   [[nodiscard]] Aabb scaled_box(std::uint32_t primitive) const noexcept {
     const Aabb box = mesh_.primitive_box(primitive);
     return {box.lower * tree_.scale, box.upper * tree_.scale};
+  }
+
+  // Of a leaf of curves: both balls lie in those of the capsule's ends.
+  [[nodiscard]] bool is_within_capsule(const CurveLeaf& leaf, std::uint32_t lane) const {
+    if (lane > 0 && (leaf.lanes >> lane & 1) != 0 && leaf.primitives[lane] == leaf.primitives[lane - 1]) return false;
+    const Ball* const balls = &mesh_.balls[mesh_.segments[leaf.primitives[lane]] & kSegmentBall];
+    const auto is_within = [&](const Ball& ball, std::uint32_t word) {
+      double squared = 0;
+      for (int axis = 0; axis < 3; ++axis) {
+        const double stored = (word >> (10 * axis)) & 1023u;
+        const double exact =
+            (static_cast<double>(ball.centre[axis] * tree_.scale) - static_cast<double>(leaf.corner.at[axis])) *
+            static_cast<double>(leaf.corner.steps);
+        squared += (stored - exact) * (stored - exact);
+      }
+      const double radius = static_cast<double>(ball.radius * tree_.scale) * static_cast<double>(leaf.corner.steps);
+      return std::sqrt(squared) + radius <= leaf.radii[lane];
+    };
+    return is_within(balls[0], leaf.first[lane]) && is_within(balls[1], leaf.last[lane]);
   }
 
   // A clipped box holds a part of the triangle only: then some of the corners lie outside.

@@ -278,7 +278,8 @@ def test_statistics_and_images_know_them():
     scene.commit()
     row, points = scene.statistics(detailed=True).meshes
     assert (points.primitive_count, points.left_out_count, row.left_out_count) == (171, 29, 0)
-    assert row.primitive_count == 240 and row.layout == "compact" and row.epo is None
+    assert row.primitive_count == 240 and row.epo is None
+    assert (row.layout, points.layout) == ("default", "compact")
     camera = perfect_bvh.Camera.look_at((0.0, -4.0, 1.0), (0.0, 0.0, 0.4))
     for mode in ("clay", "normal", "wireframe", "preview"):
         image = perfect_bvh.render(scene, camera, mode=mode, size=(32, 24))

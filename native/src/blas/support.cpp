@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 #include <vector>
 
 #include "math/float4.h"
+#include "wide/wide_boxes.h"
 
 namespace perfect_bvh {
 namespace {
@@ -80,6 +82,7 @@ class Search {
   }
 
   void visit_leaf(std::uint32_t leaf) {
+    if (mesh_.is_round()) return visit_round_leaf(primitives_of(tree_, leaf));
     if (tree_.layout == TreeLayout::kDefault) {
       const auto& [x, y, z] = tree_.blocks[leaf].vertices;
       const Eight reaches = along_direction(x, y, z);
@@ -88,16 +91,15 @@ class Search {
       }
       return;
     }
-    if (mesh_.is_round()) return visit_round_leaf(tree_.indexed_leaves[leaf]);
     for (const std::uint32_t primitive : tree_.indexed_leaves[leaf].primitives) {
       const TriangleIndices corners = mesh_.triangles[primitive];
       for (const std::uint32_t i : {corners.x, corners.y, corners.z}) visit_ball({mesh_.positions[i], 0.0f});
     }
   }
 
-  void visit_round_leaf(const IndexedLeaf& leaf) {
+  void visit_round_leaf(const std::uint32_t* primitives) {
     const bool is_curves = mesh_.kind == PrimitiveKind::kCurves;
-    for (const std::uint32_t primitive : leaf.primitives) {
+    for (const std::uint32_t primitive : std::span(primitives, 8)) {
       const std::uint32_t first = is_curves ? mesh_.segments[primitive] & kSegmentBall : primitive;
       visit_ball(mesh_.balls[first]);
       if (is_curves) visit_ball(mesh_.balls[first + 1]);

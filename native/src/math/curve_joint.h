@@ -58,13 +58,50 @@ static inline Chord chord_of(const RoundRay& ray, const RoundList& list, std::ui
   return chord_of_segment(ray, ends.first, ends.last);
 }
 
+// A segment's neighbour: the ball that they share, and the way from its centre to that of the neighbour's other ball.
+struct Neighbour {
+  RoundBall joint;
+  double axis[3];
+  double radius;  // the larger one
+
+  Neighbour(const RoundBall& shared, const RoundBall& other) noexcept
+      : joint(shared), radius(larger(shared.radius, other.radius)) {
+    for (int i = 0; i < 3; ++i) axis[i] = other.centre[i] - shared.centre[i];
+  }
+};
+
+// True if the neighbour's hull holds neither end of a chord, by far more than any rounding moves it (2^-39 of the ray's
+// distance): they lie further behind the joint than its larger ball reaches, as they do but near to joints. What is
+// squared is at least the sum of radius and margin.
+static inline bool is_behind(const RoundRay& ray, const Chord& chord, const Neighbour& neighbour) noexcept {
+  double from_joint[3], point[3];
+  for (int i = 0; i < 3; ++i) from_joint[i] = ray.origin[i] - neighbour.joint.centre[i];
+  const double reach = 2.001 * (neighbour.radius * neighbour.radius) + 0x1p-78 * dot_of(from_joint, from_joint);
+  const double limit = reach * dot_of(neighbour.axis, neighbour.axis);
+  const auto is_point_behind = [&](double t) {
+    for (int i = 0; i < 3; ++i) point[i] = fused(t, ray.direction[i], from_joint[i]);
+    const double along = dot_of(point, neighbour.axis);
+    return along < 0.0 && along * along > limit;
+  };
+  return is_point_behind(chord.entry) && is_point_behind(chord.exit);
+}
+
 // Which ends of its chord a ray meets.
 static inline ShownEnds shown_ends(const RoundRay& ray, const RoundList& list, std::uint32_t primitive,
                                    const Chord& chord) noexcept {
   if (list.segments == nullptr) return {true, true};
   const SegmentCode code = list.segments[primitive];
-  const Chord before = (code & kSegmentBefore) != 0 ? chord_of(ray, list, primitive - 1) : kNoChord;
-  const Chord after = (code & kSegmentAfter) != 0 ? chord_of(ray, list, primitive + 1) : kNoChord;
+  const Ball* const balls = list.balls + (code & kSegmentBall);
+  const RoundEnds ends = ends_of(list, primitive);
+  Chord before = kNoChord, after = kNoChord;
+  if ((code & kSegmentBefore) != 0) {
+    const RoundBall other = round_ball(balls[-1], list.scale);
+    if (!is_behind(ray, chord, Neighbour(ends.first, other))) before = chord_of_segment(ray, other, ends.first);
+  }
+  if ((code & kSegmentAfter) != 0) {
+    const RoundBall other = round_ball(balls[2], list.scale);
+    if (!is_behind(ray, chord, Neighbour(ends.last, other))) after = chord_of_segment(ray, ends.last, other);
+  }
   return shown_ends(before, chord, after);
 }
 

@@ -13,6 +13,7 @@
 
 // The kernels' own tests, lane by lane.
 #include "traverse/gather_scalar.h"
+#include "traverse/leaf_line_scalar.h"
 #include "traverse/plane_scalar.h"
 #include "traverse/ray_setup_scalar.h"
 #include "traverse/simd_scalar.h"
@@ -169,21 +170,22 @@ class Walker {
   void test_round(const InstanceView& instance, std::uint32_t row) {
     const Waiting here = waiting_[slot().top];
     note(WalkEvent::kEnterLeaf, here);
-    const RoundList& list = instance.indexed_leaves->round;
-    const IndexedLeaf& leaf = instance.indexed_leaves->rows[row];
-    const RoundCandidates candidates(leaf, list, slot().local, slot().box.t_min, slot().box.t_limit,
+    const IndexedLeaves& leaves = *instance.indexed_leaves;
+    const RoundList& list = leaves.round;
+    const RoundCandidates candidates(leaves, row, slot().local, slot().box.t_min, slot().box.t_limit,
                                      instance.extent.reach);
+    const RoundRay round = round_ray(slot().local.origin, slot().local.direction);
     bool is_new = false;
     for (int lane = 0; lane < 8; ++lane) {
-      const std::uint32_t primitive = leaf.primitives[lane];
-      if (lane > 0 && leaf.primitives[lane - 1] == primitive) continue;
+      const std::uint32_t primitive = candidates.primitives[lane];
+      if (lane > 0 && candidates.primitives[lane - 1] == primitive) continue;
       double t = kNone;
-      if (RoundMeeting at; meet_round(at, candidates.ray, list, primitive, slot().local.time)) {
-        const ShownEnds shows = shown_ends(candidates.ray, list, primitive, at.chord);
+      if (RoundMeeting at; meet_round(at, round, list, primitive, slot().local.time)) {
+        const ShownEnds shows = shown_ends(round, list, primitive, at.chord);
         t = shows.entry ? at.entry : shows.exit ? at.exit : kNone;
       }
       const bool is_hit = (candidates.lanes >> lane & 1) != 0 &&
-                          take_round_hit(slot(), view_.instances, ray_, cull_, candidates.ray, list, primitive);
+                          take_round_hit(slot(), view_.instances, ray_, cull_, round, list, primitive);
       is_new = is_new || is_hit;
       const WalkEvent other = t < kNone ? WalkEvent::kTriangleRejected : WalkEvent::kTriangleMissed;
       note_triangle(is_hit ? WalkEvent::kTriangleHit : other, here, primitive, is_hit ? slot().best_t : t);

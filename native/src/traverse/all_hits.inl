@@ -38,24 +38,25 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const SceneView& scene
 inline std::size_t take_all_round(const Slot& slot, const SceneView& scene, const RayBatch& batch, std::uint32_t row,
                                   FoundHit* hits, std::size_t room) noexcept {
   const InstanceView& instance = scene.instances[slot.instance];
-  const RoundList& list = instance.indexed_leaves->round;
-  const IndexedLeaf& leaf = instance.indexed_leaves->rows[row];
-  const RoundCandidates candidates(leaf, list, slot.local, slot.box.t_min, slot.box.t_limit, instance.extent.reach);
+  const IndexedLeaves& leaves = *instance.indexed_leaves;
+  const RoundList& list = leaves.round;
+  const RoundCandidates candidates(leaves, row, slot.local, slot.box.t_min, slot.box.t_limit, instance.extent.reach);
+  const RoundRay ray = round_ray(slot.local.origin, slot.local.direction);
   std::size_t count = 0;
   const auto take = [&](double t, std::uint32_t primitive, double local_t, float is_exit) {
     if (hits != nullptr && count < room) {
-      hits[count] = {t, share_of(candidates.ray, list, primitive, local_t), is_exit, slot.instance, primitive};
+      hits[count] = {t, share_of(ray, list, primitive, local_t), is_exit, slot.instance, primitive};
     }
     ++count;
   };
   for (unsigned lanes = candidates.lanes; lanes != 0; lanes &= lanes - 1) {
-    const std::uint32_t primitive = leaf.primitives[__builtin_ctz(lanes)];
+    const std::uint32_t primitive = candidates.primitives[__builtin_ctz(lanes)];
     RoundMeeting at;
-    if (!meet_round(at, candidates.ray, list, primitive, slot.local.time)) continue;
+    if (!meet_round(at, ray, list, primitive, slot.local.time)) continue;
     const bool may_enter = batch.cull != Cull::kFront && is_in_range(at.entry, batch.rays[slot.ray]);
     const bool may_exit = batch.cull != Cull::kBack && is_in_range(at.exit, batch.rays[slot.ray]);
     if (!may_enter && !may_exit) continue;
-    const ShownEnds shows = shown_ends(candidates.ray, list, primitive, at.chord);
+    const ShownEnds shows = shown_ends(ray, list, primitive, at.chord);
     if (may_enter && shows.entry) take(at.entry, primitive, at.chord.entry, 0.0f);
     if (may_exit && shows.exit) take(at.exit, primitive, at.chord.exit, 1.0f);
   }

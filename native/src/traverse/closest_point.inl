@@ -193,7 +193,7 @@ __attribute__((noinline)) void visit_rounds(PointSearch& search, const RoundFram
                                             std::uint32_t row) noexcept {
   const IndexedLeaves& leaves = *search.scene.instances[index].indexed_leaves;
   const RoundList list{leaves.round.balls, leaves.round.segments, 1.0f};
-  const std::uint32_t* const primitives = leaves.rows[row].primitives;
+  const std::uint32_t* const primitives = leaves.round_primitives(row);
   for (int lane = 0; lane < 8; ++lane) {
     if (lane > 0 && primitives[lane] == primitives[lane - 1]) continue;
     const NearestOnRound found = nearest_on_round(frame.place, ends_of(list, primitives[lane]), frame.query);

@@ -1,5 +1,6 @@
 // The kernels for AVX2 and FMA.
 #include "traverse/gather_avx.h"
+#include "traverse/leaf_line_avx.h"
 #include "traverse/plane_avx.h"
 #include "traverse/ray_setup_avx.h"
 #include "traverse/simd_avx2.h"

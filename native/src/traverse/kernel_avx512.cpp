@@ -1,5 +1,6 @@
 // The kernels for AVX-512 (F, BW, DQ, VL).
 #include "traverse/gather_avx.h"
+#include "traverse/leaf_line_avx.h"
 #include "traverse/plane_avx.h"
 #include "traverse/ray_setup_avx.h"
 #include "traverse/simd_avx512.h"

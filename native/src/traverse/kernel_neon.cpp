@@ -1,5 +1,6 @@
 // The kernels for NEON, which every 64-bit ARM has.
 #include "traverse/gather_neon.h"
+#include "traverse/leaf_line_scalar.h"
 #include "traverse/plane_scalar.h"
 #include "traverse/ray_setup_neon.h"
 #include "traverse/simd_neon.h"

@@ -3,6 +3,7 @@
 #include "math/triangle_distance.h"
 #include "traverse/gather_scalar.h"
 #include "traverse/kernel_table.h"
+#include "traverse/leaf_line_scalar.h"
 #include "traverse/plane_scalar.h"
 #include "traverse/ray_setup_scalar.h"
 #include "traverse/simd_scalar.h"

@@ -330,28 +330,35 @@ PERFECT_BVH_INLINE void test_leaf_together(Packet& packet, PacketLevel& level, c
 template <bool kAny>
 __attribute__((noinline)) bool test_round_leaf_alone(Packet& packet, const PacketLevel& level, std::uint32_t row,
                                                      unsigned i) noexcept {
-  const RoundList& list = level.instance->indexed_leaves->round;
-  const IndexedLeaf& leaf = level.instance->indexed_leaves->rows[row];
-  const ObjectRay local = object_ray(packet.local_rays, i);
+  const IndexedLeaves& leaves = *level.instance->indexed_leaves;
+  ObjectRay local;  // without its time, which only candidates ask for
+  for (int axis = 0; axis < 3; ++axis) {
+    local.origin[axis] = packet.local_rays.origin[axis][i],
+    local.direction[axis] = packet.local_rays.direction[axis][i];
+  }
+  local.origin[3] = local.direction[3] = 0.0;
   PacketBoxes& boxes = *level.boxes;
   PacketHits& hits = packet.hits;
-  const RoundCandidates candidates(leaf, list, local, boxes.t_min[i], boxes.t_limit[i], level.instance->extent.reach);
+  const RoundCandidates candidates(leaves, row, local, boxes.t_min[i], boxes.t_limit[i], level.instance->extent.reach);
+  if (candidates.lanes == 0) return false;
+  const RoundRay ray = round_ray(local.origin, local.direction);
+  const TimeFrame time = packet.local_rays.time(i);
   bool is_new = false;
   for (unsigned lanes = candidates.lanes; lanes != 0 && !(kAny && is_new); lanes &= lanes - 1) {
-    const std::uint32_t primitive = leaf.primitives[__builtin_ctz(lanes)];
+    const std::uint32_t primitive = candidates.primitives[__builtin_ctz(lanes)];
     const auto counts = [&](double t) {
       if (!(is_in_range(t, *packet.rays[i]) && t <= hits.t[i])) return false;
       return !(t == hits.t[i] && hits.instance[i] != kNoHit) ||
              wins_tie(packet.scene->instances, level.instance_index, primitive, hits.instance[i], hits.primitive[i]);
     };
     RoundHit hit;
-    if (!meet_end(hit, candidates.ray, list, primitive, local.time, packet.cull, counts)) continue;
+    if (!meet_end(hit, ray, leaves.round, primitive, time, packet.cull, counts)) continue;
     is_new = true;
     hits.t[i] = hit.t;
     hits.weight_v1[i] = hit.u, hits.weight_v2[i] = 0.0f, hits.weight_sum[i] = 1.0f;
     hits.instance[i] = level.instance_index, hits.primitive[i] = primitive;
   }
-  if (is_new) boxes.t_limit[i] = kAny ? kDead : to_local_max(local.time, hits.t[i]);
+  if (is_new) boxes.t_limit[i] = kAny ? kDead : to_local_max(time, hits.t[i]);
   return is_new;
 }
 

@@ -2,53 +2,34 @@
 // at a time; math/round_segment.h and math/curve_joint.h decide, one at a time, in double. So float decides nothing: no
 // hit, no t, and not which of two is nearer. Part of stream_kernel.inl: everything has internal linkage.
 //
-// The filter. A hull lies in the capsule about its axis whose radius is the larger one's. Let o be the point of the
-// line nearest to the leaf's first centre (found in double), d the direction of length 1, w0 and w1 the ends of an axis
-// from o. The line is |d x w| away from a point of the axis, w = w0 + s (w1 - w0), and the least of this is where s is,
-// with k = d x w0 and e = d x w1 - k, -k.e / e.e, or at the end on that side.
+// The filter. A hull lies in the capsule about its axis whose radius is the larger one's. Leaves of curves hold it in
+// whole steps from their corner, which rounding makes no smaller (wide/curve_leaf.cpp); of others it is gathered, the
+// first centre is the corner, and a step is 1. Let o be the point of the line nearest to the corner (found in double),
+// d the ray's direction, w0 and w1 the ends of an axis from o, in steps. The line is |d x w| / |d| away from a point of
+// the axis, w = w0 + s (w1 - w0), and the least of this is where s is, with k = d x w0 and e = d x (w1 - w0),
+// -k.e / e.e, or at the end on that side. Both sides of the comparison are left as |d| times what they are.
 //
-// What rounding does. u = 2^-24; M = the largest component of o (from the first centre), w0 and w1, and the radius,
-// added. Components of w are off by 2 u M each, their products with d by 6.7 u M in all, so k and k + e by 12 u M; the
-// least distance between points that are moved so far is moved no farther. s is off by less than 6 u |k| / |e|, its
-// share of e by less than 10 u M; what is left, e as rounded, the point at s, its square and the radius, by less than
-// 12 u M. The depth d.w is off by less than 10 u M, t's limits are narrowed (u M; far away ones cannot err), and a
-// hit's t is rounded: that is added to the limits. 64 u M holds all of it. What double does to the ray (as it was
-// mapped, and is judged: 16 of its u times all distances) and underflow (2^-62) are in `slack`.
+// What rounding does, over |d|. u = 2^-24; M = the largest component of o, w0 and w1, and the radius, added. Components
+// of w are off by 2 u M each, their products with d by 6.7 u M in all, so k and k + e by 12 u M; the least distance
+// between points that are moved so far is moved no farther. s is off by less than 6 u |k| / |e|, its share of e by less
+// than 10 u M; what is left, e as rounded, the point at s, its square, the radius and |d|, by less than 16 u M. The
+// depth d.w is off by less than 10 u M, t's limits are narrowed (u M; far away ones cannot err), and a hit's t is
+// rounded: that is added to the limits. 64 u M holds all of it. What double does to the ray (as it was mapped, and is
+// judged: 16 of its u times all distances) and underflow (2^-60) are in the line's slack.
 constexpr float kRoundSlack = 0x1p-18f;
 
-// A ray as the filter has it.
-struct RoundFilter {
-  float centre[3];     // the leaf's first
-  float nearest[3];    // the line's point nearest to it, from there
-  float direction[3];  // of length 1
-  float least, most;   // hits are between these depths, from that point along the direction
-  float away;          // largest component of `nearest`
-  float slack;
-
-  RoundFilter(const GatheredBalls& leaf, const RoundRay& ray, float t_min, float t_limit, float reach) noexcept {
-    RoundBall ball;
-    ball.radius = 0.0;
-    for (int axis = 0; axis < 3; ++axis) {
-      centre[axis] = leaf.first[axis][0];
-      ball.centre[axis] = static_cast<double>(centre[axis]);
-    }
-    const NearestToCentre at = nearest_to_centre(ray, ball);
-    const double length = __builtin_sqrt(ray.squared_length), inverse = 1.0 / length;
-    for (int axis = 0; axis < 3; ++axis) {
-      nearest[axis] = static_cast<float>(at.point[axis]);
-      direction[axis] = static_cast<float>(ray.direction[axis] * inverse);
-    }
-    const double first = static_cast<double>(t_min), last = static_cast<double>(t_limit);
-    least = static_cast<float>(((first - at.t) - 0x1p-22 * __builtin_fabs(first)) * length);
-    most = static_cast<float>(((last - at.t) + 0x1p-22 * __builtin_fabs(last)) * length);
-    away = static_cast<float>(largest_component(at.point));
-    slack = static_cast<float>(0x1p-46 * (static_cast<double>(reach) + largest_component(ray.origin)) + 0x1p-60);
-  }
-};
+// In units of the tree, within `reach` of whose origin all that it holds is, and rays begin within kNearby of it.
+PERFECT_BVH_INLINE float line_slack(float reach) noexcept { return 0x1p-43f * reach + 0x1p-60f; }
 
 struct Vector8 {
   Float8 x, y, z;
 };
+PERFECT_BVH_INLINE Vector8 broadcast3(const float* v) noexcept {
+  return {broadcast(v[0]), broadcast(v[1]), broadcast(v[2])};
+}
+PERFECT_BVH_INLINE Vector8 sub8(const Vector8& a, const Vector8& b) noexcept {
+  return {sub(a.x, b.x), sub(a.y, b.y), sub(a.z, b.z)};
+}
 PERFECT_BVH_INLINE Float8 dot8(const Vector8& a, const Vector8& b) noexcept {
   return fmadd(a.z, b.z, fmadd(a.y, b.y, mul(a.x, b.x)));
 }
@@ -57,61 +38,122 @@ PERFECT_BVH_INLINE Vector8 cross8(const Vector8& a, const Vector8& b) noexcept {
 }
 PERFECT_BVH_INLINE Float8 largest8(const Vector8& a) noexcept { return max(max(abs(a.x), abs(a.y)), abs(a.z)); }
 
-// Of centres, from the line's nearest point.
-PERFECT_BVH_INLINE Vector8 from_line(const float (*rows)[8], const RoundFilter& filter) noexcept {
-  const auto row = [&](int axis) __attribute__((always_inline)) {
-    return sub(sub(load(rows[axis]), broadcast(filter.centre[axis])), broadcast(filter.nearest[axis]));
-  };
-  return {row(0), row(1), row(2)};
+// Whether the line comes as near as `reach`: of points, whose squares `square` are |d x w|^2, and least and greatest
+// depths.
+PERFECT_BVH_INLINE unsigned lanes_within(const LeafLine& line, Float8 reach, Float8 square, Float8 first_depth,
+                                         Float8 last_depth) noexcept {
+  const Float8 margin = mul(reach, broadcast(line.length));
+  const Mask8 is_near = less_equal(square, mul(mul(reach, reach), broadcast(line.squared_length)));
+  const Mask8 in_range = both(less_equal(sub(first_depth, margin), broadcast(line.most)),
+                              less_equal(broadcast(line.least), add(last_depth, margin)));
+  return bits(both(is_near, in_range));
 }
 
-// The lanes that the ray may meet.
-PERFECT_BVH_INLINE unsigned round_candidates(const GatheredBalls& leaf, const RoundFilter& filter) noexcept {
-  const Vector8 direction{broadcast(filter.direction[0]), broadcast(filter.direction[1]),
-                          broadcast(filter.direction[2])};
-  const Vector8 first = from_line(leaf.first, filter), last = from_line(leaf.last, filter);
-  const Float8 radius = max(load(leaf.first[3]), load(leaf.last[3]));
-  const Float8 size = add(max(largest8(first), largest8(last)), add(broadcast(filter.away), radius));
-  const Float8 reach = add(radius, fmadd(size, broadcast(kRoundSlack), broadcast(filter.slack)));
-  const Vector8 k = cross8(direction, first), k1 = cross8(direction, last);
-  const Vector8 e{sub(k1.x, k.x), sub(k1.y, k.y), sub(k1.z, k.z)};
+// Capsules: `first` is w0, `axis` w1 - w0.
+PERFECT_BVH_INLINE unsigned lanes_near_capsules(const LeafLine& line, const Vector8& first, const Vector8& axis,
+                                                Float8 reach) noexcept {
+  const Vector8 direction = broadcast3(line.direction);
+  const Vector8 k = cross8(direction, first), e = cross8(direction, axis);
   const float one = 1.0f, smallest = 0x1p-126f;  // no division by 0, whose NaN each processor treats differently
   const Float8 s = div(sub(zero(), dot8(k, e)), max(dot8(e, e), broadcast(smallest)));
   const Float8 share = min(max(s, zero()), broadcast(one));
   const Vector8 q{fmadd(share, e.x, k.x), fmadd(share, e.y, k.y), fmadd(share, e.z, k.z)};
-  const Mask8 is_near = less_equal(dot8(q, q), mul(reach, reach));
-  const Float8 depth = dot8(direction, first), depth1 = dot8(direction, last);
-  const Mask8 in_range = both(less_equal(sub(min(depth, depth1), reach), broadcast(filter.most)),
-                              less_equal(broadcast(filter.least), add(max(depth, depth1), reach)));
-  return bits(both(is_near, in_range));
+  const Float8 depth = dot8(direction, first), depth1 = add(depth, dot8(direction, axis));
+  return lanes_within(line, reach, dot8(q, q), min(depth, depth1), max(depth, depth1));
+}
+
+// Of a leaf of curves. No component of an end exceeds 1023 steps, no radius 255.
+PERFECT_BVH_INLINE unsigned round_candidates(const CurveLeaf& leaf, const LeafLine& line) noexcept {
+  const Int8 firsts = load(leaf.first), lasts = load(leaf.last);
+  const Vector8 first{ten_bits<0>(firsts), ten_bits<1>(firsts), ten_bits<2>(firsts)};
+  const Vector8 last{ten_bits<0>(lasts), ten_bits<1>(lasts), ten_bits<2>(lasts)};
+  const float slack = kRoundSlack * (2.0f * line.away + 1280.0f) + line.slack;
+  const Float8 reach = add(load_small(leaf.radii), broadcast(slack));
+  return lanes_near_capsules(line, sub8(first, broadcast3(line.nearest)), sub8(last, first), reach) & leaf.lanes;
+}
+
+// Of balls, as rows of x, y, z and radii: from the corner.
+PERFECT_BVH_INLINE Vector8 from_corner(const float (*rows)[8], const LeafCorner& corner) noexcept {
+  return sub8({load(rows[0]), load(rows[1]), load(rows[2])}, broadcast3(corner.at));
+}
+
+// Of gathered segments.
+PERFECT_BVH_INLINE unsigned round_candidates(const GatheredBalls& leaf, const LeafCorner& corner,
+                                             const LeafLine& line) noexcept {
+  const Vector8 nearest = broadcast3(line.nearest);
+  const Vector8 first = sub8(from_corner(leaf.first, corner), nearest);
+  const Vector8 last = sub8(from_corner(leaf.last, corner), nearest);
+  const Float8 radius = max(load(leaf.first[3]), load(leaf.last[3]));
+  const Float8 size = add(max(largest8(first), largest8(last)), add(broadcast(line.away), radius));
+  const Float8 reach = add(radius, fmadd(size, broadcast(kRoundSlack), broadcast(line.slack)));
+  return lanes_near_capsules(line, first, sub8(last, first), reach);
+}
+
+// Of gathered points.
+PERFECT_BVH_INLINE unsigned round_candidates(const float (*rows)[8], const LeafCorner& corner,
+                                             const LeafLine& line) noexcept {
+  const Vector8 direction = broadcast3(line.direction);
+  const Vector8 centre = sub8(from_corner(rows, corner), broadcast3(line.nearest));
+  const Float8 radius = load(rows[3]), size = add(largest8(centre), add(broadcast(line.away), radius));
+  const Float8 reach = add(radius, fmadd(size, broadcast(kRoundSlack), broadcast(line.slack)));
+  const Vector8 k = cross8(direction, centre);
+  const Float8 depth = dot8(direction, centre);
+  return lanes_within(line, reach, dot8(k, k), depth, depth);
+}
+
+// Of gathered leaves, whose last primitive is repeated: each once.
+PERFECT_BVH_INLINE unsigned without_repeated(unsigned lanes, const std::uint32_t* primitives) noexcept {
+  for (int lane = 1; lanes != 0 && lane < 8; ++lane) {
+    if (primitives[lane] == primitives[lane - 1]) lanes &= ~(1u << lane);
+  }
+  return lanes;
 }
 
 // A leaf's primitives: those that a ray may meet, once each.
 struct RoundCandidates {
-  RoundRay ray;
+  const std::uint32_t* primitives;
   unsigned lanes;
 
-  RoundCandidates(const IndexedLeaf& leaf, const RoundList& list, const ObjectRay& local, float t_min, float t_limit,
-                  float reach) noexcept
-      : ray(round_ray(local.origin, local.direction)) {
-    const std::uint32_t* const primitives = leaf.primitives;
-    GatheredBalls balls;
-    if (list.segments == nullptr) {
-      const auto ball = [&](int lane) -> const Ball& { return list.balls[primitives[lane]]; };
-      gather_balls(balls.first, list.scale, ball);
-      __builtin_memcpy(balls.last, balls.first, sizeof(balls.first));
+  PERFECT_BVH_INLINE RoundCandidates(const IndexedLeaves& leaves, std::uint32_t row, const ObjectRay& ray, float t_min,
+                                     float t_limit, float reach) noexcept
+      : primitives(leaves.round_primitives(row)) {
+    const float slack = line_slack(reach);
+    if (leaves.curves != nullptr) {
+      const CurveLeaf& leaf = leaves.curves[row];
+      lanes = round_candidates(leaf, leaf_line(leaf.corner, ray, t_min, t_limit, slack));
     } else {
-      const Ball* begins[8];
-      for (int lane = 0; lane < 8; ++lane) begins[lane] = list.balls + (list.segments[primitives[lane]] & kSegmentBall);
-      gather_balls(balls.first, list.scale, [&](int lane) -> const Ball& { return begins[lane][0]; });
-      gather_balls(balls.last, list.scale, [&](int lane) -> const Ball& { return begins[lane][1]; });
-    }
-    lanes = round_candidates(balls, RoundFilter(balls, ray, t_min, t_limit, reach));
-    for (int lane = 1; lanes != 0 && lane < 8; ++lane) {
-      if (primitives[lane] == primitives[lane - 1]) lanes &= ~(1u << lane);
+      lanes = without_repeated(gathered_candidates(leaves.round, ray, t_min, t_limit, slack), primitives);
     }
   }
+
+ private:
+  [[nodiscard]] __attribute__((noinline)) unsigned gathered_candidates(const RoundList& list, const ObjectRay& ray,
+                                                                       float t_min, float t_limit,
+                                                                       float slack) const noexcept {
+    GatheredBalls balls;
+    if (list.segments == nullptr) {
+      gather_balls(balls.first, list.scale, [&](int lane) -> const Ball& { return list.balls[primitives[lane]]; });
+      const LeafCorner corner = corner_of(balls);
+      return round_candidates(balls.first, corner, leaf_line(corner, ray, t_min, t_limit, slack));
+    }
+    const Ball* begins[8];
+    for (int lane = 0; lane < 8; ++lane) begins[lane] = list.balls + (list.segments[primitives[lane]] & kSegmentBall);
+    gather_balls(balls.first, list.scale, [&](int lane) -> const Ball& { return begins[lane][0]; });
+    gather_balls(balls.last, list.scale, [&](int lane) -> const Ball& { return begins[lane][1]; });
+    const LeafCorner corner = corner_of(balls);
+    return round_candidates(balls, corner, leaf_line(corner, ray, t_min, t_limit, slack));
+  }
+
+  static LeafCorner corner_of(const GatheredBalls& balls) noexcept {
+    return {{balls.first[0][0], balls.first[1][0], balls.first[2][0]}, 1.0f};
+  }
 };
+
+// For counts: how many different ones there are.
+inline std::uint32_t count_round(const IndexedLeaves& leaves, std::uint32_t row) noexcept {
+  if (leaves.curves != nullptr) return count_bits(leaves.curves[row].lanes);
+  return count_triangles(leaves.rows[row]);
+}
 
 // A primitive's chord, its ends in the ray's own terms too.
 struct RoundMeeting {

@@ -13,14 +13,20 @@
 
 namespace perfect_bvh {
 
-// The leaves of a compact tree, and where what they name is: in the mesh, in its own scale. Of triangles, or of curves
-// and points. A mesh's positions are readable for kReadableBehind bytes past the last.
+// The leaves of a compact tree, or of one over curves or points, and where what they name is: in the mesh, in its own
+// scale. A mesh's positions are readable for kReadableBehind bytes past the last.
 struct IndexedLeaves {
   const IndexedLeaf* rows = nullptr;
+  const CurveLeaf* curves = nullptr;  // instead of the rows, if not null
   const Vec3<std::uint32_t>* triangles = nullptr;
   const Vec3f* positions = nullptr;
   float scale = 1.0f;  // of the tree as stored
   RoundList round;
+
+  // Of curves or points: the eight places of a leaf.
+  [[nodiscard]] const std::uint32_t* round_primitives(std::uint32_t row) const noexcept {
+    return curves != nullptr ? curves[row].primitives : rows[row].primitives;
+  }
 };
 
 struct alignas(64) InstanceView {

@@ -49,6 +49,14 @@ template <int kCount>
 PERFECT_BVH_INLINE Int8 shift_right(Int8 a) noexcept {
   return _mm256_srli_epi32(a, kCount);
 }
+// Bits 10 kPlace to 10 kPlace + 9 of each word, as floats.
+template <int kPlace>
+PERFECT_BVH_INLINE Float8 ten_bits(Int8 words) noexcept {
+  return _mm256_cvtepi32_ps(_mm256_and_si256(_mm256_srli_epi32(words, 10 * kPlace), _mm256_set1_epi32(0x3FF)));
+}
+PERFECT_BVH_INLINE Float8 load_small(const std::uint8_t* p) noexcept {
+  return _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(p))));
+}
 // Lane i becomes a[index[i] & 7].
 PERFECT_BVH_INLINE Float8 permute(Float8 a, Int8 index) noexcept { return _mm256_permutevar8x32_ps(a, index); }
 

@@ -136,6 +136,19 @@ PERFECT_BVH_INLINE Int8 shift_right(const Int8& a) noexcept {
   return {vshrq_n_u32(a.low, kCount), vshrq_n_u32(a.high, kCount)};
 }
 
+// Bits 10 kPlace to 10 kPlace + 9 of each word, as floats.
+template <int kPlace>
+PERFECT_BVH_INLINE Float8 ten_bits(const Int8& words) noexcept {
+  Int8 shifted = words;
+  if constexpr (kPlace > 0) shifted = shift_right<10 * kPlace>(words);
+  const uint32x4_t ten = vdupq_n_u32(0x3FF);
+  return {vcvtq_f32_u32(vandq_u32(shifted.low, ten)), vcvtq_f32_u32(vandq_u32(shifted.high, ten))};
+}
+PERFECT_BVH_INLINE Float8 load_small(const std::uint8_t* p) noexcept {
+  const uint16x8_t wide = vmovl_u8(vld1_u8(p));
+  return {vcvtq_f32_u32(vmovl_u16(vget_low_u16(wide))), vcvtq_f32_u32(vmovl_u16(vget_high_u16(wide)))};
+}
+
 // Which bytes of two registers become those of two others.
 struct Bytes {
   uint8x16_t low, high;

@@ -108,6 +108,14 @@ inline Int8 shift_right(const Int8& a) noexcept {
   for (int i = 0; i < 8; ++i) result.lane[i] = a.lane[i] >> kCount;
   return result;
 }
+// Bits 10 kPlace to 10 kPlace + 9 of each word, as floats.
+template <int kPlace>
+inline Float8 ten_bits(const Int8& words) noexcept {
+  return each([&](int i) { return static_cast<float>(words.lane[i] >> (10 * kPlace) & 0x3FFu); });
+}
+inline Float8 load_small(const std::uint8_t* p) noexcept {
+  return each([&](int i) { return static_cast<float>(p[i]); });
+}
 // Lane i becomes a[index[i] & 7].
 inline Float8 permute(const Float8& a, const Int8& index) noexcept {
   return each([&](int i) { return a.lane[index.lane[i] & 7]; });

@@ -138,15 +138,16 @@ PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const Leaf& leaf)
 template <bool kAny, bool kCounts>
 __attribute__((noinline)) void visit_round_leaf(Stream& stream, Slot& slot, const InstanceView& instance,
                                                 std::uint32_t row) noexcept {
-  const RoundList& list = instance.indexed_leaves->round;
-  const IndexedLeaf& leaf = instance.indexed_leaves->rows[row];
-  if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_triangles(leaf);
+  const IndexedLeaves& leaves = *instance.indexed_leaves;
+  if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_round(leaves, row);
   --slot.top;
-  const RoundCandidates candidates(leaf, list, slot.local, slot.box.t_min, slot.box.t_limit, instance.extent.reach);
+  const RoundCandidates candidates(leaves, row, slot.local, slot.box.t_min, slot.box.t_limit, instance.extent.reach);
+  if (candidates.lanes == 0) return;
+  const RoundRay ray = round_ray(slot.local.origin, slot.local.direction);
   bool is_new = false;
   for (unsigned lanes = candidates.lanes; lanes != 0 && !(kAny && is_new); lanes &= lanes - 1) {
-    is_new |= take_round_hit(slot, stream.scene.instances, stream.batch.rays[slot.ray], stream.batch.cull,
-                             candidates.ray, list, leaf.primitives[__builtin_ctz(lanes)]);
+    is_new |= take_round_hit(slot, stream.scene.instances, stream.batch.rays[slot.ray], stream.batch.cull, ray,
+                             leaves.round, candidates.primitives[__builtin_ctz(lanes)]);
   }
   if (is_new) go_on_from_hit<kAny>(stream, slot);
 }
@@ -163,21 +164,28 @@ __attribute__((noinline)) void visit_indexed_leaf(Stream& stream, Slot& slot, st
 
 // A leaf of a compact tree is read in three steps, each of which needs the one before: numbers, indices, positions. The
 // first two are fetched here for all waiting leaves together, so that the caches are waited for twice and not twice a
-// leaf: a third faster. Fetching the positions, too, costs more than it saves. Of curves the same; of points numbers
-// and balls.
+// leaf: a third faster. Fetching the positions, too, costs more than it saves. Of points numbers and balls; a leaf of
+// curves is two lines, and what it names is seldom needed.
 __attribute__((noinline)) void fetch_indexed_leaves(const Stream& stream) noexcept {
   __asm__ volatile("");  // compilers drop calls to functions that do no more than prefetch
-  const auto for_leaves = [&](const auto& fetch) __attribute__((always_inline)) {
-    for (std::size_t i = 0; i < stream.leaf_count; ++i) {
-      Slot& slot = *stream.at_leaf[i];
-      if (slot.blocks != nullptr) continue;
-      const IndexedLeaves& leaves = *stream.scene.instances[slot.instance].indexed_leaves;
-      fetch(leaves, leaves.rows[stack_of(slot)[slot.top] - kBlockChild]);
+  bool needs_more = false;
+  for (std::size_t i = 0; i < stream.leaf_count; ++i) {
+    Slot& slot = *stream.at_leaf[i];
+    if (slot.blocks != nullptr) continue;
+    const IndexedLeaves& leaves = *stream.scene.instances[slot.instance].indexed_leaves;
+    const std::uint32_t row = stack_of(slot)[slot.top] - kBlockChild;
+    if (leaves.curves != nullptr) {
+      __builtin_prefetch(&leaves.curves[row]), __builtin_prefetch(&leaves.curves[row].corner);
+    } else {
+      __builtin_prefetch(&leaves.rows[row]), needs_more = true;
     }
-  };
-  for_leaves([](const IndexedLeaves&, const IndexedLeaf& leaf)
-                 __attribute__((always_inline)) { __builtin_prefetch(&leaf); });
-  for_leaves([](const IndexedLeaves& leaves, const IndexedLeaf& leaf) __attribute__((always_inline)) {
+  }
+  for (std::size_t i = 0; needs_more && i < stream.leaf_count; ++i) {
+    Slot& slot = *stream.at_leaf[i];
+    if (slot.blocks != nullptr) continue;
+    const IndexedLeaves& leaves = *stream.scene.instances[slot.instance].indexed_leaves;
+    if (leaves.curves != nullptr) continue;
+    const IndexedLeaf& leaf = leaves.rows[stack_of(slot)[slot.top] - kBlockChild];
     if (leaves.triangles != nullptr) {
       for (const std::uint32_t primitive : leaf.primitives) __builtin_prefetch(&leaves.triangles[primitive]);
     } else if (leaves.round.segments != nullptr) {
@@ -185,7 +193,7 @@ __attribute__((noinline)) void fetch_indexed_leaves(const Stream& stream) noexce
     } else {
       for (const std::uint32_t primitive : leaf.primitives) __builtin_prefetch(&leaves.round.balls[primitive]);
     }
-  });
+  }
 }
 
 template <bool kAny, bool kCounts>

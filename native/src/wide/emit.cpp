@@ -5,6 +5,7 @@
 #include "core/errors.h"
 #include "core/steps.h"
 #include "wide/collapse_steps.h"
+#include "wide/curve_leaf.h"
 #include "wide/leaf_block.h"
 #include "wide/subtree_range.h"
 #include "wide/visit_order.h"
@@ -71,7 +72,10 @@ constexpr std::uint32_t kSubtreeSize = 8192;  // binary nodes below what is one 
 class Emitter {
  public:
   Emitter(const Plan& plan, const Mesh* mesh, WideBvh& wide)
-      : plan_(plan), mesh_(mesh), triangles_(mesh != nullptr ? mesh->triangles.data() : nullptr), wide_(wide) {}
+      : plan_(plan),
+        mesh_(mesh),
+        triangles_(mesh != nullptr && !mesh->is_round() ? mesh->triangles.data() : nullptr),
+        wide_(wide) {}
 
   // What a subtree will need.
   [[nodiscard]] Totals count(const Part& part) {
@@ -155,6 +159,8 @@ class Emitter {
     collect(binary);
     if (wide_.layout == TreeLayout::kCompact) {
       wide_.indexed_leaves[next_leaf_] = make_indexed_leaf(primitives_.data(), primitive_count_);
+    } else if (mesh_->kind == PrimitiveKind::kCurves) {
+      wide_.curve_leaves[next_leaf_] = make_curve_leaf(primitives_.data(), primitive_count_, *mesh_, wide_.scale);
     } else {
       wide_.blocks[next_leaf_] = make_leaf_block(primitives_.data(), primitive_count_, *mesh_, wide_.scale);
     }
@@ -258,8 +264,7 @@ void emit_wide(const Bvh2& tree, const Mesh* mesh, std::span<const CollapseDecis
   check_limits(totals, tree, mesh == nullptr, cancel);
   wide.depth = totals.depth;
   wide.nodes.resize(totals.nodes);
-  if (mesh != nullptr && wide.layout == TreeLayout::kCompact) wide.indexed_leaves.resize(totals.leaves);
-  if (mesh != nullptr && wide.layout == TreeLayout::kDefault) wide.blocks.resize(totals.leaves);
+  if (mesh != nullptr) make_room_for_leaves(*mesh, totals.leaves, wide);
   for_parts([&](Emitter& emitter, Part& part) {
     emitter.write(part);
     cancel.advance(tree.prim_indices.size() * part.totals.leaves / (2 * totals.leaves));

@@ -184,11 +184,9 @@ WideBvh build_fast_wide(const Mesh& mesh, TreeLayout layout, ThreadPool& pool, C
   if (mesh.primitive_count() == 0) return wide;
   Scratch tree_memory;
   MortonLeaves leaves = make_morton_leaves(mesh, layout, tree_memory, pool, cancel);
+  wide = std::move(leaves.tree);
   wide.is_empty = false;
-  wide.scale = leaves.scale;
-  wide.extent = tree_extent(leaves.bounds, leaves.scale);
-  wide.blocks = std::move(leaves.blocks);
-  wide.indexed_leaves = std::move(leaves.indexed_leaves);
+  wide.extent = tree_extent(leaves.bounds, wide.scale);
   if (wide.leaf_count() == 1) {
     wide.root = kBlockChild;
     return wide;

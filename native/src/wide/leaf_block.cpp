@@ -16,8 +16,8 @@ void order(std::uint32_t& a, std::uint32_t& b) noexcept {
   a = smaller;
 }
 
-// By ascending number: then the first of several equal hits in a leaf is the one that wins ties. The places past count
-// repeat the last number.
+}  // namespace
+
 void write_sorted(const std::uint32_t* numbers, std::uint32_t count, std::uint32_t* sorted) noexcept {
   std::array<std::uint32_t, 8> v;
   v.fill(~0u);
@@ -25,8 +25,6 @@ void write_sorted(const std::uint32_t* numbers, std::uint32_t count, std::uint32
   sort_eight(v, order);
   for (std::uint32_t i = 0; i < 8; ++i) sorted[i] = v[std::min(i, count - 1)];
 }
-
-}  // namespace
 
 void write_span(LeafBlock& block, const Box4& box) noexcept {
   constexpr std::uint32_t kCornerBits = 0xFFF, kRoundedUp = 2 * (kCornerBits + 1), kPoint = 0xFF800000;

@@ -13,9 +13,9 @@
 
 namespace perfect_bvh {
 
-// Of the trees over a mesh, when one in `asked` was asked for. Curves and points have no leaves but of numbers.
+// Of the trees over a mesh, when one in `asked` was asked for. Points have no leaves but of numbers.
 [[nodiscard]] inline TreeLayout layout_over(const Mesh& mesh, TreeLayout asked) noexcept {
-  return mesh.is_round() ? TreeLayout::kCompact : asked;
+  return mesh.kind == PrimitiveKind::kPoints ? TreeLayout::kCompact : asked;
 }
 
 // What one leaf has room for: so many different primitives, and where it holds their vertices at most 8 of those.
@@ -26,7 +26,7 @@ struct LeafRoom {
   LeafRoom() noexcept = default;
   LeafRoom(const Mesh& mesh, TreeLayout layout) noexcept
       : most(SmallSet::kMost),
-        triangles(layout_over(mesh, layout) == TreeLayout::kDefault ? mesh.triangles.data() : nullptr) {}
+        triangles(!mesh.is_round() && layout == TreeLayout::kDefault ? mesh.triangles.data() : nullptr) {}
 
   [[nodiscard]] bool holds(std::span<const std::uint32_t> numbers) const noexcept {
     if (numbers.size() > most) return false;
@@ -39,6 +39,14 @@ struct LeafRoom {
     return !vertices.overflows();
   }
 };
+
+// So many leaves of the tree's layout.
+inline void make_room_for_leaves(const Mesh& mesh, std::size_t count, WideBvh& tree) {
+  const bool is_compact = tree.layout == TreeLayout::kCompact, is_curves = mesh.kind == PrimitiveKind::kCurves;
+  tree.blocks.resize(is_compact || is_curves ? 0 : count);
+  tree.curve_leaves.resize(!is_compact && is_curves ? count : 0);
+  tree.indexed_leaves.resize(is_compact ? count : 0);
+}
 
 // From 1 to 8 different triangles over at most 8 vertices, in any order. Positions are taken times `scale`.
 [[nodiscard]] LeafBlock make_leaf_block(const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
@@ -56,6 +64,10 @@ void write_span(LeafBlock& block, const Box4& box) noexcept;
 // The 8 vertices with these numbers, times `scale`, into a block whose corners are known. Returns their box, in which
 // zeros may have either sign.
 Box4 write_vertices(LeafBlock& block, const std::uint32_t* vertices, const Mesh& mesh, float scale) noexcept;
+
+// 1 to 8 numbers by ascending order: then the first of several equal hits in a leaf is the one that wins ties. The
+// places past count repeat the last number.
+void write_sorted(const std::uint32_t* numbers, std::uint32_t count, std::uint32_t* sorted) noexcept;
 
 // The same triangles as a leaf of the compact layout: 1 to 8, over any number of vertices.
 [[nodiscard]] IndexedLeaf make_indexed_leaf(const std::uint32_t* primitives, std::uint32_t count) noexcept;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "wide/curve_leaf.h"
 #include "wide/leaf_block.h"
 
 namespace perfect_bvh {
@@ -72,17 +73,6 @@ void fetch_corners(const IndexedLeaf& leaf, const Mesh& mesh) noexcept {
   }
 }
 
-// Of curves and points.
-Box4 round_box_of(const IndexedLeaf& leaf, const Mesh& mesh, Float4 scale) noexcept {
-  Box4 box = Box4::empty();
-  for (const std::uint32_t primitive : leaf.primitives) {
-    const Aabb one = mesh.primitive_box(primitive);
-    box.grow({load_xyz(&one.lower), load_xyz(&one.upper)});
-  }
-  const Float4 zero(0.0f);
-  return {box.lower * scale + zero, box.upper * scale + zero};
-}
-
 Box4 box_of(const IndexedLeaf& leaf, const Mesh& mesh, Float4 scale) noexcept {
   Box4 box = Box4::empty();
   for (const std::uint32_t primitive : leaf.primitives) {
@@ -111,24 +101,52 @@ void refit_indexed_leaves(const WideBvh& from, const Mesh& mesh, std::span<const
   }
 }
 
-// The same of curves and points: from a leaf to its balls there are two steps for points, three for curves.
-void refit_round_leaves(const WideBvh& from, const Mesh& mesh, std::span<const std::uint32_t> rows, WideBvh& to,
-                        Box4* boxes) noexcept {
-  const Float4 scale(to.scale);
+// Leaves of curves and points --------------------------------------------------------------------------------------
+
+// Of curves and points, eight of them.
+Box4 round_box_of(const std::uint32_t* primitives, const Mesh& mesh, Float4 scale) noexcept {
+  Box4 box = Box4::empty();
+  for (std::size_t lane = 0; lane < 8; ++lane) {
+    const Aabb one = mesh.primitive_box(primitives[lane]);
+    box.grow({load_xyz(&one.lower), load_xyz(&one.upper)});
+  }
+  const Float4 zero(0.0f);
+  return {box.lower * scale + zero, box.upper * scale + zero};
+}
+
+// From a leaf to its balls there are two steps for points, three for curves. `move(i, row)` writes the leaf.
+template <class Leaf, class Move>
+void refit_round_leaves(const AlignedVector<Leaf>& leaves, const Mesh& mesh, std::span<const std::uint32_t> rows,
+                        float scale, Box4* boxes, const Move& move) noexcept {
   const bool is_curves = mesh.kind == PrimitiveKind::kCurves;
-  const auto leaf_at = [&](std::size_t i) -> const IndexedLeaf& { return from.indexed_leaves[rows[i]]; };
+  const auto numbers_at = [&](std::size_t i) { return std::span(leaves[rows[i]].primitives); };
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (i + kLeafAhead < rows.size()) fetch(&leaf_at(i + kLeafAhead));
+    if (i + kLeafAhead < rows.size()) fetch(numbers_at(i + kLeafAhead).data());
     if (is_curves && i + kTrianglesAhead < rows.size()) {
-      for (const std::uint32_t primitive : leaf_at(i + kTrianglesAhead).primitives) fetch(&mesh.segments[primitive]);
+      for (const std::uint32_t primitive : numbers_at(i + kTrianglesAhead)) fetch(&mesh.segments[primitive]);
     }
     if (i + kCornersAhead < rows.size()) {
-      for (const std::uint32_t primitive : leaf_at(i + kCornersAhead).primitives) {
+      for (const std::uint32_t primitive : numbers_at(i + kCornersAhead)) {
         fetch(&mesh.balls[is_curves ? mesh.segments[primitive] & kSegmentBall : primitive]);
       }
     }
-    boxes[i] = round_box_of(leaf_at(i), mesh, scale);
-    if (&from != &to) to.indexed_leaves[rows[i]] = leaf_at(i);
+    boxes[i] = round_box_of(numbers_at(i).data(), mesh, Float4(scale));
+    move(rows[i]);
+  }
+}
+
+void refit_round_leaves(const WideBvh& from, const Mesh& mesh, std::span<const std::uint32_t> rows, WideBvh& to,
+                        Box4* boxes) noexcept {
+  const bool is_copy = &from != &to;
+  if (!from.curve_leaves.empty()) {
+    refit_round_leaves(from.curve_leaves, mesh, rows, to.scale, boxes, [&](std::uint32_t row) {
+      if (is_copy) to.curve_leaves[row] = from.curve_leaves[row];
+      write_axes(to.curve_leaves[row], mesh, to.scale);
+    });
+  } else {
+    refit_round_leaves(from.indexed_leaves, mesh, rows, to.scale, boxes, [&](std::uint32_t row) {
+      if (is_copy) to.indexed_leaves[row] = from.indexed_leaves[row];
+    });
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include "core/errors.h"
 #include "core/steps.h"
+#include "wide/curve_leaf.h"
 #include "wide/leaf_block.h"
 #include "wide/run_cutter.h"
 #include "wide/triangle_order.h"
@@ -104,10 +105,10 @@ void cut_runs(const Mesh& mesh, const TriangleOrder& order, Runs& runs, Scratch&
 void fill_blocks(const Mesh& mesh, const TriangleOrder& order, std::size_t begin, std::span<const std::uint8_t> sizes,
                  const Runs& runs, std::size_t row, MortonLeaves& leaves) noexcept {
   for (const std::uint8_t size : sizes) {
-    LeafBlock& block = leaves.blocks[row];
+    LeafBlock& block = leaves.tree.blocks[row];
     const RunContents run(mesh, order, begin, size, &runs.corners[3 * begin], &runs.way_back[3 * begin]);
     write_triangles(block, run, size);
-    const Box4 box = write_vertices(block, run.vertices.data(), mesh, leaves.scale);
+    const Box4 box = write_vertices(block, run.vertices.data(), mesh, leaves.tree.scale);
     leaves.boxes[row++] = make_cluster(with_positive_zeros(box), order.code(begin), order.code(begin + size - 1));
     begin += size;
   }
@@ -117,7 +118,7 @@ void fill_blocks(const Mesh& mesh, const TriangleOrder& order, std::size_t begin
 void fill_indexed_leaves(const Mesh& mesh, const TriangleOrder& order, std::size_t begin,
                          std::span<const std::uint8_t> sizes, std::size_t row, MortonLeaves& leaves) noexcept {
   constexpr std::size_t kAhead = 16;  // triangles fetched before they are needed
-  const Float4 scale(leaves.scale);
+  const Float4 scale(leaves.tree.scale);
   const std::size_t last = order.sorted.size() - 1;
   for (const std::uint8_t size : sizes) {
     std::array<std::uint32_t, kLeafSize> numbers;
@@ -130,7 +131,7 @@ void fill_indexed_leaves(const Mesh& mesh, const TriangleOrder& order, std::size
         box.grow(load_position(&mesh.positions[vertex]).xyz0() * scale);
       }
     }
-    leaves.indexed_leaves[row] = make_indexed_leaf(numbers.data(), size);
+    leaves.tree.indexed_leaves[row] = make_indexed_leaf(numbers.data(), size);
     leaves.boxes[row++] = make_cluster(with_positive_zeros(box), order.code(begin), order.code(begin + size - 1));
     begin += size;
   }
@@ -146,8 +147,12 @@ void fill_round_leaves(const Mesh& mesh, const TriangleOrder& order, std::size_t
       numbers[i] = order.triangle(begin + i);
       box.grow(mesh.primitive_box(numbers[i]));
     }
-    leaves.indexed_leaves[row] = make_indexed_leaf(numbers.data(), size);
-    const Float4 scale(leaves.scale);
+    if (leaves.tree.layout == TreeLayout::kCompact) {
+      leaves.tree.indexed_leaves[row] = make_indexed_leaf(numbers.data(), size);
+    } else {
+      leaves.tree.curve_leaves[row] = make_curve_leaf(numbers.data(), size, mesh, leaves.tree.scale);
+    }
+    const Float4 scale(leaves.tree.scale);
     const Box4 scaled{load_xyz(&box.lower) * scale, load_xyz(&box.upper) * scale};
     leaves.boxes[row++] = make_cluster(with_positive_zeros(scaled), order.code(begin), order.code(begin + size - 1));
     begin += size;
@@ -168,23 +173,23 @@ MortonLeaves make_morton_leaves(const Mesh& mesh, TreeLayout asked, Scratch& tre
                                 CancelToken& cancel) {
   const std::size_t count = mesh.primitive_count();
   const TreeLayout layout = layout_over(mesh, asked);
-  const bool is_compact = layout == TreeLayout::kCompact;
-  check_count(count, is_compact);
+  const bool is_compact = layout == TreeLayout::kCompact, holds_any = is_compact || mesh.is_round();
+  check_count(count, holds_any);
   const std::size_t vertex_memory = mesh.positions.size() * sizeof(std::uint32_t);  // of a thread
   Scratch scratch;
-  scratch.expect(order_byte_count(count) + (is_compact ? count : 16 * count + vertex_memory));
+  scratch.expect(order_byte_count(count) + (holds_any ? count : 16 * count + vertex_memory));
   const TriangleOrder order = order_triangles(mesh, scratch, pool, cancel);
   MortonLeaves leaves;
   leaves.bounds = to_aabb(order.bounds);
-  leaves.scale = tree_scale(leaves.bounds);
+  leaves.tree.layout = layout;
+  leaves.tree.scale = tree_scale(leaves.bounds);
 
-  Runs runs = make_room_for_runs(count, layout, scratch);
+  Runs runs = make_room_for_runs(count, holds_any ? TreeLayout::kCompact : layout, scratch);
   cut_runs(mesh, order, runs, scratch, pool, cancel);
   std::vector<std::size_t> first_leaves(runs.counts.size() + 1);
   for (std::size_t i = 0; i < runs.counts.size(); ++i) first_leaves[i + 1] = first_leaves[i] + runs.counts[i];
   if (first_leaves.back() > kMostBlocks) throw EngineError("the mesh has more leaves than a tree can refer to");
-  leaves.blocks.resize(is_compact ? 0 : first_leaves.back());
-  leaves.indexed_leaves.resize(is_compact ? first_leaves.back() : 0);
+  make_room_for_leaves(mesh, first_leaves.back(), leaves.tree);
   leaves.boxes = make_room_for_clusters(first_leaves.back(), tree_memory);
   for_chunks(pool, count, kRunChunk, cancel, [&](std::size_t begin, std::size_t end) {
     const std::size_t chunk = begin / kRunChunk, row = first_leaves[chunk];

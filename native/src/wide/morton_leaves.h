@@ -14,11 +14,9 @@
 namespace perfect_bvh {
 
 struct MortonLeaves {
-  AlignedVector<LeafBlock> blocks;  // or, in the compact layout:
-  AlignedVector<IndexedLeaf> indexed_leaves;
+  WideBvh tree;           // so far of leaves alone
   BoxesAlongCurve boxes;  // of the leaves, in the tree's scale
   Aabb bounds;            // of all triangles, in the mesh's
-  float scale = 1.0f;     // of the tree: see WideBvh
 };
 
 // The boxes stand in `tree_memory`, which is told what a tree over them will take. The same bytes for any number of

@@ -50,6 +50,26 @@ struct alignas(32) LeafBlock {
 };
 static_assert(sizeof(LeafBlock) == 160 && std::is_trivially_copyable_v<LeafBlock>);
 
+// Where whole steps are counted from, in the tree's scale, and how many make a unit of it.
+struct alignas(16) LeafCorner {
+  float at[3];
+  float steps;
+};
+
+// A leaf of the default layout over curves: of each segment the axis, from one ball's centre to the other's, and the
+// larger radius, in whole steps from the leaf's corner. The segment lies in the capsule about that axis with that
+// radius, so kernels find out, eight at a time, which segments a ray may meet; those are read from the mesh.
+struct alignas(64) CurveLeaf {
+  std::uint32_t first[8], last[8];  // bits 0-9, 10-19, 20-29: x, y, z
+  std::uint8_t radii[8];            // with what rounding to steps moves the axis
+  std::uint32_t lanes;              // a bit for each segment; unused places repeat the last
+  std::uint32_t zero = 0;
+  LeafCorner corner;
+  std::uint32_t primitives[8];  // as in a block
+};
+static_assert(sizeof(CurveLeaf) == 128 && std::is_trivially_copyable_v<CurveLeaf>);
+
+// Of points, and of the compact layout.
 struct alignas(32) IndexedLeaf {
   std::uint32_t primitives[8];  // as in a block
 };
@@ -57,8 +77,9 @@ static_assert(sizeof(IndexedLeaf) == 32 && std::is_trivially_copyable_v<IndexedL
 
 struct WideBvh {
   AlignedVector<WideNode> nodes;
-  // One of the two, as the layout says; both are empty in a top level.
+  // One of the three: as the layout says, of triangles or of curves; all are empty in a top level.
   AlignedVector<LeafBlock> blocks;
+  AlignedVector<CurveLeaf> curve_leaves;
   AlignedVector<IndexedLeaf> indexed_leaves;
   TreeLayout layout = TreeLayout::kDefault;
   std::uint32_t root = kNoChild;   // a node (row 0) or a leaf
@@ -70,10 +91,12 @@ struct WideBvh {
   float scale = 1.0f;
   TreeExtent extent{};  // of the boxes as stored
 
-  [[nodiscard]] std::size_t leaf_count() const noexcept { return blocks.size() + indexed_leaves.size(); }
+  [[nodiscard]] std::size_t leaf_count() const noexcept {
+    return blocks.size() + curve_leaves.size() + indexed_leaves.size();
+  }
   [[nodiscard]] std::size_t byte_count() const noexcept {
     return nodes.size() * sizeof(WideNode) + blocks.size() * sizeof(LeafBlock) +
-           indexed_leaves.size() * sizeof(IndexedLeaf);
+           curve_leaves.size() * sizeof(CurveLeaf) + indexed_leaves.size() * sizeof(IndexedLeaf);
   }
 };
 

@@ -112,6 +112,7 @@ WideCosts refit_wide(const WideBvh& from, const RefitPlan& plan, const Mesh& mes
   cancel.throw_if_stopped();
   to.nodes.resize(from.nodes.size());
   to.blocks.resize(from.blocks.size());
+  to.curve_leaves.resize(from.curve_leaves.size());
   to.indexed_leaves.resize(from.indexed_leaves.size());
   to.layout = from.layout, to.root = from.root, to.depth = from.depth, to.is_empty = from.is_empty,
   to.repeats_triangles = false;
