@@ -12,6 +12,7 @@ from ..sync.not_shown import NotShown
 from ..sync.records import AttributeRequest, CameraRecord, LightRecords, SceneRecord
 from .camera import Frame, read_camera, read_frame
 from .geometry.groups import GroupTable
+from .geometry.hair_shape import shaped
 from .geometry.instance_columns import InstanceColumns
 from .geometry.instances import InstanceCache, read_instances
 from .geometry.mesh_cache import MeshCache
@@ -103,7 +104,7 @@ def _record_of(depsgraph: Any, parts: SceneParts, lights: LightRecords, camera: 
     return SceneRecord(
         name=scene.name,
         frame=scene.frame_current_final,
-        meshes=parts.meshes,
+        meshes=shaped(parts.meshes, scene),
         objects=parts.objects,
         materials=parts.materials,
         instances=parts.instances,

@@ -124,7 +124,7 @@ def compare_mesh(old: MeshRecord | None, new: MeshRecord) -> MeshDifference:
 
 
 def _topology_change(old: MeshRecord, new: MeshRecord) -> str | None:
-    if (old.kind, old.curve_kind) != (new.kind, new.curve_kind):
+    if old.form != new.form:
         return f"{new.kind} of another kind"
     if old.part_count != new.part_count:
         return f"{new.part_count} {new.kind}, {old.part_count} before"

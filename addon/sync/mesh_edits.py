@@ -8,10 +8,6 @@ import numpy.typing as npt
 
 from .records import MeshRecord
 
-# Of a span of a curve between two points: as fine as Cycles draws hair that it divides. A fixed number, so that a tree
-# can follow curves that bend, and a synced scene is a fresh one to the bit.
-CURVE_PIECES = 8
-
 
 class MeshScene(Protocol):
     """The part of `perfect_bvh.Scene` that edits meshes."""
@@ -73,4 +69,5 @@ def _offsets(mesh: MeshRecord) -> npt.ArrayLike:
 
 
 def _division(mesh: MeshRecord) -> dict[str, Any]:
-    return {"kind": mesh.curve_kind, **({} if mesh.curve_kind == "poly" else {"pieces": CURVE_PIECES})}
+    pieces = {} if mesh.curve_kind == "poly" else {"pieces": mesh.curve_pieces}
+    return {"kind": mesh.curve_kind, "shape": mesh.curve_shape, **pieces}

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ Usage = Literal["static", "rigid", "deforming", "changing"]
 Extension = Literal["repeat", "extend", "clip"]
 MeshKind = Literal["triangles", "curves", "points"]
 CurveKind = Literal["poly", "catmull_rom"]
+CurveShape = Literal["round", "ribbon"]
 # Of a camera and an image, see `perfect_bvh.Camera` and `perfect_bvh.ImageTexture`; spelled out here because this is
 # imported where the engine cannot be.
 Projection = Literal["perspective", "orthographic", "equirectangular"]
@@ -87,7 +88,8 @@ class MeshRecord:
     kind: what rays meet. Of curves and points `positions` are the curves' points or the points, without triangles, and
         triangle_ids and dropped_triangles tell of curves or points.
     radii: (V,) float32, not negative. curve_offsets: (C + 1,) int64, of curves: where each begins among the positions.
-    curve_kind: straight from point to point, or bent through them, as Cycles' thick hair is.
+    curve_kind: straight from point to point, or bent through them, in `curve_pieces` from one to the next. curve_shape:
+        round, or flat and turned to the ray.
     """
 
     key: Hashable
@@ -112,6 +114,14 @@ class MeshRecord:
     radii: Float32Array | None = None
     curve_offsets: npt.NDArray[np.int64] | None = None
     curve_kind: CurveKind = "poly"
+    curve_shape: CurveShape = "round"
+    curve_pieces: int = 8
+
+    @property
+    def form(self) -> tuple[Any, ...]:
+        """What rays meet, but for its numbers."""
+        pieces = 1 if self.curve_kind == "poly" else self.curve_pieces
+        return (self.kind, self.curve_kind, self.curve_shape, pieces)
 
     @property
     def part_count(self) -> int:

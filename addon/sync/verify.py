@@ -22,7 +22,7 @@ def find_mismatches(synced: SceneRecord, reference: SceneRecord) -> tuple[str, .
             found.append(f"mesh {mesh.name}: synced, but Blender does not show it")
             continue
         found += [f"mesh {mesh.name}: {column} differ" for column in MESH_COLUMNS if _differ(mesh, other, column)]
-        if (mesh.kind, mesh.curve_kind) != (other.kind, other.curve_kind):
+        if mesh.form != other.form:
             found.append(f"mesh {mesh.name}: kind differs")
         if not have_same_layers(mesh, other):
             found.append(f"mesh {mesh.name}: uv maps or colors differ")

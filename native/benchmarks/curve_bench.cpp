@@ -2,13 +2,13 @@
 //   --rounds N       interleaved rounds (5)               --kinds a,b  of primary,diffuse,shuffled,occlusion (all)
 //   --size WxH       of the image (640x400)               --inside     the camera stands inside the box
 //   --build-rounds N interleaved rounds of builds and of refits; 0: none (5)
-//   --peers a,b      of round, flat, cubic, tubes; ours always (all)
+//   --peers a,b      of round, flat, cubic, tubes, ribbon; ours always (all)
 //   --isa NAME       of our kernels (the best)            --visits     what our rays visit, counted in another run
 //   --json OUT.json  --noisy  measure whatever the load
 //
 // Curves or points (round_scene.h) beside Embree's round and flat linear and its cubic curves or its spheres, and
-// beside our own tessellation: rays (ray_race.h; ratios to Embree's round ones, quality MEDIUM), builds, each in a
-// process of its own, and refits in the wind, the balls' copy included, all on one thread.
+// beside our own tessellation and our ribbons: rays (ray_race.h; ratios to Embree's round ones, quality MEDIUM),
+// builds, each in a process of its own, and refits in the wind, the balls' copy included, all on one thread.
 #include <algorithm>
 #include <cstdio>
 #include <memory>
@@ -30,7 +30,7 @@ namespace perfect_bvh::bench {
 namespace {
 
 struct Options : CommonOptions {
-  std::vector<std::string> kinds, peers{"round", "flat", "cubic", "tubes"};
+  std::vector<std::string> kinds, peers{"round", "flat", "cubic", "tubes", "ribbon"};
   int build_rounds = 5;
   std::string isa, path;
   View view = View::kOutside;
@@ -73,7 +73,7 @@ EmbreeShape shape_named(const std::string& name) {
   if (name == "round") return EmbreeShape::kRound;
   if (name == "flat") return EmbreeShape::kFlat;
   if (name == "cubic") return EmbreeShape::kCubic;
-  throw std::runtime_error("no peer is called " + name + "; there are round, flat, cubic, tubes");
+  throw std::runtime_error("no peer is called " + name + "; there are round, flat, cubic, tubes, ribbon");
 }
 
 // What is raced; points are spheres to Embree, of one kind.
@@ -100,6 +100,12 @@ std::vector<Competitor> make_competitors(const RoundScene& scene, const Options&
     if (!is_raced(scene, name)) continue;
     if (name == "tubes") {
       list.push_back(ours(name, tessellated(scene), options.isa));
+      continue;
+    }
+    if (name == "ribbon") {
+      Mesh mesh = scene.mesh;
+      mesh.shape = CurveShape::kRibbon;
+      list.push_back(ours("ours ribbon", mesh, options.isa));
       continue;
     }
     const auto peer = std::make_shared<const EmbreeRound>(scene, EmbreeRound::Options{shape_named(name)});

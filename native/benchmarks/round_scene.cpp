@@ -86,7 +86,7 @@ RoundScene read_round_scene(const std::string& path) {
   if (!file) throw std::runtime_error("cannot read " + path);
   if (scene.has_curves()) scene.offsets.push_back(counts[0]);
   const BallsGiven<float> balls{scene.centres, scene.radii};
-  scene.mesh = scene.has_curves() ? make_curves(balls, scene.offsets, "read_round_scene")
+  scene.mesh = scene.has_curves() ? make_curves(balls, scene.offsets, CurveShape::kRound, "read_round_scene")
                                   : make_points(balls, "read_round_scene");
   return scene;
 }

@@ -18,7 +18,7 @@ struct RoundInput {
 
   void end_curve() { offsets.push_back(static_cast<std::int64_t>(centres.size())); }
   [[nodiscard]] BallsGiven<float> balls() const { return {centres, radii}; }
-  [[nodiscard]] Mesh curves() const { return make_curves(balls(), offsets, "test"); }
+  [[nodiscard]] Mesh curves() const { return make_curves(balls(), offsets, CurveShape::kRound, "test"); }
   [[nodiscard]] Mesh points() const { return make_points(balls(), "test"); }
 };
 

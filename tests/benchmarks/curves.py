@@ -116,7 +116,7 @@ def describe(rows: list[Row]) -> str:
             by = {ray["competitor"]: ray for ray in of_kind}
             if not by:
                 continue
-            names = (PEER, "embree flat", "embree cubic", "tubes", "ours")
+            names = (PEER, "embree flat", "ours ribbon", "embree cubic", "tubes", "ours")
             cells: list[Cell] = [by[name]["mrays_per_second"] if name in by else None for name in names]
             ratio = by["ours"]["mrays_per_second"] / by[PEER]["mrays_per_second"]
             visited = [by["ours"].get("nodes_visited"), by["ours"].get("primitives_tested")]
@@ -129,7 +129,19 @@ def describe(rows: list[Row]) -> str:
         sizes = [bytes_each(row, name) for name in (PEER, "tubes", "ours")]
         cells = [builds[PEER], builds["tubes"], builds["ours"], refits[PEER], refits["ours"], *sizes]
         others.append([f"{row['name']}, {row['primitive_count']:,}", *cells])
-    heads = ("M rays/s", PEER, "flat", "cubic", "tubes", "ours", "ours / round", "differ, ppm", "nodes", "tests")
+    heads = (
+        "M rays/s",
+        PEER,
+        "flat",
+        "ours ribbon",
+        "cubic",
+        "tubes",
+        "ours",
+        "ours / round",
+        "differ, ppm",
+        "nodes",
+        "tests",
+    )
     rest = ("ready, ms", PEER, "tubes", "ours", "refit, ns: round", "ours", "bytes: round", "tubes", "ours")
     return f"{format_table(heads, speeds)}\n\n{format_table(rest, others)}"
 

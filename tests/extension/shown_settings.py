@@ -55,6 +55,7 @@ def settings_read(names: set[str]) -> set[tuple[str, str]]:
     owners += [bpy.types.RenderSettings, bpy.types.ViewLayer, bpy.types.Scene, bpy.types.View3DShading]
     owners += [bpy.types.PointLight, bpy.types.SunLight, bpy.types.SpotLight, bpy.types.AreaLight]
     owners += [type(scene.perfect_bvh), bpy.types.ColorManagedViewSettings]
+    owners += [type(scene.cycles_curves)] if hasattr(scene, "cycles_curves") else []
     owners += [type(block.cycles) for block in (scene, layer, area, camera) if hasattr(block, "cycles")]
     found = {(owner.bl_rna.identifier, name) for owner in owners for name in names if _is_setting(owner, name)}
     bpy.data.lights.remove(area)

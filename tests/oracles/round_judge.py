@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .brute_force import Verdict
+from .ribbon_world import find_meetings
 from .round_segments import Real, dot, take, touching
 from .round_world import Chords, Flags, Ints, RoundWorld, find_chords
 
@@ -42,6 +43,10 @@ class Surfaces:
 
 def find_surfaces(world: RoundWorld, origins: npt.ArrayLike, directions: npt.ArrayLike) -> Surfaces:
     """All that rays meet, in either direction along them, whatever their masks and ranges."""
+    if world.shape == "ribbon":
+        met = find_meetings(world, origins, directions)
+        columns = (met.low, met.high, met.sure_low, met.sure_high, met.is_there, met.is_own)
+        return Surfaces(met.rays, met.segments, *columns, np.ones(len(met.rays), np.bool_))
     chords = find_chords(world, origins, directions)
     may_entry, sure_entry, least = _hidden(world, chords, chords.entries, chords.exits)
     may_exit, sure_exit, most = _hidden(world, chords, -chords.exits[:, ::-1], -chords.entries[:, ::-1])

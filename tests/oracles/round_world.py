@@ -47,6 +47,7 @@ class RoundPart(NamedTuple):
 class RoundWorld:
     """Columns of all segments of all instances, in the order of the parts and along each curve.
 
+    shape: "round", or "ribbon": flat and turned to rays (`ribbon_world.py`).
     hulls: in instances' own space. primitive_ids: the curve's or point's number in its mesh; steps: the segment's
     number in its curve; counts: of the curve's segments. parts: which row of inverses (I, 3, 4), losses (I, 3, 3) and
     shifts (I, 3), by which margins are reckoned.
@@ -62,9 +63,10 @@ class RoundWorld:
     inverses: Reals
     losses: Reals
     shifts: Reals
+    shape: str = "round"
 
     @classmethod
-    def of(cls, parts: list[RoundPart]) -> RoundWorld:
+    def of(cls, parts: list[RoundPart], shape: str = "round") -> RoundWorld:
         """Segments and points without any radius are not there, and hide nothing."""
         columns: list[tuple[Hulls, Ints, Ints, Ints, Ints, Ints, npt.NDArray[np.uint32]]] = []
         maps = [_inverse_and_loss(part.transform) for part in parts]
@@ -84,7 +86,7 @@ class RoundWorld:
             )
         )
         flat = [np.concatenate(list(column)) for column in list(zip(*columns, strict=True))[1:]]
-        return cls(hulls, *flat, *(np.stack(arrays) for arrays in zip(*maps, strict=True)))
+        return cls(hulls, *flat, *(np.stack(arrays) for arrays in zip(*maps, strict=True)), shape)
 
 
 def _segments_of(offsets: npt.ArrayLike | None, ball_count: int) -> tuple[Ints, Ints, Ints, Ints, Ints]:
@@ -175,13 +177,32 @@ def _near_pairs(world: RoundWorld, origins: npt.NDArray[np.float64], directions:
     return rays, segments
 
 
-def _chords(world: RoundWorld, origins: npt.ArrayLike, directions: npt.ArrayLike, rays: Ints, segments: Ints) -> Chords:
+def near_pairs(world: RoundWorld, origins: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[Ints, Ints]:
+    """Rays and the segments that they may meet, by rays and then segments."""
+    origins, directions = (np.asarray(rows, np.float64).reshape(-1, 3) for rows in (origins, directions))
+    size = max(1, _PAIRS_AT_A_TIME // max(1, len(world.parts)))
+    found = [(np.empty(0, np.int64), np.empty(0, np.int64))]
+    for start in range(0, len(origins), size):
+        rays, segments = _near_pairs(world, origins[start : start + size], directions[start : start + size])
+        found.append((rays + start, segments))
+    rays, segments = (np.concatenate(column) for column in zip(*found, strict=True))
+    return rays, segments
+
+
+def mapped_rays(
+    world: RoundWorld, hulls: Hulls, origins: npt.ArrayLike, directions: npt.ArrayLike, rays: Ints, segments: Ints
+) -> tuple[Reals, Reals, Reals]:
+    """Of each pair: the ray's origin and direction in the segment's own space, and the margin."""
     part = world.parts[segments]
-    here, there = np.asarray(origins, Real)[rays], np.asarray(directions, Real)[rays]
+    here, there = (np.asarray(rows, Real).reshape(-1, 3)[rays] for rows in (origins, directions))
     turn = world.inverses[part][:, :, :3]
     origin, direction = _mapped(turn, here) + world.inverses[part][:, :, 3], _mapped(turn, there)
+    return origin, direction, _margins(world, hulls, part, here, there, origin, direction)
+
+
+def _chords(world: RoundWorld, origins: npt.ArrayLike, directions: npt.ArrayLike, rays: Ints, segments: Ints) -> Chords:
     hulls = take(world.hulls, segments)
-    margin = _margins(world, hulls, part, here, there, origin, direction)
+    origin, direction, margin = mapped_rays(world, hulls, origins, directions, rays, segments)
     near_out, far_out = intervals(hulls, origin, direction, margin)
     near_in, far_in = intervals(hulls, origin, direction, -margin)
     hit = ~np.isnan(near_out)

@@ -254,7 +254,7 @@ class _TwinFinder:
 def _have_equal_content(first: MeshRecord, second: MeshRecord) -> bool:
     if first.layers != second.layers:  # what was not read may differ
         return False
-    if (first.kind, first.curve_kind) != (second.kind, second.curve_kind):
+    if first.form != second.form:
         return False
     are_equal = all(_are_equal(getattr(first, name), getattr(second, name)) for name in MESH_COLUMNS)
     return are_equal and have_same_layers(first, second)

@@ -212,11 +212,25 @@ class Scene:
     def add_points(self, centers: _Double, radii: _Double, settings: dict[str, Any], usage: str, lazy: bool) -> int: ...
     @overload
     def add_curves(
-        self, points: _Float, radii: _Float, curve_offsets: _Long, settings: dict[str, Any], usage: str, lazy: bool
+        self,
+        points: _Float,
+        radii: _Float,
+        curve_offsets: _Long,
+        is_ribbon: bool,
+        settings: dict[str, Any],
+        usage: str,
+        lazy: bool,
     ) -> int: ...
     @overload
     def add_curves(
-        self, points: _Double, radii: _Double, curve_offsets: _Long, settings: dict[str, Any], usage: str, lazy: bool
+        self,
+        points: _Double,
+        radii: _Double,
+        curve_offsets: _Long,
+        is_ribbon: bool,
+        settings: dict[str, Any],
+        usage: str,
+        lazy: bool,
     ) -> int: ...
     @overload
     def update_points(self, mesh_id: int, centers: _Float, radii: _Float) -> None: ...
@@ -235,9 +249,13 @@ class Scene:
     @overload
     def replace_points(self, mesh_id: int, centers: _Double, radii: _Double) -> None: ...
     @overload
-    def replace_curves(self, mesh_id: int, points: _Float, radii: _Float, curve_offsets: _Long) -> None: ...
+    def replace_curves(
+        self, mesh_id: int, points: _Float, radii: _Float, curve_offsets: _Long, is_ribbon: bool
+    ) -> None: ...
     @overload
-    def replace_curves(self, mesh_id: int, points: _Double, radii: _Double, curve_offsets: _Long) -> None: ...
+    def replace_curves(
+        self, mesh_id: int, points: _Double, radii: _Double, curve_offsets: _Long, is_ribbon: bool
+    ) -> None: ...
     def set_usage(self, mesh_id: int, usage: str) -> None: ...
     def remove_mesh(self, mesh_id: int) -> None: ...
     @overload

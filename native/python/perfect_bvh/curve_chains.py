@@ -15,6 +15,7 @@ from .build_config import checked_number
 
 CurveKind = Literal["poly", "catmull_rom", "bezier", "b_spline"]
 CURVE_KINDS: tuple[str, ...] = get_args(CurveKind)
+CurveShape = Literal["round", "ribbon"]
 _MOST_PIECES = 1024
 _DEFAULT_TOLERANCE = 0.1  # of the mean radius
 _LARGEST = 1e18
@@ -93,6 +94,13 @@ def divide(
     division = _core.divide_curves(rows, sizes, offsets, closed, kind, limit, piece_count, function)
     chains = CurveChains(kind, offsets, closed, sizes, limit, piece_count, len(rows), division)  # type: ignore[arg-type]
     return chains, *chains.balls(function, rows), division.offsets
+
+
+def as_shape(function: str, shape: str) -> str:
+    """As given, if it is one."""
+    if shape not in get_args(CurveShape):
+        raise ValueError(f"{function}: shape must be one of {', '.join(get_args(CurveShape))}, got {shape!r}")
+    return shape
 
 
 def as_radii(function: str, radii: npt.ArrayLike, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:

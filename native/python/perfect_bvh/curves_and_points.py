@@ -10,17 +10,17 @@ import numpy.typing as npt
 from . import _core
 from ._arrays import as_rows, check_id
 from .build_config import BuildConfig, Usage, as_config, check_usage
-from .curve_chains import CurveChains, CurveKind, as_radii, divide
+from .curve_chains import CurveChains, CurveKind, CurveShape, as_radii, as_shape, divide
 
 
 class CurvesAndPoints:
     """Edits of a `Scene`. Ids, instances, masks, usages and lazy trees are those of meshes.
 
-    Both are solids with a surface: a ray enters and leaves them, `list_intersections` has both, and to the ray's cull
-    an entry is a front and an exit a back. Rays are mapped into the mesh's own space, so that an instance whose
-    transform stretches them shows ellipsoids. Of a transform that flattens them nothing is left, and no ray meets them.
-    Hits tell the number of the curve or the point, the normal outward of the true surface, and of curves u from 0 at
-    the first point to 1 at the last, as their control points divide them.
+    Both are solids with a surface, but for ribbons, see `add_curves`: a ray enters and leaves them, and to the ray's
+    cull an entry is a front and an exit a back; `list_intersections` has both. Rays are mapped into the mesh's own
+    space, so that an instance whose transform stretches them shows ellipsoids. Of a transform that flattens them
+    nothing is left, and no ray meets them. Hits tell the number of the curve or the point, the normal outward of the
+    true surface, and of curves u from 0 at the first point to 1 at the last, as their control points divide them.
     """
 
     __slots__ = ()
@@ -62,6 +62,7 @@ class CurvesAndPoints:
         cyclic: npt.ArrayLike = False,
         tolerance: float | None = None,
         pieces: int | None = None,
+        shape: CurveShape = "round",
         build: Literal["auto"] | BuildConfig = "auto",
         usage: Usage = "static",
         lazy: bool = False,
@@ -82,6 +83,11 @@ class CurvesAndPoints:
         tolerance: how far the chain's surface may be from the curve's, in the mesh's units; by default a tenth of the
             mean radius. Spans between points get as many pieces as that takes, all those of a curve as many.
         pieces: instead of it, how many each span gets, 1 to 1024: then chains of curves that move keep theirs.
+        shape: "round", or "ribbon": flat strips as wide, which face each ray. A ray meets one where it is nearest to
+            the axis, if it passes that no farther than the radius: once, as a front; normals are rounded across the
+            width, as those of a tube. Bends are filled, but a curve's own ends are cut off straight, also where a
+            cyclic one returns. In an instance strips face the ray as it is mapped into the mesh's space. Closest
+            points are those of the round curve.
         build, usage, lazy: see `Scene.add_mesh`. Leaves of the default layout hold segments' axes in whole steps, by
             which kernels tell which to look at; those of the compact one numbers alone: a third fewer bytes.
 
@@ -89,11 +95,12 @@ class CurvesAndPoints:
         add up or leave a curve less points than its kind takes, wrong shapes, and more than 2**30 balls.
         """
         check_usage("add_curves", usage)
+        is_ribbon = as_shape("add_curves", shape) == "ribbon"
         settings = as_config("add_curves", build).as_settings()
         chains, centres, sizes, offsets = divide(
             "add_curves", points, radii, curve_offsets, kind, cyclic, tolerance, pieces
         )
-        mesh = self._scene.add_curves(centres, sizes, offsets, settings, usage, bool(lazy))
+        mesh = self._scene.add_curves(centres, sizes, offsets, is_ribbon, settings, usage, bool(lazy))
         self._keep(mesh, chains)
         return mesh
 
@@ -140,13 +147,15 @@ class CurvesAndPoints:
         cyclic: npt.ArrayLike = False,
         tolerance: float | None = None,
         pieces: int | None = None,
+        shape: CurveShape = "round",
     ) -> None:
-        """Gives a mesh of curves others, see `add_curves`; its instances stay."""
+        """Gives a mesh of curves others, of whichever shape, see `add_curves`; its instances stay."""
         number = check_id("replace_curves", "mesh", mesh)
+        is_ribbon = as_shape("replace_curves", shape) == "ribbon"
         chains, centres, sizes, offsets = divide(
             "replace_curves", points, radii, curve_offsets, kind, cyclic, tolerance, pieces
         )
-        self._scene.replace_curves(number, centres, sizes, offsets)
+        self._scene.replace_curves(number, centres, sizes, offsets, is_ribbon)
         self._keep(number, chains)
 
     def _keep(self, mesh: int, chains: CurveChains | None) -> None:

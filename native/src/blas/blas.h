@@ -48,7 +48,7 @@ struct Blas {
 
 // What kernels see of the leaves of a compact tree and of its mesh, which must both stay where they are.
 [[nodiscard]] inline IndexedLeaves view_leaves(const WideBvh& tree, const Mesh& mesh) noexcept {
-  const RoundList round{mesh.balls.data(), mesh.segments.data(), tree.scale};
+  const RoundList round{mesh.balls.data(), mesh.segments.data(), tree.scale, mesh.shape};
   const CurveLeaf* const curves = tree.curve_leaves.empty() ? nullptr : tree.curve_leaves.data();
   return {tree.indexed_leaves.data(), curves, mesh.triangles.data(), mesh.positions.data(), tree.scale, round};
 }

@@ -51,7 +51,7 @@ bool gained_radius(const Mesh& mesh, const BallsGiven<T>& balls) noexcept {
 template <class T>
 Mesh made_again(const Mesh& mesh, const BallsGiven<T>& balls, const char* function) {
   if (mesh.kind == PrimitiveKind::kPoints) return make_points(balls, function);
-  return make_curves(balls, std::vector<std::int64_t>(mesh.starts.begin(), mesh.starts.end()), function);
+  return make_curves(balls, std::vector<std::int64_t>(mesh.starts.begin(), mesh.starts.end()), mesh.shape, function);
 }
 
 }  // namespace
@@ -64,7 +64,7 @@ MovedBalls move_balls(const Mesh& mesh, const BallsGiven<T>& given, const std::s
   const BallsGiven<T> balls{given.centres, given.radii.empty() ? std::span<const T>(kept) : given.radii};
   check_balls(balls, mesh.kind, function);
   Mesh moved;
-  moved.kind = mesh.kind;
+  moved.kind = mesh.kind, moved.shape = mesh.shape;
   moved.segments = mesh.segments, moved.starts = mesh.starts, moved.numbers = mesh.numbers;
   if constexpr (sizeof(T) == sizeof(double)) moved.centre = box_centre(balls.centres);
   moved.balls = spare->take().balls;

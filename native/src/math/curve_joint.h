@@ -9,8 +9,11 @@
 // So what is first entered along a ray is always shown, and what is left last: of the ends with the least t none is
 // hidden but by one with the same t and a smaller number. And where no segments but neighbours overlap, the shown ends
 // are those of the chords' union: in and out by turns.
+//
+// Ribbons have no inside, and are shown where no neighbour's axis is nearer to the line (math/ribbon_segment.h).
 #pragma once
 
+#include "math/ribbon_segment.h"
 #include "math/round_segment.h"
 
 namespace perfect_bvh {
@@ -36,6 +39,7 @@ struct RoundList {
   const Ball* balls = nullptr;
   const SegmentCode* segments = nullptr;  // null: the primitives are the balls
   float scale = 1.0f;                     // what the balls are brought to: the tree's
+  CurveShape shape = CurveShape::kRound;
 };
 
 // A primitive's two balls; a point's are one.
@@ -55,6 +59,9 @@ static inline RoundEnds ends_of(const RoundList& list, std::uint32_t primitive) 
 static inline Chord chord_of(const RoundRay& ray, const RoundList& list, std::uint32_t primitive) noexcept {
   if (list.segments == nullptr) return chord_of_ball(ray, round_ball(list.balls[primitive], list.scale));
   const RoundEnds ends = ends_of(list, primitive);
+  if (list.shape == CurveShape::kRibbon) {
+    return chord_of_ribbon(ray, ends.first, ends.last, list.segments[primitive]);
+  }
   return chord_of_segment(ray, ends.first, ends.last);
 }
 
@@ -86,10 +93,23 @@ static inline bool is_behind(const RoundRay& ray, const Chord& chord, const Neig
   return is_point_behind(chord.entry) && is_point_behind(chord.exit);
 }
 
+// Of a ribbon's segment and those beside it.
+static inline bool is_nearest(const RoundRay& ray, const RoundList& list, std::uint32_t primitive) noexcept {
+  const auto squared = [&](std::uint32_t number) {
+    const RoundEnds ends = ends_of(list, number);
+    return place_on_ribbon(ray, ends.first, ends.last).squared;
+  };
+  const SegmentCode code = list.segments[primitive];
+  const double own = squared(primitive);
+  if ((code & kSegmentBefore) != 0 && !(own < squared(primitive - 1))) return false;
+  return (code & kSegmentAfter) == 0 || own <= squared(primitive + 1);
+}
+
 // Which ends of its chord a ray meets.
 static inline ShownEnds shown_ends(const RoundRay& ray, const RoundList& list, std::uint32_t primitive,
                                    const Chord& chord) noexcept {
   if (list.segments == nullptr) return {true, true};
+  if (list.shape == CurveShape::kRibbon) return {is_nearest(ray, list, primitive), false};
   const SegmentCode code = list.segments[primitive];
   const Ball* const balls = list.balls + (code & kSegmentBall);
   const RoundEnds ends = ends_of(list, primitive);
@@ -103,6 +123,14 @@ static inline ShownEnds shown_ends(const RoundRay& ray, const RoundList& list, s
     if (!is_behind(ray, chord, Neighbour(ends.last, other))) after = chord_of_segment(ray, ends.last, other);
   }
   return shown_ends(before, chord, after);
+}
+
+// How far along its segment a ray meets it, at an end of its chord.
+static inline double share_of(const RoundRay& ray, const RoundList& list, std::uint32_t primitive, double t) noexcept {
+  if (list.segments == nullptr) return 0.0;
+  const RoundEnds ends = ends_of(list, primitive);
+  if (list.shape == CurveShape::kRibbon) return place_on_ribbon(ray, ends.first, ends.last).u;
+  return share_at(ray, ends.first, ends.last, t);
 }
 
 }  // namespace perfect_bvh

@@ -19,7 +19,8 @@ enum class PrimitiveKind : std::uint8_t { kTriangles, kCurves, kPoints };
 
 struct Mesh {
   PrimitiveKind kind = PrimitiveKind::kTriangles;
-  AlignedVector<Vec3f> positions;  // of triangles
+  CurveShape shape = CurveShape::kRound;  // of curves
+  AlignedVector<Vec3f> positions;         // of triangles
   TriangleList triangles;
   AlignedVector<Ball> balls;          // of curves, one after another, and of points
   SharedList<SegmentCode> segments;   // of curves

@@ -158,20 +158,21 @@ template Mesh make_points(const BallsGiven<float>&, const char*);
 template Mesh make_points(const BallsGiven<double>&, const char*);
 
 template <class T>
-Mesh make_curves(const BallsGiven<T>& balls, std::span<const std::int64_t> offsets, const char* function) {
+Mesh make_curves(const BallsGiven<T>& balls, std::span<const std::int64_t> offsets, CurveShape shape,
+                 const char* function) {
   check_ball_count(balls.centres.size(), "points", function);
   check_offsets(offsets, balls.centres.size(), function);
   check_balls(balls, PrimitiveKind::kCurves, function);
   Mesh mesh;
-  mesh.kind = PrimitiveKind::kCurves;
+  mesh.kind = PrimitiveKind::kCurves, mesh.shape = shape;
   mesh.centre = centre_of(balls.centres);
   mesh.balls = copy_balls(balls, mesh.centre);
   mesh.starts = copy_starts(offsets);
   list_segments(mesh);
   return mesh;
 }
-template Mesh make_curves(const BallsGiven<float>&, std::span<const std::int64_t>, const char*);
-template Mesh make_curves(const BallsGiven<double>&, std::span<const std::int64_t>, const char*);
+template Mesh make_curves(const BallsGiven<float>&, std::span<const std::int64_t>, CurveShape, const char*);
+template Mesh make_curves(const BallsGiven<double>&, std::span<const std::int64_t>, CurveShape, const char*);
 
 std::size_t given_ball_count(const Mesh& mesh) noexcept {
   return mesh.numbers.empty() ? mesh.balls.size() : mesh.numbers[mesh.numbers.size() - 1];

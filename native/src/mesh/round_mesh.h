@@ -29,7 +29,8 @@ template <class T>
 // offsets: the first ball of each curve, then how many balls there are; a curve has two balls or more. Throws
 // InvalidArgument as make_points() does, and for offsets that are not so.
 template <class T>
-[[nodiscard]] Mesh make_curves(const BallsGiven<T>& balls, std::span<const std::int64_t> offsets, const char* function);
+[[nodiscard]] Mesh make_curves(const BallsGiven<T>& balls, std::span<const std::int64_t> offsets, CurveShape shape,
+                               const char* function);
 
 // Throws InvalidArgument for balls that make_points() would not take.
 template <class T>

@@ -46,6 +46,38 @@ RoundJudge::JudgedChord RoundJudge::chord_of(std::uint32_t primitive) const noex
   return {sure, possible};
 }
 
+JudgedRibbon RoundJudge::ribbon_of(std::uint32_t primitive) const noexcept {
+  const RoundEnds ends = ends_of({mesh_.balls.data(), mesh_.segments.data()}, primitive);
+  return judge_ribbon(ray_, ends, mesh_.segments[primitive], margin_);
+}
+
+// Which of those that may be the nearest is it, is not to be known: from one to the next for as long as it may be
+// nearer than the one before.
+JudgedEnd RoundJudge::meeting_of(std::uint32_t primitive) const noexcept {
+  constexpr JudgedEnd kMissed{true, false, true, kInfinity, 0, kInfinity, kInfinity};
+  const JudgedRibbon own = ribbon_of(primitive);
+  if (!own.is_possible) return kMissed;
+  bool is_sure = own.is_sure;
+  double least = own.least, most = own.most;
+  for (const int step : {-1, 1}) {
+    JudgedRibbon last = own;
+    bool is_first = true;
+    const SegmentCode has_other = step < 0 ? kSegmentBefore : kSegmentAfter;
+    for (std::uint32_t at = primitive; (mesh_.segments[at] & has_other) != 0;) {
+      at = step < 0 ? at - 1 : at + 1;
+      const JudgedRibbon other = ribbon_of(at);
+      if (is_first && other.farthest < own.nearest) return kMissed;
+      if (other.nearest > last.farthest) break;
+      is_sure &= other.is_sure;
+      least = std::min(least, other.least), most = std::max(most, other.most);
+      last = other, is_first = false;
+    }
+  }
+  const double t = 0.5 * (own.least + own.most);
+  const double rounding = 0x1p-22 * std::max(std::abs(least), std::abs(most)) + 0x1p-140;
+  return {false, is_sure, true, t, 0.5 * (own.most - own.least) + rounding, least - rounding, most + rounding};
+}
+
 RoundJudge::JudgedChord RoundJudge::beside(std::uint32_t primitive, int step) const noexcept {
   if (mesh_.kind != PrimitiveKind::kCurves) return {kNoChord, kNoChord};
   const SegmentCode has_other = step < 0 ? kSegmentBefore : kSegmentAfter;
@@ -83,6 +115,10 @@ JudgedEnd RoundJudge::end_of(const JudgedChord& chord, bool is_entry) noexcept {
 }
 
 std::array<JudgedEnd, 2> RoundJudge::ends(std::uint32_t primitive) const noexcept {
+  if (mesh_.shape == CurveShape::kRibbon) {
+    const JudgedEnd meeting = meeting_of(primitive);
+    return {meeting, {true, false, false, kInfinity, 0, kInfinity, kInfinity}};
+  }
   const JudgedChord chord = chord_of(primitive);
   std::array<JudgedEnd, 2> ends{end_of(chord, true), end_of(chord, false)};
   if (!is_hit(chord.possible)) return ends;

@@ -8,14 +8,16 @@
 #include <ranges>
 
 #include "math/curve_joint.h"
+#include "query/ribbon_judge.h"
 #include "tlas/instance.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {
 
-// Where a ray enters or leaves. An end that a neighbour surely hides is surely missed. Of a chord that is surely there,
-// if a neighbour hides its entry, then that neighbour's entry is a surface no later, or that of the next: so a surface
-// is surely there from `least` to `most`, between the least of those entries and the chord's own; likewise for exits.
+// Where a ray enters or leaves; of a ribbon, whose exit is surely missed, where it meets it. An end that a neighbour
+// surely hides is surely missed. Of a chord that is surely there, if a neighbour hides its entry, then that neighbour's
+// entry is a surface no later, or that of the next: so a surface is surely there from `least` to `most`, between the
+// least of those entries and the chord's own; likewise for exits.
 struct JudgedEnd {
   bool surely_missed, surely_hit, is_entry;
   double t, bound;  // an answer's t differs by no more than the bound
@@ -35,6 +37,9 @@ class RoundJudge {
     Chord sure, possible;
   };
   [[nodiscard]] JudgedChord chord_of(std::uint32_t primitive) const noexcept;
+  [[nodiscard]] JudgedRibbon ribbon_of(std::uint32_t primitive) const noexcept;
+  // Of a ribbon: where it, or a neighbour that may be nearer, is met.
+  [[nodiscard]] JudgedEnd meeting_of(std::uint32_t primitive) const noexcept;
   [[nodiscard]] static JudgedEnd end_of(const JudgedChord& chord, bool is_entry) noexcept;
   // The chord of the primitive that comes `step` after, or before, along its curve; none if there is no such.
   [[nodiscard]] JudgedChord beside(std::uint32_t primitive, int step) const noexcept;

@@ -1,5 +1,6 @@
 #include "query/round_surface.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "math/curve_joint.h"
@@ -16,15 +17,44 @@ bool enters_at(const Chord& chord, const Hit& hit) noexcept {
   return std::abs(chord.entry - t) <= std::abs(chord.exit - t);
 }
 
+Vec3d axis_of(const RoundList& list, std::uint32_t primitive) noexcept {
+  const RoundEnds ends = ends_of(list, primitive);
+  return vector_of(ends.last.centre) - vector_of(ends.first.centre);
+}
+
+// Which way the curve runs there: as differences between the balls before and after each end have it, that are divided
+// into equal steps.
+Vec3d tangent_at(const RoundList& list, std::uint32_t primitive, double u) noexcept {
+  const SegmentCode code = list.segments[primitive];
+  const Vec3d own = axis_of(list, primitive);
+  const Vec3d before = (code & kSegmentBefore) != 0 ? axis_of(list, primitive - 1) : own;
+  const Vec3d after = (code & kSegmentAfter) != 0 ? axis_of(list, primitive + 1) : own;
+  return own + before + (after - before) * u;
+}
+
+// From where a ray enters a tube of this radius about the axis to where it is nearest to that, a little more; it passes
+// the axis at a share of the radius. No more than some radii, all but along the axis.
+Vec3d half_way_through(const RoundRay& ray, Vec3d direction, Vec3d axis, double radius, double share) noexcept {
+  constexpr double kLeastSine = 0x1p-5, kMore = 1.0 + 0x1p-20;
+  const Vec3d across = cross(direction, axis);
+  const double length = std::sqrt(ray.squared_length * dot(axis, axis));
+  const double sine = length > 0.0 ? std::sqrt(dot(across, across)) / length : 1.0;
+  const double half = radius * std::sqrt(std::max(1.0 - share * share, 0.0)) / std::max(sine, kLeastSine);
+  return direction * (half * kMore / std::sqrt(ray.squared_length));
+}
+
 }  // namespace
 
 RoundPoint RoundPlacer::place(const Instance& instance, const Hit& hit, const Ray& ray) noexcept {
   if (&instance != last_) last_ = &instance, to_object_ = inverse(instance.object_to_world);
   const Mesh& mesh = instance.blas->mesh;
-  const RoundList list{mesh.balls.data(), mesh.segments.data(), 1.0f};
+  const RoundList list{mesh.balls.data(), mesh.segments.data(), 1.0f, mesh.shape};
   const RoundEnds ends = ends_of(list, hit.primitive_index);
   const Vec3d origin = to_object_.point(ray.origin), direction = to_object_.vector(ray.direction);
   const RoundRay local = round_ray(&origin.x, &direction.x);
+  if (mesh.shape == CurveShape::kRibbon) {
+    return place_ribbon(instance, list, hit.primitive_index, local, ray.direction);
+  }
   const Chord chord = chord_of_segment(local, ends.first, ends.last);
   const auto t = static_cast<double>(hit.t);
   // Beside the edge of what is seen the map's own rounding decides whether there is a chord.
@@ -35,8 +65,34 @@ RoundPoint RoundPlacer::place(const Instance& instance, const Hit& hit, const Ra
   const Vec3d first = vector_of(ends.first.centre), axis = vector_of(ends.last.centre) - first;
   const double radius = ends.first.radius + surface.u * (ends.last.radius - ends.first.radius);
   const Vec3d normal = vector_of(surface.normal);
-  return {instance.object_to_world.point(first + axis * surface.u + normal * radius),
-          normalized(to_object_.transposed_vector(normal)), instance.object_to_world.vector(axis), is_entry};
+  const Vec3d position = instance.object_to_world.point(first + axis * surface.u + normal * radius);
+  return {position,
+          normalized(to_object_.transposed_vector(normal)),
+          instance.object_to_world.vector(axis),
+          is_entry,
+          position,
+          position};
+}
+
+RoundPoint RoundPlacer::place_ribbon(const Instance& instance, const RoundList& list, std::uint32_t primitive,
+                                     const RoundRay& local, Vec3d direction) const noexcept {
+  const Affine& to_world = instance.object_to_world;
+  const RoundEnds ends = ends_of(list, primitive);
+  const RibbonPlace place = place_on_ribbon(local, ends.first, ends.last);
+  const double radius = radius_at(ends.first, ends.last, place.u);
+  const Vec3d first = vector_of(ends.first.centre), axis = vector_of(ends.last.centre) - first;
+  const Vec3d centre = first + axis * place.u, away = vector_of(place.away);
+  const Vec3d tangent = to_world.vector(tangent_at(list, primitive, place.u)), side = to_world.vector(away);
+  const double share = radius > 0.0 ? std::sqrt(place.squared) / radius : 0.0;
+  Vec3d normal;
+  ribbon_normal(&direction.x, &tangent.x, &side.x, share, &normal.x);
+  const Vec3d through = half_way_through(local, vector_of(local.direction), axis, radius, share);
+  return {to_world.point(centre + away),
+          normal,
+          to_world.vector(axis),
+          true,
+          to_world.point(centre + away - through),
+          to_world.point(centre + away + through)};
 }
 
 }  // namespace perfect_bvh

@@ -1,8 +1,14 @@
 // Where rays meet curves and points, in world space: the point and the normal of the true surface. From the ray itself,
 // in double precision: a hit's t is a float, and from far away says little of where on a hair it is.
+//
+// Ribbons are flat, and their normals are round: those of a tube about the curve that is as wide where the ray meets
+// it. It is taken in world space; the tube turns with the curve from one segment to the next, as its axis between two
+// balls is between the means of the segments beside each. Rays go on from where the one that came enters or leaves the
+// tube: from there they meet the ribbon again only if they go back into it.
 #pragma once
 
 #include "math/affine.h"
+#include "math/curve_joint.h"
 #include "math/vec3.h"
 #include "tlas/instance.h"
 #include "traverse/ray.h"
@@ -11,9 +17,10 @@ namespace perfect_bvh {
 
 struct RoundPoint {
   Vec3d position;
-  Vec3d normal;   // of length 1, outward; zero at a tip
-  Vec3d along;    // from the segment's first centre to its last; zero for points
-  bool is_entry;  // the ray comes from outside
+  Vec3d normal;          // of length 1, outward; zero at a tip
+  Vec3d along;           // from the segment's first centre to its last; zero for points
+  bool is_entry;         // the ray comes from outside; ribbons are always entered
+  Vec3d before, behind;  // where rays leave from, on this side and on the other: `position`, but of ribbons
 };
 
 // Of one hit after another: what is known of an instance is kept for the next hit.
@@ -23,6 +30,9 @@ class RoundPlacer {
   [[nodiscard]] RoundPoint place(const Instance& instance, const Hit& hit, const Ray& ray) noexcept;
 
  private:
+  [[nodiscard]] RoundPoint place_ribbon(const Instance& instance, const RoundList& list, std::uint32_t primitive,
+                                        const RoundRay& local, Vec3d direction) const noexcept;
+
   const Instance* last_ = nullptr;
   Affine to_object_;
 };

@@ -97,7 +97,7 @@ void Scene::set_chains(std::int32_t mesh_id, const BallsGiven<T>& balls, std::sp
   if (std::ranges::equal(slot.held().starts, offsets)) {
     move(slot, balls, pool, function);
   } else {
-    replace(slot, make_curves(balls, offsets, function));
+    replace(slot, make_curves(balls, offsets, slot.held().shape, function));
   }
 }
 template void Scene::set_chains(std::int32_t, const BallsGiven<float>&, std::span<const std::int64_t>, ThreadPool&);

@@ -34,7 +34,7 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const SceneView& scene
   return count;
 }
 
-// The same of curves or points: where a ray goes in (v = 0) and out (v = 1).
+// The same of curves or points: where a ray goes in (v = 0) and out (v = 1); of ribbons only where it meets them (0).
 inline std::size_t take_all_round(const Slot& slot, const SceneView& scene, const RayBatch& batch, std::uint32_t row,
                                   FoundHit* hits, std::size_t room) noexcept {
   const InstanceView& instance = scene.instances[slot.instance];
@@ -45,7 +45,8 @@ inline std::size_t take_all_round(const Slot& slot, const SceneView& scene, cons
   std::size_t count = 0;
   const auto take = [&](double t, std::uint32_t primitive, double local_t, float is_exit) {
     if (hits != nullptr && count < room) {
-      hits[count] = {t, share_of(ray, list, primitive, local_t), is_exit, slot.instance, primitive};
+      const auto u = static_cast<float>(share_of(ray, list, primitive, local_t));
+      hits[count] = {t, u, is_exit, slot.instance, primitive};
     }
     ++count;
   };

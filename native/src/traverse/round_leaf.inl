@@ -178,12 +178,6 @@ inline bool meet_round(RoundMeeting& meeting, const RoundRay& ray, const RoundLi
   return true;
 }
 
-inline float share_of(const RoundRay& ray, const RoundList& list, std::uint32_t primitive, double local_t) noexcept {
-  if (list.segments == nullptr) return 0.0f;
-  const RoundEnds ends = ends_of(list, primitive);
-  return static_cast<float>(share_at(ray, ends.first, ends.last, local_t));
-}
-
 // Where a ray meets a curve or point; u along the segment.
 struct RoundHit {
   double t;
@@ -204,7 +198,7 @@ inline bool meet_end(RoundHit& hit, const RoundRay& ray, const RoundList& list, 
   const bool is_entry = may_enter && shows.entry;
   if (!is_entry && !(may_exit && shows.exit)) return false;
   hit.t = is_entry ? meeting.entry : meeting.exit;
-  hit.u = share_of(ray, list, primitive, is_entry ? meeting.chord.entry : meeting.chord.exit);
+  hit.u = static_cast<float>(share_of(ray, list, primitive, is_entry ? meeting.chord.entry : meeting.chord.exit));
   return true;
 }
 

@@ -99,9 +99,10 @@ void set_round_normals(const Instance& instance, const Ray& ray, const Hit& hit,
   point.normal = point.light_normal = point.geometric_normal;
   if (!with_origin) return;
   const auto largest = [](Vec3d v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); };
-  const Vec3d clear = facing * (0x1p-40 * (largest(round.position) + largest(instance.object_to_world.translation)));
-  point.origin = round.position + clear;
-  point.beyond = round.position - clear;
+  const double clear = 0x1p-40 * (largest(round.position) + largest(instance.object_to_world.translation));
+  const bool is_ribbon = instance.blas->mesh.shape == CurveShape::kRibbon;
+  point.origin = round.before + facing * clear;
+  point.beyond = round.behind + (is_ribbon ? normalized(ray.direction) : -facing) * clear;
 }
 
 void set_normals(const Appearance& appearance, const Instance& instance, const Ray& ray, const Hit& hit,

@@ -1,0 +1,184 @@
+"""Where rays may meet flat curves that face them, in the longest float, by none of the engine's formulas.
+
+Cross products tell where the line of a ray and that of a segment's axis are nearest to each other; beyond an end of the
+axis that end is taken. A ribbon is met there if the ray passes no farther than the radius, unless the curve ends there
+and the nearest place is beyond, or one of the neighbours' axes is nearer.
+
+What double precision loses is as if either ball had been shifted by no more than m (`round_world.py`'s margin): so
+distances are known to m. With e the length of the axis as the ray sees it, the share of the axis is known to
+m / e (2 + distance / e + |share|), four times which is taken; where e is less than 16 m all shares may be meant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from .round_segments import Hulls, Real, Reals, dot, take
+from .round_world import Flags, Ints, RoundWorld, mapped_rays, near_pairs
+
+_OF_T = 2.0**-23
+_LEAST_LENGTH, _SHARE_MARGIN = 16.0, 8.0
+
+
+@dataclass(frozen=True)
+class Meetings:
+    """Of ray k with the ribbon of hull k, (P,): shares of the axis, and t there, lie between two bounds (P, 2)."""
+
+    shares: Reals
+    t: Reals
+    distance: Reals
+    margin: Reals
+
+    @property
+    def nearest(self) -> Reals:
+        return np.maximum(self.distance - self.margin, 0.0)
+
+    @property
+    def farthest(self) -> Reals:
+        return self.distance + self.margin
+
+
+def nearest_shares(hulls: Hulls, origins: Reals, directions: Reals) -> tuple[Reals, Reals]:
+    """The share of each axis, be it beyond its ends, and how long the axis looks; NaN along the axis."""
+    axis, start = hulls.ends - hulls.starts, hulls.starts - origins
+    across = np.cross(directions, axis)
+    length = np.sqrt(dot(across, across) / dot(directions, directions))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return dot(np.cross(start, directions), across) / dot(across, across), length
+
+
+def place(hulls: Hulls, origins: Reals, directions: Reals, shares: Reals) -> tuple[Reals, Reals]:
+    """How far a ray passes the axis at a share of it, and at which t."""
+    centre = hulls.starts + shares[:, None] * (hulls.ends - hulls.starts) - origins
+    square = dot(directions, directions)
+    across = np.cross(centre, directions)
+    return np.sqrt(dot(across, across) / square), dot(centre, directions) / square
+
+
+def meet(hulls: Hulls, origins: Reals, directions: Reals, margin: Reals) -> Meetings:
+    share, length = nearest_shares(hulls, origins, directions)
+    known = np.clip(np.where(np.isnan(share), 0.0, share), 0.0, 1.0)
+    distance = place(hulls, origins, directions, known)[0]
+    is_long = length > _LEAST_LENGTH * margin
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off = _SHARE_MARGIN * margin / length * (1.0 + distance / length + np.abs(share))
+    low, high = np.where(is_long, share - off, -1.0), np.where(is_long, share + off, 2.0)
+    ends = [place(hulls, origins, directions, np.clip(bound, 0.0, 1.0))[1] for bound in (low, high)]
+    slack = margin / np.sqrt(dot(directions, directions))
+    t = np.stack([np.minimum(*ends) - slack, np.maximum(*ends) + slack], axis=1)
+    return Meetings(np.stack([low, high], axis=1), t, distance, margin)
+
+
+@dataclass(frozen=True)
+class RibbonMeetings:
+    """Pairs of a ray and a segment that it may meet, (P,), by rays and then segments.
+
+    low, high: bounds of t. sure_low, sure_high: of a ribbon, this or one that may be nearer, that is_there: surely.
+    is_own: surely there, and this segment's own.
+    """
+
+    rays: Ints
+    segments: Ints
+    low: npt.NDArray[np.float64]
+    high: npt.NDArray[np.float64]
+    sure_low: npt.NDArray[np.float64]
+    sure_high: npt.NDArray[np.float64]
+    is_there: Flags
+    is_own: Flags
+
+
+def find_meetings(world: RoundWorld, origins: npt.ArrayLike, directions: npt.ArrayLike) -> RibbonMeetings:
+    """Of every ray, (R, 3) both, with every segment, whatever their masks."""
+    rays, segments = near_pairs(world, origins, directions)
+    own, may, sure = _judged(world, origins, directions, rays, segments)
+    hidden, alone = np.zeros(len(rays), np.bool_), np.ones(len(rays), np.bool_)
+    low, high, there = own.t[:, 0].copy(), own.t[:, 1].copy(), sure.copy()
+    for step in (-1, 1):
+        here, reach = segments.copy(), own.farthest.copy()
+        active, is_first = may.copy(), True
+        while active.any():
+            is_beside = active & _has_beside(world, here, step)
+            here = np.where(is_beside, here + step, here)
+            other, _, other_sure = _judged(world, origins, directions, rays, here)
+            if is_first:
+                hidden |= is_beside & (other.farthest < own.nearest)
+            active = is_beside & (other.nearest <= reach)
+            alone &= ~active
+            there &= ~active | other_sure
+            low = np.where(active, np.minimum(low, other.t[:, 0]), low)
+            high = np.where(active, np.maximum(high, other.t[:, 1]), high)
+            reach, is_first = other.farthest, False
+    kept = may & ~hidden
+    bounds = [own.t[:, 0], own.t[:, 1], low, high]
+    signs = (-1.0, 1.0, -1.0, 1.0)
+    rounded = [(b + s * np.abs(b) * _OF_T).astype(np.float64)[kept] for b, s in zip(bounds, signs, strict=True)]
+    return RibbonMeetings(rays[kept], segments[kept], *rounded, there[kept], (there & alone)[kept])
+
+
+def _judged(
+    world: RoundWorld, origins: npt.ArrayLike, directions: npt.ArrayLike, rays: Ints, segments: Ints
+) -> tuple[Meetings, Flags, Flags]:
+    """Where, whether they may be met and whether they surely are, if no neighbour is nearer."""
+    hulls = take(world.hulls, segments)
+    found = meet(hulls, *mapped_rays(world, hulls, origins, directions, rays, segments))
+    clipped = np.clip(found.shares, 0.0, 1.0)
+    radii = hulls.first_radii[:, None] + clipped * (hulls.last_radii - hulls.first_radii)[:, None]
+    cut_first, cut_last = (~_has_beside(world, segments, step) for step in (-1, 1))
+    low, high = found.shares[:, 0], found.shares[:, 1]
+    is_cut = (cut_first & (high < 0.0)) | (cut_last & (low > 1.0))
+    may_be_cut = (cut_first & (low < 0.0)) | (cut_last & (high > 1.0))
+    may = ~is_cut & (found.nearest <= radii.max(axis=1))
+    return found, may, ~may_be_cut & (found.farthest <= radii.min(axis=1))
+
+
+def _has_beside(world: RoundWorld, segments: Ints, step: int) -> Flags:
+    """Whether the same curve has another segment there."""
+    other = np.clip(segments + step, 0, len(world.steps) - 1)
+    same = (other == segments + step) & (world.steps[other] == world.steps[segments] + step)
+    for column in (world.parts, world.primitive_ids):
+        same &= column[other] == column[segments]
+    return same
+
+
+def ribbon_at(
+    world: RoundWorld, ray: tuple[npt.ArrayLike, npt.ArrayLike], instance_id: int, primitive_id: int
+) -> tuple[float, npt.NDArray[np.float64], npt.NDArray[np.float64]] | None:
+    """Of the named curve where one ray meets it: u along it, the world's point, the rounded normal.
+
+    None if the ray meets it in several places, being nearer to each than just before and after it, or in none.
+    """
+    rows = np.flatnonzero((world.instance_ids == instance_id) & (world.primitive_ids == primitive_id))
+    hulls = take(world.hulls, rows)
+    inverse = world.inverses[world.parts[rows[0]]]
+    here, there = (np.asarray(part, Real) for part in ray)
+    origin, direction = (inverse[:, :3] * here).sum(axis=1) + inverse[:, 3], (inverse[:, :3] * there).sum(axis=1)
+    origins, directions = np.broadcast_to(origin, (len(rows), 3)), np.broadcast_to(direction, (len(rows), 3))
+    exact = nearest_shares(hulls, origins, directions)[0]
+    shares = np.clip(exact, 0.0, 1.0)
+    distances, t = place(hulls, origins, directions, shares)
+    around = np.concatenate([[np.inf], distances, [np.inf]])
+    is_least = (distances < around[:-2]) & (distances <= around[2:])
+    radii = hulls.first_radii + shares * (hulls.last_radii - hulls.first_radii)
+    is_cut = ((exact < 0.0) & ~_has_beside(world, rows, -1)) | ((exact > 1.0) & ~_has_beside(world, rows, 1))
+    met = np.flatnonzero(is_least & (distances <= radii) & ~is_cut)
+    if len(met) != 1:
+        return None
+    best = int(met[0])
+    axes = hulls.ends - hulls.starts
+    before, after = (axes[best + step] if 0 <= best + step < len(rows) else axes[best] for step in (-1, 1))
+    tangent = axes[best] + before + (after - before) * shares[best]
+    matrix = np.linalg.inv(inverse[:, :3].astype(np.float64)).astype(Real)
+    tangent = (matrix * tangent).sum(axis=1)
+    centre = hulls.starts[best] + shares[best] * axes[best]
+    side = (matrix * (origin + t[best] * direction - centre)).sum(axis=1)
+    across = np.cross(tangent, there)
+    across *= np.sign(dot(across, side)) / np.sqrt(dot(across, across))
+    back = -(there - dot(there, tangent) / dot(tangent, tangent) * tangent)
+    back /= np.sqrt(dot(back, back))
+    sine = distances[best] / radii[best]
+    normal = sine * across + np.sqrt(1.0 - sine**2) * back
+    u = (world.steps[rows[best]] + shares[best]) / world.counts[rows[best]]
+    return float(u), (here + t[best] * there).astype(np.float64), normal.astype(np.float64)
