@@ -104,7 +104,7 @@ def _record_of(depsgraph: Any, parts: SceneParts, lights: LightRecords, camera: 
     return SceneRecord(
         name=scene.name,
         frame=scene.frame_current_final,
-        meshes=shaped(parts.meshes, scene),
+        meshes=shaped(parts.meshes, depsgraph.scene),
         objects=parts.objects,
         materials=parts.materials,
         instances=parts.instances,

@@ -36,7 +36,7 @@ class HairShape:
 
 
 def shaped(meshes: tuple[MeshRecord, ...], scene: Any) -> tuple[MeshRecord, ...]:
-    """The same, with what hair is."""
+    """The same, with what hair is. scene: the original one, as scripts that set Cycles' properties evaluate nothing."""
     if all(mesh.kind != "curves" for mesh in meshes):
         return meshes
     hair = HairShape.of(scene)
