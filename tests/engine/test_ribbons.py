@@ -181,3 +181,21 @@ def test_images_show_them(mode):
     camera = perfect_bvh.Camera.look_at((0.0, -4.0, 1.0), (0.0, 0.0, 0.4))
     image = perfect_bvh.render(scene, camera, mode=mode, size=(32, 24))
     assert np.isfinite(image).all() and image.std() > 0.0
+
+
+def test_every_instruction_set_gives_the_same_bits():
+    scene, _ = ribbons(*fur(strands=200))
+    origins, directions = rays_at(5000)
+    answers = []
+    try:
+        for isa in perfect_bvh.available_isas():
+            perfect_bvh.set_active_isa(isa)
+            hits = scene.cast_rays(origins, directions, fields=FIELDS)
+            found = scene.list_intersections(origins, directions)
+            columns = [getattr(hits, field) for field in FIELDS] + [found.ray_splits, found.hits.t_hit]
+            columns += [found.hits.primitive_ids, scene.test_occlusions(origins, directions)]
+            answers.append([column.tobytes() for column in columns])
+    finally:
+        perfect_bvh.set_active_isa(None)
+    assert hits.is_hit.sum() > 500
+    assert all(answer == answers[0] for answer in answers)
