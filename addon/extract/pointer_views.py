@@ -42,6 +42,13 @@ class _Memory:
         self.__array_interface__ = {"version": 3, "data": (address, True), "shape": shape, "typestr": dtype.str}
 
 
+def view_of_memory(address: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+    """What lies there, read-only; who asks knows that it is there, and for how long."""
+    # An array interface tells nothing of a dtype's fields.
+    raw = np.asarray(_Memory(address, (*shape[:-1], shape[-1] * dtype.itemsize), np.dtype(np.uint8)))
+    return raw.view(dtype)
+
+
 @dataclass(slots=True)
 class ArrayReader:
     """Copies Blender collections into arrays and remembers which kinds of them may be read by address.

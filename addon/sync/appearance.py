@@ -50,7 +50,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
     meshes = {
         int(mesh_id): MeshAppearance(
             *(mesh.material_slots, mesh.corner_normals, mesh.corner_uvs, mesh.corner_colors),
-            *(mesh.named_uvs, mesh.named_colors),
+            *(mesh.named_uvs, mesh.named_colors, mesh.curve_offsets),
         )
         for mesh_id, mesh in zip(mesh_ids, record.meshes, strict=True)
     }

@@ -85,8 +85,9 @@ class MeshRecord:
     usage_reason: the sentence that says why.
     remade_by: the name of the modifier that is to blame if its triangles change; "" if there is none.
 
-    kind: what rays meet. Of curves and points `positions` are the curves' points or the points, without triangles, and
-        triangle_ids and dropped_triangles tell of curves or points.
+    kind: what rays meet. Of curves and points `positions` are the curves' points or the points, without triangles;
+        triangle_ids and dropped_triangles tell of curves or points; material_slots is None or has one for each; uvs and
+        colours are (R, 2) and (R, 3), R being the number of curves, or of their points.
     radii: (V,) float32, not negative. curve_offsets: (C + 1,) int64, of curves: where each begins among the positions.
     curve_kind: straight from point to point, or bent through them, in `curve_pieces` from one to the next. curve_shape:
         round, or flat and turned to the ray.

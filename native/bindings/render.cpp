@@ -256,6 +256,7 @@ void read_appearance(const py::dict& values, Appearance& appearance) {
       attributes.corner_normals = rows_of<Vec3f>(view<float>(mesh, "corner_normals"));
     read_layers(mesh, "uv_maps", attributes.uv_maps);
     read_layers(mesh, "corner_colors", attributes.corner_colors);
+    if (mesh.contains("curve_offsets")) attributes.curve_offsets = view<std::int64_t>(mesh, "curve_offsets");
     appearance.set_mesh(key.cast<std::int32_t>(), attributes);
   }
   appearance.finish();

@@ -6,7 +6,7 @@ the first curve is a poly; where there is no attribute `radius`, curves have 0.0
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from typing import Any
 
 import bpy
@@ -14,15 +14,26 @@ import numpy as np
 import numpy.typing as npt
 from perfect_bvh.bulk import are_equal
 
-from ...sync.records import LARGEST_COORDINATE, CurveKind, Float32Array, Int32Array, MeshKind, MeshRecord
+from ...sync.records import (
+    LARGEST_COORDINATE,
+    NO_LAYERS,
+    CurveKind,
+    Float32Array,
+    Int32Array,
+    LayerRequest,
+    Layers,
+    MeshKind,
+    MeshRecord,
+)
 from ..pointer_views import CURVE_OFFSETS, POSITIONS, RADII, ArrayReader
+from .round_layers import Kept, read_colors, read_uv_maps
 
 _Curves, _PointCloud = bpy.types.Curves, bpy.types.PointCloud  # looking them up is slow
 _CURVE_RADIUS, _POINT_RADIUS = 0.005, 0.01
 _POLY = 1  # of the attribute `curve_type`
 _LEAST_POINTS = 2
-_NO_TRIANGLES = np.empty((0, 3), np.int32)
-_NO_POLYGONS = np.empty(0, np.int32)
+NO_TRIANGLES = np.empty((0, 3), np.int32)
+NO_POLYGONS = np.empty(0, np.int32)
 
 Offsets = npt.NDArray[np.int64]
 
@@ -37,10 +48,16 @@ def kind_of(data: Any) -> MeshKind | None:
 
 
 def read_curves_or_points(
-    data: Any, key: Hashable, name: str, reader: ArrayReader, last: MeshRecord | None = None
+    data: Any,
+    key: Hashable,
+    name: str,
+    layers: LayerRequest,
+    reader: ArrayReader,
+    last: MeshRecord | None = None,
 ) -> MeshRecord | None:
     """Reads evaluated `bpy.types.Curves` or `bpy.types.PointCloud`; None if there is nothing in them.
 
+    layers: the uv maps and colours that its materials show.
     last: what was read the last time, whose arrays stand for equal ones. Everything is copied. Curves or points with a
     number that is not finite are dropped, and curves of a single point.
     """
@@ -56,6 +73,7 @@ def read_curves_or_points(
     usable &= (np.abs(positions) <= LARGEST_COORDINATE).all(axis=1)
     offsets: Offsets | None = None
     kept: Int32Array | None = None
+    kept_points: npt.NDArray[np.bool_] | None = None
     dropped = 0
     if is_curves:
         offsets = _offsets_of(data, reader)
@@ -63,26 +81,38 @@ def read_curves_or_points(
         good = np.logical_and.reduceat(usable, np.minimum(offsets[:-1], len(usable) - 1)) & (counts >= _LEAST_POINTS)
         dropped = int((~good & (counts >= _LEAST_POINTS)).sum())
         if not good.all():
-            points = np.repeat(good, counts)
-            positions, radii = positions[points], radii[points]
+            kept_points = np.repeat(good, counts)
+            positions, radii = positions[kept_points], radii[kept_points]
             offsets = np.concatenate([[0], np.cumsum(counts[good])])
             kept = np.flatnonzero(good).astype(np.int32)
     elif not usable.all():
+        kept_points = usable
         positions, radii = positions[usable], radii[usable]
         kept, dropped = np.flatnonzero(usable).astype(np.int32), int((~usable).sum())
     if not len(positions):
         return None
+    uvs: dict[str, Float32Array] = {}
+    colors: dict[str, Float32Array] = {}
+    if layers is not NO_LAYERS:
+        of = Kept(kept_points, kept)
+        uvs = held_layers(read_uv_maps(data, layers, of), "uvs", last)
+        colors = held_layers(read_colors(data, layers, of), "colors", last)
     return MeshRecord(
         key=key,
         name=name,
-        positions=_held(positions, last and last.positions),
-        triangles=_NO_TRIANGLES,
-        polygon_ids=_NO_POLYGONS,
+        positions=held(positions, last and last.positions),
+        triangles=NO_TRIANGLES,
+        polygon_ids=NO_POLYGONS,
+        corner_uvs=uvs.pop("", None),
+        corner_colors=colors.pop("", None),
+        named_uvs=uvs,
+        named_colors=colors,
+        layers=layers,
         dropped_triangles=dropped,
         triangle_ids=kept,
         kind="curves" if is_curves else "points",
-        radii=_held(radii, last and last.radii),
-        curve_offsets=None if offsets is None else _held(offsets, last and last.curve_offsets),
+        radii=held(radii, last and last.radii),
+        curve_offsets=None if offsets is None else held(offsets, last and last.curve_offsets),
         curve_kind=_curve_kind(data) if is_curves else "poly",
     )
 
@@ -107,6 +137,14 @@ def _curve_kind(data: Any) -> CurveKind:
     return "poly" if is_poly else "catmull_rom"
 
 
-def _held(values: npt.NDArray[Any], last: npt.NDArray[Any] | None) -> npt.NDArray[Any]:
+def held_layers(found: Mapping[str, Float32Array], what: str, last: MeshRecord | None) -> dict[str, Float32Array]:
+    """By name, the last arrays for those that are equal. what: "uvs" or "colors"."""
+    if last is None:
+        return dict(found)
+    old: Layers = {**getattr(last, f"named_{what}"), "": getattr(last, f"corner_{what}")}
+    return {name: held(values, old.get(name)) for name, values in found.items()}
+
+
+def held(values: npt.NDArray[Any], last: npt.NDArray[Any] | None) -> npt.NDArray[Any]:
     """The last array if it is equal."""
     return last if last is not None and are_equal(values, last) else values

@@ -16,6 +16,7 @@ from ..visibility import VisibilityReader
 from .curves_and_points import kind_of
 from .mesh_table import NO_MESH, MeshTable
 from .objects import ObjectTable
+from .particle_hair import particle_hair_of
 from .subdivision import AdaptiveSubdivision
 
 _Mesh, _PointCloud = bpy.types.Mesh, bpy.types.PointCloud  # looking them up is slow
@@ -29,9 +30,9 @@ _UNREADABLE_TYPES = {
 # What users can do about those that are not simply converted.
 _ADVICE = {
     "a volume has no triangles": "Make a mesh of it with the modifier Volume to Mesh to have its surface shown",
-    "particle hair is not triangles": "Press Convert in its Particle System modifier, and give the mesh a thickness",
 }
 _OF_SCANS = "its points are not rendered; 3D viewports show them"
+_OF_EDITED_HAIR = "its particle hair is not shown in Edit and Particle Edit Mode"
 _OF_VOLUMES = "Give its material a surface shader to have the object shown"
 _OF_SUBDIVISION = "Raise the levels of the modifier until the surface is smooth enough"
 
@@ -56,9 +57,7 @@ class GroupTable:
     _warned: set[int] = field(default_factory=set)
     _left_out: dict[tuple[str, int], UnseenMesh] = field(default_factory=dict)
 
-    def add(
-        self, obj: Any, data: Any, *, parent: Any, is_own: bool, shows_particles: bool = False, numbering: int = 0
-    ) -> int:
+    def add(self, obj: Any, data: Any, *, parent: Any, is_own: bool, numbering: int = 0) -> int:
         """The row of a new group, or NOT_SHOWN.
 
         obj: the evaluated object, or the depsgraph's temporary, that shows data. parent: the instancer or None.
@@ -71,10 +70,30 @@ class GroupTable:
         mask = self.visibility.mask(obj, parent)
         if mask == 0:
             return self._leave_out(obj, data, is_own, "what shows it is visible to no kind of ray")
-        self._warn_of_unreadable(obj, data, shows_particles)
+        self._warn_of_unreadable(obj, data)
         if kind_of(data) is None or (not isinstance(data, _Mesh) and has_points(obj.original)):
             return NOT_SHOWN
-        slots = self.materials.slots(obj, data)
+        return self._add(obj, data, self.materials.slots(obj, data), mask, parent, is_own, numbering)
+
+    def add_strands(self, obj: Any, source: Any, *, parent: Any, numbering: int = 0) -> int:
+        """The row of a new group of what an object's particle systems show as strands, or NOT_SHOWN.
+
+        source: the evaluated object itself, of which obj may be the depsgraph's temporary; the rest as for `add`.
+        """
+        hair = particle_hair_of(source, self.meshes.for_render)
+        if hair is None or self.visibility.is_hidden(obj, parent):
+            return NOT_SHOWN
+        mask = self.visibility.mask(obj, parent)
+        if mask == 0:
+            return NOT_SHOWN
+        if hair.is_edited:
+            self._note(obj, _OF_EDITED_HAIR)
+            return NOT_SHOWN
+        return self._add(obj, hair, self.materials.slots(obj, obj.data), mask, parent, is_own=True, numbering=numbering)
+
+    def _add(
+        self, obj: Any, data: Any, slots: tuple[int, ...], mask: int, parent: Any, is_own: bool, numbering: int
+    ) -> int:
         layers = self.materials.layers(slots)
         mesh_row = self.meshes.row(obj, data, is_own=is_own, layers=layers)
         if mesh_row == NO_MESH:
@@ -110,14 +129,12 @@ class GroupTable:
             self._left_out.setdefault(key, unseen)
         return NOT_SHOWN
 
-    def _warn_of_unreadable(self, obj: Any, data: Any, shows_particles: bool) -> None:
+    def _warn_of_unreadable(self, obj: Any, data: Any) -> None:
         reason = None
         if not isinstance(data, _Mesh):
             reason = _UNREADABLE_TYPES.get(obj.type)
             if isinstance(data, _PointCloud) and has_points(obj.original):
                 reason = _OF_SCANS
-        elif shows_particles and any(map(_is_strands, obj.particle_systems)):
-            reason = "particle hair is not triangles"
         original = obj.original
         if reason is None or original.session_uid in self._warned:
             return
@@ -156,7 +173,3 @@ class GroupTable:
                 instead = "black is" if what.startswith("the attribute") else "one pixel of the image is"
                 text = f"{what} is not found on {obj.original.name}; {instead}"
                 self.not_shown[NotShown("material", material.name, material.session_uid, text)] = None
-
-
-def _is_strands(system: Any) -> bool:
-    return system.settings.type == "HAIR" and system.settings.render_type == "PATH"

@@ -16,7 +16,7 @@ from ...sync.records import Float32Array, Int32Array, LayerRequest
 from ..pointer_views import CORNER_UVS, ArrayReader
 
 # The property and the channels of an element, by the attribute's type.
-_CHANNELS = {
+CHANNELS = {
     "FLOAT": ("value", 1),
     "FLOAT2": ("vector", 2),
     "FLOAT_VECTOR": ("vector", 3),
@@ -83,12 +83,12 @@ def read_colors(mesh: Any, request: LayerRequest, corners: Corners) -> dict[str,
 
 def _read_attribute(attribute: Any, corners: Corners, width: int) -> Float32Array | None:
     """(T, 3, width) float32: a number is the same in all channels, a place has no third one."""
-    if attribute is None or attribute.data_type not in _CHANNELS:
+    if attribute is None or attribute.data_type not in CHANNELS:
         return None
     rows = corners.rows(attribute.domain)
     if rows is None:
         return None
-    name, channel_count = _CHANNELS[attribute.data_type]
+    name, channel_count = CHANNELS[attribute.data_type]
     values = np.empty((len(attribute.data), channel_count), np.float32)
     attribute.data.foreach_get(name, values.reshape(-1))
     np.nan_to_num(values, copy=False, nan=0.0, posinf=65504.0, neginf=0.0)

@@ -8,7 +8,7 @@ the list where it can.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -60,7 +60,33 @@ def list_instances(depsgraph: Any, groups: GroupTable) -> Listing:
         read = np.empty(count, np.int32)
         instances.foreach_get("random_id", read)
         random_ids = read.view(np.uint32).astype(np.int64)
-    return Listing(group_ids, transforms, bad_rows, persistent_ids, lambda _, ids: ids, is_plain, random_ids)
+    listing = Listing(group_ids, transforms, bad_rows, persistent_ids, lambda _, ids: ids, is_plain, random_ids)
+    if not finder.saw_particles:
+        return listing
+    return _with_strands(listing, np.array([finder.find_strands(instance) for instance in instances], np.int32))
+
+
+def _with_strands(listing: Listing, strands: Int32Array) -> Listing:
+    """With further instances, each right after that beside which it stands.
+
+    strands: (N,) int32, their groups, or NOT_SHOWN.
+    """
+    beside = np.flatnonzero(strands != NOT_SHOWN)
+    if not len(beside):
+        return listing
+    rows = np.insert(np.arange(len(strands)), beside + 1, beside)
+    group_ids = np.insert(listing.group_ids, beside + 1, strands[beside])
+    is_bad = np.zeros(len(strands), np.bool_)
+    is_bad[listing.bad_rows] = True
+    return replace(
+        listing,
+        group_ids=group_ids,
+        transforms=listing.transforms[rows],
+        bad_rows=np.flatnonzero(is_bad[rows]).astype(np.int32),
+        ids=listing.ids[rows],
+        is_plain=False,
+        random_ids=None if listing.random_ids is None else listing.random_ids[rows],
+    )
 
 
 class GroupFinder:
@@ -74,6 +100,8 @@ class GroupFinder:
     def __init__(self, groups: GroupTable) -> None:
         self._groups = groups
         self._known: dict[Any, int] = {}
+        self._known_strands: dict[Any, int] = {}
+        self.saw_particles = False  # some instance has particle systems, which may show strands
         self.saw_only_objects = True  # none of the instances was made by another object
 
     def find(self, instance: Any, numbering: int = 0) -> int:
@@ -83,7 +111,10 @@ class GroupFinder:
             self.saw_only_objects = False
         obj = instance.object
         data = obj.data
-        if data is None or not instance.show_self:
+        if data is None:
+            return NOT_SHOWN
+        if not instance.show_self:  # only what has strands is shown without its surface
+            self.saw_particles = self.saw_particles or bool(len(obj.particle_systems))
             return NOT_SHOWN
         token = obj if source is None else (data, source, instance.parent)
         group = self._known.get(token)
@@ -93,9 +124,24 @@ class GroupFinder:
                 data,
                 parent=None if source is None else instance.parent,
                 is_own=source is None or source.data == data,
-                shows_particles=instance.show_particles,
                 numbering=numbering,
             )
+            self.saw_particles = self.saw_particles or bool(len(obj.particle_systems))
+        return group
+
+    def find_strands(self, instance: Any, numbering: int = 0) -> int:
+        """The row of the strands that an instance shows beside its surface, or NOT_SHOWN."""
+        obj, source = instance.object, instance.instance_object
+        if not instance.show_particles or obj.data is None or not len(obj.particle_systems):
+            return NOT_SHOWN
+        if source is not None and source.data != obj.data:  # what geometry nodes made beside it
+            return NOT_SHOWN
+        token = obj if source is None else (source, instance.parent)
+        group = self._known_strands.get(token)
+        if group is None:
+            parent = None if source is None else instance.parent
+            group = self._groups.add_strands(obj, source or obj, parent=parent, numbering=numbering)
+            self._known_strands[token] = group
         return group
 
 
@@ -136,13 +182,19 @@ class ListWalk:
             raise RuntimeError(f"{obj.name}: not in the depsgraph's list of instances, or in another place than it")
         part = ListedPart()
         while self._item is not None and (not part.group_ids or self._belongs_to(obj)):
-            part.group_ids.append(self._finder.find(self._item, self._numbering))
-            # Copies: an entry is overwritten by the next one.
-            part.matrices.append(np.array(self._item.matrix_world, np.float32))
-            part.persistent_ids.append(tuple(self._item.persistent_id))
-            part.random_ids.append(self._item.random_id)
+            self._add(part, self._finder.find(self._item, self._numbering))
+            strands = self._finder.find_strands(self._item, self._numbering)
+            if strands != NOT_SHOWN:
+                self._add(part, strands)
             self._item = next(self._items, None)
         return part
+
+    def _add(self, part: ListedPart, group: int) -> None:
+        """Copies: an entry is overwritten by the next one."""
+        part.group_ids.append(group)
+        part.matrices.append(np.array(self._item.matrix_world, np.float32))
+        part.persistent_ids.append(tuple(self._item.persistent_id))
+        part.random_ids.append(self._item.random_id)
 
     def _belongs_to(self, obj: Any) -> bool:
         return self._item.is_instance and self._item.parent == obj

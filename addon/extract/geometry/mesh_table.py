@@ -6,7 +6,10 @@ lasts is the object or mesh data-block that a mesh came from:
 - ("mesh", uid of the data-block): shown as it is, by any number of objects;
 - ("object", uid of the object): what an object's modifiers, or its curve, text or metaball, made;
 - ("made", uid of the object, digest of the triangles): what geometry nodes made and show as instances. The
-  digest leaves the positions out, so that such a mesh is still the same one when it deforms.
+  digest leaves the positions out, so that such a mesh is still the same one when it deforms;
+- ("particle hair", uid of the object): the strands of all its particle systems.
+
+Curves and points have such keys with their kind in the first word.
 
 A last number tells apart what would otherwise be equal.
 """
@@ -32,6 +35,7 @@ from ..pointer_views import ArrayReader
 from .curves_and_points import kind_of, read_curves_or_points
 from .mesh_cache import CachedMesh, MeshCache, place_of
 from .meshes import read_mesh
+from .particle_hair import ParticleHair, read_particle_hair
 from .usage import find_remaker, guess_usage
 
 NO_MESH = -1
@@ -71,8 +75,13 @@ class MeshTable:
         self.warnings: list[str] = []
         self.not_shown: list[NotShown] = []
 
+    @property
+    def for_render(self) -> bool:
+        """Whether the depsgraph is a render's."""
+        return bool(self._depsgraph.mode == "RENDER")
+
     def row(self, obj: Any, mesh: Any, is_own: bool, layers: LayerRequest) -> int:
-        """The row of an evaluated mesh, or NO_MESH if it has no faces; or of hair curves or a point cloud.
+        """The row of an evaluated mesh, or NO_MESH if it has no faces; or of curves, points or particle hair.
 
         obj: the evaluated object, or the depsgraph's temporary, that shows the mesh. is_own: whether it is the
         object's own mesh and not one that geometry nodes made beside it. layers: what the object's materials show of
@@ -147,10 +156,10 @@ class MeshTable:
     def _read(self, original: Any, mesh: Any, token: Hashable, layers: LayerRequest) -> MeshRecord | None:
         if not isinstance(mesh, _Mesh):
             held = self._last.meshes.get(token)
-            read = read_curves_or_points(
-                mesh, None, _name_of(original, mesh), self._reader, None if held is None else held.record
-            )
-            return None if read is None else replace(read, layers=layers)  # of which it has none
+            last = None if held is None else held.record
+            if isinstance(mesh, ParticleHair):
+                return read_particle_hair(mesh, None, mesh.name, layers, self._reader, last)
+            return read_curves_or_points(mesh, None, _name_of(original, mesh), layers, self._reader, last)
         if mesh.is_editmode:  # its arrays are stale until they are written out of the edit mesh
             evaluated = original.evaluated_get(self._depsgraph)
             record = read_mesh(evaluated.to_mesh(), None, original.name, self._attributes, layers, self._reader)
@@ -161,13 +170,15 @@ class MeshTable:
             if cached is not None and cached.record.layers.covers(layers):
                 record = cached.record.narrowed(layers)
                 return replace(record, name=_name_of(original, mesh), was_read=False)
-        last = self._last.meshes.get(token)
-        known = None if last is None else last.record
+        held = self._last.meshes.get(token)
+        known = None if held is None else held.record
         return read_mesh(mesh, None, _name_of(original, mesh), self._attributes, layers, self._reader, known)
 
     def _origin(self, original: Any, mesh: Any, is_own: bool) -> tuple[Any, ...]:
         """What a mesh comes from: all of its key but the last numbers."""
         uid = original.session_uid
+        if isinstance(mesh, ParticleHair):
+            return ("particle hair", uid)
         if not isinstance(mesh, _Mesh):
             kind = kind_of(mesh)
             if not is_own:

@@ -234,6 +234,8 @@ def _mesh_arrays(
         arrays["corner_normals"] = _column(function, f"{name}.corner_normals", value.corner_normals, np.float32, (3, 3))
     arrays["uv_maps"] = _layers(function, name, value, "uvs", uv_numbers, 2)
     arrays["corner_colors"] = _layers(function, name, value, "colors", tint_numbers, 3)
+    if value.curve_offsets is not None:
+        arrays["curve_offsets"] = _column(function, f"{name}.curve_offsets", value.curve_offsets, np.int64, ())
     return arrays
 
 
@@ -246,9 +248,14 @@ def _layers(
         return []
     given = [(f"corner_{what}", unnamed), *((f"named_{what}[{key!r}]", named.get(key)) for key in numbers if key)]
     return [
-        None if array is None else _column(function, f"{name}.{place}", array, np.float32, (3, width))
+        None if array is None else _column(function, f"{name}.{place}", array, np.float32, _row_of(array, width))
         for place, array in given
     ]
+
+
+def _row_of(layer: npt.ArrayLike, width: int) -> tuple[int, ...]:
+    """Three corners a triangle; one value a curve or point, whose meshes have no corners."""
+    return (width,) if np.ndim(layer) == 2 else (3, width)
 
 
 def _column(

@@ -22,7 +22,7 @@ UNMAPPED: UvTransform = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 @dataclass(frozen=True, slots=True)
 class MeshAppearance:
-    """Per-triangle attributes of one mesh of T triangles, in the order of its triangles.
+    """Attributes of one mesh: of T triangles a row each, in the order of its triangles.
 
     material_slots: (T,) int32, the slot of the instance's object that each triangle uses. None: all slot 0.
     corner_normals: (T, 3, 3) float32, object space. None: flat shading.
@@ -30,6 +30,11 @@ class MeshAppearance:
     corner_colors: (T, 3, 3) float32, scene-linear, the colours without a name, for materials that `tints` says are
         multiplied with such. None: black.
     named_uvs, named_colors: further ones, by the names that `ImageTexture.uv_map` and `MaterialTable.tints` give.
+
+    Of a mesh of curves or points, C of them: material_slots (C,); uvs and colours (C, 2) and (C, 3), one for each, or
+    of curves (P, 2) and (P, 3), one for each control point, between which hits find theirs by their u. Normals are
+    those of the round surface.
+    curve_offsets: (C + 1,) int64, as `Scene.add_curves` takes them; only where something has a row a control point.
     """
 
     material_slots: Int32Array | None = None
@@ -38,6 +43,7 @@ class MeshAppearance:
     corner_colors: Float32Array | None = None
     named_uvs: Mapping[str, Float32Array] = field(default_factory=dict)
     named_colors: Mapping[str, Float32Array] = field(default_factory=dict)
+    curve_offsets: npt.NDArray[np.int64] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -178,6 +178,10 @@ std::size_t given_ball_count(const Mesh& mesh) noexcept {
   return mesh.numbers.empty() ? mesh.balls.size() : mesh.numbers[mesh.numbers.size() - 1];
 }
 
+std::size_t given_part_count(const Mesh& mesh) noexcept {
+  return mesh.kind == PrimitiveKind::kCurves ? mesh.starts.size() - 1 : given_ball_count(mesh);
+}
+
 std::size_t left_out_count(const Mesh& mesh) noexcept {
   if (mesh.kind != PrimitiveKind::kCurves) return given_ball_count(mesh) - mesh.balls.size();
   return mesh.balls.size() - (mesh.starts.size() - 1) - mesh.segments.size();

@@ -49,6 +49,8 @@ template <class T>
 
 // How many balls the caller gave, those included that are left out.
 [[nodiscard]] std::size_t given_ball_count(const Mesh& mesh) noexcept;
+// How many curves or points the caller gave.
+[[nodiscard]] std::size_t given_part_count(const Mesh& mesh) noexcept;
 // How many points or segments were left out.
 [[nodiscard]] std::size_t left_out_count(const Mesh& mesh) noexcept;
 

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "core/errors.h"
+#include "mesh/round_mesh.h"
 
 namespace perfect_bvh {
 namespace {
@@ -22,6 +23,12 @@ void set_row(std::vector<std::int32_t>& rows, std::int32_t id, std::size_t row) 
 
 void Appearance::set_mesh(std::int32_t mesh_id, const MeshAttributes& attributes) {
   require(mesh_id >= 0, "meshes has the key " + std::to_string(mesh_id) + "; mesh ids are 0 or more");
+  const auto offsets = attributes.curve_offsets;
+  for (std::size_t i = 0; i < offsets.size(); ++i) {
+    require(i == 0 ? offsets[0] == 0 : offsets[i] >= offsets[i - 1] + 2,
+            "meshes[" + std::to_string(mesh_id) + "].curve_offsets must rise from 0 by 2 or more, got " +
+                std::to_string(offsets[i]) + " in row " + std::to_string(i));
+  }
   set_row(mesh_rows_, mesh_id, meshes_.size());
   meshes_.push_back(attributes);
 }
@@ -129,6 +136,7 @@ void Appearance::check_materials() const {
 }
 
 void Appearance::check_fits(const Instance& instance, const MeshAttributes& attributes) const {
+  if (instance.blas->mesh.is_round()) return check_fits_round(instance, attributes);
   const std::size_t count = instance.blas->mesh.primitive_count();
   const auto check = [&](std::size_t rows, const char* name) {
     if (rows == 0 || rows == count) return;
@@ -142,6 +150,25 @@ void Appearance::check_fits(const Instance& instance, const MeshAttributes& attr
   for (const auto& colors : attributes.corner_colors) check(colors.size() / 3, "corner_colors");
 }
 
+void Appearance::check_fits_round(const Instance& instance, const MeshAttributes& attributes) {
+  const Mesh& mesh = instance.blas->mesh;
+  const std::size_t count = given_part_count(mesh);
+  const bool is_curves = mesh.kind == PrimitiveKind::kCurves;
+  const auto check = [&](std::size_t rows, const char* name, std::size_t other) {
+    if (rows == 0 || rows == count || rows == other) return;
+    std::string expected = std::to_string(count) + (is_curves ? " curves" : " points");
+    if (other != count) expected += " and " + std::to_string(other) + " control points";
+    require(false, "meshes[" + std::to_string(instance.mesh_id) + "]." + name + " has " + std::to_string(rows) +
+                       " rows but the mesh has " + expected + "; read the mesh's attributes again after it changes");
+  };
+  const auto offsets = attributes.curve_offsets;
+  if (!offsets.empty()) check(offsets.size() - 1, "curve_offsets", count);
+  const std::size_t points = offsets.empty() || !is_curves ? count : static_cast<std::size_t>(offsets.back());
+  check(attributes.material_slots.size(), "material_slots", count);
+  for (const auto& map : attributes.uv_maps) check(map.size(), "corner_uvs", points);
+  for (const auto& colors : attributes.corner_colors) check(colors.size(), "corner_colors", points);
+}
+
 std::int32_t Appearance::material_of(const Instance& instance, std::uint32_t primitive) const {
   const auto row = row_of(instance);
   if (row < 0) return kNoMaterial;
@@ -151,7 +178,8 @@ std::int32_t Appearance::material_of(const Instance& instance, std::uint32_t pri
   std::int32_t slot = 0;
   if (const auto* attributes = attributes_of(instance); attributes && !attributes->material_slots.empty()) {
     check_fits(instance, *attributes);
-    slot = attributes->material_slots[primitive];
+    const Mesh& mesh = instance.blas->mesh;
+    slot = attributes->material_slots[mesh.is_round() ? caller_number(mesh, primitive) : primitive];
   }
   // A triangle may name a slot that its object lacks: as in Blender, the last one then counts.
   return slot_materials[static_cast<std::size_t>(first + std::clamp(slot, 0, count - 1))];

@@ -22,13 +22,15 @@ class BrightSky;
 
 inline constexpr std::int32_t kNoMaterial = -1;
 
-// One row a triangle; empty if the mesh lacks the attribute.
+// One row a triangle; empty if the mesh lacks the attribute. Of curves and points a row each; their layers may have one
+// a control point instead, which `curve_offsets` tells apart: the first of each curve, then how many there are.
 struct MeshAttributes {
   std::span<const std::int32_t> material_slots;
   std::span<const Vec3f> corner_normals;  // three a triangle, object space
   // By the numbers that textures and materials have for a mesh's layers: what lies beyond the end is lacking, too.
   std::vector<std::span<const Point2>> uv_maps;       // three a triangle; the first is the one that renders use
   std::vector<std::span<const Vec3f>> corner_colors;  // three a triangle, scene-linear
+  std::span<const std::int64_t> curve_offsets;
 };
 
 inline constexpr std::int32_t kNoImage = -1;
@@ -121,7 +123,7 @@ struct Appearance {
   // The row in the material table.
   [[nodiscard]] std::int32_t material_of(const Instance& instance, std::uint32_t primitive) const;
 
-  // Throws InvalidArgument if the attributes of the instance's mesh do not have a row a triangle.
+  // Throws InvalidArgument if the attributes of the instance's mesh do not have a row a triangle, curve or point.
   void check_fits(const Instance& instance, const MeshAttributes& attributes) const;
 
  private:
@@ -130,6 +132,7 @@ struct Appearance {
     return index < rows.size() ? rows[index] : -1;
   }
   [[nodiscard]] bool is_hole(std::int32_t material) const noexcept;
+  static void check_fits_round(const Instance& instance, const MeshAttributes& attributes);
   void check_tables() const;
   void check_materials() const;
 

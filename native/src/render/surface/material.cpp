@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "math/elementary.h"
+#include "render/appearance/mesh_layer.h"
 #include "render/surface/surface.h"
 
 namespace perfect_bvh {
@@ -11,39 +12,18 @@ namespace {
 
 constexpr float kPlainRoughness = 0.5f;
 
-// What a mesh's layer of some number has at the corners of the triangle that was hit; none if the mesh lacks it.
-template <class T>
-std::optional<std::span<const T, 3>> corners_of(const Appearance& appearance, const Instance& instance, const Hit& hit,
-                                                std::vector<std::span<const T>> MeshAttributes::* layers,
-                                                std::int32_t number) {
-  const MeshAttributes* const attributes = appearance.attributes_of(instance);
-  const auto index = static_cast<std::size_t>(number);
-  if (attributes == nullptr || index >= (attributes->*layers).size()) return std::nullopt;
-  const std::span<const T> layer = (attributes->*layers)[index];
-  if (layer.empty()) return std::nullopt;
-  appearance.check_fits(instance, *attributes);
-  return layer.subspan(std::size_t{3} * hit.primitive_index).template first<3>();
-}
-
 }  // namespace
 
 std::optional<Point2> uv_at(const Appearance& appearance, const Instance& instance, const Hit& hit, std::int32_t map) {
-  const auto found = corners_of(appearance, instance, hit, &MeshAttributes::uv_maps, map);
-  if (!found) return std::nullopt;
-  const auto corners = *found;
-  const float w = 1.0f - hit.u - hit.v;
-  return Point2{corners[0].x * w + corners[1].x * hit.u + corners[2].x * hit.v,
-                corners[0].y * w + corners[1].y * hit.u + corners[2].y * hit.v};
+  return layer_at(appearance, instance, hit, &MeshAttributes::uv_maps, map);
 }
 
 namespace {
 
 // Black where the mesh has no such colours, as in Blender.
 Vec3f tint_at(const Appearance& appearance, const Instance& instance, const Hit& hit, std::int32_t tint) {
-  const auto found = corners_of(appearance, instance, hit, &MeshAttributes::corner_colors, tint);
-  if (!found) return {0.0f, 0.0f, 0.0f};
-  const auto corners = *found;
-  return corners[0] * (1.0f - hit.u - hit.v) + corners[1] * hit.u + corners[2] * hit.v;
+  const Vec3f black{0.0f, 0.0f, 0.0f};
+  return layer_at(appearance, instance, hit, &MeshAttributes::corner_colors, tint).value_or(black);
 }
 
 // What a table without rows stands for is in the last two arguments.

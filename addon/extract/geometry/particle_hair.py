@@ -1,0 +1,225 @@
+"""Old particle hair as curves: strands of the particle systems that show paths, all those of one object in one mesh.
+
+As in Cycles: radii by the settings' shape over the length of each strand, the slot of a material a system, UV maps and
+vertex colours of the emitter at the root.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...sync.records import LARGEST_COORDINATE, Float32Array, LayerRequest, MeshRecord
+from ..pointer_views import CORNER_UVS, ArrayReader
+from ..strand_cache import Strands, read_strands
+from .curves_and_points import NO_POLYGONS, NO_TRIANGLES, held, held_layers
+from .particle_roots import Roots, find_roots
+
+_EDITED = frozenset({"EDIT", "PARTICLE_EDIT"})  # modes in which Cycles shows no strands either
+
+
+@dataclass(frozen=True, slots=True)
+class ParticleHair:
+    """An evaluated object's particle systems that show strands, with their modifiers; stands beside its mesh."""
+
+    obj: Any
+    systems: tuple[tuple[Any, Any], ...]
+    for_render: bool
+
+    @property
+    def name(self) -> str:
+        """The object's."""
+        return str(self.obj.original.name)
+
+    @property
+    def is_edited(self) -> bool:
+        """Whether it is being combed or its mesh edited."""
+        return self.obj.original.mode in _EDITED
+
+    def as_pointer(self) -> int:
+        """An address that no other data have."""
+        return int(self.systems[0][1].as_pointer())
+
+
+def particle_hair_of(obj: Any, for_render: bool) -> ParticleHair | None:
+    """What an evaluated object shows as strands, None for nothing. for_render: whether the depsgraph is a render's."""
+    if not len(obj.particle_systems):
+        return None
+    switch = "show_render" if for_render else "show_viewport"
+    modifiers = [one for one in obj.modifiers if one.type == "PARTICLE_SYSTEM" and getattr(one, switch)]
+    pairs = [(modifier, modifier.particle_system) for modifier in modifiers]
+    systems = tuple([pair for pair in pairs if _is_strands(pair[1].settings)])
+    return ParticleHair(obj, systems, for_render) if systems else None
+
+
+def _is_strands(settings: Any) -> bool:
+    return bool(settings.type == "HAIR" and settings.render_type == "PATH")
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """What one system shows: strands with their radii, (S, K)."""
+
+    system: Any
+    modifier: Any
+    strands: Strands
+    radii: Float32Array
+
+
+def read_particle_hair(
+    hair: ParticleHair,
+    key: Hashable,
+    name: str,
+    layers: LayerRequest,
+    reader: ArrayReader,
+    last: MeshRecord | None = None,
+) -> MeshRecord | None:
+    """Reads strands as curves; None if there are none. Everything is copied.
+
+    layers: the UV maps and colours that its materials show. last: what was read the last time, whose arrays stand for
+    equal ones. Strands with a number that is not finite are dropped, and those without a length show nothing.
+    """
+    parts = [_read_part(modifier, system, hair, reader) for modifier, system in hair.systems]
+    parts = [part for part in parts if len(part.strands.points)]
+    if not parts:
+        return None
+    rows = [np.arange(len(part.radii)) for part in parts]
+    are_good = [_are_good(part) for part in parts]
+    has_length = [(part.radii.shape[1] > 1) & _are_long(part.strands.points) for part in parts]
+    kept = [np.flatnonzero(good & long) for good, long in zip(are_good, has_length, strict=True)]
+    are_all = all(len(some) == len(all_rows) for some, all_rows in zip(kept, rows, strict=True))
+    if not any(len(some) for some in kept):
+        return None
+
+    def joined(arrays: list[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+        if not are_all:
+            arrays = [array[some] for array, some in zip(arrays, kept, strict=True)]
+        flat = [array.reshape(-1, *array.shape[2:]) if array.ndim > 1 else array for array in arrays]
+        return flat[0] if len(flat) == 1 else np.concatenate(flat)
+
+    uv_maps, colors = _read_layers(hair, parts, layers, reader)
+    counts = joined([np.full(len(part.radii), part.radii.shape[1]) for part in parts])
+    firsts = np.cumsum([0, *(len(part.radii) for part in parts)])
+    ids = np.concatenate([some + first for some, first in zip(kept, firsts, strict=False)]).astype(np.int32)
+    slots = [np.full(len(part.radii), part.system.settings.material - 1, np.int32) for part in parts]
+    uvs = {layer: joined([array[:, None] for array in arrays]) for layer, arrays in uv_maps.items()}
+    tints = {layer: joined([array[:, None] for array in arrays]) for layer, arrays in colors.items()}
+    uvs, tints = held_layers(uvs, "uvs", last), held_layers(tints, "colors", last)
+    return MeshRecord(
+        key=key,
+        name=name,
+        positions=held(joined([part.strands.points for part in parts]), last and last.positions),
+        triangles=NO_TRIANGLES,
+        polygon_ids=NO_POLYGONS,
+        material_slots=held(joined(slots), last and last.material_slots),
+        corner_uvs=uvs.pop("", None),
+        corner_colors=tints.pop("", None),
+        named_uvs=uvs,
+        named_colors=tints,
+        layers=layers,
+        dropped_triangles=sum(int((~good).sum()) for good in are_good),
+        triangle_ids=None if are_all else held(ids, last and last.triangle_ids),
+        kind="curves",
+        radii=held(joined([part.radii for part in parts]), last and last.radii),
+        curve_offsets=held(np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), last and last.curve_offsets),
+        curve_kind="catmull_rom",
+    )
+
+
+def _read_part(modifier: Any, system: Any, hair: ParticleHair, reader: ArrayReader) -> _Part:
+    strands = read_strands(system, hair.obj, reader, hair.for_render)
+    return _Part(system, modifier, strands, _radii(strands.points, system.settings))
+
+
+def _radii(points: Float32Array, settings: Any) -> Float32Array:
+    """(S, K) float32: from the root's to the tip's, over the length of each strand."""
+    scale = np.float32(settings.radius_scale) * np.float32(0.5)
+    root, tip = scale * np.float32(settings.root_radius), scale * np.float32(settings.tip_radius)
+    if root == tip:
+        radii = np.full(points.shape[:2], root, np.float32)
+    else:
+        rest = 1.0 - _along(points)
+        shape = float(settings.shape)
+        if shape < 0.0:
+            rest **= np.float32(1.0 + shape)
+        elif shape > 0.0:
+            rest **= np.float32(1.0 / (1.0 - shape)) if shape < 1.0 else np.float32(np.inf)
+        radii = rest * (root - tip) + tip
+    if settings.use_close_tip and radii.shape[1]:
+        radii[:, -1] = 0.0
+    return radii
+
+
+def _along(points: Float32Array) -> Float32Array:
+    """(S, K) float32, 0 to 1: how far along its strand each point lies."""
+    steps = np.diff(points, axis=1)
+    lengths = np.zeros(points.shape[:2], np.float32)
+    np.cumsum(np.sqrt(np.einsum("skx,skx->sk", steps, steps)), axis=1, out=lengths[:, 1:])
+    whole = lengths[:, -1:]
+    np.divide(lengths, whole, out=lengths, where=whole > 0.0)
+    return np.clip(lengths, 0.0, 1.0, out=lengths)
+
+
+def _are_good(part: _Part) -> npt.NDArray[np.bool_]:
+    points = np.abs(part.strands.points).max(axis=(1, 2)) <= LARGEST_COORDINATE
+    return np.asarray(points & (np.abs(part.radii).max(axis=1) <= LARGEST_COORDINATE))
+
+
+def _are_long(points: Float32Array) -> npt.NDArray[np.bool_]:
+    """(S,) bool: whether the points of a strand are not all the same one."""
+    return np.asarray((points[:, 1:] != points[:, :1]).any(axis=(1, 2)))
+
+
+_Layers = dict[str, list[Float32Array]]
+
+
+def _read_layers(
+    hair: ParticleHair, parts: list[_Part], layers: LayerRequest, reader: ArrayReader
+) -> tuple[_Layers, _Layers]:
+    """What the emitter has at the roots, by name: (S, 2) and (S, 3) of each part."""
+    mesh = hair.obj.data
+    maps = mesh.uv_layers
+    uvs: _Layers = {}
+    colors: _Layers = {}
+    if not (layers.uvs or layers.colors):
+        return uvs, colors
+    roots = [_roots_of(part, mesh, reader) for part in parts]
+    names = {layer.name: number for number, layer in enumerate(maps)}
+    active = next((number for number, layer in enumerate(maps) if layer.active_render), None)
+    for name in layers.uvs:
+        number = names.get(name) if name else active
+        if number is not None:
+            uvs[name] = [_uvs_at(one, maps[number], number, reader) for one in roots]
+    byte_colors = {layer.name: number for number, layer in enumerate(mesh.vertex_colors)}
+    for name in layers.colors:
+        if name in names:  # a place has no third channel
+            found = [_uvs_at(one, maps[names[name]], names[name], reader) for one in roots]
+            colors[name] = [np.pad(one, ((0, 0), (0, 1))) for one in found]
+        elif name in byte_colors:
+            colors[name] = [_colors_at(one, mesh.attributes[name], byte_colors[name]) for one in roots]
+    return uvs, colors
+
+
+def _roots_of(part: _Part, mesh: Any, reader: ArrayReader) -> Roots:
+    return find_roots(part.system, part.modifier, mesh, part.strands.first, len(part.strands.points), reader)
+
+
+def _uvs_at(roots: Roots, layer: Any, number: int, reader: ArrayReader) -> Float32Array:
+    if roots.faces is None:
+        return roots.ask("uv_on_emitter", number)
+    return roots.gather(reader.view(layer.uv, CORNER_UVS))
+
+
+def _colors_at(roots: Roots, attribute: Any, number: int) -> Float32Array:
+    """Scene-linear; mixed as Blender does, whose old colours are bytes."""
+    if roots.faces is None:
+        encoded = roots.ask("mcol_on_emitter", number)
+    else:
+        values = np.empty((len(attribute.data), 4), np.float32)
+        attribute.data.foreach_get("color_srgb", values.reshape(-1))
+        encoded = np.floor(roots.gather(np.rint(values[:, :3] * 255.0)) + 1e-3) / np.float32(255.0)
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)

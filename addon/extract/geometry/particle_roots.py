@@ -1,0 +1,182 @@
+"""Where the strands of old particle hair are rooted, and what the emitting mesh has there: UV maps, vertex colours.
+
+Blender keeps for each particle a face and four weights, which Python is not told; they are read from its own memory and
+compared with what `uv_on_emitter` says of some strands on every read. Where they differ (another modifier changes the
+mesh after the particles) that is asked of each strand, a Python call a strand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...sync.records import Float32Array, Int32Array
+from ..pointer_views import CORNER_TRIANGLES, CORNER_UVS, CORNER_VERTS, ArrayReader, view_of_memory
+
+_FLOAT = np.dtype(np.float32)
+_PARTICLE = np.dtype(
+    {
+        "names": ["face", "final_face", "weights"],
+        "formats": ["i4", "i4", (_FLOAT, 4)],
+        "offsets": [152, 156, 160],
+        "itemsize": 200,
+    }
+)
+_CHILD = np.dtype(
+    {
+        "names": ["face", "parent", "weights"],
+        "formats": ["i4", "i4", (_FLOAT, 4)],
+        "offsets": [0, 4, 40],
+        "itemsize": 64,
+    }
+)
+_NOT_FOUND, _IS_CHILD = -1, -2  # of `final_face`
+_CHECKED_STRANDS = 5
+_ROUNDING = 1e-5
+_CORNERS_OF_QUADS = 4
+_QUAD, _TRIANGLE, _TRIANGLE_OF_MORE, _TURNED_QUAD = range(4)  # kinds of faces, of each of which some are compared
+
+Int8Array = npt.NDArray[np.int8]
+
+
+@dataclass(frozen=True, slots=True)
+class Roots:
+    """Of the strands numbered first, first + 1, ...; faces and weights: (S,) and (S, 4), None if unknown.
+
+    corners: (F, 4) int32, the mesh's corners of each of Blender's old faces, which have 3, then -1, or 4.
+    """
+
+    system: Any
+    modifier: Any
+    first: int
+    count: int
+    corners: Int32Array
+    faces: Int32Array | None
+    weights: Float32Array | None
+
+    def gather(self, values: npt.NDArray[Any]) -> Float32Array:
+        """(S, width) float32 of (corners, width): zero for strands without a face."""
+        assert self.faces is not None
+        assert self.weights is not None
+        corners = self.corners[self.faces]
+        weights = np.where((corners >= 0) & (self.faces >= 0)[:, None], self.weights, 0.0)
+        return np.einsum("sc,scw->sw", weights, values[corners], dtype=np.float32)
+
+    def ask(self, accessor: str, number: int) -> Float32Array:
+        """The same as Blender tells it, of each strand. accessor: "uv_on_emitter", "mcol_on_emitter"."""
+        return np.array([self.ask_one(accessor, number, row) for row in range(self.count)], np.float32)
+
+    def ask_one(self, accessor: str, number: int, row: int) -> Any:
+        """Of the strand in this row."""
+        strand = self.first + row
+        particles = self.system.particles
+        particle = particles[min(strand, len(particles) - 1)]
+        layer = {"uv_no" if accessor == "uv_on_emitter" else "vcol_no": number}
+        return getattr(self.system, accessor)(self.modifier, particle=particle, particle_no=strand, **layer)
+
+
+def find_roots(system: Any, modifier: Any, mesh: Any, first: int, count: int, reader: ArrayReader) -> Roots:
+    """Of an evaluated particle system that shows `count` strands from the number `first` on."""
+    corners, kinds = _old_faces(mesh, reader)
+    unknown = Roots(system, modifier, first, count, corners, None, None)
+    if not reader.use_views or not len(corners) or not len(mesh.uv_layers):
+        return unknown
+    found = _read(system, first, count)
+    if found is None:
+        return unknown
+    faces, weights = found
+    if system.settings.emit_from == "VERT" and not (first and system.settings.child_type == "INTERPOLATED"):
+        faces = _faces_of_vertices(faces, corners, mesh, reader)
+    faces = np.where(faces < len(corners), np.maximum(faces, -1), -1).astype(np.int32)
+    roots = Roots(system, modifier, first, count, corners, faces, weights)
+    return roots if _agrees(roots, kinds, mesh, reader) else unknown
+
+
+def _read(system: Any, first: int, count: int) -> tuple[Int32Array, Float32Array] | None:
+    particles = _view(system.particles, _PARTICLE)
+    if particles is None:
+        return None
+    if first == 0:
+        own, final = particles["face"][:count], particles["final_face"][:count]
+        return np.where((final == _NOT_FOUND) | (final == _IS_CHILD), own, final), particles["weights"][:count]
+    children = _view(system.child_particles, _CHILD)
+    if children is None:
+        return None
+    children = children[:count]
+    if system.settings.child_type == "INTERPOLATED":
+        return children["face"], children["weights"]
+    parents = children["parent"]
+    if len(parents) and (parents.min() < 0 or parents.max() >= len(particles)):
+        return None
+    own, final = particles["face"][parents], particles["final_face"][parents]
+    return np.where(final == _NOT_FOUND, own, final), particles["weights"][parents]
+
+
+def _view(collection: Any, dtype: np.dtype[Any]) -> npt.NDArray[Any] | None:
+    """None if its elements are not as far apart as expected."""
+    count = len(collection)
+    if count == 0:
+        return None
+    begin = collection[0].as_pointer()
+    if collection[count - 1].as_pointer() - begin != (count - 1) * dtype.itemsize:
+        return None
+    return view_of_memory(begin, (count,), dtype)
+
+
+def _old_faces(mesh: Any, reader: ArrayReader) -> tuple[Int32Array, Int8Array]:
+    """Corners (F, 4) and kinds (F,) of the faces that particles count: triangles, quads, triangles of other polygons."""
+    starts, sizes = np.empty(len(mesh.polygons), np.int32), np.empty(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get("loop_start", starts)
+    mesh.polygons.foreach_get("loop_total", sizes)
+    is_large = sizes > _CORNERS_OF_QUADS
+    counts = np.where(is_large, sizes - 2, 1)
+    firsts = np.cumsum(counts) - counts
+    faces = np.full((int(counts.sum()), 4), -1, np.int32)
+    small = np.flatnonzero(~is_large)
+    faces[firsts[small]] = starts[small, None] + np.arange(4)
+    kinds = np.full(len(faces), _QUAD, np.int8)
+    triangular = firsts[sizes < _CORNERS_OF_QUADS]
+    faces[triangular, 3], kinds[triangular] = -1, _TRIANGLE
+    if is_large.any():
+        mesh.calc_loop_triangles()
+        triangles = reader.view(mesh.loop_triangles, CORNER_TRIANGLES)
+        owners = np.repeat(np.arange(len(sizes)), sizes - 2)
+        of_large = is_large[owners]
+        rows = np.repeat(firsts[is_large], counts[is_large])
+        rows += np.arange(len(rows)) - np.repeat(np.cumsum(counts[is_large]) - counts[is_large], counts[is_large])
+        faces[rows, :3] = triangles[of_large]
+        kinds[rows] = _TRIANGLE_OF_MORE
+    return _turned(faces, kinds, mesh, reader)
+
+
+def _turned(faces: Int32Array, kinds: Int8Array, mesh: Any, reader: ArrayReader) -> tuple[Int32Array, Int8Array]:
+    """In quads vertex 0 stands neither third nor last: there it would mean that there is no fourth corner."""
+    verts = reader.view(mesh.attributes[".corner_vert"].data, CORNER_VERTS)
+    turned = (kinds == _QUAD) & (verts[faces[:, 2:]] == 0).any(axis=1)
+    faces[turned] = faces[turned][:, [2, 3, 0, 1]]
+    kinds[turned] = _TURNED_QUAD
+    return faces, kinds
+
+
+def _faces_of_vertices(vertices: Int32Array, corners: Int32Array, mesh: Any, reader: ArrayReader) -> Int32Array:
+    """The first old face with each vertex, -1 for none; as in Blender, all triangles have vertex 0."""
+    verts = reader.view(mesh.attributes[".corner_vert"].data, CORNER_VERTS)
+    of_faces = np.where(corners >= 0, verts[corners], 0)
+    first_faces = np.full(len(mesh.vertices) + 1, len(corners), np.int32)
+    np.minimum.at(first_faces, of_faces, np.arange(len(corners), dtype=np.int32)[:, None])
+    first_faces[first_faces == len(corners)] = -1
+    first_faces[-1] = -1
+    is_vertex = (vertices >= 0) & (vertices < len(mesh.vertices))
+    return first_faces[np.where(is_vertex, vertices, len(mesh.vertices))]
+
+
+def _agrees(roots: Roots, kinds: Int8Array, mesh: Any, reader: ArrayReader) -> bool:
+    found = roots.gather(reader.view(mesh.uv_layers[0].uv, CORNER_UVS))
+    evenly = np.linspace(0, roots.count - 1, min(_CHECKED_STRANDS, roots.count)).astype(int)
+    _, of_each_kind = np.unique(kinds[roots.faces], return_index=True)
+    rows = [*evenly.tolist(), *of_each_kind.tolist()]
+    expected = np.array([roots.ask_one("uv_on_emitter", 0, row) for row in rows], np.float32)
+    return bool((np.abs(found[rows] - expected) <= _ROUNDING * max(1.0, float(np.abs(expected).max()))).all())

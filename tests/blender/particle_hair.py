@@ -1,0 +1,58 @@
+"""Old particle hair for tests: emitters, and their strands by Blender's own accessor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+import numpy.typing as npt
+from blender.builders import mesh_object
+
+SQUARES = 3
+COUNT = 24
+
+
+def emitter(name: str = "Emitter", squares: int = SQUARES, **settings: Any) -> Any:
+    """A grid over (0, 0) to (squares, squares) with a UV map, from which hair grows. settings: of the particles."""
+    steps = np.arange(squares + 1)
+    places = np.stack([*np.meshgrid(steps, steps), np.zeros((squares + 1, squares + 1))], axis=-1).reshape(-1, 3)
+    corners = [0, 1, squares + 2, squares + 1]
+    faces = [
+        [row * (squares + 1) + column + corner for corner in corners] for row, column in np.ndindex(squares, squares)
+    ]
+    data = bpy.data.meshes.new(name)
+    data.from_pydata(places.tolist(), [], faces)
+    uvs = data.uv_layers.new(name="UVMap")
+    verts = np.array([loop.vertex_index for loop in data.loops])
+    uvs.uv.foreach_set("vector", (places[verts, :2] / squares).astype(np.float32).ravel())
+    obj = mesh_object(name, data)
+    add_hair(obj, **settings)
+    return obj
+
+
+def add_hair(obj: Any, **settings: Any) -> Any:
+    """The settings of a new particle system."""
+    modifier = obj.modifiers.new("hair", "PARTICLE_SYSTEM")
+    particles = modifier.particle_system.settings
+    values = {"type": "HAIR", "count": COUNT, "hair_length": 1.0, "hair_step": 4, "render_step": 3, "display_step": 2}
+    values |= {"radius_scale": 0.1, "root_radius": 1.0, "tip_radius": 0.2, "shape": 0.0, "use_close_tip": False}
+    values |= settings
+    for name, value in values.items():
+        setattr(particles, name, value)
+    return particles
+
+
+def expected_strands(obj: Any, depsgraph: Any) -> npt.NDArray[np.float64]:
+    """(S, K, 3) in the object's space, as a viewport shows them, by `co_hair`."""
+    shown = obj.evaluated_get(depsgraph)
+    inverse = np.linalg.inv(np.array(shown.matrix_world))
+    system = shown.particle_systems[0]
+    settings = system.settings
+    children = int(len(system.child_particles) * settings.display_percentage / 100)
+    first, count = (len(system.particles), children) if children else (0, len(system.particles))
+    steps = range((1 << settings.display_step) + 1)
+    points = np.array(
+        [[system.co_hair(shown, particle_no=first + row, step=step) for step in steps] for row in range(count)]
+    )
+    return points @ inverse[:3, :3].T + inverse[:3, 3]
