@@ -52,11 +52,13 @@ class Strands:
     """What one particle system shows as strands: the children, or the particles themselves where there are none.
 
     points: (S, K, 3) float32 in the object's space; shorter strands repeat their last point. first: the number that
-    Blender has for the first of them, which goes through the particles and then the children.
+    Blender has for the first of them, which goes through the particles and then the children. rounding: what points may
+    differ by that are read in the other way.
     """
 
     points: Float32Array
     first: int
+    rounding: float = 0.0
 
 
 def read_strands(system: Any, obj: Any, reader: ArrayReader, for_render: bool) -> Strands:
@@ -69,9 +71,17 @@ def read_strands(system: Any, obj: Any, reader: ArrayReader, for_render: bool) -
         if points is not None and len(points) and VERDICT not in reader.verdicts:
             reader.verdicts[VERDICT] = _agrees(points, first, system, obj)
         if points is not None and reader.verdicts.get(VERDICT, True):
-            return Strands(points, first)
+            return _rounded(points, first, obj)
         reader.verdicts[VERDICT] = False
-    return Strands(_read_one_by_one(system, obj, range(first, first + count), _step_count(system, for_render)), first)
+    points = _read_one_by_one(system, obj, range(first, first + count), _step_count(system, for_render))
+    return _rounded(points, first, obj)
+
+
+def _rounded(points: Float32Array, first: int, obj: Any) -> Strands:
+    """Blender keeps places in the world, which single precision holds the worse the further away the object is."""
+    inverse = np.linalg.inv(np.array(obj.matrix_world, np.float64))
+    largest = float(np.abs(inverse[:3, 3]).max()) + float(max(points.max(initial=0.0), -points.min(initial=0.0)))
+    return Strands(points, first, _ROUNDING * largest)
 
 
 def _shown(system: Any, for_render: bool) -> tuple[int, int]:
@@ -149,8 +159,7 @@ def _shortened(points: Float32Array, segments: Int32Array) -> Float32Array:
 def _agrees(points: Float32Array, first: int, system: Any, obj: Any) -> bool:
     picked = sorted({*range(min(_CHECKED_STRANDS, len(points))), len(points) - 1})
     expected = _read_one_by_one(system, obj, [first + row for row in picked], points.shape[1])
-    largest = max(float(np.abs(expected).max()), float(np.abs(np.array(obj.matrix_world)).max()))
-    return bool((np.abs(points[picked] - expected) <= _ROUNDING * largest).all())
+    return bool((np.abs(points[picked] - expected) <= _rounded(expected, first, obj).rounding).all())
 
 
 def _read_one_by_one(system: Any, obj: Any, numbers: range | list[int], step_count: int) -> Float32Array:

@@ -21,7 +21,11 @@ def find_mismatches(synced: SceneRecord, reference: SceneRecord) -> tuple[str, .
         if other is None:
             found.append(f"mesh {mesh.name}: synced, but Blender does not show it")
             continue
-        found += [f"mesh {mesh.name}: {column} differ" for column in MESH_COLUMNS if _differ(mesh, other, column)]
+        found += [
+            f"mesh {mesh.name}: {column} differ"
+            for column in MESH_COLUMNS
+            if _differ(mesh, other, column, max(mesh.rounding, other.rounding))
+        ]
         if mesh.form != other.form:
             found.append(f"mesh {mesh.name}: kind differs")
         if not have_same_layers(mesh, other):
@@ -45,8 +49,11 @@ def _differ_in_view(synced: SceneRecord, reference: SceneRecord) -> bool:
     return any(_differ(first, second, field.name) for field in fields(first))
 
 
-def _differ(synced: Any, reference: Any, column: str) -> bool:
+def _differ(synced: Any, reference: Any, column: str, rounding: float = 0.0) -> bool:
+    """rounding: what numbers that are no whole ones may differ by."""
     first, second = getattr(synced, column), getattr(reference, column)
     if first is None or second is None:
         return first is not second
+    if rounding and first.dtype.kind == "f" and first.shape == second.shape:
+        return not bool((np.abs(first - second) <= rounding).all())
     return not np.array_equal(first, second)

@@ -127,6 +127,7 @@ def read_particle_hair(
         radii=held(joined([part.radii for part in parts]), last and last.radii),
         curve_offsets=held(np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), last and last.curve_offsets),
         curve_kind="catmull_rom",
+        rounding=max(part.strands.rounding for part in parts),
     )
 
 

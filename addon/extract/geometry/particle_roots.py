@@ -127,7 +127,7 @@ def _view(collection: Any, dtype: np.dtype[Any]) -> npt.NDArray[Any] | None:
 
 
 def _old_faces(mesh: Any, reader: ArrayReader) -> tuple[Int32Array, Int8Array]:
-    """Corners (F, 4) and kinds (F,) of the faces that particles count: triangles, quads, triangles of other polygons."""
+    """Corners (F, 4), kinds (F,) of the faces that particles count: triangles, quads, triangles of other polygons."""
     starts, sizes = np.empty(len(mesh.polygons), np.int32), np.empty(len(mesh.polygons), np.int32)
     mesh.polygons.foreach_get("loop_start", starts)
     mesh.polygons.foreach_get("loop_total", sizes)
