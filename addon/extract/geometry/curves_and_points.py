@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 import numpy.typing as npt
-from perfect_bvh.bulk import are_equal
+from perfect_bvh.bulk import are_equal, copy_within
 
 from ...sync.records import (
     LARGEST_COORDINATE,
@@ -62,33 +62,23 @@ def read_curves_or_points(
     number that is not finite are dropped, and curves of a single point.
     """
     is_curves = isinstance(data, _Curves)
-    positions = _read(data, "position", POSITIONS, reader)
+    positions = _view(data, "position", POSITIONS, reader)
     if positions is None or not len(positions):
         return None
-    radii = _read(data, "radius", RADII, reader)
+    radii = _view(data, "radius", RADII, reader)
     if radii is None or len(radii) != len(positions):
         radii = np.full(len(positions), _CURVE_RADIUS if is_curves else _POINT_RADIUS, np.float32)
-    radii = np.maximum(radii, 0.0)  # not a number stays none
-    usable = np.abs(radii) <= LARGEST_COORDINATE
-    usable &= (np.abs(positions) <= LARGEST_COORDINATE).all(axis=1)
-    offsets: Offsets | None = None
-    kept: Int32Array | None = None
-    kept_points: npt.NDArray[np.bool_] | None = None
-    dropped = 0
-    if is_curves:
-        offsets = _offsets_of(data, reader)
-        counts = np.diff(offsets)
-        good = np.logical_and.reduceat(usable, np.minimum(offsets[:-1], len(usable) - 1)) & (counts >= _LEAST_POINTS)
-        dropped = int((~good & (counts >= _LEAST_POINTS)).sum())
-        if not good.all():
-            kept_points = np.repeat(good, counts)
-            positions, radii = positions[kept_points], radii[kept_points]
-            offsets = np.concatenate([[0], np.cumsum(counts[good])])
-            kept = np.flatnonzero(good).astype(np.int32)
-    elif not usable.all():
-        kept_points = usable
-        positions, radii = positions[usable], radii[usable]
-        kept, dropped = np.flatnonzero(usable).astype(np.int32), int((~usable).sum())
+    positions, are_places = _copied(positions, last and last.positions)
+    radii, are_radii = _copied(radii, last and last.radii)
+    if radii is not (last and last.radii) and radii.min() < 0.0:
+        radii = np.maximum(radii, 0.0)  # not a number stays none
+    usable = None if are_places and are_radii else _usable(positions, radii)
+    offsets = _offsets_of(data, reader) if is_curves else None
+    kept_points, kept, dropped = _kept(usable, offsets, len(positions))
+    if kept_points is not None:
+        positions, radii = positions[kept_points], radii[kept_points]
+        if offsets is not None:
+            offsets = np.concatenate([[0], np.cumsum(np.diff(offsets)[kept])])
     if not len(positions):
         return None
     uvs: dict[str, Float32Array] = {}
@@ -117,14 +107,50 @@ def read_curves_or_points(
     )
 
 
-def _read(data: Any, name: str, kind: Any, reader: ArrayReader) -> Float32Array | None:
-    """A copy of a point's attribute, None if there is none of that name and kind."""
+def _view(data: Any, name: str, kind: Any, reader: ArrayReader) -> Float32Array | None:
+    """A point's attribute, None if there is none of that name and kind."""
     attribute = data.attributes.get(name)
     expected = "FLOAT_VECTOR" if kind is POSITIONS else "FLOAT"
     if attribute is None or attribute.domain != "POINT" or attribute.data_type != expected:
         return None
-    values: Float32Array = reader.read(attribute.data, kind)
+    values: Float32Array = reader.view(attribute.data, kind)
     return values
+
+
+def _copied(values: Float32Array, last: Float32Array | None) -> tuple[Float32Array, bool]:
+    """The last array if it is equal, else a copy; and whether all of its numbers are of use, as the last ones are."""
+    if last is not None and are_equal(values, last):
+        return last, True
+    copy = np.empty(values.shape, np.float32)
+    return copy, copy_within(values, copy, LARGEST_COORDINATE)
+
+
+def _usable(positions: Float32Array, radii: Float32Array) -> npt.NDArray[np.bool_]:
+    """(P,) bool: the points that have numbers of use."""
+    usable = np.abs(radii) <= LARGEST_COORDINATE
+    return np.asarray(usable & (np.abs(positions) <= LARGEST_COORDINATE).all(axis=1))
+
+
+_Points = npt.NDArray[np.bool_]
+
+
+def _kept(usable: _Points | None, offsets: Offsets | None, count: int) -> tuple[_Points | None, Int32Array | None, int]:
+    """Which points are shown, which curves or points, None for all; and how many were dropped for their numbers.
+
+    usable: None if all of the `count` points are. offsets: of curves, None for points.
+    """
+    if offsets is None:
+        if usable is None or usable.all():
+            return None, None, 0
+        return usable, np.flatnonzero(usable).astype(np.int32), int((~usable).sum())
+    counts = np.diff(offsets)
+    is_long = counts >= _LEAST_POINTS
+    good = is_long
+    if usable is not None:
+        good = is_long & np.logical_and.reduceat(usable, np.minimum(offsets[:-1], count - 1))
+    if good.all():
+        return None, None, 0
+    return np.repeat(good, counts), np.flatnonzero(good).astype(np.int32), int((is_long & ~good).sum())
 
 
 def _offsets_of(data: Any, reader: ArrayReader) -> Offsets:
