@@ -118,16 +118,14 @@ def _read_memory(system: Any, first: int, count: int) -> Float32Array | None:
     paths, count = int(head[f"{kind}s"]), min(count, int(head[f"{kind}_count"]))
     if paths == 0 or count <= 0:
         return np.empty((0, 2, 3), np.float32)
-    in_world = _gather(view_of_memory(paths, (count,), np.dtype(np.int64)))
-    if in_world is None:
-        return None
-    matrix = head["to_object"].reshape(4, 4)
-    points = in_world.reshape(-1, 3) @ matrix[:3, :3] + matrix[3, :3]
-    return points.reshape(in_world.shape)
+    return _gather(view_of_memory(paths, (count,), np.dtype(np.int64)), head["to_object"].reshape(4, 4))
 
 
-def _gather(pointers: npt.NDArray[np.int64]) -> Float32Array | None:
-    """(S, K, 3): the points of strands that lie in memory one after another, in hundreds."""
+def _gather(pointers: npt.NDArray[np.int64], matrix: Float32Array) -> Float32Array | None:
+    """(S, K, 3): the points of strands that lie in memory one after another, in hundreds, mapped by the matrix.
+
+    So many fit into a processor's cache; None if they do not lie as expected.
+    """
     segment_count = int(view_of_memory(int(pointers[0]), (1,), _RECORD)["segments"][0])
     steps = np.diff(pointers)
     stride = int(np.median(steps)) if len(steps) else (max(segment_count, 1) + 1) * _RECORD.itemsize
@@ -139,7 +137,9 @@ def _gather(pointers: npt.NDArray[np.int64]) -> Float32Array | None:
     begins = [0, *(np.flatnonzero(steps != stride) + 1).tolist(), len(pointers)]
     for begin, end in pairwise(begins):
         records = view_of_memory(int(pointers[begin]), (end - begin, length), _RECORD)
-        points[begin:end] = records["point"]
+        placed = points[begin:end].reshape(-1, 3)
+        np.matmul(records["point"].reshape(-1, 3), matrix[:3, :3], out=placed)
+        placed += matrix[3, :3]
         segments[begin:end] = records["segments"][:, 0]
     if segments.max() >= length:
         return None

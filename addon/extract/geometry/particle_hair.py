@@ -19,6 +19,7 @@ from ..strand_cache import Strands, read_strands
 from .curves_and_points import NO_POLYGONS, NO_TRIANGLES, held, held_layers
 from .particle_roots import Roots, find_roots
 
+_BLOCK = 2048  # strands that fit into a processor's cache
 _EDITED = frozenset({"EDIT", "PARTICLE_EDIT"})  # modes in which Cycles shows no strands either
 
 
@@ -62,12 +63,13 @@ def _is_strands(settings: Any) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """What one system shows: strands with their radii, (S, K)."""
+    """What one system shows: strands with their radii, (S, K), and lengths, (S,)."""
 
     system: Any
     modifier: Any
     strands: Strands
     radii: Float32Array
+    lengths: Float32Array
 
 
 def read_particle_hair(
@@ -89,8 +91,7 @@ def read_particle_hair(
         return None
     rows = [np.arange(len(part.radii)) for part in parts]
     are_good = [_are_good(part) for part in parts]
-    has_length = [(part.radii.shape[1] > 1) & _are_long(part.strands.points) for part in parts]
-    kept = [np.flatnonzero(good & long) for good, long in zip(are_good, has_length, strict=True)]
+    kept = [np.flatnonzero(good & (part.lengths > 0.0)) for good, part in zip(are_good, parts, strict=True)]
     are_all = all(len(some) == len(all_rows) for some, all_rows in zip(kept, rows, strict=True))
     if not any(len(some) for some in kept):
         return None
@@ -133,17 +134,18 @@ def read_particle_hair(
 
 def _read_part(modifier: Any, system: Any, hair: ParticleHair, reader: ArrayReader) -> _Part:
     strands = read_strands(system, hair.obj, reader, hair.for_render)
-    return _Part(system, modifier, strands, _radii(strands.points, system.settings))
+    along, lengths = _along(strands.points)
+    return _Part(system, modifier, strands, _radii(along, system.settings), lengths)
 
 
-def _radii(points: Float32Array, settings: Any) -> Float32Array:
+def _radii(along: Float32Array, settings: Any) -> Float32Array:
     """(S, K) float32: from the root's to the tip's, over the length of each strand."""
     scale = np.float32(settings.radius_scale) * np.float32(0.5)
     root, tip = scale * np.float32(settings.root_radius), scale * np.float32(settings.tip_radius)
     if root == tip:
-        radii = np.full(points.shape[:2], root, np.float32)
+        radii = np.full(along.shape, root, np.float32)
     else:
-        rest = 1.0 - _along(points)
+        rest = 1.0 - along
         shape = float(settings.shape)
         if shape < 0.0:
             rest **= np.float32(1.0 + shape)
@@ -155,24 +157,26 @@ def _radii(points: Float32Array, settings: Any) -> Float32Array:
     return radii
 
 
-def _along(points: Float32Array) -> Float32Array:
-    """(S, K) float32, 0 to 1: how far along its strand each point lies."""
-    steps = np.diff(points, axis=1)
-    lengths = np.zeros(points.shape[:2], np.float32)
-    np.cumsum(np.sqrt(np.einsum("skx,skx->sk", steps, steps)), axis=1, out=lengths[:, 1:])
-    whole = lengths[:, -1:]
-    np.divide(lengths, whole, out=lengths, where=whole > 0.0)
-    return np.clip(lengths, 0.0, 1.0, out=lengths)
+def _along(points: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """(S, K) float32, 0 to 1: how far along its strand each point lies; and (S,), how long strands are."""
+    along = np.zeros(points.shape[:2], np.float32)
+    for begin in range(0, len(points), _BLOCK):
+        steps = np.diff(points[begin : begin + _BLOCK], axis=1)
+        np.cumsum(np.sqrt(np.einsum("skx,skx->sk", steps, steps)), axis=1, out=along[begin : begin + _BLOCK, 1:])
+    lengths = along[:, -1].copy()
+    with np.errstate(invalid="ignore"):  # those with a number that is not finite are dropped
+        np.divide(along, lengths[:, None], out=along, where=(lengths > 0.0)[:, None])
+    return np.clip(along, 0.0, 1.0, out=along), lengths
 
 
 def _are_good(part: _Part) -> npt.NDArray[np.bool_]:
-    points = np.abs(part.strands.points).max(axis=(1, 2)) <= LARGEST_COORDINATE
-    return np.asarray(points & (np.abs(part.radii).max(axis=1) <= LARGEST_COORDINATE))
-
-
-def _are_long(points: Float32Array) -> npt.NDArray[np.bool_]:
-    """(S,) bool: whether the points of a strand are not all the same one."""
-    return np.asarray((points[:, 1:] != points[:, :1]).any(axis=(1, 2)))
+    """(S,) bool: all of its numbers are of use."""
+    arrays = (part.strands.points, part.radii)
+    if all(array.min() >= -LARGEST_COORDINATE and array.max() <= LARGEST_COORDINATE for array in arrays):
+        return np.ones(len(part.radii), np.bool_)
+    points, radii = arrays
+    good = np.abs(points).max(axis=(1, 2)) <= LARGEST_COORDINATE
+    return np.asarray(good & (np.abs(radii).max(axis=1) <= LARGEST_COORDINATE))
 
 
 _Layers = dict[str, list[Float32Array]]
