@@ -202,9 +202,10 @@ class SceneLookup:
 
 def _mesh_column(mesh: MeshRecord, name: str) -> Int32Array:
     values: Int32Array | None = getattr(mesh, name)
-    if mesh.kind != "triangles":  # curves and points have no polygons, and are all of the first slot
-        values = np.zeros(mesh.part_count, np.int32) if name == "material_slots" else mesh.triangle_ids
-        return np.arange(mesh.part_count, dtype=np.int32) if values is None else values
+    if mesh.kind != "triangles":  # curves and points have no polygons, and mostly all the first slot
+        if name == "material_slots":
+            return np.zeros(mesh.part_count, np.int32) if values is None else values
+        return np.arange(mesh.part_count, dtype=np.int32) if mesh.triangle_ids is None else mesh.triangle_ids
     if values is not None:
         return values
     if name == "triangle_ids":

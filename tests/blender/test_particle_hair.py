@@ -249,6 +249,11 @@ def test_each_system_has_its_material(scene: Any) -> None:
         slots = hair_of(sync.record).material_slots
         assert slots is not None and slots.tolist() == expected
         assert assert_as_fresh(sync) > 20
+        hits = sync.scene.cast_rays(*rays(), fields=(*FIELDS, "instance_ids", "mesh_ids"))
+        is_hair = hits.mesh_ids == sync.mesh_ids[[mesh.kind == "curves" for mesh in sync.record.meshes]]
+        assert is_hair.any()
+        names = sync.material_names[sync.material_ids(hits)[is_hair]]
+        assert names.tolist() == [("Skin", "Hair")[expected[curve]] for curve in hits.primitive_ids[is_hair]]
     sync.close()
 
 

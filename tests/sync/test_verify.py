@@ -54,5 +54,14 @@ def test_a_difference_is_named(sentence: str) -> None:
     assert find_mismatches(base(), DIFFERENCES[sentence]()) == (sentence,)
 
 
+def test_what_is_known_to_be_rounded_may_differ_by_so_much() -> None:
+    def moved(by: float) -> SceneRecord:
+        return with_mesh(positions=base().meshes[0].positions + np.float32(by), rounding=1e-3)
+
+    assert find_mismatches(base(), moved(5e-4)) == ()
+    assert find_mismatches(base(), moved(2e-3)) == ("mesh a: positions differ",)
+    assert find_mismatches(base(), with_mesh(rounding=1e-3, triangles=base().meshes[0].triangles[:, ::-1])) != ()
+
+
 def test_equal_readings_have_none() -> None:
     assert find_mismatches(base(), base()) == ()
