@@ -196,7 +196,8 @@ def test_hair_is_kept_in_step(scene: Any) -> None:
     sync = SceneSync()
     assert actions(sync.update(evaluated())) == {"triangles": "added", "curves": "added"}
     assert assert_as_fresh(sync) > 20
-    assert actions(sync.update(evaluated()))["curves"] == "kept"
+    report = sync.update(evaluated())
+    assert [mesh.reason for mesh in report.meshes] == ["Blender did not evaluate it again"] * 2
 
     settings.hair_length = 0.7
     assert actions(sync.update(evaluated())) == {"triangles": "kept", "curves": "deformed"}
@@ -244,7 +245,7 @@ def test_each_system_has_its_material(scene: Any) -> None:
         obj.data.materials.append(bpy.data.materials.new(name))
     sync = SceneSync()
     for slot, expected in ((2, [0] * COUNT + [1] * COUNT), (1, [0] * 2 * COUNT), (2, [0] * COUNT + [1] * COUNT)):
-        other.material_slot = obj.material_slots[slot - 1].name
+        other.material = slot
         sync.update(evaluated())
         slots = hair_of(sync.record).material_slots
         assert slots is not None and slots.tolist() == expected
@@ -315,6 +316,26 @@ def test_memory_of_another_layout_is_not_read(scene: Any, monkeypatch: pytest.Mo
     mesh = hair_of(read_scene(evaluated(), reader=reader))
     assert reader.verdicts[VERDICT] is False
     np.testing.assert_array_equal(mesh.positions, expected.positions)
+
+
+def test_frames_are_followed(scene: Any) -> None:
+    """Of a surface that waves below the hair, and of settings that are animated."""
+    obj = emitter(**kind_settings("SIMPLE"))
+    wave = obj.modifiers.new("wave", "WAVE")
+    wave.height, wave.start_position_x = 0.4, 1.5
+    obj.modifiers.move(1, 0)
+    settings = obj.particle_systems[0].settings
+    settings.keyframe_insert("brownian_factor", frame=4)
+    settings.brownian_factor = 0.6
+    settings.keyframe_insert("brownian_factor", frame=8)
+    sync = SceneSync()
+    sync.update(evaluated())
+    for frame, moves in ((2, True), (3, True), (6, True), (8, True), (8, False)):
+        scene.frame_set(frame)
+        report = sync.update(evaluated())
+        assert (actions(report)["curves"] == "deformed") == moves, frame
+        assert assert_as_fresh(sync) > 20
+    sync.close()
 
 
 class Edits:

@@ -8,8 +8,9 @@ from typing import Any
 
 from ...events.evaluation_log import EvaluationLog
 from ...sync.records import AttributeRequest, MeshRecord
+from .particle_hair import ParticleHair
 
-Place = tuple[int, ...]
+Place = tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +52,9 @@ class MeshCache:
 
 
 def place_of(mesh: Any) -> Place:
-    """Addresses and sizes of an evaluated mesh's arrays."""
+    """Addresses and sizes of an evaluated mesh's arrays; of particle hair what it is made by, too."""
+    if isinstance(mesh, ParticleHair):
+        return mesh.place()
     positions, corners = (mesh.attributes[name].data for name in ("position", ".corner_vert"))
     sizes = (len(positions), len(corners), len(mesh.polygons))
     return (*(array[0].as_pointer() if len(array) else 0 for array in (positions, corners)), *sizes)

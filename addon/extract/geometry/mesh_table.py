@@ -147,14 +147,17 @@ class MeshTable:
             twin = len(self.records) - 1
             self._tokens[twin] = token
         self._counts[origin] += 1
-        if not isinstance(mesh, _Mesh):
+        if not isinstance(mesh, _Mesh | ParticleHair):
             self.cache.meshes[token] = CachedMesh(self.records[twin], (), _uids_of(original))
-        elif not mesh.is_editmode:
+        elif isinstance(mesh, ParticleHair) or not mesh.is_editmode:
             self.cache.meshes[token] = CachedMesh(self.records[twin], place_of(mesh), _uids_of(original))
         return twin
 
     def _read(self, original: Any, mesh: Any, token: Hashable, layers: LayerRequest) -> MeshRecord | None:
         if not isinstance(mesh, _Mesh):
+            cached = self._find_untouched(original, mesh, token, layers) if isinstance(mesh, ParticleHair) else None
+            if cached is not None:
+                return cached
             held = self._last.meshes.get(token)
             last = None if held is None else held.record
             if isinstance(mesh, ParticleHair):
@@ -165,14 +168,21 @@ class MeshTable:
             record = read_mesh(evaluated.to_mesh(), None, original.name, self._attributes, layers, self._reader)
             evaluated.to_mesh_clear()
             return record
-        if original.mode == "OBJECT":
-            cached = self._last.find_untouched(token, mesh, _uids_of(original), self.cache, self._log)
-            if cached is not None and cached.record.layers.covers(layers):
-                record = cached.record.narrowed(layers)
-                return replace(record, name=_name_of(original, mesh), was_read=False)
+        cached = self._find_untouched(original, mesh, token, layers)
+        if cached is not None:
+            return cached
         held = self._last.meshes.get(token)
         known = None if held is None else held.record
         return read_mesh(mesh, None, _name_of(original, mesh), self._attributes, layers, self._reader, known)
+
+    def _find_untouched(self, original: Any, mesh: Any, token: Hashable, layers: LayerRequest) -> MeshRecord | None:
+        """What was read the last time, if it is sure to be what is there."""
+        if original.mode != "OBJECT":
+            return None
+        cached = self._last.find_untouched(token, mesh, _uids_of(original), self.cache, self._log)
+        if cached is None or not cached.record.layers.covers(layers):
+            return None
+        return replace(cached.record.narrowed(layers), name=_name_of(original, mesh), was_read=False)
 
     def _origin(self, original: Any, mesh: Any, is_own: bool) -> tuple[Any, ...]:
         """What a mesh comes from: all of its key but the last numbers."""

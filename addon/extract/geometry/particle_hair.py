@@ -19,6 +19,7 @@ from ..strand_cache import Strands, read_strands
 from .curves_and_points import NO_POLYGONS, NO_TRIANGLES, held, held_layers
 from .particle_roots import Roots, find_roots
 
+_OF_RADII = ("radius_scale", "root_radius", "tip_radius", "shape", "use_close_tip")
 _BLOCK = 2048  # strands that fit into a processor's cache
 _EDITED = frozenset({"EDIT", "PARTICLE_EDIT"})  # modes in which Cycles shows no strands either
 
@@ -40,6 +41,16 @@ class ParticleHair:
     def is_edited(self) -> bool:
         """Whether it is being combed or its mesh edited."""
         return self.obj.original.mode in _EDITED
+
+    def place(self) -> tuple[float, ...]:
+        """Addresses, sizes and settings, of which not all are noticed by Blender's evaluation."""
+        found: list[float] = []
+        for _, system in self.systems:
+            particles = system.particles
+            found += [system.as_pointer(), particles[0].as_pointer() if len(particles) else 0, len(particles)]
+            found += [len(system.child_particles), *(getattr(system.settings, name) for name in _OF_RADII)]
+            found.append(system.settings.material)
+        return tuple(found)
 
     def as_pointer(self) -> int:
         """An address that no other data have."""
