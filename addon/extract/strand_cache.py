@@ -66,14 +66,15 @@ def read_strands(system: Any, obj: Any, reader: ArrayReader, for_render: bool) -
     first, count = _shown(system, for_render)
     if count == 0:
         return Strands(np.empty((0, 0, 3), np.float32), first)
+    steps = _step_count(system, for_render)
     if reader.use_views and reader.verdicts.get(VERDICT, True):
-        points = _read_memory(system, first, count)
+        points = _read_memory(system, first, count, steps)
         if points is not None and len(points) and VERDICT not in reader.verdicts:
             reader.verdicts[VERDICT] = _agrees(points, first, system, obj)
         if points is not None and reader.verdicts.get(VERDICT, True):
             return _rounded(points, first, obj)
         reader.verdicts[VERDICT] = False
-    points = _read_one_by_one(system, obj, range(first, first + count), _step_count(system, for_render))
+    points = _read_one_by_one(system, obj, range(first, first + count), steps)
     return _rounded(points, first, obj)
 
 
@@ -101,12 +102,12 @@ def _step_count(system: Any, for_render: bool) -> int:
     return count + (settings.kink_extra_steps if settings.kink == "SPIRAL" else 0)
 
 
-def _read_memory(system: Any, first: int, count: int) -> Float32Array | None:
-    """(S, K, 3) in the object's space; None if the memory is not laid out as expected."""
+def _read_memory(system: Any, first: int, count: int, step_count: int) -> Float32Array | None:
+    """(S, K, 3) in the object's space; None if the memory is not laid out as expected. step_count: K."""
     head = view_of_memory(system.as_pointer(), (1,), _SYSTEM)[0]
     particles, children = system.particles, system.child_particles
     is_known = (
-        head["name"] == system.name.encode()
+        bytes(head["name"]).split(b"\0")[0] == system.name.encode()
         and len(particles) > 0
         and (head["particles"], head["particle_count"]) == (particles[0].as_pointer(), len(particles))
         and head["child_count"] == len(children)
@@ -117,11 +118,12 @@ def _read_memory(system: Any, first: int, count: int) -> Float32Array | None:
     kind = "path" if first == 0 else "child_path"
     paths, count = int(head[f"{kind}s"]), min(count, int(head[f"{kind}_count"]))
     if paths == 0 or count <= 0:
-        return np.empty((0, 2, 3), np.float32)
-    return _gather(view_of_memory(paths, (count,), np.dtype(np.int64)), head["to_object"].reshape(4, 4))
+        return np.empty((0, step_count, 3), np.float32)
+    pointers = view_of_memory(paths, (count,), np.dtype(np.int64))
+    return _gather(pointers, head["to_object"].reshape(4, 4), step_count) if pointers.all() else None
 
 
-def _gather(pointers: npt.NDArray[np.int64], matrix: Float32Array) -> Float32Array | None:
+def _gather(pointers: npt.NDArray[np.int64], matrix: Float32Array, step_count: int) -> Float32Array | None:
     """(S, K, 3): the points of strands that lie in memory one after another, in hundreds, mapped by the matrix.
 
     So many fit into a processor's cache; None if they do not lie as expected.
@@ -132,19 +134,19 @@ def _gather(pointers: npt.NDArray[np.int64], matrix: Float32Array) -> Float32Arr
     length, rest = divmod(stride, _RECORD.itemsize)
     if rest or length < 2:
         return None
-    points = np.empty((len(pointers), length, 3), np.float32)
+    points = np.zeros((len(pointers), step_count, 3), np.float32)
+    read = min(length, step_count)
     segments = np.empty(len(pointers), np.int32)
     begins = [0, *(np.flatnonzero(steps != stride) + 1).tolist(), len(pointers)]
     for begin, end in pairwise(begins):
         records = view_of_memory(int(pointers[begin]), (end - begin, length), _RECORD)
-        placed = points[begin:end].reshape(-1, 3)
-        np.matmul(records["point"].reshape(-1, 3), matrix[:3, :3], out=placed)
+        placed = records["point"][:, :read].reshape(-1, 3) @ matrix[:3, :3]
         placed += matrix[3, :3]
+        points[begin:end, :read] = placed.reshape(-1, read, 3)
         segments[begin:end] = records["segments"][:, 0]
     if segments.max() >= length:
         return None
-    longest = max(int(segments.max()), 1)
-    return _shortened(points[:, : longest + 1], np.clip(segments, 0, longest))
+    return _shortened(points, np.clip(segments, 0, step_count - 1))
 
 
 def _shortened(points: Float32Array, segments: Int32Array) -> Float32Array:

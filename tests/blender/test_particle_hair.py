@@ -55,6 +55,33 @@ def test_strands_are_those_that_blender_tells(scene: Any, children: str, use_vie
     assert reader.verdicts.get(VERDICT) == (True if use_views else None)
 
 
+KINDS_OF_STRANDS: dict[str, dict[str, Any]] = {
+    "spiral": {"kink": "SPIRAL", "kink_extra_steps": 3, "child_type": "SIMPLE"},
+    "cut": {"child_type": "INTERPOLATED", "child_length": 0.4, "child_length_threshold": 0.5},
+    "none of some": {"child_type": "INTERPOLATED", "child_length": 0.0, "child_length_threshold": 0.5},
+    "shorter": {"path_end": 0.6},
+    "by chance": {"child_type": "INTERPOLATED", "roughness_endpoint": 0.3, "length_random": 0.8},
+    "splines": {"use_hair_bspline": True},
+    "parents, too": {"child_type": "SIMPLE", "use_parent_particles": True},
+    "virtual parents": {"child_type": "INTERPOLATED", "virtual_parents": 0.5, "clump_factor": 0.5},
+    "many": {"child_type": "SIMPLE", "child_percent": 100, "count": 60},
+    "from volume": {"emit_from": "VOLUME"},
+}
+
+
+@pytest.mark.parametrize("name", KINDS_OF_STRANDS)
+def test_both_ways_of_reading_agree(scene: Any, name: str) -> None:
+    emitter(**KINDS_OF_STRANDS[name])
+    depsgraph, fast = evaluated(), ArrayReader()
+    mesh = hair_of(read_scene(depsgraph, reader=fast))
+    assert fast.verdicts[VERDICT]
+    slow = hair_of(read_scene(depsgraph, reader=ArrayReader(use_views=False)))
+    np.testing.assert_allclose(mesh.positions, slow.positions, atol=1e-5)
+    assert mesh.curve_offsets is not None
+    np.testing.assert_array_equal(mesh.curve_offsets, slow.curve_offsets)
+    np.testing.assert_allclose(mesh.radii, slow.radii, atol=1e-5)
+
+
 @pytest.mark.parametrize("children", CHILDREN)
 def test_depth_and_index_are_those_of_cycles(scene: Any, registered: None, children: str) -> None:
     obj = emitter(**kind_settings(children))
