@@ -18,6 +18,7 @@ from perfect_bvh.bulk import place_instances
 from ...sync.records import LARGEST_COORDINATE, Float32Array, Int32Array
 from ..looks.instance_sources import RANDOM
 from .groups import NOT_SHOWN, GroupTable
+from .particle_hair import has_strands
 
 _LEVELS = 8  # of a persistent id
 
@@ -61,7 +62,7 @@ def list_instances(depsgraph: Any, groups: GroupTable) -> Listing:
         instances.foreach_get("random_id", read)
         random_ids = read.view(np.uint32).astype(np.int64)
     listing = Listing(group_ids, transforms, bad_rows, persistent_ids, lambda _, ids: ids, is_plain, random_ids)
-    if not finder.saw_particles:
+    if not finder.saw_strands:
         return listing
     return _with_strands(listing, np.array([finder.find_strands(instance) for instance in instances], np.int32))
 
@@ -101,7 +102,7 @@ class GroupFinder:
         self._groups = groups
         self._known: dict[Any, int] = {}
         self._known_strands: dict[Any, int] = {}
-        self.saw_particles = False  # some instance has particle systems, which may show strands
+        self.saw_strands = False  # some instance has particle systems that may show strands
         self.saw_only_objects = True  # none of the instances was made by another object
 
     def find(self, instance: Any, numbering: int = 0) -> int:
@@ -114,7 +115,7 @@ class GroupFinder:
         if data is None:
             return NOT_SHOWN
         if not instance.show_self:  # only what has strands is shown without its surface
-            self.saw_particles = self.saw_particles or bool(len(obj.particle_systems))
+            self.saw_strands = self.saw_strands or has_strands(obj)
             return NOT_SHOWN
         token = obj if source is None else (data, source, instance.parent)
         group = self._known.get(token)
@@ -126,7 +127,7 @@ class GroupFinder:
                 is_own=source is None or source.data == data,
                 numbering=numbering,
             )
-            self.saw_particles = self.saw_particles or bool(len(obj.particle_systems))
+            self.saw_strands = self.saw_strands or has_strands(obj)
         return group
 
     def find_strands(self, instance: Any, numbering: int = 0) -> int:

@@ -68,6 +68,12 @@ def particle_hair_of(obj: Any, for_render: bool) -> ParticleHair | None:
     return ParticleHair(obj, systems, for_render) if systems else None
 
 
+def has_strands(obj: Any) -> bool:
+    """Whether an evaluated object has particle systems that may show strands."""
+    systems = obj.particle_systems
+    return len(systems) > 0 and any(_is_strands(system.settings) for system in systems)
+
+
 def _is_strands(settings: Any) -> bool:
     return bool(settings.type == "HAIR" and settings.render_type == "PATH")
 
