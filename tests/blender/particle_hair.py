@@ -8,9 +8,12 @@ import bpy
 import numpy as np
 import numpy.typing as npt
 from blender.builders import mesh_object
+from perfect_bvh_addon.sync.records import MeshRecord, SceneRecord
 
 SQUARES = 3
 COUNT = 24
+CHILDREN = {"NONE": {}, "SIMPLE": {"rendered_child_count": 5}, "INTERPOLATED": {"rendered_child_count": 5}}
+BENT = {"brownian_factor": 0.2, "clump_factor": 0.5}
 
 
 def emitter(name: str = "Emitter", squares: int = SQUARES, **settings: Any) -> Any:
@@ -56,3 +59,12 @@ def expected_strands(obj: Any, depsgraph: Any) -> npt.NDArray[np.float64]:
         [[system.co_hair(shown, particle_no=first + row, step=step) for step in steps] for row in range(count)]
     )
     return points @ inverse[:3, :3].T + inverse[:3, 3]
+
+
+def hair_of(record: SceneRecord) -> MeshRecord:
+    (mesh,) = (mesh for mesh in record.meshes if mesh.kind == "curves")
+    return mesh
+
+
+def kind_settings(children: str) -> dict[str, Any]:
+    return {"child_type": children, "child_percent": 4} | CHILDREN[children] | BENT
