@@ -29,9 +29,11 @@ from blender.builders import (
     mesh_object,
     object_info,
 )
+from blender.hair_and_points import cloud_data, hair_data, upright
 from blender.soak_edits import EDITS, NothingToEditError
 from blender.soak_halves import Halves
 from blender.soak_renders import find_different_passes
+from blender.soak_round_edits import fur_of_nodes
 from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.extract.geometry import instancer_survey
@@ -192,6 +194,11 @@ def _fill(kind: Kind) -> None:
     mesh_object("leaf", collection=inner)
     if kind == "mixed":
         collection_instance("tree", inner, location=(6, 6, 0))
+    mesh_object("hair", hair_data("hair", upright(4)), location=(4, -3, 0))
+    mesh_object("cloud", cloud_data("cloud", upright(3).reshape(-1, 3) * 2.0, 0.3), location=(-4, -5, 0))
+    if kind == "mixed":
+        mesh_object("mane", hair_data("mane", upright(3)), inner, (0, 1, 0))
+        fur_of_nodes("fur", mesh_data("skin", *SQUARE)).location = (-8, 0, 0)
     for kept in (inner, collection("drawer"), bpy.data.materials.new("red")):
         kept.use_fake_user = True  # edits look for them in files that were saved, too
     moving = mesh_object("moving", location=(-6, 5, 0))

@@ -18,15 +18,16 @@ from blender.builders import (
     object_info,
 )
 from blender.soak_look_edits import LOOK_EDITS, NothingToEditError
+from blender.soak_round_edits import ROUND_ADDITIONS, ROUND_EDITS, ROUND_TYPES
 
 if TYPE_CHECKING:
     from blender.soak import Soak
 
 MOST_OBJECTS = 14
-ADDITIONS = {  # Blender lists text and curves among instances
-    "objects": ("mesh", "linked", "member"),
-    "geometry": ("mesh", "linked", "member", "field", "herd"),
-    "mixed": ("mesh", "linked", "member", "field", "herd", "text", "curve", "tree"),
+ADDITIONS = {  # Blender lists text, curves of old and what nodes make beside a mesh among instances
+    "objects": ("mesh", "linked", "member", "hair", "cloud"),
+    "geometry": ("mesh", "linked", "member", "field", "herd", "hair", "cloud"),
+    "mixed": ("mesh", "linked", "member", "field", "herd", "text", "curve", "tree", "hair", "cloud", "fur"),
 }
 MODIFIERS = ("SUBSURF", "ARRAY", "MIRROR", "WAVE", "SOLIDIFY", "TRIANGULATE", "DECIMATE")
 
@@ -40,8 +41,6 @@ def add(soak: Soak) -> None:
         mesh_object(name, mesh_data(name, *soak.pick((SQUARE, TETRAHEDRON))), location=place)
     elif kind == "linked":
         mesh_object(name, soak.an_object("MESH").data, location=place)
-    elif kind == "text":
-        _link(bpy.data.objects.new(name, bpy.data.curves.new(name, "FONT"))).data.body = "ab"
     elif kind == "curve":
         data = bpy.data.curves.new(name, "CURVE")
         data.bevel_depth = 0.3
@@ -52,11 +51,27 @@ def add(soak: Soak) -> None:
     elif kind == "field":
         instances_on_grid(name, made_cube, 2, keep_own=bool(soak.number() > 0)).location = place
     elif kind == "herd":
-        instances_on_grid(name, object_info(soak.an_object("MESH")), 2).location = place
+        instances_on_grid(name, object_info(soak.an_object(_instanced(soak))), 2).location = place
+    elif kind in OTHERS:
+        OTHERS[kind](soak, name).location = place
     elif kind == "tree":
         collection_instance(name, bpy.data.collections["inner"], location=place)
     else:
         mesh_object(name, collection=bpy.data.collections["inner"], location=place)
+
+
+def _some_text(_: Soak, name: str) -> Any:
+    obj = _link(bpy.data.objects.new(name, bpy.data.curves.new(name, "FONT")))
+    obj.data.body = "ab"
+    return obj
+
+
+OTHERS = {"text": _some_text, **ROUND_ADDITIONS}
+
+
+def _instanced(soak: Soak) -> str:
+    """Of other objects than meshes only Blender's list tells."""
+    return str(soak.pick(("MESH", *ROUND_TYPES))) if soak.kind == "mixed" else "MESH"
 
 
 def _link(obj: Any) -> Any:
@@ -277,6 +292,7 @@ EDITS: dict[str, Callable[[Soak], None]] = {
         redo,
         reopen,
         nothing,
+        *ROUND_EDITS,
         *LOOK_EDITS,
     )
 }

@@ -10,6 +10,7 @@ from blender.soak_halves import HALVES
 USUAL_EDITS = {
     *("add", "delete", "move", "deform", "retopologise", "parent", "unparent", "hide", "hide_with_the_eye"),
     *("link_data", "unlink", "relink", "duplicate", "add_modifier", "remove_modifier", "switch_modifier"),
+    *("sway", "thicken", "grow", "replace_round"),
     *("change_frame", "undo", "redo", "edit_in_edit_mode", "rename", "reopen"),
 }
 
@@ -20,11 +21,11 @@ HAPPENED = {"hold", "look", "look_all", "stop", "ask_to_stop", "update", "linger
 @pytest.mark.parametrize(
     ("watches", "kind", "seed"),
     [
-        (True, "objects", 14),
-        (True, "geometry", 13),
-        (True, "mixed", 8),
-        (False, "objects", 12),
-        (False, "geometry", 13),
+        (True, "objects", 11),
+        (True, "geometry", 8),
+        (True, "mixed", 9),
+        (False, "objects", 10),
+        (False, "geometry", 8),
         (False, "mixed", 9),
     ],
 )
@@ -37,7 +38,8 @@ def test_random_edits(watches: bool, kind: Kind, seed: int) -> None:
     finally:
         soak.close()
     # What the test is about has happened.
-    assert not {name for name in USUAL_EDITS if soak.counts[name] == 0}
+    usual = USUAL_EDITS | ({"change_fur"} if kind == "mixed" else set())
+    assert not {name for name in usual if soak.counts[name] == 0}
     assert soak.counts["meshes"] > 500
     assert (soak.counts["meshes passed over"] > 100) == watches
     assert watches or soak.counts["read again"] == 0
