@@ -34,6 +34,7 @@ QUICK_SECONDS = 30  # for tests; what follows a C++ change is compiled before th
 # What takes any input to the engine through Python and back; small, for AddressSanitizer.
 BOUNDARY_TESTS = (
     "tests/engine/check_sanitizer.py",
+    "tests/engine/test_bad_curves_and_points.py",
     "tests/engine/test_bad_input.py",
     "tests/engine/test_bulk.py",
     "tests/stress/test_fuzz.py",

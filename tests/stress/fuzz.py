@@ -29,6 +29,7 @@ from stress.bytes import Features
 from stress.edits import edit_scenes
 from stress.hard_meshes import trace_hard_mesh
 from stress.reached_lines import with_lines
+from stress.round_boundary import fill_with_curves_and_points
 
 CORPUS = Path(__file__).parent / "corpus"
 LONGEST = 160
@@ -38,6 +39,7 @@ TARGETS: dict[str, Callable[[bytes], Features]] = {
     "rays": cast_rays,
     "closest_points": compute_closest_points,
     "meshes_and_instances": fill_scenes,
+    "curves_and_points": fill_with_curves_and_points,
 }
 
 

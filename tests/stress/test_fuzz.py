@@ -20,6 +20,7 @@ SHOWN = {  # what a target's corpus was kept for, by the first word of its featu
     "rays": {"refused", "cast", "line"},
     "closest_points": {"refused", "found", "line"},
     "meshes_and_instances": {"refused", "filled", "line"},
+    "curves_and_points": {"refused", "taken", "held", "line"},
 }
 
 every_target = pytest.mark.parametrize("target", TARGETS)

@@ -108,7 +108,8 @@ def as_radii(function: str, radii: npt.ArrayLike, rows: npt.NDArray[Any]) -> npt
     array = as_array(function, "radii", radii)
     if array.ndim > 1 or (array.ndim == 1 and len(array) != len(rows)):
         raise ValueError(f"{function}: radii must have shape ({len(rows)},) or be one number, got {array.shape}")
-    return np.array(array.reshape(-1), dtype=rows.dtype)  # a copy: it may be kept
+    with np.errstate(over="ignore"):  # what becomes infinite is refused by the engine, by its number
+        return np.array(array.reshape(-1), dtype=rows.dtype)  # a copy: it may be kept
 
 
 def _as_cyclic(function: str, cyclic: npt.ArrayLike, curve_count: int) -> npt.NDArray[np.uint8]:
