@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, TextIO
 
 from ..settings.modes import find_mode
-from ..statistics.words import memory
+from ..statistics.words import memory, primitives, sum_of
 from .arguments import CommandError, check_blend_file
 from .blender import apply_settings, go_to_frame, open_scene, render_job, stop_on_interrupt
 from .console import format_table, quiet_blender
@@ -23,7 +23,7 @@ HEADER = (
     "mesh",
     "class",
     "builder",
-    "triangles",
+    "made of",
     "users",
     "nodes",
     "depth",
@@ -76,10 +76,11 @@ def _write(out: TextIO, scene: bpy.types.Scene, sync: SceneSync, planned: FrameS
     rows = _mesh_rows(sync, planned.report, statistics)
     out.write(f"{scene.name}, frame {scene.frame_current}\n")
     out.write(format_table(HEADER, rows, LEFT_COLUMNS) + "\n")
-    top = statistics.top_level
+    top, made = statistics.top_level, statistics
+    distinct = sum_of(made.triangle_count, made.segment_count, made.point_count)
+    instanced = sum_of(made.instanced_triangle_count, made.instanced_segment_count, made.instanced_point_count)
     out.write(
-        f"{len(statistics.meshes):,} meshes, {statistics.triangle_count:,} triangles; "
-        f"{statistics.instance_count:,} instances show {statistics.instanced_triangle_count:,}; "
+        f"{len(statistics.meshes):,} meshes, {distinct}; {statistics.instance_count:,} instances show {instanced}; "
         f"top level {top.node_count:,} nodes, depth {top.depth}, {memory(top.byte_count)}; "
         f"all {memory(statistics.byte_count)}\n"
     )
@@ -102,7 +103,7 @@ def _mesh_rows(sync: SceneSync, report: SyncReport, statistics: SceneStatistics)
             changes[tree.mesh_id].name,
             changes[tree.mesh_id].usage,
             tree.builder,
-            f"{tree.primitive_count:,}",
+            primitives(tree.primitive_count, tree.kind),
             f"{tree.user_count:,}",
             f"{tree.node_count:,}",
             str(tree.depth),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING
 
-from ..statistics.words import count_of, duration, memory
+from ..statistics.words import count_of, duration, memory, primitives
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -106,7 +106,7 @@ def describe_changes(report: SyncReport) -> list[str]:
     names = {mesh.mesh_id: mesh.name for mesh in report.meshes}
     groups: dict[tuple[str, str], list[str]] = {}
     for mesh in report.commit.meshes:
-        name = f"{names.get(mesh.mesh_id, mesh.mesh_id)} ({mesh.triangle_count:,})"
+        name = f"{names.get(mesh.mesh_id, mesh.mesh_id)} ({primitives(mesh.triangle_count, mesh.kind)})"
         groups.setdefault((f"{mesh.action.replace('_', ' ')} tree", mesh.reason), []).append(name)
     for change in report.objects:
         if change.action in {"moved", "masked", "recounted", "removed"}:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .updates import State, UpdateRow
-from .words import count_of, duration, memory, sentence, share
+from .words import count_of, duration, memory, primitives, sentence, share
 
 NOTHING = "nothing is to be done"
 # What was done to a mesh's tree, or to the objects.
@@ -87,6 +87,8 @@ def facts_of(row: UpdateRow) -> str:
     found = []
     if row.mesh is not None:
         found.append(count_of(row.mesh.triangle_count, row.mesh.kind.removesuffix("s")))
+        if row.mesh.kind == "curves" and row.tree is not None:
+            found.append(primitives(row.tree.triangle_count, "curves"))
     if row.tree is not None and row.tree.byte_count:
         found.append(memory(row.tree.byte_count))
     if row.share > 0.0:

@@ -63,6 +63,26 @@ def count_of(count: int, one: str, many: str = "") -> str:
     return f"{count:,} {one if count == 1 else many or one + 's'}"
 
 
+# What a tree is over, by the kind of its mesh.
+_PRIMITIVES = {"triangles": "triangle", "curves": "segment", "points": "point"}
+
+
+def primitive_of(kind: str) -> str:
+    """The noun of one: "triangle", "segment" of curves, "point"."""
+    return _PRIMITIVES[kind]
+
+
+def primitives(count: int, kind: str) -> str:
+    """Such as "1,200 triangles", "3,200 segments" of curves and "1 point"."""
+    return count_of(count, primitive_of(kind))
+
+
+def sum_of(triangles: int, segments: int, points: int) -> str:
+    """Such as "1,200 triangles, 3,200 segments"; of nothing "0 triangles"."""
+    counts = ((triangles, "triangles"), (segments, "curves"), (points, "points"))
+    return ", ".join(primitives(count, kind) for count, kind in counts if count) or "0 triangles"
+
+
 def sentence(text: str) -> str:
     """With a capital at its beginning. Not for what begins with a name that users gave."""
     return text[:1].upper() + text[1:]

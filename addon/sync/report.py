@@ -84,8 +84,8 @@ _OBJECT_REASONS: dict[ObjectAction, str] = {
     "masked": "its visibility to rays changed",
     "moved": "its transform changed",
     "recounted": "it has more or fewer instances than before",
-    "deformed": "its mesh was deformed",
-    "replaced": "its mesh has other triangles, or is another mesh",
+    "deformed": "its mesh, hair or points were deformed",
+    "replaced": "it shows other triangles, curves or points than before",
     "removed": "it is deleted, unlinked or hidden",
     "added": "seen for the first time, or shown again",
 }

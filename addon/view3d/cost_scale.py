@@ -25,7 +25,7 @@ from .rendered.redraws import viewport_at
 LEAST, DOUBLINGS = 2, 8
 STOPS = 8 * DOUBLINGS + 1
 SCALE = Scale(
-    "Nodes visited and triangles tested",
+    "Nodes visited and primitives tested",
     tuple((place / 4, str(LEAST << (place * DOUBLINGS // 4))) for place in range(5)),
 )
 
@@ -68,9 +68,9 @@ def tip(context: bpy.types.Context) -> tuple[tuple[int, int], list[str]] | None:
         return None
     if not is_shown(context) or _pointed.view != view_of(context):
         return None
-    nodes, triangles = _visits
+    nodes, primitives = _visits
     visited = f"{nodes:,} node{'' if nodes == 1 else 's'} visited"
-    tested = f"{triangles:,} triangle{'' if triangles == 1 else 's'} tested"
+    tested = f"{primitives:,} primitive{'' if primitives == 1 else 's'} tested"
     return _pointed.place, [visited, tested]
 
 

@@ -109,8 +109,8 @@ py::list to_list(const std::vector<MeshReport>& reports) {
         py::arg("restructure_milliseconds") = mesh.restructure_milliseconds,
         py::arg("restructured_share") = mesh.restructured_share, py::arg("fresh_cost") = mesh.fresh_cost,
         py::arg("refitted_cost") = mesh.refitted_cost, py::arg("cost") = mesh.cost,
-        py::arg("collapse_milliseconds") = mesh.collapse_milliseconds, py::arg("triangle_count") = mesh.triangle_count,
-        py::arg("byte_count") = mesh.byte_count));
+        py::arg("collapse_milliseconds") = mesh.collapse_milliseconds, py::arg("kind") = mesh.kind,
+        py::arg("triangle_count") = mesh.triangle_count, py::arg("byte_count") = mesh.byte_count));
   }
   return meshes;
 }

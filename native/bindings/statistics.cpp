@@ -15,6 +15,7 @@ py::dict to_dict(const TreeStatistics& tree) {
   row["mesh_id"] = tree.mesh_id;
   row["builder"] = tree.builder;
   row["layout"] = tree.layout;
+  row["kind"] = tree.kind;
   row["primitive_count"] = tree.primitive_count;
   row["vertex_count"] = tree.vertex_count;
   row["left_out_count"] = tree.left_out_count;
@@ -45,8 +46,12 @@ py::dict to_dict(const SceneStatistics& statistics) {
   py::list meshes;
   for (const TreeStatistics& mesh : statistics.meshes) meshes.append(to_dict(mesh));
   return py::dict(py::arg("meshes") = meshes, py::arg("top_level") = to_dict(statistics.top_level),
-                  py::arg("triangle_count") = statistics.triangle_count,
-                  py::arg("instanced_triangle_count") = statistics.instanced_triangle_count,
+                  py::arg("triangle_count") = statistics.distinct.triangles,
+                  py::arg("segment_count") = statistics.distinct.segments,
+                  py::arg("point_count") = statistics.distinct.points,
+                  py::arg("instanced_triangle_count") = statistics.instanced.triangles,
+                  py::arg("instanced_segment_count") = statistics.instanced.segments,
+                  py::arg("instanced_point_count") = statistics.instanced.points,
                   py::arg("instance_count") = statistics.instance_count, py::arg("byte_count") = statistics.byte_count,
                   py::arg("generation") = statistics.generation);
 }

@@ -27,13 +27,13 @@ def test_info_lists_the_meshes(small_file: Path, capsys) -> None:
     assert lines[0] == "Scene, frame 1"
     assert lines[1].split()[:3] == ["mesh", "class", "builder"] and lines[1].endswith("why this class")
     sheet, cube = lines[3], lines[4]
-    assert sheet.split()[:5] == ["Sheet", "deforming", "binned", "800", "1"]
+    assert sheet.split()[:5] == ["Sheet", "deforming", "binned", "800", "triangles"]
     assert sheet.endswith(("moves vertices", "shape keys"))
-    assert cube.split()[:2] == ["Cube", "rigid"] and cube.split()[3:5] == ["12", "1"]
+    assert cube.split()[:2] == ["Cube", "rigid"] and cube.split()[3:6] == ["12", "triangles", "1"]
     assert cube.endswith("it is animated")
     build, rays, trace = (float(cell.replace(",", "")) for cell in cube.split()[-6:-3])
     assert build >= 0 and rays > 0 and trace > 0
-    assert lines[5].startswith("2 meshes, 812 triangles; 2 instances show 812; top level")
+    assert lines[5].startswith("2 meshes, 812 triangles; 2 instances show 812 triangles; top level")
     assert lines[6] == (
         "rays and trace ms: of one image of 64 x 36 pixels, mode preview, samples 16, on one thread, as expected"
     )

@@ -18,7 +18,7 @@ def test_an_animation_refits_and_says_so(small_file: Path, tmp_path: Path, capsy
     assert run("render", small_file, "-o", f"{output}/", *arguments) == 0
     assert sorted(file.name for file in output.iterdir()) == ["frame_0001.png", "frame_0002.png"]
     text = capsys.readouterr().out
-    assert "refitted tree: Sheet (800): positions changed" in text
+    assert "refitted tree: Sheet (800 triangles): positions changed" in text
     assert "moved: Cube" in text
     assert "2 built, 1 refits, 0 rebuilt; instances moved: 1" in text
 

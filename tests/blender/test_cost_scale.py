@@ -83,7 +83,7 @@ def test_what_is_under_the_mouse_is_told_where_costs_are_shown(monkeypatch: pyte
     monkeypatch.setattr(Region, "tag_redraw", lambda self: None, raising=False)
     cost_scale._pointing.on_pointer(context, (3, 4))
     assert asked == [(3, 4)]
-    assert cost_scale.tip(context) == ((3, 4), ["12 nodes visited", "1 triangle tested"])
+    assert cost_scale.tip(context) == ((3, 4), ["12 nodes visited", "1 primitive tested"])
     context.region_data.perspective_matrix = 2.0 * np.eye(4)
     assert cost_scale.tip(context) is None, "the view has moved since"
     cost_scale._pointing.on_pointer_left()

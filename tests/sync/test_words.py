@@ -68,4 +68,14 @@ def test_shares_counts_and_sentences() -> None:
         "1,200 triangles",
     ]
     assert words.count_of(2, "mesh", "meshes") == "2 meshes"
+    assert [words.primitives(count, kind) for count, kind in ((3200, "curves"), (1, "points"), (2, "triangles"))] == [
+        "3,200 segments",
+        "1 point",
+        "2 triangles",
+    ]
+    assert [words.sum_of(*counts) for counts in ((0, 0, 0), (0, 5, 0), (1200, 3200, 1))] == [
+        "0 triangles",
+        "5 segments",
+        "1,200 triangles, 3,200 segments, 1 point",
+    ]
     assert [words.sentence(text) for text in ("", "no light", "Éa")] == ["", "No light", "Éa"]

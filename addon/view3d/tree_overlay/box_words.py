@@ -49,7 +49,7 @@ def describe(shown: Shown) -> str:
 
 
 def describe_box(boxes: TreeBoxes, row: int, *, holds: str, name: str = "") -> list[str]:
-    """What one box is. holds: what stands in leaves, "triangle" or "instance". name: of the only one."""
+    """What one box is. holds: what stands in leaves, such as "triangle" or "instance". name: of the only one."""
     size, level = int(boxes.leaf_sizes[row]), int(boxes.levels[row])
     begin, end = boxes.ranges[row]
     chance, own, whole = (float(column[row]) for column in (boxes.hit_chances, boxes.costs, boxes.subtree_costs))

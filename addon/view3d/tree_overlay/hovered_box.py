@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 
+from ...statistics.words import primitive_of
 from ..box_lines import CORNERS, EDGES
 from ..drawing import pixels
 from .box_words import describe_box
@@ -49,7 +50,9 @@ class HoveredBox:
         boxes = self.tree.boxes
         assert boxes is not None
         if self.mesh is not None:
-            return describe_box(boxes, self.row, holds="triangle")
+            rows = np.flatnonzero(sync.mesh_ids == self.mesh)
+            kind = sync.record.meshes[int(rows[0])].kind if len(rows) else "triangles"
+            return describe_box(boxes, self.row, holds=primitive_of(kind))
         held = boxes.primitives_of(self.row)
         name = str(sync.describe(held).names[0]) if len(held) == 1 else ""
         return describe_box(boxes, self.row, holds="instance", name=name)

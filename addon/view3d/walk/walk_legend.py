@@ -46,8 +46,8 @@ class Row:
     is_part: bool = False
 
 
-def rows_of(counters: Counters, total: Counters) -> list[Row]:
-    """counters: with the step that is shown. total: with all of them.
+def rows_of(counters: Counters, total: Counters, tested: str = "Triangles") -> list[Row]:
+    """counters: with the step that is shown. total: with all of them. tested: what leaves hold, such as "Segments".
 
     Costs of boxes, triangles and instances add up to the total, those of the parts to that of the row above them.
     """
@@ -68,12 +68,12 @@ def rows_of(counters: Counters, total: Counters) -> list[Row]:
         part("Missed", counters.boxes_missed, picture.MISSED, WalkEvent.BOX_MISSED),
         part("Pruned", counters.boxes_pruned, picture.PRUNED, WalkEvent.BOX_PRUNED),
         part("Entered", counters.boxes_entered, picture.ENTERED),
-        whole(f"Triangles Tested in {in_leaves}", counters.triangles_tested, *TRIANGLE_TESTS),
+        whole(f"{tested} Tested in {in_leaves}", counters.triangles_tested, *TRIANGLE_TESTS),
         part("Hit", counters.triangles_hit, picture.HIT, WalkEvent.TRIANGLE_HIT),
         part("Not Hit", other, picture.TESTED, *_NOT_HIT),
         whole("Instances Reached", counters.number(*_INSTANCES), *_INSTANCES),
         Row("Total", "", cost=f"{counters.total_time:,} of {total.total_time:,} ns"),
-        Row("Visits + Triangles, as in SAH", f"{counters.cost:,} of {total.cost:,}"),
+        Row(f"Visits + {tested}, as in SAH", f"{counters.cost:,} of {total.cost:,}"),
     ]
 
 

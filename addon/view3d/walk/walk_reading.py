@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import bpy
+import numpy as np
 
 from ...live.pending_commit import PendingCommit
 from ...sync.records import VISIBLE_TO_CAMERA
@@ -19,6 +20,7 @@ from .walk_words import WalkWords
 
 if TYPE_CHECKING:
     from ...live.scene_sync import SceneSync
+    from ...sync.records import MeshKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +60,17 @@ class Reading:
         names = dict(zip(ids, map(str, self.sync.describe(ids).names), strict=True)) if ids else {}
         length = (lambda t: written_length(scene, t)) if ray.has_eye else None
         walked = WalkedRay.of(walk, ray.origin, ray.direction, ray.t_min)
-        words = WalkWords(walk, names, length)
+        kinds = {
+            int(instance): self._kind_of(int(mesh))
+            for instance, mesh in zip(walk.instance_ids, walk.mesh_ids, strict=True)
+            if instance >= 0 and mesh >= 0
+        }
+        words = WalkWords(walk, names, length, kinds)
         return ShownWalk(walked, words, steps_of(words), self.read, self.address, self.view)
+
+    def _kind_of(self, mesh_id: int) -> MeshKind:
+        (row,) = np.flatnonzero(self.sync.mesh_ids == mesh_id)
+        return self.sync.record.meshes[int(row)].kind
 
     def _check(self, context: bpy.types.Context) -> None:
         if SceneState.of(context.scene) != self.read:

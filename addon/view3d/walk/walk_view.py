@@ -120,7 +120,7 @@ def _draw_in_pixels() -> None:
         return
     _draw_points(context, found.picture)
     if tells(context, found):
-        draw_legend(context, found.heading, rows_of(found.counters, found.steps[-1].counters))
+        draw_legend(context, found.heading, rows_of(found.counters, found.steps[-1].counters, found.words.tested()))
 
 
 def _draw_veil(color: tuple[float, ...]) -> None:

@@ -6,16 +6,18 @@ They begin in upper case and have no full stop.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from perfect_bvh import WalkEvent
 
-from ...statistics.words import count_of
+from ...statistics.words import count_of, primitive_of, primitives, sentence
 
 if TYPE_CHECKING:
     from perfect_bvh import RayWalk
+
+    from ...sync.records import MeshKind
 
 TOP_LEVEL = "the top level"
 # How a distance from the ray's beginning is written; None where that tells nobody anything.
@@ -25,11 +27,12 @@ _OUTCOMES = ((WalkEvent.BOX_HIT, "hit"), (WalkEvent.BOX_MISSED, "missed"), (Walk
 
 @dataclass(frozen=True, slots=True)
 class WalkWords:
-    """Of one ray. names: of the instances it meets, by their ids."""
+    """Of one ray. names: of the instances it meets, by their ids. kinds: of their meshes, unless of triangles."""
 
     walk: RayWalk
     names: Mapping[int, str]
     length: Length
+    kinds: Mapping[int, MeshKind] = field(default_factory=dict)
 
     # Steps -----------------------------------------------------------------------------------------------------------
 
@@ -40,8 +43,8 @@ class WalkWords:
             boxes = count_of(count, "waiting box", "waiting boxes")
             return f"Drops {boxes} of {self._tree(rows.start)} behind the hit"
         if event is WalkEvent.ENTER_LEAF:
-            triangles = count_of(count - 1, "triangle")
-            return f"Tests {triangles} of a leaf at {self._place(rows.start)}: {self._outcome(rows)}"
+            tested = primitives(count - 1, self._kind(rows.start))
+            return f"Tests {tested} of a leaf at {self._place(rows.start)}: {self._outcome(rows)}"
         if event is not WalkEvent.ENTER_NODE:
             return self._instance(rows.start)
         events = self.walk.events[rows.start : rows.stop]
@@ -70,14 +73,14 @@ class WalkWords:
             inside = count_of(len(rows) - 1, "box", "boxes")
             return f"Enters {self._node(row)}: {inside} inside, tested at once"
         if event is WalkEvent.ENTER_LEAF:
-            inside = count_of(len(rows) - 1, "triangle")
+            inside = primitives(len(rows) - 1, self._kind(row))
             return f"Enters a leaf at {self._place(row)}: {inside}, tested at once"
         if event in (WalkEvent.ENTER_INSTANCE, WalkEvent.SKIP_INSTANCE):
             return self._instance(row)
         number, count = row - rows.start, len(rows) - 1
         if event is WalkEvent.WAITING_PRUNED:
             return f"Waiting box {number + 1} of {count + 1}: {self._behind(row, 'begins')}, dropped"
-        what = "Triangle" if self.walk.primitive_ids[row] >= 0 else "Box"
+        what = sentence(primitive_of(self._kind(row))) if self.walk.primitive_ids[row] >= 0 else "Box"
         return f"{what} {number} of {count} at {self._place(row)}: {self._fate(event, row)}"
 
     def _fate(self, event: WalkEvent, row: int) -> str:
@@ -99,6 +102,15 @@ class WalkWords:
         return f"{what}{self._at(self.walk.t[row])}, behind the nearer hit{self._at(self.walk.nearest_t[row])}"
 
     # Names -----------------------------------------------------------------------------------------------------------
+
+    def tested(self) -> str:
+        """What all that the ray tests in leaves are called, as a title."""
+        walk = self.walk
+        kinds = {self._kind(row) for row in np.flatnonzero(walk.primitive_ids >= 0)}
+        return sentence(primitive_of(kinds.pop()) + "s") if len(kinds) == 1 else "Primitives"
+
+    def _kind(self, row: int) -> MeshKind:
+        return self.kinds.get(int(self.walk.instance_ids[row]), "triangles")
 
     def _tree(self, row: int) -> str:
         return self.names.get(int(self.walk.instance_ids[row]), TOP_LEVEL)

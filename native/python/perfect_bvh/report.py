@@ -42,6 +42,7 @@ class MeshReport:
     parts of it; restructured_share: which share of its leaves those parts have.
     fresh_cost, refitted_cost, cost: visits to nodes that a ray through the mesh's box is expected to make: in the tree
     when it was built, in that tree refitted (both 0 where no refit was tried), and in the one that the mesh has now.
+    kind: "triangles", "curves" or "points"; triangle_count: of curves, their segments, or of points those.
     byte_count: of the geometry, its tree and what refits go by. Besides, as long as a mesh deforms in every commit, the
     memory of its last tree but one is kept for the next.
     """
@@ -66,6 +67,7 @@ class MeshReport:
     refitted_cost: float
     cost: float
     collapse_milliseconds: float
+    kind: str
     triangle_count: int
     byte_count: int
 
@@ -155,6 +157,7 @@ class TreeStatistics:
 
     is_built: False for a lazy mesh as long as no ray has reached it; everything about its trees is then 0 or None.
 
+    kind: "triangles", "curves" or "points"; of the top level "instances".
     primitive_count, vertex_count: of the mesh (of curves segments and points); of the top level, instances and 0.
     left_out_count: points, and segments of curves, that have no radius and are not among the primitives.
     user_count: instances of the mesh.
@@ -164,9 +167,9 @@ class TreeStatistics:
     tree's:
     is_refittable: whether it may follow moved vertices; not with spatial splits.
     node_count, leaf_count, max_leaf_size, depth: nodes include leaves; depth is 0 for a single leaf.
-    reference_count: triangles in leaves; more than primitive_count if some are in several.
-    sah: the surface area heuristic's cost (MacDonald and Booth 1990): node visits and triangle tests, each times its
-        cost, that a random ray through the root's box is expected to need.
+    reference_count: primitives in leaves; more than primitive_count if some are in several.
+    sah: the surface area heuristic's cost (MacDonald and Booth 1990): node visits and tests of primitives, each times
+        its cost, that a random ray through the root's box is expected to need.
     sibling_overlap: area that both children of a node cover, as a share of all parents' area.
     epo: end-point overlap (Aila, Karras and Laine 2013): the expected cost of nodes whose box holds a point of a
         surface that is not in them. leaf_count_variability: the standard deviation of how many leaves' boxes a random
@@ -175,14 +178,15 @@ class TreeStatistics:
 
     Of the tree that rays are traced through: wide_node_count, wide_leaf_count, wide_depth.
 
-    Bytes: geometry_byte_count of positions and triangles (of the top level: of the instances), binary_byte_count (0
-    where that tree is no longer kept), wide_byte_count, plan_byte_count of what refits go by (0 before the first one);
-    byte_count is the four together.
+    Bytes: geometry_byte_count of positions and triangles, or balls (of the top level: of the instances),
+    binary_byte_count (0 where that tree is no longer kept), wide_byte_count, plan_byte_count of what refits go by (0
+    before the first one); byte_count is the four together.
     """
 
     mesh_id: int
     builder: str
     layout: str
+    kind: str
     primitive_count: int
     vertex_count: int
     left_out_count: int
@@ -215,12 +219,19 @@ class TreeStatistics:
 
 @dataclass(frozen=True, slots=True)
 class SceneStatistics:
-    """A committed scene. instanced_triangle_count: as rays see them, each instance counted."""
+    """A committed scene. segment_count: of curves; point_count: of clouds; neither is among the triangles.
+
+    instanced_...: as rays see them, each instance counted.
+    """
 
     meshes: tuple[TreeStatistics, ...]
     top_level: TreeStatistics
     triangle_count: int
+    segment_count: int
+    point_count: int
     instanced_triangle_count: int
+    instanced_segment_count: int
+    instanced_point_count: int
     instance_count: int
     byte_count: int
     generation: int

@@ -10,10 +10,10 @@
 namespace perfect_bvh {
 namespace {
 
-const char* why_deferred(bool is_new, bool same_topology) {
+std::string why_deferred(bool is_new, bool same_topology, PrimitiveKind kind) {
   if (is_new) return "new mesh; its tree is built when a ray reaches it";
-  return same_topology ? "positions changed; no ray has reached the mesh yet"
-                       : "the triangles were replaced; no ray has reached the mesh yet";
+  return (same_topology ? "positions changed" : std::string("the ") + kind_name(kind) + " were replaced") +
+         "; no ray has reached the mesh yet";
 }
 
 }  // namespace
@@ -44,9 +44,10 @@ BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options, 
   report.usage = usage_name(state.usage);
   report.expected_rays = changed.rays;
   report.action = MeshAction::kDeferred;
-  report.reason = why_deferred(state.blas == nullptr, state.same_topology);
+  report.reason = why_deferred(state.blas == nullptr, state.same_topology, blas->mesh.kind);
   report.builder = builder_name(blas->config.builder);
   report.layout = layout_name(blas->config.layout);
+  report.kind = kind_name(blas->mesh.kind);
   report.triangle_count = blas->mesh.primitive_count();
   report.byte_count = blas->mesh.byte_count();
   report.milliseconds = watch.milliseconds();

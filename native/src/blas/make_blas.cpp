@@ -24,10 +24,10 @@ const char* why_so_built(BuilderKind asked, BuilderKind chosen, Usage usage) {
                                    : "; the expected rays repay no more than the fast builder";
 }
 
-const char* why_built(const MeshState& state) noexcept {
+std::string why_built(const MeshState& state) {
   if (!state.blas) return "new mesh";
-  return is_resting(state) ? "the triangles rest, and more rays came than their tree was built for"
-                           : "the triangles were replaced";
+  const std::string what = std::string("the ") + kind_name(state.blas->mesh.kind);
+  return what + (is_resting(state) ? " rest, and more rays came than their tree was built for" : " were replaced");
 }
 
 void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& options, BlasResult& result,
@@ -73,6 +73,7 @@ BlasResult make_blas(const ChangedMesh& changed, const CommitOptions& options, T
   report.cost = kWideNodeCost * report.node_visits + kWideLeafCost * report.leaf_visits;
   report.builder = builder_name(blas->config.builder);
   report.layout = layout_name(blas->config.layout);
+  report.kind = kind_name(blas->mesh.kind);
   report.triangle_count = blas->mesh.primitive_count();
   blas->indexed_leaves = view_leaves(blas->wide, blas->mesh);
   report.byte_count = byte_count(*blas);

@@ -19,6 +19,7 @@ bool keeps_at_rest(const ChangedMesh& resting, const CommitOptions& options, Bla
   const Blas& blas = *state.blas;
   UpdateDecision decision =
       decide_at_rest({.triangle_count = blas.mesh.primitive_count(),
+                      .what = kind_name(blas.mesh.kind),
                       .builder = choose_builder(state.config, usage_of(state.usage, true)).builder,
                       .rays = resting.rays,
                       .history = state.history},
@@ -33,6 +34,7 @@ bool keeps_at_rest(const ChangedMesh& resting, const CommitOptions& options, Bla
   report.cost = kWideNodeCost * report.node_visits + kWideLeafCost * report.leaf_visits;
   report.builder = builder_name(blas.config.builder);
   report.layout = layout_name(blas.config.layout);
+  report.kind = kind_name(blas.mesh.kind);
   report.triangle_count = blas.mesh.primitive_count();
   report.byte_count = byte_count(blas);
   return true;

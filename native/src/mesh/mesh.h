@@ -17,6 +17,12 @@ namespace perfect_bvh {
 
 enum class PrimitiveKind : std::uint8_t { kTriangles, kCurves, kPoints };
 
+// "triangles", "curves" or "points".
+[[nodiscard]] constexpr const char* kind_name(PrimitiveKind kind) noexcept {
+  if (kind == PrimitiveKind::kTriangles) return "triangles";
+  return kind == PrimitiveKind::kCurves ? "curves" : "points";
+}
+
 struct Mesh {
   PrimitiveKind kind = PrimitiveKind::kTriangles;
   CurveShape shape = CurveShape::kRound;  // of curves

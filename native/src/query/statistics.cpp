@@ -14,6 +14,13 @@ namespace {
 // Enough for the standard deviation to be known to half a per cent.
 constexpr std::uint32_t kLineCount = 16384;
 
+void add(PrimitiveCounts& counts, const Mesh& mesh) {
+  std::size_t& count = mesh.kind == PrimitiveKind::kTriangles ? counts.triangles
+                       : mesh.kind == PrimitiveKind::kCurves  ? counts.segments
+                                                              : counts.points;
+  count += mesh.primitive_count();
+}
+
 TreeStatistics describe(const TreeQuality& quality, const StatisticsOptions& options) {
   TreeStatistics row;
   row.node_count = quality.node_count;
@@ -44,6 +51,7 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
     row.builder = builder_name(blas.config.builder);
     row.layout = layout_name(blas.config.layout);
     row.is_built = false;
+    row.kind = kind_name(blas.mesh.kind);
     row.primitive_count = blas.mesh.primitive_count();
     row.vertex_count = blas.mesh.vertex_count();
     row.left_out_count = left_out_count(blas.mesh);
@@ -55,6 +63,7 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
   row.mesh_id = mesh_id;
   row.builder = builder_name(blas.config.builder);
   row.layout = layout_name(blas.config.layout);
+  row.kind = kind_name(blas.mesh.kind);
   row.primitive_count = blas.mesh.primitive_count();
   row.vertex_count = blas.mesh.vertex_count();
   row.left_out_count = left_out_count(blas.mesh);
@@ -68,6 +77,7 @@ TreeStatistics describe_top_level(const Snapshot& snapshot, const StatisticsOpti
   TreeStatistics row = describe(measure_quality(snapshot.tlas), options);
   row.builder = snapshot.top_level_builder;
   row.layout = layout_name(snapshot.top_level.layout);
+  row.kind = "instances";
   row.primitive_count = snapshot.instances.size();
   row.user_count = 1;
   add_bytes(row, snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView)), snapshot.tlas,
@@ -98,23 +108,25 @@ SceneStatistics measure(const Snapshot& snapshot, const StatisticsOptions& optio
                         CancelToken& cancel) {
   SceneStatistics result;
   std::map<std::int32_t, std::size_t> rows;
+  std::size_t primitive_count = 0;
   std::vector<const Blas*> newest;  // rays may build more of them meanwhile
   for (const auto& [mesh_id, blas] : snapshot.meshes) {
     rows[mesh_id] = result.meshes.size();
     newest.push_back(&newest_of(*blas));
     result.meshes.push_back(describe_mesh(mesh_id, *newest.back(), options));
-    result.triangle_count += blas->mesh.primitive_count();
+    add(result.distinct, blas->mesh);
+    primitive_count += blas->mesh.primitive_count();
   }
   result.top_level = describe_top_level(snapshot, options);
   if (options.is_detailed) {
-    cancel.expect(2 * result.triangle_count);
+    cancel.expect(2 * primitive_count);
     for (std::size_t i = 0; i < newest.size(); ++i) {
       add_details(result.meshes[i], *newest[i], options, pool, cancel);
     }
     result.top_level.leaf_count_variability = measure_leaf_count_variability(snapshot.tlas, kLineCount, pool, cancel);
   }
   for (const Instance& instance : snapshot.instances) {
-    result.instanced_triangle_count += instance.blas->mesh.primitive_count();
+    add(result.instanced, instance.blas->mesh);
     if (const auto row = rows.find(instance.mesh_id); row != rows.end()) ++result.meshes[row->second].user_count;
   }
   result.instance_count = snapshot.instances.size();

@@ -10,11 +10,6 @@
 namespace perfect_bvh {
 namespace {
 
-const char* kind_name(PrimitiveKind kind) noexcept {
-  if (kind == PrimitiveKind::kTriangles) return "triangles";
-  return kind == PrimitiveKind::kCurves ? "curves" : "points";
-}
-
 const char* update_of(PrimitiveKind kind) noexcept {
   if (kind == PrimitiveKind::kTriangles) return "update_mesh and replace_mesh are";
   return kind == PrimitiveKind::kCurves ? "update_curves and replace_curves are"

@@ -48,7 +48,8 @@ struct MeshReport {
   // Of a ray that meets the mesh's box, expected, in visits to nodes: of the tree when it was built, of that tree
   // refitted (both 0 where no refit was tried), and of what the mesh has now.
   double fresh_cost = 0, refitted_cost = 0, cost = 0;
-  std::size_t triangle_count = 0;
+  std::string kind;                // "triangles", "curves" or "points"
+  std::size_t triangle_count = 0;  // of curves, their segments; or points
   std::size_t byte_count = 0;
 };
 

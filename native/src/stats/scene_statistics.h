@@ -13,6 +13,7 @@ struct TreeStatistics {
   std::int32_t mesh_id = -1;  // -1 for the top level
   std::string builder;        // as in BuildConfig; of the top level see TopLevelReport
   std::string layout;         // as in BuildConfig; of the top level always "default"
+  std::string kind;           // "triangles", "curves" or "points"; of the top level "instances"
   std::size_t primitive_count = 0;
   std::size_t vertex_count = 0;    // of curves and points their balls
   std::size_t left_out_count = 0;  // of points and curves' segments: those without a radius
@@ -36,18 +37,23 @@ struct TreeStatistics {
   std::size_t wide_leaf_count = 0;
   std::uint32_t wide_depth = 0;
 
-  std::size_t geometry_byte_count = 0;  // positions and triangles; of the top level the instances
+  std::size_t geometry_byte_count = 0;  // positions and triangles, or balls; of the top level the instances
   std::size_t binary_byte_count = 0;    // 0 where the binary tree is no longer kept
   std::size_t wide_byte_count = 0;
   std::size_t plan_byte_count = 0;  // of what refits go by; 0 before the first one
   std::size_t byte_count = 0;       // of the four together
 };
 
+// By their kinds.
+struct PrimitiveCounts {
+  std::size_t triangles = 0, segments = 0, points = 0;
+};
+
 struct SceneStatistics {
   std::vector<TreeStatistics> meshes;
   TreeStatistics top_level;
-  std::size_t triangle_count = 0;            // of distinct meshes
-  std::size_t instanced_triangle_count = 0;  // as rays see them
+  PrimitiveCounts distinct;   // each mesh once
+  PrimitiveCounts instanced;  // as rays see them
   std::size_t instance_count = 0;
   std::size_t byte_count = 0;
   std::uint64_t generation = 0;

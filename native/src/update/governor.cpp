@@ -180,7 +180,7 @@ UpdateDecision decide_update(const UpdateQuestion& question, const Calibration& 
     if (question.rays) decision.alternatives.back().trace_nanoseconds = *question.rays * costs.ray[i];
   }
   if (question.triangle_count == 0) {
-    decision.reason = "positions changed of a mesh without triangles";
+    decision.reason = "positions changed of a mesh that has nothing for rays to meet";
   } else if (question.policy != Policy::kGoverned) {
     decision.action = static_cast<UpdateAction>(static_cast<std::size_t>(question.policy) - 1);
     decision.reason = std::string("positions changed, and the policy is to ") + verb_of(decision.action) + " always";

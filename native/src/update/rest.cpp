@@ -11,15 +11,16 @@ namespace {
 constexpr double kNoticeable = 1.02;
 
 std::string tell(const RestQuestion& question, const Excess& at_rest, double build, double decay) {
+  const std::string rest = std::string("the ") + question.what + " rest; ";
   if (!question.rays) {
-    return "the triangles rest; a ray costs " + with_tenths(decay) +
+    return rest + "a ray costs " + with_tenths(decay) +
            " times what it would in a new tree, but the number of expected rays is unknown";
   }
   const std::string commits =
       at_rest.commit_count == 1 ? "1 commit" : std::to_string(at_rest.commit_count) + " commits";
-  return "the triangles rest; rays have lost " + as_time(at_rest.nanoseconds) + " in " + commits +
-         " of the refitted tree, " + (at_rest.nanoseconds > build ? "enough to " : "too little to ") +
-         verb_of(UpdateAction::kRebuild) + " for " + as_time(build);
+  return rest + "rays have lost " + as_time(at_rest.nanoseconds) + " in " + commits + " of the refitted tree, " +
+         (at_rest.nanoseconds > build ? "enough to " : "too little to ") + verb_of(UpdateAction::kRebuild) + " for " +
+         as_time(build);
 }
 
 }  // namespace

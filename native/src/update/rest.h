@@ -17,6 +17,7 @@ namespace perfect_bvh {
 
 struct RestQuestion {
   std::size_t triangle_count = 0;
+  const char* what = "triangles";              // that the mesh is of, as sentences name it
   BuilderKind builder = BuilderKind::kBinned;  // of a new tree
   std::optional<double> rays;                  // expected to meet the mesh's box in this commit; unknown: it is kept
   UpdateHistory history;
