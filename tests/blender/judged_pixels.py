@@ -41,9 +41,9 @@ def rays_through(sync: SceneSync, pixels: npt.ArrayLike) -> tuple[npt.NDArray[np
     return local_origins @ rotation + camera.matrix[:3, 3], local_directions @ rotation
 
 
-def cast_through(sync: SceneSync, pixels: npt.ArrayLike) -> Hits:
-    """What the engine hits through the centres of pixels: (N, 2), x and y."""
-    return sync.scene.cast_rays(*rays_through(sync, pixels), **_limits(sync))
+def cast_through(sync: SceneSync, pixels: npt.ArrayLike, audit: float = 0.0) -> Hits:
+    """What the engine hits through the centres of pixels: (N, 2), x and y. audit: as in `Scene.cast_rays`."""
+    return sync.scene.cast_rays(*rays_through(sync, pixels), **_limits(sync), audit=audit)
 
 
 def judge_pixels(sync: SceneSync, pixels: npt.ArrayLike, hits: Hits) -> Verdict:

@@ -198,7 +198,7 @@ def _fill(kind: Kind) -> None:
     mesh_object("cloud", cloud_data("cloud", upright(3).reshape(-1, 3) * 2.0, 0.3), location=(-4, -5, 0))
     if kind == "mixed":
         mesh_object("mane", hair_data("mane", upright(3)), inner, (0, 1, 0))
-        fur_of_nodes("fur", mesh_data("skin", *SQUARE)).location = (-8, 0, 0)
+        fur_of_nodes("fur").location = (-8, 0, 0)
     for kept in (inner, collection("drawer"), bpy.data.materials.new("red")):
         kept.use_fake_user = True  # edits look for them in files that were saved, too
     moving = mesh_object("moving", location=(-6, 5, 0))

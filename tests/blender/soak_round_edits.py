@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import bpy
 import numpy as np
 from blender.builders import NodeGroup, mesh_object
-from blender.hair_and_points import cloud_data, hair_data, set_points, set_radii
+from blender.hair_and_points import cloud_data, hair_data, set_points, set_radii, upright
+from blender.soak_look_edits import NothingToEditError
 
 if TYPE_CHECKING:
     from blender.soak import Soak
@@ -30,22 +31,25 @@ def some_points(soak: Soak, name: str) -> Any:
     return cloud_data(name, _steps(soak, (count, 3), 1.0), _radii(soak, count))
 
 
-def fur_of_nodes(name: str, data: Any = None, *, hides: str = "") -> Any:
-    """A mesh object, beside which nodes show curves and points; or all but what it hides, by one of these names."""
+def fur_of_nodes(name: str, *, hides: str = "") -> Any:
+    """Hair from whose points nodes grow curves and points; or all but what it hides, by one of these names."""
     group = NodeGroup(name)
     line = group.node("GeometryNodeCurvePrimitiveLine", Start=(0.0, 0.0, 0.0), End=(0.2, 0.0, 1.5))
     on_points = group.node("GeometryNodeInstanceOnPoints")
-    group.link(group.input.outputs[0], on_points.inputs["Points"])
+    roots = group.node("GeometryNodeCurveToPoints")
+    roots.mode = "EVALUATED"
+    group.link(group.input.outputs[0], roots.inputs["Curve"])
+    group.link(roots.outputs["Points"], on_points.inputs["Points"])
     group.link(line.outputs["Curve"], on_points.inputs["Instance"])
     realize = group.node("GeometryNodeRealizeInstances")
     group.link(on_points.outputs["Instances"], realize.inputs["Geometry"])
     radius = group.node("GeometryNodeSetCurveRadius", Radius=0.15)
     group.link(realize.outputs["Geometry"], radius.inputs["Curve"])
-    points = group.node("GeometryNodeMeshToPoints", Radius=0.3)
-    group.link(group.input.outputs[0], points.inputs["Mesh"])
+    points = group.node("GeometryNodeSetPointRadius", Radius=0.3)
+    group.link(roots.outputs["Points"], points.inputs["Points"])
     made = {"curves": radius.outputs["Curve"], "points": points.outputs["Points"]}
     group.show(group.input.outputs[0], *(socket for what, socket in made.items() if what != hides))
-    obj = mesh_object(name, data)
+    obj = mesh_object(name, hair_data(name, upright(3)))
     group.apply_to(obj)
     return obj
 
@@ -86,14 +90,12 @@ def thicken(soak: Soak) -> None:
 
 
 def grow(soak: Soak) -> None:
-    """More curves, or fewer, in the same data."""
+    """More curves in the same data."""
     data = soak.an_object("CURVES").data
-    if len(data.curves) > 8:
-        data.remove_curves(indices=[0, 3])
-    else:
-        data.add_curves([int(soak.number(1, 5)) for _ in range(int(soak.number(1, 3)))])
-        set_points(data, _steps(soak, (len(data.points), 3), 1.5))
-    data.update_tag()
+    if len(data.curves) > 12:
+        raise NothingToEditError
+    data.add_curves([int(soak.number(1, 5)) for _ in range(int(soak.number(1, 3)))])
+    set_points(data, _steps(soak, (len(data.points), 3), 1.5))
 
 
 def straighten(soak: Soak) -> None:
@@ -132,7 +134,7 @@ def change_fur(soak: Soak) -> None:
         for group in bpy.data.node_groups
         for node in group.nodes
         if node.bl_idname
-        in {"GeometryNodeCurvePrimitiveLine", "GeometryNodeSetCurveRadius", "GeometryNodeMeshToPoints"}
+        in {"GeometryNodeCurvePrimitiveLine", "GeometryNodeSetCurveRadius", "GeometryNodeSetPointRadius"}
     )
     if node.bl_idname == "GeometryNodeCurvePrimitiveLine":
         node.inputs["End"].default_value = soak.vector()

@@ -37,7 +37,9 @@ from oracles.exr import read_exr  # noqa: E402
 from perfect_bvh_addon.extract.camera import panorama_settings  # noqa: E402
 from perfect_bvh_addon.live.sync_cache import syncs_of  # noqa: E402
 
-SCENES = sorted(path.stem for path in (Path(__file__).resolve().parents[2] / "blend_scenes").glob("*.blend"))
+# The judge here knows triangles alone: hair and points are compared in `test_meadow.py`.
+FILES = (Path(__file__).resolve().parents[2] / "blend_scenes").glob("*.blend")
+SCENES = sorted(path.stem for path in FILES if path.stem != "meadow")
 # Failure cases on which Cycles itself does not fail.
 ZOO = (
     "teapot_in_stadium",

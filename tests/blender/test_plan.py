@@ -41,6 +41,7 @@ def classes_of(path: Path, frames: int) -> list[dict[str, tuple[str, str, int]]]
         ("cloth", "deforming", "shape keys"),
         ("ocean", "changing", ""),
         ("gears", "rigid", "animated"),
+        ("meadow", "deforming", "geometry nodes"),
     ],
 )
 def test_the_largest_moving_mesh_has_its_class_from_the_first_frame(

@@ -23,6 +23,9 @@ _DEFORMING_MODIFIERS = frozenset(
 _CHANGING_MODIFIERS = frozenset({"BUILD", "EXPLODE", "FLUID", "MESH_SEQUENCE_CACHE"})
 # What makes other triangles of other vertices, even where no setting of its own is animated.
 _RETOPOLOGISING_MODIFIERS = frozenset({"BOOLEAN", "DECIMATE", "REMESH", "WELD"})
+# Objects that are mostly grown by nodes, and what makes these move them. Nodes of meshes mostly move instances.
+_GROWN_TYPES = frozenset({"CURVES", "POINTCLOUD"})
+_TIMED_NODES = frozenset({"GeometryNodeInputSceneTime", "GeometryNodeSimulationOutput"})
 # What can make other triangles, the likeliest first.
 _REMAKING_MODIFIERS = (
     _CHANGING_MODIFIERS,
@@ -79,7 +82,19 @@ def _why_deforming(original: Any, modifiers: list[tuple[str, str]]) -> str | Non
         _is_animated(modifier.node_group) for modifier in original.modifiers if modifier.type == "NODES"
     ):
         return "its geometry nodes are animated"
+    if original.type in _GROWN_TYPES and any(
+        modifier.type == "NODES" and _goes_by_time(modifier.node_group) for modifier in original.modifiers
+    ):
+        return "its geometry nodes go by the scene's time"
     return None
+
+
+def _goes_by_time(tree: Any) -> bool:
+    """Whether geometry nodes, or groups within them, read what the time is."""
+    if tree is None:
+        return False
+    kinds = [(node.bl_idname, getattr(node, "node_tree", None)) for node in tree.nodes]
+    return any(kind in _TIMED_NODES or _goes_by_time(within) for kind, within in kinds)
 
 
 def _guess_from_motion(original: Any) -> MeshUsage | None:
