@@ -20,9 +20,22 @@ double round_trip_error(const Affine& there, const Affine& back) noexcept {
   return error;
 }
 
-RoundBall resized(RoundBall ball, double by) noexcept {
-  ball.radius = std::max(ball.radius + by, 0.0);
+RoundBall grown(RoundBall ball, double by) noexcept {
+  ball.radius += by;
   return ball;
+}
+
+// What is left of an end where all balls between it and the other one lose that much: the last one that has a radius.
+// The other end has one. A tip of radius 0 is no part of the lesser hull: a ray through it may pass by the greater.
+RoundBall lessened(RoundBall end, const RoundBall& other, double by) noexcept {
+  const double own = end.radius - by, others = other.radius - by;
+  end.radius = std::max(own, 0.0);
+  if (own >= 0) return end;
+  const double share = others / (others - own);
+  for (int axis = 0; axis < 3; ++axis) {
+    end.centre[axis] = other.centre[axis] + share * (end.centre[axis] - other.centre[axis]);
+  }
+  return end;
 }
 
 }  // namespace
@@ -39,10 +52,11 @@ RoundJudge::RoundJudge(const Instance& instance, const Ray& ray, double reach) n
 
 RoundJudge::JudgedChord RoundJudge::chord_of(std::uint32_t primitive) const noexcept {
   const RoundEnds ends = ends_of({mesh_.balls.data(), mesh_.segments.data(), 1.0f}, primitive);
-  const Chord possible = chord_of_segment(ray_, resized(ends.first, margin_), resized(ends.last, margin_));
+  const Chord possible = chord_of_segment(ray_, grown(ends.first, margin_), grown(ends.last, margin_));
   const bool is_thin = ends.first.radius <= margin_ && ends.last.radius <= margin_;
-  const Chord sure =
-      is_thin ? kNoChord : chord_of_segment(ray_, resized(ends.first, -margin_), resized(ends.last, -margin_));
+  const Chord sure = is_thin ? kNoChord
+                             : chord_of_segment(ray_, lessened(ends.first, ends.last, margin_),
+                                                lessened(ends.last, ends.first, margin_));
   return {sure, possible};
 }
 
