@@ -23,10 +23,10 @@ HAPPENED = {"hold", "look", "look_all", "stop", "ask_to_stop", "update", "linger
     [
         (True, "objects", 11),
         (True, "geometry", 8),
-        (True, "mixed", 9),
+        (True, "mixed", 11),
         (False, "objects", 10),
         (False, "geometry", 8),
-        (False, "mixed", 9),
+        (False, "mixed", 11),
     ],
 )
 def test_random_edits(watches: bool, kind: Kind, seed: int) -> None:
