@@ -126,7 +126,7 @@ TEST(RoundWideTrees, TakeFewBytes) {
 
 TEST(RoundRefit, FollowsEveryMotion) {
   for (const NamedRound& input : round_meshes()) {
-    for (const auto [is_fast, layout] : {std::pair{false, TreeLayout::kDefault}, std::pair{true, TreeLayout::kDefault},
+    for (const auto& [is_fast, layout] : {std::pair{false, TreeLayout::kDefault}, std::pair{true, TreeLayout::kDefault},
                                          std::pair{false, TreeLayout::kCompact}}) {
       ThreadPool pool(2);
       CancelToken cancel;
