@@ -127,7 +127,7 @@ TEST(RoundWideTrees, TakeFewBytes) {
 TEST(RoundRefit, FollowsEveryMotion) {
   for (const NamedRound& input : round_meshes()) {
     for (const auto& [is_fast, layout] : {std::pair{false, TreeLayout::kDefault}, std::pair{true, TreeLayout::kDefault},
-                                         std::pair{false, TreeLayout::kCompact}}) {
+                                          std::pair{false, TreeLayout::kCompact}}) {
       ThreadPool pool(2);
       CancelToken cancel;
       const Bvh2 binary = build_tree(input.mesh, config_of(BuilderKind::kBinned), pool, cancel);
