@@ -8,8 +8,10 @@ import numpy as np
 import numpy.typing as npt
 from perfect_bvh import Camera, Lens
 from perfect_bvh.appearance import (
+    HAIR_MODELS,
     LIGHT_KINDS,
     Appearance,
+    HairTable,
     ImageTexture,
     InstanceTable,
     LightTable,
@@ -72,6 +74,7 @@ def make_appearance(record: SceneRecord, instance_ids: Int32Array, mesh_ids: Int
                 for image in record.images
             ]
         ),
+        hair=_hair_table(record),
         lights=_light_table(record),
         world=_world(record),
         backdrop=_backdrop(record),
@@ -134,6 +137,40 @@ def _material_table(record: SceneRecord) -> MaterialTable:
         alpha_images=images("alpha_image"),
         emission_images=images("emission_image"),
         tints=tuple([materials[row].tint for row in rows_of.tolist()]),
+        hairs=_hair_rows(record)[rows_of],
+    )
+
+
+def _hair_rows(record: SceneRecord) -> Int32Array:
+    """(M,) int32: of each material, the row of the hair table; -1 for none."""
+    has_hair = np.array([material.hair is not None for material in record.materials], np.bool_)
+    return np.where(has_hair, np.cumsum(has_hair) - 1, -1).astype(np.int32)
+
+
+def _hair_table(record: SceneRecord) -> HairTable:
+    rows = [material.hair for material in record.materials if material.hair is not None]
+
+    def numbers(name: str, *row: int) -> Float32Array:
+        return np.array([getattr(hair, name) for hair in rows], np.float32).reshape(-1, *row)
+
+    return HairTable(
+        surfaces=numbers("surface"),
+        fibers=numbers("fiber"),
+        models=np.array([HAIR_MODELS.index(hair.model) for hair in rows], np.int32),
+        absorptions=numbers("absorption", 3),
+        colored=np.array([hair.colored for hair in rows], np.bool_),
+        roughnesses=numbers("roughness", 2),
+        coats=numbers("coat"),
+        tilts=numbers("tilt"),
+        iors=numbers("ior"),
+        ways=numbers("way"),
+        lobes=numbers("lobes", 3),
+        reflections=numbers("reflection", 3),
+        reflection_roughnesses=numbers("reflection_roughness", 2),
+        reflection_offsets=numbers("reflection_offset"),
+        transmissions=numbers("transmission", 3),
+        transmission_roughnesses=numbers("transmission_roughness", 2),
+        transmission_offsets=numbers("transmission_offset"),
     )
 
 

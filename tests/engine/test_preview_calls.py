@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from engine.preview_looks import ABOVE, ROOF, SIZE, floor, lights, made_of, materials, sun_in_the_sky
-from perfect_bvh import Appearance, ImageTexture, LightTable, World, render
+from perfect_bvh import Appearance, HairTable, ImageTexture, LightTable, World, render
 
 
 def test_pixels_do_not_depend_on_threads():
@@ -46,6 +46,11 @@ def test_pixels_do_not_depend_on_threads():
         (Appearance(lights=lights(5)), "lights.kinds must be 0 to 4 .*, got 5"),
         (Appearance(lights=lights(0, power=math.inf)), "lights.powers must be finite, got inf"),
         (Appearance(lights=LightTable(kinds=np.zeros(1, np.int32))), "lights.positions must have a row for each"),
+        (Appearance(hair=HairTable(models=np.zeros(1, np.int32))), "hair.colored must have a row for each"),
+        (
+            Appearance(materials=materials(hairs=np.zeros(1, np.int32))),
+            "materials.hairs refers to row 0 but hair has 0",
+        ),
     ],
 )
 def test_bad_looks_are_refused(look, message):

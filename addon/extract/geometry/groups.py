@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ...sync.not_shown import Kind, NotShown
 from ...sync.records import NO_LAYERS, LayerRequest, MeshRecord, UnseenMesh
@@ -101,6 +102,7 @@ class GroupTable:
         if self.materials.are_volumes(slots):
             self._note(obj, "its material has a volume and no surface; nothing of it is shown", advice=_OF_VOLUMES)
         self._note_simplified(obj, slots, obj if parent is None else parent, is_own)
+        self._note_hair_on_surfaces(obj, slots, self.meshes.records[mesh_row])
         if layers is not NO_LAYERS:
             self._note_missing_layers(obj, slots, layers, self.meshes.records[mesh_row])
         object_row = self.objects.row(obj, slots, self.visibility.is_holdout(obj, parent))
@@ -156,6 +158,14 @@ class GroupTable:
         if is_own and self.subdivision.is_asked_for(obj):
             text = "its adaptive subdivision is not shown; the modifier's levels are"
             self._note(obj, text, "shape", _OF_SUBDIVISION)
+
+    def _note_hair_on_surfaces(self, obj: Any, slots: tuple[int, ...], mesh: MeshRecord) -> None:
+        if mesh.kind == "curves" or not self.materials.are_hair(slots):
+            return
+        numbers = [0] if mesh.material_slots is None else np.unique(mesh.material_slots).tolist()
+        used = tuple([slots[min(max(number, 0), len(slots) - 1)] for number in numbers])
+        if self.materials.are_hair(used):
+            self._note(obj, "its hair shader is shown on curves alone; a diffuse surface is")
 
     def _note_missing_layers(self, obj: Any, slots: tuple[int, ...], wanted: LayerRequest, mesh: MeshRecord) -> None:
         """What materials look up on a mesh that does not have it. wanted: all that those of these slots do."""

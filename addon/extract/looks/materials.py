@@ -83,6 +83,10 @@ class MaterialReader:
         """Whether one of these materials emits light, as far as they were read."""
         return not self._shining.isdisjoint(slots)
 
+    def are_hair(self, slots: tuple[int, ...]) -> bool:
+        """Whether one of these materials has a hair shader, as far as they were read."""
+        return any(row >= 0 and self.records[row].hair is not None for row in slots)
+
     def slots(self, obj: Any, data: Any) -> tuple[int, ...]:
         """Rows of an evaluated object's material slots, -1 for an empty slot; object-linked slots included.
 
@@ -135,6 +139,7 @@ def _with_surface(record: MaterialRecord, surface: Surface, images: ImageReader)
         color_image=color_image,
         alpha_image=alpha_image,
         tint=surface.base.tint,
+        hair=surface.hair,
         emission_image=images.row(emitted) if emitted.texture else -1,
     )
 

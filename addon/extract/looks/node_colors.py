@@ -12,10 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from ...sync.records import HairRecord
+from .hair import HairReader, fixed, sum_hair
 from .instance_sources import AskInstances, Source
 from .lobes import DIFFUSE, Color, Lobes, Part, Tint, add_translucent, averaged, base_share, mix_lobes, plain_number
 from .node_graph import USES_NODES, Scope, inputs_of, trace_back
-from .node_values import HALF, ImageMeans, Pixels, Value, ValueReader, constant
+from .node_values import HALF, ImageMeans, Pixels, Value, ValueReader, constant, same_value
 from .omissions import Omissions
 from .shown_nodes import DIFFUSE as DIFFUSE_SURFACE
 from .shown_nodes import IGNORED_INPUTS, SHOWN_NODES, SIMPLIFIED_NODES
@@ -33,8 +35,9 @@ _COLOR_INPUTS = ("Base Color", "Color")
 class Surface:
     """base, emission: colours; emission is radiance, of `brightness` times as much. alpha: 0 to 1.
 
-    lobes: what of it mirrors, refracts and lets light through. holdout: of what is there, how much cuts a hole into the
-    image; a number for all of the surface. has_volume: it is nothing but the border of one, and shows nothing.
+    lobes: what of it mirrors, refracts and lets light through. hair: what curves of it are instead. holdout: of what is
+    there, how much cuts a hole into the image; a number for all of the surface. has_volume: it is nothing but the
+    border of one, and shows nothing.
     """
 
     base: Value
@@ -42,8 +45,12 @@ class Surface:
     brightness: float = 1.0
     alpha: Value = WHOLE
     lobes: Lobes = DIFFUSE
+    hair: HairRecord | None = None
     holdout: float = 0.0
     has_volume: bool = False
+
+
+_FIXED_SURFACES = {"BSDF_TRANSPARENT": Surface(BLACK, alpha=NOTHING), "HOLDOUT": Surface(BLACK, holdout=1.0)}
 
 
 def read_surface(
@@ -107,14 +114,15 @@ class _SurfaceReader:
             return self._add(*(self.follow(socket, scope, depth + 1) for socket in node.inputs))
         inputs = inputs_of(node) if node.type in IGNORED_INPUTS else {}
         self._omissions.note_ignored(node.type, inputs, scope)
-        if node.type == "BSDF_TRANSPARENT":
-            return Surface(BLACK, alpha=NOTHING)
-        if node.type == "HOLDOUT":
-            return Surface(BLACK, holdout=1.0)
+        if node.type in _FIXED_SURFACES:
+            return _FIXED_SURFACES[node.type]
         if node.type == "EMISSION":
             return self._emission(Surface(BLACK), node.inputs["Color"], node.inputs["Strength"], scope)
         if node.type == "BSDF_PRINCIPLED":
             return self._principled(inputs, scope)
+        if node.type in {"BSDF_HAIR", "BSDF_HAIR_PRINCIPLED"}:
+            base, hair = HairReader(self._values).read(node, scope)
+            return Surface(base, hair=hair)
         if node.type not in SHOWN_NODES:
             self._omissions.note_node(node, instead=SIMPLIFIED_NODES.get(node.type, DIFFUSE_SURFACE))
         color = next((node.inputs[name] for name in _COLOR_INPUTS if name in node.inputs), None)
@@ -222,10 +230,23 @@ class _SurfaceReader:
             self._omissions.note(
                 "how much of each shader an instance has", "for reflections one share for all of them is"
             )
-        parts = self._part(first, 1.0 - second_share), self._part(second, second_share)
+        lobe_share = _share_of_lobes(first, second, second_share)
+        parts = self._part(first, 1.0 - lobe_share), self._part(second, lobe_share)
         base = self._mix_bases(first, second, factor, base_share(*parts), second_share)
         holdout = first.holdout * (1.0 - second_share) + second.holdout * second_share
-        return Surface(base, emission, 1.0, alpha, mix_lobes(*parts, values.overall(base)), holdout)
+        hair = self._sum_hair((first, 1.0 - second_share), (second, second_share), base=base)
+        return Surface(base, emission, 1.0, alpha, mix_lobes(*parts, values.overall(base)), hair, holdout)
+
+    def _sum_hair(self, *parts: tuple[Surface, float], base: Value) -> HairRecord | None:
+        """On a surface of this base colour, the hair of which other base colours count by their means."""
+        rows = []
+        for surface, weight in parts:
+            hair = surface.hair
+            if hair is not None and hair.colored and not same_value(surface.base, base):
+                self._omissions.note("the changing colour of hair that is mixed with other colours", "its mean is")
+                hair = fixed(hair, self._values.overall(surface.base))
+            rows.append((hair, weight))
+        return sum_hair(rows)
 
     def _part(self, surface: Surface, weight: float) -> Part:
         return Part(averaged(surface.lobes), weight, self._values.overall(surface.base), not surface.base.is_even)
@@ -258,10 +279,20 @@ class _SurfaceReader:
         if other.lobes.translucency == 1.0:
             lobes = add_translucent(lobes, self._values.overall(kept.base), self._part(other, 1.0))
         holdout = first.holdout + second.holdout
-        return replace(kept, emission=emission, brightness=1.0, holdout=holdout, lobes=lobes)
+        hair = self._sum_hair((first, 1.0), (second, 1.0), base=kept.base)
+        return replace(kept, emission=emission, brightness=1.0, holdout=holdout, lobes=lobes, hair=hair)
 
     def _brightness(self, surface: Surface) -> float:
         return float(self._values.overall(surface.base)[:3].sum())
+
+
+def _share_of_lobes(first: Surface, second: Surface, second_share: float) -> float:
+    """How much the second of a mix counts in what is no hair."""
+    amounts = [
+        weight * (1.0 if surface.hair is None else surface.hair.surface)
+        for surface, weight in ((first, 1.0 - second_share), (second, second_share))
+    ]
+    return amounts[1] / sum(amounts) if sum(amounts) > 0.0 else second_share
 
 
 def _lerp(share: Pixels, one: Pixels, other: Pixels) -> Pixels:

@@ -72,6 +72,14 @@ class Value:
         return pixels if self.change is None else self.change(pixels)
 
 
+def same_value(first: Value, second: Value) -> bool:
+    """Whether two values are known to be the same all over every surface."""
+    if first is second:
+        return True
+    kinds = [(value.texture, value.key, value.tint, value.varies) for value in (first, second)]
+    return kinds[0] == kinds[1] and (first.texture is not None or np.array_equal(first.color, second.color))
+
+
 class ImageMeans(Protocol):
     """What tells the mean of a value with a texture."""
 

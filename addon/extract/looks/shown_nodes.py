@@ -12,7 +12,17 @@ DIFFUSE = "a diffuse surface is"
 
 # By `bpy.types.Node.type`.
 SHADERS = ("BSDF_PRINCIPLED", "BSDF_DIFFUSE", "BSDF_GLOSSY", "BSDF_METALLIC", "BSDF_GLASS", "BSDF_REFRACTION")
-SHADERS += ("BSDF_TRANSLUCENT", "BSDF_TRANSPARENT", "EMISSION", "BACKGROUND", "HOLDOUT", "MIX_SHADER", "ADD_SHADER")
+SHADERS += (
+    "BSDF_HAIR",
+    "BSDF_HAIR_PRINCIPLED",
+    "BSDF_TRANSLUCENT",
+    "BSDF_TRANSPARENT",
+    "EMISSION",
+    "BACKGROUND",
+    "HOLDOUT",
+    "MIX_SHADER",
+    "ADD_SHADER",
+)
 TEXTURES = ("TEX_IMAGE", "TEX_ENVIRONMENT", "TEX_SKY", "MAPPING", "UVMAP", "TEX_COORD", "ATTRIBUTE", "VERTEX_COLOR")
 TEXTURES += ("OBJECT_INFO",)
 VALUES = ("RGB", "VALUE", "BLACKBODY", "MIX", "MIX_RGB", "VALTORGB", "CURVE_RGB", "HUE_SAT", "MATH", "GAMMA", "INVERT")
@@ -31,8 +41,6 @@ SIMPLIFIED_NODES: dict[str, str] = {
     "BSDF_TOON": DIFFUSE,
     "BSDF_SHEEN": DIFFUSE,
     "SUBSURFACE_SCATTERING": DIFFUSE,
-    "BSDF_HAIR": DIFFUSE,
-    "BSDF_HAIR_PRINCIPLED": DIFFUSE,
     "EEVEE_SPECULAR": DIFFUSE,
     "BSDF_RAY_PORTAL": DIFFUSE,
 }
@@ -74,6 +82,7 @@ IGNORED_INPUTS: dict[str, tuple[IgnoredInput, ...]] = {
     "BSDF_GLASS": (NORMAL_INPUT, IgnoredInput("Thin Film Thickness", 0.0, "Thin Film", "what it covers is")),
     "BSDF_REFRACTION": (NORMAL_INPUT,),
     "BSDF_TRANSLUCENT": (NORMAL_INPUT,),
+    "BSDF_HAIR": (IgnoredInput("Tangent", None, "Tangent of hair", "that along the strand is"),),
     "BSDF_TRANSPARENT": (IgnoredInput("Color", 1.0, "Color of the Transparent BSDF", "white is"),),
 }
 

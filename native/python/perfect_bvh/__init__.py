@@ -11,7 +11,16 @@
 
 from ._core import __version__
 from .adaptive_sampling import AdaptiveSampling
-from .appearance import Appearance, ImageTexture, InstanceTable, LightTable, MaterialTable, MeshAppearance, World
+from .appearance import (
+    Appearance,
+    HairTable,
+    ImageTexture,
+    InstanceTable,
+    LightTable,
+    MaterialTable,
+    MeshAppearance,
+    World,
+)
 from .audit import Audit, RenderAudit
 from .build_config import BuildConfig
 from .calibration import Calibration
@@ -56,6 +65,7 @@ __all__ = [
     "CommitReport",
     "Denoiser",
     "EngineError",
+    "HairTable",
     "Hits",
     "ImageTexture",
     "InstanceTable",

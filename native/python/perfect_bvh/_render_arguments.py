@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._arrays import check_count, check_id
-from .appearance import LIGHT_KINDS, Appearance, ImageTexture, LightTable, MeshAppearance, World
+from .appearance import HAIR_MODELS, LIGHT_KINDS, Appearance, HairTable, ImageTexture, LightTable, MeshAppearance, World
 from .camera import Camera
 
 _LARGEST_SIZE = 65536
@@ -101,6 +101,8 @@ def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:
         "alpha_images": optional("alpha_images", np.int32),
         "emission_images": optional("emission_images", np.int32),
         "tints": np.array([-1 if tint is None else tint_numbers[tint] for tint in tints], np.int32),
+        "hairs": optional("hairs", np.int32),
+        "hair": _hair_arguments(function, appearance.hair),
         "images": [_image_arguments(function, row, image, uv_numbers) for row, image in enumerate(appearance.images)],
         "lights": _light_arguments(function, appearance.lights),
         "world": _world_arguments(function, "world", appearance.world),
@@ -178,6 +180,33 @@ def _pixels(function: str, name: str, value: npt.ArrayLike) -> npt.NDArray[Any]:
     return np.ascontiguousarray(pixels)
 
 
+def _table_columns(
+    function: str, name: str, table: object, columns: Mapping[str, tuple[type[np.generic], tuple[int, ...]]]
+) -> dict[str, npt.NDArray[Any]]:
+    """Finite columns with a row each for each row of the first."""
+    arrays: dict[str, npt.NDArray[Any]] = {}
+    first = next(iter(columns))
+    for column, (dtype, row) in columns.items():
+        place = f"appearance.{name}.{column}"
+        array = arrays[column] = _column(function, place, getattr(table, column), dtype, row)
+        if len(array) != len(arrays[first]):
+            raise ValueError(
+                f"{function}: {place} must have a row for each of the {len(arrays[first])} {first}, got {len(array)}"
+            )
+        if not np.isfinite(array).all():
+            raise ValueError(f"{function}: {place} must be finite, got {array[~np.isfinite(array)][0]}")
+    return arrays
+
+
+def _check_kinds(function: str, name: str, kinds: npt.NDArray[Any], choices: Sequence[str]) -> None:
+    unknown = (kinds < 0) | (kinds >= len(choices))
+    if unknown.any():
+        raise ValueError(
+            f"{function}: appearance.{name} must be 0 to {len(choices) - 1} ({', '.join(choices)}), "
+            f"got {kinds[unknown][0]}"
+        )
+
+
 def _light_arguments(function: str, lights: LightTable) -> dict[str, npt.NDArray[Any]]:
     columns: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
         "kinds": (np.int32, ()),
@@ -188,28 +217,33 @@ def _light_arguments(function: str, lights: LightTable) -> dict[str, npt.NDArray
         "cones": (np.float32, (2,)),
         "casts_shadow": (np.bool_, ()),
     }
-    arrays: dict[str, npt.NDArray[Any]] = {}
-    for name, (dtype, row) in columns.items():
-        array = arrays[name] = _column(function, f"appearance.lights.{name}", getattr(lights, name), dtype, row)
-        if len(array) != len(arrays["kinds"]):
-            raise ValueError(
-                f"{function}: appearance.lights.{name} must have a row for each of the {len(arrays['kinds'])} kinds, "
-                f"got {len(array)}"
-            )
-        if not np.isfinite(array).all():
-            raise ValueError(
-                f"{function}: appearance.lights.{name} must be finite, got {array[~np.isfinite(array)][0]}"
-            )
-    unknown = (arrays["kinds"] < 0) | (arrays["kinds"] >= len(LIGHT_KINDS))
-    if unknown.any():
-        raise ValueError(
-            f"{function}: appearance.lights.kinds must be 0 to {len(LIGHT_KINDS) - 1} ({', '.join(LIGHT_KINDS)}), "
-            f"got {arrays['kinds'][unknown][0]}"
-        )
+    arrays = _table_columns(function, "lights", lights, columns)
+    _check_kinds(function, "lights.kinds", arrays["kinds"], LIGHT_KINDS)
     suns = arrays["kinds"] == LIGHT_KINDS.index("sun")
     if suns.any():  # the engine takes the disk that the sun shows, one unit away
         sizes = arrays["sizes"] = arrays["sizes"].copy()
         sizes[suns, 0] = np.tan(0.5 * np.clip(sizes[suns, 0], 0.0, 3.0))
+    return arrays
+
+
+_HAIR_COLUMNS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
+    "models": (np.int32, ()),
+    "colored": (np.bool_, ()),
+    **dict.fromkeys(("surfaces", "fibers", "coats", "tilts", "iors", "ways"), (np.float32, ())),
+    **dict.fromkeys(("reflection_offsets", "transmission_offsets"), (np.float32, ())),
+    **dict.fromkeys(("roughnesses", "reflection_roughnesses", "transmission_roughnesses"), (np.float32, (2,))),
+    **dict.fromkeys(("absorptions", "lobes", "reflections", "transmissions"), (np.float32, (3,))),
+}
+
+
+def _hair_arguments(function: str, hair: HairTable) -> dict[str, npt.NDArray[Any]]:
+    arrays = _table_columns(function, "hair", hair, _HAIR_COLUMNS)
+    _check_kinds(function, "hair.models", arrays["models"], HAIR_MODELS)
+    for name in ("surfaces", "fibers", "absorptions", "lobes", "reflections", "transmissions"):
+        if (arrays[name] < 0.0).any():
+            raise ValueError(f"{function}: appearance.hair.{name} must be 0 or more, got {arrays[name].min():g}")
+    if not (arrays["iors"] > 0.0).all():
+        raise ValueError(f"{function}: appearance.hair.iors must be more than 0, got {arrays['iors'].min():g}")
     return arrays
 
 

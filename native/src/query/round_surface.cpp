@@ -43,7 +43,43 @@ Vec3d half_way_through(const RoundRay& ray, Vec3d direction, Vec3d axis, double 
   return direction * (half * kMore / std::sqrt(ray.squared_length));
 }
 
+// How far off a curve what leaves it starts, in parts of its largest coordinate: more than rounding can move it.
+constexpr double kClear = 0x1p-40;
+
+// The chord of a neighbour, if it goes on where this one ends.
+bool goes_on_in(const RoundRay& ray, const RoundList& list, std::uint32_t segment, double& exit) noexcept {
+  const Chord chord = chord_of(ray, list, segment);
+  if (!(chord.entry <= exit && chord.exit > exit)) return false;
+  exit = chord.exit;
+  return true;
+}
+
 }  // namespace
+
+Vec3d leave_curve(const Instance& instance, std::uint32_t segment, Vec3d origin, Vec3d direction) noexcept {
+  const Affine to_object = inverse(instance.object_to_world);
+  const Vec3d start = to_object.point(origin), way = to_object.vector(direction);
+  const RoundRay ray = round_ray(&start.x, &way.x);
+  const Mesh& mesh = instance.blas->mesh;
+  const RoundList list{mesh.balls.data(), mesh.segments.data(), 1.0f};
+  double exit = std::max(chord_of(ray, list, segment).exit, 0.0);
+  for (std::size_t left = mesh.segments.size(); left > 0; --left) {
+    const SegmentCode code = list.segments[segment];
+    if ((code & kSegmentAfter) != 0 && goes_on_in(ray, list, segment + 1, exit)) {
+      ++segment;
+    } else if ((code & kSegmentBefore) != 0 && goes_on_in(ray, list, segment - 1, exit)) {
+      --segment;
+    } else {
+      break;
+    }
+  }
+  const RoundEnds ends = ends_of(list, segment);
+  const Vec3d normal = vector_of(surface_at(ray, ends.first, ends.last, exit).normal);
+  const Vec3d point = instance.object_to_world.point(start + way * exit);
+  const auto largest = [](Vec3d v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); };
+  const double clear = kClear * (largest(point) + largest(instance.object_to_world.translation));
+  return point + normalized(to_object.transposed_vector(normal)) * clear;
+}
 
 RoundPoint RoundPlacer::place(const Instance& instance, const Hit& hit, const Ray& ray) noexcept {
   if (&instance != last_) last_ = &instance, to_object_ = inverse(instance.object_to_world);

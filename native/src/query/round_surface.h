@@ -7,6 +7,8 @@
 // tube: from there they meet the ribbon again only if they go back into it.
 #pragma once
 
+#include <cstdint>
+
 #include "math/affine.h"
 #include "math/curve_joint.h"
 #include "math/vec3.h"
@@ -22,6 +24,11 @@ struct RoundPoint {
   bool is_entry;         // the ray comes from outside; ribbons are always entered
   Vec3d before, behind;  // where rays leave from, on this side and on the other: `position`, but of ribbons
 };
+
+// Where a ray from inside of a curve leaves it, just outside of that. A curve of segments that overlap is left where
+// the last of them is, from the given one on.
+[[nodiscard]] Vec3d leave_curve(const Instance& instance, std::uint32_t segment, Vec3d origin,
+                                Vec3d direction) noexcept;
 
 // Of one hit after another: what is known of an instance is kept for the next hit.
 class RoundPlacer {

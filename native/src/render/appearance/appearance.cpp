@@ -115,6 +115,12 @@ void Appearance::check_materials() const {
   check("holdouts", material_holdouts.size());
   check("color_scales", color_scales.size());
   check("tints", tints.size());
+  check("hairs", hairs.size());
+  for (const std::int32_t row : hairs) {
+    require(
+        row >= kNoHair && row < static_cast<std::int32_t>(hair_rows.size()),
+        "materials.hairs refers to row " + std::to_string(row) + " but hair has " + std::to_string(hair_rows.size()));
+  }
   const auto check_images = [&](const char* name, std::span<const std::int32_t> rows) {
     check(name, rows.size());
     for (const std::int32_t row : rows) {

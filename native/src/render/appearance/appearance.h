@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "math/vec3.h"
+#include "render/appearance/hair.h"
 #include "render/appearance/light.h"
 #include "render/appearance/rgba.h"
 #include "render/appearance/texture.h"
@@ -77,12 +78,14 @@ struct Appearance {
   std::span<const std::int32_t> alpha_images;     // their alpha multiplies
   std::span<const std::int32_t> emission_images;  // their colour multiplies
   std::span<const std::int32_t> tints;  // which of the mesh's own colours multiply the base colour, or kNoTint
+  std::span<const std::int32_t> hairs;  // rows of `hair_rows`: what strands are of, or kNoHair
   std::span<const std::int32_t> instance_ids;
   std::span<const std::int32_t> slot_offsets;  // one more than instances
   std::span<const std::int32_t> slot_materials;
   std::span<const std::int32_t> object_pass_indices;
   std::span<const std::uint8_t> holdout;
 
+  std::vector<Hair> hair_rows;
   std::vector<Texture> images;
   std::vector<Light> lights;
   std::optional<World> world;                   // none: the studio's sky and ground

@@ -37,6 +37,12 @@ float grid_share(const Light& light, float cosine) noexcept {
   return std::max(farthest - aslant, 0.0f) / std::max(rest, 1e-12f);
 }
 
+// The cosine by which light from a direction is spread over a surface, zero from behind. What has no normal is lit
+// alike from all sides.
+float cosine_on(Vec3f normal, Vec3f direction) noexcept {
+  return normal == Vec3f{0, 0, 0} ? 1.0f : std::max(dot(direction, normal), 0.0f);
+}
+
 bool is_area(const Light& light) noexcept {
   return light.kind == LightKind::kRectangle || light.kind == LightKind::kEllipse;
 }
@@ -51,7 +57,7 @@ float sun_density(const Light& light, float cosine) noexcept {
 LightRay look_at_sun(const Light& light, Vec3f normal, Point2 random) noexcept {
   const Point2 flat = uniform_disk(random);
   const Vec3f direction = normalized(light.z + (light.x * flat.x + light.y * flat.y) * light.size_x);
-  const float cosine = std::max(dot(direction, normal), 0.0f);
+  const float cosine = cosine_on(normal, direction);
   return {direction, std::numeric_limits<float>::infinity(), light.power * (cosine / kPi),
           sun_density(light, dot(direction, light.z))};
 }
@@ -79,7 +85,7 @@ LightRay look_at_area(const Light& light, Vec3d point, Vec3f normal, Point2 rand
   const float distance = length(way);
   if (!(distance > 0.0f)) return {};
   const Vec3f direction = way * (1.0f / distance);
-  const float cosine = std::max(dot(direction, normal), 0.0f), light_cosine = std::max(dot(direction, light.z), 0.0f);
+  const float cosine = cosine_on(normal, direction), light_cosine = std::max(dot(direction, light.z), 0.0f);
   // Radiance P / (pi A), seen from an area A: A cancels.
   const float share = cosine * light_cosine * grid_share(light, light_cosine) / (kPi * kPi * distance * distance);
   return {direction, distance, light.power * share, square(distance) / (light_cosine * area_of(light))};
@@ -110,7 +116,7 @@ LightRay look_at_ball(const Light& light, Vec3d point, Vec3f normal, Point2 rand
   const Vec3f way = to_centre + (frame.x * flat.x + frame.y * flat.y) * light.size_x;
   const float way_length = length(way);
   const Vec3f direction = way * (1.0f / way_length);
-  const float cosine = std::max(dot(direction, normal), 0.0f), light_cosine = dot(direction, frame.z);
+  const float cosine = cosine_on(normal, direction), light_cosine = dot(direction, frame.z);
   const float share = cone_share(light, dot(frame.z, light.z)) * cosine * light_cosine;
   const float density = square(way_length) / (kPi * square(light.size_x) * light_cosine);
   return {direction, way_length, light.power * (share / (4.0f * kPi * kPi * square(way_length))), density};
@@ -144,13 +150,16 @@ std::optional<LightMet> meet_light(const Light& light, Vec3d point, Vec3f direct
 
 float guess_light(const Light& light, Vec3d point, Vec3f normal) noexcept {
   const float power = brightness(light.power);
-  if (light.kind == LightKind::kSun) return power * std::clamp(dot(light.z, normal) + light.size_x, 0.0f, 1.0f) / kPi;
+  const bool all_sides = normal == Vec3f{0, 0, 0};
+  if (light.kind == LightKind::kSun) {
+    return power * (all_sides ? 1.0f : std::clamp(dot(light.z, normal) + light.size_x, 0.0f, 1.0f)) / kPi;
+  }
   const Vec3f way = to_float(light.position - point);
   const float reach =
       is_area(light) ? 0.5f * std::sqrt(light.size_x * light.size_x + light.size_y * light.size_y) : light.size_x;
   const float distance = std::max(length(way), 1e-20f);
   const float spread = reach / distance;  // how far its border may be from the way to its centre
-  const float cosine = std::clamp(dot(way, normal) / distance + spread, 0.0f, 1.0f);
+  const float cosine = all_sides ? 1.0f : std::clamp(dot(way, normal) / distance + spread, 0.0f, 1.0f);
   const float nearest = std::max(distance - reach, 0.5f * std::max(distance, reach));
   float share = 1.0f / (4.0f * kPi * kPi * nearest * nearest);
   if (is_area(light)) {

@@ -37,6 +37,7 @@ struct LightRay {
   float density = 0.0f;  // of such directions, over solid angle; infinite for a light without size
 };
 
+// normal: zero for what is lit alike from all sides, without a cosine: strands.
 [[nodiscard]] LightRay look_at_light(const Light& light, Vec3d point, Vec3f normal, Point2 random) noexcept;
 
 // A light that a direction leads to.

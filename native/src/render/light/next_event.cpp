@@ -30,9 +30,14 @@ float guess(const Light& light, Vec3d point, Vec3f normal, bool transmits) noexc
 
 LightRay look(const Light& light, const Vertex& vertex, Point2 random) noexcept {
   const SurfacePoint& point = vertex.point;
-  const LightRay ray = look_at_light(light, point.origin, point.light_normal, random);
+  const LightRay ray = look_at_light(light, point.origin, vertex.path.normal, random);
   if (!vertex.bsdf.transmits() || !is_black(ray.light)) return ray;
-  return look_at_light(light, point.beyond, -point.light_normal, random);
+  return look_at_light(light, point.beyond, -vertex.path.normal, random);
+}
+
+// Of the light from a direction, what falls on the surface; on strands all.
+float slant_of(const Vertex& vertex, Vec3f direction) noexcept {
+  return vertex.bsdf.is_strand() ? 1.0f : std::abs(dot(direction, vertex.point.light_normal));
 }
 
 }  // namespace
@@ -56,7 +61,8 @@ void NextEvent::aim(std::span<Vertex> vertices, std::uint32_t index, std::uint32
                     std::vector<float>& guesses, ShadowRays& shadows) const {
   bool any_all = false, any_some = false;
   for (Vertex& vertex : vertices) {
-    vertex.path.normal = vertex.point.light_normal, vertex.path.transmits = vertex.bsdf.transmits();
+    vertex.path.normal = vertex.bsdf.is_strand() ? Vec3f{0, 0, 0} : vertex.point.light_normal;
+    vertex.path.transmits = vertex.bsdf.transmits();
     vertex.path.meets_lights = any_met_;
     vertex.path.picks = picks_of(vertex.path);
     (vertex.path.picks == kAll ? any_all : any_some) = true;
@@ -157,12 +163,11 @@ void NextEvent::aim_at_emissive(std::span<const Vertex> vertices, std::uint32_t 
     const float distance = length(way);
     if (!(distance > 0.0f) || !std::isfinite(distance)) continue;
     const Vec3f direction = way * (1.0f / distance);
-    const float slant = dot(direction, vertex.point.light_normal);
     const float density = light.density * distance * distance / std::abs(dot(direction, light.normal));
     if (!std::isfinite(density) || !(density > 0.0f)) continue;
     const bool mirrored = (light.mask & appearance_.glossy_mask) != 0;
     const Bsdf::Value seen = mirrored ? vertex.bsdf.evaluate(direction) : vertex.bsdf.evaluate_diffuse(direction);
-    const float share = std::abs(slant) * std::numbers::inv_pi_v<float> / (density + seen.density);
+    const float share = slant_of(vertex, direction) * std::numbers::inv_pi_v<float> / (density + seen.density);
     const Vec3f carried = vertex.path.throughput * light.radiance * seen.share * share;
     if (is_black(carried)) continue;
     shadows.add(shadow_ray(vertex.point, direction, distance * kShort, appearance_.shadow_mask), row, carried);
@@ -177,8 +182,7 @@ void NextEvent::aim_at_sky(std::span<const Vertex> vertices, std::uint32_t index
     const Vertex& vertex = vertices[row];
     const BrightSky::Choice sky = environment_.aim((shared ^ place.offset(vertex.path.place)).to_unit());
     const Bsdf::Value seen = vertex.bsdf.evaluate(sky.direction);
-    const float slant = std::abs(dot(sky.direction, vertex.point.light_normal));
-    const float share = slant * std::numbers::inv_pi_v<float> / (sky.density + seen.density);
+    const float share = slant_of(vertex, sky.direction) * std::numbers::inv_pi_v<float> / (sky.density + seen.density);
     const Vec3f carried = vertex.path.throughput * environment_.parts(sky.direction).bright * seen.share * share;
     if (is_black(carried)) continue;
     const Vec3f direction = above(vertex.point, sky.direction);

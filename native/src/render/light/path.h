@@ -29,7 +29,7 @@ struct Path {
   float density = std::numeric_limits<float>::infinity();
   float least_density = std::numeric_limits<float>::max();  // of all its directions
   // The last surface, as next-event estimation saw it: its normal, whether it lets light through, how many lights it
-  // asked (0: each), and the sum of what all lights were thought to bring.
+  // asked (0: each), and the sum of what all lights were thought to bring. A strand has no normal: zero.
   Vec3f normal{0, 0, 1};
   bool transmits = false;
   std::uint8_t picks = 0;

@@ -120,7 +120,10 @@ void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Scratc
   if (path.is_seen() && appearance_.is_catcher(instance)) {
     return scratch.caught.push_back({point, view, path.owner, path.place, path.throughput.x});
   }
-  const Material material = material_at(appearance_, instance, hit, point.material);
+  Material material = material_at(appearance_, instance, hit, point.material);
+  const bool is_hair = material.hair != nullptr && !(point.along == Vec3f{0, 0, 0});
+  if (is_hair && point.inside) return pass_hair(path, ray, hit, scratch.next);
+  if (is_hair) material.surface = material.hair->surface;
   const float through = std::clamp(material.through(), 0.0f, 1.0f);
   if (through > 0.0f) {
     if (path.is_seen()) {
@@ -136,9 +139,25 @@ void PathTracer::see_surface(const Step& step, const SurfacePoint& point, Scratc
   if (path.is_seen()) step.targets.colors[path.owner].a += path.throughput.x * (1.0f - material.holdout);
   add(step, path, path.throughput * emitted(path, ray, hit, point, material), std::max(path.bounces - 1, 0));
   if (path.ends || material.holdout >= 1.0f) return;
-  const Bsdf bsdf(material, point.light_normal, point.geometric_normal, view, point.inside, limits_of(path));
+  const Bsdf::Limits limits = limits_of(path);
+  Bsdf bsdf(material, point.light_normal, point.geometric_normal, view, point.inside, limits);
+  if (is_hair) {
+    bsdf.add_hair({*material.hair, material.color, {point.along, point.geometric_normal, view}, limits.least_alpha});
+  }
   guide_by(step, bsdf, point, material.emission, path);
-  if (!bsdf.is_black()) scratch.vertices.push_back({point, bsdf, path});
+  if (bsdf.is_black()) return;
+  scratch.vertices.push_back({point, bsdf, path});
+  if (is_hair) {
+    SurfacePoint& on_strand = scratch.vertices.back().point;
+    on_strand.strand = &instance, on_strand.segment = hit.primitive_index;
+  }
+}
+
+// Hair has no inner side, as in Cycles: what looks at it looks out.
+void PathTracer::pass_hair(const Path& path, const Ray& ray, const Hit& hit, Wave& next) const {
+  Ray rest = ray;
+  rest.t_min = std::nextafter(hit.t, kInfiniteDistance);
+  next.add(path, rest);
 }
 
 Vec3f PathTracer::emitted(const Path& path, const Ray& ray, const Hit& hit, const SurfacePoint& point,
@@ -184,8 +203,10 @@ void PathTracer::scatter(const Step& step, Scratch& scratch) const {
     const Bsdf::Sample scattered = vertex.bsdf.sample(chance.x, (direction ^ directions.offset(path.place)).to_unit());
     if (!goes_on(path, scattered, chance.y)) continue;
     const bool goes_beyond = scattered.kind == Scatter::kTranslucent || scattered.kind == Scatter::kRefracted;
-    // What leaves on one side of the smooth normal and on the other of the triangle is lost, as in Cycles.
-    if ((dot(scattered.direction, vertex.point.geometric_normal) < 0.0f) != goes_beyond) continue;
+    // Of a surface, what leaves on one side of the smooth normal and on the other of the triangle is lost, as in
+    // Cycles.
+    const bool is_below = dot(scattered.direction, vertex.point.geometric_normal) < 0.0f;
+    if (!scattered.is_strand && is_below != goes_beyond) continue;
     scratch.next.add(path, ray_from(vertex.point, scattered.direction, kInfiniteDistance, mask_of(scattered.kind)));
   }
 }
@@ -194,7 +215,7 @@ bool PathTracer::goes_on(Path& path, const Bsdf::Sample& scattered, float roulet
   if (scattered.kind == Scatter::kNone || path.bounces == 255) return false;
   path.throughput = path.throughput * scattered.weight;
   path.density = scattered.density, path.last = scattered.kind;
-  path.least_density = std::min(path.least_density, scattered.density);
+  path.least_density = std::min(path.least_density, scattered.widening);
   if (!(largest(path.throughput) > 0.0f) || !is_finite(path.throughput)) return false;
   const bool passes = scattered.kind == Scatter::kTranslucent || scattered.kind == Scatter::kRefracted;
   std::uint8_t& kind = passes ? path.transmission : scattered.kind == Scatter::kDiffuse ? path.diffuse : path.glossy;

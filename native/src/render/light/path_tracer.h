@@ -68,6 +68,7 @@ class PathTracer {
   [[nodiscard]] Vec3f emitted(const Path& path, const Ray& ray, const Hit& hit, const SurfacePoint& point,
                               const Material& material) const;
   void pass(const Path& path, const Ray& ray, const Hit& hit, float share, Wave& next) const;
+  void pass_hair(const Path& path, const Ray& ray, const Hit& hit, Wave& next) const;
   void light_vertices(const Step& step, Scratch& scratch) const;
   void scatter(const Step& step, Scratch& scratch) const;
   void guide(const Step& step, const Path& path, Vec3f albedo, Vec3f normal) const;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "query/round_surface.h"
 #include "render/surface/surface.h"
 
 namespace perfect_bvh {
@@ -23,8 +24,11 @@ namespace perfect_bvh {
 [[nodiscard]] inline Ray ray_from(const SurfacePoint& point, Vec3f direction, float reach,
                                   std::uint32_t mask) noexcept {
   Ray ray;
-  ray.origin = leads_beyond(point, direction) ? point.beyond : point.origin;
   ray.direction = to_double(direction);
+  ray.origin = leads_beyond(point, direction) ? point.beyond : point.origin;
+  if (point.strand != nullptr && leads_beyond(point, direction)) {
+    ray.origin = leave_curve(*point.strand, point.segment, ray.origin, ray.direction);
+  }
   ray.t_max = reach;
   ray.mask = mask;
   return ray;

@@ -34,17 +34,18 @@ Bsdf::Bsdf(const Material& material, Vec3f normal, Vec3f geometric_normal, Vec3f
 }
 
 void Bsdf::layer(const Material& material, bool inside, const Limits& limits) noexcept {
-  const float metallic = material.metallic, clear = (1.0f - metallic) * material.transmission;
-  float below = (1.0f - metallic) * (1.0f - material.transmission) * (1.0f - material.translucency);
-  if (metallic > 0.0f && !limits.no_reflection) add_metal(material);
+  const float clear = material.surface * (1.0f - material.metallic) * material.transmission;
+  float below =
+      material.surface * (1.0f - material.metallic) * (1.0f - material.transmission) * (1.0f - material.translucency);
+  if (material.metallic > 0.0f && !limits.no_reflection) add_metal(material);
   if (material.reflectance > 0.0f && below > 0.0f && !limits.no_reflection) below = add_dielectric(material, below);
   if (clear > 0.0f) add_glass(material, clear, inside, limits);
-  diffuse_ = material.color * below, translucent_ = material.translucent;
+  diffuse_ = material.color * below, translucent_ = material.translucent * material.surface;
 }
 
 void Bsdf::add_metal(const Material& material) noexcept {
   const FacetShare mirrors = share_of_mirrors(view_.z, roughness_);
-  const float even = material.metallic * material.even_metal, rest = material.metallic - even;
+  const float all = material.metallic * material.surface, even = all * material.even_metal, rest = all - even;
   metal_ = MetalFresnel(min(material.metal, kWhite), min(material.specular_tint, kWhite));
   metal_share_ = with_what_bounces(metal_.mean(), mirrors) * rest;
   even_ = material.metal * with_what_bounces(min(material.metal, kWhite), mirrors) * even;
@@ -141,12 +142,29 @@ Bsdf::Value Bsdf::evaluate_local(Vec3f out) const noexcept {
   return value;
 }
 
-Bsdf::Value Bsdf::evaluate(Vec3f direction) const noexcept { return evaluate_local(local(direction)); }
+void Bsdf::add_hair(const HairBsdf& hair) noexcept {
+  hair_ = hair;
+  chances_.hair = largest(hair.albedo());
+  total_ += chances_.hair;
+}
+
+Bsdf::Value Bsdf::evaluate_strand(Vec3f direction, Value surface, HairBsdf::Value hair) const noexcept {
+  const float slant = std::abs(dot(local(direction), normal_));
+  return {surface.share * slant + hair.share * kPi, surface.density + hair.density * (chances_.hair / total_)};
+}
+
+Bsdf::Value Bsdf::evaluate(Vec3f direction) const noexcept {
+  if (!hair_) return evaluate_local(local(direction));
+  const bool has_surface = total_ > chances_.hair;
+  return evaluate_strand(direction, has_surface ? evaluate_local(local(direction)) : Value{}, hair_->lit(direction));
+}
 
 Bsdf::Value Bsdf::evaluate_diffuse(Vec3f direction) const noexcept {
   const float height = dot(local(direction), normal_), slant = std::abs(height) / kPi;
-  if (height > 0.0f) return {diffuse_, chances_.diffuse > 0.0f ? chances_.diffuse / total_ * slant : 0.0f};
-  return {translucent_, chances_.translucent > 0.0f ? chances_.translucent / total_ * slant : 0.0f};
+  const Vec3f share = height > 0.0f ? diffuse_ : translucent_;
+  const float chance = height > 0.0f ? chances_.diffuse : chances_.translucent;
+  const Value value{share, chance > 0.0f ? chance / total_ * slant : 0.0f};
+  return hair_ ? evaluate_strand(direction, value, {}) : value;
 }
 
 // In the frame; the weight is that of a smooth surface.
@@ -168,8 +186,31 @@ Bsdf::Sample Bsdf::sample_facet(Point2 random, bool refract) const noexcept {
 
 Bsdf::Sample Bsdf::sample(float pick, Point2 random) const noexcept {
   if (is_black()) return {};
+  const float left = pick * total_, others = total_ - chances_.hair;
+  Sample sample =
+      left < others || !hair_ ? sample_surface(left, random) : sample_strand((left - others) / chances_.hair, random);
+  if (!sample.is_strand) sample.widening = sample.density;
+  return sample;
+}
+
+Bsdf::Sample Bsdf::sample_strand(float pick, Point2 random) const noexcept {
+  const HairBsdf::Sample chosen = hair_->sample(pick, random);
+  const bool has_surface = total_ > chances_.hair;
+  const Value value = evaluate_strand(chosen.direction, has_surface ? evaluate_local(local(chosen.direction)) : Value{},
+                                      hair_->evaluate(chosen.direction));
+  if (!(value.density > 0.0f)) return {};
+  return {chosen.passes ? Scatter::kRefracted : Scatter::kGlossy,
+          chosen.direction,
+          value.share * (1.0f / (kPi * value.density)),
+          value.density,
+          std::min(value.density, hair_->widening()),
+          true};
+}
+
+// left: of the sum of the chances but that of hair.
+Bsdf::Sample Bsdf::sample_surface(float left, Point2 random) const noexcept {
   Sample sample;
-  float left = pick * total_, chance = 0.0f;
+  float chance = 0.0f;
   const auto takes = [&](float part) {
     if (left < part) return true;
     left -= part;
@@ -197,9 +238,11 @@ Bsdf::Sample Bsdf::sample(float pick, Point2 random) const noexcept {
     sample.density = std::numeric_limits<float>::infinity();
     return sample;
   }
-  const Value value = evaluate_local(out);
+  Value value = evaluate_local(out);
+  if (hair_) value = evaluate_strand(sample.direction, value, hair_->evaluate(sample.direction));
   if (!(value.density > 0.0f)) return {};
-  sample.weight = value.share * (std::abs(height) / (kPi * value.density)), sample.density = value.density;
+  const float slant = hair_ ? 1.0f : std::abs(height);
+  sample.weight = value.share * (slant / (kPi * value.density)), sample.density = value.density;
   return sample;
 }
 
@@ -213,6 +256,7 @@ Bsdf::Albedo Bsdf::albedo() const noexcept {
   } else {
     albedo.mirrored = facets, albedo.mirrored_share = share;
   }
+  if (hair_) albedo.plain = albedo.plain + hair_->albedo(), albedo.plain_share += chances_.hair;
   return albedo;
 }
 

@@ -8,9 +8,11 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 
 #include "render/sampling/directions.h"
 #include "render/surface/fresnel.h"
+#include "render/surface/hair_bsdf.h"
 #include "render/surface/material.h"
 #include "render/surface/microfacets.h"
 
@@ -21,14 +23,18 @@ enum class Scatter : std::uint8_t { kNone, kDiffuse, kGlossy, kTranslucent, kRef
 class Bsdf {
  public:
   struct Value {
-    Vec3f share{0, 0, 0};  // what a light adds to a surface's colour, in parts of LightRay::light
+    // What a light adds to a surface's colour, in parts of LightRay::light; of a strand in those of a light that
+    // shines on all sides of it, without the cosine.
+    Vec3f share{0, 0, 0};
     float density = 0.0f;  // with which `sample` chooses the direction, over solid angle
   };
   struct Sample {
     Scatter kind = Scatter::kNone;  // none: nothing is scattered
     Vec3f direction{0, 0, 1};
-    Vec3f weight{0, 0, 0};  // of what comes from there
-    float density = 0.0f;   // infinite where a smooth surface leaves no choice: `evaluate` is then 0
+    Vec3f weight{0, 0, 0};   // of what comes from there
+    float density = 0.0f;    // infinite where a smooth surface leaves no choice: `evaluate` is then 0
+    float widening = 0.0f;   // the density by which later lobes are widened: mostly the same
+    bool is_strand = false;  // of a strand, whose light leaves on any side whatever its kind
   };
   // What the guides of a denoiser say of it.
   struct Albedo {
@@ -47,20 +53,26 @@ class Bsdf {
   Bsdf(const Material& material, Vec3f normal, Vec3f geometric_normal, Vec3f view, bool inside,
        const Limits& limits) noexcept;
 
+  // Makes it a strand, of what it was before and hair.
+  void add_hair(const HairBsdf& hair) noexcept;
+  [[nodiscard]] bool is_strand() const noexcept { return hair_.has_value(); }
+
   [[nodiscard]] Value evaluate(Vec3f direction) const noexcept;
   // Without what facets reflect and refract: for light that only diffuse rays see.
   [[nodiscard]] Value evaluate_diffuse(Vec3f direction) const noexcept;
   // pick: 0 to 1, apart from `random`.
   [[nodiscard]] Sample sample(float pick, Point2 random) const noexcept;
   // Whether any light from the normal's other side is seen.
-  [[nodiscard]] bool transmits() const noexcept { return chances_.translucent > 0.0f || chances_.refracted > 0.0f; }
+  [[nodiscard]] bool transmits() const noexcept {
+    return is_strand() || chances_.translucent > 0.0f || chances_.refracted > 0.0f;
+  }
   [[nodiscard]] bool is_black() const noexcept { return !(total_ > 0.0f); }
   [[nodiscard]] Albedo albedo() const noexcept;
 
  private:
   // Of what `sample` does, not normalised.
   struct Chances {
-    float diffuse = 0.0f, glossy = 0.0f, translucent = 0.0f, refracted = 0.0f;
+    float diffuse = 0.0f, glossy = 0.0f, translucent = 0.0f, refracted = 0.0f, hair = 0.0f;
   };
 
   void layer(const Material& material, bool inside, const Limits& limits) noexcept;
@@ -74,6 +86,9 @@ class Bsdf {
   void evaluate_reflected(Vec3f out, float height, Value& value) const noexcept;
   void evaluate_refracted(Vec3f out, float height, Value& value) const noexcept;
   [[nodiscard]] Value evaluate_local(Vec3f out) const noexcept;
+  [[nodiscard]] Value evaluate_strand(Vec3f direction, Value surface, HairBsdf::Value hair) const noexcept;
+  [[nodiscard]] Sample sample_strand(float pick, Point2 random) const noexcept;
+  [[nodiscard]] Sample sample_surface(float left, Point2 random) const noexcept;
   [[nodiscard]] Vec3f local(Vec3f world) const noexcept {
     return {dot(world, frame_.x), dot(world, frame_.y), dot(world, frame_.z)};
   }
@@ -94,6 +109,7 @@ class Bsdf {
   Vec3f glass_reflection_{0, 0, 0}, glass_refraction_{0, 0, 0}, plain_refraction_{0, 0, 0};
   Vec3f diffuse_{0, 0, 0}, translucent_{0, 0, 0};
   Vec3f glossy_albedo_{0, 0, 0}, refracted_albedo_{0, 0, 0};
+  std::optional<HairBsdf> hair_;
   Chances chances_;
   float total_ = 0.0f;
 };

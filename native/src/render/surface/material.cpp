@@ -105,6 +105,9 @@ Material material_at(const Appearance& appearance, const Instance& instance, con
     material.color = material.color * tint_at(appearance, instance, hit, tint);
   }
   set_scattering(appearance, index, material);
+  if (!appearance.hairs.empty() && appearance.hairs[index] != kNoHair) {
+    material.hair = &appearance.hair_rows[static_cast<std::size_t>(appearance.hairs[index])];
+  }
   return material;
 }
 

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "render/appearance/appearance.h"
+#include "render/appearance/hair.h"
 #include "tlas/snapshot.h"
 #include "traverse/ray.h"
 
@@ -29,7 +30,9 @@ struct Material {
   float translucency = 0.0f;
   Vec3f translucent{0, 0, 0};  // of all the light that meets the surface, what is scattered to the other side
   float alpha = 1.0f;
-  float holdout = 0.0f;  // of what is there, how much cuts a hole: it hides what is behind, and adds no alpha
+  const Hair* hair = nullptr;  // what strands are of instead
+  float surface = 1.0f;        // how much of the surface there is: on strands, beside hair
+  float holdout = 0.0f;        // of what is there, how much cuts a hole: it hides what is behind, and adds no alpha
 
   // What passes by it, as if nothing was there.
   [[nodiscard]] float through() const noexcept { return 1.0f - alpha; }

@@ -97,6 +97,7 @@ void set_round_normals(const Instance& instance, const Ray& ray, const Hit& hit,
   point.geometric_normal = to_float(facing);
   point.inside = !round.is_entry;
   point.normal = point.light_normal = point.geometric_normal;
+  point.along = to_float(normalized(round.along));
   if (!with_origin) return;
   const auto largest = [](Vec3d v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); };
   const double clear = 0x1p-40 * (largest(round.position) + largest(instance.object_to_world.translation));

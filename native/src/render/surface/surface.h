@@ -32,11 +32,15 @@ struct SurfacePoint {
   // For light: as `normal`, but on the viewer's side too where single triangles of a mesh are turned round.
   Vec3f light_normal{0, 0, 0};
   Vec3f color{0, 0, 0};  // of the material
+  Vec3f along{0, 0, 0};  // of curves: unit length, towards the tip
   bool inside = false;   // the viewer looks at the side that the mesh's winding makes the inner one
   // Off the surface towards the viewer, so far that no rounding brings a ray from here back to its own triangle.
   Vec3d origin{0, 0, 0};
   Vec3f lift{0, 0, 0};    // from there to the curved surface that smooth normals suggest, where that lies higher
   Vec3d beyond{0, 0, 0};  // the same on the other side, for light that passes the surface
+  // Of hair, which light passes through: the curve's instance and segment, which tell where it comes out.
+  const Instance* strand = nullptr;
+  std::uint32_t segment = 0;
 };
 
 inline constexpr Vec3f kPlainColor{0.8f, 0.8f, 0.8f};  // where there is no material

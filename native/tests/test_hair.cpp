@@ -1,0 +1,142 @@
+// Light in hair: that none of it is lost, and that directions are chosen as often as they are said to be.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <string>
+
+#include "render/sampling/sampler.h"
+#include "render/surface/bsdf.h"
+#include "render/surface/hair_bsdf.h"
+#include "render/surface/hair_fiber.h"
+#include "render/surface/hair_lobe.h"
+
+namespace perfect_bvh {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+HairDirection direction_at(double slant, double around) { return {std::sin(slant), std::cos(slant), around}; }
+
+// Over the sphere, by the middles of a grid that is even in the sine and around.
+double integral(const std::function<double(const HairDirection&)>& value) {
+  constexpr int kSteps = 720;
+  double sum = 0.0;
+  for (int row = 0; row < kSteps; ++row) {
+    const double sine = 2.0 * (row + 0.5) / kSteps - 1.0, cosine = std::sqrt(1.0 - sine * sine);
+    for (int column = 0; column < kSteps; ++column) {
+      sum += value({sine, cosine, 2.0 * kPi * (column + 0.5) / kSteps - kPi});
+    }
+  }
+  return sum * 4.0 * kPi / (kSteps * kSteps);
+}
+
+// Functions whose means tell of a distribution where it lies and how wide it is.
+const std::array<double (*)(const HairDirection&), 5> kProbes{
+    [](const HairDirection&) { return 1.0; }, [](const HairDirection& at) { return at.sine; },
+    [](const HairDirection& at) { return at.sine * at.sine; },
+    [](const HairDirection& at) { return at.cosine * std::cos(at.around); },
+    [](const HairDirection& at) { return at.cosine * std::sin(at.around); }};
+
+void expect_agreement(const std::function<double(const HairDirection&)>& density,
+                      const std::function<HairDirection(std::uint32_t)>& sample, double margin,
+                      const std::string& name) {
+  constexpr std::uint32_t kSamples = 1 << 14;
+  for (std::size_t probe = 0; probe < kProbes.size(); ++probe) {
+    const double expected = integral([&](const HairDirection& at) { return density(at) * kProbes[probe](at); });
+    double sum = 0.0;
+    for (std::uint32_t i = 0; i < kSamples; ++i) sum += kProbes[probe](sample(i));
+    EXPECT_NEAR(sum / kSamples, expected, margin) << name << ", probe " << probe;
+  }
+}
+
+Point2 random(std::uint32_t index, std::uint32_t seed) { return sampling::scrambled_sobol(index, seed).to_unit(); }
+
+Hair hair_of(FiberModel model, float roughness, float tilt = 0.0f) {
+  Hair hair;
+  hair.fiber = 1.0f, hair.model = model, hair.tilt = tilt;
+  hair.roughness = hair.radial_roughness = roughness;
+  return hair;
+}
+
+TEST(HairFiber, KeepsAllLightThatIsNotAbsorbed) {
+  for (const FiberModel model : {FiberModel::kChiang, FiberModel::kHuang}) {
+    for (const double slant : {-1.2, 0.0, 0.7}) {
+      for (const double aside : {-0.95, 0.0, 0.5}) {
+        const HairFiber fiber(hair_of(model, 0.3f), {0, 0.1f, 10}, direction_at(slant, 0.0), aside, 0.0f);
+        EXPECT_NEAR(fiber.albedo().x, 1.0f, 2e-3f) << slant << ' ' << aside;
+        EXPECT_LT(fiber.albedo().y, fiber.albedo().x);
+        EXPECT_LT(fiber.albedo().z, fiber.albedo().y);
+      }
+    }
+  }
+}
+
+TEST(HairFiber, ShowsAnEvenSkyAsBrightAsItIs) {
+  for (const float roughness : {0.15f, 0.3f, 0.6f}) {
+    for (const double aside : {0.0, 0.8}) {
+      const HairFiber fiber(hair_of(FiberModel::kChiang, roughness), {0, 0, 0}, direction_at(0.4, 0.0), aside, 0.0f);
+      const double seen =
+          integral([&](const HairDirection& at) { return static_cast<double>(fiber.evaluate(at).share.x); });
+      EXPECT_NEAR(seen, 1.0, 0.01) << roughness << ' ' << aside;
+    }
+  }
+}
+
+// A lobe that the scales turn keeps its numbers, though not the solid angles that they are of: it is off by that.
+TEST(HairFiber, ChoosesDirectionsAsOftenAsItSays) {
+  for (const FiberModel model : {FiberModel::kChiang, FiberModel::kHuang}) {
+    for (const float tilt : {0.0f, 0.035f}) {
+      const HairFiber fiber(hair_of(model, 0.25f, tilt), {0.1f, 0.3f, 1.0f}, direction_at(0.5, 0.0), -0.6, 0.0f);
+      expect_agreement(
+          [&](const HairDirection& at) { return fiber.evaluate(at).density; },
+          [&](std::uint32_t i) { return fiber.sample(static_cast<double>(random(i, 7).x), random(i, 1)).direction; },
+          tilt > 0.0f ? 0.02 : 0.01, "tilt " + std::to_string(tilt));
+    }
+  }
+}
+
+TEST(HairFiber, IsNoNarrowerThanIsAsked) {
+  const HairDirection view = direction_at(0.2, 0.0), beside = direction_at(0.3, 0.9);
+  const HairFiber narrow(hair_of(FiberModel::kChiang, 0.05f), {0, 0, 0}, view, 0.0, 0.0f);
+  const HairFiber widened(hair_of(FiberModel::kChiang, 0.05f), {0, 0, 0}, view, 0.0, 0.4f);
+  EXPECT_GT(widened.evaluate(beside).density, 10.0 * narrow.evaluate(beside).density);
+}
+
+TEST(StrandLobe, ChoosesDirectionsAsOftenAsItSays) {
+  for (const bool passes : {false, true}) {
+    for (const float across : {0.2f, 0.6f, 1.0f}) {
+      const StrandLobe lobe({{1, 1, 1}, 0.3f, across, 0.1f}, passes, direction_at(0.4, 0.0), 0.0f);
+      expect_agreement([&](const HairDirection& at) { return lobe.density(at); },
+                       [&](std::uint32_t i) { return lobe.sample(random(i, 3)); }, 0.01,
+                       (passes ? "passes " : "reflects ") + std::to_string(across));
+    }
+  }
+}
+
+// A strand of everything: what samples bring in the mean is what is seen of an even sky.
+TEST(HairBsdf, WeighsItsSamplesByWhatIsSeen) {
+  Hair hair = hair_of(FiberModel::kChiang, 0.3f);
+  hair.surface = 0.2f, hair.fiber = 0.3f;
+  hair.reflection.color = {0.2f, 0.1f, 0.05f}, hair.transmission.color = {0.1f, 0.1f, 0.2f};
+  const Vec3f view = normalized(Vec3f{0.4f, 0.5f, 0.7f}), along{1, 0, 0}, up{0, 0, 1};
+  Material material{.color = {0.5f, 0.5f, 0.5f}};
+  material.surface = hair.surface;
+  Bsdf bsdf(material, up, up, view, false, {});
+  bsdf.add_hair({hair, material.color, {along, up, view}, 0.0f});
+  constexpr std::uint32_t kSamples = 1 << 15;
+  Vec3d sum{0, 0, 0};
+  for (std::uint32_t i = 0; i < kSamples; ++i) {
+    const Bsdf::Sample sample = bsdf.sample(random(i, 5).x, random(i, 6));
+    sum = sum + to_double(sample.weight);
+  }
+  const Vec3d seen = sum * (1.0 / kSamples);
+  EXPECT_NEAR(seen.x, 0.1 + 0.3 + 0.3, 0.01);
+  EXPECT_NEAR(seen.y, 0.1 + 0.3 + 0.2, 0.01);
+  EXPECT_NEAR(seen.z, 0.1 + 0.3 + 0.25, 0.01);
+}
+
+}  // namespace
+}  // namespace perfect_bvh
