@@ -148,6 +148,8 @@ class WideValidator {
     if (leaf_is_seen_[row]) return at("reached twice", "leaf", row);
     leaf_is_seen_[row] = true;
     const std::uint32_t* const primitives = primitives_of(tree_, row);
+    if (!tree_.curve_leaves.empty() && tree_.curve_leaves[row].lanes != (1u << triangle_count_of(tree_, row)) - 1)
+      return at("lanes that are not those of its segments", "leaf", row);
     for (std::uint32_t lane = 0; lane < 8; ++lane) {
       const std::uint32_t primitive = primitives[lane];
       if (primitive >= references_.size()) return at("refers to no triangle", "leaf", row);

@@ -101,6 +101,7 @@ OFFSETS: tuple[tuple[Any, dict[str, Any], str], ...] = (
     ([0, 2, 3], {}, "curve_offsets[2] must be at least 2"),  # a curve of one point
     ([0, 3, 3], {}, "curve_offsets[2] must be at least 2"),  # and of none
     ([0, 3, 0, 3], {}, "curve_offsets[2] must be at least 2"),
+    ([0, 2, -(2**63), -1, 3], {}, "curve_offsets[2] must be at least 2"),  # whose differences overflow
     ([0.0, 3.0], {}, "curve_offsets must hold integers"),
     ([0, 2**70], {}, "curve_offsets must hold numbers"),
     (["0", "3"], {}, "curve_offsets must hold numbers"),

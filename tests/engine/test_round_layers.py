@@ -103,6 +103,12 @@ def test_each_has_its_material(kind: str) -> None:
             MeshAppearance(curve_offsets=np.array([0, 1, 2])),
             "curve_offsets must rise from 0 by 2 or more, got 1 in row 1",
         ),
+        (
+            MeshAppearance(
+                corner_uvs=np.zeros((20, 2), np.float32), curve_offsets=np.array([0, 2**63 - 1, -(2**63) + 1, 20])
+            ),
+            "curve_offsets must rise from 0 by 2 or more, got -9223372036854775807 in row 2",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused(mesh: MeshAppearance, message: str) -> None:

@@ -32,8 +32,8 @@ class MeshAppearance:
     named_uvs, named_colors: further ones, by the names that `ImageTexture.uv_map` and `MaterialTable.tints` give.
 
     Of a mesh of curves or points, C of them: material_slots (C,); uvs and colours (C, 2) and (C, 3), one for each, or
-    of curves (P, 2) and (P, 3), one for each control point, between which hits find theirs by their u. Normals are
-    those of the round surface.
+    of curves (P, 2) and (P, 3), one for each control point, between which hits find theirs by their u: of curves that
+    are not cyclic and go through their points, "poly" and "catmull_rom". Normals are those of the round surface.
     curve_offsets: (C + 1,) int64, as `Scene.add_curves` takes them; only where something has a row a control point.
     """
 

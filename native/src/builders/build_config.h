@@ -30,8 +30,8 @@ static_assert([] {
   return kBuilders[static_cast<std::uint8_t>(kind)].name;
 }
 
-// What a leaf of the tree that rays are traced through holds: its vertices, or only the numbers of its triangles, whose
-// vertices are then read from the mesh.
+// What a leaf of the tree that rays are traced through holds: its vertices (of curves, their capsules), or only the
+// numbers of its primitives, which are then read from the mesh.
 enum class TreeLayout : std::uint8_t { kDefault, kCompact };
 
 [[nodiscard]] constexpr const char* layout_name(TreeLayout layout) noexcept {

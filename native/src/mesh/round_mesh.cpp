@@ -80,7 +80,8 @@ void check_offsets(std::span<const std::int64_t> offsets, std::size_t ball_count
                          (offsets.empty() ? std::string("none") : std::to_string(offsets.front())) + " first");
   }
   for (std::size_t i = 1; i < offsets.size(); ++i) {
-    if (offsets[i] - offsets[i - 1] >= 2) continue;
+    // What came before is not negative, so the difference of what is larger is none that overflows.
+    if (offsets[i] > offsets[i - 1] && offsets[i] - offsets[i - 1] >= 2) continue;
     refuse(function, "curve_offsets[" + std::to_string(i) +
                          "] must be at least 2 more than the one before it (a curve has 2 points or more), got " +
                          std::to_string(offsets[i]) + " after " + std::to_string(offsets[i - 1]) +
@@ -179,7 +180,8 @@ std::size_t given_ball_count(const Mesh& mesh) noexcept {
 }
 
 std::size_t given_part_count(const Mesh& mesh) noexcept {
-  return mesh.kind == PrimitiveKind::kCurves ? mesh.starts.size() - 1 : given_ball_count(mesh);
+  if (mesh.kind != PrimitiveKind::kCurves) return given_ball_count(mesh);
+  return mesh.starts.empty() ? 0 : mesh.starts.size() - 1;  // none of what was flattened
 }
 
 std::size_t left_out_count(const Mesh& mesh) noexcept {

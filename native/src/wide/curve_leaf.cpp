@@ -52,6 +52,8 @@ void write_axes(CurveLeaf& leaf, const Mesh& mesh, float scale) noexcept {
   box.lower.store(&lower[0]), box.upper.store(&upper[0]), (box.upper - box.lower).store(&extent[0]);
   for (std::size_t axis = 0; axis < 3; ++axis) leaf.corner.at[axis] = lower[axis] + 0.0f;  // no -0
   leaf.corner.steps = steps_for(std::max({extent[0], extent[1], extent[2]}), upper[3]);
+  // While a tree is refitted coordinates may leave the range of its scale: then it is refitted once more, in another.
+  if (!(leaf.corner.steps * (extent[0] + extent[1] + extent[2] + upper[3]) < 1e6f)) return;
   const BallRows firsts = to_rows(first), lasts = to_rows(last);
   for (std::size_t half = 0; half < 8; half += 4) {
     write_words(&firsts[half], leaf, &leaf.first[half]);
@@ -67,7 +69,7 @@ void write_axes(CurveLeaf& leaf, const Mesh& mesh, float scale) noexcept {
 
 CurveLeaf make_curve_leaf(const std::uint32_t* primitives, std::uint32_t count, const Mesh& mesh,
                           float scale) noexcept {
-  CurveLeaf leaf;
+  CurveLeaf leaf{};
   write_sorted(primitives, count, leaf.primitives);
   leaf.lanes = (1u << count) - 1;
   write_axes(leaf, mesh, scale);

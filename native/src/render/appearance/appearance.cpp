@@ -25,9 +25,10 @@ void Appearance::set_mesh(std::int32_t mesh_id, const MeshAttributes& attributes
   require(mesh_id >= 0, "meshes has the key " + std::to_string(mesh_id) + "; mesh ids are 0 or more");
   const auto offsets = attributes.curve_offsets;
   for (std::size_t i = 0; i < offsets.size(); ++i) {
-    require(i == 0 ? offsets[0] == 0 : offsets[i] >= offsets[i - 1] + 2,
-            "meshes[" + std::to_string(mesh_id) + "].curve_offsets must rise from 0 by 2 or more, got " +
-                std::to_string(offsets[i]) + " in row " + std::to_string(i));
+    // What came before is not negative, so the difference of what is larger is none that overflows.
+    if (i == 0 ? offsets[0] == 0 : offsets[i] > offsets[i - 1] && offsets[i] - offsets[i - 1] >= 2) continue;
+    require(false, "meshes[" + std::to_string(mesh_id) + "].curve_offsets must rise from 0 by 2 or more, got " +
+                       std::to_string(offsets[i]) + " in row " + std::to_string(i));
   }
   set_row(mesh_rows_, mesh_id, meshes_.size());
   meshes_.push_back(attributes);
