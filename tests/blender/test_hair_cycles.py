@@ -1,7 +1,7 @@
 """Fur of hair shaders beside Cycles: its mean colour, channel by channel, in light from all around, before and behind.
 
-The strands are round in both (`shape` THICK), straight from point to point, and do not overlap: light that starts
-inside of another strand ends at its wall here, and passes it in Cycles. Means over what is fur are compared.
+The strands are round unless said, straight from point to point, and do not overlap: light that starts inside of
+another strand ends at its wall here, and passes it in Cycles. Means over what is fur are compared.
 """
 
 from __future__ import annotations
@@ -106,6 +106,15 @@ def test_fur_has_the_colour_that_cycles_gives_it(scene: Any, fiber: str, light: 
     assert ours == pytest.approx(theirs, rel=RELATIVE, abs=ABSOLUTE)
 
 
+@pytest.mark.parametrize("light", ["world", "sun", "behind"])
+def test_fur_of_ribbons_has_the_colour_that_cycles_gives_it(scene: Any, light: str) -> None:
+    scene.cycles_curves.shape = "RIBBONS"
+    shine(scene, light)
+    make_hair(scene, "HairPrincipled", model="CHIANG", **COLOR)
+    ours, theirs = means(scene)
+    assert ours == pytest.approx(theirs, rel=RELATIVE, abs=ABSOLUTE)
+
+
 @pytest.mark.parametrize(
     ("component", "light"),
     [("Reflection", "world"), ("Reflection", "sun"), ("Transmission", "world"), ("Transmission", "behind")],
@@ -119,9 +128,10 @@ def test_lobes_of_the_hair_bsdf_are_those_of_cycles(scene: Any, component: str, 
     assert ours == pytest.approx(theirs, rel=RELATIVE, abs=ABSOLUTE)
 
 
-@pytest.mark.parametrize("offset", [0.0, 0.035])
-def test_white_fur_in_a_white_room_is_not_to_be_seen(scene: Any, offset: float) -> None:
+@pytest.mark.parametrize(("shape", "offset"), [("THICK", 0.0), ("THICK", 0.035), ("RIBBONS", 0.035)])
+def test_white_fur_in_a_white_room_is_not_to_be_seen(scene: Any, shape: str, offset: float) -> None:
     """Rays to the room, which shines, and rays that find it by themselves lose no light on their way out of strands."""
+    scene.cycles_curves.shape = shape
     shine(scene, "none")
     bpy.ops.mesh.primitive_ico_sphere_add(radius=10.0, subdivisions=3)
     material = bpy.data.materials.new("Bright")
