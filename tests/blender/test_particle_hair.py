@@ -83,8 +83,7 @@ def test_depth_and_index_are_those_of_cycles(scene: Any, registered: None, child
     scene.render.resolution_x, scene.render.resolution_y = 160, 120
     scene.perfect_bvh.samples = 1
     with preserved((scene.cycles_curves, "shape", "THICK")):
-        theirs = render_cycles(scene)
-    ours = render_passes(scene, "PERFECT_BVH")
+        theirs, ours = render_cycles(scene), render_passes(scene, "PERFECT_BVH")
     seen = theirs.object_index == 3
     assert seen.mean() > 0.02
     assert ((ours.object_index == 3) != seen).mean() < 0.01
@@ -213,3 +212,38 @@ def test_memory_of_another_layout_is_not_read(scene: Any, monkeypatch: pytest.Mo
     mesh = hair_of(read_scene(evaluated(), reader=reader))
     assert reader.verdicts[VERDICT] is False
     np.testing.assert_array_equal(mesh.positions, expected.positions)
+
+
+@pytest.mark.parametrize("use_views", [True, False])
+@pytest.mark.parametrize("count", [0, 1])
+def test_maps_that_come_after_the_particles_are_missing(scene: Any, count: int, use_views: bool) -> None:
+    """Blender keeps the mesh as it was at the particles' modifier; to ask it for a later map ends Blender."""
+    obj = emitter(**kind_settings("SIMPLE"))
+    if count == 0:
+        obj.data.uv_layers.remove(obj.data.uv_layers[0])
+    nodes_after(obj, "Later")
+    shown = obj.evaluated_get(evaluated())
+    assert [layer.name for layer in shown.data.uv_layers] == ["UVMap", "Later"][1 - count :]
+    hair = particle_hair_of(shown, for_render=False)
+    assert hair is not None
+    wanted = LayerRequest(frozenset(["UVMap", "Later"]), frozenset(["Later"]))
+    mesh = read_particle_hair(hair, None, "hair", wanted, ArrayReader(use_views))
+    assert mesh is not None
+    assert sorted(mesh.named_uvs) == ["UVMap"][:count] and not mesh.named_colors
+    if count:
+        expected = asked_of_blender(shown, "uv_on_emitter", 0, mesh.part_count)
+        np.testing.assert_array_equal(mesh.named_uvs["UVMap"], expected.astype(np.float32))
+
+
+def nodes_after(obj: Any, name: str) -> None:
+    """A modifier that gives each corner of the mesh a place on a map of this name."""
+    tree = bpy.data.node_groups.new("later", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    begin, end = (tree.nodes.new(f"NodeGroup{which}") for which in ("Input", "Output"))
+    stored = tree.nodes.new("GeometryNodeStoreNamedAttribute")
+    stored.data_type, stored.domain = "FLOAT2", "CORNER"
+    stored.inputs["Name"].default_value = name
+    tree.links.new(begin.outputs[0], stored.inputs["Geometry"])
+    tree.links.new(stored.outputs["Geometry"], end.inputs[0])
+    obj.modifiers.new("later", "NODES").node_group = tree

@@ -17,6 +17,7 @@ from ...sync.records import LARGEST_COORDINATE, Float32Array, LayerRequest, Mesh
 from ..pointer_views import CORNER_UVS, ArrayReader
 from ..strand_cache import Strands, read_strands
 from .curves_and_points import NO_POLYGONS, NO_TRIANGLES, held, held_layers
+from .emitter_layers import is_askable, sees_final_mesh
 from .particle_roots import Roots, find_roots
 
 _OF_RADII = ("radius_scale", "root_radius", "tip_radius", "shape", "use_close_tip")
@@ -209,38 +210,58 @@ def _read_layers(
     colors: _Layers = {}
     if not (layers.uvs or layers.colors):
         return uvs, colors
-    roots = [_roots_of(part, mesh, reader) for part in parts]
     names = {layer.name: number for number, layer in enumerate(maps)}
     active = next((number for number, layer in enumerate(maps) if layer.active_render), None)
+    numbers = {name: names.get(name) if name else active for name in layers.uvs | layers.colors}
+    asked = frozenset([number for number in numbers.values() if number is not None])
+    roots = [_roots_of(part, hair, reader, asked) for part in parts]
+
+    def at_roots(accessor: str, number: int) -> list[Float32Array] | None:
+        layers = "uv_layers" if accessor == "uv_on_emitter" else "vertex_colors"
+        if not all(is_askable(hair.obj, one.modifier, hair.for_render, layers, number) for one in roots):
+            return None
+        read = _uvs_at if accessor == "uv_on_emitter" else _colors_at
+        found = [read(one, mesh, number, reader) for one in roots]
+        known = [one for one in found if one is not None]
+        return known if len(known) == len(found) else None
+
     for name in layers.uvs:
-        number = names.get(name) if name else active
-        if number is not None:
-            uvs[name] = [_uvs_at(one, maps[number], number, reader) for one in roots]
+        number = numbers[name]
+        found = None if number is None else at_roots("uv_on_emitter", number)
+        if found is not None:
+            uvs[name] = found
     byte_colors = {layer.name: number for number, layer in enumerate(mesh.vertex_colors)}
     for name in layers.colors:
         if name in names:  # a place has no third channel
-            found = [_uvs_at(one, maps[names[name]], names[name], reader) for one in roots]
-            colors[name] = [np.pad(one, ((0, 0), (0, 1))) for one in found]
-        elif name in byte_colors:
-            colors[name] = [_colors_at(one, mesh.attributes[name], byte_colors[name]) for one in roots]
+            found = at_roots("uv_on_emitter", names[name])
+            found = found and [np.pad(one, ((0, 0), (0, 1))) for one in found]
+        else:
+            found = at_roots("mcol_on_emitter", byte_colors[name]) if name in byte_colors else None
+        if found is not None:
+            colors[name] = found
     return uvs, colors
 
 
-def _roots_of(part: _Part, mesh: Any, reader: ArrayReader) -> Roots:
-    return find_roots(part.system, part.modifier, mesh, part.strands.first, len(part.strands.points), reader)
+def _roots_of(part: _Part, hair: ParticleHair, reader: ArrayReader, maps: frozenset[int]) -> Roots:
+    first, count = part.strands.first, len(part.strands.points)
+    is_final = sees_final_mesh(hair.obj, part.modifier, hair.for_render)
+    return find_roots(part.system, part.modifier, hair.obj.data, first, count, reader, maps, is_final)
 
 
-def _uvs_at(roots: Roots, layer: Any, number: int, reader: ArrayReader) -> Float32Array:
+def _uvs_at(roots: Roots, mesh: Any, number: int, reader: ArrayReader) -> Float32Array | None:
     if roots.faces is None:
         return roots.ask("uv_on_emitter", number)
-    return roots.gather(reader.view(layer.uv, CORNER_UVS))
+    return roots.gather(reader.view(mesh.uv_layers[number].uv, CORNER_UVS))
 
 
-def _colors_at(roots: Roots, attribute: Any, number: int) -> Float32Array:
+def _colors_at(roots: Roots, mesh: Any, number: int, _: ArrayReader) -> Float32Array | None:
     """Scene-linear; mixed as Blender does, whose old colours are bytes."""
     if roots.faces is None:
         encoded = roots.ask("mcol_on_emitter", number)
+        if encoded is None:
+            return None
     else:
+        attribute = mesh.attributes[mesh.vertex_colors[number].name]
         values = np.empty((len(attribute.data), 4), np.float32)
         attribute.data.foreach_get("color_srgb", values.reshape(-1))
         encoded = np.floor(roots.gather(np.rint(values[:, :3] * 255.0)) + 1e-3) / np.float32(255.0)

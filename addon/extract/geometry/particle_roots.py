@@ -1,12 +1,13 @@
 """Where the strands of old particle hair are rooted, and what the emitting mesh has there: UV maps, vertex colours.
 
-Blender keeps for each particle a face and four weights, which Python is not told; they are read from its own memory and
-compared with what `uv_on_emitter` says of some strands on every read. Where they differ (another modifier changes the
-mesh after the particles) that is asked of each strand, a Python call a strand.
+Blender keeps for each particle a face and four weights, which Python is not told; they are read from its own memory
+and compared with what `uv_on_emitter` says of some strands on every read. Where they differ, or where a modifier
+changes the mesh after the particles, that is asked of each strand, a Python call a strand.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,9 +66,16 @@ class Roots:
         weights = np.where((corners >= 0) & (self.faces >= 0)[:, None], self.weights, 0.0)
         return np.einsum("sc,scw->sw", weights, values[corners], dtype=np.float32)
 
-    def ask(self, accessor: str, number: int) -> Float32Array:
-        """The same as Blender tells it, of each strand. accessor: "uv_on_emitter", "mcol_on_emitter"."""
-        return np.array([self.ask_one(accessor, number, row) for row in range(self.count)], np.float32)
+    def ask(self, accessor: str, number: int, rows: Iterable[int] | None = None) -> Float32Array | None:
+        """The same as Blender tells it, of each strand or those in the rows; None if it knows nothing of the layer.
+
+        accessor: "uv_on_emitter", "mcol_on_emitter". The layer must be one that `is_askable`.
+        """
+        rows = range(self.count) if rows is None else rows
+        try:
+            return np.array([self.ask_one(accessor, number, row) for row in rows], np.float32)
+        except RuntimeError:  # the mesh has no such layers, or no mesh was kept
+            return None
 
     def ask_one(self, accessor: str, number: int, row: int) -> Any:
         """Of the strand in this row."""
@@ -78,21 +86,40 @@ class Roots:
         return getattr(self.system, accessor)(self.modifier, particle=particle, particle_no=strand, **layer)
 
 
-def find_roots(system: Any, modifier: Any, mesh: Any, first: int, count: int, reader: ArrayReader) -> Roots:
-    """Of an evaluated particle system that shows `count` strands from the number `first` on."""
+def find_roots(
+    system: Any,
+    modifier: Any,
+    mesh: Any,
+    first: int,
+    count: int,
+    reader: ArrayReader,
+    maps: frozenset[int] = frozenset(),
+    is_final: bool = True,
+) -> Roots:
+    """Of an evaluated particle system that shows `count` strands from the number `first` on.
+
+    maps: the numbers of the UV maps that are asked for, which are compared; the first one if there are none. is_final:
+    whether the mesh is that which the particles saw, without which faces mean nothing.
+    """
     corners, kinds = _old_faces(mesh, reader)
     unknown = Roots(system, modifier, first, count, corners, None, None)
-    if not reader.use_views or not len(corners) or not len(mesh.uv_layers):
+    if not is_final or not reader.use_views or not len(corners) or not len(mesh.uv_layers):
         return unknown
     found = _read(system, first, count)
     if found is None:
         return unknown
     faces, weights = found
+    if len(faces) != count:
+        return unknown
     if system.settings.emit_from == "VERT" and not (first and system.settings.child_type == "INTERPOLATED"):
+        if (faces >= len(mesh.vertices)).any():
+            return unknown
         faces = _faces_of_vertices(faces, corners, mesh, reader)
-    faces = np.where(faces < len(corners), np.maximum(faces, -1), -1).astype(np.int32)
-    roots = Roots(system, modifier, first, count, corners, faces, weights)
-    return roots if _agrees(roots, kinds, mesh, reader) else unknown
+    if (faces >= len(corners)).any():
+        return unknown
+    roots = Roots(system, modifier, first, count, corners, np.maximum(faces, -1).astype(np.int32), weights)
+    are_equal = all(_agrees(roots, number, kinds, mesh, reader) for number in sorted(maps or {0}))
+    return roots if are_equal else unknown
 
 
 def _read(system: Any, first: int, count: int) -> tuple[Int32Array, Float32Array] | None:
@@ -143,7 +170,7 @@ def _old_faces(mesh: Any, reader: ArrayReader) -> tuple[Int32Array, Int8Array]:
     if is_large.any():
         mesh.calc_loop_triangles()
         triangles = reader.view(mesh.loop_triangles, CORNER_TRIANGLES)
-        owners = np.repeat(np.arange(len(sizes)), sizes - 2)
+        owners = np.repeat(np.arange(len(sizes)), np.maximum(sizes - 2, 0))
         of_large = is_large[owners]
         rows = np.repeat(firsts[is_large], counts[is_large])
         rows += np.arange(len(rows)) - np.repeat(np.cumsum(counts[is_large]) - counts[is_large], counts[is_large])
@@ -173,10 +200,12 @@ def _faces_of_vertices(vertices: Int32Array, corners: Int32Array, mesh: Any, rea
     return first_faces[np.where(is_vertex, vertices, len(mesh.vertices))]
 
 
-def _agrees(roots: Roots, kinds: Int8Array, mesh: Any, reader: ArrayReader) -> bool:
-    found = roots.gather(reader.view(mesh.uv_layers[0].uv, CORNER_UVS))
+def _agrees(roots: Roots, number: int, kinds: Int8Array, mesh: Any, reader: ArrayReader) -> bool:
+    found = roots.gather(reader.view(mesh.uv_layers[number].uv, CORNER_UVS))
     evenly = np.linspace(0, roots.count - 1, min(_CHECKED_STRANDS, roots.count)).astype(int)
     _, of_each_kind = np.unique(kinds[roots.faces], return_index=True)
     rows = [*evenly.tolist(), *of_each_kind.tolist()]
-    expected = np.array([roots.ask_one("uv_on_emitter", 0, row) for row in rows], np.float32)
+    expected = roots.ask("uv_on_emitter", number, rows)
+    if expected is None:
+        return False
     return bool((np.abs(found[rows] - expected) <= _ROUNDING * max(1.0, float(np.abs(expected).max()))).all())
