@@ -91,7 +91,7 @@ class MeshRecord:
     radii: (V,) float32, not negative. curve_offsets: (C + 1,) int64, of curves: where each begins among the positions.
     curve_kind: straight from point to point, or bent through them, in `curve_pieces` from one to the next. curve_shape:
         round, or flat and turned to the ray.
-    rounding: what its positions and radii may differ by when they are read in another way.
+    rounding: what its positions may differ by when they are read in another way.
     """
 
     key: Hashable

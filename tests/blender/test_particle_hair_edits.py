@@ -18,6 +18,7 @@ from blender.particle_hair import CHILDREN, COUNT, add_hair, emitter, hair_of, k
 from perfect_bvh_addon import SceneSync
 from perfect_bvh_addon.extract import read_scene
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
+from perfect_bvh_addon.sync.verify import find_mismatches
 
 FIELDS = ("t_hit", "primitive_ids", "primitive_uvs", "geometric_normals")
 
@@ -159,6 +160,17 @@ def test_verified_updates_find_nothing(scene: Any) -> None:
     sync = SceneSync()
     assert sync.update(evaluated(), verify=True).mismatches == ()
     sync.close()
+
+
+def test_verify_finds_other_radii_far_away(scene: Any) -> None:
+    """Where places are known to a hundredth alone."""
+    obj = emitter(**kind_settings("INTERPOLATED"))
+    obj.location = (1000.0, 20.0, 0.0)
+    record = read_scene(evaluated())
+    assert hair_of(record).rounding > 0.01
+    assert find_mismatches(record, read_scene(evaluated(), reader=ArrayReader(use_views=False))) == ()
+    obj.particle_systems[0].settings.radius_scale *= 1.1
+    assert find_mismatches(record, read_scene(evaluated())) == ("mesh Emitter: radii differ",)
 
 
 def test_frames_are_followed(scene: Any) -> None:

@@ -63,5 +63,26 @@ def test_what_is_known_to_be_rounded_may_differ_by_so_much() -> None:
     assert find_mismatches(base(), with_mesh(rounding=1e-3, triangles=base().meshes[0].triangles[:, ::-1])) != ()
 
 
+@pytest.mark.parametrize(
+    ("column", "by", "sentence"),
+    [
+        ("radii", 0.0101, "radii differ"),
+        ("corner_uvs", 0.01, "corner_uvs differ"),
+        ("corner_colors", 0.03, "corner_colors differ"),
+        ("named_uvs", 0.01, "uv maps or colors differ"),
+        ("named_colors", 0.03, "uv maps or colors differ"),
+    ],
+)
+def test_rounding_of_places_is_none_of_other_numbers(column: str, by: float, sentence: str) -> None:
+    """As far away as 1e5, where places are good to 1; radii are 0.01."""
+
+    def read(values: float) -> SceneRecord:
+        array = np.full((4, 3), values, np.float32)
+        return with_mesh(**{column: {"name": array} if column.startswith("named") else array}, rounding=1.0)
+
+    assert find_mismatches(read(0.01), read(0.01 + by * 1e-4)) == ()
+    assert find_mismatches(read(0.01), read(0.01 + by)) == (f"mesh a: {sentence}",)
+
+
 def test_equal_readings_have_none() -> None:
     assert find_mismatches(base(), base()) == ()
