@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import bmesh
@@ -18,7 +19,7 @@ from perfect_bvh_addon.extract import read_scene, strand_cache
 from perfect_bvh_addon.extract.geometry.particle_hair import ParticleHair, particle_hair_of, read_particle_hair
 from perfect_bvh_addon.extract.geometry.particle_roots import Roots, find_roots
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
-from perfect_bvh_addon.extract.strand_cache import VERDICT, read_strands
+from perfect_bvh_addon.extract.strand_cache import CHILD_VERDICT, VERDICT, read_strands
 from perfect_bvh_addon.sync.records import LayerRequest
 
 
@@ -41,7 +42,7 @@ def test_strands_are_those_that_blender_tells(scene: Any, children: str, use_vie
         None,
         0,
     )
-    assert reader.verdicts.get(VERDICT) == (True if use_views else None)
+    assert reader.verdicts.get(VERDICT if children == "NONE" else CHILD_VERDICT) == (True if use_views else None)
 
 
 KINDS_OF_STRANDS: dict[str, dict[str, Any]] = {
@@ -63,7 +64,7 @@ def test_both_ways_of_reading_agree(scene: Any, name: str) -> None:
     emitter(**KINDS_OF_STRANDS[name])
     depsgraph, fast = evaluated(), ArrayReader()
     mesh = hair_of(read_scene(depsgraph, reader=fast))
-    assert fast.verdicts[VERDICT]
+    assert [fast.verdicts[verdict] for verdict in (VERDICT, CHILD_VERDICT) if verdict in fast.verdicts] == [True]
     slow = hair_of(read_scene(depsgraph, reader=ArrayReader(use_views=False)))
     np.testing.assert_allclose(mesh.positions, slow.positions, atol=1e-5)
     assert mesh.curve_offsets is not None
@@ -210,7 +211,7 @@ def test_memory_of_another_layout_is_not_read(scene: Any, monkeypatch: pytest.Mo
     monkeypatch.setattr(strand_cache, "_SYSTEM", other)
     reader = ArrayReader()
     mesh = hair_of(read_scene(evaluated(), reader=reader))
-    assert reader.verdicts[VERDICT] is False
+    assert not any(verdict in reader.verdicts for verdict in (VERDICT, CHILD_VERDICT))
     np.testing.assert_array_equal(mesh.positions, expected.positions)
 
 
@@ -247,3 +248,77 @@ def nodes_after(obj: Any, name: str) -> None:
     tree.links.new(begin.outputs[0], stored.inputs["Geometry"])
     tree.links.new(stored.outputs["Geometry"], end.inputs[0])
     obj.modifiers.new("later", "NODES").node_group = tree
+
+
+@pytest.mark.parametrize("use_views", [True, False])
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 0.0), (0.0, 0.0, 0.0)])
+def test_emitters_may_be_scaled_to_nothing(scene: Any, scale: tuple[float, float, float], use_views: bool) -> None:
+    """Whose matrix has no inverse. Blender itself has their strands in one place, where there is nothing to show."""
+    obj = emitter(**kind_settings("SIMPLE"))
+    obj.location, obj.scale = (1.0, 2.0, 3.0), scale
+    depsgraph, reader = evaluated(), ArrayReader(use_views)
+    shown = obj.evaluated_get(depsgraph)
+    told = [shown.particle_systems[0].co_hair(shown, particle_no=COUNT + 3, step=step) for step in range(5)]
+    np.testing.assert_array_equal(told, [obj.location] * 5)
+    record = read_scene(depsgraph, reader=reader)
+    assert "curves" not in {mesh.kind for mesh in record.meshes} and not record.not_shown
+    assert not reader.verdicts.keys() & {VERDICT, CHILD_VERDICT}
+    obj.scale = (1.0, 1.0, 1.0)
+    assert hair_of(read_scene(evaluated(), reader=reader)).part_count == 4 * COUNT
+
+
+def test_an_odd_system_does_not_condemn_the_others(scene: Any) -> None:
+    """Its strands are said to be longer than the settings have them, and are read one by one."""
+    obj, reader = emitter(), ArrayReader()
+    shown = obj.evaluated_get(evaluated())
+    system = shown.particle_systems[0]
+    expected = read_strands(system, shown, ArrayReader(use_views=False), for_render=False).points
+    space = strand_cache.Space.of(shown)
+    assert space is not None
+    assert strand_cache._read_memory(system, 0, COUNT, 4, space) is None
+    assert strand_cache._read_memory(system, 0, COUNT, 5, space) is not None
+    more = strand_cache._read_memory(system, 0, COUNT + 2, 5, space)
+    slow = strand_cache._read_one_by_one(system, shown, range(COUNT + 2), 5, space)
+    assert more is not None
+    np.testing.assert_allclose(more, slow, atol=1e-5)
+    np.testing.assert_allclose(read_strands(system, shown, reader, for_render=False).points, expected, atol=1e-5)
+    assert reader.verdicts[VERDICT]
+
+
+def test_heads_are_read_before_what_follows_them() -> None:
+    """Strands that say to be longer than they lie apart, or than there are steps, are not read."""
+    records = np.zeros((6, 3), strand_cache._RECORD)
+    records["point"] = np.arange(54).reshape(6, 3, 3)
+    begins = records.ctypes.data + np.arange(6) * 3 * records.itemsize
+    for segments, steps, is_read in ((2, 3, True), (-1, 3, True), (3, 3, False), (-2, 3, False), (2, 2, False)):
+        records["segments"][4, 0] = segments
+        records["segments"][[0, 1, 2, 3, 5], 0] = 1
+        points = np.full((6, steps, 3), -1.0, np.float32)
+        assert strand_cache._gather(begins, np.eye(4, dtype=np.float32), points) == is_read
+        if is_read:
+            np.testing.assert_array_equal(points[4], records["point"][4][np.minimum(np.arange(3), max(segments, 0))])
+            np.testing.assert_array_equal(points[5], records["point"][5][[0, 1, 1]])
+        else:
+            assert (points == -1.0).all()
+
+
+class _OneStrand:
+    """Of two steps, whose tip is in the world's origin."""
+
+    def co_hair(self, obj: Any, particle_no: int, step: int) -> tuple[float, ...]:
+        if step > 1 or particle_no > 0:
+            return (0.0, 0.0, 0.0)
+        return tuple((np.array(obj.matrix_world) @ (1.0, 0.0, float(step), 1.0))[:3])
+
+
+def test_a_tip_in_the_origin_is_no_end() -> None:
+    """Told by an object that stands elsewhere."""
+    at, elsewhere = (SimpleNamespace(matrix_world=np.eye(4)) for _ in range(2))
+    at.matrix_world[:3, 3] = -1.0, 0.0, -1.0
+    space, system = strand_cache.Space.of(at), _OneStrand()
+    assert space is not None
+    points = strand_cache._read_one_by_one(system, at, [0], 4, space, lambda: (at, elsewhere))
+    expected = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 0.0, 1.0]], np.float32)
+    np.testing.assert_array_equal(points, expected[None])
+    assert strand_cache._agrees(expected[None], 0, system, at, space)
+    assert not strand_cache._agrees(expected[None] + np.float32(0.1), 0, system, at, space)

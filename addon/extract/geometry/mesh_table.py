@@ -161,7 +161,8 @@ class MeshTable:
             held = self._last.meshes.get(token)
             last = None if held is None else held.record
             if isinstance(mesh, ParticleHair):
-                return read_particle_hair(mesh, None, mesh.name, layers, self._reader, last)
+                graph = self._depsgraph
+                return read_particle_hair(mesh, None, mesh.name, layers, self._reader, last, lambda: graph.objects)
             return read_curves_or_points(mesh, None, _name_of(original, mesh), layers, self._reader, last)
         if mesh.is_editmode:  # its arrays are stale until they are written out of the edit mesh
             evaluated = original.evaluated_get(self._depsgraph)

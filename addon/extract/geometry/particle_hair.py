@@ -6,7 +6,7 @@ vertex colours of the emitter at the root.
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from ...sync.records import LARGEST_COORDINATE, Float32Array, LayerRequest, MeshRecord
 from ..pointer_views import CORNER_UVS, ArrayReader
-from ..strand_cache import Strands, read_strands
+from ..strand_cache import Strands, read_strands, shown_strands, step_count
 from .curves_and_points import NO_POLYGONS, NO_TRIANGLES, held, held_layers
 from .emitter_layers import is_askable, sees_final_mesh
 from .particle_roots import Roots, find_roots
@@ -51,6 +51,7 @@ class ParticleHair:
             found += [system.as_pointer(), particles[0].as_pointer() if len(particles) else 0, len(particles)]
             found += [len(system.child_particles), *(getattr(system.settings, name) for name in _OF_RADII)]
             found.append(system.settings.material)
+            found += [*shown_strands(system, self.for_render), step_count(system, self.for_render)]
         return tuple(found)
 
     def as_pointer(self) -> int:
@@ -65,18 +66,20 @@ def particle_hair_of(obj: Any, for_render: bool) -> ParticleHair | None:
     switch = "show_render" if for_render else "show_viewport"
     modifiers = [one for one in obj.modifiers if one.type == "PARTICLE_SYSTEM" and getattr(one, switch)]
     pairs = [(modifier, modifier.particle_system) for modifier in modifiers]
-    systems = tuple([pair for pair in pairs if _is_strands(pair[1].settings)])
+    systems = tuple([pair for pair in pairs if _is_strands(pair[1])])
     return ParticleHair(obj, systems, for_render) if systems else None
 
 
 def has_strands(obj: Any) -> bool:
     """Whether an evaluated object has particle systems that may show strands."""
     systems = obj.particle_systems
-    return len(systems) > 0 and any(_is_strands(system.settings) for system in systems)
+    return len(systems) > 0 and any(_is_strands(system) for system in systems)
 
 
-def _is_strands(settings: Any) -> bool:
-    return bool(settings.type == "HAIR" and settings.render_type == "PATH")
+def _is_strands(system: Any) -> bool:
+    """Of the system of a modifier, which may have none, as a system may have no settings."""
+    settings = None if system is None else system.settings
+    return settings is not None and bool(settings.type == "HAIR" and settings.render_type == "PATH")
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,13 +100,15 @@ def read_particle_hair(
     layers: LayerRequest,
     reader: ArrayReader,
     last: MeshRecord | None = None,
+    others: Callable[[], Iterable[Any]] = tuple,
 ) -> MeshRecord | None:
     """Reads strands as curves; None if there are none. Everything is copied.
 
     layers: the UV maps and colours that its materials show. last: what was read the last time, whose arrays stand for
-    equal ones. Strands with a number that is not finite are dropped, and those without a length show nothing.
+    equal ones. others: see `read_strands`. Strands with a number that is not finite are dropped, and those without a
+    length show nothing.
     """
-    parts = [_read_part(modifier, system, hair, reader) for modifier, system in hair.systems]
+    parts = [_read_part(modifier, system, hair, reader, others) for modifier, system in hair.systems]
     parts = [part for part in parts if len(part.strands.points)]
     if not parts:
         return None
@@ -150,8 +155,10 @@ def read_particle_hair(
     )
 
 
-def _read_part(modifier: Any, system: Any, hair: ParticleHair, reader: ArrayReader) -> _Part:
-    strands = read_strands(system, hair.obj, reader, hair.for_render)
+def _read_part(
+    modifier: Any, system: Any, hair: ParticleHair, reader: ArrayReader, others: Callable[[], Iterable[Any]]
+) -> _Part:
+    strands = read_strands(system, hair.obj, reader, hair.for_render, others)
     along, lengths = _along(strands.points)
     return _Part(system, modifier, strands, _radii(along, system.settings), lengths)
 
