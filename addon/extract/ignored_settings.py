@@ -7,6 +7,7 @@ from typing import Any
 
 from ..sync.not_shown import NotShown
 from ..sync.records import AttributeRequest
+from .geometry.hair_shape import MOST_SUBDIVISIONS
 
 # Of a view layer, what is written; "sample_count" and the like are no pictures of the scene.
 _WRITTEN_PASSES = frozenset(
@@ -17,7 +18,7 @@ _NO_PASSES = frozenset(("use_pass_cryptomatte_accurate", "use_pass_cryptomatte_a
 
 def find_ignored_settings(depsgraph: Any, attributes: AttributeRequest, for_viewport: bool) -> list[NotShown]:
     """A row for each that is set to anything else than what is shown. for_viewport: no passes are written there."""
-    found = [_motion_blur(depsgraph)]
+    found = [_motion_blur(depsgraph), _pieces_of_hair(depsgraph.scene)]
     if attributes.shading:
         found += [*_of_layer(depsgraph.view_layer), *_of_cycles(depsgraph.scene)]
     if not for_viewport:
@@ -28,6 +29,13 @@ def find_ignored_settings(depsgraph: Any, attributes: AttributeRequest, for_view
 def _motion_blur(depsgraph: Any) -> tuple[str, str] | None:
     is_on = depsgraph.scene.render.use_motion_blur and getattr(depsgraph.view_layer, "use_motion_blur", True)
     return ("Motion Blur", "it is not shown; one moment is") if is_on else None
+
+
+def _pieces_of_hair(scene: Any) -> tuple[str, str] | None:
+    curves = getattr(scene, "cycles_curves", None)
+    if curves is None or curves.shape != "RIBBONS" or curves.subdivisions <= MOST_SUBDIVISIONS:
+        return None
+    return "Curves", f"{curves.subdivisions} subdivisions of ribbons are not asked; {MOST_SUBDIVISIONS} are"
 
 
 def _of_layer(layer: Any) -> Iterator[tuple[str, str]]:

@@ -12,7 +12,7 @@ from ..sync.not_shown import NotShown
 from ..sync.records import AttributeRequest, CameraRecord, LightRecords, SceneRecord
 from .camera import Frame, read_camera, read_frame
 from .geometry.groups import GroupTable
-from .geometry.hair_shape import shaped
+from .geometry.hair_shape import ShapedHair
 from .geometry.instance_columns import InstanceColumns
 from .geometry.instances import InstanceCache, read_instances
 from .geometry.mesh_cache import MeshCache
@@ -40,6 +40,7 @@ class ReadCache:
     meshes: MeshCache = field(default_factory=MeshCache)
     instances: InstanceCache = field(default_factory=InstanceCache)
     images: ImageCache = field(default_factory=ImageCache)
+    hair: ShapedHair = field(default_factory=ShapedHair)
     plain: PlainReading | None = None
 
 
@@ -93,18 +94,20 @@ def read_scene(
             images = ImageReader(cache.images, for_preview=for_preview)
             lights = read_lights(depsgraph, visibility, images, not_shown, instanced=parts.instances_lights)
     not_shown += find_ignored_settings(depsgraph, attributes, for_viewport)
-    record = _record_of(depsgraph, parts, lights, camera, read_frame(depsgraph.scene_eval, size))
+    record = _record_of(depsgraph, parts, cache.hair, lights, camera, read_frame(depsgraph.scene_eval, size))
     return replace(record, not_shown=(*([DARK] if record.is_dark else []), *not_shown))
 
 
-def _record_of(depsgraph: Any, parts: SceneParts, lights: LightRecords, camera: Any, frame: Frame) -> SceneRecord:
+def _record_of(
+    depsgraph: Any, parts: SceneParts, hair: ShapedHair, lights: LightRecords, camera: Any, frame: Frame
+) -> SceneRecord:
     """The whole record but for its list of what is not shown. camera: as `read_scene` takes it."""
     scene = depsgraph.scene_eval
     camera_record, complaint = _read_any_camera(depsgraph, scene.camera if camera is None else camera, frame)
     return SceneRecord(
         name=scene.name,
         frame=scene.frame_current_final,
-        meshes=shaped(parts.meshes, depsgraph.scene),
+        meshes=hair.shaped(parts.meshes, depsgraph.scene),
         objects=parts.objects,
         materials=parts.materials,
         instances=parts.instances,

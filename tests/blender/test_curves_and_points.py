@@ -263,6 +263,38 @@ def test_hair_has_the_shape_that_cycles_settings_ask_for(scene: Any) -> None:
     sync.close()
 
 
+@pytest.mark.parametrize(("subdivisions", "pieces"), [(6, 65), (7, 65), (24, 65)])
+def test_more_pieces_than_are_asked_are_named(scene: Any, subdivisions: int, pieces: int) -> None:
+    hair_object("Hair", upright())
+    scene.cycles_curves.shape, scene.cycles_curves.subdivisions = "RIBBONS", subdivisions
+    sync = SceneSync()
+    updated(sync)
+    record = sync.record
+    assert record.meshes[0].curve_pieces == pieces
+    told = [str(row) for row in record.not_shown]
+    text = f"Curves: {subdivisions} subdivisions of ribbons are not asked; 6 are"
+    assert told == ([text] if subdivisions > 6 else [])
+    assert assert_as_fresh(sync) > 10
+    sync.close()
+
+
+def test_hair_that_stays_is_the_same_record(scene: Any) -> None:
+    """Which is not compared where nothing but places changes; another shape makes it another one."""
+    hair_object("Hair", upright())
+    mover = mesh_object("Mover")
+    sync = SceneSync()
+    held = []
+    for place in range(3):
+        mover.location.x = place
+        updated(sync)
+        held.append({mesh.name: mesh for mesh in sync.record.meshes}["Hair"])
+    assert held[2] is held[1]
+    scene.cycles_curves.shape = "THICK"
+    updated(sync)
+    assert {mesh.name: mesh for mesh in sync.record.meshes}["Hair"].curve_shape == "round"
+    sync.close()
+
+
 @pytest.mark.parametrize(("setting", "shape"), [("STRAND", "ribbon"), ("STRIP", "ribbon"), ("CYLINDER", "round")])
 def test_without_cycles_eevees_shape_counts(setting: str, shape: str) -> None:
     without = SimpleNamespace(render=SimpleNamespace(hair_type=setting))

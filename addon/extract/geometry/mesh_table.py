@@ -71,6 +71,7 @@ class MeshTable:
         self._counts: Counter[Hashable] = Counter()  # by what meshes come from
         self._key_counts: Counter[Hashable] = Counter()  # without twins: by their keys but for the number
         self._twins = _TwinFinder()
+        self._timed: dict[int, bool] = {}  # see `guess_usage`
         self.records: list[MeshRecord] = []
         self.warnings: list[str] = []
         self.not_shown: list[NotShown] = []
@@ -139,7 +140,7 @@ class MeshTable:
             self.warnings.append(str(self.not_shown[-1]))
         twin = self._twins.find(original.data, record, self.records)
         if twin is None:
-            guess = guess_usage(original)
+            guess = guess_usage(original, self._timed)
             key = self._lasting_key(origin, record)
             remade_by = find_remaker(original)
             record = replace(record, key=key, usage=guess.usage, usage_reason=guess.reason, remade_by=remade_by)

@@ -185,11 +185,11 @@ def _radii(along: Float32Array, settings: Any) -> Float32Array:
 def _along(points: Float32Array) -> tuple[Float32Array, Float32Array]:
     """(S, K) float32, 0 to 1: how far along its strand each point lies; and (S,), how long strands are."""
     along = np.zeros(points.shape[:2], np.float32)
-    for begin in range(0, len(points), _BLOCK):
-        steps = np.diff(points[begin : begin + _BLOCK], axis=1)
-        np.cumsum(np.sqrt(np.einsum("skx,skx->sk", steps, steps)), axis=1, out=along[begin : begin + _BLOCK, 1:])
-    lengths = along[:, -1].copy()
-    with np.errstate(invalid="ignore"):  # those with a number that is not finite are dropped
+    with np.errstate(invalid="ignore", over="ignore"):  # those with a number that is not finite are dropped
+        for begin in range(0, len(points), _BLOCK):
+            steps = np.diff(points[begin : begin + _BLOCK], axis=1)
+            np.cumsum(np.sqrt(np.einsum("skx,skx->sk", steps, steps)), axis=1, out=along[begin : begin + _BLOCK, 1:])
+        lengths = along[:, -1].copy()
         np.divide(along, lengths[:, None], out=along, where=(lengths > 0.0)[:, None])
     return np.clip(along, 0.0, 1.0, out=along), lengths
 

@@ -40,9 +40,13 @@ _REMAKING_MODIFIERS = (
 )
 
 
-def guess_usage(original: Any) -> MeshUsage:
-    """What the meshes of an original object are likely to do from frame to frame, and why."""
-    return _guess_from_shape(original) or _guess_from_motion(original) or MeshUsage("static", "nothing animates it")
+def guess_usage(original: Any, timed: dict[int, bool] | None = None) -> MeshUsage:
+    """What the meshes of an original object are likely to do from frame to frame, and why.
+
+    timed: what is known of node trees by their uids, for one reading; it is filled.
+    """
+    guess = _guess_from_shape(original, {} if timed is None else timed) or _guess_from_motion(original)
+    return guess or MeshUsage("static", "nothing animates it")
 
 
 def find_remaker(original: Any) -> str:
@@ -52,14 +56,14 @@ def find_remaker(original: Any) -> str:
     return next(found, "")
 
 
-def _guess_from_shape(original: Any) -> MeshUsage | None:
+def _guess_from_shape(original: Any, timed: dict[int, bool]) -> MeshUsage | None:
     modifiers = [(modifier.type, modifier.name) for modifier in original.modifiers]
     for kind, name in modifiers:
         if kind in _CHANGING_MODIFIERS:
             return MeshUsage("changing", f"its modifier {name!r} makes other triangles")
     if original.type == "META":
         return MeshUsage("changing", "metaballs are polygonized again wherever one of them moves")
-    deforms = _why_deforming(original, modifiers)
+    deforms = _why_deforming(original, modifiers, timed)
     if deforms is None:
         return None
     for kind, name in modifiers:
@@ -68,7 +72,7 @@ def _guess_from_shape(original: Any) -> MeshUsage | None:
     return MeshUsage("deforming", deforms)
 
 
-def _why_deforming(original: Any, modifiers: list[tuple[str, str]]) -> str | None:
+def _why_deforming(original: Any, modifiers: list[tuple[str, str]], timed: dict[int, bool]) -> str | None:
     for kind, name in modifiers:
         if kind in _DEFORMING_MODIFIERS:
             return f"its modifier {name!r} moves vertices"
@@ -83,18 +87,21 @@ def _why_deforming(original: Any, modifiers: list[tuple[str, str]]) -> str | Non
     ):
         return "its geometry nodes are animated"
     if original.type in _GROWN_TYPES and any(
-        modifier.type == "NODES" and _goes_by_time(modifier.node_group) for modifier in original.modifiers
+        modifier.type == "NODES" and _goes_by_time(modifier.node_group, timed) for modifier in original.modifiers
     ):
         return "its geometry nodes go by the scene's time"
     return None
 
 
-def _goes_by_time(tree: Any) -> bool:
+def _goes_by_time(tree: Any, timed: dict[int, bool]) -> bool:
     """Whether geometry nodes, or groups within them, read what the time is."""
     if tree is None:
         return False
-    kinds = [(node.bl_idname, getattr(node, "node_tree", None)) for node in tree.nodes]
-    return any(kind in _TIMED_NODES or _goes_by_time(within) for kind, within in kinds)
+    uid = tree.session_uid
+    if uid not in timed:
+        kinds = [(node.bl_idname, getattr(node, "node_tree", None)) for node in tree.nodes]
+        timed[uid] = any(kind in _TIMED_NODES or _goes_by_time(within, timed) for kind, within in kinds)
+    return timed[uid]
 
 
 def _guess_from_motion(original: Any) -> MeshUsage | None:
