@@ -263,6 +263,17 @@ def test_hair_has_the_shape_that_cycles_settings_ask_for(scene: Any) -> None:
     sync.close()
 
 
+def test_hair_and_points_that_are_all_dropped_are_named(scene: Any) -> None:
+    hair_object("Hair", upright() * np.float32(np.nan))
+    cloud_object("Cloud", [(np.nan, 0, 0), (0, 0, np.inf)])
+    record = read_scene(evaluated())
+    assert not record.meshes and not len(record.instances)
+    assert sorted(str(told) for told in record.not_shown) == [
+        "Cloud: left out 2 points with a number that is not finite or beyond 1e18",
+        f"Hair: left out {len(upright())} curves with a number that is not finite or beyond 1e18",
+    ]
+
+
 @pytest.mark.parametrize(("subdivisions", "pieces"), [(6, 65), (7, 65), (24, 65)])
 def test_more_pieces_than_are_asked_are_named(scene: Any, subdivisions: int, pieces: int) -> None:
     hair_object("Hair", upright())

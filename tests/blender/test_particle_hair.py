@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import bmesh
@@ -13,7 +12,16 @@ from blender.builders import (
     evaluated,
     in_render,
 )
-from blender.particle_hair import BENT, CHILDREN, COUNT, emitter, expected_strands, hair_of, kind_settings
+from blender.particle_hair import (
+    BENT,
+    CHILDREN,
+    COUNT,
+    asked_of_blender,
+    emitter,
+    expected_strands,
+    hair_of,
+    kind_settings,
+)
 from oracles.cycles import preserved, render_cycles, render_passes
 from perfect_bvh_addon.extract import read_scene, strand_cache
 from perfect_bvh_addon.extract.geometry.particle_hair import ParticleHair, particle_hair_of, read_particle_hair
@@ -165,20 +173,6 @@ def find_roots_of(hair: ParticleHair) -> Roots:
     return find_roots(system, modifier, hair.obj.data, strands.first, len(strands.points), reader)
 
 
-def asked_of_blender(shown: Any, accessor: str, number: int, count: int) -> np.ndarray:
-    system, modifier = shown.particle_systems[0], shown.modifiers[0]
-    first = 0 if count == len(system.particles) else len(system.particles)
-    layer = "uv_no" if accessor == "uv_on_emitter" else "vcol_no"
-    ask = getattr(system, accessor)
-    particles = system.particles
-    return np.array(
-        [
-            ask(modifier, particle=particles[min(row, len(particles) - 1)], particle_no=first + row, **{layer: number})
-            for row in range(count)
-        ]
-    )
-
-
 def test_renders_have_the_amount_of_renders(scene: Any) -> None:
     settings = emitter(**kind_settings("SIMPLE")).particle_systems[0].settings
     settings.display_percentage = 50
@@ -213,112 +207,3 @@ def test_memory_of_another_layout_is_not_read(scene: Any, monkeypatch: pytest.Mo
     mesh = hair_of(read_scene(evaluated(), reader=reader))
     assert not any(verdict in reader.verdicts for verdict in (VERDICT, CHILD_VERDICT))
     np.testing.assert_array_equal(mesh.positions, expected.positions)
-
-
-@pytest.mark.parametrize("use_views", [True, False])
-@pytest.mark.parametrize("count", [0, 1])
-def test_maps_that_come_after_the_particles_are_missing(scene: Any, count: int, use_views: bool) -> None:
-    """Blender keeps the mesh as it was at the particles' modifier; to ask it for a later map ends Blender."""
-    obj = emitter(**kind_settings("SIMPLE"))
-    if count == 0:
-        obj.data.uv_layers.remove(obj.data.uv_layers[0])
-    nodes_after(obj, "Later")
-    shown = obj.evaluated_get(evaluated())
-    assert [layer.name for layer in shown.data.uv_layers] == ["UVMap", "Later"][1 - count :]
-    hair = particle_hair_of(shown, for_render=False)
-    assert hair is not None
-    wanted = LayerRequest(frozenset(["UVMap", "Later"]), frozenset(["Later"]))
-    mesh = read_particle_hair(hair, None, "hair", wanted, ArrayReader(use_views))
-    assert mesh is not None
-    assert sorted(mesh.named_uvs) == ["UVMap"][:count] and not mesh.named_colors
-    if count:
-        expected = asked_of_blender(shown, "uv_on_emitter", 0, mesh.part_count)
-        np.testing.assert_array_equal(mesh.named_uvs["UVMap"], expected.astype(np.float32))
-
-
-def nodes_after(obj: Any, name: str) -> None:
-    """A modifier that gives each corner of the mesh a place on a map of this name."""
-    tree = bpy.data.node_groups.new("later", "GeometryNodeTree")
-    for direction in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
-    begin, end = (tree.nodes.new(f"NodeGroup{which}") for which in ("Input", "Output"))
-    stored = tree.nodes.new("GeometryNodeStoreNamedAttribute")
-    stored.data_type, stored.domain = "FLOAT2", "CORNER"
-    stored.inputs["Name"].default_value = name
-    tree.links.new(begin.outputs[0], stored.inputs["Geometry"])
-    tree.links.new(stored.outputs["Geometry"], end.inputs[0])
-    obj.modifiers.new("later", "NODES").node_group = tree
-
-
-@pytest.mark.parametrize("use_views", [True, False])
-@pytest.mark.parametrize("scale", [(1.0, 1.0, 0.0), (0.0, 0.0, 0.0)])
-def test_emitters_may_be_scaled_to_nothing(scene: Any, scale: tuple[float, float, float], use_views: bool) -> None:
-    """Whose matrix has no inverse. Blender itself has their strands in one place, where there is nothing to show."""
-    obj = emitter(**kind_settings("SIMPLE"))
-    obj.location, obj.scale = (1.0, 2.0, 3.0), scale
-    depsgraph, reader = evaluated(), ArrayReader(use_views)
-    shown = obj.evaluated_get(depsgraph)
-    told = [shown.particle_systems[0].co_hair(shown, particle_no=COUNT + 3, step=step) for step in range(5)]
-    np.testing.assert_array_equal(told, [obj.location] * 5)
-    record = read_scene(depsgraph, reader=reader)
-    assert "curves" not in {mesh.kind for mesh in record.meshes} and not record.not_shown
-    assert not reader.verdicts.keys() & {VERDICT, CHILD_VERDICT}
-    obj.scale = (1.0, 1.0, 1.0)
-    assert hair_of(read_scene(evaluated(), reader=reader)).part_count == 4 * COUNT
-
-
-def test_an_odd_system_does_not_condemn_the_others(scene: Any) -> None:
-    """Its strands are said to be longer than the settings have them, and are read one by one."""
-    obj, reader = emitter(), ArrayReader()
-    shown = obj.evaluated_get(evaluated())
-    system = shown.particle_systems[0]
-    expected = read_strands(system, shown, ArrayReader(use_views=False), for_render=False).points
-    space = strand_cache.Space.of(shown)
-    assert space is not None
-    assert strand_cache._read_memory(system, 0, COUNT, 4, space) is None
-    assert strand_cache._read_memory(system, 0, COUNT, 5, space) is not None
-    more = strand_cache._read_memory(system, 0, COUNT + 2, 5, space)
-    slow = strand_cache._read_one_by_one(system, shown, range(COUNT + 2), 5, space)
-    assert more is not None
-    np.testing.assert_allclose(more, slow, atol=1e-5)
-    np.testing.assert_allclose(read_strands(system, shown, reader, for_render=False).points, expected, atol=1e-5)
-    assert reader.verdicts[VERDICT]
-
-
-def test_heads_are_read_before_what_follows_them() -> None:
-    """Strands that say to be longer than they lie apart, or than there are steps, are not read."""
-    records = np.zeros((6, 3), strand_cache._RECORD)
-    records["point"] = np.arange(54).reshape(6, 3, 3)
-    begins = records.ctypes.data + np.arange(6) * 3 * records.itemsize
-    for segments, steps, is_read in ((2, 3, True), (-1, 3, True), (3, 3, False), (-2, 3, False), (2, 2, False)):
-        records["segments"][4, 0] = segments
-        records["segments"][[0, 1, 2, 3, 5], 0] = 1
-        points = np.full((6, steps, 3), -1.0, np.float32)
-        assert strand_cache._gather(begins, np.eye(4, dtype=np.float32), points) == is_read
-        if is_read:
-            np.testing.assert_array_equal(points[4], records["point"][4][np.minimum(np.arange(3), max(segments, 0))])
-            np.testing.assert_array_equal(points[5], records["point"][5][[0, 1, 1]])
-        else:
-            assert (points == -1.0).all()
-
-
-class _OneStrand:
-    """Of two steps, whose tip is in the world's origin."""
-
-    def co_hair(self, obj: Any, particle_no: int, step: int) -> tuple[float, ...]:
-        if step > 1 or particle_no > 0:
-            return (0.0, 0.0, 0.0)
-        return tuple((np.array(obj.matrix_world) @ (1.0, 0.0, float(step), 1.0))[:3])
-
-
-def test_a_tip_in_the_origin_is_no_end() -> None:
-    """Told by an object that stands elsewhere."""
-    at, elsewhere = (SimpleNamespace(matrix_world=np.eye(4)) for _ in range(2))
-    at.matrix_world[:3, 3] = -1.0, 0.0, -1.0
-    space, system = strand_cache.Space.of(at), _OneStrand()
-    assert space is not None
-    points = strand_cache._read_one_by_one(system, at, [0], 4, space, lambda: (at, elsewhere))
-    expected = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 0.0, 1.0]], np.float32)
-    np.testing.assert_array_equal(points, expected[None])
-    assert strand_cache._agrees(expected[None], 0, system, at, space)
-    assert not strand_cache._agrees(expected[None] + np.float32(0.1), 0, system, at, space)

@@ -57,6 +57,8 @@ def read_curves_or_points(
 ) -> MeshRecord | None:
     """Reads evaluated `bpy.types.Curves` or `bpy.types.PointCloud`; None if there is nothing in them.
 
+    A record of none that tells how many were dropped if that is all of them.
+
     layers: the uv maps and colours that its materials show.
     last: what was read the last time, whose arrays stand for equal ones. Everything is copied. Curves or points with a
     number that is not finite are dropped, and curves of a single point.
@@ -79,8 +81,9 @@ def read_curves_or_points(
         positions, radii = positions[kept_points], radii[kept_points]
         if offsets is not None:
             offsets = np.concatenate([[0], np.cumsum(np.diff(offsets)[kept])])
+    kind: MeshKind = "curves" if is_curves else "points"
     if not len(positions):
-        return None
+        return none_of(kind, key, name, dropped)
     uvs: dict[str, Float32Array] = {}
     colors: dict[str, Float32Array] = {}
     if layers is not NO_LAYERS:
@@ -100,11 +103,19 @@ def read_curves_or_points(
         layers=layers,
         dropped_triangles=dropped,
         triangle_ids=kept,
-        kind="curves" if is_curves else "points",
+        kind=kind,
         radii=held(radii, last and last.radii),
         curve_offsets=None if offsets is None else held(offsets, last and last.curve_offsets),
         curve_kind=_curve_kind(data) if is_curves else "poly",
     )
+
+
+def none_of(kind: MeshKind, key: Hashable, name: str, dropped: int) -> MeshRecord | None:
+    """A record without any that tells how many were dropped, None for none."""
+    if not dropped:
+        return None
+    nowhere = np.empty((0, 3), np.float32)
+    return MeshRecord(key, name, nowhere, NO_TRIANGLES, NO_POLYGONS, dropped_triangles=dropped, kind=kind)
 
 
 def _view(data: Any, name: str, kind: Any, reader: ArrayReader) -> Float32Array | None:

@@ -15,7 +15,7 @@ from ..looks.materials import MaterialReader
 from ..scans import has_points
 from ..visibility import VisibilityReader
 from .curves_and_points import kind_of
-from .mesh_table import NO_MESH, MeshTable
+from .mesh_table import NO_MESH, STRANDS, MeshTable
 from .objects import ObjectTable
 from .particle_hair import particle_hair_of
 from .subdivision import AdaptiveSubdivision
@@ -177,9 +177,23 @@ class GroupTable:
             return
         for row in sorted({row for row in slots if row >= 0}):
             material, layers = self.materials.records[row], self.materials.layers((row,))
-            missing = [f"the UV map {name}".strip() for name in sorted(layers.uvs & uvs)]
-            missing += [f"the attribute {name}".strip() for name in sorted(layers.colors & colors)]
-            for what in missing:
-                instead = "black is" if what.startswith("the attribute") else "one pixel of the image is"
-                text = f"{what} is not found on {obj.original.name}; {instead}"
+            owner = obj.original.name
+            told = [
+                f"{f'the UV map {name}'.strip()} is not found on {owner}; one pixel of the image is"
+                for name in sorted(layers.uvs & uvs)
+            ]
+            for name in sorted(layers.colors & colors):
+                what = f"the attribute {name}".strip()
+                if self._is_unfit_for_strands(obj, name, mesh):
+                    told.append(f"{what} of {owner} is no Byte Color of face corners, as particle hair needs; black is")
+                else:
+                    told.append(f"{what} is not found on {owner}; black is")
+            for text in told:
                 self.not_shown[NotShown("material", material.name, material.session_uid, text)] = None
+
+    @staticmethod
+    def _is_unfit_for_strands(obj: Any, name: str, mesh: MeshRecord) -> bool:
+        """Whether the mesh is particle hair, whose emitter has an attribute of this name that hair cannot show."""
+        is_strands = isinstance(mesh.key, tuple) and mesh.key[0] == STRANDS
+        attribute = obj.data.attributes.get(name) if is_strands and name else None
+        return attribute is not None and (attribute.data_type, attribute.domain) != ("BYTE_COLOR", "CORNER")

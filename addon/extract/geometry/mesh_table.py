@@ -39,6 +39,7 @@ from .particle_hair import ParticleHair, read_particle_hair
 from .usage import find_remaker, guess_usage
 
 NO_MESH = -1
+STRANDS = "particle hair"  # first in the keys of what is read of it
 _Mesh = bpy.types.Mesh  # looking it up is slow
 _OF_VERTICES = "Delete such vertices in Edit Mode, or look which modifier or driver makes them"
 
@@ -138,6 +139,8 @@ class MeshTable:
             text = f"left out {count:,} {part}{'s' * (count > 1)} with a {vertex} that is not finite or beyond 1e18"
             self.not_shown.append(NotShown("shape", original.name, original.session_uid, text, _OF_VERTICES))
             self.warnings.append(str(self.not_shown[-1]))
+            if record.kind != "triangles" and not record.part_count:
+                return NO_MESH
         twin = self._twins.find(original.data, record, self.records)
         if twin is None:
             guess = guess_usage(original, self._timed)
@@ -190,7 +193,7 @@ class MeshTable:
         """What a mesh comes from: all of its key but the last numbers."""
         uid = original.session_uid
         if isinstance(mesh, ParticleHair):
-            return ("particle hair", uid)
+            return (STRANDS, uid)
         if not isinstance(mesh, _Mesh):
             kind = kind_of(mesh)
             if not is_own:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from ...sync.records import LARGEST_COORDINATE, Float32Array, LayerRequest, MeshRecord
 from ..pointer_views import CORNER_UVS, ArrayReader
 from ..strand_cache import Strands, read_strands, shown_strands, step_count
-from .curves_and_points import NO_POLYGONS, NO_TRIANGLES, held, held_layers
+from .curves_and_points import NO_POLYGONS, NO_TRIANGLES, held, held_layers, none_of
 from .emitter_layers import is_askable, sees_final_mesh
 from .particle_roots import Roots, find_roots
 
@@ -104,6 +104,8 @@ def read_particle_hair(
 ) -> MeshRecord | None:
     """Reads strands as curves; None if there are none. Everything is copied.
 
+    A record of none that tells how many were dropped if that is all of them.
+
     layers: the UV maps and colours that its materials show. last: what was read the last time, whose arrays stand for
     equal ones. others: see `read_strands`. Strands with a number that is not finite are dropped, and those without a
     length show nothing.
@@ -116,8 +118,9 @@ def read_particle_hair(
     are_good = [_are_good(part) for part in parts]
     kept = [np.flatnonzero(good & (part.lengths > 0.0)) for good, part in zip(are_good, parts, strict=True)]
     are_all = all(len(some) == len(all_rows) for some, all_rows in zip(kept, rows, strict=True))
+    dropped = sum(int((~good).sum()) for good in are_good)
     if not any(len(some) for some in kept):
-        return None
+        return none_of("curves", key, name, dropped)
 
     def joined(arrays: list[npt.NDArray[Any]]) -> npt.NDArray[Any]:
         if not are_all:
@@ -145,7 +148,7 @@ def read_particle_hair(
         named_uvs=uvs,
         named_colors=tints,
         layers=layers,
-        dropped_triangles=sum(int((~good).sum()) for good in are_good),
+        dropped_triangles=dropped,
         triangle_ids=None if are_all else held(ids, last and last.triangle_ids),
         kind="curves",
         radii=held(joined([part.radii for part in parts]), last and last.radii),
@@ -257,8 +260,10 @@ def _roots_of(part: _Part, hair: ParticleHair, reader: ArrayReader, maps: frozen
 
 def _uvs_at(roots: Roots, mesh: Any, number: int, reader: ArrayReader) -> Float32Array | None:
     if roots.faces is None:
-        return roots.ask("uv_on_emitter", number)
-    return roots.gather(reader.view(mesh.uv_layers[number].uv, CORNER_UVS))
+        found = roots.ask("uv_on_emitter", number)
+    else:
+        found = roots.gather(reader.view(mesh.uv_layers[number].uv, CORNER_UVS))
+    return None if found is None else np.nan_to_num(found, copy=False, nan=0.0, posinf=65504.0, neginf=0.0)
 
 
 def _colors_at(roots: Roots, mesh: Any, number: int, _: ArrayReader) -> Float32Array | None:

@@ -208,4 +208,5 @@ def _agrees(roots: Roots, number: int, kinds: Int8Array, mesh: Any, reader: Arra
     expected = roots.ask("uv_on_emitter", number, rows)
     if expected is None:
         return False
-    return bool((np.abs(found[rows] - expected) <= _ROUNDING * max(1.0, float(np.abs(expected).max()))).all())
+    largest = float(np.abs(expected[np.isfinite(expected)]).max(initial=1.0))
+    return bool(np.isclose(found[rows], expected, rtol=0.0, atol=_ROUNDING * largest, equal_nan=True).all())

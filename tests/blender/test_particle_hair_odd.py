@@ -1,0 +1,194 @@
+"""Old particle hair that is odd: layers that come later, memory that is not as expected, numbers of no use."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from blender.builders import evaluated
+from blender.particle_hair import COUNT, asked_of_blender, emitter, hair_of, kind_settings
+from perfect_bvh_addon.extract import read_scene, strand_cache
+from perfect_bvh_addon.extract.geometry import particle_hair
+from perfect_bvh_addon.extract.geometry.particle_hair import particle_hair_of, read_particle_hair
+from perfect_bvh_addon.extract.pointer_views import ArrayReader
+from perfect_bvh_addon.extract.strand_cache import CHILD_VERDICT, VERDICT, read_strands
+from perfect_bvh_addon.sync.records import AttributeRequest, LayerRequest
+
+
+@pytest.mark.parametrize("use_views", [True, False])
+@pytest.mark.parametrize("count", [0, 1])
+def test_maps_that_come_after_the_particles_are_missing(scene: Any, count: int, use_views: bool) -> None:
+    """Blender keeps the mesh as it was at the particles' modifier; to ask it for a later map ends Blender."""
+    obj = emitter(**kind_settings("SIMPLE"))
+    if count == 0:
+        obj.data.uv_layers.remove(obj.data.uv_layers[0])
+    nodes_after(obj, "Later")
+    shown = obj.evaluated_get(evaluated())
+    assert [layer.name for layer in shown.data.uv_layers] == ["UVMap", "Later"][1 - count :]
+    hair = particle_hair_of(shown, for_render=False)
+    assert hair is not None
+    wanted = LayerRequest(frozenset(["UVMap", "Later"]), frozenset(["Later"]))
+    mesh = read_particle_hair(hair, None, "hair", wanted, ArrayReader(use_views))
+    assert mesh is not None
+    assert sorted(mesh.named_uvs) == ["UVMap"][:count] and not mesh.named_colors
+    if count:
+        expected = asked_of_blender(shown, "uv_on_emitter", 0, mesh.part_count)
+        np.testing.assert_array_equal(mesh.named_uvs["UVMap"], expected.astype(np.float32))
+
+
+def nodes_after(obj: Any, name: str) -> None:
+    """A modifier that gives each corner of the mesh a place on a map of this name."""
+    tree = bpy.data.node_groups.new("later", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    begin, end = (tree.nodes.new(f"NodeGroup{which}") for which in ("Input", "Output"))
+    stored = tree.nodes.new("GeometryNodeStoreNamedAttribute")
+    stored.data_type, stored.domain = "FLOAT2", "CORNER"
+    stored.inputs["Name"].default_value = name
+    tree.links.new(begin.outputs[0], stored.inputs["Geometry"])
+    tree.links.new(stored.outputs["Geometry"], end.inputs[0])
+    obj.modifiers.new("later", "NODES").node_group = tree
+
+
+@pytest.mark.parametrize("use_views", [True, False])
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 0.0), (0.0, 0.0, 0.0)])
+def test_emitters_may_be_scaled_to_nothing(scene: Any, scale: tuple[float, float, float], use_views: bool) -> None:
+    """Whose matrix has no inverse. Blender itself has their strands in one place, where there is nothing to show."""
+    obj = emitter(**kind_settings("SIMPLE"))
+    obj.location, obj.scale = (1.0, 2.0, 3.0), scale
+    depsgraph, reader = evaluated(), ArrayReader(use_views)
+    shown = obj.evaluated_get(depsgraph)
+    told = [shown.particle_systems[0].co_hair(shown, particle_no=COUNT + 3, step=step) for step in range(5)]
+    np.testing.assert_array_equal(told, [obj.location] * 5)
+    record = read_scene(depsgraph, reader=reader)
+    assert "curves" not in {mesh.kind for mesh in record.meshes} and not record.not_shown
+    assert not reader.verdicts.keys() & {VERDICT, CHILD_VERDICT}
+    obj.scale = (1.0, 1.0, 1.0)
+    assert hair_of(read_scene(evaluated(), reader=reader)).part_count == 4 * COUNT
+
+
+def test_an_odd_system_does_not_condemn_the_others(scene: Any) -> None:
+    """Its strands are said to be longer than the settings have them, and are read one by one."""
+    obj, reader = emitter(), ArrayReader()
+    shown = obj.evaluated_get(evaluated())
+    system = shown.particle_systems[0]
+    expected = read_strands(system, shown, ArrayReader(use_views=False), for_render=False).points
+    space = strand_cache.Space.of(shown)
+    assert space is not None
+    assert strand_cache._read_memory(system, 0, COUNT, 4, space) is None
+    assert strand_cache._read_memory(system, 0, COUNT, 5, space) is not None
+    more = strand_cache._read_memory(system, 0, COUNT + 2, 5, space)
+    slow = strand_cache._read_one_by_one(system, shown, range(COUNT + 2), 5, space)
+    assert more is not None
+    np.testing.assert_allclose(more, slow, atol=1e-5)
+    np.testing.assert_allclose(read_strands(system, shown, reader, for_render=False).points, expected, atol=1e-5)
+    assert reader.verdicts[VERDICT]
+
+
+def test_heads_are_read_before_what_follows_them() -> None:
+    """Strands that say to be longer than they lie apart, or than there are steps, are not read."""
+    records = np.zeros((6, 3), strand_cache._RECORD)
+    records["point"] = np.arange(54).reshape(6, 3, 3)
+    begins = records.ctypes.data + np.arange(6) * 3 * records.itemsize
+    for segments, steps, is_read in ((2, 3, True), (-1, 3, True), (3, 3, False), (-2, 3, False), (2, 2, False)):
+        records["segments"][4, 0] = segments
+        records["segments"][[0, 1, 2, 3, 5], 0] = 1
+        points = np.full((6, steps, 3), -1.0, np.float32)
+        assert strand_cache._gather(begins, np.eye(4, dtype=np.float32), points) == is_read
+        if is_read:
+            np.testing.assert_array_equal(points[4], records["point"][4][np.minimum(np.arange(3), max(segments, 0))])
+            np.testing.assert_array_equal(points[5], records["point"][5][[0, 1, 1]])
+        else:
+            assert (points == -1.0).all()
+
+
+@pytest.mark.filterwarnings("error")
+def test_strands_that_are_all_dropped_are_named(scene: Any) -> None:
+    obj = emitter()
+    obj.particle_systems[0].settings.radius_scale = 1e20
+    record = read_scene(evaluated())
+    text = f"Emitter: left out {COUNT} curves with a number that is not finite or beyond 1e18"
+    assert [str(told) for told in record.not_shown] == [text] and text in record.warnings
+    assert [mesh.kind for mesh in record.meshes] == ["triangles"]
+    assert record.instances.mesh_indices.tolist() == [0]
+
+
+@pytest.mark.filterwarnings("error")
+def test_lengths_that_are_not_finite_warn_of_nothing(scene: Any) -> None:
+    points = np.full((2, 3, 3), np.inf, np.float32)
+    points[1] = np.arange(9).reshape(3, 3) * 1e30
+    _, lengths = particle_hair._along(points)
+    assert not np.isfinite(lengths).any()
+
+
+def test_places_on_maps_are_numbers(scene: Any) -> None:
+    """Whatever the emitter's map has, as with attributes of curves, and in both ways of reading."""
+    obj = emitter()
+    values = np.array([np.nan, np.inf] * len(obj.data.loops), np.float32)
+    obj.data.uv_layers[0].uv.foreach_set("vector", values)
+    hair = particle_hair_of(obj.evaluated_get(evaluated()), for_render=False)
+    assert hair is not None
+    for use_views in (True, False):
+        mesh = read_particle_hair(hair, None, "hair", LayerRequest(frozenset([""])), ArrayReader(use_views))
+        assert mesh is not None and mesh.corner_uvs is not None
+        assert (mesh.corner_uvs[:, 0] == 0.0).all() and np.isfinite(mesh.corner_uvs).all()
+
+
+UNFIT = "the attribute Paint of Emitter is no Byte Color of face corners, as particle hair needs"
+
+
+@pytest.mark.parametrize(
+    ("kind", "domain", "told"),
+    [
+        (
+            "FLOAT_COLOR",
+            "CORNER",
+            UNFIT,
+        ),
+        (
+            "BYTE_COLOR",
+            "POINT",
+            UNFIT,
+        ),
+        (None, None, "the attribute Paint is not found on Emitter"),
+        ("BYTE_COLOR", "CORNER", None),
+    ],
+)
+def test_colors_that_hair_cannot_show_are_named(scene: Any, kind: Any, domain: Any, told: str | None) -> None:
+    obj = emitter()
+    if kind:
+        obj.data.attributes.new("Paint", kind, domain)
+    material = bpy.data.materials.new("Hair")
+    material.use_nodes = True
+    tree = material.node_tree
+    paint = tree.nodes.new("ShaderNodeAttribute")
+    paint.attribute_name = "Paint"
+    tree.links.new(paint.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    obj.data.materials.append(material)
+    rows = [str(row) for row in read_scene(evaluated(), AttributeRequest(shading=True)).not_shown if row.name == "Hair"]
+    assert rows == ([] if told is None else [f"Hair: {told}; black is"])
+
+
+class _OneStrand:
+    """Of two steps, whose tip is in the world's origin."""
+
+    def co_hair(self, obj: Any, particle_no: int, step: int) -> tuple[float, ...]:
+        if step > 1 or particle_no > 0:
+            return (0.0, 0.0, 0.0)
+        return tuple((np.array(obj.matrix_world) @ (1.0, 0.0, float(step), 1.0))[:3])
+
+
+def test_a_tip_in_the_origin_is_no_end() -> None:
+    """Told by an object that stands elsewhere."""
+    at, elsewhere = (SimpleNamespace(matrix_world=np.eye(4)) for _ in range(2))
+    at.matrix_world[:3, 3] = -1.0, 0.0, -1.0
+    space, system = strand_cache.Space.of(at), _OneStrand()
+    assert space is not None
+    points = strand_cache._read_one_by_one(system, at, [0], 4, space, lambda: (at, elsewhere))
+    expected = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 0.0, 1.0]], np.float32)
+    np.testing.assert_array_equal(points, expected[None])
+    assert strand_cache._agrees(expected[None], 0, system, at, space)
+    assert not strand_cache._agrees(expected[None] + np.float32(0.1), 0, system, at, space)
