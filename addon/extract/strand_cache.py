@@ -86,7 +86,7 @@ def read_strands(
             are_equal = _agrees(points, first, system, obj, space)
             if are_equal is not None:
                 reader.verdicts[verdict] = are_equal
-        if points is not None and reader.verdicts.get(verdict):
+        if points is not None and (reader.verdicts.get(verdict) or _are_unmade(points, space)):
             return Strands(points, first, space.rounding(points))
     points = _read_one_by_one(system, obj, range(first, first + count), steps, space, others)
     return Strands(points, first, space.rounding(points))
@@ -136,7 +136,7 @@ def _read_memory(system: Any, first: int, count: int, steps: int, space: Space) 
     head = view_of_memory(system.as_pointer(), (1,), _SYSTEM)[0]
     particles, children = system.particles, system.child_particles
     is_known = (
-        bytes(head["name"]).split(b"\0")[0] == system.name.encode(errors="surrogateescape")
+        bytes(head["name"]).split(b"\0")[0] == _name_of(system)
         and len(particles) > 0
         and (head["particles"], head["particle_count"]) == (particles[0].as_pointer(), len(particles))
         and head["child_count"] == len(children)
@@ -156,6 +156,18 @@ def _read_memory(system: Any, first: int, count: int, steps: int, space: Space) 
     if not pointers.all():
         return None
     return points if _gather(pointers, head["to_object"].reshape(4, 4), points[:kept_count]) else None
+
+
+def _name_of(system: Any) -> bytes | None:
+    """None for bytes that are no text, of which Blender says nothing."""
+    try:
+        return str(system.name).encode(errors="surrogateescape")
+    except UnicodeDecodeError:
+        return None
+
+
+def _are_unmade(points: Float32Array, space: Space) -> bool:
+    return bool((points == space.inverse[:3, 3].astype(np.float32)).all())
 
 
 def _gather(pointers: npt.NDArray[np.int64], matrix: Float32Array, points: Float32Array) -> bool:

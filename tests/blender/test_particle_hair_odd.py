@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,7 +13,9 @@ from blender.builders import evaluated
 from blender.particle_hair import COUNT, asked_of_blender, emitter, hair_of, kind_settings
 from perfect_bvh_addon.extract import read_scene, strand_cache
 from perfect_bvh_addon.extract.geometry import particle_hair
+from perfect_bvh_addon.extract.geometry.emitter_layers import is_askable, sees_final_mesh
 from perfect_bvh_addon.extract.geometry.particle_hair import particle_hair_of, read_particle_hair
+from perfect_bvh_addon.extract.geometry.particle_roots import find_roots
 from perfect_bvh_addon.extract.pointer_views import ArrayReader
 from perfect_bvh_addon.extract.strand_cache import CHILD_VERDICT, VERDICT, read_strands
 from perfect_bvh_addon.sync.records import AttributeRequest, LayerRequest
@@ -34,9 +37,44 @@ def test_maps_that_come_after_the_particles_are_missing(scene: Any, count: int, 
     mesh = read_particle_hair(hair, None, "hair", wanted, ArrayReader(use_views))
     assert mesh is not None
     assert sorted(mesh.named_uvs) == ["UVMap"][:count] and not mesh.named_colors
+    if not count:  # Blender refuses to tell of maps where there was none at all
+        (modifier, system), reader = hair.systems[0], ArrayReader(use_views)
+        roots = find_roots(system, modifier, shown.data, 0, COUNT, reader, frozenset([0]), is_final=False)
+        assert roots.faces is None and roots.ask("uv_on_emitter", 0) is None
     if count:
         expected = asked_of_blender(shown, "uv_on_emitter", 0, mesh.part_count)
         np.testing.assert_array_equal(mesh.named_uvs["UVMap"], expected.astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "is_final", "can_ask"),
+    [
+        ([], [], True, True),
+        (["SUBSURF", "NODES"], ["WAVE"], True, True),
+        ([], ["SUBSURF"], False, True),
+        (["MIRROR"], ["NODES"], False, True),
+        (["NODES"], ["SUBSURF"], False, False),
+    ],
+)
+def test_layers_are_asked_for_that_particles_saw(
+    scene: Any, before: list[str], after: list[str], is_final: bool, can_ask: bool
+) -> None:
+    """Modifiers that change the mesh later leave those that it had all the time."""
+    obj = emitter()
+    for kind in (*before, *after):
+        obj.modifiers.new(kind, kind)
+    obj.modifiers.move(0, len(before))
+    shown = obj.evaluated_get(evaluated())
+    hair = particle_hair_of(shown, for_render=False)
+    assert hair is not None
+    modifier, _ = hair.systems[0]
+    assert sees_final_mesh(shown, modifier, for_render=False) == is_final
+    assert is_askable(shown, modifier, False, "uv_layers", 0) == can_ask
+    mesh = read_particle_hair(hair, None, "hair", LayerRequest(frozenset(["UVMap"])), ArrayReader())
+    assert mesh is not None and ("UVMap" in mesh.named_uvs) == can_ask
+    if can_ask:
+        expected = asked_of_blender(shown, "uv_on_emitter", 0, mesh.part_count, modifier)
+        np.testing.assert_allclose(mesh.named_uvs["UVMap"], expected, atol=1e-5)
 
 
 def nodes_after(obj: Any, name: str) -> None:
@@ -68,6 +106,39 @@ def test_emitters_may_be_scaled_to_nothing(scene: Any, scale: tuple[float, float
     assert not reader.verdicts.keys() & {VERDICT, CHILD_VERDICT}
     obj.scale = (1.0, 1.0, 1.0)
     assert hair_of(read_scene(evaluated(), reader=reader)).part_count == 4 * COUNT
+
+
+def test_names_may_be_no_text(scene: Any) -> None:
+    """Old files have such, of bytes that are no UTF-8; their strands are asked of Blender."""
+    obj, reader = emitter(), ArrayReader()
+    depsgraph = evaluated()
+    shown = obj.evaluated_get(depsgraph).particle_systems[0]
+    fields = strand_cache._SYSTEM.fields
+    assert fields is not None
+    ctypes.memmove(shown.as_pointer() + fields["name"][1], b"h\xffr\0", 4)
+    with pytest.raises(UnicodeDecodeError):
+        len(shown.name)
+    assert hair_of(read_scene(depsgraph, reader=reader)).part_count == COUNT
+    assert VERDICT not in reader.verdicts
+
+
+def test_modifiers_may_have_no_system_and_systems_no_settings() -> None:
+    empty = (None, SimpleNamespace(settings=None))
+    modifiers = [SimpleNamespace(type="PARTICLE_SYSTEM", show_viewport=True, particle_system=one) for one in empty]
+    obj = SimpleNamespace(particle_systems=[empty[1]], modifiers=modifiers)
+    assert particle_hair_of(obj, for_render=False) is None
+    assert not particle_hair.has_strands(obj)
+
+
+def test_numbers_of_strands_and_points_tell_readings_apart(scene: Any) -> None:
+    obj = emitter(**kind_settings("SIMPLE"))
+    hair = particle_hair_of(obj.evaluated_get(evaluated()), for_render=False)
+    assert hair is not None
+    settings, places = hair.systems[0][1].settings, [hair.place()]
+    for name, value in (("display_percentage", 50), ("display_step", 4), ("kink", "SPIRAL")):
+        setattr(settings, name, value)  # of the evaluated ones, unnoticed
+        places.append(hair.place())
+    assert len(set(places)) == 4
 
 
 def test_an_odd_system_does_not_condemn_the_others(scene: Any) -> None:

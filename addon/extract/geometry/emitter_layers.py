@@ -47,7 +47,7 @@ def _enabled(obj: Any, modifier: Any, for_render: bool) -> Iterator[tuple[str, b
     switch = "show_render" if for_render else "show_viewport"
     is_later = False
     for other in obj.modifiers:
-        if other.name == modifier.name:
+        if other == modifier:
             is_later = True
         elif getattr(other, switch):
             yield other.type, is_later
