@@ -134,6 +134,12 @@ def press_light_paths() -> Step:
     yield from open_panel("Light Paths", work)
 
 
+def press_curves() -> Step:
+    curves = bpy.context.scene.cycles_curves
+    curves.shape = "RIBBONS"  # which alone have subdivisions
+    yield from open_panel("Curves", change_all(curves, {"subdivisions": "4", "shape": None}))
+
+
 def switch_thresholds(buttons: list[Button]) -> Step:
     """Their switches stand left of the values."""
     area, top = area_of("PROPERTIES"), max(button.y for button in buttons)

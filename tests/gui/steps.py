@@ -36,6 +36,7 @@ STEPS = (
     panel_steps.press_the_main_panels_buttons,
     panel_steps.press_sampling_film_and_performance,
     panel_steps.press_light_paths,
+    panel_steps.press_curves,
     panel_steps.fill_in_the_scan_panel,
     panel_steps.press_simplify,
     panel_steps.press_the_panorama,
