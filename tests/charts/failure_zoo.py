@@ -9,12 +9,14 @@ DATA = "zoo"
 WORK = "times the work"
 ASKED = "green"  # what the engine does when it is asked to work otherwise
 USUAL = "black"
+_RAYS = Axis("rays per million", log=True, has_zero=True, low=100.0, powers=True)
 
 
 def chart(figures: Figures | None = None) -> Chart:
     """The picture's description; figures: of tests/stress/zoo.py."""
     figures = figures or load(DATA)
-    cases = figures["cases"]
+    rounds = figures["round_cases"]
+    cases = figures["cases"] + rounds
     work = _worst_first(case for case in cases if case["unit"] == WORK)
     answers = _worst_first(case for case in cases if case["unit"].endswith("per million"))
     others = [case for case in cases if case not in work and case not in answers]
@@ -23,14 +25,17 @@ def chart(figures: Figures | None = None) -> Chart:
     dearest = max(dearer, key=lambda case: float(case["ours"]))
     return Chart(
         f"Answers: none lost in {lossless} of {len(answers)} cases. Work: up to {dearest['ours']:.1f} times the least",
-        f"{len(cases)} small scenes on which a usual method fails; counted, not timed. Work: boxes and triangles that "
-        "the same rays test, over those in the best tree known; after edits, in a fresh tree of the same kind. "
-        "Answers: rays that an audit in double precision finds wrong, lost or different. Blue is what the engine does "
-        "by itself; green what it does when asked, and for what. By itself it takes more than 1.1 times the least work "
-        f"in {len(dearer)} cases of {len(work)}. Not drawn: {_told(others)}.",
+        f"{len(cases)} small scenes on which a usual method fails, {len(rounds)} of them curves and points; "
+        "counted, not timed. Work: boxes and primitives that the same rays test, over those in the best tree "
+        "known; after edits, in a fresh tree of the same kind. Answers: rays that an audit in double precision "
+        "finds wrong, lost or different. Blue is what the engine does by itself; green what it does when asked, "
+        f"and for what. By itself it takes more than 1.1 times the least work in {len(dearer)} cases of "
+        f"{len(work)}. Last, rays that meet another curve or point, or none, if tubes of six sides or octahedra "
+        f"stand for them. Not drawn: {_told(others)}.",
         [
             _panel("Work", work, Axis("times the work", log=True, low=0.9)),
-            _panel("Answers", answers, Axis("rays per million", log=True, has_zero=True, low=100.0, powers=True)),
+            _panel("Answers", answers, _RAYS),
+            _panel("Curves and points as triangles", _as_triangles(rounds), _RAYS),
         ],
         footer(figures),
         columns=1,
@@ -45,6 +50,11 @@ def chart(figures: Figures | None = None) -> Chart:
 
 def _worst_first(cases: object) -> list[Figures]:
     return sorted(cases, key=lambda case: -float(case["naive"]))  # type: ignore[call-overload, no-any-return]
+
+
+def _as_triangles(rounds: list[Figures]) -> list[Figures]:
+    """What is lost where triangles stand for them; ours are the true surfaces, as the audit has found."""
+    return _worst_first({**case, "naive": case["as_triangles"], "ours": 0, "other": None} for case in rounds)
 
 
 def _told(cases: list[Figures]) -> str:

@@ -192,7 +192,7 @@ def predicted_cost(figures: Figures) -> str:
 
 
 def failure_zoo(figures: Figures) -> str:
-    cases = figures["cases"]
+    cases = figures["cases"] + figures["round_cases"]
     work = sorted((case for case in cases if case["unit"] == "times the work"), key=lambda case: -case["ours"])
     others = [case for case in cases if case["unit"] != "times the work" and case["ours"] > case["nothing"]]
     wrong = listed(f"{case['title'].lower()} ({case['ours']:,} {case['unit']})" for case in others)

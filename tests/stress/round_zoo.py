@@ -47,13 +47,41 @@ def _in_wind() -> tuple[BenchBalls, ...]:
 
 
 ROUND_CASES = (
-    RoundCase("joints_of_a_zigzag", "gaps and doubled surfaces where segments meet", lambda: (zigzag(),)),
-    RoundCase("hair_in_the_wind", "trees of where hair was", _in_wind),
-    RoundCase("ball_of_sticks", "boxes that are mostly air", lambda: (slanted_sticks(600),)),
-    RoundCase("spheres_in_spheres", "boxes in boxes, down to a millionth", lambda: (nested_spheres(),), False),
-    RoundCase("points_in_one_place", "endless splits, and any of them is hit", lambda: (one_place(1000),), False),
-    RoundCase("tips_and_doubled_points", "cones of no length or radius", lambda: (tips(),)),
-    RoundCase("far_from_zero", "digits that cancel", lambda: (far_away(),)),
+    RoundCase(
+        "joints_of_a_zigzag",
+        "Where segments meet: gaps beside the cones, and balls whose insides show as surfaces.",
+        lambda: (zigzag(),),
+    ),
+    RoundCase(
+        "hair_in_the_wind", "The strands have moved and the boxes have not: rays meet hair where it was.", _in_wind
+    ),
+    RoundCase(
+        "ball_of_sticks",
+        "Boxes of slanted sticks are mostly air and all overlap, those of their sides as well.",
+        lambda: (slanted_sticks(600),),
+    ),
+    RoundCase(
+        "spheres_in_spheres",
+        "Boxes in boxes, down to a millionth of the outermost: halves of equal number part nothing.",
+        lambda: (nested_spheres(),),
+        False,
+    ),
+    RoundCase(
+        "points_in_one_place",
+        "No plane parts them: splitting never ends, or the stack does; and any of them is hit.",
+        lambda: (one_place(1000),),
+        False,
+    ),
+    RoundCase(
+        "tips_and_doubled_points",
+        "Cones of no length or radius: 0 / 0 in the formulas, and balls that hold their neighbours.",
+        lambda: (tips(),),
+    ),
+    RoundCase(
+        "far_from_zero",
+        "A thousand times as far from zero as large: the digits that tell the skin from the axis cancel.",
+        lambda: (far_away(),),
+    ),
 )
 
 
@@ -115,6 +143,14 @@ def cast_in_float(balls: BenchBalls, rays: Rays) -> tuple[F32, npt.NDArray[np.in
             if np.isfinite(found[nearest]):
                 t_hit[row], ids[row] = found[nearest], numbers[nearest]
     return t_hit, ids
+
+
+def lost(t_hit: F32, right: F32) -> npt.NDArray[np.bool_]:
+    """Which hits are none, or none are hits, or more than a thousandth off."""
+    is_hit = np.isfinite(right)
+    with np.errstate(invalid="ignore"):
+        is_off = np.abs(t_hit - right) > 1e-3 * np.abs(right)
+    return np.asarray((np.isfinite(t_hit) != is_hit) | (is_hit & is_off))
 
 
 def _roots(square: F32, half: F32, rest: F32) -> F32:

@@ -6,8 +6,10 @@ import pytest
 from charts.figures import load
 from makers.zoo import CASES, FailureCase
 
-from stress.loss import WORK
+from stress.loss import WORK, Loss
 from stress.losses import MEASURES, measure
+from stress.losses_of_rounds import ROUND_MEASURES, measure_round, round_row
+from stress.round_zoo import ROUND_CASES, RoundCase
 from stress.zoo import row
 from stress.zoo_table import DATA, TABLE, table
 
@@ -17,11 +19,20 @@ FIGURES = load(DATA)
 def test_every_case_is_measured() -> None:
     assert list(MEASURES) and MEASURES.keys() == {case.name for case in CASES}
     assert [case["name"] for case in FIGURES["cases"]] == [case.name for case in CASES]
+    assert [case["name"] for case in FIGURES["round_cases"]] == [case.name for case in ROUND_CASES] == [*ROUND_MEASURES]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_the_usual_method_loses_and_ours_does_not(case: FailureCase) -> None:
-    loss = measure(case)
+    check_loss(measure(case))
+
+
+@pytest.mark.parametrize("case", ROUND_CASES, ids=lambda case: case.name)
+def test_the_usual_method_loses_on_curves_and_points_and_ours_does_not(case: RoundCase) -> None:
+    check_loss(measure_round(case))
+
+
+def check_loss(loss: Loss) -> None:
     assert loss.naive > loss.nothing
     if loss.unit == WORK:
         assert loss.ours < loss.naive
@@ -33,6 +44,13 @@ def test_the_usual_method_loses_and_ours_does_not(case: FailureCase) -> None:
 def test_the_kept_figures_are_those_of_this_engine(case: FailureCase) -> None:
     kept = next(each for each in FIGURES["cases"] if each["name"] == case.name)
     assert row(case) == kept, "python tests/stress/zoo.py --write"
+
+
+@pytest.mark.parametrize("case", ROUND_CASES, ids=lambda case: case.name)
+def test_the_kept_figures_of_curves_and_points_are_those_of_this_engine(case: RoundCase) -> None:
+    kept = next(each for each in FIGURES["round_cases"] if each["name"] == case.name)
+    assert round_row(case) == kept, "python tests/stress/zoo.py --write"
+    assert kept["as_triangles"] > 0
 
 
 def test_the_table_is_that_of_the_kept_figures() -> None:
