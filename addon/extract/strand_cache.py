@@ -74,10 +74,8 @@ def read_strands(
     origin from a strand's end.
     """
     first, count = shown_strands(system, for_render)
-    if count == 0:
-        return Strands(np.empty((0, 0, 3), np.float32), first)
     steps, space = step_count(system, for_render), Space.of(obj)
-    if space is None:  # Blender has all strands in one place then
+    if count == 0 or space is None:  # without space Blender has all strands in one place
         return Strands(np.zeros((count, steps, 3), np.float32), first)
     verdict = CHILD_VERDICT if first else VERDICT
     if reader.use_views and reader.verdicts.get(verdict, True):

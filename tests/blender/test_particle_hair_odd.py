@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from blender.builders import evaluated
-from blender.particle_hair import COUNT, asked_of_blender, emitter, hair_of, kind_settings
+from blender.particle_hair import COUNT, add_hair, asked_of_blender, emitter, hair_of, kind_settings
 from perfect_bvh_addon.extract import read_scene, strand_cache
 from perfect_bvh_addon.extract.geometry import particle_hair
 from perfect_bvh_addon.extract.geometry.emitter_layers import is_askable, sees_final_mesh
@@ -185,6 +185,15 @@ def test_strands_that_are_all_dropped_are_named(scene: Any) -> None:
     assert [str(told) for told in record.not_shown] == [text] and text in record.warnings
     assert [mesh.kind for mesh in record.meshes] == ["triangles"]
     assert record.instances.mesh_indices.tolist() == [0]
+
+
+@pytest.mark.parametrize("use_views", [True, False])
+def test_systems_may_have_no_particle(scene: Any, use_views: bool) -> None:
+    """Alone, and beside another that has some."""
+    obj = emitter(count=0)
+    assert [mesh.kind for mesh in read_scene(evaluated(), reader=ArrayReader(use_views)).meshes] == ["triangles"]
+    add_hair(obj)
+    assert hair_of(read_scene(evaluated(), reader=ArrayReader(use_views))).part_count == COUNT
 
 
 @pytest.mark.filterwarnings("error")

@@ -47,7 +47,8 @@ def list_instances(depsgraph: Any, groups: GroupTable) -> Listing:
     """Blender's list: every kind of instance, at a Python object for each."""
     instances = depsgraph.object_instances
     finder = GroupFinder(groups)
-    group_ids = np.array([finder.find(instance) for instance in instances], np.int32)
+    found, found_strands = _find_groups(instances, finder)
+    group_ids = np.array(found, np.int32)
     count = len(group_ids)
     matrices = np.empty((count, 4, 4), np.float32)
     persistent_ids = np.empty((count, 8), np.int32)
@@ -62,9 +63,23 @@ def list_instances(depsgraph: Any, groups: GroupTable) -> Listing:
         instances.foreach_get("random_id", read)
         random_ids = read.view(np.uint32).astype(np.int64)
     listing = Listing(group_ids, transforms, bad_rows, persistent_ids, lambda _, ids: ids, is_plain, random_ids)
-    if not finder.saw_strands:
+    if not found_strands:
         return listing
-    return _with_strands(listing, np.array([finder.find_strands(instance) for instance in instances], np.int32))
+    strands = np.full(count, NOT_SHOWN, np.int32)
+    strands[list(found_strands)] = list(found_strands.values())
+    return _with_strands(listing, strands)
+
+
+def _find_groups(instances: Any, finder: GroupFinder) -> tuple[list[int], dict[int, int]]:
+    """The group of each, and those of strands by row: asked for in the order of `ListWalk`, which is that of meshes."""
+    groups, strands = [], {}
+    for row, instance in enumerate(instances):
+        groups.append(finder.find(instance))
+        if finder.saw_strands:
+            group = finder.find_strands(instance)
+            if group != NOT_SHOWN:
+                strands[row] = group
+    return groups, strands
 
 
 def _with_strands(listing: Listing, strands: Int32Array) -> Listing:
