@@ -1,8 +1,9 @@
 """What a Sky Texture node shows, as an image round the scene and a sun: light scattered once in a round atmosphere.
 
 After Nishita et al., "Display of the Earth taking into account atmospheric scattering" (1993): along each way of sight
-the sunlight that air and dust send to the eye is summed up, dimmed on its way in and out. What is scattered more often
-is a share of that which was fitted to what Cycles shows.
+the sunlight that air and dust send to the eye is summed up, dimmed on its way in and out. What is scattered more often,
+where Blender's newer model has it, grows with that, and with the light of sun and sky on the ground, where air and dust
+lie before it that scatter it. The shares were fitted to what Cycles shows.
 """
 
 from __future__ import annotations
@@ -27,18 +28,27 @@ _EARTH, _TOP = 6.36e6, 6.42e6
 _AIR_HEIGHT, _DUST_HEIGHT = 8.0e3, 1.2e3
 _WAVES = np.arange(400.0, 701.0, 30.0)  # nanometres
 # Of a metre at sea level; the ozone's where there is most of it, at 25 km.
-_AIR = 1.24e-6 * (_WAVES / 1e3) ** -4.0
-_DUST, _DUST_LOSS, _DUST_FORWARD = 2.0e-5, 1.11, 0.76
+_AIR = 1.13e-6 * (_WAVES / 1e3) ** -4.05
+_DUST, _DUST_LOSS, _DUST_FORWARD = 1.97e-5, 1.11, 0.76
 _OZONE = np.interp(
     _WAVES, [400, 440, 480, 550, 600, 680, 720], [0.0, 0.085e-6, 0.5e-6, 1.88e-6, 2.6e-6, 0.65e-6, 0.2e-6]
 )
-# Sunlight above the air, by Planck's law for 5778 K; its scale is that of Cycles.
-_SUN = 2.1e17 * _WAVES**-5.0 / np.expm1(1.4388e7 / (_WAVES * 5778.0))
-# How much brighter the sky is for light that was scattered more often: at once, and where much air lies before it; and
-# how much less dust that model of Blender's has.
-_MORE, _MORE_IN_HAZE, _LESS_DUST = np.array([0.23, 0.5, 0.77]), np.array([0.37, 0.12, 0.25]), 0.5
-# How bright Blender's older models are beside this one.
-_OLDER_MODELS = {"PREETHAM": 0.17, "HOSEK_WILKIE": 0.026}
+# Sunlight above the air, by Planck's law for 5590 K. This, and what air and dust scatter, were fitted to what Cycles
+# shows of light that was scattered once, by sun's heights, altitudes and densities.
+_SUN = 2.8e17 * _WAVES**-5.0 / np.expm1(1.4388e7 / (_WAVES * 5590.0))
+# Of light that was scattered more often, by channels: what it adds to that of once, at once and where much air and dust
+# lie before it, and, there, shares of the sun's and of the sky's light on the ground; and how much of the dust that
+# model of Blender's has.
+_MORE, _MORE_IN_HAZE = np.array([0.86, 1.11, 1.3]), np.array([0.39, 0.093, 0.0])
+_OF_SUN, _OF_SKY, _LESS_DUST = np.array([0.034, 0.0465, 0.031]), np.array([0.076, 0.081, 0.228]), 0.65
+# Cycles' sun is darker towards its edge, and other amounts dim it than what lights the air: how bright the disc is, and
+# how much of air, dust and ozone lies before it, where light is scattered once and more often.
+_DISC = {False: (0.805, np.array([0.95, 1.0, 0.1])), True: (0.9125, np.array([1.1, 0.32, 1.1]))}
+# How much brighter than that the air before the ground is, which lights it from nearby.
+_ABOVE_GROUND = 1.35
+# How bright Blender's older models are beside this one, by channels.
+_OLDER_MODELS = {"PREETHAM": (0.148, 0.16, 0.189), "HOSEK_WILKIE": (0.0185, 0.0245, 0.029)}
+_NEWER = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +79,7 @@ def read_sky(node: Any) -> tuple[Sky, float]:
     disc = (node.sun_size, node.sun_intensity) if node.sun_disc else None
     densities = (node.air_density, dust, node.ozone_density)
     is_multiple = node.sky_type == "MULTIPLE_SCATTERING"
-    return _make(node.sun_elevation, node.altitude, *densities, 1.0, disc, is_multiple), node.sun_rotation
+    return _make(node.sun_elevation, node.altitude, *densities, _NEWER, disc, is_multiple), node.sun_rotation
 
 
 @lru_cache(maxsize=8)
@@ -79,53 +89,69 @@ def _make(
     air: float,
     dust: float,
     ozone: float,
-    scale: float,
+    scale: tuple[float, float, float],
     disc: tuple[float, float] | None,
     is_multiple: bool,
 ) -> Sky:
     densities = np.array([air, dust * (_LESS_DUST if is_multiple else 1.0), ozone])
     eye = np.array([0.0, 0.0, _EARTH + min(max(altitude, 1.0), 59e3)])
     towards_sun = np.array([0.0, math.cos(elevation), math.sin(elevation)])
-    upper = _light_above(eye, towards_sun, densities, is_multiple) * scale
-    # Below the horizon the sky fades away; the newer model sees the dark ground there at once, the oldest go on.
-    below = np.sin((np.arange(_HEIGHT // 2) + 0.5 - _HEIGHT // 2) / _HEIGHT * math.pi)
-    if scale != 1.0:
-        fading = np.ones_like(below)
-    elif is_multiple:
-        fading = 0.025 * np.clip(1.0 + below * 1.7, 0.0, 1.0)
-    else:
-        fading = np.clip(1.0 + below * 2.5, 0.0, 1.0) ** 3
+    latitudes = (np.arange(_HEIGHT) + 0.5 - _HEIGHT // 2) / _HEIGHT * math.pi
+    above, below = latitudes[_HEIGHT // 2 :], latitudes[: _HEIGHT // 2]
     pixels = np.ones((_HEIGHT, _WIDTH, 4), np.float32)
-    pixels[_HEIGHT // 2 :, :, :3] = upper
-    pixels[: _HEIGHT // 2, :, :3] = fading[:, None, None] * upper[0]
+    if is_multiple:  # below the horizon is the air before a dark ground
+        pixels[:, :, :3] = _light_along(eye, latitudes, towards_sun, densities, is_multiple)
+        pixels[: _HEIGHT // 2, :, :3] *= _ABOVE_GROUND
+    else:  # the sky fades away; the oldest go on
+        rows = _light_along(eye, np.array([0.0, *above]), towards_sun, densities, is_multiple) * np.array(scale)
+        fading = np.clip(1.0 + np.sin(below) * 2.5, 0.0, 1.0) ** 3 if scale == _NEWER else np.ones_like(below)
+        pixels[_HEIGHT // 2 :, :, :3] = rows[1:]
+        pixels[: _HEIGHT // 2, :, :3] = fading[:, None, None] * rows[0]
     if disc is None or elevation <= -disc[0]:
         return Sky(pixels, None)
-    shining = _to_rgb(_SUN * np.exp(-_loss(_amounts(eye[None], towards_sun[None], _STEPS_TO_SUN * 4), densities)))[0]
-    red, green, blue = (np.maximum(shining, 0.0) * disc[1]).tolist()
+    brightness, shares = _DISC[is_multiple]
+    red, green, blue = (_sunlight(eye, towards_sun, densities * shares) * (brightness * disc[1])).tolist()
     return Sky(pixels, Sun(elevation, (red, green, blue), disc[0]))
 
 
-def _light_above(eye: Floats, towards_sun: Floats, densities: Floats, is_multiple: bool) -> Floats:
-    """(H / 2, W, 3): the image's upper half."""
+def _sunlight(eye: Floats, towards_sun: Floats, densities: Floats) -> Floats:
+    """(3,): of what faces the sun."""
+    loss = _loss(_amounts(eye[None], towards_sun[None], _STEPS_TO_SUN * 4), densities)
+    return np.maximum(_to_rgb(_SUN * np.exp(-loss)), 0.0)[0]
+
+
+def _light_along(eye: Floats, latitudes: Floats, towards_sun: Floats, densities: Floats, is_multiple: bool) -> Floats:
+    """(R, W, 3): rows of the image, at R latitudes."""
     # Left and right of the sun it is the same: one half is worked out.
     beside = (np.arange(_WIDTH // 2) + 0.5) / _WIDTH * 2.0 * math.pi
-    latitude = (np.arange(_HEIGHT // 2) + 0.5) / _HEIGHT * math.pi
-    flat, up = np.cos(latitude)[:, None], np.sin(latitude)[:, None] + 0.0 * beside
+    flat, up = np.cos(latitudes)[:, None], np.sin(latitudes)[:, None] + 0.0 * beside
     ways = np.stack([flat * np.sin(beside), flat * np.cos(beside), up], axis=-1)
-    light, depth = _scattered(eye, ways.reshape(-1, 3), towards_sun, densities)
-    half = np.maximum(_to_rgb(light), 0.0)
+    light, depth = _scattered(eye, ways.reshape(-1, 3), towards_sun, densities, is_exact=is_multiple)
+    half = np.maximum(_to_rgb(light), 0.0).reshape(*ways.shape)
     if is_multiple:
-        half *= 1.0 + _MORE + _MORE_IN_HAZE * (1.0 - np.exp(-_channel_means(depth)))
-    half = half.reshape(_HEIGHT // 2, _WIDTH // 2, 3)
+        hidden = 1.0 - np.exp(-_channel_means(depth)).reshape(*ways.shape)
+        # Of the sky on the ground: each row's share, by its area and the cosine at which it comes.
+        shares = np.where(latitudes > 0.0, np.sin(latitudes) * np.cos(latitudes), 0.0) * 2.0 * math.pi**2 / _HEIGHT
+        of_sky = (half.mean(axis=1) * shares[:, None]).sum(axis=0)
+        of_sun = _sunlight(eye, towards_sun, densities) * max(float(towards_sun[2]), 0.0)
+        half = half * (_MORE + _MORE_IN_HAZE * hidden) + hidden * (_OF_SUN * of_sun + _OF_SKY * of_sky)
     # The image begins at -X and goes on over +Y, where the sun is, a quarter of the way.
     return np.roll(np.concatenate([half[:, ::-1], half], axis=1), -_WIDTH // 4, axis=1)
 
 
-def _scattered(eye: Floats, ways: Floats, towards_sun: Floats, densities: Floats) -> tuple[Floats, Floats]:
-    """(N, waves): the light that comes from N directions, and how much each is dimmed from end to end."""
-    lengths = _way_out(eye[None], ways)
-    # Half of the samples in the nearest tenth: the air is densest there.
-    shares = np.linspace(0.0, 1.0, _STEPS + 1) ** 2.0
+def _scattered(
+    eye: Floats, ways: Floats, towards_sun: Floats, densities: Floats, *, is_exact: bool
+) -> tuple[Floats, Floats]:
+    """(N, waves): the light that comes from N directions, and how much each is dimmed from end to end.
+
+    is_exact: whether what is gained in a step is dimmed by half of it, as it is on the average, and steps are shorter
+    nearby. Of light that was scattered once Cycles' are even, and dim by the whole: near the horizon, where they are
+    long, that takes a sixth of the blue at four degrees and two fifths at none.
+    """
+    lengths = _way_in_air(eye[None], ways)
+    # Half of the samples in the nearest quarter: the air is densest there.
+    shares = np.linspace(0.0, 1.0, _STEPS + 1) ** (2.0 if is_exact else 1.0)
+    dimmed_by = 0.5 if is_exact else 1.0
     cosine = ways @ towards_sun
     air_phase = 3.0 / (16.0 * math.pi) * (1.0 + cosine**2)
     g = _DUST_FORWARD
@@ -137,7 +163,7 @@ def _scattered(eye: Floats, ways: Floats, towards_sun: Floats, densities: Floats
         places = eye + ways * (lengths * (near + far) / 2.0)[:, None]
         here = _density(np.linalg.norm(places, axis=1) - _EARTH)
         to_sun = _amounts(places, np.broadcast_to(towards_sun, places.shape), _STEPS_TO_SUN)
-        dimmed = np.exp(-_loss(amounts + here * step[:, None] / 2.0 + to_sun, densities))
+        dimmed = np.exp(-_loss(amounts + here * (dimmed_by * step)[:, None] + to_sun, densities))
         dimmed[~np.isfinite(dimmed)] = 0.0
         gained = (here[:, 0] * air_phase * densities[0])[:, None] * _AIR
         gained = gained + (here[:, 1] * dust_phase * densities[1])[:, None] * _DUST
@@ -163,6 +189,14 @@ def _amounts(places: Floats, ways: Floats, steps: int) -> Floats:
 def _way_out(places: Floats, ways: Floats) -> Floats:
     middle = np.einsum("ij,ij->i", places, ways)
     return -middle + np.sqrt(np.maximum(middle**2 - np.einsum("ij,ij->i", places, places) + _TOP**2, 0.0))
+
+
+def _way_in_air(places: Floats, ways: Floats) -> Floats:
+    """Out of the air, or to the ground."""
+    middle = np.einsum("ij,ij->i", places, ways)
+    inside = middle**2 - np.einsum("ij,ij->i", places, places) + _EARTH**2
+    to_ground = -middle - np.sqrt(np.maximum(inside, 0.0))
+    return np.where((inside > 0.0) & (middle < 0.0), np.maximum(to_ground, 0.0), _way_out(places, ways))
 
 
 def _density(heights: Floats) -> Floats:
