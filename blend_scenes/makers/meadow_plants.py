@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from math import cos, pi, sin
+from math import cos, sin
 from typing import Any
 
 import bpy
 import numpy as np
 
 from .nodes import NodeTree, use_group
-from .shapes import Points, grid, joined, shape, tube
+from .shapes import Points, ball, grid, joined, shape, tube
 from .stage import make_collection, make_mesh, paint, place
 
 BLADE_POINTS = 5
@@ -201,21 +201,7 @@ def branches(random: np.random.Generator) -> tuple[Any, list[Points]]:
 
 def puff(random: np.random.Generator, middle: Points) -> Any:
     """A coarse ball round the end of a limb, in and about which points are strewn."""
-    rings, sides = 5, 8
-    tilt = np.linspace(0.0, pi, rings + 1)[1:-1]
-    turn = np.arange(sides) * 2.0 * pi / sides
-    ring = [(sin(a) * cos(b), sin(a) * sin(b), cos(a)) for a in tilt for b in turn]
-    vertices = np.array([(0.0, 0.0, 1.0), *ring, (0.0, 0.0, -1.0)]) * random.uniform(0.24, 0.40) * (1.15, 1.15, 0.85)
-    last = len(vertices) - 1
-    faces: list[tuple[int, ...]] = []
-    for b in range(sides):
-        c = (b + 1) % sides
-        faces += [(0, 1 + b, 1 + c), (last, last - sides + c, last - sides + b)]
-        faces += [
-            (1 + r * sides + b, 1 + (r + 1) * sides + b, 1 + (r + 1) * sides + c, 1 + r * sides + c)
-            for r in range(rings - 2)
-        ]
-    return shape(vertices + middle, faces)
+    return ball(middle, random.uniform(0.24, 0.40) * np.array([1.15, 1.15, 0.85]), rings=5, sides=8)
 
 
 def scan_group(name: str, material: Any, density: float, radius: float, noise: float, seed: int) -> Any:

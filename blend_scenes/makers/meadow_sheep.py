@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, pi, radians, sin
+from math import pi
 from typing import Any
 
 import bpy
@@ -12,7 +12,7 @@ import numpy as np
 
 from .meadow_plants import strew
 from .nodes import NodeTree, use_group
-from .shapes import Points, Shape, joined, shape, tube
+from .shapes import Points, Shape, ball, joined, tube
 from .stage import make_mesh, paint, place
 
 # Middles and radii of the body's balls, metres; the sheep stands on z = 0 and looks along -X.
@@ -162,20 +162,3 @@ def eyes(head: float) -> Shape:
 def about_head(points: Sequence[Sequence[float]], size: float) -> Points:
     """Points of a ewe's head, for one of another size."""
     return np.asarray(np.array(HEAD) + size * (np.array(points) - HEAD))
-
-
-def ball(middle: Points, radius: float, rings: int = 6, sides: int = 10) -> Shape:
-    tilt = [pi * (k + 1) / rings for k in range(rings - 1)]
-    turn = [radians(360.0 * k / sides) for k in range(sides)]
-    ring = [(sin(a) * cos(b), sin(a) * sin(b), cos(a)) for a in tilt for b in turn]
-    vertices = np.array([(0.0, 0.0, 1.0), *ring, (0.0, 0.0, -1.0)]) * radius + middle
-    last = len(vertices) - 1
-    faces: list[tuple[int, ...]] = []
-    for b in range(sides):
-        c = (b + 1) % sides
-        faces += [(0, 1 + b, 1 + c), (last, last - sides + c, last - sides + b)]
-        faces += [
-            (1 + r * sides + b, 1 + (r + 1) * sides + b, 1 + (r + 1) * sides + c, 1 + r * sides + c)
-            for r in range(rings - 2)
-        ]
-    return shape(vertices, faces)

@@ -150,6 +150,24 @@ def tube(path: ArrayLike, radii: ArrayLike, sides: int = 6) -> Shape:
     return shape(np.concatenate(rings), [*faces, *ends])
 
 
+def ball(middle: ArrayLike, radius: float | Points, rings: int = 6, sides: int = 10) -> Shape:
+    """A ball round a point, between two poles along Z; radius: one, or one for each axis."""
+    tilt = np.linspace(0.0, pi, rings + 1)[1:-1]
+    turn = np.arange(sides) * 2.0 * pi / sides
+    ring = [(sin(a) * cos(b), sin(a) * sin(b), cos(a)) for a in tilt for b in turn]
+    vertices = np.array([(0.0, 0.0, 1.0), *ring, (0.0, 0.0, -1.0)]) * radius + middle
+    last = len(vertices) - 1
+    faces: list[tuple[int, ...]] = []
+    for b in range(sides):
+        c = (b + 1) % sides
+        faces += [(0, 1 + b, 1 + c), (last, last - sides + c, last - sides + b)]
+        faces += [
+            (1 + r * sides + b, 1 + (r + 1) * sides + b, 1 + (r + 1) * sides + c, 1 + r * sides + c)
+            for r in range(rings - 2)
+        ]
+    return shape(vertices, faces)
+
+
 def grid(columns: int, rows: int, width: float, height: float) -> Shape:
     """A flat sheet of quads about the origin, facing up."""
     xs = np.linspace(-width / 2, width / 2, columns + 1)
