@@ -114,48 +114,61 @@ def read_particle_hair(
     parts = [part for part in parts if len(part.strands.points)]
     if not parts:
         return None
-    rows = [np.arange(len(part.radii)) for part in parts]
     are_good = [_are_good(part) for part in parts]
-    kept = [np.flatnonzero(good & (part.lengths > 0.0)) for good, part in zip(are_good, parts, strict=True)]
-    are_all = all(len(some) == len(all_rows) for some, all_rows in zip(kept, rows, strict=True))
+    kept = _Kept.of([good & (part.lengths > 0.0) for good, part in zip(are_good, parts, strict=True)])
     dropped = sum(int((~good).sum()) for good in are_good)
-    if not any(len(some) for some in kept):
+    if not len(kept.ids):
         return none_of("curves", key, name, dropped)
-
-    def joined(arrays: list[npt.NDArray[Any]]) -> npt.NDArray[Any]:
-        if not are_all:
-            arrays = [array[some] for array, some in zip(arrays, kept, strict=True)]
-        flat = [array.reshape(-1, *array.shape[2:]) if array.ndim > 1 else array for array in arrays]
-        return flat[0] if len(flat) == 1 else np.concatenate(flat)
-
-    uv_maps, colors = _read_layers(hair, parts, layers, reader)
-    counts = joined([np.full(len(part.radii), part.radii.shape[1]) for part in parts])
-    firsts = np.cumsum([0, *(len(part.radii) for part in parts)])
-    ids = np.concatenate([some + first for some, first in zip(kept, firsts, strict=False)]).astype(np.int32)
-    slots = [np.full(len(part.radii), part.system.settings.material - 1, np.int32) for part in parts]
-    uvs = {layer: joined([array[:, None] for array in arrays]) for layer, arrays in uv_maps.items()}
-    tints = {layer: joined([array[:, None] for array in arrays]) for layer, arrays in colors.items()}
+    uvs, tints = (
+        {layer: kept.joined([array[:, None] for array in arrays]) for layer, arrays in found.items()}
+        for found in _read_layers(hair, parts, layers, reader)
+    )
     uvs, tints = held_layers(uvs, "uvs", last), held_layers(tints, "colors", last)
+    counts = kept.joined([np.full(len(part.radii), part.radii.shape[1]) for part in parts])
+    slots = [np.full(len(part.radii), part.system.settings.material - 1, np.int32) for part in parts]
     return MeshRecord(
         key=key,
         name=name,
-        positions=held(joined([part.strands.points for part in parts]), last and last.positions),
+        positions=held(kept.joined([part.strands.points for part in parts]), last and last.positions),
         triangles=NO_TRIANGLES,
         polygon_ids=NO_POLYGONS,
-        material_slots=held(joined(slots), last and last.material_slots),
+        material_slots=held(kept.joined(slots), last and last.material_slots),
         corner_uvs=uvs.pop("", None),
         corner_colors=tints.pop("", None),
         named_uvs=uvs,
         named_colors=tints,
         layers=layers,
         dropped_triangles=dropped,
-        triangle_ids=None if are_all else held(ids, last and last.triangle_ids),
+        triangle_ids=None if kept.are_all else held(kept.ids, last and last.triangle_ids),
         kind="curves",
-        radii=held(joined([part.radii for part in parts]), last and last.radii),
+        radii=held(kept.joined([part.radii for part in parts]), last and last.radii),
         curve_offsets=held(np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), last and last.curve_offsets),
         curve_kind="catmull_rom",
         rounding=max(part.strands.rounding for part in parts),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """Which strands of each part are shown. ids: their numbers among those of all parts, (N,) int32."""
+
+    rows: list[npt.NDArray[np.intp]]
+    ids: npt.NDArray[np.int32]
+    are_all: bool
+
+    @classmethod
+    def of(cls, flags: list[npt.NDArray[np.bool_]]) -> _Kept:
+        """flags: (S,) of each part."""
+        together = np.concatenate(flags)
+        ids = np.flatnonzero(together).astype(np.int32)
+        return cls([np.flatnonzero(some) for some in flags], ids, bool(together.all()))
+
+    def joined(self, arrays: list[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+        """What each part has, (S, ...) or (S, K, ...), of those that are shown, in one row: point by point if K."""
+        if not self.are_all:
+            arrays = [array[some] for array, some in zip(arrays, self.rows, strict=True)]
+        flat = [array.reshape(-1, *array.shape[2:]) if array.ndim > 1 else array for array in arrays]
+        return flat[0] if len(flat) == 1 else np.concatenate(flat)
 
 
 def _read_part(
