@@ -14,6 +14,7 @@ import bpy
 sys.path.insert(0, str(Path(__file__).parent))
 
 import bad_use_steps
+import comb_steps
 import data_preview_steps
 import example_steps
 import file_steps
@@ -103,6 +104,7 @@ STEPS = (
     example_steps.keep_the_interface,
     example_steps.scan_an_example,
     example_steps.play_a_failure_case,
+    comb_steps.comb,
     file_steps.report,
 )
 
