@@ -18,6 +18,7 @@ from blender.builders import (
     object_info,
 )
 from blender.soak_look_edits import LOOK_EDITS, NothingToEditError
+from blender.soak_particle_edits import PARTICLE_EDITS
 from blender.soak_round_edits import ROUND_ADDITIONS, ROUND_EDITS, ROUND_TYPES
 
 if TYPE_CHECKING:
@@ -293,6 +294,7 @@ EDITS: dict[str, Callable[[Soak], None]] = {
         reopen,
         nothing,
         *ROUND_EDITS,
+        *PARTICLE_EDITS,
         *LOOK_EDITS,
     )
 }

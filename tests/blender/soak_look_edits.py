@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from blender.soak import Soak
 
 MOST_LIGHTS = 3
+# And the choices that they have.
+HAIR_SHADERS = {"ShaderNodeBsdfHairPrincipled": ("model", "parametrization"), "ShaderNodeBsdfHair": ("component",)}
 
 
 class NothingToEditError(Exception):
@@ -83,6 +85,36 @@ def show_instances(soak: Soak) -> None:
         tree.links.new(soak.pick(outputs), shader.inputs["Roughness"])
 
 
+def dye(soak: Soak) -> None:
+    """A material becomes one of hair, of the one or the other shader, or shows its surface again."""
+    material = soak.pick(bpy.data.materials)
+    material.use_nodes = True
+    tree = material.node_tree
+    output = next((node for node in tree.nodes if node.type == "OUTPUT_MATERIAL"), None)
+    if output is None:
+        raise NothingToEditError
+    kind = soak.pick((*HAIR_SHADERS, "ShaderNodeBsdfPrincipled"))
+    shader = next((node for node in tree.nodes if node.bl_idname == kind), None) or tree.nodes.new(kind)
+    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+
+
+def change_dye(soak: Soak) -> None:
+    """A number, a colour or a choice of a hair shader; or whose model it is."""
+    trees = [material.node_tree for material in bpy.data.materials if material.node_tree]
+    node = soak.pick(node for tree in trees for node in tree.nodes if node.bl_idname in HAIR_SHADERS)
+    if soak.number() > 1.0:
+        name = soak.pick(HAIR_SHADERS[node.bl_idname])
+        setattr(node, name, soak.pick(item.identifier for item in node.bl_rna.properties[name].enum_items))
+    for _ in range(2):
+        socket = soak.pick(socket for socket in node.inputs if socket.enabled and hasattr(socket, "default_value"))
+        if socket.type == "VALUE":
+            socket.default_value = soak.number(0.0, 1.5)
+        elif socket.type == "RGBA":
+            socket.default_value = (*np.abs(soak.vector(0, 1)), 1.0)
+        else:
+            socket.default_value = np.abs(soak.vector(0, 1))
+
+
 def give_values(soak: Soak) -> None:
     """What materials may show of an object: its colour, a property."""
     obj = soak.an_object()
@@ -126,6 +158,8 @@ LOOK_EDITS: tuple[Any, ...] = (
     paint_corners,
     show_corners,
     show_instances,
+    dye,
+    change_dye,
     give_values,
     look_elsewhere,
     light,
