@@ -75,12 +75,14 @@ Strategy parse_strategy(const std::string& name) {
 }
 
 RayColumns read_rays(const py::array& origins, const py::array& directions, const Array<float>& t_min,
-                     const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull) {
+                     const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
+                     const std::string& cull) {
   RayColumns columns;
   set_columns(origins, directions, columns);
   columns.t_min = t_min.data(), columns.t_min_stride = stride_of(t_min, columns.count);
   columns.t_max = t_max.data(), columns.t_max_stride = stride_of(t_max, columns.count);
   columns.masks = masks.data(), columns.mask_stride = stride_of(masks, columns.count);
+  columns.times = times.data(), columns.time_stride = stride_of(times, columns.count);
   columns.cull = parse_cull(cull);
   return columns;
 }
@@ -114,12 +116,13 @@ HitColumns read_outputs(const py::dict& columns, std::size_t count) {
 }
 
 PointColumns read_points(const Array<double>& points, const Array<double>& max_distances,
-                         const Array<std::uint32_t>& masks) {
+                         const Array<std::uint32_t>& masks, const Array<float>& times) {
   const auto vectors = as_vectors(points);
   PointColumns columns;
   columns.count = vectors.size(), columns.points = vectors.data();
   columns.max_distances = max_distances.data(), columns.max_distance_stride = stride_of(max_distances, columns.count);
   columns.masks = masks.data(), columns.mask_stride = stride_of(masks, columns.count);
+  columns.times = times.data(), columns.time_stride = stride_of(times, columns.count);
   return columns;
 }
 
@@ -166,9 +169,10 @@ void bind_queries(py::module_& module) {
   snapshot.def(
       "cast_rays",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
-         const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull,
+         const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
+         const std::string& cull,
          const std::string& strategy, const py::dict& outputs, int threads, const py::object& progress) {
-        RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
+        RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
         rays.strategy = parse_strategy(strategy);
         const HitColumns hits = read_outputs(outputs, rays.count);
         return with_progress(progress, [&](CancelToken& cancel) {
@@ -177,14 +181,15 @@ void bind_queries(py::module_& module) {
         });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("cull"), py::arg("strategy"), py::arg("outputs"), py::arg("threads"),
+      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("strategy"), py::arg("outputs"), py::arg("threads"),
       py::arg("progress"));
   snapshot.def(
       "test_occlusions",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
-         const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull,
+         const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
+         const std::string& cull,
          const std::string& strategy, Array<bool>& occluded, int threads, const py::object& progress) {
-        RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
+        RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
         rays.strategy = parse_strategy(strategy);
         if (static_cast<std::size_t>(occluded.size()) != rays.count) {
           throw std::invalid_argument("_core: occluded has the wrong size");
@@ -195,15 +200,16 @@ void bind_queries(py::module_& module) {
         });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("cull"), py::arg("strategy"), py::arg("occluded").noconvert(),
+      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("strategy"), py::arg("occluded").noconvert(),
       py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "audit_answers",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
-         const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull,
+         const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
+         const std::string& cull,
          const Array<float>& t_hit, const Array<std::int32_t>& instance_ids, const Array<std::int32_t>& primitive_ids,
          Array<bool>& wrong, Array<bool>& ambiguous, int threads, const py::object& progress) {
-        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
+        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
         for (const py::ssize_t size :
              {t_hit.size(), instance_ids.size(), primitive_ids.size(), wrong.size(), ambiguous.size()}) {
           if (static_cast<std::size_t>(size) != rays.count) {
@@ -218,15 +224,16 @@ void bind_queries(py::module_& module) {
         });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("cull"), py::arg("t_hit").noconvert(), py::arg("instance_ids").noconvert(),
+      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("t_hit").noconvert(), py::arg("instance_ids").noconvert(),
       py::arg("primitive_ids").noconvert(), py::arg("wrong").noconvert(), py::arg("ambiguous").noconvert(),
       py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "count_intersections",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
-         const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull,
+         const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
+         const std::string& cull,
          Array<std::int32_t>& counts, int threads, const py::object& progress) {
-        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
+        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
         if (static_cast<std::size_t>(counts.size()) != rays.count) {
           throw std::invalid_argument("_core: counts has the wrong size");
         }
@@ -236,14 +243,15 @@ void bind_queries(py::module_& module) {
         });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("cull"), py::arg("counts").noconvert(), py::arg("threads"),
+      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("counts").noconvert(), py::arg("threads"),
       py::arg("progress"));
   snapshot.def(
       "list_intersections",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
-         const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull,
+         const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
+         const std::string& cull,
          const Array<std::int64_t>& ray_splits, const py::dict& outputs, int threads, const py::object& progress) {
-        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
+        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
         const auto splits = as_span(ray_splits);
         if (splits.size() != rays.count + 1) throw std::invalid_argument("_core: ray_splits has the wrong size");
         check_splits(splits);
@@ -253,33 +261,35 @@ void bind_queries(py::module_& module) {
         });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("cull"), py::arg("ray_splits").noconvert(), py::arg("outputs"),
+      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("ray_splits").noconvert(), py::arg("outputs"),
       py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "compute_closest_points",
       [](const Snapshot& self, const Array<double>& points, const Array<double>& max_distances,
-         const Array<std::uint32_t>& masks, const py::dict& outputs, int threads, const py::object& progress) {
-        const PointColumns columns = read_points(points, max_distances, masks);
+         const Array<std::uint32_t>& masks, const Array<float>& times, const py::dict& outputs, int threads,
+         const py::object& progress) {
+        const PointColumns columns = read_points(points, max_distances, masks, times);
         const ClosestColumns closest = read_closest(outputs, columns.count);
         return with_progress(progress, [&](CancelToken& cancel) {
           return compute_closest_points(self, columns, closest, ThreadPool::shared(), threads, cancel);
         });
       },
       py::arg("points").noconvert(), py::arg("max_distances").noconvert(), py::arg("masks").noconvert(),
-      py::arg("outputs"), py::arg("threads"), py::arg("progress"));
+      py::arg("times").noconvert(), py::arg("outputs"), py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "walk_ray",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
-         const Array<float>& t_max, const Array<std::uint32_t>& masks, const std::string& cull,
+         const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
+         const std::string& cull,
          const py::object& progress) {
-        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, cull);
+        const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
         if (rays.count != 1) throw std::invalid_argument("_core: walk_ray takes one ray");
         const Ray ray = load_ray(rays, 0);
         return to_dict(
             with_progress(progress, [&](CancelToken& cancel) { return walk_ray(self, ray, rays.cull, cancel); }));
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("cull"), py::arg("progress"));
+      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("progress"));
 }
 
 }  // namespace perfect_bvh::bindings

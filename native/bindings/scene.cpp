@@ -175,11 +175,37 @@ void set_transforms(Scene& scene, const Array<std::int32_t>& ids, const Array<T>
   scene.set_transforms(rows, matrices, ThreadPool::shared());
 }
 
+// Of the steps that begin and end with a range of times.
+StepTimes step_times(std::size_t steps, const std::pair<float, float>& range) {
+  const auto last = static_cast<std::uint32_t>(steps - 1);
+  return {range.first, static_cast<float>(last) / (range.second - range.first), last};
+}
+
+// transforms: the instances' at the first step, then at the second, and so on.
+template <class T>
+void set_instance_motion(Scene& scene, const Array<std::int32_t>& ids, const Array<T>& transforms, std::size_t steps,
+                         const std::pair<float, float>& range) {
+  const auto rows = as_span(ids);
+  const auto matrices = as_matrices(transforms, rows.size() * steps);
+  const py::gil_scoped_release release;
+  scene.set_instance_motion(rows, matrices, step_times(steps, range));
+}
+
+template <class T>
+void set_mesh_motion(Scene& scene, std::int32_t mesh_id, const Array<T>& positions, std::size_t steps,
+                     const std::pair<float, float>& range) {
+  const auto vertices = as_vectors(positions);
+  const py::gil_scoped_release release;
+  scene.set_mesh_motion(mesh_id, vertices, step_times(steps, range), ThreadPool::shared());
+}
+
 template <class T>
 void bind_instance_edits(py::class_<Scene>& scene) {
   scene.def("add_instances", &add_instances<T>, py::arg("meshes").noconvert(), py::arg("transforms").noconvert(),
             py::arg("masks").noconvert(), py::arg("orders").noconvert() = std::nullopt);
   scene.def("set_transforms", &set_transforms<T>, py::arg("ids").noconvert(), py::arg("transforms").noconvert());
+  scene.def("set_instance_motion", &set_instance_motion<T>, py::arg("ids").noconvert(),
+            py::arg("transforms").noconvert(), py::arg("steps"), py::arg("time_range"));
 }
 
 template <class T>
@@ -187,6 +213,8 @@ void bind_mesh_edits(py::class_<Scene>& scene) {
   scene.def("add_mesh", &add_mesh<T>, py::arg("positions").noconvert(), py::arg("triangles").noconvert(),
             py::arg("settings"), py::arg("usage"), py::arg("lazy"));
   scene.def("update_mesh", &update_mesh<T>, py::arg("mesh_id"), py::arg("positions").noconvert());
+  scene.def("set_mesh_motion", &set_mesh_motion<T>, py::arg("mesh_id"), py::arg("positions").noconvert(),
+            py::arg("steps"), py::arg("time_range"));
   scene.def("replace_mesh", &replace_mesh<T>, py::arg("mesh_id"), py::arg("positions").noconvert(),
             py::arg("triangles").noconvert());
 }

@@ -40,7 +40,7 @@ def assert_same(hits, expected):
 
 def is_read_in_place(origins, directions):
     """Whether the engine gets the memory of these arrays, all rays at once."""
-    batch = ray_batch("cast_rays", origins, directions, 0.0, 1.0, 1, "none", 0)
+    batch = ray_batch("cast_rays", origins, directions, 0.0, 1.0, 1, 0.0, "none", 0)
     pieces = list(batch.pieces(None))
     return len(pieces) == 1 and all(
         np.shares_memory(given, taken) for given, taken in zip((origins, directions), pieces[0].columns, strict=False)

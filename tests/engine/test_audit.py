@@ -74,7 +74,8 @@ def audit_natively(scene, origins, directions, columns) -> tuple[np.ndarray, np.
     wrong, ambiguous = np.empty(count, np.bool_), np.empty(count, np.bool_)
     limits = (np.zeros(1, np.float32), np.full(1, np.inf, np.float32), np.full(1, 0xFFFFFFFF, np.uint32))
     core = scene.snapshot()._committed()
-    core.audit_answers(origins, directions, *limits, "none", *columns, wrong, ambiguous, 0, None)
+    times = np.zeros(1, np.float32)
+    core.audit_answers(origins, directions, *limits, times, "none", *columns, wrong, ambiguous, 0, None)
     return wrong, ambiguous
 
 

@@ -98,6 +98,7 @@ def wrong_answers(
     limits = np.zeros(1, np.float32), np.full(1, np.inf, np.float32), np.full(1, 0xFFFFFFFF, np.uint32)
     answers = np.float32(t_hit), np.int32(instance_ids), np.int32(primitive_ids)
     wrong, ambiguous = np.empty(count, np.bool_), np.empty(count, np.bool_)
+    times = np.zeros(1, np.float32)
     audit = scene.snapshot()._committed().audit_answers
-    audit(origins, directions, *limits, "none", *answers, wrong, ambiguous, 0, None)
+    audit(origins, directions, *limits, times, "none", *answers, wrong, ambiguous, 0, None)
     return wrong

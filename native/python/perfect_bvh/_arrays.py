@@ -105,3 +105,36 @@ def as_transforms(function: str, value: npt.ArrayLike, count: int | None = None)
     if count is not None and len(array) != count:
         raise ValueError(f"{function}: transforms must have {count} rows, one an instance, got {len(array)}")
     return np.ascontiguousarray(array, dtype=np.float32 if array.dtype == np.float32 else np.float64)
+
+
+_MOST_STEPS = 255
+
+
+def as_steps(function: str, name: str, value: npt.ArrayLike, width: int) -> tuple[int, npt.NDArray[Any]]:
+    """How many steps, and the array with those one after another.
+
+    width 3: (S, V, 3) positions, as rows. 4: (S, I, 4, 4) or (S, I, 3, 4) transforms, as (S * I, ...).
+    """
+    array = as_array(function, name, value)
+    if width == 3:
+        if array.ndim != 3 or array.shape[2] != 3:
+            raise ValueError(f"{function}: {name} must have shape (S, V, 3), S steps, got {array.shape}")
+        flat = array.reshape(-1, 3)
+    else:
+        if array.ndim != 4 or array.shape[2:] not in ((4, 4), (3, 4)):
+            raise ValueError(f"{function}: {name} must have shape (S, I, 4, 4) or (S, I, 3, 4), got {array.shape}")
+        flat = array.reshape(-1, *array.shape[2:])
+    if not 1 <= len(array) <= _MOST_STEPS:
+        raise ValueError(f"{function}: {name} must have 1 to {_MOST_STEPS} steps, got {len(array)}")
+    return len(array), as_rows(function, name, flat) if width == 3 else flat
+
+
+def as_time_range(function: str, value: object) -> tuple[float, float]:
+    """When a motion begins and ends, as two floats that float32 tells apart."""
+    try:
+        begin, end = (np.float32(number) for number in value)  # type: ignore[attr-defined]
+    except (TypeError, ValueError):
+        raise ValueError(f"{function}: time_range must be two numbers, begin and end, got {value!r}") from None
+    if not (np.isfinite(begin) and np.isfinite(end) and end - begin >= 1e-6 and abs(begin) <= 1e6 and end <= 1e6):
+        raise ValueError(f"{function}: time_range must rise by 1e-6 or more, within 1e6 of zero, got {value!r}")
+    return float(begin), float(end)

@@ -178,10 +178,11 @@ def ray_batch(
     t_min: npt.ArrayLike,
     t_max: npt.ArrayLike,
     mask: npt.ArrayLike,
+    times: npt.ArrayLike,
     cull: str,
     threads: int,
 ) -> Batch:
-    """Columns origins, directions, t_min, t_max, masks."""
+    """Columns origins, directions, t_min, t_max, masks, times."""
     if cull not in ("none", "back", "front"):
         raise ValueError(f"{function}: cull must be 'none', 'back' or 'front', got {cull!r}")
     check_count(function, "threads", threads, 0)
@@ -202,14 +203,20 @@ def ray_batch(
             _numbers(function, "t_min", t_min, shape, np.float32),
             _numbers(function, "t_max", t_max, shape, np.float32),
             _numbers(function, "mask", mask, shape, np.uint32),
+            _numbers(function, "times", times, shape, np.float32),
         ),
     )
 
 
 def point_batch(
-    function: str, points: npt.ArrayLike, max_distance: npt.ArrayLike, mask: npt.ArrayLike, threads: int
+    function: str,
+    points: npt.ArrayLike,
+    max_distance: npt.ArrayLike,
+    mask: npt.ArrayLike,
+    times: npt.ArrayLike,
+    threads: int,
 ) -> Batch:
-    """Columns points (float64), max_distances, masks."""
+    """Columns points (float64), max_distances, masks, times."""
     check_count(function, "threads", threads, 0)
     given = _vectors(function, "points", points)
     shape = given.values.shape[:-1]
@@ -219,5 +226,6 @@ def point_batch(
             _Column(given.values, np.float64, 3),
             _numbers(function, "max_distance", max_distance, shape, np.float64),
             _numbers(function, "mask", mask, shape, np.uint32),
+            _numbers(function, "times", times, shape, np.float32),
         ),
     )

@@ -73,6 +73,7 @@ class Snapshot:
         t_min: _Float,
         t_max: _Float,
         masks: _Mask,
+        times: _Float,
         cull: str,
         strategy: str,
         outputs: dict[str, npt.NDArray[Any]],
@@ -86,6 +87,7 @@ class Snapshot:
         t_min: _Float,
         t_max: _Float,
         masks: _Mask,
+        times: _Float,
         cull: str,
         strategy: str,
         occluded: npt.NDArray[np.bool_],
@@ -99,6 +101,7 @@ class Snapshot:
         t_min: _Float,
         t_max: _Float,
         masks: _Mask,
+        times: _Float,
         cull: str,
         t_hit: _Float,
         instance_ids: _Int,
@@ -115,6 +118,7 @@ class Snapshot:
         t_min: _Float,
         t_max: _Float,
         masks: _Mask,
+        times: _Float,
         cull: str,
         counts: _Int,
         threads: int,
@@ -127,6 +131,7 @@ class Snapshot:
         t_min: _Float,
         t_max: _Float,
         masks: _Mask,
+        times: _Float,
         cull: str,
         ray_splits: _Long,
         outputs: dict[str, npt.NDArray[Any]],
@@ -138,6 +143,7 @@ class Snapshot:
         points: _Double,
         max_distances: _Double,
         masks: _Mask,
+        times: _Float,
         outputs: dict[str, npt.NDArray[Any]],
         threads: int,
         progress: _Progress,
@@ -149,6 +155,7 @@ class Snapshot:
         t_min: _Float,
         t_max: _Float,
         masks: _Mask,
+        times: _Float,
         cull: str,
         progress: _Progress,
     ) -> dict[str, npt.NDArray[Any]]: ...
@@ -202,6 +209,12 @@ class Scene:
     def update_mesh(self, mesh_id: int, positions: _Float) -> None: ...
     @overload
     def update_mesh(self, mesh_id: int, positions: _Double) -> None: ...
+    @overload
+    def set_mesh_motion(self, mesh_id: int, positions: _Float, steps: int, time_range: tuple[float, float]) -> None: ...
+    @overload
+    def set_mesh_motion(
+        self, mesh_id: int, positions: _Double, steps: int, time_range: tuple[float, float]
+    ) -> None: ...
     @overload
     def replace_mesh(self, mesh_id: int, positions: _Float, triangles: _Int) -> None: ...
     @overload
@@ -266,6 +279,14 @@ class Scene:
     def set_transforms(self, ids: _Int, transforms: _Float) -> None: ...
     @overload
     def set_transforms(self, ids: _Int, transforms: _Double) -> None: ...
+    @overload
+    def set_instance_motion(
+        self, ids: _Int, transforms: _Float, steps: int, time_range: tuple[float, float]
+    ) -> None: ...
+    @overload
+    def set_instance_motion(
+        self, ids: _Int, transforms: _Double, steps: int, time_range: tuple[float, float]
+    ) -> None: ...
     def set_masks(self, ids: _Int, masks: _Mask) -> None: ...
     def remove_instances(self, ids: _Int) -> None: ...
     def commit(

@@ -103,6 +103,7 @@ class RenderAudit:
                 kept["t_min"][part],
                 kept["t_max"][part],
                 kept["masks"][part],
+                np.zeros(1, np.float32),  # images show the scene where the shutter opens
                 "none",
                 kept["t_hit"][part],
                 kept["instance_ids"][part],
@@ -131,10 +132,10 @@ def audit_answers(
     answers = [columns[name].reshape(-1) for name in AUDITED_FIELDS]
     for start in range(0, len(rows), _ROWS_AT_A_TIME):
         part = slice(start, min(start + _ROWS_AT_A_TIME, len(rows)))
-        origins, directions, t_min, t_max, masks = batch.gather(rows[part])
+        origins, directions, t_min, t_max, masks, times = batch.gather(rows[part])
         t_hit, instance_ids, primitive_ids = (answer[rows[part]] for answer in answers)
         snapshot.audit_answers(
-            *(origins, directions, t_min, t_max, masks, cull),
+            *(origins, directions, t_min, t_max, masks, times, cull),
             *(t_hit, instance_ids, primitive_ids, wrong[part], ambiguous[part], threads),
             share_of(progress, part.start / len(rows), (part.stop - part.start) / len(rows)),
         )

@@ -50,10 +50,13 @@ class Queries:
     t_min, t_max: numbers or (...), float32: a hit counts if t_min <= t <= t_max.
     mask: 32 bits or (...): an instance is seen if its mask shares a bit with the ray's.
     cull: "back" passes through triangles seen from behind (clockwise), "front" through the others.
+    times: numbers or (...), float32, from 0, where the shutter opens, to 1, where it closes: each ray, or point, meets
+        the scene as it is at its own time, see `Scene.set_mesh_motion` and `Scene.set_instance_motion`. What does not
+        move is the same at all times.
     threads: at most so many; 0 for all that the process may use.
     progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
 
-    Rays that are not finite, have no direction or an empty range are misses. Memory: what is returned and the arrays
+    Rays that are not finite, have no direction, an empty range or another time than 0 to 1 are misses. Memory: what is returned and the arrays
     that are given. They are read where they are: one vector for all rays, and vectors with gaps between them (columns
     of a wider array) as well. Others, of other dtypes or broadcast in part, are copied, a million rays at a time.
 
@@ -79,6 +82,7 @@ class Queries:
         out: Out | None = None,
         progress: Progress | None = None,
         strategy: Strategy = "auto",
+        times: npt.ArrayLike = 0.0,
     ) -> Hits:
         """The first thing that each ray meets. For the other arguments see `Queries`.
 
@@ -102,14 +106,14 @@ class Queries:
         """
         _check_strategy("cast_rays", strategy)
         _check_audit("cast_rays", audit)
-        batch = ray_batch("cast_rays", origins, directions, t_min, t_max, mask, cull, threads)
+        batch = ray_batch("cast_rays", origins, directions, t_min, t_max, mask, times, cull, threads)
         names = fields_of(fields, out)
         hidden = [name for name in AUDITED_FIELDS if audit > 0.0 and name not in names]
         columns = allocate_columns("cast_rays", (*names, *hidden), batch.shape, out, batch.arrays)
         snapshot, invalid, packed = self._committed(), 0, 0
         for piece in batch.pieces(share_of(progress, 0.0, 0.5) if audit > 0.0 else progress):
             part = {name: column[piece.index] for name, column in columns.items()}
-            counts = snapshot.cast_rays(*_five(piece.columns), cull, strategy, part, threads, piece.progress)
+            counts = snapshot.cast_rays(*_six(piece.columns), cull, strategy, part, threads, piece.progress)
             invalid, packed = invalid + counts[0], packed + counts[1]
         audited = None
         if audit > 0.0:
@@ -129,6 +133,7 @@ class Queries:
         progress: Progress | None = None,
         strategy: Strategy = "auto",
         out: npt.NDArray[np.bool_] | None = None,
+        times: npt.ArrayLike = 0.0,
     ) -> npt.NDArray[np.bool_]:
         """Whether anything lies on each ray between t_min and t_max: (...) bool. For the other arguments see `Queries`.
 
@@ -139,7 +144,7 @@ class Queries:
         """
         name = "test_occlusions"
         _check_strategy(name, strategy)
-        batch = ray_batch(name, origins, directions, t_min, t_max, mask, cull, threads)
+        batch = ray_batch(name, origins, directions, t_min, t_max, mask, times, cull, threads)
         if out is None:
             occluded = np.empty(batch.shape, np.bool_)
         else:
@@ -148,7 +153,7 @@ class Queries:
         snapshot = self._committed()
         for piece in batch.pieces(progress):
             part = occluded[piece.index]
-            snapshot.test_occlusions(*_five(piece.columns), cull, strategy, part, threads, piece.progress)
+            snapshot.test_occlusions(*_six(piece.columns), cull, strategy, part, threads, piece.progress)
         return occluded
 
     def count_intersections(
@@ -161,12 +166,13 @@ class Queries:
         cull: Cull = "none",
         threads: int = 0,
         progress: Progress | None = None,
+        times: npt.ArrayLike = 0.0,
     ) -> npt.NDArray[np.int32]:
         """How many triangles lie on each ray between t_min and t_max: (...) int32. Arguments: see `Queries`.
 
         Each triangle counts once; a ray through an edge meets each of the triangles at it. Invalid rays have 0.
         """
-        batch = ray_batch("count_intersections", origins, directions, t_min, t_max, mask, cull, threads)
+        batch = ray_batch("count_intersections", origins, directions, t_min, t_max, mask, times, cull, threads)
         counts = np.empty(batch.shape, np.int32)
         _count(self._committed(), batch, cull, counts, threads, progress)
         return counts
@@ -183,6 +189,7 @@ class Queries:
         max_hits: int | None = None,
         threads: int = 0,
         progress: Progress | None = None,
+        times: npt.ArrayLike = 0.0,
     ) -> Intersections:
         """All surfaces on each ray between t_min and t_max, nearest first. For the other arguments see `Queries`.
 
@@ -199,7 +206,7 @@ class Queries:
         name = "list_intersections"
         if max_hits is not None:
             max_hits = check_count(name, "max_hits", max_hits, 0, 2**63 - 1)
-        batch = ray_batch(name, origins, directions, t_min, t_max, mask, cull, threads)
+        batch = ray_batch(name, origins, directions, t_min, t_max, mask, times, cull, threads)
         names = fields_of(fields)
         costs = [field for field in names if field in ("nodes_visited", "primitives_tested")]
         if costs:
@@ -219,7 +226,7 @@ class Queries:
             part = {field: column[first:last] for field, column in columns.items()}
             inner = splits[piece.rows.start : piece.rows.stop + 1]
             inner = inner if first == 0 else inner - first
-            invalid += snapshot.list_intersections(*_five(piece.columns), cull, inner, part, threads, piece.progress)
+            invalid += snapshot.list_intersections(*_six(piece.columns), cull, inner, part, threads, piece.progress)
         return Intersections(Hits(columns, invalid, snapshot.generation, snapshot.scene_id), splits)
 
     def walk_ray(
@@ -231,20 +238,21 @@ class Queries:
         mask: int = ALL_MASK,
         cull: Cull = "none",
         progress: Progress | None = None,
+        time: float = 0.0,
     ) -> RayWalk:
         """What one ray does on its way through the trees: each box and each triangle that it looks at, in order.
 
-        origin, direction: (3,), float32 or float64. For the other arguments see `Queries`.
+        origin, direction: (3,), float32 or float64. time: within the shutter, 0 to 1. For the other arguments see `Queries`.
 
         Returns `RayWalk`. It ends at the hit that `cast_rays` answers, after as many nodes and triangles as its
         nodes_visited and primitives_tested count. An invalid ray hits nothing. Some 300 bytes for each event; a ray
         through a usual scene has some hundreds.
         """
-        batch = ray_batch("walk_ray", origin, direction, t_min, t_max, mask, cull, 0)
+        batch = ray_batch("walk_ray", origin, direction, t_min, t_max, mask, time, cull, 0)
         if batch.shape != ():
             raise ValueError(f"walk_ray: origin and direction must have shape (3,), got rays of shape {batch.shape}")
         piece = next(batch.pieces(progress))
-        return RayWalk(**self._committed().walk_ray(*_five(piece.columns), cull, progress))
+        return RayWalk(**self._committed().walk_ray(*_six(piece.columns), cull, progress))
 
     def compute_closest_points(
         self,
@@ -253,6 +261,7 @@ class Queries:
         mask: npt.ArrayLike = ALL_MASK,
         threads: int = 0,
         progress: Progress | None = None,
+        times: npt.ArrayLike = 0.0,
     ) -> ClosestPoints:
         """The nearest point of the scene to each point, and how far away it is. For threads, progress see `Queries`.
 
@@ -267,13 +276,13 @@ class Queries:
 
         Raises ValueError for arrays of the wrong shape or kind, and on a `Scene` StaleSceneError if edits wait.
         """
-        batch = point_batch("compute_closest_points", points, max_distance, mask, threads)
+        batch = point_batch("compute_closest_points", points, max_distance, mask, times, threads)
         columns = allocate_closest(batch.shape)
         snapshot, invalid = self._committed(), 0
         for piece in batch.pieces(progress):
             part = {name: column[piece.index] for name, column in columns.items()}
-            where, distances, masks = piece.columns
-            invalid += snapshot.compute_closest_points(where, distances, masks, part, threads, piece.progress)
+            where, distances, masks, moments = piece.columns
+            invalid += snapshot.compute_closest_points(where, distances, masks, moments, part, threads, piece.progress)
         return ClosestPoints(
             **columns, invalid_count=invalid, generation=snapshot.generation, scene_id=snapshot.scene_id
         )
@@ -302,9 +311,9 @@ class Queries:
         return SceneStatistics.from_core(_core.measure(self._committed(), bool(detailed), visit, test, progress))
 
 
-def _five(columns: tuple[npt.NDArray[Any], ...]) -> tuple[Any, Any, Any, Any, Any]:
-    first, second, third, fourth, fifth = columns
-    return first, second, third, fourth, fifth
+def _six(columns: tuple[npt.NDArray[Any], ...]) -> tuple[Any, Any, Any, Any, Any, Any]:
+    first, second, third, fourth, fifth, sixth = columns
+    return first, second, third, fourth, fifth, sixth
 
 
 def _count(
@@ -317,7 +326,7 @@ def _count(
 ) -> None:
     for piece in batch.pieces(progress):
         part = counts[piece.index]
-        snapshot.count_intersections(*_five(piece.columns), cull, part, threads, piece.progress)
+        snapshot.count_intersections(*_six(piece.columns), cull, part, threads, piece.progress)
 
 
 def _check_strategy(function: str, strategy: str) -> None:

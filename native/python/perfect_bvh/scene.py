@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import as_integers, as_rows, as_transforms, as_triangles, check_id
+from ._arrays import as_integers, as_rows, as_steps, as_time_range, as_transforms, as_triangles, check_id
 from ._batches import Progress
 from .build_config import BuildConfig, Usage, as_config, check_usage, checked_number
 from .calibration import Calibration, current_calibration
@@ -106,6 +106,30 @@ class Scene(Queries, CurvesAndPoints):
         """
         self._scene.update_mesh(check_id("update_mesh", "mesh", mesh), as_rows("update_mesh", "positions", positions))
 
+    def set_mesh_motion(
+        self, mesh: int, positions: npt.ArrayLike, time_range: tuple[float, float] = (0.0, 1.0)
+    ) -> None:
+        """Moves a mesh's vertices within the shutter: rays see it as it is at their own time (`times` of the queries).
+
+        positions: (S, V, 3), S steps from 2 to 255 at equal intervals, each with as many rows as before; between two
+            steps every vertex goes in a straight line, as float32 interpolates it. One step, (1, V, 3), is
+            `update_mesh`, which ends the motion.
+        time_range: when the first and the last step are reached; before and after, the mesh stands still.
+
+        The next commit refits or rebuilds the first step's tree, as for `update_mesh`, and refits it to each of the
+        other steps; so the mesh takes as much memory at each step. It is built at once, also if it was added as lazy.
+        Raises ValueError for positions of other counts or not finite, for a range that is not a rising pair of finite
+        numbers, and for a mesh that was added with the builder "spatial", whose trees cannot follow; nothing is
+        changed then.
+        """
+        name = "set_mesh_motion"
+        steps, rows = as_steps(name, "positions", positions, 3)
+        if steps == 1:
+            self.update_mesh(mesh, rows)
+            return
+        span = as_time_range(name, time_range)
+        self._scene.set_mesh_motion(check_id(name, "mesh", mesh), rows, steps, span)
+
     def replace_mesh(self, mesh: int, positions: npt.ArrayLike, triangles: npt.ArrayLike) -> None:
         """Gives a mesh another geometry; its instances stay."""
         self._scene.replace_mesh(
@@ -163,6 +187,33 @@ class Scene(Queries, CurvesAndPoints):
         rows = as_integers("set_transforms", "ids", ids, np.int32).reshape(-1)
         if len(rows):
             self._scene.set_transforms(rows, as_transforms("set_transforms", transforms, len(rows)))
+
+    def set_instance_motion(
+        self, ids: npt.ArrayLike, transforms: npt.ArrayLike, time_range: tuple[float, float] = (0.0, 1.0)
+    ) -> None:
+        """Moves instances within the shutter: rays see each where it is at their own time (`times` of the queries).
+
+        ids: (I,). transforms: (S, I, 4, 4) or (S, I, 3, 4), S steps from 2 to 255 at equal intervals. Between two steps
+            the rotation turns evenly by the shorter way, and what is left of the matrix (scale and shear) and the
+            translation go in straight lines, as in Blender's and Cycles' motion blur. A turn of more than half of one
+            between two steps needs more steps. One step is `set_transforms`, which ends the motion.
+        time_range: when the first and the last step are reached; before and after, the instances stand still.
+
+        No mesh's tree is touched. Where an instance's scale passes through zero it is not seen at that moment. Raises
+        ValueError for unknown ids, matrices that are not finite or not affine, for those that flatten an instance, of
+        which nobody can tell how it turns, and for other ranges and shapes; nothing is changed then.
+        """
+        name = "set_instance_motion"
+        rows = as_integers(name, "ids", ids, np.int32).reshape(-1)
+        steps, matrices = as_steps(name, "transforms", transforms, 4)
+        span = as_time_range(name, time_range)
+        if len(rows) == 0:
+            return
+        values = as_transforms(name, matrices, steps * len(rows))
+        if steps == 1:
+            self._scene.set_transforms(rows, values)
+        else:
+            self._scene.set_instance_motion(rows, values, steps, span)
 
     def set_masks(self, ids: npt.ArrayLike, masks: npt.ArrayLike) -> None:
         """Changes which rays see the instances: ids (I,), masks (I,) or one for all."""

@@ -5,12 +5,14 @@
 #include <cstdint>
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "blas/spare_memory.h"
 #include "blas/support.h"
 #include "builders/build_config.h"
 #include "builders/quality.h"
 #include "mesh/mesh.h"
+#include "traverse/motion_view.h"
 #include "traverse/scene_view.h"
 #include "wide/refit_plan.h"
 #include "wide/wide_bvh.h"
@@ -44,6 +46,10 @@ struct Blas {
   LazySupport support;               // of `wide`, made when one of many instances is turned
   // Of a mesh that is built when the first ray reaches it, else null. There is then no tree here, only the one to come.
   std::shared_ptr<DeferredTree> deferred;
+  // Of a mesh that moves within the shutter (motion_steps.h): its trees at the steps that follow, of which no more is
+  // filled in than rays need; and all of its steps as kernels see them.
+  std::vector<std::shared_ptr<Blas>> later;
+  std::vector<TreeStep> steps;
 };
 
 // What kernels see of the leaves of such a tree and of its mesh, which must both stay where they are.
@@ -58,9 +64,11 @@ struct Blas {
   return blas.refit_plan.byte_count() + (blas.fresh_costs ? blas.fresh_costs->byte_count() : 0);
 }
 
-// Geometry, tree and plan.
+// Geometry, trees and plan.
 [[nodiscard]] inline std::size_t byte_count(const Blas& blas) noexcept {
-  return blas.mesh.byte_count() + blas.wide.byte_count() + plan_byte_count(blas);
+  std::size_t count = blas.mesh.byte_count() + blas.wide.byte_count() + plan_byte_count(blas);
+  for (const auto& step : blas.later) count += step->mesh.positions.size() * sizeof(Vec3f) + step->wide.byte_count();
+  return count;
 }
 
 }  // namespace perfect_bvh

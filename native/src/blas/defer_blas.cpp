@@ -19,7 +19,10 @@ std::string why_deferred(bool is_new, bool same_topology, PrimitiveKind kind) {
 }  // namespace
 
 // A mesh that a ray has reached will be reached again: it is treated like any other from then on.
-bool is_deferred(const MeshState& state) noexcept { return state.is_lazy && (!state.blas || state.blas->deferred); }
+// One that moves within the shutter is not put off: where its instances are at each step is known from its trees.
+bool is_deferred(const MeshState& state) noexcept {
+  return state.is_lazy && (!state.blas || state.blas->deferred) && !(state.edited && state.edited->moves());
+}
 
 BlasResult defer_blas(const ChangedMesh& changed, const CommitOptions& options, CancelToken& caller) {
   const Stopwatch watch;

@@ -9,6 +9,7 @@
 #include "blas/build_wide_tree.h"
 #include "blas/choose_tree.h"
 #include "blas/ledger.h"
+#include "blas/motion_steps.h"
 #include "core/stopwatch.h"
 #include "update/mesh_shape.h"
 #include "wide/wide_cost.h"
@@ -76,6 +77,7 @@ BlasResult make_blas(const ChangedMesh& changed, const CommitOptions& options, T
   report.kind = kind_name(blas->mesh.kind);
   report.triangle_count = blas->mesh.primitive_count();
   blas->indexed_leaves = view_leaves(blas->wide, blas->mesh);
+  add_motion_steps(*blas, pool, cancel);
   report.byte_count = byte_count(*blas);
   report.milliseconds = watch.milliseconds();
   result.blas = std::move(blas);

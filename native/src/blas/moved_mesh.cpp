@@ -19,9 +19,9 @@ void copy(std::span<const Vec3f> positions, Mesh& mesh, ThreadPool& pool, const 
   if (!all_good) check_positions(positions, function);
 }
 
+// Around mesh.centre.
 void copy(std::span<const Vec3d> positions, Mesh& mesh, ThreadPool& pool, const char* function) {
   check_positions(positions, function);
-  mesh.centre = box_centre(positions);
   parallel_for(pool, positions.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     narrow(positions.subspan(begin, end - begin), mesh.centre, &mesh.positions[begin]);
   });
@@ -47,9 +47,38 @@ std::shared_ptr<const Mesh> move_vertices(const Mesh& mesh, std::span<const Vec3
   moved.triangles = mesh.triangles;
   moved.positions = spare->take().positions;
   moved.positions.resize(positions.size());
+  if constexpr (sizeof(T) == sizeof(double)) moved.centre = box_centre(positions);
   copy(positions, moved, pool, function);
   return lend_mesh(std::move(moved), spare);
 }
+
+template <class T>
+std::shared_ptr<const Mesh> move_in_steps(const Mesh& mesh, std::span<const Vec3<T>> positions, const StepTimes& times,
+                                          const std::shared_ptr<SparePositions>& spare, ThreadPool& pool,
+                                          const char* function) {
+  const std::size_t count = mesh.positions.size();
+  check_count(positions.size(), count * (times.last + std::size_t{1}), function);
+  Mesh moved;
+  moved.triangles = mesh.triangles;
+  moved.times = times;
+  if constexpr (sizeof(T) == sizeof(double)) moved.centre = box_centre(positions);
+  for (std::uint32_t step = 1; step <= times.last; ++step) {
+    auto later = std::make_shared<Mesh>();
+    later->triangles = mesh.triangles, later->centre = moved.centre;
+    later->positions.resize(count);
+    copy(positions.subspan(step * count, count), *later, pool, function);
+    moved.later.push_back(std::move(later));
+  }
+  moved.positions = spare->take().positions;
+  moved.positions.resize(count);
+  copy(positions.first(count), moved, pool, function);
+  return lend_mesh(std::move(moved), spare);
+}
+template std::shared_ptr<const Mesh> move_in_steps(const Mesh&, std::span<const Vec3f>, const StepTimes&,
+                                                   const std::shared_ptr<SparePositions>&, ThreadPool&, const char*);
+template std::shared_ptr<const Mesh> move_in_steps(const Mesh&, std::span<const Vec3d>, const StepTimes&,
+                                                   const std::shared_ptr<SparePositions>&, ThreadPool&, const char*);
+
 template std::shared_ptr<const Mesh> move_vertices(const Mesh&, std::span<const Vec3f>,
                                                    const std::shared_ptr<SparePositions>&, ThreadPool&, const char*);
 template std::shared_ptr<const Mesh> move_vertices(const Mesh&, std::span<const Vec3d>,

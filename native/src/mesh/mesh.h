@@ -5,11 +5,14 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
+#include <vector>
 
 #include "core/aligned.h"
 #include "math/aabb.h"
 #include "math/ball.h"
+#include "math/step_times.h"
 #include "math/vec3.h"
 #include "mesh/shared_list.h"
 
@@ -33,6 +36,9 @@ struct Mesh {
   SharedList<std::uint32_t> starts;   // of each curve: its first ball; then how many balls there are
   SharedList<std::uint32_t> numbers;  // of each point: its number to the caller; empty if that is its own
   Vec3d centre{0, 0, 0};              // zero for meshes given in float
+  // Of one that moves within the shutter: the same primitives, in the same frame, at the steps that follow; and when.
+  std::vector<std::shared_ptr<const Mesh>> later;
+  StepTimes times;
 
   // Curves or points: balls, and hulls of two of them.
   [[nodiscard]] bool is_round() const noexcept { return kind != PrimitiveKind::kTriangles; }
@@ -42,9 +48,19 @@ struct Mesh {
   }
   // Of triangles the vertices, else the balls.
   [[nodiscard]] std::size_t vertex_count() const noexcept { return is_round() ? balls.size() : positions.size(); }
+  [[nodiscard]] bool moves() const noexcept { return !later.empty(); }
+  [[nodiscard]] const Mesh& at_step(std::uint32_t step) const noexcept { return step == 0 ? *this : *later[step - 1]; }
+  // Of triangles, at a moment: as a kernel has it.
+  [[nodiscard]] Vec3f position_at(std::uint32_t vertex, const Moment& moment) const noexcept {
+    const Vec3f a = at_step(moment.step).positions[vertex];
+    if (!moment.is_between()) return a;
+    const Vec3f b = at_step(moment.step + 1).positions[vertex];
+    return {interpolate(moment, a.x, b.x), interpolate(moment, a.y, b.y), interpolate(moment, a.z, b.z)};
+  }
   [[nodiscard]] Aabb primitive_box(std::size_t index) const noexcept {
     return is_round() ? round_box(index) : triangle_box(index);
   }
+  // Of this step alone.
   [[nodiscard]] std::size_t byte_count() const noexcept {
     return positions.size() * sizeof(Vec3f) + triangles.size() * sizeof(TriangleIndices) + balls.size() * sizeof(Ball) +
            (segments.size() + starts.size() + numbers.size()) * sizeof(std::uint32_t);

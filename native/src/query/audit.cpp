@@ -8,6 +8,7 @@
 
 #include "math/triangle_ambiguity.h"
 #include "query/round_judge.h"
+#include "query/trace.h"
 
 namespace perfect_bvh {
 namespace {
@@ -43,6 +44,12 @@ BallAround place_box(const Aabb& box, const Affine& place) {
   return {(lower + upper) * 0.5, length(upper - lower) * 0.5, std::max({most.x, most.y, most.z})};
 }
 
+// Of what moves: so that no ray passes it by.
+BallAround whole_scene(const Aabb& bounds) {
+  const double reach = reach_of(bounds);
+  return {{0, 0, 0}, kNothing, reach};
+}
+
 class Audit {
  public:
   Audit(const Snapshot& snapshot, const RayColumns& columns, CancelToken& cancel)
@@ -59,7 +66,8 @@ class Audit {
       const Mesh& mesh = instance.blas->mesh;
       auto [found, is_new] = boxes.try_emplace(&mesh);
       if (is_new) found->second = box_of(mesh);
-      balls_.push_back(place_box(found->second, instance.object_to_world));
+      balls_.push_back(instance.motion == 0 ? place_box(found->second, instance.object_to_world)
+                                            : whole_scene(snapshot.bounds));
       reaches_.push_back(reach_of(found->second));
       first_triangle_.push_back(first_triangle_.back() + mesh.primitive_count());
     }
@@ -102,7 +110,7 @@ class Audit {
       return true;
     const auto index = static_cast<std::size_t>(instance - all.begin());
     const JudgedHit hit =
-        judge_triangle(ray.line, triangle_of(*instance, static_cast<std::size_t>(primitive_id)), margin(ray, index));
+        judge_triangle(ray.line, triangle_of(*instance, primitive_id, ray.ray.time), margin(ray, index));
     if (hit.surely_missed || is_culled(hit)) return true;
     if (hit.has_t && std::abs(static_cast<double>(t) - hit.t) > hit.bound) return true;
     return static_cast<double>(t) - (hit.has_t ? hit.bound : 0.0) > ray.nearest_sure;
@@ -131,7 +139,7 @@ class Audit {
   // Of the ends of a curve's segments, or of a point, one is where the answer says.
   [[nodiscard]] bool is_wrong_round(const AuditedRay& ray, float t, const Instance& instance, std::size_t index,
                                     std::int32_t number) const {
-    const RoundJudge judge(instance, ray.ray, reaches_[index]);
+    const RoundJudge judge(posed(instance, ray.ray.time), ray.ray, reaches_[index]);
     bool is_there = false;
     double bound = 0;
     for (const std::uint32_t primitive : primitives_of(instance.blas->mesh, number)) {
@@ -153,13 +161,11 @@ class Audit {
     return hit.has_t && cull_ != Cull::kNone && hit.is_front == (cull_ == Cull::kFront);
   }
 
-  [[nodiscard]] static JudgedTriangle triangle_of(const Instance& instance, std::size_t primitive) {
-    const Mesh& mesh = instance.blas->mesh;
-    const TriangleIndices corners = mesh.triangles[primitive];
-    const auto place = [&](std::uint32_t vertex) {
-      return instance.object_to_world.point(to_double(mesh.positions[vertex]));
-    };
-    return {place(corners.x), place(corners.y), place(corners.z)};
+  template <class Number>
+  [[nodiscard]] static JudgedTriangle triangle_of(const Instance& instance, Number primitive, float time) {
+    const TriangleIndices corners = instance.blas->mesh.triangles[static_cast<std::size_t>(primitive)];
+    const WorldTriangle placed = place_triangle(instance, corners, time);
+    return {placed.v0, placed.v1, placed.v2};
   }
 
   // Every kRaysBetweenAsking rays: there may be any number of them to a triangle.
@@ -179,11 +185,13 @@ class Audit {
     }
     if (near.empty()) return;
     if (instance.blas->mesh.is_round()) return test_round(row, begin, end, near, findings);
+    const bool moves = instance.motion != 0;
     for (std::size_t primitive = begin; primitive < end; ++primitive) {
-      const JudgedTriangle triangle = triangle_of(instance, primitive);
+      JudgedTriangle triangle = triangle_of(instance, primitive, 0.0f);
       for (const std::size_t& i : near) {
         ask_at(static_cast<std::size_t>(&i - near.data()));
         const AuditedRay& ray = rays_[i];
+        if (moves) triangle = triangle_of(instance, primitive, ray.ray.time);
         const JudgedHit hit = judge_triangle(ray.line, triangle, margin(ray, row));
         if (!hit.surely_missed && !is_culled(hit)) keep(i, ray, hit, findings);
       }
@@ -194,7 +202,7 @@ class Audit {
                   std::vector<Finding>& findings) const {
     for (const std::size_t& i : near) {
       const AuditedRay& ray = rays_[i];
-      const RoundJudge judge(snapshot_.instances[row], ray.ray, reaches_[row]);
+      const RoundJudge judge(posed(snapshot_.instances[row], ray.ray.time), ray.ray, reaches_[row]);
       for (std::size_t primitive = begin; primitive < end; ++primitive) {
         ask_at(primitive);
         for (const JudgedEnd& found : judge.ends(static_cast<std::uint32_t>(primitive))) {

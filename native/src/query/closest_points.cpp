@@ -21,18 +21,19 @@ PointQuery load_query(const PointColumns& columns, std::size_t row) {
   const Vec3d p = columns.points[row];
   return {{p.x, p.y, p.z},
           columns.max_distances[row * columns.max_distance_stride],
-          columns.masks[row * columns.mask_stride]};
+          columns.masks[row * columns.mask_stride],
+          columns.times[row * columns.time_stride]};
 }
 
 bool is_valid(const PointQuery& query) {
   const double* const p = query.position;
-  return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]) && query.max_distance >= 0.0;
+  return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]) && query.max_distance >= 0.0 && is_in_shutter(query.time);
 }
 
 // Of a curve or point, which are solid: the query's own position if it is inside.
 Vec3d nearest_on_solid(const Instance& instance, const PointQuery& query, std::uint32_t primitive) {
   const Mesh& mesh = instance.blas->mesh;
-  const Affine& map = instance.object_to_world;
+  const Affine map = place_at(instance, query.time);
   const double columns[9] = {map.x.x, map.x.y, map.x.z, map.y.x, map.y.y, map.y.z, map.z.x, map.z.y, map.z.z};
   const double* const p = query.position;
   const double from[3] = {p[0] - map.translation.x, p[1] - map.translation.y, p[2] - map.translation.z};
@@ -46,7 +47,7 @@ Vec3d nearest_position(const Snapshot& snapshot, const PointQuery& query, const 
   const Instance& instance = snapshot.instances[nearest.instance_index];
   if (instance.blas->mesh.is_round()) return nearest_on_solid(instance, query, nearest.primitive_index);
   const WorldTriangle triangle =
-      world_triangle(snapshot, {0.0f, 0.0f, 0.0f, nearest.instance_index, nearest.primitive_index});
+      world_triangle(snapshot, {0.0f, 0.0f, 0.0f, nearest.instance_index, nearest.primitive_index}, query.time);
   const double u = nearest.u, v = nearest.v;
   return triangle.v0 * (1.0 - u - v) + triangle.v1 * u + triangle.v2 * v;
 }

@@ -16,7 +16,8 @@ struct PointColumns {
   const Vec3d* points = nullptr;
   const double* max_distances = nullptr;
   const std::uint32_t* masks = nullptr;
-  std::size_t max_distance_stride = 0, mask_stride = 0;
+  const float* times = nullptr;  // within the shutter, 0 to 1
+  std::size_t max_distance_stride = 0, mask_stride = 0, time_stride = 0;
 };
 
 // One row a point. Nothing found: distances infinite, ids -1, everything else zero.
@@ -31,7 +32,7 @@ struct ClosestColumns {
 
 // Curves and points are solid: inside of one the distance is 0, and the nearest point is the point itself.
 // Of several primitives at exactly the same distance the smallest (order, id, primitive) is found. Returns how many
-// points were invalid: not finite, or with a distance that is negative or NaN. max_threads 0: all of the pool's.
+// points were invalid: not finite, with a distance that is negative or NaN, or with no time of the shutter. max_threads 0: all of the pool's.
 std::size_t compute_closest_points(const Snapshot& snapshot, const PointColumns& points, const ClosestColumns& closest,
                                    ThreadPool& pool, int max_threads, CancelToken& cancel);
 

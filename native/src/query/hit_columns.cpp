@@ -103,7 +103,8 @@ void store_no_geometry(const HitColumns& out, std::size_t row) {
 // made.
 class Placer {
  public:
-  [[nodiscard]] WorldTriangle place(const Instance& instance, TriangleIndices corners) noexcept {
+  [[nodiscard]] WorldTriangle place(const Instance& instance, TriangleIndices corners, const Ray& ray) noexcept {
+    if (instance.motion != 0) return place_moving_triangle(instance, corners, ray.time);
     if (&instance != last_) {
       const Affine& map = instance.object_to_world;
       last_ = &instance;
@@ -149,11 +150,14 @@ void store_geometries(const HitColumns& out, const Rows& rows, Placers& placers)
     }
     const Instance& instance = instances[hit.instance_index];
     if (instance.blas->mesh.is_round()) {
-      store_round_geometry(out, row, placers.round.place(instance, hit, rows.rays[i]));
+      const bool turns = instance.turns != nullptr;
+      const RoundPoint point = turns ? RoundPlacer().place(posed(instance, rows.rays[i].time), hit, rows.rays[i])
+                                     : placers.round.place(instance, hit, rows.rays[i]);
+      store_round_geometry(out, row, point);
       continue;
     }
     if (out.normals || out.front_face) {
-      store_normal(out, row, placers.triangles.place(instance, corners[i]), rows.rays[i]);
+      store_normal(out, row, placers.triangles.place(instance, corners[i], rows.rays[i]), rows.rays[i]);
     }
     if (out.positions) store(out.positions, row, ray_position(instance, corners[i], hit, rows.rays[i]));
   }

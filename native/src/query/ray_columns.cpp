@@ -1,6 +1,7 @@
 #include "query/ray_columns.h"
 
 #include <cmath>
+#include <limits>
 
 namespace perfect_bvh {
 namespace {
@@ -33,13 +34,17 @@ std::size_t load(const RayColumns& columns, Vectors<Origin> origins, Vectors<Dir
   for (std::size_t i = 0; i < rays.size(); ++i) {
     const std::size_t row = first + i;
     const Vec3d origin = origins[row], direction = directions[row];
-    const float t_min = columns.t_min[row * columns.t_min_stride], t_max = columns.t_max[row * columns.t_max_stride];
+    const float t_min = columns.t_min[row * columns.t_min_stride], time = columns.times[row * columns.time_stride];
+    // No ray of no time hits anything: its range is none.
+    constexpr float kNoRange = std::numeric_limits<float>::quiet_NaN();
+    const float t_max = is_in_shutter(time) ? columns.t_max[row * columns.t_max_stride] : kNoRange;
     valid += static_cast<std::size_t>(can_hit(origin, direction, t_min, t_max));
     rays[i].origin = origin;
     rays[i].direction = direction;
     rays[i].t_min = t_min;
     rays[i].t_max = t_max;
     rays[i].mask = columns.masks[row * columns.mask_stride];
+    rays[i].time = time;
   }
   return rays.size() - valid;
 }

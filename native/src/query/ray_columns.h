@@ -28,8 +28,9 @@ struct RayColumns {
   const float* t_min = nullptr;
   const float* t_max = nullptr;
   const std::uint32_t* masks = nullptr;
+  const float* times = nullptr;  // within the shutter, 0 to 1
   std::ptrdiff_t origin_stride = 3, direction_stride = 3;
-  std::size_t t_min_stride = 0, t_max_stride = 0, mask_stride = 0;
+  std::size_t t_min_stride = 0, t_max_stride = 0, mask_stride = 0, time_stride = 0;
   Cull cull = Cull::kNone;
   Strategy strategy = Strategy::kAuto;  // of closest-hit and any-hit queries; the others know one
 };

@@ -29,6 +29,7 @@ namespace {
 #include "traverse/node_test.inl"
 // After the leaf test.
 #include "traverse/round_leaf.inl"
+#include "traverse/moving_leaf.inl"
 
 constexpr double kNone = std::numeric_limits<double>::infinity();
 
@@ -63,7 +64,10 @@ class Walker {
   }
 
   RayWalk walk() {
-    if (view_.is_empty || !start_ray(slot(), view_, ray_)) return {};
+    const bool moves = view_.motions != nullptr;
+    if (view_.is_empty || !(moves ? start_ray<true>(slot(), view_, ray_) : start_ray<false>(slot(), view_, ray_))) {
+      return {};
+    }
     slot().time = slot().world.time;  // a single instance has no level around it
     waiting_[1] = {bounds_of_top_level(snapshot_), 0, to_local_min(slot().time, static_cast<double>(ray_.t_min))};
     if (view_.root < kBlockChild) begin_level();
@@ -103,7 +107,7 @@ class Walker {
   void visit_node() {
     const std::uint32_t top = slot().top;
     const Waiting here = waiting_[top];
-    const WideNode& node = slot().nodes[next()];
+    const WideNode node = node_here();
     note(WalkEvent::kEnterNode, here);
     const NodeTest test = test_node(node, slot().box);
     BoxState without_hit = slot().box;
@@ -120,6 +124,19 @@ class Walker {
     push(node, test.hit, children, top);
   }
 
+  // At the ray's time.
+  [[nodiscard]] WideNode node_here() {
+    const std::uint32_t row = next();
+    WideNode node = slot().nodes[row];
+    if (view_.motions == nullptr || slot().later_nodes == nullptr) return node;
+    const Shares shares(slot().moment);
+    for (int i = 0; i < 6; ++i) {
+      const Float8 later = load(slot().later_nodes[row].planes[i]);
+      store(node.planes[i], interpolate(shares, load(node.planes[i]), later));
+    }
+    return node;
+  }
+
   // In place of the node, the farthest first.
   void push(const WideNode& node, Mask8 hit, const std::array<Waiting, kWideWidth>& children, std::uint32_t top) {
     for (int i = 0; i < 8; ++i) {
@@ -133,11 +150,26 @@ class Walker {
 
   void visit_leaf() {
     const std::uint32_t row = next() - kBlockChild;
-    if (slot().blocks != nullptr) return test_triangles(slot().blocks[row]);
     const InstanceView& instance = view_.instances[slot().instance];
+    if (view_.motions != nullptr && slot().step != nullptr && instance.is_round == 0) {
+      return visit_moving_leaf(instance, row);
+    }
+    if (slot().blocks != nullptr) return test_triangles(slot().blocks[row]);
     if (instance.is_round != 0) return test_round(instance, row);
     GatheredLeaf leaf;
     gather_leaf(leaf, *instance.indexed_leaves, row);
+    test_triangles(leaf);
+  }
+
+  void visit_moving_leaf(const InstanceView& instance, std::uint32_t row) {
+    if (slot().blocks == nullptr) {
+      GatheredLeaf leaf;
+      gather_moving_leaf(leaf, slot().step, slot().moment, row);
+      return test_triangles(leaf);
+    }
+    if (slot().later_nodes == nullptr) return test_triangles(slot().blocks[row]);
+    LeafBlock leaf;
+    interpolate_leaf(leaf, slot().blocks[row], slot().step[1].blocks[row], slot().moment, instance.extent.reach);
     test_triangles(leaf);
   }
 
@@ -218,7 +250,9 @@ class Walker {
     const Waiting here = waiting_[slot().top];
     const Instance& instance = snapshot_.instances[next() - kInstanceChild];
     const double t = to_ray_t(slot().time, here.near);
-    const bool is_entered = enter_instance(slot(), view_, ray_);
+    const bool moves = view_.motions != nullptr;
+    const bool is_entered =
+        moves ? enter_instance<true>(slot(), view_, ray_) : enter_instance<false>(slot(), view_, ray_);
     const WalkEvent event = is_entered ? WalkEvent::kEnterInstance : WalkEvent::kSkipInstance;
     note(event, here, t, instance.id, instance.mesh_id);
     if (!is_entered) {
@@ -226,13 +260,17 @@ class Walker {
       return;
     }
     const Blas& blas = newest_of(*instance.blas);
-    space_ = space_of(instance, blas);
+    space_ = space_of(posed(instance, ray_.time), blas);
     waiting_[slot().top] = {bounds_of(blas.wide, blas.mesh), 0, 0};
     begin_level();
   }
 
   void leave() {
-    leave_instance<true>(slot(), view_, 0);
+    if (view_.motions != nullptr) {
+      leave_instance<true, true>(slot(), view_, ray_.time, 0);
+    } else {
+      leave_instance<true, false>(slot(), view_, ray_.time, 0);
+    }
     space_ = top_level_;
     level_limit_ = to_local_max(slot().time, last_t(ray_.t_max));
     drop_far();
@@ -263,9 +301,10 @@ class Walker {
   [[nodiscard]] WorldTriangle corners_of(std::uint32_t primitive) {
     const Instance& instance = snapshot_.instances[slot().instance];
     const Mesh& mesh = instance.blas->mesh;
-    if (!mesh.is_round()) return world_triangle(snapshot_, {0, 0, 0, slot().instance, primitive});
+    if (!mesh.is_round()) return world_triangle(snapshot_, {0, 0, 0, slot().instance, primitive}, ray_.time);
     const RoundEnds ends = ends_of({mesh.balls.data(), mesh.segments.data(), 1.0f}, primitive);
-    const auto place = [&](const double (&c)[3]) { return instance.object_to_world.point({c[0], c[1], c[2]}); };
+    const Affine map = place_at(instance, ray_.time);
+    const auto place = [&](const double (&c)[3]) { return map.point({c[0], c[1], c[2]}); };
     return {place(ends.first.centre), place(ends.last.centre), place(ends.first.centre)};
   }
 

@@ -52,9 +52,18 @@ std::size_t trace_occluded(const Snapshot& snapshot, CancelToken& cancel, std::s
   return in_packets;
 }
 
-WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit) noexcept {
+WorldTriangle place_moving_triangle(const Instance& instance, TriangleIndices corners, float time) noexcept {
+  const Affine map = place_at(instance, time);
+  const Moment moment = moment_of(instance, time);
+  const auto place = [&](std::uint32_t vertex) {
+    return map.point(to_double(instance.blas->mesh.position_at(vertex, moment)));
+  };
+  return {place(corners.x), place(corners.y), place(corners.z)};
+}
+
+WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit, float time) noexcept {
   const Instance& instance = snapshot.instances[hit.instance_index];
-  return place_triangle(instance, instance.blas->mesh.triangles[hit.primitive_index]);
+  return place_triangle(instance, instance.blas->mesh.triangles[hit.primitive_index], time);
 }
 
 Vec3d geometric_normal(const Snapshot& snapshot, const Hit& hit) noexcept {
@@ -66,10 +75,12 @@ Vec3d hit_position(const Snapshot& snapshot, const Hit& hit) noexcept {
 }
 
 Vec3d ray_position(const Instance& instance, TriangleIndices corners, const Hit& hit, const Ray& ray) noexcept {
-  const auto& positions = instance.blas->mesh.positions;
-  const Affine& place = instance.object_to_world;
-  const Vec3d d = ray.direction, p0 = to_double(positions[corners.x]);
-  const Placed edge1(place, to_double(positions[corners.y]) - p0), edge2(place, to_double(positions[corners.z]) - p0);
+  const Mesh& mesh = instance.blas->mesh;
+  const Affine place = place_at(instance, ray.time);
+  const Moment moment = moment_of(instance, ray.time);
+  const auto position = [&](std::uint32_t vertex) { return to_double(mesh.position_at(vertex, moment)); };
+  const Vec3d d = ray.direction, p0 = position(corners.x);
+  const Placed edge1(place, position(corners.y) - p0), edge2(place, position(corners.z) - p0);
   const Placed corner(place, p0);
   const Vec3d normal = cross(edge1.vector, edge2.vector), arm = corner.vector + (place.translation - ray.origin);
   const double slope = dot(normal, d), t = dot(normal, arm) / slope;
@@ -82,7 +93,7 @@ Vec3d ray_position(const Instance& instance, TriangleIndices corners, const Hit&
   // The point may be off by a millionth of the longest edge.
   const double limit = 0x1p26 * size * std::abs(slope);
   const bool is_exact = spread * largest(d) <= limit && limit > 1e-280 && limit < 1e280;
-  return is_exact ? ray.origin + d * t : from_corners(place_triangle(instance, corners), hit);
+  return is_exact ? ray.origin + d * t : from_corners(place_triangle(instance, corners, ray.time), hit);
 }
 
 }  // namespace perfect_bvh

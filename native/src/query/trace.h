@@ -46,13 +46,18 @@ struct WorldTriangle {
   // Following the world winding (so not turned towards the ray), as long as twice the area.
   [[nodiscard]] Vec3d scaled_normal() const noexcept { return cross(v1 - v0, v2 - v0); }
 };
-[[nodiscard]] inline WorldTriangle place_triangle(const Instance& instance, TriangleIndices corners) noexcept {
+// time: of an instance that moves within the shutter.
+[[nodiscard]] WorldTriangle place_moving_triangle(const Instance& instance, TriangleIndices corners,
+                                                  float time) noexcept;
+[[nodiscard]] inline WorldTriangle place_triangle(const Instance& instance, TriangleIndices corners,
+                                                  float time = 0.0f) noexcept {
+  if (instance.motion != 0) return place_moving_triangle(instance, corners, time);
   const auto place = [&](std::uint32_t vertex) {
     return instance.object_to_world.point(to_double(instance.blas->mesh.positions[vertex]));
   };
   return {place(corners.x), place(corners.y), place(corners.z)};
 }
-[[nodiscard]] WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit) noexcept;
+[[nodiscard]] WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit, float time = 0.0f) noexcept;
 // Unit length, following the world winding; zero for a triangle without area.
 [[nodiscard]] Vec3d geometric_normal(const Snapshot& snapshot, const Hit& hit) noexcept;
 // The point on the triangle, from u and v.

@@ -55,6 +55,28 @@ template void Scene::update_mesh(std::int32_t, std::span<const Vec3f>, ThreadPoo
 template void Scene::update_mesh(std::int32_t, std::span<const Vec3d>, ThreadPool&);
 
 template <class T>
+void Scene::set_mesh_motion(std::int32_t mesh_id, std::span<const Vec3<T>> positions, const StepTimes& times,
+                            ThreadPool& pool) {
+  constexpr const char* kName = "set_mesh_motion";
+  const std::lock_guard lock(edit_mutex_);
+  MeshSlot& slot = find_mesh(mesh_id, kName);
+  const Mesh& before = slot.held();
+  check_kind(before, PrimitiveKind::kTriangles, mesh_id, kName);
+  if (slot.config.builder == BuilderKind::kSpatial) {
+    throw InvalidArgument(std::string(kName) + ": mesh " + std::to_string(mesh_id) +
+                          " is built with spatial splits, whose trees cannot follow a motion; add it with build='auto'");
+  }
+  if (!slot.spare_positions) slot.spare_positions = std::make_shared<SparePositions>();
+  auto moved = move_in_steps(before, positions, times, slot.spare_positions, pool, kName);
+  slot.same_topology = slot.edited ? slot.same_topology : true;
+  slot.has_deformed = true;  // also if it is new: its tree will be refitted to each step
+  slot.edited = std::move(moved);
+  mark_edited();
+}
+template void Scene::set_mesh_motion(std::int32_t, std::span<const Vec3f>, const StepTimes&, ThreadPool&);
+template void Scene::set_mesh_motion(std::int32_t, std::span<const Vec3d>, const StepTimes&, ThreadPool&);
+
+template <class T>
 void Scene::move(MeshSlot& slot, const BallsGiven<T>& balls, ThreadPool& pool, const char* function) {
   if (!slot.spare_positions) slot.spare_positions = std::make_shared<SparePositions>();
   MovedBalls moved = move_balls(slot.held(), balls, slot.spare_positions, pool, function);

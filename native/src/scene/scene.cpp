@@ -55,6 +55,27 @@ void check_transform(const Affine& transform, std::size_t row, const char* funct
   }
 }
 
+void place_still(Placement& slot, const Affine& object_to_world) {
+  slot.object_to_world = object_to_world;
+  if (slot.turns) slot.turns.reset();
+}
+
+// The motion of the i-th of `count` instances.
+template <class T>
+std::shared_ptr<const Turns> make_turns(Matrices<T> matrices, std::size_t i, std::size_t count,
+                                        const StepTimes& times) {
+  auto turns = std::make_shared<Turns>();
+  turns->times = times;
+  turns->steps.reserve(times.last + std::size_t{1});
+  for (std::size_t step = 0; step <= times.last; ++step) {
+    if (turns->add(matrices[step * count + i])) continue;
+    throw InvalidArgument("set_instance_motion: transforms[" + std::to_string(step) + ", " + std::to_string(i) +
+                          "] flattens the instance, which has no rotation then; scale it a little instead, or place it "
+                          "with set_transforms");
+  }
+  return turns;
+}
+
 }  // namespace
 
 std::uint64_t Scene::next_id() noexcept {
@@ -163,7 +184,7 @@ void Scene::move_instances(std::span<const std::int32_t> ids, const Map& map, Th
   if (first_wrong < rows.count) check_transform(map(first_wrong), first_wrong, "set_transforms");
   const std::size_t grain = rows.is_ascending ? kGrain : rows.count;  // the last one holds
   parallel_for(pool, rows.count, grain, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) instances_[rows[i]].object_to_world = map(i);
+    for (std::size_t i = begin; i < end; ++i) place_still(instances_[rows[i]], map(i));
   });
   mark_edited();
 }
@@ -181,6 +202,25 @@ void Scene::set_transforms(std::span<const std::int32_t> ids, Matrices<T> matric
 }
 template void Scene::set_transforms(std::span<const std::int32_t>, Matrices<float>, ThreadPool&);
 template void Scene::set_transforms(std::span<const std::int32_t>, Matrices<double>, ThreadPool&);
+
+template <class T>
+void Scene::set_instance_motion(std::span<const std::int32_t> ids, Matrices<T> matrices, const StepTimes& times) {
+  constexpr const char* kName = "set_instance_motion";
+  check_same_length(ids.size() * (times.last + std::size_t{1}), matrices.count, kName, "transforms");
+  for (std::size_t row = 0; row < matrices.count; ++row) check_transform(matrices[row], row, kName);
+  std::vector<std::shared_ptr<const Turns>> turns;
+  turns.reserve(ids.size());
+  for (std::size_t i = 0; i < ids.size(); ++i) turns.push_back(make_turns(matrices, i, ids.size(), times));
+  const std::lock_guard lock(edit_mutex_);
+  const auto rows = find_instances(ids, kName);
+  for (std::size_t i = 0; i < rows.count; ++i) {
+    instances_[rows[i]].object_to_world = matrices[i];
+    instances_[rows[i]].turns = std::move(turns[i]);
+  }
+  mark_edited();
+}
+template void Scene::set_instance_motion(std::span<const std::int32_t>, Matrices<float>, const StepTimes&);
+template void Scene::set_instance_motion(std::span<const std::int32_t>, Matrices<double>, const StepTimes&);
 
 void Scene::set_masks(std::span<const std::int32_t> ids, std::span<const std::uint32_t> masks) {
   const std::lock_guard lock(edit_mutex_);

@@ -91,6 +91,10 @@ class Scene {
                   ThreadPool& pool = ThreadPool::shared());
   // Of the same kind of primitive. `function` opens messages.
   void replace_mesh(std::int32_t mesh_id, Mesh mesh, const char* function = "replace_mesh");
+  // Of triangles: moves them within the shutter. Positions at each step, one step after another; the topology stays.
+  template <class T>
+  void set_mesh_motion(std::int32_t mesh_id, std::span<const Vec3<T>> positions, const StepTimes& times,
+                       ThreadPool& pool = ThreadPool::shared());
   void set_usage(std::int32_t mesh_id, Usage usage);                  // what its next builds are for
   void remove_mesh(std::int32_t mesh_id);                             // InvalidArgument while instances use it
   std::int32_t add_instances(std::span<const InstanceInput> inputs);  // the first new id; the others follow
@@ -101,6 +105,10 @@ class Scene {
   void set_transforms(std::span<const std::int32_t> ids, std::span<const Affine> transforms);
   template <class T>
   void set_transforms(std::span<const std::int32_t> ids, Matrices<T> matrices, ThreadPool& pool);
+  // Moves instances within the shutter: a matrix for each at the first step, then at the second, and so on. Throws
+  // InvalidArgument for those that flatten space, of which none is to be told how it turns.
+  template <class T>
+  void set_instance_motion(std::span<const std::int32_t> ids, Matrices<T> matrices, const StepTimes& times);
   void set_masks(std::span<const std::int32_t> ids, std::span<const std::uint32_t> masks);
   void remove_instances(std::span<const std::int32_t> ids);
 

@@ -7,6 +7,7 @@
 #include "core/stopwatch.h"
 #include "tlas/instance.h"
 #include "tlas/lazy_trees.h"
+#include "tlas/motions.h"
 #include "tlas/top_level.h"
 #include "tlas/trace_view.h"
 #include "wide/collapse.h"
@@ -42,6 +43,16 @@ class BakedCopies {
   std::mutex mutex_;
   std::vector<std::pair<std::size_t, std::shared_ptr<const Blas>>> copies_;
 };
+
+// Keeps what instances refer to.
+void hold_turns(Snapshot& snapshot, std::span<const Placement> placements, CancelToken& cancel) {
+  snapshot.turns.clear();
+  for_steps(placements.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      if (placements[i].turns) snapshot.turns.push_back(placements[i].turns);
+    }
+  });
+}
 
 // Instances that stayed who they are and only moved: their trees get new boxes.
 bool try_refit(Snapshot& snapshot, std::span<const PrimRef> boxes, std::optional<double> expected_rays,
@@ -129,10 +140,12 @@ AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& m
       Instance& instance = snapshot.instances[i];
       instance.id = slot.id, instance.mesh_id = slot.mesh_id, instance.mask = slot.mask, instance.order = slot.order;
       Placing placing;
-      if (!place_instance(instance, placing, blas, slot.object_to_world, has_table)) {
+      // One that turns has a map at each of its steps, and is not seen while it is flattened between two.
+      if (!place_instance(instance, placing, blas, slot.object_to_world, has_table) && slot.turns == nullptr) {
         const BuildConfig& config = found->second.bake_config;
         baked.add(i, bake_instance(instance, placing, blas, slot.object_to_world, config, pool, cancel));
       }
+      instance.turns = slot.turns.get();
       snapshot.instance_views[i] = view_of(instance, placing.world_to_object);
       boxes[i] = {placing.world_bounds.lower, static_cast<std::uint32_t>(i), placing.world_bounds.upper, 0};
       part.grow(mesh_bounds_of(instance));
@@ -154,15 +167,21 @@ TopLevelReport assemble(Snapshot& snapshot, const PlacedMeshes& meshes, std::spa
   TopLevelReport report;
   snapshot.blases.clear(), snapshot.meshes.clear(), snapshot.lazy_trees.reset();
   snapshot.has_round_meshes = false;
+  snapshot.top_steps.clear();
+  hold_turns(snapshot, placements, cancel);
   AlignedVector<PrimRef> boxes = place_instances(snapshot, meshes, placements, pool, cancel);
   for (const auto& [mesh_id, mesh] : meshes) {
     snapshot.blases.push_back(mesh.blas);
     snapshot.has_round_meshes |= mesh.blas->mesh.is_round();
     snapshot.meshes.emplace_back(mesh_id, mesh.blas.get());
   }
+  const StepBoxes step_boxes = add_motions(snapshot, boxes, pool, cancel);
   report.placing_milliseconds = watch.milliseconds();
   report.is_refitted = try_refit(snapshot, boxes, expected_rays, report, pool, cancel);
   if (!report.is_refitted) build(snapshot, boxes, expected_rays, report, pool, cancel);
+  for (const auto& step : step_boxes) {
+    snapshot.top_steps.push_back(refitted_at_step(snapshot.top_level, step, pool, cancel));
+  }
   make_trace_view(snapshot, pool, cancel);
   snapshot.lazy_trees = LazyTrees::of(snapshot, cancel);
   return report;

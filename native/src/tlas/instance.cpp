@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "blas/build_wide_tree.h"
+#include "blas/motion_steps.h"
 #include "core/steps.h"
 #include "math/axes.h"
 #include "tlas/trace_view.h"
@@ -55,6 +56,7 @@ bool place_instance(Instance& instance, Placing& placing, const Blas& blas, cons
   const Affine map = from_stored(object_to_world, blas.mesh.centre);
   instance.object_to_world = map;
   instance.mirrored = map.determinant() < 0;
+  instance.motion = 0, instance.turns = nullptr;
   instance.baked = false;  // the row may be the last snapshot's, where it was
   placing.world_to_object = inverse(map);
   placing.world_bounds = bounds_of(blas, map, is_worth_table);
@@ -63,7 +65,7 @@ bool place_instance(Instance& instance, Placing& placing, const Blas& blas, cons
 
 namespace {
 
-// In world space. What has no thickness left is no solid: of curves and points nothing remains.
+// In world space, at all steps of one that moves. What has no thickness left is no solid: of curves and points nothing remains.
 std::shared_ptr<Mesh> flattened(const Mesh& mesh, const Affine& to_world, CancelToken& cancel) {
   auto copy = std::make_shared<Mesh>();
   const Vec3d centre = to_world.point({0, 0, 0});
@@ -77,10 +79,25 @@ std::shared_ptr<Mesh> flattened(const Mesh& mesh, const Affine& to_world, Cancel
       copy->positions[i] = to_float(to_world.point(to_double(mesh.positions[i])) - centre);
     }
   });
+  for (const auto& later : mesh.later) copy->later.push_back(flattened(*later, to_world, cancel));
+  copy->times = mesh.times;
   return copy;
 }
 
 }  // namespace
+
+Affine place_at(const Instance& instance, float time) {
+  if (instance.turns == nullptr) return instance.object_to_world;
+  return from_stored(instance.turns->at(time), instance.blas->mesh.centre);
+}
+
+Instance posed(const Instance& instance, float time) {
+  Instance still = instance;
+  still.object_to_world = place_at(instance, time);
+  still.mirrored = still.object_to_world.determinant() < 0;
+  still.turns = nullptr;
+  return still;
+}
 
 std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, const Blas& blas,
                                           const Affine& object_to_world, const BuildConfig& config, ThreadPool& pool,
@@ -91,6 +108,7 @@ std::shared_ptr<const Blas> bake_instance(Instance& instance, Placing& placing, 
   MeshReport unread;
   build_wide_tree(*baked, unread, pool, cancel);
   baked->indexed_leaves = view_leaves(baked->wide, baked->mesh);
+  add_motion_steps(*baked, pool, cancel);
   const bool usable = place_instance(instance, placing, *baked, Affine{});
   // Baked positions are in world winding already.
   instance.mirrored = false;

@@ -10,6 +10,7 @@
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "math/affine.h"
+#include "tlas/turns.h"
 
 namespace perfect_bvh {
 
@@ -19,6 +20,7 @@ struct Placement {
   Affine object_to_world;
   std::uint32_t mask;
   std::int64_t order;
+  std::shared_ptr<const Turns> turns = nullptr;  // null: it does not move within the shutter
 };
 
 struct Instance {
@@ -29,8 +31,19 @@ struct Instance {
   bool baked = false;      // blas is a copy in world space, for want of a usable inverse
   std::int64_t order = 0;  // breaks ties between hits at equal t: the smaller order wins, then the smaller primitive
   const Blas* blas = nullptr;
-  Affine object_to_world;  // from the mesh's stored (recentred) frame
+  Affine object_to_world;  // from the mesh's stored (recentred) frame; of one that moves, at the shutter's opening
+  std::uint32_t motion = 0;      // its row among the snapshot's motions, plus one; 0: neither it nor its mesh moves
+  const Turns* turns = nullptr;  // the snapshot's; null: it stays where it is
 };
+
+// From the mesh's stored frame, at a time.
+[[nodiscard]] Affine place_at(const Instance& instance, float time);
+[[nodiscard]] inline Moment moment_of(const Instance& instance, float time) noexcept {
+  const Mesh& mesh = instance.blas->mesh;
+  return mesh.moves() ? moment_at(mesh.times, time) : Moment{};
+}
+// As it stands at a time: one that does not turn. Its mesh still moves.
+[[nodiscard]] Instance posed(const Instance& instance, float time);
 
 // Where it stands: what the row in the top level and the kernels' view are made of.
 struct Placing {

@@ -11,6 +11,7 @@
 #include "builders/bvh2.h"
 #include "tlas/instance.h"
 #include "tlas/top_level.h"
+#include "traverse/motion_view.h"
 #include "traverse/scene_view.h"
 #include "wide/wide_bvh.h"
 
@@ -25,6 +26,10 @@ struct Snapshot {
   Bvh2 tlas;                                                 // over the instances' world boxes
   WideBvh top_level;                                         // the same, as rays are traced through it
   AlignedVector<InstanceView> instance_views;                // what kernels see of `instances`, row by row
+  std::vector<std::shared_ptr<const Turns>> turns;           // of instances that move within the shutter
+  std::vector<MotionView> motions;                           // of those and of instances of meshes that do
+  std::vector<WideBvh> top_steps;                            // if any does: the top level at evenly spaced times
+  std::vector<TreeStep> top_step_views;                      // what kernels see of them
   SceneView view;                                            // points into this snapshot
   Aabb bounds;                                               // around the meshes' own boxes, placed: whatever the trees
   std::shared_ptr<LazyTrees> lazy_trees;                     // null if every tree was built by the commit

@@ -75,6 +75,10 @@ struct TopLevelCost {
 // In two steps, since the second is wasted on a tree that is then built anew. First new boxes for the wide tree, which
 // must stand over `boxes`: enough to measure its cost.
 void refit_boxes(WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel);
+// The tree at a time of the shutter, at which the instances have these boxes; `wide` is over all of their ways, and its
+// scale and extent are kept.
+[[nodiscard]] WideBvh refitted_at_step(const WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool,
+                                       CancelToken& cancel);
 // Then its visiting orders, and the binary tree.
 void finish_refit(Bvh2& tree, WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel);
 

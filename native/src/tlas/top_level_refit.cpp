@@ -74,6 +74,14 @@ Aabb bounds_of(std::span<const PrimRef> boxes, CancelToken& cancel) {
   return to_aabb(all);
 }
 
+void refit_nodes(WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
+  const Float4 scale(wide.scale);
+  for_nodes(wide, pool, cancel, [&](WideNode& node) { place_instances(node, boxes, scale); });
+  for_steps_back(wide.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = end; i-- > begin;) enclose_nodes_below(wide, wide.nodes[i]);
+  });
+}
+
 TopLevelCost areas_of(std::span<const WideNode> nodes) noexcept {
   TopLevelCost areas;
   for (const WideNode& node : nodes) {
@@ -126,11 +134,14 @@ void refit_boxes(WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool
   const Aabb bounds = bounds_of(boxes, cancel);
   wide.scale = tree_scale(bounds);
   wide.extent = tree_extent(bounds, wide.scale);
-  const Float4 scale(wide.scale);
-  for_nodes(wide, pool, cancel, [&](WideNode& node) { place_instances(node, boxes, scale); });
-  for_steps_back(wide.nodes.size(), cancel, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = end; i-- > begin;) enclose_nodes_below(wide, wide.nodes[i]);
-  });
+  refit_nodes(wide, boxes, pool, cancel);
+}
+
+WideBvh refitted_at_step(const WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
+  WideBvh step = wide;
+  refit_nodes(step, boxes, pool, cancel);
+  for_nodes(step, pool, cancel, [](WideNode& node) { set_visit_order(node, child_count(node)); });
+  return step;
 }
 
 void finish_refit(Bvh2& tree, WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {

@@ -55,6 +55,7 @@ InstanceView view_of(const Instance& instance, const Affine& world_to_object) {
   view.id = instance.id;
   view.order = instance.order;
   view.scale = tree.scale;
+  view.motion = instance.motion;
   if (instance.blas->deferred) {
     view.root = kUnbuiltRoot;
     view.mask = instance.blas->mesh.primitive_count() == 0 ? 0 : instance.mask;
@@ -95,6 +96,18 @@ void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) 
   view.scale = top.scale;
   view.root = top.root;
   view.is_empty = top.is_empty;
+  if (snapshot.motions.empty()) return;
+  view.motions = snapshot.motions.data();
+  snapshot.top_step_views.clear();
+  for (const WideBvh& step : snapshot.top_steps) {
+    TreeStep step_view;
+    step_view.nodes = step.nodes.data(), step_view.blocks = nullptr;
+    snapshot.top_step_views.push_back(step_view);
+    view.tree_bytes += step.byte_count();
+  }
+  view.top_steps = snapshot.top_step_views.data();
+  const auto last = static_cast<std::uint32_t>(snapshot.top_steps.size() - 1);
+  view.top_times = {0.0f, static_cast<float>(last), last};
 }
 
 }  // namespace perfect_bvh

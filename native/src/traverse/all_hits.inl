@@ -11,12 +11,11 @@ namespace {
 // Lane by lane but for the last triangle's repetitions. Null `hits`: only counts. Returns how many were met, which may
 // be more than there is room for.
 template <class Leaf>
-PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const SceneView& scene, const RayBatch& batch,
-                                        const Leaf& leaf, FoundHit* hits, std::size_t room) noexcept {
+PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const RayBatch& batch, const Leaf& leaf, FoundHit* hits,
+                                        std::size_t room) noexcept {
   const LeafTest test = test_leaf(leaf, slot.triangle);
   if (test.lanes == 0) return 0;
   const LeafCandidates candidates(test);
-  const InstanceView& instance = scene.instances[slot.instance];
   const Ray& ray = batch.rays[slot.ray];
   std::size_t count = 0;
   for (unsigned lanes = test.lanes; lanes != 0; lanes &= lanes - 1) {
@@ -25,7 +24,7 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const SceneView& scene
     if (lane > 0 && leaf.primitives[lane - 1] == primitive) continue;
     Meeting at;
     if (!meet_candidate(at, candidates, lane, leaf, slot.triangle.ray, slot.local)) continue;
-    if (!is_in_range(at.t, ray) || is_culled(batch.cull, at.sum, slot.triangle.ray, instance)) continue;
+    if (!is_in_range(at.t, ray) || is_culled(batch.cull, at.sum, slot.triangle.ray, slot.is_mirrored)) continue;
     if (hits != nullptr && count < room) {
       hits[count] = {at.t, at.weight_v1 / at.sum, at.weight_v2 / at.sum, slot.instance, primitive};
     }
@@ -64,17 +63,37 @@ inline std::size_t take_all_round(const Slot& slot, const SceneView& scene, cons
   return count;
 }
 
+// Of a tree that moves.
+__attribute__((noinline)) std::size_t take_all_moving(const Slot& slot, const InstanceView& instance,
+                                                      const RayBatch& batch, std::uint32_t row, FoundHit* hits,
+                                                      std::size_t room) noexcept {
+  if (slot.blocks == nullptr) {
+    GatheredLeaf leaf;
+    gather_moving_leaf(leaf, slot.step, slot.moment, row);
+    return take_all(slot, batch, leaf, hits, room);
+  }
+  if (slot.later_nodes == nullptr) return take_all(slot, batch, slot.blocks[row], hits, room);
+  LeafBlock leaf;
+  interpolate_leaf(leaf, slot.blocks[row], slot.step[1].blocks[row], slot.moment, instance.extent.reach);
+  return take_all(slot, batch, leaf, hits, room);
+}
+
+template <bool kMoves>
 inline std::size_t visit_whole_leaf(const Slot& slot, const SceneView& scene, const RayBatch& batch, std::uint32_t row,
                                     FoundHit* hits, std::size_t room) noexcept {
-  if (slot.blocks != nullptr) return take_all(slot, scene, batch, slot.blocks[row], hits, room);
   const InstanceView& instance = scene.instances[slot.instance];
+  if (kMoves && slot.step != nullptr && instance.is_round == 0) {
+    return take_all_moving(slot, instance, batch, row, hits, room);
+  }
+  if (slot.blocks != nullptr) return take_all(slot, batch, slot.blocks[row], hits, room);
   if (instance.is_round != 0) return take_all_round(slot, scene, batch, row, hits, room);
   GatheredLeaf leaf;
   gather_leaf(leaf, *instance.indexed_leaves, row);
-  return take_all(slot, scene, batch, leaf, hits, room);
+  return take_all(slot, batch, leaf, hits, room);
 }
 
 // How many hits the slot's ray has; those for which there is room are written to `hits` unless it is null.
+template <bool kMoves>
 inline std::size_t walk_whole_ray(Slot& slot, const SceneView& scene, const RayBatch& batch, FoundHit* hits,
                                   std::size_t room, Pace& pace) noexcept {
   std::uint32_t* const stack = stack_of(slot);
@@ -83,33 +102,34 @@ inline std::size_t walk_whole_ray(Slot& slot, const SceneView& scene, const RayB
     const std::uint32_t entry = stack[slot.top];
     if (entry < kBlockChild) {
       const WideNode& node = slot.nodes[entry];
-      const NodeTest test = test_node(node, slot.box);
+      const NodeTest test = kMoves ? test_any_node(slot, entry) : test_node(node, slot.box);
       slot.top += push_unsorted(node, test.hit, stack + slot.top) - 1;
     } else if (pace.should_stop()) {
       return count;
     } else if (entry < kInstanceChild) {
       const std::size_t left = count < room ? room - count : 0;
-      count += visit_whole_leaf(slot, scene, batch, entry - kBlockChild, left ? hits + count : nullptr, left);
+      count += visit_whole_leaf<kMoves>(slot, scene, batch, entry - kBlockChild, left ? hits + count : nullptr, left);
       --slot.top;
     } else if (entry == kLeaveMark) {
-      leave_instance<true>(slot, scene, 0);
-    } else if (!enter_instance(slot, scene, batch.rays[slot.ray])) {
+      leave_instance<true, kMoves>(slot, scene, batch.rays[slot.ray].time, 0);
+    } else if (!enter_instance<kMoves>(slot, scene, batch.rays[slot.ray])) {
       --slot.top;
     }
   }
   return count;
 }
 
-std::size_t find_all_hits(const SceneView& scene, const RayBatch& batch, const FoundHits& found, void* workspace) {
+template <bool kMoves>
+std::size_t find_every_hit(const SceneView& scene, const RayBatch& batch, const FoundHits& found, void* workspace) {
   Slot& slot = *static_cast<Slot*>(workspace);
   Pace pace(scene.interruption);
   std::size_t used = 0;
   for (std::size_t row = 0; row < batch.count; ++row) {
     slot.ray = static_cast<std::uint32_t>(row);
     std::size_t count = 0;
-    if (!scene.is_empty && start_ray(slot, scene, batch.rays[row])) {
+    if (!scene.is_empty && start_ray<kMoves>(slot, scene, batch.rays[row])) {
       FoundHit* const hits = found.hits == nullptr ? nullptr : found.hits + used;
-      count = walk_whole_ray(slot, scene, batch, hits, found.capacity - used, pace);
+      count = walk_whole_ray<kMoves>(slot, scene, batch, hits, found.capacity - used, pace);
     }
     found.counts[row] = count;
     if (found.hits == nullptr) continue;
@@ -117,6 +137,11 @@ std::size_t find_all_hits(const SceneView& scene, const RayBatch& batch, const F
     used += count;
   }
   return batch.count;
+}
+
+std::size_t find_all_hits(const SceneView& scene, const RayBatch& batch, const FoundHits& found, void* workspace) {
+  if (scene.motions != nullptr) return find_every_hit<true>(scene, batch, found, workspace);
+  return find_every_hit<false>(scene, batch, found, workspace);
 }
 
 }  // namespace

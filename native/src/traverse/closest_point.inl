@@ -119,6 +119,20 @@ PERFECT_BVH_INLINE void bound_children(const WideNode& node, const PointFrame& f
 // Beyond this a lower bound rules a box out.
 PERFECT_BVH_INLINE double limit_of(double best) noexcept { return best * (1.0 + 0x1p-44); }
 
+// What is searched: a tree of the scene, at a time of the shutter.
+struct PointTree {
+  const WideNode* nodes;
+  const WideNode* later_nodes = nullptr;  // of the next step; null where the tree is at a step, or does not move
+  const TreeStep* step = nullptr;         // null: it does not move
+  Moment moment;
+
+  explicit PointTree(const WideNode* still) noexcept : nodes(still) {}
+  PointTree(const TreeStep* steps, const Moment& at) noexcept
+      : nodes(steps[at.step].nodes), step(steps + at.step), moment(at) {
+    if (at.is_between()) later_nodes = step[1].nodes;
+  }
+};
+
 // The children that may hold something nearer, the farthest first.
 inline void push_children(PointSearch& search, const PointFrame& frame, const WideNode& node) noexcept {
   alignas(64) double squared[8];
@@ -133,6 +147,23 @@ inline void push_children(PointSearch& search, const PointFrame& frame, const Wi
     *place = {squared[lane], node.child[lane]};
   }
   search.top += static_cast<std::size_t>(end - begin);
+}
+
+__attribute__((noinline)) void push_moving_children(PointSearch& search, const PointFrame& frame, const PointTree& tree,
+                                                    std::uint32_t row) noexcept {
+  const WideNode &from = tree.nodes[row], &to = tree.later_nodes[row];
+  WideNode node = from;
+  const Shares shares(tree.moment);
+  for (int i = 0; i < 6; ++i) {
+    store(node.planes[i], interpolate(shares, load(from.planes[i]), load(to.planes[i])));
+  }
+  push_children(search, frame, node);
+}
+
+PERFECT_BVH_INLINE void push_children(PointSearch& search, const PointFrame& frame, const PointTree& tree,
+                                      std::uint32_t row) noexcept {
+  if (tree.later_nodes != nullptr) return push_moving_children(search, frame, tree, row);
+  push_children(search, frame, tree.nodes[row]);
 }
 
 // True if a triangle at the same distance as the nearest so far takes its place: the smaller (order, id, primitive).
@@ -201,8 +232,48 @@ __attribute__((noinline)) void visit_rounds(PointSearch& search, const RoundFram
   }
 }
 
+// Of triangles whose tree moves.
+__attribute__((noinline)) void visit_moving_triangles(PointSearch& search, const PointFrame& frame,
+                                                      const PointTree& tree, std::uint32_t row,
+                                                      std::uint32_t index) noexcept {
+  const InstanceView& instance = search.scene.instances[index];
+  if (instance.is_compact != 0) {
+    GatheredLeaf leaf;
+    gather_moving_leaf(leaf, tree.step, tree.moment, row);
+    return visit_triangles(search, frame, leaf, index);
+  }
+  if (tree.later_nodes == nullptr) return visit_triangles(search, frame, tree.step->blocks[row], index);
+  LeafBlock leaf;
+  interpolate_leaf(leaf, tree.step[0].blocks[row], tree.step[1].blocks[row], tree.moment, instance.extent.reach);
+  visit_triangles(search, frame, leaf, index);
+}
+
+// Columns x, y, z and translation of the map to the world: the scene's row, or what a turning instance has now.
+inline const double* place_of(const SceneView& scene, std::uint32_t index, float time, double* turned) noexcept {
+  const InstanceView& instance = scene.instances[index];
+  if (instance.motion != 0) {
+    const MotionView& motion = scene.motions[instance.motion - 1];
+    if (motion.turns != nullptr) {
+      TurnedPlace place;
+      place_between(motion.turns, moment_at(motion.turn_times, time), place);
+      const double *const c = place.columns, *const o = motion.centre;
+      for (int i = 0; i < 9; ++i) turned[i] = c[i];
+      for (int i = 0; i < 3; ++i) turned[9 + i] = ((c[i] * o[0] + c[3 + i] * o[1]) + c[6 + i] * o[2]) + place.translation[i];
+      return turned;
+    }
+  }
+  return reinterpret_cast<const double*>(reinterpret_cast<const char*>(scene.places) + index * scene.place_stride);
+}
+
+inline PointTree tree_of(const SceneView& scene, const InstanceView& instance, float time) noexcept {
+  if (instance.motion == 0) return PointTree(instance.nodes);
+  const MotionView& motion = scene.motions[instance.motion - 1];
+  if (motion.trees == nullptr) return PointTree(instance.nodes);
+  return {motion.trees, moment_at(motion.tree_times, time)};
+}
+
 // Everything below `root` that may hold something nearer.
-inline void search_instance(PointSearch& search, std::uint32_t index, std::size_t stride) noexcept {
+inline void search_instance(PointSearch& search, std::uint32_t index) noexcept {
   const InstanceView& instance = search.scene.instances[index];
   if ((instance.mask & search.query.mask) == 0) return;
   if (instance.root == kUnbuiltRoot) {
@@ -210,8 +281,9 @@ inline void search_instance(PointSearch& search, std::uint32_t index, std::size_
     search.top = 0;
     return;
   }
-  const auto* const place =
-      reinterpret_cast<const double*>(reinterpret_cast<const char*>(search.scene.places) + index * stride);
+  double turned[12];
+  const double* const place = place_of(search.scene, index, search.query.time, turned);
+  const PointTree tree = tree_of(search.scene, instance, search.query.time);
   PointFrame frame;
   make_frame(frame, place, static_cast<double>(instance.scale), search.query.position, instance.extent);
   const std::size_t bottom = search.top;
@@ -220,11 +292,13 @@ inline void search_instance(PointSearch& search, std::uint32_t index, std::size_
     const PointEntry entry = search.stack[--search.top];
     if (entry.squared > limit_of(search.best)) continue;
     if (entry.child < kBlockChild) {
-      push_children(search, frame, instance.nodes[entry.child]);
+      push_children(search, frame, tree, entry.child);
     } else if (search.pace.should_stop()) {
       search.top = 0;
       return;
-    } else if (const std::uint32_t row = entry.child - kBlockChild; instance.is_compact == 0) {
+    } else if (const std::uint32_t row = entry.child - kBlockChild; tree.step != nullptr && instance.is_round == 0) {
+      visit_moving_triangles(search, frame, tree, row, index);
+    } else if (instance.is_compact == 0) {
       visit_triangles(search, frame, instance.blocks[row], index);
     } else if (instance.is_round != 0) {
       visit_rounds(search, RoundFrame(place, search.query.position), index, row);
@@ -241,16 +315,19 @@ inline void search_scene(PointSearch& search) noexcept {
   const SceneView& scene = search.scene;
   PointFrame frame;
   make_frame(frame, kWorld, static_cast<double>(scene.scale), search.query.position, scene.extent);
+  const PointTree tree = scene.motions == nullptr
+                             ? PointTree(scene.nodes)
+                             : PointTree(scene.top_steps, moment_at(scene.top_times, search.query.time));
   search.stack[search.top++] = {0.0, scene.root};
   while (search.top > 0) {
     const PointEntry entry = search.stack[--search.top];
     if (entry.squared > limit_of(search.best)) continue;
     if (entry.child < kInstanceChild) {
-      push_children(search, frame, scene.nodes[entry.child]);
+      push_children(search, frame, tree, entry.child);
     } else if (search.pace.should_stop()) {
       return;
     } else {
-      search_instance(search, entry.child - kInstanceChild, scene.place_stride);
+      search_instance(search, entry.child - kInstanceChild);
     }
   }
 }
@@ -258,7 +335,7 @@ inline void search_scene(PointSearch& search) noexcept {
 inline bool is_valid_query(const PointQuery& query) noexcept {
   const double* const p = query.position;
   const double zero = p[0] * 0.0 + p[1] * 0.0 + p[2] * 0.0;  // NaN if one is not finite
-  return zero == 0.0 && query.max_distance >= 0.0;
+  return zero == 0.0 && query.max_distance >= 0.0 && is_in_shutter(query.time);
 }
 
 std::size_t point_workspace_bytes(const SceneView& scene) {

@@ -187,9 +187,9 @@ PERFECT_BVH_INLINE bool meet_candidate(Meeting& meeting, const LeafCandidates& c
   return true;
 }
 
-PERFECT_BVH_INLINE bool is_culled(Cull cull, float sum, const TriangleRay& ray, const InstanceView& instance) noexcept {
+PERFECT_BVH_INLINE bool is_culled(Cull cull, float sum, const TriangleRay& ray, bool is_mirrored) noexcept {
   if (cull == Cull::kNone) return false;
-  const bool is_front = ((sum > 0.0f) != ray.runs_down) != (instance.mirrored != 0);
+  const bool is_front = ((sum > 0.0f) != ray.runs_down) != is_mirrored;
   return is_front == (cull == Cull::kFront);
 }
 
@@ -209,7 +209,7 @@ PERFECT_BVH_INLINE bool take_hit(Slot& slot, const InstanceView* instances, cons
   if (!meet_candidate(meeting, candidates, lane, leaf, slot.triangle.ray, slot.local)) return false;
   const double t = meeting.t;
   if (!(is_in_range(t, ray) && t <= slot.best_t)) return false;
-  if (is_culled(cull, meeting.sum, slot.triangle.ray, instances[slot.instance])) return false;
+  if (is_culled(cull, meeting.sum, slot.triangle.ray, slot.is_mirrored)) return false;
   const std::uint32_t primitive = leaf.primitives[lane];
   if (t == slot.best_t && slot.hit_instance != kNoHit &&
       !wins_tie(instances, slot.instance, primitive, slot.hit_instance, slot.hit_primitive)) {
@@ -225,12 +225,12 @@ PERFECT_BVH_INLINE bool take_hit(Slot& slot, const InstanceView* instances, cons
 
 // Where any hit will do, whether a candidate is one for which t need not be known; the slot has it then.
 template <class Leaf>
-PERFECT_BVH_INLINE bool is_surely_hit(Slot& slot, const InstanceView* instances, Cull cull, const Leaf& leaf, int lane,
+PERFECT_BVH_INLINE bool is_surely_hit(Slot& slot, Cull cull, const Leaf& leaf, int lane,
                                       const LeafCandidates& candidates) noexcept {
   const TriangleRay& ray = slot.triangle.ray;
   if (!slot.time.is_direct || is_beside_edge(candidates.least_weights[lane], ray, span_bound(leaf, lane))) return false;
   if (!is_surely_in_range(slot.triangle, CornerDepths(leaf, lane, ray))) return false;
-  if (is_culled(cull, candidates.sums[lane], ray, instances[slot.instance])) return false;
+  if (is_culled(cull, candidates.sums[lane], ray, slot.is_mirrored)) return false;
   slot.hit_instance = slot.instance;
   return true;
 }

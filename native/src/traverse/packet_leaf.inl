@@ -75,7 +75,7 @@ bool test_leaf_alone(Packet& packet, const PacketLevel& level, const Leaf& leaf,
     const int lane = __builtin_ctz(lanes);
     Meeting meeting;
     if (!meet_candidate(meeting, candidates, lane, leaf, lone.triangle.ray, local)) continue;
-    if (is_culled(packet.cull, meeting.sum, lone.triangle.ray, *level.instance)) continue;
+    if (is_culled(packet.cull, meeting.sum, lone.triangle.ray, level.instance->mirrored != 0)) continue;
     if (!take_packet_hit(packet, level, i, leaf.primitives[lane], meeting)) continue;
     is_new = true;
     if constexpr (kAny) break;

@@ -21,6 +21,7 @@ struct alignas(64) Ray {
   float t_min = 0.0f;
   float t_max = kInfiniteDistance;
   std::uint32_t mask = 0xFFFFFFFFu;  // an instance is seen if it shares a bit
+  float time = 0.0f;                 // within the shutter: from 0, its opening, to 1
 };
 static_assert(sizeof(Ray) == 64);
 
@@ -36,10 +37,14 @@ struct Hit {
   [[nodiscard]] bool found() const noexcept { return instance_index != kNoHit; }
 };
 
-// False for rays that can hit nothing: a non-finite or zero direction, a non-finite origin, NaN or crossed t range.
+// Another one, NaN included, is no time.
+[[nodiscard]] static inline bool is_in_shutter(float time) noexcept { return time >= 0.0f && time <= 1.0f; }
+
+// False for rays that can hit nothing: a non-finite or zero direction, a non-finite origin, NaN or crossed t range, no
+// time.
 [[nodiscard]] inline bool is_valid(const Ray& ray) noexcept {
   return is_finite(ray.origin) && is_finite(ray.direction) && !(ray.direction == Vec3d{0, 0, 0}) &&
-         ray.t_min <= ray.t_max;
+         ray.t_min <= ray.t_max && is_in_shutter(ray.time);
 }
 
 }  // namespace perfect_bvh

@@ -25,6 +25,12 @@ struct alignas(64) Slot {
   // The top level's; a lone instance that is traced directly has no use for them.
   ObjectRay world;
   BoxState world_box;
+  bool is_mirrored;  // the instance's transform turns the winding round
+
+  // Of the tree being traversed, in a scene where anything moves within the shutter (moving.inl).
+  const TreeStep* step;         // null: it does not move
+  const WideNode* later_nodes;  // of the next step, null where the tree is at a step
+  Moment moment;
 };
 
 inline std::uint32_t* stack_of(Slot& slot) noexcept { return reinterpret_cast<std::uint32_t*>(&slot + 1); }
@@ -59,9 +65,13 @@ inline void clear_hit(Slot& slot) noexcept {
   slot.hit_instance = slot.hit_primitive = kNoHit;
 }
 
-// Takes on a new ray. False if it can hit nothing.
+#include "traverse/moving.inl"
+
+// Takes on a new ray. False if it can hit nothing. kMoves: the scene has motions.
+template <bool kMoves>
 inline bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexcept {
   if (!(ray.t_min <= ray.t_max)) return false;
+  if (kMoves && !is_in_shutter(ray.time)) return false;
   if (!load_ray(slot.world, ray, static_cast<double>(scene.scale))) return false;
   const double reach = static_cast<double>(scene.reach);
   if (!stands_near(slot.world, reach) && !bring_near(slot.world, reach)) return false;
@@ -75,6 +85,7 @@ inline bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexce
   if (scene.root >= kInstanceChild) return true;  // a single instance: the top level has no boxes
   slot.time = slot.world.time;
   slot.nodes = scene.nodes;
+  if constexpr (kMoves) take_top_step(slot, scene, ray.time);
   set_states(slot.box, slot.triangle, slot.world, scene.extent);
   slot.box.t_min = to_local_min(slot.time, static_cast<double>(ray.t_min));
   slot.box.t_limit = to_local_max(slot.time, slot.best_t);
@@ -90,6 +101,7 @@ inline void stop_unbuilt(Slot& slot, const SceneView& scene) noexcept {
 
 // The instance on top of the stack gives way to the root of its tree. False if the ray does not see it: the entry is
 // then to be dropped.
+template <bool kMoves>
 inline bool enter_instance(Slot& slot, const SceneView& scene, const Ray& ray) noexcept {
   std::uint32_t* const stack = stack_of(slot);
   slot.instance = stack[slot.top] - kInstanceChild;
@@ -97,12 +109,18 @@ inline bool enter_instance(Slot& slot, const SceneView& scene, const Ray& ray) n
   if ((instance.mask & ray.mask) == 0) return false;
   if (instance.root == kUnbuiltRoot) return stop_unbuilt(slot, scene), false;
   ObjectRay& local = slot.local;
-  map_to_local(local, slot.world, instance.world_to_local);
+  slot.is_mirrored = instance.mirrored != 0;
+  if (!kMoves || instance.motion == 0) {
+    map_to_local(local, slot.world, instance.world_to_local);
+  } else if (!map_to_moving(slot, scene, instance, ray.time)) {
+    return false;
+  }
   const double reach = static_cast<double>(instance.extent.reach);
   if (!stands_near(local, reach) && !bring_near(local, reach)) return false;
   slot.time = local.time;
   slot.nodes = instance.nodes;
   slot.blocks = blocks_of(instance);
+  if constexpr (kMoves) take_tree_step(slot, scene, instance, ray.time);
   set_states(slot.box, slot.triangle, local, instance.extent);
   slot.box.t_min = to_local_min(slot.time, static_cast<double>(ray.t_min));
   set_limit(slot);
@@ -125,7 +143,7 @@ struct LoneInstance {
   explicit LoneInstance(const SceneView& scene) noexcept {
     if (scene.is_empty || scene.root < kInstanceChild) return;
     const InstanceView& instance = scene.instances[scene.root - kInstanceChild];
-    if (instance.root == kUnbuiltRoot || !is_identity(instance.world_to_local)) return;
+    if (instance.root == kUnbuiltRoot || instance.motion != 0 || !is_identity(instance.world_to_local)) return;
     view = &instance;
     farthest = kNearby * static_cast<double>(smaller(scene.reach, instance.extent.reach));
   }
@@ -144,6 +162,7 @@ struct LoneInstance {
 inline void prepare_slot(Slot& slot, const SceneView& scene, const InstanceView& instance) noexcept {
   stack_of(slot)[0] = kDoneMark;
   slot.instance = scene.root - kInstanceChild;
+  slot.is_mirrored = instance.mirrored != 0;
   slot.nodes = instance.nodes;
   slot.blocks = blocks_of(instance);
   slot.floor = 0;
@@ -169,12 +188,13 @@ PERFECT_BVH_INLINE bool start_directly(Slot& slot, const SceneView& scene, const
 }
 
 // Any-hit rays stop at their first hit: their limit never sinks, and no entry distances are stacked.
-template <bool kAny>
-inline void leave_instance(Slot& slot, const SceneView& scene, std::size_t nears_offset) noexcept {
+template <bool kAny, bool kMoves>
+inline void leave_instance(Slot& slot, const SceneView& scene, float time, std::size_t nears_offset) noexcept {
   slot.box = slot.world_box;
   slot.time = slot.world.time;
   slot.box.t_limit = to_local_max(slot.time, slot.best_t);
   slot.nodes = scene.nodes;
+  if constexpr (kMoves) take_top_step(slot, scene, time);
   slot.floor = 0;
   --slot.top;
   if constexpr (!kAny) drop_far_entries(slot, nears_offset);

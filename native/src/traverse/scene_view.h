@@ -8,6 +8,7 @@
 #include "math/slab.h"
 #include "math/vec3.h"
 #include "stats/ray_counts.h"
+#include "traverse/motion_view.h"
 #include "traverse/ray.h"
 #include "wide/wide_bvh.h"
 
@@ -45,7 +46,8 @@ struct alignas(64) InstanceView {
   std::uint8_t is_round;    // and hold curves or points
   std::int32_t id;
   std::int64_t order;
-  float scale;  // of the tree as stored
+  float scale;           // of the tree as stored
+  std::uint32_t motion;  // a row among the scene's motions, plus one; 0: it does not move within the shutter
 };
 static_assert(sizeof(InstanceView) == 192);  // every ray that enters an instance reads all of it
 
@@ -89,6 +91,10 @@ struct SceneView {
   // The first instance's map to the world (columns x, y, z, translation), and how many bytes to the next one's.
   const double* places = nullptr;
   std::size_t place_stride = 0;
+  // Of a scene in which anything moves within the shutter; otherwise null.
+  const MotionView* motions = nullptr;
+  const TreeStep* top_steps = nullptr;
+  StepTimes top_times;
   UnbuiltInstances* unbuilt = nullptr;  // only where some tree may not be built
   Interruption interruption;
 };
@@ -120,6 +126,7 @@ struct PointQuery {
   double position[3];
   double max_distance;  // so far away still counts
   std::uint32_t mask;   // an instance is seen if it shares a bit
+  float time = 0.0f;    // within the shutter, as a ray's
 };
 
 // The point is (1-u-v) v0 + u v1 + v v2 of the triangle; the indices are kNoHit if there is none.

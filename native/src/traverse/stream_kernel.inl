@@ -20,6 +20,8 @@ namespace {
 #include "traverse/node_test.inl"
 // After the leaf test.
 #include "traverse/round_leaf.inl"
+// After the leaf and node tests.
+#include "traverse/moving_leaf.inl"
 
 // Leaves are tested when this many rays wait at one, or no ray is left at a node.
 constexpr std::size_t kLeafPatience = 16;
@@ -62,7 +64,7 @@ inline void fetch_instances(Stream& stream) noexcept {
   }
 }
 
-template <bool kAny, bool kCounts, bool kFetches>
+template <bool kAny, bool kCounts, bool kFetches, bool kMoves>
 PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
   Slot** const at_node = stream.at_node;
   Slot** const at_other = stream.at_other + stream.other_count;
@@ -74,7 +76,7 @@ PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
     std::uint32_t top = slot.top;
     const WideNode& node = slot.nodes[stack[top]];
     if constexpr (kCounts) ++stream.batch.counts[slot.ray].nodes_visited;
-    const NodeTest test = test_node(node, slot.box);
+    const NodeTest test = kMoves ? test_any_node(slot, stack[top]) : test_node(node, slot.box);
     if constexpr (kAny) {
       top += push_unsorted(node, test.hit, stack + top) - 1;
     } else {
@@ -104,7 +106,7 @@ bool take_hits(Slot& slot, const Stream& stream, const Leaf& leaf, unsigned lane
   for (; lanes != 0; lanes &= lanes - 1) {
     const int lane = __builtin_ctz(lanes);
     if constexpr (kAny) {
-      if (is_surely_hit(slot, instances, stream.batch.cull, leaf, lane, candidates)) return true;
+      if (is_surely_hit(slot, stream.batch.cull, leaf, lane, candidates)) return true;
     }
     if (!take_hit(slot, instances, ray, stream.batch.cull, leaf, lane, candidates)) continue;
     if constexpr (kAny) return true;
@@ -162,6 +164,21 @@ __attribute__((noinline)) void visit_indexed_leaf(Stream& stream, Slot& slot, st
   visit_leaf<kAny, kCounts>(stream, slot, leaf);
 }
 
+// Of a tree of triangles that moves.
+template <bool kAny, bool kCounts>
+__attribute__((noinline)) void visit_moving_leaf(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
+  if (slot.blocks == nullptr) {
+    GatheredLeaf leaf;
+    gather_moving_leaf(leaf, slot.step, slot.moment, row);
+    return visit_leaf<kAny, kCounts>(stream, slot, leaf);
+  }
+  if (slot.later_nodes == nullptr) return visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
+  LeafBlock leaf;
+  const float reach = stream.scene.instances[slot.instance].extent.reach;
+  interpolate_leaf(leaf, slot.blocks[row], slot.step[1].blocks[row], slot.moment, reach);
+  visit_leaf<kAny, kCounts>(stream, slot, leaf);
+}
+
 // A leaf of a compact tree is read in three steps, each of which needs the one before: numbers, indices, positions. The
 // first two are fetched here for all waiting leaves together, so that the caches are waited for twice and not twice a
 // leaf: a third faster. Fetching the positions, too, costs more than it saves. Of points numbers and balls; a leaf of
@@ -196,7 +213,7 @@ __attribute__((noinline)) void fetch_indexed_leaves(const Stream& stream) noexce
   }
 }
 
-template <bool kAny, bool kCounts>
+template <bool kAny, bool kCounts, bool kMoves>
 PERFECT_BVH_INLINE void visit_leaves(Stream& stream) noexcept {
   const std::size_t count = stream.leaf_count;
   std::size_t nodes = stream.node_count, others = stream.other_count;
@@ -205,7 +222,9 @@ PERFECT_BVH_INLINE void visit_leaves(Stream& stream) noexcept {
     Slot& slot = *stream.at_leaf[i];
     std::uint32_t* const stack = stack_of(slot);
     const std::uint32_t row = stack[slot.top] - kBlockChild;
-    if (slot.blocks != nullptr) {
+    if (kMoves && slot.step != nullptr && stream.scene.instances[slot.instance].is_round == 0) {
+      visit_moving_leaf<kAny, kCounts>(stream, slot, row);
+    } else if (slot.blocks != nullptr) {
       visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
     } else {
       visit_indexed_leaf<kAny, kCounts>(stream, slot, row);
@@ -240,7 +259,7 @@ inline void write_result(const RayBatch& batch, std::size_t row, const Slot* slo
 }
 
 // The next ray of the batch that can hit anything; false if none is left.
-template <bool kAny, bool kCounts>
+template <bool kAny, bool kCounts, bool kMoves>
 inline bool take_next_ray(Stream& stream, Slot& slot) noexcept {
   while (stream.next_ray < stream.batch.count) {
     const std::size_t row = row_of(stream.batch, stream.next_ray++);
@@ -250,14 +269,14 @@ inline bool take_next_ray(Stream& stream, Slot& slot) noexcept {
       if constexpr (kCounts) ++stream.batch.counts[row].nodes_visited;
       return true;
     }
-    if (!stream.scene.is_empty && start_ray(slot, stream.scene, stream.batch.rays[row])) return true;
+    if (!stream.scene.is_empty && start_ray<kMoves>(slot, stream.scene, stream.batch.rays[row])) return true;
     write_result<kAny>(stream.batch, row, nullptr);
   }
   return false;
 }
 
 // Follows the marks on each waiting slot's stack until it is at a node or a leaf, or no ray is left for it.
-template <bool kAny, bool kCounts>
+template <bool kAny, bool kCounts, bool kMoves>
 void follow_marks(Stream& stream) noexcept {
   for (std::size_t i = 0; i < stream.mark_count; ++i) {
     Slot& slot = *stream.at_mark[i];
@@ -267,12 +286,12 @@ void follow_marks(Stream& stream) noexcept {
       const std::uint32_t mark = stack[slot.top];
       if (mark == kDoneMark) {
         write_result<kAny>(stream.batch, slot.ray, &slot);
-        is_active = take_next_ray<kAny, kCounts>(stream, slot);
+        is_active = take_next_ray<kAny, kCounts, kMoves>(stream, slot);
       } else if (mark == kLeaveMark) {
-        leave_instance<kAny>(slot, stream.scene, stream.nears_offset);
+        leave_instance<kAny, kMoves>(slot, stream.scene, stream.batch.rays[slot.ray].time, stream.nears_offset);
       } else {
         if constexpr (kCounts) ++stream.batch.counts[slot.ray].nodes_visited;
-        if (!enter_instance(slot, stream.scene, stream.batch.rays[slot.ray])) --slot.top;
+        if (!enter_instance<kMoves>(slot, stream.scene, stream.batch.rays[slot.ray])) --slot.top;
       }
     }
     if (!is_active) continue;
@@ -316,13 +335,13 @@ std::size_t stream_workspace_bytes(const SceneView& scene, std::size_t in_flight
   return slot_bytes(scene) * in_flight;
 }
 
-template <bool kAny, bool kCounts>
+template <bool kAny, bool kCounts, bool kMoves>
 void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) noexcept {
   Stream stream(scene, batch, padded_entries(scene));
   for (std::size_t i = 0; i < in_flight; ++i) {
     Slot& slot = *reinterpret_cast<Slot*>(static_cast<char*>(workspace) + i * slot_bytes(scene));
     if (stream.lone.view != nullptr) prepare_slot(slot, scene, *stream.lone.view);
-    if (!take_next_ray<kAny, kCounts>(stream, slot)) break;
+    if (!take_next_ray<kAny, kCounts, kMoves>(stream, slot)) break;
     stream.at_other[stream.other_count++] = &slot;
     // A top level of nodes begins at a node.
     if (stack_of(slot)[slot.top] < kBlockChild)
@@ -333,23 +352,30 @@ void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace
     if (pace.should_stop()) return;
     while (stream.node_count != 0 && stream.other_count + stream.leaf_count < kLeafPatience) {
       if (scene.exceeds_cache) {
-        visit_nodes<kAny, kCounts, true>(stream);
+        visit_nodes<kAny, kCounts, true, kMoves>(stream);
       } else {
-        visit_nodes<kAny, kCounts, false>(stream);
+        visit_nodes<kAny, kCounts, false, kMoves>(stream);
       }
     }
     sort_others(stream);
     if (scene.exceeds_cache) fetch_instances(stream);
-    visit_leaves<kAny, kCounts>(stream);
-    follow_marks<kAny, kCounts>(stream);
+    visit_leaves<kAny, kCounts, kMoves>(stream);
+    follow_marks<kAny, kCounts, kMoves>(stream);
   }
+}
+
+template <bool kAny, bool kCounts>
+void trace_stream_at_times(const SceneView& scene, const RayBatch& batch, void* workspace,
+                           std::size_t in_flight) noexcept {
+  if (scene.motions != nullptr) return trace_stream<kAny, kCounts, true>(scene, batch, workspace, in_flight);
+  return trace_stream<kAny, kCounts, false>(scene, batch, workspace, in_flight);
 }
 
 template <bool kAny>
 void trace_stream_as_asked(const SceneView& scene, const RayBatch& batch, void* workspace,
                            std::size_t in_flight) noexcept {
-  if (batch.counts != nullptr) return trace_stream<kAny, true>(scene, batch, workspace, in_flight);
-  return trace_stream<kAny, false>(scene, batch, workspace, in_flight);
+  if (batch.counts != nullptr) return trace_stream_at_times<kAny, true>(scene, batch, workspace, in_flight);
+  return trace_stream_at_times<kAny, false>(scene, batch, workspace, in_flight);
 }
 
 void trace_stream_closest(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) {

@@ -105,7 +105,7 @@ float scale_of(const Mesh& mesh, CancelToken& cancel) {
 }  // namespace
 
 WideCosts refit_wide(const WideBvh& from, const RefitPlan& plan, const Mesh& mesh, WideBvh& to, bool has_shape,
-                     ThreadPool& pool, CancelToken& cancel) {
+                     ThreadPool& pool, CancelToken& cancel, std::optional<float> scale) {
   if (!is_refittable(from)) {
     throw InvalidArgument("refit_wide: the tree's boxes are clipped (spatial splits), so it must be rebuilt instead");
   }
@@ -116,13 +116,13 @@ WideCosts refit_wide(const WideBvh& from, const RefitPlan& plan, const Mesh& mes
   to.indexed_leaves.resize(from.indexed_leaves.size());
   to.layout = from.layout, to.root = from.root, to.depth = from.depth, to.is_empty = from.is_empty,
   to.repeats_triangles = false;
-  to.scale = from.scale, to.extent = from.extent;
+  to.scale = scale.value_or(from.scale), to.extent = from.extent;
   if (from.is_empty) return {};
   // What `to` itself has of the shape is nearer: it is about to be written.
   const WideBvh& shape = has_shape ? to : from;
   Refitter refitter(shape, plan, mesh, to);
   refitter.run(pool, cancel);
-  if (tree_scale(in_mesh(refitter.bounds(), to.scale)) != to.scale) {
+  if (!scale && tree_scale(in_mesh(refitter.bounds(), to.scale)) != to.scale) {
     to.scale = scale_of(mesh, cancel);
     refitter.run(pool, cancel);
   }

@@ -1,0 +1,70 @@
+// The nodes and leaves of a tree between two of its steps: boxes and vertices in straight lines (math/step_times.h).
+// Part of stream_kernel.inl: everything has internal linkage.
+
+struct Shares {
+  Float8 earlier, later;
+  explicit Shares(const Moment& moment) noexcept
+      : earlier(broadcast(moment.earlier)), later(broadcast(moment.later)) {}
+};
+
+PERFECT_BVH_INLINE Float8 interpolate(const Shares& shares, const Float8& a, const Float8& b) noexcept {
+  return fmadd(shares.later, b, mul(shares.earlier, a));
+}
+
+// test_node() of the boxes at a moment.
+PERFECT_BVH_INLINE NodeTest test_moving_node(const WideNode& node, const WideNode& later, const BoxState& box,
+                                             const Moment& moment) noexcept {
+  const Shares shares(moment);
+  const auto row = [&](std::size_t offset) __attribute__((always_inline)) {
+    return interpolate(shares, load_row(&node, offset), load_row(&later, offset));
+  };
+  const float *const inverse = box.slab.inverse, *const near_offset = box.slab.near_offset;
+  const float* const far_offset = box.slab.far_offset;
+  const Float8 near_x = plane_depths<0>(row(box.rows.near_row[0]), inverse, near_offset);
+  const Float8 near_y = plane_depths<1>(row(box.rows.near_row[1]), inverse, near_offset);
+  const Float8 near_z = plane_depths<2>(row(box.rows.near_row[2]), inverse, near_offset);
+  const Float8 far_x = plane_depths<0>(row(box.rows.far_row[0]), inverse, far_offset);
+  const Float8 far_y = plane_depths<1>(row(box.rows.far_row[1]), inverse, far_offset);
+  const Float8 far_z = plane_depths<2>(row(box.rows.far_row[2]), inverse, far_offset);
+  const Float8 near = max(max(near_x, near_y), max(near_z, broadcast(box.t_min)));
+  const Float8 far = min(min(far_x, far_y), min(far_z, broadcast(box.t_limit)));
+  return {near, less_equal(near, far)};
+}
+
+PERFECT_BVH_INLINE NodeTest test_any_node(const Slot& slot, std::uint32_t row) noexcept {
+  if (slot.later_nodes == nullptr) return test_node(slot.nodes[row], slot.box);
+  return test_moving_node(slot.nodes[row], slot.later_nodes[row], slot.box, slot.moment);
+}
+
+// The leaf that a tree of that moment would have, but for a larger bound of the triangles' spans: vertices are rounded
+// where they are interpolated, by a part of how far away from the origin they are, which `reach` bounds.
+PERFECT_BVH_INLINE void interpolate_leaf(LeafBlock& leaf, const LeafBlock& from, const LeafBlock& to,
+                                         const Moment& moment, float reach) noexcept {
+  const Shares shares(moment);
+  for (int axis = 0; axis < 3; ++axis) {
+    store(leaf.vertices[axis], interpolate(shares, load(from.vertices[axis]), load(to.vertices[axis])));
+  }
+  __builtin_memcpy(leaf.corners, from.corners, sizeof(leaf.corners) + sizeof(leaf.primitives));
+  float span = 0.0f;  // of a leaf that is a point it is no number
+  if (block_span(from) > span) span = block_span(from);
+  if (block_span(to) > span) span = block_span(to);
+  span = span * (1.0f + 0x1p-10f) + reach * 0x1p-20f;
+  constexpr std::uint32_t kCorners = 0xFFFu;
+  leaf.corners[0] = (__builtin_bit_cast(std::uint32_t, span) & ~kCorners) | (from.corners[0] & kCorners);
+}
+
+// The same of a leaf of the compact layout.
+inline void gather_moving_leaf(GatheredLeaf& leaf, const TreeStep* step, const Moment& moment,
+                               std::uint32_t row) noexcept {
+  gather_leaf(leaf, *step[0].indexed_leaves, row);
+  if (!moment.is_between()) return;
+  GatheredLeaf later;
+  gather_leaf(later, *step[1].indexed_leaves, row);
+  const Shares shares(moment);
+  for (int corner = 0; corner < 3; ++corner) {
+    for (int axis = 0; axis < 3; ++axis) {
+      float* const rows = leaf.corners[corner][axis];
+      store(rows, interpolate(shares, load(rows), load(later.corners[corner][axis])));
+    }
+  }
+}

@@ -1,0 +1,316 @@
+"""Rays at times of their own: each meets the scene as it would be if it stood still then."""
+
+from __future__ import annotations
+
+import numpy as np
+import perfect_bvh
+import pytest
+from oracles import meshes
+from oracles.moving import positions_at, transform_at
+
+RANGES = [(0.0, 1.0), (0.25, 0.75), (-1.0, 2.0)]
+IDENTITY = np.eye(4)
+
+
+@pytest.fixture(autouse=True)
+def default_isa():
+    yield
+    perfect_bvh.set_active_isa(None)
+
+
+def matrix(random: np.random.Generator, size: float = 1.0) -> np.ndarray:
+    """(4, 4): any rotation, an uneven scale, some shear, a place."""
+    made = np.eye(4)
+    rotation, _ = np.linalg.qr(random.normal(size=(3, 3)))
+    stretch = np.diag(random.uniform(0.5, 1.5, 3)) + np.triu(random.uniform(-0.2, 0.2, (3, 3)), 1)
+    made[:3, :3] = size * rotation @ stretch
+    made[:3, 3] = random.uniform(-1.0, 1.0, 3)
+    return made
+
+
+class MovingScene:
+    """A soup and a ball that change shape, a cube that stays; instances that turn, and some that stand still."""
+
+    def __init__(self, steps: int, time_range=(0.0, 1.0), seed: int = 0, dtype=np.float32, **settings) -> None:
+        random = np.random.default_rng(seed)
+        self.time_range, self.scene = time_range, perfect_bvh.Scene()
+        soup, ball, cube = meshes.soup(120, seed), meshes.sphere(8, 12, 0.5), meshes.sphere(3, 4, 0.7)
+        self.meshes, self.ids = [], []
+        for (positions, triangles), moves in ((soup, True), (ball, True), (cube, False)):
+            shapes = np.stack([positions + moves * random.normal(0, 0.15, positions.shape) for _ in range(steps)])
+            mesh = self.scene.add_mesh(positions.astype(dtype), triangles, **settings)
+            self.meshes.append((mesh, shapes.astype(dtype) if moves else None))
+        self.instances = []
+        for i, (mesh, _) in enumerate(self.meshes * 3):
+            start = matrix(random, 0.8)
+            identifier = self.scene.add_instance(mesh, start)
+            turning = i % 3 == 2 or i >= 6
+            path = np.stack([matrix(random, 0.8) for _ in range(steps)]) if turning else start[None]
+            if turning:  # none of them turned inside out from the one before
+                path[:, :3, 0] *= np.sign(np.linalg.det(path[:, :3, :3]))[:, None]
+            self.instances.append((identifier, path))
+        self.move()
+
+    def move(self) -> None:
+        for mesh, shapes in self.meshes:
+            if shapes is not None:
+                self.scene.set_mesh_motion(mesh, shapes, self.time_range)
+        for identifier, path in self.instances:
+            if len(path) > 1:
+                self.scene.set_instance_motion([identifier], path[:, None], self.time_range)
+        self.scene.commit()
+
+    def frozen(self, scene: perfect_bvh.Scene, time: float) -> None:
+        """Makes of a copy, whose ids are the same, the scene at that time."""
+        for mesh, shapes in self.meshes:
+            if shapes is not None:
+                scene.update_mesh(mesh, positions_at(shapes, time, self.time_range))
+        places = [transform_at(path, time, self.time_range) if len(path) > 1 else path[0] for _, path in self.instances]
+        scene.set_transforms([identifier for identifier, _ in self.instances], places)
+        scene.commit()
+
+
+def still_copy(moving: MovingScene, steps: int, seed: int) -> perfect_bvh.Scene:
+    return MovingScene(steps, moving.time_range, seed).scene
+
+
+def assert_alike(hits: perfect_bvh.Hits, expected: perfect_bvh.Hits, tolerance: float) -> None:
+    """Rays that graze an edge may be answered either way, by both alike or not: there are next to none of those."""
+    same = (hits.instance_ids == expected.instance_ids) & (hits.primitive_ids == expected.primitive_ids)
+    assert (~same).mean() < 2e-3
+    both = same & hits.is_hit
+    np.testing.assert_allclose(hits.t_hit[both], expected.t_hit[both], rtol=tolerance, atol=tolerance)
+    assert np.array_equal(hits.front_face[both], expected.front_face[both])
+    np.testing.assert_allclose(hits.geometric_normals[both], expected.geometric_normals[both], atol=2e-3)
+    np.testing.assert_allclose(hits.positions[both], expected.positions[both], atol=1e-4)
+
+
+FIELDS = ("t_hit", "instance_ids", "primitive_ids", "primitive_uvs", "front_face", "geometric_normals", "positions")
+
+
+@pytest.mark.parametrize(("steps", "time_range"), [(2, RANGES[0]), (3, RANGES[1]), (5, RANGES[2]), (9, RANGES[0])])
+def test_a_ray_meets_the_scene_frozen_at_its_time(steps, time_range):
+    """250 times of each motion, 1,000 in all, each beside a scene that stands still."""
+    moving = MovingScene(steps, time_range)
+    still = still_copy(moving, steps, 0)
+    random = np.random.default_rng(7)
+    found = 0
+    for i in range(250):
+        time = (0.0, 1.0, 0.25, 0.5, 0.75, *random.uniform(0, 1, 245))[i]
+        origins, directions = meshes.random_rays(200, i)
+        moving.frozen(still, time)
+        hits = moving.scene.cast_rays(origins, directions, times=time, fields=FIELDS)
+        assert_alike(hits, still.cast_rays(origins, directions, fields=FIELDS), 2e-5)
+        found += hits.is_hit.sum()
+    assert found > 10_000
+
+
+def test_no_answer_is_wrong_in_double_precision():
+    moving = MovingScene(4, seed=3)
+    origins, directions = meshes.random_rays(30_000, 5)
+    times = np.random.default_rng(6).uniform(0, 1, 30_000)
+    hits = moving.scene.cast_rays(origins, directions, times=times, audit=1.0)
+    assert hits.is_hit.sum() > 5_000
+    assert hits.audit.wrong_rows.size == 0
+    shifted = moving.scene.cast_rays(origins, directions, times=(times + 0.5) % 1, audit=1.0)
+    assert (hits.primitive_ids != shifted.primitive_ids).mean() > 0.05  # they do move
+
+
+def answers(scene, origins, directions, times) -> list[bytes]:
+    hits = scene.cast_rays(origins, directions, times=times, fields=FIELDS)
+    listed, splits = scene.list_intersections(origins[:500], directions[:500], times=times[:500])
+    closest = scene.compute_closest_points(origins[:500], times=times[:500])
+    return [
+        *(hits.columns[name].tobytes() for name in FIELDS),
+        scene.test_occlusions(origins, directions, times=times).tobytes(),
+        scene.count_intersections(origins, directions, times=times).tobytes(),
+        listed.t_hit.tobytes(),
+        listed.primitive_ids.tobytes(),
+        splits.tobytes(),
+        closest.points.tobytes(),
+        closest.distances.tobytes(),
+    ]
+
+
+def test_same_bits_on_every_instruction_set_builder_layout_and_thread_count():
+    origins, directions = meshes.random_rays(4_000, 2)
+    times = np.random.default_rng(8).uniform(0, 1, 4_000).astype(np.float32)
+    expected = None
+    builders = ("auto", "fast", "median", "sweep", "binned", "agglomerative", "combine")
+    known = perfect_bvh.BuildConfig.__annotations__
+    assert known
+    layouts = ("default", "compact")
+    for builder in builders:
+        for layout in layouts:
+            try:
+                config = perfect_bvh.BuildConfig(builder=builder, layout=layout)
+            except ValueError:
+                continue
+            moving = MovingScene(3, seed=4, build=config)
+            for isa in perfect_bvh.available_isas() if builder == "auto" else perfect_bvh.available_isas()[-1:]:
+                perfect_bvh.set_active_isa(isa)
+                found = answers(moving.scene, origins, directions, times)
+                expected = expected or found
+                assert found == expected, (builder, layout, isa)
+    alone = moving.scene.cast_rays(origins, directions, times=times, threads=1, fields=FIELDS)
+    assert [alone.columns[name].tobytes() for name in FIELDS] == expected[: len(FIELDS)]
+
+
+@pytest.mark.parametrize("layout", ["default", "compact"])
+def test_every_query_agrees_with_the_frozen_scene(layout):
+    moving = MovingScene(3, seed=9, build=perfect_bvh.BuildConfig(layout=layout))
+    still = still_copy(moving, 3, 9)
+    origins, directions = meshes.random_rays(1_000, 3)
+    for time in (0.0, 0.3, 0.5, 0.9, 1.0):
+        moving.frozen(still, time)
+        scene, rays = moving.scene, (origins, directions)
+        occluded = scene.test_occlusions(*rays, times=time)
+        assert (occluded == scene.cast_rays(*rays, times=time).is_hit).all()
+        counts, expected = scene.count_intersections(*rays, times=time), still.count_intersections(*rays)
+        assert (counts != expected).mean() < 5e-3
+        listed = scene.list_intersections(*rays, times=time)
+        assert np.array_equal(np.diff(listed.ray_splits), counts)
+        closest, other = scene.compute_closest_points(origins, times=time), still.compute_closest_points(origins)
+        np.testing.assert_allclose(closest.distances, other.distances, rtol=1e-5, atol=1e-6)
+        walk = scene.walk_ray(origins[0], directions[0], time=time)
+        assert walk.nearest_t[-1] == pytest.approx(scene.cast_rays(origins[0], directions[0], times=time).t_hit)
+
+
+def test_times_that_are_none_are_misses_and_counted():
+    scene = perfect_bvh.Scene()
+    mesh = scene.add_mesh(*meshes.sphere(8, 12, 1.0))
+    instance = scene.add_instance(mesh)
+    scene.set_instance_motion([instance], np.stack([IDENTITY, IDENTITY])[:, None])
+    still = perfect_bvh.Scene()
+    still.add_instance(still.add_mesh(*meshes.sphere(8, 12, 1.0)))
+    times = np.array([0.0, 1.0, -1e-6, 1.000001, np.nan, np.inf, -np.inf, 0.5])
+    bad = ~((times >= 0) & (times <= 1))
+    for each in (scene, still):
+        each.commit()
+        hits = each.cast_rays((0, 0, 5), np.tile((0.1, 0.05, -5.0), (8, 1)), times=times, audit=1.0)
+        assert np.array_equal(hits.is_hit, ~bad)
+        assert hits.invalid_count == bad.sum()
+        assert hits.audit.wrong_rows.size == 0
+        assert np.array_equal(each.test_occlusions((0, 0, 5), np.tile((0, 0, -5.0), (8, 1)), times=times), ~bad)
+        closest = each.compute_closest_points(np.zeros((8, 3)), times=times)
+        assert np.array_equal(np.isfinite(closest.distances), ~bad)
+        assert closest.invalid_count == bad.sum()
+
+
+def test_a_wheel_stays_round():
+    """A quarter of a turn in one step: a matrix that is interpolated would shrink to .71 of its size half-way."""
+    scene = perfect_bvh.Scene()
+    mesh = scene.add_mesh(*meshes.sphere(64, 128, 1.0))
+    instance = scene.add_instance(mesh)
+    quarter = np.array([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+    scene.set_instance_motion([instance], np.stack([IDENTITY, quarter])[:, None])
+    scene.commit()
+    times = np.linspace(0, 1, 101)
+    hits = scene.cast_rays((3, 0.01, 0.02), np.tile((-1.0, 0, 0), (101, 1)), times=times)
+    np.testing.assert_allclose(hits.t_hit, 2.0, atol=3e-3)
+
+
+def test_a_scale_through_zero_vanishes_for_a_moment_only():
+    scene = perfect_bvh.Scene()
+    instance = scene.add_instance(scene.add_mesh(*meshes.sphere(8, 12, 1.0)))
+    inside_out = np.diag([-1.0, 1.0, 1.0, 1.0])
+    scene.set_instance_motion([instance], np.stack([IDENTITY, inside_out])[:, None])
+    scene.commit()
+    times = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+    hits = scene.cast_rays((0.01, 0.02, 5), np.tile((0, 0, -1.0), (5, 1)), times=times, fields=FIELDS)
+    assert hits.is_hit.tolist() == [True, True, False, True, True]
+    assert hits.front_face.tolist() == [True, True, False, False, False]  # it is turned inside out
+    front = scene.cast_rays((0.01, 0.02, 5), np.tile((0, 0, -1.0), (5, 1)), times=times, cull="front", fields=FIELDS)
+    assert front.is_hit.tolist() == [True, True, False, True, True]
+    assert not front.front_face.any()
+    assert (front.t_hit > hits.t_hit)[:2].all()
+    assert (front.t_hit == hits.t_hit)[3:].all()
+
+
+def test_motion_ends_where_things_are_placed():
+    moving = MovingScene(3, seed=2)
+    rays = meshes.random_rays(500, 1)
+    still = still_copy(moving, 3, 2)
+    moving.frozen(moving.scene, 0.6)
+    moving.frozen(still, 0.6)
+    for time in (0.0, 0.7):
+        hits, expected = moving.scene.cast_rays(*rays, times=time), still.cast_rays(*rays)
+        for name in ("t_hit", "instance_ids", "primitive_ids"):
+            assert hits.columns[name].tobytes() == expected.columns[name].tobytes()
+
+
+def test_a_mesh_that_only_another_instance_moves_is_kept():
+    scene = perfect_bvh.Scene()
+    large = scene.add_mesh(*meshes.sphere(100, 100, 1.0))
+    small = scene.add_mesh(*meshes.sphere(4, 4, 0.1))
+    scene.add_instance(large)
+    instance = scene.add_instance(small)
+    scene.commit()
+    path = np.stack([IDENTITY, IDENTITY])
+    path[1, 0, 3] = 3.0
+    scene.set_instance_motion([instance], path[:, None])
+    report = scene.commit()
+    assert report.kept_count == 2
+    assert not report.meshes
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda s, m, i: s.set_mesh_motion(m, np.zeros((2, 3, 2))), r"set_mesh_motion: positions must have shape"),
+        (lambda s, m, i: s.set_mesh_motion(m, np.zeros((2, 5, 3))), r"set_mesh_motion: positions has 10 rows"),
+        (lambda s, m, i: s.set_mesh_motion(m, np.zeros((0, 8, 3))), r"set_mesh_motion: positions must have 1 to 255"),
+        (lambda s, m, i: s.set_mesh_motion(m, np.full((2, 8, 3), np.nan)), r"positions\[0\] is not finite"),
+        (lambda s, m, i: s.set_mesh_motion(99, np.zeros((2, 8, 3))), r"there is no mesh with id 99"),
+        (lambda s, m, i: s.set_mesh_motion(m, np.zeros((2, 8, 3)), (1.0, 0.0)), r"time_range must rise"),
+        (lambda s, m, i: s.set_mesh_motion(m, np.zeros((2, 8, 3)), 3), r"time_range must be two numbers"),
+        (lambda s, m, i: s.set_mesh_motion(m, np.zeros((2, 8, 3)), (0, np.nan)), r"time_range must rise"),
+        (lambda s, m, i: s.set_instance_motion([i], np.zeros((2, 1, 4, 5))), r"transforms must have shape"),
+        (lambda s, m, i: s.set_instance_motion([i, i], np.tile(IDENTITY, (2, 1, 1, 1))), r"transforms must have 4 rows"),
+        (lambda s, m, i: s.set_instance_motion([99], np.tile(IDENTITY, (2, 1, 1, 1))), r"no instance with id 99"),
+        (
+            lambda s, m, i: s.set_instance_motion([i], np.stack([IDENTITY, np.diag([1.0, 1, 0, 1])])[:, None]),
+            r"transforms\[1, 0\] flattens the instance",
+        ),
+        (
+            lambda s, m, i: s.set_instance_motion([i], np.stack([IDENTITY, np.inf * np.ones((4, 4))])[:, None, :3]),
+            r"must be finite",
+        ),
+        (lambda s, m, i: s.cast_rays(np.zeros((4, 3)), np.ones((4, 3)), times=np.zeros(3)), r"times must be a number"),
+    ],
+)
+def test_bad_motions_change_nothing(call, message):
+    scene = perfect_bvh.Scene()
+    positions, triangles = meshes.sphere(3, 3, 1.0)
+    positions = np.resize(positions, (8, 3))
+    mesh = scene.add_mesh(positions, np.minimum(triangles, 7))
+    instance = scene.add_instance(mesh)
+    scene.commit()
+    with pytest.raises(ValueError, match=message):
+        call(scene, mesh, instance)
+    assert scene.is_current
+
+
+def test_trees_with_spatial_splits_refuse_to_move():
+    scene = perfect_bvh.Scene()
+    positions, triangles = meshes.sphere(8, 8, 1.0)
+    mesh = scene.add_mesh(positions, triangles, perfect_bvh.BuildConfig(builder="spatial"))
+    with pytest.raises(ValueError, match=r"set_mesh_motion: mesh 0 is built with spatial splits.*build='auto'"):
+        scene.set_mesh_motion(mesh, np.stack([positions, positions]))
+
+
+def test_far_from_zero_and_lazy():
+    """In float64, recentred around the first step; a mesh that was added as lazy moves like any other."""
+    positions, triangles = meshes.sphere(12, 16, 1.0)
+    centre = np.array([1e6, -2e6, 5e5])
+    scene = perfect_bvh.Scene()
+    mesh = scene.add_mesh(positions + centre, triangles, lazy=True)
+    scene.add_instance(mesh)
+    scene.set_mesh_motion(mesh, np.stack([positions + centre, positions + centre + (4.0, 0, 0)]))
+    scene.commit()
+    times = np.linspace(0, 1, 9)
+    origins = centre + np.stack([4 * times, 0 * times, 0 * times + 5], axis=1)
+    hits = scene.cast_rays(origins, (0.003, 0.004, -1.0), times=times, audit=1.0)
+    assert hits.is_hit.all()
+    np.testing.assert_allclose(hits.t_hit, hits.t_hit[0], atol=1e-5)
+    assert hits.audit.wrong_rows.size == 0
