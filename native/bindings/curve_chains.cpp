@@ -88,7 +88,8 @@ void bind_curve_chains(py::module_& module) {
   py::class_<Subdivision> subdivision(module, "Subdivision");
   make_only_natively(subdivision);
   subdivision.def_property_readonly("offsets", [](const Subdivision& self) { return to_column(self.ball_offsets()); })
-      .def("is_as_fine_as", &Subdivision::is_as_fine_as, py::arg("other"));
+      .def("is_as_fine_as", &Subdivision::is_as_fine_as, py::arg("other"))
+      .def("finer", &Subdivision::finer, py::arg("other"));
   bind_curves_of<float>(module, subdivision);
   bind_curves_of<double>(module, subdivision);
 }

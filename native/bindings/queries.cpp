@@ -170,8 +170,8 @@ void bind_queries(py::module_& module) {
       "cast_rays",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
          const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
-         const std::string& cull,
-         const std::string& strategy, const py::dict& outputs, int threads, const py::object& progress) {
+         const std::string& cull, const std::string& strategy, const py::dict& outputs, int threads,
+         const py::object& progress) {
         RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
         rays.strategy = parse_strategy(strategy);
         const HitColumns hits = read_outputs(outputs, rays.count);
@@ -181,14 +181,14 @@ void bind_queries(py::module_& module) {
         });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("strategy"), py::arg("outputs"), py::arg("threads"),
-      py::arg("progress"));
+      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("strategy"),
+      py::arg("outputs"), py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "test_occlusions",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
          const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
-         const std::string& cull,
-         const std::string& strategy, Array<bool>& occluded, int threads, const py::object& progress) {
+         const std::string& cull, const std::string& strategy, Array<bool>& occluded, int threads,
+         const py::object& progress) {
         RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
         rays.strategy = parse_strategy(strategy);
         if (static_cast<std::size_t>(occluded.size()) != rays.count) {
@@ -200,15 +200,15 @@ void bind_queries(py::module_& module) {
         });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("strategy"), py::arg("occluded").noconvert(),
-      py::arg("threads"), py::arg("progress"));
+      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("strategy"),
+      py::arg("occluded").noconvert(), py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "audit_answers",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
          const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
-         const std::string& cull,
-         const Array<float>& t_hit, const Array<std::int32_t>& instance_ids, const Array<std::int32_t>& primitive_ids,
-         Array<bool>& wrong, Array<bool>& ambiguous, int threads, const py::object& progress) {
+         const std::string& cull, const Array<float>& t_hit, const Array<std::int32_t>& instance_ids,
+         const Array<std::int32_t>& primitive_ids, Array<bool>& wrong, Array<bool>& ambiguous, int threads,
+         const py::object& progress) {
         const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
         for (const py::ssize_t size :
              {t_hit.size(), instance_ids.size(), primitive_ids.size(), wrong.size(), ambiguous.size()}) {
@@ -224,15 +224,14 @@ void bind_queries(py::module_& module) {
         });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("t_hit").noconvert(), py::arg("instance_ids").noconvert(),
-      py::arg("primitive_ids").noconvert(), py::arg("wrong").noconvert(), py::arg("ambiguous").noconvert(),
-      py::arg("threads"), py::arg("progress"));
+      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("t_hit").noconvert(),
+      py::arg("instance_ids").noconvert(), py::arg("primitive_ids").noconvert(), py::arg("wrong").noconvert(),
+      py::arg("ambiguous").noconvert(), py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "count_intersections",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
          const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
-         const std::string& cull,
-         Array<std::int32_t>& counts, int threads, const py::object& progress) {
+         const std::string& cull, Array<std::int32_t>& counts, int threads, const py::object& progress) {
         const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
         if (static_cast<std::size_t>(counts.size()) != rays.count) {
           throw std::invalid_argument("_core: counts has the wrong size");
@@ -243,14 +242,14 @@ void bind_queries(py::module_& module) {
         });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("counts").noconvert(), py::arg("threads"),
-      py::arg("progress"));
+      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("counts").noconvert(),
+      py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "list_intersections",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
          const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
-         const std::string& cull,
-         const Array<std::int64_t>& ray_splits, const py::dict& outputs, int threads, const py::object& progress) {
+         const std::string& cull, const Array<std::int64_t>& ray_splits, const py::dict& outputs, int threads,
+         const py::object& progress) {
         const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
         const auto splits = as_span(ray_splits);
         if (splits.size() != rays.count + 1) throw std::invalid_argument("_core: ray_splits has the wrong size");
@@ -261,8 +260,8 @@ void bind_queries(py::module_& module) {
         });
       },
       py::arg("origins"), py::arg("directions"), py::arg("t_min").noconvert(), py::arg("t_max").noconvert(),
-      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("ray_splits").noconvert(), py::arg("outputs"),
-      py::arg("threads"), py::arg("progress"));
+      py::arg("masks").noconvert(), py::arg("times").noconvert(), py::arg("cull"), py::arg("ray_splits").noconvert(),
+      py::arg("outputs"), py::arg("threads"), py::arg("progress"));
   snapshot.def(
       "compute_closest_points",
       [](const Snapshot& self, const Array<double>& points, const Array<double>& max_distances,
@@ -280,8 +279,7 @@ void bind_queries(py::module_& module) {
       "walk_ray",
       [](const Snapshot& self, const py::array& origins, const py::array& directions, const Array<float>& t_min,
          const Array<float>& t_max, const Array<std::uint32_t>& masks, const Array<float>& times,
-         const std::string& cull,
-         const py::object& progress) {
+         const std::string& cull, const py::object& progress) {
         const RayColumns rays = read_rays(origins, directions, t_min, t_max, masks, times, cull);
         if (rays.count != 1) throw std::invalid_argument("_core: walk_ray takes one ray");
         const Ray ray = load_ray(rays, 0);

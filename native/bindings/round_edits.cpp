@@ -1,10 +1,13 @@
 // Input was checked for shape and dtype by the Python face; the engine checks the values.
 #include "bindings/round_edits.h"
 
+#include <pybind11/stl.h>
+
 #include <utility>
 
 #include "bindings/arrays.h"
 #include "bindings/build_settings.h"
+#include "bindings/step_times.h"
 
 namespace perfect_bvh::bindings {
 namespace {
@@ -69,6 +72,16 @@ void update_balls(Scene& scene, std::int32_t mesh_id, const Array<T>& centres, c
   scene.update_balls(mesh_id, kKind, balls, ThreadPool::shared());
 }
 
+// Of all steps, one after another; no offsets: those that there are.
+template <class T, PrimitiveKind kKind>
+void set_motion(Scene& scene, std::int32_t mesh_id, const Array<T>& centres, const Array<T>& radii,
+                const Array<std::int64_t>& offsets, std::size_t steps, const std::pair<float, float>& range) {
+  const auto balls = as_balls(centres, radii);
+  const auto starts = as_span(offsets);
+  const py::gil_scoped_release release;
+  scene.set_round_motion(mesh_id, kKind, balls, starts, step_times(steps, range));
+}
+
 template <class T>
 void bind_edits_of(py::class_<Scene>& scene) {
   scene.def("add_points", &add_points<T>, py::arg("centers").noconvert(), py::arg("radii").noconvert(),
@@ -80,6 +93,12 @@ void bind_edits_of(py::class_<Scene>& scene) {
             py::arg("centers").noconvert(), py::arg("radii").noconvert());
   scene.def("update_curves", &update_balls<T, PrimitiveKind::kCurves>, py::arg("mesh_id"),
             py::arg("points").noconvert(), py::arg("radii").noconvert());
+  scene.def("set_points_motion", &set_motion<T, PrimitiveKind::kPoints>, py::arg("mesh_id"),
+            py::arg("centers").noconvert(), py::arg("radii").noconvert(), py::arg("offsets").noconvert(),
+            py::arg("steps"), py::arg("time_range"));
+  scene.def("set_curves_motion", &set_motion<T, PrimitiveKind::kCurves>, py::arg("mesh_id"),
+            py::arg("points").noconvert(), py::arg("radii").noconvert(), py::arg("offsets").noconvert(),
+            py::arg("steps"), py::arg("time_range"));
   scene.def("set_chains", &set_chains<T>, py::arg("mesh_id"), py::arg("centers").noconvert(),
             py::arg("radii").noconvert(), py::arg("offsets").noconvert());
   scene.def("replace_points", &replace_points<T>, py::arg("mesh_id"), py::arg("centers").noconvert(),

@@ -8,6 +8,7 @@
 #include "bindings/build_settings.h"
 #include "bindings/progress.h"
 #include "bindings/round_edits.h"
+#include "bindings/step_times.h"
 
 namespace perfect_bvh::bindings {
 namespace {
@@ -173,12 +174,6 @@ void set_transforms(Scene& scene, const Array<std::int32_t>& ids, const Array<T>
   const auto matrices = as_matrices(transforms, rows.size());
   const py::gil_scoped_release release;
   scene.set_transforms(rows, matrices, ThreadPool::shared());
-}
-
-// Of the steps that begin and end with a range of times.
-StepTimes step_times(std::size_t steps, const std::pair<float, float>& range) {
-  const auto last = static_cast<std::uint32_t>(steps - 1);
-  return {range.first, static_cast<float>(last) / (range.second - range.first), last};
 }
 
 // transforms: the instances' at the first step, then at the second, and so on.

@@ -266,7 +266,10 @@ def test_a_mesh_that_only_another_instance_moves_is_kept():
         (lambda s, m, i: s.set_mesh_motion(m, np.zeros((2, 8, 3)), 3), r"time_range must be two numbers"),
         (lambda s, m, i: s.set_mesh_motion(m, np.zeros((2, 8, 3)), (0, np.nan)), r"time_range must rise"),
         (lambda s, m, i: s.set_instance_motion([i], np.zeros((2, 1, 4, 5))), r"transforms must have shape"),
-        (lambda s, m, i: s.set_instance_motion([i, i], np.tile(IDENTITY, (2, 1, 1, 1))), r"transforms must have 4 rows"),
+        (
+            lambda s, m, i: s.set_instance_motion([i, i], np.tile(IDENTITY, (2, 1, 1, 1))),
+            r"transforms must have 4 rows",
+        ),
         (lambda s, m, i: s.set_instance_motion([99], np.tile(IDENTITY, (2, 1, 1, 1))), r"no instance with id 99"),
         (
             lambda s, m, i: s.set_instance_motion([i], np.stack([IDENTITY, np.diag([1.0, 1, 0, 1])])[:, None]),
@@ -314,3 +317,120 @@ def test_far_from_zero_and_lazy():
     assert hits.is_hit.all()
     np.testing.assert_allclose(hits.t_hit, hits.t_hit[0], atol=1e-5)
     assert hits.audit.wrong_rows.size == 0
+
+
+def round_scene(kind: str, steps: int, seed: int) -> tuple[perfect_bvh.Scene, int, np.ndarray, np.ndarray]:
+    """Points, or curves of one sort: the scene, the mesh's id, and centres and radii at each step."""
+    random = np.random.default_rng(seed)
+    count = 120
+    start = random.uniform(-1, 1, (count, 3)) if kind == "points" else np.cumsum(random.normal(0, 0.15, (count, 3)), 0)
+    places = (start + np.cumsum(random.normal(0, 0.1, (steps, count, 3)), 0)).astype(np.float32)
+    radii = random.uniform(0.02, 0.08, (steps, count)).astype(np.float32)
+    scene, offsets = perfect_bvh.Scene(), np.arange(0, count + 1, 12)
+    if kind == "points":
+        mesh = scene.add_points(places[0], radii[0])
+    else:
+        shape = "ribbon" if kind == "ribbon" else "round"
+        sort = "catmull_rom" if kind == "catmull_rom" else "poly"
+        layout = perfect_bvh.BuildConfig(layout="compact" if kind == "compact" else "default")
+        mesh = scene.add_curves(places[0], radii[0], offsets, kind=sort, shape=shape, build=layout)
+    scene.add_instance(mesh, matrix(random))
+    turning = scene.add_instance(mesh, matrix(random))
+    scene.set_instance_motion([turning], np.stack([matrix(random) for _ in range(steps)])[:, None])
+    return scene, mesh, places, radii
+
+
+ROUND = ["points", "poly", "compact", "ribbon", "catmull_rom"]
+
+
+@pytest.mark.parametrize("kind", ROUND)
+def test_moving_curves_and_points_are_right_in_double_precision_and_the_same_bits_everywhere(kind):
+    scene, mesh, places, radii = round_scene(kind, 4, 5)
+    move = scene.set_points_motion if kind == "points" else scene.set_curves_motion
+    move(mesh, places, radii)
+    scene.commit()
+    origins, directions = meshes.random_rays(6_000, 3)
+    times = np.random.default_rng(4).uniform(0, 1, 6_000).astype(np.float32)
+    hits = scene.cast_rays(origins, directions, times=times, audit=0.3)
+    assert hits.is_hit.sum() > 500
+    assert hits.audit.wrong_rows.size == 0
+    expected = None
+    for isa in perfect_bvh.available_isas():
+        perfect_bvh.set_active_isa(isa)
+        found = answers(scene, origins, directions, times)
+        expected = expected or found
+        assert found == expected, isa
+
+
+@pytest.mark.parametrize("kind", ["points", "poly", "ribbon"])
+def test_moving_curves_and_points_are_those_frozen_at_the_ray_s_time(kind):
+    scene, mesh, places, radii = round_scene(kind, 3, 6)
+    (scene.set_points_motion if kind == "points" else scene.set_curves_motion)(mesh, places, radii)
+    scene.commit()
+    still, other, *_ = round_scene(kind, 3, 6)
+    both = np.concatenate([places, radii[..., None]], axis=2)
+    turning = 1
+    random = np.random.default_rng(6)
+    for time in (0.0, 0.2, 0.5, *random.uniform(0, 1, 20), 1.0):
+        now = positions_at(both, time)
+        (still.update_points if kind == "points" else still.update_curves)(other, now[:, :3], now[:, 3])
+        still.set_instance_motion([turning], frozen_turn(kind, time)[None, None])
+        still.commit()
+        origins, directions = meshes.random_rays(400, int(1000 * time))
+        hits = scene.cast_rays(origins, directions, times=time, fields=FIELDS)
+        expected = still.cast_rays(origins, directions, fields=FIELDS)
+        same = (hits.primitive_ids == expected.primitive_ids) & (hits.instance_ids == expected.instance_ids)
+        assert (~same).mean() < 1e-2
+        np.testing.assert_allclose(hits.t_hit[same], expected.t_hit[same], rtol=1e-4, atol=1e-4)
+        found = same & hits.is_hit
+        np.testing.assert_allclose(hits.positions[found], expected.positions[found], atol=2e-3)
+        closest, nearest = scene.compute_closest_points(origins, times=time), still.compute_closest_points(origins)
+        np.testing.assert_allclose(closest.distances, nearest.distances, rtol=1e-4, atol=1e-5)
+
+
+def frozen_turn(kind: str, time: float) -> np.ndarray:
+    """Where the turning instance of `round_scene(kind, 3, 6)` is then."""
+    random = np.random.default_rng(6)
+    random.uniform(-1, 1, (120, 3)) if kind == "points" else random.normal(0, 0.15, (120, 3))
+    random.normal(0, 0.1, (3, 120, 3))
+    random.uniform(0.02, 0.08, (3, 120))
+    for _ in range(2):
+        matrix(random)
+    return transform_at(np.stack([matrix(random) for _ in range(3)]), time)
+
+
+def test_curves_that_bend_get_the_pieces_of_the_most_bent_step():
+    scene = perfect_bvh.Scene()
+    straight = np.stack([np.arange(6.0), np.zeros(6), np.zeros(6)], axis=1)
+    bent = straight + np.array([[0, 0, 0], [0, 1, 0], [0, 0, 0], [0, 1, 0], [0, 0, 0], [0, 1, 0]])
+    offsets = [0, 6, 12]
+    first, second = np.concatenate([straight, bent]), np.concatenate([bent, straight + (0, 0, 3)])
+    mesh = scene.add_curves(np.concatenate([straight, straight]), 0.05, offsets, kind="catmull_rom")
+    scene.add_instance(mesh)
+    scene.set_curves_motion(mesh, np.stack([first, second]))
+    report = scene.commit()
+    other = perfect_bvh.Scene()
+    other.add_instance(other.add_curves(np.concatenate([bent, bent]), 0.05, offsets, kind="catmull_rom"))
+    assert report.meshes[0].triangle_count == other.commit().meshes[0].triangle_count
+
+
+def test_bad_motions_of_curves_and_points_change_nothing():
+    scene = perfect_bvh.Scene()
+    points = scene.add_points(np.zeros((3, 3)), 0.1)
+    curves = scene.add_curves(np.arange(9.0).reshape(3, 3), 0.1, [0, 3])
+    scene.add_instances([points, curves], np.tile(IDENTITY, (2, 1, 1)))
+    scene.commit()
+    two = np.zeros((2, 3, 3))
+    for call, message in (
+        (lambda: scene.set_points_motion(points, np.zeros((2, 4, 3))), "set_points_motion: centers has 4 rows"),
+        (lambda: scene.set_points_motion(points, two, [[0.1, 0.1, 0.1], [0.1, 0.0, 0.1]]), "0 at every step"),
+        (lambda: scene.set_points_motion(points, two, np.full((3, 3), 0.1)), r"radii must have shape \(2, 3\)"),
+        (lambda: scene.set_points_motion(points, two, -0.1), "at least 0"),
+        (lambda: scene.set_points_motion(curves, two), "must have points, but has curves"),
+        (lambda: scene.set_mesh_motion(curves, two), "must have triangles, but has curves"),
+        (lambda: scene.set_curves_motion(curves, np.full((2, 3, 3), np.inf)), "not finite"),
+        (lambda: scene.set_curves_motion(curves, two, time_range=(0.5, 0.5)), "time_range must rise"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            call()
+        assert scene.is_current

@@ -38,9 +38,7 @@ def rotation_and_stretch(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def turned_by(rotation: np.ndarray, share: float) -> np.ndarray:
     """(3, 3): a share of the way from no rotation to this one, the shorter way (Rodrigues)."""
-    axis = np.array(
-        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
-    )
+    axis = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
     sine, cosine = np.linalg.norm(axis) / 2, (np.trace(rotation) - 1) / 2
     if sine < 1e-12:
         return np.eye(3)

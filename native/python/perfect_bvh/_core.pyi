@@ -187,6 +187,7 @@ class Subdivision:
     @property
     def offsets(self) -> _Long: ...
     def is_as_fine_as(self, other: Subdivision) -> bool: ...
+    def finer(self, other: Subdivision) -> Subdivision: ...
     @overload
     def balls(
         self, points: _Float, radii: _Float, curve_offsets: _Long, cyclic: _Byte, kind: str, function: str
@@ -279,6 +280,46 @@ class Scene:
     def set_transforms(self, ids: _Int, transforms: _Float) -> None: ...
     @overload
     def set_transforms(self, ids: _Int, transforms: _Double) -> None: ...
+    @overload
+    def set_points_motion(
+        self,
+        mesh_id: int,
+        centers: _Float,
+        radii: _Float,
+        offsets: _Long,
+        steps: int,
+        time_range: tuple[float, float],
+    ) -> None: ...
+    @overload
+    def set_points_motion(
+        self,
+        mesh_id: int,
+        centers: _Double,
+        radii: _Double,
+        offsets: _Long,
+        steps: int,
+        time_range: tuple[float, float],
+    ) -> None: ...
+    @overload
+    def set_curves_motion(
+        self,
+        mesh_id: int,
+        points: _Float,
+        radii: _Float,
+        offsets: _Long,
+        steps: int,
+        time_range: tuple[float, float],
+    ) -> None: ...
+    @overload
+    def set_curves_motion(
+        self,
+        mesh_id: int,
+        points: _Double,
+        radii: _Double,
+        offsets: _Long,
+        steps: int,
+        time_range: tuple[float, float],
+    ) -> None: ...
     @overload
     def set_instance_motion(
         self, ids: _Int, transforms: _Float, steps: int, time_range: tuple[float, float]

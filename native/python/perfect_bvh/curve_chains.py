@@ -58,6 +58,23 @@ class CurveChains:
                 chains = replace(chains, subdivision=needed)
         return chains, *chains.balls(function, points)
 
+    def moved_in_steps(
+        self, function: str, points: npt.NDArray[Any], radii: npt.NDArray[Any], steps: int
+    ) -> tuple[CurveChains, npt.NDArray[Any], npt.NDArray[Any]]:
+        """As `moved`, of steps one after another: with the pieces that the most bent of them asks for.
+
+        radii: of all steps, one number a step or one a point; empty: those that there are.
+        """
+        places = np.split(points, steps)
+        sizes = [None if radii.size == 0 else part for part in np.split(radii, steps)]
+        each = [self.moved(function, place, size)[0] for place, size in zip(places, sizes, strict=True)]
+        finest = each[0].subdivision
+        for chains in each[1:]:
+            finest = finest.finer(chains.subdivision)
+        each = [replace(chains, subdivision=finest) for chains in each]
+        parts = [chains.balls(function, place) for chains, place in zip(each, places, strict=True)]
+        return each[0], np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+
     def balls(self, function: str, points: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
         """(B, 3) centres and (B,) radii, of the points' dtype."""
         return self.subdivision.balls(points, self.radii, self.offsets, self.cyclic, self.kind, function)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _core
-from ._arrays import as_rows, check_id
+from ._arrays import as_rows, as_steps, as_time_range, check_id
 from .build_config import BuildConfig, Usage, as_config, check_usage
 from .curve_chains import CurveChains, CurveKind, CurveShape, as_radii, as_shape, divide
 
@@ -130,6 +130,56 @@ class CurvesAndPoints:
         self._scene.set_chains(number, centres, sizes, moved.subdivision.offsets)
         self._keep(number, moved)
 
+    def set_points_motion(
+        self,
+        mesh: int,
+        centers: npt.ArrayLike,
+        radii: npt.ArrayLike | None = None,
+        time_range: tuple[float, float] = (0.0, 1.0),
+    ) -> None:
+        """Moves points within the shutter, as `Scene.set_mesh_motion` moves vertices: (S, N, 3) at S steps.
+
+        radii: (S, N), or (N,) or one number for all steps; None keeps those that they have. A point whose radius is 0
+            at one step must have none at any.
+        """
+        name = "set_points_motion"
+        steps, rows = as_steps(name, "centers", centers, 3)
+        if steps == 1:
+            self.update_points(mesh, rows, None if radii is None else np.asarray(radii).reshape(-1))
+            return
+        sizes = _radii_in_steps(name, radii, rows, steps)
+        span = as_time_range(name, time_range)
+        none = np.empty(0, np.int64)
+        self._scene.set_points_motion(check_id(name, "mesh", mesh), rows, sizes, none, steps, span)
+
+    def set_curves_motion(
+        self,
+        mesh: int,
+        points: npt.ArrayLike,
+        radii: npt.ArrayLike | None = None,
+        time_range: tuple[float, float] = (0.0, 1.0),
+    ) -> None:
+        """Moves curves within the shutter, as `Scene.set_mesh_motion` moves vertices: (S, P, 3) at S steps.
+
+        radii: (S, P), or (P,) or one number for all steps; None keeps those that they have. A segment whose radii are 0
+            at one step must have none at any. Curves that are not poly get the pieces that the most bent step asks for,
+            at every step; the balls between which their segments are go in straight lines.
+        """
+        name = "set_curves_motion"
+        number = check_id(name, "mesh", mesh)
+        steps, rows = as_steps(name, "points", points, 3)
+        if steps == 1:
+            self.update_curves(number, rows, None if radii is None else np.asarray(radii).reshape(-1))
+            return
+        sizes = _radii_in_steps(name, radii, rows, steps)
+        span, offsets, chains = as_time_range(name, time_range), np.empty(0, np.int64), self._chains.get(number)
+        if chains is not None:
+            chains, rows, sizes = chains.moved_in_steps(name, rows, sizes, steps)
+            offsets = chains.subdivision.offsets
+        self._scene.set_curves_motion(number, rows, sizes, offsets, steps, span)
+        if chains is not None:
+            self._keep(number, chains)
+
     def replace_points(self, mesh: int, centers: npt.ArrayLike, radii: npt.ArrayLike) -> None:
         """Gives a mesh of points others, as many as there are, see `add_points`; its instances stay."""
         number = check_id("replace_points", "mesh", mesh)
@@ -169,3 +219,15 @@ class CurvesAndPoints:
         rows = as_rows(name, what, places)
         sizes = np.empty(0, rows.dtype) if radii is None else as_radii(name, radii, rows)
         (self._scene.update_points if name == "update_points" else self._scene.update_curves)(number, rows, sizes)
+
+
+def _radii_in_steps(function: str, radii: npt.ArrayLike | None, rows: npt.NDArray[Any], steps: int) -> npt.NDArray[Any]:
+    """Of all steps, one after another, of the rows' dtype: one number a step, or one a row; empty for None."""
+    if radii is None:
+        return np.empty(0, rows.dtype)
+    array = np.asarray(radii)
+    if array.ndim == 2:
+        if array.shape != (steps, len(rows) // steps):
+            raise ValueError(f"{function}: radii must have shape ({steps}, {len(rows) // steps}), got {array.shape}")
+        return as_radii(function, array.reshape(-1), rows)
+    return np.tile(as_radii(function, array, rows[: len(rows) // steps]), steps)

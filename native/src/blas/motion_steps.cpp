@@ -26,6 +26,13 @@ Aabb bounds_of(const Blas& blas) noexcept {
   return box;
 }
 
+// A ball's box is its centre less and plus its radius, each interpolated and rounded: by 3 u R more than the slab test
+// has room for (math/slab.h), which goes with the extent.
+void widen(TreeExtent& extent) noexcept {
+  for (float& largest : extent.largest) largest *= 1.5f;
+  extent.reach *= 1.5f;
+}
+
 }  // namespace
 
 void add_motion_steps(Blas& blas, ThreadPool& pool, CancelToken& cancel) {
@@ -41,8 +48,10 @@ void add_motion_steps(Blas& blas, ThreadPool& pool, CancelToken& cancel) {
   const Aabb bounds = bounds_of(blas);
   const float scale = tree_scale(bounds);
   const auto settle = [&](Blas& step) {
-    if (step.wide.scale != scale) refit_wide(step.wide, blas.refit_plan, step.mesh, step.wide, true, pool, cancel, scale);
+    if (step.wide.scale != scale)
+      refit_wide(step.wide, blas.refit_plan, step.mesh, step.wide, true, pool, cancel, scale);
     step.wide.extent = tree_extent(bounds, scale);
+    if (step.mesh.is_round()) widen(step.wide.extent);
     step.indexed_leaves = view_leaves(step.wide, step.mesh);
   };
   settle(blas);

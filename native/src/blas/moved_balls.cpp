@@ -85,6 +85,32 @@ MovedBalls move_balls(const Mesh& mesh, const BallsGiven<T>& given, const std::s
       std::ranges::equal(anew.segments, mesh.segments) && std::ranges::equal(anew.numbers, mesh.numbers);
   return {std::make_shared<const Mesh>(std::move(anew)), is_same && mesh.kind == PrimitiveKind::kCurves};
 }
+template <class T>
+std::shared_ptr<const Mesh> balls_at_step(const Mesh& first, const BallsGiven<T>& given, ThreadPool& pool,
+                                          const char* function) {
+  check_ball_count(given.centres.size(), first, function);
+  const std::vector<T> kept = given.radii.empty() ? given_radii<T>(first) : std::vector<T>();
+  const BallsGiven<T> balls{given.centres, given.radii.empty() ? std::span<const T>(kept) : given.radii};
+  check_balls(balls, first.kind, function);
+  auto step = std::make_shared<Mesh>();
+  step->kind = first.kind, step->shape = first.shape, step->centre = first.centre;
+  step->segments = first.segments, step->starts = first.starts, step->numbers = first.numbers;
+  step->balls.resize(first.balls.size());
+  std::atomic<bool> all_alike{!gained_radius(first, balls)};
+  parallel_for(pool, step->balls.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      step->balls[i] = ball_at(balls, first.numbers.empty() ? i : std::size_t{first.numbers[i]}, first.centre);
+      if (has_radius(step->balls[i]) != has_radius(first.balls[i])) all_alike = false;
+    }
+  });
+  if (all_alike) return step;
+  throw InvalidArgument(std::string(function) +
+                        ": radii that are 0 at one step must be 0 at every step, since what has "
+                        "none is left out; give the others a small one");
+}
+template std::shared_ptr<const Mesh> balls_at_step(const Mesh&, const BallsGiven<float>&, ThreadPool&, const char*);
+template std::shared_ptr<const Mesh> balls_at_step(const Mesh&, const BallsGiven<double>&, ThreadPool&, const char*);
+
 template MovedBalls move_balls(const Mesh&, const BallsGiven<float>&, const std::shared_ptr<SparePositions>&,
                                ThreadPool&, const char*);
 template MovedBalls move_balls(const Mesh&, const BallsGiven<double>&, const std::shared_ptr<SparePositions>&,

@@ -23,4 +23,10 @@ template <class T>
                                     const std::shared_ptr<SparePositions>& spare, ThreadPool& pool,
                                     const char* function);
 
+// The mesh at another step of its motion within the shutter: the same primitives, in the same frame. Throws
+// InvalidArgument as move_balls() does, and where a ball has a radius at one step and none at the other.
+template <class T>
+[[nodiscard]] std::shared_ptr<const Mesh> balls_at_step(const Mesh& first, const BallsGiven<T>& balls, ThreadPool& pool,
+                                                        const char* function);
+
 }  // namespace perfect_bvh

@@ -21,7 +21,8 @@ template <class T>
                                                         const std::shared_ptr<SparePositions>& spare, ThreadPool& pool,
                                                         const char* function);
 
-// The same of one that moves within the shutter: positions of all vertices at each of the steps, one step after another.
+// The same of one that moves within the shutter: positions of all vertices at each of the steps, one step after
+// another.
 template <class T>
 [[nodiscard]] std::shared_ptr<const Mesh> move_in_steps(const Mesh& mesh, std::span<const Vec3<T>> positions,
                                                         const StepTimes& times,

@@ -13,8 +13,10 @@
 // Ribbons have no inside, and are shown where no neighbour's axis is nearer to the line (math/ribbon_segment.h).
 #pragma once
 
+#include "math/ball.h"
 #include "math/ribbon_segment.h"
 #include "math/round_segment.h"
+#include "math/step_times.h"
 
 namespace perfect_bvh {
 
@@ -40,7 +42,22 @@ struct RoundList {
   const SegmentCode* segments = nullptr;  // null: the primitives are the balls
   float scale = 1.0f;                     // what the balls are brought to: the tree's
   CurveShape shape = CurveShape::kRound;
+  // Of what moves within the shutter: the balls of the next step, and the moment; null where all are as they are.
+  const Ball* later = nullptr;
+  Moment moment{};
 };
+
+// One of the list's balls, at its moment: as a kernel's box has it there.
+static inline RoundBall ball_at(const RoundList& list, std::uint32_t number) noexcept {
+  const Ball& from = list.balls[number];
+  if (list.later == nullptr) return round_ball(from, list.scale);
+  const Ball& to = list.later[number];
+  const Moment& moment = list.moment;
+  const Ball ball{{interpolate(moment, from.centre.x, to.centre.x), interpolate(moment, from.centre.y, to.centre.y),
+                   interpolate(moment, from.centre.z, to.centre.z)},
+                  interpolate(moment, from.radius, to.radius)};
+  return round_ball(ball, list.scale);
+}
 
 // A primitive's two balls; a point's are one.
 struct RoundEnds {
@@ -49,15 +66,15 @@ struct RoundEnds {
 
 static inline RoundEnds ends_of(const RoundList& list, std::uint32_t primitive) noexcept {
   if (list.segments == nullptr) {
-    const RoundBall ball = round_ball(list.balls[primitive], list.scale);
+    const RoundBall ball = ball_at(list, primitive);
     return {ball, ball};
   }
-  const Ball* const first = list.balls + (list.segments[primitive] & kSegmentBall);
-  return {round_ball(first[0], list.scale), round_ball(first[1], list.scale)};
+  const std::uint32_t first = list.segments[primitive] & kSegmentBall;
+  return {ball_at(list, first), ball_at(list, first + 1)};
 }
 
 static inline Chord chord_of(const RoundRay& ray, const RoundList& list, std::uint32_t primitive) noexcept {
-  if (list.segments == nullptr) return chord_of_ball(ray, round_ball(list.balls[primitive], list.scale));
+  if (list.segments == nullptr) return chord_of_ball(ray, ball_at(list, primitive));
   const RoundEnds ends = ends_of(list, primitive);
   if (list.shape == CurveShape::kRibbon) {
     return chord_of_ribbon(ray, ends.first, ends.last, list.segments[primitive]);
@@ -111,15 +128,15 @@ static inline ShownEnds shown_ends(const RoundRay& ray, const RoundList& list, s
   if (list.segments == nullptr) return {true, true};
   if (list.shape == CurveShape::kRibbon) return {is_nearest(ray, list, primitive), false};
   const SegmentCode code = list.segments[primitive];
-  const Ball* const balls = list.balls + (code & kSegmentBall);
+  const std::uint32_t first = code & kSegmentBall;
   const RoundEnds ends = ends_of(list, primitive);
   Chord before = kNoChord, after = kNoChord;
   if ((code & kSegmentBefore) != 0) {
-    const RoundBall other = round_ball(balls[-1], list.scale);
+    const RoundBall other = ball_at(list, first - 1);
     if (!is_behind(ray, chord, Neighbour(ends.first, other))) before = chord_of_segment(ray, other, ends.first);
   }
   if ((code & kSegmentAfter) != 0) {
-    const RoundBall other = round_ball(balls[2], list.scale);
+    const RoundBall other = ball_at(list, first + 2);
     if (!is_behind(ray, chord, Neighbour(ends.last, other))) after = chord_of_segment(ray, ends.last, other);
   }
   return shown_ends(before, chord, after);

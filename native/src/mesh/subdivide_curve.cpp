@@ -181,6 +181,23 @@ bool Subdivision::is_as_fine_as(const Subdivision& other) const noexcept {
   return true;
 }
 
+Subdivision Subdivision::finer(const Subdivision& other) const {
+  Subdivision both;
+  both.first_spans = first_spans;
+  std::uint32_t ball = 0;
+  for (std::size_t curve = 0; curve + 1 < first_spans.size(); ++curve) {
+    const auto first = static_cast<std::size_t>(first_spans[curve]),
+               end = static_cast<std::size_t>(first_spans[curve + 1]);
+    const std::uint32_t balls =
+        std::max(first_balls[end] - first_balls[first], other.first_balls[end] - other.first_balls[first]);
+    const auto spans = static_cast<std::uint32_t>(end - first);
+    for (std::uint32_t span = 0; span < spans; ++span) both.first_balls.push_back(ball + span * ((balls - 1) / spans));
+    ball += balls;
+  }
+  both.first_balls.push_back(ball);
+  return both;
+}
+
 template <class T>
 Subdivision subdivide(const ControlCurves<T>& curves, double tolerance, const RangeLoop& loop, const char* function) {
   if (!(tolerance > 0.0)) {

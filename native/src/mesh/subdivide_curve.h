@@ -40,6 +40,8 @@ struct Subdivision {
   [[nodiscard]] std::vector<std::int64_t> ball_offsets() const;
   // Whether it has as many pieces as another of the same curves everywhere, or more.
   [[nodiscard]] bool is_as_fine_as(const Subdivision& other) const noexcept;
+  // Of each curve the pieces of whichever has more; `other` is of the same curves.
+  [[nodiscard]] Subdivision finer(const Subdivision& other) const;
 };
 
 // Calls body(begin, end) for parts that together are [0, count), on whatever threads; returns when all have ended.

@@ -28,6 +28,7 @@ Aabb box_of(const Mesh& mesh) {
   Aabb box;
   for (const Vec3f position : mesh.positions) box.grow(position);
   for (const Ball& ball : mesh.balls) box.grow(perfect_bvh::box_of(ball));
+  for (const auto& later : mesh.later) box.grow(box_of(*later));
   return box;
 }
 
@@ -139,7 +140,7 @@ class Audit {
   // Of the ends of a curve's segments, or of a point, one is where the answer says.
   [[nodiscard]] bool is_wrong_round(const AuditedRay& ray, float t, const Instance& instance, std::size_t index,
                                     std::int32_t number) const {
-    const RoundJudge judge(posed(instance, ray.ray.time), ray.ray, reaches_[index]);
+    const RoundJudge judge(instance, ray.ray, reaches_[index]);
     bool is_there = false;
     double bound = 0;
     for (const std::uint32_t primitive : primitives_of(instance.blas->mesh, number)) {
@@ -202,7 +203,7 @@ class Audit {
                   std::vector<Finding>& findings) const {
     for (const std::size_t& i : near) {
       const AuditedRay& ray = rays_[i];
-      const RoundJudge judge(posed(snapshot_.instances[row], ray.ray.time), ray.ray, reaches_[row]);
+      const RoundJudge judge(snapshot_.instances[row], ray.ray, reaches_[row]);
       for (std::size_t primitive = begin; primitive < end; ++primitive) {
         ask_at(primitive);
         for (const JudgedEnd& found : judge.ends(static_cast<std::uint32_t>(primitive))) {

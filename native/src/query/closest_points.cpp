@@ -8,6 +8,7 @@
 #include "math/round_distance.h"
 #include "mesh/round_mesh.h"
 #include "query/ray_columns.h"
+#include "query/round_list.h"
 #include "query/trace.h"
 #include "tlas/lazy_trees.h"
 #include "traverse/dispatch.h"
@@ -27,7 +28,8 @@ PointQuery load_query(const PointColumns& columns, std::size_t row) {
 
 bool is_valid(const PointQuery& query) {
   const double* const p = query.position;
-  return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]) && query.max_distance >= 0.0 && is_in_shutter(query.time);
+  return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]) && query.max_distance >= 0.0 &&
+         is_in_shutter(query.time);
 }
 
 // Of a curve or point, which are solid: the query's own position if it is inside.
@@ -37,7 +39,7 @@ Vec3d nearest_on_solid(const Instance& instance, const PointQuery& query, std::u
   const double columns[9] = {map.x.x, map.x.y, map.x.z, map.y.x, map.y.y, map.y.z, map.z.x, map.z.y, map.z.z};
   const double* const p = query.position;
   const double from[3] = {p[0] - map.translation.x, p[1] - map.translation.y, p[2] - map.translation.z};
-  const RoundEnds ends = ends_of({mesh.balls.data(), mesh.segments.data(), 1.0f}, primitive);
+  const RoundEnds ends = ends_of(round_list(mesh, moment_of(instance, query.time)), primitive);
   const NearestOnRound found = nearest_on_round(round_place(columns), ends, from);
   if (found.is_inside) return {p[0], p[1], p[2]};
   return map.point({found.point[0], found.point[1], found.point[2]});

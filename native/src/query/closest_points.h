@@ -32,7 +32,8 @@ struct ClosestColumns {
 
 // Curves and points are solid: inside of one the distance is 0, and the nearest point is the point itself.
 // Of several primitives at exactly the same distance the smallest (order, id, primitive) is found. Returns how many
-// points were invalid: not finite, with a distance that is negative or NaN, or with no time of the shutter. max_threads 0: all of the pool's.
+// points were invalid: not finite, with a distance that is negative or NaN, or with no time of the shutter. max_threads
+// 0: all of the pool's.
 std::size_t compute_closest_points(const Snapshot& snapshot, const PointColumns& points, const ClosestColumns& closest,
                                    ThreadPool& pool, int max_threads, CancelToken& cancel);
 

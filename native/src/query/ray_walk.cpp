@@ -5,6 +5,7 @@
 
 #include "blas/deferred_tree.h"
 #include "mesh/round_mesh.h"
+#include "query/round_list.h"
 #include "query/trace.h"
 #include "query/tree_boxes.h"
 #include "tlas/lazy_trees.h"
@@ -27,9 +28,10 @@ namespace {
 // After the slot.
 #include "traverse/leaf_test.inl"
 #include "traverse/node_test.inl"
+#include "traverse/shares.inl"
 // After the leaf test.
-#include "traverse/round_leaf.inl"
 #include "traverse/moving_leaf.inl"
+#include "traverse/round_leaf.inl"
 
 constexpr double kNone = std::numeric_limits<double>::infinity();
 
@@ -151,17 +153,18 @@ class Walker {
   void visit_leaf() {
     const std::uint32_t row = next() - kBlockChild;
     const InstanceView& instance = view_.instances[slot().instance];
-    if (view_.motions != nullptr && slot().step != nullptr && instance.is_round == 0) {
+    if (view_.motions != nullptr && slot().step != nullptr) {
       return visit_moving_leaf(instance, row);
     }
     if (slot().blocks != nullptr) return test_triangles(slot().blocks[row]);
-    if (instance.is_round != 0) return test_round(instance, row);
+    if (instance.is_round != 0) return test_round(instance, *instance.indexed_leaves, row);
     GatheredLeaf leaf;
     gather_leaf(leaf, *instance.indexed_leaves, row);
     test_triangles(leaf);
   }
 
   void visit_moving_leaf(const InstanceView& instance, std::uint32_t row) {
+    if (instance.is_round != 0) return test_round(instance, moving_leaves(slot().step, slot().moment), row);
     if (slot().blocks == nullptr) {
       GatheredLeaf leaf;
       gather_moving_leaf(leaf, slot().step, slot().moment, row);
@@ -199,10 +202,9 @@ class Walker {
   }
 
   // Curves or points; t is where the ray goes in, or if that is hidden out.
-  void test_round(const InstanceView& instance, std::uint32_t row) {
+  void test_round(const InstanceView& instance, const IndexedLeaves& leaves, std::uint32_t row) {
     const Waiting here = waiting_[slot().top];
     note(WalkEvent::kEnterLeaf, here);
-    const IndexedLeaves& leaves = *instance.indexed_leaves;
     const RoundList& list = leaves.round;
     const RoundCandidates candidates(leaves, row, slot().local, slot().box.t_min, slot().box.t_limit,
                                      instance.extent.reach);
@@ -302,7 +304,7 @@ class Walker {
     const Instance& instance = snapshot_.instances[slot().instance];
     const Mesh& mesh = instance.blas->mesh;
     if (!mesh.is_round()) return world_triangle(snapshot_, {0, 0, 0, slot().instance, primitive}, ray_.time);
-    const RoundEnds ends = ends_of({mesh.balls.data(), mesh.segments.data(), 1.0f}, primitive);
+    const RoundEnds ends = ends_of(round_list(mesh, moment_of(instance, ray_.time)), primitive);
     const Affine map = place_at(instance, ray_.time);
     const auto place = [&](const double (&c)[3]) { return map.point({c[0], c[1], c[2]}); };
     return {place(ends.first.centre), place(ends.last.centre), place(ends.first.centre)};

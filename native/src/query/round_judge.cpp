@@ -40,8 +40,9 @@ RoundBall lessened(RoundBall end, const RoundBall& other, double by) noexcept {
 
 }  // namespace
 
-RoundJudge::RoundJudge(const Instance& instance, const Ray& ray, double reach) noexcept : mesh_(instance.blas->mesh) {
-  const Affine& to_world = instance.object_to_world;
+RoundJudge::RoundJudge(const Instance& instance, const Ray& ray, double reach) noexcept
+    : mesh_(instance.blas->mesh), list_(round_list(mesh_, moment_of(instance, ray.time))) {
+  const Affine to_world = place_at(instance, ray.time);
   const Affine to_object = inverse(to_world);
   const Vec3d origin = to_object.point(ray.origin), direction = to_object.vector(ray.direction);
   ray_ = round_ray(&origin.x, &direction.x);
@@ -51,7 +52,7 @@ RoundJudge::RoundJudge(const Instance& instance, const Ray& ray, double reach) n
 }
 
 RoundJudge::JudgedChord RoundJudge::chord_of(std::uint32_t primitive) const noexcept {
-  const RoundEnds ends = ends_of({mesh_.balls.data(), mesh_.segments.data(), 1.0f}, primitive);
+  const RoundEnds ends = ends_of(list_, primitive);
   const Chord possible = chord_of_segment(ray_, grown(ends.first, margin_), grown(ends.last, margin_));
   const bool is_thin = ends.first.radius <= margin_ && ends.last.radius <= margin_;
   const Chord sure = is_thin ? kNoChord
@@ -61,7 +62,7 @@ RoundJudge::JudgedChord RoundJudge::chord_of(std::uint32_t primitive) const noex
 }
 
 JudgedRibbon RoundJudge::ribbon_of(std::uint32_t primitive) const noexcept {
-  const RoundEnds ends = ends_of({mesh_.balls.data(), mesh_.segments.data()}, primitive);
+  const RoundEnds ends = ends_of(list_, primitive);
   return judge_ribbon(ray_, ends, mesh_.segments[primitive], margin_);
 }
 

@@ -7,8 +7,8 @@
 #include <cstdint>
 #include <ranges>
 
-#include "math/curve_joint.h"
 #include "query/ribbon_judge.h"
+#include "query/round_list.h"
 #include "tlas/instance.h"
 #include "traverse/ray.h"
 
@@ -47,6 +47,7 @@ class RoundJudge {
   void reach_along(std::uint32_t primitive, int step, JudgedEnd& end) const noexcept;
 
   const Mesh& mesh_;
+  RoundList list_;
   RoundRay ray_;
   double margin_;
 };

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "math/curve_joint.h"
+#include "query/round_list.h"
 
 namespace perfect_bvh {
 namespace {
@@ -61,7 +61,7 @@ Vec3d leave_curve(const Instance& instance, std::uint32_t segment, Vec3d origin,
   const Vec3d start = to_object.point(origin), way = to_object.vector(direction);
   const RoundRay ray = round_ray(&start.x, &way.x);
   const Mesh& mesh = instance.blas->mesh;
-  const RoundList list{mesh.balls.data(), mesh.segments.data(), 1.0f};
+  const RoundList list = round_list(mesh);
   double exit = std::max(chord_of(ray, list, segment).exit, 0.0);
   for (std::size_t left = mesh.segments.size(); left > 0; --left) {
     const SegmentCode code = list.segments[segment];
@@ -84,7 +84,7 @@ Vec3d leave_curve(const Instance& instance, std::uint32_t segment, Vec3d origin,
 RoundPoint RoundPlacer::place(const Instance& instance, const Hit& hit, const Ray& ray) noexcept {
   if (&instance != last_) last_ = &instance, to_object_ = inverse(instance.object_to_world);
   const Mesh& mesh = instance.blas->mesh;
-  const RoundList list{mesh.balls.data(), mesh.segments.data(), 1.0f, mesh.shape};
+  const RoundList list = round_list(mesh, moment_of(instance, ray.time));
   const RoundEnds ends = ends_of(list, hit.primitive_index);
   const Vec3d origin = to_object_.point(ray.origin), direction = to_object_.vector(ray.direction);
   const RoundRay local = round_ray(&origin.x, &direction.x);

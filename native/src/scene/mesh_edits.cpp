@@ -23,6 +23,12 @@ void check_kind(const Mesh& mesh, PrimitiveKind expected, std::int32_t mesh_id, 
                         " for those");
 }
 
+void check_can_follow(const BuildConfig& config, std::int32_t mesh_id, const char* function) {
+  if (config.builder != BuilderKind::kSpatial) return;
+  throw InvalidArgument(std::string(function) + ": mesh " + std::to_string(mesh_id) +
+                        " is built with spatial splits, whose trees cannot follow a motion; add it with build='auto'");
+}
+
 }  // namespace
 
 std::int32_t Scene::add_mesh(Mesh mesh, const BuildConfig& config, Usage usage, bool is_lazy) {
@@ -62,10 +68,7 @@ void Scene::set_mesh_motion(std::int32_t mesh_id, std::span<const Vec3<T>> posit
   MeshSlot& slot = find_mesh(mesh_id, kName);
   const Mesh& before = slot.held();
   check_kind(before, PrimitiveKind::kTriangles, mesh_id, kName);
-  if (slot.config.builder == BuilderKind::kSpatial) {
-    throw InvalidArgument(std::string(kName) + ": mesh " + std::to_string(mesh_id) +
-                          " is built with spatial splits, whose trees cannot follow a motion; add it with build='auto'");
-  }
+  check_can_follow(slot.config, mesh_id, kName);
   if (!slot.spare_positions) slot.spare_positions = std::make_shared<SparePositions>();
   auto moved = move_in_steps(before, positions, times, slot.spare_positions, pool, kName);
   slot.same_topology = slot.edited ? slot.same_topology : true;
@@ -75,6 +78,48 @@ void Scene::set_mesh_motion(std::int32_t mesh_id, std::span<const Vec3<T>> posit
 }
 template void Scene::set_mesh_motion(std::int32_t, std::span<const Vec3f>, const StepTimes&, ThreadPool&);
 template void Scene::set_mesh_motion(std::int32_t, std::span<const Vec3d>, const StepTimes&, ThreadPool&);
+
+namespace {
+
+// Of what is given one step after another.
+template <class T>
+BallsGiven<T> balls_of_step(const BallsGiven<T>& balls, std::size_t step, std::size_t step_count) {
+  const std::size_t count = balls.centres.size() / step_count, radius_count = balls.radii.size() / step_count;
+  return {balls.centres.subspan(step * count, count), balls.radii.subspan(step * radius_count, radius_count)};
+}
+
+}  // namespace
+
+template <class T>
+void Scene::set_round_motion(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls,
+                             std::span<const std::int64_t> offsets, const StepTimes& times, ThreadPool& pool) {
+  const char* const function = kind == PrimitiveKind::kPoints ? "set_points_motion" : "set_curves_motion";
+  const std::lock_guard lock(edit_mutex_);
+  MeshSlot& slot = find_mesh(mesh_id, function);
+  check_kind(slot.held(), kind, mesh_id, function);
+  check_can_follow(slot.config, mesh_id, function);
+  const std::size_t step_count = times.last + std::size_t{1};
+  if (!slot.spare_positions) slot.spare_positions = std::make_shared<SparePositions>();
+  const BallsGiven<T> first = balls_of_step(balls, 0, step_count);
+  const bool is_other = !offsets.empty() && !std::ranges::equal(slot.held().starts, offsets);
+  MovedBalls moved =
+      is_other
+          ? MovedBalls{std::make_shared<const Mesh>(make_curves(first, offsets, slot.held().shape, function)), false}
+          : move_balls(slot.held(), first, slot.spare_positions, pool, function);
+  const auto mesh = std::const_pointer_cast<Mesh>(moved.mesh);  // just made: nobody else has it
+  mesh->times = times;
+  for (std::size_t step = 1; step < step_count; ++step) {
+    mesh->later.push_back(balls_at_step(*mesh, balls_of_step(balls, step, step_count), pool, function));
+  }
+  slot.same_topology = moved.same_primitives && (slot.edited ? slot.same_topology : true);
+  slot.has_deformed = true;
+  slot.edited = mesh;
+  mark_edited();
+}
+template void Scene::set_round_motion(std::int32_t, PrimitiveKind, const BallsGiven<float>&,
+                                      std::span<const std::int64_t>, const StepTimes&, ThreadPool&);
+template void Scene::set_round_motion(std::int32_t, PrimitiveKind, const BallsGiven<double>&,
+                                      std::span<const std::int64_t>, const StepTimes&, ThreadPool&);
 
 template <class T>
 void Scene::move(MeshSlot& slot, const BallsGiven<T>& balls, ThreadPool& pool, const char* function) {

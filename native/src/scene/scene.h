@@ -95,6 +95,12 @@ class Scene {
   template <class T>
   void set_mesh_motion(std::int32_t mesh_id, std::span<const Vec3<T>> positions, const StepTimes& times,
                        ThreadPool& pool = ThreadPool::shared());
+  // The same of curves or points; offsets: of chains, of each step's balls; empty of points and of those that have
+  // none.
+  template <class T>
+  void set_round_motion(std::int32_t mesh_id, PrimitiveKind kind, const BallsGiven<T>& balls,
+                        std::span<const std::int64_t> offsets, const StepTimes& times,
+                        ThreadPool& pool = ThreadPool::shared());
   void set_usage(std::int32_t mesh_id, Usage usage);                  // what its next builds are for
   void remove_mesh(std::int32_t mesh_id);                             // InvalidArgument while instances use it
   std::int32_t add_instances(std::span<const InstanceInput> inputs);  // the first new id; the others follow

@@ -31,8 +31,8 @@ struct Instance {
   bool baked = false;      // blas is a copy in world space, for want of a usable inverse
   std::int64_t order = 0;  // breaks ties between hits at equal t: the smaller order wins, then the smaller primitive
   const Blas* blas = nullptr;
-  Affine object_to_world;  // from the mesh's stored (recentred) frame; of one that moves, at the shutter's opening
-  std::uint32_t motion = 0;      // its row among the snapshot's motions, plus one; 0: neither it nor its mesh moves
+  Affine object_to_world;    // from the mesh's stored (recentred) frame; of one that moves, at the shutter's opening
+  std::uint32_t motion = 0;  // its row among the snapshot's motions, plus one; 0: neither it nor its mesh moves
   const Turns* turns = nullptr;  // the snapshot's; null: it stays where it is
 };
 

@@ -9,8 +9,8 @@ namespace {
 constexpr int kMostParts = 64;  // of an interval, in which boxes are taken
 
 Vec3d corner(const Aabb& box, int i) noexcept {
-  return to_double(Vec3f{i & 1 ? box.upper.x : box.lower.x, i & 2 ? box.upper.y : box.lower.y,
-                         i & 4 ? box.upper.z : box.lower.z});
+  return to_double(
+      Vec3f{i & 1 ? box.upper.x : box.lower.x, i & 2 ? box.upper.y : box.lower.y, i & 4 ? box.upper.z : box.lower.z});
 }
 
 const Aabb& box_of_step(const Blas& blas, std::uint32_t step) noexcept {
@@ -86,8 +86,8 @@ double MovingBounds::bend(double begin, double end) const {
     for (int i = 0; i < 9; ++i) change[i] = to.stretch[i] - from.stretch[i];
     const double w = 2.0 * from.angle * rate, growth = size_of(change) * rate;
     const double size = std::max(size_of(from.stretch), size_of(to.stretch));
-    most = std::max(most, w * w * size * farthest_ + 2.0 * w * (growth * farthest_ + size * fastest_) +
-                              2.0 * growth * fastest_);
+    most = std::max(
+        most, w * w * size * farthest_ + 2.0 * w * (growth * farthest_ + size * fastest_) + 2.0 * growth * fastest_);
   }
   return most;
 }

@@ -2,8 +2,8 @@
 //
 // The top level is known at steps, too, between which its boxes move in straight lines. Corners of a mesh's box go in
 // straight lines in the mesh's frame, and along curves in the world if the instance turns: p = T + R S c with T, S and
-// c linear, |p''| <= w^2 |S||c| + 2 w (|S'||c| + |S||c'|) + 2 |S'||c'| at w radians per unit of time. Within h of time a
-// point is never further from its chord than h^2 |p''| / 8. Where a step of the instance falls between two of the top
+// c linear, |p''| <= w^2 |S||c| + 2 w (|S'||c| + |S||c'|) + 2 |S'||c'| at w radians per unit of time. Within h of time
+// a point is never further from its chord than h^2 |p''| / 8. Where a step of the instance falls between two of the top
 // level's, the path has a corner: boxes are taken there, and both ends widened until all between is inside.
 #pragma once
 

@@ -1,4 +1,5 @@
-// How an instance moves within the shutter: its transforms at evenly spaced steps (math/turning.h says what is between).
+// How an instance moves within the shutter: its transforms at evenly spaced steps (math/turning.h says what is
+// between).
 #pragma once
 
 #include <vector>

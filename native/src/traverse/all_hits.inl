@@ -34,10 +34,8 @@ PERFECT_BVH_INLINE std::size_t take_all(const Slot& slot, const RayBatch& batch,
 }
 
 // The same of curves or points: where a ray goes in (v = 0) and out (v = 1); of ribbons only where it meets them (0).
-inline std::size_t take_all_round(const Slot& slot, const SceneView& scene, const RayBatch& batch, std::uint32_t row,
-                                  FoundHit* hits, std::size_t room) noexcept {
-  const InstanceView& instance = scene.instances[slot.instance];
-  const IndexedLeaves& leaves = *instance.indexed_leaves;
+inline std::size_t take_all_round(const Slot& slot, const InstanceView& instance, const IndexedLeaves& leaves,
+                                  const RayBatch& batch, std::uint32_t row, FoundHit* hits, std::size_t room) noexcept {
   const RoundList& list = leaves.round;
   const RoundCandidates candidates(leaves, row, slot.local, slot.box.t_min, slot.box.t_limit, instance.extent.reach);
   const RoundRay ray = round_ray(slot.local.origin, slot.local.direction);
@@ -67,6 +65,9 @@ inline std::size_t take_all_round(const Slot& slot, const SceneView& scene, cons
 __attribute__((noinline)) std::size_t take_all_moving(const Slot& slot, const InstanceView& instance,
                                                       const RayBatch& batch, std::uint32_t row, FoundHit* hits,
                                                       std::size_t room) noexcept {
+  if (instance.is_round != 0) {
+    return take_all_round(slot, instance, moving_leaves(slot.step, slot.moment), batch, row, hits, room);
+  }
   if (slot.blocks == nullptr) {
     GatheredLeaf leaf;
     gather_moving_leaf(leaf, slot.step, slot.moment, row);
@@ -82,11 +83,9 @@ template <bool kMoves>
 inline std::size_t visit_whole_leaf(const Slot& slot, const SceneView& scene, const RayBatch& batch, std::uint32_t row,
                                     FoundHit* hits, std::size_t room) noexcept {
   const InstanceView& instance = scene.instances[slot.instance];
-  if (kMoves && slot.step != nullptr && instance.is_round == 0) {
-    return take_all_moving(slot, instance, batch, row, hits, room);
-  }
+  if (kMoves && slot.step != nullptr) return take_all_moving(slot, instance, batch, row, hits, room);
   if (slot.blocks != nullptr) return take_all(slot, batch, slot.blocks[row], hits, room);
-  if (instance.is_round != 0) return take_all_round(slot, scene, batch, row, hits, room);
+  if (instance.is_round != 0) return take_all_round(slot, instance, *instance.indexed_leaves, batch, row, hits, room);
   GatheredLeaf leaf;
   gather_leaf(leaf, *instance.indexed_leaves, row);
   return take_all(slot, batch, leaf, hits, room);

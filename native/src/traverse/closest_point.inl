@@ -220,10 +220,10 @@ struct RoundFrame {
 };
 
 // Of curves or points. Each is solid: the point itself is the nearest if it is inside.
-__attribute__((noinline)) void visit_rounds(PointSearch& search, const RoundFrame& frame, std::uint32_t index,
-                                            std::uint32_t row) noexcept {
-  const IndexedLeaves& leaves = *search.scene.instances[index].indexed_leaves;
-  const RoundList list{leaves.round.balls, leaves.round.segments, 1.0f};
+__attribute__((noinline)) void visit_rounds(PointSearch& search, const RoundFrame& frame, const IndexedLeaves& leaves,
+                                            std::uint32_t index, std::uint32_t row) noexcept {
+  RoundList list = leaves.round;
+  list.scale = 1.0f;
   const std::uint32_t* const primitives = leaves.round_primitives(row);
   for (int lane = 0; lane < 8; ++lane) {
     if (lane > 0 && primitives[lane] == primitives[lane - 1]) continue;
@@ -258,7 +258,8 @@ inline const double* place_of(const SceneView& scene, std::uint32_t index, float
       place_between(motion.turns, moment_at(motion.turn_times, time), place);
       const double *const c = place.columns, *const o = motion.centre;
       for (int i = 0; i < 9; ++i) turned[i] = c[i];
-      for (int i = 0; i < 3; ++i) turned[9 + i] = ((c[i] * o[0] + c[3 + i] * o[1]) + c[6 + i] * o[2]) + place.translation[i];
+      for (int i = 0; i < 3; ++i)
+        turned[9 + i] = ((c[i] * o[0] + c[3 + i] * o[1]) + c[6 + i] * o[2]) + place.translation[i];
       return turned;
     }
   }
@@ -301,7 +302,9 @@ inline void search_instance(PointSearch& search, std::uint32_t index) noexcept {
     } else if (instance.is_compact == 0) {
       visit_triangles(search, frame, instance.blocks[row], index);
     } else if (instance.is_round != 0) {
-      visit_rounds(search, RoundFrame(place, search.query.position), index, row);
+      const RoundFrame round(place, search.query.position);
+      const bool moves = tree.step != nullptr;
+      visit_rounds(search, round, moves ? moving_leaves(tree.step, tree.moment) : *instance.indexed_leaves, index, row);
     } else {
       GatheredLeaf leaf;
       gather_leaf(leaf, *instance.indexed_leaves, row);

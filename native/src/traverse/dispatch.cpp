@@ -152,7 +152,8 @@ struct Kernels {
 std::size_t trace(const Kernels& kernels, const SceneView& scene, const RayBatch& batch, const TraceOptions& options) {
   if (batch.count == 0) return 0;
   const DefaultFloatingPoint environment;
-  const bool may_pack = kernels.packets != nullptr && batch.counts == nullptr && !scene.is_empty && scene.motions == nullptr;
+  const bool may_pack =
+      kernels.packets != nullptr && batch.counts == nullptr && !scene.is_empty && scene.motions == nullptr;
   if (may_pack && options.strategy == Strategy::kPackets) {
     kernels.trace_packets(scene, batch, nullptr);
     return batch.count;

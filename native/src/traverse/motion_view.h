@@ -13,7 +13,7 @@ struct IndexedLeaves;
 struct TreeStep {
   const WideNode* nodes;
   union {
-    const LeafBlock* blocks;              // as in an InstanceView
+    const LeafBlock* blocks;  // as in an InstanceView
     const IndexedLeaves* indexed_leaves;
   };
 };

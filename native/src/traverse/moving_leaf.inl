@@ -1,16 +1,6 @@
 // The nodes and leaves of a tree between two of its steps: boxes and vertices in straight lines (math/step_times.h).
 // Part of stream_kernel.inl: everything has internal linkage.
 
-struct Shares {
-  Float8 earlier, later;
-  explicit Shares(const Moment& moment) noexcept
-      : earlier(broadcast(moment.earlier)), later(broadcast(moment.later)) {}
-};
-
-PERFECT_BVH_INLINE Float8 interpolate(const Shares& shares, const Float8& a, const Float8& b) noexcept {
-  return fmadd(shares.later, b, mul(shares.earlier, a));
-}
-
 // test_node() of the boxes at a moment.
 PERFECT_BVH_INLINE NodeTest test_moving_node(const WideNode& node, const WideNode& later, const BoxState& box,
                                              const Moment& moment) noexcept {
@@ -67,4 +57,11 @@ inline void gather_moving_leaf(GatheredLeaf& leaf, const TreeStep* step, const M
       store(rows, interpolate(shares, load(rows), load(later.corners[corner][axis])));
     }
   }
+}
+
+// Curves or points at a moment: those of a step, with the next step's balls.
+PERFECT_BVH_INLINE IndexedLeaves moving_leaves(const TreeStep* step, const Moment& moment) noexcept {
+  IndexedLeaves leaves = *step[0].indexed_leaves;
+  if (moment.is_between()) leaves.round.later = step[1].indexed_leaves->round.balls, leaves.round.moment = moment;
+  return leaves;
 }

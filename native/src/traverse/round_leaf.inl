@@ -118,7 +118,9 @@ struct RoundCandidates {
                                      float t_limit, float reach) noexcept
       : primitives(leaves.round_primitives(row)) {
     const float slack = line_slack(reach);
-    if (leaves.curves != nullptr) {
+    if (leaves.round.later != nullptr) {
+      lanes = without_repeated(moving_candidates(leaves.round, ray, t_min, t_limit, slack), primitives);
+    } else if (leaves.curves != nullptr) {
       const CurveLeaf& leaf = leaves.curves[row];
       lanes = round_candidates(leaf, leaf_line(leaf.corner, ray, t_min, t_limit, slack));
     } else {
@@ -127,6 +129,28 @@ struct RoundCandidates {
   }
 
  private:
+  // Between two steps: rounded once more where balls are interpolated, for which kRoundSlack has room.
+  [[nodiscard]] __attribute__((noinline)) unsigned moving_candidates(const RoundList& list, const ObjectRay& ray,
+                                                                     float t_min, float t_limit,
+                                                                     float slack) const noexcept {
+    const auto first_of = [&](int lane) {
+      return list.segments == nullptr ? primitives[lane] : list.segments[primitives[lane]] & kSegmentBall;
+    };
+    const std::uint32_t to_last = list.segments == nullptr ? 0 : 1;
+    GatheredBalls balls, later;
+    gather_balls(balls.first, list.scale, [&](int lane) -> const Ball& { return list.balls[first_of(lane)]; });
+    gather_balls(later.first, list.scale, [&](int lane) -> const Ball& { return list.later[first_of(lane)]; });
+    gather_balls(balls.last, list.scale, [&](int lane) -> const Ball& { return list.balls[first_of(lane) + to_last]; });
+    gather_balls(later.last, list.scale, [&](int lane) -> const Ball& { return list.later[first_of(lane) + to_last]; });
+    const Shares shares(list.moment);
+    for (int row = 0; row < 4; ++row) {
+      store(balls.first[row], interpolate(shares, load(balls.first[row]), load(later.first[row])));
+      store(balls.last[row], interpolate(shares, load(balls.last[row]), load(later.last[row])));
+    }
+    const LeafCorner corner = corner_of(balls);
+    return round_candidates(balls, corner, leaf_line(corner, ray, t_min, t_limit, slack));
+  }
+
   [[nodiscard]] __attribute__((noinline)) unsigned gathered_candidates(const RoundList& list, const ObjectRay& ray,
                                                                        float t_min, float t_limit,
                                                                        float slack) const noexcept {

@@ -18,6 +18,7 @@ namespace {
 // After the slot.
 #include "traverse/leaf_test.inl"
 #include "traverse/node_test.inl"
+#include "traverse/shares.inl"
 // After the leaf test.
 #include "traverse/round_leaf.inl"
 // After the leaf and node tests.
@@ -138,9 +139,9 @@ PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const Leaf& leaf)
 
 // Of curves or points.
 template <bool kAny, bool kCounts>
-__attribute__((noinline)) void visit_round_leaf(Stream& stream, Slot& slot, const InstanceView& instance,
+__attribute__((noinline)) void visit_round_leaf(Stream& stream, Slot& slot, const IndexedLeaves& leaves,
                                                 std::uint32_t row) noexcept {
-  const IndexedLeaves& leaves = *instance.indexed_leaves;
+  const InstanceView& instance = stream.scene.instances[slot.instance];
   if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_round(leaves, row);
   --slot.top;
   const RoundCandidates candidates(leaves, row, slot.local, slot.box.t_min, slot.box.t_limit, instance.extent.reach);
@@ -158,15 +159,19 @@ __attribute__((noinline)) void visit_round_leaf(Stream& stream, Slot& slot, cons
 template <bool kAny, bool kCounts>
 __attribute__((noinline)) void visit_indexed_leaf(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
   const InstanceView& instance = stream.scene.instances[slot.instance];
-  if (instance.is_round != 0) return visit_round_leaf<kAny, kCounts>(stream, slot, instance, row);
+  if (instance.is_round != 0) return visit_round_leaf<kAny, kCounts>(stream, slot, *instance.indexed_leaves, row);
   GatheredLeaf leaf;
   gather_leaf(leaf, *instance.indexed_leaves, row);
   visit_leaf<kAny, kCounts>(stream, slot, leaf);
 }
 
-// Of a tree of triangles that moves.
+// Of a tree that moves.
 template <bool kAny, bool kCounts>
 __attribute__((noinline)) void visit_moving_leaf(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
+  const InstanceView& instance = stream.scene.instances[slot.instance];
+  if (instance.is_round != 0) {
+    return visit_round_leaf<kAny, kCounts>(stream, slot, moving_leaves(slot.step, slot.moment), row);
+  }
   if (slot.blocks == nullptr) {
     GatheredLeaf leaf;
     gather_moving_leaf(leaf, slot.step, slot.moment, row);
@@ -174,8 +179,7 @@ __attribute__((noinline)) void visit_moving_leaf(Stream& stream, Slot& slot, std
   }
   if (slot.later_nodes == nullptr) return visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
   LeafBlock leaf;
-  const float reach = stream.scene.instances[slot.instance].extent.reach;
-  interpolate_leaf(leaf, slot.blocks[row], slot.step[1].blocks[row], slot.moment, reach);
+  interpolate_leaf(leaf, slot.blocks[row], slot.step[1].blocks[row], slot.moment, instance.extent.reach);
   visit_leaf<kAny, kCounts>(stream, slot, leaf);
 }
 
@@ -222,7 +226,7 @@ PERFECT_BVH_INLINE void visit_leaves(Stream& stream) noexcept {
     Slot& slot = *stream.at_leaf[i];
     std::uint32_t* const stack = stack_of(slot);
     const std::uint32_t row = stack[slot.top] - kBlockChild;
-    if (kMoves && slot.step != nullptr && stream.scene.instances[slot.instance].is_round == 0) {
+    if (kMoves && slot.step != nullptr) {
       visit_moving_leaf<kAny, kCounts>(stream, slot, row);
     } else if (slot.blocks != nullptr) {
       visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);

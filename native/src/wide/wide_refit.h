@@ -20,9 +20,9 @@ namespace perfect_bvh {
 // Writes to `to` what `from` becomes over the mesh's positions of now; `from` is only read. `plan` is that of `from`,
 // complete. `has_shape`: `to` already
 // is a tree with `from`'s nodes, leaves and their triangles, so that those need not be copied; otherwise its memory is
-// used and its contents are not. Scale and extent follow the mesh, or the scale is the one that is asked for. The same bytes for any number of threads, and those
-// of `from` where nothing moved. Throws InvalidArgument if the tree is not refittable; Cancelled, bad_alloc: `to` is
-// then of no use.
+// used and its contents are not. Scale and extent follow the mesh, or the scale is the one that is asked for. The same
+// bytes for any number of threads, and those of `from` where nothing moved. Throws InvalidArgument if the tree is not
+// refittable; Cancelled, bad_alloc: `to` is then of no use.
 WideCosts refit_wide(const WideBvh& from, const RefitPlan& plan, const Mesh& mesh, WideBvh& to, bool has_shape,
                      ThreadPool& pool, CancelToken& cancel, std::optional<float> scale = std::nullopt);
 
