@@ -16,7 +16,7 @@ EXAMPLES = re.findall(r"^```python\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
 
 
 def test_there_are_examples() -> None:
-    assert len(EXAMPLES) == 4
+    assert len(EXAMPLES) == 5
 
 
 def test_it_lists_the_modes() -> None:
@@ -30,7 +30,7 @@ def test_both_commands_install_the_same_system_packages() -> None:
     assert installs[0] == installs[1]
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=["query", "arrays", "scan", "render"])
+@pytest.mark.parametrize("example", EXAMPLES, ids=["query", "arrays", "times", "scan", "render"])
 def test_an_example_runs(example: str, tmp_path: Path, repository: Path) -> None:
     (tmp_path / "blend_scenes").symlink_to(repository / "blend_scenes")
     (tmp_path / "example.py").write_text(example.replace('"/tmp/', f'"{tmp_path}/'))

@@ -2,6 +2,7 @@
 
 patterns     which rays a sensor casts: a camera's grid, a spinning LiDAR with several lines. Knows no Blender.
 scan         places the sensor frame by frame, casts the rays, collects what they meet
+poses        where a sensor is between two frames. Knows no Blender.
 point_cloud  the result as columns, and as an .npz file. Knows no Blender.
 point_colors a colour for each point, by distance, object or intensity. Knows no Blender.
 point_data   the result as an object of Blender's whose points carry the columns as attributes

@@ -42,7 +42,9 @@ class PointCloud:
     incidences: (N,) float32, cosine of the angle between ray and normal: 1 straight on, 0 grazing.
     intensities: (N,) float32, what comes back of a diffuse surface, whatever the distance: the luminance of the
     material's viewport colour times the incidence. spacings: (N,) float32, how far neighbouring rays are apart there.
-    ray_count: how many were cast. warnings: what could not be read, as sentences.
+    ray_count: how many were cast. warnings: what could not be read, as sentences. pose_error: in world units, about how
+    far points may be off where the way of a spinning sensor was curved between the steps of its frames: an eighth of
+    the largest second difference of three poses in a row; more steps per frame make it less.
     """
 
     positions: npt.NDArray[np.float64]
@@ -61,6 +63,7 @@ class PointCloud:
     material_names: tuple[str, ...]
     ray_count: int
     warnings: tuple[str, ...] = ()
+    pose_error: float = 0.0
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -78,6 +81,7 @@ class PointCloud:
             "object_names": np.array(self.object_names, dtype=np.str_),
             "material_names": np.array(self.material_names, dtype=np.str_),
             "ray_count": np.array(self.ray_count, np.int64),
+            "pose_error": np.array(self.pose_error, np.float64),
         }
         # What np.savez does; but that leaves its archive open when the disk is full.
         with replacing(path) as name, open(name, "wb") as file, zipfile.ZipFile(file, "w") as archive:

@@ -2,8 +2,10 @@
 
     cloud = perfect_bvh_addon.scan(SpinningLidar(), bpy.data.objects["Empty"], frames=(1, 24))
 
-A frame, or a part of one, is a *stretch*: the scene and the sensor stand still in it. Between stretches the engine's
-scene is brought in step like any other, so that a long scan of a scene in which little moves builds little.
+A frame, or a part of one, is a *stretch*: the scene stands still in it, while a sensor that spins goes on: each of its
+rays starts where the sensor is at that ray's own time, between where Blender has it at the stretch's two ends. Between
+stretches the engine's scene is brought in step like any other, so that a long scan of a scene in which little moves
+builds little.
 """
 
 from __future__ import annotations
@@ -25,11 +27,14 @@ from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
 from .collector import Collector
 from .patterns import Float64Array, Pattern, View, check_at_least
 from .point_cloud import PointCloud
+from .poses import Path, bend
 
 Progress = Callable[[float], object]
 
 # So many rays are cast in one go: a quarter of a million take a fraction of a second.
 RAYS_IN_A_STEP = 1 << 18
+# Seconds: what the rays of a stretch of no length are divided by.
+MOST_SHORT = 1e-30
 # How long a step of a build is, and which share of a stretch a build may come to in the end.
 BUILD_STEP_SECONDS = 0.02
 BUILD_SHARE = 0.5
@@ -43,12 +48,17 @@ FROM_SENSOR_TO_OBJECT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A part of the scan. frame: None for the current one, as it is. start, end: seconds since the scan began."""
+    """A part of the scan. frame: None for the current one, as it is. start, end: seconds since the scan began.
+
+    next_frame, next_subframe: where it ends.
+    """
 
     frame: int | None
     subframe: float
     start: float
     end: float
+    next_frame: int = 0
+    next_subframe: float = 0.0
 
 
 def scan(
@@ -68,6 +78,9 @@ def scan(
     frames: (first, last), both included; the frame that was current is set again at the end. A LiDAR spins on through
         all of them. By default the current frame alone, of which a LiDAR makes one whole turn.
     steps_per_frame: in how many places of a frame the scene is evaluated, for things that move while they are scanned.
+        They stand still from one to the next. The sensor of a LiDAR does not: between two of those places it goes in a
+        straight line and turns evenly, so that each ray is cast from where it is then; `PointCloud.pose_error` says how
+        far off that may be where its way is curved. A camera grid is one picture a step, of one moment.
     threads: at most so many; 0 for all.
     progress: called with 0 to 1, also while trees are built; returning False raises `perfect_bvh.Cancelled`, within
         about a tenth of a second, as Ctrl-C raises KeyboardInterrupt. The frame is set back either way.
@@ -110,12 +123,14 @@ class Scanner:
         self._threads = threads
         self._collector = Collector()
         self._warnings: dict[str, None] = {}
+        self._poses: list[Float64Array] = []
+        self._pose_error = 0.0
         self.built_share: float | None = None
         """How much of the trees of this stretch is built, 0 to 1, as long as they are."""
 
     def result(self) -> PointCloud:
         """What the finished scan has found."""
-        return self._collector.point_cloud(tuple(self._warnings))
+        return self._collector.point_cloud(tuple(self._warnings), self._pose_error)
 
     def steps(self) -> Generator[float, None, None]:
         """Does the scan; yields the share done, 0 to 1, every few tenths of a second, oftener while trees are built.
@@ -143,7 +158,7 @@ class Scanner:
     def _scan_stretch(self, sync: SceneSync, stretch: Stretch) -> Generator[float, None, None]:
         scene = self._place.find()
         if stretch.frame is not None:
-            scene.frame_set(stretch.frame, subframe=stretch.subframe)
+            _set_frame(scene, stretch.frame, stretch.subframe)
         sensor = self._find_sensor(scene)
         depsgraph = self._place.depsgraph()
         is_camera = self._pattern.needs_camera
@@ -157,8 +172,10 @@ class Scanner:
         yield before_rays  # a scan that was given up meanwhile casts no rays
         check_fits(f"scan: a stretch of {count:,} rays", count * BYTES_A_RAY, "cast fewer, or more steps per frame")
         rays = self._pattern.cast(stretch.start, stretch.end, view)
-        origins = rays.origins @ matrix[:3, :3].T + matrix[:3, 3]
-        directions = rays.directions @ matrix[:3, :3].T
+        path = Path(matrix, matrix if is_camera else self._next_pose(stretch, matrix))
+        shares = (rays.times - stretch.start) / max(stretch.end - stretch.start, MOST_SHORT)
+        origins, directions = path.place(rays.origins, rays.directions, shares)
+        farthest = 0.0
         for first in range(0, len(rays), RAYS_IN_A_STEP):
             rows = slice(first, first + RAYS_IN_A_STEP)
             hits = snapshot.cast_rays(
@@ -171,8 +188,25 @@ class Scanner:
                 threads=self._threads,
             )
             self._collector.add(hits, rays.part(rows), directions[rows], sync)
+            farthest = max(farthest, float(np.max(hits.distances, where=hits.is_hit, initial=0.0)))
             cast = min(1.0, (first + RAYS_IN_A_STEP) / len(rays))
             yield before_rays + (1.0 - before_rays) * cast
+        self._follow(path, farthest)
+
+    def _next_pose(self, stretch: Stretch, matrix: Float64Array) -> Float64Array:
+        """Where the sensor is at the stretch's end: Blender goes on to that frame, where the next stretch begins."""
+        if stretch.frame is None:
+            return matrix
+        scene = self._place.find()
+        _set_frame(scene, stretch.next_frame, stretch.next_subframe)
+        return _pose(self._find_sensor(scene), self._place.depsgraph())
+
+    def _follow(self, path: Path, distance: float) -> None:
+        """Keeps the last poses, and how far from a straight line they are."""
+        self._poses = [*(self._poses or [path.first])[-2:], path.last]
+        if len(self._poses) == 3:
+            before, here, after = self._poses
+            self._pose_error = max(self._pose_error, bend(before, here, after, distance))
 
     def _build(self, building: UpdateCommit) -> Generator[float, None, float]:
         """Waits for the trees; yields the share of the stretch done, and returns it. Raises what the engine raises."""
@@ -224,7 +258,15 @@ def _stretches(
     seconds = scene.render.fps_base / scene.render.fps / steps_per_frame
     for number in range((last - first + 1) * steps_per_frame):
         frame, step = divmod(number, steps_per_frame)
-        yield Stretch(first + frame, step / steps_per_frame, number * seconds, (number + 1) * seconds)
+        following, next_step = divmod(number + 1, steps_per_frame)
+        times = number * seconds, (number + 1) * seconds
+        yield Stretch(first + frame, step / steps_per_frame, *times, first + following, next_step / steps_per_frame)
+
+
+def _set_frame(scene: bpy.types.Scene, frame: int, subframe: float) -> None:
+    """Goes there, unless that is where the scene is: a frame takes as long to evaluate again as it took before."""
+    if (scene.frame_current, scene.frame_subframe) != (frame, np.float32(subframe)):
+        scene.frame_set(frame, subframe=subframe)
 
 
 def _place(
@@ -236,12 +278,17 @@ def _place(
         if camera is None:
             raise ValueError(f"scan: {' '.join(sync.warnings)}")
         return View(camera.window, camera.projection, camera.clip_start, camera.clip_end), camera.matrix
+    return None, _pose(sensor, depsgraph)
+
+
+def _pose(sensor: bpy.types.Object, depsgraph: Any) -> Float64Array:
+    """The (4, 4) matrix from the space of a pattern that needs no camera to the world."""
     matrix = without_scale(np.array(sensor.evaluated_get(depsgraph).matrix_world, dtype=np.float64))
     if matrix is None:
         raise ValueError(f"scan: the sensor {sensor.name!r} has no usable matrix: an axis is scaled to zero")
     if sensor.type != "CAMERA":
         matrix[:3, :3] = matrix[:3, :3] @ FROM_SENSOR_TO_OBJECT
-    return None, matrix
+    return matrix
 
 
 def _cancelled() -> Exception:

@@ -168,3 +168,64 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(room, tmp_path: Path) 
         cloud.save(path)
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def drive(head, speed: float, turns: float, tilt: float = 0.0) -> None:
+    """Along the x axis, in units a second at 24 frames, turning about z so often a second; at even speeds."""
+    for frame in (1, 49):
+        head.location = (speed * (frame - 1) / 24, 0.0, 2.0)
+        head.rotation_euler = (tilt, 0.0, 2 * math.pi * turns * (frame - 1) / 24)
+        head.keyframe_insert("location", frame=frame)
+        head.keyframe_insert("rotation_euler", frame=frame)
+    action = head.animation_data.action
+    curves = action.fcurves if hasattr(action, "fcurves") else action.layers[0].strips[0].channelbags[0].fcurves
+    for curve in curves:
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
+
+
+@pytest.mark.parametrize(("speed", "turns", "steps"), [(30.0, 0.0, 1), (30.0, 0.25, 1), (30.0, 2.0, 4)])
+def test_a_lidar_that_drives_and_turns_returns_the_closed_form(speed: float, turns: float, steps: int) -> None:
+    """Over a plane, at 10 turns a second: each ray from where the sensor is at that ray's time, to a millimetre."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.mesh.primitive_plane_add(size=4000.0)
+    head = bpy.data.objects.new("Head", None)
+    bpy.context.scene.collection.objects.link(head)
+    drive(head, speed, turns)
+    lidar = SpinningLidar(elevations=(-30.0, -10.0, -5.0), columns=1800, rate=10.0)
+    cloud = scan(lidar, head, frames=(1, 24), steps_per_frame=steps)
+    assert len(cloud) == cloud.ray_count == 3 * 18_000
+    rays = lidar.cast(0.0, 1.0, None)
+    times = rays.times[cloud.ray_ids]
+    np.testing.assert_allclose(cloud.times, times)
+    forward = rays.directions[cloud.ray_ids] @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]).T
+    angle = 2 * math.pi * turns * times
+    x = np.cos(angle) * forward[:, 0] - np.sin(angle) * forward[:, 1]
+    y = np.sin(angle) * forward[:, 0] + np.cos(angle) * forward[:, 1]
+    distance = -2.0 / forward[:, 2]
+    expected = np.stack([speed * times + distance * x, distance * y, np.zeros_like(x)], axis=1)
+    error = np.linalg.norm(cloud.positions - expected, axis=1)
+    assert error.max() < 1e-3
+    assert cloud.pose_error < 1e-3
+
+
+def test_a_curved_way_is_as_far_off_as_the_cloud_says() -> None:
+    """The sensor goes in a circle; with more steps a frame it is followed more closely, and less is said."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.mesh.primitive_plane_add(size=4000.0)
+    scene, head = bpy.context.scene, bpy.data.objects.new("Head", None)
+    scene.collection.objects.link(head)
+    for index, expression in enumerate(("10*cos(frame/4)", "10*sin(frame/4)", "2")):
+        head.driver_add("location", index).driver.expression = expression
+    lidar = SpinningLidar(elevations=(-30.0,), columns=720, rate=10.0)
+    said = []
+    for steps in (1, 4):
+        cloud = scan(lidar, head, frames=(1, 12), steps_per_frame=steps)
+        frames = 1 + cloud.times * 24
+        away = lidar.cast(0.0, 0.5, None).directions[cloud.ray_ids] @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]).T
+        centre = 10 * np.stack([np.cos(frames / 4), np.sin(frames / 4)], axis=1)
+        expected = centre + away[:, :2] * (-2.0 / away[:, 2])[:, None]
+        error = np.linalg.norm(cloud.positions[:, :2] - expected, axis=1).max()
+        assert error < 1.05 * cloud.pose_error < 1.3 * error
+        said.append(cloud.pose_error)
+    assert said[1] < said[0] / 10

@@ -34,7 +34,7 @@ mkdir "$repository/$output/command_user"
 test -s "$repository/$output/command.png"
 
 status=0
-timeout --kill-after=10 "${WINDOWS_SECONDS:-1800}" "$chroot" run "$user" WINDOWS_OUTPUT=/host/$output "WINDOWS_STEPS=$steps" \
+timeout --kill-after=10 "${WINDOWS_SECONDS:-2700}" "$chroot" run "$user" WINDOWS_OUTPUT=/host/$output "WINDOWS_STEPS=$steps" \
   xvfb-run -a -s "-screen 0 1280x1040x24" \
   blender --gpu-backend opengl --window-geometry 0 0 1280 1040 /host/blend_scenes/tree_in_wind.blend \
   -P /host/tests/gui/steps.py >"$console" 2>&1 || status=$?

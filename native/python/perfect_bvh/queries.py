@@ -56,9 +56,10 @@ class Queries:
     threads: at most so many; 0 for all that the process may use.
     progress: called with the share done, 0 to 1; returning False raises `Cancelled`. Ctrl-C works too.
 
-    Rays that are not finite, have no direction, an empty range or another time than 0 to 1 are misses. Memory: what is returned and the arrays
-    that are given. They are read where they are: one vector for all rays, and vectors with gaps between them (columns
-    of a wider array) as well. Others, of other dtypes or broadcast in part, are copied, a million rays at a time.
+    Rays that are not finite, have no direction, an empty range or another time than 0 to 1 are misses. Memory: what is
+    returned and the arrays that are given. They are read where they are: one vector for all rays, and vectors with gaps
+    between them (columns of a wider array) as well. Others, of other dtypes or broadcast in part, are copied, a million
+    rays at a time.
 
     All raise ValueError for arrays of the wrong shape or kind, and on a `Scene` StaleSceneError if edits wait.
     """
@@ -242,7 +243,8 @@ class Queries:
     ) -> RayWalk:
         """What one ray does on its way through the trees: each box and each triangle that it looks at, in order.
 
-        origin, direction: (3,), float32 or float64. time: within the shutter, 0 to 1. For the other arguments see `Queries`.
+        origin, direction: (3,), float32 or float64. time: within the shutter, 0 to 1. For the other arguments see
+        `Queries`.
 
         Returns `RayWalk`. It ends at the hit that `cast_rays` answers, after as many nodes and triangles as its
         nodes_visited and primitives_tested count. An invalid ray hits nothing. Some 300 bytes for each event; a ray
