@@ -43,6 +43,8 @@ def test_an_example_runs(example: str, tmp_path: Path, repository: Path) -> None
     elif "SpinningLidar" in example:
         assert re.search(r"^\d+ points on \d+ objects from 189000 rays$", result.stdout, re.MULTILINE)
         assert (tmp_path / "gears.npz").is_file()
+    elif "blade" in example:  # .1 to either side of the diagonal, 1.5 away from the axis
+        assert re.search(r"between 0\.458 and 0\.542$", result.stdout, re.MULTILINE)
     elif "sweep" in example:
         sweeps = re.findall(r"^sweep (\d): \d\d\.\d\d% hit, \d+\.\d m wide$", result.stdout, re.MULTILINE)
         assert sweeps == ["0", "1", "2"]

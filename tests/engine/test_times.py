@@ -428,7 +428,7 @@ def test_bad_motions_of_curves_and_points_change_nothing():
         (lambda: scene.set_points_motion(points, two, -0.1), "at least 0"),
         (lambda: scene.set_points_motion(curves, two), "must have points, but has curves"),
         (lambda: scene.set_mesh_motion(curves, two), "must have triangles, but has curves"),
-        (lambda: scene.set_curves_motion(curves, np.full((2, 3, 3), np.inf)), "not finite"),
+        (lambda: scene.set_curves_motion(curves, np.full((2, 3, 3), np.inf)), "must be finite"),
         (lambda: scene.set_curves_motion(curves, two, time_range=(0.5, 0.5)), "time_range must rise"),
     ):
         with pytest.raises(ValueError, match=message):
