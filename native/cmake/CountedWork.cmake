@@ -11,8 +11,8 @@ function(perfect_bvh_add_work_tests)
     return()
   endif()
 
-  file(GLOB engine CONFIGURE_DEPENDS "src/core/*.cpp" "src/mesh/*.cpp" "src/builders/*.cpp" "src/wide/*.cpp"
-    "src/update/*.cpp" "src/blas/*.cpp" "src/tlas/*.cpp" "src/scene/*.cpp")
+  file(GLOB engine CONFIGURE_DEPENDS "src/core/*.cpp" "src/math/*.cpp" "src/mesh/*.cpp" "src/builders/*.cpp"
+    "src/wide/*.cpp" "src/update/*.cpp" "src/blas/*.cpp" "src/tlas/*.cpp" "src/scene/*.cpp")
   file(GLOB tests CONFIGURE_DEPENDS "tests/work/test_*.cpp")
   add_library(perfect_bvh_reporting OBJECT ${engine} ${tests})
   # With lines, by which what ran too often is named.

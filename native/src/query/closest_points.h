@@ -7,6 +7,7 @@
 #include "core/cancel.h"
 #include "core/thread_pool.h"
 #include "tlas/snapshot.h"
+#include "traverse/ray.h"
 
 namespace perfect_bvh {
 
@@ -16,7 +17,7 @@ struct PointColumns {
   const Vec3d* points = nullptr;
   const double* max_distances = nullptr;
   const std::uint32_t* masks = nullptr;
-  const float* times = nullptr;  // within the shutter, 0 to 1
+  const float* times = &kShutterOpens;  // within the shutter, 0 to 1
   std::size_t max_distance_stride = 0, mask_stride = 0, time_stride = 0;
 };
 

@@ -28,7 +28,7 @@ struct RayColumns {
   const float* t_min = nullptr;
   const float* t_max = nullptr;
   const std::uint32_t* masks = nullptr;
-  const float* times = nullptr;  // within the shutter, 0 to 1
+  const float* times = &kShutterOpens;  // within the shutter, 0 to 1
   std::ptrdiff_t origin_stride = 3, direction_stride = 3;
   std::size_t t_min_stride = 0, t_max_stride = 0, mask_stride = 0, time_stride = 0;
   Cull cull = Cull::kNone;

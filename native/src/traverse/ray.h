@@ -37,7 +37,9 @@ struct Hit {
   [[nodiscard]] bool found() const noexcept { return instance_index != kNoHit; }
 };
 
-// Another one, NaN included, is no time.
+// The time of rays that have none of their own.
+inline constexpr float kShutterOpens = 0.0f;
+// Another one than 0 to 1, NaN included, is no time.
 [[nodiscard]] static inline bool is_in_shutter(float time) noexcept { return time >= 0.0f && time <= 1.0f; }
 
 // False for rays that can hit nothing: a non-finite or zero direction, a non-finite origin, NaN or crossed t range, no
