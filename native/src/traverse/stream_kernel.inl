@@ -137,6 +137,20 @@ PERFECT_BVH_INLINE void visit_leaf(Stream& stream, Slot& slot, const Leaf& leaf)
   if (take_hits<kAny>(slot, stream, leaf, test.lanes, candidates)) go_on_from_hit<kAny>(stream, slot);
 }
 
+// Curves or points that the ray may meet, at least one. Out of line: most visits of leaves end before, and need neither
+// its registers nor its stack.
+template <bool kAny>
+__attribute__((noinline)) void take_round_hits(Stream& stream, Slot& slot, const RoundList& list,
+                                               RoundCandidates candidates) noexcept {
+  const RoundRay ray = round_ray(slot.local.origin, slot.local.direction);
+  bool is_new = false;
+  for (unsigned lanes = candidates.lanes; lanes != 0 && !(kAny && is_new); lanes &= lanes - 1) {
+    is_new |= take_round_hit(slot, stream.scene.instances, stream.batch.rays[slot.ray], stream.batch.cull, ray, list,
+                             candidates.primitives[__builtin_ctz(lanes)]);
+  }
+  if (is_new) go_on_from_hit<kAny>(stream, slot);
+}
+
 // Of curves or points.
 template <bool kAny, bool kCounts>
 __attribute__((noinline)) void visit_round_leaf(Stream& stream, Slot& slot, const IndexedLeaves& leaves,
@@ -145,24 +159,27 @@ __attribute__((noinline)) void visit_round_leaf(Stream& stream, Slot& slot, cons
   if constexpr (kCounts) stream.batch.counts[slot.ray].primitives_tested += count_round(leaves, row);
   --slot.top;
   const RoundCandidates candidates(leaves, row, slot.local, slot.box.t_min, slot.box.t_limit, instance.extent.reach);
-  if (candidates.lanes == 0) return;
-  const RoundRay ray = round_ray(slot.local.origin, slot.local.direction);
-  bool is_new = false;
-  for (unsigned lanes = candidates.lanes; lanes != 0 && !(kAny && is_new); lanes &= lanes - 1) {
-    is_new |= take_round_hit(slot, stream.scene.instances, stream.batch.rays[slot.ray], stream.batch.cull, ray,
-                             leaves.round, candidates.primitives[__builtin_ctz(lanes)]);
-  }
-  if (is_new) go_on_from_hit<kAny>(stream, slot);
+  if (candidates.lanes != 0) take_round_hits<kAny>(stream, slot, leaves.round, candidates);
 }
 
-// Of a compact tree.
+// Of a compact tree over triangles.
 template <bool kAny, bool kCounts>
-__attribute__((noinline)) void visit_indexed_leaf(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
-  const InstanceView& instance = stream.scene.instances[slot.instance];
-  if (instance.is_round != 0) return visit_round_leaf<kAny, kCounts>(stream, slot, *instance.indexed_leaves, row);
+__attribute__((noinline)) void visit_gathered_leaf(Stream& stream, Slot& slot, const InstanceView& instance,
+                                                   std::uint32_t row) noexcept {
   GatheredLeaf leaf;
   gather_leaf(leaf, *instance.indexed_leaves, row);
   visit_leaf<kAny, kCounts>(stream, slot, leaf);
+}
+
+// Of a tree whose leaves are indexed.
+template <bool kAny, bool kCounts>
+PERFECT_BVH_INLINE void visit_indexed_leaf(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
+  const InstanceView& instance = stream.scene.instances[slot.instance];
+  if (instance.is_round != 0) {
+    visit_round_leaf<kAny, kCounts>(stream, slot, *instance.indexed_leaves, row);
+  } else {
+    visit_gathered_leaf<kAny, kCounts>(stream, slot, instance, row);
+  }
 }
 
 // Of a tree that moves.
