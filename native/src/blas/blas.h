@@ -67,7 +67,10 @@ struct Blas {
 // Geometry, trees and plan.
 [[nodiscard]] inline std::size_t byte_count(const Blas& blas) noexcept {
   std::size_t count = blas.mesh.byte_count() + blas.wide.byte_count() + plan_byte_count(blas);
-  for (const auto& step : blas.later) count += step->mesh.positions.size() * sizeof(Vec3f) + step->wide.byte_count();
+  for (const auto& step : blas.later) {
+    count += step->mesh.positions.size() * sizeof(Vec3f) + step->mesh.balls.size() * sizeof(Ball);
+    count += step->wide.byte_count();
+  }
   return count;
 }
 

@@ -57,7 +57,7 @@ std::shared_ptr<const Mesh> move_in_steps(const Mesh& mesh, std::span<const Vec3
                                           const std::shared_ptr<SparePositions>& spare, ThreadPool& pool,
                                           const char* function) {
   const std::size_t count = mesh.positions.size();
-  check_count(positions.size(), count * (times.last + std::size_t{1}), function);
+  check_count(positions.size() / (times.last + std::size_t{1}), count, function);
   Mesh moved;
   moved.triangles = mesh.triangles;
   moved.times = times;
