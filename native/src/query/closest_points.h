@@ -17,8 +17,9 @@ struct PointColumns {
   const Vec3d* points = nullptr;
   const double* max_distances = nullptr;
   const std::uint32_t* masks = nullptr;
+  std::size_t max_distance_stride = 0, mask_stride = 0;
   const float* times = &kShutterOpens;  // within the shutter, 0 to 1
-  std::size_t max_distance_stride = 0, mask_stride = 0, time_stride = 0;
+  std::size_t time_stride = 0;
 };
 
 // One row a point. Nothing found: distances infinite, ids -1, everything else zero.
