@@ -258,7 +258,7 @@ def test_a_mesh_that_only_another_instance_moves_is_kept():
     ("call", "message"),
     [
         (lambda s, m, i: s.set_mesh_motion(m, np.zeros((2, 3, 2))), r"set_mesh_motion: positions must have shape"),
-        (lambda s, m, i: s.set_mesh_motion(m, np.zeros((2, 5, 3))), r"set_mesh_motion: positions has 5 rows but the mesh has 8"),
+        (lambda s, m, i: s.set_mesh_motion(m, np.zeros((2, 5, 3))), r"positions has 5 rows but the mesh has 8"),
         (lambda s, m, i: s.set_mesh_motion(m, np.zeros((0, 8, 3))), r"set_mesh_motion: positions must have 1 to 255"),
         (lambda s, m, i: s.set_mesh_motion(m, np.full((2, 8, 3), np.nan)), r"positions\[0\] is not finite"),
         (lambda s, m, i: s.set_mesh_motion(99, np.zeros((2, 8, 3))), r"there is no mesh with id 99"),
