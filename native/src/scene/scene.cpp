@@ -214,7 +214,7 @@ void Scene::set_instance_motion(std::span<const std::int32_t> ids, Matrices<T> m
   const std::lock_guard lock(edit_mutex_);
   const auto rows = find_instances(ids, kName);
   for (std::size_t i = 0; i < rows.count; ++i) {
-    instances_[rows[i]].object_to_world = matrices[i];
+    instances_[rows[i]].object_to_world = turns[i]->at(kShutterOpens);  // which may be between two steps
     instances_[rows[i]].turns = std::move(turns[i]);
   }
   mark_edited();

@@ -26,9 +26,10 @@ struct ObjectTriangle {
 ObjectTriangle object_triangle(const Instance& instance, const Hit& hit) noexcept {
   const Mesh& mesh = instance.blas->mesh;
   const TriangleIndices corners = mesh.triangles[hit.primitive_index];
+  const Moment moment = moment_of(instance, kShutterOpens);  // images show the scene as it is then
   const double u = static_cast<double>(hit.u), v = static_cast<double>(hit.v);
-  return {{to_double(mesh.positions[corners.x]), to_double(mesh.positions[corners.y]),
-           to_double(mesh.positions[corners.z])},
+  return {{to_double(mesh.position_at(corners.x, moment)), to_double(mesh.position_at(corners.y, moment)),
+           to_double(mesh.position_at(corners.z, moment))},
           {1.0 - u - v, u, v}};
 }
 
