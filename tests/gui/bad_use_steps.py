@@ -189,7 +189,8 @@ def set_up_a_long_scan() -> Step:
 
 
 def scan_to_frame(gate: Gate, frame: int) -> Step:
-    gate.hold_when(lambda _, share: share >= frame / LONG_SCAN)
+    """Until the frames before are scanned: Blender is in this one from their end on, where the sensor's way leads."""
+    gate.hold_when(lambda _, share: share >= (frame - 1) / LONG_SCAN)
     yield from gate.wait(f"the scan of frame {frame}")
     check(is_working(), "a scan that is held has ended")
     check(bpy.context.scene.frame_current == frame, f"the scan is in frame {bpy.context.scene.frame_current}")
