@@ -16,9 +16,14 @@ _WRITTEN_PASSES = frozenset(
 _NO_PASSES = frozenset(("use_pass_cryptomatte_accurate", "use_pass_cryptomatte_asset"))
 
 
-def find_ignored_settings(depsgraph: Any, attributes: AttributeRequest, for_viewport: bool) -> list[NotShown]:
-    """A row for each that is set to anything else than what is shown. for_viewport: no passes are written there."""
-    found = [_motion_blur(depsgraph), _pieces_of_hair(depsgraph.scene)]
+def find_ignored_settings(
+    depsgraph: Any, attributes: AttributeRequest, for_viewport: bool, in_time: bool
+) -> list[NotShown]:
+    """A row for each that is set to anything else than what is shown. for_viewport: no passes are written there.
+
+    in_time: what moves within the shutter is read as well.
+    """
+    found = [None if in_time else _motion_blur(depsgraph), _pieces_of_hair(depsgraph.scene)]
     if attributes.shading:
         found += [*_of_layer(depsgraph.view_layer), *_of_cycles(depsgraph.scene)]
     if not for_viewport:

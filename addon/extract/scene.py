@@ -30,7 +30,7 @@ from .visibility import VisibilityReader, outside_viewports
 
 DARK = NotShown("dark", "No light", 0, "neither a light, the world nor a material shines; the image is black")
 # Layouts that were proven or refuted hold for the whole process.
-_shared_reader = ArrayReader()
+shared_reader = ArrayReader()
 
 
 @dataclass(slots=True)
@@ -55,6 +55,7 @@ def read_scene(
     reader: ArrayReader | None = None,
     cache: ReadCache | None = None,
     for_preview: bool = False,
+    in_time: bool = False,
 ) -> SceneRecord:
     """Copies everything that a render of an evaluated depsgraph needs. Nothing of Blender is kept.
 
@@ -62,11 +63,13 @@ def read_scene(
     for_viewport: whether viewport or render visibility counts; by default what the depsgraph was made for. A
         viewport depsgraph that is asked for render visibility leaves out what a render hides, but has
         neither what the viewport hides nor the modifiers' render settings.
-    camera: an object or a `CameraRecord` instead of the scene's active camera.
+    camera: an object, a `CameraRecord`, or a function of the depsgraph that gives one or None, instead of the scene's
+        active camera.
     size: (width, height) in pixels instead of the scene's render size.
     space: the 3D viewport (`SpaceView3D`) whose local view and filters count.
     reader: how arrays are read; by default the process's own, see `ArrayReader`.
     cache: what the last reading left; without it everything is read, whatever is known of changes.
+    in_time: this is for motion blur, which then is not named as a setting that is not asked.
     for_preview: the depsgraph is of one of Blender's previews, and this a thread beside the user's edits: nothing but
         the depsgraph is asked, neither the open file nor the log of changes, and of a cache only images are used.
 
@@ -85,7 +88,7 @@ def read_scene(
     with outside_viewports() if for_viewport else nullcontext():
         parts = read_again(cache.plain, depsgraph, attributes, visibility, log, cache.images)
         if parts is None:
-            reader = reader or _shared_reader
+            reader = reader or shared_reader
             parts = _read_parts(depsgraph, attributes, visibility, reader, cache, log, for_preview)
             cache.plain = remember(parts, cache.instances.shown, depsgraph, attributes, visibility, log)
         not_shown = [*([] if for_preview else find_missing_libraries()), *parts.not_shown]
@@ -93,7 +96,7 @@ def read_scene(
         if attributes.shading:
             images = ImageReader(cache.images, for_preview=for_preview)
             lights = read_lights(depsgraph, visibility, images, not_shown, instanced=parts.instances_lights)
-    not_shown += find_ignored_settings(depsgraph, attributes, for_viewport)
+    not_shown += find_ignored_settings(depsgraph, attributes, for_viewport, in_time)
     record = _record_of(depsgraph, parts, cache.hair, lights, camera, read_frame(depsgraph.scene_eval, size))
     return replace(record, not_shown=(*([DARK] if record.is_dark else []), *not_shown))
 
@@ -103,7 +106,7 @@ def _record_of(
 ) -> SceneRecord:
     """The whole record but for its list of what is not shown. camera: as `read_scene` takes it."""
     scene = depsgraph.scene_eval
-    camera_record, complaint = _read_any_camera(depsgraph, scene.camera if camera is None else camera, frame)
+    camera_record, complaint = read_any_camera(depsgraph, scene.camera if camera is None else camera, frame)
     return SceneRecord(
         name=scene.name,
         frame=scene.frame_current_final,
@@ -158,7 +161,10 @@ def _read_parts(
     )
 
 
-def _read_any_camera(depsgraph: Any, camera: Any, frame: Frame) -> tuple[CameraRecord | None, str | None]:
+def read_any_camera(depsgraph: Any, camera: Any, frame: Frame) -> tuple[CameraRecord | None, str | None]:
+    """What looks, and why it cannot if there is none. camera: as `read_scene` takes it."""
+    if callable(camera):
+        return camera(depsgraph), None
     if isinstance(camera, CameraRecord):
         return camera, None
     if camera is not None and not camera.is_evaluated:

@@ -24,9 +24,12 @@ from perfect_bvh.scene import Policy
 
 from ..extract import ReadCache, read_scene
 from ..extract.pointer_views import ArrayReader
+from ..extract.scene_in_time import halves, read_scene_in_time
+from ..extract.shutter import FrameSet, Shutter, as_shutter
 from ..support.background_work import BackgroundWork
 from ..sync.appearance import as_camera, make_appearance
 from ..sync.lookup import HitIds, InstanceDescription, SceneLookup
+from ..sync.motion import without_parting
 from ..sync.records import AttributeRequest, Int32Array, SceneRecord
 from ..sync.report import SyncReport
 from ..sync.scene_difference import AppliedDifference, SceneDifference
@@ -107,6 +110,9 @@ class SceneSync:
         camera: Any = None,
         size: tuple[int, int] | None = None,
         space: Any = None,
+        shutter: tuple[float, float] | None = None,
+        steps: int | None = None,
+        frame_set: FrameSet | None = None,
         progress: Progress | None = None,
     ) -> SyncReport:
         """Makes the engine's scene equal to an evaluated `bpy.types.Depsgraph`, editing only what differs.
@@ -116,27 +122,47 @@ class SceneSync:
             those are more. Where none was ever told, trees are chosen by class, or better ones if the rays cast since
             repay them, and a refitted one is restructured when 5 percent worse. A mesh that rests gets a better tree
             in some later update, although nothing has changed, once its rays repay one: see `perfect_bvh.Scene.commit`.
-        verify: reads everything a second time in the slow and certain way, and reports each difference.
-        camera: an object or a `CameraRecord` instead of the scene's camera. size: (width, height) in pixels
-            instead of the render size. space: the `SpaceView3D` whose local view counts.
-        progress: called with the share done of the commit; returning False raises `perfect_bvh.Cancelled`.
+        verify: reads the frame itself a second time in the slow and certain way, and reports each difference; no other
+            moment of a shutter.
+        camera: an object or a `CameraRecord` instead of the scene's camera, or a function of the depsgraph that gives
+            a record or None. size: (width, height) in pixels instead of the render size. space: the `SpaceView3D` whose
+            local view counts.
+        shutter: (begin, end), in frames from the current one, which become the times 0 and 1 of the queries: what moves
+            between them has its motion then, see below. None ends all motions.
+        steps: 2 to 255, at how many moments to look at what Cycles' *Motion Steps* were never set for; 3 by default.
+        frame_set: called with a frame and a subframe, 0 to below 1, instead of the scene's own: of a render, whose
+            depsgraph only that evaluates, its engine's `frame_set`.
+        progress: called with the share done, of the commit, after that of a shutter's moments; returning False raises
+            `perfect_bvh.Cancelled`.
 
-        Raises what the engine raises. Until an update succeeds, queries then raise `perfect_bvh.StaleSceneError`.
+        With a shutter Blender evaluates each moment that any object or the camera asks for, once, and is then set back
+        to the frame and subframe where it was, however the update ends. As by any change of the frame, what is keyed is
+        then where its keys have it. Objects and cameras have Cycles' switches *Motion Blur* and *Deformation* and steps
+        (2 ** steps + 1 moments), instances those of their instancer as well; where Cycles is disabled all are on.
+        Moved are objects, instances, which go by their persistent ids, and the vertices of meshes, hair, curves and
+        points; between two moments as `perfect_bvh.Scene.set_instance_motion` and `set_mesh_motion` say.
+        `camera_motion` has the camera's. What has other triangles, or is not there, at one of its moments stands still
+        as at the frame, and is named in `warnings` and `report.not_shown`; so do lights, materials and the world.
+
+        Raises ValueError for arguments that are none of these, and what the engine raises. Until an update succeeds,
+        queries then raise `perfect_bvh.StaleSceneError`.
         """
+        span = as_shutter("update", shutter, steps, frame_set)
         self.stop_building()
         self._state.scene.mark_stale(_FAILED)
         view = {"camera": camera, "size": size, "space": space}
         if self._watch is not None:
             self._watch.start()  # again, if it was closed
-        difference, read_milliseconds = self._read(depsgraph, view)
+        reading, committing = (None, progress) if span is None else halves(progress)
+        difference, read_milliseconds = self._read(depsgraph, view, span, reading)
         if self._watch is not None:
             self._watch.note_synced(depsgraph)
         state = self._state
         applied = self._apply(difference)
-        report = self._finish(state, applied, state.commit(expected_rays, progress), read_milliseconds)
+        report = self._finish(state, applied, state.commit(expected_rays, committing), read_milliseconds)
         if verify:
             certain = self._read_record(depsgraph, view, reader=ArrayReader(use_views=False))
-            report = replace(report, mismatches=find_mismatches(self.record, certain))
+            report = replace(report, mismatches=find_mismatches(without_parting(self.record), certain))
         return report
 
     def begin_update(
@@ -147,10 +173,14 @@ class SceneSync:
         camera: Any = None,
         size: tuple[int, int] | None = None,
         space: Any = None,
+        shutter: tuple[float, float] | None = None,
+        steps: int | None = None,
+        frame_set: FrameSet | None = None,
     ) -> UpdateCommit:
         """The half of `update` that needs Blender; returns the other one, which goes on by itself: see `building`.
 
-        expected_rays: see `update`; a commit under way that is returned goes on with its own number.
+        expected_rays: see `update`, as for the other arguments; a commit under way that is returned goes on with its
+            own number.
         What was read (`record`, `camera`, `warnings`) is there at once. All that asks the engine raises
         `perfect_bvh.StaleSceneError` until the commit has succeeded; its `result` is the report. Only one goes on at
         a time: where an earlier one builds what was read now, that is returned; any other is stopped, by `update`, too.
@@ -160,10 +190,13 @@ class SceneSync:
         """
         if self._watch is not None:
             raise RuntimeError("begin_update: the sync watches Blender; make it with watch=False")
+        span = as_shutter("begin_update", shutter, steps, frame_set)
         if self._building is not None and self._building.is_lost:
             self.stop_building()  # before anything is compared with what it held
         try:
-            difference, read_milliseconds = self._read(depsgraph, {"camera": camera, "size": size, "space": space})
+            difference, read_milliseconds = self._read(
+                depsgraph, {"camera": camera, "size": size, "space": space}, span
+            )
         except BaseException:
             self.stop_building()
             self._state.scene.mark_stale(_FAILED)
@@ -180,10 +213,16 @@ class SceneSync:
         )
         return self._building
 
-    def _read(self, depsgraph: Any, view: dict[str, Any]) -> tuple[SceneDifference, float]:
+    def _read(
+        self, depsgraph: Any, view: dict[str, Any], shutter: Shutter | None, progress: Progress | None = None
+    ) -> tuple[SceneDifference, float]:
         """What every update begins with: how Blender's scene differs from what is held, and milliseconds of reading."""
         started = time.perf_counter()
-        record = self._read_record(depsgraph, view, cache=self._cache)
+        if shutter is None:
+            record = self._read_record(depsgraph, view, cache=self._cache)
+        else:
+            how = {"for_viewport": self._for_viewport, **view}
+            record = read_scene_in_time(depsgraph, shutter, self._attributes, self._cache, progress=progress, **how)
         read_milliseconds = (time.perf_counter() - started) * 1e3
         return self._state.compare(record), read_milliseconds
 
@@ -258,6 +297,14 @@ class SceneSync:
         """The camera of the last update; None if the scene has none that can be rendered (see `warnings`)."""
         camera = self.record.camera
         return None if camera is None else as_camera(camera)
+
+    @property
+    def camera_motion(self) -> tuple[Camera, ...]:
+        """The camera at moments at equal intervals of the last update's shutter, from time 0 to 1.
+
+        Empty without a shutter, if it does not move, or its motion blur is off.
+        """
+        return tuple([as_camera(camera) for camera in self.record.motion.camera])
 
     @property
     def size(self) -> tuple[int, int]:

@@ -13,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 from perfect_bvh.bulk import are_equal, find_moved
 
-from .keys import Int64Array, Uint64Array, match_keys
+from .keys import Int64Array, PlacedInstances, Uint64Array, match_keys
 from .records import (
     MESH_COLUMNS,
     MESH_LAYERS,
+    CameraRecord,
     InstanceRecords,
     Int32Array,
     Layers,
@@ -51,10 +52,7 @@ class HeldInstances:
 
         What they show and where may differ all the same.
         """
-        names = ("object_indices", "parent_indices", "persistent_ids")
-        if not all(getattr(self.columns, name) is getattr(record.instances, name) for name in names):
-            return False
-        return self.objects is record.objects or uids_of(self.objects) == uids_of(record.objects)
+        return are_same_instances(self.columns, self.objects, record)
 
     def shows_meshes_of(self, record: SceneRecord, held_meshes: Container[Hashable]) -> bool:
         """Whether each instance shows the mesh that it shows in the record, if they are the same instances."""
@@ -111,26 +109,27 @@ def compare_mesh(old: MeshRecord | None, new: MeshRecord) -> MeshDifference:
         return UNCHANGED
     if old is None:
         return MeshDifference("added", "seen for the first time")
-    attributes_changed = not (_have_same(old, new, *ATTRIBUTES) and have_same_layers(old, new))
-    reason = _topology_change(old, new)
+    attributes_changed = not (have_same(old, new, *ATTRIBUTES) and have_same_layers(old, new))
+    reason = topology_change(old, new)
     if reason:
         return MeshDifference("replaced", reason, attributes_changed)
     parts = new.kind
-    if not _have_same(old, new, "positions", "radii"):
+    if not have_same(old, new, "positions", "radii"):
         moved = "vertices" if parts == "triangles" else "points"
         return MeshDifference("deformed", f"{moved} moved, {parts} stayed", attributes_changed)
     reason = f"same {parts}, same positions" if new.was_read else UNCHANGED.reason
     return MeshDifference("kept", reason, attributes_changed)
 
 
-def _topology_change(old: MeshRecord, new: MeshRecord) -> str | None:
+def topology_change(old: MeshRecord, new: MeshRecord) -> str | None:
+    """Why what is new is more than the old one with other positions or radii; None if it is not."""
     if old.form != new.form:
         return f"{new.kind} of another kind"
     if old.part_count != new.part_count:
         return f"{new.part_count} {new.kind}, {old.part_count} before"
     if len(old.positions) != len(new.positions):
         return f"{len(new.positions)} vertices, {len(old.positions)} before"
-    if not _have_same(old, new, "triangles", "curve_offsets"):
+    if not have_same(old, new, "triangles", "curve_offsets"):
         return f"as many {new.kind}, but others"
     return None
 
@@ -146,7 +145,8 @@ def _have_equal_items(old: Layers, new: Layers) -> bool:
     return old.keys() == new.keys() and all(_are_equal(array, new[name]) for name, array in old.items())
 
 
-def _have_same(old: Any, new: Any, *names: str) -> bool:
+def have_same(old: Any, new: Any, *names: str) -> bool:
+    """Whether the arrays of these names are equal."""
     return all(_are_equal(getattr(old, name), getattr(new, name)) for name in names)
 
 
@@ -203,6 +203,21 @@ def _shows_same_mesh(
     wanted = old_indices[record.instances.mesh_indices] if len(record.meshes) else np.empty(0, np.int32)
     shows_same: BoolArray = (rows >= 0) & (wanted >= 0) & (held.columns.mesh_indices[rows] == wanted)
     return shows_same
+
+
+def are_same_instances(instances: InstanceRecords, objects: tuple[ObjectRecord, ...], record: PlacedInstances) -> bool:
+    """Whether these are a record's instances, in the same order, as the sharing of arrays shows."""
+    names = ("object_indices", "parent_indices", "persistent_ids")
+    if not all(getattr(instances, name) is getattr(record.instances, name) for name in names):
+        return False
+    return objects is record.objects or uids_of(objects) == uids_of(record.objects)
+
+
+def is_same_camera(first: CameraRecord, second: CameraRecord) -> bool:
+    """Whether two cameras see the same."""
+    names = ("window", "projection", "clip_start", "clip_end", "border", "lens")
+    same_settings = all(getattr(first, name) == getattr(second, name) for name in names)
+    return same_settings and bool(np.array_equal(first.matrix, second.matrix))
 
 
 def uids_of(objects: tuple[ObjectRecord, ...]) -> list[int]:

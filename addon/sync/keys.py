@@ -6,12 +6,12 @@ afresh give the same names and break ties alike.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from .records import Int32Array, SceneRecord
+from .records import InstanceRecords, Int32Array, ObjectRecord
 
 Uint64Array = npt.NDArray[np.uint64]
 Int64Array = npt.NDArray[np.int64]
@@ -20,7 +20,16 @@ _PERSISTENT_ID_LEVELS = 8
 _UNUSED_LEVEL = 2**31 - 1  # Blender's filler in the levels of a persistent id that are not used
 
 
-def instance_keys(record: SceneRecord) -> Uint64Array:
+class PlacedInstances(Protocol):
+    """A scene, or a moment of it."""
+
+    @property
+    def instances(self) -> InstanceRecords: ...
+    @property
+    def objects(self) -> tuple[ObjectRecord, ...]: ...
+
+
+def instance_keys(record: PlacedInstances) -> Uint64Array:
     """(I,) uint64, distinct: a 64-bit mix of the object's and the instancer's session uid and the persistent id.
 
     Instances that nothing tells apart are numbered in the order they come. Should two different instances ever get
@@ -33,7 +42,7 @@ def instance_keys(record: SceneRecord) -> Uint64Array:
     return _number_repeated(keys)
 
 
-def instance_orders(record: SceneRecord) -> Int64Array:
+def instance_orders(record: PlacedInstances) -> Int64Array:
     """(I,) int64: of hits at the same t, that of the instance with the smallest order wins.
 
     Sorted by the object's uid, the instancer's uid, then the persistent id. Uids differ from session to session
@@ -50,7 +59,7 @@ def instance_orders(record: SceneRecord) -> Int64Array:
     return orders
 
 
-def _uids(record: SceneRecord) -> tuple[Int64Array, Int64Array]:
+def _uids(record: PlacedInstances) -> tuple[Int64Array, Int64Array]:
     """Session uids of each instance's object and of its instancer, 0 for none."""
     uids = np.array([*(obj.session_uid for obj in record.objects), 0], np.int64)
     return uids[record.instances.object_indices], uids[record.instances.parent_indices]

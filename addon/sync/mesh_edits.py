@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 import numpy.typing as npt
 
+from .motion_records import MeshMotion
 from .records import MeshRecord
 
 
@@ -25,6 +26,9 @@ class MeshScene(Protocol):
     def add_points(self, centers: npt.ArrayLike, radii: npt.ArrayLike, **options: Any) -> int: ...
     def update_points(self, mesh: int, centers: npt.ArrayLike, radii: npt.ArrayLike) -> None: ...
     def replace_points(self, mesh: int, centers: npt.ArrayLike, radii: npt.ArrayLike) -> None: ...
+    def set_mesh_motion(self, mesh: int, positions: npt.ArrayLike) -> None: ...
+    def set_curves_motion(self, mesh: int, points: npt.ArrayLike, radii: npt.ArrayLike) -> None: ...
+    def set_points_motion(self, mesh: int, centers: npt.ArrayLike, radii: npt.ArrayLike) -> None: ...
     def set_usage(self, mesh: int, usage: str) -> None: ...
     def remove_mesh(self, mesh: int) -> None: ...
 
@@ -46,6 +50,18 @@ def move(scene: MeshScene, mesh_id: int, mesh: MeshRecord) -> None:
         scene.update_points(mesh_id, mesh.positions, _radii(mesh))
     else:
         scene.update_curves(mesh_id, mesh.positions, _radii(mesh))
+
+
+def set_motion(scene: MeshScene, mesh_id: int, mesh: MeshRecord, motion: MeshMotion) -> None:
+    """Other positions and radii within the shutter."""
+    if mesh.kind == "triangles":
+        scene.set_mesh_motion(mesh_id, motion.positions)
+        return
+    assert motion.radii is not None
+    if mesh.kind == "points":
+        scene.set_points_motion(mesh_id, motion.positions, motion.radii)
+    else:
+        scene.set_curves_motion(mesh_id, motion.positions, motion.radii)
 
 
 def replace(scene: MeshScene, mesh_id: int, mesh: MeshRecord) -> None:

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from .motion_records import SceneMotion
 from .not_shown import NotShown
 
 Int32Array = npt.NDArray[np.int32]
@@ -391,8 +392,9 @@ class AttributeRequest:
 
 @dataclass(frozen=True, slots=True)
 class SceneRecord:
-    """Everything read from one evaluated depsgraph at one frame.
+    """Everything read from one evaluated depsgraph at one frame, and what of it moves around that frame.
 
+    motion: within the shutter that the scene was read for; nothing moves without one. All else is as at the frame.
     camera: None if the scene has none. size: (width, height) of a render in pixels, percentage applied.
     images, lights, world, variants: only if shading was asked for; without it there is no world. variants: of materials
     that are not the same on each instance, None if all are.
@@ -418,6 +420,7 @@ class SceneRecord:
     unseen: tuple[UnseenMesh, ...] = ()
     warnings: tuple[str, ...] = ()
     not_shown: tuple[NotShown, ...] = ()
+    motion: SceneMotion = field(default_factory=SceneMotion)
 
     @property
     def is_dark(self) -> bool:

@@ -96,6 +96,8 @@ class SyncReport:
     """What one `update()` did.
 
     meshes: every mesh, also those that were kept. The counts are of instances.
+    motion_count: how many instances and meshes move within the shutter. motion_changed: other ones than before, or
+        otherwise; whether they are kept, moved or deformed is told of the frame itself.
     camera_changed, materials_changed, attributes_changed: what changes an image without changing the geometry.
     finishes_earlier_update: an earlier update's commit failed or was cancelled, and its edits were committed now.
     commit: the engine's own report: what was built and what was refitted.
@@ -118,6 +120,8 @@ class SyncReport:
     attributes_changed: bool
     finishes_earlier_update: bool
     commit: CommitReport
+    motion_count: int = 0
+    motion_changed: bool = False
     unseen: tuple[UnseenMesh, ...] = ()
     warnings: tuple[str, ...] = ()
     not_shown: tuple[NotShown, ...] = ()
@@ -161,7 +165,7 @@ class SyncReport:
         """Whether anything changed that an image could show."""
         instances = self.added_count + self.removed_count + self.moved_count + self.masked_count
         meshes = any(mesh.action != "kept" for mesh in self.meshes)
-        looks = self.camera_changed or self.materials_changed or self.attributes_changed
+        looks = self.motion_changed or self.camera_changed or self.materials_changed or self.attributes_changed
         return bool(instances or meshes or looks or self.finishes_earlier_update)
 
     @property
@@ -205,6 +209,7 @@ class SyncReport:
             f"{self.count_meshes('kept')} kept",
             f"instances: {self.added_count} added, {self.removed_count} removed, {self.moved_count} moved, "
             f"{self.masked_count} masked, {self.kept_count} kept",
+            *([f"{self.motion_count} moving within the shutter"] if self.motion_count else []),
             f"{self.milliseconds:.1f} ms: read {self.read_milliseconds:.1f}, compare {self.compare_milliseconds:.1f}, "
             f"apply {self.apply_milliseconds:.1f}, commit {self.commit_milliseconds:.1f}",
         ]

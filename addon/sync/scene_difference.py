@@ -6,9 +6,8 @@ from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from .compare import HeldInstances, InstanceDifference, MeshDifference
+from .compare import HeldInstances, InstanceDifference, MeshDifference, is_same_camera
+from .held_motion import MotionDifference
 from .keys import Int64Array, Uint64Array
 from .looks import find_look_differences
 from .object_changes import summarise_objects
@@ -38,11 +37,12 @@ class SceneDifference:
     meshes: Sequence[MeshDifference]
     removed_meshes: list[Hashable]
     instances: InstanceDifference
+    motion: MotionDifference
     milliseconds: float
 
     @property
     def camera_changed(self) -> bool:
-        """Or the size of the image."""
+        """Or its motion, or the size of the image."""
         return self.last is None or not _have_same_camera(self.last, self.record)
 
     @property
@@ -64,6 +64,7 @@ class SceneDifference:
             and all(mesh.action == "kept" for mesh in self.meshes)
             and self.instances.kept.all()
             and not self.instances.removed.any()
+            and self.motion.is_none
             and not self.camera_changed
             and not self.materials_changed
             and not self.attributes_changed
@@ -99,6 +100,8 @@ class AppliedDifference:
             moved_count=int(instances.moved.sum()),
             masked_count=int(instances.masked.sum()),
             kept_count=int(instances.kept.sum()),
+            motion_count=record.motion.count,
+            motion_changed=not difference.motion.is_none,
             camera_changed=difference.camera_changed,
             materials_changed=difference.materials_changed,
             attributes_changed=difference.attributes_changed,
@@ -119,6 +122,7 @@ def _have_same_camera(old: SceneRecord, new: SceneRecord) -> bool:
         return False
     if old.camera is None or new.camera is None:
         return old.camera is new.camera
-    names = ("window", "projection", "clip_start", "clip_end", "border", "lens")
-    same_settings = all(getattr(old.camera, name) == getattr(new.camera, name) for name in names)
-    return same_settings and bool(np.array_equal(old.camera.matrix, new.camera.matrix))
+    moments = (old.motion.camera, new.motion.camera)
+    if len(moments[0]) != len(moments[1]) or not is_same_camera(old.camera, new.camera):
+        return False
+    return all(is_same_camera(*pair) for pair in zip(*moments, strict=True))

@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from .compare import HeldInstances, compare_instances
 from .held_meshes import HeldMeshes
+from .held_motion import MovingScene, compare_motion
 from .keys import Int64Array, instance_keys, instance_orders
-from .mesh_edits import MeshScene
 from .records import Int32Array, SceneRecord
 from .report import MeshChange, SyncReport
 from .scene_difference import AppliedDifference, SceneDifference
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Progress = Callable[[float], object]
 
 
-class EngineScene(MeshScene, Protocol):
+class EngineScene(MovingScene, Protocol):
     """The part of `perfect_bvh.Scene` that sync uses."""
 
     @property
@@ -36,7 +36,6 @@ class EngineScene(MeshScene, Protocol):
     def add_instances(
         self, meshes: npt.ArrayLike, transforms: npt.ArrayLike, masks: npt.ArrayLike, orders: npt.ArrayLike
     ) -> Int32Array: ...
-    def set_transforms(self, ids: npt.ArrayLike, transforms: npt.ArrayLike) -> None: ...
     def set_masks(self, ids: npt.ArrayLike, masks: npt.ArrayLike) -> None: ...
     def remove_instances(self, ids: npt.ArrayLike) -> None: ...
     def commit(self, **keywords: Any) -> CommitReport: ...
@@ -122,6 +121,7 @@ class SceneState:
             meshes=meshes,
             removed_meshes=removed,
             instances=instances,
+            motion=compare_motion(self._record, record, instances, meshes),
             milliseconds=(time.perf_counter() - started) * 1e3,
         )
 
@@ -170,6 +170,7 @@ class SceneState:
         moved[record.instances.mesh_indices[difference.moved]] = True
         changes += self._meshes.apply(self.scene, record.meshes, wanted.meshes, set(np.flatnonzero(moved).tolist()))
         self._instances = self._apply_instances(wanted)
+        wanted.motion.apply(self.scene, record, self._instances.ids, self._meshes.ids)
         self._record = record
         return changes
 

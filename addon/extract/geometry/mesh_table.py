@@ -39,6 +39,7 @@ from .particle_hair import ParticleHair, read_particle_hair
 from .usage import find_remaker, guess_usage
 
 NO_MESH = -1
+_NOTHING = AttributeRequest(material_slots=False)
 STRANDS = "particle hair"  # first in the keys of what is read of it
 _Mesh = bpy.types.Mesh  # looking it up is slow
 _OF_VERTICES = "Delete such vertices in Edit Mode, or look which modifier or driver makes them"
@@ -48,6 +49,7 @@ class MeshTable:
     """Reads meshes on first sight and hands out their rows; pointers are only used within one evaluation.
 
     cache: of the last reading. log: what was evaluated since, None if that is not known: then everything is read.
+    only_places: no attributes are read, whatever is asked; what the cache has is as good with them.
     """
 
     def __init__(
@@ -57,13 +59,15 @@ class MeshTable:
         reader: ArrayReader,
         cache: MeshCache | None = None,
         log: EvaluationLog | None = None,
+        *,
+        only_places: bool = False,
     ) -> None:
         self._depsgraph = depsgraph
         self._reader = reader
         self._log = log
         self._last = cache or MeshCache()
         self.cache = MeshCache({}, attributes, depsgraph.as_pointer(), -1 if log is None else log.now)
-        self._attributes = attributes
+        self._attributes = attributes = _NOTHING if only_places else attributes
         # What is asked of every mesh, whatever its materials show.
         self._layers = LayerRequest(uvs=frozenset([""])) if attributes.corner_uvs else NO_LAYERS
         self._rows: dict[int, int] = {}  # by the mesh's pointer; twins have one

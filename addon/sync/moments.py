@@ -1,0 +1,105 @@
+"""Finds each instance of a scene again at another moment of the shutter, and how its mesh differs there.
+
+Instances are matched by their keys, and the meshes that they show with them: an evaluated mesh has no name that is
+surer than who shows it. What is the same array is known to be equal, so that what rests costs a look.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from perfect_bvh.bulk import find_moved
+
+from .compare import are_same_instances, have_same, topology_change
+from .keys import Uint64Array, instance_keys, match_keys
+from .motion_records import BoolArray, MomentRecord
+from .records import Int32Array, MeshRecord, SceneRecord
+
+Int8Array = npt.NDArray[np.int8]
+
+# What became of a shape. REMADE: its triangles, curves or points are others. BARE: some of its points have a radius
+# now and none then, which no motion leads to.
+SAME, DEFORMED, REMADE, BARE = range(4)
+
+
+@dataclass(frozen=True, slots=True)
+class MatchedMoment:
+    """The I instances of a scene at one moment.
+
+    rows: (I,) int32, of the same instance at the moment, -1 if it is not there. moved: (I,) bool. shapes: (I,) int8,
+    what became of the mesh that it shows; SAME where it is not there. new_rows: of instances that the scene lacks.
+    """
+
+    moment: MomentRecord
+    rows: Int32Array
+    moved: BoolArray
+    shapes: Int8Array
+    new_rows: Int32Array
+
+    def mesh_rows(self, instances: npt.NDArray[np.intp]) -> Int32Array:
+        """Rows of the moment's meshes that these instances show, which all are there."""
+        return np.asarray(self.moment.instances.mesh_indices[self.rows[instances]])
+
+
+class MomentMatcher:
+    """Matches moments with one record of the scene."""
+
+    def __init__(self, record: SceneRecord) -> None:
+        self._record = record
+        self._keys: Uint64Array | None = None
+
+    def match(self, moment: MomentRecord) -> MatchedMoment:
+        """Where the record's instances are at a moment."""
+        here, there = self._record.instances, moment.instances
+        new_rows = np.empty(0, np.int32)
+        if are_same_instances(here, self._record.objects, moment):
+            rows = np.arange(len(here), dtype=np.int32)
+        else:
+            if self._keys is None:
+                self._keys = instance_keys(self._record)
+            keys = instance_keys(moment)
+            rows = match_keys(keys, self._keys)
+            if len(keys) != len(rows) or (rows < 0).any():
+                new_rows = np.flatnonzero(match_keys(self._keys, keys) < 0).astype(np.int32)
+        moved = find_moved(there.transforms, here.transforms, rows)
+        return MatchedMoment(moment, rows, moved, self._shapes(moment, rows), new_rows)
+
+    def _shapes(self, moment: MomentRecord, rows: Int32Array) -> Int8Array:
+        shapes = np.zeros(len(rows), np.int8)
+        meshes, others = self._record.meshes, moment.meshes
+        found = np.flatnonzero(rows >= 0)
+        if not len(found):
+            return shapes
+        shown = self._record.instances.mesh_indices[found].astype(np.int64)
+        pairs = shown * len(others) + moment.instances.mesh_indices[rows[found]]
+        if (pairs == pairs[0]).all():  # a forest of one tree, or a single object
+            shapes[found] = compare_shapes(*_pair(meshes, others, int(pairs[0])))
+            return shapes
+        used = np.zeros(len(meshes) * len(others), np.bool_) if len(meshes) * len(others) < 1 << 24 else None
+        if used is None:
+            different, places = np.unique(pairs, return_inverse=True)
+        else:  # by a table, which takes a fraction of the time of sorting
+            used[pairs] = True
+            different = np.flatnonzero(used)
+            places = (np.cumsum(used) - 1)[pairs]
+        verdicts = [compare_shapes(*_pair(meshes, others, int(pair))) for pair in different]
+        shapes[found] = np.array(verdicts, np.int8)[places]
+        return shapes
+
+
+def compare_shapes(here: MeshRecord, there: MeshRecord) -> int:
+    """What became of a mesh at another moment: SAME, DEFORMED, REMADE or BARE."""
+    if topology_change(here, there):
+        return REMADE
+    if have_same(here, there, "positions", "radii"):
+        return SAME
+    if here.radii is not None and there.radii is not None and ((here.radii == 0.0) != (there.radii == 0.0)).any():
+        return BARE
+    return DEFORMED
+
+
+def _pair(meshes: tuple[MeshRecord, ...], others: tuple[MeshRecord, ...], pair: int) -> tuple[MeshRecord, MeshRecord]:
+    row, other = divmod(pair, len(others))
+    return meshes[row], others[other]

@@ -1,0 +1,200 @@
+"""From a scene at several moments of the shutter to what moves in it: the motions that the engine is given.
+
+What is the same at all of its moments gets no motion. What cannot be followed, because it is not there at one of them
+or has other triangles, stands still as at the frame, and is named once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+import numpy.typing as npt
+
+from .compare import is_same_camera
+from .moments import BARE, DEFORMED, REMADE, MatchedMoment, MomentMatcher
+from .motion_records import (
+    BoolArray,
+    Float32Array,
+    InstanceMotions,
+    MeshMotion,
+    MomentRecord,
+    MotionSettings,
+    SceneMotion,
+    times_of,
+)
+from .motion_words import MotionWords
+from .records import CameraRecord, Int32Array, MeshRecord, SceneRecord
+
+# A matrix whose largest entry is 1 and whose determinant is below it flattens space: how it turns cannot be told.
+_FLAT = 1e-24
+_APART = "apart"  # first in the keys of meshes that others have at the frame and that move otherwise
+
+IntArray = npt.NDArray[np.intp]
+
+
+def add_motion(record: SceneRecord, moments: Mapping[Fraction, MomentRecord], settings: MotionSettings) -> SceneRecord:
+    """The record with all that moves in it; its list of what is not shown and its warnings name what does not.
+
+    moments: of the scene at each of `settings.times`. A mesh that several instances show and that does not do the same
+    at all of them becomes several meshes.
+    """
+    matcher = MomentMatcher(record)
+    matched = {time: matcher.match(moment) for time, moment in moments.items()}
+    words = MotionWords(record, settings)
+    for time in settings.times:
+        words.add_new(matched[time])
+    steps, deforms = _of_instances(record, settings)
+    motions: list[InstanceMotions] = []
+    shapes = _Shapes(record)
+    for count in np.unique(steps[steps > 0]).tolist():
+        at = [matched[time] for time in times_of(count)]
+        asked = steps == count
+        there = np.logical_and.reduce([moment.rows >= 0 for moment in at])
+        words.add_missing(asked & ~there)
+        motions += _move(record, at, asked & there, words)
+        shapes.add(at, asked & there & deforms, words)
+    meshes, columns, mesh_motions = shapes.split()
+    camera = _camera_motion(record, moments, settings, words)
+    not_shown = words.rows
+    return replace(
+        record,
+        meshes=meshes,
+        instances=record.instances if columns is None else replace(record.instances, mesh_indices=columns),
+        motion=SceneMotion(tuple(motions), tuple(mesh_motions), camera),
+        not_shown=(*record.not_shown, *not_shown),
+        warnings=(*record.warnings, *map(str, not_shown)),
+    )
+
+
+def _of_instances(record: SceneRecord, settings: MotionSettings) -> tuple[Int32Array, BoolArray]:
+    """(I,) steps and whether shapes may change: what the object and its instancer both allow, as in Cycles."""
+    steps = np.append(settings.steps, 0).astype(np.int32)
+    deforms = np.append(settings.deforms, True)
+    objects, parents = record.instances.object_indices, record.instances.parent_indices
+    own, parent = steps[objects], steps[parents]
+    is_plain = parents < 0
+    both = np.where((own > 0) & (parent > 0), np.maximum(own, parent), 0)
+    return np.where(is_plain, own, both).astype(np.int32), np.asarray(deforms[objects] & deforms[parents])
+
+
+def _move(record: SceneRecord, at: list[MatchedMoment], asked: BoolArray, words: MotionWords) -> list[InstanceMotions]:
+    """Of the instances that are asked for, which are there at each of the moments, those whose transforms differ."""
+    rows = np.flatnonzero(asked & np.logical_or.reduce([moment.moved for moment in at]))
+    if not len(rows):
+        return []
+    transforms = np.stack([moment.moment.instances.transforms[moment.rows[rows]] for moment in at])
+    flat = _flattens(transforms).any(axis=0)
+    if flat.any():
+        words.add_flat(rows[flat])
+        rows, transforms = rows[~flat], transforms[:, ~flat]
+    return [InstanceMotions(rows.astype(np.int32), transforms)] if len(rows) else []
+
+
+def _flattens(transforms: Float32Array) -> BoolArray:
+    """(S, K): whether nobody can tell how the matrix turns."""
+    linear = transforms[..., :3].astype(np.float64)
+    largest = np.abs(linear).max(axis=(-2, -1))
+    a, b, c = (linear[..., axis] / np.where(largest > 0.0, largest, 1.0)[..., None] for axis in range(3))
+    determinants = np.einsum("ski,ski->sk", a, np.cross(b, c))
+    return np.asarray(~(np.abs(determinants) > _FLAT))
+
+
+@dataclass(slots=True)
+class _Deformed:
+    """Instances whose mesh deforms alike: (K,) rows of the scene's, and the mesh at each moment."""
+
+    instances: IntArray
+    shapes: list[MeshRecord]
+
+
+class _Shapes:
+    """Gathers what deforms, then gives each mesh its motion."""
+
+    def __init__(self, record: SceneRecord) -> None:
+        self._record = record
+        self._found: dict[int, list[_Deformed]] = {}  # by the mesh's row
+
+    def add(self, at: list[MatchedMoment], asked: BoolArray, words: MotionWords) -> None:
+        """at: the moments of the instances that are asked for, which are there at each of them."""
+        worst = np.maximum.reduce([moment.shapes for moment in at])
+        for verdict in (REMADE, BARE):
+            words.add_remade(asked & (worst == verdict), verdict)
+        rows = np.flatnonzero(asked & (worst == DEFORMED))
+        if not len(rows):
+            return
+        groups = self._record.instances.mesh_indices[rows].astype(np.int64)
+        for moment in at:
+            pairs = groups * len(moment.moment.meshes) + moment.mesh_rows(rows)
+            groups = np.unique(pairs, return_inverse=True)[1].reshape(-1)
+        for number in range(int(groups.max()) + 1):
+            members = rows[groups == number]
+            first = members[:1]
+            shapes = [moment.moment.meshes[int(moment.mesh_rows(first)[0])] for moment in at]
+            row = int(self._record.instances.mesh_indices[first[0]])
+            self._found.setdefault(row, []).append(_Deformed(members, shapes))
+
+    def split(self) -> tuple[tuple[MeshRecord, ...], Int32Array | None, list[MeshMotion]]:
+        """The scene's meshes, which mesh each instance shows if that is not as before, and the motions."""
+        meshes, motions = list(self._record.meshes), []
+        columns = self._record.instances.mesh_indices
+        counts = np.bincount(columns, minlength=len(meshes))
+        changed: Int32Array | None = None
+        for row, found in sorted(self._found.items()):
+            rest = int(counts[row]) - sum(len(one.instances) for one in found)
+            for number, one in enumerate(found):
+                place = row
+                if rest or number:
+                    changed = columns.copy() if changed is None else changed
+                    place = len(meshes)
+                    changed[one.instances] = place
+                    mesh = self._record.meshes[row]
+                    meshes.append(replace(mesh, key=(_APART, mesh.key, number)))
+                motions.append(_mesh_motion(place, one.shapes))
+        whole = self._record.meshes if changed is None else tuple(meshes)
+        return whole, changed, motions
+
+
+def without_parting(record: SceneRecord) -> SceneRecord:
+    """The record as it was read: what was made several meshes for their motions is one again."""
+    keys = [mesh.key for mesh in record.meshes]
+    whole = [key for key in keys if not _is_apart(key)]
+    if len(whole) == len(keys):
+        return record
+    places = {key: row for row, key in enumerate(whole)}
+    rows = np.array([places[key[1] if _is_apart(key) else key] for key in keys], np.int32)  # type: ignore[index]
+    return replace(
+        record,
+        meshes=tuple([mesh for mesh in record.meshes if not _is_apart(mesh.key)]),
+        instances=replace(record.instances, mesh_indices=rows[record.instances.mesh_indices]),
+    )
+
+
+def _is_apart(key: Hashable) -> bool:
+    return isinstance(key, tuple) and len(key) == 3 and key[0] == _APART
+
+
+def _mesh_motion(row: int, shapes: list[MeshRecord]) -> MeshMotion:
+    radii = [shape.radii for shape in shapes if shape.radii is not None]
+    return MeshMotion(row, np.stack([shape.positions for shape in shapes]), np.stack(radii) if radii else None)
+
+
+def _camera_motion(
+    record: SceneRecord, moments: Mapping[Fraction, MomentRecord], settings: MotionSettings, words: MotionWords
+) -> tuple[CameraRecord, ...]:
+    if not settings.camera_steps or record.camera is None:
+        return ()
+    at = [moments[time] for time in times_of(settings.camera_steps)]
+    cameras = [moment.camera for moment in at if moment.camera is not None]
+    if len(cameras) < len(at):
+        complaint = next((moment.complaint for moment in at if moment.complaint), "it is not there at all of them")
+        words.add_camera(settings, complaint)
+        return ()
+    if any(camera.projection != record.camera.projection for camera in cameras):
+        words.add_camera(settings, "it is of another type at one of them")
+        return ()
+    if all(is_same_camera(camera, record.camera) for camera in cameras):
+        return ()
+    return tuple(cameras)
