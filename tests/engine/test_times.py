@@ -106,6 +106,35 @@ def test_a_ray_meets_the_scene_frozen_at_its_time(steps, time_range):
     assert found > 10_000
 
 
+@pytest.mark.parametrize("count", [1, 4, 9])
+@pytest.mark.parametrize("layout", ["default", "compact"])
+def test_a_tree_of_a_single_leaf_moves_like_any_other(layout, count):
+    """It has no node that could tell of the next step. 9: two leaves."""
+    random = np.random.default_rng(count)
+    triangles = np.arange(3 * count).reshape(-1, 3)
+    shapes = random.uniform(-1.0, 1.0, (3, 3 * count, 3)).astype(np.float32)
+    moving, still = perfect_bvh.Scene(), perfect_bvh.Scene()
+    for scene in (moving, still):
+        mesh = scene.add_mesh(shapes[0], triangles, build=perfect_bvh.BuildConfig(layout=layout))
+        scene.add_instance(mesh)
+    moving.set_mesh_motion(0, shapes)
+    moving.commit()
+    origins, directions = meshes.random_rays(2_000, count)
+    for time in (0.1, 0.5, 0.8):
+        still.update_mesh(0, positions_at(shapes, time, RANGES[0]))
+        still.commit()
+        hits = moving.cast_rays(origins, directions, times=time, fields=FIELDS)
+        assert hits.is_hit.sum() > 20
+        assert_alike(hits, still.cast_rays(origins, directions, fields=FIELDS), 2e-5)
+        counts = moving.count_intersections(origins, directions, times=time)
+        assert (counts != still.count_intersections(origins, directions)).mean() < 2e-3
+        closest, other = (each.compute_closest_points(origins, times=time) for each in (moving, still))
+        np.testing.assert_allclose(closest.distances, other.distances, atol=1e-5)
+        for row in np.flatnonzero(hits.is_hit)[:5]:
+            walk = moving.walk_ray(origins[row], directions[row], time=time)
+            assert walk.nearest_t[-1] == pytest.approx(hits.t_hit[row], rel=1e-5)
+
+
 def test_no_answer_is_wrong_in_double_precision():
     moving = MovingScene(4, seed=3)
     origins, directions = meshes.random_rays(30_000, 5)

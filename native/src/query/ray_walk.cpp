@@ -170,7 +170,7 @@ class Walker {
       gather_moving_leaf(leaf, slot().step, slot().moment, row);
       return test_triangles(leaf);
     }
-    if (slot().later_nodes == nullptr) return test_triangles(slot().blocks[row]);
+    if (!slot().moment.is_between()) return test_triangles(slot().blocks[row]);
     LeafBlock leaf;
     interpolate_leaf(leaf, slot().blocks[row], slot().step[1].blocks[row], slot().moment, instance.extent.reach);
     test_triangles(leaf);

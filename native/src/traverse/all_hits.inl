@@ -73,7 +73,7 @@ __attribute__((noinline)) std::size_t take_all_moving(const Slot& slot, const In
     gather_moving_leaf(leaf, slot.step, slot.moment, row);
     return take_all(slot, batch, leaf, hits, room);
   }
-  if (slot.later_nodes == nullptr) return take_all(slot, batch, slot.blocks[row], hits, room);
+  if (!slot.moment.is_between()) return take_all(slot, batch, slot.blocks[row], hits, room);
   LeafBlock leaf;
   interpolate_leaf(leaf, slot.blocks[row], slot.step[1].blocks[row], slot.moment, instance.extent.reach);
   return take_all(slot, batch, leaf, hits, room);

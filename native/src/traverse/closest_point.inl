@@ -122,7 +122,7 @@ PERFECT_BVH_INLINE double limit_of(double best) noexcept { return best * (1.0 + 
 // What is searched: a tree of the scene, at a time of the shutter.
 struct PointTree {
   const WideNode* nodes;
-  const WideNode* later_nodes = nullptr;  // of the next step; null where the tree is at a step, or does not move
+  const WideNode* later_nodes = nullptr;  // of the next step; null at a step, of a single leaf, and at rest
   const TreeStep* step = nullptr;         // null: it does not move
   Moment moment;
 
@@ -242,7 +242,7 @@ __attribute__((noinline)) void visit_moving_triangles(PointSearch& search, const
     gather_moving_leaf(leaf, tree.step, tree.moment, row);
     return visit_triangles(search, frame, leaf, index);
   }
-  if (tree.later_nodes == nullptr) return visit_triangles(search, frame, tree.step->blocks[row], index);
+  if (!tree.moment.is_between()) return visit_triangles(search, frame, tree.step->blocks[row], index);
   LeafBlock leaf;
   interpolate_leaf(leaf, tree.step[0].blocks[row], tree.step[1].blocks[row], tree.moment, instance.extent.reach);
   visit_triangles(search, frame, leaf, index);

@@ -29,7 +29,7 @@ struct alignas(64) Slot {
 
   // Of the tree being traversed, in a scene where anything moves within the shutter (moving.inl).
   const TreeStep* step;         // null: it does not move
-  const WideNode* later_nodes;  // of the next step, null where the tree is at a step
+  const WideNode* later_nodes;  // of the next step, null where the tree is at a step or a single leaf
   Moment moment;
 };
 

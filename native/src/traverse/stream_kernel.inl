@@ -194,7 +194,7 @@ __attribute__((noinline)) void visit_moving_leaf(Stream& stream, Slot& slot, std
     gather_moving_leaf(leaf, slot.step, slot.moment, row);
     return visit_leaf<kAny, kCounts>(stream, slot, leaf);
   }
-  if (slot.later_nodes == nullptr) return visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
+  if (!slot.moment.is_between()) return visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
   LeafBlock leaf;
   interpolate_leaf(leaf, slot.blocks[row], slot.step[1].blocks[row], slot.moment, instance.extent.reach);
   visit_leaf<kAny, kCounts>(stream, slot, leaf);
