@@ -58,7 +58,7 @@ def read_scene_in_time(
                 go(place)
                 moments[time] = read_moment(depsgraph, attributes, camera=look_at, cache=cache, **view)
                 _tell(progress, len(moments) / len(away))
-        record = read_scene(depsgraph, attributes, camera=camera, cache=cache, in_time=True, **view)
+        record = read_scene(depsgraph, attributes, camera=look_at, cache=cache, in_time=True, **view)
         settings = read_motion_settings(record, mover, shutter.steps).limited_to(places)
     finally:
         stop_listening(listener)

@@ -81,19 +81,19 @@ def _as_steps(function: str, steps: Any) -> int:
 
 
 def place_of(scene: Any) -> Place:
-    """Where a scene is, original or evaluated."""
-    return int(scene.frame_current), float(scene.frame_subframe)
+    """Where a scene is, original or evaluated. Before frame 0 Blender counts subframes back, which it does not take."""
+    return _as_place(float(scene.frame_current) + float(scene.frame_subframe))
+
+
+def _as_place(at: float) -> Place:
+    frame = math.floor(at)
+    subframe = float(np.float32(at - frame))
+    return (frame + 1, 0.0) if subframe >= 1.0 else (frame, subframe)
 
 
 def places_of(shutter: Shutter, times: Sequence[Fraction], here: Place) -> dict[Fraction, Place]:
     """Where the scene is at each moment. here: where it is at the frame itself."""
-    places = {}
-    for time in times:
-        at = here[0] + here[1] + shutter.offset(time)
-        frame = math.floor(at)
-        subframe = float(np.float32(at - frame))
-        places[time] = (frame + 1, 0.0) if subframe >= 1.0 else (frame, subframe)
-    return places
+    return {time: _as_place(here[0] + here[1] + shutter.offset(time)) for time in times}
 
 
 @contextmanager
@@ -137,7 +137,8 @@ def _go_back(depsgraph: Any, scene: Any, shutter: Shutter, here: Place, camera: 
     _go(scene, shutter, here)
     if scene.camera != camera:  # markers chose another one, as they do whenever the frame changes
         scene.camera = camera
-        depsgraph.update()
+    if shutter.frame_set is None:
+        depsgraph.update()  # of the camera that markers choose Blender knows when all else is evaluated
 
 
 def _go(scene: Any, shutter: Shutter, place: Place) -> None:
@@ -149,5 +150,6 @@ def _go(scene: Any, shutter: Shutter, place: Place) -> None:
 
 
 def _are_same(first: Place, second: Place) -> bool:
-    """But for what is rounded: Blender adds the two up, and takes them apart again."""
-    return abs((first[0] - second[0]) + (first[1] - second[1])) < 1e-6
+    """But for what is rounded: what is evaluated has one float32 number for both."""
+    rounding = max(1e-6, float(np.spacing(np.float32(abs(first[0]) + 1))))
+    return abs((first[0] - second[0]) + (first[1] - second[1])) <= rounding

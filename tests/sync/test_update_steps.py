@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from perfect_bvh_addon.sync.compare import ATTRIBUTES
+from perfect_bvh_addon.sync.motion_records import InstanceMotions, SceneMotion
 from perfect_bvh_addon.sync.not_shown import NotShown
 from perfect_bvh_addon.sync.records import (
     CameraRecord,
@@ -48,6 +49,7 @@ CHANGES: dict[str, Any] = {
     "variants": MaterialVariants(np.zeros(1, np.int32), np.zeros(1, np.int32), {"alpha": np.zeros(1, np.float32)}),
     "unseen": (UnseenMesh("a", "mesh", 2, "hidden", "A", 3),),
     "warnings": ("something",),
+    "motion": SceneMotion((InstanceMotions(np.zeros(1, np.int32), np.zeros((2, 1, 3, 4), np.float32)),)),
     "not_shown": (NotShown("material", "Wall", 7, "Noise Texture is not shown; its flat colour is"),),
 }
 
