@@ -16,6 +16,7 @@ from .compare import are_same_instances, have_same, topology_change
 from .keys import Uint64Array, instance_keys, match_keys
 from .motion_records import BoolArray, MomentRecord
 from .records import Int32Array, MeshRecord, SceneRecord
+from .verify import RADIUS_ROUNDING
 
 Int8Array = npt.NDArray[np.int8]
 
@@ -93,11 +94,23 @@ def compare_shapes(here: MeshRecord, there: MeshRecord) -> int:
     """What became of a mesh at another moment: SAME, DEFORMED, REMADE or BARE."""
     if topology_change(here, there):
         return REMADE
-    if have_same(here, there, "positions", "radii"):
+    if have_same(here, there, "positions", "radii") or _differ_by_rounding(here, there):
         return SAME
     if here.radii is not None and there.radii is not None and ((here.radii == 0.0) != (there.radii == 0.0)).any():
         return BARE
     return DEFORMED
+
+
+def _differ_by_rounding(here: MeshRecord, there: MeshRecord) -> bool:
+    """Whether what differs is how the numbers were read: strands stand in the world, and are read in their object's."""
+    rounding = max(here.rounding, there.rounding)
+    if rounding == 0.0 or here.radii is None or there.radii is None:
+        return False
+    widest = float(here.radii.max(initial=0.0))
+    return bool(
+        (np.abs(here.positions - there.positions) <= rounding).all()
+        and (np.abs(here.radii - there.radii) <= RADIUS_ROUNDING * widest).all()
+    )
 
 
 def _pair(meshes: tuple[MeshRecord, ...], others: tuple[MeshRecord, ...], pair: int) -> tuple[MeshRecord, MeshRecord]:

@@ -14,7 +14,8 @@ from .records import INSTANCE_COLUMNS, MESH_COLUMNS, MESH_LAYERS, MeshRecord, Sc
 
 # Of meshes read in two ways, in parts of the largest number: radii go by the lengths of strands, uvs by weights
 # of corners, and colours by weights of bytes, a step of which they may miss.
-_PARTS = {"radii": 1e-3, "uvs": 1e-5, "colors": 1e-2}
+RADIUS_ROUNDING = 1e-3
+_PARTS = {"radii": RADIUS_ROUNDING, "uvs": 1e-5, "colors": 1e-2}
 
 
 def find_mismatches(synced: SceneRecord, reference: SceneRecord) -> tuple[str, ...]:

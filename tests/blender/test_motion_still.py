@@ -21,6 +21,8 @@ from blender.hair_and_points import cloud_object
 from blender.moving_scenes import FRAME, SHUTTER, Told, at_frame, frozen, keyed, make
 from perfect_bvh_addon import SceneSync
 
+AS_AT_THE_FRAME = "the one at the frame is shown, moved as a whole"
+
 
 def read(shutter: tuple[float, float] = SHUTTER, **how: Any) -> SceneSync:
     sync = SceneSync()
@@ -144,7 +146,7 @@ def other_triangles() -> str:
     cube = bpy.context.object
     keyed(cube.modifiers.new("Array", "ARRAY"), "count", [2, 40], (1, 20))
     keyed(cube, "location", [(-9.0, 0.0, 0.0), (0.0, 0.0, 0.0)])
-    return "Cube: its shape has other triangles at a moment of the shutter; the one at the frame is shown, moved as a whole"
+    return f"Cube: its shape has other triangles at a moment of the shutter; {AS_AT_THE_FRAME}"
 
 
 def hidden_at_the_end() -> str:
@@ -192,7 +194,7 @@ def points_without_a_radius() -> str:
     group.link(less.outputs[0], radius.inputs["Radius"])
     group.show(radius.outputs[0]).apply_to(obj)
     told_of = "points without a radius at one moment of the shutter that have one at another"
-    return f"cloud: its shape has {told_of}; the one at the frame is shown, moved as a whole"
+    return f"cloud: its shape has {told_of}; {AS_AT_THE_FRAME}"
 
 
 FALLBACKS: dict[str, tuple[Callable[[], str], tuple[float, float], set[str]]] = {
