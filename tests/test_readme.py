@@ -16,7 +16,7 @@ EXAMPLES = re.findall(r"^```python\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
 
 
 def test_there_are_examples() -> None:
-    assert len(EXAMPLES) == 5
+    assert len(EXAMPLES) == 6
 
 
 def test_it_lists_the_modes() -> None:
@@ -30,7 +30,7 @@ def test_both_commands_install_the_same_system_packages() -> None:
     assert installs[0] == installs[1]
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=["query", "arrays", "times", "scan", "render"])
+@pytest.mark.parametrize("example", EXAMPLES, ids=["query", "arrays", "times", "shutter", "scan", "render"])
 def test_an_example_runs(example: str, tmp_path: Path, repository: Path) -> None:
     (tmp_path / "blend_scenes").symlink_to(repository / "blend_scenes")
     (tmp_path / "example.py").write_text(example.replace('"/tmp/', f'"{tmp_path}/'))
@@ -45,6 +45,8 @@ def test_an_example_runs(example: str, tmp_path: Path, repository: Path) -> None
         assert (tmp_path / "gears.npz").is_file()
     elif "blade" in example:  # .1 to either side of the diagonal, 1.5 away from the axis
         assert re.search(r"between 0\.458 and 0\.542$", result.stdout, re.MULTILINE)
+    elif "shutter=(" in example:
+        assert re.search(r"^27 things move\n\d\.\d% of the view is blurred$", result.stdout, re.MULTILINE)
     elif "sweep" in example:
         sweeps = re.findall(r"^sweep (\d): \d\d\.\d\d% hit, \d+\.\d m wide$", result.stdout, re.MULTILINE)
         assert sweeps == ["0", "1", "2"]
