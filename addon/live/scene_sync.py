@@ -16,10 +16,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-import perfect_bvh
-from perfect_bvh import Appearance, Camera, Scene
+from perfect_bvh import Scene
 from perfect_bvh.scene import Policy
 
 from ..extract import ReadCache, read_scene
@@ -27,15 +24,14 @@ from ..extract.pointer_views import ArrayReader
 from ..extract.scene_in_time import halves, read_scene_in_time
 from ..extract.shutter import FrameSet, Shutter, as_shutter
 from ..support.background_work import BackgroundWork
-from ..sync.appearance import as_camera, make_appearance
-from ..sync.lookup import HitIds, InstanceDescription, SceneLookup
 from ..sync.motion import without_parting
-from ..sync.records import AttributeRequest, Int32Array, SceneRecord
+from ..sync.records import AttributeRequest, SceneRecord
 from ..sync.report import SyncReport
 from ..sync.scene_difference import AppliedDifference, SceneDifference
 from ..sync.state import SceneState, TimedCommit
 from ..sync.verify import find_mismatches
 from .scene_watch import SceneWatch
+from .synced_scene import SyncedScene
 
 Progress = Callable[[float], object]
 UpdateCommit = BackgroundWork[TimedCommit, SyncReport]
@@ -44,7 +40,7 @@ _FAILED = "the last update did not succeed: call update() again"
 _CLOSED = "the sync was closed: call update()"
 
 
-class SceneSync:
+class SceneSync(SyncedScene):
     """Keeps an engine scene in step with a Blender scene; `update()` is the only thing that reads Blender.
 
     attributes: what to read beside the triangles; by default the material slots. `request()` asks for more later.
@@ -79,8 +75,7 @@ class SceneSync:
         self._make_scene = partial(_make_scene, policy, self._watch)
         self._state = SceneState(self._make_scene)
         self._cache = ReadCache()
-        self._lookup: SceneLookup | None = None
-        self._appearance: Appearance | None = None
+        self._lookup = self._appearance = None
         self._building: UpdateCommit | None = None
         self._tree_byte_count = 0
         self.revision = 0
@@ -243,6 +238,8 @@ class SceneSync:
             state.scene.mark_stale(_FAILED)
             raise
 
+    # The half that goes on by itself ---------------------------------------------------------------------------------
+
     @property
     def building(self) -> UpdateCommit | None:
         """The commit that is under way, None if there is none."""
@@ -274,102 +271,6 @@ class SceneSync:
             self.revision += 1
             self.last_change = report
         return report
-
-    # What was synced -------------------------------------------------------------------------------------------------
-
-    @property
-    def scene(self) -> Scene:
-        """The engine's scene, for queries. Do not edit it."""
-        scene = self._state.scene
-        assert isinstance(scene, Scene)
-        return scene
-
-    @property
-    def record(self) -> SceneRecord:
-        """The record of the last update. Raises `perfect_bvh.StaleSceneError` if there is none."""
-        record = self._state.record
-        if record is None:
-            raise perfect_bvh.StaleSceneError("nothing was synced yet, or the last update failed: call update()")
-        return record
-
-    @property
-    def camera(self) -> Camera | None:
-        """The camera of the last update; None if the scene has none that can be rendered (see `warnings`)."""
-        camera = self.record.camera
-        return None if camera is None else as_camera(camera)
-
-    @property
-    def camera_motion(self) -> tuple[Camera, ...]:
-        """The camera at moments at equal intervals of the last update's shutter, from time 0 to 1.
-
-        Empty without a shutter, if it does not move, or its motion blur is off.
-        """
-        return tuple([as_camera(camera) for camera in self.record.motion.camera])
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """(width, height) of a render in pixels."""
-        return self.record.size
-
-    @property
-    def byte_count(self) -> int:
-        """Bytes of the trees with their geometry, and of the images, all of which are kept for the next update."""
-        record = self._state.record
-        return self._tree_byte_count + sum(image.byte_count for image in (record.images if record else ()))
-
-    @property
-    def mesh_ids(self) -> npt.NDArray[np.int32]:
-        """(M,) int32: the engine's id of each mesh of `record`."""
-        return self._state.mesh_ids
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the last update could not read, as sentences for the user."""
-        return self.record.warnings
-
-    @property
-    def appearance(self) -> Appearance:
-        """Materials, attributes and visibility for `perfect_bvh.render`."""
-        if self._appearance is None:
-            self._appearance = make_appearance(self.record, self._state.instance_ids, self._state.mesh_ids)
-        return self._appearance
-
-    # From ids back to Blender ----------------------------------------------------------------------------------------
-
-    def describe(self, instance_ids: npt.ArrayLike) -> InstanceDescription:
-        """Object names, session uids and persistent ids of instances, -1 for a miss, as arrays of the same shape."""
-        return self._get_lookup().describe(instance_ids)
-
-    def polygon_ids(self, hits: HitIds) -> Int32Array:
-        """(...) int32: the polygon of the evaluated mesh that each ray hit, -1 on a miss.
-
-        Raises ValueError, as the other lookups by hits do, for hits on a mesh whose triangles a later update replaced.
-        """
-        return self._get_lookup().polygon_ids(hits)
-
-    def triangle_ids(self, hits: HitIds) -> Int32Array:
-        """(...) int32: the hit triangle as Blender counts the evaluated mesh's, -1 on a miss."""
-        return self._get_lookup().triangle_ids(hits)
-
-    def material_ids(self, hits: HitIds) -> Int32Array:
-        """(...) int32: rows of `material_names`, -1 on a miss and for an empty slot."""
-        return self._get_lookup().material_ids(hits)
-
-    @property
-    def material_names(self) -> npt.NDArray[np.object_]:
-        """(M,) object array of str: the names that `material_ids` are rows of."""
-        materials = self.record.materials
-        names = np.empty(len(materials), dtype=object)
-        names[:] = [material.name for material in materials]
-        return names
-
-    def _get_lookup(self) -> SceneLookup:
-        if self._lookup is None:
-            state = self._state
-            self._lookup = SceneLookup(
-                self.record, state.instance_ids, state.mesh_ids, state.scene.scene_id, state.mesh_generations
-            )
-        return self._lookup
 
     def close(self) -> None:
         """Forgets the scene and stops watching; queries raise from now on. Updating again is allowed."""

@@ -91,6 +91,7 @@ class FakeMesh:
     positions: npt.NDArray[np.float32]
     triangles: npt.NDArray[np.int32]
     usage: str
+    motion: bytes = b""
 
 
 @dataclass
@@ -99,6 +100,7 @@ class FakeInstance:
     transform: npt.NDArray[np.float64]
     mask: int
     order: int
+    motion: bytes = b""
 
 
 class StaleError(Exception):
@@ -150,12 +152,19 @@ class FakeScene:
     def update_mesh(self, mesh: int, positions: Any) -> None:
         self._note("update_mesh")
         assert positions.shape == self.meshes[mesh].positions.shape
-        self.meshes[mesh].positions = positions.copy()
+        self.meshes[mesh].positions, self.meshes[mesh].motion = positions.copy(), b""
         self._done("update_mesh")
+
+    def set_mesh_motion(self, mesh: int, positions: Any) -> None:
+        self._note("set_mesh_motion")
+        assert len(positions) > 1 and positions[0].shape == self.meshes[mesh].positions.shape
+        self.meshes[mesh].motion = positions.tobytes()
+        self._done("set_mesh_motion")
 
     def replace_mesh(self, mesh: int, positions: Any, triangles: Any) -> None:
         self._note("replace_mesh")
         self.meshes[mesh].positions, self.meshes[mesh].triangles = positions.copy(), triangles.copy()
+        self.meshes[mesh].motion = b""
         self._done("replace_mesh")
 
     def set_usage(self, mesh: int, usage: str) -> None:
@@ -182,8 +191,16 @@ class FakeScene:
     def set_transforms(self, ids: Any, transforms: Any) -> None:
         self._note("set_transforms")
         for instance, transform in zip(ids, transforms, strict=True):
-            self.instances[int(instance)].transform = transform.copy()
+            held = self.instances[int(instance)]
+            held.transform, held.motion = transform.copy(), b""
         self._done("set_transforms")
+
+    def set_instance_motion(self, ids: Any, transforms: Any) -> None:
+        self._note("set_instance_motion")
+        assert len(transforms) > 1 and len(ids) > 0
+        for row, instance in enumerate(ids):
+            self.instances[int(instance)].motion = transforms[:, row].tobytes()
+        self._done("set_instance_motion")
 
     def set_masks(self, ids: Any, masks: Any) -> None:
         self._note("set_masks")
@@ -218,6 +235,8 @@ class FakeScene:
                 instance.transform.tobytes(),
                 self.meshes[instance.mesh].positions.tobytes(),
                 self.meshes[instance.mesh].triangles.tobytes(),
+                instance.motion,
+                self.meshes[instance.mesh].motion,
             )
             for instance in self.instances.values()
         )

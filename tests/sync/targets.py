@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from perfect_bvh_addon.sync.motion_records import InstanceMotions, MeshMotion, SceneMotion
 from perfect_bvh_addon.sync.records import SceneRecord
 from perfect_bvh_addon.sync.state import SceneState
 from sync.fakes import FakeScene, Shown, mesh, record
@@ -104,6 +105,59 @@ def everything_at_once() -> SceneRecord:
     return record([mesh("c"), mesh("b", 5, shift=1.0)], shown)
 
 
+def in_motion(
+    made: SceneRecord, *rows: int, meshes: tuple[int, ...] = (), steps: int = 3, by: float = 1.0
+) -> SceneRecord:
+    """With instances that go along x, and meshes along z."""
+    way = by * np.linspace(-1.0, 1.0, steps, dtype=np.float32)
+    moved = np.repeat(made.instances.transforms[None, list(rows)], steps, axis=0)
+    moved[:, :, 0, 3] += way[:, None]
+    motions = (InstanceMotions(np.array(rows, np.int32), moved),) if rows else ()
+    bent = [made.meshes[row].positions + way[:, None, None] * np.float32([0.0, 0.0, 1.0]) for row in meshes]
+    motion = SceneMotion(motions, tuple(MeshMotion(*pair) for pair in zip(meshes, bent, strict=True)))
+    return replace(made, motion=motion)
+
+
+def moving() -> SceneRecord:
+    return in_motion(base(), 0, 2, 4)
+
+
+def moving_more() -> SceneRecord:
+    return in_motion(base(), 0, 1, 2, 4, 5)
+
+
+def moving_faster() -> SceneRecord:
+    return in_motion(base(), 0, 2, 4, by=2.0)
+
+
+def moving_in_steps() -> SceneRecord:
+    return in_motion(base(), 0, 2, 4, steps=5)
+
+
+def moving_elsewhere() -> SceneRecord:
+    return in_motion(moved(), 0, 4)
+
+
+def moving_reordered() -> SceneRecord:
+    return in_motion(reordered(), 0, 2, 4, meshes=(0,))
+
+
+def bending() -> SceneRecord:
+    return in_motion(base(), meshes=(0,))
+
+
+def bending_both() -> SceneRecord:
+    return in_motion(base(), 3, meshes=(0, 1), steps=2)
+
+
+def bending_deformed() -> SceneRecord:
+    return in_motion(deformed(), meshes=(0,))
+
+
+def bending_more_triangles() -> SceneRecord:
+    return in_motion(more_triangles(), 0, meshes=(0,))
+
+
 TARGETS: dict[str, Callable[[], SceneRecord]] = {
     function.__name__: function
     for function in (
@@ -123,6 +177,16 @@ TARGETS: dict[str, Callable[[], SceneRecord]] = {
         reordered,
         empty,
         everything_at_once,
+        moving,
+        moving_more,
+        moving_faster,
+        moving_in_steps,
+        moving_elsewhere,
+        moving_reordered,
+        bending,
+        bending_both,
+        bending_deformed,
+        bending_more_triangles,
     )
 }
 
@@ -142,6 +206,11 @@ CALLS = {
     "fewer_instances": ["remove_instances"],
     "more_instances": ["add_instances"],
     "reordered": [],
+    "moving": ["set_instance_motion"],
+    "moving_elsewhere": ["set_transforms", "set_instance_motion"],
+    "bending": ["set_mesh_motion"],
+    "bending_both": ["set_mesh_motion", "set_mesh_motion", "set_instance_motion"],
+    "bending_deformed": ["set_usage", "update_mesh", "set_mesh_motion"],
     "empty": ["remove_instances", "remove_mesh", "remove_mesh"],
 }
 
