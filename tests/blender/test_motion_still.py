@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import addon_utils
 import bpy
 import numpy as np
 import pytest
@@ -120,22 +121,17 @@ def test_an_instancer_s_switches_and_steps_count_as_well(scene: Any) -> None:
     assert found == {"in 0": 5, "in 3": 3}
 
 
-def test_without_cycles_everything_moves(pair: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    from perfect_bvh_addon.extract import motion_settings
-
-    camera_object()
+def test_without_cycles_everything_moves(pair: list[Any]) -> None:
+    keyed(camera_object(), "location", [(0.0, 0.0, 5.0), (1.0, 0.0, 5.0)])
     pair[0].cycles.use_motion_blur = False
-
-    class Types:
-        Object = object  # which has no property "cycles"
-
-    class WithoutCycles:
-        types, data = Types, bpy.data
-
-    monkeypatch.setattr(motion_settings, "bpy", WithoutCycles)
-    sync = read()
-    assert moving_names(sync) == {"cube -3", "cube 3", "> cube -3", "> cube 3"}
-    assert {len(motion.positions) for motion in read(steps=7).record.motion.meshes} == {7}
+    addon_utils.disable("cycles")
+    try:
+        sync, in_steps = read(), read(steps=7)
+    finally:
+        addon_utils.enable("cycles")
+    assert moving_names(sync) == {"cube -3", "cube 3", "> cube -3", "> cube 3"} and len(sync.camera_motion) == 3
+    assert {len(motion.positions) for motion in in_steps.record.motion.meshes} == {7}
+    assert len(in_steps.camera_motion) == 7
 
 
 # Because it cannot be followed ---------------------------------------------------------------------------------------
