@@ -35,11 +35,16 @@ def instance_keys(record: PlacedInstances) -> Uint64Array:
     Instances that nothing tells apart are numbered in the order they come. Should two different instances ever get
     one number, one is taken for a change of the other: everything about an instance is compared besides.
     """
+    return number_repeated(plain_keys(record))
+
+
+def plain_keys(record: PlacedInstances) -> Uint64Array:
+    """(I,) uint64: the same, but that instances that nothing tells apart have one."""
     instances = record.instances
     keys = np.zeros(len(instances), np.uint64)
     for column in (*_uids(record), *instances.persistent_ids.T):
         keys = _mix(keys ^ column.astype(np.uint32).astype(np.uint64))
-    return _number_repeated(keys)
+    return keys
 
 
 def instance_orders(record: PlacedInstances) -> Int64Array:
@@ -73,7 +78,7 @@ def _mix(values: Uint64Array) -> Uint64Array:
     return values ^ (values >> np.uint64(31))
 
 
-def _number_repeated(keys: Uint64Array) -> Uint64Array:
+def number_repeated(keys: Uint64Array) -> Uint64Array:
     """Gives the second, third ... of equal keys a key of its own."""
     while True:
         by_key = np.argsort(keys, kind="stable")

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from perfect_bvh.bulk import find_moved
 
 from .compare import are_same_instances, have_same, topology_change
-from .keys import Uint64Array, instance_keys, match_keys
+from .keys import Uint64Array, match_keys, number_repeated, plain_keys
 from .motion_records import BoolArray, MomentRecord
 from .records import Int32Array, MeshRecord, SceneRecord
 from .verify import RADIUS_ROUNDING
@@ -49,6 +49,7 @@ class MomentMatcher:
 
     def __init__(self, record: SceneRecord) -> None:
         self._record = record
+        self._plain: Uint64Array | None = None
         self._keys: Uint64Array | None = None
 
     def match(self, moment: MomentRecord) -> MatchedMoment:
@@ -58,14 +59,23 @@ class MomentMatcher:
         if are_same_instances(here, self._record.objects, moment):
             rows = np.arange(len(here), dtype=np.int32)
         else:
-            if self._keys is None:
-                self._keys = instance_keys(self._record)
-            keys = instance_keys(moment)
-            rows = match_keys(keys, self._keys)
-            if len(keys) != len(rows) or (rows < 0).any():
-                new_rows = np.flatnonzero(match_keys(self._keys, keys) < 0).astype(np.int32)
+            rows, new_rows = self._match_keys(moment)
         moved = find_moved(there.transforms, here.transforms, rows)
         return MatchedMoment(moment, rows, moved, self._shapes(moment, rows), new_rows)
+
+    def _match_keys(self, moment: MomentRecord) -> tuple[Int32Array, Int32Array]:
+        """(I,) rows of the moment's instances, -1 for none, and rows of those that the record lacks."""
+        if self._plain is None or self._keys is None:
+            self._plain = plain_keys(self._record)
+            self._keys = number_repeated(self._plain)
+        plain = plain_keys(moment)
+        keys = number_repeated(plain)
+        rows = match_keys(keys, self._keys)
+        new_rows = np.empty(0, np.int32)
+        if len(keys) != len(rows) or (rows < 0).any():
+            new_rows = np.flatnonzero(match_keys(self._keys, keys) < 0).astype(np.int32)
+            rows[_are_more_or_less(self._plain, plain)] = -1
+        return rows, new_rows
 
     def _shapes(self, moment: MomentRecord, rows: Int32Array) -> Int8Array:
         shapes = np.zeros(len(rows), np.int8)
@@ -111,6 +121,18 @@ def _differ_by_rounding(here: MeshRecord, there: MeshRecord) -> bool:
         (np.abs(here.positions - there.positions) <= rounding).all()
         and (np.abs(here.radii - there.radii) <= RADIUS_ROUNDING * widest).all()
     )
+
+
+def _are_more_or_less(keys: Uint64Array, others: Uint64Array) -> BoolArray:
+    """(I,) bool: of a key that several instances have, and more or less of them at the moment: which is which?"""
+    known, places, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    found, other_counts = np.unique(others, return_counts=True)
+    there = np.zeros(len(known), np.int64)
+    at = np.minimum(np.searchsorted(found, known), max(len(found) - 1, 0))
+    if len(found):
+        there = np.where(found[at] == known, other_counts[at], 0)
+    unsure = (np.maximum(counts, there) > 1) & (counts != there)
+    return np.asarray(unsure[places.reshape(-1)])
 
 
 def _pair(meshes: tuple[MeshRecord, ...], others: tuple[MeshRecord, ...], pair: int) -> tuple[MeshRecord, MeshRecord]:

@@ -120,6 +120,25 @@ def test_a_mesh_of_others_that_rest_parts_from_theirs() -> None:
     assert whole.meshes is frame.meshes and [one.row for one in whole.motion.meshes] == [0]
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_what_nothing_tells_apart_is_followed_while_there_is_as_much_of_it(count: int) -> None:
+    """Points of nodes may have equal ids."""
+
+    def there(number: int, x: float) -> SceneRecord:
+        alike = [Shown("a", 1, x=10.0 * i + x, parent=9, persistent_id=(5,)) for i in range(number)]
+        return record([mesh("a")], [Shown("a", 2, x=x), *alike])
+
+    frame = there(3, 0.0)
+    moments = {Fraction(0): moment(frame), Fraction(1): moment(there(count, 1.0))}
+    result = add_motion(frame, moments, settings(frame, 2))
+    rows = [motions.rows.tolist() for motions in result.motion.instances]
+    assert rows == ([[0, 1, 2, 3]] if count == 3 else [[0]])
+    still = "3 of its instances are not there at every moment of the shutter; they stand still, as at the frame"
+    more = "1 of its instances is there only at other moments of the shutter than the frame; not shown"
+    told = {3: [], 4: [still, more]}.get(count, [still])
+    assert list(result.warnings) == [f"object 9: {text}" for text in told]
+
+
 def test_what_is_flat_for_a_moment_stands_still() -> None:
     frame = record([mesh("a")], [Shown("a", 1), Shown("a", 2)])
     flat = moment(record([mesh("a")], [Shown("a", 1, x=2.0), Shown("a", 2, x=2.0)]))
