@@ -82,7 +82,7 @@ class MotionWords:
     def add_camera(self, settings: MotionSettings, complaint: str) -> None:
         """The camera's view cannot be followed."""
         text = f"its motion is not shown, as it cannot be followed through the shutter: {complaint}; {_STILL}"
-        self._rows[NotShown("object", settings.camera_name, settings.camera_uid, text, _OF_CAMERA)] = None
+        self._rows[NotShown("shape", settings.camera_name, settings.camera_uid, text, _OF_CAMERA)] = None
 
     def _add(self, owner: ObjectRecord, text: str, advice: str) -> None:
         self._rows[_row(owner, text, advice)] = None

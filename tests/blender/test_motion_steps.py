@@ -231,6 +231,27 @@ def test_a_mesh_that_rests_is_read_once(scene: Any, watch: bool, monkeypatch: py
     assert sync.record.motion.count == 0
 
 
+def test_a_render_reads_what_its_own_moments_have_changed(scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    from blender.builders import _ProbeEngine, in_render
+
+    make("a_keyed_cube")
+    make("a_keyed_shape")
+    reads: list[str] = []
+    read_mesh = mesh_table.read_mesh
+
+    def count(mesh: Any, key: Any, name: str, *rest: Any) -> Any:
+        reads.append(name)
+        return read_mesh(mesh, key, name, *rest)
+
+    def render(engine: Any, depsgraph: Any) -> None:
+        SceneSync(watch=False).update(depsgraph, shutter=SHUTTER, frame_set=engine.frame_set)
+
+    monkeypatch.setattr(mesh_table, "read_mesh", count)
+    monkeypatch.setattr(_ProbeEngine, "render", render)
+    in_render(lambda _: None)
+    assert {name: reads.count(name) for name in reads} == {"Cube": 1, "Icosphere": 1, "Icosphere.001": 4}
+
+
 def test_what_rests_gets_no_motion(scene: Any) -> None:
     make("a_keyed_cube")
     for x in range(5):
