@@ -137,7 +137,7 @@ class SceneSync(SyncedScene):
         Moved are objects, instances, which go by their persistent ids, and the vertices of meshes, hair, curves and
         points; between two moments as `perfect_bvh.Scene.set_instance_motion` and `set_mesh_motion` say.
         `camera_motion` has the camera's. What has other triangles, or is not there, at one of its moments stands still
-        as at the frame, and is named in `warnings` and `report.not_shown`. Lights, materials and the world are the frame's.
+        as at the frame, and is named in `warnings` and `report.not_shown`. Lights, materials and world are the frame's.
 
         Raises ValueError for arguments that are none of these, and what the engine raises. Until an update succeeds,
         queries then raise `perfect_bvh.StaleSceneError`.
