@@ -80,7 +80,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
     def update_render_passes(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
         """Tell the compositor which sockets the engine's layer has."""
         self.register_pass(scene, view_layer, "Combined", 4, "RGBA", "COLOR")
-        for spec in enabled_passes(view_layer):
+        for spec in enabled_passes(view_layer, with_vector=not scene.render.use_motion_blur):
             self.register_pass(scene, view_layer, spec.name, len(spec.channels), spec.channels, spec.kind)
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
@@ -94,7 +94,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         if error is not None:
             self._fail(scene, error)
             return
-        specs = enabled_passes(depsgraph.view_layer)
+        specs = enabled_passes(depsgraph.view_layer, with_vector=not scene.render.use_motion_blur)
         plan = plan_render(scene, read_settings(scene), tuple(spec.source for spec in specs))
         if not self._has_room(scene, plan):
             return
@@ -246,6 +246,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
                 show=show,
                 trace=job.trace,
                 camera=self._camera_of(depsgraph) if view else None,
+                set_frame=self.frame_set,
             )
         except perfect_bvh.Cancelled:
             job.is_cancelled = True

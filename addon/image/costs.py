@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ..statistics.owners import Owners
 
 if TYPE_CHECKING:
-    from perfect_bvh import Appearance, Camera, Scene, Snapshot
+    from perfect_bvh import Appearance, Camera, Scene, Shutter, Snapshot
     from perfect_bvh.render import Passes, Progress
 
     from ..live.scene_sync import SceneSync
@@ -29,6 +29,7 @@ def trace_costs(
     appearance: Appearance,
     threads: int,
     progress: Progress | None = None,
+    shutter: Shutter | None = None,
 ) -> Passes:
     """`COST_PASSES` of an image of `size` pixels, smaller by COST_STEP. Arguments and errors: `render_passes`."""
     import perfect_bvh
@@ -43,6 +44,7 @@ def trace_costs(
         passes=COST_PASSES,
         progress=progress,
         threads=threads,
+        shutter=shutter,
     )
 
 

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ..settings.denoisers import denoising_data_settings
-from .plan import NOISY, Window
+from .plan import NOISY, VECTOR, Window
 
 if TYPE_CHECKING:
     from .still import Images
@@ -31,6 +31,7 @@ class PassSpec:
 PASSES = (
     PassSpec("Depth", "Z", "VALUE", "use_pass_z", "depth"),
     PassSpec("Normal", "XYZ", "VECTOR", "use_pass_normal", "normal"),
+    PassSpec("Vector", "XYZW", "VECTOR", "use_pass_vector", VECTOR),
     PassSpec("Object Index" if MODERN_PASS_NAMES else "IndexOB", "X", "VALUE", "use_pass_object_index", "object_index"),
     PassSpec(
         "Material Index" if MODERN_PASS_NAMES else "IndexMA", "X", "VALUE", "use_pass_material_index", "material_index"
@@ -46,11 +47,16 @@ DENOISING_PASSES = (
 )
 
 
-def enabled_passes(view_layer: bpy.types.ViewLayer) -> tuple[PassSpec, ...]:
-    """The passes beside Combined that the view layer asks for."""
+def enabled_passes(view_layer: bpy.types.ViewLayer, with_vector: bool) -> tuple[PassSpec, ...]:
+    """The passes beside Combined that the view layer asks for.
+
+    with_vector: False where there is motion blur: what is blurred shall not be blurred again, so that Blender's own
+    engines have one of both, too.
+    """
     switches = denoising_data_settings(view_layer)
     denoising = () if switches is None else (spec for spec in DENOISING_PASSES if getattr(switches, spec.switch))
-    return (*(spec for spec in PASSES if getattr(view_layer, spec.switch)), *denoising)
+    wanted = (spec for spec in PASSES if getattr(view_layer, spec.switch) and (with_vector or spec.source != VECTOR))
+    return (*wanted, *denoising)
 
 
 def write_passes(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..settings.modes import find_mode
+from ..settings.motion_blur import NEIGHBOURS, MotionSettings
 from ..support.memory import check_fits
 from ..sync.records import AttributeRequest
 
@@ -26,6 +27,7 @@ CLAY_GREY = (0.8, 0.8, 0.8)
 # The renderer's names of what a denoiser takes: the image of pixels' own samples, and what guides it.
 NOISY = "denoising_color"
 GUIDES = (NOISY, "denoising_albedo", "denoising_normal")
+VECTOR = "vector"
 # Of a render at its greatest: two images, their noise, shared samples, passes, Blender's copies of them.
 BYTES_A_PIXEL = 288
 # The share of bounces that reach another surface: the other paths of light leave the scene, or nothing is reflected.
@@ -71,6 +73,11 @@ class RenderPlan:
         if threshold == 0.0 or not find_mode(self.settings.mode).is_noisy:
             return None
         return perfect_bvh.AdaptiveSampling(self.size, threshold, self.settings.min_samples)
+
+    @property
+    def motion(self) -> MotionSettings | None:
+        """What of the scene's motion is to be read; None if no pixel shows any."""
+        return self.settings.motion_blur or (NEIGHBOURS if VECTOR in self.passes else None)
 
     @property
     def traced_passes(self) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ..sync.report import SyncReport
 
 Progress = Callable[[float], bool]
+SetFrame = Callable[[int, float], None]
 Images = dict[str, npt.NDArray[Any]]
 
 
@@ -56,11 +57,13 @@ def render_frame(
     show: Callable[[Images], None] | None = None,
     trace: bool = True,
     camera: CameraRecord | None = None,
+    set_frame: SetFrame | None = None,
 ) -> Frame:
     """Bring a sync's scene in step with an evaluated depsgraph and trace what is planned.
 
     progress: called with 0..1, False cancels. show: called with the images each time they have become better, and at
-    the end. trace: False to stop after the sync. camera: instead of the scene's.
+    the end. trace: False to stop after the sync. camera: instead of the scene's. set_frame: what evaluates the
+    depsgraph at another frame and subframe, for motion; None for the scene's own `frame_set`.
 
     Raises ValueError if the scene has no usable camera, `perfect_bvh.Cancelled`, and what the engine raises.
     """
@@ -71,6 +74,8 @@ def render_frame(
         plan.expected_rays,
         progress=None if progress is None else lambda _: progress(0.0),
         camera=camera,
+        shutter=None if plan.motion is None else (plan.motion.begin, plan.motion.end),
+        set_frame=set_frame,
     )
     frame = depsgraph.scene.frame_current_final
     if not trace:
@@ -99,6 +104,7 @@ def _trace(
     sampling = plan.make_sampling()
     audit_share = plan.settings.audit_share
     audit = perfect_bvh.RenderAudit(audit_share) if audit_share else None
+    shutter = None if plan.motion is None else plan.motion.make_shutter(sync.camera_motion)
     for done, images in perfect_bvh.render_progressively(
         sync.scene,
         sync.camera,
@@ -111,6 +117,7 @@ def _trace(
         sampling=sampling,
         noise=noise,
         progress=progress,
+        shutter=shutter,
         audit=audit,
         **plan.options,
     ):
@@ -121,7 +128,7 @@ def _trace(
         if progress is not None and not progress(share) and share < 1.0:
             raise perfect_bvh.Cancelled("the render was cancelled")
     at_end = None if progress is None else partial(_stay_at_end, progress)
-    costs = trace_costs(sync.scene, sync.camera, plan.size, sync.appearance, plan.settings.threads, at_end)
+    costs = trace_costs(sync.scene, sync.camera, plan.size, sync.appearance, plan.settings.threads, at_end, shutter)
     seconds = time.perf_counter() - start - (audit.seconds if audit else 0.0)
     denoised = _denoise(plan, images, noise if done > 1 else None, done, at_end)
     statistics = FrameStatistics(

@@ -23,6 +23,9 @@ class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
         column = layout.column(heading="Include", align=True)
         column.prop(view_layer, "use_pass_z")
         column.prop(view_layer, "use_pass_normal")
+        vector = column.column()
+        vector.active = not context.scene.render.use_motion_blur
+        vector.prop(view_layer, "use_pass_vector")
         column = layout.column(heading="Indexes", align=True)
         column.prop(view_layer, "use_pass_object_index", text="Object")
         column.prop(view_layer, "use_pass_material_index", text="Material")

@@ -9,7 +9,9 @@
 
 #include "bindings/arrays.h"
 #include "bindings/bind.h"
+#include "bindings/camera.h"
 #include "bindings/progress.h"
+#include "bindings/values.h"
 #include "core/errors.h"
 #include "math/elementary.h"
 #include "render/light/bright_sky.h"
@@ -25,17 +27,8 @@ const std::map<std::string, Mode> kModes{
     {"material", Mode::kMaterial},   {"cost", Mode::kCost},
 };
 
-const std::map<std::string, Projection> kProjections{{"perspective", Projection::kPerspective},
-                                                     {"orthographic", Projection::kOrthographic},
-                                                     {"equirectangular", Projection::kEquirectangular}};
-
 const std::map<std::string, Extension> kExtensions{
     {"repeat", Extension::kRepeat}, {"extend", Extension::kExtend}, {"clip", Extension::kClip}};
-
-template <class T>
-T get(const py::dict& values, const char* name) {
-  return values[name].cast<T>();
-}
 
 Vec3f as_color(const py::handle& value) {
   const auto [r, g, b] = value.cast<std::tuple<float, float, float>>();
@@ -57,20 +50,6 @@ LightPaths read_light_paths(const py::dict& values) {
   return paths;
 }
 
-// A view of an array that `values` keeps alive. C-contiguous and of the exact dtype, or the cast throws.
-template <class T>
-std::span<const T> view(const py::dict& values, const char* name) {
-  const auto array = py::cast<py::array>(values[name]);
-  if (!py::isinstance<Array<T>>(array)) throw std::invalid_argument(std::string("_core: wrong dtype of ") + name);
-  return {static_cast<const T*>(array.data()), static_cast<std::size_t>(array.size())};
-}
-
-template <class T, class Scalar>
-std::span<const T> rows_of(std::span<const Scalar> scalars) {
-  constexpr std::size_t kWidth = sizeof(T) / sizeof(Scalar);
-  return {reinterpret_cast<const T*>(scalars.data()), scalars.size() / kWidth};
-}
-
 RenderSettings read_settings(const py::dict& values) {
   RenderSettings settings;
   settings.mode = kModes.at(get<std::string>(values, "mode"));
@@ -84,6 +63,7 @@ RenderSettings read_settings(const py::dict& values) {
   settings.threads = get<int>(values, "threads");
   settings.kept_share = get<float>(values, "kept_share");
   if (!values["tiles"].is_none()) settings.wanted_tiles = rows_of<std::uint8_t>(view<bool>(values, "tiles"));
+  if (!values["shutter"].is_none()) settings.shutter = read_shutter(values["shutter"].cast<py::dict>());
   settings.clay.ao_distance = get<float>(values, "ao_distance");
   settings.clay.light_rays = get<int>(values, "light_rays");
   settings.light_paths = read_light_paths(values["light_paths"].cast<py::dict>());
@@ -91,27 +71,6 @@ RenderSettings read_settings(const py::dict& values) {
   settings.wireframe.width = get<float>(values, "wire_width");
   settings.wireframe.color = as_color(values["wire_color"]);
   return settings;
-}
-
-Camera read_camera(const py::dict& values) {
-  Camera camera;
-  const auto matrix = get<Array<double>>(values, "matrix");
-  const double* m = matrix.data();
-  camera.camera_to_world = {{m[0], m[4], m[8]}, {m[1], m[5], m[9]}, {m[2], m[6], m[10]}, {m[3], m[7], m[11]}};
-  using Four = std::tuple<double, double, double, double>;
-  std::tie(camera.left, camera.right, camera.bottom, camera.top) = get<Four>(values, "window");
-  camera.projection = kProjections.at(get<std::string>(values, "projection"));
-  camera.clip_start = get<float>(values, "clip_start");
-  camera.clip_end = get<float>(values, "clip_end");
-  using FourFloats = std::tuple<float, float, float, float>;
-  std::tie(camera.border_left, camera.border_right, camera.border_bottom, camera.border_top) =
-      get<FourFloats>(values, "border");
-  if (!values["lens"].is_none()) {
-    const auto lens = values["lens"].cast<py::dict>();
-    camera.lens = Lens{get<double>(lens, "radius"), get<double>(lens, "focus_distance"), get<int>(lens, "blades"),
-                       get<double>(lens, "rotation"), get<double>(lens, "ratio")};
-  }
-  return camera;
 }
 
 void read_pixels(const py::dict& values, const char* name, Texture& texture) {
@@ -318,6 +277,7 @@ PassTargets read_targets(const py::dict& arrays, std::size_t pixel_count) {
   targets.material_index = target<Integer, Integer>(arrays, "material_index", pixel_count);
   targets.instance = target<Integer, Integer>(arrays, "instance", pixel_count);
   targets.primitive = target<Integer, Integer>(arrays, "primitive", pixel_count);
+  targets.vector = target<PixelMotion, float>(arrays, "vector", pixel_count);
   targets.nodes_visited = target<Integer, Integer>(arrays, "nodes_visited", pixel_count);
   targets.denoising_color = target<Rgba, float>(arrays, "denoising_color", pixel_count);
   targets.denoising_albedo = target<Vec3f, float>(arrays, "denoising_albedo", pixel_count);
@@ -331,7 +291,7 @@ py::dict columns_of(const std::vector<SubsetRay>& kept, int width) {
   const auto count = static_cast<py::ssize_t>(kept.size());
   py::array_t<std::int64_t> pixels(count);
   py::array_t<double> origins({count, py::ssize_t{3}}), directions({count, py::ssize_t{3}});
-  py::array_t<float> t_min(count), t_max(count), t_hit(count);
+  py::array_t<float> t_min(count), t_max(count), t_hit(count), times(count);
   py::array_t<std::uint32_t> masks(count);
   py::array_t<std::int32_t> instance_ids(count), primitive_ids(count);
   for (py::ssize_t row = 0; row < count; ++row) {
@@ -342,12 +302,14 @@ py::dict columns_of(const std::vector<SubsetRay>& kept, int width) {
       directions.mutable_at(row, axis) = item.ray.direction[axis];
     }
     t_min.mutable_at(row) = item.ray.t_min, t_max.mutable_at(row) = item.ray.t_max;
+    times.mutable_at(row) = item.ray.time;
     masks.mutable_at(row) = item.ray.mask, t_hit.mutable_at(row) = item.t;
     instance_ids.mutable_at(row) = item.instance_id, primitive_ids.mutable_at(row) = item.primitive_id;
   }
   py::dict columns;
   columns["pixels"] = pixels, columns["origins"] = origins, columns["directions"] = directions;
-  columns["t_min"] = t_min, columns["t_max"] = t_max, columns["masks"] = masks, columns["t_hit"] = t_hit;
+  columns["t_min"] = t_min, columns["t_max"] = t_max, columns["masks"] = masks, columns["times"] = times,
+  columns["t_hit"] = t_hit;
   columns["instance_ids"] = instance_ids, columns["primitive_ids"] = primitive_ids;
   return columns;
 }
@@ -358,6 +320,7 @@ py::dict render_passes(const Snapshot& snapshot, const py::dict& camera_values, 
   const Camera camera = read_camera(camera_values);
   Appearance appearance;
   read_appearance(appearance_values, appearance);
+  if (settings.shutter) appearance.frame_time = settings.shutter->frame_time;
   const auto pixel_count = static_cast<std::size_t>(settings.width) * static_cast<std::size_t>(settings.height);
   const PassTargets targets = read_targets(arrays, pixel_count);
   const std::vector<SubsetRay> kept = with_progress(

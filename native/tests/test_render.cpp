@@ -10,6 +10,7 @@
 #include "render/modes/palette.h"
 #include "render/sampling/camera.h"
 #include "render/sampling/sampler.h"
+#include "render/sampling/shutter.h"
 
 namespace perfect_bvh {
 namespace {
@@ -167,6 +168,35 @@ TEST(Camera, PanoramasAreEvenInLongitudeAndLatitude) {
   const Vec3d down = (rays.through(21.0, 4.0 + kPart, 1).direction - ray.direction) * (1.0 / kPart);
   EXPECT_LT(length(steps.right - right), 1e-5);
   EXPECT_LT(length(steps.down - down), 1e-5);
+}
+
+TEST(Camera, APointIsSeenWhereARayGoesThroughIt) {
+  Camera camera;
+  camera.camera_to_world = {{0, 2, 0}, {0, 0, 0.5}, {3, 0, 0}, {10, 20, 30}};
+  for (const Projection projection :
+       {Projection::kPerspective, Projection::kOrthographic, Projection::kEquirectangular}) {
+    camera.projection = projection;
+    const RayMaker rays(camera, 64, 36);
+    for (const double x : {0.25, 31.0, 63.5}) {
+      const Ray ray = rays.through(x, 7.125, 3);
+      const ImagePoint place = rays.place_of(ray.origin + ray.direction * 5.0);
+      EXPECT_NEAR(place.x, x, 1e-9);
+      EXPECT_NEAR(place.y, 7.125, 1e-9);
+      EXPECT_NEAR(place.depth, 5.0, 1e-9);
+    }
+  }
+}
+
+TEST(Shutter, RowsOfARollingOneFollowEachOther) {
+  const Camera camera;
+  std::optional<Shutter> shutter = Shutter{};
+  shutter->rolling = 0.25f;
+  const ShutterRays rays(camera, shutter, 64, 100);
+  EXPECT_FLOAT_EQ(rays.time_at(0.0f, 99), 0.75f);
+  EXPECT_FLOAT_EQ(rays.time_at(0.5f, 49), 0.5f);
+  EXPECT_NEAR(rays.time_at(0.0f, 0), 0.0075f, 1e-6f);
+  EXPECT_LE(rays.time_at(0.999999f, 99), 1.0f);
+  EXPECT_EQ(ShutterRays(camera, std::nullopt, 64, 100).time_at(0.5f, 3), kShutterOpens);
 }
 
 TEST(Camera, RaysThroughALensMeetInFocus) {

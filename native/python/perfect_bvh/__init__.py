@@ -46,6 +46,7 @@ from .render import (
 from .report import Alternative, CommitReport, MeshReport, SceneStatistics, TopLevelReport, TreeStatistics
 from .restore_detail import restore_detail
 from .scene import Scene
+from .shutter import Shutter
 from .snapshot import Snapshot
 from .threads import StopFlag, make_stop_flag, set_thread_count, shutdown_threads, thread_count
 from .tree_boxes import TreeBoxes
@@ -82,6 +83,7 @@ __all__ = [
     "RenderOptions",
     "Scene",
     "SceneStatistics",
+    "Shutter",
     "Snapshot",
     "StaleSceneError",
     "StopFlag",

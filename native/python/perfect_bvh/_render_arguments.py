@@ -6,7 +6,6 @@ Every message names the function, the argument, what was expected and what came.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ import numpy.typing as npt
 
 from ._arrays import check_count, check_id
 from .appearance import HAIR_MODELS, LIGHT_KINDS, Appearance, HairTable, ImageTexture, LightTable, MeshAppearance, World
-from .camera import Camera
 
 _LARGEST_SIZE = 65536
 _MATERIAL_NUMBERS = (
@@ -61,21 +59,6 @@ def check_color(function: str, name: str, color: object) -> tuple[float, float, 
     if values.shape != (3,) or not np.isfinite(values).all() or bool((values < 0.0).any()):
         raise ValueError(f"{function}: {name} must be three numbers (R, G, B) of 0 or more, got {color!r}")
     return float(values[0]), float(values[1]), float(values[2])
-
-
-def camera_arguments(function: str, camera: object) -> dict[str, Any]:
-    """A camera's fields; they were checked when it was made."""
-    if not isinstance(camera, Camera):
-        raise ValueError(f"{function}: camera must be a perfect_bvh.Camera, got {type(camera).__name__}")
-    return {
-        "matrix": camera.matrix,
-        "window": tuple(map(float, camera.window)),
-        "projection": camera.projection,
-        "clip_start": float(camera.clip_start),
-        "clip_end": float(camera.clip_end),
-        "border": tuple(map(float, camera.border)),
-        "lens": None if camera.lens is None else asdict(camera.lens),
-    }
 
 
 def appearance_arguments(function: str, appearance: object) -> dict[str, Any]:

@@ -103,7 +103,7 @@ class RenderAudit:
                 kept["t_min"][part],
                 kept["t_max"][part],
                 kept["masks"][part],
-                np.zeros(1, np.float32),  # images show the scene where the shutter opens
+                kept["times"][part],
                 "none",
                 kept["t_hit"][part],
                 kept["instance_ids"][part],

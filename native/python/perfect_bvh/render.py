@@ -14,20 +14,15 @@ from . import _core
 from ._arrays import check_count
 from ._batches import Progress, share_of
 from ._bright_skies import find_bright_sky
-from ._render_arguments import (
-    appearance_arguments,
-    camera_arguments,
-    check_choice,
-    check_color,
-    check_number,
-    check_size,
-)
+from ._camera_arguments import camera_arguments, shutter_arguments
+from ._render_arguments import appearance_arguments, check_choice, check_color, check_number, check_size
 from .adaptive_sampling import TILE_SIZE, AdaptiveSampling
 from .appearance import Appearance
 from .audit import RenderAudit
 from .camera import Camera
 from .light_paths import LightPaths, light_path_arguments
 from .scene import Scene
+from .shutter import Shutter
 from .snapshot import Snapshot
 
 Mode = Literal[
@@ -51,6 +46,7 @@ _PASSES: Mapping[str, tuple[tuple[int, ...], type[np.generic], float]] = {
     "material_index": ((), np.int32, 0),
     "instance": ((), np.int32, -1),
     "primitive": ((), np.int32, -1),
+    "vector": ((4,), np.float32, 0.0),
     "nodes_visited": ((), np.int32, 0),
     "primitives_tested": ((), np.int32, 0),
     "denoising_color": ((4,), np.float32, 0.0),
@@ -85,6 +81,7 @@ class RenderOptions(TypedDict, total=False):
     wire_color: wireframe: their scene-linear colour.
     tiles: (rows, columns) bool, which tiles of the image to trace, 32 x 32 pixels each, the first in the upper left
         corner; what lies in others is as outside of a border. None, the default: all.
+    shutter: how an image shows what moves, see `Shutter`. None, the default: things stand where they are at time 0.
     audit: a `RenderAudit`, which says what share of the camera rays to check again and takes what that shows.
     """
 
@@ -100,6 +97,7 @@ class RenderOptions(TypedDict, total=False):
     wire_width: float
     wire_color: Color
     tiles: npt.NDArray[np.bool_] | None
+    shutter: Shutter | None
     audit: RenderAudit | None
 
 
@@ -162,6 +160,9 @@ def render_passes(
         "normal" (H, W, 3) float32: shading normal, world space, unit length, towards the viewer; zero on a miss.
         "object_index", "material_index" (H, W) int32: pass indices; 0 on a miss.
         "instance", "primitive" (H, W) int32: instance id, triangle of its mesh; -1 on a miss.
+        "vector" (H, W, 4) float32: how what the pixel shows moves in the image, in pixels to the right and up, as
+            Blender's Vector pass has it: where it was when the shutter opened, seen from here, and here, seen from
+            where it will be when it closes. Zero on a miss, for what is then behind the camera, without a shutter.
         "nodes_visited", "primitives_tested" (H, W) int32: what the ray cost.
         "denoising_color" (H, W, 4) float32: the image as a denoiser wants it, which takes noise for independent: the
             mean of each pixel's own samples, whereas neighbours share samples in "combined".
@@ -325,12 +326,14 @@ def _render(
     width, height = check_size(function, size)
     count = check_count(function, "samples", samples, 1)
     tiles = options.get("tiles")
+    view = camera_arguments(function, camera)
     settings = _settings(function, options, count) | {
         "mode": check_choice(function, "mode", mode, MODES),
         "width": width,
         "height": height,
         "samples": count,
         "tiles": None if tiles is None else _check_tiles(function, tiles, (width, height)),
+        "shutter": shutter_arguments(function, view["projection"], options.get("shutter")),
     }
     looks = appearance_arguments(function, appearance or Appearance())
     if mode == "preview" and looks["world"] is not None and 0 <= looks["world"]["image"] < len(looks["images"]):
@@ -344,7 +347,7 @@ def _render(
     audit = options.get("audit")
     kept = _core.render(
         snapshot._snapshot,
-        camera_arguments(function, camera),
+        view,
         looks,
         settings,
         arrays,

@@ -56,12 +56,12 @@ bool goes_on_in(const RoundRay& ray, const RoundList& list, std::uint32_t segmen
 
 }  // namespace
 
-Vec3d leave_curve(const Instance& instance, std::uint32_t segment, Vec3d origin, Vec3d direction) noexcept {
-  const Affine to_object = inverse(instance.object_to_world);
+Vec3d leave_curve(const Instance& instance, std::uint32_t segment, Vec3d origin, Vec3d direction, float time) {
+  const Affine to_world = place_at(instance, time), to_object = inverse(to_world);
   const Vec3d start = to_object.point(origin), way = to_object.vector(direction);
   const RoundRay ray = round_ray(&start.x, &way.x);
   const Mesh& mesh = instance.blas->mesh;
-  const RoundList list = round_list(mesh);
+  const RoundList list = round_list(mesh, moment_of(instance, time));
   double exit = std::max(chord_of(ray, list, segment).exit, 0.0);
   for (std::size_t left = mesh.segments.size(); left > 0; --left) {
     const SegmentCode code = list.segments[segment];
@@ -75,9 +75,9 @@ Vec3d leave_curve(const Instance& instance, std::uint32_t segment, Vec3d origin,
   }
   const RoundEnds ends = ends_of(list, segment);
   const Vec3d normal = vector_of(surface_at(ray, ends.first, ends.last, exit).normal);
-  const Vec3d point = instance.object_to_world.point(start + way * exit);
+  const Vec3d point = to_world.point(start + way * exit);
   const auto largest = [](Vec3d v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); };
-  const double clear = kClear * (largest(point) + largest(instance.object_to_world.translation));
+  const double clear = kClear * (largest(point) + largest(to_world.translation));
   return point + normalized(to_object.transposed_vector(normal)) * clear;
 }
 

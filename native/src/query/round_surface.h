@@ -26,9 +26,9 @@ struct RoundPoint {
 };
 
 // Where a ray from inside of a curve leaves it, just outside of that. A curve of segments that overlap is left where
-// the last of them is, from the given one on; ribbons where the tubes of their normals are.
-[[nodiscard]] Vec3d leave_curve(const Instance& instance, std::uint32_t segment, Vec3d origin,
-                                Vec3d direction) noexcept;
+// the last of them is, from the given one on; ribbons where the tubes of their normals are. time: of the ray.
+[[nodiscard]] Vec3d leave_curve(const Instance& instance, std::uint32_t segment, Vec3d origin, Vec3d direction,
+                                float time);
 
 // Of one hit after another: what is known of an instance is kept for the next hit.
 class RoundPlacer {

@@ -66,12 +66,8 @@ WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit, float tim
   return place_triangle(instance, instance.blas->mesh.triangles[hit.primitive_index], time);
 }
 
-Vec3d geometric_normal(const Snapshot& snapshot, const Hit& hit) noexcept {
-  return normalized(world_triangle(snapshot, hit).scaled_normal());
-}
-
-Vec3d hit_position(const Snapshot& snapshot, const Hit& hit) noexcept {
-  return from_corners(world_triangle(snapshot, hit), hit);
+Vec3d hit_position(const Snapshot& snapshot, const Hit& hit, float time) noexcept {
+  return from_corners(world_triangle(snapshot, hit, time), hit);
 }
 
 Vec3d ray_position(const Instance& instance, TriangleIndices corners, const Hit& hit, const Ray& ray) noexcept {

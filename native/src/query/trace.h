@@ -58,10 +58,8 @@ struct WorldTriangle {
   return {place(corners.x), place(corners.y), place(corners.z)};
 }
 [[nodiscard]] WorldTriangle world_triangle(const Snapshot& snapshot, const Hit& hit, float time = 0.0f) noexcept;
-// Unit length, following the world winding; zero for a triangle without area.
-[[nodiscard]] Vec3d geometric_normal(const Snapshot& snapshot, const Hit& hit) noexcept;
 // The point on the triangle, from u and v.
-[[nodiscard]] Vec3d hit_position(const Snapshot& snapshot, const Hit& hit) noexcept;
+[[nodiscard]] Vec3d hit_position(const Snapshot& snapshot, const Hit& hit, float time = 0.0f) noexcept;
 // Where the ray meets the plane of the triangle that it hits, in double: on a plane of kilometres u and v, which are
 // floats, are millimetres beside it. From u and v where the plane says no more: for triangles that are seen edge-on, or
 // some million times as long as wide, or as far away as they are long.

@@ -97,7 +97,8 @@ struct Appearance {
   std::uint32_t diffuse_mask = 0xFFFFFFFFu;  // of diffuse rays
   std::uint32_t glossy_mask = 0xFFFFFFFFu;   // of mirrored rays
   std::uint32_t transmission_mask = 0xFFFFFFFFu;
-  std::uint32_t catcher_mask = 0;  // of what shows the shadows alone that others throw on it
+  std::uint32_t catcher_mask = 0;    // of what shows the shadows alone that others throw on it
+  float frame_time = kShutterOpens;  // when, within the shutter, shapes are those that corner normals were taken of
   bool film_transparent = false;
   float plain_reflectance = 0.0f;  // of what has no material
 

@@ -53,10 +53,11 @@ void check(const RenderSettings& settings) {
 std::vector<SubsetRay> render(const Snapshot& snapshot, const Camera& camera, const Appearance& appearance,
                               const RenderSettings& settings, const PassTargets& targets, CancelToken& cancel) {
   check(settings);
-  const RayMaker rays(camera, settings.width, settings.height);
+  const ShutterRays shutter(camera, settings.shutter, settings.width, settings.height);
+  const RayMaker rays = shutter.camera_at(shutter.middle());
   const PixelRect border = border_pixels(camera, settings.width, settings.height);
   RaySubset kept(settings.kept_share, settings.seed);
-  const TileRenderer renderer({snapshot, appearance, rays, settings, cancel}, border, targets, kept);
+  const TileRenderer renderer({snapshot, appearance, rays, settings, cancel}, shutter, border, targets, kept);
   const std::size_t count = renderer.tiles().count();
   cancel.expect(count);
 

@@ -4,20 +4,24 @@
 
 namespace perfect_bvh {
 
-TileRenderer::TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets, RaySubset& kept)
+TileRenderer::TileRenderer(const ModeInputs& inputs, const ShutterRays& shutter, PixelRect border,
+                           const PassTargets& targets, RaySubset& kept)
     : inputs_(inputs),
+      shutter_(shutter),
       targets_(targets),
       kept_(kept),
       mode_(make_mode(inputs)),
       filter_(inputs.settings.filter_width),
       filter_dimension_(inputs.settings.seed, 0),
       lens_dimension_(inputs.settings.seed, 1),
+      time_dimension_(inputs.settings.seed, 2),
       pass_needs_{.normals = !targets.normal.empty()},
       sample_needs_(mode_->needs() | SurfaceNeeds{.normals = targets.any_guides(), .materials = targets.any_guides()}),
       sample_count_(mode_->is_exact() ? 1 : inputs.settings.samples),
       centred_(mode_->is_exact() ||
                (sample_count_ == 1 && inputs.settings.first_sample == 0 && !inputs.settings.is_continued)),
-      has_lens_(mode_->has_focus() && inputs.camera.lens().has_value()),
+      has_lens_(mode_->is_photograph() && inputs.camera.lens().has_value()),
+      has_shutter_(mode_->is_photograph() && shutter.blurs()),
       border_(border),
       tiles_(border.grown(shared_reach(), inputs.settings.width, inputs.settings.height)),
       wants_centres_(targets.any_surface() || targets.any_counts()) {
@@ -78,18 +82,20 @@ void TileRenderer::trace(TileScratch& scratch, std::uint32_t sample, bool with_c
 void TileRenderer::trace_centres(TileScratch& scratch) const {
   for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
     const Pixel pixel = scratch.pixels[i];
-    scratch.rays[i] = inputs_.camera.through(pixel.x + 0.5, pixel.y + 0.5, inputs_.appearance.camera_mask);
+    scratch.rays[i] =
+        inputs_.camera.through(pixel.x + 0.5, pixel.y + 0.5, inputs_.appearance.camera_mask, shutter_.middle());
   }
   trace(scratch, inputs_.settings.first_sample, targets_.any_counts() || (shades_centres() && mode_->wants_counts()));
   scratch.points.clear();
   const SurfaceNeeds needs = shades_centres() ? pass_needs_ | sample_needs_ : pass_needs_;
   find_surfaces(inputs_.snapshot, inputs_.appearance, needs, scratch.rays, scratch.hits, scratch.points);
-  store_passes(targets_, inputs_.snapshot, inputs_.appearance, border_, inputs_.settings.width,
+  store_passes(targets_, inputs_.snapshot, inputs_.appearance, shutter_, border_, inputs_.settings.width,
                {scratch.pixels, scratch.rays, scratch.hits, scratch.counts, scratch.points});
 }
 
 void TileRenderer::make_rays(std::uint32_t sample, TileScratch& scratch) const {
-  const FixedPoint2 point = filter_dimension_.sample(sample);
+  const FixedPoint2 point = filter_dimension_.sample(sample), on_lens = lens_dimension_.sample(sample);
+  const FixedPoint2 chance = time_dimension_.sample(sample);
   scratch.offsets.assign(scratch.pixels.size(), Point2{0.0f, 0.0f});
   for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
     const Pixel pixel = scratch.pixels[i];
@@ -99,17 +105,21 @@ void TileRenderer::make_rays(std::uint32_t sample, TileScratch& scratch) const {
       const Point2 random = (point ^ shift).to_unit();
       offset = film_ ? Point2{random.x - 0.5f, random.y - 0.5f} : filter_.offset(random);
     }
-    scratch.rays[i] =
-        inputs_.camera.through(pixel.x + 0.5 + static_cast<double>(offset.x),
-                               pixel.y + 0.5 + static_cast<double>(offset.y), inputs_.appearance.camera_mask);
-  }
-}
-
-void TileRenderer::bend_rays(std::uint32_t sample, TileScratch& scratch) const {
-  const FixedPoint2 point = lens_dimension_.sample(sample);
-  for (std::size_t i = 0; i < scratch.pixels.size(); ++i) {
-    const FixedPoint2 shift = lens_dimension_.offset(scratch.places[i]);
-    inputs_.camera.bend(scratch.rays[i], inputs_.camera.lens()->point((point ^ shift).to_unit()));
+    const double x = pixel.x + 0.5 + static_cast<double>(offset.x), y = pixel.y + 0.5 + static_cast<double>(offset.y);
+    float time = shutter_.middle();
+    if (has_shutter_) {
+      time = shutter_.time_at((chance ^ time_dimension_.offset(scratch.places[i])).to_unit().x, pixel.y);
+    }
+    const auto cast_from = [&](const RayMaker& camera) {
+      Ray& ray = scratch.rays[i] = camera.through(x, y, inputs_.appearance.camera_mask, time);
+      if (!has_lens_) return;
+      camera.bend(ray, camera.lens()->point((on_lens ^ lens_dimension_.offset(scratch.places[i])).to_unit()));
+    };
+    if (has_shutter_ && shutter_.camera_moves()) {
+      cast_from(shutter_.camera_at(time));
+    } else {
+      cast_from(inputs_.camera);
+    }
   }
 }
 
@@ -117,7 +127,6 @@ void TileRenderer::add_sample(std::uint32_t sample, std::size_t tile, TileScratc
   const std::uint32_t number = inputs_.settings.first_sample + sample;
   if (!shades_centres()) {
     make_rays(number, scratch);
-    if (has_lens_) bend_rays(number, scratch);
     trace(scratch, number, mode_->wants_counts());
     scratch.points.clear();
     find_surfaces(inputs_.snapshot, inputs_.appearance, sample_needs_, scratch.rays, scratch.hits, scratch.points);

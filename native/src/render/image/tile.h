@@ -7,6 +7,7 @@
 #include "render/image/ray_subset.h"
 #include "render/modes/passes.h"
 #include "render/modes/shading.h"
+#include "render/sampling/shutter.h"
 
 namespace perfect_bvh {
 
@@ -26,8 +27,9 @@ struct TileScratch {
 
 class TileRenderer {
  public:
-  // Camera rays are offered to `kept`, which outlives this.
-  TileRenderer(const ModeInputs& inputs, PixelRect border, const PassTargets& targets, RaySubset& kept);
+  // Camera rays are offered to `kept`; that and the shutter outlive this.
+  TileRenderer(const ModeInputs& inputs, const ShutterRays& shutter, PixelRect border, const PassTargets& targets,
+               RaySubset& kept);
 
   // Of the pixels to render: those in the border, and as many around it as the pixel filter looks at.
   [[nodiscard]] const TileGrid& tiles() const noexcept { return tiles_; }
@@ -60,7 +62,6 @@ class TileRenderer {
   void add_sample(std::uint32_t sample, std::size_t tile, TileScratch& scratch) const;
   void add_guides(TileScratch& scratch) const;
   void make_rays(std::uint32_t sample, TileScratch& scratch) const;
-  void bend_rays(std::uint32_t sample, TileScratch& scratch) const;
   void fill_background(TileScratch& scratch) const;
   void store_own(const TileScratch& scratch) const;
 
@@ -82,22 +83,24 @@ class TileRenderer {
   [[nodiscard]] int shared_reach() const noexcept { return centred_ ? 0 : filter_.reach(); }
   // Whether the rays of the passes are those of the only sample, too.
   [[nodiscard]] bool shades_centres() const noexcept {
-    return centred_ && wants_centres_ && !has_lens_ && !targets_.combined.empty();
+    return centred_ && wants_centres_ && !has_lens_ && !has_shutter_ && !targets_.combined.empty();
   }
   [[nodiscard]] std::size_t row_of(Pixel pixel) const noexcept {
     return static_cast<std::size_t>(pixel.y) * static_cast<std::size_t>(inputs_.settings.width) + pixel.x;
   }
 
   ModeInputs inputs_;
+  const ShutterRays& shutter_;
   PassTargets targets_;
   RaySubset& kept_;
   std::unique_ptr<ShadingMode> mode_;
   PixelFilter filter_;
-  Dimension filter_dimension_, lens_dimension_;
+  Dimension filter_dimension_, lens_dimension_, time_dimension_;
   SurfaceNeeds pass_needs_, sample_needs_;
   std::uint32_t sample_count_;
-  bool centred_;   // samples stand at pixel centres
-  bool has_lens_;  // samples pass all of the lens; passes its middle
+  bool centred_;  // samples stand at pixel centres
+  // Samples pass all of the lens and take all the time that the shutter is open; passes the middle of both.
+  bool has_lens_, has_shutter_;
   PixelRect border_;
   TileGrid tiles_;
   mutable std::optional<Film> film_;  // if pixels share samples

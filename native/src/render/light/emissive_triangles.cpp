@@ -66,12 +66,13 @@ bool EmissiveTriangles::list(std::uint32_t instance_index) {
     if (!(power > 0.0) || !std::isfinite(power)) continue;
     if (triangles_.size() == kMostTriangles) return false;
     powers_.push_back((powers_.empty() ? 0.0 : powers_.back()) + power);
-    triangles_.push_back({instance_index, primitive});
+    triangles_.push_back({instance_index, primitive, static_cast<float>(area)});
   }
   return true;
 }
 
-EmissivePoint EmissiveTriangles::choose(float pick, Point2 place) const {
+// Where a triangle has grown since it was listed its light is, too: densities are those of the list.
+EmissivePoint EmissiveTriangles::choose(float pick, Point2 place, float time) const {
   const auto found = std::upper_bound(powers_.begin(), powers_.end() - 1, static_cast<double>(pick) * power());
   const Triangle& triangle = triangles_[static_cast<std::size_t>(found - powers_.begin())];
   Hit hit = hit_on(triangle.instance, triangle.primitive);
@@ -81,8 +82,10 @@ EmissivePoint EmissiveTriangles::choose(float pick, Point2 place) const {
   const Instance& instance = snapshot_.instances[triangle.instance];
   const std::int32_t row = appearance_.material_of(instance, triangle.primitive);
   const Material material = material_at(appearance_, instance, hit, row);
-  return {hit_position(snapshot_, hit), to_float(geometric_normal(snapshot_, hit)), material.emission * material.alpha,
-          density(instance, row), instance.mask};
+  const Vec3d normal = world_triangle(snapshot_, hit, time).scaled_normal();
+  const float growth = instance.motion == 0 ? 1.0f : static_cast<float>(0.5 * length(normal)) / triangle.area;
+  return {hit_position(snapshot_, hit, time), to_float(normalized(normal)),
+          material.emission * (material.alpha * growth), density(instance, row), instance.mask};
 }
 
 }  // namespace perfect_bvh

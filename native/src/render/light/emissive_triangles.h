@@ -26,8 +26,8 @@ class EmissiveTriangles {
   EmissiveTriangles(const Snapshot& snapshot, const Appearance& appearance);
 
   [[nodiscard]] bool empty() const noexcept { return triangles_.empty(); }
-  // Not to be asked if it is empty.
-  [[nodiscard]] EmissivePoint choose(float pick, Point2 place) const;
+  // Not to be asked if it is empty. time: at which it is seen.
+  [[nodiscard]] EmissivePoint choose(float pick, Point2 place, float time) const;
   // As in an EmissivePoint on a surface of this instance and row of the material table: 0 where none is chosen.
   [[nodiscard]] float density(const Instance& instance, std::int32_t material) const noexcept {
     const bool listed = !empty() && !instance.blas->mesh.is_round() && material != kNoMaterial &&
@@ -38,6 +38,7 @@ class EmissiveTriangles {
  private:
   struct Triangle {
     std::uint32_t instance, primitive;
+    float area;  // when it was listed
   };
   // 0 of what is not worth aiming at.
   [[nodiscard]] float brightness(std::int32_t material) const noexcept;

@@ -158,7 +158,8 @@ void NextEvent::aim_at_emissive(std::span<const Vertex> vertices, std::uint32_t 
     const Vertex& vertex = vertices[row];
     const std::uint32_t own = vertex.path.place;
     const Point2 pick = (choice.sample(index) ^ choice.offset(own)).to_unit();
-    const EmissivePoint light = emissive_.choose(pick.x, (place.sample(index) ^ place.offset(own)).to_unit());
+    const EmissivePoint light =
+        emissive_.choose(pick.x, (place.sample(index) ^ place.offset(own)).to_unit(), vertex.point.time);
     const Vec3f way = to_float(light.position - vertex.point.origin);
     const float distance = length(way);
     if (!(distance > 0.0f) || !std::isfinite(distance)) continue;

@@ -27,10 +27,11 @@ namespace perfect_bvh {
   ray.direction = to_double(direction);
   ray.origin = leads_beyond(point, direction) ? point.beyond : point.origin;
   if (point.strand != nullptr && leads_beyond(point, direction)) {
-    ray.origin = leave_curve(*point.strand, point.segment, ray.origin, ray.direction);
+    ray.origin = leave_curve(*point.strand, point.segment, ray.origin, ray.direction, point.time);
   }
   ray.t_max = reach;
   ray.mask = mask;
+  ray.time = point.time;
   return ray;
 }
 

@@ -30,7 +30,7 @@ class PreviewMode final : public ShadingMode {
   [[nodiscard]] SurfaceNeeds needs() const noexcept override {
     return {.normals = true, .origins = true, .materials = true};
   }
-  [[nodiscard]] bool has_focus() const noexcept override { return true; }
+  [[nodiscard]] bool is_photograph() const noexcept override { return true; }
   [[nodiscard]] bool has_backdrop() const noexcept override { return true; }
   [[nodiscard]] bool has_guides() const noexcept override { return true; }
   [[nodiscard]] Vec3f backdrop(const Ray& ray, float x, float y) const override {

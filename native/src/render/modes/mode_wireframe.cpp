@@ -51,7 +51,7 @@ class WireframeMode final : public ShadingMode {
     const std::array<double, 3> coordinates{1.0 - u - v, u, v};
     const double width = static_cast<double>(settings_.width);
     float coverage = 0.0f;
-    const auto slopes = slopes_at(ray, u, v, world_triangle(snapshot_, hit));
+    const auto slopes = slopes_at(ray, u, v, world_triangle(snapshot_, hit, ray.time));
     for (std::size_t i = 0; i < 3; ++i) {
       const double slope = slopes[i].size();  // one over the triangle's height above this edge, in pixels
       if (!(slope > 0.0) || !std::isfinite(slope)) continue;

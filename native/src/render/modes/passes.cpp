@@ -1,5 +1,9 @@
 #include "render/modes/passes.h"
 
+#include <cmath>
+
+#include "query/moved_position.h"
+
 namespace perfect_bvh {
 namespace {
 
@@ -23,6 +27,33 @@ void store_surface(const PassTargets& targets, const Snapshot& snapshot, const A
   }
 }
 
+// What pixels show, seen when the shutter opens, in its middle and when it closes.
+class PixelMotions {
+ public:
+  explicit PixelMotions(const ShutterRays& shutter)
+      : before_(shutter.camera_at(0.0f)), here_(shutter.camera_at(shutter.middle())), after_(shutter.camera_at(1.0f)) {}
+
+  [[nodiscard]] PixelMotion of(const Instance& instance, const Hit& hit, const Ray& ray) const {
+    const Vec3d point = ray.origin + ray.direction * static_cast<double>(hit.t);
+    const auto at = [&](float time) { return moved_position(instance, hit, ray.time, time, point); };
+    const ImagePoint here = here_.place_of(point);
+    const auto [x, y] = way(before_.place_of(at(0.0f)), here);
+    const auto [next_x, next_y] = way(here, after_.place_of(at(1.0f)));
+    return {-x, y, -next_x, next_y};
+  }
+
+ private:
+  // What lies behind the camera at one of both times has no place in an image.
+  [[nodiscard]] Point2 way(const ImagePoint& from, const ImagePoint& to) const noexcept {
+    double x = to.x - from.x;
+    if (const auto round = here_.round_trip()) x -= *round * std::round(x / *round);
+    const bool is_seen = here_.orthographic() || (from.depth > 0.0 && to.depth > 0.0);
+    return is_seen ? Point2{static_cast<float>(x), static_cast<float>(to.y - from.y)} : Point2{0.0f, 0.0f};
+  }
+
+  RayMaker before_, here_, after_;
+};
+
 // As if nothing was hit.
 void clear(const PassTargets& targets, std::size_t pixel) {
   const auto set = [pixel](auto target, auto value) {
@@ -35,6 +66,7 @@ void clear(const PassTargets& targets, std::size_t pixel) {
   set(targets.material_index, 0);
   set(targets.instance, -1);
   set(targets.primitive, -1);
+  set(targets.vector, PixelMotion{0, 0, 0, 0});
 }
 
 void store_counts(const PassTargets& targets, std::size_t pixel, const RayCounts& counts) {
@@ -48,7 +80,7 @@ void store_counts(const PassTargets& targets, std::size_t pixel, const RayCounts
 }  // namespace
 
 void store_passes(const PassTargets& targets, const Snapshot& snapshot, const Appearance& appearance,
-                  const PixelRect& border, int image_width, const CentreHits& found) {
+                  const ShutterRays& shutter, const PixelRect& border, int image_width, const CentreHits& found) {
   const auto row_of = [image_width](Pixel pixel) {
     return static_cast<std::size_t>(pixel.y) * static_cast<std::size_t>(image_width) + pixel.x;
   };
@@ -59,10 +91,15 @@ void store_passes(const PassTargets& targets, const Snapshot& snapshot, const Ap
     if (targets.any_counts()) store_counts(targets, row_of(found.pixels[i]), found.counts[i]);
   }
   if (!targets.any_surface()) return;
+  const PixelMotions motions(shutter);
   for (const SurfacePoint& point : found.points) {
     const Pixel pixel = found.pixels[point.ray];
     if (!inside(pixel)) continue;
-    store_surface(targets, snapshot, appearance, row_of(pixel), point, found.rays[point.ray], found.hits[point.ray]);
+    const Ray& ray = found.rays[point.ray];
+    const Hit& hit = found.hits[point.ray];
+    store_surface(targets, snapshot, appearance, row_of(pixel), point, ray, hit);
+    if (targets.vector.empty() || !shutter.is_open()) continue;
+    targets.vector[row_of(pixel)] = motions.of(snapshot.instances[hit.instance_index], hit, ray);
   }
 }
 

@@ -5,7 +5,7 @@
 #include <span>
 
 #include "render/appearance/appearance.h"
-#include "render/sampling/camera.h"
+#include "render/sampling/shutter.h"
 #include "render/surface/surface.h"
 #include "stats/ray_counts.h"
 
@@ -13,6 +13,12 @@ namespace perfect_bvh {
 
 // What the depth passes hold where nothing was hit: the number that Cycles writes.
 inline constexpr float kNoDepth = 1e10f;
+
+// How far, in pixels to the right and up, what a pixel shows is from where it was when the shutter opened, and will be
+// when it closes, taken from there to here: the sign that Blender's Vector pass has.
+struct PixelMotion {
+  float x_before, y_before, x_after, y_after;
+};
 
 // A pass that is not wanted is empty; the others have a row a pixel. The caller fills them with what pixels outside the
 // camera's border get. All but `combined` and the guides hold what the ray through the pixel's centre hit: they are
@@ -24,6 +30,7 @@ struct PassTargets {
   std::span<std::int32_t> object_index;         // the object's pass index; 0
   std::span<std::int32_t> material_index;       // the material's pass index; 0
   std::span<std::int32_t> instance, primitive;  // the scene's instance id, the triangle in its mesh; -1
+  std::span<PixelMotion> vector;                // zero
   std::span<std::int32_t> nodes_visited, primitives_tested;
   // What a denoiser takes, all or none of it, beside `combined`: the colour of samples that count in one pixel each,
   // and what guides it: the share of light that surfaces give back and their normal in world space, as much blended as
@@ -34,7 +41,7 @@ struct PassTargets {
   [[nodiscard]] bool any_guides() const noexcept { return !denoising_albedo.empty(); }
   [[nodiscard]] bool any_surface() const noexcept {
     return !depth.empty() || !distance.empty() || !normal.empty() || !object_index.empty() || !material_index.empty() ||
-           !instance.empty() || !primitive.empty();
+           !instance.empty() || !primitive.empty() || !vector.empty();
   }
   [[nodiscard]] bool any_counts() const noexcept { return !nodes_visited.empty() || !primitives_tested.empty(); }
 };
@@ -49,7 +56,7 @@ struct CentreHits {
 };
 // Writes all passes but `combined` of the pixels that lie inside `border`.
 void store_passes(const PassTargets& targets, const Snapshot& snapshot, const Appearance& appearance,
-                  const PixelRect& border, int image_width, const CentreHits& found);
+                  const ShutterRays& shutter, const PixelRect& border, int image_width, const CentreHits& found);
 
 [[nodiscard]] inline float distance_of(const Ray& ray, float t) noexcept {
   return static_cast<float>(static_cast<double>(t) * length(ray.direction));

@@ -8,6 +8,7 @@
 
 #include "math/vec3.h"
 #include "render/light/path.h"
+#include "render/sampling/shutter.h"
 #include "traverse/ray.h"
 
 namespace perfect_bvh {
@@ -48,7 +49,8 @@ struct RenderSettings {
   float kept_share = 0.0f;  // of the camera rays, to be checked: see RaySubset
   // Which tiles of the image to trace, row by row, 0 for those to leave out; all if empty. See TileGrid.
   std::span<const std::uint8_t> wanted_tiles;
-  LightPaths light_paths;  // of the mode kPreview
+  std::optional<Shutter> shutter;  // none: the scene stands still where it would open
+  LightPaths light_paths;          // of the mode kPreview
   ClaySettings clay;
   WireframeSettings wireframe;
 };

@@ -57,8 +57,8 @@ class ShadingMode {
   [[nodiscard]] virtual bool has_guides() const noexcept { return false; }
   // True for numbers that must not be blended: one sample at the pixel's centre, whatever was asked for.
   [[nodiscard]] virtual bool is_exact() const noexcept { return false; }
-  // Whether what is out of focus is blurred, if the camera has a lens.
-  [[nodiscard]] virtual bool has_focus() const noexcept { return false; }
+  // Whether what is out of focus is blurred, if the camera has a lens, and what moves, if it has a shutter.
+  [[nodiscard]] virtual bool is_photograph() const noexcept { return false; }
   // Whether something stands behind the surfaces, and its colour in the direction of a camera ray; x and y are the
   // place in the frame, from the upper left (0, 0) to the lower right (1, 1).
   [[nodiscard]] virtual bool has_backdrop() const noexcept { return false; }

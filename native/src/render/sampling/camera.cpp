@@ -24,6 +24,10 @@ int border_edge(float fraction, int size) noexcept {
 
 }  // namespace
 
+Affine without_scale(const Affine& map) {
+  return {unit_axis(map.x, "x"), unit_axis(map.y, "y"), unit_axis(map.z, "z"), map.translation};
+}
+
 PixelRect border_pixels(const Camera& camera, int width, int height) noexcept {
   PixelRect rect;
   rect.x0 = std::min(border_edge(camera.border_left, width), width - 1);
@@ -58,6 +62,17 @@ Vec3d RayMaker::towards(double longitude, double latitude) const noexcept {
   const auto [height, flat] = sine_cosine(latitude);
   const auto [aside, ahead] = sine_cosine(longitude);
   return right_ * (flat * aside) + up_ * height + axis_ * (flat * ahead);
+}
+
+ImagePoint RayMaker::place_of(Vec3d point) const noexcept {
+  const Vec3d way = point - origin_;
+  const double aside = dot(way, right_), above = dot(way, up_), ahead = dot(way, axis_);
+  const auto place = [&](double x, double y, double depth) {
+    return ImagePoint{(x - left_) / angle_x_, (top_ - y) / angle_y_, depth};
+  };
+  if (orthographic()) return place(aside, above, ahead);
+  if (projection_ == Projection::kPerspective) return place(aside / ahead, above / ahead, ahead);
+  return place(arc_tangent(aside, ahead), arc_tangent(above, hypotenuse(aside, ahead)), length(way));
 }
 
 // A panorama's lens faces each ray; its width lies on the side of the middle of the image, as in Cycles.

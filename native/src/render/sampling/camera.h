@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <numbers>
 #include <optional>
 
 #include "math/affine.h"
@@ -54,6 +55,14 @@ struct PixelRect {
 // The pixels inside the camera's border, rounded as Blender rounds them; at least one pixel.
 [[nodiscard]] PixelRect border_pixels(const Camera& camera, int width, int height) noexcept;
 
+// The same with axes of length 1. Throws InvalidArgument for one of no length.
+[[nodiscard]] Affine without_scale(const Affine& camera_to_world);
+
+// A place in an image: pixels from its upper left corner, and how far in front of the camera.
+struct ImagePoint {
+  double x, y, depth;
+};
+
 // A camera made ready for an image of a certain size.
 class RayMaker {
  public:
@@ -61,7 +70,7 @@ class RayMaker {
   RayMaker(const Camera& camera, int width, int height);
 
   // Through the image point (x, y), in pixels from the top left corner.
-  [[nodiscard]] Ray through(double x, double y, std::uint32_t mask) const noexcept {
+  [[nodiscard]] Ray through(double x, double y, std::uint32_t mask, float time = kShutterOpens) const noexcept {
     Ray ray;
     if (projection_ == Projection::kEquirectangular) {
       ray.origin = origin_;
@@ -74,8 +83,11 @@ class RayMaker {
     ray.t_min = t_min_;
     ray.t_max = t_max_;
     ray.mask = mask;
+    ray.time = time;
     return ray;
   }
+  // Where a point of the world is seen: what `through` goes through, the other way round.
+  [[nodiscard]] ImagePoint place_of(Vec3d point) const noexcept;
 
   [[nodiscard]] const std::optional<Lens>& lens() const noexcept { return lens_; }
   // Leads a ray that came `through` the middle of the lens through another point of it: to the same point in focus.
@@ -90,6 +102,11 @@ class RayMaker {
   };
   [[nodiscard]] Steps steps_at(const Ray& ray) const noexcept;
   [[nodiscard]] bool orthographic() const noexcept { return projection_ == Projection::kOrthographic; }
+  // Of a panorama: in how many pixels it goes round once.
+  [[nodiscard]] std::optional<double> round_trip() const noexcept {
+    if (projection_ != Projection::kEquirectangular) return std::nullopt;
+    return 2.0 * std::numbers::pi / angle_x_;
+  }
 
  private:
   [[nodiscard]] Vec3d towards(double longitude, double latitude) const noexcept;

@@ -23,10 +23,10 @@ struct ObjectTriangle {
   }
 };
 
-ObjectTriangle object_triangle(const Instance& instance, const Hit& hit) noexcept {
+ObjectTriangle object_triangle(const Instance& instance, const Hit& hit, float time) noexcept {
   const Mesh& mesh = instance.blas->mesh;
   const TriangleIndices corners = mesh.triangles[hit.primitive_index];
-  const Moment moment = moment_of(instance, kShutterOpens);  // images show the scene as it is then
+  const Moment moment = moment_of(instance, time);
   const double u = static_cast<double>(hit.u), v = static_cast<double>(hit.v);
   return {{to_double(mesh.position_at(corners.x, moment)), to_double(mesh.position_at(corners.y, moment)),
            to_double(mesh.position_at(corners.z, moment))},
@@ -42,10 +42,36 @@ Vec3d outer_normal(const Instance& instance, const ObjectTriangle& triangle) noe
   return instance.mirrored ? -normal : normal;
 }
 
-using CornerNormals = std::span<const Vec3f, 3>;
+using CornerNormals = std::array<Vec3f, 3>;
+
+// Normals of a triangle at one time, at another: they turn and are sheared as it is.
+CornerNormals carried(const CornerNormals& normals, const ObjectTriangle& from, const ObjectTriangle& to) noexcept {
+  const auto edge = [](const ObjectTriangle& triangle, int i) { return triangle.corners[i] - triangle.corners[0]; };
+  const Vec3d a1 = edge(from, 1), a2 = edge(from, 2), b1 = edge(to, 1), b2 = edge(to, 2);
+  const Vec3d a = normalized(cross(a1, a2)), b = normalized(cross(b1, b2));
+  CornerNormals result = normals;
+  for (Vec3f& corner : result) {
+    const Vec3d normal = to_double(corner);
+    const Vec3d turned =
+        cross(b2, b) * dot(a1, normal) + cross(b, b1) * dot(a2, normal) + cross(b1, b2) * dot(a, normal);
+    const double size = length(turned);
+    if (size > 0.0 && std::isfinite(size)) corner = to_float(turned * (1.0 / size));
+  }
+  return result;
+}
+
+// Of the triangle as it is when it is hit.
+CornerNormals corner_normals(const Appearance& appearance, const MeshAttributes& attributes, const Instance& instance,
+                             const Hit& hit, const ObjectTriangle& triangle) {
+  appearance.check_fits(instance, attributes);
+  const auto given = attributes.corner_normals.subspan(std::size_t{3} * hit.primitive_index).first<3>();
+  const CornerNormals normals{given[0], given[1], given[2]};
+  if (!instance.blas->mesh.moves()) return normals;
+  return carried(normals, object_triangle(instance, hit, appearance.frame_time), triangle);
+}
 
 // Unit length; `fallback` where the corners' normals cancel out.
-Vec3d smooth_normal(const Instance& instance, CornerNormals normals, const ObjectTriangle& triangle,
+Vec3d smooth_normal(const Instance& instance, const CornerNormals& normals, const ObjectTriangle& triangle,
                     Vec3d fallback) noexcept {
   const Vec3d object = to_double(normals[0]) * triangle.weights[0] + to_double(normals[1]) * triangle.weights[1] +
                        to_double(normals[2]) * triangle.weights[2];
@@ -61,7 +87,7 @@ Vec3d smooth_normal(const Instance& instance, CornerNormals normals, const Objec
 // The way from the hit point to the curved surface that the corner normals suggest, where that bulges outwards: rays
 // that leave a coarse mesh from its flat triangles would hit its neighbours (Hanika, "Hacking the Shadow Terminator",
 // 2021). `side` is -1 when the viewer sees the inner side.
-Vec3d lift_of(CornerNormals normals, const ObjectTriangle& triangle, double side) noexcept {
+Vec3d lift_of(const CornerNormals& normals, const ObjectTriangle& triangle, double side) noexcept {
   const Vec3d point = triangle.point();
   Vec3d lift{0, 0, 0};
   for (std::size_t i = 0; i < 3; ++i) {
@@ -110,7 +136,7 @@ void set_round_normals(const Instance& instance, const Ray& ray, const Hit& hit,
 void set_normals(const Appearance& appearance, const Instance& instance, const Ray& ray, const Hit& hit,
                  bool with_origin, SurfacePoint& point) {
   if (instance.blas->mesh.is_round()) return set_round_normals(instance, ray, hit, with_origin, point);
-  const ObjectTriangle triangle = object_triangle(instance, hit);
+  const ObjectTriangle triangle = object_triangle(instance, hit, ray.time);
   const MeshAttributes* attributes = appearance.attributes_of(instance);
   // What a transform has flattened is a plane, whatever its corner normals were.
   const bool smooth = attributes != nullptr && !attributes->corner_normals.empty() && !instance.baked;
@@ -124,8 +150,7 @@ void set_normals(const Appearance& appearance, const Instance& instance, const R
   point.normal = point.light_normal = point.geometric_normal;
   const Vec3d on_triangle = triangle.point();
   if (smooth) {
-    appearance.check_fits(instance, *attributes);
-    const CornerNormals normals = attributes->corner_normals.subspan(std::size_t{3} * hit.primitive_index).first<3>();
+    const CornerNormals normals = corner_normals(appearance, *attributes, instance, hit, triangle);
     const Vec3d normal = smooth_normal(instance, normals, triangle, facing * side) * side;
     const double light_side = dot(normal, facing) < kTurnedCosine ? -1.0 : 1.0;
     point.normal = to_float(normal);
@@ -158,8 +183,12 @@ void find_surfaces(const Snapshot& snapshot, const Appearance& appearance, Surfa
     const Instance& instance = snapshot.instances[hit.instance_index];
     if (!needs.holdouts && appearance.is_holdout(instance, hit.primitive_index)) continue;
     SurfacePoint point;
-    point.ray = static_cast<std::uint32_t>(row);
-    if (needs.normals) set_normals(appearance, instance, rays[row], hit, needs.origins, point);
+    const Ray& ray = rays[row];
+    point.ray = static_cast<std::uint32_t>(row), point.time = ray.time;
+    if (needs.normals) {
+      const bool turns = instance.turns != nullptr;
+      set_normals(appearance, turns ? posed(instance, ray.time) : instance, ray, hit, needs.origins, point);
+    }
     if (needs.materials) {
       point.material = appearance.material_of(instance, hit.primitive_index);
       point.color = material_color(appearance, point.material);

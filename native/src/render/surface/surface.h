@@ -26,6 +26,7 @@ struct SurfaceNeeds {
 struct SurfacePoint {
   std::uint32_t ray = 0;  // row of the ray and the hit
   std::int32_t material = kNoMaterial;
+  float time = kShutterOpens;       // when it was hit: all that leaves it is of that time
   Vec3f geometric_normal{0, 0, 0};  // world space, unit length, towards the viewer
   // The same from corner normals, if the mesh has them. Its side follows the triangle's winding, as in Cycles.
   Vec3f normal{0, 0, 0};
