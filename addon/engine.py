@@ -245,8 +245,8 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
                 progress=lambda done: self._advance(job, done),
                 show=show,
                 trace=job.trace,
-                camera=self._camera_of(depsgraph) if view else None,
-                set_frame=self.frame_set,
+                camera=self._camera_of if view else None,
+                frame_set=self.frame_set,
             )
         except perfect_bvh.Cancelled:
             job.is_cancelled = True

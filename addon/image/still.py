@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..sync.report import SyncReport
 
 Progress = Callable[[float], bool]
-SetFrame = Callable[[int, float], None]
+FrameSet = Callable[[int, float], object]
 Images = dict[str, npt.NDArray[Any]]
 
 
@@ -57,12 +57,12 @@ def render_frame(
     show: Callable[[Images], None] | None = None,
     trace: bool = True,
     camera: CameraRecord | None = None,
-    set_frame: SetFrame | None = None,
+    frame_set: FrameSet | None = None,
 ) -> Frame:
     """Bring a sync's scene in step with an evaluated depsgraph and trace what is planned.
 
     progress: called with 0..1, False cancels. show: called with the images each time they have become better, and at
-    the end. trace: False to stop after the sync. camera: instead of the scene's. set_frame: what evaluates the
+    the end. trace: False to stop after the sync. camera: instead of the scene's. frame_set: what evaluates the
     depsgraph at another frame and subframe, for motion; None for the scene's own `frame_set`.
 
     Raises ValueError if the scene has no usable camera, `perfect_bvh.Cancelled`, and what the engine raises.
@@ -75,7 +75,7 @@ def render_frame(
         progress=None if progress is None else lambda _: progress(0.0),
         camera=camera,
         shutter=None if plan.motion is None else (plan.motion.begin, plan.motion.end),
-        set_frame=set_frame,
+        frame_set=frame_set if plan.motion is not None else None,
     )
     frame = depsgraph.scene.frame_current_final
     if not trace:
