@@ -18,6 +18,7 @@ from .image.data_previews import render_preview
 from .image.passes import PassSpec, enabled_passes, write_passes
 from .image.plan import RenderPlan, plan_render
 from .image.still import Frame, Images, Progress, render_frame
+from .settings.motion_blur import has_motion_blur
 from .settings.preferences import native_error
 from .settings.scene_settings import ENGINE_NAME, preview_settings, read_settings
 from .statistics import messages
@@ -80,7 +81,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
     def update_render_passes(self, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
         """Tell the compositor which sockets the engine's layer has."""
         self.register_pass(scene, view_layer, "Combined", 4, "RGBA", "COLOR")
-        for spec in enabled_passes(view_layer, with_vector=not scene.render.use_motion_blur):
+        for spec in enabled_passes(view_layer, with_vector=not has_motion_blur(view_layer, scene)):
             self.register_pass(scene, view_layer, spec.name, len(spec.channels), spec.channels, spec.kind)
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
@@ -94,8 +95,10 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         if error is not None:
             self._fail(scene, error)
             return
-        specs = enabled_passes(depsgraph.view_layer, with_vector=not scene.render.use_motion_blur)
-        plan = plan_render(scene, read_settings(scene), tuple(spec.source for spec in specs))
+        is_blurred = has_motion_blur(depsgraph.view_layer, scene)
+        specs = enabled_passes(depsgraph.view_layer, with_vector=not is_blurred)
+        sources = tuple(spec.source for spec in specs)
+        plan = plan_render(scene, read_settings(scene), sources, is_blurred=is_blurred)
         if not self._has_room(scene, plan):
             return
         views = _view_names(scene)

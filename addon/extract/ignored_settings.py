@@ -11,7 +11,14 @@ from .geometry.hair_shape import MOST_SUBDIVISIONS
 
 # Of a view layer, what is written; "sample_count" and the like are no pictures of the scene.
 _WRITTEN_PASSES = frozenset(
-    ("use_pass_combined", "use_pass_z", "use_pass_normal", "use_pass_object_index", "use_pass_material_index")
+    (
+        "use_pass_combined",
+        "use_pass_z",
+        "use_pass_normal",
+        "use_pass_vector",
+        "use_pass_object_index",
+        "use_pass_material_index",
+    )
 )
 _NO_PASSES = frozenset(("use_pass_cryptomatte_accurate", "use_pass_cryptomatte_asset"))
 
@@ -23,11 +30,11 @@ def find_ignored_settings(
 
     in_time: what moves within the shutter is read as well.
     """
-    found = [None if in_time else _motion_blur(depsgraph), _pieces_of_hair(depsgraph.scene)]
+    found = [_pieces_of_hair(depsgraph.scene)]
     if attributes.shading:
         found += [*_of_layer(depsgraph.view_layer), *_of_cycles(depsgraph.scene)]
-    if not for_viewport:
-        found.append(_passes(depsgraph.view_layer))
+    if not for_viewport:  # as with Blender's own engines, nothing is blurred there
+        found += [None if in_time else _motion_blur(depsgraph), _passes(depsgraph.view_layer)]
     return [NotShown("setting", name, 0, text) for name, text in filter(None, found)]
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..settings.modes import find_mode
-from ..settings.motion_blur import NEIGHBOURS, MotionSettings
+from ..settings.motion_blur import NEIGHBOURS, MotionSettings, read_motion_blur
 from ..support.memory import check_fits
 from ..sync.records import AttributeRequest
 
@@ -40,7 +40,7 @@ class RenderPlan:
 
     size: (width, height) in pixels. window: (left, right, bottom, top), the pixels to trace, from the lower left.
     passes: the renderer's names of what is wanted beside "combined". is_cropped: whether files hold the
-    window alone.
+    window alone. motion: what of the scene's motion is shown; None if no pixel shows any.
     """
 
     settings: RenderSettings
@@ -48,6 +48,7 @@ class RenderPlan:
     window: Window
     passes: tuple[str, ...] = ()
     is_cropped: bool = False
+    motion: MotionSettings | None = None
 
     @property
     def pixel_count(self) -> int:
@@ -73,11 +74,6 @@ class RenderPlan:
         if threshold == 0.0 or not find_mode(self.settings.mode).is_noisy:
             return None
         return perfect_bvh.AdaptiveSampling(self.size, threshold, self.settings.min_samples)
-
-    @property
-    def motion(self) -> MotionSettings | None:
-        """What of the scene's motion is to be read; None if no pixel shows any."""
-        return self.settings.motion_blur or (NEIGHBOURS if VECTOR in self.passes else None)
 
     @property
     def traced_passes(self) -> tuple[str, ...]:
@@ -134,14 +130,22 @@ class RenderPlan:
         check_fits(what, width * height * BYTES_A_PIXEL, "choose a smaller size")
 
 
-def plan_render(scene: bpy.types.Scene, settings: RenderSettings, passes: tuple[str, ...] = ()) -> RenderPlan:
-    """Of a render of `scene`, through its camera, inside its border."""
+def plan_render(
+    scene: bpy.types.Scene, settings: RenderSettings, passes: tuple[str, ...] = (), *, is_blurred: bool = False
+) -> RenderPlan:
+    """Of a render of `scene`, through its camera, inside its border.
+
+    is_blurred: whether what moves is, where the mode shows light.
+    """
     from ..extract.camera import read_frame
 
     frame = read_frame(scene)
     size = (frame.width, frame.height)
     is_cropped = scene.render.use_border and scene.render.use_crop_to_border
-    return RenderPlan(settings, size, border_pixels(frame.border, size), passes, is_cropped)
+    motion = NEIGHBOURS if VECTOR in passes else None
+    if is_blurred and find_mode(settings.mode).has_bounces:
+        motion = read_motion_blur(scene)
+    return RenderPlan(settings, size, border_pixels(frame.border, size), passes, is_cropped, motion)
 
 
 def plan_view(settings: RenderSettings, size: tuple[int, int]) -> RenderPlan:

@@ -34,6 +34,19 @@ class PERFECT_BVH_PT_passes(RenderPanel, bpy.types.Panel):
             layout.column(heading="Denoising").prop(denoising, "denoising_store_passes", text="Data")
 
 
+class PERFECT_BVH_PT_filter(RenderPanel, bpy.types.Panel):
+    """What a view layer may be without."""
+
+    bl_label = "Filter"
+    bl_context = "view_layer"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column = settings_layout(self).column(heading="Include")
+        column.active = context.scene.render.use_motion_blur
+        column.prop(context.view_layer, "use_motion_blur", text="Motion Blur")
+
+
 class PERFECT_BVH_PT_override(RenderPanel, bpy.types.Panel):
     """Blender before 5.0 has it with its own engines only."""
 
@@ -46,4 +59,4 @@ class PERFECT_BVH_PT_override(RenderPanel, bpy.types.Panel):
 
 
 HAS_OVERRIDE = hasattr(bpy.types, "VIEWLAYER_PT_override")
-CLASSES = (PERFECT_BVH_PT_passes, *(() if HAS_OVERRIDE else (PERFECT_BVH_PT_override,)))
+CLASSES = (PERFECT_BVH_PT_passes, PERFECT_BVH_PT_filter, *(() if HAS_OVERRIDE else (PERFECT_BVH_PT_override,)))

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from .modes import find_mode
-
 if TYPE_CHECKING:
     from perfect_bvh import Camera, Shutter
 
@@ -54,11 +52,14 @@ def object_motion_settings(owner: bpy.types.Object) -> bpy.types.bpy_struct | No
     return getattr(owner, "cycles", None)
 
 
-def read_motion_blur(scene: bpy.types.Scene, mode: str) -> MotionSettings | None:
-    """Of a render of `scene`; None where nothing is blurred: it is not wanted, or the mode shows no light."""
+def has_motion_blur(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> bool:
+    """Whether what moves is to be blurred in renders; a layer may be without."""
+    return bool(scene.render.use_motion_blur and getattr(view_layer, "use_motion_blur", True))
+
+
+def read_motion_blur(scene: bpy.types.Scene) -> MotionSettings:
+    """Of a render of `scene` that is to be blurred."""
     render = scene.render
-    if not render.use_motion_blur or not find_mode(mode).has_bounces:
-        return None
     opens = _OPENS[render.motion_blur_position] * render.motion_blur_shutter
     return MotionSettings(
         opens, opens + render.motion_blur_shutter, curve=_read_curve(scene), rolling=_read_rolling(scene)

@@ -9,7 +9,6 @@ import bpy
 
 from .light_paths import read_light_paths
 from .modes import DEFAULT_MODE, MODES
-from .motion_blur import MotionSettings, read_motion_blur
 from .overlay_settings import PERFECT_BVH_PG_overlay
 from .scan_settings import PERFECT_BVH_PG_scan
 from .tree_settings import CLASSES as TREE_CLASSES
@@ -29,8 +28,7 @@ class RenderSettings:
     threads: 0 for every core. audit_share: of the camera rays to check again, 0 for none. denoise: whether, where the
     mode has noise. time_limit: seconds for tracing, 0 for any; the first sample is always finished. noise_threshold:
     where noise is below it, there are no more samples than min_samples; 0 for none. min_samples: 0 for the renderer's
-    own. light_paths: how far light bounces, None for the renderer's own. motion_blur: when the shutter is open,
-    None for an image of a moment.
+    own. light_paths: how far light bounces, None for the renderer's own.
     """
 
     mode: str
@@ -45,7 +43,6 @@ class RenderSettings:
     noise_threshold: float = 0.0
     min_samples: int = 0
     light_paths: LightPaths | None = None
-    motion_blur: MotionSettings | None = None
 
 
 def _take_render_samples(settings: bpy.types.PropertyGroup, value: bool) -> None:
@@ -202,9 +199,8 @@ def read_settings(scene: bpy.types.Scene, is_viewport: bool = False) -> RenderSe
     settings = scene.perfect_bvh
     is_adaptive = settings.use_viewport_noise_threshold if is_viewport else settings.use_noise_threshold
     threshold = settings.viewport_noise_threshold if is_viewport else settings.noise_threshold
-    mode = settings.mode.lower()
     return RenderSettings(
-        mode=mode,
+        mode=settings.mode.lower(),
         samples=(settings.viewport_samples if is_viewport else 0) or settings.samples,
         ao_distance=settings.ao_distance,
         use_material_colors=settings.use_material_colors,
@@ -216,7 +212,6 @@ def read_settings(scene: bpy.types.Scene, is_viewport: bool = False) -> RenderSe
         noise_threshold=threshold if is_adaptive else 0.0,
         min_samples=settings.viewport_min_samples if is_viewport else settings.min_samples,
         light_paths=read_light_paths(scene),
-        motion_blur=None if is_viewport else read_motion_blur(scene, mode),
     )
 
 

@@ -54,6 +54,8 @@ class RecordingLayout:
     def template_icon_view(self, owner: Any, name: str, **_: Any) -> None:
         self.prop(owner, name)
 
+    template_curve_mapping = template_icon_view
+
     def template_preview(self, block: Any) -> None:
         self.texts.append(f"preview of {block.name}")
 

@@ -80,7 +80,6 @@ def test_all_that_could_not_be_read_stays_in_the_list_and_the_statistics_tell_of
 
 def broken_scene() -> Any:
     """Of each kind something; the material that is not shown."""
-    scene = bpy.context.scene
     material = bpy.data.materials.new("Wall")
     if not material.node_tree:
         material.use_nodes = True
@@ -92,7 +91,7 @@ def broken_scene() -> Any:
     bpy.context.object.name = "Smoke"
     bpy.ops.object.light_add()
     bpy.context.object.visible_glossy = False
-    scene.render.use_motion_blur = True
+    bpy.context.view_layer.use_sky = False
     bpy.ops.render.render()
     return material
 
@@ -110,7 +109,7 @@ def test_what_is_not_shown_is_listed_and_can_be_selected() -> None:
     texts = drawn(panel)
     assert " ".join(texts).startswith(line)
     assert "Wall: Noise Texture is not shown; its flat colour is" in texts
-    assert "Motion Blur: it is not shown; one moment is" in texts
+    assert "View Layer ViewLayer: the filter Environment is not asked; environment stays shown" in texts
     for kind, name in (("material", "Cube"), ("object", "Smoke"), ("light", "Point"), ("setting", None)):
         listed.active = [row.kind for row in listed.rows].index(kind)
         assert (drawn(panel)[-1] == "perfect_bvh.select_not_shown") == (name is not None)
