@@ -275,7 +275,7 @@ def choose_passes() -> Step:
         (last,) = [button for button in buttons if button.what.endswith("use")] or buttons[-1:]
         yield from toggle_panel(area, header_height(last, 0))
         buttons = yield from list_buttons(area)
-    names = ("use_pass_z", "use_pass_normal", "use_pass_object_index", "use_pass_material_index")
+    names = ("use_pass_z", "use_pass_normal", "use_pass_vector", "use_pass_object_index", "use_pass_material_index")
     yield from change_all(layer, dict.fromkeys(names))(buttons)
     screenshot("passes")
     yield from press_denoising_data(area, buttons)

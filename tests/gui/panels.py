@@ -10,7 +10,7 @@ from driver import OUTPUT, Step, at_rest, check, redrawn, screenshot
 from places import area_of, main_area, region_of
 
 # In the order in which they are shown, while nothing was rendered yet.
-PANELS = ("Sampling", "Light Paths", "Curves", "Film", "Simplify", "Performance")
+PANELS = ("Sampling", "Light Paths", "Curves", "Motion Blur", "Film", "Simplify", "Performance")
 # In pixels, at the resolution scale that a new user has: below the last button above them, and each below the other.
 FIRST_PANEL, PANEL_HEIGHT = 35, 28
 

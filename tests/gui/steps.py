@@ -18,6 +18,7 @@ import comb_steps
 import data_preview_steps
 import example_steps
 import file_steps
+import motion_steps
 import overlay_steps
 import panel_steps
 import preferences_steps
@@ -38,6 +39,7 @@ STEPS = (
     panel_steps.press_sampling_film_and_performance,
     panel_steps.press_light_paths,
     panel_steps.press_curves,
+    motion_steps.press_motion_blur,
     panel_steps.fill_in_the_scan_panel,
     panel_steps.press_simplify,
     panel_steps.press_the_panorama,
@@ -51,6 +53,7 @@ STEPS = (
     bad_use_steps.render_what_does_not_fit,
     bad_use_steps.render_what_is_broken,
     bad_use_steps.render_into_nowhere,
+    motion_steps.render_what_moves,
     panel_steps.show_the_viewport,
     scan_steps.stop_a_scan,
     scan_steps.stop_a_scan_while_it_builds,
