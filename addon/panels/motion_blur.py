@@ -40,7 +40,7 @@ class PERFECT_BVH_PT_motion_blur(EnginePanel, bpy.types.Panel):
             column.prop(settings, "rolling_shutter_type")
             duration = column.column()
             duration.active = settings.rolling_shutter_type != "NONE"
-            duration.prop(settings, "rolling_shutter_duration", text="Rolling Shutter Duration")
+            duration.prop(settings, "rolling_shutter_duration", text="Duration")
 
 
 class PERFECT_BVH_PT_motion_blur_curve(EnginePanel, bpy.types.Panel):
