@@ -149,7 +149,7 @@ class SceneSync(SyncedScene):
         if self._watch is not None:
             self._watch.start()  # again, if it was closed
         reading, committing = (None, progress) if span is None else halves(progress)
-        difference, read_milliseconds = self._read(depsgraph, view, span, reading)
+        difference, read_milliseconds = self._read(lambda: self._read_any(depsgraph, view, span, reading))
         if self._watch is not None:
             self._watch.note_synced(depsgraph)
         state = self._state
@@ -186,12 +186,15 @@ class SceneSync(SyncedScene):
         if self._watch is not None:
             raise RuntimeError("begin_update: the sync watches Blender; make it with watch=False")
         span = as_shutter("begin_update", shutter, steps, frame_set)
+        view = {"camera": camera, "size": size, "space": space}
+        return self._begin(lambda: self._read_any(depsgraph, view, span), expected_rays)
+
+    def _begin(self, read: Callable[[], SceneRecord], expected_rays: int | None) -> UpdateCommit:
+        """`begin_update` for whatever reads Blender."""
         if self._building is not None and self._building.is_lost:
             self.stop_building()  # before anything is compared with what it held
         try:
-            difference, read_milliseconds = self._read(
-                depsgraph, {"camera": camera, "size": size, "space": space}, span
-            )
+            difference, read_milliseconds = self._read(read)
         except BaseException:
             self.stop_building()
             self._state.scene.mark_stale(_FAILED)
@@ -208,18 +211,20 @@ class SceneSync(SyncedScene):
         )
         return self._building
 
-    def _read(
-        self, depsgraph: Any, view: dict[str, Any], shutter: Shutter | None, progress: Progress | None = None
-    ) -> tuple[SceneDifference, float]:
+    def _read(self, read: Callable[[], SceneRecord]) -> tuple[SceneDifference, float]:
         """What every update begins with: how Blender's scene differs from what is held, and milliseconds of reading."""
         started = time.perf_counter()
-        if shutter is None:
-            record = self._read_record(depsgraph, view, cache=self._cache)
-        else:
-            how = {"for_viewport": self._for_viewport, **view}
-            record = read_scene_in_time(depsgraph, shutter, self._attributes, self._cache, progress=progress, **how)
+        record = read()
         read_milliseconds = (time.perf_counter() - started) * 1e3
         return self._state.compare(record), read_milliseconds
+
+    def _read_any(
+        self, depsgraph: Any, view: dict[str, Any], shutter: Shutter | None, progress: Progress | None = None
+    ) -> SceneRecord:
+        if shutter is None:
+            return self._read_record(depsgraph, view, cache=self._cache)
+        how = {"for_viewport": self._for_viewport, **view}
+        return read_scene_in_time(depsgraph, shutter, self._attributes, self._cache, progress=progress, **how)
 
     def _read_record(self, depsgraph: Any, view: dict[str, Any], **how: Any) -> SceneRecord:
         return read_scene(depsgraph, self._attributes, for_viewport=self._for_viewport, **view, **how)

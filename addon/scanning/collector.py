@@ -84,7 +84,7 @@ class Collector:
             )
         self._ray_count += len(rays)
 
-    def point_cloud(self, warnings: tuple[str, ...], pose_error: float) -> PointCloud:
+    def point_cloud(self, warnings: tuple[str, ...], pose_error: float, scene_error: float) -> PointCloud:
         """Everything that was added."""
         columns = {name: np.concatenate([EMPTY[name], *(piece[name] for piece in self._pieces)]) for name in COLUMNS}
         return PointCloud(
@@ -94,6 +94,7 @@ class Collector:
             ray_count=self._ray_count,
             warnings=warnings,
             pose_error=pose_error,
+            scene_error=scene_error,
         )
 
     def _object_ids(self, instance_ids: npt.NDArray[np.int32], sync: SceneSync) -> npt.NDArray[np.int32]:

@@ -42,9 +42,16 @@ class PointCloud:
     incidences: (N,) float32, cosine of the angle between ray and normal: 1 straight on, 0 grazing.
     intensities: (N,) float32, what comes back of a diffuse surface, whatever the distance: the luminance of the
     material's viewport colour times the incidence. spacings: (N,) float32, how far neighbouring rays are apart there.
-    ray_count: how many were cast. warnings: what could not be read, as sentences. pose_error: in world units, about how
-    far points may be off where the way of a spinning sensor was curved between the steps of its frames: an eighth of
-    the largest second difference of three poses in a row; more steps per frame make it less.
+    ray_count: how many were cast. warnings: what could not be read or followed, as sentences.
+
+    pose_error, scene_error: in world units, what the straight ways between the key moments of a LiDAR's frames leave
+    of curved ones: about how far points may be off since the sensor, and since what it met, was not quite there. Each
+    is an eighth of the largest second difference of three key moments in a row (of turns, how far they are from even
+    ones): of the sensor's poses, at the farthest point; of the corners of the boxes of all instances that moved, and of
+    vertices that deformed, whether they were met or not. More steps per frame make both less. They are estimates, no
+    bounds: what swings to and fro within a stretch, or turns by more than half of one, does not show at its ends;
+    nothing is known of a single stretch; and what could not be followed, which `warnings` name, does not count. Where
+    rays graze a surface, points are off by more than it is. 0 for what is scanned at single moments.
     """
 
     positions: npt.NDArray[np.float64]
@@ -64,6 +71,7 @@ class PointCloud:
     ray_count: int
     warnings: tuple[str, ...] = ()
     pose_error: float = 0.0
+    scene_error: float = 0.0
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -82,6 +90,7 @@ class PointCloud:
             "material_names": np.array(self.material_names, dtype=np.str_),
             "ray_count": np.array(self.ray_count, np.int64),
             "pose_error": np.array(self.pose_error, np.float64),
+            "scene_error": np.array(self.scene_error, np.float64),
         }
         # What np.savez does; but that leaves its archive open when the disk is full.
         with replacing(path) as name, open(name, "wb") as file, zipfile.ZipFile(file, "w") as archive:

@@ -2,10 +2,10 @@
 
     cloud = perfect_bvh_addon.scan(SpinningLidar(), bpy.data.objects["Empty"], frames=(1, 24))
 
-A frame, or a part of one, is a *stretch*: the scene stands still in it, while a sensor that spins goes on: each of its
-rays starts where the sensor is at that ray's own time, between where Blender has it at the stretch's two ends. Between
-stretches the engine's scene is brought in step like any other, so that a long scan of a scene in which little moves
-builds little.
+A frame, or a part of one, is a *stretch*, from one key moment to the next. A sensor that spins goes on in it, and so
+does the scene: each ray starts where the sensor is at that ray's own time, and meets what moves where that is then,
+between where Blender has both at the stretch's two ends. From stretch to stretch the engine's scene is brought in step
+like any other, so that a long scan of a scene in which little moves reads and builds little.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..events.changes import listen, stop_listening
 from ..extract.camera import without_scale
 from ..live.scene_reference import SceneReference
-from ..live.scene_sync import SceneSync, UpdateCommit
+from ..live.scene_sync import UpdateCommit
 from ..support.memory import check_fits
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
 from .collector import Collector
 from .patterns import Float64Array, Pattern, View, check_at_least
 from .point_cloud import PointCloud
 from .poses import Path, bend
+from .stretch_sync import StretchSync
 
 Progress = Callable[[float], object]
 
@@ -39,7 +39,7 @@ MOST_SHORT = 1e-30
 BUILD_STEP_SECONDS = 0.02
 BUILD_SHARE = 0.5
 # Of the rays of a stretch, and of the points if all of them hit.
-BYTES_A_RAY = 350
+BYTES_A_RAY = 360
 FIELDS = ("instance_ids", "mesh_ids", "primitive_ids", "geometric_normals", "positions", "distances")
 
 # A camera looks along -Z with +Y up; anything else along +Y with +Z up, as Blender's front view has it.
@@ -48,10 +48,7 @@ FROM_SENSOR_TO_OBJECT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A part of the scan. frame: None for the current one, as it is. start, end: seconds since the scan began.
-
-    next_frame, next_subframe: where it ends.
-    """
+    """A part of the scan. frame: None for the current one. start, end: seconds since it began. next_...: its end."""
 
     frame: int | None
     subframe: float
@@ -77,15 +74,18 @@ def scan(
         up; any other object along +Y with +Z up. A camera grid needs a camera. Scale is ignored.
     frames: (first, last), both included; the frame that was current is set again at the end. A LiDAR spins on through
         all of them. By default the current frame alone, of which a LiDAR makes one whole turn.
-    steps_per_frame: in how many places of a frame the scene is evaluated, for things that move while they are scanned.
-        They stand still from one to the next. The sensor of a LiDAR does not: between two of those places it goes in a
-        straight line and turns evenly, so that each ray is cast from where it is then; `PointCloud.pose_error` says how
-        far off that may be where its way is curved. A camera grid is one picture a step, of one moment.
+    steps_per_frame: how many key moments a frame has. Blender evaluates each once; between two of them the sensor of a
+        LiDAR, and all that moves in the scene, goes in straight lines and turns evenly, so that each ray is cast from
+        where the sensor is at that ray's time, and meets things where they are then. `PointCloud.pose_error` and
+        `scene_error` say how far off that may be where ways are curved. Cycles' switches of motion blur do not count.
+        A camera grid is one picture a step, of one moment.
     threads: at most so many; 0 for all.
     progress: called with 0 to 1, also while trees are built; returning False raises `perfect_bvh.Cancelled`, within
         about a tenth of a second, as Ctrl-C raises KeyboardInterrupt. The frame is set back either way.
 
-    What is seen is what the viewport shows, as far as cameras may see it (Object > Visibility > Ray Visibility).
+    What is seen is what the viewport shows, as far as cameras may see it (Object > Visibility > Ray Visibility). What
+    cannot be followed from one key moment to the next, since it comes, goes or gets other triangles in between, stands
+    still until the later one, and is named in `PointCloud.warnings`.
     Raises ValueError for a sensor that cannot scan, or that is deleted meanwhile, and what the engine raises.
     """
     scanner = Scanner(pattern, sensor, frames=frames, steps_per_frame=steps_per_frame, threads=threads)
@@ -124,57 +124,48 @@ class Scanner:
         self._collector = Collector()
         self._warnings: dict[str, None] = {}
         self._poses: list[Float64Array] = []
-        self._pose_error = 0.0
+        self._pose_error = self._scene_error = 0.0
         self.built_share: float | None = None
         """How much of the trees of this stretch is built, 0 to 1, as long as they are."""
 
     def result(self) -> PointCloud:
         """What the finished scan has found."""
-        return self._collector.point_cloud(tuple(self._warnings), self._pose_error)
+        return self._collector.point_cloud(tuple(self._warnings), self._pose_error, self._scene_error)
 
     def steps(self) -> Generator[float, None, None]:
         """Does the scan; yields the share done, 0 to 1, every few tenths of a second, oftener while trees are built.
 
-        To be run through, or closed, on Blender's main thread.
+        To be run through, or closed, on Blender's main thread. Between two steps Blender is where the stretch that they
+        are part of ends, and the next one begins; with a camera grid where it begins; and in the current frame, if that
+        alone is scanned.
         """
         scene = self._place.find()
         before = scene.frame_current, scene.frame_subframe
-        # A stretch is about the moment when it was read, whatever the user does while its trees are built and its rays
-        # cast: its snapshot must not go stale by that, and the next one reads again. Hence watch=False; but of what is
-        # listened to here the next reading knows which meshes it may keep.
-        sync = SceneSync(AttributeRequest(material_slots=True), watch=False)
-        listen(self)
+        # A stretch is about the moments when it was read, whatever the user does while its trees are built and its rays
+        # cast: its snapshot must not go stale by that, and the next one reads again what has changed.
+        sync = StretchSync(AttributeRequest(material_slots=True))
         try:
             for number, stretch in enumerate(self._stretches):
                 for done in self._scan_stretch(sync, stretch):
                     yield (number + done) / len(self._stretches)
         finally:
             self.built_share = None
-            stop_listening(self)
             sync.close()
             if self._stretches[0].frame is not None:
                 self._place.set_frame_back(*before)
 
-    def _scan_stretch(self, sync: SceneSync, stretch: Stretch) -> Generator[float, None, None]:
-        scene = self._place.find()
-        if stretch.frame is not None:
-            _set_frame(scene, stretch.frame, stretch.subframe)
-        sensor = self._find_sensor(scene)
-        depsgraph = self._place.depsgraph()
-        is_camera = self._pattern.needs_camera
-        count = self._pattern.count(stretch.start, stretch.end)
-        building = sync.begin_update(depsgraph, count, camera=sensor if is_camera else None, size=self._pattern.size)
-        self._warnings |= dict.fromkeys(sync.warnings) if is_camera else {}
-        view, matrix = _place(sync, sensor, depsgraph, is_camera)
+    def _scan_stretch(self, sync: StretchSync, stretch: Stretch) -> Generator[float, None, None]:
+        view, path, building = self._read(sync, stretch)
         # From here on Blender may do anything between two steps, and is asked for nothing any more.
         before_rays = yield from self._build(building)
         snapshot = sync.scene.snapshot()
         yield before_rays  # a scan that was given up meanwhile casts no rays
+        count = self._pattern.count(stretch.start, stretch.end)
         check_fits(f"scan: a stretch of {count:,} rays", count * BYTES_A_RAY, "cast fewer, or more steps per frame")
         rays = self._pattern.cast(stretch.start, stretch.end, view)
-        path = Path(matrix, matrix if is_camera else self._next_pose(stretch, matrix))
         shares = (rays.times - stretch.start) / max(stretch.end - stretch.start, MOST_SHORT)
         origins, directions = path.place(rays.origins, rays.directions, shares)
+        moves = sync.record.motion.count > 0
         farthest = 0.0
         for first in range(0, len(rays), RAYS_IN_A_STEP):
             rows = slice(first, first + RAYS_IN_A_STEP)
@@ -184,22 +175,46 @@ class Scanner:
                 rays.t_min,
                 rays.t_max,
                 mask=VISIBLE_TO_CAMERA,
+                times=shares[rows] if moves else 0.0,
                 fields=FIELDS,
                 threads=self._threads,
             )
             self._collector.add(hits, rays.part(rows), directions[rows], sync)
             farthest = max(farthest, float(np.max(hits.distances, where=hits.is_hit, initial=0.0)))
-            cast = min(1.0, (first + RAYS_IN_A_STEP) / len(rays))
-            yield before_rays + (1.0 - before_rays) * cast
+            left = max(0.0, 1.0 - (first + RAYS_IN_A_STEP) / len(rays))
+            yield 1.0 - (1.0 - before_rays) * left  # the last is 1, whatever is rounded
         self._follow(path, farthest)
 
-    def _next_pose(self, stretch: Stretch, matrix: Float64Array) -> Float64Array:
-        """Where the sensor is at the stretch's end: Blender goes on to that frame, where the next stretch begins."""
-        if stretch.frame is None:
-            return matrix
+    def _read(self, sync: StretchSync, stretch: Stretch) -> tuple[View | None, Path, UpdateCommit]:
+        """All that a stretch asks of Blender: the view of a camera grid, the sensor's way, and trees being built."""
+        scene = self._place.find()
+        if stretch.frame is not None:
+            _set_frame(scene, stretch.frame, stretch.subframe)
+        sensor = self._find_sensor(scene)
+        depsgraph = self._place.depsgraph()
+        count = self._pattern.count(stretch.start, stretch.end)
+        view = None
+        if self._pattern.needs_camera:
+            building = sync.begin_update(depsgraph, count, camera=sensor, size=self._pattern.size)
+            view, matrix = _view(sync)
+            poses = [matrix, matrix]
+        else:
+            poses = [_pose(sensor, depsgraph)]
+            if stretch.frame is None:
+                building = sync.begin_moment(depsgraph, count)
+            else:
+                building = sync.begin_stretch(depsgraph, count, lambda: self._go_on(stretch, poses))
+        self._warnings |= dict.fromkeys(sync.warnings)
+        self._scene_error = sync.scene_error
+        return view, Path(poses[0], poses[-1]), building
+
+    def _go_on(self, stretch: Stretch, poses: list[Float64Array]) -> Any:
+        """Goes to the stretch's end; gives what is evaluated there, and adds the sensor's pose to `poses`."""
         scene = self._place.find()
         _set_frame(scene, stretch.next_frame, stretch.next_subframe)
-        return _pose(self._find_sensor(scene), self._place.depsgraph())
+        depsgraph = self._place.depsgraph()
+        poses.append(_pose(self._find_sensor(scene), depsgraph))
+        return depsgraph
 
     def _follow(self, path: Path, distance: float) -> None:
         """Keeps the last poses, and how far from a straight line they are."""
@@ -218,14 +233,6 @@ class Scanner:
         self.built_share = None
         building.result()
         return share
-
-    # Blender's changes concern a scan only in that it reads less where there were none, see `steps`.
-
-    def on_change(self, what: str) -> None:
-        """The stretch goes on: it is about what was read."""
-
-    def on_file_change(self) -> None:
-        """The next stretch finds no scene, and says so."""
 
     def _find_sensor(self, scene: bpy.types.Scene) -> bpy.types.Object:
         found = scene.objects.get(self._sensor_name)
@@ -269,16 +276,12 @@ def _set_frame(scene: bpy.types.Scene, frame: int, subframe: float) -> None:
         scene.frame_set(frame, subframe=subframe)
 
 
-def _place(
-    sync: SceneSync, sensor: bpy.types.Object, depsgraph: Any, is_camera_view: bool
-) -> tuple[View | None, Float64Array]:
-    """The view of a camera grid, and the (4, 4) matrix from the pattern's space to the world."""
-    if is_camera_view:
-        camera = sync.camera
-        if camera is None:
-            raise ValueError(f"scan: {' '.join(sync.warnings)}")
-        return View(camera.window, camera.projection, camera.clip_start, camera.clip_end), camera.matrix
-    return None, _pose(sensor, depsgraph)
+def _view(sync: StretchSync) -> tuple[View, Float64Array]:
+    """The view of a camera grid, and the (4, 4) matrix from the camera's space to the world."""
+    camera = sync.camera
+    if camera is None:
+        raise ValueError(f"scan: {' '.join(sync.warnings)}")
+    return View(camera.window, camera.projection, camera.clip_start, camera.clip_end), camera.matrix
 
 
 def _pose(sensor: bpy.types.Object, depsgraph: Any) -> Float64Array:

@@ -6,7 +6,7 @@ or has other triangles, stands still as at the frame, and is named once.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -35,15 +35,20 @@ _APART = "apart"  # first in the keys of meshes that others have at the frame an
 IntArray = npt.NDArray[np.intp]
 
 
-def add_motion(record: SceneRecord, moments: Mapping[Fraction, MomentRecord], settings: MotionSettings) -> SceneRecord:
+def add_motion(
+    record: SceneRecord,
+    moments: Mapping[Fraction, MomentRecord],
+    settings: MotionSettings,
+    make_words: Callable[[SceneRecord, MotionSettings], MotionWords] = MotionWords,
+) -> SceneRecord:
     """The record with all that moves in it; its list of what is not shown and its warnings name what does not.
 
     moments: of the scene at each of `settings.times`. A mesh that several instances show and that does not do the same
-    at all of them becomes several meshes.
+    at all of them becomes several meshes. make_words: in which words it is said.
     """
     matcher = MomentMatcher(record)
     matched = {time: matcher.match(moment) for time, moment in moments.items()}
-    words = MotionWords(record, settings)
+    words = make_words(record, settings)
     for time in settings.times:
         words.add_new(matched[time])
     steps, deforms = _of_instances(record, settings)

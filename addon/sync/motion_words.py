@@ -36,26 +36,17 @@ class MotionWords:
     @property
     def rows(self) -> tuple[NotShown, ...]:
         """All of them."""
-        where = "only at other moments of the shutter than the frame; not shown"
-        new = [
-            _row(owner, f"{'it is' if is_plain else _instances(count)} there {where}", _OF_MISSING)
-            for owner, count, is_plain in self._new.values()
-        ]
-        return (*self._rows, *new)
+        return (*self._rows, *(self._new_row(*new) for new in self._new.values()))
 
     def add_missing(self, missing: BoolArray) -> None:
         """(I,) bool: instances that are not there at all of their moments."""
         for owner, count, is_plain in _owners(self._record, np.flatnonzero(missing)):
-            subject = "it is" if is_plain else _instances(count)
-            still = _STILL if is_plain or count == 1 else _STILL.replace("it stands", "they stand")
-            self._add(owner, f"{subject} not there at every moment of the shutter; {still}", _OF_MISSING)
+            self._rows[self._missing_row(owner, count, is_plain)] = None
 
     def add_flat(self, rows: IntArray) -> None:
         """Of instances that a transform flattens at one of their moments."""
         for owner, count, is_plain in _owners(self._record, rows):
-            whose = "its scale is" if is_plain else f"the scale of {count:,} of its instances is"
-            still = _STILL if is_plain or count == 1 else _STILL.replace("it stands", "they stand")
-            self._add(owner, f"{whose} zero at a moment of the shutter; {still}", _OF_FLAT)
+            self._rows[self._flat_row(owner, count, is_plain)] = None
 
     def add_remade(self, remade: BoolArray, verdict: int) -> None:
         """(I,) bool: instances whose mesh is another at one of their moments."""
@@ -64,11 +55,7 @@ class MotionWords:
         objects, first = np.unique(instances.object_indices[rows], return_index=True)
         for number, row in zip(objects, rows[first], strict=True):
             kind = self._record.meshes[instances.mesh_indices[row]].kind
-            change = f"has other {kind} at a moment of the shutter"
-            if verdict == BARE:
-                change = "has points without a radius at one moment of the shutter that have one at another"
-            text = f"its shape {change}; the one at the frame is shown, moved as a whole"
-            self._add(self._record.objects[number], text, _OF_SHAPES)
+            self._rows[self._remade_row(self._record.objects[number], kind, verdict)] = None
 
     def add_new(self, moment: MatchedMoment) -> None:
         """Instances that the scene at the frame lacks."""
@@ -84,8 +71,31 @@ class MotionWords:
         text = f"its motion is not shown, as it cannot be followed through the shutter: {complaint}; {_STILL}"
         self._rows[NotShown("shape", settings.camera_name, settings.camera_uid, text, _OF_CAMERA)] = None
 
-    def _add(self, owner: ObjectRecord, text: str, advice: str) -> None:
-        self._rows[_row(owner, text, advice)] = None
+    # The words. owner: whose instances, count of them; is_plain: the object itself is the only one -------------------
+
+    def _missing_row(self, owner: ObjectRecord, count: int, is_plain: bool) -> NotShown:
+        subject = "it is" if is_plain else _instances(count)
+        text = f"{subject} not there at every moment of the shutter; {_still(count, is_plain)}"
+        return row_of(owner, text, _OF_MISSING)
+
+    def _new_row(self, owner: ObjectRecord, count: int, is_plain: bool) -> NotShown:
+        subject = "it is" if is_plain else _instances(count)
+        text = f"{subject} there only at other moments of the shutter than the frame; not shown"
+        return row_of(owner, text, _OF_MISSING)
+
+    def _flat_row(self, owner: ObjectRecord, count: int, is_plain: bool) -> NotShown:
+        whose = "its scale is" if is_plain else f"the scale of {count:,} of its instances is"
+        return row_of(owner, f"{whose} zero at a moment of the shutter; {_still(count, is_plain)}", _OF_FLAT)
+
+    def _remade_row(self, owner: ObjectRecord, kind: str, verdict: int) -> NotShown:
+        change = f"has other {kind} at a moment of the shutter"
+        if verdict == BARE:
+            change = "has points without a radius at one moment of the shutter that have one at another"
+        return row_of(owner, f"its shape {change}; the one at the frame is shown, moved as a whole", _OF_SHAPES)
+
+
+def _still(count: int, is_plain: bool) -> str:
+    return _STILL if is_plain or count == 1 else _STILL.replace("it stands", "they stand")
 
 
 def _owners(record: PlacedInstances, rows: npt.NDArray[np.integer[Any]]) -> list[tuple[ObjectRecord, int, bool]]:
@@ -102,5 +112,6 @@ def _instances(count: int) -> str:
     return f"{count:,} of its instances {'is' if count == 1 else 'are'}"
 
 
-def _row(owner: ObjectRecord, text: str, advice: str) -> NotShown:
+def row_of(owner: ObjectRecord, text: str, advice: str) -> NotShown:
+    """Of what stands still or is not shown because it cannot be followed."""
     return NotShown("shape", owner.name, owner.session_uid, text, advice)

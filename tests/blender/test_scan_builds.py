@@ -99,8 +99,8 @@ def test_steps_go_on_while_trees_are_built_and_the_share_only_grows(room, gate: 
 def test_closing_stops_the_build_and_sets_the_frame_back(room, gate: Gate) -> None:
     expected = undisturbed(gate, frames=(1, 3))
     room.frame_set(2)
-    scanner, steps = begin(gate, frames=(1, 3))
-    assert room.frame_current == 1
+    scanner, steps = begin(gate, frames=(3, 5))
+    assert room.frame_current == 4  # where the stretch under way ends
     steps.close()
     assert (room.frame_current, scanner.built_share, building_threads()) == (2, None, 0)
     assert_same(undisturbed(gate, frames=(1, 3)), expected)
