@@ -64,7 +64,11 @@ class PERFECT_BVH_PG_scan(bpy.types.PropertyGroup):
     )
     steps_per_frame: bpy.props.IntProperty(
         name="Steps per Frame",
-        description="How often the scene is evaluated in each frame, for things that move while they are scanned",
+        description=(
+            "How many key moments each frame has, at which the scene is evaluated. Between two of them a LiDAR and all "
+            "that moves go in straight lines and turn evenly, so that each ray meets things where they are at its own "
+            "time; a camera makes a picture of each"
+        ),
         default=1,
         min=1,
         max=1000,

@@ -189,7 +189,7 @@ def set_up_a_long_scan() -> Step:
 
 
 def scan_to_frame(gate: Gate, frame: int) -> Step:
-    """Until the frames before are scanned: Blender is in this one from their end on, where the sensor's way leads."""
+    """Until the frames before are scanned, to whose last step Blender is in this one: it is where a stretch ends."""
     gate.hold_when(lambda _, share: share >= (frame - 1) / LONG_SCAN)
     yield from gate.wait(f"the scan of frame {frame}")
     check(is_working(), "a scan that is held has ended")
