@@ -1,7 +1,7 @@
 """Which rays a sensor casts, in its own space and time. Knows no Blender and no scene.
 
-A pattern is asked for the rays of a stretch of time, during which the sensor stands still: a camera exposes once in it,
-a LiDAR goes on spinning from one stretch to the next.
+A pattern is asked for the rays of a stretch of time, wherever the sensor goes meanwhile: a camera exposes once in it, a
+LiDAR goes on spinning from one stretch to the next.
 """
 
 from __future__ import annotations

@@ -50,8 +50,9 @@ class PointCloud:
     ones): of the sensor's poses, at the farthest point; of the corners of the boxes of all instances that moved, and of
     vertices that deformed, whether they were met or not. More steps per frame make both less. They are estimates, no
     bounds: what swings to and fro within a stretch, or turns by more than half of one, does not show at its ends;
-    nothing is known of a single stretch; and what could not be followed, which `warnings` name, does not count. Where
-    rays graze a surface, points are off by more than it is. 0 for what is scanned at single moments.
+    nothing is known of a single stretch; and what could not be followed, which `warnings` name, does not count. What
+    changes its speed at a key moment alone counts, although it is followed. Where rays graze a surface, points are off
+    by more than it is. 0 for what is scanned at single moments.
     """
 
     positions: npt.NDArray[np.float64]

@@ -210,6 +210,27 @@ def test_undo_in_the_middle_is_read_from_the_next_stretch_on(head: Any) -> None:
     assert bpy.context.scene.frame_current == 9
 
 
+def test_what_is_moved_by_hand_in_the_middle_has_not_gone_a_curved_way(head: Any) -> None:
+    move_the_box()
+    alone = scan(LIDAR, head, frames=(1, 4))
+    scanner = Scanner(LIDAR, head, frames=(1, 4))
+    steps = scanner.steps()
+    next(steps)
+    bpy.data.objects["Box"].delta_location.y = 1.0
+    list(steps)
+    cloud = scanner.result()
+    farthest = [made.positions[made.object_ids == made.object_names.index("Box"), 1].max() for made in (alone, cloud)]
+    assert farthest[1] > farthest[0] + 0.5
+    assert alone.scene_error < 1e-5 and cloud.scene_error < 1e-5
+
+
+def test_more_key_moments_than_columns_leave_stretches_without_rays(head: Any) -> None:
+    move_the_box()
+    cloud = scan(LIDAR, head, frames=(1, 1), steps_per_frame=100)
+    assert cloud.ray_count == 3 * 38  # 900 columns a second: the last begins before 1 / 24
+    assert len(cloud) > 90 and bpy.context.scene.frame_current == 1
+
+
 # What stands still ---------------------------------------------------------------------------------------------------
 
 

@@ -199,7 +199,7 @@ def test_a_curved_way_is_as_far_off_as_the_cloud_says(scene: Any, what: str) -> 
 
 
 def test_an_even_turn_is_no_curved_way(scene: Any) -> None:
-    """Nor is a scale that grows evenly meanwhile; a turn that grows faster is."""
+    """Nor is a scale that grows evenly meanwhile, mirrored or not; a turn that grows faster is."""
     bpy.ops.mesh.primitive_cube_add(size=2.0, location=(0.0, 6.0, 0.0))
     wheel, lidar, head = bpy.context.object, SpinningLidar(elevations=(0.0,), columns=360), sensor()
     by_frame(wheel, "rotation_euler", "frame*frame/50", 2)
@@ -209,4 +209,6 @@ def test_an_even_turn_is_no_curved_way(scene: Any) -> None:
     keyed(wheel, "rotation_euler", [(0.0, 0.0, 0.0), (9.0, 0.0, 0.0)], (1, 25))
     assert scan(lidar, head, frames=(1, 6)).scene_error < 1e-5
     keyed(wheel, "scale", [(1.0, 1.0, 1.0), (3.0, 3.0, 3.0)], (1, 25))
+    assert scan(lidar, head, frames=(1, 6)).scene_error < 1e-5
+    keyed(wheel, "scale", [(-1.0, 1.0, 1.0), (-3.0, 2.0, 3.0)], (1, 25))
     assert scan(lidar, head, frames=(1, 6)).scene_error < 1e-5
