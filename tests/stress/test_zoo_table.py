@@ -9,7 +9,9 @@ from makers.zoo import CASES, FailureCase
 from stress.loss import WORK, Loss
 from stress.losses import MEASURES, measure
 from stress.losses_of_rounds import ROUND_MEASURES, measure_round, round_row
+from stress.losses_of_times import TIME_MEASURES, measure_time, time_row
 from stress.round_zoo import ROUND_CASES, RoundCase
+from stress.time_zoo import TIME_CASES, TimeCase
 from stress.zoo import row
 from stress.zoo_table import DATA, TABLE, table
 
@@ -20,6 +22,7 @@ def test_every_case_is_measured() -> None:
     assert list(MEASURES) and MEASURES.keys() == {case.name for case in CASES}
     assert [case["name"] for case in FIGURES["cases"]] == [case.name for case in CASES]
     assert [case["name"] for case in FIGURES["round_cases"]] == [case.name for case in ROUND_CASES] == [*ROUND_MEASURES]
+    assert [case["name"] for case in FIGURES["time_cases"]] == [case.name for case in TIME_CASES] == [*TIME_MEASURES]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
@@ -30,6 +33,11 @@ def test_the_usual_method_loses_and_ours_does_not(case: FailureCase) -> None:
 @pytest.mark.parametrize("case", ROUND_CASES, ids=lambda case: case.name)
 def test_the_usual_method_loses_on_curves_and_points_and_ours_does_not(case: RoundCase) -> None:
     check_loss(measure_round(case))
+
+
+@pytest.mark.parametrize("case", TIME_CASES, ids=lambda case: case.name)
+def test_the_usual_method_loses_on_what_moves_and_ours_does_not(case: TimeCase) -> None:
+    check_loss(measure_time(case))
 
 
 def check_loss(loss: Loss) -> None:
@@ -51,6 +59,12 @@ def test_the_kept_figures_of_curves_and_points_are_those_of_this_engine(case: Ro
     kept = next(each for each in FIGURES["round_cases"] if each["name"] == case.name)
     assert round_row(case) == kept, "python tests/stress/zoo.py --write"
     assert kept["as_triangles"] > 0
+
+
+@pytest.mark.parametrize("case", TIME_CASES, ids=lambda case: case.name)
+def test_the_kept_figures_of_what_moves_are_those_of_this_engine(case: TimeCase) -> None:
+    kept = next(each for each in FIGURES["time_cases"] if each["name"] == case.name)
+    assert time_row(case) == kept, "python tests/stress/zoo.py --write"
 
 
 def test_the_table_is_that_of_the_kept_figures() -> None:

@@ -22,6 +22,7 @@ from makers.zoo import CASES, FailureCase
 
 from stress.losses import MEASURES, measure
 from stress.losses_of_rounds import round_rows
+from stress.losses_of_times import time_rows
 from stress.zoo_table import write_table
 
 
@@ -37,7 +38,8 @@ def main() -> None:
     where.add_argument("--write", action="store_true", help="bring the repository's figures and table up to date")
     where.add_argument("--json", type=Path, metavar="OUT.json", help="where the figures go")
     chosen = parser.parse_args()
-    figures = {"machine": describe(), "cases": [row(case) for case in CASES], "round_cases": round_rows()}
+    figures = {"machine": describe(), "cases": [row(case) for case in CASES]}
+    figures |= {"round_cases": round_rows(), "time_cases": time_rows()}
     if chosen.write:
         keep("zoo", figures)
         write_table()

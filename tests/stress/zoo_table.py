@@ -45,6 +45,16 @@ stand for it; ours are the true surface's, as the audit finds.
 |---|---|---|---|---|---|---|
 """
 
+TIME_OPENING = """
+## In time
+
+The {count} motions of [`tests/stress/time_zoo.py`](time_zoo.py), which have no files; rays at times within the shutter.
+`tests/stress/test_time_zoo.py` compares the answers with formulas of their own, on every instruction set.
+
+| case | what breaks | seen in | the usual method | loses | ours loses | how it is held |
+|---|---|---|---|---|---|---|
+"""
+
 
 def shown(value: float, unit: str) -> str:
     """The number as the table has it."""
@@ -63,6 +73,11 @@ def round_line_of(case: Figures) -> str:
     return _line(case["title"], case["breaks"], case["method"], *_losses(case), triangles, case["held"])
 
 
+def time_line_of(case: Figures) -> str:
+    """One line of the table of what moves."""
+    return _line(case["title"], case["breaks"], case["source"], case["method"], *_losses(case), case["held"])
+
+
 def _losses(case: Figures) -> tuple[str, str]:
     """What the usual method and this engine lose."""
     unit = case["unit"]
@@ -79,9 +94,10 @@ def _line(*cells: str) -> str:
 
 def table(figures: Figures) -> str:
     """The whole file."""
-    cases, rounds = figures["cases"], figures["round_cases"]
+    cases, rounds, times = figures["cases"], figures["round_cases"], figures["time_cases"]
     text = OPENING.format(count=len(cases)) + "".join(map(line_of, cases))
-    return text + ROUND_OPENING.format(count=len(rounds)) + "".join(map(round_line_of, rounds))
+    text += ROUND_OPENING.format(count=len(rounds)) + "".join(map(round_line_of, rounds))
+    return text + TIME_OPENING.format(count=len(times)) + "".join(map(time_line_of, times))
 
 
 def write_table() -> None:
