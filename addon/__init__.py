@@ -11,6 +11,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .labels import CocoFile, Labels, label_image
     from .live.scene_sync import SceneSync
     from .scanning import CameraGrid, PointCloud, SpinningLidar, scan
     from .sync.records import AttributeRequest
@@ -18,9 +19,12 @@ if TYPE_CHECKING:
 __all__ = [
     "AttributeRequest",
     "CameraGrid",
+    "CocoFile",
+    "Labels",
     "PointCloud",
     "SceneSync",
     "SpinningLidar",
+    "label_image",
     "register",
     "scan",
     "unregister",
@@ -29,9 +33,12 @@ __all__ = [
 _EXPORTS = {
     "AttributeRequest": ".sync.records",
     "CameraGrid": ".scanning",
+    "CocoFile": ".labels",
+    "Labels": ".labels",
     "PointCloud": ".scanning",
     "SceneSync": ".live.scene_sync",
     "SpinningLidar": ".scanning",
+    "label_image": ".labels",
     "scan": ".scanning",
 }
 # In the order of registration. Those that load the native engine are left out where it cannot be loaded.

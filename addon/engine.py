@@ -42,11 +42,13 @@ class RenderJob:
 
     A headless Render Result cannot be read, and operators take no callbacks: the command line and scripts leave
     a job with `attend` and find the last frame in it. progress: called with 0..1, returns False to cancel.
-    trace: False to bring the trees in step and stop there.
+    trace: False to bring the trees in step and stop there. visit: called instead of all that, with what is rendered and
+    with what evaluates it at another frame and subframe.
     """
 
     progress: Progress | None = None
     trace: bool = True
+    visit: Callable[[bpy.types.Depsgraph, Callable[[int, float], None]], None] | None = None
     frame: Frame | None = None
     is_cancelled: bool = False
 
@@ -215,7 +217,7 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
 
     def _has_room(self, scene: bpy.types.Scene, plan: RenderPlan) -> bool:
         """Whether the image fits into memory, asked before Blender allocates it; if not, an error is reported."""
-        if _job is not None and not _job.trace:
+        if _job is not None and (not _job.trace or _job.visit is not None):
             return True
         try:
             plan.check_memory()
@@ -240,6 +242,9 @@ class PerfectBVHRenderEngine(bpy.types.RenderEngine):
         scene = depsgraph.scene
         edits = edits_of(scene)  # while it renders on a thread of its own, users go on
         job.frame = None
+        if job.visit is not None:
+            job.visit(depsgraph, self.frame_set)
+            return None
         try:
             job.frame = render_frame(
                 sync_of(depsgraph),

@@ -45,7 +45,7 @@ ADDON_LAYERS = (
     ("support", "events", "settings", "sync"),
     ("extract", "statistics"),
     ("live",),
-    ("image", "scanning"),
+    ("image", "scanning", "labels"),
     ("view3d", "bench"),
     ("engine", "operators", "panels"),
     ("__init__",),

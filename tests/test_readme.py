@@ -30,7 +30,7 @@ def test_both_commands_install_the_same_system_packages() -> None:
     assert installs[0] == installs[1]
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=["query", "arrays", "times", "shutter", "scan", "render"])
+@pytest.mark.parametrize("example", EXAMPLES, ids=["query", "arrays", "times", "shutter", "scan", "labels", "render"])
 def test_an_example_runs(example: str, tmp_path: Path, repository: Path) -> None:
     (tmp_path / "blend_scenes").symlink_to(repository / "blend_scenes")
     (tmp_path / "example.py").write_text(example.replace('"/tmp/', f'"{tmp_path}/'))
@@ -47,6 +47,9 @@ def test_an_example_runs(example: str, tmp_path: Path, repository: Path) -> None
         assert re.search(r"between 0\.458 and 0\.542$", result.stdout, re.MULTILINE)
     elif "shutter=(" in example:
         assert re.search(r"^27 things move\n\d\.\d% of the view is blurred$", result.stdout, re.MULTILINE)
+    elif "label_image" in example:
+        assert re.search(r"^\d+ things in the picture, \d+ of them hidden altogether$", result.stdout, re.MULTILINE)
+        assert (tmp_path / "courtyard_labels.npz").is_file()
     elif "sweep" in example:
         sweeps = re.findall(r"^sweep (\d): \d\d\.\d\d% hit, \d+\.\d m wide$", result.stdout, re.MULTILINE)
         assert sweeps == ["0", "1", "2"]

@@ -1,4 +1,4 @@
-"""The command `perfect-bvh`: render a .blend file, say what its trees are made of, or measure it or the machine.
+"""The command `perfect-bvh`: render or label a .blend file, say what its trees are made of, measure it or the machine.
 
 Blender and numpy are imported only once a command needs them, so that `--help` answers at once.
 """
@@ -40,6 +40,16 @@ def _count(text: str) -> int:
 _count.__name__ = "number"
 
 
+def _layers(text: str) -> int:
+    value = int(text)
+    if not 1 <= value <= 1000:
+        raise argparse.ArgumentTypeError(f"must be 1 to 1000, got {value}")
+    return value
+
+
+_layers.__name__ = "number"
+
+
 def _seconds(text: str) -> float:
     value = float(text)
     if not 0.0 <= value <= 1e9:
@@ -77,6 +87,7 @@ def build_parser(prog: str) -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_render(commands)
+    _add_labels(commands)
     _add_info(commands)
     _add_bench(commands)
     _add_calibrate(commands)
@@ -150,6 +161,37 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress bar and no summary")
 
 
+def _add_labels(commands: argparse._SubParsersAction) -> None:
+    parser = commands.add_parser(
+        "labels",
+        help="write exact ids, masks and depths of what the camera sees",
+        description="Label frames as they would be rendered: for each an .npz file of depths, positions, normals, uvs "
+        "and ids, with masks of all that is there, hidden or not; for all together coco.json, with run lengths of the "
+        "masks. One ray a pixel lists all surfaces, so that nothing is blended.",
+    )
+    _add_file(parser)
+    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="the folder for the files")
+    parser.add_argument(
+        "--frames", type=parse_frames, metavar="LIST", help="such as 1-24, 1-48:2 or 1,5,9-12 (default: current)"
+    )
+    parser.add_argument("--size", type=parse_size, metavar="WxH", help="pixels (default: as the file says)")
+    parser.add_argument(
+        "--category",
+        metavar="NAME",
+        help="the custom property of objects whose values are categories (default: each object's name is one)",
+    )
+    parser.add_argument(
+        "--layers",
+        type=_layers,
+        default=1,
+        metavar="K",
+        help="how many surfaces a ray keeps the depths of (default: 1)",
+    )
+    parser.add_argument("--flow", action="store_true", help="also how pixels move from the frame before to the next")
+    parser.add_argument("--no-coco", action="store_true", help="no coco.json, which needs pycocotools")
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress bar and no summary")
+
+
 def _add_info(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "info",
@@ -194,6 +236,10 @@ def main(argv: Sequence[str] | None = None, prog: str = "perfect-bvh") -> int:
             from .render import run_render
 
             return run_render(arguments)
+        if arguments.command == "labels":
+            from .labels import run_labels
+
+            return run_labels(arguments)
         if arguments.command == "bench":
             from .bench import run_bench
 

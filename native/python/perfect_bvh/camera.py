@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ._arrays import check_count
 
+Float64Array = npt.NDArray[np.float64]
 Projection = Literal["perspective", "orthographic", "equirectangular"]
 _MOST_BLADES = 1000
 
@@ -94,6 +95,35 @@ class Camera:
         left, right, bottom, top = self.border
         if not (0.0 <= left <= right <= 1.0 and 0.0 <= bottom <= top <= 1.0):
             raise ValueError(f"Camera: border must be fractions (left <= right, bottom <= top), got {self.border}")
+
+    def pixel_rays(self, size: tuple[int, int], rows: slice | None = None) -> tuple[Float64Array, Float64Array]:
+        """The rays through the centres of an image's pixels, as the renderer casts them: a pinhole camera's.
+
+        size: (width, height) of the whole image. rows: some of its rows, 0 on top; None for all. Returns origins and
+        directions, (H, W, 3) float64 each, in the world. A direction's length along the view axis is 1, so that t is
+        the depth; in a panorama its length is 1. Raises ValueError for a matrix with an axis of no length.
+        """
+        width, height = (check_count("pixel_rays", "size", length, 1) for length in size)
+        first, end, step = (slice(None) if rows is None else rows).indices(height)
+        lengths = np.linalg.norm(self.matrix[:3, :3], axis=0)
+        if not lengths.all():
+            raise ValueError("pixel_rays: an axis of the camera's matrix has no length; give it another scale than 0")
+        axes = self.matrix[:3, :3] / lengths
+        right, up, ahead = axes[:, 0], axes[:, 1], -axes[:, 2]
+        left, top = self.window[0], self.window[3]
+        x = (np.arange(width) + 0.5) * ((self.window[1] - left) / width)
+        y = (np.arange(first, end, step) + 0.5) * ((top - self.window[2]) / height)
+        shape = (len(y), width, 3)
+        origin = self.matrix[:3, 3]
+        if self.projection == "equirectangular":
+            longitudes, latitudes = left + x, (top - y)[:, None, None]
+            flat = np.sin(longitudes)[:, None] * right + np.cos(longitudes)[:, None] * ahead
+            return np.broadcast_to(origin, shape), np.cos(latitudes) * flat + np.sin(latitudes) * up
+        offsets = right * x[:, None] - up * y[:, None, None]
+        corner = right * left + up * top
+        if self.projection == "orthographic":
+            return corner + origin + offsets, np.broadcast_to(ahead, shape)
+        return np.broadcast_to(origin, shape), corner + ahead + offsets
 
     @classmethod
     def look_at(

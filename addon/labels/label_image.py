@@ -1,0 +1,251 @@
+"""One pass of rays through pixels' centres, which lists all surfaces on each, becomes a labelled image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..support.memory import check_fits
+from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
+from .labels import NO_DEPTH, Labels
+from .masks import masks_of
+from .surfaces import corner_values, world_normals
+from .things import MISS, find_things
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import bpy
+    from perfect_bvh import Camera, Intersections, Snapshot
+
+    from ..live.scene_sync import SceneSync
+
+READ = AttributeRequest(material_slots=True, corner_normals=True, corner_uvs=True)
+# Rays whose surfaces are listed at once: a few million of those, in usual scenes.
+RAYS_IN_A_STEP = 1 << 17
+# Of what is kept of a pixel in the end, and of each of its layers.
+BYTES_A_PIXEL, BYTES_A_LAYER = 200, 8
+NEIGHBOURS = (-1.0, 1.0)  # frames, between which flow is asked for
+MIDDLE = 0.5
+FIELDS = ("instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs", "geometric_normals", "positions", "t_hit")
+
+
+def label_image(
+    depsgraph: bpy.types.Depsgraph | None = None,
+    *,
+    sync: SceneSync | None = None,
+    camera: bpy.types.Object | None = None,
+    size: tuple[int, int] | None = None,
+    layers: int = 1,
+    category: str | None = None,
+    flow: bool = False,
+    frame_set: Callable[[int, float], object] | None = None,
+    threads: int = 0,
+    progress: Callable[[float], object] | None = None,
+) -> Labels:
+    """What a camera sees, exactly: ids, depths, normals, uvs, masks of what is seen and of what is hidden.
+
+    depsgraph: evaluated; None, the default, for the context's. sync: one that is kept from frame to frame, so that what
+    stays is not read and built again; None, the default, for a new one. It is brought in step.
+    camera: None, the default, for the scene's. size: (width, height) in pixels; None for the render size.
+    layers: how many of the nearest surfaces along each ray to keep the depths of, 1 or more.
+    category: the name of a custom property (of objects, else of their instancers, else of their data) whose values are
+        the categories; None, the default: each object's name is one.
+    flow: whether to tell how pixels move from the frame before to the next, for which those are evaluated. frame_set:
+        what does that, of a render its engine's; None, the default: the scene's own.
+    threads: at most so many; 0 for all. progress: called with 0 to 1; returning False raises `perfect_bvh.Cancelled`.
+
+    What is seen is what the viewport shows, or the render whose depsgraph it is, as far as cameras may see it; glass
+    and what is transparent are seen as they stand there. Raises ValueError without a usable camera, and what the engine
+    raises.
+    """
+    import bpy
+
+    from ..live.scene_sync import SceneSync
+
+    if isinstance(layers, bool) or not isinstance(layers, (int, np.integer)) or not 1 <= layers <= 1000:
+        raise ValueError(f"label_image: layers must be an integer of 1 to 1000, got {layers!r}")
+    if depsgraph is None:
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+    own = SceneSync(READ, watch=False) if sync is None else sync
+    own.request(READ)
+    try:
+        shutter = NEIGHBOURS if flow else None
+        view = {"camera": camera, "size": size, "shutter": shutter, "frame_set": frame_set if flow else None}
+        own.update(depsgraph, **view, progress=_part(progress, 0.0, 0.3))
+        if own.camera is None:
+            reason = own.warnings[-1] if own.warnings else "it has none"
+            raise ValueError(f"label_image: scene {depsgraph.scene.name!r} has no camera that can be used: {reason}")
+        width, height = own.size
+        bytes_needed = width * height * (BYTES_A_PIXEL + BYTES_A_LAYER * layers)
+        check_fits(f"label_image: {width:,} x {height:,} pixels", bytes_needed, "choose a smaller size")
+        labelling = _Labelling(own, own.camera, own.size, layers, flow, threads)
+        labelling.run(_part(progress, 0.3, 0.7))
+        return labelling.result(category)
+    finally:
+        if sync is None:
+            own.close()
+
+
+def _part(progress: Callable[[float], object] | None, start: float, share: float) -> Callable[[float], object] | None:
+    return None if progress is None else lambda done: progress(start + share * done)
+
+
+@dataclass
+class _Labelling:
+    """Of one synced scene, block of rows after block of rows."""
+
+    sync: SceneSync
+    camera: Camera
+    size: tuple[int, int]
+    layers: int
+    flow: bool
+    threads: int
+    owners: list[npt.NDArray[np.int64]] = field(default_factory=list)  # whose pixel, block by block ...
+    pixels: list[npt.NDArray[np.int64]] = field(default_factory=list)  # ... and which
+
+    def __post_init__(self) -> None:
+        count = self.size[0] * self.size[1]
+        self.depth = np.full(count, NO_DEPTH, np.float32)
+        self.positions = np.zeros((count, 3))
+        self.normals, self.uvs = np.zeros((count, 3), np.float32), np.zeros((count, 2), np.float32)
+        self.instances, self.materials = np.full(count, MISS, np.int32), np.full(count, MISS, np.int32)
+        self.layer_depths = np.full((self.layers, count), NO_DEPTH, np.float32)
+        self.layer_instances = np.full((self.layers, count), MISS, np.int32)
+
+    def run(self, progress: Callable[[float], object] | None) -> None:
+        """Casts all rays and keeps what they meet."""
+        width, height = self.size
+        snapshot = self.sync.scene.snapshot()
+        step = max(1, RAYS_IN_A_STEP // width)
+        for first in range(0, height, step):
+            rows = slice(first, min(first + step, height))
+            self._label(snapshot, rows)
+            if progress is not None and progress(rows.stop / height) is False:
+                import perfect_bvh
+
+                raise perfect_bvh.Cancelled("labelling was cancelled")
+
+    def _label(self, snapshot: Snapshot, rows: slice) -> None:
+        origins, directions = (part.reshape(-1, 3) for part in self.camera.pixel_rays(self.size, rows))
+        listed = snapshot.list_intersections(
+            origins,
+            directions,
+            self.camera.clip_start,
+            self.camera.clip_end,
+            mask=VISIBLE_TO_CAMERA,
+            fields=FIELDS,
+            threads=self.threads,
+            times=MIDDLE if self.flow else 0.0,
+        )
+        first_pixel = rows.start * self.size[0]
+        counts = np.diff(listed.ray_splits)
+        pixels = np.repeat(np.arange(len(counts), dtype=np.int64) + first_pixel, counts)
+        keys = np.unique(listed.hits.instance_ids.astype(np.int64) * (1 << 32) + pixels)
+        self.owners.append(keys >> 32)
+        self.pixels.append(keys & 0xFFFFFFFF)
+        self._keep_layers(listed, counts, first_pixel)
+        self._keep_first(listed, np.flatnonzero(counts), first_pixel, directions)
+
+    def _keep_layers(self, listed: Intersections, counts: npt.NDArray[np.int64], first_pixel: int) -> None:
+        for layer in range(self.layers):
+            rays = np.flatnonzero(counts > layer)
+            hits = listed.ray_splits[rays] + layer
+            self.layer_depths[layer, first_pixel + rays] = listed.hits.t_hit[hits]
+            self.layer_instances[layer, first_pixel + rays] = listed.hits.instance_ids[hits]
+
+    def _keep_first(
+        self,
+        listed: Intersections,
+        rays: npt.NDArray[np.intp],
+        first_pixel: int,
+        directions: npt.NDArray[np.float64],
+    ) -> None:
+        """What the rays meet that meet something."""
+        hits, rows, pixels = listed.hits, listed.ray_splits[rays], first_pixel + rays
+        self.depth[pixels], self.positions[pixels] = hits.t_hit[rows], hits.positions[rows]
+        self.instances[pixels] = hits.instance_ids[rows]
+        self.materials[pixels] = self.sync.material_ids(hits)[rows]
+        meshes = self._rows_of(self.sync.mesh_ids, hits.mesh_ids[rows])
+        where = (self.sync.record.meshes, meshes, hits.primitive_ids[rows], hits.primitive_uvs[rows])
+        records, mesh_rows, primitives, places = where
+        uvs, _ = corner_values(records, "corner_uvs", mesh_rows, primitives, places)
+        if uvs is not None:
+            self.uvs[pixels] = uvs
+        smooth, is_smooth = corner_values(records, "corner_normals", mesh_rows, primitives, places)
+        self.normals[pixels] = self._facing(hits, rows, smooth, is_smooth, directions[rays])
+
+    def _facing(
+        self,
+        hits: Any,
+        rows: npt.NDArray[np.int64],
+        smooth: npt.NDArray[np.float32] | None,
+        is_smooth: npt.NDArray[np.bool_],
+        directions: npt.NDArray[np.float64],
+    ) -> npt.NDArray[np.float64]:
+        """Shading normals, on the side that the triangle shows."""
+        instances = self._rows_of(self.sync.appearance.instances.ids, hits.instance_ids[rows])
+        linear = self.sync.record.instances.transforms[instances][:, :, :3].astype(np.float64)
+        mirrored = np.linalg.det(linear) < 0.0
+        normals = hits.geometric_normals[rows].astype(np.float64)
+        normals[mirrored & is_smooth] *= -1.0
+        away = np.einsum("ij,ij->i", normals, directions) > 0.0
+        if smooth is not None and is_smooth.any():
+            normals[is_smooth] = world_normals(smooth[is_smooth], linear[is_smooth])
+        normals[away] *= -1.0
+        return normals
+
+    @staticmethod
+    def _rows_of(ids: npt.NDArray[np.int32], wanted: npt.NDArray[np.int32]) -> npt.NDArray[np.intp]:
+        order = np.argsort(ids)
+        return order[np.searchsorted(ids, wanted, sorter=order)]
+
+    def result(self, category: str | None) -> Labels:
+        """What was kept, by the things that were met."""
+        width, height = self.size
+        owners, pixels = np.concatenate(self.owners), np.concatenate(self.pixels)
+        present = np.unique(owners).astype(np.int32)
+        things, categories = find_things(self.sync, present, category)
+
+        def numbered(ids: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+            return np.where(ids < 0, MISS, np.searchsorted(present, ids)).astype(np.int32)
+
+        seen = numbered(self.instances)
+        visible = np.flatnonzero(seen >= 0)
+        of_things = np.array([thing.category for thing in things] + [MISS], np.int32)
+        return Labels(
+            depth=self.depth.reshape(height, width),
+            positions=self.positions.reshape(height, width, 3),
+            normals=self.normals.reshape(height, width, 3),
+            uvs=self.uvs.reshape(height, width, 2),
+            thing_ids=seen.reshape(height, width),
+            material_ids=self.materials.reshape(height, width),
+            category_ids=of_things[seen].reshape(height, width),
+            layer_depths=self.layer_depths.reshape(-1, height, width),
+            layer_ids=numbered(self.layer_instances).reshape(-1, height, width),
+            visible=masks_of(seen[visible].astype(np.int64), visible.astype(np.int64), len(present), self.size),
+            amodal=masks_of(np.searchsorted(present, owners).astype(np.int64), pixels, len(present), self.size),
+            things=things,
+            categories=categories,
+            material_names=tuple(str(name) for name in self.sync.material_names),
+            flow=self._flow() if self.flow else None,
+            warnings=self.sync.warnings,
+        )
+
+    def _flow(self) -> npt.NDArray[np.float32]:
+        import perfect_bvh
+
+        shutter = perfect_bvh.Shutter(cameras=self.sync.camera_motion, blurs=False)
+        made: npt.NDArray[np.float32] = perfect_bvh.render_passes(
+            self.sync.scene,
+            self.camera,
+            size=self.size,
+            appearance=self.sync.appearance,
+            passes=("vector",),
+            shutter=shutter,
+            threads=self.threads,
+        )["vector"]
+        return made

@@ -1,0 +1,95 @@
+"""What a labelled image holds, and its file. Knows no Blender."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ..support.files import replacing
+from .masks import Masks
+from .things import Thing
+
+NO_DEPTH = 1e10
+
+Floats = npt.NDArray[np.float32]
+Int32Array = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Labels:
+    """Of an image of H x W pixels, row 0 on top: what the ray through each pixel's centre meets. Nothing is blended.
+
+    depth: (H, W) float32, along the view axis (in panoramas along the ray), 1e10 where nothing was hit. positions:
+    (H, W, 3) float64, in the world. normals: (H, W, 3) float32, shading normals in the world, towards the viewer.
+    uvs: (H, W, 2) float32, of the map that is active for renders. All zero where there is nothing or no map.
+    thing_ids: (H, W) int32, rows of `things`. material_ids: (H, W) int32, rows of material_names. -1 where there is
+    none. category_ids: (H, W) int32, rows of `categories`, -1 for none.
+    flow: (H, W, 4) float32, as Blender's Vector pass has it, or None.
+    layer_depths, layer_ids: (K, H, W) float32 and int32, the K nearest surfaces along each ray, nearest first: their
+    depths and rows of `things`; 1e10 and -1 where there are fewer.
+    visible, amodal: a mask for each thing: where it is seen, and where any ray meets it, whatever is before it. Those
+    that are visible never overlap.
+    things: what is met by any ray, in the order of the scene. categories: their names.
+    warnings: what could not be read, as sentences.
+    """
+
+    depth: Floats
+    positions: npt.NDArray[np.float64]
+    normals: Floats
+    uvs: Floats
+    thing_ids: Int32Array
+    material_ids: Int32Array
+    category_ids: Int32Array
+    layer_depths: Floats
+    layer_ids: Int32Array
+    visible: Masks
+    amodal: Masks
+    things: tuple[Thing, ...]
+    categories: tuple[str, ...]
+    material_names: tuple[str, ...]
+    flow: Floats | None = None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height)."""
+        return self.visible.size
+
+    @property
+    def visible_shares(self) -> Floats:
+        """(N,) float32: of each thing's pixels those where it is seen, 0 to 1."""
+        return (self.visible.areas / np.maximum(self.amodal.areas, 1)).astype(np.float32)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Writes everything into a compressed .npz file (the ending is added if it is missing) and returns its path.
+
+        Masks are kept as `visible_splits` and `visible_pixels`, and likewise of `amodal`; `things` as JSON. A file of
+        that name is replaced once the new one is complete. Raises OSError with the reason if it cannot be written.
+        """
+        path = Path(path)
+        if path.suffix != ".npz":
+            path = path.with_name(path.name + ".npz")
+        names = ("depth", "positions", "normals", "uvs", "thing_ids", "material_ids", "category_ids")
+        arrays = {name: getattr(self, name) for name in (*names, "layer_depths", "layer_ids", "visible_shares")}
+        for name, masks in (("visible", self.visible), ("amodal", self.amodal)):
+            arrays |= {f"{name}_splits": masks.splits, f"{name}_pixels": masks.pixels}
+        if self.flow is not None:
+            arrays["flow"] = self.flow
+        arrays["things"] = np.array(json.dumps([asdict(thing) for thing in self.things]))
+        arrays["categories"] = np.array(self.categories, np.str_)
+        arrays["material_names"] = np.array(self.material_names, np.str_)
+        with (
+            replacing(path) as name,
+            open(name, "wb") as file,
+            zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+        ):
+            for key, array in arrays.items():
+                with archive.open(f"{key}.npy", "w", force_zip64=True) as entry:
+                    np.lib.format.write_array(entry, array, allow_pickle=False)
+        return path

@@ -1,0 +1,85 @@
+"""`perfect-bvh labels`: files that agree with what `perfect-bvh render` shows."""
+
+from __future__ import annotations
+
+import builtins
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from blender.command_lines import run, save_small_file  # noqa: E402
+from oracles.exr import read_exr  # noqa: E402
+
+
+@pytest.fixture
+def small_file(tmp_path: Path) -> Path:
+    path = tmp_path / "small.blend"
+    save_small_file(path)
+    return path
+
+
+def test_frames_are_labelled_as_they_are_rendered(small_file: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "labels"
+    arguments = ("--frames", "1-2", "--layers", 2, "--flow", "-q")
+    assert run("labels", small_file, "-o", folder, *arguments) == 0
+    assert sorted(path.name for path in folder.iterdir()) == ["coco.json", "labels_0001.npz", "labels_0002.npz"]
+    for frame in (1, 2):
+        image = tmp_path / f"depth_{frame}.exr"
+        arguments = ("--mode", "depth", "--samples", 1, "--frames", frame, "-q")
+        assert run("render", small_file, "-o", image, *arguments) == 0
+        (depth,) = (plane for name, plane in read_exr(image).items() if name.endswith("R"))
+        with np.load(folder / f"labels_{frame:04d}.npz") as data:
+            assert np.array_equal(data["depth"], depth)
+            assert data["layer_depths"].shape == (2, 36, 64)
+            assert np.abs(data["flow"]).max() > 0.1
+    content = json.loads((folder / "coco.json").read_text())
+    assert [image["file_name"] for image in content["images"]] == ["frame_0001.png", "frame_0002.png"]
+    assert {row["name"] for row in content["annotations"]} == {"Cube", "Sheet"}
+
+
+def test_what_renders_do_not_show_has_no_label(small_file: Path, tmp_path: Path) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(small_file))
+    bpy.data.objects["Cube"].hide_render = True
+    bpy.ops.wm.save_mainfile()
+    assert run("labels", small_file, "-o", tmp_path / "labels", "--no-coco", "-q") == 0
+    (path,) = (tmp_path / "labels").iterdir()
+    with np.load(path) as data:
+        assert [thing["name"] for thing in json.loads(str(data["things"]))] == ["Sheet"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--layers", "0"), "must be 1 to 1000"),
+        (("--frames", "x"), "expected frames such as"),
+        (("-o", "{file}"), "expected a folder, it is a file"),
+    ],
+)
+def test_mistakes_are_named(
+    small_file: Path, tmp_path: Path, capfd: Any, arguments: tuple[str, ...], said: str
+) -> None:
+    given = [text.format(file=small_file) for text in arguments]
+    assert run("labels", small_file, "-o", tmp_path / "labels", *given) == 2
+    assert said in capfd.readouterr().err
+
+
+def test_without_pycocotools_it_says_what_to_do(
+    small_file: Path, tmp_path: Path, capfd: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    true_import = builtins.__import__
+
+    def without(name: str, *rest: Any) -> Any:
+        if name.startswith("pycocotools"):
+            raise ImportError(name)
+        return true_import(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    assert run("labels", small_file, "-o", tmp_path / "labels") == 2
+    error = capfd.readouterr().err
+    assert "pip install 'perfect-bvh[data]'" in error and "--no-coco" in error
+    assert run("labels", small_file, "-o", tmp_path / "labels", "--no-coco", "-q") == 0
