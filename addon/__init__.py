@@ -13,20 +13,37 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .labels import CocoFile, Labels, label_image
     from .live.scene_sync import SceneSync
-    from .scanning import CameraGrid, PointCloud, SpinningLidar, scan
+    from .scanning import (
+        CameraGrid,
+        DepthCamera,
+        PointCloud,
+        Raster,
+        Rosette,
+        SpinningLidar,
+        load_sensor,
+        save_cloud,
+        scan,
+        sensor_names,
+    )
     from .sync.records import AttributeRequest
 
 __all__ = [
     "AttributeRequest",
     "CameraGrid",
     "CocoFile",
+    "DepthCamera",
     "Labels",
     "PointCloud",
+    "Raster",
+    "Rosette",
     "SceneSync",
     "SpinningLidar",
     "label_image",
+    "load_sensor",
     "register",
+    "save_cloud",
     "scan",
+    "sensor_names",
     "unregister",
 ]
 
@@ -35,11 +52,17 @@ _EXPORTS = {
     "CameraGrid": ".scanning",
     "CocoFile": ".labels",
     "Labels": ".labels",
+    "DepthCamera": ".scanning",
     "PointCloud": ".scanning",
+    "Raster": ".scanning",
+    "Rosette": ".scanning",
     "SceneSync": ".live.scene_sync",
     "SpinningLidar": ".scanning",
     "label_image": ".labels",
+    "load_sensor": ".scanning",
+    "save_cloud": ".scanning",
     "scan": ".scanning",
+    "sensor_names": ".scanning",
 }
 # In the order of registration. Those that load the native engine are left out where it cannot be loaded.
 _MODULES = (

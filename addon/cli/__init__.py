@@ -1,4 +1,4 @@
-"""The command `perfect-bvh`: render or label a .blend file, say what its trees are made of, measure it or the machine.
+"""The command `perfect-bvh`: render, scan or label a .blend file, look at its trees, measure it or the machine.
 
 Blender and numpy are imported only once a command needs them, so that `--help` answers at once.
 """
@@ -87,6 +87,7 @@ def build_parser(prog: str) -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_render(commands)
+    _add_scan(commands)
     _add_labels(commands)
     _add_info(commands)
     _add_bench(commands)
@@ -96,6 +97,10 @@ def build_parser(prog: str) -> argparse.ArgumentParser:
 
 def _add_file(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE.blend", help="the scene")
+    _add_file_options(parser)
+
+
+def _add_file_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--threads", type=_positive, metavar="N", help="threads to use (default: as the file says)")
     parser.add_argument(
         "--autoexec", action="store_true", help="run the Python scripts and drivers inside the file (only if trusted)"
@@ -158,6 +163,33 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
         f"wrong (default share: {DEFAULT_AUDIT:g})",
     )
     parser.add_argument("--stats", action="store_true", help="print what each frame did to the trees, and the times")
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress bar and no summary")
+
+
+def _add_scan(commands: argparse._SubParsersAction) -> None:
+    parser = commands.add_parser(
+        "scan",
+        help="write what a sensor measures, as point clouds",
+        description="Scan frames with a LiDAR or a depth camera that an object carries: a file of points for each piece "
+        "of some frames, with a manifest that says what is in it. --resume does what is missing or damaged, and no more.",
+    )
+    parser.add_argument("file", metavar="FILE.blend", nargs="?", help="the scene")
+    _add_file_options(parser)
+    parser.add_argument("-o", "--output", metavar="DIR", help="the folder for the files")
+    parser.add_argument(
+        "--sensor", default="spinning-16", metavar="NAME", help="a name of --list-sensors, or a .toml file of one's own"
+    )
+    parser.add_argument("--list-sensors", action="store_true", help="name the sensors, one a line, and do nothing else")
+    parser.add_argument("--on", metavar="OBJECT", help="the object that carries it (default: the scene's camera)")
+    parser.add_argument(
+        "--frames", type=parse_frames, metavar="LIST", help="such as 1-24, 1-48:2 or 1,5,9-12 (default: current)"
+    )
+    parser.add_argument("--steps", type=_positive, default=1, metavar="N", help="key moments of a frame (default: 1)")
+    parser.add_argument("--piece", type=_positive, default=10, metavar="N", help="most frames of a piece (default: 10)")
+    parser.add_argument(
+        "--format", default="npz", metavar="F", help="npz, ply, las, laz, csv, parquet or h5 (default: npz)"
+    )
+    parser.add_argument("--resume", action="store_true", help="keep the pieces that are there and whole")
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress bar and no summary")
 
 
@@ -236,6 +268,10 @@ def main(argv: Sequence[str] | None = None, prog: str = "perfect-bvh") -> int:
             from .render import run_render
 
             return run_render(arguments)
+        if arguments.command == "scan":
+            from .scan import run_scan
+
+            return run_scan(arguments)
         if arguments.command == "labels":
             from .labels import run_labels
 

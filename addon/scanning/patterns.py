@@ -71,6 +71,10 @@ class Pattern(Protocol):
     def duration(self) -> float:
         """Seconds that one whole pass takes: what a scan of a single frame covers."""
 
+    @property
+    def baseline(self) -> float:
+        """How far to the right a second eye is that has to see each point as well; 0 for none."""
+
     def count(self, start: float, end: float) -> int:
         """How many rays are cast in the seconds from `start` to before `end` of the scan."""
 
@@ -91,7 +95,7 @@ class CameraGrid:
     def __post_init__(self) -> None:
         check_at_least("CameraGrid", "width", self.width, 1)
         check_at_least("CameraGrid", "height", self.height, 1)
-        _check_ray_count("CameraGrid", "width * height", self.width * self.height)
+        check_ray_count("CameraGrid", "width * height", self.width * self.height)
 
     @property
     def needs_camera(self) -> bool:
@@ -103,6 +107,10 @@ class CameraGrid:
 
     @property
     def duration(self) -> float:
+        return 0.0
+
+    @property
+    def baseline(self) -> float:
         return 0.0
 
     def count(self, start: float, end: float) -> int:
@@ -121,7 +129,7 @@ class CameraGrid:
         origins, directions = {
             "perspective": (nowhere, plane + forward),
             "orthographic": (plane, forward),
-            "equirectangular": (nowhere, _directions(-plane[:, 0], plane[:, 1])),
+            "equirectangular": (nowhere, directions_of(-plane[:, 0], plane[:, 1])),
         }[view.projection]
         apart = abs(right - left) / self.width
         is_parallel = view.projection == "orthographic"
@@ -162,16 +170,12 @@ class SpinningLidar:
                 f"SpinningLidar: elevations must be degrees from -90 to 90, at least one, got {self.elevations}"
             )
         check_at_least("SpinningLidar", "columns", self.columns, 1)
-        _check_ray_count("SpinningLidar", "elevations * columns", len(self.elevations) * self.columns)
+        check_ray_count("SpinningLidar", "elevations * columns", len(self.elevations) * self.columns)
         if not (math.isfinite(self.rate) and self.rate > 0.0):
             raise ValueError(f"SpinningLidar: rate must be turns a second above 0, got {self.rate}")
         if not 0.0 < self.sweep <= 360.0:
             raise ValueError(f"SpinningLidar: sweep must be degrees above 0 and up to 360, got {self.sweep}")
-        if not 0.0 <= self.min_distance < self.max_distance:
-            raise ValueError(
-                "SpinningLidar: min_distance must be at least 0 and below max_distance, "
-                f"got {self.min_distance} and {self.max_distance}"
-            )
+        check_range("SpinningLidar", self.min_distance, self.max_distance)
 
     @property
     def needs_camera(self) -> bool:
@@ -185,20 +189,24 @@ class SpinningLidar:
     def duration(self) -> float:
         return 1.0 / self.rate
 
+    @property
+    def baseline(self) -> float:
+        return 0.0
+
     def count(self, start: float, end: float) -> int:
         return len(self._columns_of(start, end)) * len(self.elevations)
 
     def _columns_of(self, start: float, end: float) -> range:
         a_second = self.columns * self.rate
         # Rounded, so that stretches that meet neither share a column nor lose one.
-        return range(_first_column(start * a_second), _first_column(end * a_second))
+        return range(first_shot(start * a_second), first_shot(end * a_second))
 
     def cast(self, start: float, end: float, view: View | None) -> Rays:
         a_second = self.columns * self.rate
         columns = np.array(self._columns_of(start, end), np.int64)
         azimuths = np.radians(((columns % self.columns + 0.5) / self.columns - 0.5) * self.sweep)
         elevations = np.radians(np.array(self.elevations))
-        directions = _directions(np.repeat(azimuths, len(elevations)), np.tile(elevations, len(columns)))
+        directions = directions_of(np.repeat(azimuths, len(elevations)), np.tile(elevations, len(columns)))
         return Rays(
             origins=np.zeros_like(directions),
             directions=directions,
@@ -211,13 +219,14 @@ class SpinningLidar:
         )
 
 
-def _directions(azimuths: Float64Array, elevations: Float64Array) -> Float64Array:
+def directions_of(azimuths: Float64Array, elevations: Float64Array) -> Float64Array:
     """(R, 3) unit vectors from (R,) angles in radians: to the left of forward, and above the horizon."""
     flat = np.cos(elevations)
     return np.stack([-np.sin(azimuths) * flat, np.sin(elevations), -np.cos(azimuths) * flat], axis=1)
 
 
-def _first_column(place: float) -> int:
+def first_shot(place: float) -> int:
+    """The number of the first shot at or after a place among them, but for rounding."""
     return math.ceil(place - 1e-6)
 
 
@@ -227,6 +236,15 @@ def check_at_least(pattern: str, name: str, value: object, least: int) -> None:
         raise ValueError(f"{pattern}: {name} must be an integer of at least {least}, got {value!r}")
 
 
-def _check_ray_count(pattern: str, name: str, count: int) -> None:
+def check_range(pattern: str, nearest: float, farthest: float) -> None:
+    """Raises ValueError for distances between which nothing can be measured."""
+    if not 0.0 <= nearest < farthest:
+        raise ValueError(
+            f"{pattern}: min_distance must be at least 0 and below max_distance, got {nearest} and {farthest}"
+        )
+
+
+def check_ray_count(pattern: str, name: str, count: int) -> None:
+    """Raises ValueError for more rays than fit into memory at once."""
     if count > MOST_RAYS:
         raise ValueError(f"{pattern}: {name} must be at most {MOST_RAYS:,} rays, got {count:,}: scan in parts")

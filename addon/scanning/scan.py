@@ -27,7 +27,9 @@ from .collector import Collector
 from .patterns import Float64Array, Pattern, View, check_at_least
 from .point_cloud import PointCloud
 from .poses import Path, bend
+from .second_eye import drop_hidden
 from .stretch_sync import StretchSync
+from .stretches import Stretch
 
 Progress = Callable[[float], object]
 
@@ -64,12 +66,14 @@ def scan(
     *,
     frames: tuple[int, int] | None = None,
     steps_per_frame: int = 1,
+    since: int | None = None,
     threads: int = 0,
     progress: Progress | None = None,
 ) -> PointCloud:
     """Casts a pattern of rays in the current scene and returns the points that they meet, as a `PointCloud`.
 
-    pattern: a `CameraGrid` or a `SpinningLidar`.
+    pattern: a `CameraGrid`, `SpinningLidar`, `Rosette`, `Raster` or `DepthCamera`, or that of a sensor's file, see
+        `load_sensor`.
     sensor: the object that casts them; by default the scene's active camera. A camera looks along its own -Z with +Y
         up; any other object along +Y with +Z up. A camera grid needs a camera. Scale is ignored.
     frames: (first, last), both included; the frame that was current is set again at the end. A LiDAR spins on through
@@ -79,6 +83,8 @@ def scan(
         where the sensor is at that ray's time, and meets things where they are then. `PointCloud.pose_error` and
         `scene_error` say how far off that may be where ways are curved. Cycles' switches of motion blur do not count.
         A camera grid is one picture a step, of one moment.
+    since: the frame in which the scan began, if these frames are a later part of it: where the sensor's way through
+        time goes on from. None, the default: the first of the frames.
     threads: at most so many; 0 for all.
     progress: called with 0 to 1, also while trees are built; returning False raises `perfect_bvh.Cancelled`, within
         about a tenth of a second, as Ctrl-C raises KeyboardInterrupt. The frame is set back either way.
@@ -88,7 +94,8 @@ def scan(
     still until the later one, and is named in `PointCloud.warnings`.
     Raises ValueError for a sensor that cannot scan, or that is deleted meanwhile, and what the engine raises.
     """
-    scanner = Scanner(pattern, sensor, frames=frames, steps_per_frame=steps_per_frame, threads=threads)
+    how = {"frames": frames, "steps_per_frame": steps_per_frame, "since": since, "threads": threads}
+    scanner = Scanner(pattern, sensor, **how)
     with closing(scanner.steps()) as steps:
         for done in steps:
             if progress is not None and progress(done) is False:
@@ -111,6 +118,7 @@ class Scanner:
         *,
         frames: tuple[int, int] | None = None,
         steps_per_frame: int = 1,
+        since: int | None = None,
         threads: int = 0,
     ) -> None:
         scene = bpy.context.scene
@@ -119,7 +127,7 @@ class Scanner:
         self._pattern = pattern
         self._place = SceneReference("scan", scene, bpy.context.view_layer)
         self._sensor_name, self._sensor_uid = sensor.name, sensor.session_uid
-        self._stretches = tuple(_stretches(pattern, scene, frames, steps_per_frame))
+        self._stretches = tuple(_stretches(pattern, scene, frames, steps_per_frame, since))
         self._threads = threads
         self._collector = Collector()
         self._warnings: dict[str, None] = {}
@@ -165,20 +173,26 @@ class Scanner:
         rays = self._pattern.cast(stretch.start, stretch.end, view)
         shares = (rays.times - stretch.start) / max(stretch.end - stretch.start, MOST_SHORT)
         origins, directions = path.place(rays.origins, rays.directions, shares)
-        moves = sync.record.motion.count > 0
+        moves, baseline = sync.record.motion.count > 0, self._pattern.baseline
         farthest = 0.0
         for first in range(0, len(rays), RAYS_IN_A_STEP):
             rows = slice(first, first + RAYS_IN_A_STEP)
+            times = shares[rows] if moves else 0.0
             hits = snapshot.cast_rays(
                 origins[rows],
                 directions[rows],
                 rays.t_min,
                 rays.t_max,
                 mask=VISIBLE_TO_CAMERA,
-                times=shares[rows] if moves else 0.0,
+                times=times,
                 fields=FIELDS,
                 threads=self._threads,
             )
+            if baseline:
+                eyes, _ = path.place(
+                    np.tile([baseline, 0.0, 0.0], (len(hits.is_hit), 1)), directions[rows], shares[rows]
+                )
+                drop_hidden(hits, eyes, snapshot, VISIBLE_TO_CAMERA, times, self._threads)
             self._collector.add(hits, rays.part(rows), directions[rows], sync)
             farthest = max(farthest, float(np.max(hits.distances, where=hits.is_hit, initial=0.0)))
             left = max(0.0, 1.0 - (first + RAYS_IN_A_STEP) / len(rays))
@@ -253,7 +267,11 @@ def _check_sensor(pattern: Pattern, sensor: bpy.types.Object | None, scene: bpy.
 
 
 def _stretches(
-    pattern: Pattern, scene: bpy.types.Scene, frames: tuple[int, int] | None, steps_per_frame: int
+    pattern: Pattern,
+    scene: bpy.types.Scene,
+    frames: tuple[int, int] | None,
+    steps_per_frame: int,
+    since: int | None,
 ) -> Iterator[Stretch]:
     if frames is None:
         yield Stretch(None, 0.0, 0.0, pattern.duration)
@@ -262,11 +280,14 @@ def _stretches(
     if last < first:
         raise ValueError(f"scan: frames must be (first, last) with first <= last, got {frames}")
     check_at_least("scan", "steps_per_frame", steps_per_frame, 1)
+    before = 0 if since is None else (first - since) * steps_per_frame
+    if before < 0:
+        raise ValueError(f"scan: since must be no later than the first of the frames {frames}, got {since}")
     seconds = scene.render.fps_base / scene.render.fps / steps_per_frame
     for number in range((last - first + 1) * steps_per_frame):
         frame, step = divmod(number, steps_per_frame)
         following, next_step = divmod(number + 1, steps_per_frame)
-        times = number * seconds, (number + 1) * seconds
+        times = (before + number) * seconds, (before + number + 1) * seconds
         yield Stretch(first + frame, step / steps_per_frame, *times, first + following, next_step / steps_per_frame)
 
 

@@ -1,0 +1,194 @@
+"""`perfect-bvh scan`: what a sensor measures over the frames of a file, in pieces that a second run recognises."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..support.files import prepare_folder
+from . import EXIT_INTERRUPTED
+from .arguments import CommandError, check_blend_file, parse_path
+from .blender import StopRequest, open_scene, stop_on_interrupt
+from .console import quiet_blender
+
+if TYPE_CHECKING:
+    import bpy
+
+    from ..scanning.pieces import Piece, PieceFolder
+    from ..scanning.point_cloud import PointCloud
+    from ..scanning.sensor_files import Sensor
+
+DEFAULT_SENSOR = "spinning-16"
+
+
+def run_scan(arguments: argparse.Namespace) -> int:
+    """Scan what the arguments say; the exit status."""
+    if arguments.list_sensors:
+        _list_sensors()
+        return 0
+    for name in ("file", "output"):
+        if getattr(arguments, name) is None:
+            raise CommandError(f"expected {'FILE.blend' if name == 'file' else '-o DIR'}; see perfect-bvh scan --help")
+    path = check_blend_file(arguments.file)
+    folder = parse_path("-o", arguments.output)
+    if folder.exists() and not folder.is_dir():
+        raise CommandError(f"-o {arguments.output}: expected a folder, it is a file")
+    sensor, suffix = _sensor(arguments.sensor), f".{arguments.format}"
+    _check_format(suffix)
+    try:
+        prepare_folder(folder)
+    except OSError as error:
+        raise CommandError(error.strerror or str(error)) from error
+    with quiet_blender() as out, stop_on_interrupt() as stop:
+        scene = open_scene(path, arguments)
+        carrier = _carrier(scene, arguments.on)
+        started = time.perf_counter()
+        session = ScanSession(scene, carrier, sensor, stop, arguments)
+        pieces, written, kept, points = session.run(path, folder, suffix)
+        if not arguments.quiet:
+            seconds = time.perf_counter() - started
+            recognised = f", {kept} were there" if kept else ""
+            out.write(f"{folder}: {written} of {pieces} pieces{recognised}; {points:,} points in {seconds:.2f} s\n")
+    if written + kept < pieces:
+        sys.stderr.write("perfect-bvh: stopped; --resume goes on\n")
+        return EXIT_INTERRUPTED
+    return 0
+
+
+def _list_sensors() -> None:
+    from ..scanning.sensor_files import load_sensor, sensor_names
+
+    width = max(map(len, sensor_names()))
+    for name in sensor_names():
+        sys.stdout.write(f"{name:<{width}}  {load_sensor(name).title}\n")
+
+
+def _sensor(name: str) -> Sensor:
+    from ..scanning.sensor_files import load_sensor
+
+    try:
+        return load_sensor(name)
+    except OSError as error:
+        raise CommandError(f"--sensor {name}: {error.strerror or error}") from error
+    except ValueError as error:
+        raise CommandError(f"--sensor {name}: {str(error).removeprefix('sensor: ')}") from error
+
+
+def _check_format(suffix: str) -> None:
+    from ..scanning.formats import check_format
+
+    try:
+        check_format(suffix)
+    except (ValueError, ImportError) as error:
+        raise CommandError(f"--format: {error}") from error
+
+
+def _carrier(scene: bpy.types.Scene, name: str | None) -> bpy.types.Object:
+    """The object that carries the sensor."""
+    import difflib
+
+    if name is None:
+        if scene.camera is None:
+            raise CommandError(f"scene {scene.name!r} has no camera that could carry the sensor; name an object: --on")
+        return scene.camera
+    found = scene.objects.get(name)
+    if found is None:
+        near = difflib.get_close_matches(name, scene.objects.keys(), n=1, cutoff=0.5)
+        hint = f" (is it {near[0]!r}?)" if near else ""
+        raise CommandError(f"--on {name}: scene {scene.name!r} has no such object{hint}")
+    return found
+
+
+class ScanSession:
+    """One run over the pieces of a scan."""
+
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        carrier: bpy.types.Object,
+        sensor: Sensor,
+        stop: StopRequest,
+        arguments: argparse.Namespace,
+    ) -> None:
+        self._scene = scene
+        self._carrier = carrier
+        self._sensor = sensor
+        self._stop = stop
+        self._arguments = arguments
+        self._frames: tuple[int, ...] = arguments.frames or (scene.frame_current,)
+        self._warned: set[str] = set()
+
+    def run(self, path: Path, folder: Path, suffix: str) -> tuple[int, int, int, int]:
+        """How many pieces there are, were written and were there before, and how many points were written."""
+        import perfect_bvh
+        from tqdm import tqdm
+
+        from ..scanning.pieces import OtherInputsError, PieceFolder, inputs_of, pieces_of
+
+        arguments = self._arguments
+        pieces = pieces_of(self._frames, arguments.piece)
+        others = {"on": self._carrier.name, "steps": arguments.steps, "begins": min(self._frames), "format": suffix}
+        others["version"] = perfect_bvh.__version__
+        place = PieceFolder(folder, inputs_of(path, self._sensor.pattern, **others), suffix)
+        try:
+            place.check()
+        except OtherInputsError as error:
+            raise CommandError(f"-o: {error}") from error
+        written = kept = points = 0
+        # None: shown on a terminal only, so that logs stay clean.
+        is_disabled = True if arguments.quiet else None
+        with tqdm(total=len(pieces), unit="piece", disable=is_disabled, leave=False, file=sys.stderr) as bar:
+            for number, piece in enumerate(pieces):
+                if arguments.resume and place.is_done(piece):
+                    kept += 1
+                    bar.update(number + 1 - bar.n)
+                    continue
+                cloud = None if self._stop.is_set else self._scan(piece, number, bar)
+                if cloud is None:
+                    break
+                self._write(place, piece, cloud)
+                written, points = written + 1, points + len(cloud)
+                bar.update(number + 1 - bar.n)
+        return len(pieces), written, kept, points
+
+    def _scan(self, piece: Piece, number: int, bar: object) -> PointCloud | None:
+        """None if it was stopped."""
+        import perfect_bvh
+
+        from ..scanning import scan
+
+        def advance(done: float) -> bool:
+            bar.update(number + done - bar.n)  # type: ignore[attr-defined]
+            return not self._stop.is_set
+
+        arguments = self._arguments
+        try:
+            return scan(
+                self._sensor.pattern,
+                self._carrier,
+                frames=piece.frames,
+                steps_per_frame=arguments.steps,
+                since=min(self._frames),
+                threads=arguments.threads or 0,
+                progress=advance,
+            )
+        except perfect_bvh.Cancelled:
+            return None
+        except ValueError as error:
+            raise CommandError(f"frames {piece.frames[0]}-{piece.frames[1]}: {error}") from error
+
+    def _write(self, place: PieceFolder, piece: Piece, cloud: PointCloud) -> None:
+        import perfect_bvh
+        from tqdm import tqdm
+
+        try:
+            place.write(piece, cloud, perfect_bvh.__version__)
+        except OSError as error:
+            raise CommandError(error.strerror or str(error)) from error
+        for warning in cloud.warnings:
+            if warning not in self._warned:
+                self._warned.add(warning)
+                tqdm.write(f"perfect-bvh: {warning}", file=sys.stderr)

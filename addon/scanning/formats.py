@@ -1,0 +1,177 @@
+"""Point clouds as files of the formats that others read; each by the library that its field keeps. Knows no Blender.
+
+The ending of the name chooses: .npz holds everything and needs no library; .ply, .las and .laz, .csv and .parquet, and
+.h5 need those of `pip install 'perfect-bvh[data]'`. Names of objects and materials stand beside the columns where a
+format has a place for them.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..support.files import replacing
+from .point_cloud import COLUMNS, PointCloud
+
+# Of the names of vectors' components.
+AXES = {"positions": ("x", "y", "z"), "normals": ("nx", "ny", "nz")}
+# Columns as one row of a table has them.
+SINGULAR = {
+    "distances": "distance",
+    "object_ids": "object_id",
+    "instance_ids": "instance_id",
+    "material_ids": "material_id",
+    "times": "time",
+    "ray_ids": "ray_id",
+    "ring_ids": "ring",
+    "incidences": "incidence",
+    "intensities": "intensity",
+    "spacings": "spacing",
+}
+LAS_STEP = 1e-4  # of coordinates, in world units: LAS keeps them as whole numbers
+MOST_LAS_STEPS = 2**31 - 1
+
+
+def save_cloud(cloud: PointCloud, path: str | os.PathLike[str]) -> Path:
+    """Writes a cloud in the format of the path's ending; a file of that name is replaced once the new one is complete.
+
+    LAS keeps positions to a tenth of a millimetre of a world unit, or as exactly as they can be if they are spread over
+    more than 200 kilometres. Raises ValueError for another ending, ImportError with what to install, OSError.
+    """
+    path = Path(path)
+    write = WRITERS.get(path.suffix.lower())
+    if write is None:
+        raise ValueError(f"save_cloud: the name must end in {', '.join(WRITERS)}, got {path.name!r}")
+    if write is _npz:
+        return cloud.save(path)
+    with replacing(path) as name:
+        write(cloud, name)
+    return path
+
+
+def check_format(suffix: str) -> None:
+    """Raises ValueError for a format that there is not, ImportError with what to install for one that needs more."""
+    if suffix not in WRITERS:
+        raise ValueError(f"the format must be one of {', '.join(name[1:] for name in WRITERS)}, got {suffix[1:]!r}")
+    for module in MODULES.get(suffix, ()):
+        _library(module)
+
+
+def _library(name: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise ImportError(f"this format needs {name}: pip install 'perfect-bvh[data]'") from error
+
+
+def _table(cloud: PointCloud) -> dict[str, npt.NDArray[Any]]:
+    """A column for each component of each vector, in the order of `COLUMNS`."""
+    table: dict[str, npt.NDArray[Any]] = {}
+    for column in COLUMNS:
+        values = getattr(cloud, column)
+        if column in AXES:
+            table |= {name: np.ascontiguousarray(values[:, axis]) for axis, name in enumerate(AXES[column])}
+        else:
+            table[SINGULAR[column]] = values
+    return table
+
+
+def _facts(cloud: PointCloud) -> dict[str, str]:
+    """What there is of the whole cloud, as text."""
+    return {
+        "object_names": json.dumps(cloud.object_names),
+        "material_names": json.dumps(cloud.material_names),
+        "ray_count": str(cloud.ray_count),
+        "pose_error": repr(cloud.pose_error),
+        "scene_error": repr(cloud.scene_error),
+    }
+
+
+def _npz(cloud: PointCloud, path: Path) -> None:
+    cloud.save(path)
+
+
+def _ply(cloud: PointCloud, path: Path) -> None:
+    plyfile = _library("plyfile")
+    table = _table(cloud)
+    table["ray_id"] = table["ray_id"].astype(np.float64)  # PLY has no whole numbers of 64 bits
+    rows = np.empty(len(cloud), [(name, values.dtype) for name, values in table.items()])
+    for name, values in table.items():
+        rows[name] = values
+    comments = [f"{name} {text}" for name, text in _facts(cloud).items()]
+    plyfile.PlyData([plyfile.PlyElement.describe(rows, "vertex")], comments=comments, byte_order="<").write(str(path))
+
+
+def _las(cloud: PointCloud, path: Path) -> None:
+    laspy = _library("laspy")
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.generating_software = "Perfect BVH"
+    low = cloud.positions.min(axis=0) if len(cloud) else np.zeros(3)
+    high = cloud.positions.max(axis=0) if len(cloud) else np.zeros(3)
+    header.offsets = np.floor(low)
+    header.scales = np.maximum(LAS_STEP, (high - header.offsets) / MOST_LAS_STEPS)
+    own = {"x", "y", "z", "time", "intensity"}
+    extra = {name: values for name, values in _table(cloud).items() if name not in own}
+    header.add_extra_dims([laspy.ExtraBytesParams(name, values.dtype) for name, values in extra.items()])
+    header.vlrs.extend(
+        laspy.vlrs.VLR(user_id="Perfect BVH", record_id=number, description=name, record_data=text.encode()[:65535])
+        for number, (name, text) in enumerate(_facts(cloud).items())
+    )
+    points = laspy.LasData(header)
+    points.x, points.y, points.z = cloud.positions.T
+    points.gps_time = cloud.times
+    points.intensity = np.round(np.clip(cloud.intensities, 0.0, 1.0) * 65535.0).astype(np.uint16)
+    points.return_number = points.number_of_returns = np.ones(len(cloud), np.uint8)
+    for name, values in extra.items():
+        points[name] = values
+    with path.open("wb") as file:
+        points.write(file, do_compress=path.suffix == ".laz")
+
+
+def _arrow(cloud: PointCloud) -> Any:
+    pyarrow = _library("pyarrow")
+    return pyarrow.table(_table(cloud)).replace_schema_metadata(_facts(cloud))
+
+
+def _csv(cloud: PointCloud, path: Path) -> None:
+    _library("pyarrow.csv").write_csv(_arrow(cloud), path)
+
+
+def _parquet(cloud: PointCloud, path: Path) -> None:
+    _library("pyarrow.parquet").write_table(_arrow(cloud), path)
+
+
+def _hdf5(cloud: PointCloud, path: Path) -> None:
+    with _library("h5py").File(path, "w") as file:
+        for column in COLUMNS:
+            file.create_dataset(column, data=getattr(cloud, column))
+        for name in ("object_names", "material_names"):
+            file.create_dataset(name, data=[text.encode() for text in getattr(cloud, name)])
+        for name in ("ray_count", "pose_error", "scene_error"):
+            file.attrs[name] = getattr(cloud, name)
+
+
+WRITERS: dict[str, Callable[[PointCloud, Path], None]] = {
+    ".npz": _npz,
+    ".ply": _ply,
+    ".las": _las,
+    ".laz": _las,
+    ".csv": _csv,
+    ".parquet": _parquet,
+    ".h5": _hdf5,
+}
+MODULES = {
+    ".ply": ("plyfile",),
+    ".las": ("laspy",),
+    ".laz": ("laspy", "lazrs"),
+    ".csv": ("pyarrow.csv",),
+    ".parquet": ("pyarrow.parquet",),
+    ".h5": ("h5py",),
+}

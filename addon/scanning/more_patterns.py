@@ -1,0 +1,220 @@
+"""Patterns of sensors that do not spin: rosettes of two prisms, rasters, and depth cameras. Knows no Blender."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .patterns import Float64Array, Rays, View, check_at_least, check_range, check_ray_count, directions_of, first_shot
+
+
+@dataclass(frozen=True, slots=True)
+class Rosette:
+    """A beam that two turning prisms bend, so that it draws a rosette, closer and closer the longer it looks.
+
+    field_of_view: degrees, of the circle that is filled. turns: a second of each prism; of opposite signs they turn
+    against each other. rate: shots a second. duration: seconds of a whole pass: what a scan of one frame covers.
+    min_distance, max_distance: what it can measure, in world units.
+    """
+
+    field_of_view: float = 38.4
+    turns: tuple[float, float] = (121.6, -77.7)
+    rate: float = 100_000.0
+    duration: float = 0.1
+    min_distance: float = 0.0
+    max_distance: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.field_of_view < 180.0:
+            raise ValueError(f"Rosette: field_of_view must be degrees from 0 to 180, got {self.field_of_view}")
+        if len(self.turns) != 2 or not all(map(math.isfinite, self.turns)):
+            raise ValueError(f"Rosette: turns must be two numbers of turns a second, got {self.turns}")
+        _check_rate("Rosette", self.rate, self.duration)
+        check_range("Rosette", self.min_distance, self.max_distance)
+
+    @property
+    def needs_camera(self) -> bool:
+        return False
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        return None
+
+    @property
+    def baseline(self) -> float:
+        return 0.0
+
+    def count(self, start: float, end: float) -> int:
+        return len(self._shots(start, end))
+
+    def _shots(self, start: float, end: float) -> range:
+        return range(first_shot(start * self.rate), first_shot(end * self.rate))
+
+    def cast(self, start: float, end: float, view: View | None) -> Rays:
+        times = np.array(self._shots(start, end), np.float64) / self.rate
+        # Each prism bends by half of the largest angle; thin ones add up (Wojtanowski et al. 2014).
+        angles = 2.0 * math.pi * times[:, None] * np.array(self.turns)
+        bend = math.radians(self.field_of_view) / 4.0
+        across, up = bend * np.cos(angles).sum(axis=1), bend * np.sin(angles).sum(axis=1)
+        off_axis = np.hypot(across, up)
+        share = np.sinc(off_axis / math.pi)  # sin(x) / x
+        directions = np.stack([across * share, up * share, -np.cos(off_axis)], axis=1)
+        return Rays(
+            origins=np.zeros_like(directions),
+            directions=directions,
+            times=times,
+            ring_ids=np.zeros(len(times), np.int32),
+            t_min=self.min_distance,
+            t_max=self.max_distance,
+            gap=0.0,
+            spread=math.radians(self.field_of_view) / math.sqrt(max(self.rate * self.duration, 1.0)),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Raster:
+    """A solid-state sensor that looks along one row of its field after another, from the left above to the right below.
+
+    width, height: shots of a row, and rows. horizontal, vertical: degrees that they cover. rate: whole pictures a
+    second, whose shots follow each other evenly. min_distance, max_distance: what it can measure, in world units.
+    """
+
+    width: int = 1150
+    height: int = 250
+    horizontal: float = 115.0
+    vertical: float = 25.0
+    rate: float = 10.0
+    min_distance: float = 0.0
+    max_distance: float = math.inf
+
+    def __post_init__(self) -> None:
+        _check_grid("Raster", self.width, self.height)
+        _check_field("Raster", self.horizontal, self.vertical, (360.0, 180.0))
+        _check_rate("Raster", self.rate, 1.0)
+        check_range("Raster", self.min_distance, self.max_distance)
+
+    @property
+    def needs_camera(self) -> bool:
+        return False
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        return None
+
+    @property
+    def baseline(self) -> float:
+        return 0.0
+
+    @property
+    def duration(self) -> float:
+        return 1.0 / self.rate
+
+    def count(self, start: float, end: float) -> int:
+        return len(self._shots(start, end))
+
+    def _shots(self, start: float, end: float) -> range:
+        a_second = self.width * self.height * self.rate
+        return range(first_shot(start * a_second), first_shot(end * a_second))
+
+    def cast(self, start: float, end: float, view: View | None) -> Rays:
+        shots = np.array(self._shots(start, end), np.int64)
+        rows, columns = np.divmod(shots % (self.width * self.height), self.width)
+        azimuths = math.radians(self.horizontal) * (0.5 - (columns + 0.5) / self.width)
+        elevations = math.radians(self.vertical) * (0.5 - (rows + 0.5) / self.height)
+        directions = directions_of(azimuths, elevations)
+        return Rays(
+            origins=np.zeros_like(directions),
+            directions=directions,
+            times=shots / (self.width * self.height * self.rate),
+            ring_ids=rows.astype(np.int32),
+            t_min=self.min_distance,
+            t_max=self.max_distance,
+            gap=0.0,
+            spread=math.radians(self.horizontal) / self.width,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class DepthCamera:
+    """A camera that measures the depth of each pixel, all at once; on any object, with a lens of its own.
+
+    width, height: of its picture in pixels. horizontal, vertical: degrees that it covers. rate: pictures a second.
+    min_distance, max_distance: what it can measure, along its axis, in world units. baseline: how far to the right its
+    second eye or its projector is, which has to see a point as well; 0 for none, as of a time-of-flight camera.
+    """
+
+    width: int = 640
+    height: int = 576
+    horizontal: float = 75.0
+    vertical: float = 65.0
+    rate: float = 30.0
+    min_distance: float = 0.0
+    max_distance: float = math.inf
+    baseline: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_grid("DepthCamera", self.width, self.height)
+        _check_field("DepthCamera", self.horizontal, self.vertical, (170.0, 170.0))
+        _check_rate("DepthCamera", self.rate, 1.0)
+        check_range("DepthCamera", self.min_distance, self.max_distance)
+        if not math.isfinite(self.baseline):
+            raise ValueError(f"DepthCamera: baseline must be a finite length, got {self.baseline}")
+
+    @property
+    def needs_camera(self) -> bool:
+        return False
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        return None
+
+    @property
+    def duration(self) -> float:
+        return 1.0 / self.rate
+
+    def count(self, start: float, end: float) -> int:
+        return len(self._pictures(start, end)) * self.width * self.height
+
+    def _pictures(self, start: float, end: float) -> range:
+        return range(first_shot(start * self.rate), first_shot(end * self.rate))
+
+    def cast(self, start: float, end: float, view: View | None) -> Rays:
+        pictures = np.array(self._pictures(start, end), np.float64) / self.rate
+        across, up = (math.tan(math.radians(angle) / 2.0) for angle in (self.horizontal, self.vertical))
+        x = across * (2.0 * (np.arange(self.width) + 0.5) / self.width - 1.0)
+        y = up * (1.0 - 2.0 * (np.arange(self.height) + 0.5) / self.height)
+        grid: Float64Array = np.full((self.height, self.width, 3), -1.0)
+        grid[..., 0], grid[..., 1] = x, y[:, None]
+        directions = np.tile(grid.reshape(-1, 3), (len(pictures), 1))
+        rows = np.repeat(np.arange(self.height, dtype=np.int32), self.width)
+        return Rays(
+            origins=np.zeros_like(directions),
+            directions=directions,
+            times=np.repeat(pictures, self.width * self.height),
+            ring_ids=np.tile(rows, len(pictures)),
+            t_min=self.min_distance,
+            t_max=self.max_distance,
+            gap=0.0,
+            spread=2.0 * across / self.width,
+        )
+
+
+def _check_grid(pattern: str, width: int, height: int) -> None:
+    check_at_least(pattern, "width", width, 1)
+    check_at_least(pattern, "height", height, 1)
+    check_ray_count(pattern, "width * height", width * height)
+
+
+def _check_field(pattern: str, horizontal: float, vertical: float, most: tuple[float, float]) -> None:
+    for name, angle, limit in (("horizontal", horizontal, most[0]), ("vertical", vertical, most[1])):
+        if not 0.0 < angle <= limit:
+            raise ValueError(f"{pattern}: {name} must be degrees above 0 and at most {limit:g}, got {angle}")
+
+
+def _check_rate(pattern: str, rate: float, duration: float) -> None:
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise ValueError(f"{pattern}: rate must be a number a second, above 0, got {rate}")
+    if not (math.isfinite(duration) and duration > 0.0):
+        raise ValueError(f"{pattern}: duration must be seconds above 0, got {duration}")

@@ -1,0 +1,125 @@
+"""Sensors as files that people write (TOML), and the ones that the add-on brings. Knows no Blender.
+
+A file says what kind of sensor it is, and the arguments of that pattern by their names:
+
+    kind = "spinning"  # or "rosette", "raster", "depth camera"
+    elevations = { first = -15.0, last = 15.0, count = 16 }  # or the whole table, [-15.0, -13.0, ...]
+    columns = 1800
+    rate = 10.0
+
+`title` and `source` are for readers.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import tomllib
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .more_patterns import DepthCamera, Raster, Rosette
+from .patterns import Pattern, SpinningLidar
+
+FOLDER = Path(__file__).parent / "sensors"
+SUFFIX = ".toml"
+KINDS: dict[str, type[Any]] = {
+    "spinning": SpinningLidar,
+    "rosette": Rosette,
+    "raster": Raster,
+    "depth camera": DepthCamera,
+}
+WORDS = ("title", "source", "kind")
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """A pattern with a name. title: in a line. source: where its numbers are from."""
+
+    name: str
+    title: str
+    source: str
+    pattern: Pattern
+
+
+def sensor_names() -> tuple[str, ...]:
+    """Those that the add-on brings, in the order of their names."""
+    return tuple(sorted(path.stem for path in FOLDER.glob(f"*{SUFFIX}")))
+
+
+def load_sensor(name: str | os.PathLike[str]) -> Sensor:
+    """One of `sensor_names()`, or one's own: the path of a file that ends in .toml.
+
+    Raises ValueError for an unknown name, with the nearest one, and for what a file should not say; OSError if it
+    cannot be read.
+    """
+    text = os.fspath(name)
+    path = Path(text)
+    if path.suffix.lower() != SUFFIX:
+        if text not in sensor_names():
+            raise ValueError(f"sensor: there is no {text!r}{_nearest(text, sensor_names())}: {_list(sensor_names())}")
+        path = FOLDER / f"{text}{SUFFIX}"
+    try:
+        with path.open("rb") as file:
+            values = tomllib.load(file)
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"sensor: {path}: {error}") from error
+    try:
+        return Sensor(path.stem, *_words(values), _pattern(values))
+    except ValueError as error:
+        raise ValueError(f"sensor: {path}: {error}") from error
+
+
+def _words(values: dict[str, Any]) -> tuple[str, str]:
+    for word in ("title", "source"):
+        if not isinstance(values.get(word, ""), str):
+            raise ValueError(f"{word} must be text, got {values[word]!r}")
+    return values.get("title", ""), values.get("source", "")
+
+
+def _pattern(values: dict[str, Any]) -> Pattern:
+    kind = values.get("kind")
+    if kind not in KINDS:
+        found = "" if kind is None else f", got {kind!r}{_nearest(str(kind), KINDS)}"
+        raise ValueError(f"kind must be one of {_list(KINDS)}{found}")
+    made = KINDS[kind]
+    known = {field.name: field for field in fields(made)}
+    arguments = {}
+    for name, value in values.items():
+        if name in WORDS:
+            continue
+        if name not in known:
+            raise ValueError(f"a {kind} sensor has no {name!r}{_nearest(name, known)}: {_list(known)}")
+        arguments[name] = _number(kind, name, value)
+    pattern: Pattern = made(**arguments)
+    return pattern
+
+
+def _number(kind: str, name: str, value: Any) -> Any:
+    if name == "elevations" and isinstance(value, dict):
+        if value.keys() != {"first", "last", "count"} or not isinstance(value["count"], int) or value["count"] < 1:
+            raise ValueError(f"elevations must be a list, or first, last and count, got {value}")
+        return tuple(np.linspace(float(value["first"]), float(value["last"]), value["count"]).tolist())
+    if name in ("elevations", "turns"):
+        if not isinstance(value, list) or not all(_is_number(each) for each in value):
+            raise ValueError(f"{name} of a {kind} sensor must be a list of numbers, got {value!r}")
+        return tuple(float(each) for each in value)
+    if not _is_number(value):
+        raise ValueError(f"{name} of a {kind} sensor must be a number, got {value!r}")
+    return value
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _nearest(name: str, names: Any) -> str:
+    found = difflib.get_close_matches(name, list(names), n=1, cutoff=0.5)
+    return f" (is it {found[0]!r}?)" if found else ""
+
+
+def _list(names: Any) -> str:
+    return ", ".join(names)

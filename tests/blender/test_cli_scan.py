@@ -1,0 +1,167 @@
+"""`perfect-bvh scan`: pieces that are those of one scan, and are recognised when it is run again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from blender.command_lines import run, save_small_file  # noqa: E402
+from perfect_bvh_addon import SpinningLidar, scan  # noqa: E402
+from perfect_bvh_addon.scanning.pieces import pieces_of  # noqa: E402
+
+SENSOR = 'kind = "spinning"\nelevations = { first = -30, last = 30, count = 9 }\ncolumns = 120\nrate = 12\n'
+
+
+@pytest.fixture
+def small_file(tmp_path: Path) -> Path:
+    """With an empty that flies past."""
+    path = tmp_path / "small.blend"
+    save_small_file(path)
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    head = bpy.data.objects.new("Head", None)
+    bpy.context.scene.collection.objects.link(head)
+    for frame, x in ((1, -2.0), (9, 2.0)):
+        head.location = (x, -3.0, 1.0)
+        head.keyframe_insert("location", frame=frame)
+    bpy.ops.wm.save_mainfile()
+    (tmp_path / "sensor.toml").write_text(SENSOR)
+    return path
+
+
+def scanned(small_file: Path, folder: Path, *more: object) -> int:
+    sensor = small_file.parent / "sensor.toml"
+    return run(
+        "scan",
+        small_file,
+        "-o",
+        folder,
+        "--sensor",
+        sensor,
+        "--on",
+        "Head",
+        "--frames",
+        "1-6",
+        "--piece",
+        2,
+        "-q",
+        *more,
+    )
+
+
+def columns(folder: Path) -> dict[str, Any]:
+    """Of all pieces together."""
+    found = [dict(np.load(path)) for path in sorted(folder.glob("*.npz"))]
+    return {name: np.concatenate([each[name] for each in found]) for name in ("positions", "times", "ring_ids")}
+
+
+def test_pieces_together_are_the_whole_scan(small_file: Path, tmp_path: Path) -> None:
+    assert scanned(small_file, tmp_path / "out") == 0
+    names = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert names == [f"points_{a:04d}-{a + 1:04d}.{suffix}" for a in (1, 3, 5) for suffix in ("json", "npz")]
+    bpy.ops.wm.open_mainfile(filepath=str(small_file))
+    pattern = SpinningLidar(elevations=tuple(np.linspace(-30.0, 30.0, 9).tolist()), columns=120, rate=12)
+    whole = scan(pattern, bpy.data.objects["Head"], frames=(1, 6))
+    found = columns(tmp_path / "out")
+    assert np.array_equal(found["positions"], whole.positions)
+    assert np.array_equal(found["times"], whole.times)
+    manifest = json.loads((tmp_path / "out" / "points_0003-0004.json").read_text())
+    assert manifest["frames"] == [3, 4] and manifest["rays"] == 9 * 120 and manifest["points"] > 100
+
+
+def test_what_is_there_and_whole_is_not_done_again(small_file: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert scanned(small_file, out) == 0
+    whole, missing, damaged = (out / f"points_{a:04d}-{a + 1:04d}.npz" for a in (1, 3, 5))
+    contents = [path.read_bytes() for path in (whole, missing, damaged)]
+    before = whole.stat().st_mtime_ns
+    missing.unlink()
+    damaged.write_bytes(contents[2][:-100] + bytes(100))
+    assert scanned(small_file, out, "--resume") == 0
+    assert whole.stat().st_mtime_ns == before
+    assert [path.read_bytes() for path in (whole, missing, damaged)] == contents
+    (out / "points_0001-0002.json").write_text("{")
+    assert scanned(small_file, out, "--resume") == 0
+    assert whole.stat().st_mtime_ns > before and whole.read_bytes() == contents[0]
+
+
+def test_a_folder_of_another_scan_is_refused(small_file: Path, tmp_path: Path, capfd: Any) -> None:
+    out = tmp_path / "out"
+    assert scanned(small_file, out) == 0
+    kept = {path.name: path.read_bytes() for path in out.iterdir()}
+    for changed in (("--steps", 3), ("--format", "ply")):
+        assert scanned(small_file, out, *changed) == 2
+        assert "holds pieces of another scan" in capfd.readouterr().err
+    (tmp_path / "sensor.toml").write_text(SENSOR.replace("120", "60"))
+    assert scanned(small_file, out, "--resume") == 2
+    assert "has another sensor" in capfd.readouterr().err
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == kept
+
+
+@pytest.mark.parametrize("suffix", ["ply", "laz", "parquet"])
+def test_pieces_have_the_format_that_is_asked_for(small_file: Path, tmp_path: Path, suffix: str) -> None:
+    assert scanned(small_file, tmp_path / "out", "--format", suffix) == 0
+    assert len(list((tmp_path / "out").glob(f"*.{suffix}"))) == 3
+
+
+def test_sensors_are_listed(capfd: Any) -> None:
+    assert run("scan", "--list-sensors") == 0
+    lines = capfd.readouterr().out.splitlines()
+    assert len(lines) == 8 and any(line.startswith("spinning-64 ") for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (("--sensor", "spining-16"), "is it 'spinning-16'?"),
+        (("--sensor", "missing.toml"), "No such file"),
+        (("--on", "Haed"), "is it 'Head'?"),
+        (("--format", "xyz"), "the format must be one of npz, ply"),
+        (("--steps", "0"), "must be at least 1"),
+    ],
+)
+def test_mistakes_are_named(small_file: Path, tmp_path: Path, capfd: Any, more: tuple[str, ...], said: str) -> None:
+    assert scanned(small_file, tmp_path / "out", *more) == 2
+    assert said in capfd.readouterr().err
+
+
+def test_a_scan_needs_a_file_and_a_folder(tmp_path: Path, capfd: Any) -> None:
+    assert run("scan") == 2
+    assert "expected FILE.blend" in capfd.readouterr().err
+    assert run("scan", tmp_path / "a.blend") == 2
+    assert "expected -o DIR" in capfd.readouterr().err
+
+
+def test_pieces_are_runs_of_frames() -> None:
+    assert [piece.frames for piece in pieces_of([1, 2, 3, 4, 5, 9, 11, 12], 2)] == [
+        (1, 2),
+        (3, 4),
+        (5, 5),
+        (9, 9),
+        (11, 12),
+    ]
+
+
+def test_two_eyes_see_less_than_one(registered: None) -> None:
+    """Behind the edge of a near plate is a strip that the second eye, to the right, does not see."""
+    from perfect_bvh_addon import DepthCamera
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.mesh.primitive_plane_add(size=2.0, location=(0.0, 2.0, 0.0), rotation=(np.pi / 2, 0.0, 0.0))
+    bpy.ops.mesh.primitive_plane_add(size=40.0, location=(0.0, 4.0, 0.0), rotation=(np.pi / 2, 0.0, 0.0))
+    eye = bpy.data.objects.new("Eye", None)
+    bpy.context.scene.collection.objects.link(eye)
+    bpy.context.view_layer.update()
+    how = {"width": 160, "height": 120, "horizontal": 80.0, "vertical": 60.0}
+    one = scan(DepthCamera(**how), eye)
+    two = scan(DepthCamera(**how, baseline=0.2), eye)
+    lost = np.setdiff1d(one.ray_ids, two.ray_ids)
+    at = one.positions[np.isin(one.ray_ids, lost)]
+    # On the wall, to the left of what the first eye sees past the plate's left edge: up to .2 m wide there.
+    assert len(lost) > 50 and np.allclose(at[:, 1], 4.0)
+    assert (at[:, 0] >= -2.2 - 1e-6).all() and (at[:, 0] <= -2.0 + 1e-6).all()

@@ -1,0 +1,142 @@
+"""Point clouds in the formats of others, read back by the libraries that others read them with."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import laspy
+import numpy as np
+import plyfile
+import pyarrow.csv
+import pyarrow.parquet
+import pytest
+
+pytest.importorskip("bpy")
+
+from perfect_bvh_addon import PointCloud, save_cloud
+from perfect_bvh_addon.scanning import formats
+from perfect_bvh_addon.scanning.formats import SINGULAR, check_format
+from perfect_bvh_addon.scanning.point_cloud import COLUMNS
+
+NAMES = ("Würfel", 'a "quoted" name', "Ground\nfloor")
+
+
+def cloud(count: int = 257, far: float = 0.0) -> PointCloud:
+    random = np.random.default_rng(count)
+    whole = {name: random.integers(0, 3, count).astype(np.int32) for name in ("object_ids", "instance_ids", "ring_ids")}
+    single = ("incidences", "intensities", "spacings")
+    return PointCloud(
+        positions=random.normal(size=(count, 3)) * 50.0 + far,
+        distances=random.uniform(1.0, 90.0, count),
+        normals=random.normal(size=(count, 3)).astype(np.float32),
+        material_ids=random.integers(-1, 2, count).astype(np.int32),
+        times=np.sort(random.uniform(0.0, 2.0, count)),
+        ray_ids=np.arange(count, dtype=np.int64) * (1 << 33),
+        **whole,
+        **{name: random.uniform(0.0, 1.0, count).astype(np.float32) for name in single},
+        object_names=NAMES,
+        material_names=("Red", "Blue"),
+        ray_count=1000,
+        pose_error=0.25,
+    )
+
+
+@pytest.mark.parametrize("count", [257, 0])
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_tables_hold_every_column(tmp_path: Path, suffix: str, count: int) -> None:
+    made = cloud(count)
+    path = save_cloud(made, tmp_path / f"points{suffix}")
+    table = pyarrow.csv.read_csv(path) if suffix == ".csv" else pyarrow.parquet.read_table(path)
+    assert table.num_rows == count
+    assert len(table.column_names) == len(SINGULAR) + 6
+    if count:
+        assert np.array_equal(table["x"].to_numpy(), made.positions[:, 0])
+        assert np.array_equal(table["ray_id"].to_numpy(), made.ray_ids)
+        assert np.array_equal(table["intensity"].to_numpy().astype(np.float32), made.intensities)
+    if suffix == ".parquet":
+        assert json.loads(table.schema.metadata[b"object_names"]) == list(NAMES)
+        assert table.schema.metadata[b"ray_count"] == b"1000"
+
+
+@pytest.mark.parametrize("count", [257, 0])
+def test_ply_holds_every_column(tmp_path: Path, count: int) -> None:
+    made = cloud(count)
+    data = plyfile.PlyData.read(str(save_cloud(made, tmp_path / "points.ply")))
+    rows = data["vertex"]
+    assert rows.count == count
+    assert np.array_equal(rows["z"], made.positions[:, 2]) and np.array_equal(rows["ny"], made.normals[:, 1])
+    assert np.array_equal(rows["ray_id"].astype(np.int64), made.ray_ids)
+    (names,) = (text for text in data.comments if text.startswith("object_names "))
+    assert json.loads(names.removeprefix("object_names ")) == list(NAMES)
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+@pytest.mark.parametrize(("count", "far"), [(257, 0.0), (0, 0.0), (257, 4e6)])
+def test_las_holds_every_column(tmp_path: Path, suffix: str, count: int, far: float) -> None:
+    made = cloud(count, far)
+    path = save_cloud(made, tmp_path / f"points{suffix}")
+    points = laspy.read(path)
+    assert len(points) == count
+    assert points.header.are_points_compressed == (suffix == ".laz")
+    xyz = np.column_stack([points.x, points.y, points.z])
+    assert np.abs(xyz - made.positions).max(initial=0.0) <= 0.5001e-4
+    assert np.array_equal(points.gps_time, made.times)
+    assert np.array_equal(points["ray_id"], made.ray_ids) and np.array_equal(points["object_id"], made.object_ids)
+    assert np.abs(np.asarray(points.intensity) / 65535.0 - made.intensities).max(initial=0.0) < 1e-5
+    texts = {vlr.description.strip("\0"): vlr.record_data for vlr in points.header.vlrs.get_by_id("Perfect BVH")}
+    assert json.loads(texts["object_names"]) == list(NAMES)
+
+
+def test_las_goes_as_far_as_whole_numbers_reach(tmp_path: Path) -> None:
+    made = cloud()
+    wide = replace(made, positions=made.positions * 1e6)
+    points = laspy.read(save_cloud(wide, tmp_path / "points.las"))
+    step = np.ptp(wide.positions, axis=0).max() / 2**31
+    assert np.abs(np.column_stack([points.x, points.y, points.z]) - wide.positions).max() <= step
+
+
+def test_hdf5_holds_every_column(tmp_path: Path) -> None:
+    made = cloud()
+    with h5py.File(save_cloud(made, tmp_path / "points.h5")) as file:
+        for column in COLUMNS:
+            assert np.array_equal(file[column][()], getattr(made, column))
+        assert [name.decode() for name in file["object_names"][()]] == list(NAMES)
+        assert file.attrs["pose_error"] == 0.25
+
+
+def test_npz_is_the_clouds_own(tmp_path: Path) -> None:
+    with np.load(save_cloud(cloud(), tmp_path / "points.npz")) as data:
+        assert set(COLUMNS) <= set(data.files)
+
+
+def test_what_cannot_be_written_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ValueError, match=r"must end in .npz, .ply, .*got 'points.xyz'"):
+        save_cloud(cloud(), tmp_path / "points.xyz")
+    with pytest.raises(ValueError, match="the format must be one of npz, ply"):
+        check_format(".xyz")
+
+    def without(name: str) -> Any:
+        raise ImportError(name)
+
+    monkeypatch.setattr(formats.importlib, "import_module", without)
+    with pytest.raises(ImportError, match=r"laspy: pip install 'perfect-bvh\[data\]'"):
+        check_format(".laz")
+    check_format(".npz")
+
+
+def test_a_file_that_fails_leaves_the_one_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = save_cloud(cloud(), tmp_path / "points.ply")
+    before = path.read_bytes()
+
+    def fail(*_: Any, **__: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(plyfile.PlyData, "write", fail)
+    with pytest.raises(OSError, match="No space left"):
+        save_cloud(cloud(9), path)
+    assert path.read_bytes() == before
+    assert [entry.name for entry in tmp_path.iterdir()] == ["points.ply"]
