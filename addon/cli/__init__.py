@@ -170,8 +170,8 @@ def _add_scan(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "scan",
         help="write what a sensor measures, as point clouds",
-        description="Scan frames with a LiDAR or a depth camera that an object carries: a file of points for each piece "
-        "of some frames, with a manifest that says what is in it. --resume does what is missing or damaged, and no more.",
+        description="Scan frames with a LiDAR or a depth camera that an object carries: a file of points for each "
+        "piece of some frames, with a manifest that says what is in it. --resume does what is missing or damaged.",
     )
     parser.add_argument("file", metavar="FILE.blend", nargs="?", help="the scene")
     _add_file_options(parser)

@@ -10,9 +10,8 @@ like any other, so that a long scan of a scene in which little moves reads and b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator
 from contextlib import closing
-from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -24,12 +23,12 @@ from ..live.scene_sync import UpdateCommit
 from ..support.memory import check_fits
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
 from .collector import Collector
-from .patterns import Float64Array, Pattern, View, check_at_least
+from .patterns import Float64Array, Pattern, View
 from .point_cloud import PointCloud
 from .poses import Path, bend
 from .second_eye import drop_hidden
 from .stretch_sync import StretchSync
-from .stretches import Stretch
+from .stretches import Stretch, stretches_of
 
 Progress = Callable[[float], object]
 
@@ -46,18 +45,6 @@ FIELDS = ("instance_ids", "mesh_ids", "primitive_ids", "geometric_normals", "pos
 
 # A camera looks along -Z with +Y up; anything else along +Y with +Z up, as Blender's front view has it.
 FROM_SENSOR_TO_OBJECT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-
-
-@dataclass(frozen=True, slots=True)
-class Stretch:
-    """A part of the scan. frame: None for the current one. start, end: seconds since it began. next_...: its end."""
-
-    frame: int | None
-    subframe: float
-    start: float
-    end: float
-    next_frame: int = 0
-    next_subframe: float = 0.0
 
 
 def scan(
@@ -127,7 +114,8 @@ class Scanner:
         self._pattern = pattern
         self._place = SceneReference("scan", scene, bpy.context.view_layer)
         self._sensor_name, self._sensor_uid = sensor.name, sensor.session_uid
-        self._stretches = tuple(_stretches(pattern, scene, frames, steps_per_frame, since))
+        rate = scene.render.fps / scene.render.fps_base
+        self._stretches = tuple(stretches_of(pattern, rate, frames, steps_per_frame, since))
         self._threads = threads
         self._collector = Collector()
         self._warnings: dict[str, None] = {}
@@ -189,9 +177,8 @@ class Scanner:
                 threads=self._threads,
             )
             if baseline:
-                eyes, _ = path.place(
-                    np.tile([baseline, 0.0, 0.0], (len(hits.is_hit), 1)), directions[rows], shares[rows]
-                )
+                aside = np.zeros_like(directions[rows]) + [baseline, 0.0, 0.0]
+                eyes, _ = path.place(aside, aside, shares[rows])
                 drop_hidden(hits, eyes, snapshot, VISIBLE_TO_CAMERA, times, self._threads)
             self._collector.add(hits, rays.part(rows), directions[rows], sync)
             farthest = max(farthest, float(np.max(hits.distances, where=hits.is_hit, initial=0.0)))
@@ -264,31 +251,6 @@ def _check_sensor(pattern: Pattern, sensor: bpy.types.Object | None, scene: bpy.
         raise ValueError(f"scan: a camera grid needs a camera as its sensor, got {sensor.name!r}, a {sensor.type}")
     if sensor.name not in scene.objects:
         raise ValueError(f"scan: the sensor {sensor.name!r} is not in scene {scene.name!r}")
-
-
-def _stretches(
-    pattern: Pattern,
-    scene: bpy.types.Scene,
-    frames: tuple[int, int] | None,
-    steps_per_frame: int,
-    since: int | None,
-) -> Iterator[Stretch]:
-    if frames is None:
-        yield Stretch(None, 0.0, 0.0, pattern.duration)
-        return
-    first, last = frames
-    if last < first:
-        raise ValueError(f"scan: frames must be (first, last) with first <= last, got {frames}")
-    check_at_least("scan", "steps_per_frame", steps_per_frame, 1)
-    before = 0 if since is None else (first - since) * steps_per_frame
-    if before < 0:
-        raise ValueError(f"scan: since must be no later than the first of the frames {frames}, got {since}")
-    seconds = scene.render.fps_base / scene.render.fps / steps_per_frame
-    for number in range((last - first + 1) * steps_per_frame):
-        frame, step = divmod(number, steps_per_frame)
-        following, next_step = divmod(number + 1, steps_per_frame)
-        times = (before + number) * seconds, (before + number + 1) * seconds
-        yield Stretch(first + frame, step / steps_per_frame, *times, first + following, next_step / steps_per_frame)
 
 
 def _set_frame(scene: bpy.types.Scene, frame: int, subframe: float) -> None:

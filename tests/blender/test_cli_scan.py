@@ -35,23 +35,8 @@ def small_file(tmp_path: Path) -> Path:
 
 
 def scanned(small_file: Path, folder: Path, *more: object) -> int:
-    sensor = small_file.parent / "sensor.toml"
-    return run(
-        "scan",
-        small_file,
-        "-o",
-        folder,
-        "--sensor",
-        sensor,
-        "--on",
-        "Head",
-        "--frames",
-        "1-6",
-        "--piece",
-        2,
-        "-q",
-        *more,
-    )
+    asked = ("--sensor", small_file.parent / "sensor.toml", "--on", "Head", "--frames", "1-6", "--piece", 2, "-q")
+    return run("scan", small_file, "-o", folder, *asked, *more)
 
 
 def columns(folder: Path) -> dict[str, Any]:
