@@ -177,7 +177,7 @@ class Scanner:
                 threads=self._threads,
             )
             if baseline:
-                aside = np.zeros_like(directions[rows]) + [baseline, 0.0, 0.0]
+                aside = np.broadcast_to([baseline, 0.0, 0.0], directions[rows].shape)
                 eyes, _ = path.place(aside, aside, shares[rows])
                 drop_hidden(hits, eyes, snapshot, VISIBLE_TO_CAMERA, times, self._threads)
             self._collector.add(hits, rays.part(rows), directions[rows], sync)
