@@ -12,7 +12,7 @@ RTCRay embree_ray(const Ray& ray) {
   out.org_z = static_cast<float>(ray.origin.z), out.tnear = ray.t_min;
   out.dir_x = static_cast<float>(ray.direction.x), out.dir_y = static_cast<float>(ray.direction.y);
   out.dir_z = static_cast<float>(ray.direction.z), out.tfar = ray.t_max;
-  out.time = 0, out.mask = ~0u, out.id = 0, out.flags = 0;
+  out.time = ray.time, out.mask = ~0u, out.id = 0, out.flags = 0;
   return out;
 }
 
@@ -68,6 +68,9 @@ void EmbreeRays::read(std::span<Hit> hits) const {
     std::uint32_t instance = 0;
     if (ids_ == EmbreeInstanceIds::kGeometry) instance = hit.instID[0];
     if (ids_ == EmbreeInstanceIds::kRow) instance = hit.instPrimID[0];
+    if (ids_ == EmbreeInstanceIds::kEither) {
+      instance = hit.instID[0] == RTC_INVALID_GEOMETRY_ID ? hit.geomID : hit.instID[0];
+    }
     hits[i] = {queries_[i].ray.tfar, hit.u, hit.v, instance, hit.primID};
   }
 }

@@ -37,8 +37,9 @@ class EmbreeFloatingPoint {
 #endif
 };
 
-// By what a hit's instance is known: nothing, the geometry that it is, or a row of an array of instances.
-enum class EmbreeInstanceIds { kNone, kGeometry, kRow };
+// By what a hit's instance is known: nothing, the geometry that it is, a row of an array of instances; or the geometry
+// that it is or, without an instance, that was hit.
+enum class EmbreeInstanceIds { kNone, kGeometry, kRow, kEither };
 
 // rtcIntersect1 and rtcOccluded1.
 class EmbreeRays : public RayCaster {

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.generated_curves import BenchBalls
+from benchmarks.generated_motion import BenchMotion
 from benchmarks.machine import REPOSITORY
 from benchmarks.meshes import BenchMesh
 
@@ -36,7 +37,7 @@ class NativePrograms:
     def run(
         self,
         name: str,
-        mesh: BenchMesh | BenchBalls,
+        mesh: BenchMesh | BenchBalls | BenchMotion,
         arguments: Sequence[str],
         tell: Callable[[float], object] = lambda share: None,
         *,
