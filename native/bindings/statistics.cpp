@@ -38,6 +38,7 @@ py::dict to_dict(const TreeStatistics& tree) {
   row["binary_byte_count"] = tree.binary_byte_count;
   row["wide_byte_count"] = tree.wide_byte_count;
   row["plan_byte_count"] = tree.plan_byte_count;
+  row["motion_byte_count"] = tree.motion_byte_count;
   row["byte_count"] = tree.byte_count;
   return row;
 }

@@ -128,11 +128,37 @@ def test_a_refitted_trees_figures_are_todays():
 def check_totals(statistics: SceneStatistics) -> None:
     for tree in (*statistics.meshes, statistics.top_level):
         trees = tree.binary_byte_count + tree.wide_byte_count + tree.plan_byte_count
-        assert tree.byte_count == tree.geometry_byte_count + trees
+        assert tree.byte_count == tree.geometry_byte_count + trees + tree.motion_byte_count
     assert statistics.byte_count == statistics.top_level.byte_count + sum(tree.byte_count for tree in statistics.meshes)
     assert statistics.triangle_count == sum(tree.primitive_count for tree in statistics.meshes)
     users = sum(tree.primitive_count * tree.user_count for tree in statistics.meshes)
     assert statistics.instanced_triangle_count == users
+
+
+def test_what_moves_within_the_shutter_is_counted():
+    scene = perfect_bvh.Scene()
+    positions, triangles = meshes.sphere(24, 32)
+    still, moving = (scene.add_mesh(positions, triangles) for _ in range(2))
+    instances = scene.add_instances([still, moving, moving], np.tile(np.eye(4), (3, 1, 1)))
+    scene.commit()
+    statistics = scene.statistics()
+    check_totals(statistics)
+    assert [tree.motion_byte_count for tree in (*statistics.meshes, statistics.top_level)] == [0, 0, 0]
+    scene.set_mesh_motion(moving, np.stack([positions, 1.1 * positions, 1.2 * positions]))
+    scene.commit()
+    statistics = scene.statistics()
+    check_totals(statistics)
+    first, second = statistics.meshes
+    later = second.motion_byte_count
+    assert first.motion_byte_count == 0
+    assert later == 2 * (positions.size * 4 + second.wide_byte_count)
+    assert statistics.top_level.motion_byte_count > 0
+    scene.set_instance_motion(instances[:1], np.stack([np.eye(4), np.diag([1.1, 1.1, 1.1, 1.0])])[:, None])
+    scene.commit()
+    turning = scene.statistics()
+    check_totals(turning)
+    assert turning.top_level.motion_byte_count > statistics.top_level.motion_byte_count
+    assert turning.meshes[1].motion_byte_count == later
 
 
 def test_a_scene_of_several_meshes_adds_up():

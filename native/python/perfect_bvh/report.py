@@ -180,7 +180,9 @@ class TreeStatistics:
 
     Bytes: geometry_byte_count of positions and triangles, or balls (of the top level: of the instances),
     binary_byte_count (0 where that tree is no longer kept), wide_byte_count, plan_byte_count of what refits go by (0
-    before the first one); byte_count is the four together.
+    before the first one), motion_byte_count of what moves within the shutter (positions and trees at the steps after
+    the first; of the top level its trees at the shutter's times, and where instances are at their steps; 0 of what
+    stands still); byte_count is the five together.
     """
 
     mesh_id: int
@@ -209,6 +211,7 @@ class TreeStatistics:
     binary_byte_count: int
     wide_byte_count: int
     plan_byte_count: int
+    motion_byte_count: int
     byte_count: int
 
     @property

@@ -64,14 +64,19 @@ struct Blas {
   return blas.refit_plan.byte_count() + (blas.fresh_costs ? blas.fresh_costs->byte_count() : 0);
 }
 
-// Geometry, trees and plan.
-[[nodiscard]] inline std::size_t byte_count(const Blas& blas) noexcept {
-  std::size_t count = blas.mesh.byte_count() + blas.wide.byte_count() + plan_byte_count(blas);
+// Of the steps after the first, of one that moves within the shutter.
+[[nodiscard]] inline std::size_t motion_byte_count(const Blas& blas) noexcept {
+  std::size_t count = 0;
   for (const auto& step : blas.later) {
     count += step->mesh.positions.size() * sizeof(Vec3f) + step->mesh.balls.size() * sizeof(Ball);
     count += step->wide.byte_count();
   }
   return count;
+}
+
+// Geometry, trees and plan.
+[[nodiscard]] inline std::size_t byte_count(const Blas& blas) noexcept {
+  return blas.mesh.byte_count() + blas.wide.byte_count() + plan_byte_count(blas) + motion_byte_count(blas);
 }
 
 }  // namespace perfect_bvh

@@ -40,7 +40,11 @@ void build_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& opt
   blas.config = choice.config;
   const Usage usage = usage_of(state.usage, state.has_deformed);
   report.reason += why_so_built(state.config.builder, blas.config.builder, usage);
-  build_wide_tree(blas, report, pool, cancel);
+  if (blas.mesh.moves()) {
+    build_moving_tree(blas, report, pool, cancel);
+  } else {
+    build_wide_tree(blas, report, pool, cancel);
+  }
   blas.shape = new_tree_shape();
   const UpdateHistory last = state.has_deformed ? state.history : UpdateHistory{};
   const TraceWork work = measure_trace_work(blas.wide, blas.mesh, cancel);

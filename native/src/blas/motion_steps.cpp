@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "blas/build_wide_tree.h"
 #include "wide/wide_boxes.h"
 #include "wide/wide_refit.h"
 
@@ -33,7 +34,38 @@ void widen(TreeExtent& extent) noexcept {
   extent.reach *= 1.5f;
 }
 
+// The same primitives half-way between the first step and the last.
+std::shared_ptr<const Mesh> middle_of(const Mesh& mesh) {
+  const std::uint32_t step = mesh.times.last / 2;
+  if (mesh.times.last % 2 == 0) return mesh.later[step - 1];
+  auto middle = std::make_shared<Mesh>(mesh.at_step(step));
+  middle->later.clear();
+  const Mesh& next = *mesh.later[step];
+  const auto go_half_way = [](Vec3f& at, Vec3f to) { at = at * 0.5f + to * 0.5f; };
+  for (std::size_t i = 0; i < middle->positions.size(); ++i) go_half_way(middle->positions[i], next.positions[i]);
+  for (std::size_t i = 0; i < middle->balls.size(); ++i) {
+    Ball& ball = middle->balls[i];
+    go_half_way(ball.centre, next.balls[i].centre);
+    ball.radius = 0.5f * ball.radius + 0.5f * next.balls[i].radius;
+  }
+  return middle;
+}
+
 }  // namespace
+
+void build_moving_tree(Blas& blas, MeshReport& report, ThreadPool& pool, CancelToken& cancel) {
+  Blas middle(middle_of(blas.mesh));
+  middle.config = blas.config;
+  build_wide_tree(middle, report, pool, cancel);
+  blas.config = middle.config;
+  if (middle.wide.is_empty) {
+    blas.wide = std::move(middle.wide);
+    return;
+  }
+  complete_plan(blas.refit_plan, middle.wide, middle.mesh, pool, cancel);
+  refit_wide(middle.wide, blas.refit_plan, blas.mesh, blas.wide, false, pool, cancel);
+  blas.box = mesh_bounds_of(blas.wide, blas.mesh);
+}
 
 void add_motion_steps(Blas& blas, ThreadPool& pool, CancelToken& cancel) {
   if (!blas.mesh.moves() || blas.wide.is_empty) return;

@@ -25,7 +25,7 @@ struct Moment {
 };
 
 // Kernels include this file: nothing in it may have external linkage. No time is NaN.
-static inline Moment moment_at(const StepTimes& times, float time) noexcept {
+static inline __attribute__((always_inline)) Moment moment_at(const StepTimes& times, float time) noexcept {
   const float at = (time - times.begin) * times.rate;
   if (!(at > 0.0f)) return {};
   if (at >= static_cast<float>(times.last)) return {times.last, 1.0f, 0.0f};

@@ -4,22 +4,13 @@
 // The operations are fixed, so that a triangle has one distance whatever its lane and instruction set.
 #pragma once
 
+#include "math/double4.h"
+
 namespace perfect_bvh {
-
-// Everything here is inlined: no vector is ever passed to a function.
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wpsabi"
-#endif
-
-// GCC and Clang map these to whatever vectors the translation unit is compiled for.
-using Double4 = double __attribute__((vector_size(32)));
-using Mask4 = long long __attribute__((vector_size(32)));
 
 struct Vectors4 {
   Double4 x, y, z;
 };
-
-#define PERFECT_BVH_LANES static inline __attribute__((always_inline))
 
 PERFECT_BVH_LANES Vectors4 minus(const Vectors4& a, const Vectors4& b) noexcept {
   return {a.x - b.x, a.y - b.y, a.z - b.z};

@@ -29,21 +29,22 @@ struct TurnedPlace {
   double translation[3];
 };
 
+static constexpr double kSineSeries[] = {-1.0 / 6.0,
+                                         1.0 / 120.0,
+                                         -1.0 / 5040.0,
+                                         1.0 / 362880.0,
+                                         -1.0 / 39916800.0,
+                                         1.0 / 6227020800.0,
+                                         -1.0 / 1307674368000.0,
+                                         1.0 / 355687428096000.0,
+                                         -1.0 / 121645100408832000.0,
+                                         1.0 / 51090942171709440000.0};
+
 // Of angles from 0 to half of pi: to a unit in the last place.
 static inline double sine_of_quarter(double angle) noexcept {
-  constexpr double kSeries[] = {-1.0 / 6.0,
-                                1.0 / 120.0,
-                                -1.0 / 5040.0,
-                                1.0 / 362880.0,
-                                -1.0 / 39916800.0,
-                                1.0 / 6227020800.0,
-                                -1.0 / 1307674368000.0,
-                                1.0 / 355687428096000.0,
-                                -1.0 / 121645100408832000.0,
-                                1.0 / 51090942171709440000.0};
   const double square = angle * angle;
-  double sum = kSeries[9];
-  for (int i = 8; i >= 0; --i) sum = sum * square + kSeries[i];
+  double sum = kSineSeries[9];
+  for (int i = 8; i >= 0; --i) sum = sum * square + kSineSeries[i];
   return angle + angle * (square * sum);
 }
 

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "blas/deferred_tree.h"
+#include "math/turn_ray.h"
 #include "mesh/round_mesh.h"
 #include "query/round_list.h"
 #include "query/trace.h"
@@ -129,14 +130,9 @@ class Walker {
   // At the ray's time.
   [[nodiscard]] WideNode node_here() {
     const std::uint32_t row = next();
-    WideNode node = slot().nodes[row];
+    const WideNode& node = slot().nodes[row];
     if (view_.motions == nullptr || slot().later_nodes == nullptr) return node;
-    const Shares shares(slot().moment);
-    for (int i = 0; i < 6; ++i) {
-      const Float8 later = load(slot().later_nodes[row].planes[i]);
-      store(node.planes[i], interpolate(shares, load(node.planes[i]), later));
-    }
-    return node;
+    return node_between(node, slot().later_nodes[row], slot().moment);
   }
 
   // In place of the node, the farthest first.
@@ -171,9 +167,7 @@ class Walker {
       return test_triangles(leaf);
     }
     if (!slot().moment.is_between()) return test_triangles(slot().blocks[row]);
-    LeafBlock leaf;
-    interpolate_leaf(leaf, slot().blocks[row], slot().step[1].blocks[row], slot().moment, instance.extent.reach);
-    test_triangles(leaf);
+    test_triangles(MovingBlock(slot().step, slot().moment, row, slot().span_slack));
   }
 
   template <class Leaf>
@@ -269,9 +263,9 @@ class Walker {
 
   void leave() {
     if (view_.motions != nullptr) {
-      leave_instance<true, true>(slot(), view_, ray_.time, 0);
+      leave_instance<true, true>(slot(), view_, 0);
     } else {
-      leave_instance<true, false>(slot(), view_, ray_.time, 0);
+      leave_instance<true, false>(slot(), view_, 0);
     }
     space_ = top_level_;
     level_limit_ = to_local_max(slot().time, last_t(ray_.t_max));

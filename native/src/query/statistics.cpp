@@ -69,7 +69,8 @@ TreeStatistics describe_mesh(std::int32_t mesh_id, const Blas& blas, const Stati
   row.left_out_count = left_out_count(blas.mesh);
   add_bytes(row, blas.mesh.byte_count(), {}, blas.wide);
   row.plan_byte_count = plan_byte_count(blas);
-  row.byte_count += row.plan_byte_count;
+  row.motion_byte_count = motion_byte_count(blas);
+  row.byte_count += row.plan_byte_count + row.motion_byte_count;
   return row;
 }
 
@@ -82,6 +83,8 @@ TreeStatistics describe_top_level(const Snapshot& snapshot, const StatisticsOpti
   row.user_count = 1;
   add_bytes(row, snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView)), snapshot.tlas,
             snapshot.top_level);
+  row.motion_byte_count = motion_byte_count(snapshot);
+  row.byte_count += row.motion_byte_count;
   return row;
 }
 

@@ -17,8 +17,7 @@ std::size_t byte_count(const Snapshot& snapshot) {
   std::size_t count = snapshot.instances.size() * (sizeof(Instance) + sizeof(InstanceView)) +
                       snapshot.tlas.byte_count() + snapshot.top_level.byte_count();
   for (const auto& blas : snapshot.blases) count += byte_count(*blas);
-  for (const WideBvh& step : snapshot.top_steps) count += step.byte_count();
-  return count;
+  return count + motion_byte_count(snapshot);
 }
 
 }  // namespace

@@ -73,6 +73,7 @@ std::shared_ptr<const Turns> make_turns(Matrices<T> matrices, std::size_t i, std
                           "] flattens the instance, which has no rotation then; scale it a little instead, or place it "
                           "with set_transforms");
   }
+  turns->finish();
   return turns;
 }
 

@@ -41,7 +41,10 @@ struct TreeStatistics {
   std::size_t binary_byte_count = 0;    // 0 where the binary tree is no longer kept
   std::size_t wide_byte_count = 0;
   std::size_t plan_byte_count = 0;  // of what refits go by; 0 before the first one
-  std::size_t byte_count = 0;       // of the four together
+  // Of what moves within the shutter: the steps after the first, positions and trees; of the top level its trees at the
+  // times of the shutter, and where instances are at their own steps.
+  std::size_t motion_byte_count = 0;
+  std::size_t byte_count = 0;  // of the five together
 };
 
 // By their kinds.

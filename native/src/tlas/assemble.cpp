@@ -159,6 +159,18 @@ AlignedVector<PrimRef> place_instances(Snapshot& snapshot, const PlacedMeshes& m
   return boxes;
 }
 
+// The top level at the times of the shutter; none where it serves as it is.
+void add_top_steps(Snapshot& snapshot, const StepBoxes& boxes, ThreadPool& pool, CancelToken& cancel) {
+  if (boxes.empty()) return;
+  const std::size_t middle = boxes.size() / 2;
+  WideBvh between = refitted_at_step(snapshot.top_level, boxes[middle], pool, cancel);
+  if (serves_all_times(snapshot.top_level, between, pool, cancel)) return;
+  for (std::size_t i = 0; i < boxes.size(); ++i) {
+    snapshot.top_steps.push_back(i == middle ? std::move(between)
+                                             : refitted_at_step(snapshot.top_level, boxes[i], pool, cancel));
+  }
+}
+
 }  // namespace
 
 TopLevelReport assemble(Snapshot& snapshot, const PlacedMeshes& meshes, std::span<const Placement> placements,
@@ -179,9 +191,7 @@ TopLevelReport assemble(Snapshot& snapshot, const PlacedMeshes& meshes, std::spa
   report.placing_milliseconds = watch.milliseconds();
   report.is_refitted = try_refit(snapshot, boxes, expected_rays, report, pool, cancel);
   if (!report.is_refitted) build(snapshot, boxes, expected_rays, report, pool, cancel);
-  for (const auto& step : step_boxes) {
-    snapshot.top_steps.push_back(refitted_at_step(snapshot.top_level, step, pool, cancel));
-  }
+  add_top_steps(snapshot, step_boxes, pool, cancel);
   make_trace_view(snapshot, pool, cancel);
   snapshot.lazy_trees = LazyTrees::of(snapshot, cancel);
   return report;

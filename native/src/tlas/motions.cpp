@@ -16,7 +16,8 @@ MotionView view_of_motion(const Instance& instance) {
   const Blas& blas = *instance.blas;
   if (!blas.steps.empty()) view.trees = blas.steps.data(), view.tree_times = blas.mesh.times;
   if (instance.turns != nullptr) {
-    view.turns = instance.turns->steps.data(), view.turn_times = instance.turns->times;
+    view.turns = instance.turns->steps.data(), view.backs = instance.turns->backs.data();
+    view.turn_times = instance.turns->times;
   }
   const Vec3d centre = blas.mesh.centre;
   view.centre[0] = centre.x, view.centre[1] = centre.y, view.centre[2] = centre.z;
@@ -53,6 +54,18 @@ std::uint32_t interval_count(const Snapshot& snapshot, std::span<const std::uint
   return most;
 }
 
+// Of the boxes of all ways; where the larger part of a scene stands still, packets of rays pay.
+bool are_mostly_still(const Snapshot& snapshot, std::span<const PrimRef> boxes, CancelToken& cancel) {
+  double still = 0, moving = 0;
+  for_steps(boxes.size(), cancel, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t row = begin; row < end; ++row) {
+      const Aabb box = boxes[row].box();
+      if (!box.is_empty()) (snapshot.instances[row].motion != 0 ? moving : still) += half_area(box);
+    }
+  });
+  return still > moving;
+}
+
 }  // namespace
 
 StepBoxes add_motions(Snapshot& snapshot, std::span<PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
@@ -76,6 +89,7 @@ StepBoxes add_motions(Snapshot& snapshot, std::span<PrimRef> boxes, ThreadPool& 
     }
   });
   for (const std::uint32_t row : rows) snapshot.bounds.grow(boxes[row].box());
+  snapshot.is_mostly_still = are_mostly_still(snapshot, boxes, cancel);
   return steps;
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "blas/world_box.h"
+
 namespace perfect_bvh {
 namespace {
 
@@ -38,6 +40,9 @@ MovingBounds::MovingBounds(const Instance& instance) : instance_(instance) {
   const Blas& blas = *instance.blas;
   const Vec3d centre = blas.mesh.centre;
   const bool deforms = !blas.later.empty();
+  if (!deforms && instance.turns != nullptr && !blas.wide.is_empty) {
+    support_ = &blas.support.of(blas.wide, blas.mesh);
+  }
   if (deforms) add_steps(blas.mesh.times, corners_);
   if (instance.turns != nullptr) add_steps(instance.turns->times, corners_);
   std::sort(corners_.begin(), corners_.end());
@@ -53,18 +58,23 @@ MovingBounds::MovingBounds(const Instance& instance) : instance_(instance) {
 }
 
 MovingBounds::Box MovingBounds::at(double time) const {
-  const Blas& blas = *instance_.blas;
   const Affine place = place_at(instance_, static_cast<float>(time));
-  const bool deforms = !blas.later.empty();
-  const Moment moment = deforms ? moment_at(blas.mesh.times, static_cast<float>(time)) : Moment{};
+  const Aabb box = support_ != nullptr ? transformed_bounds(*support_, reach_of(instance_.blas->box), place)
+                                       : transformed_bounds(mesh_box_at(time), place);
+  return {to_double(box.lower), to_double(box.upper)};
+}
+
+Aabb MovingBounds::mesh_box_at(double time) const {
+  const Blas& blas = *instance_.blas;
+  if (blas.later.empty()) return blas.box;
+  const Moment moment = moment_at(blas.mesh.times, static_cast<float>(time));
   const Aabb& from = box_of_step(blas, moment.step);
-  const Aabb& to = moment.is_between() ? box_of_step(blas, moment.step + 1) : from;
-  const double later = static_cast<double>(moment.later);
-  constexpr double kFar = Aabb::kInfinity;
-  Box box{{kFar, kFar, kFar}, {-kFar, -kFar, -kFar}};
-  for (int i = 0; i < 8; ++i) {
-    const Vec3d point = place.point(corner(from, i) * (1.0 - later) + corner(to, i) * later);
-    box.lower = min(box.lower, point), box.upper = max(box.upper, point);
+  if (!moment.is_between()) return from;
+  const Aabb& to = box_of_step(blas, moment.step + 1);
+  Aabb box;
+  for (int axis = 0; axis < 3; ++axis) {
+    box.lower[axis] = interpolate(moment, from.lower[axis], to.lower[axis]);
+    box.upper[axis] = interpolate(moment, from.upper[axis], to.upper[axis]);
   }
   return box;
 }

@@ -1,6 +1,6 @@
 // World boxes of an instance that moves within the shutter, and of its top level's leaves.
 //
-// The top level is known at steps, too, between which its boxes move in straight lines. Corners of a mesh's box go in
+// The top level is known at steps, too, between which its boxes move in straight lines. Points of a mesh's box go in
 // straight lines in the mesh's frame, and along curves in the world if the instance turns: p = T + R S c with T, S and
 // c linear, |p''| <= w^2 |S||c| + 2 w (|S'||c| + |S||c'|) + 2 |S'||c'| at w radians per unit of time. Within h of time
 // a point is never further from its chord than h^2 |p''| / 8. Where a step of the instance falls between two of the top
@@ -34,15 +34,18 @@ class MovingBounds {
   struct Box {
     Vec3d lower, upper;
   };
+  // With the margin of blas/world_box.h.
   [[nodiscard]] Box at(double time) const;
+  [[nodiscard]] Aabb mesh_box_at(double time) const;
   // Of |p''| for times within these limits.
   [[nodiscard]] double bend(double begin, double end) const;
   void widen(double begin, double end, Box& first, Box& last) const;
 
   const Instance& instance_;
-  std::vector<double> corners_;  // times from 0 to 1 at which something has a step
-  double farthest_ = 0;          // |c|
-  double fastest_ = 0;           // |c'|
+  const SupportTable* support_ = nullptr;  // of a mesh that keeps its shape: closer than its box where it is turned
+  std::vector<double> corners_;            // times from 0 to 1 at which something has a step
+  double farthest_ = 0;                    // |c|
+  double fastest_ = 0;                     // |c'|
 };
 
 }  // namespace perfect_bvh

@@ -27,21 +27,31 @@ struct Snapshot {
   WideBvh top_level;                                         // the same, as rays are traced through it
   AlignedVector<InstanceView> instance_views;                // what kernels see of `instances`, row by row
   std::vector<std::shared_ptr<const Turns>> turns;           // of instances that move within the shutter
-  std::vector<MotionView> motions;                           // of those and of instances of meshes that do
-  std::vector<WideBvh> top_steps;                            // if any does: the top level at evenly spaced times
-  std::vector<TreeStep> top_step_views;                      // what kernels see of them
-  SceneView view;                                            // points into this snapshot
-  Aabb bounds;                                               // around the meshes' own boxes, placed: whatever the trees
-  std::shared_ptr<LazyTrees> lazy_trees;                     // null if every tree was built by the commit
-  const char* top_level_builder = "";                        // that made `tlas`
-  bool has_round_meshes = false;                             // some mesh is of curves or points
-  bool tried_clustering = false;                             // when it was built
-  TopLevelCost built_cost;                                   // of the top level then
+  AlignedVector<MotionView> motions;                         // of those and of instances of meshes that do
+  bool is_mostly_still = false;                              // of the instances' boxes more stand still, by surface
+  // If any does: the top level at evenly spaced times; none where it serves all of them, around all ways.
+  std::vector<WideBvh> top_steps;
+  std::vector<TreeStep> top_step_views;   // what kernels see of them, or of that one
+  SceneView view;                         // points into this snapshot
+  Aabb bounds;                            // around the meshes' own boxes, placed: whatever the trees
+  std::shared_ptr<LazyTrees> lazy_trees;  // null if every tree was built by the commit
+  const char* top_level_builder = "";     // that made `tlas`
+  bool has_round_meshes = false;          // some mesh is of curves or points
+  bool tried_clustering = false;          // when it was built
+  TopLevelCost built_cost;                // of the top level then
   std::uint64_t generation = 0;
   std::uint64_t scene_id = 0;  // which scene of the process
   // By all who trace it, where the scene's owner wants to know; null otherwise. The scene's snapshots share one.
   std::shared_ptr<std::atomic<std::uint64_t>> rays_cast;
 };
+
+// Of the instances' motions and the top level's steps.
+[[nodiscard]] inline std::size_t motion_byte_count(const Snapshot& snapshot) noexcept {
+  std::size_t count = snapshot.motions.size() * sizeof(MotionView);
+  for (const auto& turns : snapshot.turns) count += turns->byte_count();
+  for (const WideBvh& step : snapshot.top_steps) count += step.byte_count();
+  return count;
+}
 
 // Of a batch that was traced.
 inline void count_rays(const Snapshot& snapshot, std::size_t count) noexcept {

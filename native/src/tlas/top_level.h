@@ -79,6 +79,9 @@ void refit_boxes(WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool
 // scale and extent are kept.
 [[nodiscard]] WideBvh refitted_at_step(const WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool,
                                        CancelToken& cancel);
+// Whether rays do as well through `wide`, around all ways of its instances, as between trees at the times of the
+// shutter, of which `step` is one: those are tighter, and a visit of one of their nodes takes longer.
+[[nodiscard]] bool serves_all_times(const WideBvh& wide, const WideBvh& step, ThreadPool& pool, CancelToken& cancel);
 // Then its visiting orders, and the binary tree.
 void finish_refit(Bvh2& tree, WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel);
 

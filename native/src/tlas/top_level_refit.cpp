@@ -144,6 +144,18 @@ WideBvh refitted_at_step(const WideBvh& wide, std::span<const PrimRef> boxes, Th
   return step;
 }
 
+bool serves_all_times(const WideBvh& wide, const WideBvh& step, ThreadPool& pool, CancelToken& cancel) {
+  if (wide.nodes.empty()) return false;
+  // In visits of a node that stands still, by the instructions that they take.
+  constexpr double kMovingNode = 1.6, kInstance = 10.0;
+  const auto cost = [&](const WideBvh& tree, double node) {
+    const TopLevelCost visits = measure_cost(tree, pool, cancel);
+    const double area = half_area(bounds_of_children(tree.nodes[tree.root]));
+    return area * (node * visits.node_visits + kInstance * visits.instance_entries);
+  };
+  return cost(wide, 1.0) <= cost(step, kMovingNode);
+}
+
 void finish_refit(Bvh2& tree, WideBvh& wide, std::span<const PrimRef> boxes, ThreadPool& pool, CancelToken& cancel) {
   for_nodes(wide, pool, cancel, [](WideNode& node) { set_visit_order(node, child_count(node)); });
   refit_bvh2(tree, boxes, pool, cancel);

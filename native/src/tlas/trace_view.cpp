@@ -98,15 +98,20 @@ void make_trace_view(Snapshot& snapshot, ThreadPool& pool, CancelToken& cancel) 
   view.is_empty = top.is_empty;
   if (snapshot.motions.empty()) return;
   view.motions = snapshot.motions.data();
+  view.is_mostly_still = snapshot.is_mostly_still;
+  view.tree_bytes += motion_byte_count(snapshot);
+  for (const auto& blas : snapshot.blases) view.tree_bytes += motion_byte_count(*blas);
+  view.exceeds_cache = view.tree_bytes > kCachedBytes;
   snapshot.top_step_views.clear();
-  for (const WideBvh& step : snapshot.top_steps) {
+  const auto add_step = [&](const WideBvh& step) {
     TreeStep step_view;
     step_view.nodes = step.nodes.data(), step_view.blocks = nullptr;
     snapshot.top_step_views.push_back(step_view);
-    view.tree_bytes += step.byte_count();
-  }
+  };
+  for (const WideBvh& step : snapshot.top_steps) add_step(step);
+  if (snapshot.top_steps.empty()) add_step(top);
   view.top_steps = snapshot.top_step_views.data();
-  const auto last = static_cast<std::uint32_t>(snapshot.top_steps.size() - 1);
+  const auto last = static_cast<std::uint32_t>(snapshot.top_step_views.size() - 1);
   view.top_times = {0.0f, static_cast<float>(last), last};
 }
 

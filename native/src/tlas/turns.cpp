@@ -96,7 +96,72 @@ bool take_apart(const Affine& transform, TurnStep& step, TurnStep* before) noexc
   return true;
 }
 
+Affine stretch_of(const TurnStep& step) noexcept {
+  const double* const s = step.stretch;
+  return {{s[0], s[1], s[2]}, {s[3], s[4], s[5]}, {s[6], s[7], s[8]}, {}};
+}
+
+Affine product(const Affine& a, const Affine& b) noexcept { return {a.vector(b.x), a.vector(b.y), a.vector(b.z), {}}; }
+Affine transposed(const Affine& map) noexcept {
+  return {{map.x.x, map.y.x, map.z.x}, {map.x.y, map.y.y, map.z.y}, {map.x.z, map.y.z, map.z.z}, {}};
+}
+
+// The axis about which one quaternion goes on to the other in its own frame; zero where it does not turn.
+Vec3d axis_between(const double a[4], const double b[4]) noexcept {
+  const Vec3d from{a[1], a[2], a[3]}, to{b[1], b[2], b[3]};
+  const Vec3d part = to * a[0] - from * b[0] - cross(from, to);
+  const double size = length(part);
+  return size > 0 ? part * (1.0 / size) : Vec3d{0, 0, 0};
+}
+
+void write_map(const Affine& map, double* columns) noexcept {
+  for (const Vec3d& column : {map.x, map.y, map.z}) {
+    for (int axis = 0; axis < 3; ++axis) *columns++ = column[axis];
+  }
+}
+
+// `to` is the step itself for the last one.
+TurnBack make_back(const TurnStep& from, const TurnStep& to) noexcept {
+  TurnBack back{};
+  const Affine stretch = stretch_of(from), unstretch = inverse(stretch);
+  // Worse ones are left to be inverted in double for each ray, where growth is no longer small.
+  constexpr double kMostCondition = 0x1p20;
+  if (!unstretch.is_finite() || !(largest_entry(unstretch) * largest_entry(stretch) <= kMostCondition)) return back;
+  Affine growth = product(inverse(stretch_of(to)), stretch);
+  growth.x.x -= 1.0, growth.y.y -= 1.0, growth.z.z -= 1.0;
+  if (!(largest_entry(growth) <= kMostGrowth)) return back;
+  TurnedPlace turned;
+  constexpr double kUnit[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  turn(from.rotation, kUnit, turned.columns);
+  const double* const c = turned.columns;
+  const Affine unturn = transposed({{c[0], c[1], c[2]}, {c[3], c[4], c[5]}, {c[6], c[7], c[8]}, {}});
+  const Vec3d k = axis_between(from.rotation, to.rotation);
+  const Affine across{{0, -k.z, k.y}, {k.z, 0, -k.x}, {-k.y, k.x, 0}, {}};  // K's transpose: the way back
+  write_map(product(unstretch, unturn), back.maps);
+  write_map(product(unstretch, product(across, unturn)), back.maps + 9);
+  write_map(product(unstretch, product(across, product(across, unturn))), back.maps + 18);
+  constexpr double kNothing = 0x1p-50;  // a double's rounding
+  back.grows = largest_entry(growth) > kNothing ? 1 : 0;
+  float* entry = back.growth;
+  for (const Vec3d& column : {growth.x, growth.y, growth.z}) {
+    for (int axis = 0; axis < 3; ++axis) *entry++ = static_cast<float>(column[axis]);
+  }
+  for (int i = 0; i < 3; ++i) {
+    back.translation[i] = from.translation[i], back.shift[i] = to.translation[i] - from.translation[i];
+  }
+  back.half_angle = &from == &to ? 0.0 : from.angle;
+  back.is_ready = 1;
+  back.is_mirrored = stretch.determinant() < 0 ? 1 : 0;
+  return back;
+}
+
 }  // namespace
+
+void Turns::finish() {
+  backs.clear();
+  for (std::size_t i = 0; i < steps.size(); ++i)
+    backs.push_back(make_back(steps[i], steps[std::min(i + 1, steps.size() - 1)]));
+}
 
 bool Turns::add(const Affine& transform) {
   TurnStep step;

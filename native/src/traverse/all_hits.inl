@@ -74,9 +74,7 @@ __attribute__((noinline)) std::size_t take_all_moving(const Slot& slot, const In
     return take_all(slot, batch, leaf, hits, room);
   }
   if (!slot.moment.is_between()) return take_all(slot, batch, slot.blocks[row], hits, room);
-  LeafBlock leaf;
-  interpolate_leaf(leaf, slot.blocks[row], slot.step[1].blocks[row], slot.moment, instance.extent.reach);
-  return take_all(slot, batch, leaf, hits, room);
+  return take_all(slot, batch, MovingBlock(slot.step, slot.moment, row, slot.span_slack), hits, room);
 }
 
 template <bool kMoves>
@@ -110,7 +108,7 @@ inline std::size_t walk_whole_ray(Slot& slot, const SceneView& scene, const RayB
       count += visit_whole_leaf<kMoves>(slot, scene, batch, entry - kBlockChild, left ? hits + count : nullptr, left);
       --slot.top;
     } else if (entry == kLeaveMark) {
-      leave_instance<true, kMoves>(slot, scene, batch.rays[slot.ray].time, 0);
+      leave_instance<true, kMoves>(slot, scene, 0);
     } else if (!enter_instance<kMoves>(slot, scene, batch.rays[slot.ray])) {
       --slot.top;
     }

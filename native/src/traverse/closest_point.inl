@@ -81,8 +81,6 @@ inline void make_frame(PointFrame& frame, const double* place, double scale, con
   }
 }
 
-PERFECT_BVH_INLINE Double4 all4(double x) noexcept { return Double4{x, x, x, x}; }
-
 PERFECT_BVH_INLINE Double4 four_of(const void* row) noexcept {
   float values[4];
   __builtin_memcpy(values, row, sizeof(values));
@@ -151,13 +149,7 @@ inline void push_children(PointSearch& search, const PointFrame& frame, const Wi
 
 __attribute__((noinline)) void push_moving_children(PointSearch& search, const PointFrame& frame, const PointTree& tree,
                                                     std::uint32_t row) noexcept {
-  const WideNode &from = tree.nodes[row], &to = tree.later_nodes[row];
-  WideNode node = from;
-  const Shares shares(tree.moment);
-  for (int i = 0; i < 6; ++i) {
-    store(node.planes[i], interpolate(shares, load(from.planes[i]), load(to.planes[i])));
-  }
-  push_children(search, frame, node);
+  push_children(search, frame, node_between(tree.nodes[row], tree.later_nodes[row], tree.moment));
 }
 
 PERFECT_BVH_INLINE void push_children(PointSearch& search, const PointFrame& frame, const PointTree& tree,
@@ -243,9 +235,7 @@ __attribute__((noinline)) void visit_moving_triangles(PointSearch& search, const
     return visit_triangles(search, frame, leaf, index);
   }
   if (!tree.moment.is_between()) return visit_triangles(search, frame, tree.step->blocks[row], index);
-  LeafBlock leaf;
-  interpolate_leaf(leaf, tree.step[0].blocks[row], tree.step[1].blocks[row], tree.moment, instance.extent.reach);
-  visit_triangles(search, frame, leaf, index);
+  visit_triangles(search, frame, MovingBlock(tree.step, tree.moment, row, span_slack(instance)), index);
 }
 
 // Columns x, y, z and translation of the map to the world: the scene's row, or what a turning instance has now.

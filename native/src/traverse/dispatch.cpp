@@ -152,13 +152,14 @@ struct Kernels {
 std::size_t trace(const Kernels& kernels, const SceneView& scene, const RayBatch& batch, const TraceOptions& options) {
   if (batch.count == 0) return 0;
   const DefaultFloatingPoint environment;
-  const bool may_pack =
-      kernels.packets != nullptr && batch.counts == nullptr && !scene.is_empty && scene.motions == nullptr;
+  const bool may_pack = kernels.packets != nullptr && batch.counts == nullptr && !scene.is_empty;
   if (may_pack && options.strategy == Strategy::kPackets) {
     kernels.trace_packets(scene, batch, nullptr);
     return batch.count;
   }
-  if (may_pack && options.strategy == Strategy::kAuto) {
+  // Into what moves, rays of packets go one by one.
+  const bool pays = scene.motions == nullptr || scene.is_mostly_still;
+  if (may_pack && pays && options.strategy == Strategy::kAuto) {
     return kernels.trace_by_coherence(scene, batch, options.in_flight);
   }
   kernels.trace_stream(scene, batch, options.strategy == Strategy::kSingle ? 1 : options.in_flight);

@@ -1,6 +1,7 @@
 // The kernels for any machine.
 #include "math/round_distance.h"
 #include "math/triangle_distance.h"
+#include "math/turn_ray.h"
 #include "traverse/gather_scalar.h"
 #include "traverse/kernel_table.h"
 #include "traverse/leaf_line_scalar.h"

@@ -21,17 +21,23 @@ struct ShearedCorners {
   Float8 x0, y0, z0, x1, y1, z1, x2, y2, z2;
 };
 
-PERFECT_BVH_INLINE ShearedCorners shear(const LeafBlock& block, const TriangleState& triangle) noexcept {
+// `row(i)`: a block's vertices along the sheared frame's axis i.
+template <class Row>
+PERFECT_BVH_INLINE ShearedCorners shear_vertices(const Row& row, const std::uint32_t* corners,
+                                                 const TriangleState& triangle) noexcept {
   const TriangleRay& ray = triangle.ray;
-  const Float8 depth = sub(load_row(block.vertices, triangle.row[2]), broadcast(ray.origin[2]));
-  const Float8 across =
-      fnmadd(broadcast(ray.shear_x), depth, sub(load_row(block.vertices, triangle.row[0]), broadcast(ray.origin[0])));
-  const Float8 upward =
-      fnmadd(broadcast(ray.shear_y), depth, sub(load_row(block.vertices, triangle.row[1]), broadcast(ray.origin[1])));
-  const Int8 corner0 = load(block.corners), corner1 = shift_right<4>(corner0), corner2 = shift_right<8>(corner0);
+  const Float8 depth = sub(row(2), broadcast(ray.origin[2]));
+  const Float8 across = fnmadd(broadcast(ray.shear_x), depth, sub(row(0), broadcast(ray.origin[0])));
+  const Float8 upward = fnmadd(broadcast(ray.shear_y), depth, sub(row(1), broadcast(ray.origin[1])));
+  const Int8 corner0 = load(corners), corner1 = shift_right<4>(corner0), corner2 = shift_right<8>(corner0);
   return {permute(across, corner0), permute(upward, corner0), permute(depth, corner0),
           permute(across, corner1), permute(upward, corner1), permute(depth, corner1),
           permute(across, corner2), permute(upward, corner2), permute(depth, corner2)};
+}
+
+PERFECT_BVH_INLINE ShearedCorners shear(const LeafBlock& block, const TriangleState& triangle) noexcept {
+  const auto row = [&](int i) __attribute__((always_inline)) { return load_row(block.vertices, triangle.row[i]); };
+  return shear_vertices(row, block.corners, triangle);
 }
 
 PERFECT_BVH_INLINE void shear_corner(const float (*rows)[8], const TriangleState& triangle, Float8& x, Float8& y,

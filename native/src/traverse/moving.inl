@@ -34,19 +34,33 @@ inline bool invert_place(double (*map)[4], const TurnedPlace& place, const doubl
   return size <= kLargestFloat;  // NaN is not
 }
 
+// Takes the ray to where a turning instance is by its steps: there its stretch changes. False if the ray does not see
+// it.
+__attribute__((noinline)) bool map_to_step(Slot& slot, const MotionView& motion, const Moment& moment,
+                                           double tree_scale, double world_scale) noexcept {
+  TurnedPlace place;
+  place_between(motion.turns, moment, place);
+  alignas(32) double map[4][4];
+  if (!invert_place(map, place, motion.centre, tree_scale, world_scale, slot.is_mirrored)) return false;
+  map_to_local(slot.local, slot.world, map);
+  return true;
+}
+
 // Takes the ray to a moving instance's frame. False if the ray does not see it.
 inline bool map_to_moving(Slot& slot, const SceneView& scene, const InstanceView& instance, float time) noexcept {
   const MotionView& motion = scene.motions[instance.motion - 1];
-  if (motion.turns == nullptr) {
+  if (motion.backs == nullptr) {
     map_to_local(slot.local, slot.world, instance.world_to_local);
     return true;
   }
-  TurnedPlace place;
-  place_between(motion.turns, moment_at(motion.turn_times, time), place);
-  alignas(32) double map[4][4];
+  const Moment moment = moment_at(motion.turn_times, time);
   const double tree_scale = static_cast<double>(instance.scale), world_scale = static_cast<double>(scene.scale);
-  if (!invert_place(map, place, motion.centre, tree_scale, world_scale, slot.is_mirrored)) return false;
-  map_to_local(slot.local, slot.world, map);
+  const TurnBack& back = motion.backs[moment.step];
+  if (back.is_ready == 0) return map_to_step(slot, motion, moment, tree_scale, world_scale);
+  slot.is_mirrored = back.is_mirrored != 0;
+  turn_ray_back(back, static_cast<double>(moment.later), motion.centre, tree_scale, world_scale, slot.world.origin,
+                slot.world.direction, slot.local.origin, slot.local.direction);
+  slot.local.time = slot.world.time;
   return true;
 }
 
@@ -58,9 +72,13 @@ inline void take_step(Slot& slot, const TreeStep* steps, const Moment& moment) n
   slot.later_nodes = moment.is_between() ? slot.step[1].nodes : nullptr;
 }
 
-inline void take_top_step(Slot& slot, const SceneView& scene, float time) noexcept {
-  take_step(slot, scene.top_steps, moment_at(scene.top_times, time));
+inline void take_top_step(Slot& slot, const SceneView& scene) noexcept {
+  take_step(slot, scene.top_steps, slot.top_moment);
 }
+
+// By how much less than this vertices are rounded where they are interpolated: a part of how far away from the origin
+// they are.
+inline float span_slack(const InstanceView& instance) noexcept { return instance.extent.reach * 0x1p-20f; }
 
 inline void take_tree_step(Slot& slot, const SceneView& scene, const InstanceView& instance, float time) noexcept {
   slot.step = nullptr, slot.later_nodes = nullptr;
@@ -69,4 +87,5 @@ inline void take_tree_step(Slot& slot, const SceneView& scene, const InstanceVie
   if (motion.trees == nullptr) return;
   take_step(slot, motion.trees, moment_at(motion.tree_times, time));
   if (instance.is_compact == 0) slot.blocks = slot.step->blocks;
+  slot.span_slack = span_slack(instance);
 }

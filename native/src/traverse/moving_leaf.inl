@@ -26,21 +26,47 @@ PERFECT_BVH_INLINE NodeTest test_any_node(const Slot& slot, std::uint32_t row) n
   return test_moving_node(slot.nodes[row], slot.later_nodes[row], slot.box, slot.moment);
 }
 
-// The leaf that a tree of that moment would have, but for a larger bound of the triangles' spans: vertices are rounded
-// where they are interpolated, by a part of how far away from the origin they are, which `reach` bounds.
-PERFECT_BVH_INLINE void interpolate_leaf(LeafBlock& leaf, const LeafBlock& from, const LeafBlock& to,
-                                         const Moment& moment, float reach) noexcept {
+// The node that a tree of that moment would have.
+inline WideNode node_between(const WideNode& from, const WideNode& to, const Moment& moment) noexcept {
+  WideNode node = from;
   const Shares shares(moment);
-  for (int axis = 0; axis < 3; ++axis) {
-    store(leaf.vertices[axis], interpolate(shares, load(from.vertices[axis]), load(to.vertices[axis])));
+  for (int i = 0; i < 6; ++i) {
+    store(node.planes[i], interpolate(shares, load(from.planes[i]), load(to.planes[i])));
   }
-  __builtin_memcpy(leaf.corners, from.corners, sizeof(leaf.corners) + sizeof(leaf.primitives));
-  float span = 0.0f;  // of a leaf that is a point it is no number
-  if (block_span(from) > span) span = block_span(from);
-  if (block_span(to) > span) span = block_span(to);
-  span = span * (1.0f + 0x1p-10f) + reach * 0x1p-20f;
-  constexpr std::uint32_t kCorners = 0xFFFu;
-  leaf.corners[0] = (__builtin_bit_cast(std::uint32_t, span) & ~kCorners) | (from.corners[0] & kCorners);
+  return node;
+}
+
+// The leaf that a tree of that moment would have, between those of two steps: its vertices are interpolated when they
+// are read. Its bound of the triangles' spans is larger: vertices are rounded where they are interpolated, by a part of
+// how far away from the origin they are, which `reach` bounds.
+struct MovingBlock {
+  const LeafBlock &from, &to;
+  const Moment& moment;
+  const std::uint32_t* primitives;
+  float span;
+
+  PERFECT_BVH_INLINE MovingBlock(const TreeStep* step, const Moment& at, std::uint32_t row, float slack) noexcept
+      : from(step[0].blocks[row]), to(step[1].blocks[row]), moment(at), primitives(from.primitives) {
+    span = 0.0f;  // of a leaf that is a point it is no number
+    if (block_span(from) > span) span = block_span(from);
+    if (block_span(to) > span) span = block_span(to);
+    span = span * (1.0f + 0x1p-10f) + slack;
+  }
+};
+
+PERFECT_BVH_INLINE ShearedCorners shear(const MovingBlock& block, const TriangleState& triangle) noexcept {
+  const Shares shares(block.moment);
+  const auto row = [&](int i) __attribute__((always_inline)) {
+    return interpolate(shares, load_row(block.from.vertices, triangle.row[i]),
+                       load_row(block.to.vertices, triangle.row[i]));
+  };
+  return shear_vertices(row, block.from.corners, triangle);
+}
+PERFECT_BVH_INLINE Float8 span_bounds(const MovingBlock& block) noexcept { return broadcast(block.span); }
+inline float span_bound(const MovingBlock& block, int) noexcept { return block.span; }
+inline float coordinate(const MovingBlock& block, int lane, int corner, int axis) noexcept {
+  return interpolate(block.moment, coordinate(block.from, lane, corner, axis),
+                     coordinate(block.to, lane, corner, axis));
 }
 
 // The same of a leaf of the compact layout.

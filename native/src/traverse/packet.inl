@@ -64,6 +64,7 @@ struct Packet {
   std::uint32_t common_mask;  // the bits that all rays share
   unsigned alone;             // ways that one ray went by itself, or into an instance with few others
   PacketStack stack;
+  Slot* slot;  // of a scene in which something moves: for a ray that goes by itself
   alignas(64) float t_min[kPacketRays], t_max[kPacketRays];  // of the rays themselves
   PacketRays world_rays, local_rays;
   PacketBoxes world, local;

@@ -27,10 +27,13 @@ namespace {
 // No more rays than these go on by themselves.
 constexpr unsigned kFewInNode = 3;
 
-template <bool kAny>
+// kMoves: something moves within the shutter. The packet then goes through the top level around all the ways of its
+// instances; into those that move, each of its rays goes by itself.
+template <bool kAny, bool kMoves>
 struct PacketWalk {
   Packet& packet;
   const SceneView& scene;
+  const RayBatch& batch;
 
   // Ray i finishes the subtree `child` by itself.
   void walk_alone(PacketLevel& level, unsigned i, std::uint32_t child, unsigned base) noexcept {
@@ -184,15 +187,41 @@ struct PacketWalk {
     }
   }
 
+  // Ray i through an instance that moves, as the stream does it.
+  void enter_alone(std::uint32_t index, unsigned i) noexcept {
+    PacketHits& hits = packet.hits;
+    Slot& slot = *packet.slot;
+    slot.ray = packet.rows[i];
+    slot.world = object_ray(packet.world_rays, i);
+    slot.best_t = hits.t[i];
+    slot.hit_instance = hits.instance[i], slot.hit_primitive = hits.primitive[i];
+    slot.u = slot.v = 0.0f;
+    std::uint32_t* const stack = stack_of(slot);
+    stack[0] = kDoneMark, stack[1] = kInstanceChild + index;
+    slot.top = 1;
+    if (!::perfect_bvh::enter_instance<true>(slot, scene, *packet.rays[i])) return;
+    Stream stream(scene, batch, padded_entries(scene));
+    finish_alone<kAny>(stream, slot, *packet.pace);
+    if (slot.hit_instance != index) return;
+    hits.t[i] = slot.best_t;
+    hits.weight_v1[i] = slot.u, hits.weight_v2[i] = slot.v, hits.weight_sum[i] = 1.0f;
+    hits.instance[i] = index, hits.primitive[i] = slot.hit_primitive;
+  }
+
   void enter_instance(PacketLevel& top_level, RaySet rays, std::uint32_t child, unsigned base) noexcept {
     const std::uint32_t index = child - kInstanceChild;
     const InstanceView& instance = scene.instances[index];
     rays = seeing(instance, rays);
     if (rays == 0) return;
     if (instance.root == kUnbuiltRoot) return stop_unbuilt(top_level, rays, index);
-    if (count_rays(rays) < kLeastRays) packet.alone += count_rays(rays);  // the packet is not worth its constants
-    rays = map_packet(packet, rays, instance);
-    trace_instance(index, rays, base);
+    if (kMoves && instance.motion != 0) {
+      packet.alone += count_rays(rays);
+      for (RaySet left = rays; left != 0; left &= left - 1) enter_alone(index, first_ray(left));
+    } else {
+      if (count_rays(rays) < kLeastRays) packet.alone += count_rays(rays);  // the packet is not worth its constants
+      rays = map_packet(packet, rays, instance);
+      trace_instance(index, rays, base);
+    }
     if (top_level.boxes == nullptr || rays == 0) return;
     set_ranges<kAny>(packet.world, packet, packet.world_rays, top_level.members);
     top_level.bounds.t_limit = highest_limit(packet, packet.world);
@@ -242,7 +271,8 @@ inline std::size_t packet_stack_entries(const SceneView& scene) noexcept {
 }
 
 std::size_t packet_workspace_bytes(const SceneView& scene) {
-  return sizeof(Packet) + packet_stack_entries(scene) * 4 * sizeof(std::uint32_t);
+  const std::size_t slot = scene.motions != nullptr ? slot_bytes(scene) : 0;  // last
+  return sizeof(Packet) + packet_stack_entries(scene) * 4 * sizeof(std::uint32_t) + slot;
 }
 
 // Weights become barycentric coordinates.
@@ -276,11 +306,20 @@ void write_results(const Packet& packet, const RayBatch& batch) noexcept {
 // the stream; after each further one, twice as many and one, as the rays ahead probably diverge too.
 constexpr unsigned kPassedOver = 7, kMostPassedOver = 63;
 
-template <bool kAny>
+// Those of `rays` that have a time within the shutter.
+inline RaySet in_shutter(const Packet& packet, RaySet rays) noexcept {
+  for (RaySet left = rays; left != 0; left &= left - 1) {
+    if (!is_in_shutter(packet.rays[first_ray(left)]->time)) rays &= ~(left & -left);
+  }
+  return rays;
+}
+
+template <bool kAny, bool kMoves>
 void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) noexcept {
   Packet& packet = *static_cast<Packet*>(workspace);
   std::uint32_t* const stack = reinterpret_cast<std::uint32_t*>(&packet + 1);
   const std::size_t entries = packet_stack_entries(scene);
+  packet.slot = reinterpret_cast<Slot*>(stack + 4 * entries);
   packet.stack = {stack, reinterpret_cast<float*>(stack + entries), stack + 2 * entries, stack + 3 * entries};
   Pace pace(scene.interruption);
   packet.scene = &scene, packet.pace = &pace;
@@ -300,7 +339,8 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
     const PacketRays& rays = is_direct ? packet.local_rays : packet.world_rays;
     if (is_left != nullptr && (*is_left = !are_coherent(rays, valid, packet.lanes, scene.extent.reach))) continue;
     packet.alone = 0;
-    PacketWalk<kAny> walk{packet, scene};
+    if constexpr (kMoves) valid = in_shutter(packet, valid);
+    PacketWalk<kAny, kMoves> walk{packet, scene, batch};
     if (is_direct) {
       walk.trace_directly(*lone.view, valid);
     } else {
@@ -319,11 +359,13 @@ void trace_packets(const SceneView& scene, const RayBatch& batch, void* workspac
 }
 
 void trace_packets_closest(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) {
-  trace_packets<false>(scene, batch, workspace, left);
+  if (scene.motions != nullptr) return trace_packets<false, true>(scene, batch, workspace, left);
+  trace_packets<false, false>(scene, batch, workspace, left);
 }
 
 void trace_packets_any(const SceneView& scene, const RayBatch& batch, void* workspace, bool* left) {
-  trace_packets<true>(scene, batch, workspace, left);
+  if (scene.motions != nullptr) return trace_packets<true, true>(scene, batch, workspace, left);
+  trace_packets<true, false>(scene, batch, workspace, left);
 }
 
 }  // namespace

@@ -30,7 +30,8 @@ struct alignas(64) Slot {
   // Of the tree being traversed, in a scene where anything moves within the shutter (moving.inl).
   const TreeStep* step;         // null: it does not move
   const WideNode* later_nodes;  // of the next step, null where the tree is at a step or a single leaf
-  Moment moment;
+  Moment moment, top_moment;    // of that tree, and of the top level
+  float span_slack;
 };
 
 inline std::uint32_t* stack_of(Slot& slot) noexcept { return reinterpret_cast<std::uint32_t*>(&slot + 1); }
@@ -85,7 +86,10 @@ inline bool start_ray(Slot& slot, const SceneView& scene, const Ray& ray) noexce
   if (scene.root >= kInstanceChild) return true;  // a single instance: the top level has no boxes
   slot.time = slot.world.time;
   slot.nodes = scene.nodes;
-  if constexpr (kMoves) take_top_step(slot, scene, ray.time);
+  if constexpr (kMoves) {
+    slot.top_moment = moment_at(scene.top_times, ray.time);
+    take_top_step(slot, scene);
+  }
   set_states(slot.box, slot.triangle, slot.world, scene.extent);
   slot.box.t_min = to_local_min(slot.time, static_cast<double>(ray.t_min));
   slot.box.t_limit = to_local_max(slot.time, slot.best_t);
@@ -189,12 +193,12 @@ PERFECT_BVH_INLINE bool start_directly(Slot& slot, const SceneView& scene, const
 
 // Any-hit rays stop at their first hit: their limit never sinks, and no entry distances are stacked.
 template <bool kAny, bool kMoves>
-inline void leave_instance(Slot& slot, const SceneView& scene, float time, std::size_t nears_offset) noexcept {
+inline void leave_instance(Slot& slot, const SceneView& scene, std::size_t nears_offset) noexcept {
   slot.box = slot.world_box;
   slot.time = slot.world.time;
   slot.box.t_limit = to_local_max(slot.time, slot.best_t);
   slot.nodes = scene.nodes;
-  if constexpr (kMoves) take_top_step(slot, scene, time);
+  if constexpr (kMoves) take_top_step(slot, scene);
   slot.floor = 0;
   --slot.top;
   if constexpr (!kAny) drop_far_entries(slot, nears_offset);

@@ -93,6 +93,7 @@ struct SceneView {
   std::size_t place_stride = 0;
   // Of a scene in which anything moves within the shutter; otherwise null.
   const MotionView* motions = nullptr;
+  bool is_mostly_still = false;  // of the instances' boxes more stand still, by their surface
   const TreeStep* top_steps = nullptr;
   StepTimes top_times;
   UnbuiltInstances* unbuilt = nullptr;  // only where some tree may not be built

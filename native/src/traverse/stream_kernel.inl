@@ -45,6 +45,7 @@ struct Stream {
 
 // Begins to fetch the node or leaf that a slot will visit next, while others take their steps. Without a branch: which
 // of them it is cannot be predicted. For marks, and leaves of compact trees, it is the root.
+template <bool kMoves>
 PERFECT_BVH_INLINE void fetch_next(const Slot& slot, std::uint32_t next) noexcept {
   const bool is_node = next < kBlockChild, is_block = !is_node & (next < kInstanceChild) & (slot.blocks != nullptr);
   const char* const base =
@@ -52,9 +53,40 @@ PERFECT_BVH_INLINE void fetch_next(const Slot& slot, std::uint32_t next) noexcep
   const std::size_t row = (is_node | is_block) ? next & ~kBlockChild : 0;
   const char* const lines = base + row * (is_block ? sizeof(LeafBlock) : sizeof(WideNode));
   for (int line = 0; line < 4; ++line) __builtin_prefetch(lines + 64 * line);
+  if constexpr (kMoves) {  // the next step's, of which three lines are read
+    if (slot.later_nodes == nullptr) return;
+    const char* const later =
+        is_block ? reinterpret_cast<const char*>(slot.step[1].blocks) : reinterpret_cast<const char*>(slot.later_nodes);
+    const char* const later_lines = later + row * (is_block ? sizeof(LeafBlock) : sizeof(WideNode));
+    for (int line = 0; line < 3; ++line) __builtin_prefetch(later_lines + 64 * line);
+  }
+}
+
+// What moves is read in three steps, each of which needs the one before: the instance, its motion, its way back.
+__attribute__((noinline)) void fetch_motions(const Stream& stream) noexcept {
+  __asm__ volatile("");  // compilers drop calls to functions that do no more than prefetch
+  const MotionView* motions[kMostRaysInFlight + 1];
+  const float* times[kMostRaysInFlight + 1];
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < stream.mark_count; ++i) {
+    Slot& slot = *stream.at_mark[i];
+    const std::uint32_t mark = stack_of(slot)[slot.top];
+    if (mark >= kFirstMark) continue;
+    const InstanceView& instance = stream.scene.instances[mark - kInstanceChild];
+    if (instance.motion == 0) continue;
+    motions[count] = stream.scene.motions + (instance.motion - 1), times[count] = &stream.batch.rays[slot.ray].time;
+    __builtin_prefetch(motions[count++]);
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    if (motions[i]->backs == nullptr) continue;
+    const auto* const lines =
+        reinterpret_cast<const char*>(motions[i]->backs + moment_at(motions[i]->turn_times, *times[i]).step);
+    for (std::size_t line = 0; line < sizeof(TurnBack); line += 64) __builtin_prefetch(lines + line);
+  }
 }
 
 // The same for instances that slots will enter, before the leaves are tested.
+template <bool kMoves>
 inline void fetch_instances(Stream& stream) noexcept {
   for (std::size_t i = 0; i < stream.mark_count; ++i) {
     Slot& slot = *stream.at_mark[i];
@@ -63,6 +95,7 @@ inline void fetch_instances(Stream& stream) noexcept {
     const char* const lines = reinterpret_cast<const char*>(stream.scene.instances + (mark - kInstanceChild));
     for (std::size_t line = 0; line < sizeof(InstanceView); line += 64) __builtin_prefetch(lines + line);
   }
+  if constexpr (kMoves) fetch_motions(stream);
 }
 
 template <bool kAny, bool kCounts, bool kFetches, bool kMoves>
@@ -89,7 +122,7 @@ PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
     at_node[i - others] = &slot;
     at_other[others] = &slot;
     const std::uint32_t next = stack[top];
-    if constexpr (kFetches) fetch_next(slot, next);
+    if constexpr (kFetches) fetch_next<kMoves>(slot, next);
     others += next >> 31;
   }
   stream.node_count = count - others;
@@ -182,22 +215,33 @@ PERFECT_BVH_INLINE void visit_indexed_leaf(Stream& stream, Slot& slot, std::uint
   }
 }
 
-// Of a tree that moves.
+// Of a tree that moves, between two steps.
+template <bool kAny, bool kCounts>
+PERFECT_BVH_INLINE void visit_moving_block(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
+  visit_leaf<kAny, kCounts>(stream, slot, MovingBlock(slot.step, slot.moment, row, slot.span_slack));
+}
+
+// Of a tree that moves, any other leaf.
 template <bool kAny, bool kCounts>
 __attribute__((noinline)) void visit_moving_leaf(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
-  const InstanceView& instance = stream.scene.instances[slot.instance];
-  if (instance.is_round != 0) {
+  if (stream.scene.instances[slot.instance].is_round != 0) {
     return visit_round_leaf<kAny, kCounts>(stream, slot, moving_leaves(slot.step, slot.moment), row);
   }
-  if (slot.blocks == nullptr) {
-    GatheredLeaf leaf;
-    gather_moving_leaf(leaf, slot.step, slot.moment, row);
-    return visit_leaf<kAny, kCounts>(stream, slot, leaf);
-  }
-  if (!slot.moment.is_between()) return visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
-  LeafBlock leaf;
-  interpolate_leaf(leaf, slot.blocks[row], slot.step[1].blocks[row], slot.moment, instance.extent.reach);
+  if (slot.blocks != nullptr) return visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
+  GatheredLeaf leaf;
+  gather_moving_leaf(leaf, slot.step, slot.moment, row);
   visit_leaf<kAny, kCounts>(stream, slot, leaf);
+}
+
+template <bool kAny, bool kCounts, bool kMoves>
+PERFECT_BVH_INLINE void visit_any_leaf(Stream& stream, Slot& slot, std::uint32_t row) noexcept {
+  if (kMoves && slot.step != nullptr) {
+    if (slot.moment.is_between() && slot.blocks != nullptr)
+      return visit_moving_block<kAny, kCounts>(stream, slot, row);
+    return visit_moving_leaf<kAny, kCounts>(stream, slot, row);
+  }
+  if (slot.blocks != nullptr) return visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
+  visit_indexed_leaf<kAny, kCounts>(stream, slot, row);
 }
 
 // A leaf of a compact tree is read in three steps, each of which needs the one before: numbers, indices, positions. The
@@ -243,16 +287,10 @@ PERFECT_BVH_INLINE void visit_leaves(Stream& stream) noexcept {
     Slot& slot = *stream.at_leaf[i];
     std::uint32_t* const stack = stack_of(slot);
     const std::uint32_t row = stack[slot.top] - kBlockChild;
-    if (kMoves && slot.step != nullptr) {
-      visit_moving_leaf<kAny, kCounts>(stream, slot, row);
-    } else if (slot.blocks != nullptr) {
-      visit_leaf<kAny, kCounts>(stream, slot, slot.blocks[row]);
-    } else {
-      visit_indexed_leaf<kAny, kCounts>(stream, slot, row);
-    }
+    visit_any_leaf<kAny, kCounts, kMoves>(stream, slot, row);
     stream.at_node[nodes] = &slot;
     stream.at_other[others] = &slot;
-    if (stream.scene.exceeds_cache) fetch_next(slot, stack[slot.top]);
+    if (stream.scene.exceeds_cache) fetch_next<kMoves>(slot, stack[slot.top]);
     const std::uint32_t is_other = stack[slot.top] >> 31;
     others += is_other;
     nodes += 1 - is_other;
@@ -309,14 +347,14 @@ void follow_marks(Stream& stream) noexcept {
         write_result<kAny>(stream.batch, slot.ray, &slot);
         is_active = take_next_ray<kAny, kCounts, kMoves>(stream, slot);
       } else if (mark == kLeaveMark) {
-        leave_instance<kAny, kMoves>(slot, stream.scene, stream.batch.rays[slot.ray].time, stream.nears_offset);
+        leave_instance<kAny, kMoves>(slot, stream.scene, stream.nears_offset);
       } else {
         if constexpr (kCounts) ++stream.batch.counts[slot.ray].nodes_visited;
         if (!enter_instance<kMoves>(slot, stream.scene, stream.batch.rays[slot.ray])) --slot.top;
       }
     }
     if (!is_active) continue;
-    if (stream.scene.exceeds_cache) fetch_next(slot, stack[slot.top]);
+    if (stream.scene.exceeds_cache) fetch_next<kMoves>(slot, stack[slot.top]);
     if (stack[slot.top] >= kBlockChild) {
       stream.at_leaf[stream.leaf_count++] = &slot;
     } else {
@@ -356,6 +394,28 @@ std::size_t stream_workspace_bytes(const SceneView& scene, std::size_t in_flight
   return slot_bytes(scene) * in_flight;
 }
 
+// One ray to its end, in a tree that it has entered, of a scene where something moves.
+template <bool kAny>
+void finish_alone(Stream& stream, Slot& slot, Pace& pace) noexcept {
+  std::uint32_t* const stack = stack_of(slot);
+  while (stack[slot.top] != kDoneMark) {
+    const std::uint32_t next = stack[slot.top];
+    if (next >= kBlockChild) {
+      if (pace.should_stop()) return;
+      visit_any_leaf<kAny, false, true>(stream, slot, next - kBlockChild);
+      continue;
+    }
+    const WideNode& node = slot.nodes[next];
+    const NodeTest test = test_any_node(slot, next);
+    if constexpr (kAny) {
+      slot.top += push_unsorted(node, test.hit, stack + slot.top) - 1;
+    } else {
+      float* const nears = reinterpret_cast<float*>(stack + stream.nears_offset) + slot.top;
+      slot.top += push_sorted(node, slot.box.rows.order_shift, test.hit, test.near, stack + slot.top, nears) - 1;
+    }
+  }
+}
+
 template <bool kAny, bool kCounts, bool kMoves>
 void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace, std::size_t in_flight) noexcept {
   Stream stream(scene, batch, padded_entries(scene));
@@ -379,7 +439,7 @@ void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace
       }
     }
     sort_others(stream);
-    if (scene.exceeds_cache) fetch_instances(stream);
+    if (scene.exceeds_cache) fetch_instances<kMoves>(stream);
     visit_leaves<kAny, kCounts, kMoves>(stream);
     follow_marks<kAny, kCounts, kMoves>(stream);
   }

@@ -4,6 +4,7 @@
 
 #include "math/round_distance.h"
 #include "math/triangle_distance.h"
+#include "math/turn_ray.h"
 #include "traverse/kernel_table.h"
 #include "traverse/stream_kernel.inl"
 // After the stream.
