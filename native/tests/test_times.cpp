@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "math/turn_ray.h"
 #include "query/trace.h"
 #include "tests/scenes_to_trace.h"
 #include "tlas/turns.h"
@@ -130,6 +131,134 @@ TEST_P(Times, ATurningInstanceIsWhereItIsAtTheMoment) {
     }
     EXPECT_LE(other, 2u) << "rays that pass an edge";
   }
+}
+
+// Rays of a camera, so that they go in packets, each at a time of its own; some are none.
+std::vector<Ray> camera_rays(std::size_t side) {
+  Random random(4);
+  std::vector<Ray> rays;
+  for (std::size_t y = 0; y < side; ++y) {
+    for (std::size_t x = 0; x < side; ++x) {
+      Ray ray;
+      ray.origin = {0.1, 0.2, 6.0};
+      const auto across = [side](std::size_t i) {
+        return (static_cast<double>(i) + 0.5) / static_cast<double>(side) - 0.5;
+      };
+      ray.direction = {0.7 * across(x), 0.7 * across(y), -1.0};
+      ray.time = uniform(random, 0.0f, 1.0f);
+      rays.push_back(ray);
+    }
+  }
+  rays[77].time = -0.5f, rays[500].time = 1.5f;
+  return rays;
+}
+
+TEST_P(Times, EveryStrategyGivesTheSameBits) {
+  const MeshData ground = box_of_grids(5), small = box_of_grids(2);
+  for (const bool is_mostly_still : {true, false}) {
+    Scene scene;
+    add(scene, ground, {is_mostly_still ? Affine{} : Affine{{0.2, 0, 0}, {0, 0.2, 0}, {0, 0, 0.2}, {1, 1, 0}}});
+    std::vector<Affine> places;
+    for (int i = 0; i < 4; ++i)
+      places.push_back({{0.2, 0, 0}, {0, 0.2, 0}, {0, 0, 0.2}, {0.6 * i - 1.0, 0.2 * i, 1.3}});
+    const std::int32_t mesh = add(scene, small, places);
+    std::vector<Vec3f> steps = small.positions;
+    const std::vector<Vec3f> later = shaken(small, 0.2f, 3);
+    steps.insert(steps.end(), later.begin(), later.end());
+    scene.set_mesh_motion(mesh, std::span<const Vec3f>(steps), kTwoSteps);
+    const std::int32_t id = 2;
+    constexpr double kTurn[24] = {0.2, 0,    0, 0,   0,   0.2, 0, 0.2, 0, 0, 0.2, 1.3,
+                                  0,   -0.2, 0, 0.3, 0.2, 0,   0, 0,   0, 0, 0.2, 1.3};
+    scene.set_instance_motion(std::span(&id, 1), Matrices<double>{kTurn, 2, 3}, kTwoSteps);
+    const auto snapshot = committed(scene);
+    EXPECT_EQ(snapshot->view.is_mostly_still, is_mostly_still);
+    const std::vector<Ray> rays = camera_rays(48);
+    std::vector<Hit> alone(rays.size());
+    trace_closest(*snapshot, rays, alone, Cull::kNone, {}, Strategy::kSingle);
+    std::size_t moving = 0;
+    for (const Hit& hit : alone) moving += hit.found() && hit.instance_index > 0 ? 1 : 0;
+    EXPECT_GT(moving, 50u);
+    EXPECT_FALSE(alone[77].found() || alone[500].found());
+    for (const Strategy strategy : {Strategy::kAuto, Strategy::kStream, Strategy::kPackets}) {
+      for (const Cull cull : {Cull::kNone, Cull::kBack}) {
+        std::vector<Hit> expected(rays.size()), hits(rays.size());
+        std::vector<std::uint8_t> occluded(rays.size());
+        trace_closest(*snapshot, rays, expected, cull, {}, Strategy::kSingle);
+        const std::size_t in_packets = trace_closest(*snapshot, rays, hits, cull, {}, strategy);
+        trace_occluded(*snapshot, rays, occluded, cull, {}, strategy);
+        const bool has_packets = std::string_view(active_kernels().name) != "scalar";
+        const bool may_pack = strategy == Strategy::kPackets || (strategy == Strategy::kAuto && is_mostly_still);
+        EXPECT_EQ(in_packets > 0, has_packets && may_pack);
+        for (std::size_t i = 0; i < rays.size(); ++i) {
+          ASSERT_EQ(std::memcmp(&hits[i], &expected[i], sizeof(Hit)), 0) << "ray " << i;
+          ASSERT_EQ(occluded[i] != 0, expected[i].found()) << "ray " << i;
+        }
+      }
+    }
+  }
+}
+
+Affine rotated(Vec3d axis, double angle, double size) {
+  const Vec3d k = axis * (1.0 / length(axis));
+  const double c = std::cos(angle), s = std::sin(angle);
+  const auto turned = [&](Vec3d v) { return (v * c + cross(k, v) * s + k * (dot(k, v) * (1.0 - c))) * size; };
+  return {turned({1, 0, 0}), turned({0, 1, 0}), turned({0, 0, 1}), {}};
+}
+
+Affine narrowed(const Affine& map) {
+  Affine narrow = map;
+  for (Vec3d* column : {&narrow.x, &narrow.y, &narrow.z, &narrow.translation}) *column = to_double(to_float(*column));
+  return narrow;
+}
+
+// Rays taken back, beside the inverse of where the instance is.
+void expect_back(const Turns& turns, double tolerance) {
+  for (const float time : {0.0f, 0.125f, 0.3f, 0.5f, 0.77f, 1.0f}) {
+    const Moment moment = moment_at(turns.times, time);
+    const TurnBack& back = turns.backs[moment.step];
+    ASSERT_EQ(back.is_ready, 1);
+    const Affine inverted = inverse(turns.at(time));
+    EXPECT_EQ(back.is_mirrored != 0, turns.at(time).determinant() < 0);
+    const double origin[4] = {0.3, -2.0, 1.7, 0}, direction[4] = {-0.4, 0.9, 0.2, 0},
+                 centre[4] = {0.5, 0.25, -0.125, 0};
+    double from[4], along[4];
+    turn_ray_back(back, static_cast<double>(moment.later), centre, 4.0, 1.0, origin, direction, from, along);
+    const Vec3d expected = (inverted.point({origin[0], origin[1], origin[2]}) - Vec3d{0.5, 0.25, -0.125}) * 4.0;
+    const Vec3d expected_along = inverted.vector({direction[0], direction[1], direction[2]}) * 4.0;
+    for (int axis = 0; axis < 3; ++axis) {
+      EXPECT_NEAR(from[axis], expected[axis], tolerance) << "at " << time;
+      EXPECT_NEAR(along[axis], expected_along[axis], tolerance) << "at " << time;
+    }
+    EXPECT_TRUE(from[3] == 0.0 && along[3] == 0.0);
+  }
+}
+
+TEST(Turns, AreTakenBackAsTheyAreTaken) {
+  constexpr double kAngles[] = {0.0, 1e-9, 1e-4, 0.3, 1.5, 3.1};
+  for (const double angle : kAngles) {
+    for (const double size : {1.0, -0.7}) {  // turned inside out
+      const Affine start = rotated({1, 2, -1}, 0.4, size);
+      Affine end = rotated({1, 2, -1}, 0.4, 1.0), further = rotated({-0.3, 1, 2}, angle, size);
+      end = {further.vector(end.x), further.vector(end.y), further.vector(end.z), {0.5, 0.25, -3.0}};
+      Turns turns, noisy;
+      turns.times = noisy.times = kTwoSteps;
+      ASSERT_TRUE(turns.add(start) && turns.add(end) && noisy.add(narrowed(start)) && noisy.add(narrowed(end)));
+      turns.finish(), noisy.finish();
+      EXPECT_EQ(noisy.backs[0].grows != 0, angle > 0.0);  // by the rounding of its matrices
+      expect_back(turns, 1e-13);
+      expect_back(noisy, 1e-12);
+    }
+  }
+}
+
+TEST(Turns, ThatStretchAreNotMadeReady) {
+  Turns turns;
+  turns.times = kTwoSteps;
+  const Affine larger{{1.001, 0, 0}, {0, 1, 0}, {0, 0, 1}, {}};
+  ASSERT_TRUE(turns.add(Affine{}) && turns.add(larger));
+  turns.finish();
+  EXPECT_EQ(turns.backs[0].is_ready, 0);
+  EXPECT_EQ(turns.backs[1].is_ready, 1);  // it stays as it is from then on
 }
 
 TEST(Turns, GoEvenlyFromEachStepToTheNext) {

@@ -36,10 +36,11 @@ struct Stream {
   const LoneInstance lone;
   std::size_t nears_offset;  // from a slot's stack of children to that of their entry distances, in entries
   Slot* at_node[kMostRaysInFlight + 1];
-  Slot* at_other[kMostRaysInFlight + 1];  // leaves and marks
+  Slot* at_between[kMostRaysInFlight + 1];  // at a node as well, of a tree between two of its steps
+  Slot* at_other[kMostRaysInFlight + 1];    // leaves and marks
   Slot* at_leaf[kMostRaysInFlight + 1];
   Slot* at_mark[kMostRaysInFlight + 1];
-  std::size_t node_count = 0, other_count = 0, leaf_count = 0, mark_count = 0;
+  std::size_t node_count = 0, between_count = 0, other_count = 0, leaf_count = 0, mark_count = 0;
   std::size_t next_ray = 0;
 };
 
@@ -98,11 +99,14 @@ inline void fetch_instances(Stream& stream) noexcept {
   if constexpr (kMoves) fetch_motions(stream);
 }
 
-template <bool kAny, bool kCounts, bool kFetches, bool kMoves>
+// kBetween: those of trees between two of their steps, which are visited by themselves: which of both a tree is cannot
+// be predicted either.
+template <bool kAny, bool kCounts, bool kFetches, bool kMoves, bool kBetween>
 PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
-  Slot** const at_node = stream.at_node;
+  Slot** const at_node = kBetween ? stream.at_between : stream.at_node;
   Slot** const at_other = stream.at_other + stream.other_count;
-  const std::size_t count = stream.node_count, nears_offset = stream.nears_offset;
+  std::size_t& node_count = kBetween ? stream.between_count : stream.node_count;
+  const std::size_t count = node_count, nears_offset = stream.nears_offset;
   std::size_t others = 0;
   for (std::size_t i = 0; i < count; ++i) {
     Slot& slot = *at_node[i];
@@ -110,7 +114,8 @@ PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
     std::uint32_t top = slot.top;
     const WideNode& node = slot.nodes[stack[top]];
     if constexpr (kCounts) ++stream.batch.counts[slot.ray].nodes_visited;
-    const NodeTest test = kMoves ? test_any_node(slot, stack[top]) : test_node(node, slot.box);
+    const NodeTest test = kBetween ? test_moving_node(node, slot.later_nodes[stack[top]], slot.box, slot.moment)
+                                   : test_node(node, slot.box);
     if constexpr (kAny) {
       top += push_unsorted(node, test.hit, stack + top) - 1;
     } else {
@@ -125,8 +130,29 @@ PERFECT_BVH_INLINE void visit_nodes(Stream& stream) noexcept {
     if constexpr (kFetches) fetch_next<kMoves>(slot, next);
     others += next >> 31;
   }
-  stream.node_count = count - others;
+  node_count = count - others;
   stream.other_count += others;
+}
+
+template <bool kAny, bool kCounts, bool kFetches, bool kMoves>
+PERFECT_BVH_INLINE void visit_all_nodes(Stream& stream) noexcept {
+  visit_nodes<kAny, kCounts, kFetches, kMoves, false>(stream);
+  if constexpr (kMoves) visit_nodes<kAny, kCounts, kFetches, true, true>(stream);
+}
+
+// The slot is at a node.
+template <bool kMoves>
+PERFECT_BVH_INLINE void put_at_node(Stream& stream, Slot& slot) noexcept {
+  if (kMoves && slot.later_nodes != nullptr) {
+    stream.at_between[stream.between_count++] = &slot;
+  } else {
+    stream.at_node[stream.node_count++] = &slot;
+  }
+}
+
+template <bool kMoves>
+PERFECT_BVH_INLINE std::size_t count_at_nodes(const Stream& stream) noexcept {
+  return kMoves ? stream.node_count + stream.between_count : stream.node_count;
 }
 
 // Leaf and ray meet: looks closer at the triangles in `lanes`, whose t may be in range. True if the best hit is
@@ -281,7 +307,7 @@ __attribute__((noinline)) void fetch_indexed_leaves(const Stream& stream) noexce
 template <bool kAny, bool kCounts, bool kMoves>
 PERFECT_BVH_INLINE void visit_leaves(Stream& stream) noexcept {
   const std::size_t count = stream.leaf_count;
-  std::size_t nodes = stream.node_count, others = stream.other_count;
+  std::size_t nodes = stream.node_count, betweens = stream.between_count, others = stream.other_count;
   if (count != 0 && stream.at_leaf[0]->blocks == nullptr) fetch_indexed_leaves(stream);
   for (std::size_t i = 0; i < count; ++i) {
     Slot& slot = *stream.at_leaf[i];
@@ -289,13 +315,17 @@ PERFECT_BVH_INLINE void visit_leaves(Stream& stream) noexcept {
     const std::uint32_t row = stack[slot.top] - kBlockChild;
     visit_any_leaf<kAny, kCounts, kMoves>(stream, slot, row);
     stream.at_node[nodes] = &slot;
+    if constexpr (kMoves) stream.at_between[betweens] = &slot;
     stream.at_other[others] = &slot;
     if (stream.scene.exceeds_cache) fetch_next<kMoves>(slot, stack[slot.top]);
     const std::uint32_t is_other = stack[slot.top] >> 31;
     others += is_other;
-    nodes += 1 - is_other;
+    const std::uint32_t is_between = kMoves && slot.later_nodes != nullptr ? 1 - is_other : 0;
+    nodes += 1 - is_other - is_between;
+    betweens += is_between;
   }
   stream.node_count = nodes;
+  if constexpr (kMoves) stream.between_count = betweens;
   stream.other_count = others;
   stream.leaf_count = 0;
 }
@@ -358,7 +388,7 @@ void follow_marks(Stream& stream) noexcept {
     if (stack[slot.top] >= kBlockChild) {
       stream.at_leaf[stream.leaf_count++] = &slot;
     } else {
-      stream.at_node[stream.node_count++] = &slot;
+      put_at_node<kMoves>(stream, slot);
     }
   }
   stream.mark_count = 0;
@@ -425,17 +455,16 @@ void trace_stream(const SceneView& scene, const RayBatch& batch, void* workspace
     if (!take_next_ray<kAny, kCounts, kMoves>(stream, slot)) break;
     stream.at_other[stream.other_count++] = &slot;
     // A top level of nodes begins at a node.
-    if (stack_of(slot)[slot.top] < kBlockChild)
-      stream.at_node[stream.node_count++] = stream.at_other[--stream.other_count];
+    if (stack_of(slot)[slot.top] < kBlockChild) put_at_node<kMoves>(stream, *stream.at_other[--stream.other_count]);
   }
   Pace pace(scene.interruption);
-  while (stream.node_count + stream.other_count + stream.leaf_count != 0) {
+  while (count_at_nodes<kMoves>(stream) + stream.other_count + stream.leaf_count != 0) {
     if (pace.should_stop()) return;
-    while (stream.node_count != 0 && stream.other_count + stream.leaf_count < kLeafPatience) {
+    while (count_at_nodes<kMoves>(stream) != 0 && stream.other_count + stream.leaf_count < kLeafPatience) {
       if (scene.exceeds_cache) {
-        visit_nodes<kAny, kCounts, true, kMoves>(stream);
+        visit_all_nodes<kAny, kCounts, true, kMoves>(stream);
       } else {
-        visit_nodes<kAny, kCounts, false, kMoves>(stream);
+        visit_all_nodes<kAny, kCounts, false, kMoves>(stream);
       }
     }
     sort_others(stream);
