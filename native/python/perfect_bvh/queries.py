@@ -100,7 +100,8 @@ class Queries:
         strategy: how rays are traced, never what they hit. "packets": 64 consecutive rays share a traversal, which is
             several times as fast where they go much the same way; "stream": many are under way, each for itself;
             "single": one after the other. "auto" looks at the rays: packets where they are coherent, else the stream.
-            Batches that count their work are not traced in packets.
+            Batches that count their work are not traced in packets. Into what moves within the shutter, rays of packets
+            go one by one: where that is most of a scene, "auto" takes the stream.
 
         Returns `Hits`, one row a ray, always; invalid rays are misses, counted in `invalid_count`. With `out` it is a
         new one around the arrays given.
