@@ -198,8 +198,8 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
         "labels",
         help="write exact ids, masks and depths of what the camera sees",
         description="Label frames as they would be rendered: for each an .npz file of depths, positions, normals, uvs "
-        "and ids, with masks of all that is there, hidden or not; for all together coco.json, with run lengths of the "
-        "masks. One ray a pixel lists all surfaces, so that nothing is blended.",
+        "and ids, with masks of all that is there, hidden or not; for all together a file of COCO's format, with run "
+        "lengths of the masks. One ray a pixel lists all surfaces, so that nothing is blended.",
     )
     _add_file(parser)
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="the folder for the files")
@@ -220,7 +220,7 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
         help="how many surfaces a ray keeps the depths of (default: 1)",
     )
     parser.add_argument("--flow", action="store_true", help="also how pixels move from the frame before to the next")
-    parser.add_argument("--no-coco", action="store_true", help="no coco.json, which needs pycocotools")
+    parser.add_argument("--no-coco", action="store_true", help="no file of COCO's format, which needs pycocotools")
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress bar and no summary")
 
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from ..labels import CocoFile, Labels
     from ..live.scene_sync import SceneSync
 
-COCO_NAME = "coco.json"
-
 
 def run_labels(arguments: argparse.Namespace) -> int:
     """Label what the arguments say; the exit status."""
@@ -39,7 +37,7 @@ def run_labels(arguments: argparse.Namespace) -> int:
         started = time.perf_counter()
         done = _label_all(scene, frames, folder, coco, stop, arguments)
         if coco is not None and done:
-            _save(coco.save, folder / COCO_NAME)
+            _save(coco.save, folder / f"coco_{min(frames[:done]):04d}-{max(frames[:done]):04d}.json")
         if not arguments.quiet:
             seconds = time.perf_counter() - started
             out.write(f"{folder}: {done} of {len(frames)} frames in {seconds:.2f} s\n")

@@ -119,22 +119,20 @@ class ScanSession:
         self._stop = stop
         self._arguments = arguments
         self._frames: tuple[int, ...] = arguments.frames or (scene.frame_current,)
+        self._played_to = min(self._frames) - 1
         self._warned: set[str] = set()
 
     def run(self, path: Path, folder: Path, suffix: str) -> tuple[int, int, int, int]:
         """How many pieces there are, were written and were there before, and how many points were written."""
-        import perfect_bvh
         from tqdm import tqdm
 
-        from ..scanning.pieces import OtherInputsError, PieceFolder, inputs_of, pieces_of
+        from ..scanning.pieces import OtherInputsError, PieceFolder, pieces_of
 
         arguments = self._arguments
         pieces = pieces_of(self._frames, arguments.piece)
-        others = {"on": self._carrier.name, "steps": arguments.steps, "begins": min(self._frames), "format": suffix}
-        others["version"] = perfect_bvh.__version__
-        place = PieceFolder(folder, inputs_of(path, self._sensor.pattern, **others), suffix)
+        place = PieceFolder(folder, self._inputs(path, suffix), suffix)
         try:
-            place.check()
+            place.check(pieces)
         except OtherInputsError as error:
             raise CommandError(f"-o: {error}") from error
         written = kept = points = 0
@@ -149,10 +147,41 @@ class ScanSession:
                 cloud = None if self._stop.is_set else self._scan(piece, number, bar)
                 if cloud is None:
                     break
+                self._played_to = piece.frames[1]
                 self._write(place, piece, cloud)
                 written, points = written + 1, points + len(cloud)
                 bar.update(number + 1 - bar.n)
         return len(pieces), written, kept, points
+
+    def _inputs(self, path: Path, suffix: str) -> dict[str, object]:
+        import bpy
+        import perfect_bvh
+
+        from ..scanning.pieces import inputs_of
+
+        arguments = self._arguments
+        read = [Path(name) for name in bpy.utils.blend_paths(absolute=True)]
+        return inputs_of(
+            [path, *read],
+            self._sensor.pattern,
+            on=self._carrier.name,
+            steps=arguments.steps,
+            begins=min(self._frames),
+            format=suffix,
+            autoexec=arguments.autoexec,
+            allow_missing=arguments.allow_missing,
+            blender=bpy.app.version_string,
+            version=perfect_bvh.__version__,
+        )
+
+    def _play_to(self, frame: int) -> None:
+        """Through the frames of pieces that were there, if anything is simulated: it depends on those before it."""
+        from ..extract.simulations import has_simulations
+
+        if has_simulations(self._scene):
+            for number in sorted(set(self._frames)):
+                if self._played_to < number < frame and not self._stop.is_set:
+                    self._scene.frame_set(number)
 
     def _scan(self, piece: Piece, number: int, bar: object) -> PointCloud | None:
         """None if it was stopped."""
@@ -165,6 +194,7 @@ class ScanSession:
             return not self._stop.is_set
 
         arguments = self._arguments
+        self._play_to(piece.frames[0])
         try:
             return scan(
                 self._sensor.pattern,
@@ -181,11 +211,10 @@ class ScanSession:
             raise CommandError(f"frames {piece.frames[0]}-{piece.frames[1]}: {error}") from error
 
     def _write(self, place: PieceFolder, piece: Piece, cloud: PointCloud) -> None:
-        import perfect_bvh
         from tqdm import tqdm
 
         try:
-            place.write(piece, cloud, perfect_bvh.__version__)
+            place.write(piece, cloud)
         except OSError as error:
             raise CommandError(error.strerror or str(error)) from error
         for warning in cloud.warnings:

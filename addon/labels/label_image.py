@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,7 +56,8 @@ def label_image(
         the categories; None, the default: each object's name is one.
     flow: whether to tell how pixels move from the frame before to the next, for which those are evaluated. frame_set:
         what does that, of a render its engine's; None, the default: the scene's own.
-    threads: at most so many; 0 for all. progress: called with 0 to 1; returning False raises `perfect_bvh.Cancelled`.
+    threads: to cast rays, at most so many; 0 for all. progress: called with 0 to 1; returning False raises
+        `perfect_bvh.Cancelled`.
 
     What is seen is what the viewport shows, or the render whose depsgraph it is, as far as cameras may see it; glass
     and what is transparent are seen as they stand there. Raises ValueError without a usable camera, and what the engine
@@ -189,7 +190,8 @@ class _Labelling:
         """Shading normals, on the side that the triangle shows."""
         instances = self._rows_of(self.sync.appearance.instances.ids, hits.instance_ids[rows])
         linear = self.sync.record.instances.transforms[instances][:, :, :3].astype(np.float64)
-        mirrored = np.linalg.det(linear) < 0.0
+        volumes = np.linalg.det(linear)
+        mirrored, is_smooth = volumes < 0.0, is_smooth & (volumes != 0.0)  # what is flattened is a plane
         normals = hits.geometric_normals[rows].astype(np.float64)
         normals[mirrored & is_smooth] *= -1.0
         away = np.einsum("ij,ij->i", normals, directions) > 0.0
@@ -241,7 +243,7 @@ class _Labelling:
         shutter = perfect_bvh.Shutter(cameras=self.sync.camera_motion, blurs=False)
         made: npt.NDArray[np.float32] = perfect_bvh.render_passes(
             self.sync.scene,
-            self.camera,
+            replace(self.camera, border=(0.0, 1.0, 0.0, 1.0)),
             size=self.size,
             appearance=self.sync.appearance,
             passes=("vector",),

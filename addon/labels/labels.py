@@ -73,7 +73,7 @@ class Labels:
         that name is replaced once the new one is complete. Raises OSError with the reason if it cannot be written.
         """
         path = Path(path)
-        if path.suffix != ".npz":
+        if path.suffix.lower() != ".npz":
             path = path.with_name(path.name + ".npz")
         names = ("depth", "positions", "normals", "uvs", "thing_ids", "material_ids", "category_ids")
         arrays = {name: getattr(self, name) for name in (*names, "layer_depths", "layer_ids", "visible_shares")}

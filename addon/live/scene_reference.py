@@ -31,11 +31,19 @@ class SceneReference:
         with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[self._layer_name]):
             return bpy.context.evaluated_depsgraph_get()
 
-    def set_frame_back(self, frame: int, subframe: float = 0.0) -> None:
-        """At the end, if the scene still is there and shows another one."""
+    def set_frame_back(self, frame: int, subframe: float = 0.0, camera_uid: int = 0) -> None:
+        """At the end, if the scene still is there and shows another one.
+
+        camera_uid: the session uid of the camera that it had, 0 for none: where frames have markers with cameras of
+        their own, going through them has changed it.
+        """
         scene = self._find()
-        if scene is not None and (scene.frame_current, scene.frame_subframe) != (frame, subframe):
-            scene.frame_set(frame, subframe=subframe)
+        if scene is None or (scene.frame_current, scene.frame_subframe) == (frame, subframe):
+            return
+        scene.frame_set(frame, subframe=subframe)
+        camera = next((obj for obj in scene.objects if obj.session_uid == camera_uid), None)
+        if camera is not None and scene.camera != camera:
+            scene.camera = camera
 
     def _find(self) -> bpy.types.Scene | None:
         return next((scene for scene in bpy.data.scenes if scene.session_uid == self._uid), None)

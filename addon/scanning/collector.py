@@ -51,7 +51,9 @@ class _Names:
 class Collector:
     """Takes batches, one after the other, and makes the point cloud of them all."""
 
-    def __init__(self) -> None:
+    def __init__(self, rays_before: int = 0) -> None:
+        """rays_before: how many the scan has cast before these."""
+        self._rays_before = rays_before
         self._pieces: list[dict[str, npt.NDArray[Any]]] = []
         self._objects = _Names()
         self._materials = _Names()
@@ -75,7 +77,7 @@ class Collector:
                     "instance_ids": hits.instance_ids[rows],
                     "material_ids": self._material_ids(materials, sync),
                     "times": rays.times[rows],
-                    "ray_ids": self._ray_count + rows.astype(np.int64),
+                    "ray_ids": self._rays_before + self._ray_count + rows.astype(np.int64),
                     "ring_ids": rays.ring_ids[rows],
                     "incidences": incidences,
                     "intensities": incidences * _luminances(materials, sync),

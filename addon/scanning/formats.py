@@ -11,6 +11,7 @@ import importlib
 import json
 import os
 from collections.abc import Callable
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,8 @@ SINGULAR = {
 }
 LAS_STEP = 1e-4  # of coordinates, in world units: LAS keeps them as whole numbers
 MOST_LAS_STEPS = 2**31 - 1
+LAS_DATE = date(2000, 1, 1)  # whenever they are written: the same points are the same bytes
+MOST_IN_A_RECORD = 65_535  # bytes; longer texts go on in the next one of their name
 
 
 def save_cloud(cloud: PointCloud, path: str | os.PathLike[str]) -> Path:
@@ -49,8 +52,6 @@ def save_cloud(cloud: PointCloud, path: str | os.PathLike[str]) -> Path:
     write = WRITERS.get(path.suffix.lower())
     if write is None:
         raise ValueError(f"save_cloud: the name must end in {', '.join(WRITERS)}, got {path.name!r}")
-    if write is _npz:
-        return cloud.save(path)
     with replacing(path) as name:
         write(cloud, name)
     return path
@@ -95,7 +96,7 @@ def _facts(cloud: PointCloud) -> dict[str, str]:
 
 
 def _npz(cloud: PointCloud, path: Path) -> None:
-    cloud.save(path)
+    cloud.write_npz(path)
 
 
 def _ply(cloud: PointCloud, path: Path) -> None:
@@ -120,10 +121,14 @@ def _las(cloud: PointCloud, path: Path) -> None:
     own = {"x", "y", "z", "time", "intensity"}
     extra = {name: values for name, values in _table(cloud).items() if name not in own}
     header.add_extra_dims([laspy.ExtraBytesParams(name, values.dtype) for name, values in extra.items()])
-    header.vlrs.extend(
-        laspy.vlrs.VLR(user_id="Perfect BVH", record_id=number, description=name, record_data=text.encode()[:65535])
-        for number, (name, text) in enumerate(_facts(cloud).items())
-    )
+    header.creation_date = LAS_DATE
+    for name, text in _facts(cloud).items():  # a record holds no more
+        whole = text.encode()
+        parts = [whole[first : first + MOST_IN_A_RECORD] for first in range(0, max(len(whole), 1), MOST_IN_A_RECORD)]
+        header.vlrs.extend(
+            laspy.vlrs.VLR(user_id="Perfect BVH", record_id=number, description=name, record_data=part)
+            for number, part in enumerate(parts)
+        )
     points = laspy.LasData(header)
     points.x, points.y, points.z = cloud.positions.T
     points.gps_time = cloud.times
@@ -132,7 +137,7 @@ def _las(cloud: PointCloud, path: Path) -> None:
     for name, values in extra.items():
         points[name] = values
     with path.open("wb") as file:
-        points.write(file, do_compress=path.suffix == ".laz")
+        points.write(file, do_compress=path.suffix.lower() == ".laz")
 
 
 def _arrow(cloud: PointCloud) -> Any:

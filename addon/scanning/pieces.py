@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -53,10 +54,17 @@ def checksum(path: Path) -> str:
     return digest.hexdigest()
 
 
-def inputs_of(scene: Path, pattern: Pattern, **others: Any) -> dict[str, Any]:
-    """All that the bytes of pieces depend on, but for their frames, as JSON has it."""
-    values: dict[str, Any] = json.loads(json.dumps(asdict(pattern)))  # type: ignore[call-overload]
-    return {"scene": checksum(scene), "sensor": {"kind": type(pattern).__name__, **values}, **others}
+def inputs_of(files: Iterable[Path], pattern: Pattern, **others: Any) -> dict[str, Any]:
+    """What the bytes of pieces depend on, but for their frames, as JSON has it.
+
+    files: the scene's own and those that it reads, by their contents. Caches of simulations are not among them.
+    """
+    values = {
+        name: list(value) if isinstance(value, tuple) else None if value == math.inf else value
+        for name, value in asdict(pattern).items()  # type: ignore[call-overload]
+    }
+    sums = {path.name: checksum(path) for path in sorted(set(files)) if path.is_file()}
+    return {"files": sums, "sensor": {"kind": type(pattern).__name__, **values}, **others}
 
 
 class PieceFolder:
@@ -67,14 +75,20 @@ class PieceFolder:
         self._inputs = inputs
         self._suffix = suffix
 
-    def check(self) -> None:
-        """Raises OtherInputsError if the folder holds a piece that was made from anything else."""
+    def check(self, pieces: Iterable[Piece]) -> None:
+        """Raises OtherInputsError if the folder holds what these pieces cannot stand beside.
+
+        That is a piece that was made from anything else, or one that shares frames with any of these.
+        """
+        wanted = [piece.frames for piece in pieces]
         for path in sorted(self._folder.glob("points_*.json")):
             found = _read(path)
             if found is None:
                 continue  # no manifest, or a damaged one: its piece counts as not done
-            inputs = found.get("inputs", {})
+            inputs, (first, last) = found["inputs"], found["frames"]
             other = next((name for name in self._inputs if inputs.get(name) != self._inputs[name]), None)
+            if any(a <= last and first <= b and (a, b) != (first, last) for a, b in wanted):
+                other = "division of the frames"
             if other is not None:
                 raise OtherInputsError(
                     f"{self._folder} holds pieces of another scan: {path.name} has another {other}; "
@@ -92,7 +106,7 @@ class PieceFolder:
             and found.get("checksum") == checksum(file)
         )
 
-    def write(self, piece: Piece, cloud: PointCloud, version: str) -> Path:
+    def write(self, piece: Piece, cloud: PointCloud) -> Path:
         """The file, then its manifest. Raises OSError."""
         path = self._file(piece)
         self._manifest(piece).unlink(missing_ok=True)
@@ -102,16 +116,21 @@ class PieceFolder:
             "frames": list(piece.frames),
             "rays": cloud.ray_count,
             "points": len(cloud),
-            "pose_error": cloud.pose_error,
-            "scene_error": cloud.scene_error,
+            "object_names": list(cloud.object_names),
+            "material_names": list(cloud.material_names),
+            **self._errors(piece, cloud),
             "warnings": list(cloud.warnings),
             "checksum": checksum(path),
-            "version": version,
             "inputs": self._inputs,
         }
         with replacing(self._manifest(piece)) as name:
-            name.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+            name.write_text(json.dumps(manifest, indent=1, allow_nan=False) + "\n", encoding="utf-8")
         return path
+
+    def _errors(self, piece: Piece, cloud: PointCloud) -> dict[str, float | None]:
+        """Of a piece of a single stretch, of whose way nothing is known but its ends, there are none."""
+        is_known = (piece.frames[1] - piece.frames[0] + 1) * self._inputs["steps"] > 1
+        return {name: getattr(cloud, name) if is_known else None for name in ("pose_error", "scene_error")}
 
     def _file(self, piece: Piece) -> Path:
         return self._folder / f"{piece.stem}{self._suffix}"
@@ -126,4 +145,5 @@ def _read(path: Path) -> dict[str, Any] | None:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return found if isinstance(found, dict) else None
+    whole = isinstance(found, dict) and isinstance(found.get("inputs"), dict) and isinstance(found.get("frames"), list)
+    return found if whole and len(found["frames"]) == 2 else None

@@ -84,8 +84,14 @@ class PointCloud:
         the reason if it cannot be written.
         """
         path = Path(path)
-        if path.suffix != ".npz":
+        if path.suffix.lower() != ".npz":
             path = path.with_name(path.name + ".npz")
+        with replacing(path) as name:
+            self.write_npz(name)
+        return path
+
+    def write_npz(self, path: Path) -> None:
+        """Into an open place, as it is: `save` is what keeps the file before."""
         arrays = {name: getattr(self, name) for name in COLUMNS} | {
             "object_names": np.array(self.object_names, dtype=np.str_),
             "material_names": np.array(self.material_names, dtype=np.str_),
@@ -94,8 +100,7 @@ class PointCloud:
             "scene_error": np.array(self.scene_error, np.float64),
         }
         # What np.savez does; but that leaves its archive open when the disk is full.
-        with replacing(path) as name, open(name, "wb") as file, zipfile.ZipFile(file, "w") as archive:
+        with open(path, "wb") as file, zipfile.ZipFile(file, "w") as archive:
             for name, array in arrays.items():
                 with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
                     np.lib.format.write_array(entry, array, allow_pickle=False)
-        return path

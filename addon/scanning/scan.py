@@ -28,7 +28,7 @@ from .point_cloud import PointCloud
 from .poses import Path, bend
 from .second_eye import drop_hidden
 from .stretch_sync import StretchSync
-from .stretches import Stretch, stretches_of
+from .stretches import Stretch, rays_before, stretches_of
 
 Progress = Callable[[float], object]
 
@@ -70,8 +70,9 @@ def scan(
         where the sensor is at that ray's time, and meets things where they are then. `PointCloud.pose_error` and
         `scene_error` say how far off that may be where ways are curved. Cycles' switches of motion blur do not count.
         A camera grid is one picture a step, of one moment.
-    since: the frame in which the scan began, if these frames are a later part of it: where the sensor's way through
-        time goes on from. None, the default: the first of the frames.
+    since: the frame in which the scan began, if these frames are a later part of it: times and ray_ids go on from
+        there, so that parts can be put together; object_ids, instance_ids and material_ids are those of a part alone.
+        None, the default: the first of the frames.
     threads: at most so many; 0 for all.
     progress: called with 0 to 1, also while trees are built; returning False raises `perfect_bvh.Cancelled`, within
         about a tenth of a second, as Ctrl-C raises KeyboardInterrupt. The frame is set back either way.
@@ -117,7 +118,7 @@ class Scanner:
         rate = scene.render.fps / scene.render.fps_base
         self._stretches = tuple(stretches_of(pattern, rate, frames, steps_per_frame, since))
         self._threads = threads
-        self._collector = Collector()
+        self._collector = Collector(rays_before(pattern, self._stretches))
         self._warnings: dict[str, None] = {}
         self._poses: list[Float64Array] = []
         self._pose_error = self._scene_error = 0.0
@@ -136,7 +137,8 @@ class Scanner:
         alone is scanned.
         """
         scene = self._place.find()
-        before = scene.frame_current, scene.frame_subframe
+        camera_uid = scene.camera.session_uid if scene.camera else 0
+        before = scene.frame_current, scene.frame_subframe, camera_uid
         # A stretch is about the moments when it was read, whatever the user does while its trees are built and its rays
         # cast: its snapshot must not go stale by that, and the next one reads again what has changed.
         sync = StretchSync(AttributeRequest(material_slots=True))

@@ -13,6 +13,7 @@ A file says what kind of sensor it is, and the arguments of that pattern by thei
 from __future__ import annotations
 
 import difflib
+import math
 import os
 import tomllib
 from dataclasses import dataclass, fields
@@ -33,6 +34,8 @@ KINDS: dict[str, type[Any]] = {
     "depth camera": DepthCamera,
 }
 WORDS = ("title", "source", "kind")
+MOST_LINES = 100_000
+LARGEST = 1e12  # of a number in a file; more than that is a mistake
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +85,7 @@ def _words(values: dict[str, Any]) -> tuple[str, str]:
 
 def _pattern(values: dict[str, Any]) -> Pattern:
     kind = values.get("kind")
-    if kind not in KINDS:
+    if not isinstance(kind, str) or kind not in KINDS:
         found = "" if kind is None else f", got {kind!r}{_nearest(str(kind), KINDS)}"
         raise ValueError(f"kind must be one of {_list(KINDS)}{found}")
     made = KINDS[kind]
@@ -100,20 +103,30 @@ def _pattern(values: dict[str, Any]) -> Pattern:
 
 def _number(kind: str, name: str, value: Any) -> Any:
     if name == "elevations" and isinstance(value, dict):
-        if value.keys() != {"first", "last", "count"} or not isinstance(value["count"], int) or value["count"] < 1:
+        ends = [value.get(name) for name in ("first", "last")]
+        count = value.get("count")
+        is_count = isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= MOST_LINES
+        if len(value) != 3 or not is_count or not all(map(_is_number, ends)):
             raise ValueError(f"elevations must be a list, or first, last and count, got {value}")
-        return tuple(np.linspace(float(value["first"]), float(value["last"]), value["count"]).tolist())
+        return tuple(np.linspace(float(ends[0]), float(ends[1]), count).tolist())
     if name in ("elevations", "turns"):
         if not isinstance(value, list) or not all(_is_number(each) for each in value):
             raise ValueError(f"{name} of a {kind} sensor must be a list of numbers, got {value!r}")
         return tuple(float(each) for each in value)
     if not _is_number(value):
-        raise ValueError(f"{name} of a {kind} sensor must be a number, got {value!r}")
+        raise ValueError(f"{name} of a {kind} sensor must be a number of usual size, got {_shown(value)}")
     return value
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    return (
+        isinstance(value, (int, float)) and not isinstance(value, bool) and (abs(value) <= LARGEST or value == math.inf)
+    )
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."
 
 
 def _nearest(name: str, names: Any) -> str:

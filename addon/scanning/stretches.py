@@ -20,6 +20,14 @@ class Stretch:
     next_subframe: float = 0.0
 
 
+def rays_before(pattern: Pattern, stretches: tuple[Stretch, ...]) -> int:
+    """How many a scan has cast before these, which may be a later part of it."""
+    begin, end = stretches[0].start, stretches[0].end
+    if pattern.needs_camera and end > begin:  # a picture a stretch
+        return round(begin / (end - begin)) * pattern.count(begin, end)
+    return pattern.count(0.0, begin) if begin > 0.0 else 0
+
+
 def stretches_of(
     pattern: Pattern,
     rate: float,

@@ -53,8 +53,11 @@ def object_motion_settings(owner: bpy.types.Object) -> bpy.types.bpy_struct | No
 
 
 def has_motion_blur(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> bool:
-    """Whether what moves is to be blurred in renders; a layer may be without."""
-    return bool(scene.render.use_motion_blur and getattr(view_layer, "use_motion_blur", True))
+    """Whether what moves is to be blurred in renders; a layer may be without, and a shutter of no time shows none."""
+    render = scene.render
+    return bool(
+        render.use_motion_blur and render.motion_blur_shutter > 0.0 and getattr(view_layer, "use_motion_blur", True)
+    )
 
 
 def read_motion_blur(scene: bpy.types.Scene) -> MotionSettings:

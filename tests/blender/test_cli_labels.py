@@ -27,7 +27,11 @@ def test_frames_are_labelled_as_they_are_rendered(small_file: Path, tmp_path: Pa
     folder = tmp_path / "labels"
     arguments = ("--frames", "1-2", "--layers", 2, "--flow", "-q")
     assert run("labels", small_file, "-o", folder, *arguments) == 0
-    assert sorted(path.name for path in folder.iterdir()) == ["coco.json", "labels_0001.npz", "labels_0002.npz"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "coco_0001-0002.json",
+        "labels_0001.npz",
+        "labels_0002.npz",
+    ]
     for frame in (1, 2):
         image = tmp_path / f"depth_{frame}.exr"
         arguments = ("--mode", "depth", "--samples", 1, "--frames", frame, "-q")
@@ -37,7 +41,7 @@ def test_frames_are_labelled_as_they_are_rendered(small_file: Path, tmp_path: Pa
             assert np.array_equal(data["depth"], depth)
             assert data["layer_depths"].shape == (2, 36, 64)
             assert np.abs(data["flow"]).max() > 0.1
-    content = json.loads((folder / "coco.json").read_text())
+    content = json.loads((folder / "coco_0001-0002.json").read_text())
     assert [image["file_name"] for image in content["images"]] == ["frame_0001.png", "frame_0002.png"]
     assert {row["name"] for row in content["annotations"]} == {"Cube", "Sheet"}
 

@@ -42,7 +42,9 @@ def scanned(small_file: Path, folder: Path, *more: object) -> int:
 def columns(folder: Path) -> dict[str, Any]:
     """Of all pieces together."""
     found = [dict(np.load(path)) for path in sorted(folder.glob("*.npz"))]
-    return {name: np.concatenate([each[name] for each in found]) for name in ("positions", "times", "ring_ids")}
+    return {
+        name: np.concatenate([each[name] for each in found]) for name in ("positions", "times", "ring_ids", "ray_ids")
+    }
 
 
 def test_pieces_together_are_the_whole_scan(small_file: Path, tmp_path: Path) -> None:
@@ -55,7 +57,9 @@ def test_pieces_together_are_the_whole_scan(small_file: Path, tmp_path: Path) ->
     found = columns(tmp_path / "out")
     assert np.array_equal(found["positions"], whole.positions)
     assert np.array_equal(found["times"], whole.times)
+    assert np.array_equal(found["ray_ids"], whole.ray_ids)
     manifest = json.loads((tmp_path / "out" / "points_0003-0004.json").read_text())
+    assert set(manifest["object_names"]) == {"Cube", "Sheet"} and "Infinity" not in str(manifest)
     assert manifest["frames"] == [3, 4] and manifest["rays"] == 9 * 120 and manifest["points"] > 100
 
 
@@ -70,16 +74,17 @@ def test_what_is_there_and_whole_is_not_done_again(small_file: Path, tmp_path: P
     assert scanned(small_file, out, "--resume") == 0
     assert whole.stat().st_mtime_ns == before
     assert [path.read_bytes() for path in (whole, missing, damaged)] == contents
-    (out / "points_0001-0002.json").write_text("{")
-    assert scanned(small_file, out, "--resume") == 0
-    assert whole.stat().st_mtime_ns > before and whole.read_bytes() == contents[0]
+    for text in ("{", "3", "{}", '{"inputs": null}', '{"inputs": {}, "frames": 3}'):
+        (out / "points_0001-0002.json").write_text(text)
+        assert scanned(small_file, out, "--resume") == 0
+        assert whole.stat().st_mtime_ns > before and whole.read_bytes() == contents[0]
 
 
 def test_a_folder_of_another_scan_is_refused(small_file: Path, tmp_path: Path, capfd: Any) -> None:
     out = tmp_path / "out"
     assert scanned(small_file, out) == 0
     kept = {path.name: path.read_bytes() for path in out.iterdir()}
-    for changed in (("--steps", 3), ("--format", "ply")):
+    for changed in (("--steps", 3), ("--format", "ply"), ("--piece", 4)):
         assert scanned(small_file, out, *changed) == 2
         assert "holds pieces of another scan" in capfd.readouterr().err
     (tmp_path / "sensor.toml").write_text(SENSOR.replace("120", "60"))
@@ -150,3 +155,54 @@ def test_two_eyes_see_less_than_one(registered: None) -> None:
     # On the wall, to the left of what the first eye sees past the plate's left edge: up to .2 m wide there.
     assert len(lost) > 50 and np.allclose(at[:, 1], 4.0)
     assert (at[:, 0] >= -2.2 - 1e-6).all() and (at[:, 0] <= -2.0 + 1e-6).all()
+
+
+def test_what_is_simulated_is_played_again(small_file: Path, tmp_path: Path) -> None:
+    """A cube that falls is in the last piece where it was, although the pieces before are kept."""
+    bpy.ops.wm.open_mainfile(filepath=str(small_file))
+    bpy.context.view_layer.objects.active = cube = bpy.data.objects["Cube"]
+    cube.animation_data_clear()
+    cube.location.z = 8.0
+    bpy.ops.rigidbody.object_add()
+    bpy.ops.wm.save_mainfile()
+    out = tmp_path / "out"
+    assert scanned(small_file, out) == 0
+    last = out / "points_0005-0006.npz"
+    content = last.read_bytes()
+    last.unlink()
+    assert scanned(small_file, out, "--resume") == 0
+    assert last.read_bytes() == content
+
+
+def test_a_library_that_has_changed_is_noticed(small_file: Path, tmp_path: Path, capfd: Any) -> None:
+    library = tmp_path / "library.blend"
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.mesh.primitive_cube_add(size=1.0)
+    bpy.context.object.name = "Linked"
+    bpy.ops.wm.save_as_mainfile(filepath=str(library))
+    bpy.ops.wm.open_mainfile(filepath=str(small_file))
+    with bpy.data.libraries.load(str(library), link=True) as (_, to):
+        to.objects = ["Linked"]
+    bpy.context.scene.collection.objects.link(to.objects[0])
+    bpy.ops.wm.save_mainfile()
+    assert scanned(small_file, tmp_path / "out") == 0
+    bpy.ops.wm.open_mainfile(filepath=str(library))
+    bpy.data.objects["Linked"].scale *= 2.0
+    bpy.ops.wm.save_mainfile()
+    assert scanned(small_file, tmp_path / "out", "--resume") == 2
+    assert "has another files" in capfd.readouterr().err
+
+
+def test_the_camera_of_a_marker_does_not_stay(registered: None) -> None:
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    cameras = []
+    for name in "ABC":
+        camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+        scene.collection.objects.link(camera)
+        cameras.append(camera)
+    for frame, camera in ((1, cameras[0]), (3, cameras[1])):
+        scene.timeline_markers.new(camera.name, frame=frame).camera = camera
+    scene.camera = cameras[2]
+    scan(SpinningLidar(columns=10), cameras[2], frames=(1, 4))
+    assert scene.camera == cameras[2] and scene.frame_current == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,23 @@ def test_las_goes_as_far_as_whole_numbers_reach(tmp_path: Path) -> None:
     assert np.abs(np.column_stack([points.x, points.y, points.z]) - wide.positions).max() <= step
 
 
+def test_las_holds_names_of_any_number(tmp_path: Path) -> None:
+    names = tuple(f"An object with a long name, number {number}" for number in range(5000))
+    points = laspy.read(save_cloud(replace(cloud(), object_names=names), tmp_path / "POINTS.LAZ"))
+    assert points.header.are_points_compressed
+    parts = [
+        vlr.record_data
+        for vlr in points.header.vlrs.get_by_id("Perfect BVH")
+        if vlr.description.strip("\0") == "object_names"
+    ]
+    assert len(parts) > 1 and json.loads(b"".join(parts)) == list(names)
+
+
+def test_files_are_the_same_on_every_day(tmp_path: Path) -> None:
+    points = laspy.read(save_cloud(cloud(), tmp_path / "points.las"))
+    assert points.header.creation_date == date(2000, 1, 1)
+
+
 def test_hdf5_holds_every_column(tmp_path: Path) -> None:
     made = cloud()
     with h5py.File(save_cloud(made, tmp_path / "points.h5")) as file:
@@ -109,7 +127,7 @@ def test_hdf5_holds_every_column(tmp_path: Path) -> None:
 
 
 def test_npz_is_the_clouds_own(tmp_path: Path) -> None:
-    with np.load(save_cloud(cloud(), tmp_path / "points.npz")) as data:
+    with np.load(save_cloud(cloud(), tmp_path / "points.NPZ")) as data:
         assert set(COLUMNS) <= set(data.files)
 
 

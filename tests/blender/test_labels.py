@@ -89,6 +89,17 @@ def test_a_mirrored_and_sheared_mesh_has_the_normals_of_a_render(scene: Any) -> 
     np.testing.assert_allclose(labels.normals, normal, atol=1e-5)
 
 
+def test_what_is_flattened_has_the_normals_of_a_render(scene: Any) -> None:
+    bpy.data.objects["Ball 0"].scale = (1.0, 0.0, 1.0)
+    sync = SceneSync(watch=False)
+    labels = label_image(sync=sync, size=SIZE)
+    normal = perfect_bvh.render_passes(
+        sync.scene, sync.camera, size=SIZE, appearance=sync.appearance, passes=("normal",)
+    )["normal"]
+    assert (labels.thing_ids == named(labels, "Ball 0")).any()
+    np.testing.assert_allclose(labels.normals, normal, atol=1e-5)
+
+
 def test_amodal_masks_are_those_of_each_thing_alone(scene: Any) -> None:
     labels = label_image(size=SIZE)
     overlap = np.zeros((SIZE[1], SIZE[0]), int)
@@ -156,6 +167,7 @@ def test_flow_is_that_of_the_vector_pass(scene: Any) -> None:
         ball.location.x = x
         ball.keyframe_insert("location", frame=frame)
     scene.frame_set(2)
+    scene.render.use_border, scene.render.border_max_x = True, 0.3
     labels = label_image(size=SIZE, flow=True)
     assert labels.flow is not None
     moves = np.abs(labels.flow).max(axis=2) > 0.1

@@ -124,6 +124,14 @@ def test_what_is_not_to_be_blurred_is_sharp(scene: Any) -> None:
     assert np.allclose(image, sharp, atol=1e-5)
 
 
+def test_a_shutter_of_no_time_blurs_nothing(scene: Any) -> None:
+    scene.render.motion_blur_shutter = 0.0
+    image, _ = render_beside(scene, 16)
+    scene.render.use_motion_blur = False
+    sharp, _ = render_beside(scene, 16)
+    assert np.array_equal(image, sharp)
+
+
 def test_a_view_layer_may_be_without(scene: Any) -> None:
     layer = scene.view_layers[0]
     if not hasattr(layer, "use_motion_blur"):

@@ -92,6 +92,12 @@ def test_a_file_of_ones_own(tmp_path: Path) -> None:
         ('kind = "depth camera"\nvertical = 179.0', "vertical must be degrees"),
         ('kind = "depth camera"\nbaseline = inf', "baseline must be a finite length"),
         ("kind = ", "Invalid value"),
+        ('kind = ["spinning"]', "kind must be one of"),
+        ('kind = "spinning"\nelevations = { first = [1], last = 2, count = 3 }', "first, last and count"),
+        ('kind = "spinning"\nelevations = { first = 1, last = 2, count = true }', "first, last and count"),
+        ('kind = "spinning"\nrate = 1e30', "rate of a spinning sensor must be a number of usual size"),
+        (f'kind = "spinning"\nrate = {"9" * 400}', "number of usual size, got 999"),
+        ('kind = "depth camera"\nbaseline = 1e300', "number of usual size"),
         ('title = 3\nkind = "raster"', "title must be text"),
     ],
 )

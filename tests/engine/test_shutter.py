@@ -206,7 +206,8 @@ def test_corner_normals_turn_with_their_triangles() -> None:
     assert np.allclose(image[-1], expected[-1], atol=2e-3)
 
 
-def test_a_light_that_grows_is_as_bright_as_it_is_large_then() -> None:
+@pytest.mark.parametrize("start", [1.0, 1e-3, 0.0])
+def test_a_light_that_grows_is_as_bright_as_it_is_large_then(start: float) -> None:
     floor = np.array([(-4, -4, -1), (4, -4, -1), (4, 4, -1), (-4, 4, -1)], np.float32)
     lamp = np.array([(-1, -1, 1), (-1, 1, 1), (1, 1, 1), (1, -1, 1)], np.float32) * np.float32(0.2)
     lamp[:, 2] = 1.0
@@ -223,7 +224,7 @@ def test_a_light_that_grows_is_as_bright_as_it_is_large_then() -> None:
 
     look = replace(emissive(40.0), camera_mask=0xFFFFFFFF)
     scene, mesh = make(lamp)
-    scene.set_mesh_motion(mesh, np.stack([lamp, grown]))
+    scene.set_mesh_motion(mesh, np.stack([lamp * np.float32([start, start, 1.0]), grown]))
     scene.commit()
     image = preview(scene, look, ROLLING, samples=1024)
     still, _ = make(grown)
@@ -244,6 +245,9 @@ def test_times_follow_the_curve() -> None:
     chances = np.linspace(0.0, 1.0, len(triangle))
     expected = np.where(chances < 0.5, np.sqrt(chances / 2), 1 - np.sqrt((1 - chances) / 2))
     assert np.allclose(triangle, expected, atol=5e-4)
+    for peak in (1, 777, 9000):
+        narrow = Shutter(tuple(float(place == peak) for place in range(9001))).times()
+        assert np.abs(narrow - peak / 9000).max() <= 1.01 / 9000
     late = Shutter((0.0, 0.0, 0.0, 0.0, 1.0)).times()
     assert (late >= 0.75 - 1e-3).all() and late[-1] == 1.0
 

@@ -67,10 +67,11 @@ class Shutter:
         """(N,) float32: the times below which the shutter has let in 0 to 1 of all light, evenly; empty if evenly."""
         if self.curve is None:
             return np.empty(0, np.float32)
-        places = np.linspace(0.0, 1.0, _STEPS + 1)
-        heights = np.interp(places, np.linspace(0.0, 1.0, len(self.curve)), self.curve)
-        light = np.concatenate([[0.0], np.cumsum(heights[1:] + heights[:-1])])
-        # Where it is shut nothing is added: such times are no one's.
+        given = np.linspace(0.0, 1.0, len(self.curve))
+        places = np.union1d(np.linspace(0.0, 1.0, _STEPS + 1), given)
+        heights = np.interp(places, given, self.curve)
+        light = np.concatenate([[0.0], np.cumsum((heights[1:] + heights[:-1]) * np.diff(places))])
+        # Where it is shut nothing is added: such times are no one's, but for one step of the table across each gap.
         opens = int(np.flatnonzero(light > 0.0)[0]) - 1
         light, places = light[opens:], places[opens:]
         rises = np.concatenate([[True], np.diff(light) > 0.0])

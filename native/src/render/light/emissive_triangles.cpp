@@ -20,6 +20,16 @@ Hit hit_on(std::uint32_t instance, std::uint32_t primitive) noexcept {
   return hit;
 }
 
+// While it moves: what has no area at first may shine later.
+double largest_area(const Instance& instance, TriangleIndices corners) noexcept {
+  const auto area = [&](float time) { return 0.5 * length(place_triangle(instance, corners, time).scaled_normal()); };
+  if (instance.motion == 0) return area(0.0f);
+  double largest = 0.0;
+  constexpr int kTimes = 8;
+  for (int i = 0; i <= kTimes; ++i) largest = std::max(largest, area(static_cast<float>(i) / kTimes));
+  return largest;
+}
+
 }  // namespace
 
 EmissiveTriangles::EmissiveTriangles(const Snapshot& snapshot, const Appearance& appearance)
@@ -60,8 +70,7 @@ bool EmissiveTriangles::list(std::uint32_t instance_index) {
   for (std::uint32_t primitive = 0; primitive < count; ++primitive) {
     const std::int32_t material = appearance_.material_of(instance, primitive);
     if (material == kNoMaterial || !(brightness(material) > 0.0f)) continue;
-    const WorldTriangle corners = world_triangle(snapshot_, hit_on(instance_index, primitive));
-    const double area = 0.5 * length(cross(corners.v1 - corners.v0, corners.v2 - corners.v0));
+    const double area = largest_area(instance, instance.blas->mesh.triangles[primitive]);
     const double power = area * static_cast<double>(brightness(material));
     if (!(power > 0.0) || !std::isfinite(power)) continue;
     if (triangles_.size() == kMostTriangles) return false;
@@ -71,7 +80,7 @@ bool EmissiveTriangles::list(std::uint32_t instance_index) {
   return true;
 }
 
-// Where a triangle has grown since it was listed its light is, too: densities are those of the list.
+// Where a triangle is smaller than it is listed it is chosen too often, and its light is less by that.
 EmissivePoint EmissiveTriangles::choose(float pick, Point2 place, float time) const {
   const auto found = std::upper_bound(powers_.begin(), powers_.end() - 1, static_cast<double>(pick) * power());
   const Triangle& triangle = triangles_[static_cast<std::size_t>(found - powers_.begin())];

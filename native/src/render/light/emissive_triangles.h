@@ -38,7 +38,7 @@ class EmissiveTriangles {
  private:
   struct Triangle {
     std::uint32_t instance, primitive;
-    float area;  // when it was listed
+    float area;  // by which it is chosen: the largest that it has
   };
   // 0 of what is not worth aiming at.
   [[nodiscard]] float brightness(std::int32_t material) const noexcept;

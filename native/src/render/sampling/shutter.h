@@ -3,7 +3,6 @@
 // which everything else of its path is seen, and a camera to cast its ray.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <vector>
