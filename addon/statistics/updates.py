@@ -33,12 +33,13 @@ State = Literal[
     "rotated",
     "partly_rebuilt",
     "rebuilt",
+    "animated",
     "built",
 ]
 # What happens to objects, and then to the trees of their meshes, which tells more.
 STATES: tuple[State, ...] = (
     *("kept", "unseen", "masked", "moved", "recounted", "replaced", "added", "removed"),
-    *("deferred", "refitted", "rotated", "partly_rebuilt", "rebuilt", "built"),
+    *("deferred", "refitted", "rotated", "partly_rebuilt", "rebuilt", "animated", "built"),
 )
 OF_TREES = frozenset(STATES[STATES.index("deferred") :])
 MOST_CHANGED, MOST_UNCHANGED = 200, 300

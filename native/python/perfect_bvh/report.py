@@ -8,8 +8,8 @@ from typing import Any, Literal
 # deferred: a lazy mesh that no ray has reached: its tree is not built; `statistics()` tells when it is.
 # refitted: new boxes, the same tree. rotated, partly_rebuilt: refitted, then restructured where motion had degraded
 # it.
-# kept: nothing was done, though a new tree was weighed.
-MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt", "deferred", "kept"]
+# kept: nothing was done, though a new tree was weighed. animated: one tree was built for all frames of an animation.
+MeshAction = Literal["built", "refitted", "rotated", "partly_rebuilt", "rebuilt", "animated", "deferred", "kept"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +17,7 @@ class Alternative:
     """What could have been done about a mesh, and what that was expected to cost on one thread.
 
     builder: of the tree that would be built; "" where none would. trace_milliseconds: of the rays that were expected;
-    None if their number is unknown.
+    None if their number is unknown. "animated" (`Scene.expect_animation`): both of one frame, in the mean of all.
     """
 
     action: MeshAction

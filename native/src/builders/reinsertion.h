@@ -1,0 +1,259 @@
+// The passes of reinsertion (optimize.h), over any tree whose nodes can be moved about and tell how large they are.
+// In: a tree with links. Out: the same leaves under it, where they enlarge the others least; the same for any number of
+// threads.
+//
+// Such a tree has the members of LinkTree. What its nodes enclose is its own matter (Enclosure, or an EnclosureView of
+// what a node has: a box, or one at each of several moments), and so is how large that is (area()).
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "builders/bvh2.h"
+#include "builders/optimize.h"
+#include "builders/select_nth.h"
+#include "core/cancel.h"
+#include "core/steps.h"
+#include "core/thread_pool.h"
+
+namespace perfect_bvh {
+
+// The share of all nodes, the largest, that the first pass looks at; each later pass looks at twice as many.
+inline constexpr double kFirstShare = 0.05;
+
+template <class Tree>
+struct Reinsertion {
+  float gain = 0.0f;  // by how much the areas of all interior nodes shrink together
+  typename Tree::Id moving = 0;
+  typename Tree::Id target = 0;
+};
+
+// Goes up from a node that is taken out, ancestor by ancestor. At each, the subtree on the other side is where the node
+// may go, and `saved` is by how much the nodes on the way up are smaller for its absence. It may also become the
+// sibling of the ancestor itself, under a new node as large as that one was: `saved_above`.
+template <class Tree>
+class Climb {
+ public:
+  using Id = typename Tree::Id;
+  Climb(const Tree& tree, Id moving) noexcept
+      : tree_(tree),
+        below_(tree.parent(moving)),
+        rest_(tree.enclosure(tree.sibling(moving))),
+        saved_(tree.area(below_)) {}  // the parent goes altogether
+
+  [[nodiscard]] bool at_end() const noexcept { return below_ == Tree::kRoot; }
+  [[nodiscard]] Id ancestor() const noexcept { return below_; }
+  [[nodiscard]] Id other_side() const noexcept { return tree_.sibling(below_); }
+  [[nodiscard]] float saved() const noexcept { return saved_; }
+  [[nodiscard]] float saved_above() const noexcept { return saved_ - tree_.area(below_); }
+  void go_up() noexcept {
+    rest_.grow(tree_.enclosure(other_side()));
+    below_ = tree_.parent(below_);
+    saved_ += tree_.area(below_) - tree_.area_of(rest_);
+  }
+
+ private:
+  const Tree& tree_;
+  Id below_;
+  typename Tree::Enclosure rest_;  // of below_, without the node
+  float saved_;
+};
+
+// Looks for the best new place of one node after another, with a stack that is kept between searches.
+template <class Tree>
+class ReinsertionSearch {
+ public:
+  using Id = typename Tree::Id;
+  explicit ReinsertionSearch(const Tree& tree) : tree_(tree) {}
+
+  [[nodiscard]] Reinsertion<Tree> run(Id moving) {
+    best_ = {0.0f, moving, 0};
+    enclosure_ = tree_.enclosure(moving);
+    area_ = tree_.area(moving);
+    for (Climb<Tree> climb(tree_, moving); !climb.at_end(); climb.go_up()) {
+      if (climb.ancestor() != tree_.parent(moving)) offer(climb.ancestor(), climb.saved_above());
+      search_below(climb.other_side(), climb.saved());
+    }
+    return best_;
+  }
+
+ private:
+  struct Entry {
+    Id id;
+    float left_over;  // of the savings, after the nodes above have grown
+  };
+
+  // No place below an entry can gain more than left_over - area_: the new parent is at least as large as the node.
+  void search_below(Id top, float saved) {
+    push(top, saved);
+    while (!stack_.empty()) {
+      const Entry entry = stack_.back();
+      stack_.pop_back();
+      if (!(entry.left_over - area_ > best_.gain)) continue;
+      const float joint = tree_.joint_area(entry.id, enclosure_);
+      offer(entry.id, entry.left_over - joint);
+      if (tree_.is_leaf(entry.id)) continue;
+      const float left_over = entry.left_over - (joint - tree_.area(entry.id));
+      push(tree_.left(entry.id), left_over);
+      push(tree_.right(entry.id), left_over);
+    }
+  }
+  void offer(Id target, float gain) noexcept {
+    if (!(gain > best_.gain)) return;
+    best_.gain = gain;
+    best_.target = target;
+  }
+  void push(Id id, float left_over) {
+    if (left_over - area_ > best_.gain) stack_.push_back({id, left_over});
+  }
+
+  const Tree& tree_;
+  std::vector<Entry> stack_;
+  typename Tree::EnclosureView enclosure_{};  // of the node that moves
+  float area_ = 0;
+  Reinsertion<Tree> best_;
+};
+
+template <class Tree>
+class Reinserter {
+ public:
+  using Id = typename Tree::Id;
+
+  // grain: searches, and reinsertions, between two questions whether to stop.
+  Reinserter(Tree tree, std::size_t grain) : tree_(std::move(tree)), grain_(grain), is_settled_(tree_.size(), 0) {}
+
+  [[nodiscard]] const Tree& tree() const noexcept { return tree_; }
+
+  // Returns how many nodes moved.
+  std::size_t run_pass(double share, ThreadPool& pool, CancelToken& cancel) {
+    select(share, cancel);
+    found_.resize(candidates_.size());
+    for_chunks(pool, candidates_.size(), grain_, cancel, [&](std::size_t begin, std::size_t end) {
+      ReinsertionSearch<Tree> search(tree_);
+      for (std::size_t i = begin; i < end; ++i) found_[i] = search.run(candidates_[i].second);
+    });
+    sort_gains(cancel);
+    std::size_t moved = 0;
+    for (std::size_t i = 0; i < found_.size(); ++i) {
+      if (i % grain_ == 0) cancel.checkpoint();
+      moved += apply(found_[i]);
+    }
+    return moved;
+  }
+
+ private:
+  // The largest nodes, but those that found no better place the last time, and around which nothing has changed.
+  void select(double share, CancelToken& cancel) {
+    candidates_.clear();
+    candidates_.reserve(tree_.size());
+    for_steps(tree_.size() - kFirstId, cancel, [&](std::size_t begin, std::size_t end) {
+      for (auto id = static_cast<Id>(kFirstId + begin); id < kFirstId + end; ++id) {
+        if (tree_.parent(id) != Tree::kRoot) candidates_.emplace_back(-tree_.area(id), id);
+      }
+    });
+    const auto count = static_cast<std::size_t>(std::min(1.0, share) * static_cast<double>(candidates_.size()));
+    select_nth(std::span(candidates_), count, cancel, std::less<>());
+    std::size_t kept = 0;
+    for_steps(count, cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        if (is_settled_[candidates_[i].second] == 0) candidates_[kept++] = candidates_[i];
+      }
+    });
+    candidates_.resize(kept);
+  }
+
+  // The largest gain first. Where there is none nothing will move, so that the order is of no account.
+  void sort_gains(CancelToken& cancel) {
+    std::size_t count = 0;
+    for_steps(found_.size(), cancel, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        if (found_[i].gain > 0.0f) std::swap(found_[count++], found_[i]);
+      }
+    });
+    Steps steps(cancel);
+    const auto end = found_.begin() + static_cast<std::ptrdiff_t>(count);
+    std::sort(found_.begin(), end, [&](const Reinsertion<Tree>& a, const Reinsertion<Tree>& b) {
+      steps.step();
+      return a.gain != b.gain ? a.gain > b.gain : a.moving < b.moving;
+    });
+  }
+
+  // What was found may no longer hold after the moves before it: it is priced again, and done only if it still gains.
+  bool apply(const Reinsertion<Tree>& found) noexcept {
+    const Id moving = found.moving;
+    if (!(found.gain > 0.0f)) {
+      is_settled_[moving] = 1;
+      return false;
+    }
+    const Id parent = tree_.parent(moving);
+    if (parent == Tree::kRoot || found.target == parent || tree_.is_below(found.target, moving)) return false;
+    // Gains as small as the rounding of the areas they are made of are none.
+    if (!(gain_now(found) > 1e-6f * tree_.area(parent))) return false;
+    const std::uint32_t height = std::max(tree_.height(moving), tree_.height(found.target));
+    if (tree_.depth_of(found.target) + 1 + height > kMaxTreeDepth) return false;
+    const Id old_sibling = tree_.sibling(moving);
+    tree_.move(moving, found.target);
+    unsettle(moving);
+    unsettle(old_sibling);
+    return true;
+  }
+
+  // Negative if the target is no place to go.
+  [[nodiscard]] float gain_now(const Reinsertion<Tree>& found) const noexcept {
+    const auto enclosure = tree_.enclosure(found.moving);
+    for (Climb<Tree> climb(tree_, found.moving); !climb.at_end(); climb.go_up()) {
+      if (found.target == climb.ancestor()) return climb.saved_above();
+      const Id top = climb.other_side();
+      if (!tree_.is_below(found.target, top)) continue;
+      float gain = climb.saved() - tree_.joint_area(found.target, enclosure);
+      for (Id id = found.target; id != top;) {
+        id = tree_.parent(id);
+        gain -= tree_.joint_area(id, enclosure) - tree_.area(id);
+      }
+      return gain;
+    }
+    return -1.0f;
+  }
+
+  // Nodes near a change may find better places again.
+  void unsettle(Id id) noexcept {
+    constexpr int kLevels = 6;
+    is_settled_[id] = 0;
+    for (int level = 0; level < kLevels && id != Tree::kRoot; ++level) {
+      is_settled_[tree_.sibling(id)] = 0;
+      id = tree_.parent(id);
+      is_settled_[id] = 0;
+    }
+  }
+
+  static constexpr std::size_t kFirstId = Tree::kRoot + 2;
+
+  Tree tree_;
+  std::size_t grain_;
+  std::vector<std::uint8_t> is_settled_;
+  std::vector<std::pair<float, Id>> candidates_;  // minus the area, node
+  std::vector<Reinsertion<Tree>> found_;
+};
+
+// So many passes at most, and none after `is_over`, or after one of all nodes that found nothing to gain.
+template <class Tree, class IsOver>
+OptimizeReport run_passes(Reinserter<Tree>& reinserter, std::uint32_t passes, const IsOver& is_over, ThreadPool& pool,
+                          CancelToken& cancel) {
+  OptimizeReport report;
+  double share = kFirstShare;
+  while (report.passes < passes && !is_over()) {
+    const std::size_t moved = reinserter.run_pass(share, pool, cancel);
+    ++report.passes;
+    report.moved += moved;
+    if (moved == 0 && share >= 1.0) break;
+    share = std::min(1.0, 2 * share);
+  }
+  return report;
+}
+
+}  // namespace perfect_bvh
