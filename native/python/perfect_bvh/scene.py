@@ -15,18 +15,17 @@ from .build_config import BuildConfig, Usage, as_config, check_usage, checked_nu
 from .calibration import Calibration, current_calibration
 from .curve_chains import CurveChains
 from .curves_and_points import CurvesAndPoints
+from .expected_animations import ExpectedAnimations
 from .queries import ALL_MASK, Queries
 from .report import CommitReport
 from .snapshot import Snapshot
 
 Policy = Literal["governed", "refit", "rotate", "rebuild_parts", "rebuild"]
 _MOST_RAYS = 1e18
-_SHAPES = (2, 64)
-_MOST_FRAMES = 1_000_000
 POLICIES: tuple[str, ...] = get_args(Policy)
 
 
-class Scene(Queries, CurvesAndPoints):
+class Scene(Queries, CurvesAndPoints, ExpectedAnimations):
     """A two-level tree over instanced meshes of triangles, curves or points.
 
     Edits are collected; `commit()` builds, refits or keeps each tree as its edits need; queries then answer from
@@ -131,35 +130,6 @@ class Scene(Queries, CurvesAndPoints):
             return
         span = as_time_range(name, time_range)
         self._scene.set_mesh_motion(check_id(name, "mesh", mesh), rows, steps, span)
-
-    def expect_animation(self, mesh: int, positions: npt.ArrayLike, frames: int) -> None:
-        """Tells which shapes a mesh will take, so that one tree may be built for all of them.
-
-        positions: (S, V, 3), S shapes from 2 to 64, each with as many rows as the mesh. They lie at equal intervals of
-            the frames to come, the first and the last frame among them; 4 to 8 are enough for most motions, and each
-            more makes the tree slower to build.
-        frames: how many commits of this mesh are to come, from 2 to 1,000,000; each may then move the mesh to any
-            shape, known or not, by `update_mesh`.
-
-        The next commit that builds or updates the mesh, and knows how many rays to expect (`expected_rays`, of each
-        frame), weighs one tree for all frames (T-SAH: Bittner and Meister 2015, "T-SAH: Animation optimized bounding
-        volume hierarchies") against refitting and rebuilding. It takes as long to build as 8 to 50 trees of one frame,
-        and pays where shapes return, turn or sway, not where everything flies apart. The report's `alternatives` and
-        `reason` tell, whether it is built (`action` "animated") or not. Later commits refit it, until it costs a ray a
-        tenth more than at the worst of the shapes, the frames are over, or the mesh rests for long.
-
-        It is told once, and forgotten when it was weighed, after `frames` commits, or by `replace_mesh`. Until then
-        the engine holds a copy of the shapes. No query's answer changes by it, so that none is stale. Only the policy
-        "governed" weighs it; a lazy mesh's first build does not.
-
-        Raises ValueError for an unknown mesh, for curves and points, for positions of other counts or not finite, for
-        other numbers of shapes and frames, and for a mesh that was added with a builder other than "auto", which
-        stays; what was told before holds then.
-        """
-        name = "expect_animation"
-        shapes, rows = as_steps(name, "positions", positions, 3, _SHAPES)
-        count = int(checked_number(name, "frames", frames, 2, _MOST_FRAMES))
-        self._scene.expect_animation(check_id(name, "mesh", mesh), rows, shapes, count)
 
     def replace_mesh(self, mesh: int, positions: npt.ArrayLike, triangles: npt.ArrayLike) -> None:
         """Gives a mesh another geometry; its instances stay."""
