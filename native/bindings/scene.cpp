@@ -51,8 +51,10 @@ Policy parse_policy(const std::string& name) {
   if (name == "rotate") return Policy::kRotate;
   if (name == "rebuild_parts") return Policy::kRebuildParts;
   if (name == "rebuild") return Policy::kRebuild;
-  throw InvalidArgument("Scene: policy must be 'governed', 'refit', 'rotate', 'rebuild_parts' or 'rebuild', got '" +
-                        name + "'");
+  if (name == "animate") return Policy::kAnimate;
+  throw InvalidArgument(
+      "Scene: policy must be 'governed', 'refit', 'rotate', 'rebuild_parts', 'rebuild' or 'animate', got '" + name +
+      "'");
 }
 
 BuilderCost parse_cost(const py::dict& numbers, const char* builder) {

@@ -229,6 +229,16 @@ TEST(AnimatedScene, ForgetsWithTheTopology) {
   EXPECT_EQ(one.commit().action, MeshAction::kRebuilt);
 }
 
+TEST(AnimatedScene, ThePolicyBuildsItAlways) {
+  Animated one;
+  one.expect(2);
+  const MeshReport first = one.commit(std::nullopt, Policy::kAnimate);
+  EXPECT_EQ(first.action, MeshAction::kAnimated) << first.reason;
+  EXPECT_FALSE(weighs(first));
+  one.move_to(3);
+  EXPECT_EQ(one.commit(std::nullopt, Policy::kAnimate).action, MeshAction::kRefitted);
+}
+
 // Shapes that nobody told, worse than all that were.
 TEST(AnimatedScene, RebuildsWhatDecaysMoreThanForeseen) {
   Animated one;

@@ -47,3 +47,45 @@ def _turned(
     axis, cos, sin = axes[:, None], np.cos(angles)[:, None, None], np.sin(angles)[:, None, None]
     along = (corners * axis).sum(axis=2, keepdims=True)
     return np.asarray(corners * cos + np.cross(axis, corners) * sin + axis * along * (1 - cos))
+
+
+def twisting(name: str, positions: npt.NDArray[np.float32], triangles: npt.NDArray[np.int32], count: int) -> MovingMesh:
+    """Turned about its longest axis, from nothing to a whole turn between its ends."""
+    place, axis, others = _upright(positions)
+    frames = []
+    for turn in np.linspace(0, 2 * np.pi, count):
+        angle, moved = turn * (place[:, axis] + 0.5), place.copy()
+        x, y = place[:, others[0]], place[:, others[1]]
+        moved[:, others[0]], moved[:, others[1]] = (
+            x * np.cos(angle) - y * np.sin(angle),
+            x * np.sin(angle) + y * np.cos(angle),
+        )
+        frames.append(moved.astype(np.float32))
+    return MovingMesh(f"{name}, twisted", np.stack(frames), triangles)
+
+
+def walking(name: str, positions: npt.NDArray[np.float32], triangles: npt.NDArray[np.int32], count: int) -> MovingMesh:
+    """Its halves swing past each other as legs do, once to and fro."""
+    place, axis, others = _upright(positions)
+    swing = 0.6 * np.tanh(8 * place[:, others[0]]) * (place[:, axis] - 0.5)
+    frames = np.repeat(place[None], count, axis=0)
+    frames[:, :, others[1]] += np.sin(np.linspace(0, 2 * np.pi, count))[:, None] * swing
+    return MovingMesh(f"{name}, walking", frames.astype(np.float32), triangles)
+
+
+def bursting(name: str, positions: npt.NDArray[np.float32], triangles: npt.NDArray[np.int32], count: int) -> MovingMesh:
+    """Its triangles fly off from its middle, each at a speed of its own, to three times its size."""
+    corners = _upright(positions)[0][triangles]
+    middles = corners.mean(axis=1)
+    speeds = middles + np.random.default_rng(0).normal(0, 0.3, middles.shape)
+    times = np.linspace(0, 3, count)[:, None, None, None]
+    frames = (corners[None] + times * speeds[None, :, None]).reshape(count, -1, 3).astype(np.float32)
+    return MovingMesh(f"{name}, bursting", frames, np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3))
+
+
+def _upright(positions: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.float64], int, list[int]]:
+    """Of size 1 about zero; its longest axis, and the others."""
+    extent = np.ptp(positions, axis=0)
+    axis = int(np.argmax(extent))
+    place = (positions.astype(np.float64) - positions.mean(axis=0)) / extent[axis]
+    return place, axis, [other for other in range(3) if other != axis]

@@ -24,10 +24,10 @@ import perfect_bvh
 from benchmarks.machine import describe
 from benchmarks.rounds import Spread, run_rounds
 from oracles.meshes import sphere
-from perfect_bvh.scene import POLICIES
 from tqdm import tqdm
 
 F64 = npt.NDArray[np.float64]
+POLICIES = ("governed", "refit", "rotate", "rebuild_parts", "rebuild")
 RAYS = 1_500_000  # that the governor is told
 
 

@@ -32,6 +32,7 @@ CHARTS = (
     "image_error",
     "stability",
     "policies_by_frame",
+    "whole_animations",
     "failure_zoo",
 )
 

@@ -31,9 +31,9 @@ def rays_at(positions, count: int = 100):
 class Play:
     """A scene of one mesh whose animation is known."""
 
-    def __init__(self, *, is_told: bool = True, count: int = 400, dtype=np.float32, **keywords):
+    def __init__(self, policy="governed", *, is_told=True, count: int = 400, dtype=np.float32, **keywords):
         self.shapes, self.triangles = swarms(count, dtype)
-        self.scene = perfect_bvh.Scene(calibration=MACHINE)
+        self.scene = perfect_bvh.Scene(policy, MACHINE)
         self.mesh = self.scene.add_mesh(self.shapes[0], self.triangles, usage="deforming", **keywords)
         self.scene.add_instance(self.mesh)
         if is_told:
@@ -94,13 +94,21 @@ def test_hits_are_right_in_every_frame_and_after_any_jump(dtype, layout):
 
 
 def test_one_tree_costs_the_mean_ray_less():
-    def mean_cost(is_told):
-        play = Play(is_told=is_told)
-        play.scene._policy = "governed" if is_told else "refit"
-        play.commit()
+    def mean_cost(policy):
+        play = Play(policy=policy)
+        assert play.commit().action == ("animated" if policy == "animate" else "built")
         return np.mean([play.show(shape).cost for shape in range(SHAPES)])
 
-    assert mean_cost(True) < 0.5 * mean_cost(False)
+    assert mean_cost("animate") < 0.5 * mean_cost("refit")
+
+
+def test_the_policy_builds_it_always():
+    play = Play(policy="animate")
+    row = play.commit(None)
+    assert (row.action, row.alternatives) == ("animated", ())
+    assert row.reason == "new mesh; the policy is to build one tree for all frames always"
+    row = play.show(3, None)
+    assert (row.action, row.reason) == ("refitted", "positions changed, and the policy is to refit always")
 
 
 def test_decisions_do_not_depend_on_threads():
@@ -167,10 +175,10 @@ def test_a_mesh_may_move_within_the_shutter():
 
 
 def test_a_stopped_commit_tells_it_again():
-    play = Play(count=40_000)
+    play = Play("animate", count=20_000)  # long enough to be asked
     with pytest.raises(perfect_bvh.Cancelled):
-        play.scene.commit(100 * RAYS, progress=lambda share: False)
-    assert weighs(play.commit(100 * RAYS))
+        play.scene.commit(progress=lambda share: False)
+    assert play.commit().action == "animated"
 
 
 def test_bad_input_is_named_and_changes_nothing():

@@ -20,7 +20,7 @@ from .queries import ALL_MASK, Queries
 from .report import CommitReport
 from .snapshot import Snapshot
 
-Policy = Literal["governed", "refit", "rotate", "rebuild_parts", "rebuild"]
+Policy = Literal["governed", "refit", "rotate", "rebuild_parts", "rebuild", "animate"]
 _MOST_RAYS = 1e18
 POLICIES: tuple[str, ...] = get_args(Policy)
 
@@ -34,7 +34,8 @@ class Scene(Queries, CurvesAndPoints, ExpectedAnimations):
 
     policy: what becomes of a tree whose vertices moved. "governed": what is expected to cost least, of the update and
         of the rays together. The others are for comparisons, and hits are the same, bit by bit: "refit" (wherever a
-        tree can be refitted), "rotate" and "rebuild_parts" (refit, and then always restructure so), "rebuild".
+        tree can be refitted), "rotate" and "rebuild_parts" (refit, and then always restructure so), "rebuild", and
+        "animate" (refit, in one tree for all frames wherever `expect_animation` told of them).
     calibration: what work costs on this machine; by default what `perfect-bvh calibrate` measured, or else what comes
         with the package. With equal calibrations, edits and expected rays the decisions are the same anywhere.
     """

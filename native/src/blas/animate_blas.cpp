@@ -42,7 +42,8 @@ class ShapeBoxes final : public SampledBoxes {
 
 bool is_due(const ChangedMesh& changed, const CommitOptions& options, const Blas& blas) noexcept {
   const MeshState& state = *changed.state;
-  return state.animation && !is_resting(state) && options.policy == Policy::kGoverned && changed.rays.value_or(0) > 0 &&
+  const bool governs = options.policy == Policy::kGoverned && changed.rays.value_or(0) > 0;
+  return state.animation && !is_resting(state) && (governs || options.policy == Policy::kAnimate) &&
          !blas.wide.is_empty && is_refittable(blas.wide);
 }
 
@@ -116,7 +117,7 @@ AnimationQuestion ask(const Blas& blas, const ChangedMesh& changed, const Calibr
   question.triangle_count = blas.mesh.primitive_count();
   question.shape_count = shapes.later.size() + 1;
   question.frame_count = animation.frame_count;
-  question.rays = *changed.rays;
+  question.rays = changed.rays.value_or(0);
   question.ray_nanoseconds = ray_nanoseconds(history.now, calibration);
   if (!may_animate(question, calibration)) return question;
   const bool is_new = history.since_build.commit_count == 0;  // built over the shape that the mesh has now
@@ -124,6 +125,18 @@ AnimationQuestion ask(const Blas& blas, const ChangedMesh& changed, const Calibr
   question.refitted = refitted_nanoseconds(blas.wide, shapes, calibration, pool, cancel);
   question.fresh = fresh_costs_at(shapes, history, calibration, pool, cancel);
   return question;
+}
+
+// Whether the tree is to be built; notes in the report what that was made of.
+bool decide(const AnimationQuestion& question, const CommitOptions& options, MeshReport& report) {
+  if (options.policy == Policy::kAnimate) {
+    report.reason += "; the policy is to build one tree for all frames always";
+    return true;
+  }
+  const AnimationDecision decision = decide_animation(question, options.calibration);
+  note(report, {decision.alternative});
+  report.reason += "; " + decision.words;
+  return decision.builds;
 }
 
 // What was known of fresh trees stays.
@@ -141,17 +154,13 @@ void animate_blas(Blas& blas, const ChangedMesh& changed, const CommitOptions& o
   if (!is_due(changed, options, blas)) return;
   const Mesh& shapes = *changed.state->animation->shapes;
   MeshReport& report = result.report;
-  const AnimationQuestion question = ask(blas, changed, options.calibration, result.history, pool, cancel);
-  const AnimationDecision decision = decide_animation(question, options.calibration);
   result.has_weighed_animation = true;
-  note(report, {decision.alternative});
-  report.reason += "; " + decision.words;
-  if (!decision.builds) return;
-
+  const AnimationQuestion question = ask(blas, changed, options.calibration, result.history, pool, cancel);
+  if (!decide(question, options, report)) return;
   const BuildConfig config = config_for_all(*changed.state);
   WideBvh tree = build_for_all(shapes, config, report, pool, cancel);
   const std::vector<double> costs = refitted_nanoseconds(tree, shapes, options.calibration, pool, cancel);
-  if (!is_cheaper(costs, question.refitted)) {
+  if (options.policy == Policy::kGoverned && !is_cheaper(costs, question.refitted)) {
     report.reason += ", but it was no better";
     return;
   }

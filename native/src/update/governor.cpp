@@ -195,7 +195,8 @@ UpdateDecision decide_update(const UpdateQuestion& question, const Calibration& 
   if (question.triangle_count == 0) {
     decision.reason = "positions changed of a mesh that has nothing for rays to meet";
   } else if (question.policy != Policy::kGoverned) {
-    decision.action = static_cast<UpdateAction>(static_cast<std::size_t>(question.policy) - 1);
+    const bool follows = question.policy == Policy::kAnimate;
+    if (!follows) decision.action = static_cast<UpdateAction>(static_cast<std::size_t>(question.policy) - 1);
     decision.reason = std::string("positions changed, and the policy is to ") + verb_of(decision.action) + " always";
   } else if (!(ray_nanoseconds(question.history.fresh, calibration) > 0)) {
     decision.action = UpdateAction::kRebuild;

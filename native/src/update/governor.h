@@ -27,8 +27,9 @@
 
 namespace perfect_bvh {
 
-// All but the first are for comparisons: what can be done so always is.
-enum class Policy : std::uint8_t { kGoverned, kRefit, kRotate, kRebuildParts, kRebuild };
+// All but the first are for comparisons: what can be done so always is. kAnimate: to refit, in a tree for all frames
+// wherever their shapes are known.
+enum class Policy : std::uint8_t { kGoverned, kRefit, kRotate, kRebuildParts, kRebuild, kAnimate };
 
 // kKeep: of triangles that did not move. kAnimate: a tree for all frames to come, see animation.h.
 enum class UpdateAction : std::uint8_t { kRefit, kRotate, kRebuildParts, kRebuild, kKeep, kAnimate };
