@@ -2,9 +2,9 @@
 
     python tests/benchmarks/animation.py --mesh dragon.npz --json animation.json
 
-Plays the animations of .blend files (--blend), and meshes twisted, walking and bursting (--mesh), several times in a row,
-on one thread. The JSON holds `animations`: name, triangles, frames (of one play), and of each way ("refit", "governed",
-"animate", "rebuild") first_ms (the first commit, in which trees are built), update_ms (each of the others, in the mean),
+Plays the animations of .blend files (--blend), and meshes twisted, walking and bursting (--mesh), several times in a
+row, on one thread. The JSON holds `animations`: name, triangles, frames (of one play), and of each way ("refit",
+"governed", "animate", "rebuild") first_ms (the first commit, in which trees are built), update_ms (each of the others),
 costs (visits to nodes that a ray is expected to make, by frame of the last play), mrays_per_second (in six of those
 frames, of rays from all around), actions (how often what was done), and total_ms: updates, and as many rays as each
 frame was told to expect, in all plays.

@@ -20,7 +20,7 @@ def chart(figures: Figures | None = None) -> Chart:
     animations = figures["animations"]
     lost = {way: geometric_mean([_mean(row, way) / _mean(row, "rebuild") for row in animations]) for way in LOOKS}
     return Chart(
-        f"One tree for all frames costs rays {lost['animate']:.2f} times a new tree's; the first one's {lost['refit']:.2f}",
+        f"One tree for all frames costs rays {lost['animate']:.2f} times new ones; the first, {lost['refit']:.2f}",
         "Visits to nodes that a ray is expected to make, counted, by frame, in the last of "
         f"{figures['plays']} plays in a row. The governor is told of the shapes and of {count(figures['rays'])} rays a "
         "frame, and goes by time: it may rebuild. The title's numbers are geometric means over the animations. In the "

@@ -1,5 +1,6 @@
 // One topology for a whole animation (Bittner and Meister 2015, "T-SAH: Animation optimized bounding volume
-// hierarchies"): reinsertion as in optimize.h, but by the surfaces that nodes have at several moments together.
+// hierarchies"; lecture, "Refitting": which keeps the topology, so that it should suit all frames): reinsertion as in
+// optimize.h, but by the surfaces that nodes have at several moments together.
 // In: a tree over the shape at one moment, and all of its primitives' boxes at each. Out: the same leaves under a
 // tree that, refitted to any of the moments, is expected to cost the mean ray least. The same for any number of
 // threads.

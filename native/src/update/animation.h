@@ -1,4 +1,5 @@
-// Decides whether one tree for all frames of an animation pays, where its shapes are known beforehand.
+// Decides whether one tree for all frames of an animation pays, where its shapes are known beforehand (lecture,
+// "Refitting": when a tree suits what it is refitted to).
 // In: what a ray costs at several of the frames, in the tree that there is, refitted, and in fresh ones; how many
 // frames and rays are to come. Out: whether to build a tree for all of them, why, and what it was expected to cost.
 // Pure functions.
