@@ -23,8 +23,7 @@ def chart(figures: Figures | None = None) -> Chart:
         f"One tree for all frames costs rays {lost['animate']:.2f} times new ones; the first, {lost['refit']:.2f}",
         "Visits to nodes that a ray is expected to make, counted, by frame, in the last of "
         f"{figures['plays']} plays in a row. The governor is told of the shapes and of {count(figures['rays'])} rays a "
-        "frame, and goes by time: it may rebuild. The title's numbers are geometric means over the animations. In the "
-        "headings: milliseconds of updates and those rays in all plays, over those with a new tree in each frame.",
+        "frame, and goes by time: it may rebuild. The title's numbers are geometric means over the animations.",
         [_panel(row) for row in animations],
         footer(figures),
         panel_height=215,
@@ -53,9 +52,5 @@ def _panel(animation: Figures) -> Panel:
         )
         for way, (label, color, dashed) in LOOKS.items()
     ]
-    shares = ", ".join(
-        f"{name} {ways[way]['total_ms'] / ways['rebuild']['total_ms']:.2f}"
-        for way, name in (("refit", "refit"), ("animate", "one tree"), ("governed", "governed"))
-    )
-    title = f"{animation['name']}, {count(animation['triangles'])} triangles: {shares}"
+    title = f"{animation['name']}: {count(animation['triangles'])} triangles"
     return Panel(title, Axis("frame"), Axis("visits a ray", log=True), series)

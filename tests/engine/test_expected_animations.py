@@ -163,7 +163,7 @@ def test_the_mesh_can_be_removed():
 
 
 def test_a_mesh_may_move_within_the_shutter():
-    play = Play()
+    play = Play("animate")
     play.scene.set_mesh_motion(play.mesh, play.shapes[:3])
     assert play.commit().action == "animated"
     rays = rays_at(play.shapes[1])

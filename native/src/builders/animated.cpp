@@ -14,7 +14,9 @@ OptimizeReport optimize_over_samples(Bvh2& tree, const SampledBoxes& boxes, std:
   }
   if (tree.depth < 2) return {};      // nothing has anywhere to go
   constexpr std::size_t kGrain = 64;  // fewer than of one moment: each search looks at more boxes
-  Reinserter reinserter(SampledTree(tree, boxes, pool, cancel), kGrain);
+  // Where everything flies apart no place is good and no search ends soon; elsewhere 3000 found nothing better.
+  constexpr std::size_t kMostVisits = 300;
+  Reinserter reinserter(SampledTree(tree, boxes, pool, cancel), kGrain, kMostVisits);
   const OptimizeReport report = run_passes(reinserter, passes, [] { return false; }, pool, cancel);
   if (report.moved > 0) tree = reinserter.tree().to_bvh2(tree, cancel);
   return report;

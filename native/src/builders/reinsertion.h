@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <span>
 #include <utility>
 #include <vector>
@@ -69,13 +70,14 @@ template <class Tree>
 class ReinsertionSearch {
  public:
   using Id = typename Tree::Id;
-  explicit ReinsertionSearch(const Tree& tree) : tree_(tree) {}
+  ReinsertionSearch(const Tree& tree, std::size_t most_visits) : tree_(tree), most_visits_(most_visits) {}
 
   [[nodiscard]] Reinsertion<Tree> run(Id moving) {
     best_ = {0.0f, moving, 0};
     enclosure_ = tree_.enclosure(moving);
     area_ = tree_.area(moving);
-    for (Climb<Tree> climb(tree_, moving); !climb.at_end(); climb.go_up()) {
+    visits_ = 0;
+    for (Climb<Tree> climb(tree_, moving); !climb.at_end() && visits_ < most_visits_; climb.go_up()) {
       if (climb.ancestor() != tree_.parent(moving)) offer(climb.ancestor(), climb.saved_above());
       search_below(climb.other_side(), climb.saved());
     }
@@ -88,10 +90,12 @@ class ReinsertionSearch {
     float left_over;  // of the savings, after the nodes above have grown
   };
 
+  // The nearest places come first: what is left when there were visits enough is far up.
   // No place below an entry can gain more than left_over - area_: the new parent is at least as large as the node.
   void search_below(Id top, float saved) {
+    stack_.clear();
     push(top, saved);
-    while (!stack_.empty()) {
+    for (; !stack_.empty() && visits_ < most_visits_; ++visits_) {
       const Entry entry = stack_.back();
       stack_.pop_back();
       if (!(entry.left_over - area_ > best_.gain)) continue;
@@ -113,6 +117,8 @@ class ReinsertionSearch {
   }
 
   const Tree& tree_;
+  const std::size_t most_visits_;
+  std::size_t visits_ = 0;
   std::vector<Entry> stack_;
   typename Tree::EnclosureView enclosure_{};  // of the node that moves
   float area_ = 0;
@@ -124,8 +130,9 @@ class Reinserter {
  public:
   using Id = typename Tree::Id;
 
-  // grain: searches, and reinsertions, between two questions whether to stop.
-  Reinserter(Tree tree, std::size_t grain) : tree_(std::move(tree)), grain_(grain), is_settled_(tree_.size(), 0) {}
+  // grain: searches, and reinsertions, between two questions whether to stop. most_visits: to nodes, of one search.
+  Reinserter(Tree tree, std::size_t grain, std::size_t most_visits = std::numeric_limits<std::size_t>::max())
+      : tree_(std::move(tree)), grain_(grain), most_visits_(most_visits), is_settled_(tree_.size(), 0) {}
 
   [[nodiscard]] const Tree& tree() const noexcept { return tree_; }
 
@@ -134,7 +141,7 @@ class Reinserter {
     select(share, cancel);
     found_.resize(candidates_.size());
     for_chunks(pool, candidates_.size(), grain_, cancel, [&](std::size_t begin, std::size_t end) {
-      ReinsertionSearch<Tree> search(tree_);
+      ReinsertionSearch<Tree> search(tree_, most_visits_);
       for (std::size_t i = begin; i < end; ++i) found_[i] = search.run(candidates_[i].second);
     });
     sort_gains(cancel);
@@ -234,7 +241,7 @@ class Reinserter {
   static constexpr std::size_t kFirstId = Tree::kRoot + 2;
 
   Tree tree_;
-  std::size_t grain_;
+  std::size_t grain_, most_visits_;
   std::vector<std::uint8_t> is_settled_;
   std::vector<std::pair<float, Id>> candidates_;  // minus the area, node
   std::vector<Reinsertion<Tree>> found_;
