@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
+pytest.importorskip("pycocotools")
 
 from blender.command_lines import run, save_small_file  # noqa: E402
 from oracles.exr import read_exr  # noqa: E402

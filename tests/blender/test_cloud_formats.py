@@ -8,20 +8,20 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-import h5py
-import laspy
 import numpy as np
-import plyfile
-import pyarrow.csv
-import pyarrow.parquet
 import pytest
 
+h5py = pytest.importorskip("h5py")
+laspy = pytest.importorskip("laspy")
+plyfile = pytest.importorskip("plyfile")
+pyarrow_csv = pytest.importorskip("pyarrow.csv")
+pyarrow_parquet = pytest.importorskip("pyarrow.parquet")
 pytest.importorskip("bpy")
 
-from perfect_bvh_addon import PointCloud, save_cloud
-from perfect_bvh_addon.scanning import formats
-from perfect_bvh_addon.scanning.formats import SINGULAR, check_format
-from perfect_bvh_addon.scanning.point_cloud import COLUMNS
+from perfect_bvh_addon import PointCloud, save_cloud  # noqa: E402
+from perfect_bvh_addon.scanning import formats  # noqa: E402
+from perfect_bvh_addon.scanning.formats import SINGULAR, check_format  # noqa: E402
+from perfect_bvh_addon.scanning.point_cloud import COLUMNS  # noqa: E402
 
 NAMES = ("Würfel", 'a "quoted" name', "Ground\nfloor")
 
@@ -51,7 +51,7 @@ def cloud(count: int = 257, far: float = 0.0) -> PointCloud:
 def test_tables_hold_every_column(tmp_path: Path, suffix: str, count: int) -> None:
     made = cloud(count)
     path = save_cloud(made, tmp_path / f"points{suffix}")
-    table = pyarrow.csv.read_csv(path) if suffix == ".csv" else pyarrow.parquet.read_table(path)
+    table = pyarrow_csv.read_csv(path) if suffix == ".csv" else pyarrow_parquet.read_table(path)
     assert table.num_rows == count
     assert len(table.column_names) == len(SINGULAR) + 6
     if count:

@@ -11,11 +11,11 @@ import perfect_bvh
 import pytest
 
 bpy = pytest.importorskip("bpy")
+coco_mask = pytest.importorskip("pycocotools.mask")
 
 from blender.builders import camera_object, collection, collection_instance, mesh_object  # noqa: E402
 from perfect_bvh_addon import CocoFile, Labels, SceneSync, label_image  # noqa: E402
 from perfect_bvh_addon.labels.masks import masks_of  # noqa: E402
-from pycocotools import mask as coco_mask  # noqa: E402
 
 SCENES = Path(__file__).parents[2] / "blend_scenes"
 SIZE = (96, 54)
