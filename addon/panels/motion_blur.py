@@ -64,13 +64,10 @@ class PERFECT_BVH_PT_object_motion_blur(EnginePanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        if not super().poll(context) or context.object is None:
+            return False
         owner = context.object
-        return (
-            super().poll(context)
-            and owner is not None
-            and owner.type in MOVING_TYPES
-            and object_motion_settings(owner) is not None
-        )
+        return owner.type in MOVING_TYPES and object_motion_settings(owner) is not None
 
     def draw_header(self, context: bpy.types.Context) -> None:
         self.layout.active = context.scene.render.use_motion_blur

@@ -86,9 +86,9 @@ def test_it_is_no_render_of_the_scene() -> None:
     bpy.context.view_layer.update()
     messages.tell(scene, messages.RENDER, "Something went wrong", is_error=True)
     handlers = {name: list(getattr(bpy.app.handlers, name)) for name, _ in changes._HANDLERS}
-    before = (changes._log.now, dict(changes._edit_counts), dict(extract_scene._shared_reader.verdicts))
+    before = (changes._log.now, dict(changes._edit_counts), dict(extract_scene.shared_reader.verdicts))
     preview_of(bpy.data.materials["Material"])
-    assert (changes._log.now, dict(changes._edit_counts), dict(extract_scene._shared_reader.verdicts)) == before
+    assert (changes._log.now, dict(changes._edit_counts), dict(extract_scene.shared_reader.verdicts)) == before
     assert handlers == {name: list(getattr(bpy.app.handlers, name)) for name, _ in changes._HANDLERS}
     assert not sync_cache._syncs and last_result.last_statistics(scene) is None
     assert [message.text for message in messages.messages_of(scene)] == ["Something went wrong"]

@@ -263,7 +263,7 @@ def test_a_viewport_tells_in_one_line_what_it_does_not_show(cube, gate: Gate) ->
         return told[-1]
 
     assert redraw() == ""
-    bpy.context.scene.render.use_motion_blur = True
+    bpy.context.scene.cycles_curves.subdivisions = 9
     assert redraw() == "1 setting ignored"
     bpy.ops.object.volume_add()
     assert redraw() == "1 object not shown, 1 setting ignored"
