@@ -244,8 +244,11 @@ TEST(Turns, AreTakenBackAsTheyAreTaken) {
       turns.times = noisy.times = kTwoSteps;
       ASSERT_TRUE(turns.add(start) && turns.add(end) && noisy.add(narrowed(start)) && noisy.add(narrowed(end)));
       turns.finish(), noisy.finish();
-      if (angle == 0.0) EXPECT_EQ(noisy.backs[0].grows, 0);
-      if (angle > 1e-6) EXPECT_NE(noisy.backs[0].grows, 0);  // by the rounding of its matrices
+      if (angle == 0.0) {
+        EXPECT_EQ(noisy.backs[0].grows, 0);
+      } else if (angle > 1e-6) {
+        EXPECT_NE(noisy.backs[0].grows, 0);  // by the rounding of its matrices
+      }
       expect_back(turns, 1e-13);
       expect_back(noisy, 1e-12);
     }
