@@ -110,6 +110,15 @@ def _add_file_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_frames(parser: argparse.ArgumentParser, default: str = "current") -> None:
+    what = f"such as 1-24, 1-48:2 or 1,5,9-12 (default: {default})"
+    parser.add_argument("--frames", type=parse_frames, metavar="LIST", help=what)
+
+
+def _add_quiet(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress bar and no summary")
+
+
 def _add_render(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "render",
@@ -126,12 +135,7 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
         metavar="OUT",
         help="an image (out.png), a pattern (out/frame_####.png) or a folder (out/); .png, .jpg, .webp, .tif or .exr",
     )
-    parser.add_argument(
-        "--frames",
-        type=parse_frames,
-        metavar="LIST",
-        help="such as 1-24, 1-48:2 or 1,5,9-12 (default: current)",
-    )
+    _add_frames(parser)
     parser.add_argument("--mode", metavar="M", help="what the image shows, see below (default: as the file says)")
     parser.add_argument("--size", type=parse_size, metavar="WxH", help="pixels (default: as the file says)")
     parser.add_argument("--samples", type=_positive, metavar="N", help="rays a pixel (default: as the file says)")
@@ -163,7 +167,7 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
         f"wrong (default share: {DEFAULT_AUDIT:g})",
     )
     parser.add_argument("--stats", action="store_true", help="print what each frame did to the trees, and the times")
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress bar and no summary")
+    _add_quiet(parser)
 
 
 def _add_scan(commands: argparse._SubParsersAction) -> None:
@@ -181,16 +185,14 @@ def _add_scan(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("--list-sensors", action="store_true", help="name the sensors, one a line, and do nothing else")
     parser.add_argument("--on", metavar="OBJECT", help="the object that carries it (default: the scene's camera)")
-    parser.add_argument(
-        "--frames", type=parse_frames, metavar="LIST", help="such as 1-24, 1-48:2 or 1,5,9-12 (default: current)"
-    )
+    _add_frames(parser, "one whole pass in the current one")
     parser.add_argument("--steps", type=_positive, default=1, metavar="N", help="key moments of a frame (default: 1)")
     parser.add_argument("--piece", type=_positive, default=10, metavar="N", help="most frames of a piece (default: 10)")
     parser.add_argument(
         "--format", default="npz", metavar="F", help="npz, ply, las, laz, csv, parquet or h5 (default: npz)"
     )
     parser.add_argument("--resume", action="store_true", help="keep the pieces that are there and whole")
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress bar and no summary")
+    _add_quiet(parser)
 
 
 def _add_labels(commands: argparse._SubParsersAction) -> None:
@@ -203,9 +205,7 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
     )
     _add_file(parser)
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="the folder for the files")
-    parser.add_argument(
-        "--frames", type=parse_frames, metavar="LIST", help="such as 1-24, 1-48:2 or 1,5,9-12 (default: current)"
-    )
+    _add_frames(parser)
     parser.add_argument("--size", type=parse_size, metavar="WxH", help="pixels (default: as the file says)")
     parser.add_argument(
         "--category",
@@ -221,7 +221,7 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("--flow", action="store_true", help="also how pixels move from the frame before to the next")
     parser.add_argument("--no-coco", action="store_true", help="no file of COCO's format, which needs pycocotools")
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress bar and no summary")
+    _add_quiet(parser)
 
 
 def _add_info(commands: argparse._SubParsersAction) -> None:

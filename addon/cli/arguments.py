@@ -74,6 +74,18 @@ def parse_path(argument: str, text: str) -> Path:
     return path
 
 
+def parse_folder(text: str) -> Path:
+    """The absolute path of the folder that -o names, made if it was not there; a CommandError if it takes no file."""
+    folder = parse_path("-o", text)
+    if folder.exists() and not folder.is_dir():
+        raise CommandError(f"-o {text}: expected a folder, it is a file")
+    try:
+        prepare_folder(folder)
+    except OSError as error:
+        raise CommandError(error.strerror or str(error)) from error
+    return folder
+
+
 def check_name(argument: str, path: Path) -> None:
     """A CommandError if this system could hold no file of that name."""
     fault = find_fault(path)

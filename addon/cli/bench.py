@@ -7,9 +7,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from ..support.files import prepare_folder
 from . import EXIT_INTERRUPTED
-from .arguments import CommandError, check_blend_file, parse_path
+from .arguments import CommandError, check_blend_file, parse_folder
 from .blender import StopRequest, open_scene, stop_on_interrupt
 from .console import quiet_blender
 
@@ -20,13 +19,7 @@ if TYPE_CHECKING:
 def run_bench(arguments: argparse.Namespace) -> int:
     """Measure, write the files and print the advice; the exit status, 130 if it was stopped and wrote what it had."""
     path = check_blend_file(arguments.file)
-    folder = parse_path("-o", arguments.output)
-    if folder.exists() and not folder.is_dir():
-        raise CommandError(f"-o {arguments.output}: expected a folder, it is a file")
-    try:
-        prepare_folder(folder)
-    except OSError as error:
-        raise CommandError(str(error.strerror)) from error
+    folder = parse_folder(arguments.output)
     with quiet_blender() as out, stop_on_interrupt() as stop:
         scene = open_scene(path, arguments)
         return _measure(scene, folder, arguments, stop, out)

@@ -9,9 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..support.files import prepare_folder
 from . import EXIT_INTERRUPTED
-from .arguments import CommandError, check_blend_file, parse_path
+from .arguments import CommandError, check_blend_file, parse_folder
 from .blender import StopRequest, apply_settings, go_to_frame, open_scene, render_job, stop_on_interrupt
 from .console import quiet_blender
 
@@ -25,8 +24,7 @@ if TYPE_CHECKING:
 def run_labels(arguments: argparse.Namespace) -> int:
     """Label what the arguments say; the exit status."""
     path = check_blend_file(arguments.file)
-    folder = parse_path("-o", arguments.output)
-    _prepare(folder)
+    folder = parse_folder(arguments.output)
     coco = None if arguments.no_coco else _coco_file()
     with quiet_blender() as out, stop_on_interrupt() as stop:
         scene = open_scene(path, arguments)
@@ -45,15 +43,6 @@ def run_labels(arguments: argparse.Namespace) -> int:
         sys.stderr.write(f"perfect-bvh: stopped; {done} of {len(frames)} frames are written\n")
         return EXIT_INTERRUPTED
     return 0
-
-
-def _prepare(folder: Path) -> None:
-    if folder.exists() and not folder.is_dir():
-        raise CommandError(f"-o {folder}: expected a folder, it is a file")
-    try:
-        prepare_folder(folder)
-    except OSError as error:
-        raise CommandError(error.strerror or str(error)) from error
 
 
 def _coco_file() -> CocoFile:

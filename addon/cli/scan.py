@@ -8,9 +8,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..support.files import prepare_folder
 from . import EXIT_INTERRUPTED
-from .arguments import CommandError, check_blend_file, parse_path
+from .arguments import CommandError, check_blend_file, parse_folder
 from .blender import StopRequest, open_scene, stop_on_interrupt
 from .console import quiet_blender
 
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
     from ..scanning.pieces import Piece, PieceFolder
     from ..scanning.point_cloud import PointCloud
     from ..scanning.sensor_files import Sensor
-
-DEFAULT_SENSOR = "spinning-16"
 
 
 def run_scan(arguments: argparse.Namespace) -> int:
@@ -33,15 +30,9 @@ def run_scan(arguments: argparse.Namespace) -> int:
         if getattr(arguments, name) is None:
             raise CommandError(f"expected {'FILE.blend' if name == 'file' else '-o DIR'}; see perfect-bvh scan --help")
     path = check_blend_file(arguments.file)
-    folder = parse_path("-o", arguments.output)
-    if folder.exists() and not folder.is_dir():
-        raise CommandError(f"-o {arguments.output}: expected a folder, it is a file")
     sensor, suffix = _sensor(arguments.sensor), f".{arguments.format}"
     _check_format(suffix)
-    try:
-        prepare_folder(folder)
-    except OSError as error:
-        raise CommandError(error.strerror or str(error)) from error
+    folder = parse_folder(arguments.output)
     with quiet_blender() as out, stop_on_interrupt() as stop:
         scene = open_scene(path, arguments)
         carrier = _carrier(scene, arguments.on)
@@ -167,6 +158,7 @@ class ScanSession:
             on=self._carrier.name,
             steps=arguments.steps,
             begins=min(self._frames),
+            is_one_pass=arguments.frames is None,
             format=suffix,
             autoexec=arguments.autoexec,
             allow_missing=arguments.allow_missing,
@@ -184,7 +176,10 @@ class ScanSession:
                     self._scene.frame_set(number)
 
     def _scan(self, piece: Piece, number: int, bar: object) -> PointCloud | None:
-        """None if it was stopped."""
+        """None if it was stopped.
+
+        By a scene of the engine's own: what a piece holds depends on no piece before it, its instance ids included.
+        """
         import perfect_bvh
 
         from ..scanning import scan
@@ -199,9 +194,9 @@ class ScanSession:
             return scan(
                 self._sensor.pattern,
                 self._carrier,
-                frames=piece.frames,
+                frames=piece.frames if arguments.frames else None,  # a whole pass of the current one
                 steps_per_frame=arguments.steps,
-                since=min(self._frames),
+                since=min(self._frames) if arguments.frames else None,
                 threads=arguments.threads or 0,
                 progress=advance,
             )

@@ -7,11 +7,11 @@ evaluated again at a moment is not read again, for which its changes are listene
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
 from ..events.changes import listen, stop_listening
+from ..support.progress import Progress
 from ..sync.motion import add_motion
 from ..sync.motion_records import MomentRecord
 from ..sync.records import AttributeRequest, CameraRecord, SceneRecord
@@ -19,8 +19,6 @@ from .moment import read_moment
 from .motion_settings import read_motion_settings
 from .scene import ReadCache, read_scene
 from .shutter import Shutter, place_of, places_of, stepping
-
-Progress = Callable[[float], object]
 
 
 def read_scene_in_time(
@@ -64,13 +62,6 @@ def read_scene_in_time(
         stop_listening(listener)
     own = MomentRecord(record.meshes, record.objects, record.instances, record.camera)
     return add_motion(record, {time: moments.get(time, own) for time in places}, settings)
-
-
-def halves(progress: Progress | None) -> tuple[Progress | None, Progress | None]:
-    """What to tell of the first half of some work, and of the second; each share of both is one of the whole."""
-    if progress is None:
-        return None, None
-    return lambda done: progress(done / 2), lambda done: progress(0.5 + done / 2)
 
 
 class _Listener:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..settings.modes import find_mode
-from ..settings.motion_blur import NEIGHBOURS, MotionSettings, read_motion_blur
+from ..settings.motion_blur import NEIGHBOURS, ShutterSettings, read_motion_blur
 from ..support.memory import check_fits
 from ..sync.records import AttributeRequest
 
@@ -48,7 +48,7 @@ class RenderPlan:
     window: Window
     passes: tuple[str, ...] = ()
     is_cropped: bool = False
-    motion: MotionSettings | None = None
+    motion: ShutterSettings | None = None
 
     @property
     def pixel_count(self) -> int:

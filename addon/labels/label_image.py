@@ -9,11 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ..support.memory import check_fits
+from ..support.progress import Progress, part_of
+from ..sync.lookup import MISS, IdRows
 from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
-from .labels import NO_DEPTH, Labels
+from .labels import Labels
 from .masks import masks_of
 from .surfaces import corner_values, world_normals
-from .things import MISS, find_things
+from .things import find_things
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -44,7 +46,7 @@ def label_image(
     flow: bool = False,
     frame_set: Callable[[int, float], object] | None = None,
     threads: int = 0,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress | None = None,
 ) -> Labels:
     """What a camera sees, exactly: ids, depths, normals, uvs, masks of what is seen and of what is hidden.
 
@@ -76,7 +78,7 @@ def label_image(
     try:
         shutter = NEIGHBOURS if flow else None
         view = {"camera": camera, "size": size, "shutter": shutter, "frame_set": frame_set if flow else None}
-        own.update(depsgraph, **view, progress=_part(progress, 0.0, 0.3))
+        own.update(depsgraph, **view, progress=part_of(progress, 0.0, 0.3))
         if own.camera is None:
             reason = own.warnings[-1] if own.warnings else "it has none"
             raise ValueError(f"label_image: scene {depsgraph.scene.name!r} has no camera that can be used: {reason}")
@@ -84,15 +86,11 @@ def label_image(
         bytes_needed = width * height * (BYTES_A_PIXEL + BYTES_A_LAYER * layers)
         check_fits(f"label_image: {width:,} x {height:,} pixels", bytes_needed, "choose a smaller size")
         labelling = _Labelling(own, own.camera, own.size, layers, flow, threads)
-        labelling.run(_part(progress, 0.3, 0.7))
+        labelling.run(part_of(progress, 0.3, 0.7))
         return labelling.result(category)
     finally:
         if sync is None:
             own.close()
-
-
-def _part(progress: Callable[[float], object] | None, start: float, share: float) -> Callable[[float], object] | None:
-    return None if progress is None else lambda done: progress(start + share * done)
 
 
 @dataclass
@@ -109,7 +107,11 @@ class _Labelling:
     pixels: list[npt.NDArray[np.int64]] = field(default_factory=list)  # ... and which
 
     def __post_init__(self) -> None:
+        from perfect_bvh.render import NO_DEPTH
+
         count = self.size[0] * self.size[1]
+        self.mesh_rows = IdRows(self.sync.mesh_ids)
+        self.instance_rows = IdRows(self.sync.appearance.instances.ids)
         self.depth = np.full(count, NO_DEPTH, np.float32)
         self.positions = np.zeros((count, 3))
         self.normals, self.uvs = np.zeros((count, 3), np.float32), np.zeros((count, 2), np.float32)
@@ -117,7 +119,7 @@ class _Labelling:
         self.layer_depths = np.full((self.layers, count), NO_DEPTH, np.float32)
         self.layer_instances = np.full((self.layers, count), MISS, np.int32)
 
-    def run(self, progress: Callable[[float], object] | None) -> None:
+    def run(self, progress: Progress | None) -> None:
         """Casts all rays and keeps what they meet."""
         width, height = self.size
         snapshot = self.sync.scene.snapshot()
@@ -170,13 +172,12 @@ class _Labelling:
         self.depth[pixels], self.positions[pixels] = hits.t_hit[rows], hits.positions[rows]
         self.instances[pixels] = hits.instance_ids[rows]
         self.materials[pixels] = self.sync.material_ids(hits)[rows]
-        meshes = self._rows_of(self.sync.mesh_ids, hits.mesh_ids[rows])
-        where = (self.sync.record.meshes, meshes, hits.primitive_ids[rows], hits.primitive_uvs[rows])
-        records, mesh_rows, primitives, places = where
-        uvs, _ = corner_values(records, "corner_uvs", mesh_rows, primitives, places)
+        meshes = self.mesh_rows.find(hits.mesh_ids[rows], "label_image: mesh")
+        where = (meshes, hits.primitive_ids[rows], hits.primitive_uvs[rows])
+        uvs, _ = corner_values(self.sync.record.meshes, "corner_uvs", *where)
         if uvs is not None:
             self.uvs[pixels] = uvs
-        smooth, is_smooth = corner_values(records, "corner_normals", mesh_rows, primitives, places)
+        smooth, is_smooth = corner_values(self.sync.record.meshes, "corner_normals", *where)
         self.normals[pixels] = self._facing(hits, rows, smooth, is_smooth, directions[rays])
 
     def _facing(
@@ -188,7 +189,7 @@ class _Labelling:
         directions: npt.NDArray[np.float64],
     ) -> npt.NDArray[np.float64]:
         """Shading normals, on the side that the triangle shows."""
-        instances = self._rows_of(self.sync.appearance.instances.ids, hits.instance_ids[rows])
+        instances = self.instance_rows.find(hits.instance_ids[rows], "label_image: instance")
         linear = self.sync.record.instances.transforms[instances][:, :, :3].astype(np.float64)
         volumes = np.linalg.det(linear)
         mirrored, is_smooth = volumes < 0.0, is_smooth & (volumes != 0.0)  # what is flattened is a plane
@@ -199,11 +200,6 @@ class _Labelling:
             normals[is_smooth] = world_normals(smooth[is_smooth], linear[is_smooth])
         normals[away] *= -1.0
         return normals
-
-    @staticmethod
-    def _rows_of(ids: npt.NDArray[np.int32], wanted: npt.NDArray[np.int32]) -> npt.NDArray[np.intp]:
-        order = np.argsort(ids)
-        return order[np.searchsorted(ids, wanted, sorter=order)]
 
     def result(self, category: str | None) -> Labels:
         """What was kept, by the things that were met."""

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from ..support.arrays import write_arrays
 from ..support.files import replacing
 from .masks import Masks
 from .things import Thing
-
-NO_DEPTH = 1e10
 
 Floats = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
@@ -35,7 +33,7 @@ class Labels:
     depths and rows of `things`; 1e10 and -1 where there are fewer.
     visible, amodal: a mask for each thing: where it is seen, and where any ray meets it, whatever is before it. Those
     that are visible never overlap.
-    things: what is met by any ray, in the order of the scene. categories: their names.
+    things: what is met by any ray, in the order of their instance_id. categories: their names.
     warnings: what could not be read, as sentences.
     """
 
@@ -84,12 +82,6 @@ class Labels:
         arrays["things"] = np.array(json.dumps([asdict(thing) for thing in self.things]))
         arrays["categories"] = np.array(self.categories, np.str_)
         arrays["material_names"] = np.array(self.material_names, np.str_)
-        with (
-            replacing(path) as name,
-            open(name, "wb") as file,
-            zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
-        ):
-            for key, array in arrays.items():
-                with archive.open(f"{key}.npy", "w", force_zip64=True) as entry:
-                    np.lib.format.write_array(entry, array, allow_pickle=False)
+        with replacing(path) as name:
+            write_arrays(name, arrays, is_compressed=True)
         return path

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from ..sync.lookup import MISS
+
 if TYPE_CHECKING:
     from ..live.scene_sync import SceneSync
-
-MISS = -1
 
 
 @dataclass(frozen=True, slots=True)

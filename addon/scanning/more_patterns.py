@@ -7,11 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .patterns import Float64Array, Rays, View, check_at_least, check_range, check_ray_count, directions_of, first_shot
+from .patterns import (
+    Float64Array,
+    OnAnyObject,
+    Rays,
+    View,
+    check_at_least,
+    check_range,
+    check_ray_count,
+    directions_of,
+    first_shot,
+)
 
 
 @dataclass(frozen=True, slots=True)
-class Rosette:
+class Rosette(OnAnyObject):
     """A beam that two turning prisms bend, so that it draws a rosette, closer and closer the longer it looks.
 
     field_of_view: degrees, of the circle that is filled. turns: a second of each prism; of opposite signs they turn
@@ -33,18 +43,6 @@ class Rosette:
             raise ValueError(f"Rosette: turns must be two numbers of turns a second, got {self.turns}")
         _check_rate("Rosette", self.rate, self.duration)
         check_range("Rosette", self.min_distance, self.max_distance)
-
-    @property
-    def needs_camera(self) -> bool:
-        return False
-
-    @property
-    def size(self) -> tuple[int, int] | None:
-        return None
-
-    @property
-    def baseline(self) -> float:
-        return 0.0
 
     def count(self, start: float, end: float) -> int:
         return len(self._shots(start, end))
@@ -74,7 +72,7 @@ class Rosette:
 
 
 @dataclass(frozen=True, slots=True)
-class Raster:
+class Raster(OnAnyObject):
     """A solid-state sensor that looks along one row of its field after another, from the left above to the right below.
 
     width, height: shots of a row, and rows. horizontal, vertical: degrees that they cover. rate: whole pictures a
@@ -94,18 +92,6 @@ class Raster:
         _check_field("Raster", self.horizontal, self.vertical, (360.0, 180.0))
         _check_rate("Raster", self.rate, 1.0)
         check_range("Raster", self.min_distance, self.max_distance)
-
-    @property
-    def needs_camera(self) -> bool:
-        return False
-
-    @property
-    def size(self) -> tuple[int, int] | None:
-        return None
-
-    @property
-    def baseline(self) -> float:
-        return 0.0
 
     @property
     def duration(self) -> float:
@@ -137,7 +123,7 @@ class Raster:
 
 
 @dataclass(frozen=True, slots=True)
-class DepthCamera:
+class DepthCamera(OnAnyObject):
     """A camera that measures the depth of each pixel, all at once; on any object, with a lens of its own.
 
     width, height: of its picture in pixels. horizontal, vertical: degrees that it covers. rate: pictures a second.
@@ -161,14 +147,6 @@ class DepthCamera:
         check_range("DepthCamera", self.min_distance, self.max_distance)
         if not math.isfinite(self.baseline):
             raise ValueError(f"DepthCamera: baseline must be a finite length, got {self.baseline}")
-
-    @property
-    def needs_camera(self) -> bool:
-        return False
-
-    @property
-    def size(self) -> tuple[int, int] | None:
-        return None
 
     @property
     def duration(self) -> float:

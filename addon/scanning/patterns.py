@@ -82,6 +82,24 @@ class Pattern(Protocol):
         """Those rays."""
 
 
+class OnAnyObject:
+    """What patterns share that need no camera, nor a second eye."""
+
+    __slots__ = ()
+
+    @property
+    def needs_camera(self) -> bool:
+        return False
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        return None
+
+    @property
+    def baseline(self) -> float:
+        return 0.0
+
+
 @dataclass(frozen=True, slots=True)
 class CameraGrid:
     """One ray through the centre of each pixel of a camera's picture, row after row from the top; all at one time.
@@ -146,7 +164,7 @@ class CameraGrid:
 
 
 @dataclass(frozen=True, slots=True)
-class SpinningLidar:
+class SpinningLidar(OnAnyObject):
     """A head of several lines, one above the other, that turns to the left about the sensor's upward axis.
 
     elevations: degrees above the horizon of each line: the table that the maker of the device gives.
@@ -178,20 +196,8 @@ class SpinningLidar:
         check_range("SpinningLidar", self.min_distance, self.max_distance)
 
     @property
-    def needs_camera(self) -> bool:
-        return False
-
-    @property
-    def size(self) -> tuple[int, int] | None:
-        return None
-
-    @property
     def duration(self) -> float:
         return 1.0 / self.rate
-
-    @property
-    def baseline(self) -> float:
-        return 0.0
 
     def count(self, start: float, end: float) -> int:
         return len(self._columns_of(start, end)) * len(self.elevations)

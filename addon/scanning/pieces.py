@@ -129,7 +129,8 @@ class PieceFolder:
 
     def _errors(self, piece: Piece, cloud: PointCloud) -> dict[str, float | None]:
         """Of a piece of a single stretch, of whose way nothing is known but its ends, there are none."""
-        is_known = (piece.frames[1] - piece.frames[0] + 1) * self._inputs["steps"] > 1
+        stretches = (piece.frames[1] - piece.frames[0] + 1) * self._inputs["steps"]
+        is_known = stretches > 1 and not self._inputs["is_one_pass"]
         return {name: getattr(cloud, name) if is_known else None for name in ("pose_error", "scene_error")}
 
     def _file(self, piece: Piece) -> Path:

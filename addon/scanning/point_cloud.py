@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from ..support.arrays import write_arrays
 from ..support.files import replacing
 
 # In the order of the file; each holds one row a point.
@@ -99,8 +99,4 @@ class PointCloud:
             "pose_error": np.array(self.pose_error, np.float64),
             "scene_error": np.array(self.scene_error, np.float64),
         }
-        # What np.savez does; but that leaves its archive open when the disk is full.
-        with open(path, "wb") as file, zipfile.ZipFile(file, "w") as archive:
-            for name, array in arrays.items():
-                with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
-                    np.lib.format.write_array(entry, array, allow_pickle=False)
+        write_arrays(path, arrays)

@@ -17,7 +17,7 @@ _CURVE_SIZE = 65
 
 
 @dataclass(frozen=True, slots=True)
-class MotionSettings:
+class ShutterSettings:
     """What of a scene's motion an image shows.
 
     begin, end: the part of the animation that is looked at, in frames from the current one. blurs: whether what moves
@@ -39,7 +39,7 @@ class MotionSettings:
 
 
 # From the frame before to the one after: what the Vector pass tells of, as in Cycles.
-NEIGHBOURS = MotionSettings(-1.0, 1.0, blurs=False)
+NEIGHBOURS = ShutterSettings(-1.0, 1.0, blurs=False)
 
 
 def rolling_shutter_settings(scene: bpy.types.Scene) -> bpy.types.bpy_struct | None:
@@ -55,16 +55,14 @@ def object_motion_settings(owner: bpy.types.Object) -> bpy.types.bpy_struct | No
 def has_motion_blur(view_layer: bpy.types.ViewLayer, scene: bpy.types.Scene) -> bool:
     """Whether what moves is to be blurred in renders; a layer may be without, and a shutter of no time shows none."""
     render = scene.render
-    return bool(
-        render.use_motion_blur and render.motion_blur_shutter > 0.0 and getattr(view_layer, "use_motion_blur", True)
-    )
+    return bool(render.use_motion_blur and render.motion_blur_shutter > 0.0 and view_layer.use_motion_blur)
 
 
-def read_motion_blur(scene: bpy.types.Scene) -> MotionSettings:
+def read_motion_blur(scene: bpy.types.Scene) -> ShutterSettings:
     """Of a render of `scene` that is to be blurred."""
     render = scene.render
     opens = _OPENS[render.motion_blur_position] * render.motion_blur_shutter
-    return MotionSettings(
+    return ShutterSettings(
         opens, opens + render.motion_blur_shutter, curve=_read_curve(scene), rolling=_read_rolling(scene)
     )
 

@@ -50,7 +50,7 @@ class InstanceDescription(NamedTuple):
     parent_session_uids: npt.NDArray[np.int64]
 
 
-class _Rows:
+class IdRows:
     """Finds the row of an id among distinct ids."""
 
     def __init__(self, ids: Int32Array) -> None:
@@ -104,8 +104,8 @@ class SceneLookup:
         self._scene_id = scene_id
         self._generations = np.append(mesh_generations, 0)  # a miss's row is the last
         self._record = record
-        self._instances = _Rows(instance_ids)
-        self._meshes = _Rows(mesh_ids)
+        self._instances = IdRows(instance_ids)
+        self._meshes = IdRows(mesh_ids)
         self._columns: dict[str, Int32Array] = {}
         self._offsets = _offsets([mesh.part_count for mesh in record.meshes])
         self._slot_offsets = _offsets([len(obj.material_slots) for obj in record.objects])

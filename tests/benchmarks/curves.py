@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks import generated_curves, options
 from benchmarks.native import NativePrograms
-from benchmarks.tables import Cell, format_table
+from benchmarks.tables import Cell, format_goals, format_table
 from tqdm import tqdm
 
 PROGRAM = "curve_bench"
@@ -47,7 +47,7 @@ def main() -> None:
         inside = ["--inside"] if balls.is_inside else []
         rows.append({"name": balls.name, **native.run(PROGRAM, balls, [*words, *inside])})
     goals = judge(rows)
-    print(describe(rows) + "\n\n" + describe_goals(goals))
+    print(describe(rows) + "\n\n" + format_goals(goals))
     options.save(chosen, {"rows": rows, "goals": goals})
 
 
@@ -148,21 +148,6 @@ def describe(rows: list[Row]) -> str:
     )
     rest = ("ready, ms", PEER, "tubes", "ours", "refit, ns: round", "ours", "bytes: round", "tubes", "compact", "ours")
     return f"{format_table(heads, speeds)}\n\n{format_table(rest, others)}"
-
-
-def describe_goals(goals: list[Row]) -> str:
-    """The last table."""
-    lines: list[list[Cell]] = [
-        [
-            goal["goal"],
-            goal["measured"],
-            f"{'<=' if goal['most'] else '>='} {goal['wanted']:.2f}",
-            "yes" if goal["reached"] else "no",
-            goal["where"],
-        ]
-        for goal in goals
-    ]
-    return format_table(("goal", "measured", "wanted", "reached", "where"), lines)
 
 
 if __name__ == "__main__":

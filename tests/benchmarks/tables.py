@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 Cell = str | float | int | None
 
@@ -24,3 +25,18 @@ def format_table(heads: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
         texts.append("  ".join([line[0].ljust(len(first)), *rest]).rstrip())
     texts.insert(1, "-" * sum(widths, 2 * (len(widths) - 1)))
     return "\n".join(texts)
+
+
+def format_goals(goals: Iterable[Mapping[str, Any]]) -> str:
+    """What was wanted and reached. goals: rows of goal, measured, wanted, most (whether that is a limit), where."""
+    lines: list[list[Cell]] = [
+        [
+            goal["goal"],
+            goal["measured"],
+            f"{'<=' if goal['most'] else '>='} {goal['wanted']:.2f}",
+            "yes" if goal["reached"] else "no",
+            goal["where"],
+        ]
+        for goal in goals
+    ]
+    return format_table(("goal", "measured", "wanted", "reached", "where"), lines)

@@ -25,7 +25,7 @@ import numpy as np
 from benchmarks import generated_motion, options
 from benchmarks.generated_motion import BenchMotion
 from benchmarks.native import NativePrograms
-from benchmarks.tables import Cell, format_table
+from benchmarks.tables import Cell, format_goals, format_table
 from tqdm import tqdm
 
 PROGRAM = "time_bench"
@@ -59,7 +59,7 @@ def main() -> None:
             {"name": scene.name, **native.run(PROGRAM, scene, [*words, *inside]), **judge(scene, chosen.judged)}
         )
     goals = list_goals(rows)
-    print(describe(rows) + "\n\n" + describe_goals(goals))
+    print(describe(rows) + "\n\n" + format_goals(goals))
     options.save(chosen, {"rows": rows, "goals": goals})
 
 
@@ -124,21 +124,6 @@ def describe(rows: list[Row]) -> str:
             lines.append([f"{row['name']}, {kind}", *(speed[peer] for peer in PEERS), *cells])
     heads = ("M rays/s", *PEERS, "ours / embree", "moving / still", "embree's", "differ, ppm", "wrong", "of")
     return format_table(heads, lines)
-
-
-def describe_goals(goals: list[Row]) -> str:
-    """The last table."""
-    lines: list[list[Cell]] = [
-        [
-            goal["goal"],
-            goal["measured"],
-            f"{'<=' if goal['most'] else '>='} {goal['wanted']:.2f}",
-            "yes" if goal["reached"] else "no",
-            goal["where"],
-        ]
-        for goal in goals
-    ]
-    return format_table(("goal", "measured", "wanted", "reached", "where"), lines)
 
 
 if __name__ == "__main__":

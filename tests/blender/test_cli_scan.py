@@ -100,6 +100,14 @@ def test_pieces_have_the_format_that_is_asked_for(small_file: Path, tmp_path: Pa
     assert len(list((tmp_path / "out").glob(f"*.{suffix}"))) == 3
 
 
+def test_without_frames_it_is_one_whole_pass(small_file: Path, tmp_path: Path) -> None:
+    sensor = small_file.parent / "sensor.toml"
+    assert run("scan", small_file, "-o", tmp_path / "out", "--sensor", sensor, "--on", "Head", "-q") == 0
+    manifest = json.loads((tmp_path / "out" / "points_0001-0001.json").read_text())
+    assert manifest["rays"] == 9 * 120 and manifest["pose_error"] is None
+    assert run("scan", small_file, "-o", tmp_path / "out", "--sensor", sensor, "--on", "Head", "--frames", 1, "-q") == 2
+
+
 def test_sensors_are_listed(capfd: Any) -> None:
     assert run("scan", "--list-sensors") == 0
     lines = capfd.readouterr().out.splitlines()

@@ -1,6 +1,7 @@
 #include "render/modes/passes.h"
 
 #include <cmath>
+#include <optional>
 
 #include "query/moved_position.h"
 
@@ -91,15 +92,15 @@ void store_passes(const PassTargets& targets, const Snapshot& snapshot, const Ap
     if (targets.any_counts()) store_counts(targets, row_of(found.pixels[i]), found.counts[i]);
   }
   if (!targets.any_surface()) return;
-  const PixelMotions motions(shutter);
+  std::optional<PixelMotions> motions;
+  if (!targets.vector.empty() && shutter.is_open()) motions.emplace(shutter);
   for (const SurfacePoint& point : found.points) {
     const Pixel pixel = found.pixels[point.ray];
     if (!inside(pixel)) continue;
     const Ray& ray = found.rays[point.ray];
     const Hit& hit = found.hits[point.ray];
     store_surface(targets, snapshot, appearance, row_of(pixel), point, ray, hit);
-    if (targets.vector.empty() || !shutter.is_open()) continue;
-    targets.vector[row_of(pixel)] = motions.of(snapshot.instances[hit.instance_index], hit, ray);
+    if (motions) targets.vector[row_of(pixel)] = motions->of(snapshot.instances[hit.instance_index], hit, ray);
   }
 }
 

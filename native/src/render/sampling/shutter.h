@@ -43,7 +43,7 @@ class ShutterRays {
   [[nodiscard]] float open_time(float chance) const noexcept;
 
   Camera camera_;
-  const std::optional<Shutter>& shutter_;
+  std::optional<Shutter> shutter_;
   int width_, height_;
   Turns turns_;  // of the camera, without its scale
 };
