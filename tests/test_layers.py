@@ -43,7 +43,7 @@ NATIVE_IGNORANCE = {
 # Rooms of the add-on in one group know nothing of each other; a group may import those above it in this list.
 ADDON_LAYERS = (
     ("support", "events", "settings", "sync"),
-    ("extract", "statistics"),
+    ("extract", "statistics", "pieces"),
     ("live",),
     ("image", "scanning", "labels"),
     ("view3d", "bench"),

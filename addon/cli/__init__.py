@@ -16,6 +16,7 @@ from .console import is_reader_gone, write_any_text
 
 DEFAULT_AUDIT = 1e-3
 EXIT_ERROR = 2
+EXIT_FAILED_PIECES = 3
 EXIT_INTERRUPTED = 130
 EXIT_PIPE = 141  # as a shell reports a program that SIGPIPE ended; the same where there is no such signal
 
@@ -119,6 +120,21 @@ def _add_quiet(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress bar and no summary")
 
 
+def _add_pieces(parser: argparse.ArgumentParser) -> None:
+    """Options of what is done in pieces, by workers or not."""
+    parser.add_argument("--piece", type=_positive, default=10, metavar="N", help="most frames of a piece (default: 10)")
+    parser.add_argument("--resume", action="store_true", help="keep the pieces that are there and whole")
+    parser.add_argument(
+        "--workers",
+        type=_positive,
+        metavar="N",
+        help="do pieces in N processes, each with a Blender of its own, by Dask",
+    )
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="do pieces on the workers of a Dask scheduler, such as tcp://host:8786"
+    )
+
+
 def _add_render(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser(
         "render",
@@ -167,6 +183,7 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
         f"wrong (default share: {DEFAULT_AUDIT:g})",
     )
     parser.add_argument("--stats", action="store_true", help="print what each frame did to the trees, and the times")
+    _add_pieces(parser)
     _add_quiet(parser)
 
 
@@ -187,11 +204,10 @@ def _add_scan(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--on", metavar="OBJECT", help="the object that carries it (default: the scene's camera)")
     _add_frames(parser, "one whole pass in the current one")
     parser.add_argument("--steps", type=_positive, default=1, metavar="N", help="key moments of a frame (default: 1)")
-    parser.add_argument("--piece", type=_positive, default=10, metavar="N", help="most frames of a piece (default: 10)")
     parser.add_argument(
         "--format", default="npz", metavar="F", help="npz, ply, las, laz, csv, parquet or h5 (default: npz)"
     )
-    parser.add_argument("--resume", action="store_true", help="keep the pieces that are there and whole")
+    _add_pieces(parser)
     _add_quiet(parser)
 
 
@@ -221,6 +237,7 @@ def _add_labels(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("--flow", action="store_true", help="also how pixels move from the frame before to the next")
     parser.add_argument("--no-coco", action="store_true", help="no file of COCO's format, which needs pycocotools")
+    _add_pieces(parser)
     _add_quiet(parser)
 
 
@@ -260,7 +277,10 @@ def _add_calibrate(commands: argparse._SubParsersAction) -> None:
 
 
 def main(argv: Sequence[str] | None = None, prog: str = "perfect-bvh") -> int:
-    """Run the command line; the process's exit status: 0, 2 for an error, 130 after Ctrl-C, 141 after a closed pipe."""
+    """Run the command line; the process's exit status.
+
+    0, 2 for an error, 3 if pieces of the work failed, 130 after Ctrl-C, 141 after a closed pipe.
+    """
     write_any_text()
     arguments = build_parser(prog).parse_args(argv)
     try:

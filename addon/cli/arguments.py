@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import re
 from dataclasses import dataclass
@@ -84,6 +85,17 @@ def parse_folder(text: str) -> Path:
     except OSError as error:
         raise CommandError(error.strerror or str(error)) from error
     return folder
+
+
+def check_pieces(arguments: argparse.Namespace) -> None:
+    """A CommandError for arguments of workers that do not go together, or where what they need is missing."""
+    if arguments.workers is None and arguments.scheduler is None:
+        return
+    if arguments.workers is not None and arguments.scheduler is not None:
+        raise CommandError("--workers starts workers here, --scheduler uses those of another cluster: give one of both")
+    if importlib.util.find_spec("distributed") is None:
+        option = "--workers" if arguments.scheduler is None else "--scheduler"
+        raise CommandError(f"{option} needs Dask: pip install 'perfect-bvh[farm]'")
 
 
 def check_name(argument: str, path: Path) -> None:

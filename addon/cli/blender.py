@@ -127,14 +127,15 @@ def active_view_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
     return active if active.name in scene.view_layers else scene.view_layers[0]
 
 
-def go_to_frame(scene: bpy.types.Scene, number: int) -> None:
+def go_to_frame(scene: bpy.types.Scene, number: int, is_simulated: bool = False) -> None:
     """Set the frame that the next render shows; with `frame_set`'s evaluation only if scripts wait for it.
 
-    A render evaluates the frame in a depsgraph of its own. To evaluate the viewport's as well is lost time.
+    A render evaluates the frame in a depsgraph of its own. To evaluate the viewport's as well is lost time, unless
+    something is simulated: that is played in the viewport's alone.
     """
     import bpy
 
-    if bpy.app.handlers.frame_change_pre or bpy.app.handlers.frame_change_post:
+    if is_simulated or bpy.app.handlers.frame_change_pre or bpy.app.handlers.frame_change_post:
         scene.frame_set(number)
     else:
         scene.frame_current = number
@@ -158,7 +159,10 @@ _INTERRUPTS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGBREAK") if 
 
 
 class StopRequest:
-    """Set by the first Ctrl-C. Polled instead of raised, for Blender swallows exceptions that handlers raise."""
+    """Set by the first Ctrl-C, or by who sets it.
+
+    Polled instead of raised, for Blender swallows exceptions that handlers raise.
+    """
 
     def __init__(self) -> None:
         self.is_set = False

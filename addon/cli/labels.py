@@ -3,129 +3,161 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from . import EXIT_INTERRUPTED
-from .arguments import CommandError, check_blend_file, parse_folder
+from .arguments import CommandError, check_blend_file, check_pieces, parse_folder
 from .blender import StopRequest, apply_settings, go_to_frame, open_scene, render_job, stop_on_interrupt
 from .console import quiet_blender
+from .piece_work import Advance, Done, PieceWork, explained, run_pieces, scene_inputs
 
 if TYPE_CHECKING:
     import bpy
 
-    from ..labels import CocoFile, Labels
+    from ..labels import Labels
     from ..live.scene_sync import SceneSync
+    from ..pieces.piece import Piece
+
+BEFORE = "labels_"  # of the names of all files but the joined one
 
 
 def run_labels(arguments: argparse.Namespace) -> int:
     """Label what the arguments say; the exit status."""
+    check_pieces(arguments)
     path = check_blend_file(arguments.file)
     folder = parse_folder(arguments.output)
-    coco = None if arguments.no_coco else _coco_file()
+    if not arguments.no_coco:
+        _check_coco()
+    arguments.file, arguments.output = str(path), str(folder)  # as workers, which are elsewhere, find them
     with quiet_blender() as out, stop_on_interrupt() as stop:
         scene = open_scene(path, arguments)
-        if scene.camera is None:
-            raise CommandError(f"{arguments.file}: scene {scene.name!r} has no camera")
-        apply_settings(scene, arguments)
-        frames = arguments.frames or (scene.frame_current,)
         started = time.perf_counter()
-        done = _label_all(scene, frames, folder, coco, stop, arguments)
-        if coco is not None and done:
-            _save(coco.save, folder / f"coco_{min(frames[:done]):04d}-{max(frames[:done]):04d}.json")
+        work = LabelsWork(scene, stop, arguments)
+        outcome, status = run_pieces(work, out)
         if not arguments.quiet:
             seconds = time.perf_counter() - started
-            out.write(f"{folder}: {done} of {len(frames)} frames in {seconds:.2f} s\n")
-    if done < len(frames):
-        sys.stderr.write(f"perfect-bvh: stopped; {done} of {len(frames)} frames are written\n")
-        return EXIT_INTERRUPTED
-    return 0
+            recognised = f", {outcome.kept} were there" if outcome.kept else ""
+            pieces = f"{outcome.written} of {len(work.pieces)} pieces"
+            out.write(f"{folder}: {pieces}{recognised}; {outcome.counts.get('frames', 0)} frames in {seconds:.2f} s\n")
+    return status
 
 
-def _coco_file() -> CocoFile:
-    from ..labels import CocoFile
+def _check_coco() -> None:
+    from ..labels.coco import check_coco
 
     try:
-        return CocoFile()
+        check_coco()
     except ImportError as error:
         raise CommandError(f"{error}; or leave it out: --no-coco") from error
 
 
-def _label_all(
-    scene: bpy.types.Scene,
-    frames: tuple[int, ...],
-    folder: Path,
-    coco: CocoFile | None,
-    stop: StopRequest,
-    arguments: argparse.Namespace,
-) -> int:
-    """How many frames are written."""
-    from tqdm import tqdm
+class LabelsWork(PieceWork):
+    """Pieces of labelled frames: the files of each frame, and what the file of COCO's format needs of them."""
 
-    from ..live.scene_sync import SceneSync
+    def __init__(self, scene: bpy.types.Scene, stop: StopRequest, arguments: argparse.Namespace) -> None:
+        from ..pieces.folder import PieceFolder
+        from ..pieces.piece import Piece, runs_of
 
-    sync, warned = SceneSync(watch=False), set[str]()
-    # None: shown on a terminal only, so that logs stay clean.
-    is_disabled = True if arguments.quiet else None
-    with tqdm(total=len(frames), unit="frame", disable=is_disabled, leave=False, file=sys.stderr) as bar:
-        for number, frame in enumerate(frames):
-            labels = None if stop.is_set else _label(scene, frame, sync, stop, arguments)
-            if labels is None:
-                return number
-            _save(labels.save, folder / f"labels_{frame:04d}.npz")
-            if coco is not None:
-                coco.add(labels, f"frame_{frame:04d}.png")
-            for warning in labels.warnings:
-                if warning not in warned:
-                    warned.add(warning)
-                    tqdm.write(f"perfect-bvh: {warning}", file=sys.stderr)
-            bar.update()
-    return len(frames)
+        super().__init__(scene, stop, arguments)
+        if scene.camera is None:
+            raise CommandError(f"{arguments.file}: scene {scene.name!r} has no camera")
+        inputs = self._inputs()
+        apply_settings(scene, arguments)
+        self.pieces = []
+        for frames in runs_of(self.frames, arguments.piece, has_gaps=True):
+            stem = f"{BEFORE}{frames[0]:04d}-{frames[-1]:04d}"
+            files = [_file_of(frame) for frame in frames]
+            rows = [] if arguments.no_coco else [f"{stem}.coco.jsonl"]
+            self.pieces.append(Piece(frames, stem, (*files, *rows)))
+        self.place = PieceFolder(Path(arguments.output), inputs, BEFORE, "set of labels")
+        if not arguments.no_coco:
+            self.joined = (f"coco_{min(self.frames):04d}-{max(self.frames):04d}.json",)
 
+    def make(self, piece: Piece, advance: Advance) -> Done | None:
+        """By a scene of the engine's own: what a piece holds, ids of instances included, depends on no piece before."""
+        from ..labels.coco import image_row, write_rows
+        from ..live.scene_sync import SceneSync
 
-def _label(
-    scene: bpy.types.Scene, frame: int, sync: SceneSync, stop: StopRequest, arguments: argparse.Namespace
-) -> Labels | None:
-    """Of one frame, as it would be rendered; None if it was stopped."""
-    import perfect_bvh
-
-    from ..engine import RenderJob
-    from ..labels import label_image
-
-    made: list[Labels] = []
-    faults: list[ValueError] = []
-
-    def visit(depsgraph: bpy.types.Depsgraph, frame_set: Callable[[int, float], None]) -> None:
+        sync, rows, warnings = SceneSync(watch=False), [], dict[str, None]()
         try:
-            labels = label_image(
-                depsgraph,
-                sync=sync,
-                layers=arguments.layers,
-                category=arguments.category,
-                flow=arguments.flow,
-                frame_set=frame_set,
-                threads=arguments.threads or 0,
-                progress=lambda _: not stop.is_set,
-            )
-        except perfect_bvh.Cancelled:
-            return
-        except ValueError as error:
-            faults.append(error)
-            return
-        made.append(labels)
+            for number, frame in enumerate(piece.frames):
+                labels = None if self.stop.is_set else self._label(frame, sync)
+                if labels is None:
+                    return None
+                with explained():
+                    labels.save(self.place.path_of(_file_of(frame)))
+                if not self.arguments.no_coco:
+                    rows.append(image_row(labels, f"frame_{frame:04d}.png"))
+                warnings |= dict.fromkeys(labels.warnings)
+                advance((number + 1) / len(piece.frames))
+        finally:
+            sync.close()
+        with explained():
+            if not self.arguments.no_coco:
+                write_rows(rows, self.place.path_of(piece.files[-1]))
+            self.place.finish(piece, warnings=list(warnings))
+        return Done({"frames": len(piece.frames)}, tuple(warnings))
 
-    go_to_frame(scene, frame)
-    render_job(scene, RenderJob(visit=visit))
-    if faults:
-        raise CommandError(f"frame {frame}: {faults[0]}") from faults[0]
-    return made[0] if made else None
+    def join(self) -> None:
+        """The file of COCO's format, of all pieces, in the order of their frames."""
+        from ..labels.coco import join_rows, read_rows
+
+        if self.joined:
+            paths = [self.place.path_of(piece.files[-1]) for piece in self.pieces]
+            with explained():
+                join_rows(lambda: read_rows(paths), self.place.path_of(self.joined[0]))
+
+    def _inputs(self) -> dict[str, object]:
+        arguments = self.arguments
+        return scene_inputs(
+            Path(arguments.file),
+            arguments,
+            size=arguments.size,
+            category=arguments.category,
+            layers=arguments.layers,
+            flow=arguments.flow,
+            has_coco=not arguments.no_coco,
+            begins=min(self.frames) if self.is_simulated else None,
+        )
+
+    def _label(self, frame: int, sync: SceneSync) -> Labels | None:
+        """Of one frame, as it would be rendered; None if it was stopped."""
+        import perfect_bvh
+
+        from ..engine import RenderJob
+        from ..labels import label_image
+
+        arguments = self.arguments
+        made: list[Labels] = []
+        faults: list[ValueError] = []
+
+        def visit(depsgraph: bpy.types.Depsgraph, frame_set: Callable[[int, float], None]) -> None:
+            try:
+                labels = label_image(
+                    depsgraph,
+                    sync=sync,
+                    layers=arguments.layers,
+                    category=arguments.category,
+                    flow=arguments.flow,
+                    frame_set=frame_set,
+                    threads=arguments.threads or 0,
+                    progress=lambda _: not self.stop.is_set,
+                )
+            except perfect_bvh.Cancelled:
+                return
+            except ValueError as error:
+                faults.append(error)
+                return
+            made.append(labels)
+
+        go_to_frame(self.scene, frame, self.is_simulated)
+        render_job(self.scene, RenderJob(visit=visit))
+        if faults:
+            raise CommandError(f"frame {frame}: {faults[0]}") from faults[0]
+        return made[0] if made else None
 
 
-def _save(save: Callable[[Path], Path], path: Path) -> None:
-    try:
-        save(path)
-    except OSError as error:
-        raise CommandError(error.strerror or str(error)) from error
+def _file_of(frame: int) -> str:
+    return f"{BEFORE}{frame:04d}.npz"

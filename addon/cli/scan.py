@@ -8,15 +8,15 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from . import EXIT_INTERRUPTED
-from .arguments import CommandError, check_blend_file, parse_folder
+from .arguments import CommandError, check_blend_file, check_pieces, parse_folder
 from .blender import StopRequest, open_scene, stop_on_interrupt
 from .console import quiet_blender
+from .piece_work import Advance, Done, PieceWork, explained, run_pieces, scene_inputs
 
 if TYPE_CHECKING:
     import bpy
 
-    from ..scanning.pieces import Piece, PieceFolder
+    from ..pieces.piece import Piece
     from ..scanning.point_cloud import PointCloud
     from ..scanning.sensor_files import Sensor
 
@@ -29,24 +29,24 @@ def run_scan(arguments: argparse.Namespace) -> int:
     for name in ("file", "output"):
         if getattr(arguments, name) is None:
             raise CommandError(f"expected {'FILE.blend' if name == 'file' else '-o DIR'}; see perfect-bvh scan --help")
+    check_pieces(arguments)
     path = check_blend_file(arguments.file)
-    sensor, suffix = _sensor(arguments.sensor), f".{arguments.format}"
-    _check_format(suffix)
+    _check_format(f".{arguments.format}")
+    arguments.sensor = _sensor_name(arguments.sensor)
     folder = parse_folder(arguments.output)
+    arguments.file, arguments.output = str(path), str(folder)  # as workers, which are elsewhere, find them
     with quiet_blender() as out, stop_on_interrupt() as stop:
         scene = open_scene(path, arguments)
-        carrier = _carrier(scene, arguments.on)
         started = time.perf_counter()
-        session = ScanSession(scene, carrier, sensor, stop, arguments)
-        pieces, written, kept, points = session.run(path, folder, suffix)
+        work = ScanWork(scene, stop, arguments)
+        outcome, status = run_pieces(work, out)
         if not arguments.quiet:
             seconds = time.perf_counter() - started
-            recognised = f", {kept} were there" if kept else ""
-            out.write(f"{folder}: {written} of {pieces} pieces{recognised}; {points:,} points in {seconds:.2f} s\n")
-    if written + kept < pieces:
-        sys.stderr.write("perfect-bvh: stopped; --resume goes on\n")
-        return EXIT_INTERRUPTED
-    return 0
+            recognised = f", {outcome.kept} were there" if outcome.kept else ""
+            points = outcome.counts.get("points", 0)
+            pieces = f"{outcome.written} of {len(work.pieces)} pieces"
+            out.write(f"{folder}: {pieces}{recognised}; {points:,} points in {seconds:.2f} s\n")
+    return status
 
 
 def _list_sensors() -> None:
@@ -55,6 +55,12 @@ def _list_sensors() -> None:
     width = max(map(len, sensor_names()))
     for name in sensor_names():
         sys.stdout.write(f"{name:<{width}}  {load_sensor(name).title}\n")
+
+
+def _sensor_name(name: str) -> str:
+    """What is known by it wherever a worker is: a sensor's own file by its whole path. Errors: CommandError."""
+    _sensor(name)
+    return str(Path(name).absolute()) if name.lower().endswith(".toml") else name
 
 
 def _sensor(name: str) -> Sensor:
@@ -93,126 +99,69 @@ def _carrier(scene: bpy.types.Scene, name: str | None) -> bpy.types.Object:
     return found
 
 
-class ScanSession:
-    """One run over the pieces of a scan."""
+class ScanWork(PieceWork):
+    """The pieces of a scan."""
 
-    def __init__(
-        self,
-        scene: bpy.types.Scene,
-        carrier: bpy.types.Object,
-        sensor: Sensor,
-        stop: StopRequest,
-        arguments: argparse.Namespace,
-    ) -> None:
-        self._scene = scene
-        self._carrier = carrier
-        self._sensor = sensor
-        self._stop = stop
-        self._arguments = arguments
-        self._frames: tuple[int, ...] = arguments.frames or (scene.frame_current,)
-        self._played_to = min(self._frames) - 1
-        self._warned: set[str] = set()
+    def __init__(self, scene: bpy.types.Scene, stop: StopRequest, arguments: argparse.Namespace) -> None:
+        from ..pieces.folder import PieceFolder
+        from ..scanning.pieces import BEFORE, pieces_of
 
-    def run(self, path: Path, folder: Path, suffix: str) -> tuple[int, int, int, int]:
-        """How many pieces there are, were written and were there before, and how many points were written."""
-        from tqdm import tqdm
+        super().__init__(scene, stop, arguments)
+        self._carrier = _carrier(scene, arguments.on)
+        self._sensor = _sensor(arguments.sensor)
+        suffix = f".{arguments.format}"
+        self.pieces = pieces_of(self.frames, arguments.piece, suffix)
+        self.place = PieceFolder(Path(arguments.output), self._inputs(suffix), BEFORE, "scan")
 
-        from ..scanning.pieces import OtherInputsError, PieceFolder, pieces_of
+    def make(self, piece: Piece, advance: Advance) -> Done | None:
+        """By a scene of the engine's own: what a piece holds, ids of instances included, depends on no piece before."""
+        from ..scanning.pieces import write_piece
 
-        arguments = self._arguments
-        pieces = pieces_of(self._frames, arguments.piece)
-        place = PieceFolder(folder, self._inputs(path, suffix), suffix)
-        try:
-            place.check(pieces)
-        except OtherInputsError as error:
-            raise CommandError(f"-o: {error}") from error
-        written = kept = points = 0
-        # None: shown on a terminal only, so that logs stay clean.
-        is_disabled = True if arguments.quiet else None
-        with tqdm(total=len(pieces), unit="piece", disable=is_disabled, leave=False, file=sys.stderr) as bar:
-            for number, piece in enumerate(pieces):
-                if arguments.resume and place.is_done(piece):
-                    kept += 1
-                    bar.update(number + 1 - bar.n)
-                    continue
-                cloud = None if self._stop.is_set else self._scan(piece, number, bar)
-                if cloud is None:
-                    break
-                self._played_to = piece.frames[1]
-                self._write(place, piece, cloud)
-                written, points = written + 1, points + len(cloud)
-                bar.update(number + 1 - bar.n)
-        return len(pieces), written, kept, points
+        cloud = self._scan(piece, advance)
+        if cloud is None:
+            return None
+        with explained():
+            write_piece(self.place, piece, cloud)
+        return Done({"points": len(cloud)}, cloud.warnings)
 
-    def _inputs(self, path: Path, suffix: str) -> dict[str, object]:
-        import bpy
-        import perfect_bvh
+    def join(self) -> None:
+        """Nothing: points of all pieces are put together by who reads them."""
 
-        from ..scanning.pieces import inputs_of
+    def _inputs(self, suffix: str) -> dict[str, object]:
+        from ..scanning.pieces import sensor_input
 
-        arguments = self._arguments
-        read = [Path(name) for name in bpy.utils.blend_paths(absolute=True)]
-        return inputs_of(
-            [path, *read],
-            self._sensor.pattern,
+        arguments = self.arguments
+        return scene_inputs(
+            Path(arguments.file),
+            arguments,
+            sensor=sensor_input(self._sensor.pattern),
             on=self._carrier.name,
             steps=arguments.steps,
-            begins=min(self._frames),
+            begins=min(self.frames),
             is_one_pass=arguments.frames is None,
             format=suffix,
-            autoexec=arguments.autoexec,
-            allow_missing=arguments.allow_missing,
-            blender=bpy.app.version_string,
-            version=perfect_bvh.__version__,
         )
 
-    def _play_to(self, frame: int) -> None:
-        """Through the frames of pieces that were there, if anything is simulated: it depends on those before it."""
-        from ..extract.simulations import has_simulations
-
-        if has_simulations(self._scene):
-            for number in sorted(set(self._frames)):
-                if self._played_to < number < frame and not self._stop.is_set:
-                    self._scene.frame_set(number)
-
-    def _scan(self, piece: Piece, number: int, bar: object) -> PointCloud | None:
-        """None if it was stopped.
-
-        By a scene of the engine's own: what a piece holds depends on no piece before it, its instance ids included.
-        """
+    def _scan(self, piece: Piece, advance: Advance) -> PointCloud | None:
+        """None if it was stopped."""
         import perfect_bvh
 
         from ..scanning import scan
 
-        def advance(done: float) -> bool:
-            bar.update(number + done - bar.n)  # type: ignore[attr-defined]
-            return not self._stop.is_set
-
-        arguments = self._arguments
-        self._play_to(piece.frames[0])
+        arguments = self.arguments
         try:
             return scan(
                 self._sensor.pattern,
                 self._carrier,
-                frames=piece.frames if arguments.frames else None,  # a whole pass of the current one
+                frames=(piece.first, piece.last) if arguments.frames else None,  # a whole pass of the current one
                 steps_per_frame=arguments.steps,
-                since=min(self._frames) if arguments.frames else None,
+                since=min(self.frames) if arguments.frames else None,
                 threads=arguments.threads or 0,
                 progress=advance,
             )
         except perfect_bvh.Cancelled:
             return None
         except ValueError as error:
-            raise CommandError(f"frames {piece.frames[0]}-{piece.frames[1]}: {error}") from error
-
-    def _write(self, place: PieceFolder, piece: Piece, cloud: PointCloud) -> None:
-        from tqdm import tqdm
-
-        try:
-            place.write(piece, cloud)
-        except OSError as error:
-            raise CommandError(error.strerror or str(error)) from error
-        for warning in cloud.warnings:
-            if warning not in self._warned:
-                self._warned.add(warning)
-                tqdm.write(f"perfect-bvh: {warning}", file=sys.stderr)
+            raise CommandError(f"{piece}: {error}") from error
+        except ReferenceError as error:
+            raise CommandError(f"{piece}: the object that carries the sensor is not there any more") from error

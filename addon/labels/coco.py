@@ -1,11 +1,16 @@
-"""Labelled images as one JSON file of the format of COCO, with masks as run lengths. Knows no Blender."""
+"""Labelled images as one JSON file of the format of COCO, with masks as run lengths. Knows no Blender.
+
+An image is a row, a line of JSON, which knows no other image. Rows of many images, from wherever they come, are joined
+in one pass for each list of the file, a row at a time: the file may be larger than memory.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -14,6 +19,121 @@ from .labels import Labels
 from .masks import Masks
 
 MISSING = "COCO files need pycocotools: pip install 'perfect-bvh[data]'"
+# What of a row are things, and whether of what is seen: those that are hidden altogether stand apart.
+SEEN, HIDDEN = "annotations", "hidden"
+
+Row = dict[str, Any]
+
+
+def check_coco() -> None:
+    """Raises ImportError, with what to install, if no such file can be made here."""
+    try:
+        import pycocotools.mask  # noqa: F401
+    except ImportError as error:
+        raise ImportError(MISSING) from error
+
+
+def image_row(labels: Labels, file_name: str) -> Row:
+    """An image with its things, which are numbered once all images are together.
+
+    file_name: of the picture that belongs to it. Raises ImportError without pycocotools.
+    """
+    width, height = labels.size
+    parts = [_parts(masks) for masks in (labels.visible, labels.amodal)]
+    shares = labels.visible_shares.tolist()
+    things = []
+    for number, thing in enumerate(labels.things):
+        (visible, box, area), (amodal, amodal_box, amodal_area) = (each[number] for each in parts)
+        things.append(
+            {
+                "category": labels.categories[thing.category] if thing.category >= 0 else "",
+                "iscrowd": 0,
+                "segmentation": visible,
+                "bbox": box,
+                "area": area,
+                "amodal_segmentation": amodal,
+                "amodal_bbox": amodal_box,
+                "amodal_area": amodal_area,
+                "visible_share": shares[number],
+                "name": thing.name,
+                "instancer": thing.instancer,
+                "instance_id": thing.instance_id,
+                "pass_index": thing.pass_index,
+            }
+        )
+    return {"file_name": file_name, "width": width, "height": height, "things": things}
+
+
+def _parts(masks: Masks) -> list[tuple[dict[str, Any], list[int], int]]:
+    """Run lengths, box and area of each mask."""
+    check_coco()
+    from pycocotools import mask
+
+    width, height = masks.size
+    # The run lengths are those of columns.
+    image = np.zeros((height, width), np.uint8, order="F")
+    made = []
+    for number, (box, area) in enumerate(zip(masks.boxes().tolist(), masks.areas.tolist(), strict=True)):
+        rows, columns = np.divmod(masks.pixels_of(number), width)
+        image[rows, columns] = 1
+        runs = mask.encode(image)
+        image[rows, columns] = 0
+        made.append(({"size": list(map(int, runs["size"])), "counts": runs["counts"].decode()}, box, area))
+    return made
+
+
+def write_rows(rows: Iterable[Row], path: Path) -> None:
+    """A line for each; a file of that name is replaced once the new one is complete. Raises OSError."""
+    with replacing(path) as name, name.open("w", encoding="utf-8") as file:
+        for row in rows:
+            file.write(json.dumps(row) + "\n")
+
+
+def read_rows(paths: Iterable[Path]) -> Iterator[Row]:
+    """Of files that `write_rows` has written, one after the other. Raises OSError."""
+    for path in paths:
+        with path.open(encoding="utf-8") as file:
+            for line in file:
+                yield json.loads(line)
+
+
+def join_rows(rows: Callable[[], Iterable[Row]], path: Path) -> None:
+    """One file of the format of COCO. rows: gives all rows, in order, as often as it is asked. Raises OSError."""
+    with replacing(path) as name, name.open("w", encoding="utf-8") as file:
+        file.write("{")
+        _write_list(file, "images", _images(rows()))
+        categories: dict[str, int] = {}
+        file.write(", ")
+        _write_list(file, SEEN, _things(rows(), SEEN, categories))
+        file.write(", ")
+        _write_list(file, "categories", ({"id": number, "name": name} for name, number in categories.items()))
+        file.write(", ")
+        _write_list(file, HIDDEN, _things(rows(), HIDDEN, categories))
+        file.write("}")
+
+
+def _write_list(file: TextIO, name: str, items: Iterable[Row]) -> None:
+    file.write(f"{json.dumps(name)}: [")
+    for number, item in enumerate(items):
+        file.write((", " if number else "") + json.dumps(item))
+    file.write("]")
+
+
+def _images(rows: Iterable[Row]) -> Iterator[Row]:
+    for image_id, row in enumerate(rows, 1):
+        yield {"id": image_id, **{name: row[name] for name in ("file_name", "width", "height")}}
+
+
+def _things(rows: Iterable[Row], which: str, categories: dict[str, int]) -> Iterator[Row]:
+    """Those that are seen, or those that are hidden; both are numbered together. categories: those met are added."""
+    identifier = 0
+    for image_id, row in enumerate(rows, 1):
+        for thing in row["things"]:
+            identifier += 1
+            rest = dict(thing)
+            category_id = categories.setdefault(rest.pop("category") or "none", len(categories) + 1)
+            if (SEEN if thing["area"] else HIDDEN) == which:
+                yield {"id": identifier, "image_id": image_id, "category_id": category_id, **rest}
 
 
 class CocoFile:
@@ -26,73 +146,16 @@ class CocoFile:
     """
 
     def __init__(self) -> None:
-        try:
-            from pycocotools import mask
-        except ImportError as error:
-            raise ImportError(MISSING) from error
-        self._encode = mask.encode
-        self._images: list[dict[str, Any]] = []
-        self._annotations: list[dict[str, Any]] = []
-        self._hidden: list[dict[str, Any]] = []
-        self._categories: dict[str, int] = {}
+        check_coco()
+        self._rows: list[Row] = []
 
     def add(self, labels: Labels, file_name: str) -> int:
         """Adds an image; file_name: of the picture that belongs to it. Returns its number in the file."""
-        width, height = labels.size
-        image_id = len(self._images) + 1
-        self._images.append({"id": image_id, "file_name": file_name, "width": width, "height": height})
-        parts = [self._parts(masks) for masks in (labels.visible, labels.amodal)]
-        shares = labels.visible_shares.tolist()
-        for row, thing in enumerate(labels.things):
-            (visible, box, area), (amodal, amodal_box, amodal_area) = (each[row] for each in parts)
-            found = self._annotations if area else self._hidden
-            found.append(
-                {
-                    "id": len(self._annotations) + len(self._hidden) + 1,
-                    "image_id": image_id,
-                    "category_id": self._category(labels.categories[thing.category] if thing.category >= 0 else ""),
-                    "iscrowd": 0,
-                    "segmentation": visible,
-                    "bbox": box,
-                    "area": area,
-                    "amodal_segmentation": amodal,
-                    "amodal_bbox": amodal_box,
-                    "amodal_area": amodal_area,
-                    "visible_share": shares[row],
-                    "name": thing.name,
-                    "instancer": thing.instancer,
-                    "instance_id": thing.instance_id,
-                    "pass_index": thing.pass_index,
-                }
-            )
-        return image_id
-
-    def _category(self, name: str) -> int:
-        return self._categories.setdefault(name or "none", len(self._categories) + 1)
-
-    def _parts(self, masks: Masks) -> list[tuple[dict[str, Any], list[int], int]]:
-        """Run lengths, box and area of each mask."""
-        width, height = masks.size
-        # The run lengths are those of columns.
-        image = np.zeros((height, width), np.uint8, order="F")
-        made = []
-        for number, (box, area) in enumerate(zip(masks.boxes().tolist(), masks.areas.tolist(), strict=True)):
-            rows, columns = np.divmod(masks.pixels_of(number), width)
-            image[rows, columns] = 1
-            runs = self._encode(image)
-            image[rows, columns] = 0
-            made.append(({"size": list(map(int, runs["size"])), "counts": runs["counts"].decode()}, box, area))
-        return made
+        self._rows.append(image_row(labels, file_name))
+        return len(self._rows)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Writes the file; one of that name is replaced once the new one is complete. Raises OSError."""
         path = Path(path)
-        content = {
-            "images": self._images,
-            "annotations": self._annotations,
-            "categories": [{"id": number, "name": name} for name, number in self._categories.items()],
-            "hidden": self._hidden,
-        }
-        with replacing(path) as name:
-            name.write_text(json.dumps(content), encoding="utf-8")
+        join_rows(lambda: self._rows, path)
         return path

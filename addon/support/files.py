@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import secrets
 import stat
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -21,6 +22,8 @@ _STEM_SHOWN = 32
 # On Windows virus scanners and indexers have each new file open for a moment: what is waited before trying again.
 _PATIENCE = (0.05, 0.1, 0.2, 0.4) if IS_WINDOWS else ()
 _SHARING_VIOLATION = 32
+# Names as `_make_file` gives them: of a try, or beside a file, with the ending of that.
+_REMAINDER = re.compile(r"\.(?:(.+)\.)?[0-9a-f]{8}(\.[^.]*)?")
 
 
 def check_writable(path: Path) -> None:
@@ -66,6 +69,18 @@ def replacing(path: Path) -> Iterator[Path]:
         except OSError as error:
             reason = find_obstacle(path) or error.strerror or str(error)
             raise OSError(error.errno, f"{reason} (the new one is {_keep(name, path)})") from error
+
+
+def find_remainders(folder: Path, names: Iterable[str]) -> list[Path]:
+    """What a process that was killed meanwhile may have left of writing files of these names into a folder."""
+    wanted = {(Path(name).stem[:_STEM_SHOWN], Path(name).suffix) for name in names}
+    found = []
+    for path in reachable(folder).iterdir():
+        match = _REMAINDER.fullmatch(path.name)
+        is_trial = match is not None and match[1] is None and match[2] is None
+        if is_trial or (match is not None and (match[1], match[2] or "") in wanted):
+            found.append(path)
+    return sorted(found)
 
 
 def _check_place(path: Path) -> None:

@@ -30,6 +30,8 @@ def test_frames_are_labelled_as_they_are_rendered(small_file: Path, tmp_path: Pa
     assert run("labels", small_file, "-o", folder, *arguments) == 0
     assert sorted(path.name for path in folder.iterdir()) == [
         "coco_0001-0002.json",
+        "labels_0001-0002.coco.jsonl",
+        "labels_0001-0002.json",
         "labels_0001.npz",
         "labels_0002.npz",
     ]
@@ -52,7 +54,7 @@ def test_what_renders_do_not_show_has_no_label(small_file: Path, tmp_path: Path)
     bpy.data.objects["Cube"].hide_render = True
     bpy.ops.wm.save_mainfile()
     assert run("labels", small_file, "-o", tmp_path / "labels", "--no-coco", "-q") == 0
-    (path,) = (tmp_path / "labels").iterdir()
+    (path,) = (tmp_path / "labels").glob("*.npz")
     with np.load(path) as data:
         assert [thing["name"] for thing in json.loads(str(data["things"]))] == ["Sheet"]
 

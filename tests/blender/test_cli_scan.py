@@ -137,7 +137,7 @@ def test_a_scan_needs_a_file_and_a_folder(tmp_path: Path, capfd: Any) -> None:
 
 
 def test_pieces_are_runs_of_frames() -> None:
-    assert [piece.frames for piece in pieces_of([1, 2, 3, 4, 5, 9, 11, 12], 2)] == [
+    assert [(piece.first, piece.last) for piece in pieces_of([1, 2, 3, 4, 5, 9, 11, 12], 2)] == [
         (1, 2),
         (3, 4),
         (5, 5),

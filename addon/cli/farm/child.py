@@ -1,0 +1,138 @@
+"""A process with a Blender, which does pieces that it is asked for: `python -m perfect_bvh_addon.cli.farm.child`.
+
+It reads a request as a line of JSON on its standard input and answers by a line on its standard output. The scene is
+opened once and kept from piece to piece. Whatever is no mistake of the user's ends the process: then the piece is tried
+again elsewhere. It ends as well when nobody is there any more to ask it, be it in the middle of a piece.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import queue
+import signal
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from ..blender import StopRequest
+    from ..piece_work import PieceWork
+
+IDLE_SECONDS = 600.0  # then nobody is taken to need it any more
+EXIT_ALONE = 1
+
+Request = dict[str, Any]
+
+
+class Bench:
+    """The scene of a job, and the pieces of it."""
+
+    def __init__(self, stop: StopRequest) -> None:
+        self._stop = stop
+        self._job_id: str | None = None
+        self._work: PieceWork | None = None
+
+    def answer(self, request: Request) -> dict[str, Any]:
+        """Does a piece: `done` with what is told of it; `stopped`; `refused`, or what is at `fault`, in words."""
+        from ..arguments import CommandError
+
+        job, number = request["job"], request["piece"]
+        try:
+            work = self._work_of(job, number)
+        except CommandError as error:
+            self._work = None
+            return {"refused": str(error)}
+        piece, before, self._work = work.pieces[number], self._work, None  # what goes wrong leaves no scene behind
+        try:
+            if work.place.is_done(piece):
+                self._work = before
+                return {"done": {}, "warnings": []}
+            done = work.do(piece, lambda _: not self._stop.is_set)
+        except CommandError as error:
+            return {"fault": str(error), "is_of_files": isinstance(error.__cause__, OSError)}
+        if done is None:
+            return {"stopped": True}
+        self._work = work
+        return {"done": done.counts, "warnings": list(done.warnings)}
+
+    def _work_of(self, job: dict[str, Any], number: int) -> PieceWork:
+        """With the scene open, and before the piece. Raises CommandError if this is no worker for that job."""
+        if self._job_id != job["id"] or self._work is None or not self._work.can_do(self._work.pieces[number]):
+            self._work, self._job_id = _open(job, self._stop), job["id"]
+        return self._work
+
+
+def _open(job: dict[str, Any], stop: StopRequest) -> PieceWork:
+    import perfect_bvh
+
+    from ...pieces.inputs import find_difference
+    from ..arguments import CommandError
+    from ..blender import open_scene
+    from ..labels import LabelsWork
+    from ..render_pieces import RenderWork
+    from ..scan import ScanWork
+
+    if perfect_bvh.__version__ != job["version"]:
+        raise CommandError(f"it has version {perfect_bvh.__version__} of Perfect BVH, not {job['version']}")
+    arguments = argparse.Namespace(**{name: _tuple(value) for name, value in job["arguments"].items()})
+    scene = open_scene(Path(arguments.file), arguments)
+    made = {"scan": ScanWork, "labels": LabelsWork, "render": RenderWork}[arguments.command]
+    work: PieceWork = made(scene, stop, arguments)
+    other = find_difference(job["inputs"], work.place.inputs)
+    if other is not None:
+        raise CommandError(f"it sees another {other}: {_short(work.place.inputs.get(other))}")
+    return work
+
+
+def _tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) < 200 else f"{text[:197]}..."
+
+
+def _take_streams() -> tuple[TextIO, TextIO]:
+    """Standard input and output, for requests and answers alone: Blender's chatter goes nowhere."""
+    requests = os.fdopen(os.dup(0), encoding="utf-8")
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    for descriptor, mode in ((0, os.O_RDONLY), (1, os.O_WRONLY)):
+        silence = os.open(os.devnull, mode)
+        os.dup2(silence, descriptor)
+        os.close(silence)
+    return requests, answers
+
+
+def _listen(requests: TextIO, inbox: queue.SimpleQueue[Request], stop: StopRequest) -> None:
+    for line in requests:
+        request = json.loads(line)
+        stop.is_set = "stop" in request
+        if not stop.is_set:
+            inbox.put(request)
+    os._exit(EXIT_ALONE)
+
+
+def main() -> None:
+    """Answers until nobody asks."""
+    from ..blender import StopRequest
+
+    requests, answers = _take_streams()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who asks decides what Ctrl-C means
+    inbox: queue.SimpleQueue[Request] = queue.SimpleQueue()
+    stop = StopRequest()
+    threading.Thread(target=_listen, args=(requests, inbox, stop), daemon=True).start()
+    bench = Bench(stop)
+    while True:
+        try:
+            request = inbox.get(timeout=IDLE_SECONDS)
+        except queue.Empty:
+            os._exit(0)
+        answers.write(json.dumps(bench.answer(request)) + "\n")
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()

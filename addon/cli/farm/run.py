@@ -1,0 +1,185 @@
+"""Hands the pieces of a command's work to workers of Dask, and counts what came of each.
+
+As many pieces are under way as there are workers, so that each goes to one that is free. A piece whose worker dies is
+done again, elsewhere if there is another; after the third death it counts as failed, and the others go on. What has
+begun leaves whole files only, whatever ends it, so that `--resume` goes on from there.
+"""
+
+from __future__ import annotations
+
+import queue
+import secrets
+import sys
+from typing import TYPE_CHECKING, Any, TextIO
+
+from ..arguments import CommandError
+from ..piece_work import Done, Outcome, PieceWork, Teller, explained, piece_bar
+from . import worker
+from .cluster import POLL_SECONDS, check_workers, cluster_client
+from .costs import Costs
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+MOST_DEATHS = 3
+
+
+def do_pieces_on_farm(work: PieceWork, out: TextIO) -> Outcome:
+    """All pieces that are not there; what came of them. Errors: CommandError."""
+    outcome = Outcome()
+    left = {number for number, piece in enumerate(work.pieces) if not work.place.is_done(piece)}
+    outcome.kept = len(work.pieces) - len(left)
+    if not left:
+        return outcome
+    with cluster_client(work.arguments) as client:
+        threads = check_workers(client, work)
+        if not work.arguments.quiet:
+            count = len(client.nthreads())
+            out.write(f"{len(left)} pieces, {count} workers, threads of each: {threads}\n")
+            out.flush()
+        _Farm(client, work, left, threads, outcome).run()
+    with explained():
+        work.place.clear(work.pieces, *work.joined)
+    return outcome
+
+
+def _job_of(work: PieceWork, threads: int) -> dict[str, Any]:
+    """All that a worker has to know, as plain data."""
+    import perfect_bvh
+
+    return {
+        "id": secrets.token_hex(8),
+        "version": perfect_bvh.__version__,
+        "arguments": {**vars(work.arguments), "threads": threads},
+        "inputs": work.place.inputs,
+    }
+
+
+class _Farm:
+    """One run. left: the numbers of the pieces that are to be done."""
+
+    def __init__(self, client: Client, work: PieceWork, left: set[int], threads: int, outcome: Outcome) -> None:
+        self._client = client
+        self._work = work
+        self._left = left
+        self._outcome = outcome
+        self._job = _job_of(work, threads)
+        self._costs = Costs(work.pieces, is_in_order=work.is_simulated)
+        self._running: dict[Future, int] = {}
+        self._ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
+        self._deaths: dict[int, list[tuple[str, str]]] = {}  # of a piece: the worker's address, and the reason
+        self._teller = Teller()
+        self._is_stopping = False
+
+    def run(self) -> None:
+        """Until nothing is left, or it is stopped."""
+        with piece_bar(self._work) as bar:
+            bar.update(self._outcome.kept)
+            try:
+                while self._running or (self._left and not self._work.stop.is_set):
+                    self._hand_out()
+                    future = self._wait()
+                    if future is not None and self._take(self._running.pop(future), future):
+                        bar.update()
+            finally:
+                self._end_blenders()
+        self._outcome.is_stopped = self._work.stop.is_set and bool(self._left)
+
+    def _hand_out(self) -> None:
+        if self._work.stop.is_set:
+            if not self._is_stopping:
+                self._is_stopping = True
+                self._client.run(worker.stop_pieces, on_error="return")
+            return
+        addresses = list(self._client.nthreads())
+        while self._left and len(self._running) < len(addresses):
+            number = self._costs.next_of(self._left, len(addresses))
+            self._left.discard(number)
+            self._submit(number, addresses)
+
+    def _submit(self, number: int, addresses: list[str]) -> None:
+        deaths = self._deaths.get(number, [])
+        others = [address for address in addresses if address not in {where for where, _ in deaths}]
+        elsewhere = {"workers": others, "allow_other_workers": True} if deaths and others else {}
+        key = f"perfect-bvh-{self._job['id']}-{number}-{len(deaths)}"
+        future = self._client.submit(worker.do_piece, self._job, number, key=key, pure=False, **elsewhere)
+        self._running[future] = number
+        future.add_done_callback(self._ended.put)
+
+    def _wait(self) -> Future | None:
+        """One that has ended, or None after a while."""
+        try:
+            future = self._ended.get(timeout=POLL_SECONDS)
+        except queue.Empty:
+            if self._client.status != "running":
+                raise self._scheduler_is_gone() from None
+            return None
+        return future if future in self._running else None
+
+    def _take(self, number: int, future: Future) -> bool:
+        """Counts what came of a piece; whether there is nothing left to do of it."""
+        from distributed.scheduler import KilledWorker
+
+        if future.status == "cancelled":
+            self._left.add(number)
+            raise self._scheduler_is_gone()
+        if future.status == "error":
+            error = future.exception()
+            if not isinstance(error, KilledWorker):
+                raise self._ends(f"a worker cannot do this: {type(error).__name__}: {error}")
+            reason = "the worker of Dask has died"
+            return self._bury(number, error.last_worker.address, reason, error.allowed_failures + 1)
+        answer = future.result()
+        if "done" in answer:
+            self._costs.add(number, answer["seconds"])
+            done = Done(answer["done"], tuple(answer["warnings"]))
+            self._outcome.add(done)
+            self._teller.tell(done)
+            return True
+        return self._take_fault(number, answer)
+
+    def _take_fault(self, number: int, answer: dict[str, Any]) -> bool:
+        host = answer["host"]
+        if "died" in answer:
+            return self._bury(number, answer["worker"], f"on {host} {answer['died']}")
+        self._left.add(number)
+        if "stopped" in answer:
+            return False
+        if "refused" in answer:
+            raise self._ends(f"a worker on {host} cannot do this: {answer['refused']}")
+        if answer["is_of_files"]:
+            raise self._ends(f"on {host}: {answer['fault']}")
+        self._left.discard(number)
+        self._outcome.failed.append((self._work.pieces[number], answer["fault"]))
+        return True
+
+    def _bury(self, number: int, where: str, reason: str, count: int = 1) -> bool:
+        """A worker has died of a piece, or with it."""
+        if self._is_stopping:
+            self._left.add(number)
+            return False
+        deaths = self._deaths.setdefault(number, [])
+        deaths += [(where, reason)] * count
+        piece = self._work.pieces[number]
+        if len(deaths) < MOST_DEATHS:
+            self._left.add(number)
+            self._teller.say(f"{piece}: a worker has died ({reason}); done again")
+            return False
+        self._outcome.failed.append((piece, f"workers have died of it {len(deaths)} times, last: {reason}"))
+        return True
+
+    def _scheduler_is_gone(self) -> CommandError:
+        return self._ends("the scheduler has gone away")
+
+    def _ends(self, reason: str) -> CommandError:
+        there = self._outcome.kept + self._outcome.written
+        return CommandError(f"{reason}; {there} of {len(self._work.pieces)} pieces are there, --resume goes on")
+
+    def _end_blenders(self) -> None:
+        """However this run ends: none of them goes on."""
+        if self._client.status != "running":
+            return
+        try:
+            self._client.run(worker.end_blenders, on_error="return")
+        except (OSError, RuntimeError) as error:
+            sys.stderr.write(f"perfect-bvh: workers may still be at work: {error}\n")

@@ -1,0 +1,163 @@
+"""What runs within workers of Dask. Each piece is done by a Blender in a process of its own, which lives on.
+
+Blender wants a process's main thread, which Dask does not give; and a Blender that dies takes nothing with it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+CHILD = "perfect_bvh_addon.cli.farm.child"
+# To itself, so that Ctrl-C in a terminal does not end it.
+OWN_GROUP: dict[str, Any] = (
+    {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if sys.platform == "win32" else {"process_group": 0}
+)
+LAST_WORDS = 4000  # bytes of what it has said that are read when it is dead
+
+_free: list[BlenderProcess] = []
+_busy: set[BlenderProcess] = set()
+_lock = threading.Lock()
+
+
+class DeadBlenderError(Exception):
+    """It has ended although it was to answer; why, as far as is known."""
+
+
+class BlenderProcess:
+    """A process that does pieces, one at a time."""
+
+    def __init__(self) -> None:
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the process
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", CHILD],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._said,
+            encoding="utf-8",
+            **OWN_GROUP,
+        )
+        self._writing = threading.Lock()
+
+    def ask(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Its answer. Raises DeadBlenderError."""
+        line = ""
+        if self._write(request):
+            line = self._process.stdout.readline()  # type: ignore[union-attr]
+        if not line.endswith("\n"):
+            raise DeadBlenderError(self._obituary())
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+    def stop(self) -> None:
+        """Asks it to give up the piece that it does."""
+        self._write({"stop": True})
+
+    def end(self) -> None:
+        """Kills it, whatever it does: its files are whole or not there."""
+        self._process.kill()
+
+    def close(self) -> None:
+        """Ends it and waits for that."""
+        self.end()
+        self._process.wait()
+        self._said.close()
+        for pipe in (self._process.stdin, self._process.stdout):
+            try:
+                pipe.close()  # type: ignore[union-attr]
+            except OSError:  # what could not be written to a dead process any more
+                continue
+
+    def _write(self, request: dict[str, Any]) -> bool:
+        """Whether it could be told."""
+        with self._writing:
+            try:
+                self._process.stdin.write(json.dumps(request) + "\n")  # type: ignore[union-attr]
+                self._process.stdin.flush()  # type: ignore[union-attr]
+            except OSError:
+                return False
+        return True
+
+    def _obituary(self) -> str:
+        self._process.kill()  # if it only has closed its output
+        status = self._process.wait()
+        how = f"it ended with status {status}"
+        if status < 0:
+            names = {number.value: number.name for number in signal.Signals}
+            how = f"it was ended by signal {-status} ({names.get(-status, 'unknown')})"
+        self._said.seek(max(0, self._said.seek(0, os.SEEK_END) - LAST_WORDS))
+        lines = self._said.read().decode("utf-8", "replace").split("\n")
+        said = [line.strip() for line in lines if line.strip()]
+        return f"{how}: {said[-1]}" if said else how
+
+
+def do_piece(job: dict[str, Any], number: int) -> dict[str, Any]:
+    """A task of Dask: the answer of a Blender, or that it has `died`; with `seconds`, and where it was."""
+    from distributed import get_worker
+
+    started = time.monotonic()
+    with _lock:
+        blender = _free.pop() if _free else BlenderProcess()
+        _busy.add(blender)
+    lives = False
+    try:
+        answer = blender.ask({"job": job, "piece": number})
+        lives = True
+    except DeadBlenderError as error:
+        answer = {"died": str(error)}
+    finally:
+        with _lock:
+            _busy.discard(blender)
+            if lives:
+                _free.append(blender)
+        if not lives:
+            blender.close()
+    where = {"host": socket.gethostname(), "worker": get_worker().address}
+    return {**answer, **where, "seconds": time.monotonic() - started}
+
+
+def stop_pieces() -> None:
+    """Asks all Blenders of this worker to give up what they do. Does not wait for it."""
+    with _lock:
+        for blender in _busy:
+            blender.stop()
+
+
+def end_blenders() -> None:
+    """Ends all Blenders of this worker, at once."""
+    with _lock:
+        for blender in _busy:
+            blender.end()
+        while _free:
+            _free.pop().close()
+
+
+def look(file: str, probe: str) -> dict[str, Any]:
+    """What a worker is and sees. file: the scene. probe: of the output folder, a file that was just made."""
+    import importlib.util
+
+    import perfect_bvh
+
+    affinity = getattr(os, "sched_getaffinity", None)
+    return {
+        "version": perfect_bvh.__version__,
+        "has_blender": importlib.util.find_spec("bpy") is not None,
+        "size": os.path.getsize(file) if Path(file).is_file() else None,
+        "sees_output": Path(probe).is_file(),
+        "host": socket.gethostname(),
+        "cores": len(affinity(0)) if affinity is not None else os.cpu_count() or 1,
+    }
+
+
+def dask_setup(_worker: Any) -> None:
+    """For workers that Dask starts with this module as a preload: Ctrl-C is heard of by who has started them."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

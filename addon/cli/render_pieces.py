@@ -1,0 +1,101 @@
+"""Frames of an animation as images, in pieces: with `--resume`, or by workers."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .arguments import CommandError, Output
+from .blender import StopRequest, apply_settings
+from .frames import ImageWriter, render_frame, warnings_of
+from .piece_work import Advance, Done, PieceWork, explained, scene_inputs
+
+if TYPE_CHECKING:
+    import bpy
+
+    from ..image.still import Frame
+    from ..pieces.piece import Piece
+
+# What the images depend on, among the arguments.
+CHOICES = ("mode", "size", "samples", "denoise", "time_limit", "noise_threshold", "seed")
+
+
+class RenderWork(PieceWork):
+    """Pieces of rendered frames; each begins with trees of its own."""
+
+    def __init__(self, scene: bpy.types.Scene, stop: StopRequest, arguments: argparse.Namespace) -> None:
+        from ..pieces.folder import PieceFolder
+        from ..pieces.piece import Piece, runs_of
+
+        super().__init__(scene, stop, arguments)
+        if scene.camera is None:
+            raise CommandError(f"{arguments.file}: scene {scene.name!r} has no camera")
+        self._output = Output.parse(arguments.output, len(self.frames))
+        self._output.check_frames(self.frames, Path(arguments.file))
+        inputs = self._inputs()
+        apply_settings(scene, arguments)
+        self._writer = ImageWriter(scene)
+        self.pieces = [
+            Piece(frames, self._stem(frames), tuple(self._output.path_of(frame).name for frame in frames))
+            for frames in runs_of(self.frames, arguments.piece, has_gaps=True)
+        ]
+        before = self._output.pattern.stem.partition("#")[0]
+        self.place = PieceFolder(self._output.pattern.parent, inputs, before, "animation")
+
+    def make(self, piece: Piece, advance: Advance) -> Done | None:
+        """By trees of its own: ids of instances, and what rays cost, do not depend on the pieces before."""
+        from ..live.sync_cache import clear_syncs
+
+        if not self._know_scale(piece):
+            return None
+        clear_syncs()
+        warnings = dict[str, None]()
+        for number, frame in enumerate(piece.frames):
+            rendered = self._render(frame)
+            if rendered is None:
+                return None
+            self._writer.save(self._output.path_of(frame), rendered)
+            warnings |= dict.fromkeys(warnings_of(rendered))
+            advance((number + 1) / len(piece.frames))
+        with explained():
+            self.place.finish(piece, warnings=list(warnings))
+        return Done({"frames": len(piece.frames)}, tuple(warnings))
+
+    def join(self) -> None:
+        """Nothing: each frame is a file."""
+
+    def _render(self, frame: int) -> Frame | None:
+        if self.stop.is_set:
+            return None
+        return render_frame(self.scene, frame, lambda _: not self.stop.is_set, self.is_simulated)
+
+    def _know_scale(self, piece: Piece) -> bool:
+        """Renders the first of all frames, if greys are on its scale and it was not rendered here; False if stopped."""
+        first = self.frames[0]
+        if self._writer.range is None and self._writer.has_scale(self._output.pattern.suffix) and first != piece.first:
+            rendered = self._render(first)
+            if rendered is None:
+                return False
+            self._writer.measure(rendered)
+        return True
+
+    def _stem(self, frames: tuple[int, ...]) -> str:
+        """Of a manifest, which is told from other files of JSON by its name."""
+        name = re.sub("#+", f"{frames[0]:04d}-{frames[-1]:04d}", self._output.pattern.stem)
+        return f"{name}.manifest"
+
+    def _inputs(self) -> dict[str, object]:
+        from ..settings.denoisers import denoiser_in_use
+
+        arguments = self.arguments
+        return scene_inputs(
+            Path(arguments.file),
+            arguments,
+            **{name: getattr(arguments, name) for name in CHOICES},
+            denoiser=denoiser_in_use(),
+            format=self._output.pattern.suffix,
+            first=self.frames[0],
+            begins=min(self.frames) if self.is_simulated else None,
+        )
