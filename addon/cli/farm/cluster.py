@@ -8,18 +8,20 @@ import os
 import secrets
 import signal
 import sys
+import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..arguments import CommandError
+from ..piece_work import explained
 from . import worker
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, LocalCluster
 
     from ..piece_work import PieceWork
 
@@ -31,8 +33,7 @@ POLL_SECONDS = 0.2
 @contextmanager
 def cluster_client(arguments: argparse.Namespace) -> Iterator[Client]:
     """A client of the workers that the arguments name; workers that were started for it end with it."""
-    import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is told in our own words
     if arguments.scheduler is not None:
@@ -45,48 +46,61 @@ def cluster_client(arguments: argparse.Namespace) -> Iterator[Client]:
         finally:
             client.close(timeout=CLOSE_SECONDS)
         return
+    with _ignoring_interrupts() as hearing, _local_cluster(arguments.workers) as cluster:
+        client = Client(cluster, set_as_default=False)
+        try:
+            with hearing():
+                yield client
+        finally:
+            client.close(timeout=CLOSE_SECONDS)
+
+
+@contextmanager
+def _local_cluster(count: int) -> Iterator[LocalCluster]:
+    import dask
+    from distributed import LocalCluster
+
     # The first death of a worker is told at once, not after several: they are counted here, by piece.
-    with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
-        _ignoring_interrupts(),
-        LocalCluster(
-            n_workers=arguments.workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            memory_limit=0,  # Blenders are processes of their own
-            silence_logs=logging.CRITICAL,
-            preload=[worker.__name__],
-        ) as cluster,
-        _hearing_interrupts(),
-        Client(cluster, set_as_default=False) as client,
-    ):
-        yield client
-
-
-_handlers: list[Any] = []
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
+        try:
+            cluster = LocalCluster(
+                n_workers=count,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address=None,
+                memory_limit=0,  # Blenders are processes of their own
+                silence_logs=logging.CRITICAL,
+                preload=[worker.__name__],
+            )
+        except (OSError, RuntimeError) as error:
+            raise CommandError(f"--workers {count}: they could not be started ({error})") from error
+    try:
+        yield cluster
+    finally:
+        cluster.close(timeout=CLOSE_SECONDS)
 
 
 @contextmanager
-def _ignoring_interrupts() -> Iterator[None]:
-    """What is started meanwhile ignores Ctrl-C."""
+def _ignoring_interrupts() -> Iterator[Callable[[], AbstractContextManager[None]]]:
+    """Ctrl-C is ignored meanwhile, by what is started as well; gives a context in which it is heard as before."""
+    if threading.current_thread() is not threading.main_thread():  # which alone hears of it
+        yield nullcontext
+        return
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _handlers.append(before)
-    try:
-        yield
-    finally:
-        _handlers.pop()
+
+    @contextmanager
+    def hearing() -> Iterator[None]:
+        nonlocal before
         signal.signal(signal.SIGINT, before)
+        try:
+            yield
+        finally:
+            before = signal.signal(signal.SIGINT, signal.SIG_IGN)
 
-
-@contextmanager
-def _hearing_interrupts() -> Iterator[None]:
-    """Within the former: as before it. Once it ends, what is still to do is done whatever is pressed."""
-    signal.signal(signal.SIGINT, _handlers[-1])
     try:
-        yield
+        yield hearing
     finally:
-        _handlers[-1] = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGINT, before)
 
 
 def check_workers(client: Client, work: PieceWork) -> int:
@@ -95,13 +109,11 @@ def check_workers(client: Client, work: PieceWork) -> int:
     Looks before anything starts: who joins later is looked at when its first piece is.
     """
     arguments = work.arguments
-    _wait_for_workers(client, work)
-    probe = work.place.folder / f".{secrets.token_hex(4)}"
-    probe.touch()
-    try:
-        found = client.run(worker.look, arguments.file, str(probe), on_error="return")
-    finally:
-        probe.unlink(missing_ok=True)
+    found: dict[str, Any] = {}
+    while not found:
+        _wait_for_workers(client, work)
+        # Who dies meanwhile says nothing.
+        found = {address: seen for address, seen in _look(client, work).items() if not isinstance(seen, OSError)}
     for address, seen in found.items():
         fault = _fault_of(seen, arguments)
         if fault is not None:
@@ -111,6 +123,18 @@ def check_workers(client: Client, work: PieceWork) -> int:
         return int(arguments.threads)
     on_host = Counter(seen["host"] for seen in found.values())
     return min(max(1, seen["cores"] // on_host[seen["host"]]) for seen in found.values())
+
+
+def _look(client: Client, work: PieceWork) -> dict[str, Any]:
+    """What workers say of themselves, or the exceptions that came of asking them, by their addresses."""
+    probe = work.place.folder / f".{secrets.token_hex(4)}"
+    with explained():
+        probe.touch()
+    try:
+        found: dict[str, Any] = client.run(worker.look, work.arguments.file, str(probe), on_error="return")
+    finally:
+        probe.unlink(missing_ok=True)
+    return found
 
 
 def _wait_for_workers(client: Client, work: PieceWork) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import queue
 import secrets
 import sys
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TextIO
 
 from ..arguments import CommandError
@@ -89,9 +90,9 @@ class _Farm:
         if self._work.stop.is_set:
             if not self._is_stopping:
                 self._is_stopping = True
-                self._client.run(worker.stop_pieces, on_error="return")
+                self._ask(lambda: self._client.run(worker.stop_pieces, on_error="return"))
             return
-        addresses = list(self._client.nthreads())
+        addresses = list(self._ask(self._client.nthreads))
         while self._left and len(self._running) < len(addresses):
             number = self._costs.next_of(self._left, len(addresses))
             self._left.discard(number)
@@ -167,6 +168,13 @@ class _Farm:
             return False
         self._outcome.failed.append((piece, f"workers have died of it {len(deaths)} times, last: {reason}"))
         return True
+
+    def _ask(self, call: Callable[[], Any]) -> Any:
+        """What the scheduler answers. Errors: CommandError."""
+        try:
+            return call()
+        except (OSError, RuntimeError) as error:
+            raise self._scheduler_is_gone() from error
 
     def _scheduler_is_gone(self) -> CommandError:
         return self._ends("the scheduler has gone away")

@@ -1,0 +1,109 @@
+"""Kills processes of runs with workers, at any time, until enough have died: `python tests/blender/farm_killer.py`.
+
+A run that ends, or whose own process was killed, is begun again with --resume until it is complete. Then its folder
+must hold what an undisturbed run without workers has left, byte by byte, and nothing else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import psutil
+from blender.farm_runs import JOBS, command, contents, run_job, save_scene
+
+EXIT_FAILED_PIECES, EXIT_ERROR = 3, 2
+
+
+class Killer:
+    """A seeded one. rate: kills a second, on the average. spares: whether the run's own process is let live."""
+
+    def __init__(self, seed: int, rate: float, *, spares: bool = False) -> None:
+        self._random = random.Random(seed)
+        self._rate = rate
+        self._spares = spares
+        self.killed: list[str] = []
+
+    def attend(self, process: subprocess.Popen[str], most: int) -> None:
+        """Kills until the process has ended, or `most` have died in all."""
+        while process.poll() is None:
+            wait = self._random.expovariate(self._rate)
+            deadline = time.monotonic() + wait
+            while process.poll() is None and time.monotonic() < deadline:
+                time.sleep(0.01)
+            if process.poll() is None and len(self.killed) < most:
+                self._kill_one(process.pid)
+
+    def _kill_one(self, pid: int) -> None:
+        try:
+            root = psutil.Process(pid)
+            found = [*([] if self._spares else [root]), *root.children(recursive=True)]
+            victim = self._random.choice(sorted(found, key=lambda each: each.pid)) if found else None
+            if victim is not None:
+                words = " ".join(victim.cmdline())
+                victim.send_signal(signal.SIGKILL)
+                self.killed.append(kind_of(words))
+        except psutil.NoSuchProcess:
+            return
+
+
+def kind_of(words: str) -> str:
+    """Of a process, by its command line."""
+    for part, kind in (("farm.child", "Blender"), ("spawn_main", "worker"), ("resource_tracker", "tracker")):
+        if part in words:
+            return kind
+    return "run"
+
+
+def complete(folder: Path, name: str, out: Path, killer: Killer, most: int, workers: int = 2) -> int:
+    """Runs a job until it is complete, while processes of it are killed; how many runs that took."""
+    for count in range(1, 1000):
+        more = ("--workers", workers, *(("--resume",) if count > 1 else ()))
+        with subprocess.Popen(
+            command(name, out, *more), cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        ) as process:
+            killer.attend(process, most)
+            errors = process.stderr.read()
+        if process.returncode == 0:
+            return count
+        if process.returncode not in (-signal.SIGKILL, EXIT_FAILED_PIECES, EXIT_ERROR) or "Traceback" in errors:
+            raise AssertionError(f"the run ended with {process.returncode}: {errors}")
+    raise AssertionError(f"{name}: a thousand runs were not enough")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kills", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--rate", type=float, default=0.5, help="kills a second")
+    asked = parser.parse_args()
+    killer, rounds = Killer(asked.seed, asked.rate), 0
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        save_scene(folder)
+        expected = {}
+        for job in JOBS:
+            status, errors = run_job(folder, job, folder / f"{job}_whole", "--resume")
+            assert status == 0, errors
+            expected[job] = contents(folder / f"{job}_whole")
+        while len(killer.killed) < asked.kills:
+            job = list(JOBS)[rounds % len(JOBS)]
+            out = folder / f"out_{rounds}"
+            runs = complete(folder, job, out, killer, asked.kills, workers=1 + rounds % 3)
+            rounds += 1
+            is_same = contents(out) == expected[job]
+            counts = {kind: killer.killed.count(kind) for kind in sorted(set(killer.killed))}
+            sys.stderr.write(f"{job}: {runs} runs, same bytes: {is_same}; killed so far: {counts}\n")
+            if not is_same:
+                return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

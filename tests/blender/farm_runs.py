@@ -1,0 +1,56 @@
+"""What tests of workers share: a small scene with a sensor, `perfect-bvh` as a process, and what it leaves behind."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+RUN_MAIN = "import sys; sys.argv[0] = 'perfect-bvh'; from perfect_bvh_addon.cli import main; sys.exit(main())"
+SENSOR = 'kind = "spinning"\nelevations = { first = -30, last = 30, count = 9 }\ncolumns = 120\nrate = 12\n'
+TIMEOUT = 600
+
+# A command, and its options, for six pieces.
+JOBS = {
+    "scan": ("scan", "--sensor", "sensor.toml", "--on", "Head", "--steps", "2"),
+    "labels": ("labels", "--size", "64x36"),
+    "render": ("render", "--mode", "instance", "--samples", "2"),
+}
+
+
+def save_scene(folder: Path) -> Path:
+    """A file with a cube that moves, a sheet that bends and an empty that flies past; beside it a sensor."""
+    import bpy
+    from blender.command_lines import save_small_file
+
+    path = folder / "small.blend"
+    save_small_file(path)
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    head = bpy.data.objects.new("Head", None)
+    bpy.context.scene.collection.objects.link(head)
+    for frame, x in ((1, -2.0), (13, 2.0)):
+        head.location = (x, -3.0, 1.0)
+        head.keyframe_insert("location", frame=frame)
+    bpy.ops.wm.save_mainfile()
+    (folder / "sensor.toml").write_text(SENSOR)
+    return path
+
+
+def command(name: str, out: Path, *more: object, frames: str = "1-12") -> list[str]:
+    """Of a job, to be run in the scene's folder."""
+    verb, *options = JOBS[name]
+    asked = ("small.blend", "-o", f"{out}/", "--frames", frames, "--piece", 2, "-q")
+    return [sys.executable, "-c", RUN_MAIN, verb, *map(str, (*asked, *options, *more))]
+
+
+def run_job(folder: Path, name: str, out: Path, *more: object, frames: str = "1-12") -> tuple[int, str]:
+    """The exit status, and what was said on standard error."""
+    done = subprocess.run(
+        command(name, out, *more, frames=frames), cwd=folder, capture_output=True, text=True, timeout=TIMEOUT
+    )
+    return done.returncode, done.stderr
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    """Of all files of a folder, whatever their names are."""
+    return {path.name: path.read_bytes() for path in out.iterdir()}

@@ -1,0 +1,200 @@
+"""Workers: the same bytes for any number of them, with and without deaths, and what is refused."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+pytest.importorskip("distributed")
+pytest.importorskip("pycocotools")
+
+from blender.command_lines import run  # noqa: E402
+from blender.farm_killer import Killer, complete  # noqa: E402
+from blender.farm_runs import JOBS, command, contents, run_job, save_scene  # noqa: E402
+
+# Ends Blender's process in frame 5, as a crash does, if the file's scripts are run.
+DEADLY = """
+import bpy, os
+def die(scene, *_):
+    if scene.frame_current == 5 and "farm.child" in " ".join(__import__("sys").orig_argv):
+        os.abort()
+bpy.app.handlers.frame_change_pre.append(die)
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("farm")
+    save_scene(made)
+    return made
+
+
+@pytest.fixture(scope="module")
+def whole(folder: Path) -> dict[str, dict[str, bytes]]:
+    """What each job makes without workers."""
+    found = {}
+    for name in JOBS:
+        status, errors = run_job(folder, name, folder / f"whole_{name}", "--resume")
+        assert status == 0, errors
+        found[name] = contents(folder / f"whole_{name}")
+    return found
+
+
+@pytest.mark.parametrize(("name", "workers"), [("scan", 1), ("labels", 2), ("render", 2), ("labels", 4)])
+def test_any_number_of_workers_makes_the_same_bytes(
+    folder: Path, tmp_path: Path, whole: dict[str, dict[str, bytes]], name: str, workers: int
+) -> None:
+    status, errors = run_job(folder, name, tmp_path / "out", "--workers", workers)
+    assert status == 0, errors
+    assert contents(tmp_path / "out") == whole[name]
+    assert len(whole[name]) == {"scan": 12, "labels": 25, "render": 18}[name]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL, which Windows has not")
+def test_whatever_is_killed_the_bytes_are_the_same(
+    folder: Path, tmp_path: Path, whole: dict[str, dict[str, bytes]]
+) -> None:
+    killer = Killer(seed=7, rate=0.7)
+    complete(folder, "labels", tmp_path / "out", killer, most=5)
+    assert contents(tmp_path / "out") == whole["labels"]
+    assert killer.killed
+
+
+@pytest.fixture
+def deadly(folder: Path, tmp_path: Path) -> Iterator[Path]:
+    """The scene, with a script in it that ends Blender."""
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "small.blend"))
+    text = bpy.data.texts.new("deadly.py")
+    text.write(DEADLY)
+    text.use_module = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "small.blend"))
+    (tmp_path / "sensor.toml").write_bytes((folder / "sensor.toml").read_bytes())
+    yield tmp_path
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+
+
+def test_a_piece_of_which_workers_die_fails_and_the_others_go_on(deadly: Path) -> None:
+    out = deadly / "out"
+    status, errors = run_job(deadly, "scan", out, "--workers", 2, "--autoexec")
+    assert status == 3
+    assert errors.count("a worker has died") == 2
+    assert "frames 5-6: workers have died of it 3 times" in errors and "SIGABRT" in errors
+    assert "1 of 6 pieces failed" in errors
+    assert len(contents(out)) == 10
+
+
+def test_a_sensor_that_goes_is_named_and_the_others_go_on(folder: Path, tmp_path: Path) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "small.blend"))
+    text = bpy.data.texts.new("goes.py")
+    text.write(
+        "import bpy\n"
+        "def go(scene, *_):\n"
+        "    links = scene.collection.objects\n"
+        "    head = bpy.data.objects['Head']\n"
+        "    if scene.frame_current == 7 and 'Head' in links: links.unlink(head)\n"
+        "    if scene.frame_current != 7 and 'Head' not in links: links.link(head)\n"
+        "bpy.app.handlers.frame_change_post.append(go)\n"
+    )
+    text.use_module = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "small.blend"))
+    (tmp_path / "sensor.toml").write_bytes((folder / "sensor.toml").read_bytes())
+    status, errors = run_job(tmp_path, "scan", tmp_path / "out", "--workers", 2, "--autoexec")
+    assert status == 3, errors
+    assert "frames 7-8" in errors and "'Head'" in errors
+
+
+def test_what_workers_cannot_see_is_said_before_anything_starts(folder: Path, tmp_path: Path, capfd: Any) -> None:
+    from perfect_bvh_addon.cli.farm.cluster import _fault_of
+    from perfect_bvh_addon.cli.farm.worker import look
+
+    class Arguments:
+        file = str(folder / "small.blend")
+        output = str(tmp_path)
+
+    probe = tmp_path / "probe"
+    probe.touch()
+    seen = look(Arguments.file, str(probe))
+    assert _fault_of(seen, Arguments) is None
+    for changed, said in (
+        (look(str(tmp_path / "small.blend"), str(probe)), "does not see"),
+        (look(Arguments.file, str(tmp_path / "missing")), "does not see the output folder"),
+        ({**seen, "size": 3}, "sees another file"),
+        ({**seen, "version": "0.1.9"}, "version 0.1.9"),
+        ({**seen, "has_blender": False}, "no module bpy"),
+        (ModuleNotFoundError("No module named 'perfect_bvh_addon'"), "not this version"),
+    ):
+        assert said in _fault_of(changed, Arguments)
+
+
+@pytest.fixture
+def scheduler(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], subprocess.Popen[bytes]]]:
+    """Of the user's own: its address, its process, and that of a worker whose Perfect BVH says another version."""
+    file = tmp_path / "scheduler.json"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    options = ["--no-dashboard", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file)]
+    with subprocess.Popen([sys.executable, "-m", "distributed.cli.dask_scheduler", *options], **quiet) as process:
+        while not file.exists() or not file.stat().st_size:
+            assert process.poll() is None
+            time.sleep(0.05)
+        import json
+
+        address = json.loads(file.read_text())["address"]
+        worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
+        with subprocess.Popen([*worker, "--local-directory", str(tmp_path)], **quiet) as other:
+            yield address, process, other
+            other.kill()
+        process.kill()
+
+
+def test_a_scheduler_of_the_users_is_used_and_may_go_away(
+    folder: Path, tmp_path: Path, whole: dict[str, dict[str, bytes]], scheduler: Any
+) -> None:
+    address, process, _ = scheduler
+    out = tmp_path / "out"
+    with subprocess.Popen(
+        command("render", out, "--scheduler", address), cwd=folder, stderr=subprocess.PIPE, text=True
+    ) as started:
+        while not list(out.glob("*.manifest.json")):
+            assert started.poll() is None
+            time.sleep(0.02)
+        process.send_signal(signal.SIGKILL) if os.name == "posix" else process.kill()
+        errors = started.communicate(timeout=300)[1]
+    assert started.returncode == 2 and "the scheduler has gone away" in errors and "Traceback" not in errors
+    found = contents(out)
+    assert 0 < len(found) < 18
+    status, errors = run_job(folder, "render", out, "--resume")
+    assert status == 0, errors
+    assert contents(out) == whole["render"]
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (("--workers", 2, "--scheduler", "tcp://127.0.0.1:1"), "give one of both"),
+        (("--workers", 0), "must be at least 1"),
+        (("--scheduler", "nonsense://x"), "no scheduler answers"),
+    ],
+)
+def test_mistakes_are_named(folder: Path, tmp_path: Path, capfd: Any, more: tuple[object, ...], said: str) -> None:
+    assert run("labels", folder / "small.blend", "-o", tmp_path / "out", *more) == 2
+    assert said in capfd.readouterr().err
+
+
+def test_without_dask_it_says_what_to_install(
+    folder: Path, tmp_path: Path, capfd: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import importlib.util
+
+    true_find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "distributed" else true_find(name))
+    assert run("labels", folder / "small.blend", "-o", tmp_path / "out", "--workers", 2) == 2
+    assert "pip install 'perfect-bvh[farm]'" in capfd.readouterr().err
