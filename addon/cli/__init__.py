@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 
 from ..settings.modes import MODES
-from .arguments import CommandError, parse_frames, parse_size
+from .arguments import CommandError, parse_frames, parse_seed, parse_size
 from .console import is_reader_gone, write_any_text
 
 DEFAULT_AUDIT = 1e-3
@@ -206,6 +206,9 @@ def _add_scan(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--steps", type=_positive, default=1, metavar="N", help="key moments of a frame (default: 1)")
     parser.add_argument(
         "--format", default="npz", metavar="F", help="npz, ply, las, laz, csv, parquet or h5 (default: npz)"
+    )
+    parser.add_argument(
+        "--seed", type=parse_seed, default=0, metavar="N", help="of the sensor's noise and dropout (default: 0)"
     )
     _add_pieces(parser)
     _add_quiet(parser)

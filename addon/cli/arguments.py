@@ -54,6 +54,13 @@ def parse_size(text: str) -> tuple[int, int]:
     return size
 
 
+def parse_seed(text: str) -> int:
+    """'7' -> 7."""
+    if re.fullmatch(r"\d{1,20}", text.strip()) is None or int(text) >= 2**64:
+        raise argparse.ArgumentTypeError(f"expected a whole number from 0 to 2 ** 64 - 1, got {text!r}")
+    return int(text)
+
+
 def check_mode(name: str | None) -> None:
     """A CommandError unless `name` is a mode or None."""
     if name is not None:

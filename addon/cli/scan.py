@@ -128,13 +128,15 @@ class ScanWork(PieceWork):
         """Nothing: points of all pieces are put together by who reads them."""
 
     def _inputs(self, suffix: str) -> dict[str, object]:
-        from ..scanning.pieces import sensor_input
+        from ..scanning.pieces import light_values, sensor_input
 
         arguments = self.arguments
         return scene_inputs(
             Path(arguments.file),
             arguments,
             sensor=sensor_input(self._sensor.pattern),
+            light=light_values(self._sensor.light),
+            seed=arguments.seed,
             on=self._carrier.name,
             steps=arguments.steps,
             begins=min(self.frames),
@@ -151,13 +153,14 @@ class ScanWork(PieceWork):
         arguments = self.arguments
         try:
             return scan(
-                self._sensor.pattern,
+                self._sensor,
                 self._carrier,
                 frames=(piece.first, piece.last) if arguments.frames else None,  # a whole pass of the current one
                 steps_per_frame=arguments.steps,
                 since=min(self.frames) if arguments.frames else None,
                 threads=arguments.threads or 0,
                 progress=advance,
+                seed=arguments.seed,
             )
         except perfect_bvh.Cancelled:
             return None

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from .light import LUMINANCE
 from .point_cloud import COLUMNS, PointCloud
 
 if TYPE_CHECKING:
     from perfect_bvh import Hits
 
     from ..live.scene_sync import SceneSync
+    from .beams import Returns
     from .patterns import Rays
 
 EMPTY = {
@@ -28,9 +30,10 @@ EMPTY = {
     "incidences": np.empty(0, np.float32),
     "intensities": np.empty(0, np.float32),
     "spacings": np.empty(0, np.float32),
+    "return_ids": np.empty(0, np.int32),
+    "return_counts": np.empty(0, np.int32),
 }
 
-LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear Rec. 709
 WITHOUT_MATERIAL = 0.8  # as Blender shows it
 
 
@@ -59,13 +62,37 @@ class Collector:
         self._materials = _Names()
         self._ray_count = 0
 
+    @property
+    def next_ray_id(self) -> int:
+        """What the first ray of the next batch has."""
+        return self._rays_before + self._ray_count
+
     def add(self, hits: Hits, rays: Rays, directions: npt.NDArray[np.float64], sync: SceneSync) -> None:
         """Keeps the hits of a batch of rays. directions: (R, 3) of the rays, in world space.
 
         sync: what was traced, not updated since; its material slots were read.
         """
+        self._add(hits, rays, np.arange(len(rays)), directions, sync)
+        self._ray_count += len(rays)
+
+    def add_returns(self, returns: Returns, rays: Rays, sync: SceneSync) -> None:
+        """The same of what beams have returned, which may be several echoes of a ray."""
+        self._add(returns.hits, rays, returns.beams, returns.directions, sync, returns)
+        self._ray_count += len(rays)
+
+    def _add(
+        self,
+        hits: Hits,
+        rays: Rays,
+        ray_rows: npt.NDArray[np.int64],
+        directions: npt.NDArray[np.float64],
+        sync: SceneSync,
+        returns: Returns | None = None,
+    ) -> None:
+        """ray_rows: of each hit, which of the rays it is of. returns: where hits are echoes of beams."""
         rows = np.flatnonzero(hits.instance_ids >= 0)
         if len(rows):
+            of_rays = ray_rows[rows]
             materials = sync.material_ids(hits)[rows]
             incidences = _incidences(directions[rows], hits.geometric_normals[rows])
             self._pieces.append(
@@ -76,15 +103,18 @@ class Collector:
                     "object_ids": self._object_ids(hits.instance_ids[rows], sync),
                     "instance_ids": hits.instance_ids[rows],
                     "material_ids": self._material_ids(materials, sync),
-                    "times": rays.times[rows],
-                    "ray_ids": self._rays_before + self._ray_count + rows.astype(np.int64),
-                    "ring_ids": rays.ring_ids[rows],
+                    "times": rays.times[of_rays],
+                    "ray_ids": self.next_ray_id + of_rays.astype(np.int64),
+                    "ring_ids": rays.ring_ids[of_rays],
                     "incidences": incidences,
-                    "intensities": incidences * _luminances(materials, sync),
+                    "intensities": incidences * _luminances(materials, sync)
+                    if returns is None
+                    else returns.intensities[rows],
                     "spacings": (rays.gap + rays.spread * hits.distances[rows]).astype(np.float32),
+                    "return_ids": np.zeros(len(rows), np.int32) if returns is None else returns.return_ids[rows],
+                    "return_counts": np.ones(len(rows), np.int32) if returns is None else returns.return_counts[rows],
                 }
             )
-        self._ray_count += len(rays)
 
     def point_cloud(self, warnings: tuple[str, ...], pose_error: float, scene_error: float) -> PointCloud:
         """Everything that was added."""

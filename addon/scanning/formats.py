@@ -35,6 +35,8 @@ SINGULAR = {
     "incidences": "incidence",
     "intensities": "intensity",
     "spacings": "spacing",
+    "return_ids": "return_id",
+    "return_counts": "return_count",
 }
 LAS_STEP = 1e-4  # of coordinates, in world units: LAS keeps them as whole numbers
 MOST_LAS_STEPS = 2**31 - 1
@@ -118,7 +120,7 @@ def _las(cloud: PointCloud, path: Path) -> None:
     high = cloud.positions.max(axis=0) if len(cloud) else np.zeros(3)
     header.offsets = np.floor(low)
     header.scales = np.maximum(LAS_STEP, (high - header.offsets) / MOST_LAS_STEPS)
-    own = {"x", "y", "z", "time", "intensity"}
+    own = {"x", "y", "z", "time", "intensity", "return_id", "return_count"}
     extra = {name: values for name, values in _table(cloud).items() if name not in own}
     header.add_extra_dims([laspy.ExtraBytesParams(name, values.dtype) for name, values in extra.items()])
     header.creation_date = LAS_DATE
@@ -133,7 +135,8 @@ def _las(cloud: PointCloud, path: Path) -> None:
     points.x, points.y, points.z = cloud.positions.T
     points.gps_time = cloud.times
     points.intensity = np.round(np.clip(cloud.intensities, 0.0, 1.0) * 65535.0).astype(np.uint16)
-    points.return_number = points.number_of_returns = np.ones(len(cloud), np.uint8)
+    points.return_number = (cloud.return_ids + 1).astype(np.uint8)
+    points.number_of_returns = cloud.return_counts.astype(np.uint8)
     for name, values in extra.items():
         points[name] = values
     with path.open("wb") as file:

@@ -10,6 +10,7 @@ from typing import Any
 from ..pieces.folder import PieceFolder
 from ..pieces.piece import Piece, runs_of
 from .formats import save_cloud
+from .light import Light
 from .patterns import Pattern
 from .point_cloud import PointCloud
 
@@ -29,6 +30,17 @@ def sensor_input(pattern: Pattern) -> dict[str, Any]:
         for name, value in asdict(pattern).items()  # type: ignore[call-overload]
     }
     return {"kind": type(pattern).__name__, **values}
+
+
+def light_values(light: Light | None) -> dict[str, Any] | None:
+    """What a sensor's file says of light, as JSON has it."""
+    if light is None:
+        return None
+    tables: dict[str, dict[str, Any]] = asdict(light)
+    return {
+        table: {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+        for table, values in tables.items()
+    }
 
 
 def write_piece(place: PieceFolder, piece: Piece, cloud: PointCloud) -> None:

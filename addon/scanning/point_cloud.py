@@ -26,6 +26,8 @@ COLUMNS = (
     "incidences",
     "intensities",
     "spacings",
+    "return_ids",
+    "return_counts",
 )
 
 
@@ -41,7 +43,13 @@ class PointCloud:
     ring_ids: (N,) int32: the line of a LiDAR, in the order of its elevations, or the row of a camera's picture.
     incidences: (N,) float32, cosine of the angle between ray and normal: 1 straight on, 0 grazing.
     intensities: (N,) float32, what comes back of a diffuse surface, whatever the distance: the luminance of the
-    material's viewport colour times the incidence. spacings: (N,) float32, how far neighbouring rays are apart there.
+    material's viewport colour times the incidence. With a sensor's light: what the sensor receives, 1 for white that
+    fills the beam, met straight on, at `Optics.reference` (or, if calibrated, at any distance); more for what mirrors.
+    Then normals, ids and incidences are of what gave back the most of an echo, as it was met; distances how far the
+    light went, as measured; and positions lie so far along the ray, also where a mirror had bent its way.
+    spacings: (N,) float32, how far neighbouring rays are apart there.
+    return_ids, return_counts: (N,) int32, which echo of its ray's beam a point is, from 0, the nearest first, and how
+    many of the beam were kept: 0 and 1 without light.
     ray_count: how many were cast. warnings: what could not be read or followed, as sentences.
 
     pose_error, scene_error: in world units, what the straight ways between the key moments of a LiDAR's frames leave
@@ -67,6 +75,8 @@ class PointCloud:
     incidences: npt.NDArray[np.float32]
     intensities: npt.NDArray[np.float32]
     spacings: npt.NDArray[np.float32]
+    return_ids: npt.NDArray[np.int32]
+    return_counts: npt.NDArray[np.int32]
     object_names: tuple[str, ...]
     material_names: tuple[str, ...]
     ray_count: int

@@ -29,6 +29,8 @@ ATTRIBUTES = (
     ("ring", "INT", "value", "ring_ids"),
     ("incidence", "FLOAT", "value", "incidences"),
     ("intensity", "FLOAT", "value", "intensities"),
+    ("return_id", "INT", "value", "return_ids"),
+    ("return_count", "INT", "value", "return_counts"),
 )
 POSITION = "position"
 MATERIAL_NAMES = "material_names"

@@ -21,19 +21,20 @@ from ..extract.camera import without_scale
 from ..live.scene_reference import SceneReference
 from ..live.scene_sync import UpdateCommit
 from ..support.memory import check_fits
-from ..sync.records import VISIBLE_TO_CAMERA, AttributeRequest
+from ..sync.records import AttributeRequest
 from .collector import Collector
+from .light import Light
 from .patterns import Float64Array, Pattern, View
 from .point_cloud import PointCloud
 from .poses import Path, bend
-from .second_eye import drop_hidden
+from .ray_noise import RayNoise
+from .sensor_files import Sensor
 from .stretch_sync import StretchSync
 from .stretches import Stretch, rays_before, stretches_of
+from .traced_stretch import TracedStretch
 
 Progress = Callable[[float], object]
 
-# So many rays are cast in one go: a quarter of a million take a fraction of a second.
-RAYS_IN_A_STEP = 1 << 18
 # Seconds: what the rays of a stretch of no length are divided by.
 MOST_SHORT = 1e-30
 # How long a step of a build is, and which share of a stretch a build may come to in the end.
@@ -41,14 +42,13 @@ BUILD_STEP_SECONDS = 0.02
 BUILD_SHARE = 0.5
 # Of the rays of a stretch, and of the points if all of them hit.
 BYTES_A_RAY = 360
-FIELDS = ("instance_ids", "mesh_ids", "primitive_ids", "geometric_normals", "positions", "distances")
 
 # A camera looks along -Z with +Y up; anything else along +Y with +Z up, as Blender's front view has it.
 FROM_SENSOR_TO_OBJECT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 def scan(
-    pattern: Pattern,
+    pattern: Pattern | Sensor,
     sensor: bpy.types.Object | None = None,
     *,
     frames: tuple[int, int] | None = None,
@@ -56,11 +56,13 @@ def scan(
     since: int | None = None,
     threads: int = 0,
     progress: Progress | None = None,
+    light: Light | None = None,
+    seed: int = 0,
 ) -> PointCloud:
     """Casts a pattern of rays in the current scene and returns the points that they meet, as a `PointCloud`.
 
-    pattern: a `CameraGrid`, `SpinningLidar`, `Rosette`, `Raster` or `DepthCamera`, or that of a sensor's file, see
-        `load_sensor`.
+    pattern: a `CameraGrid`, `SpinningLidar`, `Rosette`, `Raster` or `DepthCamera`, or a whole `Sensor`, see
+        `load_sensor`, whose light counts as well.
     sensor: the object that casts them; by default the scene's active camera. A camera looks along its own -Z with +Y
         up; any other object along +Y with +Z up. A camera grid needs a camera. Scale is ignored.
     frames: (first, last), both included; the frame that was current is set again at the end. A LiDAR spins on through
@@ -74,6 +76,11 @@ def scan(
         there, so that parts can be put together; object_ids, instance_ids and material_ids are those of a part alone.
         None, the default: the first of the frames.
     threads: at most so many; 0 for all.
+    light: what light does to the beams: how wide they are, which echoes are kept, glass, mirrors, noise. See `Light`
+        and `README.md` beside this file. None, the default: the sensor's own; a pattern has none, and is an ideal
+        sensor: one thin ray, whose first hit is the point, whatever it is made of.
+    seed: of noise and dropout, 0 to 2 ** 64 - 1: the same one gives the same points, whatever threads, parts and
+        processors do the work.
     progress: called with 0 to 1, also while trees are built; returning False raises `perfect_bvh.Cancelled`, within
         about a tenth of a second, as Ctrl-C raises KeyboardInterrupt. The frame is set back either way.
 
@@ -83,6 +90,7 @@ def scan(
     Raises ValueError for a sensor that cannot scan, or that is deleted meanwhile, and what the engine raises.
     """
     how = {"frames": frames, "steps_per_frame": steps_per_frame, "since": since, "threads": threads}
+    how |= {"light": light, "seed": seed}
     scanner = Scanner(pattern, sensor, **how)
     with closing(scanner.steps()) as steps:
         for done in steps:
@@ -101,18 +109,23 @@ class Scanner:
 
     def __init__(
         self,
-        pattern: Pattern,
+        pattern: Pattern | Sensor,
         sensor: bpy.types.Object | None = None,
         *,
         frames: tuple[int, int] | None = None,
         steps_per_frame: int = 1,
         since: int | None = None,
         threads: int = 0,
+        light: Light | None = None,
+        seed: int = 0,
     ) -> None:
+        if isinstance(pattern, Sensor):
+            pattern, light = pattern.pattern, light or pattern.light
         scene = bpy.context.scene
         sensor = scene.camera if sensor is None else sensor
         _check_sensor(pattern, sensor, scene)
         self._pattern = pattern
+        self._light, self._random = light, RayNoise(seed)
         self._place = SceneReference("scan", scene, bpy.context.view_layer)
         self._sensor_name, self._sensor_uid = sensor.name, sensor.session_uid
         rate = scene.render.fps / scene.render.fps_base
@@ -141,7 +154,7 @@ class Scanner:
         before = scene.frame_current, scene.frame_subframe, camera_uid
         # A stretch is about the moments when it was read, whatever the user does while its trees are built and its rays
         # cast: its snapshot must not go stale by that, and the next one reads again what has changed.
-        sync = StretchSync(AttributeRequest(material_slots=True))
+        sync = StretchSync(AttributeRequest(material_slots=True, shading=self._light is not None))
         try:
             for number, stretch in enumerate(self._stretches):
                 for done in self._scan_stretch(sync, stretch):
@@ -159,32 +172,17 @@ class Scanner:
         snapshot = sync.scene.snapshot()
         yield before_rays  # a scan that was given up meanwhile casts no rays
         count = self._pattern.count(stretch.start, stretch.end)
-        check_fits(f"scan: a stretch of {count:,} rays", count * BYTES_A_RAY, "cast fewer, or more steps per frame")
+        most = 1 if self._light is None else self._light.beam.returns
+        check_fits(
+            f"scan: a stretch of {count:,} rays", count * most * BYTES_A_RAY, "cast fewer, or more steps per frame"
+        )
         rays = self._pattern.cast(stretch.start, stretch.end, view)
         shares = (rays.times - stretch.start) / max(stretch.end - stretch.start, MOST_SHORT)
-        origins, directions = path.place(rays.origins, rays.directions, shares)
-        moves, baseline = sync.record.motion.count > 0, self._pattern.baseline
+        cast = TracedStretch(sync, snapshot, self._pattern, rays, path, shares, self._threads)
         farthest = 0.0
-        for first in range(0, len(rays), RAYS_IN_A_STEP):
-            rows = slice(first, first + RAYS_IN_A_STEP)
-            times = shares[rows] if moves else 0.0
-            hits = snapshot.cast_rays(
-                origins[rows],
-                directions[rows],
-                rays.t_min,
-                rays.t_max,
-                mask=VISIBLE_TO_CAMERA,
-                times=times,
-                fields=FIELDS,
-                threads=self._threads,
-            )
-            if baseline:
-                aside = np.broadcast_to([baseline, 0.0, 0.0], directions[rows].shape)
-                eyes, _ = path.place(aside, aside, shares[rows])
-                drop_hidden(hits, eyes, snapshot, VISIBLE_TO_CAMERA, times, self._threads)
-            self._collector.add(hits, rays.part(rows), directions[rows], sync)
-            farthest = max(farthest, float(np.max(hits.distances, where=hits.is_hit, initial=0.0)))
-            left = max(0.0, 1.0 - (first + RAYS_IN_A_STEP) / len(rays))
+        for traced, distance in cast.collect(self._collector, self._light, self._random):
+            farthest = max(farthest, distance)
+            left = max(0.0, 1.0 - traced / len(rays))
             yield 1.0 - (1.0 - before_rays) * left  # the last is 1, whatever is rounded
         self._follow(path, farthest)
 
@@ -208,6 +206,9 @@ class Scanner:
             else:
                 building = sync.begin_stretch(depsgraph, count, lambda: self._go_on(stretch, poses))
         self._warnings |= dict.fromkeys(sync.warnings)
+        if self._light is not None:
+            left_out = [str(row) for row in sync.record.not_shown if row.kind in ("material", "image")]
+            self._warnings |= dict.fromkeys(left_out)
         self._scene_error = sync.scene_error
         return view, Path(poses[0], poses[-1]), building
 

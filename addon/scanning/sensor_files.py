@@ -7,12 +7,12 @@ A file says what kind of sensor it is, and the arguments of that pattern by thei
     columns = 1800
     rate = 10.0
 
-`title` and `source` are for readers.
+`title` and `source` are for readers. The tables [beam], [light], [detection] and [noise] say what light does to its
+beams, see `light.py`; without any of them it is an ideal sensor.
 """
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
 import tomllib
@@ -22,8 +22,11 @@ from typing import Any
 
 import numpy as np
 
+from .light import Light
+from .light_tables import TABLES, read_light
 from .more_patterns import DepthCamera, Raster, Rosette
 from .patterns import Pattern, SpinningLidar
+from .words import listed, nearest, shown
 
 FOLDER = Path(__file__).parent / "sensors"
 SUFFIX = ".toml"
@@ -40,12 +43,13 @@ LARGEST = 1e12  # of a number in a file; more than that is a mistake
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A pattern with a name. title: in a line. source: where its numbers are from."""
+    """A pattern with a name. title: in a line. source: where its numbers are from. light: what it does to the beams."""
 
     name: str
     title: str
     source: str
     pattern: Pattern
+    light: Light | None = None
 
 
 def sensor_names() -> tuple[str, ...]:
@@ -63,7 +67,7 @@ def load_sensor(name: str | os.PathLike[str]) -> Sensor:
     path = Path(text)
     if path.suffix.lower() != SUFFIX:
         if text not in sensor_names():
-            raise ValueError(f"sensor: there is no {text!r}{_nearest(text, sensor_names())}: {_list(sensor_names())}")
+            raise ValueError(f"sensor: there is no {text!r}{nearest(text, sensor_names())}: {listed(sensor_names())}")
         path = FOLDER / f"{text}{SUFFIX}"
     try:
         with path.open("rb") as file:
@@ -71,7 +75,7 @@ def load_sensor(name: str | os.PathLike[str]) -> Sensor:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"sensor: {path}: {error}") from error
     try:
-        return Sensor(path.stem, *_words(values), _pattern(values))
+        return Sensor(path.stem, *_words(values), _pattern(values), read_light(values))
     except ValueError as error:
         raise ValueError(f"sensor: {path}: {error}") from error
 
@@ -86,16 +90,17 @@ def _words(values: dict[str, Any]) -> tuple[str, str]:
 def _pattern(values: dict[str, Any]) -> Pattern:
     kind = values.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
-        found = "" if kind is None else f", got {kind!r}{_nearest(str(kind), KINDS)}"
-        raise ValueError(f"kind must be one of {_list(KINDS)}{found}")
+        found = "" if kind is None else f", got {kind!r}{nearest(str(kind), KINDS)}"
+        raise ValueError(f"kind must be one of {listed(KINDS)}{found}")
     made = KINDS[kind]
     known = {field.name: field for field in fields(made)}
     arguments = {}
     for name, value in values.items():
-        if name in WORDS:
+        if name in WORDS or name in TABLES:
             continue
         if name not in known:
-            raise ValueError(f"a {kind} sensor has no {name!r}{_nearest(name, known)}: {_list(known)}")
+            names = (*known, *TABLES)
+            raise ValueError(f"a {kind} sensor has no {name!r}{nearest(name, names)}: {listed(names)}")
         arguments[name] = _number(kind, name, value)
     pattern: Pattern = made(**arguments)
     return pattern
@@ -114,7 +119,7 @@ def _number(kind: str, name: str, value: Any) -> Any:
             raise ValueError(f"{name} of a {kind} sensor must be a list of numbers, got {value!r}")
         return tuple(float(each) for each in value)
     if not _is_number(value):
-        raise ValueError(f"{name} of a {kind} sensor must be a number of usual size, got {_shown(value)}")
+        raise ValueError(f"{name} of a {kind} sensor must be a number of usual size, got {shown(value)}")
     return value
 
 
@@ -122,17 +127,3 @@ def _is_number(value: Any) -> bool:
     return (
         isinstance(value, (int, float)) and not isinstance(value, bool) and (abs(value) <= LARGEST or value == math.inf)
     )
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."
-
-
-def _nearest(name: str, names: Any) -> str:
-    found = difflib.get_close_matches(name, list(names), n=1, cutoff=0.5)
-    return f" (is it {found[0]!r}?)" if found else ""
-
-
-def _list(names: Any) -> str:
-    return ", ".join(names)

@@ -37,6 +37,8 @@ def cloud(count: int = 257, far: float = 0.0) -> PointCloud:
         material_ids=random.integers(-1, 2, count).astype(np.int32),
         times=np.sort(random.uniform(0.0, 2.0, count)),
         ray_ids=np.arange(count, dtype=np.int64) * (1 << 33),
+        return_counts=(np.arange(count) % 3 + 1).astype(np.int32),
+        return_ids=(np.arange(count) % 3).astype(np.int32),
         **whole,
         **{name: random.uniform(0.0, 1.0, count).astype(np.float32) for name in single},
         object_names=NAMES,
@@ -87,6 +89,8 @@ def test_las_holds_every_column(tmp_path: Path, suffix: str, count: int, far: fl
     assert np.abs(xyz - made.positions).max(initial=0.0) <= 0.5001e-4
     assert np.array_equal(points.gps_time, made.times)
     assert np.array_equal(points["ray_id"], made.ray_ids) and np.array_equal(points["object_id"], made.object_ids)
+    assert np.array_equal(points.return_number, made.return_ids + 1)
+    assert np.array_equal(points.number_of_returns, made.return_counts)
     assert np.abs(np.asarray(points.intensity) / 65535.0 - made.intensities).max(initial=0.0) < 1e-5
     texts = {vlr.description.strip("\0"): vlr.record_data for vlr in points.header.vlrs.get_by_id("Perfect BVH")}
     assert json.loads(texts["object_names"]) == list(NAMES)

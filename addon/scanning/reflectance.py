@@ -1,0 +1,106 @@
+"""What of a beam's light a surface gives back, lets through and mirrors, by its shares and the angle. Knows no Blender.
+
+A surface is the shares that the renderer has (`perfect_bvh.MaterialTable`): metal, what is clear, what is translucent,
+and the rest, diffuse under a dielectric reflection. Reflectivities are in parts of what white paper gives back that is
+met straight on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from .patterns import Float64Array
+
+# Of lobes: a mirror that is met straight on would send all of the light into a point.
+LEAST_ALPHA = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Surfaces:
+    """N places on surfaces; all (N,) float64.
+
+    alpha: how much of it is there. diffuse, metal, clear: shares of what is. color, metal_color, clear_color: what
+    these give back, give back met straight on, and let pass, at the sensor's wavelength. coat: what the dielectric
+    over the diffuse share mirrors straight on. ior: of what is clear. mirrors: how much of what is clear mirrors at
+    all. slant: how much of the metal becomes white at a slant. roughness: 0 to 1.
+    """
+
+    alpha: Float64Array
+    diffuse: Float64Array
+    metal: Float64Array
+    clear: Float64Array
+    color: Float64Array
+    metal_color: Float64Array
+    clear_color: Float64Array
+    coat: Float64Array
+    ior: Float64Array
+    mirrors: Float64Array
+    slant: Float64Array
+    roughness: Float64Array
+
+    def returned(self, cosines: Float64Array) -> Float64Array:
+        """(N,) the reflectivity towards where the light comes from."""
+        base = self.color * (1.0 - schlick(self.coat, cosines)) * cosines
+        facing = ((1.0 - self.ior) / (1.0 + self.ior)) ** 2 * self.mirrors
+        mirrored = self.diffuse * self.coat + self.metal * self.metal_color + self.clear * facing
+        return self.alpha * (self.diffuse * base + mirrored * lobe_back(cosines, self.roughness))
+
+    def passed(self, cosines: Float64Array, mirror_roughness: float) -> Float64Array:
+        """(N,) the share of light that goes straight on where what is clear is thin."""
+        reflected = fresnel(self.ior, cosines) * self.mirrors
+        clear = self.clear * (1.0 - reflected) * self.clear_color * self._is_smooth(mirror_roughness)
+        return 1.0 - self.alpha + self.alpha * clear
+
+    def refracted(self, cosines: Float64Array, ratios: Float64Array, mirror_roughness: float) -> Float64Array:
+        """(N,) the share that goes on bent. ratios: the index of refraction beyond by that on this side."""
+        reflected = fresnel(ratios, cosines)
+        passing = np.where(reflected < 1.0, 1.0 - reflected * self.mirrors, 0.0)
+        return self.alpha * self.clear * passing * self.clear_color * self._is_smooth(mirror_roughness)
+
+    def mirrored(self, cosines: Float64Array, ratios: Float64Array, mirror_roughness: float) -> Float64Array:
+        """(N,) the share that goes on mirrored. ratios: as for `refracted`."""
+        reflected = fresnel(ratios, cosines)
+        clear = self.clear * np.where(reflected < 1.0, reflected * self.mirrors, 1.0)
+        white = schlick(self.metal_color, cosines)
+        metal = self.metal * (self.metal_color + self.slant * (white - self.metal_color))
+        shares = metal + clear + self.diffuse * schlick(self.coat, cosines)
+        return self.alpha * shares * self._is_smooth(mirror_roughness)
+
+    def part(self, rows: np.ndarray) -> Surfaces:
+        """Some of them."""
+        return Surfaces(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
+
+    def _is_smooth(self, mirror_roughness: float) -> Float64Array:
+        return (self.roughness < mirror_roughness).astype(np.float64)
+
+
+def schlick(straight: Float64Array, cosines: Float64Array) -> Float64Array:
+    """What is mirrored at an angle, of what is straight on: Schlick 1994. Black stays black."""
+    away = 1.0 - cosines
+    square = away * away
+    return np.where(straight > 0.0, straight + (1.0 - straight) * (square * square * away), 0.0)
+
+
+def fresnel(ratios: Float64Array, cosines: Float64Array) -> Float64Array:
+    """(N,) what the border of two clear media mirrors of unpolarised light; 1 where nothing passes.
+
+    ratios: the index of refraction beyond by that on this side.
+    """
+    beyond = 1.0 - (1.0 - cosines * cosines) / (ratios * ratios)
+    inner = np.sqrt(np.maximum(beyond, 0.0))
+    upright = (cosines - ratios * inner) / np.maximum(cosines + ratios * inner, 1e-300)
+    flat = (ratios * cosines - inner) / np.maximum(ratios * cosines + inner, 1e-300)
+    return np.where(beyond > 0.0, np.minimum(0.5 * (upright * upright + flat * flat), 1.0), 1.0)
+
+
+def lobe_back(cosines: Float64Array, roughness: Float64Array) -> Float64Array:
+    """(N,) what facets that mirror all give back to where the light comes from.
+
+    Those of Walter et al. 2007 (GGX) with the masking of Heitz 2014; pi times the BSDF times the cosine.
+    """
+    alpha = np.maximum(roughness * roughness, LEAST_ALPHA)
+    square, wide = cosines * cosines, alpha * alpha
+    peak = square * (wide - 1.0) + 1.0
+    return wide / (4.0 * peak * peak * np.sqrt(square + wide * (1.0 - square)))

@@ -1,0 +1,97 @@
+"""Casts the rays of a stretch, batch after batch, and has what they meet collected. Knows no Blender."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..sync.records import VISIBLE_TO_CAMERA
+from .beam_rays import axis_across
+from .beams import Batch, BeamCaster
+from .collector import Collector
+from .light import Light
+from .patterns import Float64Array, Pattern, Rays
+from .poses import Path
+from .ray_noise import RayNoise
+from .second_eye import drop_hidden
+
+if TYPE_CHECKING:
+    from perfect_bvh import Snapshot
+
+    from ..live.scene_sync import SceneSync
+
+# So many rays are cast in one go: a quarter of a million take a fraction of a second.
+RAYS_IN_A_STEP = 1 << 18
+FIELDS = ("instance_ids", "mesh_ids", "primitive_ids", "geometric_normals", "positions", "distances")
+
+
+@dataclass(frozen=True, slots=True)
+class TracedStretch:
+    """What is traced, and from where. shares: (R,), of the stretch, when each ray is cast, 0 to 1."""
+
+    sync: SceneSync
+    snapshot: Snapshot
+    pattern: Pattern
+    rays: Rays
+    path: Path
+    shares: Float64Array
+    threads: int
+
+    def collect(self, collector: Collector, light: Light | None, random: RayNoise) -> Iterator[tuple[int, float]]:
+        """After each batch: how many rays were cast so far, and how far the farthest of its points is."""
+        return self._hits(collector) if light is None else self._returns(collector, light, random)
+
+    def _hits(self, collector: Collector) -> Iterator[tuple[int, float]]:
+        """Of ideal rays."""
+        rays, snapshot = self.rays, self.snapshot
+        origins, directions = self.path.place(rays.origins, rays.directions, self.shares)
+        for first in range(0, len(rays), RAYS_IN_A_STEP):
+            rows = slice(first, first + RAYS_IN_A_STEP)
+            times = self.shares[rows] if self._moves else 0.0
+            hits = snapshot.cast_rays(
+                origins[rows],
+                directions[rows],
+                rays.t_min,
+                rays.t_max,
+                mask=VISIBLE_TO_CAMERA,
+                times=times,
+                fields=FIELDS,
+                threads=self.threads,
+            )
+            eyes = self._eyes(rows)
+            if eyes is not None:
+                drop_hidden(hits, eyes, snapshot, VISIBLE_TO_CAMERA, times, self.threads)
+            collector.add(hits, rays.part(rows), directions[rows], self.sync)
+            yield first + RAYS_IN_A_STEP, float(np.max(hits.distances, where=hits.is_hit, initial=0.0))
+
+    def _returns(self, collector: Collector, light: Light, random: RayNoise) -> Iterator[tuple[int, float]]:
+        """Of beams of light."""
+        rays = self.rays
+        origins, directions = self.path.place(rays.origins, rays.directions, self.shares)
+        axes = axis_across(rays.directions)
+        _, across = self.path.place(axes, axes, self.shares)
+        times = self.shares if self._moves else np.zeros(len(rays))
+        caster = BeamCaster(light, random, self.sync, self.snapshot, VISIBLE_TO_CAMERA, self.threads)
+        size = max(1, RAYS_IN_A_STEP // light.beam.rays)
+        for first in range(0, len(rays), size):
+            rows = slice(first, first + size)
+            part = rays.part(rows)
+            of_scan = collector.next_ray_id, self._eyes(rows)
+            returns = caster.cast(Batch(part, origins[rows], directions[rows], across[rows], times[rows], *of_scan))
+            collector.add_returns(returns, part, self.sync)
+            yield first + size, float(np.max(returns.hits.distances, initial=0.0))
+
+    @property
+    def _moves(self) -> bool:
+        return self.sync.record.motion.count > 0
+
+    def _eyes(self, rows: slice) -> Float64Array | None:
+        """(R, 3) where the second eye is, None if there is none."""
+        baseline, shares = self.pattern.baseline, self.shares[rows]
+        if not baseline:
+            return None
+        aside = np.broadcast_to([baseline, 0.0, 0.0], (len(shares), 3))
+        return self.path.place(aside, aside, shares)[0]
