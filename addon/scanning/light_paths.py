@@ -27,7 +27,7 @@ FIELDS = (
     *("t_hit", "instance_ids", "mesh_ids", "primitive_ids", "primitive_uvs"),
     *("geometric_normals", "positions", "distances"),
 )
-# Ways that give back less of the light than that are given up.
+# Ways that give back less of the light than that are given up, and so are echoes: images' alpha is never quite 0.
 LEAST_SHARE = 1e-6
 # Of coordinates: what a ray that leaves a surface passes over, so that it does not meet that surface's neighbours.
 STEP_OFF = 1e-6
@@ -153,7 +153,7 @@ def follow_light(cast: Cast, ways: Ways) -> Iterator[Arrivals]:
         yield Arrivals(
             rows=ways.rows,
             ranges=ranges,
-            energies=ways.shares * surfaces.returned(cosines),
+            energies=_that_count(ways.shares * surfaces.returned(cosines)),
             positions=hits.positions,
             normals=hits.geometric_normals,
             directions=ways.directions,
@@ -252,6 +252,10 @@ class _Met:
         shares = self.ways.shares * passed * passed
         rows = np.flatnonzero((shares >= LEAST_SHARE) & (self.ranges < self.cast.farthest[self.ways.rows]))
         return rows, shares[rows]
+
+
+def _that_count(energies: Float64Array) -> Float64Array:
+    return np.where(energies >= LEAST_SHARE, energies, 0.0)
 
 
 def _part_of(hits: Hits, rows: npt.NDArray[np.int64]) -> Hits:

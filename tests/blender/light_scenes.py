@@ -1,0 +1,84 @@
+"""What tests of a sensor's light share: upright plates before a head that looks along +Y, and their materials."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import bpy
+import numpy as np
+from perfect_bvh_addon import PointCloud, Raster
+
+ONE_RAY = Raster(width=1, height=1, horizontal=1.0, vertical=1.0)
+
+
+def empty_scene() -> Any:
+    """A head at the origin, and nothing else."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    head = bpy.data.objects.new("Head", None)
+    bpy.context.scene.collection.objects.link(head)
+    bpy.context.view_layer.update()
+    return head
+
+
+def add_plate(y: float, material: Any = None, size: float = 10.0, x: float = 0.0, turn: float = 0.0) -> Any:
+    """A square that faces the head, or is turned about the vertical axis by so many radians."""
+    bpy.ops.mesh.primitive_plane_add(size=size, location=(x, y, 0.0), rotation=(math.pi / 2, 0.0, turn))
+    made = bpy.context.object
+    if material is not None:
+        made.data.materials.append(material)
+    return made
+
+
+def principled(**values: Any) -> Any:
+    """A Principled BSDF; names of inputs with _ for spaces."""
+    material = bpy.data.materials.new("principled")
+    if bpy.app.version < (5, 0, 0):
+        material.use_nodes = True
+    node = material.node_tree.nodes["Principled BSDF"]
+    for name, value in values.items():
+        node.inputs[name.replace("_", " ")].default_value = value
+    return material
+
+
+def simple(kind: str, **values: Any) -> Any:
+    """A single shader node, such as ShaderNodeBsdfDiffuse."""
+    material = principled()
+    tree = material.node_tree
+    node = tree.nodes.new(kind)
+    for name, value in values.items():
+        node.inputs[name].default_value = value
+    tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    return material
+
+
+def diffuse(gray: float) -> Any:
+    """All that comes back of it is Lambert's."""
+    return simple("ShaderNodeBsdfDiffuse", Color=(gray, gray, gray, 1.0))
+
+
+def names_of(cloud: PointCloud) -> list[str]:
+    """(N,) of the objects."""
+    return [cloud.object_names[row] for row in cloud.object_ids]
+
+
+def lobe(cosine: float, roughness: float, mirrored: float) -> float:
+    """The reflectivity straight back of GGX facets, from its definition: pi * D * G * F / (4 cos)."""
+    alpha = max(roughness**2, 0.01)
+    tangent = math.sqrt(1.0 / cosine**2 - 1.0)
+    facets = 1.0 / (math.pi * alpha**2 * cosine**4 * (1.0 + (tangent / alpha) ** 2) ** 2)
+    masked = 1.0 / (1.0 + 2.0 * (math.sqrt(1.0 + (alpha * tangent) ** 2) - 1.0) / 2.0)
+    return math.pi * facets * masked * mirrored / (4.0 * cosine)
+
+
+def fresnel(ior: float, cosine: float) -> float:
+    """Of unpolarised light from air, by Snell's angles."""
+    inner = math.sqrt(1.0 - (1.0 - cosine**2) / ior**2)
+    upright = (cosine - ior * inner) / (cosine + ior * inner)
+    flat = (inner - ior * cosine) / (inner + ior * cosine)
+    return 0.5 * (upright**2 + flat**2)
+
+
+def rows_by_distance(cloud: PointCloud) -> np.ndarray:
+    """Distances and intensities of the points, (N, 2)."""
+    return np.column_stack([cloud.distances, cloud.intensities])
