@@ -12,7 +12,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from blender.command_lines import run, save_small_file  # noqa: E402
-from perfect_bvh_addon import SpinningLidar, scan  # noqa: E402
+from perfect_bvh_addon import SpinningLidar, load_sensor, scan  # noqa: E402
 from perfect_bvh_addon.scanning.pieces import pieces_of  # noqa: E402
 
 SENSOR = 'kind = "spinning"\nelevations = { first = -30, last = 30, count = 9 }\ncolumns = 120\nrate = 12\n'
@@ -100,6 +100,28 @@ def test_pieces_have_the_format_that_is_asked_for(small_file: Path, tmp_path: Pa
     assert len(list((tmp_path / "out").glob(f"*.{suffix}"))) == 3
 
 
+def test_a_seed_makes_the_noise_and_is_told_apart(small_file: Path, tmp_path: Path, capfd: Any) -> None:
+    """Pieces with noise are those of one scan; another seed, or other noise, is another scan."""
+    noisy = SENSOR + "[noise]\nrange = 0.05\ndropout = 0.1\n"
+    (tmp_path / "sensor.toml").write_text(noisy)
+    assert scanned(small_file, tmp_path / "out", "--seed", 7) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(small_file))
+    sensor, head = load_sensor(tmp_path / "sensor.toml"), bpy.data.objects["Head"]
+    found = columns(tmp_path / "out")
+    for seed in (7, 8):
+        whole = scan(sensor, head, frames=(1, 6), seed=seed)
+        assert np.array_equal(found["ray_ids"], whole.ray_ids) == (seed == 7)
+        assert np.array_equal(found["positions"], whole.positions) == (seed == 7)
+    manifest = json.loads((tmp_path / "out" / "points_0003-0004.json").read_text())
+    assert manifest["inputs"]["seed"] == 7 and manifest["inputs"]["light"]["noise"]["range"] == 0.05
+    assert scanned(small_file, tmp_path / "out", "--seed", 7, "--resume") == 0
+    assert scanned(small_file, tmp_path / "out", "--seed", 8) == 2
+    assert "has another seed" in capfd.readouterr().err
+    (tmp_path / "sensor.toml").write_text(noisy.replace("0.05", "0.06"))
+    assert scanned(small_file, tmp_path / "out", "--seed", 7) == 2
+    assert "has another light" in capfd.readouterr().err
+
+
 def test_without_frames_it_is_one_whole_pass(small_file: Path, tmp_path: Path) -> None:
     sensor = small_file.parent / "sensor.toml"
     assert run("scan", small_file, "-o", tmp_path / "out", "--sensor", sensor, "--on", "Head", "-q") == 0
@@ -122,6 +144,7 @@ def test_sensors_are_listed(capfd: Any) -> None:
         (("--on", "Haed"), "is it 'Head'?"),
         (("--format", "xyz"), "the format must be one of npz, ply"),
         (("--steps", "0"), "must be at least 1"),
+        (("--seed", "-1"), "expected a whole number from 0"),
     ],
 )
 def test_mistakes_are_named(small_file: Path, tmp_path: Path, capfd: Any, more: tuple[str, ...], said: str) -> None:

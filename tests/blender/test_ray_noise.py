@@ -1,4 +1,4 @@
-"""A sensor's noise: what it comes to over many rays, and that it belongs to each ray, whoever casts it, and beside whom."""
+"""A sensor's noise: what it comes to over many rays, and that it belongs to each ray, whoever casts it."""
 
 from __future__ import annotations
 
@@ -86,14 +86,13 @@ def assert_normal(values: np.ndarray, mean: float, sigma: float) -> None:
 
 
 def test_distances_have_their_bias_and_deviation(head) -> None:
-    cloud = wall_points(head, Noise(range=0.02, range_square=0.0003, bias=0.5))
+    noise = Noise(range=0.02, range_square=0.0003, bias=0.5)
+    cloud = wall_points(head, noise)
     assert len(cloud) == COUNT
     assert_normal(cloud.distances, 10.5, 0.05)
     assert np.linalg.norm(cloud.positions, axis=1) == pytest.approx(cloud.distances, rel=1e-12)
-    assert np.array_equal(
-        cloud.distances, wall_points(head, Noise(range=0.02, range_square=0.0003, bias=0.5)).distances
-    )
-    other = wall_points(head, Noise(range=0.02, range_square=0.0003, bias=0.5), seed=4)
+    assert np.array_equal(cloud.distances, wall_points(head, noise).distances)
+    other = wall_points(head, noise, seed=4)
     assert abs(np.corrcoef(cloud.distances, other.distances)[0, 1]) < 4.0 / math.sqrt(COUNT)
 
 
