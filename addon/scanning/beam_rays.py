@@ -58,5 +58,5 @@ def length_of(vectors: Float64Array) -> Float64Array:
 
 
 def unit(vectors: Float64Array) -> Float64Array:
-    """(N, 3), each as long as 1."""
-    return vectors / length_of(vectors)[:, None]
+    """(N, 3), each as long as 1; those without a length, as normals at the tips of curves are, stay so."""
+    return vectors / np.maximum(length_of(vectors), 1e-300)[:, None]

@@ -147,7 +147,7 @@ def follow_light(cast: Cast, ways: Ways) -> Iterator[Arrivals]:
         surfaces = cast.surfaces.read(hits)
         ahead = unit(ways.directions)
         normals = unit(hits.geometric_normals.astype(np.float64))
-        along = np.nan_to_num(dot(ahead, normals))  # tips of curves have no normal
+        along = dot(ahead, normals)
         cosines = np.minimum(np.abs(along), 1.0)
         ranges = ways.before + ways.indices * hits.distances
         yield Arrivals(
@@ -161,7 +161,7 @@ def follow_light(cast: Cast, ways: Ways) -> Iterator[Arrivals]:
             are_straight=ways.are_straight,
         )
         if bounce < cast.optics.bounces:
-            met = _Met(cast, ways, hits, ahead, np.nan_to_num(normals), along, cosines, ranges)
+            met = _Met(cast, ways, hits, ahead, normals, along, cosines, ranges)
             ways = _joined([way for way in met.go_on(surfaces) if len(way)])
             if not len(ways):
                 return

@@ -121,6 +121,8 @@ class Scanner:
     ) -> None:
         if isinstance(pattern, Sensor):
             pattern, light = pattern.pattern, light or pattern.light
+        if light is not None and not isinstance(light, Light):
+            raise ValueError(f"scan: light must be a Light, such as Light(Beam(rays=7, resolution=0.5)), got {light!r}")
         scene = bpy.context.scene
         sensor = scene.camera if sensor is None else sensor
         _check_sensor(pattern, sensor, scene)

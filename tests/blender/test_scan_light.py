@@ -277,12 +277,30 @@ def test_what_returns_less_than_the_table_says_is_not_detected(head) -> None:
 def test_an_ideal_sensor_is_as_before_but_for_its_intensities(head) -> None:
     add_plate(6.0, diffuse(0.3), turn=0.2)
     bpy.ops.mesh.primitive_uv_sphere_add(location=(1.0, 3.0, 0.2))
-    lidar = SpinningLidar(columns=180)
-    plain, lit = scan(lidar, head), scan(lidar, head, light=Light())
-    for name in ("positions", "distances", "normals", "object_ids", "material_ids", "ray_ids", "incidences", "times"):
-        assert np.array_equal(getattr(plain, name), getattr(lit, name)), name
-    assert len(plain) > 200 and set(plain.return_counts) == {1} and set(plain.return_ids) == {0}
-    assert (plain.intensities != lit.intensities).any()
+    for pattern in (SpinningLidar(columns=180), DepthCamera(width=40, height=30, baseline=0.4)):
+        plain, lit = scan(pattern, head), scan(pattern, head, light=Light())
+        for name in (
+            "positions",
+            "distances",
+            "normals",
+            "object_ids",
+            "material_ids",
+            "ray_ids",
+            "incidences",
+            "times",
+        ):
+            assert np.array_equal(getattr(plain, name), getattr(lit, name)), name
+        assert len(plain) > 200 and set(plain.return_counts) == {1} and set(plain.return_ids) == {0}
+        assert (plain.intensities != lit.intensities).any()
+    one_eye = scan(DepthCamera(width=40, height=30), head, light=Light())
+    assert len(one_eye) > len(lit) + 5
+
+
+def test_light_has_to_be_light(head) -> None:
+    with pytest.raises(ValueError, match="light must be a Light"):
+        scan(ONE_RAY, head, light=Beam())
+    with pytest.raises(ValueError, match="seed must be a whole number"):
+        scan(ONE_RAY, head, seed=-1)
 
 
 def test_a_cameras_rays_and_a_sensor_of_ones_own_have_light_as_well(head) -> None:
