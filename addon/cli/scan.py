@@ -128,14 +128,14 @@ class ScanWork(PieceWork):
         """Nothing: points of all pieces are put together by who reads them."""
 
     def _inputs(self, suffix: str) -> dict[str, object]:
-        from ..scanning.pieces import light_values, sensor_input
+        from ..scanning.pieces import light_input, sensor_input
 
         arguments = self.arguments
         return scene_inputs(
             Path(arguments.file),
             arguments,
             sensor=sensor_input(self._sensor.pattern),
-            light=light_values(self._sensor.light),
+            light=light_input(self._sensor.light),
             seed=arguments.seed,
             on=self._carrier.name,
             steps=arguments.steps,

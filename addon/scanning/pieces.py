@@ -32,15 +32,9 @@ def sensor_input(pattern: Pattern) -> dict[str, Any]:
     return {"kind": type(pattern).__name__, **values}
 
 
-def light_values(light: Light | None) -> dict[str, Any] | None:
-    """What a sensor's file says of light, as JSON has it."""
-    if light is None:
-        return None
-    tables: dict[str, dict[str, Any]] = asdict(light)
-    return {
-        table: {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
-        for table, values in tables.items()
-    }
+def light_input(light: Light | None) -> dict[str, Any] | None:
+    """The same of what a sensor's file says of light."""
+    return None if light is None else asdict(light)
 
 
 def write_piece(place: PieceFolder, piece: Piece, cloud: PointCloud) -> None:

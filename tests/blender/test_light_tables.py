@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("bpy")
 
 from perfect_bvh_addon import Beam, Detection, Light, Noise, Optics, load_sensor, sensor_names
-from perfect_bvh_addon.scanning.pieces import light_values
+from perfect_bvh_addon.scanning.pieces import light_input
 
 PATTERN = 'kind = "raster"\n'
 
@@ -96,6 +96,6 @@ def test_what_tables_may_not_say_is_named(tmp_path: Path, text: str, said: str) 
 def test_sensors_that_are_brought_say_what_light_does(name: str) -> None:
     light = load_sensor(name).light
     assert light is not None and light.noise.range + light.noise.range_square > 0.0
-    values = light_values(light)
+    values = light_input(light)
     assert values is not None and set(values) == {"beam", "optics", "detection", "noise"}
-    assert values["beam"]["keep"] == list(light.beam.keep)
+    assert values["beam"]["keep"] == light.beam.keep
