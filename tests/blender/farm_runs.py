@@ -7,12 +7,25 @@ import sys
 from pathlib import Path
 
 RUN_MAIN = "import sys; sys.argv[0] = 'perfect-bvh'; from perfect_bvh_addon.cli import main; sys.exit(main())"
-SENSOR = 'kind = "spinning"\nelevations = { first = -30, last = 30, count = 9 }\ncolumns = 120\nrate = 12\n'
+SENSOR = """kind = "spinning"
+elevations = { first = -30, last = 30, count = 9 }
+columns = 120
+rate = 12
+[beam]
+divergence = 5
+rays = 3
+returns = 2
+resolution = 0.1
+[noise]
+range = 0.01
+angle = 0.5
+dropout = 0.1
+"""
 TIMEOUT = 600
 
 # A command, and its options, for six pieces.
 JOBS = {
-    "scan": ("scan", "--sensor", "sensor.toml", "--on", "Head", "--steps", "2"),
+    "scan": ("scan", "--sensor", "sensor.toml", "--on", "Head", "--steps", "2", "--seed", "5"),
     "labels": ("labels", "--size", "64x36"),
     "render": ("render", "--mode", "instance", "--samples", "2"),
 }
